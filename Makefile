@@ -1,0 +1,56 @@
+# Every target works on a fresh clone with python3 (3.11 or newer) and make; repeated runs only do what changed.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
+INSTALL := $(PIP) install -c constraints.txt
+
+.PHONY: help setup demo test test-slow lint docs bench clean
+.NOTPARALLEL:
+
+help:
+	@echo "make setup      .venv with the package (editable) and what the tests need"
+	@echo "make demo       simulate a cell, calibrate it, compare with the truth; installs the core alone"
+	@echo "make test       the fast tests;   make test-slow   the statistics"
+	@echo "make lint       ruff and mypy;    make docs        the documents, in site/"
+	@echo "make bench      benchmarks;       make clean       remove what was made"
+
+setup: $(VENV)/.test
+
+demo: $(VENV)/.core
+	$(BIN)/basecal demo
+
+test: $(VENV)/.test
+	$(BIN)/python -m pytest -m "not slow"
+
+test-slow: $(VENV)/.test
+	$(BIN)/python -m pytest -m slow
+
+lint: $(VENV)/.lint
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+docs: $(VENV)/.docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
+bench: $(VENV)/.bench
+	for each in benchmarks/*/run.py; do echo "$$each"; OMP_NUM_THREADS=1 $(BIN)/python "$$each" || exit 1; done
+
+clean:
+	rm -rf $(VENV) site dist demo_cell .pytest_cache .ruff_cache .mypy_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+$(VENV)/.core: pyproject.toml constraints.txt
+	@command -v $(PYTHON) >/dev/null || { echo "python3 is missing: install Python 3.11 or newer (Debian: apt install python3 python3-venv)"; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+	  || { echo "basecal needs Python 3.11 or newer, $$($(PYTHON) --version 2>&1) is too old: make PYTHON=/path/to/python3.11"; exit 1; }
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { echo "python3 cannot make environments here: apt install python3-venv"; exit 1; }
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	@$(PIP) install --upgrade "pip>=25.1"
+	$(INSTALL) --editable .
+	@touch $@
+
+$(VENV)/.test $(VENV)/.lint $(VENV)/.docs $(VENV)/.bench: $(VENV)/.%: $(VENV)/.core
+	$(INSTALL) --group $*
+	@touch $@

@@ -1,0 +1,1 @@
+"""Benchmarks: what basecal claims, measured. See README.md."""

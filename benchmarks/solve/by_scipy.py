@@ -1,0 +1,47 @@
+"""SciPy's `least_squares` with our Jacobian."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from basecal.estimation.problem import Problem, State
+from benchmarks.solve.outcome import Outcome
+from benchmarks.solve.task import moved
+from benchmarks.solve.whole import Whole, covariance
+
+TOLERANCE = 1e-6
+
+
+def _solver(problem: Problem, start: State, options: dict[str, Any]) -> Callable[[], Outcome]:
+    whole = Whole(problem, start)
+
+    def work() -> Outcome:
+        whole.forget()
+        found = least_squares(
+            lambda x: whole.at_step(x)[0],
+            np.zeros(problem.width),
+            jac=lambda x: whole.at_step(x)[1],
+            ftol=TOLERANCE,
+            xtol=1e-12,
+            gtol=1e-12,
+            **options,
+        )
+        end = moved(start, whole.names, found.x)
+        return Outcome(2 * float(found.cost), end, covariance(found.jac), whole.calls)
+
+    return work
+
+
+def solvers(problem: Problem, start: State) -> dict[str, Callable[[], Outcome]]:
+    """By method."""
+    options: dict[str, dict[str, Any]] = {
+        "SciPy lm": {"method": "lm"},
+        "SciPy trf, exact": {"method": "trf", "tr_solver": "exact"},
+        "SciPy trf, lsmr": {"method": "trf", "tr_solver": "lsmr", "x_scale": "jac"},
+        "SciPy dogbox, exact": {"method": "dogbox", "tr_solver": "exact"},
+    }
+    return {name: _solver(problem, start, each) for name, each in options.items()}

@@ -1,0 +1,43 @@
+"""The task: 200 samples of 36 points, three free mounts, a start near the answer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from basecal.cell import Cell
+from basecal.estimation.packing import pack
+from basecal.estimation.problem import Problem, State
+from basecal.geometry import SE3
+from basecal.simulation import Scenario, simulate
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """A packed problem and where to start.
+
+    Attributes:
+        cell: What exists.
+        problem: The packed arrays that all solvers are given.
+        start: A few millimetres and milliradians off the truth.
+    """
+
+    cell: Cell
+    problem: Problem
+    start: State
+
+
+def make_task(samples: int, seed: int, off: float = 2e-3) -> Task:
+    """A dual-arm cell with a 6 x 6 board, 5 distortion terms, 0.2 px; the start is off by `off` [m, rad] an axis."""
+    made = simulate(Scenario(samples=samples, target="chessboard", pixel_px=0.2), seed)
+    problem, _ = pack(made.cell, made.recording)
+    rng = np.random.default_rng(seed)
+    near = {name: made.truth[name] @ SE3.exp(off * rng.standard_normal(6)) for name in problem.unknowns}
+    return Task(made.cell, problem, State(near, made.cameras, np.zeros((0, 6))))
+
+
+def moved(start: State, names: tuple[str, ...], step: np.ndarray) -> State:
+    """The start moved on the right by (6 n,) tangents of the named transforms."""
+    each = {name: start.transforms[name] @ SE3.exp(xi) for name, xi in zip(names, step.reshape(-1, 6), strict=True)}
+    return replace(start, transforms={**start.transforms, **each})

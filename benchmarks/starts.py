@@ -1,0 +1,122 @@
+"""Whether the solver ends, without a guess, at the optimum that it reaches from the truth."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Iterable
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from basecal.estimation.packing import pack
+from basecal.estimation.problem import State
+from basecal.estimation.solve import Solution, solve_from, solve_packed
+from basecal.simulation import simulate
+from benchmarks.common import table, write
+from benchmarks.kinds import KINDS, scenario_of
+
+SAME_M_RAD = 1e-6
+SAME_COST = 1e-9
+TARGET = 0.995
+
+
+class Trial(NamedTuple):
+    """One cell: `same`, `other` or `unseen`; costs without a guess and from the truth; seconds without a guess."""
+
+    kind: str
+    seed: int
+    samples: int
+    verdict: str
+    cost: float
+    cost_from_truth: float
+    off: float
+    seconds: float
+
+
+def _off(a: Solution, b: Solution) -> float:
+    """Largest difference of a transform's tangent between two solutions [m, rad]."""
+    names = set(a.state.transforms)
+    return max(float(np.abs((a.state.transforms[n].inverse() @ b.state.transforms[n]).log()).max()) for n in names)
+
+
+def trial(kind: str, seed: int) -> Trial:
+    """Solve one cell twice."""
+    scenario = scenario_of(kind, seed)
+    made = simulate(scenario, seed)
+    problem, _ = pack(made.cell, made.recording)
+    truth = State(made.truth, made.cameras if problem.lenses else {}, np.zeros((len(problem.stops), 6)))
+    best = solve_from(problem, truth)
+    began = time.perf_counter()
+    found = solve_packed(problem, made.cell)
+    took = time.perf_counter() - began
+    off = _off(found, best)
+    same = off < SAME_M_RAD or found.cost <= best.cost * (1 + SAME_COST)
+    verdict = "unseen" if best.seen.unseen else "same" if same else "other"
+    return Trial(kind, seed, scenario.samples, verdict, found.cost, best.cost, off, took)
+
+
+def run(kinds: Iterable[str], cells: int, first_seed: int, workers: int) -> list[Trial]:
+    """`cells` trials, shared evenly among the kinds."""
+    names = list(kinds)
+    asked = [(names[k % len(names)], first_seed + k // len(names)) for k in range(cells)]
+    if workers == 1:
+        return [trial(*each) for each in asked]
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        return list(pool.map(trial, *zip(*asked, strict=True), chunksize=4))
+
+
+def _summary(name: str, trials: list[Trial]) -> dict[str, Any]:
+    count = {verdict: sum(t.verdict == verdict for t in trials) for verdict in ("same", "other", "unseen")}
+    judged = count["same"] + count["other"]
+    return {
+        "kind": name,
+        **count,
+        "rate": count["same"] / judged if judged else None,
+        "median_ms": 1e3 * float(np.median([t.seconds for t in trials])),
+        "slowest_ms": 1e3 * max(t.seconds for t in trials),
+        "failing": [[t.kind, t.seed] for t in trials if t.verdict == "other"],
+        "unseen_seeds": [[t.kind, t.seed] for t in trials if t.verdict == "unseen"],
+    }
+
+
+def summaries(trials: list[Trial]) -> list[dict[str, Any]]:
+    """By kind, and over all."""
+    kinds = dict.fromkeys(t.kind for t in trials)
+    return [*(_summary(k, [t for t in trials if t.kind == k]) for k in kinds), _summary("all", trials)]
+
+
+def _report(found: list[dict[str, Any]]) -> str:
+    rows = []
+    for s in found:
+        rate = "" if s["rate"] is None else f"{100 * s['rate']:.2f} %"
+        seeds = "" if s["kind"] == "all" else " ".join(str(seed) for _, seed in s["failing"])
+        rows.append((s["kind"], s["same"], s["other"], s["unseen"], rate, f"{s['median_ms']:.0f}", f"{s['slowest_ms']:.0f}", seeds))
+    head = ("kind", "same optimum", "another", "not observable", "rate", "median [ms]", "slowest [ms]", "seeds of another")
+    return table(head, rows)
+
+
+def main(arguments: list[str]) -> None:
+    """Run, print, write results/starts.json."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.starts", description=__doc__)
+    parser.add_argument("--cells", type=int, default=1000)
+    parser.add_argument("--kinds", nargs="*", default=list(KINDS), choices=list(KINDS), metavar="KIND")
+    parser.add_argument("--first-seed", type=int, default=0)
+    parser.add_argument("--workers", type=int, default=2)
+    asked = parser.parse_args(arguments)
+    trials = run(asked.kinds, asked.cells, asked.first_seed, asked.workers)
+    found = summaries(trials)
+    print(_report(found))
+    others = [t for t in trials if t.verdict == "other"]
+    for t in others:
+        print(f"{t.kind}, seed {t.seed}: cost {t.cost:.6g}, from the truth {t.cost_from_truth:.6g}, off by {t.off:.2g}")
+    rate = found[-1]["rate"]
+    result = {"cells": asked.cells, "first_seed": asked.first_seed, "target": TARGET, "rate": rate, "kinds": found}
+    print(f"\nwritten: {write('starts', {**result, 'others': [t._asdict() for t in others]}).name}")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,77 @@
+"""Where robot bases stand relative to each other, from what a camera sees, and how sure that is.
+
+The public names are loaded when they are first used, so that `import basecal` costs nothing.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from basecal.accuracy.verdict import calibrate as calibrate
+    from basecal.cell import Calibration as Calibration
+    from basecal.cell import Cell as Cell
+    from basecal.cell import Recording as Recording
+    from basecal.cell import Sample as Sample
+    from basecal.cell.files import calibration_to_dict as calibration_to_dict
+    from basecal.cell.files import latest_run as latest_run
+    from basecal.cell.files import read_calibration as read_calibration
+    from basecal.cell.files import read_cell as read_cell
+    from basecal.cell.files import read_recording as read_recording
+    from basecal.cell.files import read_truth as read_truth
+    from basecal.cell.files import write_calibration as write_calibration
+    from basecal.cell.files import write_cell as write_cell
+    from basecal.cell.files import write_recording as write_recording
+    from basecal.errors import BasecalError as BasecalError
+    from basecal.estimation.solve import Settings as Settings
+    from basecal.estimation.solve import Solution as Solution
+    from basecal.estimation.solve import solve as solve
+    from basecal.geometry import SE3 as SE3
+    from basecal.geometry import Camera as Camera
+    from basecal.geometry import PoseEstimate as PoseEstimate
+    from basecal.reporting.text import text_report as text_report
+    from basecal.simulation.scenario import Scenario as Scenario
+    from basecal.simulation.scenario import SimulatedCell as SimulatedCell
+    from basecal.simulation.testbed import simulate as simulate
+
+_HOME = {
+    "BasecalError": "errors",
+    "Calibration": "cell",
+    "Camera": "geometry",
+    "Cell": "cell",
+    "PoseEstimate": "geometry",
+    "Recording": "cell",
+    "SE3": "geometry",
+    "Sample": "cell",
+    "Scenario": "simulation.scenario",
+    "Settings": "estimation.solve",
+    "SimulatedCell": "simulation.scenario",
+    "Solution": "estimation.solve",
+    "calibrate": "accuracy.verdict",
+    "calibration_to_dict": "cell.files",
+    "latest_run": "cell.files",
+    "read_calibration": "cell.files",
+    "read_cell": "cell.files",
+    "read_recording": "cell.files",
+    "read_truth": "cell.files",
+    "simulate": "simulation.testbed",
+    "solve": "estimation.solve",
+    "text_report": "reporting.text",
+    "write_calibration": "cell.files",
+    "write_cell": "cell.files",
+    "write_recording": "cell.files",
+}
+__all__ = sorted(_HOME)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'basecal' has no attribute {name!r}")
+    value = getattr(import_module(f"basecal.{_HOME[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return __all__

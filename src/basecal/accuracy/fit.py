@@ -1,0 +1,89 @@
+"""How well a solution fits: pixels, and the loops that views close."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from basecal.cell import Residuals, SampleResidual
+from basecal.estimation.measurement import PixelMeasurement, PointMeasurement, PoseMeasurement
+from basecal.estimation.problem import ViewGroup
+from basecal.estimation.sight import aligned
+from basecal.estimation.solve import Solution
+from basecal.estimation.view_pose import FEWEST_POINTS, refined
+from basecal.geometry import SE3, Array
+
+_FEWEST_3D_POINTS = 3
+
+
+def residuals(solution: Solution) -> Residuals:
+    """How everything fits.
+
+    The loop of a view is `(A X B).inverse() @ Y C Z` with B from the view alone. Pixels are per coordinate.
+    """
+    per_sample, pixels = [], [np.zeros(0)]
+    for group in solution.problem.groups:
+        of_views, coordinates = _of_group(solution, group)
+        per_sample += of_views
+        pixels.append(coordinates)
+    all_px = np.concatenate(pixels)
+    loops = np.array([(r.loop_m, r.loop_rad) for r in per_sample if r.loop_m is not None and r.loop_rad is not None])
+    loop_m, loop_rad = np.sqrt(np.mean(loops**2, axis=0)) if len(loops) else (None, None)
+    return Residuals(
+        rms_px=float(np.sqrt(np.mean(all_px**2))) if len(all_px) else None,
+        median_px=float(np.median(np.abs(all_px))) if len(all_px) else None,
+        loop_rms_m=None if loop_m is None else float(loop_m),
+        loop_rms_rad=None if loop_rad is None else float(loop_rad),
+        per_sample=tuple(sorted(per_sample, key=lambda r: (r.sample, r.camera, r.target))),
+    )
+
+
+def _of_group(solution: Solution, group: ViewGroup) -> tuple[list[SampleResidual], Array]:
+    predicted = solution.state.camera_from_target(group, solution.problem.stops)
+    rms, coordinates = _pixels(solution, group, predicted)
+    length, angle = _loops(solution, group, predicted)
+    of_views = [
+        SampleResidual(int(number), group.camera, group.target, *fit)
+        for number, *fit in zip(group.sample, _known(rms), _known(length), _known(angle), strict=True)
+    ]
+    return of_views, coordinates
+
+
+def _known(values: Array) -> Iterator[float | None]:
+    return (float(v) if np.isfinite(v) else None for v in values)
+
+
+def _pixels(solution: Solution, group: ViewGroup, predicted: SE3) -> tuple[Array, Array]:
+    """Rms of each view, (n,), NaN where it has no pixels, and all coordinates' residuals [px]."""
+    measurement = group.measurement
+    if not isinstance(measurement, PixelMeasurement):
+        return np.full(len(group), np.nan), np.zeros(0)
+    off = measurement.residual_px(predicted, solution.state.cameras[group.camera])
+    count = 2 * measurement.seen.sum(-1)
+    return np.sqrt(np.nansum(off**2, axis=(1, 2)) / np.maximum(count, 1)), off[np.isfinite(off)]
+
+
+def _loops(solution: Solution, group: ViewGroup, predicted: SE3) -> tuple[Array, Array]:
+    """Length [m] and angle [rad] of each view's loop, (n,); NaN where the view alone gives no pose."""
+    alone, enough = _view_alone(solution, group, predicted)
+    off = alone.inverse() @ predicted
+    length, angle = np.linalg.norm(off.translation, axis=-1), np.linalg.norm(off.rotvec, axis=-1)
+    return np.where(enough, length, np.nan), np.where(enough, angle, np.nan)
+
+
+def _view_alone(solution: Solution, group: ViewGroup, predicted: SE3) -> tuple[SE3, Array]:
+    measurement = group.measurement
+    everywhere = np.ones(len(group), dtype=bool)
+    if isinstance(measurement, PoseMeasurement):
+        return measurement.measured_camera_from_target, everywhere
+    points = measurement.points_in_target if isinstance(measurement, PixelMeasurement | PointMeasurement) else None
+    if points is None or np.linalg.matrix_rank(points - points[0], tol=1e-9) < 2:
+        return predicted, ~everywhere
+    if isinstance(measurement, PointMeasurement):
+        enough = measurement.seen.sum(-1) >= _FEWEST_3D_POINTS
+        weight = np.where(enough[:, None], measurement.weight, 1.0) ** 2
+        return aligned(points, measurement.points_in_camera, weight), enough
+    camera = solution.state.cameras[group.camera]
+    alone = refined(measurement, predicted, camera, iterations=20).camera_from_target
+    return alone, measurement.seen.sum(-1) >= FEWEST_POINTS

@@ -1,0 +1,152 @@
+"""Calibrate: solve, and all that makes the answer worth trusting."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from basecal.accuracy.fit import residuals
+from basecal.cell import Calibration, Cell, Finding, Recording, Residuals
+from basecal.cell.calibration import Severity, Verdict
+from basecal.estimation.packing import pack
+from basecal.estimation.problem import Problem
+from basecal.estimation.solve import Settings, Solution, solve_packed
+
+_MANY_DROPPED = 0.1
+_POOR_FIT_SIGMAS = 2.0
+_POOR_FIT_PX = 3.0
+
+
+def calibrate(cell: Cell, recording: Recording, settings: Settings = Settings()) -> Calibration:  # noqa: B008
+    """The transforms of a cell with covariance, and whether to trust them.
+
+    Args:
+        cell: What exists and what is known.
+        recording: What was seen.
+        settings: How to solve.
+
+    Returns:
+        The calibration; with verdict `refused` and findings that say why where the data fall short of an answer.
+
+    Raises:
+        InputError: if the cell contradicts the recording.
+    """
+    problem, dropped = pack(cell, recording)
+    findings = [*recording.findings, *dropped]
+    findings += _too_many_dropped(problem, findings)
+    too_few = _too_few(problem)
+    if too_few is not None:
+        return _refused(settings, [*findings, too_few])
+    solution = solve_packed(problem, cell, settings)
+    fit = residuals(solution)
+    findings += _unseen(cell, solution) + _not_converged(solution) + _poor_fit(solution, fit)
+    return _calibration(cell, solution, fit, settings, findings)
+
+
+def verdict_of(findings: Sequence[Finding]) -> Verdict:
+    """`refused` with an error among the findings, `doubtful` with a warning, else `good`."""
+    severities = {f.severity for f in findings}
+    return "refused" if "error" in severities else "doubtful" if "warning" in severities else "good"
+
+
+def _refused(settings: Settings, findings: list[Finding]) -> Calibration:
+    return Calibration("refused", findings=tuple(findings), settings=asdict(settings))
+
+
+def _samples(problem: Problem) -> set[int]:
+    return {int(number) for group in problem.groups for number in group.sample}
+
+
+def _too_few(problem: Problem) -> Finding | None:
+    count = len(_samples(problem))
+    if count >= 2:
+        return None
+    found = "no sample shows" if count == 0 else "a single sample shows"
+    advice = "record at least 10 samples with both arms in different orientations"
+    return Finding("too-few-samples", "error", (), f"{found} a target to a camera with every robot's pose: {advice}")
+
+
+def _too_many_dropped(problem: Problem, findings: list[Finding]) -> list[Finding]:
+    dropped = {name for f in findings if f.code == "dropped-sample" for name in f.about}
+    total = len(_samples(problem)) + len(dropped)
+    if len(dropped) <= _MANY_DROPPED * total:
+        return []
+    message = f"{len(dropped)} of {total} samples could not be used; see the other findings for the reasons"
+    return [Finding("dropped-sample", "warning", (), message)]
+
+
+def _unseen(cell: Cell, solution: Solution) -> list[Finding]:
+    if not solution.seen.unseen:
+        return []
+    blind_asked = [name for name in cell.asked if name in solution.seen.blind]
+    severity: Severity = "error" if blind_asked else "warning"
+    about = tuple(sorted(solution.seen.blind))
+    return [
+        Finding(
+            "unseen-direction",
+            severity,
+            about,
+            f"the data do not see {words}: add samples that turn every arm about two axes that are not parallel, "
+            "or state a prior or the value of what is known",
+        )
+        for words in solution.seen.unseen
+    ]
+
+
+def _not_converged(solution: Solution) -> list[Finding]:
+    if solution.converged:
+        return []
+    message = "the iteration ended away from an optimum: check units and directions of the poses, or give a guess"
+    return [Finding("not-converged", "error", (), message)]
+
+
+def _poor_fit(solution: Solution, fit: Residuals) -> list[Finding]:
+    ratio = float(np.sqrt(solution.cost / max(solution.dof, 1)))
+    if not solution.noise.estimated and ratio > _POOR_FIT_SIGMAS:
+        message = f"residuals are {ratio:.1f} times what the stated sigmas explain: the covariance is too small as much"
+    elif "pixel_px" in solution.noise.estimated and fit.rms_px is not None and fit.rms_px > _POOR_FIT_PX:
+        message = f"residuals of {fit.rms_px:.1f} px are more than any detector's noise: something in the input is wrong"
+    else:
+        return []
+    return [Finding("poor-fit", "warning", (), message + "; check units, directions and the target's size")]
+
+
+def _calibration(
+    cell: Cell, solution: Solution, fit: Residuals, settings: Settings, findings: list[Finding]
+) -> Calibration:
+    estimates = {n: e for n, e in solution.transforms.items() if n not in solution.seen.blind}
+    order = tuple(n for n in estimates if solution.problem.unknowns[n].status != "fixed")
+    return Calibration(
+        verdict=verdict_of(findings),
+        transforms=estimates,
+        status={n: solution.problem.unknowns[n].status for n in estimates},
+        points=frozenset(n for n in solution.problem.point_mounts if n in estimates),
+        cameras={n: (c, solution.lens_covariance(n)) for n, c in _estimated_lenses(solution)},
+        noise=_noise(cell, solution),
+        order=order,
+        joint_covariance=solution.covariance_of(list(order)),
+        residuals=fit,
+        condition=solution.seen.condition if np.isfinite(solution.seen.condition) else None,
+        unseen=solution.seen.unseen,
+        findings=tuple(findings),
+        settings=asdict(settings),
+    )
+
+
+def _estimated_lenses(solution: Solution) -> list[tuple[str, Any]]:
+    return [(n, c) for n, c in solution.state.cameras.items() if n in solution.problem.columns and n not in solution.seen.blind]
+
+
+def _noise(cell: Cell, solution: Solution) -> dict[str, Any]:
+    used: dict[str, Any] = {field: getattr(solution.noise.noise, field) for field in solution.noise.estimated}
+    if cell.pixel_px is not None and "pixel_px" not in used:
+        used["pixel_px"] = cell.pixel_px
+    used["robots"] = {
+        name: {"sigma_t_m": robot.noise[:3].tolist(), "sigma_r_rad": robot.noise[3:].tolist()}
+        for name, robot in cell.robots.items()
+        if robot.noise is not None
+    }
+    return used

@@ -1,0 +1,39 @@
+"""The nouns of a calibration and their files."""
+
+from basecal.cell.calibration import Calibration, Finding, Residuals, SampleResidual
+from basecal.cell.cell import WORLD, Cell, CellCamera, CellTarget, Intrinsics, Parameters, Robot, Unknown
+from basecal.cell.recording import (
+    CandidateObservation,
+    Observation,
+    PixelObservation,
+    PointObservation,
+    PoseObservation,
+    Recording,
+    RobotState,
+    Sample,
+)
+from basecal.cell.target import Target
+
+__all__ = [
+    "WORLD",
+    "Calibration",
+    "CandidateObservation",
+    "Cell",
+    "CellCamera",
+    "CellTarget",
+    "Finding",
+    "Intrinsics",
+    "Observation",
+    "Parameters",
+    "PixelObservation",
+    "PointObservation",
+    "PoseObservation",
+    "Recording",
+    "Residuals",
+    "Robot",
+    "RobotState",
+    "Sample",
+    "SampleResidual",
+    "Target",
+    "Unknown",
+]

@@ -1,0 +1,100 @@
+"""What came out: transforms with covariance, how well they fit, and what was found."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from basecal.errors import FrameNotFound
+from basecal.geometry import Array, Camera, PoseEstimate
+
+Severity = Literal["info", "warning", "error"]
+Verdict = Literal["good", "doubtful", "refused"]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something the user should know.
+
+    Attributes:
+        code: A kind from docs/findings.md, such as `unseen-direction`.
+        severity: `error` refuses, `warning` makes doubtful, `info` does neither.
+        about: Names of samples, robots, cameras, targets or transforms.
+        message: One sentence or two: what is so, and what to do.
+    """
+
+    code: str
+    severity: Severity
+    about: tuple[str, ...]
+    message: str
+
+
+@dataclass(frozen=True)
+class SampleResidual:
+    """How one view fits: rms over its coordinates [px], and the loop it closes [m, rad]; None where not defined."""
+
+    sample: int
+    camera: str
+    target: str
+    rms_px: float | None = None
+    loop_m: float | None = None
+    loop_rad: float | None = None
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """How everything fits; None where no view defines it."""
+
+    rms_px: float | None = None
+    median_px: float | None = None
+    loop_rms_m: float | None = None
+    loop_rms_rad: float | None = None
+    per_sample: tuple[SampleResidual, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """The answer, with all that is needed to trust it.
+
+    Attributes:
+        verdict: `good`, `doubtful` or `refused`.
+        transforms: Estimates by name; a transform with an unseen direction is left out.
+        status: `fixed`, `prior` or `free` of each of `transforms`.
+        points: Names of the transforms whose rotation is not defined (mounts of a single point).
+        cameras: Lenses with the covariance of their parameters, by camera; those not fixed.
+        noise: Sigmas used or estimated: `pixel_px`, `pose_m`, `pose_rad`, `point_m` and by robot.
+        order: Names of the transforms of `joint_covariance`, 6 rows each.
+        joint_covariance: (6 n, 6 n) [m, rad].
+        residuals: How everything fits.
+        condition: Condition number of the whitened, scaled information.
+        unseen: Unseen directions in words.
+        findings: What the user should know.
+        settings: What was asked of the solver.
+        inputs: `sha256:...` of each file read.
+    """
+
+    verdict: Verdict
+    transforms: Mapping[str, PoseEstimate] = field(default_factory=dict)
+    status: Mapping[str, str] = field(default_factory=dict)
+    points: frozenset[str] = frozenset()
+    cameras: Mapping[str, tuple[Camera, Array]] = field(default_factory=dict)
+    noise: Mapping[str, Any] = field(default_factory=dict)
+    order: tuple[str, ...] = ()
+    joint_covariance: Array | None = None
+    residuals: Residuals = Residuals()
+    condition: float | None = None
+    unseen: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    inputs: Mapping[str, str] = field(default_factory=dict)
+
+    def __getitem__(self, name: str) -> PoseEstimate:
+        """The estimate of a transform, such as `calibration["eye_base_from_hand_base"]`.
+
+        Raises:
+            FrameNotFound: if it was not found or does not exist.
+        """
+        if name not in self.transforms:
+            raise FrameNotFound(name, list(self.transforms))
+        return self.transforms[name]

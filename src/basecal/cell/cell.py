@@ -1,0 +1,173 @@
+"""What exists: robots, cameras and targets, and what is known of the transforms between them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from basecal.cell.target import Target
+from basecal.errors import FrameNotFound
+from basecal.geometry import SE3, Array, Camera
+from basecal.kinematics import SerialChain
+
+Status = Literal["fixed", "prior", "free"]
+WORLD = "world"
+
+
+@dataclass(frozen=True, eq=False)
+class Unknown:
+    """A rigid transform and what is known of it beforehand.
+
+    Attributes:
+        status: `fixed` (exactly `mean`), `prior` (`mean` with `sigma`) or `free`.
+        mean: The value, the prior's mean, or for a free one the guess if there is any.
+        sigma: (6,) [m, rad] in the right tangent of `mean`; with `prior` only.
+    """
+
+    status: Status = "free"
+    mean: SE3 | None = None
+    sigma: Array | None = None
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Joint offsets or link parameters: their status, and the sigmas of a prior about zero [rad, m]."""
+
+    status: Status = "fixed"
+    sigma_rad: float | None = None
+    sigma_m: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """A robot arm.
+
+    Attributes:
+        name: Its name in the cell.
+        noise: (6,) [m, rad] sigmas of its recorded pose in flange axes, drawn once per stop; None where not stated.
+        chain: Its kinematics, where joints are recorded.
+        joint_offsets: What is known of the joint offsets.
+        link_parameters: What is known of the link parameters.
+        urdf: Path of the URDF relative to the cell; None where poses are recorded.
+        base_link: Name of the chain's root in the URDF.
+        flange_link: Name of the chain's tip in the URDF.
+        frames: Names of `base` and `flange` in other programs, for export.
+    """
+
+    name: str
+    noise: Array | None = None
+    chain: SerialChain | None = None
+    joint_offsets: Parameters = Parameters()
+    link_parameters: Parameters = Parameters()
+    urdf: str | None = None
+    base_link: str | None = None
+    flange_link: str | None = None
+    frames: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Intrinsics:
+    """What is known of a lens.
+
+    Attributes:
+        status: `fixed`, `prior` or `free`.
+        camera: Its value, prior mean or guess; None where free and nothing is stated.
+        sigma: (4 + terms,) sigmas of fx, fy, cx, cy [px] and the distortion; with `prior` only.
+        distortion_terms: How many distortion coefficients are estimated where `camera` is None.
+    """
+
+    status: Status = "fixed"
+    camera: Camera | None = None
+    sigma: Array | None = None
+    distortion_terms: int = 5
+
+
+@dataclass(frozen=True, eq=False)
+class CellCamera:
+    """A camera in the cell.
+
+    Attributes:
+        name: Its name in the cell.
+        on: The robot whose flange carries it, or `world`.
+        mount: `<robot>_flange_from_<camera>`, or `<reference>_base_from_<camera>`.
+        model: `pinhole` or `fisheye`.
+        size_px: Width and height of its images; None where it gives only poses or 3-D points.
+        intrinsics: None where it gives only poses or 3-D points.
+    """
+
+    name: str
+    on: str
+    mount: Unknown = Unknown()
+    model: Literal["pinhole", "fisheye"] = "pinhole"
+    size_px: tuple[int, int] | None = None
+    intrinsics: Intrinsics | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class CellTarget:
+    """A target in the cell.
+
+    Attributes:
+        name: Its name in the cell.
+        on: The robot whose flange carries it, or `world`.
+        mount: `<robot>_flange_from_<target>`, or `<reference>_base_from_<target>`.
+        target: Its shape; None where it is seen only as poses.
+    """
+
+    name: str
+    on: str
+    mount: Unknown = Unknown()
+    target: Target | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Cell:
+    """Everything that exists, and what is asked.
+
+    Attributes:
+        reference: The robot whose base is `world`.
+        robots: By name, the reference among them.
+        bases: `<reference>_base_from_<robot>_base` of every other robot, by the robot's name.
+        cameras: By name.
+        targets: By name.
+        pixel_px: Sigma of a pixel coordinate where an observation states none; None where it is to be estimated.
+    """
+
+    reference: str
+    robots: Mapping[str, Robot]
+    bases: Mapping[str, Unknown] = field(default_factory=dict)
+    cameras: Mapping[str, CellCamera] = field(default_factory=dict)
+    targets: Mapping[str, CellTarget] = field(default_factory=dict)
+    pixel_px: float | None = None
+
+    def base_name(self, robot: str) -> str:
+        """Name of the transform from the base of `robot` to the reference's, `a_from_b`."""
+        return f"{self.reference}_base_from_{robot}_base"
+
+    def mount_name(self, name: str) -> str:
+        """Name of the mount of a camera or target, `a_from_b`.
+
+        Raises:
+            FrameNotFound: if the cell has no such camera or target.
+        """
+        thing = self.cameras.get(name) or self.targets.get(name)
+        if thing is None:
+            raise FrameNotFound(name, [*self.cameras, *self.targets])
+        carrier = f"{self.reference}_base" if thing.on == WORLD else f"{thing.on}_flange"
+        return f"{carrier}_from_{name}"
+
+    @property
+    def transforms(self) -> dict[str, Unknown]:
+        """Every unknown transform by name: bases, then mounts of cameras, then of targets."""
+        named = {self.base_name(robot): self.bases.get(robot, Unknown()) for robot in self.robots if robot != self.reference}
+        for thing in (*self.cameras.values(), *self.targets.values()):
+            named[self.mount_name(thing.name)] = thing.mount
+        return named
+
+    @property
+    def asked(self) -> list[str]:
+        """Names of the transforms the cell is calibrated for: the bases not fixed, else the mounts not fixed."""
+        wanted = [name for name, unknown in self.transforms.items() if unknown.status != "fixed"]
+        bases = {self.base_name(robot) for robot in self.robots}
+        return [name for name in wanted if name in bases] or wanted

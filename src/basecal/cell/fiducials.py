@@ -1,0 +1,21 @@
+"""Names of the marker dictionaries that OpenCV 4 knows, and of the AprilTag families."""
+
+DICTIONARIES = (
+    *(f"DICT_{n}X{n}_{count}" for n in (4, 5, 6, 7) for count in (50, 100, 250, 1000)),
+    "DICT_ARUCO_ORIGINAL",
+    *(f"DICT_APRILTAG_{bits}{h}{distance}" for h in "hH" for bits, distance in ((16, 5), (25, 9), (36, 10), (36, 11))),
+    "DICT_ARUCO_MIP_36h12",
+    "DICT_ARUCO_MIP_36H12",
+)
+
+FAMILIES = (
+    "tag16h5",
+    "tag25h9",
+    "tag36h10",
+    "tag36h11",
+    "tagCircle21h7",
+    "tagCircle49h12",
+    "tagCustom48h12",
+    "tagStandard41h12",
+    "tagStandard52h13",
+)

@@ -1,0 +1,57 @@
+"""Everything wrong with a file, told at once, each with its line and field."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple
+
+from basecal.errors import DatasetError
+
+Loc = tuple[str | int, ...]
+_SHORT = 60
+
+
+class Problem(NamedTuple):
+    """What is wrong at a place of a file; `loc` are the keys and indices that lead there."""
+
+    loc: Loc
+    message: str
+
+
+def field_name(loc: Loc) -> str:
+    """The place as a reader would write it: `cameras.wrist.size_px[0]`."""
+    text = ""
+    for part in loc:
+        text += f"[{part}]" if isinstance(part, int) else f".{part}"
+    return text.removeprefix(".")
+
+
+def short(value: Any) -> str:
+    """A value in a few characters, whatever it is."""
+    if isinstance(value, dict):
+        return "a mapping"
+    if isinstance(value, list):
+        return f"a list of {len(value)}"
+    if isinstance(value, int) and value.bit_length() > 64:
+        return "a huge integer"
+    text = repr(value)
+    return text if len(text) <= _SHORT else f"{text[:_SHORT]}..."
+
+
+def line_of(loc: Loc, lines: Mapping[Loc, int]) -> int | None:
+    """Line of a place, or of the nearest thing around it that is written."""
+    for end in range(len(loc), -1, -1):
+        if loc[:end] in lines:
+            return lines[loc[:end]]
+    return None
+
+
+def dataset_error(path: str, problems: Iterable[Problem], lines: Mapping[Loc, int]) -> DatasetError:
+    """One error that tells every problem on a line of its own, in the order of the file."""
+    told = {(line_of(p.loc, lines) or 0, field_name(p.loc), p.message): p for p in problems}
+    errors = [
+        DatasetError(path, problem.message, line or None, field or None)
+        for (line, field, _), problem in sorted(told.items(), key=lambda item: item[0])
+    ]
+    first, rest = errors[0], errors[1:]
+    return DatasetError(path, "\n".join([first.reason, *map(str, rest)]), first.line, first.field)

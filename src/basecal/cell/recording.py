@@ -1,0 +1,99 @@
+"""What was seen: robots' poses and cameras' observations, an instant at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from basecal.cell.calibration import Finding
+from basecal.geometry import SE3, Array, IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class RobotState:
+    """Where a robot was: `base_from_flange`, or `joints_rad`, (n,)."""
+
+    base_from_flange: SE3 | None = None
+    joints_rad: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class PixelObservation:
+    """Points of a target in an image.
+
+    Attributes:
+        camera: Name of the camera.
+        target: Name of the target.
+        ids: (n,) which points.
+        pixels: (n, 2) [px], the centre of the top-left pixel is (0, 0).
+        sigma_px: (n,) per coordinate [px]; None where not stated.
+    """
+
+    camera: str
+    target: str
+    ids: IntArray
+    pixels: Array
+    sigma_px: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class CandidateObservation:
+    """Bright spots of which at most one is the light: `pixels` (n, 2) [px], `sigma_px` (n,) or None."""
+
+    camera: str
+    target: str
+    pixels: Array
+    sigma_px: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class PoseObservation:
+    """A target's pose as another program measured it, with sigmas (6,) [m, rad] in the target's axes, or None."""
+
+    camera: str
+    target: str
+    camera_from_target: SE3
+    sigma: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class PointObservation:
+    """Points of a target in 3-D: `ids` (n,), `points_in_camera` (n, 3) [m], `sigma_m` (n,) per axis or None."""
+
+    camera: str
+    target: str
+    ids: IntArray
+    points_in_camera: Array
+    sigma_m: Array | None = None
+
+
+Observation = PixelObservation | CandidateObservation | PoseObservation | PointObservation
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """One instant.
+
+    Attributes:
+        sample: Its number.
+        stamp_s: Its time; None where not recorded.
+        robots: Where each robot was, by name.
+        observations: What the cameras saw.
+        images: Paths relative to the cell, by camera.
+        background: Images with the light off, by camera.
+    """
+
+    sample: int
+    stamp_s: float | None = None
+    robots: Mapping[str, RobotState] = field(default_factory=dict)
+    observations: tuple[Observation, ...] = ()
+    images: Mapping[str, str] = field(default_factory=dict)
+    background: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """All instants, and what was found amiss while reading them (a truncated last line, a sample given twice)."""
+
+    samples: tuple[Sample, ...] = ()
+    findings: tuple[Finding, ...] = ()

@@ -1,0 +1,106 @@
+"""The shape of `cell.yaml`: what it and its entries may hold, as pydantic models."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field
+from pydantic import field_validator as checks
+from pydantic import model_validator as checks_whole
+
+from basecal.cell.schema_lens import IntrinsicsEntry, check_lens
+from basecal.cell.schema_target import TargetEntry
+from basecal.cell.schema_values import Entry, Mount, Sigma, Sigma3, Status, UnknownEntry, empty, pair
+
+SCHEMA = "basecal/cell/1"
+
+
+class RobotNoiseEntry(Entry):
+    """How well a robot's recorded pose is known, per axis of its flange and stop."""
+
+    sigma_t_m: Sigma3
+    sigma_r_rad: Sigma3
+
+
+class ParametersEntry(Entry):
+    """Joint offsets or link parameters."""
+
+    status: Status = "fixed"
+    sigma_rad: Sigma | None = None
+    sigma_m: Sigma | None = None
+
+
+class FramesEntry(Entry):
+    """Names of a robot's frames in other programs."""
+
+    base: str | None = None
+    flange: str | None = None
+
+
+class RobotEntry(Entry):
+    """A robot."""
+
+    noise: RobotNoiseEntry | None = None
+    urdf: str | None = None
+    base_link: str | None = None
+    flange_link: str | None = None
+    joint_offsets: ParametersEntry = ParametersEntry()
+    link_parameters: ParametersEntry = ParametersEntry()
+    frames: FramesEntry = FramesEntry()
+
+    @checks("joint_offsets", "link_parameters")
+    @classmethod
+    def _sigmas_of_prior(cls, value: ParametersEntry, info: Any) -> ParametersEntry:
+        wanted = {"sigma_rad"} if info.field_name == "joint_offsets" else {"sigma_rad", "sigma_m"}
+        wanted = wanted if value.status == "prior" else set()
+        given = {name for name in ("sigma_rad", "sigma_m") if getattr(value, name) is not None}
+        if given != wanted:
+            expected = " and ".join(sorted(wanted)) or "no sigma"
+            raise ValueError(f"status {value.status} takes {expected}, got {' and '.join(sorted(given)) or 'none'}")
+        return value
+
+    @checks_whole(mode="after")
+    def _urdf_whole(self) -> RobotEntry:
+        parts = (self.urdf, self.base_link, self.flange_link)
+        if any(parts) and not all(parts):
+            raise ValueError("urdf, base_link and flange_link go together; give all three")
+        if not self.urdf and {self.joint_offsets.status, self.link_parameters.status} != {"fixed"}:
+            raise ValueError("joint_offsets and link_parameters need urdf, base_link and flange_link")
+        return self
+
+
+class CameraEntry(Entry):
+    """A camera."""
+
+    on: str
+    mount: Mount = UnknownEntry()
+    model: Literal["pinhole", "fisheye"] = "pinhole"
+    size_px: pair(1, 100_000) | None = None  # type: ignore[valid-type]
+    intrinsics: IntrinsicsEntry | None = None
+
+    @checks("intrinsics")
+    @classmethod
+    def _lens(cls, value: IntrinsicsEntry | None, info: Any) -> IntrinsicsEntry | None:
+        if value is not None and "model" in info.data:
+            check_lens(value, info.data["model"])
+            if value.fx is None and info.data.get("size_px", ()) is None:
+                raise ValueError("a free lens needs size_px of the camera, or fx, fy, cx, cy as a guess")
+        return value
+
+
+class NoiseEntry(Entry):
+    """What is known of the cameras' noise."""
+
+    pixel_px: Sigma | None = None
+
+
+class CellEntry(Entry):
+    """All of `cell.yaml`."""
+
+    version: Literal["basecal/cell/1"] = Field(alias="schema")
+    reference: str
+    robots: dict[str, Annotated[RobotEntry, BeforeValidator(empty)]]
+    bases: Annotated[dict[str, Mount], BeforeValidator(empty)] = Field(default_factory=dict)
+    cameras: Annotated[dict[str, CameraEntry], BeforeValidator(empty)] = Field(default_factory=dict)
+    targets: Annotated[dict[str, TargetEntry], BeforeValidator(empty)] = Field(default_factory=dict)
+    noise: Annotated[NoiseEntry, BeforeValidator(empty)] = NoiseEntry()

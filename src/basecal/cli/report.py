@@ -1,0 +1,40 @@
+"""`basecal report`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from basecal.cli.calibrate import exit_code, show
+from basecal.cli.terminal import print_json
+from basecal.errors import InputError
+
+
+def report(cell: Path, /, *, json: bool = False) -> int:
+    """Tell the latest calibration in plain text.
+
+    The verdict, each transform with its sigma, residuals, findings, and lines
+    to paste for URDF and ROS 2.
+
+    Ends with 0 where the answer is good, with 1 where it is doubtful or
+    refused.
+
+    For example:
+
+        basecal report mycell
+        basecal report mycell --json
+
+    Args:
+        cell: Folder of the cell.
+        json: Print calibration.json instead.
+    """
+    from basecal.cell.files import calibration_to_dict, latest_run, read_calibration, read_cell
+
+    described, run = read_cell(cell), latest_run(cell)
+    if run is None:
+        raise InputError(f"{cell} has no run yet: basecal calibrate {cell}")
+    calibration = read_calibration(run)
+    if json:
+        print_json(calibration_to_dict(calibration))
+    else:
+        show(described, calibration)
+    return exit_code(calibration)

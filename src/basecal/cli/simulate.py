@@ -1,0 +1,98 @@
+"""`basecal simulate`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter, validators
+
+from basecal.cli.terminal import print_json, progress
+from basecal.errors import InputError
+
+if TYPE_CHECKING:
+    from basecal.simulation.scenario import SimulatedCell
+
+Seen = Literal["charuco", "chessboard", "points", "led", "pose", "points3d"]
+Positive = Annotated[float, Parameter(validator=validators.Number(gte=0))]
+
+
+def simulate(
+    cell: Path,
+    /,
+    *,
+    robots: Annotated[int, Parameter(validator=validators.Number(gte=1, lte=9))] = 2,
+    target: Seen = "charuco",
+    samples: Annotated[int, Parameter(validator=validators.Number(gte=1))] = 30,
+    mounts: Literal["free", "prior", "fixed"] = "free",
+    pixel_px: Positive = 0.2,
+    robot_noise_mm: Positive = 0.0,
+    robot_noise_mrad: Positive = 0.0,
+    seed: int = 0,
+    json: bool = False,
+) -> int:
+    """Make a cell and a recording whose truth is known.
+
+    Writes cell.yaml, recording/samples.jsonl and truth.yaml.
+
+    For example:
+
+        basecal simulate simulated --target led --mounts fixed --samples 50
+        basecal calibrate simulated
+
+    Args:
+        cell: Folder to make.
+        robots: One looks at a target on the world; of two, the first looks at the second's target; more are a chain.
+        target: What the camera sees: points of a target, or by pose and points3d what a depth camera gives.
+        samples: How many instants.
+        mounts: What the cell tells of the mounts of cameras and targets.
+        pixel_px: Noise of pixels, per coordinate.
+        robot_noise_mm: Noise of recorded flange poses, per axis and stop.
+        robot_noise_mrad: The same of their rotation.
+        seed: Another number makes another cell.
+        json: Print what was written as JSON.
+    """
+    from basecal.simulation.scenario import Scenario
+    from basecal.simulation.testbed import simulate as simulated
+
+    refuse_existing(cell)
+    scenario = Scenario(
+        samples=samples,
+        target=target,
+        layout="eye_in_hand" if robots == 1 else "dual" if robots == 2 else "chain",
+        robots=max(robots, 2),
+        camera_mount=mounts,
+        target_mount=mounts,
+        pixel_px=pixel_px,
+        robot_noise=(robot_noise_mm * 1e-3, robot_noise_mrad * 1e-3),
+    )
+    with progress("simulating"):
+        made = simulated(scenario, seed)
+        write_simulated(cell, made)
+    if json:
+        print_json({"cell": str(cell), "samples": len(made.recording.samples), "seed": seed})
+    else:
+        print(f"wrote {len(made.recording.samples)} samples to {cell}, the truth to {cell / 'truth.yaml'}")
+        print(f"next: basecal calibrate {cell}")
+    return 0
+
+
+def refuse_existing(folder: Path) -> None:
+    """Refuse a folder that holds a cell or a recording.
+
+    Raises:
+        InputError: if it does.
+    """
+    for path in (folder / "cell.yaml", folder / "recording" / "samples.jsonl"):
+        if path.exists():
+            raise InputError(f"{path} exists and is not overwritten: choose another folder, or remove it first")
+
+
+def write_simulated(folder: Path, made: SimulatedCell) -> None:
+    """Write a simulated cell, its recording and its truth into a folder."""
+    from basecal.cell.files import write_cell, write_recording, write_truth
+
+    folder.mkdir(parents=True, exist_ok=True)
+    write_cell(made.cell, folder)
+    write_recording(made.recording, folder)
+    write_truth(folder, made.truth)

@@ -1,0 +1,157 @@
+"""What `import poses` and `import pixels` share: which file belongs to which robot, and writing the recording."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, TypeVar
+
+from basecal.cli.new import start_cell
+from basecal.cli.template import cell_text
+from basecal.errors import InputError
+
+if TYPE_CHECKING:
+    from basecal.cell import Cell, CellCamera, CellTarget
+    from basecal.exchange.poses import PoseStream
+
+Thing = TypeVar("Thing")
+Unit = Literal["m", "mm"]
+Inverted = Literal["eye-base-from-flange", "hand-base-from-flange", "camera-from-target"]
+
+
+@dataclass(frozen=True)
+class Streams:
+    """The files of one import, and how to read them."""
+
+    eye: str | None
+    hand: str | None
+    camera_from_target: str | None
+    length_unit: Unit
+    invert: tuple[Inverted, ...] = ()
+    pixels: str | None = None
+    sigma_px: float | None = None
+
+    @property
+    def by_option(self) -> dict[Inverted, str | None]:
+        """Files of poses by the name of their option."""
+        return {
+            "eye-base-from-flange": self.eye,
+            "hand-base-from-flange": self.hand,
+            "camera-from-target": self.camera_from_target,
+        }
+
+
+@dataclass(frozen=True)
+class Places:
+    """The names that the cell gives: None where camera or target stands on the world."""
+
+    camera: str
+    target: str
+    eye: str | None
+    hand: str | None
+
+
+def import_streams(folder: Path, files: Streams, camera: str | None, target: str | None) -> int:
+    """Write a recording of the files, and `cell.yaml` where there is none.
+
+    Raises:
+        InputError: if a recording is there already, or files and cell do not fit.
+    """
+    from basecal.cell.files import append_sample
+    from basecal.exchange.assemble import recording_from_streams
+    from basecal.exchange.pixels import read_pixels
+
+    _refuse_recorded(folder)
+    is_new = not (folder / "cell.yaml").exists()
+    places = _new_places(folder, files, camera, target) if is_new else _known_places(folder, files, camera, target)
+    poses = _read(files)
+    recording = recording_from_streams(
+        _by_robot(places, poses),
+        places.camera,
+        places.target,
+        poses.get("camera-from-target"),
+        read_pixels(files.pixels) if files.pixels else None,
+        files.sigma_px,
+    )
+    if is_new:
+        start_cell(folder, cell_text(2 if files.eye and files.hand else 1, "pose", camera_on_world=not files.eye))
+    for sample in recording.samples:
+        append_sample(folder, sample)
+    made = " and cell.yaml" if is_new else ""
+    print(f"wrote {len(recording.samples)} samples{made} to {folder}: basecal calibrate {folder}")
+    return 0
+
+
+def _refuse_recorded(folder: Path) -> None:
+    path = folder / "recording" / "samples.jsonl"
+    if path.exists() and path.stat().st_size:
+        raise InputError(
+            f"{path} holds a recording and is not overwritten: import into another folder, or move it away"
+        )
+
+
+def _new_places(folder: Path, files: Streams, camera: str | None, target: str | None) -> Places:
+    if files.pixels:
+        raise InputError(f"{folder} has no cell.yaml, which must say what target and lens it is: basecal new {folder}")
+    if not files.eye and not files.hand:
+        raise InputError("no robot: give --eye-base-from-flange, --hand-base-from-flange or both")
+    if camera not in (None, "camera") or target not in (None, "target"):
+        raise InputError(f"{folder} has no cell.yaml to name {camera or target!r}: leave names away, or write it first")
+    return Places("camera", "target", "eye" if files.eye else None, "hand" if files.hand else None)
+
+
+def _known_places(folder: Path, files: Streams, camera: str | None, target: str | None) -> Places:
+    from basecal.cell.files import read_cell
+
+    cell = read_cell(folder)
+    seen_by = _chosen("camera", camera, cell.cameras)
+    carried_by = _chosen("target", target, cell.targets)
+    eye = _carrier(cell, seen_by, "--eye-base-from-flange", files.eye)
+    hand = _carrier(cell, carried_by, "--hand-base-from-flange", files.hand)
+    if eye is not None and eye == hand:
+        raise InputError(
+            f"camera {seen_by.name!r} and target {carried_by.name!r} are both on {eye!r}: nothing can be learnt"
+        )
+    return Places(seen_by.name, carried_by.name, eye, hand)
+
+
+def _chosen(kind: str, name: str | None, known: Mapping[str, Thing]) -> Thing:
+    if name is not None and name in known:
+        return known[name]
+    if name is None and len(known) == 1:
+        return next(iter(known.values()))
+    told = "which one" if name is None else f"no {kind} {name!r}"
+    raise InputError(f"{told}? --{kind} is one of: {', '.join(known) or 'none in this cell'}")
+
+
+def _carrier(cell: Cell, thing: CellCamera | CellTarget, option: str, file: str | None) -> str | None:
+    """The robot that carries a camera or target, where it is one; its poses must have been given."""
+    if thing.on in cell.robots:
+        if file is None:
+            raise InputError(f"{thing.name!r} is on robot {thing.on!r} in cell.yaml: give its poses by {option}")
+        return thing.on
+    if file is not None:
+        raise InputError(f"{thing.name!r} is on the world in cell.yaml, so {option} belongs to no robot")
+    return None
+
+
+def _read(files: Streams) -> dict[Inverted, PoseStream]:
+    from basecal.exchange.poses import read_poses
+
+    given = {option: file for option, file in files.by_option.items() if file is not None}
+    strangers = [option for option in files.invert if option not in given]
+    if strangers:
+        raise InputError(f"--invert {strangers[0]}, but no file is given by --{strangers[0]}")
+    streams = {option: read_poses(file, files.length_unit) for option, file in given.items()}
+    for option in files.invert:
+        streams[option] = replace(streams[option], poses=streams[option].poses.inverse())
+    return streams
+
+
+def _by_robot(places: Places, poses: Mapping[Inverted, PoseStream]) -> dict[str, PoseStream]:
+    options: tuple[tuple[str | None, Inverted], ...] = (
+        (places.eye, "eye-base-from-flange"),
+        (places.hand, "hand-base-from-flange"),
+    )
+    return {robot: poses[option] for robot, option in options if robot is not None}

@@ -1,0 +1,124 @@
+"""The text of a new `cell.yaml`, every field explained."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Literal
+
+Kind = Literal["charuco", "chessboard", "circles", "apriltag", "points", "led", "pose"]
+
+_SHAPES: dict[Kind, str] = {
+    "charuco": """\
+    kind: charuco
+    squares: [5, 7]                  # columns, rows of squares; ids are OpenCV's ChArUco corner ids
+    square_m: 0.04                   # measure it: the scale of the answer is the scale of the board
+    marker_m: 0.03
+    dictionary: DICT_4X4_50
+""",
+    "chessboard": """\
+    kind: chessboard
+    corners: [8, 6]                  # columns, rows of inner corners; ids run row by row from the first
+    square_m: 0.025                  # measure it: the scale of the answer is the scale of the board
+""",
+    "circles": """\
+    kind: circles
+    circles: [7, 5]                  # columns, rows; ids run row by row from the first
+    spacing_m: 0.03                  # centre to centre; measure it
+    asymmetric: false
+""",
+    "apriltag": """\
+    kind: apriltag
+    family: tag36h11
+    tags:                            # where each tag is on the target; ids are 4 * tag + corner
+      - {id: 0, size_m: 0.08, t_m: [0, 0, 0], q_xyzw: [0, 0, 0, 1]}
+""",
+    "points": """\
+    kind: points
+    points_m: [[0, 0, 0], [0.08, 0, 0], [0, 0.08, 0], [0.08, 0.08, 0.03]]   # ids count from 0
+""",
+    "led": """\
+    kind: led                        # one light at the target's origin; several: points_m: [[0, 0, 0], ...]
+""",
+    "pose": "",
+}
+_HEAD = """\
+# What exists in the cell, what is known of it, and what is asked. Lengths in m, angles in rad unless the key says
+# otherwise. A transform a_from_b is where b stands in a; each has a status: free (asked), prior (with sigma_t_m and
+# sigma_r_rad) or fixed. A pose has t_m and one of q_xyzw, rotvec_rad, rpy_deg; or is a 4x4 matrix.
+schema: basecal/cell/1
+"""
+_ROBOT_HELP = """\
+robots:                              # by recorded flange poses; for joints: {urdf: .., base_link: .., flange_link: ..}
+"""
+_NOISE_HELP = "# optional: {noise: {sigma_t_m: 1e-4, sigma_r_rad: 1e-4}}, of its recorded pose, per axis"
+
+
+def cell_text(robots: int, kind: Kind, camera_on_world: bool = False) -> str:
+    """A `cell.yaml` to fill in.
+
+    Args:
+        robots: One robot looks at a target on the world; of more, each sees the target that the next one carries.
+        kind: Kind of the targets; `pose` for targets whose pose another program gives.
+        camera_on_world: Whether the camera stands beside a single robot, which then carries the target.
+    """
+    names = ["hand"] if camera_on_world else robot_names(robots)
+    pairs = list(_pairs(names, camera_on_world))
+    parts = [
+        _HEAD,
+        f"reference: {names[0]:<26}# this robot's base is `world`: where everything is expressed\n",
+        _ROBOT_HELP,
+    ]
+    parts += [f"  {name + ': {}':<35}{_NOISE_HELP if name == names[0] else ''}".rstrip() + "\n" for name in names]
+    parts += ["bases:\n"] if len(names) > 1 else []
+    parts += [_base(names[0], name) for name in names[1:]]
+    parts += ["cameras:\n", *(_camera(_numbered("camera", i), on, names[0], kind) for i, (on, _) in enumerate(pairs))]
+    parts += ["targets:\n", *(_target(_numbered("target", i), on, names[0], kind) for i, (_, on) in enumerate(pairs))]
+    parts += (
+        []
+        if kind == "pose"
+        else ["# noise: {pixel_px: 0.3}           # per coordinate; estimated from the residuals where absent\n"]
+    )
+    return "".join(parts)
+
+
+def robot_names(robots: int) -> list[str]:
+    """Names of the robots of a new cell."""
+    return ["eye", "hand", *(f"arm{i}" for i in range(3, robots + 1))][:robots]
+
+
+def _pairs(names: list[str], camera_on_world: bool) -> list[tuple[str, str]]:
+    """What carries each camera, and what carries the target it looks at."""
+    if len(names) == 1:
+        return [("world", names[0])] if camera_on_world else [(names[0], "world")]
+    return list(pairwise(names))
+
+
+def _numbered(name: str, place: int) -> str:
+    return name if place == 0 else f"{name}{place + 1}"
+
+
+def _base(reference: str, robot: str) -> str:
+    line = f"  {robot}: {{status: free}}"
+    return f"{line:<37}# {reference}_base_from_{robot}_base; free is the default; `guess: {{...}}` is optional\n"
+
+
+def _mount(on: str, reference: str, name: str) -> str:
+    carrier = f"{reference}_base" if on == "world" else f"{on}_flange"
+    carried = f"    on: {on:<29}# a robot (its flange) or `world`\n"
+    return f"{carried}    mount: {{status: free}}            # {carrier}_from_{name}\n"
+
+
+def _camera(name: str, on: str, reference: str, kind: Kind) -> str:
+    text = f"  {name}:\n{_mount(on, reference, name)}"
+    if kind == "pose":
+        return text
+    text += "    model: pinhole                   # pinhole (k1 k2 p1 p2 [k3 [k4 k5 k6]]) or fisheye (k1 k2 k3 k4)\n"
+    text += "    size_px: [1280, 720]             # width, height of its images\n"
+    if kind != "led":
+        return text + "    intrinsics: {status: free}       # or fixed / prior with fx, fy, cx, cy, distortion\n"
+    known = "{status: fixed, fx: 1000, fy: 1000, cx: 639.5, cy: 359.5, distortion: [0, 0, 0, 0, 0]}"
+    return text + f"    # Put your camera's numbers here: one light does not tell the lens.\n    intrinsics: {known}\n"
+
+
+def _target(name: str, on: str, reference: str, kind: Kind) -> str:
+    return f"  {name}:\n{_mount(on, reference, name)}{_SHAPES[kind]}"

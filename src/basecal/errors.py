@@ -1,0 +1,73 @@
+"""Every exception that basecal raises on purpose, and the exit code it stands for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from difflib import get_close_matches
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """A hint " (did you mean 'x'?)", or nothing where no known name is near."""
+    close = get_close_matches(name, list(known), n=1)
+    return f" (did you mean {close[0]!r}?)" if close else ""
+
+
+class BasecalError(Exception):
+    """Base of all errors of this package."""
+
+    exit_code = 3
+
+
+class InputError(BasecalError, ValueError):
+    """What was given cannot be used as it is; the message says what was expected."""
+
+
+class DatasetError(InputError):
+    """A file cannot be read as written.
+
+    The message is one line: path, line, field, what was expected, what to do.
+    """
+
+    def __init__(self, path: str, message: str, line: int | None = None, field: str | None = None) -> None:
+        self.path, self.line, self.field, self.reason = path, line, field, message
+        where = path if line is None else f"{path}:{line}"
+        super().__init__(f"{where}: {field}: {message}" if field else f"{where}: {message}")
+
+
+class FrameNotFound(BasecalError, KeyError):
+    """A frame or transform that does not exist was asked for; the message lists those that do."""
+
+    def __init__(self, name: str, known: Sequence[str]) -> None:
+        self.name, self.known = name, tuple(known)
+        super().__init__(f"no {name!r}{nearest(name, known)}; there are: {', '.join(known) or 'none'}")
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
+class NotObservable(BasecalError):
+    """The data cannot see what was asked for; the message names the unseen directions in words."""
+
+    exit_code = 1
+
+    def __init__(self, message: str, directions: Sequence[str] = ()) -> None:
+        self.directions = tuple(directions)
+        super().__init__(message)
+
+
+class NotConverged(BasecalError):
+    """An iteration ended away from an optimum; `state` is where it stopped."""
+
+    exit_code = 1
+
+    def __init__(self, message: str, state: object = None) -> None:
+        self.state = state
+        super().__init__(message)
+
+
+class MissingExtra(BasecalError, ImportError):
+    """An optional dependency is not installed; the message is the install line."""
+
+    def __init__(self, package: str, extra: str) -> None:
+        self.extra = extra
+        super().__init__(f"{package} is not installed: pip install 'basecal[{extra}]'")

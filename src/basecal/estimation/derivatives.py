@@ -1,0 +1,65 @@
+"""How `camera_from_target` moves with each unknown: every one through an adjoint.
+
+All are right tangents: `camera_from_target @ SE3.exp(D @ xi)` where an unknown is perturbed on its right by `xi`.
+Source: docs/mathematics.md, "Derivatives".
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.estimation.problem import Chain, Problem, State, Stops, ViewGroup
+from basecal.geometry import Array, IntArray
+from basecal.geometry.se3 import right_jacobian
+
+
+def by_unknowns(problem: Problem, group: ViewGroup, links: Chain, rows: int) -> tuple[Array, IntArray]:
+    """Derivative of views to the unknowns of their group.
+
+    Args:
+        problem: The problem.
+        group: Its views, n of them.
+        links: The factors of their `camera_from_target`.
+        rows: 6, or 6 + k with the lens's k parameters.
+
+    Returns:
+        (n, rows, m), and the m columns of the problem they belong to.
+    """
+    parts = [
+        (group.camera_mount, -1.0, links.target_from_camera),
+        (group.eye_base, -1.0, links.target_from_eye_base),
+        (group.hand_base, 1.0, links.target_from_hand_base),
+        (group.target_mount, 1.0, None),
+    ]
+    present = [(sign, link, problem.columns[name]) for name, sign, link in parts if name in problem.columns]
+    lens = problem.columns.get(group.camera) if rows > 6 else None
+    columns = [np.arange(c.start, c.stop) for _, _, c in present] + ([np.arange(lens.start, lens.stop)] if lens else [])
+    width = sum(map(len, columns))
+    out = np.zeros((len(group), rows, width))
+    at = 0
+    for (sign, link, _), where in zip(present, columns, strict=False):
+        block = np.eye(6) if link is None else sign * link.adjoint()
+        out[:, :6, at : at + len(where)] = block[..., : len(where)]
+        at += len(where)
+    if lens:
+        out[:, 6:, at:] = np.eye(rows - 6)
+    return out, np.concatenate(columns) if columns else np.zeros(0, dtype=np.int64)
+
+
+def by_stop_errors(group: ViewGroup, links: Chain, state: State, stops: Stops, rows: int) -> list[tuple[IntArray, Array]]:
+    """Derivative of views to the errors, in sigmas, of the stops they stand in.
+
+    Returns:
+        For each of the two robots with stated noise: the stop of each view, (n,), and the derivative, (n, rows, 6).
+    """
+    parts = []
+    for stop, sign, link in (
+        (group.eye_stop, -1.0, links.target_from_eye_flange),
+        (group.hand_stop, 1.0, links.target_from_hand_flange),
+    ):
+        if len(stop) and stop[0] >= 0:
+            sigma = stops.sigma[stop]
+            out = np.zeros((len(stop), rows, 6))
+            out[:, :6] = sign * link.adjoint() @ right_jacobian(state.stop_errors[stop] * sigma) * sigma[:, None, :]
+            parts.append((stop, out))
+    return parts

@@ -1,0 +1,295 @@
+"""What one view says of `camera_from_target`: cost, gradient and information.
+
+With residuals r(delta) of `camera_from_target @ SE3.exp(delta)`, already divided by their sigmas, a view says
+`cost = r'r`, `gradient = J'r` and `information = J'J`; a few columns more stand for the lens where it is free.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from basecal.geometry import SE3, Array, Camera
+from basecal.geometry.se3 import right_jacobian_inverse
+
+
+class ViewInformation(NamedTuple):
+    """Per view: cost (n,), gradient (n, 6 + k), information (n, 6 + k, 6 + k)."""
+
+    cost: Array
+    gradient: Array
+    information: Array
+
+
+class Noise(NamedTuple):
+    """Sigmas of what states none: a pixel coordinate [px], a measured pose [m, rad], a 3-D point [m]."""
+
+    pixel_px: float = 1.0
+    pose_m: float = 1e-3
+    pose_rad: float = 1e-3
+    point_m: float = 1e-3
+
+
+class Measurement(Protocol):
+    """All views of one target by one camera."""
+
+    def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
+        """What each view says at `camera_from_target`, (n,); with the lens's columns where `lens`."""
+        ...
+
+    def squares(self, camera_from_target: SE3, camera: Camera | None) -> dict[str, float]:
+        """Sums of squared residuals over sigmas of what states no sigma, by field of `Noise`."""
+        ...
+
+    def with_noise(self, noise: Noise) -> Measurement:
+        """The same with the sigmas that were not stated."""
+        ...
+
+    def take(self, views: Array) -> Measurement:
+        """The views at these indices."""
+        ...
+
+    def counts(self) -> dict[str, int]:
+        """How many scalar residuals state no sigma, by field of `Noise`; and `stated`."""
+        ...
+
+
+def _information(residual: Array, jacobian: Array) -> ViewInformation:
+    transposed = np.swapaxes(jacobian, -1, -2)
+    gradient = (transposed @ residual[..., None])[..., 0]
+    return ViewInformation(np.einsum("ni,ni->n", residual, residual), gradient, transposed @ jacobian)
+
+
+def _point_jacobian(out: Array, by_point: Array, rotation: Array, points: Array) -> None:
+    """Fill out[..., :6] with the derivative of f(camera_from_target @ p) where `by_point` is df/dp, (n, p, d, 3)."""
+    n, p, d, _ = by_point.shape
+    rotated = (by_point.reshape(n, p * d, 3) @ rotation).reshape(n, p, d, 3)
+    x, y, z = (points[..., :, None, i] for i in range(3))
+    u, v, w = rotated[..., 0], rotated[..., 1], rotated[..., 2]
+    out[..., :3] = rotated
+    out[..., 3] = y * w - z * v
+    out[..., 4] = z * u - x * w
+    out[..., 5] = x * v - y * u
+
+
+@dataclass(frozen=True, eq=False)
+class PixelMeasurement:
+    """Pixels of a target's points.
+
+    Attributes:
+        points_in_target: (p, 3) [m].
+        pixels: (n, p, 2) [px]; anything finite where not seen.
+        seen: (n, p) whether the point was seen.
+        stated: (n, p) 1 / sigma where a sigma was stated, else 0 [1/px].
+        weight: (n, p) 1 / sigma in use, 0 where not seen [1/px].
+    """
+
+    points_in_target: Array
+    pixels: Array
+    seen: Array
+    stated: Array
+    weight: Array
+
+    def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
+        """See `Measurement`; the cost is infinite where a seen point lies behind the camera."""
+        assert camera is not None
+        n, p = self.weight.shape
+        in_camera = self.points_in_target @ np.swapaxes(camera_from_target.rotation, -1, -2)
+        in_camera += camera_from_target.translation[:, None]
+        pixels, by_point, by_lens = camera.project_with_derivatives(in_camera, lens)
+        columns = 6 + (0 if by_lens is None else by_lens.shape[-1])
+        jacobian = np.empty((n, p, 2, columns))
+        _point_jacobian(jacobian, by_point, camera_from_target.rotation, self.points_in_target)
+        if by_lens is not None:
+            jacobian[..., 6:] = by_lens
+        residual = pixels - self.pixels
+        if np.isnan(residual).any():
+            return self._where_defined(residual, jacobian)
+        residual *= self.weight[..., None]
+        jacobian *= self.weight[..., None, None]
+        return _information(residual.reshape(n, -1), jacobian.reshape(n, 2 * p, columns))
+
+    def _where_defined(self, residual: Array, jacobian: Array) -> ViewInformation:
+        bad = np.isnan(residual).any(-1)
+        weight = np.where(bad, 0.0, self.weight)
+        n, p, _, columns = jacobian.shape
+        r = np.where(bad[..., None], 0.0, residual) * weight[..., None]
+        j = np.where(bad[..., None, None], 0.0, jacobian) * weight[..., None, None]
+        cost, gradient, information = _information(r.reshape(n, -1), j.reshape(n, 2 * p, columns))
+        return ViewInformation(np.where((bad & self.seen).any(-1), np.inf, cost), gradient, information)
+
+    def residual_px(self, camera_from_target: SE3, camera: Camera) -> Array:
+        """Predicted minus seen pixels, (n, p, 2) [px]; NaN where not seen."""
+        in_camera = self.points_in_target @ np.swapaxes(camera_from_target.rotation, -1, -2)
+        residual = camera.project(in_camera + camera_from_target.translation[:, None]) - self.pixels
+        return np.where(self.seen[..., None], residual, np.nan)
+
+    def squares(self, camera_from_target: SE3, camera: Camera | None) -> dict[str, float]:
+        """See `Measurement`."""
+        assert camera is not None
+        unstated = self.weight * (self.stated == 0)
+        residual = np.nan_to_num(self.residual_px(camera_from_target, camera)) * unstated[..., None]
+        return {"pixel_px": float(np.sum(residual**2))}
+
+    def with_noise(self, noise: Noise) -> PixelMeasurement:
+        """See `Measurement`."""
+        unstated = self.seen & (self.stated == 0)
+        return replace(self, weight=self.stated + unstated / noise.pixel_px)
+
+    def take(self, views: Array) -> PixelMeasurement:
+        """See `Measurement`."""
+        return replace(
+            self, pixels=self.pixels[views], seen=self.seen[views], stated=self.stated[views], weight=self.weight[views]
+        )
+
+    def counts(self) -> dict[str, int]:
+        """See `Measurement`."""
+        stated = int(np.count_nonzero(self.stated))
+        return {"stated": 2 * stated, "pixel_px": 2 * (int(np.count_nonzero(self.seen)) - stated)}
+
+
+@dataclass(frozen=True, eq=False)
+class BearingMeasurement:
+    """Directions to a target's points, for starts: defined behind the camera too, and free of the lens's folds.
+
+    Attributes:
+        points_in_target: (p, 3) [m].
+        bearings_in_camera: (n, p, 3) unit.
+        weight: (n, p) 1 / sigma, 0 where not seen [1/rad].
+    """
+
+    points_in_target: Array
+    bearings_in_camera: Array
+    weight: Array
+
+    def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
+        """See `Measurement`; the residual is the chord between seen and predicted unit vectors."""
+        n, p = self.weight.shape
+        in_camera = self.points_in_target @ np.swapaxes(camera_from_target.rotation, -1, -2)
+        in_camera += camera_from_target.translation[:, None]
+        norm = np.maximum(np.linalg.norm(in_camera, axis=-1), 1e-12)
+        unit = in_camera / norm[..., None]
+        scale = (self.weight / norm)[..., None, None]
+        by_point = (np.eye(3) - unit[..., :, None] * unit[..., None, :]) * scale
+        jacobian = np.empty((n, p, 3, 6))
+        _point_jacobian(jacobian, by_point, camera_from_target.rotation, self.points_in_target)
+        residual = (unit - self.bearings_in_camera) * self.weight[..., None]
+        return _information(residual.reshape(n, -1), jacobian.reshape(n, 3 * p, 6))
+
+    def squares(self, camera_from_target: SE3, camera: Camera | None) -> dict[str, float]:
+        """See `Measurement`; its weights are its own."""
+        return {}
+
+    def with_noise(self, noise: Noise) -> BearingMeasurement:
+        """See `Measurement`; its weights are its own."""
+        return self
+
+    def take(self, views: Array) -> BearingMeasurement:
+        """See `Measurement`."""
+        return replace(self, bearings_in_camera=self.bearings_in_camera[views], weight=self.weight[views])
+
+    def counts(self) -> dict[str, int]:
+        """See `Measurement`: two free coordinates a direction."""
+        return {"stated": 2 * int(np.count_nonzero(self.weight))}
+
+
+@dataclass(frozen=True, eq=False)
+class PoseMeasurement:
+    """Poses of a target as another program measured them.
+
+    Attributes:
+        measured_camera_from_target: (n,).
+        stated: (n, 6) 1 / sigma, or 0 where none was stated [1/m, 1/rad].
+        weight: (n, 6) 1 / sigma in use [1/m, 1/rad].
+    """
+
+    measured_camera_from_target: SE3
+    stated: Array
+    weight: Array
+
+    def _error(self, camera_from_target: SE3) -> Array:
+        return (self.measured_camera_from_target.inverse() @ camera_from_target).log()
+
+    def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
+        """See `Measurement`."""
+        error = self._error(camera_from_target)
+        jacobian = right_jacobian_inverse(error) * self.weight[..., None]
+        return _information(error * self.weight, jacobian)
+
+    def squares(self, camera_from_target: SE3, camera: Camera | None) -> dict[str, float]:
+        """See `Measurement`."""
+        squared = (self._error(camera_from_target) * self.weight * (self.stated == 0)) ** 2
+        return {"pose_m": float(squared[:, :3].sum()), "pose_rad": float(squared[:, 3:].sum())}
+
+    def with_noise(self, noise: Noise) -> PoseMeasurement:
+        """See `Measurement`."""
+        default = 1 / np.array([noise.pose_m] * 3 + [noise.pose_rad] * 3)
+        return replace(self, weight=np.where(self.stated == 0, default, self.stated))
+
+    def take(self, views: Array) -> PoseMeasurement:
+        """See `Measurement`."""
+        return PoseMeasurement(self.measured_camera_from_target[views], self.stated[views], self.weight[views])
+
+    def counts(self) -> dict[str, int]:
+        """See `Measurement`."""
+        free = self.stated == 0
+        t, r = int(np.count_nonzero(free[:, :3])), int(np.count_nonzero(free[:, 3:]))
+        return {"stated": free.size - t - r, "pose_m": t, "pose_rad": r}
+
+
+@dataclass(frozen=True, eq=False)
+class PointMeasurement:
+    """A target's points in 3-D.
+
+    Attributes:
+        points_in_target: (p, 3) [m].
+        points_in_camera: (n, p, 3) [m]; anything finite where not seen.
+        seen: (n, p) whether the point was seen.
+        stated: (n, p) 1 / sigma, or 0 where none was stated [1/m].
+        weight: (n, p) 1 / sigma in use, 0 where not seen [1/m].
+    """
+
+    points_in_target: Array
+    points_in_camera: Array
+    seen: Array
+    stated: Array
+    weight: Array
+
+    def _error(self, camera_from_target: SE3) -> Array:
+        rotated = self.points_in_target @ np.swapaxes(camera_from_target.rotation, -1, -2)
+        return rotated + camera_from_target.translation[:, None] - self.points_in_camera
+
+    def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
+        """See `Measurement`."""
+        n, p = self.weight.shape
+        by_point = np.eye(3) * self.weight[..., None, None]
+        jacobian = np.empty((n, p, 3, 6))
+        _point_jacobian(jacobian, by_point, camera_from_target.rotation, self.points_in_target)
+        residual = self._error(camera_from_target) * self.weight[..., None]
+        return _information(residual.reshape(n, -1), jacobian.reshape(n, 3 * p, 6))
+
+    def squares(self, camera_from_target: SE3, camera: Camera | None) -> dict[str, float]:
+        """See `Measurement`."""
+        unstated = self.weight * (self.stated == 0)
+        return {"point_m": float(np.sum((self._error(camera_from_target) * unstated[..., None]) ** 2))}
+
+    def with_noise(self, noise: Noise) -> PointMeasurement:
+        """See `Measurement`."""
+        return replace(self, weight=self.stated + (self.seen & (self.stated == 0)) / noise.point_m)
+
+    def take(self, views: Array) -> PointMeasurement:
+        """See `Measurement`."""
+        return replace(
+            self,
+            points_in_camera=self.points_in_camera[views],
+            seen=self.seen[views],
+            stated=self.stated[views],
+            weight=self.weight[views],
+        )
+
+    def counts(self) -> dict[str, int]:
+        """See `Measurement`."""
+        stated = int(np.count_nonzero(self.stated))
+        return {"stated": 3 * stated, "point_m": 3 * (int(np.count_nonzero(self.seen)) - stated)}

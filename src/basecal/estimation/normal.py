@@ -1,0 +1,191 @@
+"""Normal equations of a whole problem, with the robots' pose errors eliminated.
+
+With H, g of each view and D the derivative of its `camera_from_target` to the unknowns: H = sum D'HD, g = sum D'g.
+The errors u of the stops, in sigmas, move a view by J. A stop that only one view has is eliminated there:
+H' = (I + H S)^-1 H and g' = (I + H S)^-1 (g - H J u) with S = JJ'. The others keep their 6-vectors and go by the
+Schur complement. Source: docs/mathematics.md, "Robot noise".
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from basecal.estimation.derivatives import by_stop_errors, by_unknowns
+from basecal.estimation.problem import Problem, State, ViewGroup, chain
+from basecal.estimation.stops import SharedView, StopAccumulator, StopSystem
+from basecal.geometry import SE3, Array, Camera, IntArray
+from basecal.geometry.se3 import right_jacobian_inverse
+
+
+@dataclass(frozen=True, eq=False)
+class _Views:
+    """A group's views to second order, private stops eliminated."""
+
+    gradient: Array
+    information: Array
+    by_unknowns: Array
+    columns: IntArray
+    private: tuple[SharedView, ...]
+    shared: tuple[SharedView, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Normal:
+    """The problem to second order about a state.
+
+    Attributes:
+        cost: Sum of squared residuals over sigmas, those of priors and of stop errors included.
+        gradient: (p,) half the derivative of the cost, the stop errors at their best.
+        hessian: (p, p) half the second derivative, likewise.
+        stop_log_det: Log determinant of the information of the eliminated stop errors.
+        views: What `stop_step` needs, by group.
+        system: The shared stops, solved; None without any.
+    """
+
+    cost: float
+    gradient: Array
+    hessian: Array
+    stop_log_det: float
+    views: tuple[_Views, ...]
+    system: StopSystem | None
+
+
+def linearise(problem: Problem, state: State) -> Normal:
+    """The problem to second order at `state`; its cost is infinite where a seen point lies behind its camera."""
+    hessian, gradient, cost = _priors(problem, state)
+    cost += float(np.sum(state.stop_errors**2))
+    log_det, views = 0.0, []
+    shared = _shared_stops(problem)
+    sums = StopAccumulator(state.stop_errors[shared >= 0], problem.width)
+    for group in problem.groups:
+        group_cost, lost, of = _linearise_group(problem, group, state, shared)
+        cost, log_det = cost + group_cost, log_det + lost
+        views.append(of)
+        if np.any(shared >= 0):
+            sums.add(of.shared, of.gradient, of.information, of.by_unknowns, of.columns)
+        flat = of.by_unknowns.reshape(-1, len(of.columns))
+        weighted = (of.information @ of.by_unknowns).reshape(flat.shape)
+        hessian[np.ix_(of.columns, of.columns)] += flat.T @ weighted
+        gradient[of.columns] += flat.T @ of.gradient.reshape(-1)
+    system = sums.solve() if np.any(shared >= 0) else None
+    if system is not None:
+        hessian, gradient = system.reduce(hessian, gradient)
+        log_det += system.log_det
+    return Normal(cost, gradient, 0.5 * (hessian + hessian.T), log_det, tuple(views), system)
+
+
+def moved(problem: Problem, state: State, normal: Normal, step: Array) -> State:
+    """The state after a step of the unknowns, (p,), with the stop errors that are best to first order then."""
+    transforms = dict(state.transforms)
+    cameras = dict(state.cameras)
+    for name, where in problem.columns.items():
+        if name in transforms:
+            xi = np.concatenate([step[where], np.zeros(6 - (where.stop - where.start))])
+            transforms[name] = transforms[name] @ SE3.exp(xi)
+        else:
+            cameras[name] = moved_lens(cameras[name], step[where])
+    return State(transforms, cameras, _stop_errors(problem, state, normal, step))
+
+
+def moved_lens(camera: Camera, step: Array) -> Camera:
+    """A lens after a step of its parameters, (4 + k,), the focal lengths at least a fifth of what they were."""
+    parameters = camera.parameters + step
+    parameters[:2] = np.maximum(parameters[:2], 0.2 * camera.parameters[:2])
+    return camera.with_parameters(parameters)
+
+
+def _shared_stops(problem: Problem) -> IntArray:
+    """Number of each stop among those that several views have; -1 for the others, (k,)."""
+    count = np.zeros(len(problem.stops), dtype=np.int64)
+    for group in problem.groups:
+        for stop in (group.eye_stop, group.hand_stop):
+            count += np.bincount(stop[stop >= 0], minlength=len(count))
+    several = count > 1
+    return np.where(several, np.cumsum(several) - 1, -1)
+
+
+def _linearise_group(
+    problem: Problem, group: ViewGroup, state: State, shared: IntArray
+) -> tuple[float, float, _Views]:
+    links = chain(group, state, problem.stops)
+    lens = group.camera in problem.columns
+    view = group.measurement.linearise(links.camera_from_target, state.cameras.get(group.camera), lens)
+    rows = view.gradient.shape[-1]
+    derivative, columns = by_unknowns(problem, group, links, rows)
+    stops = by_stop_errors(group, links, state, problem.stops, rows)
+    kept = tuple(_select(stop, error, shared[stop] >= 0, shared) for stop, error in stops)
+    private = tuple(_select(stop, error, shared[stop] < 0, None) for stop, error in stops)
+    gradient, information, log_det = _marginalised(view.gradient, view.information, private, state.stop_errors)
+    views = _Views(gradient, information, derivative, columns, private, kept)
+    return float(view.cost.sum()), log_det, views
+
+
+def _select(stop: IntArray, by_error: Array, mask: Array, number: IntArray | None) -> SharedView:
+    view = np.flatnonzero(mask)
+    chosen = stop[view]
+    return SharedView(view, chosen if number is None else number[chosen], by_error[view])
+
+
+def _marginalised(
+    gradient: Array, information: Array, private: tuple[SharedView, ...], errors: Array
+) -> tuple[Array, Array, float]:
+    """Views with their private stops eliminated, and the log determinant of I + H S."""
+    if not any(len(of.view) for of in private):
+        return gradient, information, 0.0
+    spread = np.zeros_like(information)
+    present = np.zeros_like(gradient)
+    for of in private:
+        spread[of.view] += of.by_error @ np.swapaxes(of.by_error, -1, -2)
+        present[of.view] += (of.by_error @ errors[of.stop][..., None])[..., 0]
+    matrix = np.eye(gradient.shape[-1]) + information @ spread
+    about_zero = gradient - (information @ present[..., None])[..., 0]
+    solved = np.linalg.solve(matrix, np.concatenate([information, about_zero[..., None]], -1))
+    reduced = solved[..., :-1]
+    return solved[..., -1], 0.5 * (reduced + np.swapaxes(reduced, -1, -2)), float(np.linalg.slogdet(matrix)[1].sum())
+
+
+def _stop_errors(problem: Problem, state: State, normal: Normal, step: Array) -> Array:
+    errors = state.stop_errors.copy()
+    if not len(errors):
+        return errors
+    shared_step = np.zeros((0, 6)) if normal.system is None else normal.system.step(step)
+    errors[_shared_stops(problem) >= 0] += shared_step
+    for of in normal.views:
+        rest = (of.by_unknowns @ step[of.columns][:, None])[..., 0]
+        for part in of.shared:
+            rest[part.view] += (part.by_error @ shared_step[part.stop][..., None])[..., 0]
+        force = of.gradient + (of.information @ rest[..., None])[..., 0]
+        for part in of.private:
+            errors[part.stop] = -(np.swapaxes(part.by_error, -1, -2) @ force[part.view][..., None])[..., 0]
+    return errors
+
+
+def _priors(problem: Problem, state: State) -> tuple[Array, Array, float]:
+    """What is known beforehand: Hessian, gradient and cost of the priors."""
+    hessian, gradient = np.zeros((problem.width, problem.width)), np.zeros(problem.width)
+    cost = 0.0
+    for residual, jacobian, where in _prior_residuals(problem, state):
+        cost += float(residual @ residual)
+        hessian[where, where] += jacobian.T @ jacobian
+        gradient[where] += jacobian.T @ residual
+    return hessian, gradient, cost
+
+
+def _prior_residuals(problem: Problem, state: State) -> list[tuple[Array, Array, slice]]:
+    out = []
+    for name, where in problem.columns.items():
+        if name in problem.unknowns:
+            unknown = problem.unknowns[name]
+            if unknown.status == "prior" and unknown.mean is not None and unknown.sigma is not None:
+                width = where.stop - where.start
+                error = (unknown.mean.inverse() @ state.transforms[name]).log()
+                jacobian = right_jacobian_inverse(error)[:width, :width] / unknown.sigma[:width, None]
+                out.append((error[:width] / unknown.sigma[:width], jacobian, where))
+        else:
+            lens = problem.lenses[name]
+            if lens.status == "prior" and lens.camera is not None and lens.sigma is not None:
+                error = state.cameras[name].parameters - lens.camera.parameters
+                out.append((error / lens.sigma, np.diag(1 / lens.sigma), where))
+    return out

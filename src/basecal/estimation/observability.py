@@ -1,0 +1,101 @@
+"""Which directions of the unknowns the data see.
+
+The information is scaled to lengths of the scene and radians. A direction whose sigma would be above a third of
+these is not seen; one without any information at all gets no number.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from basecal.estimation.problem import Problem, State
+from basecal.geometry import Array
+
+_UNSEEN_SIGMA = 0.3
+_BLIND_SIGMA = 30.0
+_ROUNDING = 1e-13
+_TOUCHES = 1e-3
+_SMALLEST_FACTOR = 1e-4
+_DISTORTION_SCALE = 1e3
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What the data see.
+
+    Attributes:
+        inverse: (p, p) inverse of the information, zero along directions without any.
+        condition: Largest over smallest scaled sigma; infinite where a direction has no information.
+        unseen: Each unseen direction in words.
+        blind: Names of the transforms and lenses that have an unseen direction.
+    """
+
+    inverse: Array
+    condition: float
+    unseen: tuple[str, ...]
+    blind: frozenset[str]
+
+
+def seen_directions(problem: Problem, state: State, hessian: Array, factor: float) -> Seen:
+    """What an information matrix (p, p), whose inverse times `factor` is the covariance, says of the unknowns."""
+    if not len(hessian):
+        return Seen(np.zeros((0, 0)), 1.0, (), frozenset())
+    scale = _scales(problem, state)
+    values, vectors = np.linalg.eigh(hessian * scale * scale[:, None])
+    noise = max(factor, _SMALLEST_FACTOR)
+    sigma = np.sqrt(noise / np.maximum(values, 1e-300))
+    blind = (sigma > _BLIND_SIGMA) | (values < _ROUNDING * values[-1])
+    kept = vectors[:, ~blind] * scale[:, None]
+    inverse = (kept / values[~blind]) @ kept.T
+    unseen = blind | (sigma > _UNSEEN_SIGMA)
+    words = tuple(_in_words(problem, vectors[:, k]) for k in np.flatnonzero(unseen))
+    names = frozenset(
+        name
+        for name, where in problem.columns.items()
+        if np.abs(vectors[where][:, blind]).max(initial=0.0) > _TOUCHES
+        or np.sqrt(noise * np.diag(inverse)[where] / scale[where] ** 2).max() > _UNSEEN_SIGMA
+    )
+    condition = float(np.sqrt(values[-1] / values[0])) if not np.any(blind) else float("inf")
+    return Seen(inverse, condition, words, names)
+
+
+def _scales(problem: Problem, state: State) -> Array:
+    """What one scaled unit of each column is: a length of the scene [m], 1 rad, an image width [px]."""
+    distances = [
+        np.linalg.norm(state.camera_from_target(g, problem.stops).translation, axis=-1) for g in problem.groups if len(g)
+    ]
+    length = max(float(np.median(np.concatenate(distances))), 1e-3) if distances else 1.0
+    scale = np.ones(problem.width)
+    for name, where in problem.columns.items():
+        if name in problem.unknowns:
+            scale[where.start : where.start + 3] = length
+        else:
+            camera = state.cameras[name]
+            scale[where] = _DISTORTION_SCALE
+            scale[where.start : where.start + 4] = float(camera.focal.mean())
+    return scale
+
+
+def _in_words(problem: Problem, vector: Array) -> str:
+    """A direction as the turn or shift of the unknown that moves most, and of those that go along."""
+    size = {name: float(np.linalg.norm(vector[where])) for name, where in problem.columns.items()}
+    ordered = sorted(size, key=lambda name: (-round(size[name], 3), name))
+    first = ordered[0]
+    along = [name for name in ordered[1:] if size[name] > 0.3 * size[first]]
+    text = _motion(problem, vector, first)
+    return f"{text}, together with {' and '.join(along)}" if along else text
+
+
+def _motion(problem: Problem, vector: Array, name: str) -> str:
+    part = vector[problem.columns[name]]
+    if name not in problem.unknowns:
+        return f"the lens of {name}"
+    source = name.split("_from_")[1]
+    shift, turn = part[:3], part[3:]
+    is_turn = len(turn) and np.linalg.norm(turn) >= np.linalg.norm(shift)
+    axis = turn if is_turn else shift
+    axis = axis / np.linalg.norm(axis) * np.sign(axis[np.argmax(np.abs(axis))])
+    shown = ", ".join(f"{v:+.2f}" for v in axis)
+    return f"a {'turn' if is_turn else 'shift'} of {name} {'about' if is_turn else 'along'} ({shown}) in the axes of {source}"

@@ -1,0 +1,250 @@
+"""From a cell and a recording to a `Problem`: samples in canonical order, unusable ones dropped with a finding."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from basecal.cell import (
+    CandidateObservation,
+    Cell,
+    Finding,
+    Intrinsics,
+    Observation,
+    PixelObservation,
+    PointObservation,
+    PoseObservation,
+    Recording,
+    RobotState,
+    Sample,
+    Target,
+)
+from basecal.errors import InputError
+from basecal.estimation.measurement import Measurement, Noise, PixelMeasurement, PointMeasurement, PoseMeasurement
+from basecal.estimation.problem import Problem, Stops, ViewGroup, carrier, check_carriers
+from basecal.geometry import SE3, Array, IntArray
+
+Views = list[tuple[int, Observation]]
+
+
+@dataclass
+class _Poses:
+    """Poses of one robot at the samples that have them: `row` of a sample, the poses, the stop of each row."""
+
+    row: dict[int, int] = field(default_factory=dict)
+    base_from_flange: SE3 = field(default_factory=lambda: SE3.identity((0,)))
+    stop: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+
+
+def pack(cell: Cell, recording: Recording) -> tuple[Problem, list[Finding]]:
+    """The problem of a recording, and findings about samples that could not be used.
+
+    Raises:
+        InputError: if a camera and the target it sees are on the same body, or a camera with pixels has no lens.
+    """
+    samples = canonical(recording.samples)
+    findings: list[Finding] = []
+    poses = {name: _poses_of(cell, name, samples) for name in cell.robots}
+    stops = _number_stops(cell, poses)
+    views = _views(cell, samples, poses, findings)
+    groups = tuple(_group(cell, samples, poses, key, views[key]) for key in sorted(views))
+    return _problem(cell, groups, stops), findings
+
+
+def canonical(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
+    """Samples by time, or by number where one has no time; of two with the same number the first."""
+    timed = all(s.stamp_s is not None for s in samples)
+    ordered = sorted(samples, key=lambda s: (s.stamp_s if timed and s.stamp_s is not None else 0.0, s.sample))
+    return tuple({s.sample: s for s in reversed(ordered)}.values())[::-1]
+
+
+def _poses_of(cell: Cell, robot: str, samples: tuple[Sample, ...]) -> _Poses:
+    having = [(i, s.robots[robot]) for i, s in enumerate(samples) if robot in s.robots]
+    if not having:
+        return _Poses()
+    row = {i: k for k, (i, _) in enumerate(having)}
+    base_from_flange = _flanges(cell, robot, [state for _, state in having])
+    flat = np.concatenate([base_from_flange.rotation.reshape(-1, 9), base_from_flange.translation], -1)
+    moved = np.any(flat[1:] != flat[:-1], axis=-1)
+    return _Poses(row, base_from_flange, np.concatenate([[0], np.cumsum(moved)]).astype(np.int64))
+
+
+def _flanges(cell: Cell, robot: str, states: list[RobotState]) -> SE3:
+    chain = cell.robots[robot].chain
+    rotation = np.empty((len(states), 3, 3))
+    translation = np.empty((len(states), 3))
+    with_joints = [i for i, s in enumerate(states) if s.joints_rad is not None]
+    if with_joints:
+        if chain is None:
+            raise InputError(f"robot {robot!r} is recorded by joints and has no urdf")
+        forward = chain.forward(np.stack([_joints(states[i]) for i in with_joints]))
+        rotation[with_joints], translation[with_joints] = forward.rotation, forward.translation
+    for i, state in enumerate(states):
+        if state.base_from_flange is not None:
+            rotation[i], translation[i] = state.base_from_flange.rotation, state.base_from_flange.translation
+    return SE3(rotation, translation)
+
+
+def _joints(state: RobotState) -> Array:
+    assert state.joints_rad is not None
+    return state.joints_rad
+
+
+def _number_stops(cell: Cell, poses: Mapping[str, _Poses]) -> Stops:
+    """One row a stop over all robots with stated noise; `poses` then hold rows, -1 without noise."""
+    sigmas: list[Array] = [np.zeros((0, 6))]
+    names: list[str] = []
+    for name, of in poses.items():
+        noise = cell.robots[name].noise
+        if noise is None or not np.any(noise) or not len(of.stop):
+            of.stop = np.full(len(of.stop), -1, dtype=np.int64)
+            continue
+        count = int(of.stop[-1]) + 1
+        of.stop = of.stop + len(names)
+        names += [name] * count
+        sigmas.append(np.broadcast_to(noise, (count, 6)))
+    return Stops(np.concatenate(sigmas), tuple(names))
+
+
+def _views(
+    cell: Cell, samples: tuple[Sample, ...], poses: Mapping[str, _Poses], findings: list[Finding]
+) -> dict[tuple[str, str, str], Views]:
+    views: dict[tuple[str, str, str], Views] = defaultdict(list)
+    lacking: dict[str, list[int]] = defaultdict(list)
+    for i, sample in enumerate(samples):
+        for observation in sample.observations:
+            camera, target = observation.camera, observation.target
+            needed = [cell.cameras[camera].on, cell.targets[target].on]
+            missing = [r for r in needed if r in cell.robots and i not in poses[r].row]
+            single = _single(observation)
+            if missing:
+                lacking[f"no pose of {missing[0]}"].append(sample.sample)
+            elif single is None:
+                lacking["several candidates for the light and none chosen"].append(sample.sample)
+            else:
+                views[camera, target, type(single).__name__].append((i, single))
+    findings += [_dropped(why, numbers) for why, numbers in lacking.items()]
+    for camera, target, _ in views:
+        check_carriers(cell, camera, target)
+    return views
+
+
+def _single(observation: Observation) -> Observation | None:
+    """An observation without choice: a lone candidate is the light."""
+    if not isinstance(observation, CandidateObservation):
+        return observation
+    if len(observation.pixels) != 1:
+        return None
+    o = observation
+    return PixelObservation(o.camera, o.target, np.zeros(1, dtype=np.int64), o.pixels, o.sigma_px)
+
+
+def _dropped(why: str, numbers: list[int]) -> Finding:
+    shown = ", ".join(map(str, numbers[:10])) + (", ..." if len(numbers) > 10 else "")
+    return Finding(
+        "dropped-sample", "info", tuple(map(str, numbers)), f"{len(numbers)} view(s) not used, {why}: sample {shown}"
+    )
+
+
+def _group(
+    cell: Cell, samples: tuple[Sample, ...], poses: Mapping[str, _Poses], key: tuple[str, str, str], views: Views
+) -> ViewGroup:
+    camera, target, kind = key
+    eye, hand = carrier(cell, cell.cameras[camera].on), carrier(cell, cell.targets[target].on)
+    index = [i for i, _ in views]
+    eye_flange, eye_stop = _at(poses, eye, index)
+    hand_flange, hand_stop = _at(poses, hand, index)
+    return ViewGroup(
+        camera=camera,
+        target=target,
+        eye=eye,
+        hand=hand,
+        camera_mount=cell.mount_name(camera),
+        target_mount=cell.mount_name(target),
+        eye_base=cell.base_name(eye) if eye not in (None, cell.reference) else None,
+        hand_base=cell.base_name(hand) if hand not in (None, cell.reference) else None,
+        sample=np.array([samples[i].sample for i in index], dtype=np.int64),
+        eye_base_from_eye_flange=eye_flange,
+        hand_base_from_hand_flange=hand_flange,
+        eye_stop=eye_stop,
+        hand_stop=hand_stop,
+        measurement=_measurement(cell, camera, target, kind, [o for _, o in views]),
+    )
+
+
+def _at(poses: Mapping[str, _Poses], robot: str | None, index: list[int]) -> tuple[SE3, IntArray]:
+    if robot is None:
+        return SE3.identity((len(index),)), np.full(len(index), -1, dtype=np.int64)
+    of = poses[robot]
+    rows = np.array([of.row[i] for i in index])
+    return of.base_from_flange[rows], of.stop[rows]
+
+
+def _measurement(cell: Cell, camera: str, target: str, kind: str, observations: list[Observation]) -> Measurement:
+    shape = cell.targets[target].target
+    if kind == "PoseObservation":
+        return _pose_measurement([o for o in observations if isinstance(o, PoseObservation)])
+    if shape is None:
+        raise InputError(f"target {target!r} is seen as points and has no `kind`")
+    if kind == "PointObservation":
+        return _point_measurement(shape, [o for o in observations if isinstance(o, PointObservation)])
+    if cell.cameras[camera].intrinsics is None:
+        raise InputError(f"camera {camera!r} gives pixels and has no `intrinsics`; `intrinsics: {{status: free}}` estimates them")
+    pixels = [o for o in observations if isinstance(o, PixelObservation)]
+    return _pixel_measurement(shape, pixels, cell.pixel_px)
+
+
+def _pose_measurement(observations: list[PoseObservation]) -> Measurement:
+    poses = SE3.stack([o.camera_from_target for o in observations])
+    stated = np.stack([np.zeros(6) if o.sigma is None else 1 / o.sigma for o in observations])
+    return PoseMeasurement(poses, stated, stated).with_noise(Noise())
+
+
+def _scatter(
+    target: Target, ids: list[IntArray], values: list[Array], inverse_sigmas: list[Array]
+) -> tuple[Array, Array, Array]:
+    """Ragged points of views as (n, p, d) values, (n, p) seen and (n, p) 1 / sigma."""
+    view = np.repeat(np.arange(len(ids)), [len(i) for i in ids])
+    row = target.rows(np.concatenate(ids))
+    n, p = len(ids), len(target.ids)
+    out = np.zeros((n, p, values[0].shape[-1]))
+    seen, stated = np.zeros((n, p), dtype=bool), np.zeros((n, p))
+    out[view, row] = np.concatenate(values)
+    seen[view, row] = True
+    stated[view, row] = np.concatenate(inverse_sigmas)
+    return out, seen, stated
+
+
+def _pixel_measurement(target: Target, observations: list[PixelObservation], pixel_px: float | None) -> Measurement:
+    default = 0.0 if pixel_px is None else 1 / pixel_px
+    inverse = [np.full(len(o.ids), default) if o.sigma_px is None else 1 / o.sigma_px for o in observations]
+    values = _scatter(target, [o.ids for o in observations], [o.pixels for o in observations], inverse)
+    return PixelMeasurement(target.points, *values, weight=values[2]).with_noise(Noise())
+
+
+def _point_measurement(target: Target, observations: list[PointObservation]) -> Measurement:
+    inverse = [np.zeros(len(o.ids)) if o.sigma_m is None else 1 / o.sigma_m for o in observations]
+    values = _scatter(target, [o.ids for o in observations], [o.points_in_camera for o in observations], inverse)
+    return PointMeasurement(target.points, *values, weight=values[2]).with_noise(Noise())
+
+
+def _problem(cell: Cell, groups: tuple[ViewGroup, ...], stops: Stops) -> Problem:
+    unknowns = cell.transforms
+    shapes = {cell.mount_name(t.name): t.target for t in cell.targets.values()}
+    points = frozenset(name for name, shape in shapes.items() if shape is not None and shape.is_point)
+    with_pixels = sorted({g.camera for g in groups if isinstance(g.measurement, PixelMeasurement)})
+    lenses: dict[str, Intrinsics] = {}
+    widths = {name: 3 if name in points else 6 for name, u in unknowns.items() if u.status != "fixed"}
+    for name in with_pixels:
+        intrinsics = cell.cameras[name].intrinsics
+        assert intrinsics is not None
+        lenses[name] = intrinsics
+        if intrinsics.status != "fixed":
+            terms = intrinsics.distortion_terms if intrinsics.camera is None else len(intrinsics.camera.distortion)
+            widths[name] = 4 + terms
+    ends = np.cumsum([0, *widths.values()])
+    columns = {name: slice(int(a), int(b)) for name, a, b in zip(widths, ends[:-1], ends[1:], strict=True)}
+    return Problem(cell.reference, groups, unknowns, points, lenses, stops, columns)

@@ -1,0 +1,198 @@
+"""A cell and a recording as arrays: the views, the unknowns and their columns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from basecal.cell import WORLD, Cell, Intrinsics, Unknown
+from basecal.errors import InputError
+from basecal.estimation.measurement import Measurement, Noise
+from basecal.geometry import SE3, Array, Camera, IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class ViewGroup:
+    """All views of one target by one camera, of one kind of measurement.
+
+    Attributes:
+        camera: Name of the camera.
+        target: Name of the target.
+        eye: Robot that carries the camera; None on `world`.
+        hand: Robot that carries the target; None on `world`.
+        camera_mount: Name of the camera's mount.
+        target_mount: Name of the target's mount.
+        eye_base: Name of the base transform of `eye`; None where it is the reference or `world`.
+        hand_base: Likewise of `hand`.
+        sample: (n,) sample numbers.
+        eye_base_from_eye_flange: (n,) recorded poses; identity on `world`.
+        hand_base_from_hand_flange: (n,) likewise.
+        eye_stop: (n,) rows of the stops' errors; -1 where the robot's noise is not stated.
+        hand_stop: (n,) likewise.
+        measurement: What was seen.
+    """
+
+    camera: str
+    target: str
+    eye: str | None
+    hand: str | None
+    camera_mount: str
+    target_mount: str
+    eye_base: str | None
+    hand_base: str | None
+    sample: IntArray
+    eye_base_from_eye_flange: SE3
+    hand_base_from_hand_flange: SE3
+    eye_stop: IntArray
+    hand_stop: IntArray
+    measurement: Measurement
+
+    def __len__(self) -> int:
+        return len(self.sample)
+
+    def take(self, views: IntArray) -> ViewGroup:
+        """The views at these indices."""
+        return replace(
+            self,
+            sample=self.sample[views],
+            eye_base_from_eye_flange=self.eye_base_from_eye_flange[views],
+            hand_base_from_hand_flange=self.hand_base_from_hand_flange[views],
+            eye_stop=self.eye_stop[views],
+            hand_stop=self.hand_stop[views],
+            measurement=self.measurement.take(views),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Stops:
+    """Where robots stood: each stop has one pose error `sigma * u`, with u normal of unit variance.
+
+    Attributes:
+        sigma: (k, 6) [m, rad] in flange axes.
+        robot: (k,) the robot's name.
+    """
+
+    sigma: Array
+    robot: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.sigma)
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Everything the solver needs.
+
+    Attributes:
+        reference: The robot whose base is `world`.
+        groups: The views.
+        unknowns: Every transform of the cell by name.
+        point_mounts: Names of the mounts of single points, which have three columns.
+        lenses: What is known of the lenses of cameras with pixels, by camera.
+        stops: The robots' stops.
+        columns: Where each unknown that is not fixed stands in the step, by the transform's or the camera's name.
+    """
+
+    reference: str
+    groups: tuple[ViewGroup, ...]
+    unknowns: Mapping[str, Unknown]
+    point_mounts: frozenset[str]
+    lenses: Mapping[str, Intrinsics]
+    stops: Stops
+    columns: Mapping[str, slice]
+
+    @property
+    def width(self) -> int:
+        """Number of columns."""
+        return max((c.stop for c in self.columns.values()), default=0)
+
+    def with_noise(self, noise: Noise) -> Problem:
+        """The same with sigmas for what states none."""
+        return self.with_groups(replace(g, measurement=g.measurement.with_noise(noise)) for g in self.groups)
+
+    def with_groups(self, groups: Iterable[ViewGroup]) -> Problem:
+        """The same unknowns with other views."""
+        return replace(self, groups=tuple(groups))
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """A value for every unknown.
+
+    Attributes:
+        transforms: By name.
+        cameras: Lenses by camera.
+        stop_errors: (k, 6) in sigmas, one row a stop.
+    """
+
+    transforms: Mapping[str, SE3]
+    cameras: Mapping[str, Camera]
+    stop_errors: Array
+
+    def camera_from_target(self, group: ViewGroup, stops: Stops) -> SE3:
+        """Predicted poses of the target in the camera, (n,)."""
+        return chain(group, self, stops).camera_from_target
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """The factors of `camera_from_target` from its right end on, (n,) each; see `chain`."""
+
+    target_from_hand_flange: SE3
+    target_from_hand_base: SE3
+    target_from_eye_base: SE3
+    target_from_eye_flange: SE3
+    target_from_camera: SE3
+
+    @property
+    def camera_from_target(self) -> SE3:
+        """(n,)."""
+        return self.target_from_camera.inverse()
+
+
+def chain(group: ViewGroup, state: State, stops: Stops) -> Chain:
+    """The products of the one equation, read from the target back to the camera.
+
+    camera_from_target == (eye_base_from_eye_flange @ eye_flange_from_camera).inverse()
+                          @ eye_base_from_hand_base @ hand_base_from_hand_flange @ hand_flange_from_target
+    """
+    mount = state.transforms[group.target_mount].inverse()
+    hand_base_from_flange = _disturbed(group.hand_base_from_hand_flange, group.hand_stop, state, stops)
+    eye_base_from_flange = _disturbed(group.eye_base_from_eye_flange, group.eye_stop, state, stops)
+    target_from_base = mount @ hand_base_from_flange.inverse()
+    target_from_eye = target_from_base
+    if group.hand_base is not None:
+        target_from_eye = target_from_eye @ state.transforms[group.hand_base].inverse()
+    if group.eye_base is not None:
+        target_from_eye = target_from_eye @ state.transforms[group.eye_base]
+    target_from_flange = target_from_eye @ eye_base_from_flange
+    target_from_camera = target_from_flange @ state.transforms[group.camera_mount]
+    return Chain(mount, target_from_base, target_from_eye, target_from_flange, target_from_camera)
+
+
+def _disturbed(base_from_flange: SE3, stop: IntArray, state: State, stops: Stops) -> SE3:
+    """True poses of a flange: recorded ones with the errors of their stops."""
+    if not len(stop) or stop[0] < 0:
+        return base_from_flange
+    return base_from_flange @ SE3.exp(state.stop_errors[stop] * stops.sigma[stop])
+
+
+def carrier(cell: Cell, on: str) -> str | None:
+    """The robot that carries something; None on `world`."""
+    return None if on == WORLD else on
+
+
+def check_carriers(cell: Cell, camera: str, target: str) -> None:
+    """Raise where a camera and its target hang on the same body.
+
+    Raises:
+        InputError: if they do.
+    """
+    on = cell.cameras[camera].on
+    if on == cell.targets[target].on:
+        raise InputError(
+            f"camera {camera!r} and target {target!r} are both on {on!r}: no robot moves one against the other; "
+            "set the `on` of one of them to what carries it"
+        )

@@ -1,0 +1,150 @@
+"""From a cell and a recording to every unknown with its covariance: start, maximum likelihood, nothing else."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from basecal.cell import Cell, Finding, Recording
+from basecal.errors import InputError
+from basecal.estimation.descent import Descent, descend
+from basecal.estimation.measurement import Noise
+from basecal.estimation.noise import NoiseEstimate, degrees_of_freedom, estimate_noise, residual_counts
+from basecal.estimation.observability import Seen, seen_directions
+from basecal.estimation.packing import pack
+from basecal.estimation.problem import Problem, State
+from basecal.estimation.starts import first_state, guessed_state
+from basecal.geometry import Array, PoseEstimate
+
+_PLAUSIBLE_PX = 3.0
+_PLAUSIBLE_SIGMAS = 4.0
+_PLAUSIBLE_M = 0.02
+_PLAUSIBLE_RAD = 0.05
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What is asked of the solver.
+
+    Attributes:
+        iterations: Steps of the descent, at most.
+        start: `closed` (a closed form or a search, whatever the data need), `thorough` (a search always) or `guess`
+            (the cell's means and guesses).
+    """
+
+    iterations: int = 100
+    start: str = "closed"
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """The maximum-likelihood state and what the data say about it.
+
+    Attributes:
+        problem: What was solved, with the noise in use.
+        state: The optimum.
+        covariance: (p, p) of all columns of `problem`; directions not seen hold no information and stand as zero.
+        seen: Which directions the data see.
+        noise: Sigmas in use, stated or estimated.
+        cost: Sum of squared residuals over sigmas.
+        dof: Scalar residuals less unknowns.
+        converged: Whether it is an optimum.
+        findings: About samples that were not used.
+    """
+
+    problem: Problem
+    state: State
+    covariance: Array
+    seen: Seen
+    noise: NoiseEstimate
+    cost: float
+    dof: int
+    converged: bool
+    findings: tuple[Finding, ...]
+
+    @property
+    def transforms(self) -> dict[str, PoseEstimate]:
+        """Every transform, (6, 6) covariances; a single point's mount has none of rotation."""
+        return {name: PoseEstimate(mean, self.covariance_of([name])) for name, mean in self.state.transforms.items()}
+
+    def covariance_of(self, names: list[str]) -> Array:
+        """Joint covariance of transforms, (6 n, 6 n) [m, rad]; fixed ones have none."""
+        out = np.zeros((6 * len(names), 6 * len(names)))
+        rows, source = [], []
+        for i, name in enumerate(names):
+            where = self.problem.columns.get(name)
+            if where is not None:
+                rows += list(range(6 * i, 6 * i + where.stop - where.start))
+                source += list(range(where.start, where.stop))
+        out[np.ix_(rows, rows)] = self.covariance[np.ix_(source, source)]
+        return out
+
+    def lens_covariance(self, camera: str) -> Array:
+        """Covariance of a lens's parameters, (4 + k, 4 + k); zero where it is fixed."""
+        where = self.problem.columns.get(camera)
+        size = len(self.state.cameras[camera].parameters)
+        return np.zeros((size, size)) if where is None else self.covariance[where, where]
+
+
+def solve(cell: Cell, recording: Recording, settings: Settings = Settings()) -> Solution:  # noqa: B008
+    """Start, maximum likelihood and covariance.
+
+    Args:
+        cell: What exists and what is known.
+        recording: What was seen.
+        settings: How to go about it.
+
+    Raises:
+        NotObservable: if nothing was seen that could be solved for.
+        InputError: if the cell contradicts the recording.
+    """
+    problem, findings = pack(cell, recording)
+    return solve_packed(problem, cell, settings, tuple(findings))
+
+
+def solve_packed(
+    problem: Problem, cell: Cell, settings: Settings = Settings(), findings: tuple[Finding, ...] = ()  # noqa: B008
+) -> Solution:
+    """As `solve`, from arrays."""
+    return solve_from(problem, _start(problem, cell, settings), settings, findings)
+
+
+def solve_from(
+    problem: Problem, start: State, settings: Settings = Settings(), findings: tuple[Finding, ...] = ()  # noqa: B008
+) -> Solution:
+    """Maximum likelihood and covariance downhill of a start."""
+    dof = degrees_of_freedom(problem)
+    end = descend(problem, start, dof, settings.iterations)
+    problem, end, noise = estimate_noise(problem, end, settings.iterations)
+    seen = seen_directions(problem, end.state, end.normal.hessian, noise.factor)
+    covariance = seen.inverse * noise.factor
+    return Solution(problem, end.state, covariance, seen, noise, end.normal.cost, dof, end.converged, findings)
+
+
+def _start(problem: Problem, cell: Cell, settings: Settings) -> State:
+    """The start whose descent ends lowest, of those that the settings allow and the data call for."""
+    if settings.start == "guess":
+        guess = guessed_state(problem, cell)
+        if guess is None:
+            raise InputError("start 'guess' needs a guess, a prior or a value for every transform of the cell")
+        return guess
+    dof = degrees_of_freedom(problem)
+    first = first_state(problem, cell, thorough=settings.start == "thorough")
+    end = descend(problem, first, dof, settings.iterations)
+    if settings.start == "thorough" or _plausible(problem, end, dof):
+        return end.state
+    others = [first_state(problem, cell, thorough=True), guessed_state(problem, cell)]
+    ends = [end, *(descend(problem, s, dof, settings.iterations) for s in others if s is not None)]
+    return min(ends, key=lambda e: e.normal.cost).state
+
+
+def _plausible(problem: Problem, end: Descent, dof: int) -> bool:
+    """Whether a descent ended where data could have come from: residuals of a few sigmas or pixels, not more."""
+    unstated = {f: n for f, n in residual_counts(problem).items() if f != "stated" and n}
+    if not unstated:
+        return end.normal.cost < _PLAUSIBLE_SIGMAS**2 * max(dof, 1)
+    limits = Noise(_PLAUSIBLE_PX, _PLAUSIBLE_M, _PLAUSIBLE_RAD, _PLAUSIBLE_M)
+    unit = Noise()
+    worst = max(getattr(limits, f) / getattr(unit, f) for f in unstated)
+    return end.normal.cost < worst**2 * max(dof, 1)

@@ -1,0 +1,40 @@
+"""The one array type, and read-only copies of it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from basecal.errors import InputError
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+def read_only(values: ArrayLike, shape: tuple[int | None, ...] | None = None, name: str = "array") -> Array:
+    """A read-only float64 copy.
+
+    Args:
+        values: Anything NumPy turns into numbers.
+        shape: Expected shape of the last axes; None stands for any length.
+        name: What to call it in an error.
+
+    Raises:
+        InputError: if the last axes do not have `shape`.
+    """
+    array = np.array(values, dtype=np.float64)
+    if shape is not None:
+        tail = array.shape[array.ndim - len(shape) :] if array.ndim >= len(shape) else None
+        if tail is None or any(want is not None and want != got for want, got in zip(shape, tail, strict=True)):
+            raise InputError(f"{name} has shape {array.shape}, expected (..., {', '.join(map(str, shape))})")
+    array.setflags(write=False)
+    return array
+
+
+def read_only_ids(values: Any) -> IntArray:
+    """A read-only int64 copy of point ids."""
+    array = np.array(values, dtype=np.int64)
+    array.setflags(write=False)
+    return array

@@ -1,0 +1,184 @@
+"""A camera: its lens, from points to pixels and back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from basecal.errors import InputError, nearest
+from basecal.geometry import fisheye, pinhole
+from basecal.geometry.array import Array, read_only
+from basecal.geometry.lens import BoolArray, Lens
+
+Model = Literal["pinhole", "fisheye"]
+_LENSES: dict[str, Lens] = {"pinhole": pinhole, "fisheye": fisheye}
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A lens and the size of its images; x right, y down, z forward; the centre of the top-left pixel is (0, 0).
+
+    Attributes:
+        model: `pinhole` (Brown-Conrady, k1 k2 p1 p2 [k3 [k4 k5 k6]]) or `fisheye` (Kannala-Brandt, k1 k2 k3 k4).
+        parameters: (4 + k,) fx, fy, cx, cy [px] and k distortion terms: 0, 4, 5 or 8; fisheye 4.
+        size_px: Width and height; None where not known.
+
+    Raises:
+        InputError: if the model is not known, a parameter not finite, a focal length or the size not positive, or the
+            number of distortion terms none of the model's.
+    """
+
+    model: Model
+    parameters: Array
+    size_px: tuple[int, int] | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "parameters", read_only(self.parameters, (None,), "camera parameters"))
+        if self.model not in _LENSES:
+            known = ", ".join(_LENSES)
+            raise InputError(f"no lens model {self.model!r}{nearest(self.model, _LENSES)}; there are: {known}")
+        _check_parameters(self.model, self.parameters)
+        if self.size_px is not None and not (len(self.size_px) == 2 and min(self.size_px) > 0):
+            raise InputError(f"size_px is {self.size_px}, expected a positive width and height")
+
+    @property
+    def focal(self) -> Array:
+        """Focal lengths fx and fy, (2,) [px]."""
+        return self.parameters[:2]
+
+    @property
+    def center(self) -> Array:
+        """Principal point cx and cy, (2,) [px]."""
+        return self.parameters[2:4]
+
+    @property
+    def distortion(self) -> Array:
+        """Distortion terms in the order of the model, (k,)."""
+        return self.parameters[4:]
+
+    def with_parameters(self, parameters: ArrayLike) -> Camera:
+        """The same model and size with other `parameters`, (4 + k,).
+
+        Raises:
+            InputError: as the class itself.
+        """
+        return Camera(self.model, np.asarray(parameters, dtype=np.float64), self.size_px)
+
+    def project(self, points_in_camera: Array) -> Array:
+        """Pixels of points.
+
+        Args:
+            points_in_camera: (..., 3) [m].
+
+        Returns:
+            (..., 2) [px]; NaN where z <= 0, for a fisheye only on the axis. Past the fold of the lens the formula
+            still gives a pixel that no real lens does: see `sees`.
+
+        Raises:
+            InputError: if the last axis is not 3.
+
+        Source: geometry/pinhole.py, geometry/fisheye.py; docs/mathematics.md.
+        """
+        points = _last_axis(points_in_camera, 3, "points_in_camera")
+        with np.errstate(all="ignore"):
+            return self._pixels(*_LENSES[self.model].project(points, self.distortion.tolist()))
+
+    def project_with_derivatives(
+        self, points_in_camera: Array, intrinsics: bool = False
+    ) -> tuple[Array, Array, Array | None]:
+        """Pixels of points, and their derivatives.
+
+        Args:
+            points_in_camera: (..., 3) [m].
+            intrinsics: Whether to give the derivative to the parameters as well.
+
+        Returns:
+            Pixels, (..., 2) [px], as `project`.
+            Derivative to the point, (..., 2, 3) [px/m].
+            Derivative to `parameters`, (..., 2, 4 + k), or None.
+
+        Raises:
+            InputError: if the last axis is not 3.
+        """
+        points = _last_axis(points_in_camera, 3, "points_in_camera")
+        fx, fy = self.focal.tolist()
+        with np.errstate(all="ignore"):
+            u, v, d_points, d_terms = _LENSES[self.model].project_with_derivatives(
+                points, (fx, fy), self.distortion.tolist(), intrinsics
+            )
+            d_parameters = None if d_terms is None else _by_parameters(u, v, d_terms)
+            return self._pixels(u, v), d_points, d_parameters
+
+    def undistort(self, pixels: Array) -> tuple[Array, BoolArray]:
+        """Directions in which pixels look.
+
+        Args:
+            pixels: (..., 2) [px].
+
+        Returns:
+            Unit directions in the camera's axes, (..., 3); NaN where not valid.
+            Valid, (...,): whether the lens has an image there: not so past the radius where its polynomial folds.
+
+        Raises:
+            InputError: if the last axis is not 2.
+        """
+        plane = (_last_axis(pixels, 2, "pixels") - self.center) / self.focal
+        with np.errstate(all="ignore"):
+            rays, valid = _LENSES[self.model].unproject(plane[..., 0], plane[..., 1], self.distortion.tolist())
+            unit = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+        return np.where(valid[..., None], unit, np.nan), valid
+
+    def sees(self, points_in_camera: Array) -> BoolArray:
+        """Whether points, (..., 3) [m], have an image: inside the fold of the lens and, where known, the image, (...,).
+
+        Raises:
+            InputError: if the last axis is not 3.
+        """
+        points = _last_axis(points_in_camera, 3, "points_in_camera")
+        with np.errstate(all="ignore"):
+            seen = _LENSES[self.model].within(points, self.distortion.tolist())
+        if self.size_px is None:
+            return seen
+        pixels = self.project(points)
+        inside: BoolArray = seen & np.all((pixels >= -0.5) & (pixels < np.array(self.size_px) - 0.5), axis=-1)
+        return inside
+
+    def _pixels(self, u: Array, v: Array) -> Array:
+        fx, fy, cx, cy = self.parameters[:4].tolist()
+        out = np.empty((*u.shape, 2))
+        np.add(fx * u, cx, out=out[..., 0])
+        np.add(fy * v, cy, out=out[..., 1])
+        return out
+
+
+def _by_parameters(u: Array, v: Array, d_terms: Array) -> Array:
+    """Derivative of the pixels to fx, fy, cx, cy and the distortion, (..., 2, 4 + k)."""
+    out = np.zeros((*d_terms.shape[:-1], 4 + d_terms.shape[-1]))
+    out[..., 0, 0], out[..., 1, 1] = u, v
+    out[..., 0, 2] = out[..., 1, 3] = 1.0
+    out[..., 4:] = d_terms
+    return out
+
+
+def _last_axis(values: Array, length: int, name: str) -> Array:
+    array = np.asarray(values, dtype=np.float64)
+    if array.shape[-1:] != (length,):
+        raise InputError(f"{name} has shape {array.shape}, expected (..., {length})")
+    return array
+
+
+def _check_parameters(model: Model, parameters: Array) -> None:
+    terms = _LENSES[model].TERMS
+    if parameters.ndim != 1 or len(parameters) - 4 not in terms:
+        expected = " or ".join(map(str, terms))
+        raise InputError(
+            f"camera parameters have shape {parameters.shape}, expected fx, fy, cx, cy and {expected} distortion terms"
+        )
+    if not np.all(np.isfinite(parameters)):
+        raise InputError("camera parameters hold NaN or infinity")
+    if not np.all(parameters[:2] > 0):
+        fx, fy = parameters[:2]
+        raise InputError(f"the focal lengths are {fx:g} and {fy:g} px, expected both above 0")

@@ -1,0 +1,112 @@
+"""The lens of Kannala and Brandt with four terms: cv2.fisheye, but also past 90 deg.
+
+Of a point at the angle t from the axis, the image lies at d(t) = t (1 + k1 t^2 + k2 t^4 + k3 t^6 + k4 t^8) from the
+centre. Source: Kannala & Brandt 2006, doi:10.1109/TPAMI.2006.153.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from basecal.geometry.array import Array
+from basecal.geometry.lens import BoolArray, first_root
+
+TERMS: tuple[int, ...] = (4,)
+_ITERATIONS = 80
+_TOLERANCE = 1e-14
+
+
+def _polar(points: Array) -> tuple[Array, Array, Array, Array]:
+    """Distance from the axis, cosine and sine about it, and the angle from it; NaN on the axis where z <= 0."""
+    x, y, z = points[..., 0], points[..., 1], points[..., 2]
+    r = np.hypot(x, y)
+    off = r > 0
+    safe = np.where(off, r, 1.0)
+    angle = np.where(off | (z > 0), np.arctan2(r, z), np.nan)
+    return r, np.where(off, x / safe, 1.0), y / safe, angle
+
+
+def _distance(angle: Array, distortion: list[float]) -> Array:
+    k1, k2, k3, k4 = distortion
+    s = angle * angle
+    return angle * ((((k4 * s + k3) * s + k2) * s + k1) * s + 1.0)
+
+
+def _growth(angle: Array, distortion: list[float]) -> Array:
+    """Derivative of the distance from the centre to the angle."""
+    k1, k2, k3, k4 = distortion
+    s = angle * angle
+    return (((9 * k4 * s + 7 * k3) * s + 5 * k2) * s + 3 * k1) * s + 1.0
+
+
+def project(points: Array, distortion: list[float]) -> tuple[Array, Array]:
+    """Image on the plane at unit distance, (...,) each, of points (..., 3); NaN on the axis where z <= 0."""
+    _, cosine, sine, angle = _polar(points)
+    distance = _distance(angle, distortion)
+    return cosine * distance, sine * distance
+
+
+def project_with_derivatives(
+    points: Array, focal: tuple[float, float], distortion: list[float], terms: bool
+) -> tuple[Array, Array, Array, Array | None]:
+    """Image on the plane at unit distance, and the derivatives of the pixels.
+
+    Returns:
+        u and v, (...,) each; to the points, (..., 2, 3) [px/m]; to the distortion, (..., 2, 4) [px], if `terms`.
+    """
+    r, cosine, sine, angle = _polar(points)
+    distance, growth = _distance(angle, distortion), _growth(angle, distortion)
+    z = points[..., 2]
+    square = r * r + z * z
+    outward = growth * z / square
+    around = np.where(r > 0, distance / np.where(r > 0, r, 1.0), outward)
+    cross = cosine * sine * (outward - around)
+    forward = -growth * r / square
+    d_points = np.empty((*points.shape[:-1], 2, 3))
+    d_points[..., 0, 0] = focal[0] * (cosine * cosine * outward + sine * sine * around)
+    d_points[..., 0, 1], d_points[..., 1, 0] = focal[0] * cross, focal[1] * cross
+    d_points[..., 1, 1] = focal[1] * (sine * sine * outward + cosine * cosine * around)
+    d_points[..., 0, 2], d_points[..., 1, 2] = focal[0] * cosine * forward, focal[1] * sine * forward
+    d_terms = _by_terms(focal[0] * cosine, focal[1] * sine, angle) if terms else None
+    return cosine * distance, sine * distance, d_points, d_terms
+
+
+def _by_terms(scaled_cosine: Array, scaled_sine: Array, angle: Array) -> Array:
+    powers = angle[..., None] ** np.array([3, 5, 7, 9])
+    return np.stack([scaled_cosine[..., None] * powers, scaled_sine[..., None] * powers], -2)
+
+
+def fold(distortion: list[float]) -> float:
+    """The angle up to which the image grows outwards [rad], at most pi."""
+    return min(math.sqrt(first_root(np.array([1.0, *distortion]) * [1, 3, 5, 7, 9])), math.pi)
+
+
+def within(points: Array, distortion: list[float]) -> BoolArray:
+    """Whether points lie inside the fold, (...,)."""
+    inside: BoolArray = _polar(points)[3] < fold(distortion)
+    return inside
+
+
+def unproject(u: Array, v: Array, distortion: list[float]) -> tuple[Array, BoolArray]:
+    """Unit directions, (..., 3), and whether each has the image (u, v) inside the fold, (...,).
+
+    Newton's method on the angle, halving the bracket where it would leave it.
+    """
+    wanted = np.hypot(u, v)
+    low, high = np.zeros_like(wanted), np.full_like(wanted, fold(distortion))
+    valid = wanted < _distance(high, distortion)
+    angle = np.minimum(wanted, 0.5 * high)
+    for _ in range(_ITERATIONS):
+        miss = wanted - _distance(angle, distortion)
+        low, high = np.where(miss > 0, angle, low), np.where(miss > 0, high, angle)
+        newton = angle + miss / _growth(angle, distortion)
+        moved = np.where((newton >= low) & (newton <= high), newton, 0.5 * (low + high))
+        settled = np.abs(moved - angle) <= _TOLERANCE
+        angle = moved
+        if np.all(settled | ~valid):
+            break
+    safe = np.where(wanted > 0, wanted, 1.0)
+    sideways = np.sin(angle) / safe
+    return np.stack([u * sideways, v * sideways, np.cos(angle)], -1), valid

@@ -1,0 +1,183 @@
+"""The lens of Brown and Conrady in OpenCV's order k1 k2 p1 p2 [k3 [k4 k5 k6]], on the plane at unit distance.
+
+Of a point (a, b, 1), with s = a^2 + b^2 and radial = (1 + k1 s + k2 s^2 + k3 s^3) / (1 + k4 s + k5 s^2 + k6 s^3), the
+image is (a radial + 2 p1 a b + p2 (s + 2 a^2), b radial + p1 (s + 2 b^2) + 2 p2 a b). Its derivative is symmetric.
+Source: Brown 1971, "Close-range camera calibration"; the rational terms as in OpenCV.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from basecal.geometry.array import Array
+from basecal.geometry.lens import BoolArray, first_root
+
+TERMS: tuple[int, ...] = (0, 4, 5, 8)
+_ITERATIONS = 60
+_TOLERANCE = 1e-12
+
+
+class _Rays(NamedTuple):
+    """Points (a, b, 1) with their products, and the radial factor there, (...,) each."""
+
+    a: Array
+    b: Array
+    aa: Array
+    bb: Array
+    ab: Array
+    s: Array
+    radial: Array
+    inverse_denominator: Array | float
+
+
+def _rays(a: Array, b: Array, k: list[float]) -> _Rays:
+    k1, k2, _, _, k3, k4, k5, k6 = k
+    aa, bb = a * a, b * b
+    s = aa + bb
+    radial = ((k3 * s + k2) * s + k1) * s + 1.0
+    if not (k4 or k5 or k6):
+        return _Rays(a, b, aa, bb, a * b, s, radial, 1.0)
+    inverse = 1.0 / (((k6 * s + k5) * s + k4) * s + 1.0)
+    return _Rays(a, b, aa, bb, a * b, s, radial * inverse, inverse)
+
+
+def _ahead(points: Array) -> tuple[Array, Array, Array]:
+    """a, b and 1 / z; NaN where z <= 0."""
+    z = points[..., 2]
+    ahead = z > 0
+    inverse = 1.0 / (z if ahead.all() else np.where(ahead, z, np.nan))
+    return points[..., 0] * inverse, points[..., 1] * inverse, inverse
+
+
+def _padded(distortion: list[float]) -> list[float]:
+    return distortion + [0.0] * (8 - len(distortion))
+
+
+def _image(rays: _Rays, k: list[float]) -> tuple[Array, Array]:
+    p1, p2 = k[2:4]
+    u, v = rays.a * rays.radial, rays.b * rays.radial
+    if p1 or p2:
+        u += (2 * p1) * rays.ab + p2 * (rays.s + 2 * rays.aa)
+        v += p1 * (rays.s + 2 * rays.bb) + (2 * p2) * rays.ab
+    return u, v
+
+
+def _derivative(rays: _Rays, k: list[float]) -> tuple[Array, Array, Array]:
+    """du/da, du/db == dv/da, dv/db."""
+    k1, k2, p1, p2, k3, k4, k5, k6 = k
+    slope = (6 * k3 * rays.s + 4 * k2) * rays.s + 2 * k1
+    if k4 or k5 or k6:
+        slope -= rays.radial * ((6 * k6 * rays.s + 4 * k5) * rays.s + 2 * k4)
+        slope *= rays.inverse_denominator
+    uu, uv, vv = slope * rays.aa, slope * rays.ab, slope * rays.bb
+    uu += rays.radial
+    vv += rays.radial
+    if p1 or p2:
+        uu += (2 * p1) * rays.b + (6 * p2) * rays.a
+        uv += (2 * p1) * rays.a + (2 * p2) * rays.b
+        vv += (6 * p1) * rays.b + (2 * p2) * rays.a
+    return uu, uv, vv
+
+
+def project(points: Array, distortion: list[float]) -> tuple[Array, Array]:
+    """Image on the plane at unit distance, (...,) each, of points (..., 3); NaN where z <= 0."""
+    a, b, _ = _ahead(points)
+    if not any(distortion):
+        return a, b
+    k = _padded(distortion)
+    return _image(_rays(a, b, k), k)
+
+
+def project_with_derivatives(
+    points: Array, focal: tuple[float, float], distortion: list[float], terms: bool
+) -> tuple[Array, Array, Array, Array | None]:
+    """Image on the plane at unit distance, and the derivatives of the pixels.
+
+    Returns:
+        u and v, (...,) each; to the points, (..., 2, 3) [px/m]; to the distortion, (..., 2, k) [px], if `terms`.
+    """
+    a, b, inverse = _ahead(points)
+    d_points = np.empty((*points.shape[:-1], 2, 3))
+    if not (any(distortion) or (terms and distortion)):
+        _undistorted_rows(d_points, a, b, inverse, focal)
+        return a, b, d_points, np.empty((*points.shape[:-1], 2, 0)) if terms else None
+    k = _padded(distortion)
+    rays = _rays(a, b, k)
+    uu, uv, vv = _derivative(rays, k)
+    for row, (f, da, db) in enumerate(((focal[0], uu, uv), (focal[1], uv, vv))):
+        scale = f * inverse
+        dx, dy = scale * da, scale * db
+        d_points[..., row, 0], d_points[..., row, 1] = dx, dy
+        np.negative(dx * a + dy * b, out=d_points[..., row, 2])
+    u, v = _image(rays, k)
+    return u, v, d_points, _by_terms(rays, focal, len(distortion)) if terms else None
+
+
+def _undistorted_rows(out: Array, a: Array, b: Array, inverse: Array, focal: tuple[float, float]) -> None:
+    for row, (f, at) in enumerate(zip(focal, (a, b), strict=True)):
+        scale = f * inverse
+        out[..., row, row] = scale
+        out[..., row, 1 - row] = 0.0 * scale  # NaN stays NaN
+        np.multiply(scale, -at, out=out[..., row, 2])
+
+
+def _by_terms(rays: _Rays, focal: tuple[float, float], count: int) -> Array:
+    """Derivative of the pixels to the first `count` distortion terms, (..., 2, count)."""
+    out = np.empty((*rays.s.shape, 2, count))
+    power = rays.s * rays.inverse_denominator
+    squared, cubed = power * rays.s, power * rays.s * rays.s
+    powers = {0: power, 1: squared, 4: cubed}
+    powers |= {term: -rays.radial * p for term, p in zip((5, 6, 7), (power, squared, cubed), strict=True)}
+    for row, at in enumerate((rays.a, rays.b)):
+        for term, p in powers.items():
+            if term < count:
+                np.multiply(focal[row] * at, p, out=out[..., row, term])
+    out[..., 0, 2], out[..., 0, 3] = 2 * focal[0] * rays.ab, focal[0] * (rays.s + 2 * rays.aa)
+    out[..., 1, 2], out[..., 1, 3] = focal[1] * (rays.s + 2 * rays.bb), 2 * focal[1] * rays.ab
+    return out
+
+
+def fold(distortion: list[float]) -> float:
+    """The s = a^2 + b^2 up to which the radial image grows with the radius; infinite where it always does."""
+    k1, k2, _, _, k3, k4, k5, k6 = _padded(distortion)
+    top, bottom = np.array([1.0, k1, k2, k3]), np.array([1.0, k4, k5, k6])
+    ramp = 2.0 * np.arange(4)
+    growth = np.convolve(top, bottom) + np.convolve(ramp * top, bottom) - np.convolve(top, ramp * bottom)
+    return min(first_root(growth), first_root(bottom))
+
+
+def within(points: Array, distortion: list[float]) -> BoolArray:
+    """Whether points lie ahead and inside the fold, (...,)."""
+    a, b, _ = _ahead(points)
+    inside: BoolArray = a * a + b * b < fold(distortion)
+    return inside
+
+
+def unproject(u: Array, v: Array, distortion: list[float]) -> tuple[Array, BoolArray]:
+    """Directions (a, b, 1), (..., 3), and whether each has the image (u, v) inside the fold, (...,).
+
+    Newton's method from the image itself, kept inside the fold.
+    """
+    k, limit = _padded(distortion), fold(distortion)
+    a, b = _clipped(u, v, limit)
+    for _ in range(_ITERATIONS):
+        rays = _rays(a, b, k)
+        at_u, at_v = _image(rays, k)
+        miss_u, miss_v = u - at_u, v - at_v
+        uu, uv, vv = _derivative(rays, k)
+        determinant = uu * vv - uv * uv
+        near = np.hypot(miss_u, miss_v) <= _TOLERANCE * (1 + np.hypot(u, v))
+        if not np.any(np.isfinite(determinant) & ~near):
+            break
+        step_a, step_b = (vv * miss_u - uv * miss_v) / determinant, (uu * miss_v - uv * miss_u) / determinant
+        a, b = _clipped(a + step_a, b + step_b, limit)
+    valid = near & (determinant > 0) & (uu + vv > 0) & (rays.s < limit)
+    return np.stack([rays.a, rays.b, np.ones_like(rays.a)], -1), valid
+
+
+def _clipped(a: Array, b: Array, limit: float) -> tuple[Array, Array]:
+    s = a * a + b * b
+    shrink = np.where(s > limit, np.sqrt(limit / s), 1.0)
+    return a * shrink, b * shrink

@@ -1,0 +1,60 @@
+"""A rigid transform with its covariance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from basecal.geometry.array import Array, read_only
+from basecal.geometry.se3 import SE3
+
+
+@dataclass(frozen=True, eq=False)
+class PoseEstimate:
+    """A mean and how sure it is, to first order.
+
+    The truth is `mean @ SE3.exp(xi)` with `xi` normal about 0 with `covariance`: it reads in the axes of b of an
+    `a_from_b`, free of the lever arm.
+
+    Attributes:
+        mean: One transform.
+        covariance: (6, 6) [m, rad], translation first.
+    """
+
+    mean: SE3
+    covariance: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "covariance", read_only(self.covariance, (6, 6), "covariance"))
+
+    @classmethod
+    def exact(cls, mean: SE3) -> PoseEstimate:
+        """A transform known without error."""
+        return cls(mean, np.zeros((6, 6)))
+
+    def inverse(self) -> PoseEstimate:
+        """`b_from_a` of an `a_from_b`: the perturbation changes its side by the adjoint."""
+        ad = self.mean.adjoint()
+        return PoseEstimate(self.mean.inverse(), ad @ self.covariance @ ad.T)
+
+    def __matmul__(self, other: PoseEstimate) -> PoseEstimate:
+        """`a_from_c` of `a_from_b` and an independent `b_from_c`."""
+        ad = other.mean.inverse().adjoint()
+        return PoseEstimate(self.mean @ other.mean, ad @ self.covariance @ ad.T + other.covariance)
+
+    def left_covariance(self) -> Array:
+        """Covariance of `xi` in `SE3.exp(xi) @ mean`: the axes and the origin of a, (6, 6)."""
+        ad = self.mean.adjoint()
+        covariance: Array = ad @ self.covariance @ ad.T
+        return covariance
+
+    @property
+    def sigma_t(self) -> Array:
+        """Standard deviation of the translation per axis of b, (3,) [m]."""
+        return np.sqrt(np.diag(self.covariance)[:3])
+
+    @property
+    def sigma_r(self) -> Array:
+        """Standard deviation of the rotation per axis of b, (3,) [rad]."""
+        return np.sqrt(np.diag(self.covariance)[3:])

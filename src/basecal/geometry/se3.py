@@ -1,0 +1,320 @@
+"""Rigid transforms, batched over leading axes.
+
+`a_from_b @ b_from_c` composes, `a_from_b @ p_in_b` moves points. Tangents are (translation [m], rotation [rad]) and
+perturb on the right: `a_from_b @ SE3.exp(xi)`, so `xi` reads in the axes of b. Source: Sola et al. 2018,
+arXiv:1812.01537; docs/mathematics.md. Below 0.5 rad every coefficient is a series, since the closed
+forms cancel.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, overload
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from basecal.errors import InputError
+from basecal.geometry.array import Array
+
+_SERIES_BELOW = 0.5
+_TERMS = 10
+ROTATION_TOLERANCE = 1e-3
+
+
+def hat(w: Array) -> Array:
+    """The cross-product matrix, (..., 3) to (..., 3, 3): `hat(w) @ v == cross(w, v)`."""
+    out = np.zeros((*w.shape, 3))
+    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -w[..., 2], w[..., 1], -w[..., 0]
+    out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = w[..., 2], -w[..., 1], w[..., 0]
+    return out
+
+
+def _series(x2: Array, first_factorial: int) -> Array:
+    """Sum of (-1)^k x2^k / (2k + first_factorial)!, Horner's way."""
+    total = np.zeros_like(x2)
+    for k in range(_TERMS, -1, -1):
+        total = total * (-x2 / ((2 * k + first_factorial + 1) * (2 * k + first_factorial + 2))) + 1.0
+    return total / float(np.prod(np.arange(1, first_factorial + 1)))
+
+
+def _coefficients(angle: Array) -> tuple[Array, Array, Array]:
+    """The values sin x / x, (1 - cos x) / x^2 and (x - sin x) / x^3, exact at and near zero."""
+    x2 = angle * angle
+    small = angle < _SERIES_BELOW
+    x = np.where(small, 1.0, angle)
+    near = np.where(small, x2, 0.0)
+    a = np.where(small, _series(near, 1), np.sin(x) / x)
+    b = np.where(small, _series(near, 2), (1 - np.cos(x)) / x**2)
+    c = np.where(small, _series(near, 3), (x - np.sin(x)) / x**3)
+    return a, b, c
+
+
+def rotation_exp(w: Array) -> Array:
+    """Rotation matrices of rotation vectors, (..., 3) [rad] to (..., 3, 3)."""
+    a, b, _ = _coefficients(np.linalg.norm(w, axis=-1))
+    k = hat(w)
+    return np.eye(3) + a[..., None, None] * k + b[..., None, None] * (k @ k)
+
+
+def rotation_log(rotation: Array) -> Array:
+    """Rotation vectors of rotation matrices, (..., 3, 3) to (..., 3) [rad], angle in [0, pi].
+
+    By the quaternion, which is well conditioned at every angle.
+    """
+    q = quaternion_from_rotation(rotation)
+    v, w = q[..., :3], q[..., 3]
+    norm = np.linalg.norm(v, axis=-1)
+    safe = np.where(norm > 0, norm, 1.0)
+    # atan2(n, w) / n tends to 1 / w where n tends to zero; w >= 0 by construction.
+    scale = np.where(norm > 0, 2 * np.arctan2(norm, w) / safe, 2.0)
+    return v * scale[..., None]
+
+
+def quaternion_from_rotation(rotation: Array) -> Array:
+    """Unit quaternions (x, y, z, w) with w >= 0 of rotation matrices, (..., 3, 3) to (..., 4).
+
+    Source: Bar-Itzhack 2000 written out: the largest of four exact expressions is divided by.
+    """
+    r = rotation
+    d = np.stack([r[..., 0, 0], r[..., 1, 1], r[..., 2, 2]], -1)
+    trace = d.sum(-1)
+    q = np.empty((*r.shape[:-2], 4, 4))
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        q[..., i, i] = 1 + d[..., i] - d[..., j] - d[..., k]
+        q[..., i, j] = q[..., j, i] = r[..., i, j] + r[..., j, i]
+        q[..., i, 3] = q[..., 3, i] = r[..., k, j] - r[..., j, k]
+    q[..., 3, 3] = 1 + trace
+    best = np.argmax(np.diagonal(q, axis1=-2, axis2=-1), axis=-1)
+    out = np.take_along_axis(q, best[..., None, None], axis=-2)[..., 0, :]
+    out = out / np.linalg.norm(out, axis=-1, keepdims=True)
+    unit: Array = np.where(out[..., 3:] < 0, -out, out)
+    return unit
+
+
+def rotation_from_quaternion(q_xyzw: Array) -> Array:
+    """Rotation matrices of unit quaternions (x, y, z, w), (..., 4) to (..., 3, 3)."""
+    v, w = q_xyzw[..., :3], q_xyzw[..., 3, None, None]
+    k = hat(v)
+    return np.eye(3) + 2 * w * k + 2 * (k @ k)
+
+
+def nearest_rotation(matrix: Array) -> Array:
+    """The rotation nearest in the Frobenius norm, (..., 3, 3). Source: Umeyama 1991."""
+    u, _, vt = np.linalg.svd(matrix)
+    sign = np.where(np.linalg.det(u @ vt) < 0, -1.0, 1.0)
+    u = u.copy()
+    u[..., :, 2] *= sign[..., None]
+    rotation: Array = u @ vt
+    return rotation
+
+
+def _q_matrix(v: Array, w: Array) -> Array:
+    """The coupling block of the right Jacobian of SE(3). Source: Barfoot 2017, eq. (7.86), at -xi."""
+    angle = np.linalg.norm(w, axis=-1)
+    x2 = angle * angle
+    small = angle < _SERIES_BELOW
+    x = np.where(small, 1.0, angle)
+    near = np.where(small, x2, 0.0)
+    _, _, c3 = _coefficients(angle)
+    c4 = np.where(small, _series(near, 4), (x**2 / 2 + np.cos(x) - 1) / x**4)
+    c5 = np.where(small, _series(near, 5), (x**3 / 6 - x + np.sin(x)) / x**5)
+    p, f = hat(-v), hat(-w)
+    fp, pf = f @ p, p @ f
+    fpf = fp @ f
+    first = 0.5 * p + c3[..., None, None] * (fp + pf + fpf)
+    second = c4[..., None, None] * (f @ fp + pf @ f - 3 * fpf)
+    third = 0.5 * (c4 - 3 * c5)[..., None, None] * (fpf @ f + f @ fpf)
+    block: Array = first + second + third
+    return block
+
+
+def right_jacobian(xi: Array) -> Array:
+    """The derivative d log(exp(xi)^-1 exp(xi + d)) / dd at 0, (..., 6) to (..., 6, 6)."""
+    v, w = xi[..., :3], xi[..., 3:]
+    _, b, c = _coefficients(np.linalg.norm(w, axis=-1))
+    k = hat(w)
+    jr = np.eye(3) - b[..., None, None] * k + c[..., None, None] * (k @ k)
+    out = np.zeros((*xi.shape[:-1], 6, 6))
+    out[..., :3, :3] = out[..., 3:, 3:] = jr
+    out[..., :3, 3:] = _q_matrix(v, w)
+    return out
+
+
+def right_jacobian_inverse(xi: Array) -> Array:
+    """The derivative d log(exp(xi) exp(d)) / dd at 0, (..., 6) to (..., 6, 6); rotation angle below 2 pi."""
+    return np.asarray(np.linalg.inv(right_jacobian(xi)), dtype=np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class SE3:
+    """One rigid transform or a batch of them.
+
+    Attributes:
+        rotation: (..., 3, 3).
+        translation: (..., 3) [m].
+    """
+
+    rotation: Array
+    translation: Array
+
+    def __post_init__(self) -> None:
+        for array in (self.rotation, self.translation):
+            array.setflags(write=False)
+
+    @classmethod
+    def identity(cls, shape: tuple[int, ...] = ()) -> SE3:
+        """The transform that moves nothing, `shape` times."""
+        return cls(np.broadcast_to(np.eye(3), (*shape, 3, 3)).copy(), np.zeros((*shape, 3)))
+
+    @classmethod
+    def from_matrix(cls, matrix: ArrayLike, name: str = "matrix") -> SE3:
+        """From homogeneous matrices, (..., 4, 4).
+
+        A rotation part within 1e-3 of a rotation is projected onto the nearest one.
+
+        Raises:
+            InputError: if a value is not finite, the last row is not (0, 0, 0, 1) or the rest is no rotation.
+        """
+        m = np.array(matrix, dtype=np.float64)
+        if m.shape[-2:] != (4, 4):
+            raise InputError(f"{name} has shape {m.shape}, expected (..., 4, 4)")
+        if not np.all(np.isfinite(m)):
+            raise InputError(f"{name} holds NaN or infinity")
+        if not np.allclose(m[..., 3, :], (0, 0, 0, 1), atol=1e-6):
+            raise InputError(f"{name}: the last row is not (0, 0, 0, 1)")
+        return cls(checked_rotation(m[..., :3, :3], name), m[..., :3, 3].copy())
+
+    @classmethod
+    def from_quaternion(cls, q_xyzw: ArrayLike, translation: ArrayLike, name: str = "q_xyzw") -> SE3:
+        """From quaternions (x, y, z, w), (..., 4), of norm 1 within 1e-3, and translations (..., 3) [m].
+
+        Raises:
+            InputError: if a value is not finite or a norm is off by more.
+        """
+        q = np.array(q_xyzw, dtype=np.float64)
+        t = np.array(translation, dtype=np.float64)
+        if q.shape[-1:] != (4,) or t.shape[-1:] != (3,):
+            raise InputError(f"{name} needs 4 numbers and a translation 3, got {q.shape} and {t.shape}")
+        if not (np.all(np.isfinite(q)) and np.all(np.isfinite(t))):
+            raise InputError(f"{name} or its translation holds NaN or infinity")
+        norm = np.linalg.norm(q, axis=-1)
+        if np.any(np.abs(norm - 1) > ROTATION_TOLERANCE):
+            worst = float(norm.flat[np.argmax(np.abs(norm - 1))])
+            raise InputError(f"{name} has norm {worst:.6g}, expected 1 within {ROTATION_TOLERANCE:g}")
+        return cls(rotation_from_quaternion(q / norm[..., None]), t)
+
+    @classmethod
+    def from_rotvec(cls, rotvec: ArrayLike, translation: ArrayLike) -> SE3:
+        """From rotation vectors, (..., 3) [rad], and translations, (..., 3) [m]."""
+        return cls(rotation_exp(np.array(rotvec, dtype=np.float64)), np.array(translation, dtype=np.float64))
+
+    @classmethod
+    def from_rpy(cls, rpy: ArrayLike, translation: ArrayLike) -> SE3:
+        """From angles about the fixed axes x, then y, then z, (..., 3) [rad], as in a URDF `origin`."""
+        r, p, y = np.moveaxis(np.array(rpy, dtype=np.float64), -1, 0)
+        axes = np.eye(3)
+        rotation = (rotation_exp(y[..., None] * axes[2]) @ rotation_exp(p[..., None] * axes[1])) @ rotation_exp(
+            r[..., None] * axes[0]
+        )
+        return cls(rotation, np.array(translation, dtype=np.float64))
+
+    @classmethod
+    def exp(cls, xi: ArrayLike) -> SE3:
+        """From tangents, (..., 6) [m, rad]."""
+        x = np.array(xi, dtype=np.float64)
+        v, w = x[..., :3], x[..., 3:]
+        a, b, c = _coefficients(np.linalg.norm(w, axis=-1))
+        k = hat(w)
+        k2 = k @ k
+        rotation = np.eye(3) + a[..., None, None] * k + b[..., None, None] * k2
+        left = np.eye(3) + b[..., None, None] * k + c[..., None, None] * k2
+        return cls(rotation, (left @ v[..., None])[..., 0])
+
+    @classmethod
+    def stack(cls, transforms: list[SE3]) -> SE3:
+        """A batch from single transforms, along a new first axis."""
+        if not transforms:
+            return cls.identity((0,))
+        return cls(np.stack([t.rotation for t in transforms]), np.stack([t.translation for t in transforms]))
+
+    def log(self) -> Array:
+        """Tangents, (..., 6) [m, rad], with rotation angle in [0, pi]."""
+        w = rotation_log(self.rotation)
+        _, b, c = _coefficients(np.linalg.norm(w, axis=-1))
+        k = hat(w)
+        left = np.eye(3) + b[..., None, None] * k + c[..., None, None] * (k @ k)
+        v = np.linalg.solve(left, self.translation[..., None])[..., 0]
+        return np.concatenate([v, w], axis=-1)
+
+    def inverse(self) -> SE3:
+        """`b_from_a` of an `a_from_b`."""
+        rt = np.swapaxes(self.rotation, -1, -2)
+        return SE3(rt.copy(), -(rt @ self.translation[..., None])[..., 0])
+
+    def adjoint(self) -> Array:
+        """(..., 6, 6): `T @ exp(xi) == exp(T.adjoint() @ xi) @ T`."""
+        out = np.zeros((*self.translation.shape[:-1], 6, 6))
+        out[..., :3, :3] = out[..., 3:, 3:] = self.rotation
+        out[..., :3, 3:] = hat(self.translation) @ self.rotation
+        return out
+
+    @overload
+    def __matmul__(self, other: SE3) -> SE3: ...
+    @overload
+    def __matmul__(self, other: Array) -> Array: ...
+    def __matmul__(self, other: SE3 | Array) -> SE3 | Array:
+        if isinstance(other, SE3):
+            moved = (self.rotation @ other.translation[..., None])[..., 0]
+            return SE3(self.rotation @ other.rotation, moved + self.translation)
+        moved = (self.rotation @ other[..., None])[..., 0]
+        result: Array = moved + self.translation
+        return result
+
+    def __getitem__(self, index: Any) -> SE3:
+        return SE3(self.rotation[index], self.translation[index])
+
+    def __len__(self) -> int:
+        return len(self.translation)
+
+    @property
+    def matrix(self) -> Array:
+        """Homogeneous matrices, (..., 4, 4)."""
+        out = np.zeros((*self.translation.shape[:-1], 4, 4))
+        out[..., :3, :3], out[..., :3, 3], out[..., 3, 3] = self.rotation, self.translation, 1.0
+        return out
+
+    @property
+    def quaternion(self) -> Array:
+        """Unit quaternions (x, y, z, w), w >= 0, (..., 4)."""
+        return quaternion_from_rotation(self.rotation)
+
+    @property
+    def rotvec(self) -> Array:
+        """Rotation vectors, (..., 3) [rad]."""
+        return rotation_log(self.rotation)
+
+    @property
+    def rpy(self) -> Array:
+        """Angles about the fixed axes x, y, z, (..., 3) [rad]; at a pitch of 90 deg the roll is 0."""
+        r = self.rotation
+        cos_pitch = np.hypot(r[..., 0, 0], r[..., 1, 0])
+        pitch = np.arctan2(-r[..., 2, 0], cos_pitch)
+        locked = cos_pitch < 1e-9
+        roll = np.where(locked, 0.0, np.arctan2(r[..., 2, 1], r[..., 2, 2]))
+        yaw = np.where(locked, np.arctan2(-r[..., 0, 1], r[..., 1, 1]), np.arctan2(r[..., 1, 0], r[..., 0, 0]))
+        return np.stack([roll, pitch, yaw], -1)
+
+
+def checked_rotation(rotation: Array, name: str = "rotation") -> Array:
+    """The nearest rotation of a matrix within 1e-3 of one, (..., 3, 3).
+
+    Raises:
+        InputError: if it is further away, or a reflection.
+    """
+    nearest = nearest_rotation(rotation)
+    off = np.abs(nearest - rotation).max(initial=0.0)
+    if off > ROTATION_TOLERANCE:
+        raise InputError(f"{name} is not a rotation: off by {off:.2g}, at most {ROTATION_TOLERANCE:g} is projected")
+    return nearest

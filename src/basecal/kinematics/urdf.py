@@ -1,0 +1,213 @@
+"""The serial chain between two links of a URDF."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from basecal.errors import DatasetError, FrameNotFound
+from basecal.geometry import SE3, Array
+from basecal.kinematics.chain import SerialChain
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
+
+_TURNING = ("revolute", "continuous")
+
+
+@dataclass(frozen=True)
+class _Joint:
+    """A joint element of a file, with the attributes that every joint has."""
+
+    path: str
+    element: Element
+    name: str
+    kind: str
+    parent: str
+    child: str
+
+    def error(self, part: str, message: str) -> DatasetError:
+        return DatasetError(self.path, message, field=f"joint {self.name!r} {part}".rstrip())
+
+
+def read_chain(path: str | Path, base_link: str, flange_link: str) -> SerialChain:
+    """The chain of revolute joints from `base_link` to `flange_link` in a URDF file.
+
+    Args:
+        path: An expanded URDF, not a xacro.
+        base_link: Name of the link the chain starts at.
+        flange_link: Name of the link it ends at.
+
+    Raises:
+        DatasetError: if the file cannot be read, is no tree of links, or has on the way a joint that neither turns nor
+            is fixed, that mimics another, or whose numbers cannot be used.
+        FrameNotFound: if a link does not exist.
+
+    Source: https://wiki.ros.org/urdf/XML/joint.
+    """
+    try:
+        text = Path(path).read_bytes()
+    except OSError as error:
+        raise DatasetError(str(path), f"cannot be read: {error.strerror}") from error
+    return parse_chain(text, base_link, flange_link, str(path))
+
+
+def parse_chain(text: str | bytes, base_link: str, flange_link: str, path: str = "<text>") -> SerialChain:
+    """The chain of revolute joints from `base_link` to `flange_link` in the text of a URDF.
+
+    Raises:
+        DatasetError: as `read_chain`, naming `path`.
+        FrameNotFound: if a link does not exist.
+    """
+    root = _root(text, path)
+    links = _unique([_attribute(path, element, "name") for element in root.findall("link")], "link", path)
+    joints = [_joint(path, element) for element in root.findall("joint")]
+    _unique([joint.name for joint in joints], "joint", path)
+    above = _tree(joints, links, path)
+    for link in (base_link, flange_link):
+        if link not in links:
+            raise FrameNotFound(link, links)
+    return _assembled(_way(above, base_link, flange_link, path))
+
+
+def _root(text: str | bytes, path: str) -> Element:
+    from xml.etree.ElementTree import ParseError
+
+    from defusedxml.ElementTree import fromstring
+
+    try:
+        root: Element = fromstring(text)
+    except ParseError as error:
+        raise DatasetError(path, f"not well-formed XML: {error}", line=error.position[0]) from error
+    except (ValueError, LookupError) as error:
+        raise DatasetError(path, f"not XML that can be read safely: {error}") from error
+    if root.tag != "robot":
+        raise DatasetError(path, f"the root element is {root.tag!r}, expected 'robot'")
+    return root
+
+
+def _attribute(path: str, element: Element, key: str, about: str = "") -> str:
+    value = element.get(key)
+    if not value:
+        raise DatasetError(path, f"has no {key!r}", field=about or element.tag)
+    return value
+
+
+def _unique(names: list[str], what: str, path: str) -> list[str]:
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise DatasetError(path, "given twice, names are unique", field=f"{what} {twice[0]!r}")
+    return names
+
+
+def _joint(path: str, element: Element) -> _Joint:
+    name = _attribute(path, element, "name")
+    ends = []
+    for tag in ("parent", "child"):
+        end = element.find(tag)
+        if end is None:
+            raise DatasetError(path, f"has no element {tag!r}", field=f"joint {name!r}")
+        ends.append(_attribute(path, end, "link", f"joint {name!r} {tag}"))
+    return _Joint(path, element, name, _attribute(path, element, "type", f"joint {name!r}"), *ends)
+
+
+def _tree(joints: list[_Joint], links: list[str], path: str) -> dict[str, _Joint]:
+    """The joint above each link but the root.
+
+    Raises:
+        DatasetError: if a joint names a link that is not there, a link has two parents, or there is not one root.
+    """
+    above: dict[str, _Joint] = {}
+    for joint in joints:
+        for link in (joint.parent, joint.child):
+            if link not in links:
+                raise joint.error("", f"names the link {link!r}, which does not exist")
+        if joint.child in above:
+            raise joint.error(
+                "child", f"{joint.child!r} already hangs on joint {above[joint.child].name!r}: not a tree"
+            )
+        above[joint.child] = joint
+    roots = [link for link in links if link not in above]
+    if len(roots) != 1:
+        raise DatasetError(
+            path, f"not a tree: the links without a parent are {', '.join(roots) or 'none'}, expected one"
+        )
+    return above
+
+
+def _way(above: dict[str, _Joint], base_link: str, flange_link: str, path: str) -> list[_Joint]:
+    way: list[_Joint] = []
+    link = flange_link
+    while link != base_link:
+        if link not in above or len(way) > len(above):
+            raise DatasetError(path, f"{flange_link!r} does not hang under {base_link!r}, but under {link!r}")
+        way.insert(0, above[link])
+        link = way[0].parent
+    if not any(joint.kind in _TURNING for joint in way):
+        raise DatasetError(path, f"no revolute joint between {base_link!r} and {flange_link!r}")
+    return way
+
+
+def _assembled(way: list[_Joint]) -> SerialChain:
+    turning: list[_Joint] = []
+    origins: list[SE3] = []
+    since_last = SE3.identity()
+    for joint in way:
+        since_last = since_last @ _origin(joint)
+        if joint.kind in _TURNING:
+            turning.append(joint)
+            origins.append(since_last)
+            since_last = SE3.identity()
+        elif joint.kind != "fixed":
+            raise joint.error("type", f"{joint.kind!r} on the way, expected revolute, continuous or fixed")
+    limits = np.array([_limits(joint) for joint in turning])
+    axes = np.array([_axis(joint) for joint in turning])
+    names = tuple(joint.name for joint in turning)
+    return SerialChain(names, SE3.stack(origins), axes, since_last, limits[:, 0], limits[:, 1])
+
+
+def _numbers(joint: _Joint, tag: str, key: str, default: str, count: int) -> Array:
+    """The finite numbers in an attribute of a joint's element.
+
+    Raises:
+        DatasetError: if they are not `count` finite numbers.
+    """
+    element = joint.element.find(tag)
+    text = default if element is None else element.get(key, default)
+    try:
+        numbers = np.array([float(word) for word in text.split()])
+    except ValueError:
+        numbers = np.array([np.nan])
+    if len(numbers) != count or not np.all(np.isfinite(numbers)):
+        wanted = "a finite number" if count == 1 else f"{count} finite numbers"
+        raise joint.error(f"{tag} {key}", f"expected {wanted}, got {text!r}; expand a xacro first")
+    return numbers
+
+
+def _origin(joint: _Joint) -> SE3:
+    return SE3.from_rpy(_numbers(joint, "origin", "rpy", "0 0 0", 3), _numbers(joint, "origin", "xyz", "0 0 0", 3))
+
+
+def _axis(joint: _Joint) -> Array:
+    if joint.element.find("mimic") is not None:
+        raise joint.error("mimic", "a joint that follows another is not supported on the way")
+    axis = _numbers(joint, "axis", "xyz", "1 0 0", 3)
+    length = np.linalg.norm(axis)
+    if length < 1e-9:
+        raise joint.error("axis xyz", "has no direction, expected three numbers that are not all zero")
+    unit: Array = axis / length
+    return unit
+
+
+def _limits(joint: _Joint) -> tuple[float, float]:
+    if joint.kind == "continuous":
+        return -np.inf, np.inf
+    if joint.element.find("limit") is None:
+        raise joint.error("limit", "missing; a revolute joint has 'lower' and 'upper', else it is 'continuous'")
+    lower, upper = (float(_numbers(joint, "limit", key, "0", 1)[0]) for key in ("lower", "upper"))
+    if lower > upper:
+        raise joint.error("limit", f"lower {lower:g} is above upper {upper:g}")
+    return lower, upper

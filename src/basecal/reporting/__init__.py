@@ -1,0 +1,1 @@
+"""Calibrations told to people; nothing is computed here."""

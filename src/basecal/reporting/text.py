@@ -1,0 +1,156 @@
+"""A calibration told in plain text: the verdict first, then numbers to read and lines to paste."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from basecal.cell import Calibration, Cell, Finding
+from basecal.exchange.ros2 import static_transform_publisher
+from basecal.exchange.urdf import origin_line
+from basecal.geometry import Array, PoseEstimate
+
+_INTRINSICS = ("fx", "fy", "cx", "cy")
+_DISTORTION = {"pinhole": ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"), "fisheye": ("k1", "k2", "k3", "k4")}
+_READ_IN = {"px": (1.0, "px"), "m": (1e3, "mm"), "rad": (1e3, "mrad")}
+_RANK = {"error": 0, "warning": 1, "info": 2}
+
+
+def text_report(cell: Cell, calibration: Calibration) -> str:
+    """The report of a calibration, lines joined by newlines.
+
+    Args:
+        cell: What was calibrated: it says what was asked, and names frames for other programs.
+        calibration: What came out.
+    """
+    asked = [name for name in cell.asked if name in calibration.transforms]
+    others = [name for name in calibration.transforms if name not in asked]
+    blocks = [
+        [verdict_sentence(cell, calibration)],
+        *([*_transform(name, calibration), *_to_paste(name, cell, calibration)] for name in asked),
+        *(_transform(name, calibration) for name in others),
+        *(_intrinsics(name, calibration) for name in calibration.cameras),
+        list(_residuals(calibration)),
+        list(_noise(calibration)),
+        list(_findings(calibration.findings)),
+    ]
+    return "\n\n".join("\n".join(block) for block in blocks if block)
+
+
+def verdict_sentence(cell: Cell, calibration: Calibration) -> str:
+    """The verdict in one sentence: how well what was asked is known, or why it is not."""
+    asked = [name for name in cell.asked if name in calibration.transforms]
+    known = "; ".join(f"{name} to {_known_to(name, calibration)}" for name in asked)
+    reason = _first_reason(calibration.findings)
+    if calibration.verdict == "refused":
+        return f"REFUSED: {reason or 'the data do not determine what was asked.'}"
+    if calibration.verdict == "doubtful":
+        return f"DOUBTFUL: {known} (one sigma), but: {reason}"
+    return f"GOOD: {known} (one sigma)." if known else "GOOD: nothing was asked, everything is fixed."
+
+
+def _known_to(name: str, calibration: Calibration) -> str:
+    sigma_mm, sigma_deg = _norms(calibration[name])
+    told = f"{sigma_mm:.3g} mm"
+    return told if name in calibration.points else f"{told} and {sigma_deg:.2g} deg"
+
+
+def _norms(estimate: PoseEstimate) -> tuple[float, float]:
+    """Root of the trace of both halves of the covariance, [mm] and [deg]."""
+    return float(np.linalg.norm(estimate.sigma_t)) * 1e3, float(np.degrees(np.linalg.norm(estimate.sigma_r)))
+
+
+def _first_reason(findings: Iterable[Finding]) -> str:
+    by_weight = sorted((f for f in findings if f.severity != "info"), key=lambda f: _RANK[f.severity])
+    return by_weight[0].message if by_weight else ""
+
+
+def _row(values: Array, digits: int) -> str:
+    return "".join(f"{round(float(value), digits) + 0.0:13.{digits}f}" for value in values)
+
+
+def _transform(name: str, calibration: Calibration) -> list[str]:
+    estimate, status = calibration[name], calibration.status.get(name, "free")
+    is_point = name in calibration.points
+    sigma_mm, sigma_deg = _norms(estimate)
+    lines = [
+        f"{name}  ({status}{', a point' if is_point else ''})",
+        f"  t      {_row(estimate.mean.translation * 1e3, 4)} mm",
+    ]
+    if status != "fixed":
+        lines.append(f"  sigma  {_row(estimate.sigma_t * 1e3, 4)} mm    norm {sigma_mm:.4f} mm")
+    if is_point:
+        return lines
+    lines += [f"  rpy    {_row(np.degrees(estimate.mean.rpy), 4)} deg"]
+    if status != "fixed":
+        lines.append(f"  sigma  {_row(np.degrees(estimate.sigma_r), 4)} deg   norm {sigma_deg:.4f} deg")
+    return [*lines, f"  q_xyzw {_row(estimate.mean.quaternion, 9)}"]
+
+
+def _to_paste(name: str, cell: Cell, calibration: Calibration) -> list[str]:
+    if name in calibration.points:
+        return []
+    parent, child = frame_names(cell, name)
+    mean = calibration[name].mean
+    return ["  URDF:  " + origin_line(mean), "  ROS 2: " + static_transform_publisher(mean, parent, child)]
+
+
+def frame_names(cell: Cell, name: str) -> tuple[str, str]:
+    """What parent and child of a transform are called in other programs.
+
+    The cell's `frames` of each robot, unless both are called the same; else our own names.
+    """
+    ours = tuple(name.split("_from_"))
+    named = {f"{robot.name}_{part}": other for robot in cell.robots.values() for part, other in robot.frames.items()}
+    parent, child = (named.get(frame, frame) for frame in ours)
+    return (parent, child) if parent != child else (ours[0], ours[1])
+
+
+def _intrinsics(name: str, calibration: Calibration) -> list[str]:
+    camera, covariance = calibration.cameras[name]
+    sigmas = np.sqrt(np.diag(covariance))
+    names = [*_INTRINSICS, *_DISTORTION[camera.model]][: len(sigmas)]
+    pairs = zip(names, camera.parameters, sigmas, strict=True)
+    told = [
+        f"  {key:<3}{value:13.5f}    sigma {sigma:.5f}{' px' if key in _INTRINSICS else ''}"
+        for key, value, sigma in pairs
+    ]
+    return [f"intrinsics of {name}  ({camera.model})", *told]
+
+
+def _residuals(calibration: Calibration) -> Iterator[str]:
+    residuals = calibration.residuals
+    if residuals.rms_px is not None:
+        median = "" if residuals.median_px is None else f", median {residuals.median_px:.3f} px"
+        yield f"residuals: rms {residuals.rms_px:.3f} px per coordinate{median}"
+    if residuals.loop_rms_m is not None:
+        turned = "" if residuals.loop_rms_rad is None else f" and {np.degrees(residuals.loop_rms_rad):.3f} deg"
+        yield f"loop closes to {residuals.loop_rms_m * 1e3:.3f} mm{turned} rms over {len(residuals.per_sample)} views"
+    seen = [view for view in residuals.per_sample if view.rms_px is not None]
+    if seen:
+        worst = max(seen, key=lambda view: view.rms_px or 0.0)
+        yield f"worst view: sample {worst.sample} by {worst.camera}, {worst.rms_px:.3f} px"
+
+
+def _noise(calibration: Calibration) -> Iterator[str]:
+    noise = dict(calibration.noise)
+    robots = noise.pop("robots", None) or {}
+    told = [_sigma(key, value) for key, value in noise.items() if value is not None]
+    if told:
+        yield f"noise of what was seen, per axis: {', '.join(told)}"
+    for robot, sigmas in robots.items():
+        told = [_sigma(key, value) for key, value in sigmas.items() if value is not None]
+        yield f"noise of {robot} per stop and axis: {', '.join(told)}"
+
+
+def _sigma(key: str, value: float | Array) -> str:
+    """One sigma or three in the unit to read of a key that ends in `_px`, `_m` or `_rad`."""
+    scale, unit = _READ_IN[key.rpartition("_")[2]]
+    return f"{' '.join(f'{scale * each:.3g}' for each in np.unique(value))} {unit}"
+
+
+def _findings(findings: Iterable[Finding]) -> Iterator[str]:
+    for finding in sorted(findings, key=lambda f: _RANK[f.severity]):
+        about = f" [{', '.join(finding.about)}]" if finding.about else ""
+        yield f"{finding.severity}: {finding.code}{about}: {finding.message}"

@@ -1,0 +1,74 @@
+"""Random vectors, rotations, lenses and targets."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.cell import target as targets
+from basecal.cell.target import Target
+from basecal.geometry import SE3, Array, Camera
+from basecal.geometry.se3 import rotation_from_quaternion
+from basecal.simulation.scenario import Scenario
+
+Generator = np.random.Generator
+SIZE_PX = (1280, 720)
+
+
+def in_ball(rng: Generator, n: int, radius: float) -> Array:
+    """Vectors uniform in a ball, (n, 3)."""
+    direction = rng.standard_normal((n, 3))
+    direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
+    vectors: Array = radius * np.cbrt(rng.random((n, 1))) * direction
+    return vectors
+
+
+def rotations(rng: Generator, n: int) -> Array:
+    """Rotations uniform over all, (n, 3, 3)."""
+    q = rng.standard_normal((n, 4))
+    return rotation_from_quaternion(q / np.linalg.norm(q, axis=-1, keepdims=True))
+
+
+def tangents(rng: Generator, n: int, sigma: tuple[float, float]) -> Array:
+    """Normal tangents with sigmas (translation [m], rotation [rad]) per axis, (n, 6)."""
+    noise: Array = rng.standard_normal((n, 6)) * np.repeat(sigma, 3)
+    return noise
+
+
+def mount(rng: Generator, point: bool) -> SE3:
+    """A mount: within 0.1 m, turned anyhow, or not at all where it holds a mere `point`."""
+    rotation = np.eye(3) if point else rotations(rng, 1)[0]
+    return SE3(rotation, in_ball(rng, 1, 0.1)[0])
+
+
+def lens(rng: Generator, scenario: Scenario) -> Camera:
+    """The scenario's lens, or one of its model: a field of view of about 70 deg, or 120 deg for a fisheye."""
+    if scenario.camera is not None:
+        return scenario.camera
+    fisheye = scenario.lens == "fisheye"
+    fx = rng.uniform(480, 560) if fisheye else rng.uniform(860, 940)
+    fy = fx * rng.uniform(0.995, 1.005)
+    cx, cy = np.array(SIZE_PX) / 2 - 0.5 + rng.uniform(-15, 15, 2)
+    distortion = np.array([-0.08, 0.02, 0, 0, 0]) + rng.uniform(-1, 1, 5) * (0.05, 0.02, 1e-3, 1e-3, 0.005)
+    if fisheye:
+        distortion = rng.uniform(-1, 1, 4) * (0.03, 0.01, 0.003, 0.001)
+    return Camera(scenario.lens, np.array([fx, fy, cx, cy, *distortion]), SIZE_PX)
+
+
+def _rigid_points(rng: Generator) -> Target:
+    """Five to eight jittered corners of a cube: never in one plane."""
+    corners = np.stack(np.meshgrid(*[[-0.06, 0.06]] * 3), -1).reshape(-1, 3)
+    kept = rng.permutation(8)[: rng.integers(5, 9)]
+    return targets.points(corners[kept] + rng.uniform(-0.02, 0.02, (len(kept), 3)))
+
+
+def shape(rng: Generator, scenario: Scenario) -> Target:
+    """The scenario's board, or one of the kind it sees."""
+    if scenario.board is not None:
+        return scenario.board
+    if scenario.target == "led":
+        return targets.led()
+    if scenario.target in ("points", "points3d"):
+        return _rigid_points(rng)
+    if scenario.target == "chessboard":
+        return targets.chessboard((6, 6), 0.03)
+    return targets.charuco((7, 7), 0.03, 0.022, "DICT_4X4_50")

@@ -1,0 +1,61 @@
+"""Who carries what, and who sees whom."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from basecal.cell.cell import WORLD
+from basecal.simulation.scenario import LayoutName
+
+View = tuple[str, str]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The plan of a cell.
+
+    Attributes:
+        robots: Their names, the reference first.
+        cameras: The robot that carries each, or `world`.
+        targets: Likewise.
+        groups: Pairs (camera, target) that are seen at once; one group is recorded after another.
+    """
+
+    robots: tuple[str, ...]
+    cameras: Mapping[str, str]
+    targets: Mapping[str, str]
+    groups: tuple[tuple[View, ...], ...]
+
+    def carrier(self, name: str) -> str:
+        """The robot that carries a camera or target, or `world`."""
+        return self.cameras.get(name) or self.targets[name]
+
+    def movers(self, group: tuple[View, ...]) -> tuple[str, ...]:
+        """Robots that carry something of a group: cameras' first, in the order of the views."""
+        carriers = [self.cameras[camera] for camera, _ in group] + [self.targets[target] for _, target in group]
+        return tuple(dict.fromkeys(carrier for carrier in carriers if carrier != WORLD))
+
+
+def _chain(robots: int) -> Layout:
+    names = tuple(f"r{k + 1}" for k in range(robots))
+    cameras = {f"camera{k + 1}": name for k, name in enumerate(names)}
+    targets = {f"board{k + 1}": name for k, name in enumerate(names)}
+    groups = tuple(((f"camera{k + 1}", f"board{(k + 1) % robots + 1}"),) for k in range(robots))
+    return Layout(names, cameras, targets, groups)
+
+
+def layout_of(name: LayoutName, robots: int = 3) -> Layout:
+    """The plan of that name; `robots` counts those of a `chain`."""
+    if name == "chain":
+        return _chain(robots)
+    wrist, both = (("wrist", "board"),), (("left_camera", "board"), ("right_camera", "board"))
+    return {
+        "dual": Layout(("eye", "hand"), {"wrist": "eye"}, {"board": "hand"}, (wrist,)),
+        "eye_in_hand": Layout(("arm",), {"wrist": "arm"}, {"board": WORLD}, (wrist,)),
+        "eye_to_hand": Layout(("arm",), {"overhead": WORLD}, {"board": "arm"}, ((("overhead", "board"),),)),
+        "two_cameras": Layout(
+            ("left", "right"), {"left_camera": "left", "right_camera": "right"}, {"board": WORLD}, (both,)
+        ),
+        "two_world_cameras": Layout(("arm",), {"left_camera": WORLD, "right_camera": WORLD}, {"board": "arm"}, (both,)),
+    }[name]

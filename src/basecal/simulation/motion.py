@@ -1,0 +1,186 @@
+"""Where the robots go: poses about a home, at which every target stays in view."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from basecal.errors import InputError
+from basecal.geometry import SE3, Array, Camera
+from basecal.geometry.se3 import rotation_exp
+from basecal.simulation import draw
+from basecal.simulation.draw import Generator
+from basecal.simulation.layout import View
+from basecal.simulation.scenario import Scenario
+from basecal.simulation.scene import Scene, is_flat
+
+_ROUNDS = 100
+_MARGIN_PX = 2.0
+_FEWEST_POINTS = 8
+_FACING = 0.25
+
+States = dict[str, SE3]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Consecutive samples of one group of views.
+
+    Attributes:
+        group: Number of the group.
+        recorded: By robot, (n,): what is recorded.
+        true: By robot, (n,): where it was.
+    """
+
+    group: int
+    recorded: States
+    true: States
+
+
+def visible(camera: Camera, points_in_camera: Array, margin_px: float) -> Mask:
+    """Which points, (..., 3) [m], have an image at least `margin_px` within its border, (...,)."""
+    seen = camera.sees(points_in_camera)
+    if camera.size_px is None:
+        return seen
+    pixels = camera.project(points_in_camera)
+    low, high = margin_px, np.array(camera.size_px) - 1 - margin_px
+    inside: Mask = seen & np.all((pixels >= low) & (pixels <= high), axis=-1)
+    return inside
+
+
+def points_in_camera(scene: Scene, view: View, states: Mapping[str, SE3]) -> Array:
+    """Every point of the target of a view, (n, points, 3) [m], with the robots at `states`, (n,)."""
+    seen = scene.camera_from_target(view, dict(states))
+    moved: Array = seen[:, None] @ scene.shapes[view[1]].points
+    return moved
+
+
+def seen_points(scene: Scene, scenario: Scenario, view: View, states: Mapping[str, SE3]) -> Mask:
+    """Which points of a view are seen, (n, points); a board only from its front, and not too flat."""
+    camera, target = view
+    points = points_in_camera(scene, view, states)
+    mask = visible(scene.lenses[camera], points, _MARGIN_PX + 5 * scenario.pixel_px)
+    if is_flat(scene.shapes[target]):
+        normal = scene.camera_from_target(view, dict(states)).rotation[:, :, 2]
+        centre = points.mean(1)
+        facing = np.sum(normal * centre, -1) > _FACING * np.linalg.norm(centre, axis=-1)
+        mask &= facing[:, None]
+    return mask
+
+
+def _enough(scene: Scene, scenario: Scenario, group: int, states: States) -> Mask:
+    """Whether all views of a group see enough of their targets, (n,)."""
+    enough = np.ones(len(next(iter(states.values()))), dtype=bool)
+    for view in scene.layout.groups[group]:
+        seen = seen_points(scene, scenario, view, states)
+        wanted = min(_FEWEST_POINTS, seen.shape[1]) if scenario.partial else seen.shape[1]
+        enough &= seen.sum(1) >= wanted
+    return enough
+
+
+def _pivot(scene: Scene, group: int) -> Array:
+    """Where the target of a group is while the robots are at home, (3,) in the world [m]."""
+    target = scene.layout.groups[group][0][1]
+    pivot: Array = scene.world_from(target, scene.homes[group]) @ scene.shapes[target].points.mean(0)
+    return pivot
+
+
+def _moved(scene: Scene, scenario: Scenario, group: int, robot: str, n: int, rng: Generator) -> SE3:
+    """Poses about the home, (n,): turned about the target, so that it stays in view, and shifted."""
+    turn = rotation_exp(draw.in_ball(rng, n, scenario.spread_rad))
+    pivot = _pivot(scene, group)
+    shift = draw.in_ball(rng, n, scenario.position_m)
+    moved = SE3(turn, pivot + shift - turn @ pivot)
+    base = scene.bases[robot]
+    return base.inverse() @ moved @ base @ scene.homes[group][robot]
+
+
+def _repeated(pose: SE3, n: int) -> SE3:
+    return SE3(np.repeat(pose.rotation[None], n, 0), np.repeat(pose.translation[None], n, 0))
+
+
+def _taken(states: list[States], n: int) -> States:
+    """The first `n` of batches laid end to end."""
+    return {
+        robot: SE3(
+            np.concatenate([batch[robot].rotation for batch in states])[:n],
+            np.concatenate([batch[robot].translation for batch in states])[:n],
+        )
+        for robot in states[0]
+    }
+
+
+def _draw(scene: Scene, scenario: Scenario, group: int, still: States, n: int, rng: Generator) -> Motion:
+    """`n` samples with the robots of `still` there, at one stop, and the group's others moving.
+
+    Raises:
+        InputError: if hardly any pose sees the target.
+    """
+    robots = scene.homes[group]
+    offset = {robot: SE3.exp(draw.tangents(rng, 1, scenario.robot_noise)) for robot in still}
+    batches: list[tuple[States, States]] = []
+    found = 0
+    size = 2 * n + 16
+    for _ in range(_ROUNDS):
+        recorded, true = {}, {}
+        for robot in robots:
+            moves = robot not in still
+            place = _moved(scene, scenario, group, robot, size, rng) if moves else _repeated(still[robot], size)
+            recorded[robot] = place
+            true[robot] = place @ (SE3.exp(draw.tangents(rng, size, scenario.robot_noise)) if moves else offset[robot])
+        kept = _enough(scene, scenario, group, true)
+        batches.append(({r: p[kept] for r, p in recorded.items()}, {r: p[kept] for r, p in true.items()}))
+        found += int(kept.sum())
+        if found >= n:
+            return Motion(group, _taken([b[0] for b in batches], n), _taken([b[1] for b in batches], n))
+    raise InputError(
+        f"only {found} of {n} samples see the target after {_ROUNDS * size} tries: "
+        "make spread_rad, position_m or robot_noise smaller, or distance_m greater"
+    )
+
+
+def _still(scene: Scene, group: int, robots: tuple[str, ...]) -> States:
+    return {robot: scene.homes[group][robot] for robot in robots}
+
+
+def _parts(scene: Scene, scenario: Scenario, group: int, n: int, rng: Generator) -> list[tuple[States, int]]:
+    """Which robots stand still where, and for how many samples, one part after another."""
+    movers = scene.layout.movers(scene.layout.groups[group])
+    if not scenario.spread_rad and not scenario.position_m:
+        return [(_still(scene, group, movers), n)]
+    if scenario.arms == "both":
+        return [({}, n)]
+    if len(movers) < 2:
+        raise InputError(f"arms {scenario.arms!r} needs two robots; layout {scenario.layout!r} has one: use 'both'")
+    eye, hand = (movers[:1], movers[1:])
+    hand_still, eye_still = _still(scene, group, hand), _still(scene, group, eye)
+    if scenario.arms == "halves":
+        return [(hand_still, n - n // 2), (eye_still, n // 2)]
+    if scenario.arms == "stations":
+        stops = _draw(scene, scenario, group, hand_still, min(scenario.stations, n), rng).recorded[eye[0]]
+        return [({eye[0]: stops[k]}, len(part)) for k, part in enumerate(_split(n, len(stops)))]
+    return [(eye_still if scenario.arms == "eye_still" else hand_still, n)]
+
+
+def _split(n: int, parts: int) -> list[NDArray[np.int64]]:
+    return np.array_split(np.arange(n), parts)
+
+
+def draw_motions(scene: Scene, scenario: Scenario, rng: Generator) -> list[Motion]:
+    """All samples of a scenario: its groups share them evenly, one after another; a part with no sample is left out.
+
+    Raises:
+        InputError: if the scenario's arms do not suit its layout, or hardly any pose sees the target.
+    """
+    groups = range(len(scene.layout.groups))
+    parts = [
+        (group, *part)
+        for group, share in zip(groups, _split(scenario.samples, len(groups)), strict=True)
+        if len(share)
+        for part in _parts(scene, scenario, group, len(share), rng)
+    ]
+    return [_draw(scene, scenario, group, still, n, rng) for group, still, n in parts if n]

@@ -1,0 +1,125 @@
+"""What to simulate, and what comes out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+from basecal.cell.cell import Cell, Status
+from basecal.cell.recording import Recording
+from basecal.cell.target import Target
+from basecal.errors import InputError
+from basecal.geometry import SE3, Camera
+
+Seen = Literal["charuco", "chessboard", "points", "led", "pose", "points3d"]
+Arms = Literal["both", "eye_still", "hand_still", "halves", "stations"]
+LayoutName = Literal["dual", "eye_in_hand", "eye_to_hand", "two_cameras", "two_world_cameras", "chain"]
+Lens = Literal["pinhole", "fisheye"]
+
+_CHOICES = {
+    "target": get_args(Seen),
+    "arms": get_args(Arms),
+    "layout": get_args(LayoutName),
+    "lens": get_args(Lens),
+    **dict.fromkeys(("base", "camera_mount", "target_mount", "intrinsics"), get_args(Status)),
+}
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A kind of cell and of recording; a seed makes one of it.
+
+    Sigmas in pairs are (translation [m], rotation [rad]), per axis.
+
+    Attributes:
+        samples: How many instants.
+        target: What is seen: pixels of a board, of rigid points or of one light, or the target's pose, or 3-D points.
+        arms: Which robot moves. The eye carries the camera, the hand the target (with two cameras: the first and the
+            second robot). `halves`: the hand is still, then the eye. `stations`: the eye stops at a few places, the
+            hand moves at each.
+        layout: `dual` (robots eye and hand), `eye_in_hand` and `eye_to_hand` (robot arm, camera or target on world),
+            `two_cameras` (robots left and right, board on world), `two_world_cameras` (robot arm holds the
+            board), `chain` (a ring of robots r1, r2, ...: each sees the target of the next, one pair after another).
+        robots: How many robots are in a `chain`.
+        stations: How many stations.
+        base: What the cell tells of the bases.
+        camera_mount: What the cell tells of the cameras' mounts.
+        target_mount: What the cell tells of the targets' mounts.
+        intrinsics: What the cell tells of the lenses.
+        base_prior: Sigmas of a base's prior.
+        mount_prior: Sigmas of a mount's prior.
+        intrinsics_prior: Sigmas of focal lengths [px], centre [px] and distortion coefficients of a lens's prior.
+        lens: The cameras' model, where `camera` is None.
+        camera: The true lens of every camera; drawn where None.
+        board: The target's shape; one of the kind asked for where None. With `pose` it bounds what is in view.
+        pixel_px: True sigma of a pixel coordinate [px].
+        state_pixel_noise: Whether the cell tells it.
+        robot_noise: True sigmas of a recorded pose in flange axes, drawn once per robot and stop.
+        state_robot_noise: Whether the cell tells them.
+        pose_noise: True sigmas of an observed pose in the target's axes.
+        point_m: True sigma of a coordinate of an observed 3-D point [m].
+        state_observation_noise: Whether the recording tells the sigmas of poses and 3-D points.
+        spread_rad: Flanges turn from their home by at most this angle, uniformly in the ball of rotation vectors.
+        position_m: Besides turning about the target, flanges shift by at most this, uniformly in a ball.
+        distance_m: Least and greatest distance of target and camera at the home poses.
+        partial: Whether views of a part of the target are kept, from 8 points on.
+    """
+
+    samples: int = 30
+    target: Seen = "charuco"
+    arms: Arms = "both"
+    layout: LayoutName = "dual"
+    robots: int = 3
+    stations: int = 5
+    base: Status = "free"
+    camera_mount: Status = "free"
+    target_mount: Status = "free"
+    intrinsics: Status = "fixed"
+    base_prior: tuple[float, float] = (0.01, 0.02)
+    mount_prior: tuple[float, float] = (0.005, 0.05)
+    intrinsics_prior: tuple[float, float, float] = (5.0, 5.0, 0.01)
+    lens: Lens = "pinhole"
+    camera: Camera | None = None
+    board: Target | None = None
+    pixel_px: float = 0.2
+    state_pixel_noise: bool = True
+    robot_noise: tuple[float, float] = (0.0, 0.0)
+    state_robot_noise: bool = True
+    pose_noise: tuple[float, float] = (1e-3, 3e-3)
+    point_m: float = 1e-3
+    state_observation_noise: bool = True
+    spread_rad: float = 0.6
+    position_m: float = 0.12
+    distance_m: tuple[float, float] = (0.5, 0.9)
+    partial: bool = False
+
+    def __post_init__(self) -> None:
+        for field, choices in _CHOICES.items():
+            if getattr(self, field) not in choices:
+                raise InputError(f"{field} is {getattr(self, field)!r}, expected one of: {', '.join(choices)}")
+        if self.samples < 1 or self.stations < 1 or self.robots < 2:
+            raise InputError("a scenario needs samples >= 1, stations >= 1 and robots >= 2")
+        sigmas = (self.pixel_px, self.point_m, *self.robot_noise, *self.pose_noise)
+        if not all(sigma >= 0 for sigma in (*sigmas, self.spread_rad, self.position_m)):
+            raise InputError("sigmas and spreads of a scenario must be numbers >= 0")
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedCell:
+    """A cell, what was recorded in it, and the truth.
+
+    Attributes:
+        cell: What a solver is told.
+        recording: What was seen, with noise.
+        truth: Every transform of `cell.transforms`, by name.
+        cameras: The true lenses, by name.
+        true_base_from_flange: (samples,) by robot: where it was, of which `recording` holds what it said. The truth
+            is `recorded @ SE3.exp(e)`, one `e` per robot and stop.
+    """
+
+    cell: Cell
+    recording: Recording
+    truth: Mapping[str, SE3]
+    cameras: Mapping[str, Camera]
+    true_base_from_flange: Mapping[str, SE3]

@@ -1,0 +1,163 @@
+"""The truth of a cell: where everything stands, and a home pose at which every camera looks at its target."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from basecal.cell.cell import WORLD
+from basecal.cell.target import Target
+from basecal.geometry import SE3, Array, Camera
+from basecal.geometry.se3 import rotation_exp
+from basecal.simulation import draw
+from basecal.simulation.draw import Generator
+from basecal.simulation.layout import Layout, View
+from basecal.simulation.scenario import Scenario
+
+_CANDIDATES = 128
+_REACH_M = (0.25, 1.1)
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Where everything stands.
+
+    Attributes:
+        layout: The plan.
+        lenses: By camera.
+        shapes: By target.
+        bases: `world_from_base` by robot.
+        mounts: `carrier_from_thing` by camera or target.
+        homes: By group: `base_from_flange` of its robots, at which its cameras look at its targets.
+        parked: `base_from_flange` of a robot while others are recorded.
+    """
+
+    layout: Layout
+    lenses: dict[str, Camera]
+    shapes: dict[str, Target]
+    bases: dict[str, SE3]
+    mounts: dict[str, SE3]
+    homes: tuple[dict[str, SE3], ...]
+    parked: dict[str, SE3]
+
+    def world_from(self, name: str, base_from_flange: dict[str, SE3]) -> SE3:
+        """Pose of a camera or target, (...), while the robots are at `base_from_flange`, (...)."""
+        carrier = self.layout.carrier(name)
+        if carrier == WORLD:
+            return self.mounts[name]
+        return self.bases[carrier] @ base_from_flange[carrier] @ self.mounts[name]
+
+    def camera_from_target(self, view: View, base_from_flange: dict[str, SE3]) -> SE3:
+        """What a camera sees, (...), while the robots are at `base_from_flange`, (...)."""
+        camera, target = view
+        seen = self.world_from(camera, base_from_flange).inverse() @ self.world_from(target, base_from_flange)
+        return seen
+
+
+def is_flat(target: Target) -> bool:
+    """Whether the target is a board: it can be seen from its front only."""
+    return len(target.points) > 1 and not np.any(target.points[:, 2])
+
+
+def _bases(rng: Generator, robots: tuple[str, ...]) -> dict[str, SE3]:
+    """Bases on a ring, neighbours 1 to 2 m apart, at any yaw and a moderate tilt; each fifth is turned anyhow."""
+    n = len(robots)
+    radius = rng.uniform(1.0, 2.0) / (2 * np.sin(np.pi / max(n, 2)))
+    angle = rng.uniform(0, 2 * np.pi) + 2 * np.pi * np.arange(n) / n
+    place = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.zeros(n)], -1)
+    place += rng.uniform(-0.1, 0.1, (n, 3))
+    yaw = rotation_exp(rng.uniform(-np.pi, np.pi, (n, 1)) * np.eye(3)[2])
+    upright = yaw @ rotation_exp(draw.in_ball(rng, n, 0.3))
+    anyhow = rng.random(n) < 0.2
+    turned = np.where(anyhow[:, None, None], draw.rotations(rng, n), upright)
+    world_from_base = {name: SE3(turned[k], place[k] - place[0]) for k, name in enumerate(robots)}
+    return {**world_from_base, robots[0]: SE3.identity()}
+
+
+def _poses_in_reach(rng: Generator, n: int) -> SE3:
+    """Poses of a flange, (n,): above the base, 0.4 to 0.8 m from it, turned anyhow."""
+    direction = rng.standard_normal((n, 3))
+    direction[:, 2] = np.abs(direction[:, 2])
+    direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
+    return SE3(draw.rotations(rng, n), rng.uniform(0.4, 0.8, (n, 1)) * direction)
+
+
+def _views(rng: Generator, scenario: Scenario, target: Target, n: int) -> SE3:
+    """Poses `camera_from_target`, (n,), near the optical axis; a board shows its front."""
+    rotation = draw.rotations(rng, n)
+    if is_flat(target):
+        roll = rotation_exp(rng.uniform(-np.pi, np.pi, (n, 1)) * np.eye(3)[2])
+        rotation = rotation_exp(draw.in_ball(rng, n, 0.4)) @ roll
+    distance = rng.uniform(*scenario.distance_m, (n, 1))
+    centre = distance * np.concatenate([rng.uniform(-0.1, 0.1, (n, 2)), np.ones((n, 1))], -1)
+    return SE3(rotation, centre - rotation @ target.points.mean(0))
+
+
+def _as_point(pose: SE3, target: Target) -> SE3:
+    """The pose without rotation that leaves the target's only point where it is."""
+    return SE3(np.broadcast_to(np.eye(3), pose.rotation.shape).copy(), pose @ target.points[0] - target.points[0])
+
+
+def _settle(name: str, world_from_thing: SE3, scene: Scene, flanges: dict[str, SE3], fixed: dict[str, SE3]) -> None:
+    """Put a camera or target there: by its carrier's flange, or by its mount where it stands on the world."""
+    carrier = scene.layout.carrier(name)
+    target = scene.shapes.get(name)
+    if carrier != WORLD:
+        flanges[carrier] = world_from_thing @ scene.mounts[name].inverse()
+    elif target is not None and target.is_point:
+        fixed[name] = _as_point(world_from_thing, target)
+    else:
+        fixed[name] = world_from_thing
+
+
+def _place(
+    group: tuple[View, ...], scene: Scene, scenario: Scenario, rng: Generator
+) -> tuple[dict[str, SE3], dict[str, SE3]]:
+    """Candidates of `world_from_flange` of a group's robots, and of the mounts of what stands on the world."""
+    first = scene.layout.movers(group)[0]
+    flanges = {first: scene.bases[first] @ _poses_in_reach(rng, _CANDIDATES)}
+    fixed: dict[str, SE3] = {}
+
+    def placed(name: str) -> SE3 | None:
+        carrier = scene.layout.carrier(name)
+        return flanges[carrier] @ scene.mounts[name] if carrier in flanges else fixed.get(name)
+
+    for camera, target in group:
+        seen = _views(rng, scenario, scene.shapes[target], _CANDIDATES)
+        world_from_camera, world_from_target = placed(camera), placed(target)
+        if world_from_camera is not None:
+            _settle(target, world_from_camera @ seen, scene, flanges, fixed)
+        elif world_from_target is not None:
+            _settle(camera, world_from_target @ seen.inverse(), scene, flanges, fixed)
+    return flanges, fixed
+
+
+def _out_of_reach(base_from_flange: SE3) -> Array:
+    """How far each pose is from where a robot could be, (n,) [m]."""
+    distance = np.linalg.norm(base_from_flange.translation, axis=-1)
+    out: Array = np.maximum(0, np.maximum(_REACH_M[0] - distance, distance - _REACH_M[1]))
+    return out
+
+
+def _homes(
+    group: tuple[View, ...], scene: Scene, scenario: Scenario, rng: Generator
+) -> tuple[dict[str, SE3], dict[str, SE3]]:
+    """The candidate of `_place` nearest to what the robots reach: `base_from_flange`, and mounts on the world."""
+    flanges, fixed = _place(group, scene, scenario, rng)
+    homes = {robot: scene.bases[robot].inverse() @ flanges[robot] for robot in flanges}
+    best = int(np.argmin(sum(_out_of_reach(home) for home in homes.values())))
+    return {robot: home[best] for robot, home in homes.items()}, {name: pose[best] for name, pose in fixed.items()}
+
+
+def draw_scene(scenario: Scenario, layout: Layout, rng: Generator) -> Scene:
+    """A scene of that plan; the same for every noise and every status of the scenario."""
+    shapes = {name: draw.shape(rng, scenario) for name in layout.targets}
+    lenses = {name: draw.lens(rng, scenario) for name in layout.cameras}
+    carried = {name: on for name, on in (*layout.cameras.items(), *layout.targets.items()) if on != WORLD}
+    mounts = {name: draw.mount(rng, name in shapes and shapes[name].is_point) for name in carried}
+    parked = {robot: _poses_in_reach(rng, 1)[0] for robot in layout.robots}
+    bare = Scene(layout, lenses, shapes, _bases(rng, layout.robots), mounts, (), parked)
+    found = [_homes(group, bare, scenario, rng) for group in layout.groups]
+    standing = {name: pose for _, fixed in found for name, pose in fixed.items()}
+    return Scene(layout, lenses, shapes, bare.bases, {**mounts, **standing}, tuple(home for home, _ in found), parked)

@@ -1,0 +1,48 @@
+"""A cell with known truth and a recording of it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.cell.recording import Recording, RobotState, Sample
+from basecal.geometry import SE3
+from basecal.simulation.layout import layout_of
+from basecal.simulation.motion import Motion, draw_motions
+from basecal.simulation.observe import observe
+from basecal.simulation.scenario import Scenario, SimulatedCell
+from basecal.simulation.scene import Scene, draw_scene
+from basecal.simulation.told import told, truth
+
+
+def _laid_end_to_end(motions: list[Motion], scene: Scene, recorded: bool) -> dict[str, SE3]:
+    """Poses of every robot in every sample, (samples,); parked while others are recorded."""
+    poses: dict[str, list[SE3]] = {robot: [] for robot in scene.layout.robots}
+    for motion in motions:
+        states = motion.recorded if recorded else motion.true
+        count = len(next(iter(states.values())))
+        for robot, found in poses.items():
+            found.extend(states[robot][k] if robot in states else scene.parked[robot] for k in range(count))
+    return {robot: SE3.stack(found) for robot, found in poses.items()}
+
+
+def simulate(scenario: Scenario, seed: int) -> SimulatedCell:
+    """A cell of the scenario's kind, a recording of it, and the truth.
+
+    One seed keeps its truth whatever the noise, the statuses, the motion and the number of samples. A robot that
+    is not of the pair being recorded is parked, and recorded without error.
+
+    Raises:
+        InputError: if the scenario's arms do not suit its layout, or hardly any pose sees the target.
+    """
+    for_scene, for_motion, for_noise, for_priors = np.random.default_rng(seed).spawn(4)
+    scene = draw_scene(scenario, layout_of(scenario.layout, scenario.robots), for_scene)
+    motions = draw_motions(scene, scenario, for_motion)
+    seen = [found for motion in motions for found in observe(motion, scene, scenario, for_noise)]
+    recorded = _laid_end_to_end(motions, scene, recorded=True)
+    samples = tuple(
+        Sample(k, float(k), {robot: RobotState(poses[k]) for robot, poses in recorded.items()}, observations)
+        for k, observations in enumerate(seen)
+    )
+    cell = told(scene, scenario, for_priors)
+    true = _laid_end_to_end(motions, scene, recorded=False)
+    return SimulatedCell(cell, Recording(samples), truth(scene, cell), scene.lenses, true)

@@ -1,0 +1,78 @@
+"""What a simulated cell tells of itself: statuses, and priors drawn about the truth."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.cell.cell import Cell, CellCamera, CellTarget, Intrinsics, Robot, Status, Unknown
+from basecal.geometry import SE3, Array, Camera
+from basecal.simulation import draw
+from basecal.simulation.draw import Generator
+from basecal.simulation.scenario import Scenario
+from basecal.simulation.scene import Scene
+
+
+def _unknown(status: Status, truth: SE3, sigma: tuple[float, float], rng: Generator, point: bool = False) -> Unknown:
+    """What is known of a transform; the truth is `mean @ SE3.exp(xi)` with xi of `sigma`.
+
+    The mount of a mere point has no rotation, in its prior as in truth.
+    """
+    if status == "free":
+        return Unknown("free")
+    if status == "fixed":
+        return Unknown("fixed", truth)
+    xi = draw.tangents(rng, 1, sigma)[0]
+    if point:
+        xi[3:] = 0.0
+    return Unknown("prior", truth @ SE3.exp(xi).inverse(), np.repeat(sigma, 3))
+
+
+def _intrinsics(lens: Camera, scenario: Scenario, rng: Generator) -> Intrinsics | None:
+    if scenario.target in ("pose", "points3d"):
+        return None
+    terms = len(lens.distortion)
+    if scenario.intrinsics == "fixed":
+        return Intrinsics("fixed", lens)
+    if scenario.intrinsics == "free":
+        return Intrinsics("free", distortion_terms=terms)
+    focal, center, distortion = scenario.intrinsics_prior
+    sigma: Array = np.array([focal, focal, center, center] + [distortion] * terms)
+    mean = lens.with_parameters(lens.parameters - sigma * rng.standard_normal(len(sigma)))
+    return Intrinsics("prior", mean, sigma)
+
+
+def _camera(name: str, scene: Scene, scenario: Scenario, rng: Generator) -> CellCamera:
+    lens = scene.lenses[name]
+    mount = _unknown(scenario.camera_mount, scene.mounts[name], scenario.mount_prior, rng)
+    intrinsics = _intrinsics(lens, scenario, rng)
+    size = lens.size_px if intrinsics else None
+    return CellCamera(name, scene.layout.cameras[name], mount, lens.model, size, intrinsics)
+
+
+def _target(name: str, scene: Scene, scenario: Scenario, rng: Generator) -> CellTarget:
+    shape = scene.shapes[name]
+    mount = _unknown(scenario.target_mount, scene.mounts[name], scenario.mount_prior, rng, shape.is_point)
+    return CellTarget(name, scene.layout.targets[name], mount, None if scenario.target == "pose" else shape)
+
+
+def told(scene: Scene, scenario: Scenario, rng: Generator) -> Cell:
+    """The cell as a solver is told of it."""
+    reference, *others = scene.layout.robots
+    stated = scenario.state_robot_noise and any(scenario.robot_noise)
+    noise = np.repeat(scenario.robot_noise, 3) if stated else None
+    seen_in_pixels = scenario.target not in ("pose", "points3d")
+    return Cell(
+        reference,
+        robots={name: Robot(name, noise) for name in scene.layout.robots},
+        bases={name: _unknown(scenario.base, scene.bases[name], scenario.base_prior, rng) for name in others},
+        cameras={name: _camera(name, scene, scenario, rng) for name in scene.layout.cameras},
+        targets={name: _target(name, scene, scenario, rng) for name in scene.layout.targets},
+        pixel_px=scenario.pixel_px if seen_in_pixels and scenario.state_pixel_noise and scenario.pixel_px else None,
+    )
+
+
+def truth(scene: Scene, cell: Cell) -> dict[str, SE3]:
+    """Every transform of the cell, by name."""
+    named = {cell.base_name(robot): scene.bases[robot] for robot in scene.layout.robots[1:]}
+    carried = (*scene.layout.cameras, *scene.layout.targets)
+    return named | {cell.mount_name(name): scene.mounts[name] for name in carried}

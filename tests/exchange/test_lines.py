@@ -1,0 +1,44 @@
+"""Lines to paste into other programs."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree
+
+import numpy as np
+import pytest
+
+from basecal.exchange.ros2 import static_transform_publisher
+from basecal.exchange.urdf import origin_line
+from basecal.geometry import SE3
+
+POSES = [
+    SE3.identity(),
+    SE3.exp(np.array([1.0, -2.0, 0.5, 0.3, -0.7, 2.0])),
+    SE3.from_rpy([0.1, np.pi / 2, 0.4], [0.0, -0.0, 1e-6]),
+    SE3.from_rotvec([np.pi, 0.0, 0.0], [-1e-12, 0.0, 0.0]),
+]
+
+
+@pytest.mark.parametrize("pose", POSES)
+def test_origin_gives_the_transform_back(pose: SE3) -> None:
+    """A URDF reader gets the transform back from the line to 1e-8, at gimbal lock as well."""
+    origin = xml.etree.ElementTree.fromstring(origin_line(pose))
+    xyz, rpy = ([float(word) for word in origin.attrib[key].split()] for key in ("xyz", "rpy"))
+    np.testing.assert_allclose(SE3.from_rpy(rpy, xyz).matrix, pose.matrix, atol=1e-8)
+
+
+@pytest.mark.parametrize("pose", POSES)
+def test_publisher_gives_the_transform_back(pose: SE3) -> None:
+    """The flags of the command hold the transform to 1e-8, parent and child in their places."""
+    line = static_transform_publisher(pose, "left_base", "right_base")
+    flags = dict(re.findall(r"--([a-z-]+) (\S+)", line))
+    q, t = ([float(flags[key]) for key in keys] for keys in (("qx", "qy", "qz", "qw"), ("x", "y", "z")))
+    np.testing.assert_allclose(SE3.from_quaternion(q, t).matrix, pose.matrix, atol=1e-8)
+    assert (flags["frame-id"], flags["child-frame-id"]) == ("left_base", "right_base")
+    assert line.startswith("ros2 run tf2_ros static_transform_publisher --x ")
+
+
+def test_no_negative_zero() -> None:
+    """Zero is written without a sign, since "-0.000" after a flag reads as an option to some programs."""
+    assert "-0.000000000" not in origin_line(POSES[3])

@@ -1,0 +1,150 @@
+"""Pose files: what is read, and what is said of what cannot be."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from basecal.errors import DatasetError
+from basecal.exchange.poses import read_poses
+from basecal.geometry import SE3
+
+
+def drawn(count: int = 4) -> SE3:
+    return SE3.exp(np.random.default_rng(5).normal(size=(count, 6)))
+
+
+def as_text(matrices: np.ndarray, separator: str = " ") -> str:
+    return "\n".join(separator.join(f"{value:.12f}" for value in row) for row in matrices.reshape(-1, 4)) + "\n"
+
+
+def as_csv(poses: SE3, header: str = "x,y,z,qx,qy,qz,qw") -> str:
+    rows = np.concatenate([poses.translation, poses.quaternion], axis=1)
+    return "\n".join([header, *(",".join(f"{value:.15g}" for value in row) for row in rows)]) + "\n"
+
+
+def write(folder: Path, name: str, text: str) -> Path:
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("separator", [" ", ", ", "\t", ","])
+def test_text_is_read(tmp_path: Path, separator: str) -> None:
+    """Stacked 4x4 text gives the poses it was written from, whatever separates the numbers."""
+    poses = drawn()
+    stream = read_poses(write(tmp_path, "a.txt", "# robot\n\n" + as_text(poses.matrix, separator)), "m")
+    np.testing.assert_allclose(stream.poses.matrix, poses.matrix, atol=1e-11)
+
+
+def test_millimetres(tmp_path: Path) -> None:
+    """The length unit scales translations and leaves rotations."""
+    poses = drawn()
+    path = write(tmp_path, "a.txt", as_text(poses.matrix))
+    metres, millimetres = read_poses(path, "m").poses, read_poses(path, "mm").poses
+    np.testing.assert_allclose(millimetres.translation * 1000, metres.translation, rtol=1e-12)
+    np.testing.assert_array_equal(millimetres.rotation, metres.rotation)
+
+
+def test_archives_are_read(tmp_path: Path) -> None:
+    """An array of a .npz by its key, the only array of one without, and a .npy give the same poses."""
+    poses = drawn()
+    np.savez(tmp_path / "two.npz", a=poses.matrix, other=np.zeros(3))
+    np.savez(tmp_path / "one.npz", a=poses.matrix)
+    np.save(tmp_path / "bare.npy", poses.matrix)
+    for name in ("two.npz:a", "one.npz", "one.npz:a", "bare.npy"):
+        np.testing.assert_allclose(read_poses(str(tmp_path / name), "m").poses.matrix, poses.matrix, atol=1e-12)
+
+
+@pytest.mark.parametrize("header", ["x,y,z,qx,qy,qz,qw", "# T_X, t_y, tz, q_x, q_y, q_z, qw"])
+def test_csv_of_quaternions(tmp_path: Path, header: str) -> None:
+    """Columns are found by their names and the usual other names."""
+    poses = drawn()
+    stream = read_poses(write(tmp_path, "a.csv", as_csv(poses, header)), "m")
+    np.testing.assert_allclose(stream.poses.matrix, poses.matrix, atol=1e-12)
+    assert stream.stamps_s is None
+
+
+def test_csv_order_is_the_header(tmp_path: Path) -> None:
+    """The header, not the order, says which column is which; a stamp is kept."""
+    text = "qw,qx,qy,qz,z,y,x,stamp_s\n1,0,0,0,3,2,1,12.5\n"
+    stream = read_poses(write(tmp_path, "a.csv", text), "mm")
+    np.testing.assert_allclose(stream.poses.translation, [[1e-3, 2e-3, 3e-3]])
+    assert stream.stamps_s is not None
+    np.testing.assert_array_equal(stream.stamps_s, [12.5])
+
+
+def test_csv_of_matrices(tmp_path: Path) -> None:
+    """Columns m00 to m23 give the poses they were written from."""
+    poses = drawn()
+    header = ",".join(f"m{row}{column}" for row in range(3) for column in range(4))
+    rows = [",".join(f"{value:.15g}" for value in matrix[:3].ravel()) for matrix in poses.matrix]
+    stream = read_poses(write(tmp_path, "a.csv", "\n".join([header, *rows])), "m")
+    np.testing.assert_allclose(stream.poses.matrix, poses.matrix, atol=1e-12)
+
+
+BOTTOM = "0 0 0 1"
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "line", "said"),
+    [
+        ("a.txt", "1 0 0 0\n0 1 0 0\n0 0 1\n" + BOTTOM, 3, "rows of 4"),
+        ("a.txt", "1 0 0 0\n0 1 0 0\n0 0 1 0\n", None, "3 rows"),
+        ("a.txt", "", None, "at least one matrix"),
+        ("a.txt", f"1 0 0 0\n0 1 0 0\n0 0 one 0\n{BOTTOM}", 3, "not a row of numbers"),
+        ("a.txt", f"1 0 0 0\n0 1 0 0\n0 0 1 nan\n{BOTTOM}", 1, "NaN"),
+        ("a.txt", f"# one\n2 0 0 0\n0 2 0 0\n0 0 2 0\n{BOTTOM}", 2, "not a rotation"),
+        ("a.txt", f"1 0 0 0\n0 1 0 0\n0 0 -1 0\n{BOTTOM}", 1, "not a rotation"),
+        ("a.txt", "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 2", 1, "last row"),
+        ("a.csv", "x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,1\n0,0,0,1,1,0,0\n", 3, "norm"),
+        ("a.csv", "x,y,z,qx,qy,qz\n0,0,0,0,0,0\n", 1, "qw"),
+        ("a.csv", "x,y,z,qx,qy,qz,qw\n0,0,0,0,0,1\n", 2, "6 columns"),
+        ("a.csv", "x,y,z,qx,qy,qz,qw\n0,0,0,0,0,inf,1\n", 2, "not finite"),
+        ("a.csv", "x,y,z,qx,qy,qz,qw\n0,0,0,0,0,?,1\n", 2, "'?' is not a number"),
+        ("a.csv", "x,x,z,qx,qy,qz,qw\n", 1, "twice"),
+        ("a.csv", "x,y,z,qx,qy,qz,qw\n", None, "no rows"),
+        ("a.csv", "", None, "header"),
+    ],
+)
+def test_bad_text_names_file_and_line(tmp_path: Path, name: str, text: str, line: int | None, said: str) -> None:
+    """Whatever is wrong is said in one line with the file, the line and what was expected."""
+    path = write(tmp_path, name, text)
+    with pytest.raises(DatasetError, match=said.replace("?", r"\?")) as caught:
+        read_poses(path, "m")
+    assert caught.value.line == line
+    assert str(caught.value).startswith(str(path))
+    assert "\n" not in str(caught.value)
+
+
+def test_bad_archives(tmp_path: Path) -> None:
+    """A wrong key, shape, kind or file is said, with the keys that exist and the matrix meant."""
+    bent = drawn().matrix
+    bent[2, 0, 0] += 0.1
+    np.savez(tmp_path / "a.npz", good=drawn().matrix, bent=bent, flat=np.zeros(3), words=np.array(["a"]))
+    (tmp_path / "rubbish.npz").write_bytes(b"\x00\x01rubbish")
+    np.savez(tmp_path / "objects.npz", a=np.array([None, {}], dtype=object))
+    for name, said in [
+        ("a.npz", "say which"),
+        ("a.npz:goood", "it holds good, bent"),
+        ("a.npz:bent", "matrix 2"),
+        ("a.npz:flat", r"expected \(n, 4, 4\)"),
+        ("a.npz:words", "expected numbers"),
+        ("rubbish.npz", "not a NumPy archive"),
+        ("objects.npz", "not a NumPy archive of numbers"),
+        ("absent.npz", "cannot be read"),
+        ("absent.txt", "cannot be read"),
+        ("absent.csv", "cannot be read"),
+    ]:
+        with pytest.raises(DatasetError, match=said):
+            read_poses(str(tmp_path / name), "m")
+
+
+def test_binary_rubbish(tmp_path: Path) -> None:
+    """Bytes that are no text are said to be none."""
+    for name in ("a.txt", "a.csv"):
+        (tmp_path / name).write_bytes(b"\xff\xfe\x00\x80")
+        with pytest.raises(DatasetError, match="not text"):
+            read_poses(tmp_path / name, "m")

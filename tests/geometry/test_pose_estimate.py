@@ -1,0 +1,90 @@
+import numpy as np
+import pytest
+
+from basecal.errors import InputError
+from basecal.geometry import SE3, PoseEstimate
+
+DRAWS = 20000
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(5)
+
+
+def random_estimate(rng, size=1e-3):
+    root = rng.normal(size=(6, 6)) * size
+    return PoseEstimate(SE3.exp(rng.normal(size=6)), root @ root.T)
+
+
+def drawn(rng, estimate):
+    return estimate.mean @ SE3.exp(rng.multivariate_normal(np.zeros(6), estimate.covariance, DRAWS))
+
+
+def assert_covers(covariance, tangents):
+    """The tangents have this covariance: whitened, theirs is the identity within five of its standard errors."""
+    whitened = np.linalg.solve(np.linalg.cholesky(covariance), tangents.T)
+    np.testing.assert_allclose(whitened @ whitened.T / DRAWS, np.eye(6), rtol=0, atol=5 * np.sqrt(2 / DRAWS))
+
+
+def test_inverse_covers_inverted_draws(rng):
+    """The covariance of the inverse is that of inverted draws, in the axes of a."""
+    estimate = random_estimate(rng)
+    inverse = estimate.inverse()
+    assert_covers(inverse.covariance, (inverse.mean.inverse() @ drawn(rng, estimate).inverse()).log())
+
+
+def test_product_covers_composed_draws(rng):
+    """The covariance of a product is that of composed independent draws."""
+    a, b = random_estimate(rng), random_estimate(rng)
+    product = a @ b
+    assert_covers(product.covariance, (product.mean.inverse() @ drawn(rng, a) @ drawn(rng, b)).log())
+
+
+def test_left_covariance_covers_left_tangents(rng):
+    """The left covariance is that of the same draws seen as perturbations before the mean."""
+    estimate = random_estimate(rng)
+    assert_covers(estimate.left_covariance(), (drawn(rng, estimate) @ estimate.mean.inverse()).log())
+
+
+def test_covariance_is_free_of_the_lever_arm():
+    """Far from a, a covariance in the axes of b stays as it is; seen from a it grows by the lever arm."""
+    sigma = np.diag([1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3]) ** 2
+    far = PoseEstimate(SE3.from_rotvec([0, 0, 0], [10.0, 0, 0]), sigma)
+    np.testing.assert_allclose((PoseEstimate.exact(far.mean) @ PoseEstimate(SE3.identity(), sigma)).covariance, sigma)
+    np.testing.assert_allclose(
+        np.sqrt(np.diag(far.left_covariance())[:3]), [1e-3, 1e-3 * np.sqrt(101), 1e-3 * np.sqrt(101)]
+    )
+
+
+def test_inverse_twice_and_associativity(rng):
+    """Covariances obey the group: inverting twice changes nothing, products may be bracketed either way."""
+    a, b, c = (random_estimate(rng) for _ in range(3))
+    np.testing.assert_allclose(a.inverse().inverse().covariance, a.covariance, rtol=1e-10, atol=1e-18)
+    np.testing.assert_allclose(((a @ b) @ c).covariance, (a @ (b @ c)).covariance, rtol=1e-10, atol=1e-18)
+    np.testing.assert_allclose(
+        (a @ b).inverse().covariance, (b.inverse() @ a.inverse()).covariance, rtol=1e-10, atol=1e-18
+    )
+
+
+def test_exact_adds_nothing(rng):
+    """A transform known without error carries the covariance of the other through."""
+    a = random_estimate(rng)
+    known = PoseEstimate.exact(SE3.exp(rng.normal(size=6)))
+    np.testing.assert_array_equal((known @ a).covariance, a.covariance)
+    np.testing.assert_array_equal(known.covariance, 0.0)
+
+
+def test_sigmas_are_roots_of_the_diagonal():
+    """The sigmas read translation first, then rotation."""
+    estimate = PoseEstimate(SE3.identity(), np.diag([1.0, 4, 9, 16, 25, 36]))
+    np.testing.assert_array_equal(estimate.sigma_t, [1, 2, 3])
+    np.testing.assert_array_equal(estimate.sigma_r, [4, 5, 6])
+
+
+def test_covariance_is_checked_and_cannot_be_written_into():
+    """A covariance is (6, 6) and read-only."""
+    with pytest.raises(InputError, match="covariance has shape"):
+        PoseEstimate(SE3.identity(), np.zeros((3, 3)))
+    with pytest.raises(ValueError, match="read-only"):
+        PoseEstimate.exact(SE3.identity()).covariance[0, 0] = 1.0

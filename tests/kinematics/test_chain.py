@@ -1,0 +1,144 @@
+import numpy as np
+import pytest
+
+from basecal.errors import InputError
+from basecal.geometry import SE3
+from basecal.kinematics import SerialChain
+from derivatives import check_derivative
+
+
+@pytest.fixture
+def joints(chain):
+    return np.random.default_rng(3).uniform(-2.0, 2.0, (20, chain.n))
+
+
+def planar(*lengths):
+    """An arm in the plane z = 0: joint, link along x, joint, link along x, ..."""
+    n = len(lengths)
+    origins = SE3.stack([SE3.from_rotvec([0, 0, 0], [x, 0, 0]) for x in (0.0, *lengths[:-1])])
+    tip = SE3.from_rotvec([0, 0, 0], [lengths[-1], 0, 0])
+    names = tuple(f"j{i}" for i in range(n))
+    return SerialChain(names, origins, np.tile([0.0, 0, 1], (n, 1)), tip, np.full(n, -np.pi), np.full(n, np.pi))
+
+
+class Pinocchio:
+    """The same arm in Pinocchio, which takes a joint without limits as a cosine and a sine."""
+
+    def __init__(self, arm, names):
+        self.pin = pytest.importorskip("pinocchio")
+        path, base, flange = arm
+        self.model = self.pin.buildModelFromUrdf(str(path))
+        self.data = self.model.createData()
+        self.base, self.flange = self.model.getFrameId(base), self.model.getFrameId(flange)
+        self.joints = [self.model.joints[self.model.getJointId(name)] for name in names]
+
+    def __call__(self, joints):
+        q = self.pin.neutral(self.model)
+        for joint, value in zip(self.joints, joints, strict=True):
+            q[joint.idx_q : joint.idx_q + joint.nq] = value if joint.nq == 1 else (np.cos(value), np.sin(value))
+        self.pin.computeJointJacobians(self.model, self.data, q)
+        self.pin.updateFramePlacements(self.model, self.data)
+        frames = self.data.oMf
+        jacobian = self.pin.getFrameJacobian(self.model, self.data, self.flange, self.pin.LOCAL)
+        base_from_flange = frames[self.base].inverse() * frames[self.flange]
+        return base_from_flange.homogeneous, jacobian[:, [joint.idx_v for joint in self.joints]]
+
+
+def test_forward_and_jacobian_are_pinocchios(arm, chain, joints):
+    """Flange and Jacobian of six and seven axes agree with Pinocchio to rounding."""
+    oracle = Pinocchio(arm, chain.joint_names)
+    poses, jacobians = zip(*(oracle(q) for q in joints), strict=True)
+    np.testing.assert_allclose(chain.forward(joints).matrix, poses, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(chain.jacobian(joints), jacobians, rtol=0, atol=1e-12)
+
+
+def test_jacobian_is_a_derivative(chain, joints):
+    """The Jacobian is the right tangent of the flange per joint, in flange axes."""
+    flange_from_base = chain.forward(joints).inverse()
+    check_derivative(lambda d: (flange_from_base @ chain.forward(joints + d)).log(), chain.jacobian(joints))
+
+
+def test_link_jacobian_is_a_derivative(chain, joints):
+    """The link Jacobian is the right tangent of the flange per right tangent of each origin and of the tip."""
+    flange_from_base = chain.forward(joints).inverse()
+
+    def moved(d):
+        return (flange_from_base @ chain.moved(d.reshape(-1, 6)).forward(joints)).log()
+
+    check_derivative(moved, chain.link_jacobian(joints))
+
+
+def test_joint_offset_is_a_link_parameter(chain, joints):
+    """Turning a joint's origin about its axis is an offset of that joint."""
+    tangents = np.zeros((chain.n + 1, 6))
+    offsets = np.linspace(-0.1, 0.1, chain.n)
+    tangents[:-1, 3:] = offsets[:, None] * chain.axes
+    np.testing.assert_allclose(
+        chain.moved(tangents).forward(joints).matrix, chain.forward(joints + offsets).matrix, atol=1e-13
+    )
+
+
+def test_planar_arm_by_hand():
+    """Two links in a plane: the elbow formulas of a school book."""
+    chain = planar(0.5, 0.3)
+    a, b = 0.4, -1.1
+    flange = chain.forward(np.array([a, b]))
+    x, y = 0.5 * np.cos(a) + 0.3 * np.cos(a + b), 0.5 * np.sin(a) + 0.3 * np.sin(a + b)
+    np.testing.assert_allclose(flange.translation, [x, y, 0], atol=1e-15)
+    np.testing.assert_allclose(flange.rotvec, [0, 0, a + b], atol=1e-15)
+    np.testing.assert_allclose(chain.jacobian(np.array([a, b]))[:, 1], [0, 0.3, 0, 0, 0, 1], atol=1e-15)
+
+
+@pytest.mark.parametrize("shape", [(), (0,), (3,), (2, 3)])
+def test_leading_axes_are_a_batch(chain, shape):
+    """Every leading shape of joints gives that shape of poses and Jacobians, entry by entry the same."""
+    joints = np.random.default_rng(4).uniform(-2, 2, (*shape, chain.n))
+    assert chain.forward(joints).matrix.shape == (*shape, 4, 4)
+    assert chain.jacobian(joints).shape == (*shape, 6, chain.n)
+    assert chain.link_jacobian(joints).shape == (*shape, 6, 6 * (chain.n + 1))
+    one_by_one = [chain.forward(q).matrix for q in joints.reshape(-1, chain.n)]
+    np.testing.assert_allclose(
+        chain.forward(joints).matrix.reshape(-1, 4, 4), np.reshape(one_by_one, (-1, 4, 4)), atol=1e-15
+    )
+
+
+def test_moved_leaves_the_chain_alone(chain, joints):
+    """A moved chain is a new one with the same joints and limits; moving back undoes it."""
+    before = chain.forward(joints).matrix
+    tangents = np.random.default_rng(5).normal(size=(chain.n + 1, 6)) * 0.01
+    moved = chain.moved(tangents)
+    assert moved.joint_names == chain.joint_names
+    np.testing.assert_array_equal(moved.upper, chain.upper)
+    np.testing.assert_array_equal(chain.forward(joints).matrix, before)
+    assert np.abs(moved.forward(joints).matrix - before).max() > 1e-3
+    np.testing.assert_allclose(moved.moved(-tangents).forward(joints).matrix, before, atol=1e-13)
+
+
+def test_wrong_shapes_are_refused(chain):
+    """Joints of another arm and tangents of another shape are InputErrors that name the joints expected."""
+    with pytest.raises(InputError, match=chain.joint_names[0]):
+        chain.forward(np.zeros(chain.n + 1))
+    with pytest.raises(InputError, match="expected"):
+        chain.jacobian(np.float64(0.0))
+    with pytest.raises(InputError, match="expected"):
+        chain.link_jacobian(np.zeros((chain.n, 1)))
+    with pytest.raises(InputError, match="link_tangents"):
+        chain.moved(np.zeros((chain.n, 6)))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"axes": np.array([[0, 0, 2.0], [0, 0, 1.0]])}, "unit vectors"),
+        ({"axes": np.zeros((2, 2))}, "axes has shape"),
+        ({"lower": np.zeros(3)}, "lower has shape"),
+        ({"origins": SE3.identity((3,))}, "origins"),
+        ({"joint_names": ()}, "at least one joint"),
+        ({"tip": SE3.identity((1,))}, "one tip"),
+    ],
+)
+def test_impossible_chains_are_refused(change, message):
+    """A chain whose parts do not fit together is an InputError."""
+    chain = planar(0.5, 0.3)
+    with pytest.raises(InputError, match=message):
+        SerialChain(**({name: getattr(chain, name) for name in chain.__dataclass_fields__} | change))

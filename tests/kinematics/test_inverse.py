@@ -1,0 +1,73 @@
+import numpy as np
+import pytest
+
+from basecal.errors import InputError, NotConverged
+from basecal.geometry import SE3
+from basecal.kinematics import inverse, read_chain
+
+
+def left(chain, joints, pose):
+    return np.abs((chain.forward(joints).inverse() @ pose).log()).max()
+
+
+def test_round_trip(chain):
+    """From up to 0.3 rad beside them, 200 random poses 0.3 rad inside the limits are all reached to 1e-10."""
+    rng = np.random.default_rng(2)
+    lower, upper = chain.lower.clip(min=-np.pi) + 0.3, chain.upper.clip(max=np.pi) - 0.3
+    for wanted in rng.uniform(lower, upper, (200, chain.n)):
+        pose = chain.forward(wanted)
+        found = inverse(chain, pose, wanted + rng.uniform(-0.3, 0.3, chain.n))
+        assert left(chain, found, pose) <= 1e-10
+        assert np.all((found >= chain.lower) & (found <= chain.upper))
+
+
+def test_a_nearby_start_finds_the_same_branch(folder):
+    """Away from singular poses the six joints found from nearby are those the pose was made of."""
+    chain = read_chain(folder / "six_axis.urdf", "base_link", "tool0")
+    wanted = np.array([0.3, -1.2, 1.4, -0.9, 1.3, 0.4])
+    np.testing.assert_allclose(inverse(chain, chain.forward(wanted), wanted + 0.2), wanted, rtol=0, atol=1e-8)
+
+
+def test_being_there_is_an_answer(chain):
+    """A start that is already there is given back as it is."""
+    start = np.full(chain.n, 0.4)
+    np.testing.assert_array_equal(inverse(chain, chain.forward(start), start, iterations=0), start)
+
+
+def test_limits_hold_on_the_way_to_them(folder):
+    """A pose with joints on their limits is reached from a start beyond the limits, without leaving them."""
+    chain = read_chain(folder / "six_axis.urdf", "base_link", "tool0")
+    wanted = np.array([6.28, -1.2, 2.9, -0.9, 1.3, 0.4])
+    found = inverse(chain, chain.forward(wanted), wanted + [0.2, 0.1, 0.3, 0.1, -0.1, 0.1])
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-8)
+    assert np.all(found <= chain.upper)
+
+
+def test_a_pose_past_a_limit_is_not_reached(folder):
+    """What only a joint past its limit reaches is NotConverged, with the state on the limit."""
+    chain = read_chain(folder / "six_axis.urdf", "base_link", "tool0")
+    wanted = np.array([0.0, -1.2, 3.0, -0.9, 1.3, 0.4])
+    with pytest.raises(NotConverged, match="mm and") as caught:
+        inverse(chain, chain.forward(wanted), wanted)
+    assert caught.value.state[2] == chain.upper[2]
+
+
+def test_out_of_reach_stretches_towards(chain):
+    """A pose out of reach is NotConverged; its state is nearer than the start, inside the limits."""
+    start = np.full(chain.n, 0.4)
+    pose = SE3.from_rotvec([0, 0, 0], [30.0, 0.0, 0.0])
+    with pytest.raises(NotConverged, match="check the reach") as caught:
+        inverse(chain, pose, start)
+    joints = caught.value.state
+    assert np.all((joints >= chain.lower) & (joints <= chain.upper))
+    assert left(chain, joints, pose) < left(chain, start, pose)
+
+
+def test_bad_input_is_refused(chain):
+    """A start of another length or not finite, and a batch of poses, are InputErrors."""
+    pose = chain.forward(np.zeros(chain.n))
+    for start in (np.zeros(chain.n - 1), np.full(chain.n, np.nan), np.zeros((1, chain.n))):
+        with pytest.raises(InputError, match="start has shape"):
+            inverse(chain, pose, start)
+    with pytest.raises(InputError, match="one pose"):
+        inverse(chain, chain.forward(np.zeros((2, chain.n))), np.zeros(chain.n))

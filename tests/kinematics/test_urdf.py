@@ -1,0 +1,138 @@
+import numpy as np
+import pytest
+
+from basecal.errors import DatasetError, FrameNotFound
+from basecal.kinematics import parse_chain, read_chain
+
+LINKS = '<link name="base"/><link name="arm"/><link name="tool"/>'
+TURN = """<joint name="turn" type="revolute"><parent link="base"/><child link="arm"/>
+  <origin xyz="0 0 0.3" rpy="0 0 0"/><axis xyz="0 0 2"/><limit lower="-1" upper="2"/></joint>"""
+HOLD = '<joint name="hold" type="fixed"><parent link="arm"/><child link="tool"/><origin xyz="0.1 0 0"/></joint>'
+SECOND = HOLD.replace("hold", "again")
+LOOSE = '<link name="loose"/>'
+BACK = '<joint name="back" type="fixed"><parent link="tool"/><child link="base"/></joint>'
+
+
+def robot(*parts):
+    return f"<robot name='r'>{''.join(parts)}</robot>"
+
+
+def test_a_chain_holds_what_the_file_says():
+    """Fixed joints are folded in, axes are made unit, limits and names are kept."""
+    chain = parse_chain(robot(LINKS, TURN, HOLD), "base", "tool")
+    assert chain.joint_names == ("turn",)
+    np.testing.assert_array_equal(chain.axes, [[0, 0, 1]])
+    np.testing.assert_array_equal([chain.lower, chain.upper], [[-1], [2]])
+    flange = chain.forward(np.array([np.pi / 2]))
+    np.testing.assert_allclose(flange.translation, [0, 0.1, 0.3], atol=1e-15)
+
+
+def test_defaults_are_urdfs():
+    """A joint without origin stands where its parent does, without axis it turns about x; continuous has no limits."""
+    text = robot(LINKS, HOLD, '<joint name="t" type="continuous"><parent link="base"/><child link="arm"/></joint>')
+    chain = parse_chain(text, "base", "tool")
+    np.testing.assert_array_equal(chain.axes, [[1, 0, 0]])
+    np.testing.assert_array_equal([chain.lower, chain.upper], [[-np.inf], [np.inf]])
+    np.testing.assert_array_equal(chain.origins.matrix, [np.eye(4)])
+
+
+def test_a_chain_starts_and_ends_where_asked(folder):
+    """What lies before the base and beyond the flange is no part of the chain."""
+    path = folder / "six_axis.urdf"
+    part = read_chain(path, "shoulder", "wrist_2")
+    assert part.joint_names == ("shoulder_lift", "elbow", "wrist_1_joint", "wrist_2_joint")
+    whole = read_chain(path, "world", "tool0")
+    from_base = read_chain(path, "base_link", "tool0")
+    q = np.full(6, 0.3)
+    world_from_base = whole.forward(q) @ from_base.forward(q).inverse()
+    np.testing.assert_allclose(world_from_base.translation, [0.3, -0.2, 0.75], atol=1e-15)
+    np.testing.assert_allclose(world_from_base.rotvec, [0, 0, 1.2], atol=1e-15)
+
+
+def test_text_and_bytes_and_file_are_the_same(folder):
+    """A chain reads alike from a path as text, from a Path, and from the file's text or bytes."""
+    path = folder / "seven_axis.urdf"
+    q = np.linspace(-1, 1, 7)
+    want = read_chain(path, "pedestal", "hand").forward(q).matrix
+    for chain in (
+        read_chain(str(path), "pedestal", "hand"),
+        parse_chain(path.read_text(), "pedestal", "hand"),
+        parse_chain(path.read_bytes(), "pedestal", "hand"),
+    ):
+        np.testing.assert_array_equal(chain.forward(q).matrix, want)
+
+
+@pytest.mark.parametrize(("base", "flange", "missing"), [("bas", "tool", "bas"), ("base", "tool0", "tool0")])
+def test_a_missing_link_is_told_with_those_that_exist(base, flange, missing):
+    """A link that does not exist is FrameNotFound, with the names that do."""
+    with pytest.raises(FrameNotFound, match="base, arm, tool") as caught:
+        parse_chain(robot(LINKS, TURN, HOLD), base, flange)
+    assert caught.value.name == missing
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "not well-formed"),
+        ("<robot>\n<link", "arm.urdf:2: not well-formed"),
+        ("<sdf/>", "root element is 'sdf'"),
+        ('<?xml version="1.0" encoding="no-such"?><robot/>', "not"),
+        ('<!DOCTYPE r [<!ENTITY a "b">]><robot>&a;</robot>', "safely"),
+        (robot("<link/>"), "link: has no 'name'"),
+        (robot(LINKS, '<link name="arm"/>', TURN, HOLD), "link 'arm': given twice"),
+        (robot(LINKS, LOOSE, TURN, HOLD, HOLD.replace('"tool"', '"loose"')), "joint 'hold': given twice"),
+        (robot(LINKS, TURN, HOLD.replace("<parent", "<x")), "joint 'hold': has no element 'parent'"),
+        (robot(LINKS, TURN, HOLD.replace('child link="tool"', "child")), "joint 'hold' child: has no 'link'"),
+        (robot(LINKS, TURN, HOLD.replace('type="fixed"', "")), "joint 'hold': has no 'type'"),
+        (robot(LINKS, TURN, HOLD.replace('"tool"', '"tol"')), "joint 'hold': names the link 'tol'"),
+        (robot(LINKS, TURN, HOLD, SECOND), "joint 'again' child: 'tool' already hangs on joint 'hold'"),
+        (robot(LINKS, LOOSE, TURN, HOLD), "not a tree: .* base, loose"),
+        (robot(LINKS, TURN, HOLD, BACK), "not a tree: .* none"),
+        (robot(LINKS, TURN.replace("0 0 0.3", "0 nan 0.3"), HOLD), "joint 'turn' origin xyz: expected 3 finite"),
+        (robot(LINKS, TURN.replace("0 0 0.3", "0 0.3"), HOLD), "joint 'turn' origin xyz: expected 3 finite"),
+        (robot(LINKS, TURN.replace('rpy="0 0 0"', 'rpy="${pi} 0 0"'), HOLD), "rpy: .* expand a xacro first"),
+        (robot(LINKS, TURN.replace("0 0 2", "0 0 0"), HOLD), "joint 'turn' axis xyz: has no direction"),
+        (robot(LINKS, TURN.replace("0 0 2", "0 0 inf"), HOLD), "joint 'turn' axis xyz: expected 3 finite"),
+        (robot(LINKS, TURN.replace('"revolute"', '"prismatic"'), HOLD.replace("fixed", "continuous")), "'prismatic'"),
+        (robot(LINKS, TURN.replace('"revolute"', '"floating"'), HOLD.replace("fixed", "continuous")), "'floating'"),
+        (robot(LINKS, TURN.replace("<limit", '<mimic joint="x"/><limit'), HOLD), "joint 'turn' mimic"),
+        (robot(LINKS, TURN.replace("<limit", "<x"), HOLD), "joint 'turn' limit: missing"),
+        (robot(LINKS, TURN.replace('upper="2"', 'upper="-2"'), HOLD), "lower -1 is above upper -2"),
+        (robot(LINKS, TURN.replace('upper="2"', 'upper="far"'), HOLD), "limit upper: expected a finite number"),
+        (robot(LINKS, TURN.replace("revolute", "fixed"), HOLD), "no revolute joint between 'base' and 'tool'"),
+    ],
+)
+def test_files_that_are_no_arm_are_refused(text, message):
+    """What cannot be used is a DatasetError with the file, the element and what was expected."""
+    with pytest.raises(DatasetError, match=message) as caught:
+        parse_chain(text, "base", "tool", "arm.urdf")
+    assert str(caught.value).startswith("arm.urdf")
+
+
+def test_a_flange_above_the_base_is_refused():
+    """A flange that does not hang under the base has no chain."""
+    with pytest.raises(DatasetError, match="'base' does not hang under 'tool'"):
+        parse_chain(robot(LINKS, TURN, HOLD), "tool", "base")
+
+
+def test_a_loop_beside_the_root_is_refused():
+    """Links that hang on one another in a ring are told, not followed for ever."""
+    ring = HOLD.replace('"arm"', '"ring"').replace('"tool"', '"arm"').replace("hold", "a")
+    ring += HOLD.replace('"arm"', '"tool"').replace('"tool"/><o', '"ring"/><o').replace("hold", "b")
+    ring += HOLD.replace("hold", "c")
+    with pytest.raises(DatasetError, match="does not hang under"):
+        parse_chain(robot(LINKS, '<link name="ring"/>', ring), "base", "tool")
+
+
+def test_a_file_that_is_not_there_is_refused(tmp_path):
+    """A missing file is a DatasetError that names it."""
+    with pytest.raises(DatasetError, match=r"arm\.urdf: cannot be read"):
+        read_chain(tmp_path / "arm.urdf", "base", "tool")
+
+
+def test_joints_off_the_way_may_be_anything(folder):
+    """Prismatic fingers and mimics beside the chain do not matter; asked for, they are refused."""
+    path = folder / "six_axis.urdf"
+    assert read_chain(path, "base_link", "tool0").n == 6
+    with pytest.raises(DatasetError, match="joint 'left' type: 'prismatic' on the way"):
+        read_chain(path, "base_link", "left_finger")

@@ -1,0 +1,106 @@
+"""The text of a report, from calibrations made by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.cell import Calibration, Cell, CellCamera, CellTarget, Finding, Residuals, Robot, SampleResidual
+from basecal.geometry import SE3, Camera, PoseEstimate
+from basecal.reporting.text import frame_names, text_report, verdict_sentence
+
+BASE = "eye_base_from_hand_base"
+
+
+def a_cell(**frames: dict[str, str]) -> Cell:
+    robots = {name: Robot(name, frames=frames.get(name, {})) for name in ("eye", "hand")}
+    return Cell(
+        "eye", robots, cameras={"wrist": CellCamera("wrist", "eye")}, targets={"led": CellTarget("led", "hand")}
+    )
+
+
+def a_calibration() -> Calibration:
+    sigmas = np.array([3e-4, 4e-4, 0.0, 3e-3, 0.0, 4e-3])
+    base = PoseEstimate(SE3.from_rpy([0.0, 0.0, np.pi / 2], [1.25, -0.5, 0.0]), np.diag(sigmas**2))
+    point = PoseEstimate(SE3(np.eye(3), np.array([0.0, 0.0, 0.1])), np.diag([1e-6, 1e-6, 1e-6, 0, 0, 0]))
+    return Calibration(
+        "good",
+        transforms={BASE: base, "hand_flange_from_led": point},
+        status={BASE: "free", "hand_flange_from_led": "free"},
+        points=frozenset({"hand_flange_from_led"}),
+        cameras={"wrist": (Camera("pinhole", np.array([900.0, 901.0, 640.0, 360.0])), np.diag([4.0, 4.0, 1.0, 1.0]))},
+        noise={"pixel_px": 0.21, "robots": {"eye": {"sigma_t_m": np.full(3, 3e-4), "sigma_r_rad": np.full(3, 5e-4)}}},
+        residuals=Residuals(0.2, 0.1, 4e-4, np.radians(0.05), (SampleResidual(3, "wrist", "led", 0.4),)),
+    )
+
+
+def test_verdict_comes_first() -> None:
+    """The first line says the verdict and how well what was asked is known, from the covariance's traces."""
+    first = text_report(a_cell(), a_calibration()).splitlines()[0]
+    assert first == f"GOOD: {BASE} to 0.5 mm and 0.29 deg (one sigma)."
+
+
+def test_numbers_are_those_of_the_calibration() -> None:
+    """Translation in mm, angles in deg, sigmas per axis, lens, residuals and noise are all told."""
+    text = " ".join(text_report(a_cell(), a_calibration()).split())
+    for said in (
+        "t 1250.0000 -500.0000 0.0000 mm sigma 0.3000 0.4000 0.0000 mm norm 0.5000 mm",
+        "rpy 0.0000 0.0000 90.0000 deg sigma 0.1719 0.0000 0.2292 deg norm 0.2865 deg",
+        "fx 900.00000 sigma 2.00000 px",
+        "rms 0.200 px per coordinate, median 0.100 px",
+        "loop closes to 0.400 mm and 0.050 deg rms over 1 views",
+        "worst view: sample 3 by wrist, 0.400 px",
+        "noise of what was seen, per axis: 0.21 px",
+        "noise of eye per stop and axis: 0.3 mm, 0.5 mrad",
+    ):
+        assert said in text
+
+
+def test_only_what_was_asked_can_be_pasted() -> None:
+    """The base has its URDF and ROS 2 lines; the mount of a point has neither them nor angles."""
+    text = text_report(a_cell(), a_calibration())
+    assert text.count("<origin xyz=") == text.count("static_transform_publisher") == 1
+    led = text[text.index("hand_flange_from_led") :].split("\n\n")[0]
+    assert "a point" in led
+    assert "rpy" not in led
+
+
+def test_refusal_says_why() -> None:
+    """A refused calibration says the error's message first, and lists its findings by weight."""
+    why = Finding("too-few-samples", "error", ("recording",), "1 sample, at least 3 are needed: record more.")
+    aside = Finding("dropped-sample", "info", ("7",), "sample 7 was cut short.")
+    text = text_report(a_cell(), Calibration("refused", findings=(aside, why)))
+    assert text.splitlines()[0] == f"REFUSED: {why.message}"
+    assert text.index("error: too-few-samples [recording]") < text.index("info: dropped-sample [7]")
+
+
+def test_doubt_says_number_and_reason() -> None:
+    """A doubtful answer gives its number together with the warning."""
+    warning = Finding("intrinsics", "warning", ("wrist",), "the lens moved far from its prior.")
+    doubtful = replace(a_calibration(), verdict="doubtful", findings=(warning,))
+    assert verdict_sentence(a_cell(), doubtful) == (
+        f"DOUBTFUL: {BASE} to 0.5 mm and 0.29 deg (one sigma), but: {warning.message}"
+    )
+
+
+@pytest.mark.parametrize(
+    ("frames", "expected"),
+    [
+        ({}, ("eye_base", "hand_base")),
+        ({"eye": {"base": "left_link"}, "hand": {"base": "right_link"}}, ("left_link", "right_link")),
+        ({"eye": {"base": "left_link"}}, ("left_link", "hand_base")),
+        ({"eye": {"base": "base_link"}, "hand": {"base": "base_link"}}, ("eye_base", "hand_base")),
+    ],
+)
+def test_frames_of_other_programs(frames: dict[str, dict[str, str]], expected: tuple[str, str]) -> None:
+    """Robots' own frame names are used where they tell parent from child."""
+    assert frame_names(a_cell(**frames), BASE) == expected
+
+
+def test_fixed_transforms_have_no_sigma() -> None:
+    """A transform that was given is printed without sigmas."""
+    fixed = replace(a_calibration(), status={BASE: "free", "hand_flange_from_led": "fixed"})
+    block = text_report(a_cell(), fixed).split("hand_flange_from_led")[1].split("\n\n")[0]
+    assert "sigma" not in block

@@ -1,0 +1,264 @@
+"""Simulated cells agree with the equation they are drawn from, and their noise is what they say."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from basecal.cell.cell import WORLD
+from basecal.cell.recording import Observation, PixelObservation, PointObservation, PoseObservation
+from basecal.errors import InputError
+from basecal.geometry import SE3, Array
+from basecal.simulation import Scenario, SimulatedCell, simulate
+from basecal.simulation.scenario import Arms, LayoutName, Seen
+
+LAYOUTS, TARGETS, ARMS = get_args(LayoutName), get_args(Seen), get_args(Arms)
+NOISELESS = {"pixel_px": 0.0, "pose_noise": (0.0, 0.0), "point_m": 0.0}
+TWO_ARMS = ("dual", "two_cameras", "chain")
+COMBINATIONS = [
+    (layout, target, arms)
+    for layout in LAYOUTS
+    for target in TARGETS
+    for arms in (ARMS if layout in TWO_ARMS else ("both",))
+]
+
+
+def _world_from(sim: SimulatedCell, name: str, k: int) -> SE3:
+    """Where a camera or target is in the reference's base, by the names of transforms alone."""
+    cell = sim.cell
+    on = (cell.cameras.get(name) or cell.targets[name]).on
+    if on == WORLD:
+        return sim.truth[f"{cell.reference}_base_from_{name}"]
+    flange = sim.true_base_from_flange[on][k] @ sim.truth[f"{on}_flange_from_{name}"]
+    return flange if on == cell.reference else sim.truth[f"{cell.reference}_base_from_{on}_base"] @ flange
+
+
+def _predicted(sim: SimulatedCell, seen: Observation, k: int) -> SE3:
+    """The one equation."""
+    return _world_from(sim, seen.camera, k).inverse() @ _world_from(sim, seen.target, k)
+
+
+def _residual(sim: SimulatedCell, seen: Observation, k: int) -> Array:
+    """Observed less predicted: pixels, metres, or a tangent."""
+    pose = _predicted(sim, seen, k)
+    if isinstance(seen, PoseObservation):
+        return (pose.inverse() @ seen.camera_from_target).log()
+    target = sim.cell.targets[seen.target].target
+    points = pose @ target.points[target.rows(seen.ids)]
+    if isinstance(seen, PointObservation):
+        return seen.points_in_camera - points
+    return seen.pixels - sim.cameras[seen.camera].project(points)
+
+
+def _residuals(sim: SimulatedCell) -> Array:
+    samples = enumerate(sim.recording.samples)
+    return np.concatenate([np.atleast_2d(_residual(sim, s, k)) for k, sample in samples for s in sample.observations])
+
+
+def _recorded(sim: SimulatedCell, robot: str) -> SE3:
+    return SE3.stack([sample.robots[robot].base_from_flange for sample in sim.recording.samples])
+
+
+def _errors(sim: SimulatedCell, robot: str) -> Array:
+    return (_recorded(sim, robot).inverse() @ sim.true_base_from_flange[robot]).log()
+
+
+@pytest.mark.parametrize(("layout", "target", "arms"), COMBINATIONS)
+def test_noiseless_observations_obey_the_one_equation(layout: str, target: str, arms: str) -> None:
+    """Without noise every observation is what the true transforms say, in every layout, of every target."""
+    sim = simulate(Scenario(samples=13, layout=layout, target=target, arms=arms, **NOISELESS), 3)
+    assert len(sim.recording.samples) == 13
+    np.testing.assert_allclose(_residuals(sim), 0, atol=1e-8)
+    assert set(sim.truth) == set(sim.cell.transforms)
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+@pytest.mark.parametrize("target", ["charuco", "chessboard", "points", "led"])
+@pytest.mark.parametrize("lens", ["pinhole", "fisheye"])
+def test_every_point_is_in_the_image(layout: str, target: str, lens: str) -> None:
+    """All points of the target are seen, within the image, in front of the camera; a board shows its front."""
+    sim = simulate(Scenario(layout=layout, target=target, lens=lens), 8)
+    for k, sample in enumerate(sim.recording.samples):
+        assert len(sample.observations) == (2 if layout.startswith("two") else 1)
+        for seen in sample.observations:
+            shape, pose = sim.cell.targets[seen.target].target, _predicted(sim, seen, k)
+            assert np.array_equal(seen.ids, shape.ids)
+            assert np.all(sim.cameras[seen.camera].sees(pose @ shape.points))
+            assert np.all((seen.pixels >= 0) & (seen.pixels <= (1279, 719)))
+            assert target not in ("charuco", "chessboard") or pose.rotation[:, 2] @ pose.translation > 0
+
+
+def test_partial_views_keep_eight_points() -> None:
+    """With `partial` some views lack points, and each has eight or more."""
+    sim = simulate(Scenario(samples=60, partial=True, distance_m=(0.25, 0.3), layout="eye_in_hand"), 1)
+    counts = [len(sample.observations[0].ids) for sample in sim.recording.samples]
+    assert 8 <= min(counts) < max(counts)
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+@pytest.mark.parametrize("spread", [0.1, 0.6, 1.5])
+def test_orientations_stay_within_the_spread(layout: str, spread: float) -> None:
+    """Any two recorded orientations of a moving robot are within twice the spread, and they use most of it."""
+    sim = simulate(Scenario(samples=40, layout=layout, spread_rad=spread, robots=2), 5)
+    for robot in sim.cell.robots:
+        rotation = _recorded(sim, robot).rotation[: 20 if layout == "chain" else None]
+        between = SE3(np.swapaxes(rotation[:, None], -1, -2) @ rotation[None], np.zeros((len(rotation),) * 2 + (3,)))
+        angle = np.linalg.norm(between.rotvec, axis=-1)
+        assert 0.7 * spread < angle.max() <= 2 * spread + 1e-9
+
+
+def test_pixel_noise_has_its_sigma() -> None:
+    """Residuals at the truth are normal with `pixel_px`, per coordinate and independent."""
+    residual = _residuals(simulate(Scenario(samples=150, pixel_px=0.3), 2))
+    assert residual.std() == pytest.approx(0.3, rel=0.03)
+    assert abs(residual.mean()) < 0.015
+    assert abs(np.corrcoef(residual.T)[0, 1]) < 0.05
+
+
+@pytest.mark.parametrize(("target", "sigma"), [("pose", (2e-3, 5e-3)), ("points3d", (2e-3,))])
+def test_noise_of_poses_and_points_has_its_sigma(target: str, sigma: tuple[float, ...]) -> None:
+    """Observed poses and 3-D points scatter about the truth with the sigmas that they state."""
+    sim = simulate(Scenario(samples=300, target=target, pose_noise=(2e-3, 5e-3), point_m=2e-3), 4)
+    seen = sim.recording.samples[0].observations[0]
+    expected = np.repeat(sigma, 3)
+    np.testing.assert_allclose(_residuals(sim).std(0), expected, rtol=0.15)
+    stated = seen.sigma if isinstance(seen, PoseObservation) else seen.sigma_m[:3]
+    np.testing.assert_array_equal(stated, expected)
+
+
+def test_robot_noise_has_its_sigmas() -> None:
+    """Moving robots draw an error per sample, in flange axes, with the sigmas the cell states."""
+    sim = simulate(Scenario(samples=400, robot_noise=(1e-3, 2e-3)), 6)
+    errors = np.concatenate([_errors(sim, "eye"), _errors(sim, "hand")])
+    np.testing.assert_allclose(errors.std(0), np.repeat([1e-3, 2e-3], 3), rtol=0.12)
+    assert abs(np.corrcoef(_errors(sim, "eye")[:, 0], _errors(sim, "hand")[:, 0])[0, 1]) < 0.15
+    np.testing.assert_array_equal(sim.cell.robots["eye"].noise, np.repeat([1e-3, 2e-3], 3))
+
+
+@pytest.mark.parametrize("layout", TWO_ARMS)
+@pytest.mark.parametrize(("arms", "stops"), [("eye_still", 1), ("halves", 11), ("stations", 4)])
+def test_one_stop_shares_one_error(layout: str, arms: str, stops: int) -> None:
+    """Consecutive samples of a robot share an error exactly where they share the recorded pose."""
+    scenario = Scenario(samples=20, layout=layout, arms=arms, stations=4, robot_noise=(1e-3, 1e-3), robots=2)
+    sim = simulate(scenario, 9)
+    for robot in sim.cell.robots:
+        same_pose = np.all(np.diff(_recorded(sim, robot).matrix, axis=0) == 0, axis=(1, 2))
+        same_error = np.all(np.abs(np.diff(_errors(sim, robot), axis=0)) < 1e-12, axis=1)
+        np.testing.assert_array_equal(same_pose, same_error)
+        if robot == sim.cell.reference and layout != "chain":
+            assert 1 + np.sum(~same_pose) == stops
+
+
+def test_halves_hold_the_hand_first() -> None:
+    """In `halves` the hand is still while the eye moves, then the eye is still."""
+    sim = simulate(Scenario(samples=10, arms="halves"), 1)
+    eye, hand = _recorded(sim, "eye").translation, _recorded(sim, "hand").translation
+    assert np.ptp(hand[:5], axis=0).max() == 0 == np.ptp(eye[5:], axis=0).max()
+    assert np.ptp(eye[:5], axis=0).min() > 0.01 < np.ptp(hand[5:], axis=0).min()
+
+
+def test_a_seed_tells_everything() -> None:
+    """The same seed gives the same recording, another seed another cell."""
+    first, again, other = (simulate(Scenario(samples=5), seed) for seed in (7, 7, 8))
+    np.testing.assert_array_equal(_residuals(first), _residuals(again))
+    name = "eye_base_from_hand_base"
+    np.testing.assert_array_equal(first.truth[name].matrix, again.truth[name].matrix)
+    assert np.linalg.norm(first.truth[name].translation - other.truth[name].translation) > 0.01
+
+
+def test_the_truth_does_not_depend_on_noise_or_statuses() -> None:
+    """A seed keeps its truth while noise, motion and what is told change."""
+    plain = Scenario(samples=5)
+    changed = replace(plain, samples=9, robot_noise=(1e-3, 1e-3), base="prior", intrinsics="free", arms="halves")
+    one, two = simulate(plain, 11), simulate(changed, 11)
+    for name, pose in one.truth.items():
+        np.testing.assert_array_equal(pose.matrix, two.truth[name].matrix)
+
+
+def test_bases_are_turned_anyhow() -> None:
+    """Over seeds the base's yaw covers the circle and it stands 0.8 to 2.2 m away; some are tilted far."""
+    bases = SE3.stack([simulate(Scenario(samples=1), seed).truth["eye_base_from_hand_base"] for seed in range(60)])
+    distance = np.linalg.norm(bases.translation, axis=-1)
+    assert np.all((distance > 0.8) & (distance < 2.2))
+    assert np.ptp(bases.rpy[:, 2]) > 5.5
+    assert 2 <= np.sum(bases.rotation[:, 2, 2] < 0.9) <= 30
+
+
+def test_a_fixed_transform_is_the_truth_and_a_free_one_is_not_told() -> None:
+    """The cell tells fixed values exactly and gives no guess for free ones."""
+    sim = simulate(Scenario(samples=2, camera_mount="fixed", target="led"), 2)
+    told = sim.cell.transforms
+    np.testing.assert_array_equal(told["eye_flange_from_wrist"].mean.matrix, sim.truth["eye_flange_from_wrist"].matrix)
+    assert told["eye_base_from_hand_base"].mean is None
+    np.testing.assert_array_equal(sim.truth["hand_flange_from_board"].rotation, np.eye(3))
+
+
+def test_priors_scatter_about_the_truth_with_their_sigmas() -> None:
+    """Truth is mean @ exp(xi) with xi of the stated sigmas; so are the parameters of a lens."""
+    scenario = Scenario(
+        samples=1, base="prior", camera_mount="prior", target_mount="prior", intrinsics="prior", target="points"
+    )
+    scaled, lenses = [], []
+    for seed in range(60):
+        sim = simulate(scenario, seed)
+        for name, told in sim.cell.transforms.items():
+            scaled.append((told.mean.inverse() @ sim.truth[name]).log() / told.sigma)
+        lens = sim.cell.cameras["wrist"].intrinsics
+        lenses.append((sim.cameras["wrist"].parameters - lens.camera.parameters) / lens.sigma)
+    np.testing.assert_allclose(np.std(scaled, axis=0), 1, atol=0.2)
+    assert np.std(lenses) == pytest.approx(1, abs=0.15)
+
+
+def test_unstated_noise_is_not_told() -> None:
+    """Where the scenario keeps its noise to itself, neither the cell nor the recording tells it."""
+    silent = Scenario(
+        samples=2,
+        robot_noise=(1e-3, 1e-3),
+        state_pixel_noise=False,
+        state_robot_noise=False,
+        state_observation_noise=False,
+    )
+    sim = simulate(silent, 1)
+    assert (sim.cell.pixel_px, sim.cell.robots["eye"].noise) == (None, None)
+    assert simulate(replace(silent, target="pose"), 1).recording.samples[0].observations[0].sigma is None
+    stating = simulate(replace(silent, state_pixel_noise=True), 1)
+    assert stating.cell.pixel_px == 0.2
+
+
+def test_a_robot_that_may_not_move_stays_at_one_stop() -> None:
+    """Without any spread all samples are one stop with one error."""
+    sim = simulate(Scenario(samples=6, spread_rad=0.0, position_m=0.0, robot_noise=(1e-3, 1e-3)), 3)
+    assert np.ptp(_recorded(sim, "hand").matrix, axis=0).max() == 0
+    assert np.ptp(_errors(sim, "hand"), axis=0).max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"layout": "eye_in_hand", "arms": "halves"}, "needs two robots"),
+        ({"layout": "dul"}, "layout is 'dul', expected one of: dual"),
+        ({"samples": 0}, "samples >= 1"),
+        ({"pixel_px": float("nan")}, "numbers >= 0"),
+        ({"distance_m": (0.05, 0.06)}, "of 30 samples see the target"),
+    ],
+)
+def test_what_cannot_be_simulated_is_said(fields: dict[str, object], message: str) -> None:
+    """A scenario that makes no sense is refused in one line."""
+    with pytest.raises(InputError, match=message):
+        simulate(Scenario(**fields), 0)
+
+
+def test_pixel_observations_are_of_the_cell() -> None:
+    """Every observation names a camera and a target that exist, and stamps rise."""
+    sim = simulate(Scenario(layout="chain", samples=7), 0)
+    seen = [found for sample in sim.recording.samples for found in sample.observations]
+    assert all(isinstance(found, PixelObservation) for found in seen)
+    assert {(found.camera, found.target) for found in seen} == {
+        ("camera1", "board2"),
+        ("camera2", "board3"),
+        ("camera3", "board1"),
+    }
+    assert [sample.stamp_s for sample in sim.recording.samples] == list(range(7))

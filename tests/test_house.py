@@ -1,0 +1,330 @@
+"""The house: layers, frame names, public names, docstrings, sizes, and what an import may load."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Collection, Iterator
+from pathlib import Path
+
+import pytest
+
+SOURCE = Path(__file__).parents[1] / "src" / "basecal"
+FILES = sorted(SOURCE.rglob("*.py"))
+LAYERS = [
+    {"errors"},
+    {"geometry"},
+    {"kinematics"},
+    {"cell"},
+    {"vision", "estimation", "exchange"},
+    {"accuracy"},
+    {"planning"},
+    {"simulation"},
+    {"acquisition"},
+    {"studies", "reporting"},
+    {"cli"},
+]
+LEVEL = {name: level for level, names in enumerate(LAYERS) for name in names}
+ENTRIES = {"__init__", "__main__"}
+
+
+def parsed(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+def inner_imports(tree: ast.AST, package: list[str]) -> Iterator[tuple[int, list[str]]]:
+    """Line and dotted parts of each import from basecal; `package` is where relative imports start."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            names = [alias.name.split(".") for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            base = package[: len(package) - node.level + 1] if node.level else []
+            stem = [*base, *(node.module.split(".") if node.module else [])]
+            names = [[*stem, alias.name] for alias in node.names]
+        else:
+            continue
+        yield from ((node.lineno, parts) for parts in names if parts[0] == "basecal")
+
+
+def layer_faults(tree: ast.AST, parts: tuple[str, ...]) -> list[str]:
+    """What is wrong with the imports of the module at `parts`, such as ("cell", "target")."""
+    mine, faults = parts[0], []
+    if mine not in LEVEL:
+        return [f"{mine} is not a known package: give it a layer"]
+    for line, imported in inner_imports(tree, ["basecal", *parts[:-1]]):
+        theirs = imported[1] if len(imported) > 1 else ""
+        if theirs not in LEVEL:
+            faults.append(f"line {line}: {'.'.join(imported)} goes through the root or to an unknown package")
+        elif theirs != mine and LEVEL[theirs] >= LEVEL[mine]:
+            faults.append(f"line {line}: {mine} imports {theirs}, which is not below it")
+    return faults
+
+
+def module_parts(path: Path) -> tuple[str, ...]:
+    return path.relative_to(SOURCE).with_suffix("").parts
+
+
+def everywhere(faults_of: Callable[[Path], Collection[object]]) -> dict[str, Collection[object]]:
+    """Faults by file, of the files that have any."""
+    found = {str(path.relative_to(SOURCE)): faults_of(path) for path in FILES}
+    return {name: faults for name, faults in found.items() if faults}
+
+
+def test_imports_point_down() -> None:
+    """Every import inside the package points to a lower layer or stays in its own package."""
+    inner = {path for path in FILES if module_parts(path)[0] not in ENTRIES}
+    assert everywhere(lambda path: layer_faults(parsed(path), module_parts(path)) if path in inner else []) == {}
+
+
+@pytest.mark.parametrize(
+    ("source", "parts"),
+    [
+        ("from basecal import read_cell", ("cell", "files")),
+        ("import basecal", ("cli", "new")),
+        ("from basecal.cli.new import new", ("reporting", "text")),
+        ("def f():\n    from basecal.estimation import solve", ("exchange", "poses")),
+        ("from ..accuracy import verdict", ("estimation", "solve")),
+        ("from basecal.gossip import x", ("cli", "new")),
+        ("", ("gossip", "x")),
+    ],
+)
+def test_layer_check_bites(source: str, parts: tuple[str, ...]) -> None:
+    """An upward, sideways, rooted or unknown import is found wherever it stands."""
+    assert layer_faults(ast.parse(source), parts)
+
+
+FRAMES = re.compile(r"^_?(?:(?:measured|recorded|true)_)?(?P<target>[a-z0-9_]+?)_from_(?P<source>[a-z0-9_]+)$")
+POINT = re.compile(r"^\w+?_in_(?P<frame>[a-z0-9_]+)$")
+NO_FRAMES = {
+    *("matrix", "rotation", "quaternion", "rotvec", "rpy", "dict", "streams", "text", "line", "file"),
+    *("archive", "csv", "normal", "parts", "lines", "candidates"),
+}
+
+
+def frames_of_name(name: str) -> tuple[str, str] | None:
+    """(a, b) of `a_from_b`, (a, "") of `p_in_a`, None of any other name."""
+    if (found := FRAMES.match(name)) and found["source"] not in NO_FRAMES:
+        return found["target"], found["source"]
+    if found is None and (found := POINT.match(name)):
+        return found["frame"], ""
+    return None
+
+
+class FrameChecker(ast.NodeVisitor):
+    """Whether names `a_from_b` agree with the products, inverses, assignments and returns they stand in."""
+
+    def __init__(self) -> None:
+        self.faults: set[str] = set()
+        self.checked = 0
+
+    def frames(self, node: ast.AST) -> tuple[str, str] | None:
+        match node:
+            case ast.Name(id=name) | ast.Attribute(attr=name):
+                return frames_of_name(name)
+            case ast.Subscript(value=value):
+                return self.frames(value)
+            case ast.Call(func=ast.Attribute(value=value, attr="inverse")):
+                inner = self.frames(value)
+                return (inner[1], inner[0]) if inner and inner[1] else None
+            case ast.Call(func=ast.Name(id=name) | ast.Attribute(attr=name)):
+                called = frames_of_name(name)
+                return called if called and called[1] else None
+            case ast.BinOp(left=left, op=ast.MatMult(), right=right):
+                return self.product(node, self.frames(left), self.frames(right))
+        return None
+
+    def product(
+        self, node: ast.AST, left: tuple[str, str] | None, right: tuple[str, str] | None
+    ) -> tuple[str, str] | None:
+        if not left or not right or not left[1]:
+            return None
+        self.expect(node, left[1], right[0])
+        return left[0], right[1]
+
+    def expect(self, node: ast.AST, want: object, got: object) -> None:
+        self.checked += 1
+        if want != got:
+            self.faults.add(f"line {node.lineno}: {want} is not {got}: {ast.unparse(node)}")
+
+    def agree(self, name: str, value: ast.AST) -> None:
+        want, got = frames_of_name(name), self.frames(value)
+        if want and got:
+            self.expect(value, want, got)
+
+    def visit_Assign(self, node: ast.Assign) -> None:
+        for target in node.targets:
+            if isinstance(target, ast.Name | ast.Attribute):
+                self.agree(target.id if isinstance(target, ast.Name) else target.attr, node.value)
+        self.generic_visit(node)
+
+    def visit_keyword(self, node: ast.keyword) -> None:
+        if node.arg:
+            self.agree(node.arg, node.value)
+        self.generic_visit(node)
+
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> None:
+        for each in ast.walk(node):
+            if isinstance(each, ast.Return) and each.value is not None:
+                self.agree(node.name, each.value)
+        self.generic_visit(node)
+
+    def visit_BinOp(self, node: ast.BinOp) -> None:
+        self.frames(node)
+        self.generic_visit(node)
+
+
+def frame_check(tree: ast.AST) -> FrameChecker:
+    checker = FrameChecker()
+    checker.visit(tree)
+    return checker
+
+
+def test_frame_names_agree() -> None:
+    """A name `a_from_b` holds what its algebra makes: inner frames touch, inverses turn the name round."""
+    assert everywhere(lambda path: frame_check(parsed(path)).faults) == {}
+
+
+def test_frame_names_are_used() -> None:
+    """The check of frame names finds products to check."""
+    assert sum(frame_check(parsed(path)).checked for path in FILES) > 5
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "a_from_c = a_from_b @ c_from_b",
+        "b_from_a = a_from_b",
+        "solve(eye_from_hand=eye_from_hand.inverse())",
+        "p_in_a = b_from_a @ p_in_a",
+        "def a_from_b(x):\n    return x.b_from_a",
+        "x = a_from_b @ p_in_a",
+    ],
+)
+def test_frame_check_bites(source: str) -> None:
+    """A product, inverse, argument or return of the wrong frames is found."""
+    assert frame_check(ast.parse(source)).faults
+
+
+def test_frame_check_accepts_the_equation() -> None:
+    """The one equation of the project passes, every product in it checked."""
+    source = """camera_from_target = (eye_base_from_eye_flange @ eye_flange_from_camera).inverse() @ (
+        eye_base_from_hand_base @ hand_base_from_hand_flange @ hand_flange_from_target)"""
+    checker = frame_check(ast.parse(source))
+    assert checker.faults == set()
+    assert checker.checked >= 5
+
+
+def public_definitions(tree: ast.Module) -> Iterator[ast.FunctionDef | ast.ClassDef]:
+    """Functions and classes of a module without a leading underscore, and such methods of such classes."""
+    for node in tree.body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
+            yield node
+            if isinstance(node, ast.ClassDef):
+                yield from (
+                    each for each in node.body if isinstance(each, ast.FunctionDef) and not each.name.startswith("_")
+                )
+
+
+def is_overload(node: ast.FunctionDef | ast.ClassDef) -> bool:
+    return any(ast.unparse(decorator) == "overload" for decorator in node.decorator_list)
+
+
+def undocumented(path: Path) -> list[str]:
+    tree = parsed(path)
+    bare = [node.name for node in public_definitions(tree) if not ast.get_docstring(node) and not is_overload(node)]
+    return bare if ast.get_docstring(tree) else ["the module", *bare]
+
+
+def test_public_things_have_docstrings() -> None:
+    """Every module, public class and public function says what it gives."""
+    assert everywhere(undocumented) == {}
+
+
+def too_long(path: Path) -> list[str]:
+    text = path.read_text(encoding="utf-8")
+    functions = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.FunctionDef)]
+    long = [f"{node.name}: {own_lines(node)}" for node in functions if own_lines(node) > 40]
+    return [f"file: {lines}", *long] if (lines := len(text.splitlines())) >= 400 else long
+
+
+def test_files_and_functions_are_short() -> None:
+    """No file reaches 400 lines, and no function has more than 40 besides its docstring."""
+    assert everywhere(too_long) == {}
+
+
+def own_lines(node: ast.FunctionDef) -> int:
+    """Lines of a function without its docstring."""
+    said = node.body[0] if ast.get_docstring(node) else None
+    doc = 0 if said is None else (said.end_lineno or 0) - said.lineno + 1
+    return (node.end_lineno or 0) - node.lineno + 1 - doc
+
+
+def package_names() -> list[str]:
+    return ["basecal", *sorted(f"basecal.{path.parent.name}" for path in SOURCE.glob("*/__init__.py"))]
+
+
+@pytest.mark.parametrize("name", package_names())
+def test_all_lists_are_true(name: str) -> None:
+    """Every name in `__all__` exists, once."""
+    module = importlib.import_module(name)
+    listed = list(getattr(module, "__all__", []))
+    assert len(set(listed)) == len(listed)
+    assert [each for each in listed if not hasattr(module, each)] == []
+
+
+def test_public_table_matches_its_types() -> None:
+    """The lazy table and the imports for type checkers name the same things from the same modules."""
+    import basecal
+
+    block = next(node for node in parsed(SOURCE / "__init__.py").body if isinstance(node, ast.If))
+    typed = {
+        alias.name: node.module.removeprefix("basecal.")
+        for node in block.body
+        if isinstance(node, ast.ImportFrom) and node.module
+        for alias in node.names
+    }
+    assert typed == basecal._HOME
+    assert all(dir(basecal).count(name) == 1 for name in typed)
+
+
+def test_unknown_public_name() -> None:
+    """A name that is not public is an AttributeError that names it."""
+    import basecal
+
+    with pytest.raises(AttributeError, match="calibrat_"):
+        _ = basecal.calibrat_
+
+
+def loaded_by(code: str) -> set[str]:
+    """Top-level modules that a fresh interpreter has after `code`."""
+    program = f"{code}\nimport sys\nprint(*{{name.split('.')[0] for name in sys.modules}})"
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    return set(ended.stdout.splitlines()[-1].split())
+
+
+def test_import_is_light() -> None:
+    """`import basecal` loads nothing heavy, not even NumPy."""
+    assert loaded_by("import basecal").isdisjoint({"numpy", "scipy", "cv2", "mujoco", "pydantic", "ruamel", "rich"})
+
+
+def test_help_is_light() -> None:
+    """The help of the command line and of every verb loads no numerics."""
+    help_of = "from basecal.cli import main\nmain(['--help']); main(['calibrate', '--help'])"
+    assert loaded_by(help_of).isdisjoint({"numpy", "scipy", "cv2", "mujoco", "pydantic", "ruamel"})
+
+
+def test_solving_needs_no_images() -> None:
+    """Geometry, cells and estimation load without OpenCV."""
+    heavy = {"cv2", "mujoco", "pin", "gtsam", "pyceres"}
+    assert loaded_by("import basecal\nbasecal.calibrate, basecal.read_cell, basecal.simulate").isdisjoint(heavy)
+
+
+def test_no_addresses_in_the_lock() -> None:
+    """The constraints pin versions and name no place to get them from."""
+    lines = (SOURCE.parents[1] / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    pins = [line for line in lines if line and not line.startswith("#")]
+    assert all(re.fullmatch(r"[A-Za-z0-9_.-]+==[A-Za-z0-9_.+!-]+", pin) for pin in pins)
+    assert len(pins) > 30
