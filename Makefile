@@ -4,6 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 INSTALL := $(PIP) install -c constraints.txt
+BENCHMARKS := solve starts
 
 .PHONY: help setup demo test test-slow lint docs bench clean
 .NOTPARALLEL:
@@ -35,7 +36,7 @@ docs: $(VENV)/.docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 bench: $(VENV)/.bench
-	for each in benchmarks/*/run.py; do echo "$$each"; OMP_NUM_THREADS=1 $(BIN)/python "$$each" || exit 1; done
+	for each in $(BENCHMARKS); do echo "benchmarks.$$each"; OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.$$each || exit 1; done
 
 clean:
 	rm -rf $(VENV) site dist demo_cell .pytest_cache .ruff_cache .mypy_cache .hypothesis

@@ -54,7 +54,8 @@ def trial(kind: str, seed: int) -> Trial:
     found = solve_packed(problem, made.cell)
     took = time.perf_counter() - began
     off = _off(found, best)
-    same = off < SAME_M_RAD or found.cost <= best.cost * (1 + SAME_COST)
+    settled = found.converged and best.converged and np.isfinite(found.cost)
+    same = settled and (off < SAME_M_RAD or found.cost <= best.cost * (1 + SAME_COST))
     verdict = "unseen" if best.seen.unseen else "same" if same else "other"
     return Trial(kind, seed, scenario.samples, verdict, found.cost, best.cost, off, took)
 
@@ -94,8 +95,28 @@ def _report(found: list[dict[str, Any]]) -> str:
     for s in found:
         rate = "" if s["rate"] is None else f"{100 * s['rate']:.2f} %"
         seeds = "" if s["kind"] == "all" else " ".join(str(seed) for _, seed in s["failing"])
-        rows.append((s["kind"], s["same"], s["other"], s["unseen"], rate, f"{s['median_ms']:.0f}", f"{s['slowest_ms']:.0f}", seeds))
-    head = ("kind", "same optimum", "another", "not observable", "rate", "median [ms]", "slowest [ms]", "seeds of another")
+        rows.append(
+            (
+                s["kind"],
+                s["same"],
+                s["other"],
+                s["unseen"],
+                rate,
+                f"{s['median_ms']:.0f}",
+                f"{s['slowest_ms']:.0f}",
+                seeds,
+            )
+        )
+    head = (
+        "kind",
+        "same optimum",
+        "another",
+        "not observable",
+        "rate",
+        "median [ms]",
+        "slowest [ms]",
+        "seeds of another",
+    )
     return table(head, rows)
 
 

@@ -22,9 +22,9 @@ def _solver(problem: Problem, start: State, options: dict[str, Any]) -> Callable
     def work() -> Outcome:
         whole.forget()
         found = least_squares(
-            lambda x: whole.at_step(x)[0],
+            lambda x: whole.at_step(x)[0].copy(),  # MINPACK writes into both
             np.zeros(problem.width),
-            jac=lambda x: whole.at_step(x)[1],
+            jac=lambda x: whole.at_step(x)[1].copy(),
             ftol=TOLERANCE,
             xtol=1e-12,
             gtol=1e-12,

@@ -55,8 +55,8 @@ class Whole:
         points = seen.points_in_target @ np.swapaxes(pose.rotation, -1, -2) + pose.translation[:, None]
         pixels, by_point, _ = state.cameras[group.camera].project_with_derivatives(points)
         by_pose = _by_pose(by_point * seen.weight[..., None, None], pose.rotation, seen.points_in_target)
-        by_step, _ = by_unknowns(self.problem, group, links, 6)
-        jacobian = by_pose @ by_step
+        by_step, columns = by_unknowns(self.problem, group, links, 6)
+        jacobian = by_pose @ by_step[..., np.argsort(columns)]
         residual = (pixels - seen.pixels) * seen.weight[..., None]
         return residual.reshape(-1), jacobian.reshape(-1, jacobian.shape[-1])
 

@@ -33,6 +33,20 @@ def error(folder: Path, old: str, new: str) -> str:
     return str(caught.value)
 
 
+def assert_same(one: Any, other: Any) -> None:
+    """Equal data; numbers to the last digits, since a quaternion passes through its matrix."""
+    if isinstance(one, dict):
+        assert list(one) == list(other)
+        for key in one:
+            assert_same(one[key], other[key])
+    elif isinstance(one, list):
+        assert len(one) == len(other)
+        for left, right in zip(one, other, strict=True):
+            assert_same(left, right)
+    else:
+        assert one == (pytest.approx(other, rel=0, abs=4e-15) if isinstance(other, float) else other)
+
+
 def test_meaning(folder: Path) -> None:
     """Every notation of a pose, sigma, lens and target gives the transform, sigmas and points it stands for."""
     cell = read_cell(folder)
@@ -54,13 +68,12 @@ def test_meaning(folder: Path) -> None:
     assert cell.pixel_px == 0.3
 
 
-def test_round_trip(folder: Path, tmp_path: Path) -> None:
-    """A cell written and read again has the same values, and the same text when written once more."""
+def test_round_trip(folder: Path) -> None:
+    """A cell written and read again has the same values."""
     cell = read_cell(folder)
-    first = cell_to_dict(cell)
     write_cell(cell, folder)
     again = read_cell(folder)
-    assert cell_to_dict(again) == first
+    assert_same(cell_to_dict(again), cell_to_dict(cell))
     for name, unknown in cell.transforms.items():
         other = again.transforms[name]
         assert unknown.status == other.status
@@ -122,8 +135,8 @@ def test_all_errors_at_once(folder: Path) -> None:
     lines = str(caught.value).splitlines()
     assert [line.split("cell.yaml:")[1].split(": ")[:2] for line in lines] == [
         ["15", "cameras.wrist.intrinsics.fx"],
-        ["33", "targets.tags.on"],
-        ["40", "noice"],
+        ["34", "targets.tags.on"],
+        ["41", "noice"],
     ]
     assert "did you mean 'still'?" in lines[1]
     assert "did you mean 'noise'?" in lines[2]
@@ -144,7 +157,12 @@ def test_all_errors_at_once(folder: Path) -> None:
         ("wrist:\n", "eye_base:\n", 11, "taken by a frame of 'eye'"),
         ("light: {on: hand", "light: {on: depth", 32, "targets.light.on: no robot 'depth'"),
         ("  hand: {status: free, g", "  eye: {status: free, g", 8, "the base of the reference"),
-        ("  hand: {status: free, g", "  hadn: {status: free, g", 8, "bases.hadn: no robot 'hadn' (did you mean 'hand'?)"),
+        (
+            "  hand: {status: free, g",
+            "  hadn: {status: free, g",
+            8,
+            "bases.hadn: no robot 'hadn' (did you mean 'hand'?)",
+        ),
         ("urdf: hand.urdf", "urdf: ../hand.urdf", 5, "leaves the cell"),
         ("urdf: hand.urdf", "urdf: /etc/passwd", 5, "relative path"),
         ("urdf: hand.urdf", "urdf: arm.urdf", 5, "there is no file 'arm.urdf'"),
@@ -164,7 +182,7 @@ def test_all_errors_at_once(folder: Path) -> None:
         ("status: free, guess: {t_m", "status: fixed, guess: {t_m", 8, "takes no guess"),
         ("guess: {t_m: [1, 0, 0], rpy_deg: [0, 0, 90]}", "t_m: [1, 0, 0]", 8, "`guess: {...}`"),
         ("sigma_t_m: 0.01, ", "", 18, "needs sigma_t_m"),
-        ("mount: {status: prior, t_m: [0, 0, 0.1]", "mount: {status: prior, rpy_deg: [0, 0, 9], t_m: [0, 0, 0.1]", 32, "no rotation"),
+        ("t_m: [0, 0, 0.1]", "rpy_deg: [0, 0, 9], t_m: [0, 0, 0.1]", 32, "no rotation"),
         ("sigma_t_m: 0.002", "sigma_t_m: 0.002, sigma_r_rad: 0.1", 32, "single point has no rotation"),
         ("fy: 765.4, ", "", 15, "needs fy"),
         ("fx: 766.5", "fx: 1e400", 15, "fx: expected a finite number"),
@@ -175,23 +193,23 @@ def test_all_errors_at_once(folder: Path) -> None:
         ("[-0.35, 0.179, 0, 0, 0]", "[-0.35, 0.179, 0]", 15, "0 or 4 or 5 or 8 terms"),
         ("intrinsics: {status: free}", "intrinsics: {status: free, distortion_terms: 5}", 21, "fisheye camera has 4"),
         ("size_px: [800, 600]", "size_px: [800, 0]", 20, "size_px[1]"),
-        ("size_px: [800, 600]\n", "", 20, "needs size_px"),
+        ("    size_px: [800, 600]\n", "", 20, "needs size_px"),
         ("kind: charuco", "kind: charucco", 27, "no kind 'charucco' (did you mean 'charuco'?)"),
         ("kind: charuco", "kind: [charuco]", 27, "no kind a list"),
         ("marker_m: 0.03", "marker_m: 0.04", 24, "not below square_m"),
         ("squares: [5, 7]", "squares: [5, 1e9]", 28, "squares[1]"),
         ("squares: [5, 7]", "squares: [5, 1000000000]", 28, "squares[1]"),
         ("DICT_4X4_50", "DICT_4X4_5", 31, "did you mean 'DICT_4X4_50'?"),
-        ("id: 7", "id: 3", 36, "tag 3 is given twice"),
-        ("t_m: [0.2, 0, 0], q_xyzw: [0, 0, 0, 1]", "", 36, "tag 7 has no pose"),
-        ("tag36h11", "tag36h12", 35, "no family 'tag36h12'"),
-        ("noise: {pixel_px: 0.3}", "noise: {pixel_px: -0.3}", 40, "noise.pixel_px"),
-        ("noise: {pixel_px: 0.3}", "noise: [1]", 40, "noise: expected a mapping"),
+        ("id: 7", "id: 3", 37, "tag 3 is given twice"),
+        ("t_m: [0.2, 0, 0], q_xyzw: [0, 0, 0, 1]", "", 37, "tag 7 has no pose"),
+        ("tag36h11", "tag36h12", 36, "no family 'tag36h12'"),
+        ("noise: {pixel_px: 0.3}", "noise: {pixel_px: -0.3}", 41, "noise.pixel_px"),
+        ("noise: {pixel_px: 0.3}", "noise: [1]", 41, "noise: expected a mapping"),
         ("reference: eye", "reference: &a eye", 2, "aliases and anchors"),
         ("reference: eye", "reference: *a", 2, "aliases and anchors"),
         ("reference: eye", "reference: !!str eye", 2, "tags"),
         ("reference: eye", "reference: !!python/object:os.system eye", 2, "tags"),
-        ("reference: eye", "reference: [eye", 2, "not YAML"),
+        ("reference: eye", "reference: [eye", 3, "not YAML"),
         ("reference: eye", "? [a]\n: b", 2, "is not a name"),
         ("reference: eye", "<<: {reference: eye}", 2, "<<: unknown field"),
         ("reference: eye", "reference: " + "[" * 5000, 2, "nested deeper"),
@@ -202,7 +220,7 @@ def test_refused(folder: Path, old: str, new: str, line: int, words: str) -> Non
     message = error(folder, old, new)
     first = next(part for part in message.splitlines() if words in part)
     assert first.startswith(str(folder / "cell.yaml"))
-    assert f"cell.yaml:{line}: " in first or line == 2 and "cell.yaml:1: " in first
+    assert f"cell.yaml:{line}: " in first or (line == 2 and "cell.yaml:1: " in first)
 
 
 def test_near_rotations_are_projected(folder: Path) -> None:

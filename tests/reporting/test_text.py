@@ -31,7 +31,10 @@ def a_calibration() -> Calibration:
         status={BASE: "free", "hand_flange_from_led": "free"},
         points=frozenset({"hand_flange_from_led"}),
         cameras={"wrist": (Camera("pinhole", np.array([900.0, 901.0, 640.0, 360.0])), np.diag([4.0, 4.0, 1.0, 1.0]))},
-        noise={"pixel_px": 0.21, "robots": {"eye": {"sigma_t_m": np.full(3, 3e-4), "sigma_r_rad": np.full(3, 5e-4)}}},
+        noise={
+            "pixel_px": 0.21,
+            "robots": {"eye": {"sigma_t_m": [3e-4, 1e-4, 3e-4], "sigma_r_rad": [5e-4, 5e-4, 5e-4]}},
+        },
         residuals=Residuals(0.2, 0.1, 4e-4, np.radians(0.05), (SampleResidual(3, "wrist", "led", 0.4),)),
     )
 
@@ -53,7 +56,7 @@ def test_numbers_are_those_of_the_calibration() -> None:
         "loop closes to 0.400 mm and 0.050 deg rms over 1 views",
         "worst view: sample 3 by wrist, 0.400 px",
         "noise of what was seen, per axis: 0.21 px",
-        "noise of eye per stop and axis: 0.3 mm, 0.5 mrad",
+        "noise of eye per stop and axis: 0.3 0.1 0.3 mm, 0.5 mrad",
     ):
         assert said in text
 

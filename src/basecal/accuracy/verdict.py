@@ -61,12 +61,25 @@ def _samples(problem: Problem) -> set[int]:
 
 
 def _too_few(problem: Problem) -> Finding | None:
+    """Refuse where no view can be checked against the others: without the largest, equations are fewer than unknowns."""
     count = len(_samples(problem))
-    if count >= 2:
+    if count < 2:
+        found = "no sample shows" if count == 0 else "a single sample shows"
+        return _too_few_finding(f"{found} a target to a camera with every robot's pose")
+    equations = np.concatenate([g.measurement.equations() for g in problem.groups])
+    free = sum(w.stop - w.start for n, w in problem.columns.items() if n in problem.unknowns and _is_free(problem, n))
+    if equations.sum() - equations.max() >= free:
         return None
-    found = "no sample shows" if count == 0 else "a single sample shows"
-    advice = "record at least 10 samples with both arms in different orientations"
-    return Finding("too-few-samples", "error", (), f"{found} a target to a camera with every robot's pose: {advice}")
+    return _too_few_finding(f"{count} samples give {int(equations.sum())} equations for {free} unknowns: none is left to check them")
+
+
+def _is_free(problem: Problem, name: str) -> bool:
+    return problem.unknowns[name].status == "free"
+
+
+def _too_few_finding(what: str) -> Finding:
+    advice = "record at least 10 samples with every arm in different orientations (20 for a single light)"
+    return Finding("too-few-samples", "error", (), f"{what}: {advice}")
 
 
 def _too_many_dropped(problem: Problem, findings: list[Finding]) -> list[Finding]:

@@ -34,6 +34,12 @@ def _sigmas(count: int | None) -> Callable[[Any], list[float]]:
     return check
 
 
+def _sigma(value: Any) -> Any:
+    if not _is_sigma(value):
+        raise ValueError(f"expected a positive number, got {short(value)}")
+    return value
+
+
 def _is_sigma(value: Any) -> bool:
     return isinstance(value, int | float) and value is not True and SMALLEST_SIGMA <= value <= LARGEST
 
@@ -46,7 +52,7 @@ def empty(value: Any) -> Any:
 Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 Length = Annotated[float, Field(gt=0, le=LARGEST)]
 Vector = Annotated[list[Number], Field(min_length=3, max_length=3)]
-Sigma = Annotated[float, Field(ge=SMALLEST_SIGMA, le=LARGEST)]
+Sigma = Annotated[float, BeforeValidator(_sigma)]
 Sigma2 = Annotated[list[float], BeforeValidator(_sigmas(2))]
 Sigma3 = Annotated[list[float], BeforeValidator(_sigmas(3))]
 Sigmas = Annotated[list[float], BeforeValidator(_sigmas(None))]

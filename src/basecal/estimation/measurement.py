@@ -15,6 +15,9 @@ from basecal.geometry import SE3, Array, Camera
 from basecal.geometry.se3 import right_jacobian_inverse
 
 
+_CHUNK_POINTS = 3600
+
+
 class ViewInformation(NamedTuple):
     """Per view: cost (n,), gradient (n, 6 + k), information (n, 6 + k, 6 + k)."""
 
@@ -47,7 +50,7 @@ class Measurement(Protocol):
         """The same with the sigmas that were not stated."""
         ...
 
-    def take(self, views: Array) -> Measurement:
+    def take(self, views: Array | slice) -> Measurement:
         """The views at these indices."""
         ...
 
@@ -55,23 +58,39 @@ class Measurement(Protocol):
         """How many scalar residuals state no sigma, by field of `Noise`; and `stated`."""
         ...
 
+    def equations(self) -> Array:
+        """How many of the six freedoms of `camera_from_target` each view can hold, (n,)."""
+        ...
+
 
 def _information(residual: Array, jacobian: Array) -> ViewInformation:
-    transposed = np.swapaxes(jacobian, -1, -2)
-    gradient = (transposed @ residual[..., None])[..., 0]
-    return ViewInformation(np.einsum("ni,ni->n", residual, residual), gradient, transposed @ jacobian)
+    """From residuals (n, m) and their derivative by rows of unknowns, (n, k, m)."""
+    gradient = (jacobian @ residual[..., None])[..., 0]
+    return ViewInformation(np.einsum("ni,ni->n", residual, residual), gradient, jacobian @ np.swapaxes(jacobian, -1, -2))
 
 
-def _point_jacobian(out: Array, by_point: Array, rotation: Array, points: Array) -> None:
-    """Fill out[..., :6] with the derivative of f(camera_from_target @ p) where `by_point` is df/dp, (n, p, d, 3)."""
+def _width(by_lens: Array | None) -> int:
+    return 0 if by_lens is None else int(by_lens.shape[-1])
+
+
+def _by_pose(by_point: Array, rotation: Array, points: Array, more: int = 0) -> Array:
+    """Derivative of f(camera_from_target @ p), (n, 6 + more, p d), the last `more` rows not filled.
+
+    Args:
+        by_point: df/dp, (n, p, d, 3).
+        rotation: Of camera_from_target, (n, 3, 3).
+        points: p in the target, (p, 3).
+        more: Rows for other unknowns.
+    """
     n, p, d, _ = by_point.shape
-    rotated = (by_point.reshape(n, p * d, 3) @ rotation).reshape(n, p, d, 3)
-    x, y, z = (points[..., :, None, i] for i in range(3))
-    u, v, w = rotated[..., 0], rotated[..., 1], rotated[..., 2]
-    out[..., :3] = rotated
-    out[..., 3] = y * w - z * v
-    out[..., 4] = z * u - x * w
-    out[..., 5] = x * v - y * u
+    out = np.empty((n, 6 + more, p * d))
+    np.matmul(np.swapaxes(rotation, -1, -2), np.swapaxes(by_point.reshape(n, p * d, 3), -1, -2), out=out[:, :3])
+    x, y, z = np.repeat(points, d, axis=0).T
+    u, v, w = out[:, 0], out[:, 1], out[:, 2]
+    out[:, 3] = y * w - z * v
+    out[:, 4] = z * u - x * w
+    out[:, 5] = x * v - y * u
+    return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,32 +112,37 @@ class PixelMeasurement:
     weight: Array
 
     def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
-        """See `Measurement`; the cost is infinite where a seen point lies behind the camera."""
+        """See `Measurement`; the cost is infinite where a seen point lies behind the camera.
+
+        Many views go in chunks that stay in the processor's cache, which halves the time.
+        """
         assert camera is not None
+        n, p = self.weight.shape
+        size = max(1, _CHUNK_POINTS // max(p, 1))
+        if n <= 1.5 * size:
+            return self._linearise(camera_from_target, camera, lens)
+        chunks = [slice(at, at + size) for at in range(0, n, size)]
+        parts = [self.take(c)._linearise(camera_from_target[c], camera, lens) for c in chunks]
+        return ViewInformation(*(np.concatenate(field) for field in zip(*parts, strict=True)))
+
+    def _linearise(self, camera_from_target: SE3, camera: Camera, lens: bool) -> ViewInformation:
         n, p = self.weight.shape
         in_camera = self.points_in_target @ np.swapaxes(camera_from_target.rotation, -1, -2)
         in_camera += camera_from_target.translation[:, None]
         pixels, by_point, by_lens = camera.project_with_derivatives(in_camera, lens)
-        columns = 6 + (0 if by_lens is None else by_lens.shape[-1])
-        jacobian = np.empty((n, p, 2, columns))
-        _point_jacobian(jacobian, by_point, camera_from_target.rotation, self.points_in_target)
-        if by_lens is not None:
-            jacobian[..., 6:] = by_lens
         residual = pixels - self.pixels
-        if np.isnan(residual).any():
-            return self._where_defined(residual, jacobian)
-        residual *= self.weight[..., None]
-        jacobian *= self.weight[..., None, None]
-        return _information(residual.reshape(n, -1), jacobian.reshape(n, 2 * p, columns))
-
-    def _where_defined(self, residual: Array, jacobian: Array) -> ViewInformation:
-        bad = np.isnan(residual).any(-1)
-        weight = np.where(bad, 0.0, self.weight)
-        n, p, _, columns = jacobian.shape
-        r = np.where(bad[..., None], 0.0, residual) * weight[..., None]
-        j = np.where(bad[..., None, None], 0.0, jacobian) * weight[..., None, None]
-        cost, gradient, information = _information(r.reshape(n, -1), j.reshape(n, 2 * p, columns))
-        return ViewInformation(np.where((bad & self.seen).any(-1), np.inf, cost), gradient, information)
+        lost = np.isnan(residual).any(-1)
+        weight = self.weight
+        if lost.any():
+            weight = np.where(lost, 0.0, weight)
+            residual, by_point = np.nan_to_num(residual), np.nan_to_num(by_point)
+        jacobian = _by_pose(by_point, camera_from_target.rotation, self.points_in_target, _width(by_lens))
+        if by_lens is not None:
+            jacobian[:, 6:] = np.swapaxes(np.nan_to_num(by_lens).reshape(n, 2 * p, -1), -1, -2)
+        per_coordinate = np.repeat(weight, 2, axis=-1)
+        jacobian *= per_coordinate[:, None]
+        cost, gradient, information = _information(residual.reshape(n, -1) * per_coordinate, jacobian)
+        return ViewInformation(np.where((lost & self.seen).any(-1), np.inf, cost), gradient, information)
 
     def residual_px(self, camera_from_target: SE3, camera: Camera) -> Array:
         """Predicted minus seen pixels, (n, p, 2) [px]; NaN where not seen."""
@@ -138,11 +162,15 @@ class PixelMeasurement:
         unstated = self.seen & (self.stated == 0)
         return replace(self, weight=self.stated + unstated / noise.pixel_px)
 
-    def take(self, views: Array) -> PixelMeasurement:
+    def take(self, views: Array | slice) -> PixelMeasurement:
         """See `Measurement`."""
         return replace(
             self, pixels=self.pixels[views], seen=self.seen[views], stated=self.stated[views], weight=self.weight[views]
         )
+
+    def equations(self) -> Array:
+        """See `Measurement`."""
+        return np.minimum(2 * self.seen.sum(-1), 6)
 
     def counts(self) -> dict[str, int]:
         """See `Measurement`."""
@@ -173,10 +201,9 @@ class BearingMeasurement:
         unit = in_camera / norm[..., None]
         scale = (self.weight / norm)[..., None, None]
         by_point = (np.eye(3) - unit[..., :, None] * unit[..., None, :]) * scale
-        jacobian = np.empty((n, p, 3, 6))
-        _point_jacobian(jacobian, by_point, camera_from_target.rotation, self.points_in_target)
         residual = (unit - self.bearings_in_camera) * self.weight[..., None]
-        return _information(residual.reshape(n, -1), jacobian.reshape(n, 3 * p, 6))
+        jacobian = _by_pose(by_point, camera_from_target.rotation, self.points_in_target)
+        return _information(residual.reshape(n, 3 * p), jacobian)
 
     def squares(self, camera_from_target: SE3, camera: Camera | None) -> dict[str, float]:
         """See `Measurement`; its weights are its own."""
@@ -186,9 +213,13 @@ class BearingMeasurement:
         """See `Measurement`; its weights are its own."""
         return self
 
-    def take(self, views: Array) -> BearingMeasurement:
+    def take(self, views: Array | slice) -> BearingMeasurement:
         """See `Measurement`."""
         return replace(self, bearings_in_camera=self.bearings_in_camera[views], weight=self.weight[views])
+
+    def equations(self) -> Array:
+        """See `Measurement`."""
+        return np.minimum(2 * (self.weight > 0).sum(-1), 6)
 
     def counts(self) -> dict[str, int]:
         """See `Measurement`: two free coordinates a direction."""
@@ -216,7 +247,7 @@ class PoseMeasurement:
         """See `Measurement`."""
         error = self._error(camera_from_target)
         jacobian = right_jacobian_inverse(error) * self.weight[..., None]
-        return _information(error * self.weight, jacobian)
+        return _information(error * self.weight, np.swapaxes(jacobian, -1, -2))
 
     def squares(self, camera_from_target: SE3, camera: Camera | None) -> dict[str, float]:
         """See `Measurement`."""
@@ -228,9 +259,13 @@ class PoseMeasurement:
         default = 1 / np.array([noise.pose_m] * 3 + [noise.pose_rad] * 3)
         return replace(self, weight=np.where(self.stated == 0, default, self.stated))
 
-    def take(self, views: Array) -> PoseMeasurement:
+    def take(self, views: Array | slice) -> PoseMeasurement:
         """See `Measurement`."""
         return PoseMeasurement(self.measured_camera_from_target[views], self.stated[views], self.weight[views])
+
+    def equations(self) -> Array:
+        """See `Measurement`."""
+        return np.full(len(self.weight), 6)
 
     def counts(self) -> dict[str, int]:
         """See `Measurement`."""
@@ -263,12 +298,10 @@ class PointMeasurement:
 
     def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
         """See `Measurement`."""
-        n, p = self.weight.shape
         by_point = np.eye(3) * self.weight[..., None, None]
-        jacobian = np.empty((n, p, 3, 6))
-        _point_jacobian(jacobian, by_point, camera_from_target.rotation, self.points_in_target)
         residual = self._error(camera_from_target) * self.weight[..., None]
-        return _information(residual.reshape(n, -1), jacobian.reshape(n, 3 * p, 6))
+        jacobian = _by_pose(by_point, camera_from_target.rotation, self.points_in_target)
+        return _information(residual.reshape(len(residual), -1), jacobian)
 
     def squares(self, camera_from_target: SE3, camera: Camera | None) -> dict[str, float]:
         """See `Measurement`."""
@@ -279,7 +312,7 @@ class PointMeasurement:
         """See `Measurement`."""
         return replace(self, weight=self.stated + (self.seen & (self.stated == 0)) / noise.point_m)
 
-    def take(self, views: Array) -> PointMeasurement:
+    def take(self, views: Array | slice) -> PointMeasurement:
         """See `Measurement`."""
         return replace(
             self,
@@ -288,6 +321,10 @@ class PointMeasurement:
             stated=self.stated[views],
             weight=self.weight[views],
         )
+
+    def equations(self) -> Array:
+        """See `Measurement`."""
+        return np.minimum(3 * self.seen.sum(-1), 6)
 
     def counts(self) -> dict[str, int]:
         """See `Measurement`."""

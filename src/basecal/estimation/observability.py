@@ -18,7 +18,7 @@ _BLIND_SIGMA = 30.0
 _ROUNDING = 1e-13
 _TOUCHES = 1e-3
 _SMALLEST_FACTOR = 1e-4
-_DISTORTION_SCALE = 1e3
+_DISTORTION_SCALE = 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,16 +49,27 @@ def seen_directions(problem: Problem, state: State, hessian: Array, factor: floa
     blind = (sigma > _BLIND_SIGMA) | (values < _ROUNDING * values[-1])
     kept = vectors[:, ~blind] * scale[:, None]
     inverse = (kept / values[~blind]) @ kept.T
-    unseen = blind | (sigma > _UNSEEN_SIGMA)
+    shaping = np.linalg.norm(vectors[_distortion_columns(problem)], axis=0) ** 2 > 0.5
+    unseen = blind | ((sigma > _UNSEEN_SIGMA) & ~shaping)
     words = tuple(_in_words(problem, vectors[:, k]) for k in np.flatnonzero(unseen))
     names = frozenset(
         name
         for name, where in problem.columns.items()
         if np.abs(vectors[where][:, blind]).max(initial=0.0) > _TOUCHES
-        or np.sqrt(noise * np.diag(inverse)[where] / scale[where] ** 2).max() > _UNSEEN_SIGMA
+        or np.sqrt(noise * np.diag(inverse)[where] / scale[where] ** 2)[: _gated(problem, name)].max() > _UNSEEN_SIGMA
     )
     condition = float(np.sqrt(values[-1] / values[0])) if not np.any(blind) else float("inf")
     return Seen(inverse, condition, words, names)
+
+
+def _gated(problem: Problem, name: str) -> int:
+    """How many leading columns of an unknown must be seen: all of a transform, focal lengths and centre of a lens."""
+    return 6 if name in problem.unknowns else 4
+
+
+def _distortion_columns(problem: Problem) -> list[int]:
+    lenses = [where for name, where in problem.columns.items() if name not in problem.unknowns]
+    return [k for where in lenses for k in range(where.start + 4, where.stop)]
 
 
 def _scales(problem: Problem, state: State) -> Array:

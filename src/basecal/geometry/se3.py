@@ -8,7 +8,9 @@ forms cancel.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from math import factorial
 from typing import Any, overload
 
 import numpy as np
@@ -18,7 +20,7 @@ from basecal.errors import InputError
 from basecal.geometry.array import Array
 
 _SERIES_BELOW = 0.5
-_TERMS = 10
+_RECIPROCALS = {first: [(-1) ** k / factorial(2 * k + first) for k in range(9)] for first in range(1, 6)}
 ROTATION_TOLERANCE = 1e-3
 
 
@@ -32,22 +34,29 @@ def hat(w: Array) -> Array:
 
 def _series(x2: Array, first_factorial: int) -> Array:
     """Sum of (-1)^k x2^k / (2k + first_factorial)!, Horner's way."""
-    total = np.zeros_like(x2)
-    for k in range(_TERMS, -1, -1):
-        total = total * (-x2 / ((2 * k + first_factorial + 1) * (2 * k + first_factorial + 2))) + 1.0
-    return total / float(np.prod(np.arange(1, first_factorial + 1)))
+    total = np.full_like(x2, _RECIPROCALS[first_factorial][-1])
+    for coefficient in _RECIPROCALS[first_factorial][-2::-1]:
+        total *= x2
+        total += coefficient
+    return total
+
+
+def _even(angle: Array, first_factorial: int, closed: Callable[[Array], Array]) -> Array:
+    """A coefficient that is even in the angle: its series below 0.5 rad, its closed form above."""
+    small = angle < _SERIES_BELOW
+    if np.all(small):
+        return _series(angle * angle, first_factorial)
+    near = _series(np.where(small, angle * angle, 0.0), first_factorial)
+    return np.where(small, near, closed(np.where(small, 1.0, angle)))
 
 
 def _coefficients(angle: Array) -> tuple[Array, Array, Array]:
     """The values sin x / x, (1 - cos x) / x^2 and (x - sin x) / x^3, exact at and near zero."""
-    x2 = angle * angle
-    small = angle < _SERIES_BELOW
-    x = np.where(small, 1.0, angle)
-    near = np.where(small, x2, 0.0)
-    a = np.where(small, _series(near, 1), np.sin(x) / x)
-    b = np.where(small, _series(near, 2), (1 - np.cos(x)) / x**2)
-    c = np.where(small, _series(near, 3), (x - np.sin(x)) / x**3)
-    return a, b, c
+    return (
+        _even(angle, 1, lambda x: np.sin(x) / x),
+        _even(angle, 2, lambda x: (1 - np.cos(x)) / x**2),
+        _even(angle, 3, lambda x: (x - np.sin(x)) / x**3),
+    )
 
 
 def rotation_exp(w: Array) -> Array:
@@ -113,13 +122,9 @@ def nearest_rotation(matrix: Array) -> Array:
 def _q_matrix(v: Array, w: Array) -> Array:
     """The coupling block of the right Jacobian of SE(3). Source: Barfoot 2017, eq. (7.86), at -xi."""
     angle = np.linalg.norm(w, axis=-1)
-    x2 = angle * angle
-    small = angle < _SERIES_BELOW
-    x = np.where(small, 1.0, angle)
-    near = np.where(small, x2, 0.0)
-    _, _, c3 = _coefficients(angle)
-    c4 = np.where(small, _series(near, 4), (x**2 / 2 + np.cos(x) - 1) / x**4)
-    c5 = np.where(small, _series(near, 5), (x**3 / 6 - x + np.sin(x)) / x**5)
+    c3 = _even(angle, 3, lambda x: (x - np.sin(x)) / x**3)
+    c4 = _even(angle, 4, lambda x: (x**2 / 2 + np.cos(x) - 1) / x**4)
+    c5 = _even(angle, 5, lambda x: (x**3 / 6 - x + np.sin(x)) / x**5)
     p, f = hat(-v), hat(-w)
     fp, pf = f @ p, p @ f
     fpf = fp @ f

@@ -10,8 +10,8 @@ from basecal.geometry.se3 import right_jacobian_inverse
 from basecal.kinematics.chain import SerialChain
 
 _DAMPING = 1e-4
-_LARGEST_DAMPING = 1e10
-_LARGEST_STEP = 1.0
+_SMALLEST_DAMPING, _LARGEST_DAMPING = 1e-12, 1e10
+_LARGEST_STEP = 1.0  # [rad]; further, the linear model sends the arm through its singular poses
 
 
 def inverse(
@@ -45,7 +45,7 @@ def inverse(
         tried = _step(chain, q, left, damping)
         left_then = _left(chain, tried, base_from_flange)
         better = left_then @ left_then < left @ left
-        damping *= 0.1 if better else 10.0
+        damping = max(0.1 * damping, _SMALLEST_DAMPING) if better else 10.0 * damping
         q, left = (tried, left_then) if better else (q, left)
     if np.abs(left).max() <= tolerance:
         return q

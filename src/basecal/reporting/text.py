@@ -147,7 +147,9 @@ def _noise(calibration: Calibration) -> Iterator[str]:
 def _sigma(key: str, value: float | Array) -> str:
     """One sigma or three in the unit to read of a key that ends in `_px`, `_m` or `_rad`."""
     scale, unit = _READ_IN[key.rpartition("_")[2]]
-    return f"{' '.join(f'{scale * each:.3g}' for each in np.unique(value))} {unit}"
+    sigmas = np.atleast_1d(value)
+    told = sigmas[:1] if np.all(sigmas == sigmas[0]) else sigmas
+    return f"{' '.join(f'{scale * each:.3g}' for each in told)} {unit}"
 
 
 def _findings(findings: Iterable[Finding]) -> Iterator[str]:

@@ -1,0 +1,88 @@
+"""Refusal: short of an answer there is a verdict and a reason, never a number."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.verdict import calibrate
+from basecal.cell import Recording
+from basecal.errors import FrameNotFound
+from basecal.simulation import Scenario, simulate
+
+
+def codes(calibration) -> set[str]:
+    return {f.code for f in calibration.findings}
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_too_few_samples_are_refused(count):
+    """No sample or one: refused, and no transform is given."""
+    s = simulate(Scenario(), seed=0)
+    calibration = calibrate(s.cell, Recording(s.recording.samples[:count]))
+    assert calibration.verdict == "refused"
+    assert codes(calibration) == {"too-few-samples"}
+    assert not calibration.transforms
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_two_or_three_samples_do_not_give_three_free_mounts(count):
+    """Where no view is left to check the others, nothing is given."""
+    s = simulate(Scenario(), seed=0)
+    calibration = calibrate(s.cell, Recording(s.recording.samples[:count]))
+    assert calibration.verdict == "refused"
+    assert codes(calibration) == {"too-few-samples"}
+    with pytest.raises(FrameNotFound):
+        calibration["eye_base_from_hand_base"]
+
+
+def test_samples_all_alike_are_refused():
+    """Twenty copies of one instant are one sample."""
+    s = simulate(Scenario(), seed=0)
+    alike = tuple(replace(s.recording.samples[0], sample=i) for i in range(20))
+    calibration = calibrate(s.cell, Recording(alike))
+    assert calibration.verdict == "refused"
+    assert "unseen-direction" in codes(calibration)
+
+
+def test_a_still_eye_cannot_tell_camera_mount_from_base():
+    """With the eye still and its mount free, mount and base stand for each other: both are left out, the target is not."""
+    s = simulate(Scenario(arms="eye_still"), seed=0)
+    calibration = calibrate(s.cell, s.recording)
+    assert calibration.verdict == "refused"
+    unseen = [f for f in calibration.findings if f.code == "unseen-direction"]
+    assert len(unseen) == 6
+    assert set(unseen[0].about) == {"eye_base_from_hand_base", "eye_flange_from_wrist"}
+    assert list(calibration.transforms) == ["hand_flange_from_board"]
+
+
+def test_a_still_hand_is_good_where_the_base_is_known():
+    """With the base fixed both mounts are seen from one moving arm."""
+    s = simulate(Scenario(arms="hand_still", base="fixed"), seed=0)
+    calibration = calibrate(s.cell, s.recording)
+    assert calibration.verdict == "good"
+
+
+def test_clean_cell_is_good_and_its_json_facts_are_there():
+    """A well-posed cell: good, with residuals, loops and condition."""
+    s = simulate(Scenario(), seed=0)
+    calibration = calibrate(s.cell, s.recording)
+    assert calibration.verdict == "good"
+    assert calibration.residuals.rms_px == pytest.approx(0.2, rel=0.1)
+    assert calibration.residuals.loop_rms_m is not None
+    assert calibration.residuals.loop_rms_m < 5e-3
+    assert len(calibration.residuals.per_sample) == 30
+    assert np.isfinite(calibration.condition)
+    assert calibration.joint_covariance.shape == (18, 18)
+
+
+def test_wrong_board_size_makes_doubtful():
+    """Squares twice as large as stated cannot fit moving arms."""
+    s = simulate(Scenario(), seed=0)
+    board = s.cell.targets["board"]
+    wrong = replace(board, target=replace(board.target, points=2 * board.target.points))
+    calibration = calibrate(replace(s.cell, targets={"board": wrong}), s.recording)
+    assert calibration.verdict != "good"
+    assert "poor-fit" in codes(calibration)

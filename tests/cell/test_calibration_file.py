@@ -1,0 +1,154 @@
+"""`calibration.json` holds what was computed and null for the rest; each run has a folder of its own."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from basecal.cell.calibration import Calibration, Finding, Residuals, SampleResidual
+from basecal.cell.files import (
+    calibration_from_dict,
+    calibration_to_dict,
+    input_hashes,
+    latest_run,
+    read_calibration,
+    read_cell,
+    write_calibration,
+)
+from basecal.errors import DatasetError
+from basecal.geometry import SE3, Camera, PoseEstimate
+
+BASE, LIGHT = "eye_base_from_hand_base", "hand_flange_from_light"
+
+
+def example() -> Calibration:
+    spread = np.diag([1e-6, 2e-6, 3e-6, 1e-8, 2e-8, 3e-8])
+    point = np.diag([1e-6, 2e-6, 3e-6, 0, 0, 0])
+    camera = Camera("pinhole", np.array([700.0, 701, 320, 240, 0.1, 0.2, 0, 0, 0]), (640, 480))
+    return Calibration(
+        verdict="doubtful",
+        transforms={
+            BASE: PoseEstimate(SE3.exp([1, 2, 3, 0.1, 0.2, 0.3]), spread),
+            LIGHT: PoseEstimate(SE3.exp([0, 0, 0.1, 0, 0, 0]), point),
+        },
+        status={BASE: "free", LIGHT: "prior", "wrist": "free"},
+        points=frozenset({LIGHT}),
+        cameras={"wrist": (camera, np.eye(9))},
+        noise={"pixel_px": np.float64(0.2), "robots": {"eye": {"sigma_t_m": [1e-4, 1e-4, math.nan]}}},
+        order=(BASE,),
+        joint_covariance=spread,
+        residuals=Residuals(
+            0.2, 0.1, 4e-4, math.radians(0.05), (SampleResidual(3, "wrist", "board", 0.3, 1e-3, None),)
+        ),
+        condition=math.inf,
+        unseen=("none",),
+        findings=(Finding("not-converged", "warning", ("3",), "why"),),
+        settings={"seed": np.int64(3), "path": Path("x"), "pair": (1, 2)},
+        inputs={"cell.yaml": "sha256:0"},
+    )
+
+
+def test_shape() -> None:
+    """The keys are those of the contract, in millimetres and degrees where they say so, with null for the rest."""
+    data = calibration_to_dict(example())
+    assert (data["schema"], data["verdict"]) == ("basecal/calibration/1", "doubtful")
+    assert data["transforms"][BASE].keys() == {"t_m", "q_xyzw", "covariance", "status"}
+    assert np.shape(data["transforms"][BASE]["covariance"]) == (6, 6)
+    assert data["transforms"][LIGHT]["covariance"] == [[1e-6, 0, 0], [0, 2e-6, 0], [0, 0, 3e-6]]
+    assert data["intrinsics"]["wrist"] == {
+        **{"model": "pinhole", "fx": 700.0, "fy": 701.0, "cx": 320.0, "cy": 240.0, "size_px": [640, 480]},
+        **{"distortion": [0.1, 0.2, 0.0, 0.0, 0.0], "covariance": np.eye(9).tolist(), "status": "free"},
+    }
+    assert data["joint"]["order"] == [BASE]
+    residuals = data["residuals"]
+    assert (residuals["rms_px"], residuals["loop_rms_mm"]) == (0.2, 0.4)
+    assert residuals["loop_rms_deg"] == pytest.approx(0.05)
+    assert residuals["per_sample"] == [
+        {"sample": 3, "camera": "wrist", "target": "board", "rms_px": 0.3, "loop_mm": 1.0, "loop_deg": None}
+    ]
+    not_computed = ("joint_offsets_rad", "clock_offset_s", "outliers", "validation", "certificate")
+    assert [data[name] for name in not_computed] == [None] * 5
+    assert data["observability"] == {"condition": None, "unseen": ["none"]}
+    assert data["noise"]["robots"]["eye"]["sigma_t_m"] == [1e-4, 1e-4, None]
+    assert data["settings"] == {"seed": 3, "path": "x", "pair": [1, 2]}
+
+
+def test_round_trip(tmp_path: Path) -> None:
+    """What is written is strict JSON, and reads back to the same values."""
+    path = write_calibration(example(), tmp_path)
+
+    def refuse(token: str) -> None:
+        raise AssertionError(token)
+
+    json.loads(path.read_text(), parse_constant=refuse)
+    calibration, want = read_calibration(path), example()
+    for name, estimate in want.transforms.items():
+        assert_allclose(calibration[name].mean.matrix, estimate.mean.matrix, atol=1e-15)
+        assert_array_equal(calibration[name].covariance, estimate.covariance)
+    assert (calibration.points, calibration.status, calibration.order) == (want.points, want.status, want.order)
+    assert_array_equal(calibration.joint_covariance, want.joint_covariance)
+    assert_array_equal(calibration.cameras["wrist"][0].parameters, want.cameras["wrist"][0].parameters)
+    assert (calibration.findings, calibration.unseen, calibration.inputs) == (want.findings, want.unseen, want.inputs)
+    assert calibration.residuals.per_sample == want.residuals.per_sample
+    assert calibration.residuals.loop_rms_rad == pytest.approx(want.residuals.loop_rms_rad, rel=1e-14)
+    assert calibration_to_dict(read_calibration(path.parent))["residuals"] == calibration_to_dict(want)["residuals"]
+
+
+def test_runs_are_kept_apart(tmp_path: Path) -> None:
+    """Runs of one second get folders of their own, and the latest is the last one written."""
+    assert latest_run(tmp_path) is None
+    paths = [write_calibration(Calibration("good"), tmp_path) for _ in range(12)]
+    assert len(set(paths)) == 12
+    assert all(re.fullmatch(r"\d{8}T\d{6}Z(-\d+)?", path.parent.name) for path in paths)
+    (tmp_path / "runs" / "99999999T999999Z").mkdir()
+    assert latest_run(tmp_path) == paths[-1].parent
+
+
+def test_hashes(folder: Path) -> None:
+    """Each input that exists is told by the SHA-256 of its bytes, URDFs where the cell is given."""
+    hashes = input_hashes(folder, read_cell(folder))
+    assert list(hashes) == ["cell.yaml", "recording/samples.jsonl", "hand.urdf"]
+    for name, value in hashes.items():
+        assert value == f"sha256:{hashlib.sha256((folder / name).read_bytes()).hexdigest()}"
+    (folder / "recording" / "samples.jsonl").unlink()
+    assert list(input_hashes(folder)) == ["cell.yaml"]
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"schema": "basecal/calibration/9"}, "the one version"),
+        ({"verdict": "fine"}, "good or doubtful or refused"),
+        ({"transforms": []}, "not a calibration"),
+        ({"transforms": {BASE: {"t_m": [0, 0, 0], "q_xyzw": [0, 0, 0, 2], "covariance": [[0]]}}}, "norm 2"),
+        ({"residuals": {}}, "the field 'rms_px' is missing"),
+        ({"joint": {"order": [], "covariance": [[1, 2]]}}, "expected a square"),
+    ],
+)
+def test_refused(tmp_path: Path, change: dict[str, object], words: str) -> None:
+    """A calibration that this program did not write is an error with the path and the reason."""
+    path = tmp_path / "calibration.json"
+    path.write_text(json.dumps(calibration_to_dict(example()) | change))
+    with pytest.raises(DatasetError, match=words) as caught:
+        read_calibration(path)
+    assert caught.value.path == str(path)
+
+
+def test_missing(tmp_path: Path) -> None:
+    """Where there is no result it is said what to do."""
+    with pytest.raises(DatasetError, match="calibrate first"):
+        read_calibration(tmp_path)
+
+
+def test_null_covariance_reads_as_nan() -> None:
+    """A covariance that was not finite is null on disk and NaN again when read."""
+    data = calibration_to_dict(Calibration("good", joint_covariance=np.full((6, 6), np.inf), order=(BASE,)))
+    assert data["joint"]["covariance"][0][0] is None
+    assert np.isnan(calibration_from_dict(data).joint_covariance).all()

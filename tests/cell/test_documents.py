@@ -1,0 +1,38 @@
+"""The examples of docs/data_format.md are read as they stand."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+from basecal.cell.calibration import Calibration
+from basecal.cell.files import calibration_to_dict, read_cell, read_recording
+
+TEXT = (Path(__file__).parents[2] / "docs" / "data_format.md").read_text(encoding="utf-8")
+
+
+def block(language: str, start: str) -> str:
+    """The example that starts so."""
+    return next(text for text in re.findall(rf"```{language}\n(.*?)```", TEXT, re.S) if text.startswith(start))
+
+
+def test_cell_and_sample(folder: Path) -> None:
+    """The example of a sample belongs to the example of a cell, but for what that one leaves out."""
+    cell = block("yaml", "schema: basecal/cell/1")
+    cell = cell.replace("  hand:      ", "  hand: {urdf: hand.urdf, base_link: base, flange_link: tool0}")
+    cell = cell.replace("targets:\n", "  depth: {on: world}\ntargets:\n  tag: {on: hand}\n")
+    (folder / "cell.yaml").write_text(cell)
+    sample = json.loads(block("json", '{"sample"'))
+    sample["robots"]["hand"]["joints_rad"] = [0, 1]
+    (folder / "recording" / "samples.jsonl").write_text(json.dumps(sample))
+    assert read_cell(folder).asked == ["eye_base_from_hand_base"]
+    assert len(read_recording(folder).samples[0].observations) == 3
+
+
+def test_calibration_keys() -> None:
+    """The example of a result has the keys that are written, in their order."""
+    example = json.loads(block("json", '{"schema": "basecal/calibration/1"'))
+    written = calibration_to_dict(Calibration("good"))
+    assert list(example) == list(written)
+    assert list(example["residuals"]) == list(written["residuals"])

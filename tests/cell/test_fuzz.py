@@ -1,0 +1,83 @@
+"""Damaged files never end in anything but an answer or an error of ours."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from basecal.cell.calibration import Calibration
+from basecal.cell.files import read_calibration, read_cell, read_recording, write_calibration
+from basecal.errors import InputError
+from cell_example import CELL, LINES, journal
+
+_PIECES = (
+    b"[",
+    b"]",
+    b"{",
+    b"}",
+    b":",
+    b"-",
+    b"\n",
+    b'"',
+    b",",
+    b"1e999",
+    b"NaN",
+    b"\xff",
+    b"\0",
+    b"null",
+    b"true",
+    b"&a",
+)
+
+
+def damaged(content: bytes, seed: int) -> bytes:
+    """Content with up to four pieces of it cut, doubled, swapped or replaced."""
+    chance = random.Random(seed)
+    data = bytearray(content)
+    for _ in range(chance.randint(1, 4)):
+        at, size = chance.randrange(len(data)), chance.randint(0, 6)
+        piece = chance.choice([chance.choice(_PIECES), bytes([chance.randrange(256)]), bytes(data[at : at + 9]), b""])
+        data[at : at + size] = piece
+    return bytes(data)
+
+
+def refusal(read: Callable[[], object]) -> str | None:
+    """What an InputError says, or None where there was an answer; nothing else is caught."""
+    try:
+        read()
+    except InputError as error:
+        return str(error)
+    return None
+
+
+@pytest.mark.parametrize("start", range(0, 300, 50))
+def test_cells(folder: Path, start: int) -> None:
+    """Of a damaged cell.yaml either a cell is read or an InputError names the file."""
+    for seed in range(start, start + 50):
+        (folder / "cell.yaml").write_bytes(damaged(CELL.encode(), seed))
+        message = refusal(lambda: read_cell(folder))
+        assert message is None or "cell.yaml" in message, seed
+
+
+def test_recordings(folder: Path) -> None:
+    """Of a damaged samples.jsonl either a recording is read or an InputError names the line."""
+    cell, refused = read_cell(folder), 0
+    for seed in range(300):
+        (folder / "recording" / "samples.jsonl").write_bytes(damaged(journal(*LINES), seed))
+        message = refusal(lambda: read_recording(folder, cell))
+        assert message is None or "samples.jsonl:" in message, seed
+        refused += message is not None
+    assert 150 < refused < 300
+
+
+def test_calibrations(tmp_path: Path) -> None:
+    """Of a damaged calibration.json either a calibration is read or an InputError names the file."""
+    path = write_calibration(Calibration("good"), tmp_path)
+    content = path.read_bytes()
+    for seed in range(300):
+        path.write_bytes(damaged(content, seed))
+        message = refusal(lambda: read_calibration(path))
+        assert message is None or "calibration.json" in message, seed

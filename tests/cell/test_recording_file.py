@@ -1,0 +1,352 @@
+"""What a line of `samples.jsonl` means, what is dropped, what is refused; and that a journal is never lost."""
+
+from __future__ import annotations
+
+import copy
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from basecal.cell.files import append_sample, read_cell, read_recording, write_recording
+from basecal.cell.recording import (
+    CandidateObservation,
+    PixelObservation,
+    PointObservation,
+    PoseObservation,
+    Recording,
+    Sample,
+)
+from basecal.errors import DatasetError, InputError
+from basecal.geometry import SE3
+from cell_example import LINES, journal
+
+DEEP = b'{"sample": ' + b"[" * 100_000
+
+
+def file(folder: Path) -> Path:
+    return folder / "recording" / "samples.jsonl"
+
+
+def changed(change: Callable[[dict[str, Any]], Any], line: int = 0) -> bytes:
+    """The journal with a change made to one of its lines."""
+    lines = copy.deepcopy(list(LINES))
+    change(lines[line])
+    return journal(*lines)
+
+
+def setter(path: str, value: Any) -> Callable[[dict[str, Any]], Any]:
+    """A change that sets a field such as `observations.0.ids`."""
+
+    def change(line: Any) -> None:
+        *parents, last = [int(part) if part.isdigit() else part for part in path.split(".")]
+        for part in parents:
+            line = line[part]
+        line[last] = value
+
+    return change
+
+
+def test_meaning(folder: Path) -> None:
+    """Robots, joints, images and each kind of observation come out as they were written."""
+    first, second, third = read_recording(folder).samples
+    eye = first.robots["eye"].base_from_flange
+    assert_allclose(eye.matrix, SE3.from_quaternion([0.6, 0, 0.8, 0], [0.4, 0.1, 0.5]).matrix, atol=1e-15)
+    assert_array_equal(first.robots["hand"].joints_rad, [0.1, -1.2])
+    assert first.images == {"wrist": "recording/images/wrist/000000.png"}
+    assert first.background == {"wrist": "recording/images/wrist/000000_off.png"}
+    board, light, spots = first.observations
+    assert isinstance(board, PixelObservation)
+    assert_array_equal(board.ids, [0, 3])
+    assert_array_equal(board.pixels, [[640.2, 360.1], [655, 360.4]])
+    assert board.sigma_px is None
+    assert isinstance(light, PixelObservation)
+    assert (light.ids.tolist(), light.sigma_px.tolist()) == ([0], [0.2])
+    assert isinstance(spots, CandidateObservation)
+    assert_array_equal(spots.sigma_px, [0.1, 0.2])
+    pose, points = second.observations
+    assert isinstance(pose, PoseObservation)
+    assert_array_equal(pose.sigma, [0.001, 0.001, 0.001, 0.1, 0.2, 0.3])
+    assert_allclose(pose.camera_from_target.rotation, np.diag([1.0, -1, -1]), atol=1e-15)
+    assert isinstance(points, PointObservation)
+    assert_array_equal(points.sigma_m, [0.001])
+    assert_allclose(third.robots["still"].base_from_flange.log()[3:], [0, 0, 0.5], atol=1e-15)
+    assert (first.stamp_s, second.stamp_s) == (12.5, None)
+
+
+def test_arrays_are_read_only(folder: Path) -> None:
+    """Nothing that was read can be changed in place."""
+    seen = read_recording(folder).samples[0].observations[0]
+    for array in (seen.pixels, seen.ids, read_recording(folder).samples[0].robots["hand"].joints_rad):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0
+
+
+def test_round_trip(folder: Path, tmp_path: Path) -> None:
+    """A recording written elsewhere and read again holds the same values, and a second writing gives the same bytes."""
+    cell = read_cell(folder)
+    once, twice = tmp_path / "once", tmp_path / "twice"
+    write_recording(read_recording(folder, cell), once)
+    recording = read_recording(once, cell)
+    write_recording(recording, twice)
+    assert [json.loads(line)["sample"] for line in file(once).read_bytes().splitlines()] == [0, 1, 2]
+    original = read_recording(folder, cell)
+    for one, other in zip(original.samples, recording.samples, strict=True):
+        assert (one.sample, one.stamp_s, one.images) == (other.sample, other.stamp_s, other.images)
+        for name, state in one.robots.items():
+            if state.base_from_flange is not None:
+                assert_allclose(state.base_from_flange.matrix, other.robots[name].base_from_flange.matrix, atol=4e-15)
+        for left, right in zip(one.observations, other.observations, strict=True):
+            assert type(left) is type(right)
+            for name in ("ids", "pixels", "sigma_px", "sigma_m", "points_in_camera", "sigma"):
+                assert_array_equal(getattr(left, name, None), getattr(right, name, None))
+    assert read_recording(twice, cell).samples[0].images == original.samples[0].images
+
+
+def test_written_line_is_as_documented(folder: Path) -> None:
+    """A sample is written with the keys it was read from."""
+    cell = read_cell(folder)
+    sample = read_recording(folder, cell).samples[0]
+    file(folder).unlink()
+    append_sample(folder, sample)
+    written = json.loads(file(folder).read_bytes())
+    want = json.loads(json.dumps(LINES[0]))
+    want["observations"][1]["ids"] = [0]
+    assert written["robots"]["eye"]["base_from_flange"]["q_xyzw"] == pytest.approx([0.6, 0, 0.8, 0], abs=1e-14)
+    written["robots"]["eye"] = want["robots"]["eye"]
+    assert written == want
+
+
+def test_existing_recording_is_not_rewritten(folder: Path) -> None:
+    """Writing over a recording is refused, and leaves it as it was."""
+    before = file(folder).read_bytes()
+    with pytest.raises(InputError, match="never rewritten"):
+        write_recording(Recording(), folder)
+    assert file(folder).read_bytes() == before
+
+
+def test_not_finite_is_not_written(folder: Path) -> None:
+    """A sample with NaN is refused, and the journal stays as it was."""
+    before = file(folder).read_bytes()
+    seen = PixelObservation("wrist", "light", np.array([0]), np.array([[np.nan, 1.0]]))
+    with pytest.raises(InputError, match="NaN"):
+        append_sample(folder, Sample(9, observations=(seen,)))
+    assert file(folder).read_bytes() == before
+
+
+def test_cut_anywhere(folder: Path) -> None:
+    """However much of the last line is missing, the others are read, and a finding says so."""
+    cell, whole = read_cell(folder), file(folder).read_bytes()
+    start = whole[:-1].rfind(b"\n") + 1
+    for end in range(start + 1, len(whole) - 1):
+        file(folder).write_bytes(whole[:end])
+        recording = read_recording(folder, cell)
+        assert [sample.sample for sample in recording.samples] == [0, 1]
+        (finding,) = recording.findings
+        assert (finding.code, finding.severity) == ("dropped-sample", "warning")
+        assert f"{file(folder)}:3: " in finding.message
+
+
+def test_last_line_without_newline(folder: Path) -> None:
+    """A last line that lacks only its newline is read, and appended to without loss."""
+    cell, whole = read_cell(folder), file(folder).read_bytes()
+    file(folder).write_bytes(whole[:-1])
+    recording = read_recording(folder, cell)
+    assert (len(recording.samples), recording.findings) == (3, ())
+    assert append_sample(folder, Sample(3)) is None
+    assert file(folder).read_bytes() == whole + b'{"sample": 3}\n'
+
+
+@pytest.mark.parametrize("tail", [b'{"sample": 3, "rob', b"\0\0\0\0", b'{"sample": 3, "x": "\xc3', DEEP])
+def test_resuming_cuts_back(folder: Path, tail: bytes) -> None:
+    """A journal cut in a line is cut back to its last newline when resumed, and it is said."""
+    whole = file(folder).read_bytes()
+    file(folder).write_bytes(whole + tail)
+    finding = append_sample(folder, Sample(3))
+    assert finding.code == "dropped-sample"
+    assert "samples.jsonl:4: " in finding.message
+    assert file(folder).read_bytes() == whole + b'{"sample": 3}\n'
+
+
+def test_first_line_cut(folder: Path) -> None:
+    """A journal that is nothing but a cut line is empty, with a finding."""
+    file(folder).write_bytes(b'{"sam')
+    recording = read_recording(folder)
+    assert recording.samples == ()
+    assert recording.findings[0].code == "dropped-sample"
+    append_sample(folder, Sample(0))
+    assert file(folder).read_bytes() == b'{"sample": 0}\n'
+
+
+@pytest.mark.parametrize("content", [b"", b"\n", b"\n\n", b'{"sample": 0, "robots": {}}\n'])
+def test_empty(folder: Path, content: bytes) -> None:
+    """An empty recording, or one with only robots, is no error."""
+    file(folder).write_bytes(content)
+    recording = read_recording(folder)
+    assert (sum(len(sample.observations) for sample in recording.samples), recording.findings) == (0, ())
+
+
+def test_seen_nothing(folder: Path) -> None:
+    """An observation without points says nothing, and is left out."""
+    line = {"sample": 0, "observations": [{"camera": "wrist", "target": "board", "ids": [], "pixels": []}]}
+    file(folder).write_bytes(journal(line))
+    assert read_recording(folder).samples[0].observations == ()
+
+
+def test_same_sample_twice(folder: Path) -> None:
+    """Of two samples with one number the later is dropped with a finding."""
+    file(folder).write_bytes(journal(*LINES, {"sample": 0}))
+    recording = read_recording(folder)
+    assert len(recording.samples) == 3
+    assert recording.samples[0].stamp_s == 12.5
+    (finding,) = recording.findings
+    assert (finding.code, finding.severity, finding.about) == ("dropped-sample", "warning", ("0",))
+    assert "samples.jsonl:4: " in finding.message
+    assert "line 1" in finding.message
+
+
+@pytest.mark.parametrize(("ids", "words"), [([0, 24], "id 24 is not on 'board'"), ([-1, 0], "id -1"), ([3, 3], "id 3")])
+def test_ids_not_on_the_board(folder: Path, ids: list[int], words: str) -> None:
+    """A sample with a point that is not on the target, or twice in one view, is dropped with a finding."""
+    file(folder).write_bytes(changed(setter("observations.0.ids", ids)))
+    recording = read_recording(folder)
+    assert [sample.sample for sample in recording.samples] == [1, 2]
+    (finding,) = recording.findings
+    assert (finding.code, finding.about) == ("dropped-sample", ("0",))
+    assert words in finding.message
+    assert "samples.jsonl:1: " in finding.message
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "field", "words"),
+    [
+        ("sampel", 1, "sampel", "unknown field (did you mean 'sample'?)"),
+        ("sample", -1, "sample", "0 or more"),
+        ("sample", 1.5, "sample", "0 or more"),
+        ("sample", True, "sample", "true or false"),
+        ("sample", 10**30, "sample", "got a huge integer"),
+        ("stamp_s", float("nan"), "stamp_s", "finite"),
+        ("stamp_s", None, "stamp_s", "finite"),
+        ("robots", [], "robots", "expected an object"),
+        ("robots.eyes", {"joints_rad": []}, "robots.eyes", "no robot 'eyes' (did you mean 'eye'?)"),
+        ("robots.eye", {}, "robots.eye", "got neither"),
+        ("robots.hand.base_from_flange", {}, "robots.hand", "got both"),
+        ("robots.hand.joints_rad", [1, 2, 3], "robots.hand.joints_rad", "expected 2 joints, got 3"),
+        ("robots.hand.joints_rad", [1, "2"], "robots.hand.joints_rad", "list of numbers"),
+        ("robots.hand.joints_rad", [1, None], "robots.hand.joints_rad", "list of numbers"),
+        ("robots.hand.joints_rad", [1, False], "robots.hand.joints_rad.1", "true or false"),
+        ("robots.eye", {"joints_rad": [1]}, "robots.eye.joints_rad", "joints need urdf"),
+        ("robots.eye.base_from_flange.q_xyzw", [0, 0, 0, 1.01], "robots.eye.base_from_flange.q_xyzw", "norm 1.01"),
+        ("robots.eye.base_from_flange.q_xyzw", [0, 0, 1], "robots.eye.base_from_flange.q_xyzw", "4 numbers"),
+        ("robots.eye.base_from_flange.t_m", [0, 0, float("inf")], "robots.eye.base_from_flange.t_m", "finite"),
+        ("robots.eye.base_from_flange.t_m", [0, 0, 10**400], "robots.eye.base_from_flange.t_m", "finite"),
+        ("robots.eye.base_from_flange.tm", 1, "robots.eye.base_from_flange.tm", "did you mean 't_m'?"),
+        ("robots.eye.base_from_flange", {"matrix": [[2, 0, 0, 0]] * 4}, "robots.eye.base_from_flange.matrix", "row"),
+        ("robots.eye.base_from_flange", {"t_m": [0, 0, 0]}, "robots.eye.base_from_flange", "exactly one of"),
+        ("images.wrist", "/etc/passwd", "images.wrist", "relative path"),
+        ("images.wrist", "../../secret.png", "images.wrist", "leaves the cell"),
+        ("images.wrist", "a\0b", "images.wrist", "relative path"),
+        ("images.wrist", "C:\\x.png", "images.wrist", "relative path"),
+        ("images.wrist", 3, "images.wrist", "expected a path"),
+        ("images.rist", "a.png", "images.rist", "did you mean 'wrist'?"),
+        ("observations", {}, "observations", "expected a list"),
+        ("observations.0", 3, "observations[0]", "expected an object"),
+        ("observations.0.camera", "wrst", "observations[0].camera", "did you mean 'wrist'?"),
+        ("observations.0.camera", ["wrist"], "observations[0].camera", "no camera a list"),
+        ("observations.0.target", "bord", "observations[0].target", "did you mean 'board'?"),
+        ("observations.0.target", "unseen", "observations[0].target", "`kind`"),
+        ("observations.0.camera", "depth", "observations[0].camera", "intrinsics"),
+        ("observations.0.ids", [0], "observations[0].ids", "1 ids for 2 points"),
+        ("observations.0.ids", [0, 1.5], "observations[0].ids", "whole numbers"),
+        ("observations.0.ids", [0, 10**30], "observations[0].ids", "whole numbers"),
+        ("observations.0.ids", [[0], [1]], "observations[0].ids", "whole numbers"),
+        ("observations.0.ids", None, "observations[0].ids", "whole numbers"),
+        ("observations.0.pixels", [[1, 2], [3]], "observations[0].pixels", "rows of 2"),
+        ("observations.0.pixels", [[1, 2], [3, "4"]], "observations[0].pixels", "rows of 2"),
+        ("observations.0.pixels", [[1, 2], [3, float("nan")]], "observations[0].pixels", "NaN"),
+        ("observations.0.pixels", [[1, 2], [3, 1e300]], "observations[0].pixels", "beyond"),
+        ("observations.0.pixels", [[1, 2, 3], [3, 4, 5]], "observations[0].pixels", "rows of 2"),
+        ("observations.0.pixels", 7, "observations[0].pixels", "rows of 2"),
+        ("observations.0.sigma_px", -1, "observations[0].sigma_px", "positive"),
+        ("observations.0.sigma_px", 0, "observations[0].sigma_px", "positive"),
+        ("observations.0.sigma_px", [1, 2, 3], "observations[0].sigma_px", "or 2, got 3"),
+        ("observations.0.sigma_m", 1, "observations[0].sigma_m", "unknown field"),
+        ("observations.0.candidates", [[1, 2]], "observations[0]", "got pixels and candidates"),
+        ("observations.2.target", "board", "observations[2].candidates", "single light"),
+        ("observations.1.camera", "wrist", "observations[2]", "twice in one sample"),
+        ("observations.2", {"camera": "wrist", "target": "light"}, "observations[2]", "got none"),
+    ],
+)
+def test_refused(folder: Path, path: str, value: Any, field: str, words: str) -> None:
+    """What cannot be read as written is an error with path, line, field and what was expected."""
+    file(folder).write_bytes(changed(setter(path, value)))
+    with pytest.raises(DatasetError) as caught:
+        read_recording(folder)
+    assert (caught.value.line, caught.value.field) == (1, field)
+    assert words in caught.value.reason
+    assert str(caught.value).startswith(f"{file(folder)}:1: {field}: ")
+    assert "\n" not in str(caught.value)
+
+
+def test_pose_sigmas_go_together(folder: Path) -> None:
+    """A measured pose has both sigmas or none."""
+    pose = {"t_m": [0, 0, 1], "q_xyzw": [0, 0, 0, 1], "sigma_t_m": 0.1}
+    file(folder).write_bytes(changed(setter("observations.0.camera_from_target", pose), 1))
+    with pytest.raises(DatasetError, match=r"samples.jsonl:2: .*go together"):
+        read_recording(folder)
+
+
+@pytest.mark.parametrize(
+    "garbage",
+    [
+        b"garbage",
+        b"{'sample': 1}",
+        b'{"sample": 1',
+        b"\xff\xfe\x00",
+        b"[1]",
+        b"7",
+        b"null",
+        b'{"sample": 1, "sample": 2}',
+        b'{"sample": ' + b"9" * 5000 + b"}",
+        b'{"sample": 1, "robots": ' + b"[" * 900 + b"]" * 900 + b"}",
+        b'{"sample": 1, "observations": [{"camera": "wrist", "target": "board", "ids": [0], "pixels": '
+        + b"[" * 900
+        + b"true"
+        + b"]" * 900
+        + b"}]}",
+        DEEP,
+    ],
+)
+def test_garbage_in_the_middle(folder: Path, garbage: bytes) -> None:
+    """A line that is no sample, with others after it, is an error that names it."""
+    first, *rest = file(folder).read_bytes().splitlines(keepends=True)
+    file(folder).write_bytes(first + garbage + b"\n" + b"".join(rest))
+    with pytest.raises(DatasetError, match=r"samples\.jsonl:2: "):
+        read_recording(folder)
+
+
+def test_images_by_link(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
+    """An image that is a link out of the cell, or stands in a folder that is one, is refused."""
+    outside = tmp_path_factory.mktemp("outside")
+    (outside / "000000.png").touch()
+    images = folder / "recording" / "images"
+    images.mkdir()
+    (images / "wrist").symlink_to(outside)
+    with pytest.raises(DatasetError, match="leaves the cell by a link"):
+        read_recording(folder)
+    (images / "wrist").unlink()
+    (images / "wrist").mkdir()
+    (images / "wrist" / "000000_off.png").symlink_to(outside / "000000.png")
+    with pytest.raises(DatasetError, match=r"background\.wrist: .*leaves the cell by a link"):
+        read_recording(folder)
+
+
+def test_missing(folder: Path) -> None:
+    """Without a recording it is said how one is made."""
+    file(folder).unlink()
+    with pytest.raises(DatasetError, match="there is no recording; write one JSON object a line"):
+        read_recording(folder)

@@ -1,0 +1,43 @@
+"""`truth.yaml` keeps the transforms of a simulated cell."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from basecal.cell.files import read_truth, write_truth
+from basecal.errors import DatasetError
+from basecal.geometry import SE3
+
+
+def test_round_trip(tmp_path: Path) -> None:
+    """Names and transforms come back, at every size of number."""
+    random = np.random.default_rng(1)
+    truth = {f"a_from_{k}": SE3.exp(random.normal(size=6) * 10.0 ** (k - 9)) for k in range(10)}
+    write_truth(tmp_path, truth, seed=7, sigmas={"pixel_px": 0.3})
+    read = read_truth(tmp_path)
+    assert list(read) == list(truth)
+    for name, transform in truth.items():
+        assert_array_equal(read[name].translation, transform.translation)
+        assert_allclose(read[name].rotation, transform.rotation, atol=4e-15)
+    assert "seed: 7\nsigmas: {pixel_px: 0.3}" in (tmp_path / "truth.yaml").read_text()
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("schema: basecal/truth/2\ntransforms: {}", "truth.yaml:1: schema: expected"),
+        ("schema: basecal/truth/1", "and `transforms`"),
+        ("schema: basecal/truth/1\ntransforms:\n  a: {t_m: [0, 0, 0]}", "truth.yaml:3: transforms.a: expected t_m and"),
+        ("schema: basecal/truth/1\ntransforms:\n  a: {t: 0}", "truth.yaml:3: transforms.a.t: unknown field"),
+    ],
+)
+def test_refused(tmp_path: Path, text: str, words: str) -> None:
+    """A truth that cannot be read is an error with line and field."""
+    (tmp_path / "truth.yaml").write_text(text)
+    with pytest.raises(DatasetError) as caught:
+        read_truth(tmp_path)
+    assert words in str(caught.value)

@@ -1,0 +1,145 @@
+"""`calibrate`, `report` and `demo` end to end."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from basecal.cell.files import latest_run, read_calibration, read_cell
+from basecal.cli import main
+from basecal.geometry import SE3
+
+BASE = "eye_base_from_hand_base"
+
+
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A simulated cell that has been calibrated once."""
+    folder = tmp_path_factory.mktemp("simulated")
+    assert main(["simulate", str(folder), "--samples", "15"]) == 0
+    assert main(["calibrate", str(folder)]) == 0
+    return folder
+
+
+def test_calibrate_prints_the_report_it_writes(simulated: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What is printed is report.txt of the new run, and `report` prints it again from calibration.json."""
+    assert main(["calibrate", str(simulated)]) == 0
+    printed = capsys.readouterr().out
+    run = latest_run(simulated)
+    assert run is not None
+    assert (run / "report.txt").read_text() == printed
+    assert main(["report", str(simulated)]) == 0
+    assert capsys.readouterr().out == printed
+    assert printed.startswith(f"GOOD: {BASE} to ")
+
+
+def test_json_is_one_object(simulated: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """With `--json` stdout is one JSON object, that of calibration.json, from both verbs."""
+    assert main(["calibrate", str(simulated), "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    run = latest_run(simulated)
+    assert run is not None
+    assert json.loads((run / "calibration.json").read_text()) == answer
+    assert main(["report", str(simulated), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == answer
+    assert answer["schema"] == "basecal/calibration/1"
+    assert answer["inputs"].keys() == {"cell.yaml", "recording/samples.jsonl"}
+    assert np.array(answer["transforms"][BASE]["covariance"]).shape == (6, 6)
+
+
+def test_each_run_has_its_folder(simulated: Path) -> None:
+    """Calibrating again adds a run and keeps the earlier ones."""
+    before = set((simulated / "runs").iterdir())
+    assert main(["calibrate", str(simulated)]) == 0
+    assert set((simulated / "runs").iterdir()) > before
+
+
+def test_new_cell_is_refused_with_advice(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A cell without samples is refused with exit code 1, says what to record, and has its run."""
+    main(["new", str(tmp_path)])
+    capsys.readouterr()
+    assert main(["calibrate", str(tmp_path)]) == 1
+    said = capsys.readouterr()
+    assert said.out.startswith("REFUSED: ")
+    assert "record" in said.out
+    assert said.err == ""
+    run = latest_run(tmp_path)
+    assert run is not None
+    assert {finding.code for finding in read_calibration(run).findings} == {"too-few-samples"}
+    assert main(["report", str(tmp_path)]) == 1
+
+
+@pytest.mark.parametrize("verb", ["calibrate", "report"])
+def test_no_cell_is_input_error(tmp_path: Path, verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """A folder without a cell is one line on stderr and exit code 3, with and without `--json`."""
+    for words in ([verb, str(tmp_path)], [verb, str(tmp_path), "--json"]):
+        assert main(words) == 3
+        said = capsys.readouterr()
+        assert said.out == ""
+        assert said.err.startswith(f"basecal: error: {tmp_path}")
+        assert said.err.count("\n") == 1
+
+
+def test_report_before_calibrate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`report` of a cell without a run says to calibrate first."""
+    main(["new", str(tmp_path)])
+    assert main(["report", str(tmp_path)]) == 3
+    assert f"basecal calibrate {tmp_path}" in capsys.readouterr().err
+
+
+def test_demo_tells_its_true_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The demo's answer is within the 1e-6 quantile of its own covariance, and may be made anew."""
+    folder = str(tmp_path / "demo")
+    assert main(["demo", folder, "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert 0 < answer["true_error"][BASE]["squared_sigmas"] < 38.3
+    assert answer["true_error"][BASE]["error_mm"] < 2
+    assert main(["demo", folder]) == 0
+    told = capsys.readouterr().out
+    assert "true error" in told
+    assert "basecal new mycell" in told
+
+
+def test_imported_poses_calibrate_exactly(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Noise-free poses written as text in mm come back as the base they were made with, within 1e-6."""
+    rng = np.random.default_rng(3)
+    eye_flange_from_camera, hand_flange_from_target = SE3.exp(0.3 * rng.normal(size=(2, 6)))
+    eye_base_from_hand_base = SE3.exp(np.array([1.2, -0.3, 0.1, 0.2, -0.1, 2.0]))
+    eye_base_from_eye_flange = SE3.exp(0.5 * rng.normal(size=(20, 6)))
+    hand_base_from_hand_flange = SE3.exp(0.5 * rng.normal(size=(20, 6)))
+    eye_base_from_camera = eye_base_from_eye_flange @ eye_flange_from_camera
+    eye_base_from_target = eye_base_from_hand_base @ hand_base_from_hand_flange @ hand_flange_from_target
+    streams = {
+        "eye-base-from-flange": eye_base_from_eye_flange,
+        "hand-base-from-flange": hand_base_from_hand_flange,
+        "camera-from-target": eye_base_from_camera.inverse() @ eye_base_from_target,
+    }
+    words = ["import", "poses", str(tmp_path / "c"), "--length-unit", "mm"]
+    for name, poses in streams.items():
+        matrices = poses.matrix
+        matrices[:, :3, 3] *= 1000
+        np.savetxt(tmp_path / name, matrices.reshape(-1, 4), fmt="%.15g")
+        words += [f"--{name}", str(tmp_path / name)]
+    assert main(words) == 0
+    capsys.readouterr()
+    main(["calibrate", str(tmp_path / "c"), "--json"])
+    found = json.loads(capsys.readouterr().out)["transforms"][BASE]
+    error = (eye_base_from_hand_base.inverse() @ SE3.from_quaternion(found["q_xyzw"], found["t_m"])).log()
+    assert np.abs(error).max() < 1e-6
+
+
+def test_frames_of_the_cell_reach_the_report(
+    simulated: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The frame names in cell.yaml are those of the line to paste."""
+    shutil.copytree(simulated, tmp_path / "c")
+    path = tmp_path / "c" / "cell.yaml"
+    text = path.read_text().replace("eye: {", "eye: {frames: {base: left_base_link}, ", 1)
+    path.write_text(text.replace(", }", "}"))
+    assert read_cell(tmp_path / "c").robots["eye"].frames == {"base": "left_base_link"}
+    assert main(["report", str(tmp_path / "c")]) == 0
+    assert "--frame-id left_base_link --child-frame-id hand_base" in capsys.readouterr().out

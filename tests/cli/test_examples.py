@@ -1,0 +1,58 @@
+"""The real recordings that ship as examples."""
+
+from __future__ import annotations
+
+import json
+import os
+import runpy
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from basecal.cli import main
+from basecal.geometry import SE3
+
+ROOT = Path(__file__).parents[2]
+EXAMPLES = ROOT / "examples"
+DATA = Path(os.environ.get("BASECAL_DATA", ROOT.parent / "shared" / "data"))
+
+
+def calibrated(name: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> dict:
+    """The answer of `basecal calibrate --json` on a copy of an example."""
+    shutil.copytree(EXAMPLES / name, folder / name, ignore=shutil.ignore_patterns("runs"))
+    main(["calibrate", str(folder / name), "--json"])
+    return json.loads(capsys.readouterr().out)
+
+
+def test_two_ur5e(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """With nothing known but the board, the base is within 10 mm and 0.3 deg of the published one, at 0.52 px."""
+    answer = calibrated("ur5e_dual", tmp_path, capsys)
+    found = answer["transforms"]["eye_base_from_hand_base"]
+    published = SE3.from_rotvec(np.radians([0.07, -0.24, 0.09]), [1.3254, 0.0012, -0.0031])
+    error = published.inverse() @ SE3.from_quaternion(found["q_xyzw"], found["t_m"])
+    assert np.linalg.norm(error.translation) < 0.010
+    assert np.degrees(np.linalg.norm(error.rotvec)) < 0.3
+    assert answer["residuals"]["rms_px"] < 0.52
+
+
+def test_camera_beside_a_robot(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """With a free lens the loops of a camera on the world close to 3.6 mm and 0.33 deg rms."""
+    residuals = calibrated("rct_charuco", tmp_path, capsys)["residuals"]
+    assert len(residuals["per_sample"]) == 15
+    assert residuals["loop_rms_mm"] < 3.6
+    assert residuals["loop_rms_deg"] < 0.33
+
+
+@pytest.mark.parametrize(("name", "source"), [("ur5e_dual", "ur5e_dual_charuco_2023"), ("rct_charuco", "rct_charuco")])
+def test_recordings_can_be_made_again(name: str, source: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`make.py` makes the shipped recording, byte for byte, from the published files."""
+    if not (DATA / source).exists():
+        pytest.skip(f"no {source} in {DATA}: set BASECAL_DATA to the folder of the published files")
+    shutil.copytree(EXAMPLES / name, tmp_path / name, ignore=shutil.ignore_patterns("runs", "recording"))
+    monkeypatch.setattr(sys, "argv", ["make.py", str(DATA / source)])
+    runpy.run_path(str(tmp_path / name / "make.py"), run_name="__main__")
+    made, shipped = (folder / name / "recording" / "samples.jsonl" for folder in (tmp_path, EXAMPLES))
+    assert made.read_bytes() == shipped.read_bytes()

@@ -1,0 +1,170 @@
+"""The solver against a slow, dense one, and the properties that any solution has."""
+
+from __future__ import annotations
+
+import random
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.cell import Recording, Unknown
+from basecal.errors import InputError
+from basecal.estimation.solve import Settings, solve
+from basecal.simulation import Scenario, simulate
+from tests.oracles.dense import DenseProblem
+
+NOISY = (2e-4, 3e-4)
+AGAINST_ORACLE = {
+    "board, no robot noise": Scenario(samples=6, target="points"),
+    "every arm at its own stop": Scenario(samples=6, target="points", robot_noise=NOISY),
+    "eye still": Scenario(samples=6, target="points", arms="eye_still", camera_mount="fixed", robot_noise=NOISY),
+    "half and half": Scenario(samples=8, target="points", arms="halves", robot_noise=NOISY),
+    "light with priors": Scenario(
+        samples=8, target="led", camera_mount="prior", target_mount="prior", base="prior", robot_noise=NOISY
+    ),
+    "poses": Scenario(samples=8, target="pose", robot_noise=NOISY),
+    "camera on world": Scenario(samples=6, target="points", layout="eye_to_hand", robot_noise=NOISY),
+}
+
+
+def off(estimate, truth) -> float:
+    return float(np.abs((estimate.inverse() @ truth).log()).max())
+
+
+@pytest.mark.parametrize("name", AGAINST_ORACLE)
+def test_optimum_and_covariance_are_those_of_the_dense_problem(name):
+    """The elimination of stops changes nothing: optimum to 1e-3 and covariance to 2 % of the sigmas.
+
+    The oracle differentiates numerically and keeps second-order terms of stop errors in its Jacobian.
+    """
+    s = simulate(AGAINST_ORACLE[name], seed=3)
+    ours = solve(s.cell, s.recording)
+    transforms, covariance, cost = DenseProblem(s.cell, s.recording, ours.state.transforms).solve()
+    assert ours.cost == pytest.approx(cost, rel=1e-6)
+    sigma = np.sqrt(np.diag(covariance))
+    for name_, where in ours.problem.columns.items():
+        xi = (ours.state.transforms[name_].inverse() @ type(ours.state.transforms[name_]).from_matrix(transforms[name_])).log()
+        assert np.all(np.abs(xi[: where.stop - where.start]) < 1e-3 * sigma[where])
+    np.testing.assert_allclose(ours.covariance / np.outer(sigma, sigma), covariance / np.outer(sigma, sigma), atol=0.02)
+
+
+@pytest.mark.parametrize("arms", ["halves", "stations"])
+def test_two_targets_a_sample_share_the_errors_of_their_stops(arms):
+    """Shared stops of both robots at once (the sparse elimination) give the dense problem's optimum."""
+    s = simulate(Scenario(samples=6, target="points", arms=arms, robot_noise=NOISY, camera_mount="fixed"), seed=5)
+    doubled = Recording(tuple(_twice(x) for x in s.recording.samples))
+    cell = replace(s.cell, targets={**s.cell.targets, "twin": replace(s.cell.targets["board"], name="twin")})
+    ours = solve(cell, doubled)
+    once = solve(s.cell, s.recording)
+    # The twin repeats every pixel at its own free mount: robots' errors must not be counted as two draws.
+    assert ours.transforms["eye_base_from_hand_base"].sigma_t.max() > 0.7 * once.transforms["eye_base_from_hand_base"].sigma_t.max()
+    assert off(ours.state.transforms["hand_flange_from_twin"], ours.state.transforms["hand_flange_from_board"]) < 1e-7
+
+
+def _twice(sample):
+    return replace(sample, observations=(*sample.observations, *(replace(o, target="twin") for o in sample.observations)))
+
+
+@pytest.mark.parametrize("target", ["charuco", "led", "pose"])
+def test_order_of_the_file_changes_nothing(target):
+    """Shuffled samples give the same transforms below 1e-9 m and rad."""
+    s = simulate(Scenario(samples=20, target=target, robot_noise=NOISY, arms="both"), seed=1)
+    shuffled = list(s.recording.samples)
+    random.Random(7).shuffle(shuffled)
+    first, second = solve(s.cell, s.recording), solve(s.cell, Recording(tuple(shuffled)))
+    assert all(off(second.state.transforms[n], t) < 1e-9 for n, t in first.state.transforms.items())
+
+
+def test_renumbered_samples_change_nothing():
+    """Without robot noise the samples' numbers are only names."""
+    s = simulate(Scenario(samples=20, robot_noise=(0, 0)), seed=2)
+    renumbered = tuple(replace(x, sample=100 - x.sample) for x in s.recording.samples)
+    first, second = solve(s.cell, s.recording), solve(s.cell, Recording(renumbered))
+    assert all(off(second.state.transforms[n], t) < 1e-9 for n, t in first.state.transforms.items())
+
+
+@pytest.mark.parametrize(
+    "scenario",
+    [
+        Scenario(),
+        Scenario(arms="halves"),
+        Scenario(arms="stations"),
+        Scenario(target="chessboard"),
+        Scenario(target="points3d"),
+        Scenario(target="pose"),
+        Scenario(target="led"),
+        Scenario(target="led", camera_mount="fixed", target_mount="fixed"),
+        Scenario(layout="eye_in_hand"),
+        Scenario(layout="eye_to_hand", target="led"),
+        Scenario(layout="two_cameras"),
+        Scenario(layout="two_world_cameras"),
+        Scenario(layout="chain"),
+        Scenario(intrinsics="free"),
+        Scenario(intrinsics="prior"),
+        Scenario(lens="fisheye", intrinsics="free"),
+    ],
+    ids=str,
+)
+def test_every_kind_of_cell_is_solved_without_a_guess(scenario):
+    """The truth lies within five of the solution's own sigmas in every free transform (false alarm near 1e-4 a cell)."""
+    s = simulate(scenario, seed=11)
+    solution = solve(s.cell, s.recording)
+    assert solution.converged
+    assert not solution.seen.blind
+    for name, estimate in solution.transforms.items():
+        where = solution.problem.columns.get(name)
+        if where is None:
+            continue
+        width = where.stop - where.start
+        xi = (estimate.mean.inverse() @ s.truth[name]).log()[:width]
+        covariance = estimate.covariance[:width, :width]
+        assert xi @ np.linalg.solve(covariance, xi) < 40
+
+
+def test_unstated_pixel_sigma_is_estimated():
+    """One common factor: the estimate is within 6 % of the truth (4 sigma of 2,142 degrees of freedom)."""
+    s = simulate(Scenario(pixel_px=0.35, state_pixel_noise=False), seed=4)
+    solution = solve(s.cell, s.recording)
+    assert solution.noise.noise.pixel_px == pytest.approx(0.35, rel=0.06)
+    stated = solve(replace(s.cell, pixel_px=solution.noise.noise.pixel_px), s.recording)
+    np.testing.assert_allclose(solution.covariance, stated.covariance, rtol=1e-4, atol=1e-14)
+
+
+def test_unstated_sigma_beside_stated_priors_is_estimated():
+    """With priors and robot noise stated the pixel sigma still comes out, within 6 %."""
+    s = simulate(Scenario(state_pixel_noise=False, target_mount="prior", robot_noise=(1e-4, 1e-4)), seed=4)
+    solution = solve(s.cell, s.recording)
+    assert solution.noise.settled
+    assert solution.noise.noise.pixel_px == pytest.approx(0.2, rel=0.06)
+
+
+def test_unstated_pose_sigmas_are_estimated_apart():
+    """Translation and rotation of measured poses get a sigma each, within 15 %."""
+    s = simulate(Scenario(samples=120, target="pose", pose_noise=(2e-3, 8e-3), state_observation_noise=False), seed=4)
+    noise = solve(s.cell, s.recording).noise.noise
+    assert noise.pose_m == pytest.approx(2e-3, rel=0.15)
+    assert noise.pose_rad == pytest.approx(8e-3, rel=0.15)
+
+
+def test_guess_is_used_where_asked_for():
+    """`start='guess'` needs a value for every transform, and then ends at the same optimum."""
+    s = simulate(Scenario(), seed=6)
+    with pytest.raises(InputError, match="needs a guess"):
+        solve(s.cell, s.recording, Settings(start="guess"))
+    told = replace(
+        s.cell,
+        bases={"hand": Unknown("free", s.truth["eye_base_from_hand_base"])},
+        cameras={"wrist": replace(s.cell.cameras["wrist"], mount=Unknown("free", s.truth["eye_flange_from_wrist"]))},
+        targets={"board": replace(s.cell.targets["board"], mount=Unknown("free", s.truth["hand_flange_from_board"]))},
+    )
+    by_guess = solve(told, s.recording, Settings(start="guess")).state.transforms
+    assert all(off(by_guess[n], t) < 1e-8 for n, t in solve(s.cell, s.recording).state.transforms.items())
+
+
+def test_camera_and_target_on_one_flange_are_refused():
+    """No robot moves one against the other."""
+    s = simulate(Scenario(), seed=0)
+    cell = replace(s.cell, targets={"board": replace(s.cell.targets["board"], on="eye")})
+    with pytest.raises(InputError, match="both on 'eye'"):
+        solve(cell, s.recording)
