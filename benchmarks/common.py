@@ -31,7 +31,7 @@ def seconds(work: Callable[[], object]) -> float:
 def interleaved(works: Mapping[str, Callable[[], object]], repeats: int) -> dict[str, list[float]]:
     """Times [s] of each work, all of them once a round, so that a slow moment of the machine meets all alike."""
     times: dict[str, list[float]] = {name: [] for name in works}
-    for name, work in works.items():
+    for work in works.values():
         work()
     for _ in range(repeats):
         for name, work in works.items():

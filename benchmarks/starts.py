@@ -95,28 +95,9 @@ def _report(found: list[dict[str, Any]]) -> str:
     for s in found:
         rate = "" if s["rate"] is None else f"{100 * s['rate']:.2f} %"
         seeds = "" if s["kind"] == "all" else " ".join(str(seed) for _, seed in s["failing"])
-        rows.append(
-            (
-                s["kind"],
-                s["same"],
-                s["other"],
-                s["unseen"],
-                rate,
-                f"{s['median_ms']:.0f}",
-                f"{s['slowest_ms']:.0f}",
-                seeds,
-            )
-        )
-    head = (
-        "kind",
-        "same optimum",
-        "another",
-        "not observable",
-        "rate",
-        "median [ms]",
-        "slowest [ms]",
-        "seeds of another",
-    )
+        times = f"{s['median_ms']:.0f}", f"{s['slowest_ms']:.0f}"
+        rows.append((s["kind"], s["same"], s["other"], s["unseen"], rate, *times, seeds))
+    head = ("kind", "same optimum", "another", "not observable", "rate", "median [ms]", "slowest [ms]", "failing seeds")
     return table(head, rows)
 
 

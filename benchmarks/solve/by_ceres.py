@@ -25,7 +25,7 @@ class _Cost(pyceres.CostFunction):
         self.set_num_residuals(count)
         self.set_parameter_block_sizes([width])
 
-    def Evaluate(self, parameters, residuals, jacobians) -> bool:  # type: ignore[no-untyped-def]  # noqa: N802
+    def Evaluate(self, parameters, residuals, jacobians) -> bool:  # type: ignore[no-untyped-def]
         """See Ceres."""
         residual, jacobian = self.whole.at_step(np.array(parameters[0]))
         residuals[:] = residual

@@ -48,7 +48,7 @@ def test_samples_all_alike_are_refused():
 
 
 def test_a_still_eye_cannot_tell_camera_mount_from_base():
-    """With the eye still and its mount free, mount and base stand for each other: both are left out, the target is not."""
+    """With the eye still and its mount free, mount and base stand for each other; the target is seen all the same."""
     s = simulate(Scenario(arms="eye_still"), seed=0)
     calibration = calibrate(s.cell, s.recording)
     assert calibration.verdict == "refused"

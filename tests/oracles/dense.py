@@ -32,7 +32,9 @@ class DenseProblem:
         self.cell, self.samples = cell, recording.samples
         self.about = {name: t.matrix for name, t in about.items()}
         self.camera, self.target = next(iter(cell.cameras.values())), next(iter(cell.targets.values()))
-        self.point_mount = cell.mount_name(self.target.name) if self.target.target and self.target.target.is_point else None
+        self.point_mount = (
+            cell.mount_name(self.target.name) if self.target.target and self.target.target.is_point else None
+        )
         self.names = [n for n, u in cell.transforms.items() if u.status != "fixed"]
         self.width = sum(3 if n == self.point_mount else 6 for n in self.names)
         self.stops = {name: self._stops(name) for name, r in cell.robots.items() if r.noise is not None}
@@ -94,12 +96,16 @@ class DenseProblem:
             return off / observation.sigma
         assert isinstance(observation, PixelObservation)
         points = self.target.target.points[self.target.target.rows(observation.ids)]
-        pixels = self.camera.intrinsics.camera.project(points @ camera_from_target[:3, :3].T + camera_from_target[:3, 3])
+        pixels = self.camera.intrinsics.camera.project(
+            points @ camera_from_target[:3, :3].T + camera_from_target[:3, 3]
+        )
         return ((pixels - observation.pixels) / self.cell.pixel_px).ravel()
 
     def solve(self):
         """Transforms, the covariance of their columns, and the cost."""
-        end = least_squares(self.residual, np.zeros(self.total), jac="3-point", method="trf", xtol=1e-13, ftol=1e-14, gtol=1e-12)
+        end = least_squares(
+            self.residual, np.zeros(self.total), jac="3-point", method="trf", xtol=1e-13, ftol=1e-14, gtol=1e-12
+        )
         j = end.jac
         covariance = np.linalg.inv(j.T @ j)[: self.width, : self.width]
         return self.transforms(end.x), covariance, 2 * end.cost

@@ -1,0 +1,1 @@
+"""What a solution is worth: its fit, its findings, its verdict."""

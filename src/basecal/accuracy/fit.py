@@ -12,7 +12,7 @@ from basecal.estimation.problem import ViewGroup
 from basecal.estimation.sight import aligned
 from basecal.estimation.solve import Solution
 from basecal.estimation.view_pose import FEWEST_POINTS, refined
-from basecal.geometry import SE3, Array
+from basecal.geometry import SE3, Array, BoolArray
 
 _FEWEST_3D_POINTS = 3
 
@@ -72,7 +72,7 @@ def _loops(solution: Solution, group: ViewGroup, predicted: SE3) -> tuple[Array,
     return np.where(enough, length, np.nan), np.where(enough, angle, np.nan)
 
 
-def _view_alone(solution: Solution, group: ViewGroup, predicted: SE3) -> tuple[SE3, Array]:
+def _view_alone(solution: Solution, group: ViewGroup, predicted: SE3) -> tuple[SE3, BoolArray]:
     measurement = group.measurement
     everywhere = np.ones(len(group), dtype=bool)
     if isinstance(measurement, PoseMeasurement):
@@ -84,6 +84,7 @@ def _view_alone(solution: Solution, group: ViewGroup, predicted: SE3) -> tuple[S
         enough = measurement.seen.sum(-1) >= _FEWEST_3D_POINTS
         weight = np.where(enough[:, None], measurement.weight, 1.0) ** 2
         return aligned(points, measurement.points_in_camera, weight), enough
+    assert isinstance(measurement, PixelMeasurement)
     camera = solution.state.cameras[group.camera]
     alone = refined(measurement, predicted, camera, iterations=20).camera_from_target
     return alone, measurement.seen.sum(-1) >= FEWEST_POINTS

@@ -61,7 +61,7 @@ def _samples(problem: Problem) -> set[int]:
 
 
 def _too_few(problem: Problem) -> Finding | None:
-    """Refuse where no view can be checked against the others: without the largest, equations are fewer than unknowns."""
+    """A refusal where no view can be checked: without the largest, equations are fewer than unknowns."""
     count = len(_samples(problem))
     if count < 2:
         found = "no sample shows" if count == 0 else "a single sample shows"
@@ -70,7 +70,9 @@ def _too_few(problem: Problem) -> Finding | None:
     free = sum(w.stop - w.start for n, w in problem.columns.items() if n in problem.unknowns and _is_free(problem, n))
     if equations.sum() - equations.max() >= free:
         return None
-    return _too_few_finding(f"{count} samples give {int(equations.sum())} equations for {free} unknowns: none is left to check them")
+    return _too_few_finding(
+        f"{count} samples give {int(equations.sum())} equations for {free} unknowns: none is left to check them"
+    )
 
 
 def _is_free(problem: Problem, name: str) -> bool:
@@ -121,7 +123,9 @@ def _poor_fit(solution: Solution, fit: Residuals) -> list[Finding]:
     if not solution.noise.estimated and ratio > _POOR_FIT_SIGMAS:
         message = f"residuals are {ratio:.1f} times what the stated sigmas explain: the covariance is too small as much"
     elif "pixel_px" in solution.noise.estimated and fit.rms_px is not None and fit.rms_px > _POOR_FIT_PX:
-        message = f"residuals of {fit.rms_px:.1f} px are more than any detector's noise: something in the input is wrong"
+        message = (
+            f"residuals of {fit.rms_px:.1f} px are more than any detector's noise: something in the input is wrong"
+        )
     else:
         return []
     return [Finding("poor-fit", "warning", (), message + "; check units, directions and the target's size")]
@@ -150,7 +154,11 @@ def _calibration(
 
 
 def _estimated_lenses(solution: Solution) -> list[tuple[str, Any]]:
-    return [(n, c) for n, c in solution.state.cameras.items() if n in solution.problem.columns and n not in solution.seen.blind]
+    return [
+        (n, c)
+        for n, c in solution.state.cameras.items()
+        if n in solution.problem.columns and n not in solution.seen.blind
+    ]
 
 
 def _noise(cell: Cell, solution: Solution) -> dict[str, Any]:

@@ -160,8 +160,10 @@ class Cell:
     @property
     def transforms(self) -> dict[str, Unknown]:
         """Every unknown transform by name: bases, then mounts of cameras, then of targets."""
-        named = {self.base_name(robot): self.bases.get(robot, Unknown()) for robot in self.robots if robot != self.reference}
-        for thing in (*self.cameras.values(), *self.targets.values()):
+        others = [robot for robot in self.robots if robot != self.reference]
+        named = {self.base_name(robot): self.bases.get(robot, Unknown()) for robot in others}
+        things: list[CellCamera | CellTarget] = [*self.cameras.values(), *self.targets.values()]
+        for thing in things:
             named[self.mount_name(thing.name)] = thing.mount
         return named
 

@@ -44,7 +44,8 @@ class Target:
         rows = np.searchsorted(self.ids, ids).clip(max=len(self.ids) - 1)
         missing = ids[self.ids[rows] != ids]
         if len(missing):
-            raise InputError(f"id {missing[0]} is not on the {self.kind}, whose ids are {self.ids[0]} to {self.ids[-1]}")
+            known = f"{self.ids[0]} to {self.ids[-1]}"
+            raise InputError(f"id {missing[0]} is not on the {self.kind}, whose ids are {known}")
         return rows
 
 
@@ -75,7 +76,7 @@ def charuco(
     """A ChArUco board of (columns, rows) squares; ids are OpenCV's corner ids, the origin the outer corner."""
     columns, rows = squares
     grid = _grid(columns - 1, rows - 1, square_m, origin=square_m)
-    options = {"squares": squares, "square_m": square_m, "marker_m": marker_m, "dictionary": dictionary}
+    options: dict[str, Any] = {"squares": squares, "square_m": square_m, "marker_m": marker_m, "dictionary": dictionary}
     return _made("charuco", grid, **options, legacy_pattern=legacy_pattern)
 
 

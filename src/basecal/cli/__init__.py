@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
@@ -57,6 +58,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Args:
         arguments: The words after `basecal`; those of this process where None.
     """
+    # The matrices are small: more threads only wait for one another. NumPy reads this when it is first imported.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         result = build_app()(arguments, exit_on_error=False, print_error=False)
     except CycloptsError as error:
@@ -65,6 +68,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _failed(error, error.exit_code)
     except OSError as error:
         return _failed(f"{error.filename}: {error.strerror}" if error.filename else error, 3)
+    except KeyboardInterrupt:
+        return _failed("interrupted", 130)
     return result if isinstance(result, int) else 0
 
 

@@ -1,0 +1,1 @@
+"""Everything unknown from everything seen: starts, maximum likelihood, covariance."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import eigh
 
 from basecal.geometry import SE3, Array
 from basecal.geometry.se3 import nearest_rotation
@@ -66,7 +67,7 @@ def _unvec(vector: Array) -> Array:
 def _null(rows: Array, weight: Array) -> tuple[Array, bool]:
     """Null vector of weighted rows (n, 9, k), and whether it is the only one."""
     flat = (rows * weight[:, None, None]).reshape(-1, rows.shape[-1])
-    values, vectors = np.linalg.eigh(flat.T @ flat)
+    values, vectors = eigh(flat.T @ flat, subset_by_index=[0, 1])
     singular = np.sqrt(np.maximum(values, 0) / np.sum(weight**2))
     return vectors[:, 0], bool(singular[0] < _CLEAR * singular[1] and singular[1] > _SEEN)
 
@@ -144,6 +145,6 @@ def translations(loop: Loop, found: Rotations) -> tuple[SE3, SE3, SE3]:
 
     def whole(name: str, rotation: Array) -> SE3:
         value = known[name]
-        return SE3(rotation.copy(), at[name].copy()) if value is None else value
+        return SE3(rotation.copy(), np.array(at[name], dtype=np.float64)) if value is None else value
 
     return whole("x", found.x), whole("y", found.y), whole("z", found.z)

@@ -31,7 +31,7 @@ def by_unknowns(problem: Problem, group: ViewGroup, links: Chain, rows: int) -> 
         (group.hand_base, 1.0, links.target_from_hand_base),
         (group.target_mount, 1.0, None),
     ]
-    present = [(sign, link, problem.columns[name]) for name, sign, link in parts if name in problem.columns]
+    present = [(sign, link, problem.columns[name]) for name, sign, link in parts if name and name in problem.columns]
     lens = problem.columns.get(group.camera) if rows > 6 else None
     columns = [np.arange(c.start, c.stop) for _, _, c in present] + ([np.arange(lens.start, lens.stop)] if lens else [])
     width = sum(map(len, columns))
@@ -46,7 +46,9 @@ def by_unknowns(problem: Problem, group: ViewGroup, links: Chain, rows: int) -> 
     return out, np.concatenate(columns) if columns else np.zeros(0, dtype=np.int64)
 
 
-def by_stop_errors(group: ViewGroup, links: Chain, state: State, stops: Stops, rows: int) -> list[tuple[IntArray, Array]]:
+def by_stop_errors(
+    group: ViewGroup, links: Chain, state: State, stops: Stops, rows: int
+) -> list[tuple[IntArray, Array]]:
     """Derivative of views to the errors, in sigmas, of the stops they stand in.
 
     Returns:

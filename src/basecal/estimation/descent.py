@@ -72,4 +72,5 @@ def _step(normal: Normal, damping: float) -> Array:
     scale = 1 / np.sqrt(np.maximum(diagonal, 1e-12 * diagonal.max(initial=1e-300)))
     scaled = normal.hessian * scale * scale[:, None]
     scaled[np.diag_indices_from(scaled)] += damping
-    return -scale * np.linalg.solve(scaled, scale * normal.gradient)
+    step: Array = -scale * np.linalg.solve(scaled, scale * normal.gradient)
+    return step

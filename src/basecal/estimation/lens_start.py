@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from basecal.cell import CellCamera
 from basecal.estimation.measurement import BearingMeasurement, PixelMeasurement, ViewInformation
@@ -74,7 +75,9 @@ def _fit(camera: Camera, measurements: list[PixelMeasurement], iterations: int, 
         bearings, valid = camera.undistort(m.pixels)
         weight = m.weight * valid * float(camera.focal[0])
         chords = BearingMeasurement(m.points_in_target, np.where(valid[..., None], bearings, 0.0), weight)
-        poses.append(view_poses(m.points_in_target, chords.bearings_in_camera, m.seen & valid, chords).camera_from_target[:, 0])
+        poses.append(
+            view_poses(m.points_in_target, chords.bearings_in_camera, m.seen & valid, chords).camera_from_target[:, 0]
+        )
     return _refine(_Fit(camera, poses, np.inf), measurements, iterations, mask)
 
 
@@ -107,7 +110,7 @@ def _cost(views: list[ViewInformation]) -> float:
     return float(sum(v.cost.sum() for v in views))
 
 
-def _step(views: list[ViewInformation], kept: Array, damping: float) -> tuple[Array, list[Array]]:
+def _step(views: list[ViewInformation], kept: NDArray[np.intp], damping: float) -> tuple[Array, list[Array]]:
     width = views[0].gradient.shape[-1] - 6
     hessian, gradient = np.zeros((width, width)), np.zeros(width)
     solved = []

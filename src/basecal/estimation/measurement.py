@@ -11,9 +11,8 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from basecal.geometry import SE3, Array, Camera
+from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray, Rows
 from basecal.geometry.se3 import right_jacobian_inverse
-
 
 _CHUNK_POINTS = 3600
 
@@ -50,7 +49,7 @@ class Measurement(Protocol):
         """The same with the sigmas that were not stated."""
         ...
 
-    def take(self, views: Array | slice) -> Measurement:
+    def take(self, views: Rows) -> Measurement:
         """The views at these indices."""
         ...
 
@@ -58,7 +57,7 @@ class Measurement(Protocol):
         """How many scalar residuals state no sigma, by field of `Noise`; and `stated`."""
         ...
 
-    def equations(self) -> Array:
+    def equations(self) -> IntArray:
         """How many of the six freedoms of `camera_from_target` each view can hold, (n,)."""
         ...
 
@@ -66,7 +65,13 @@ class Measurement(Protocol):
 def _information(residual: Array, jacobian: Array) -> ViewInformation:
     """From residuals (n, m) and their derivative by rows of unknowns, (n, k, m)."""
     gradient = (jacobian @ residual[..., None])[..., 0]
-    return ViewInformation(np.einsum("ni,ni->n", residual, residual), gradient, jacobian @ np.swapaxes(jacobian, -1, -2))
+    return ViewInformation(
+        np.einsum("ni,ni->n", residual, residual), gradient, jacobian @ np.swapaxes(jacobian, -1, -2)
+    )
+
+
+def _at_most_six(equations: IntArray) -> IntArray:
+    return np.minimum(equations, 6).astype(np.int64)
 
 
 def _width(by_lens: Array | None) -> int:
@@ -107,7 +112,7 @@ class PixelMeasurement:
 
     points_in_target: Array
     pixels: Array
-    seen: Array
+    seen: BoolArray
     stated: Array
     weight: Array
 
@@ -157,20 +162,31 @@ class PixelMeasurement:
         residual = np.nan_to_num(self.residual_px(camera_from_target, camera)) * unstated[..., None]
         return {"pixel_px": float(np.sum(residual**2))}
 
+    def thinned(self, most: int) -> PixelMeasurement:
+        """The same views of at most `most` of the points, evenly chosen."""
+        rows = slice(None, None, -(-len(self.points_in_target) // most))
+        return PixelMeasurement(
+            self.points_in_target[rows],
+            self.pixels[:, rows],
+            self.seen[:, rows],
+            self.stated[:, rows],
+            self.weight[:, rows],
+        )
+
     def with_noise(self, noise: Noise) -> PixelMeasurement:
         """See `Measurement`."""
         unstated = self.seen & (self.stated == 0)
         return replace(self, weight=self.stated + unstated / noise.pixel_px)
 
-    def take(self, views: Array | slice) -> PixelMeasurement:
+    def take(self, views: Rows) -> PixelMeasurement:
         """See `Measurement`."""
         return replace(
             self, pixels=self.pixels[views], seen=self.seen[views], stated=self.stated[views], weight=self.weight[views]
         )
 
-    def equations(self) -> Array:
+    def equations(self) -> IntArray:
         """See `Measurement`."""
-        return np.minimum(2 * self.seen.sum(-1), 6)
+        return _at_most_six(2 * np.count_nonzero(self.seen, axis=-1))
 
     def counts(self) -> dict[str, int]:
         """See `Measurement`."""
@@ -213,13 +229,13 @@ class BearingMeasurement:
         """See `Measurement`; its weights are its own."""
         return self
 
-    def take(self, views: Array | slice) -> BearingMeasurement:
+    def take(self, views: Rows) -> BearingMeasurement:
         """See `Measurement`."""
         return replace(self, bearings_in_camera=self.bearings_in_camera[views], weight=self.weight[views])
 
-    def equations(self) -> Array:
+    def equations(self) -> IntArray:
         """See `Measurement`."""
-        return np.minimum(2 * (self.weight > 0).sum(-1), 6)
+        return _at_most_six(2 * np.count_nonzero(self.weight, axis=-1))
 
     def counts(self) -> dict[str, int]:
         """See `Measurement`: two free coordinates a direction."""
@@ -259,13 +275,13 @@ class PoseMeasurement:
         default = 1 / np.array([noise.pose_m] * 3 + [noise.pose_rad] * 3)
         return replace(self, weight=np.where(self.stated == 0, default, self.stated))
 
-    def take(self, views: Array | slice) -> PoseMeasurement:
+    def take(self, views: Rows) -> PoseMeasurement:
         """See `Measurement`."""
         return PoseMeasurement(self.measured_camera_from_target[views], self.stated[views], self.weight[views])
 
-    def equations(self) -> Array:
+    def equations(self) -> IntArray:
         """See `Measurement`."""
-        return np.full(len(self.weight), 6)
+        return np.full(len(self.weight), 6, dtype=np.int64)
 
     def counts(self) -> dict[str, int]:
         """See `Measurement`."""
@@ -288,7 +304,7 @@ class PointMeasurement:
 
     points_in_target: Array
     points_in_camera: Array
-    seen: Array
+    seen: BoolArray
     stated: Array
     weight: Array
 
@@ -312,7 +328,7 @@ class PointMeasurement:
         """See `Measurement`."""
         return replace(self, weight=self.stated + (self.seen & (self.stated == 0)) / noise.point_m)
 
-    def take(self, views: Array | slice) -> PointMeasurement:
+    def take(self, views: Rows) -> PointMeasurement:
         """See `Measurement`."""
         return replace(
             self,
@@ -322,9 +338,9 @@ class PointMeasurement:
             weight=self.weight[views],
         )
 
-    def equations(self) -> Array:
+    def equations(self) -> IntArray:
         """See `Measurement`."""
-        return np.minimum(3 * self.seen.sum(-1), 6)
+        return _at_most_six(3 * np.count_nonzero(self.seen, axis=-1))
 
     def counts(self) -> dict[str, int]:
         """See `Measurement`."""

@@ -50,12 +50,14 @@ def residual_counts(problem: Problem) -> dict[str, int]:
 
 def degrees_of_freedom(problem: Problem) -> int:
     """Scalar residuals, priors among them, less unknowns."""
-    priors = sum(
-        where.stop - where.start
-        for name, where in problem.columns.items()
-        if (problem.unknowns[name] if name in problem.unknowns else problem.lenses[name]).status == "prior"
-    )
-    return sum(residual_counts(problem).values()) + priors - problem.width
+    status = _statuses(problem)
+    priors = sum(where.stop - where.start for name, where in problem.columns.items() if status[name] == "prior")
+    return int(sum(residual_counts(problem).values()) + priors - problem.width)
+
+
+def _statuses(problem: Problem) -> dict[str, str]:
+    transforms = {name: unknown.status for name, unknown in problem.unknowns.items()}
+    return transforms | {name: lens.status for name, lens in problem.lenses.items()}
 
 
 def estimate_noise(problem: Problem, end: Descent, iterations: int) -> tuple[Problem, Descent, NoiseEstimate]:
@@ -66,7 +68,7 @@ def estimate_noise(problem: Problem, end: Descent, iterations: int) -> tuple[Pro
     if not fields:
         return problem, end, NoiseEstimate(noise, 1.0, (), True)
     dof = degrees_of_freedom(problem)
-    has_priors = any(u.status == "prior" for u in (*problem.unknowns.values(), *problem.lenses.values()))
+    has_priors = "prior" in _statuses(problem).values()
     if len(fields) == 1 and not counts.get("stated") and not has_priors and not len(problem.stops):
         factor = max(end.normal.cost, 0.0) / max(dof, 1)
         scaled = noise._replace(**{fields[0]: getattr(noise, fields[0]) * np.sqrt(factor)})

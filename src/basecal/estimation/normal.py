@@ -15,7 +15,7 @@ import numpy as np
 from basecal.estimation.derivatives import by_stop_errors, by_unknowns
 from basecal.estimation.problem import Problem, State, ViewGroup, chain
 from basecal.estimation.stops import SharedView, StopAccumulator, StopSystem
-from basecal.geometry import SE3, Array, Camera, IntArray
+from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 from basecal.geometry.se3 import right_jacobian_inverse
 
 
@@ -106,9 +106,7 @@ def _shared_stops(problem: Problem) -> IntArray:
     return np.where(several, np.cumsum(several) - 1, -1)
 
 
-def _linearise_group(
-    problem: Problem, group: ViewGroup, state: State, shared: IntArray
-) -> tuple[float, float, _Views]:
+def _linearise_group(problem: Problem, group: ViewGroup, state: State, shared: IntArray) -> tuple[float, float, _Views]:
     links = chain(group, state, problem.stops)
     lens = group.camera in problem.columns
     view = group.measurement.linearise(links.camera_from_target, state.cameras.get(group.camera), lens)
@@ -122,7 +120,7 @@ def _linearise_group(
     return float(view.cost.sum()), log_det, views
 
 
-def _select(stop: IntArray, by_error: Array, mask: Array, number: IntArray | None) -> SharedView:
+def _select(stop: IntArray, by_error: Array, mask: BoolArray, number: IntArray | None) -> SharedView:
     view = np.flatnonzero(mask)
     chosen = stop[view]
     return SharedView(view, chosen if number is None else number[chosen], by_error[view])
@@ -131,19 +129,25 @@ def _select(stop: IntArray, by_error: Array, mask: Array, number: IntArray | Non
 def _marginalised(
     gradient: Array, information: Array, private: tuple[SharedView, ...], errors: Array
 ) -> tuple[Array, Array, float]:
-    """Views with their private stops eliminated, and the log determinant of I + H S."""
+    """Views with their private stops eliminated, and the log determinant of I + J'HJ.
+
+    (I + H S)^-1 H == H - H J (I + J'HJ)^-1 J'H, whose inner matrix is positive definite however large H is.
+    """
     if not any(len(of.view) for of in private):
         return gradient, information, 0.0
-    spread = np.zeros_like(information)
+    n, rows = gradient.shape
+    by_error = np.zeros((n, rows, 6 * len(private)))
     present = np.zeros_like(gradient)
-    for of in private:
-        spread[of.view] += of.by_error @ np.swapaxes(of.by_error, -1, -2)
+    for i, of in enumerate(private):
+        by_error[of.view, :, 6 * i : 6 * i + 6] = of.by_error
         present[of.view] += (of.by_error @ errors[of.stop][..., None])[..., 0]
-    matrix = np.eye(gradient.shape[-1]) + information @ spread
+    carried = information @ by_error
+    inner = np.eye(by_error.shape[-1]) + np.swapaxes(by_error, -1, -2) @ carried
     about_zero = gradient - (information @ present[..., None])[..., 0]
-    solved = np.linalg.solve(matrix, np.concatenate([information, about_zero[..., None]], -1))
-    reduced = solved[..., :-1]
-    return solved[..., -1], 0.5 * (reduced + np.swapaxes(reduced, -1, -2)), float(np.linalg.slogdet(matrix)[1].sum())
+    right = np.concatenate([information, about_zero[..., None]], -1)
+    reduced = right - carried @ np.linalg.solve(inner, np.swapaxes(by_error, -1, -2) @ right)
+    symmetric = 0.5 * (reduced[..., :-1] + np.swapaxes(reduced[..., :-1], -1, -2))
+    return reduced[..., -1], symmetric, float(np.linalg.slogdet(inner)[1].sum())
 
 
 def _stop_errors(problem: Problem, state: State, normal: Normal, step: Array) -> Array:

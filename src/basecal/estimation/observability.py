@@ -75,7 +75,9 @@ def _distortion_columns(problem: Problem) -> list[int]:
 def _scales(problem: Problem, state: State) -> Array:
     """What one scaled unit of each column is: a length of the scene [m], 1 rad, an image width [px]."""
     distances = [
-        np.linalg.norm(state.camera_from_target(g, problem.stops).translation, axis=-1) for g in problem.groups if len(g)
+        np.linalg.norm(state.camera_from_target(g, problem.stops).translation, axis=-1)
+        for g in problem.groups
+        if len(g)
     ]
     length = max(float(np.median(np.concatenate(distances))), 1e-3) if distances else 1.0
     scale = np.ones(problem.width)
@@ -109,4 +111,5 @@ def _motion(problem: Problem, vector: Array, name: str) -> str:
     axis = turn if is_turn else shift
     axis = axis / np.linalg.norm(axis) * np.sign(axis[np.argmax(np.abs(axis))])
     shown = ", ".join(f"{v:+.2f}" for v in axis)
-    return f"a {'turn' if is_turn else 'shift'} of {name} {'about' if is_turn else 'along'} ({shown}) in the axes of {source}"
+    motion, about = ("turn", "about") if is_turn else ("shift", "along")
+    return f"a {motion} of {name} {about} ({shown}) in the axes of {source}"

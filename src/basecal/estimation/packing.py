@@ -25,7 +25,7 @@ from basecal.cell import (
 from basecal.errors import InputError
 from basecal.estimation.measurement import Measurement, Noise, PixelMeasurement, PointMeasurement, PoseMeasurement
 from basecal.estimation.problem import Problem, Stops, ViewGroup, carrier, check_carriers
-from basecal.geometry import SE3, Array, IntArray
+from basecal.geometry import SE3, Array, BoolArray, IntArray
 
 Views = list[tuple[int, Observation]]
 
@@ -192,7 +192,9 @@ def _measurement(cell: Cell, camera: str, target: str, kind: str, observations: 
     if kind == "PointObservation":
         return _point_measurement(shape, [o for o in observations if isinstance(o, PointObservation)])
     if cell.cameras[camera].intrinsics is None:
-        raise InputError(f"camera {camera!r} gives pixels and has no `intrinsics`; `intrinsics: {{status: free}}` estimates them")
+        raise InputError(
+            f"camera {camera!r} gives pixels and has no `intrinsics`; `intrinsics: {{status: free}}` estimates them"
+        )
     pixels = [o for o in observations if isinstance(o, PixelObservation)]
     return _pixel_measurement(shape, pixels, cell.pixel_px)
 
@@ -205,7 +207,7 @@ def _pose_measurement(observations: list[PoseObservation]) -> Measurement:
 
 def _scatter(
     target: Target, ids: list[IntArray], values: list[Array], inverse_sigmas: list[Array]
-) -> tuple[Array, Array, Array]:
+) -> tuple[Array, BoolArray, Array]:
     """Ragged points of views as (n, p, d) values, (n, p) seen and (n, p) 1 / sigma."""
     view = np.repeat(np.arange(len(ids)), [len(i) for i in ids])
     row = target.rows(np.concatenate(ids))

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from basecal.cell import WORLD, Cell, Intrinsics, Unknown
 from basecal.errors import InputError
 from basecal.estimation.measurement import Measurement, Noise
-from basecal.geometry import SE3, Array, Camera, IntArray
+from basecal.geometry import SE3, Array, Camera, IntArray, Rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +50,7 @@ class ViewGroup:
     def __len__(self) -> int:
         return len(self.sample)
 
-    def take(self, views: IntArray) -> ViewGroup:
+    def take(self, views: Rows) -> ViewGroup:
         """The views at these indices."""
         return replace(
             self,

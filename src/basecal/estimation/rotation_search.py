@@ -96,7 +96,7 @@ def _least_squares(across: Array, rows: Array, constant: Array) -> Array:
     flat = projected.reshape(len(rows), -1, rows.shape[-1])
     right = (across @ constant[..., None]).reshape(len(rows), -1, 1)
     normal = np.swapaxes(flat, -1, -2) @ flat
-    normal = normal + _RIDGE * len(across) * np.eye(rows.shape[-1])
+    normal[:] += _RIDGE * len(across) * np.eye(rows.shape[-1])
     solution: Array = -np.linalg.solve(normal, np.swapaxes(flat, -1, -2) @ right)[..., 0]
     return solution
 
@@ -124,15 +124,16 @@ def _known(transform: SE3 | None) -> Array:
     return np.eye(3)[None] if transform is None else transform.rotation[None]
 
 
-def _means(
-    averaged: str, seen: Array, a: Array, b: Array, c: Array, ys: Array, loop: Loop, weight: Array
-) -> Array:
+def _means(averaged: str, seen: Array, a: Array, b: Array, c: Array, ys: Array, loop: Loop, weight: Array) -> Array:
     """Weighted means over samples of the one rotation that follows from the others, (m, 3, 3) for m rotations of Y."""
     w = weight**2 / np.sum(weight**2)
     ct = np.swapaxes(c, -1, -2)
     if averaged == "z":
-        return np.einsum("n,nij,mkj,nkl->mil", w, ct, np.swapaxes(ys, -1, -2), seen)
+        means: Array = np.einsum("n,nij,mkj,nkl->mil", w, ct, np.swapaxes(ys, -1, -2), seen)
+        return means
     known_z = _known(loop.z)[0]
     if averaged == "y":
-        return np.einsum("n,nij,nkj->ik", w, seen, c @ known_z)[None]
-    return np.einsum("n,nji,mjk,nkl,npl->mip", w, a, ys, c @ known_z, b)
+        of_y: Array = np.einsum("n,nij,nkj->ik", w, seen, c @ known_z)[None]
+        return of_y
+    of_x: Array = np.einsum("n,nji,mjk,nkl,npl->mip", w, a, ys, c @ known_z, b)
+    return of_x

@@ -16,7 +16,7 @@ from basecal.estimation.measurement import (
 )
 from basecal.estimation.problem import ViewGroup
 from basecal.estimation.view_pose import view_poses
-from basecal.geometry import SE3, Array, Camera
+from basecal.geometry import SE3, Array, Camera, IntArray
 from basecal.geometry.se3 import nearest_rotation
 
 _LOOKS_ALIKE = 25.0
@@ -39,17 +39,17 @@ class Sight:
     weight: Array
     total: int
 
-    def loop(self, x: SE3 | None, y: SE3 | None, z: SE3 | None, chosen: Array) -> Loop:
+    def loop(self, x: SE3 | None, y: SE3 | None, z: SE3 | None, chosen: IntArray) -> Loop:
         """The loop's factors, with the `chosen` (n,) candidate of each view."""
         rows = np.arange(len(self.group))
         b = SE3.identity((len(rows),)) if self.candidates is None else self.candidates[rows, chosen]
         return Loop(self.group.eye_base_from_eye_flange, b, self.group.hand_base_from_hand_flange, x, y, z, self.weight)
 
 
-def sight_of(group: ViewGroup, camera: Camera | None, most: int) -> Sight:
-    """At most `most` views of a group, spread evenly over it."""
+def sight_of(group: ViewGroup, camera: Camera | None, views: int, points: int) -> Sight:
+    """At most so many views of a group and points of its target, spread evenly."""
     total = len(group)
-    spread = np.unique(np.linspace(0, total - 1, min(total, most)).round().astype(np.int64))
+    spread = np.unique(np.linspace(0, total - 1, min(total, views)).round().astype(np.int64))
     few = group.take(spread)
     measurement = few.measurement
     if isinstance(measurement, PoseMeasurement):
@@ -60,7 +60,7 @@ def sight_of(group: ViewGroup, camera: Camera | None, most: int) -> Sight:
         return _of_points(few, measurement, total)
     assert isinstance(measurement, PixelMeasurement)
     assert camera is not None
-    return _of_pixels(few, measurement, camera, total)
+    return _of_pixels(few, measurement.thinned(points), camera, total)
 
 
 def _of_pixels(group: ViewGroup, measurement: PixelMeasurement, camera: Camera, total: int) -> Sight:
@@ -86,7 +86,10 @@ def _of_pixels(group: ViewGroup, measurement: PixelMeasurement, camera: Camera, 
 
 def _of_points(group: ViewGroup, measurement: PointMeasurement, total: int) -> Sight:
     enough = np.flatnonzero(measurement.seen.sum(-1) >= 3)
-    if len(enough) < 3 or np.linalg.matrix_rank(measurement.points_in_target - measurement.points_in_target[0], 1e-6) < 2:
+    if (
+        len(enough) < 3
+        or np.linalg.matrix_rank(measurement.points_in_target - measurement.points_in_target[0], 1e-6) < 2
+    ):
         p = measurement.points_in_camera
         unit = p / np.maximum(np.linalg.norm(p, axis=-1, keepdims=True), 1e-12)
         chords = BearingMeasurement(measurement.points_in_target, unit, measurement.seen / 1e-3)

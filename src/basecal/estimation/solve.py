@@ -87,7 +87,7 @@ class Solution:
         return np.zeros((size, size)) if where is None else self.covariance[where, where]
 
 
-def solve(cell: Cell, recording: Recording, settings: Settings = Settings()) -> Solution:  # noqa: B008
+def solve(cell: Cell, recording: Recording, settings: Settings = Settings()) -> Solution:
     """Start, maximum likelihood and covariance.
 
     Args:
@@ -104,14 +104,20 @@ def solve(cell: Cell, recording: Recording, settings: Settings = Settings()) -> 
 
 
 def solve_packed(
-    problem: Problem, cell: Cell, settings: Settings = Settings(), findings: tuple[Finding, ...] = ()  # noqa: B008
+    problem: Problem,
+    cell: Cell,
+    settings: Settings = Settings(),
+    findings: tuple[Finding, ...] = (),
 ) -> Solution:
     """As `solve`, from arrays."""
     return solve_from(problem, _start(problem, cell, settings), settings, findings)
 
 
 def solve_from(
-    problem: Problem, start: State, settings: Settings = Settings(), findings: tuple[Finding, ...] = ()  # noqa: B008
+    problem: Problem,
+    start: State,
+    settings: Settings = Settings(),
+    findings: tuple[Finding, ...] = (),
 ) -> Solution:
     """Maximum likelihood and covariance downhill of a start."""
     dof = degrees_of_freedom(problem)
@@ -143,8 +149,8 @@ def _plausible(problem: Problem, end: Descent, dof: int) -> bool:
     """Whether a descent ended where data could have come from: residuals of a few sigmas or pixels, not more."""
     unstated = {f: n for f, n in residual_counts(problem).items() if f != "stated" and n}
     if not unstated:
-        return end.normal.cost < _PLAUSIBLE_SIGMAS**2 * max(dof, 1)
+        return bool(end.normal.cost < _PLAUSIBLE_SIGMAS**2 * max(dof, 1))
     limits = Noise(_PLAUSIBLE_PX, _PLAUSIBLE_M, _PLAUSIBLE_RAD, _PLAUSIBLE_M)
     unit = Noise()
     worst = max(getattr(limits, f) / getattr(unit, f) for f in unstated)
-    return end.normal.cost < worst**2 * max(dof, 1)
+    return bool(end.normal.cost < worst**2 * max(dof, 1))

@@ -20,12 +20,12 @@ from basecal.estimation.measurement import PixelMeasurement
 from basecal.estimation.problem import Problem, State, Stops
 from basecal.estimation.rotation_search import light_starts, pose_starts
 from basecal.estimation.sight import Sight, aligned, as_light, sight_of
-from basecal.geometry import SE3, Array, Camera
+from basecal.geometry import SE3, Camera, IntArray
 
 Triple = tuple[SE3, SE3, SE3]
 
-_FEW_VIEWS = 40
-_MANY_VIEWS = 400
+_FEW = (24, 20)
+_MANY = (400, 1000)
 _LIGHT_STARTS = {0: 1, 1: 12, 2: 40}
 _POSE_STARTS = 16
 _TIGHT_RAD = 0.3
@@ -69,8 +69,8 @@ def first_state(problem: Problem, cell: Cell, thorough: bool) -> State:
         thorough: Use many views, and search even where a closed form seems clear.
     """
     cameras = lenses(problem, cell)
-    most = _MANY_VIEWS if thorough else _FEW_VIEWS
-    waiting = [sight_of(g, cameras.get(g.camera), most) for g in problem.groups if len(g)]
+    most = _MANY if thorough else _FEW
+    waiting = [sight_of(g, cameras.get(g.camera), *most) for g in problem.groups if len(g)]
     known = _Known(_given(problem))
     while waiting:
         waiting.sort(key=lambda s: (len(_loop(s, known).unknown), s.candidates is None, -s.total))
@@ -115,7 +115,7 @@ def _fallback(unknown: Unknown) -> SE3:
     return unknown.mean or SE3.identity()
 
 
-def _loop(sight: Sight, known: _Known, chosen: Array | None = None) -> Loop:
+def _loop(sight: Sight, known: _Known, chosen: IntArray | None = None) -> Loop:
     g = sight.group
     pick = np.zeros(len(g), dtype=np.int64) if chosen is None else chosen
     y = known.relation(g.eye_base, g.hand_base)
@@ -160,30 +160,22 @@ def _closed(sight: Sight, known: _Known) -> Triple | None:
     return triple
 
 
-def _nearer(sight: Sight, triple: Triple) -> Array:
+def _nearer(sight: Sight, triple: Triple) -> IntArray:
     """Which of each view's two poses lies nearer to what X, Y and Z predict, (n,)."""
     assert sight.candidates is not None
     x, y, z = triple
     g = sight.group
     predicted = (g.eye_base_from_eye_flange @ x).inverse() @ y @ g.hand_base_from_hand_flange @ z
     agreement = np.einsum("nij,nkij->nk", predicted.rotation, sight.candidates.rotation)
-    return np.argmax(agreement, axis=-1)
+    return np.asarray(np.argmax(agreement, axis=-1), dtype=np.int64)
 
 
 def _searched(sight: Sight, loop: Loop, is_point: bool, closed: Triple | None) -> Triple:
     """By a grid over rotations and the closed form if there is one, the best of them refined."""
     starts = [] if closed is None else [closed]
     for x, y, z in pose_starts(loop, _POSE_STARTS):
-        rough = loop._replace(**{k: SE3(r, np.zeros(3)) for k, r in zip("xyz", (x, y, z), strict=True) if k in loop.unknown})
-        starts.append(_with_translations(loop, rough))
+        starts.append(translations(loop, Rotations(x, y, z, True)))
     return _best_refined(sight, loop, starts, is_point)
-
-
-def _with_translations(loop: Loop, rough: Loop) -> Triple:
-    assert rough.x is not None
-    assert rough.y is not None
-    assert rough.z is not None
-    return translations(loop, Rotations(rough.x.rotation, rough.y.rotation, rough.z.rotation, True))
 
 
 def _light(sight: Sight, loop: Loop, is_point: bool) -> Triple:
@@ -211,7 +203,9 @@ def _mount_of_points(sight: Sight, x: SE3, y: SE3, at: SE3) -> SE3:
     chords, _ = as_light(sight.group.measurement)
     g = sight.group
     camera_from_flange = (g.eye_base_from_eye_flange @ x).inverse() @ y @ g.hand_base_from_hand_flange
-    bearings = (np.swapaxes(camera_from_flange.rotation, -1, -2)[:, None] @ chords.bearings_in_camera[..., None])[..., 0]
+    bearings = (np.swapaxes(camera_from_flange.rotation, -1, -2)[:, None] @ chords.bearings_in_camera[..., None])[
+        ..., 0
+    ]
     origin_in_flange = camera_from_flange.inverse().translation
     across = (np.eye(3) - bearings[..., :, None] * bearings[..., None, :]) * (chords.weight > 0)[..., None, None]
     total = across.sum(0) + 1e-9 * np.eye(3)

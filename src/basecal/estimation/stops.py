@@ -74,7 +74,9 @@ class StopAccumulator:
             sum_over = _summation(of.stop, len(self.diagonal))
             carried = np.swapaxes(of.by_error, -1, -2) @ information[of.view]
             self.diagonal += _summed(sum_over, carried @ of.by_error)
-            self.gradient += _summed(sum_over, (np.swapaxes(of.by_error, -1, -2) @ gradient[of.view][..., None])[..., 0])
+            self.gradient += _summed(
+                sum_over, (np.swapaxes(of.by_error, -1, -2) @ gradient[of.view][..., None])[..., 0]
+            )
             mixed = _summed(sum_over, carried @ by_unknowns[of.view])
             self.by_unknowns[:, :, columns] += mixed
         if len(shared) == 2:

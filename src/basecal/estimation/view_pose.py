@@ -11,10 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from basecal.estimation.measurement import Measurement
-from basecal.geometry import SE3, Array, Camera
+from basecal.geometry import SE3, Array, BoolArray, Camera
 from basecal.geometry.se3 import nearest_rotation, rotation_exp
 
 FEWEST_POINTS = 4
+_FEWEST_IN_SPACE = 6
+_ITERATIONS = 5
 _FLAT = 1e-6
 
 
@@ -33,12 +35,14 @@ class ViewPoses:
     information: Array
 
     @property
-    def found(self) -> Array:
+    def found(self) -> BoolArray:
         """(n,) whether the view has a pose at all."""
         return np.isfinite(self.cost[:, 0])
 
 
-def view_poses(points_in_target: Array, bearings_in_camera: Array, seen: Array, measurement: Measurement) -> ViewPoses:
+def view_poses(
+    points_in_target: Array, bearings_in_camera: Array, seen: BoolArray, measurement: Measurement
+) -> ViewPoses:
     """Poses of a target in each of its views.
 
     Args:
@@ -56,9 +60,18 @@ def view_poses(points_in_target: Array, bearings_in_camera: Array, seen: Array, 
     local = (points_in_target - centre) @ axes / size
     guess = _by_homography(local, bearings_in_camera, seen) if flat else _by_projection(local, bearings_in_camera, seen)
     guess = SE3(guess.rotation, guess.translation * size)
-    other = _tilted(guess) if flat else guess
-    both = [refined(measurement, g @ target_from_plane.inverse()) for g in ((guess, other) if flat else (guess,))]
-    return _ranked(both[0], both[-1], seen.sum(-1) >= (FEWEST_POINTS if flat else 6))
+    guesses = _joined(guess, _tilted(guess)) if flat else guess
+    n = len(guess)
+    twice = measurement.take(np.arange(len(guesses)) % n)
+    poses = refined(twice, guesses @ target_from_plane.inverse(), iterations=_ITERATIONS)
+    enough = seen.sum(-1) >= (FEWEST_POINTS if flat else _FEWEST_IN_SPACE)
+    return _ranked(poses.of(slice(0, n)), poses.of(slice(len(guesses) - n, None)), enough)
+
+
+def _joined(first: SE3, second: SE3) -> SE3:
+    return SE3(
+        np.concatenate([first.rotation, second.rotation]), np.concatenate([first.translation, second.translation])
+    )
 
 
 def _shape(centred: Array) -> tuple[bool, Array, float]:
@@ -75,7 +88,7 @@ def _null_vectors(rows: Array) -> Array:
     return vectors[..., 0]
 
 
-def _cross_rows(bearings_in_camera: Array, seen: Array, homogeneous: Array) -> Array:
+def _cross_rows(bearings_in_camera: Array, seen: BoolArray, homogeneous: Array) -> Array:
     """Rows of b x (M h) = 0 in the entries of M by rows, (n, 3 p, 3 k), weighted by `seen`."""
     n, p, _ = bearings_in_camera.shape
     k = homogeneous.shape[-1]
@@ -88,7 +101,7 @@ def _cross_rows(bearings_in_camera: Array, seen: Array, homogeneous: Array) -> A
     return rows.reshape(n, 3 * p, 3 * k)
 
 
-def _by_homography(local: Array, bearings_in_camera: Array, seen: Array) -> SE3:
+def _by_homography(local: Array, bearings_in_camera: Array, seen: BoolArray) -> SE3:
     homogeneous = np.concatenate([local[:, :2], np.ones((len(local), 1))], -1)
     matrix = _null_vectors(_cross_rows(bearings_in_camera, seen, homogeneous)).reshape(-1, 3, 3)
     matrix = matrix * _facing(matrix @ homogeneous.T, bearings_in_camera, seen)[:, None, None]
@@ -98,7 +111,7 @@ def _by_homography(local: Array, bearings_in_camera: Array, seen: Array) -> SE3:
     return SE3(nearest_rotation(np.stack([matrix[:, :, 0], matrix[:, :, 1], third], -1)), matrix[:, :, 2].copy())
 
 
-def _by_projection(local: Array, bearings_in_camera: Array, seen: Array) -> SE3:
+def _by_projection(local: Array, bearings_in_camera: Array, seen: BoolArray) -> SE3:
     homogeneous = np.concatenate([local, np.ones((len(local), 1))], -1)
     matrix = _null_vectors(_cross_rows(bearings_in_camera, seen, homogeneous)).reshape(-1, 3, 4)
     matrix = matrix * _facing(matrix @ homogeneous.T, bearings_in_camera, seen)[:, None, None]
@@ -107,7 +120,7 @@ def _by_projection(local: Array, bearings_in_camera: Array, seen: Array) -> SE3:
     return SE3(nearest_rotation(matrix[:, :, :3]), matrix[:, :, 3].copy())
 
 
-def _facing(predicted: Array, bearings_in_camera: Array, seen: Array) -> Array:
+def _facing(predicted: Array, bearings_in_camera: Array, seen: BoolArray) -> Array:
     """+1 or -1 so that points (n, 3, p) lie along the directions and not against them."""
     along = np.einsum("nip,npi->np", predicted, bearings_in_camera * seen[..., None])
     return np.where(along.sum(-1) < 0, -1.0, 1.0)
@@ -131,6 +144,9 @@ class _Refined:
     cost: Array
     information: Array
 
+    def of(self, views: slice) -> _Refined:
+        return _Refined(self.camera_from_target[views], self.cost[views], self.information[views])
+
 
 def refined(measurement: Measurement, start: SE3, camera: Camera | None = None, iterations: int = 8) -> _Refined:
     """Each view's pose at its own optimum near `start`, (n,): damped Gauss-Newton on all views side by side."""
@@ -148,14 +164,16 @@ def refined(measurement: Measurement, start: SE3, camera: Camera | None = None, 
             np.where(better[:, None], candidate.translation, pose.translation),
         )
         settled = np.all(~better | (view.cost - after.cost <= 1e-6 * view.cost + 1e-12))
-        view = type(view)(*(np.where(better.reshape(-1, *[1] * (a.ndim - 1)), a, b) for a, b in zip(after, view, strict=True)))
+        view = type(view)(
+            *(np.where(better.reshape(-1, *[1] * (a.ndim - 1)), a, b) for a, b in zip(after, view, strict=True))
+        )
         damping = np.where(better, damping * 0.1, damping * 10)
         if settled:
             break
     return _Refined(pose, view.cost, view.information)
 
 
-def _ranked(first: _Refined, second: _Refined, enough: Array) -> ViewPoses:
+def _ranked(first: _Refined, second: _Refined, enough: BoolArray) -> ViewPoses:
     cost = np.stack([first.cost, second.cost], -1)
     order = np.argsort(cost, -1, kind="stable")
     row = np.arange(len(cost))[:, None]

@@ -11,6 +11,8 @@ from basecal.errors import InputError
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+Rows = NDArray[np.intp] | NDArray[np.int64] | slice
 
 
 def read_only(values: ArrayLike, shape: tuple[int | None, ...] | None = None, name: str = "array") -> Array:
