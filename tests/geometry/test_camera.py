@@ -211,6 +211,25 @@ def test_a_pole_of_the_rational_lens_is_a_fold():
     np.testing.assert_array_equal(camera.sees(points), [True, False])
 
 
+def test_a_valid_direction_is_never_mirrored():
+    """A lens with wild tangential terms folds inside its radial range: what lies past that fold is not valid."""
+    camera = Camera("pinhole", [500.0, 500.0, 0.0, 0.0, 0.1, 0.0, 0.3, -0.2])
+    pixels = np.stack(np.meshgrid(np.arange(-600, 600, 17.0), np.arange(-600, 600, 17.0)), -1)
+    rays, valid = camera.undistort(pixels)
+    assert 0.2 < valid.mean() < 0.9
+    at, d_points, _ = camera.project_with_derivatives(rays[valid])
+    np.testing.assert_allclose(at, pixels[valid], rtol=0, atol=1e-8)
+    assert np.all(np.linalg.det(d_points[..., :2]) > 0)
+
+
+def test_fisheye_ends_behind_itself():
+    """An undistorted fisheye images every direction: up to pi times its focal length from the centre, no further."""
+    camera = Camera("fisheye", [100.0, 100.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    rays, valid = camera.undistort(np.array([[0.0, 314.0], [0.0, 314.2]]))
+    np.testing.assert_array_equal(valid, [True, False])
+    np.testing.assert_allclose(rays[0], [0, np.sin(3.14), np.cos(3.14)], atol=1e-13)
+
+
 def test_sees_only_inside_the_image():
     """The image reaches half a pixel beyond the centres of its outer pixels."""
     camera = Camera("pinhole", [100.0, 100.0, 0.0, 0.0], (200, 100))

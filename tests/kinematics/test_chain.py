@@ -5,20 +5,12 @@ from basecal.errors import InputError
 from basecal.geometry import SE3
 from basecal.kinematics import SerialChain
 from derivatives import check_derivative
+from planar_arm import planar
 
 
 @pytest.fixture
 def joints(chain):
     return np.random.default_rng(3).uniform(-2.0, 2.0, (20, chain.n))
-
-
-def planar(*lengths):
-    """An arm in the plane z = 0: joint, link along x, joint, link along x, ..."""
-    n = len(lengths)
-    origins = SE3.stack([SE3.from_rotvec([0, 0, 0], [x, 0, 0]) for x in (0.0, *lengths[:-1])])
-    tip = SE3.from_rotvec([0, 0, 0], [lengths[-1], 0, 0])
-    names = tuple(f"j{i}" for i in range(n))
-    return SerialChain(names, origins, np.tile([0.0, 0, 1], (n, 1)), tip, np.full(n, -np.pi), np.full(n, np.pi))
 
 
 class Pinocchio:

@@ -56,7 +56,7 @@ def degrees_of_freedom(problem: Problem) -> int:
 
 
 def _statuses(problem: Problem) -> dict[str, str]:
-    transforms = {name: unknown.status for name, unknown in problem.unknowns.items()}
+    transforms: dict[str, str] = {name: unknown.status for name, unknown in problem.unknowns.items()}
     return transforms | {name: lens.status for name, lens in problem.lenses.items()}
 
 

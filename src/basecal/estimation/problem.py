@@ -156,18 +156,24 @@ def chain(group: ViewGroup, state: State, stops: Stops) -> Chain:
     camera_from_target == (eye_base_from_eye_flange @ eye_flange_from_camera).inverse()
                           @ eye_base_from_hand_base @ hand_base_from_hand_flange @ hand_flange_from_target
     """
-    mount = state.transforms[group.target_mount].inverse()
-    hand_base_from_flange = _disturbed(group.hand_base_from_hand_flange, group.hand_stop, state, stops)
-    eye_base_from_flange = _disturbed(group.eye_base_from_eye_flange, group.eye_stop, state, stops)
-    target_from_base = mount @ hand_base_from_flange.inverse()
-    target_from_eye = target_from_base
-    if group.hand_base is not None:
-        target_from_eye = target_from_eye @ state.transforms[group.hand_base].inverse()
-    if group.eye_base is not None:
-        target_from_eye = target_from_eye @ state.transforms[group.eye_base]
-    target_from_flange = target_from_eye @ eye_base_from_flange
-    target_from_camera = target_from_flange @ state.transforms[group.camera_mount]
-    return Chain(mount, target_from_base, target_from_eye, target_from_flange, target_from_camera)
+    target_from_hand_flange = state.transforms[group.target_mount].inverse()
+    hand_base_from_hand_flange = _disturbed(group.hand_base_from_hand_flange, group.hand_stop, state, stops)
+    eye_base_from_eye_flange = _disturbed(group.eye_base_from_eye_flange, group.eye_stop, state, stops)
+    target_from_hand_base = target_from_hand_flange @ hand_base_from_hand_flange.inverse()
+    target_from_eye_base = target_from_hand_base @ _relation(group, state).inverse()
+    target_from_eye_flange = target_from_eye_base @ eye_base_from_eye_flange
+    target_from_camera = target_from_eye_flange @ state.transforms[group.camera_mount]
+    return Chain(
+        target_from_hand_flange, target_from_hand_base, target_from_eye_base, target_from_eye_flange, target_from_camera
+    )
+
+
+def _relation(group: ViewGroup, state: State) -> SE3:
+    """`eye_base_from_hand_base`; either base is the reference's where it has no name."""
+    identity = SE3.identity()
+    world_from_eye_base = identity if group.eye_base is None else state.transforms[group.eye_base]
+    world_from_hand_base = identity if group.hand_base is None else state.transforms[group.hand_base]
+    return world_from_eye_base.inverse() @ world_from_hand_base
 
 
 def _disturbed(base_from_flange: SE3, stop: IntArray, state: State, stops: Stops) -> SE3:

@@ -95,8 +95,8 @@ def _least_squares(across: Array, rows: Array, constant: Array) -> Array:
     projected = across @ rows
     flat = projected.reshape(len(rows), -1, rows.shape[-1])
     right = (across @ constant[..., None]).reshape(len(rows), -1, 1)
-    normal = np.swapaxes(flat, -1, -2) @ flat
-    normal[:] += _RIDGE * len(across) * np.eye(rows.shape[-1])
+    ridge = _RIDGE * len(across) * np.eye(rows.shape[-1])
+    normal = np.swapaxes(flat, -1, -2) @ flat + ridge
     solution: Array = -np.linalg.solve(normal, np.swapaxes(flat, -1, -2) @ right)[..., 0]
     return solution
 

@@ -173,7 +173,7 @@ def unproject(u: Array, v: Array, distortion: list[float]) -> tuple[Array, BoolA
             break
         step_a, step_b = (vv * miss_u - uv * miss_v) / determinant, (uu * miss_v - uv * miss_u) / determinant
         a, b = _clipped(a + step_a, b + step_b, limit)
-    valid = near & (determinant > 0) & (uu + vv > 0) & (rays.s < limit)
+    valid = near & (determinant > 0) & (uu + vv > 0)
     return np.stack([rays.a, rays.b, np.ones_like(rays.a)], -1), valid
 
 
