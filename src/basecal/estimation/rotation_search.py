@@ -97,8 +97,7 @@ def _least_squares(across: Array, rows: Array, constant: Array) -> Array:
     right = (across @ constant[..., None]).reshape(len(rows), -1, 1)
     ridge = _RIDGE * len(across) * np.eye(rows.shape[-1])
     normal = np.swapaxes(flat, -1, -2) @ flat + ridge
-    solution: Array = -np.linalg.solve(normal, np.swapaxes(flat, -1, -2) @ right)[..., 0]
-    return solution
+    return -np.asarray(np.linalg.solve(normal, np.swapaxes(flat, -1, -2) @ right)[..., 0], dtype=np.float64)
 
 
 def pose_starts(loop: Loop, most: int) -> list[tuple[Array, Array, Array]]:
