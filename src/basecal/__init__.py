@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from basecal.cell.files import write_cell as write_cell
     from basecal.cell.files import write_recording as write_recording
     from basecal.errors import BasecalError as BasecalError
-    from basecal.estimation.solve import Settings as Settings
+    from basecal.estimation.settings import Settings as Settings
     from basecal.estimation.solve import Solution as Solution
     from basecal.estimation.solve import solve as solve
     from basecal.geometry import SE3 as SE3
@@ -45,7 +45,7 @@ _HOME = {
     "SE3": "geometry",
     "Sample": "cell",
     "Scenario": "simulation.scenario",
-    "Settings": "estimation.solve",
+    "Settings": "estimation.settings",
     "SimulatedCell": "simulation.scenario",
     "Solution": "estimation.solve",
     "calibrate": "accuracy.verdict",

@@ -11,7 +11,8 @@ from tests.oracles.dense import DenseProblem
 
 from basecal.cell import Recording, Unknown
 from basecal.errors import InputError
-from basecal.estimation.solve import Settings, solve
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import solve
 from basecal.simulation import Scenario, simulate
 
 NOISY = (2e-4, 3e-4)

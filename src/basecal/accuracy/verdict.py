@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
+from basecal.accuracy.by_shifts import calibrate_by_shifts
 from basecal.accuracy.fit import residuals
 from basecal.cell import Calibration, Cell, Finding, Recording, Residuals
 from basecal.cell.calibration import Severity, Verdict
 from basecal.estimation.packing import pack
 from basecal.estimation.problem import Problem
-from basecal.estimation.solve import Settings, Solution, solve_packed
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import Solution, solve_packed
 
 _MANY_DROPPED = 0.1
 _POOR_FIT_SIGMAS = 2.0
@@ -33,6 +34,7 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = Settings())
 
     Raises:
         InputError: if the cell contradicts the recording.
+        NotObservable: if the axis-shift method is asked for and the recording has no station, or a mount is not known.
     """
     problem, dropped = pack(cell, recording)
     findings = [*recording.findings, *dropped]
@@ -40,6 +42,8 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = Settings())
     too_few = _too_few(problem)
     if too_few is not None:
         return _refused(settings, [*findings, too_few])
+    if settings.method == "axis-shift":
+        return calibrate_by_shifts(cell, problem, settings, findings)
     solution = solve_packed(problem, cell, settings)
     fit = residuals(solution)
     findings += _unseen(cell, solution) + _not_converged(solution) + _poor_fit(solution, fit)
@@ -53,7 +57,7 @@ def verdict_of(findings: Sequence[Finding]) -> Verdict:
 
 
 def _refused(settings: Settings, findings: list[Finding]) -> Calibration:
-    return Calibration("refused", findings=tuple(findings), settings=asdict(settings))
+    return Calibration("refused", findings=tuple(findings), settings=settings.as_dict())
 
 
 def _samples(problem: Problem) -> set[int]:
@@ -149,7 +153,7 @@ def _calibration(
         condition=solution.seen.condition if np.isfinite(solution.seen.condition) else None,
         unseen=solution.seen.unseen,
         findings=tuple(findings),
-        settings=asdict(settings),
+        settings=settings.as_dict(),
     )
 
 

@@ -119,12 +119,12 @@ def _recording(text: bytes, path: str, known: Context) -> Recording:
 
 def _twice_finding(path: str, line: int, number: str, earlier: int) -> Finding:
     message = f"{path}:{line}: sample {number} is dropped: line {earlier} has the same number; give it a new one"
-    return Finding("dropped-sample", "warning", (number,), message)
+    return Finding("dropped-sample", "info", (number,), message)
 
 
 def _cut_finding(path: str, line: int, done: str) -> Finding:
     message = f"{path}:{line}: the last line was cut off while it was written; {done}"
-    return Finding("dropped-sample", "warning", (), message)
+    return Finding("dropped-sample", "info", (), message)
 
 
 def _is_whole(tail: bytes) -> bool:

@@ -107,7 +107,7 @@ def _sample(data: dict[str, Any], where: Where, known: Context) -> Sample | Find
         seen = _observations(data.get("observations", []), where, known)
     except UnknownPoint as error:
         message = f"{where.path}:{where.line}: sample {index} is dropped: {error}"
-        return Finding("dropped-sample", "warning", (str(index),), message)
+        return Finding("dropped-sample", "info", (str(index),), message)
     return Sample(index, stamp, states, seen, images, background)
 
 

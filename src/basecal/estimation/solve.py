@@ -14,27 +14,15 @@ from basecal.estimation.noise import NoiseEstimate, degrees_of_freedom, estimate
 from basecal.estimation.observability import Seen, seen_directions
 from basecal.estimation.packing import pack
 from basecal.estimation.problem import Problem, State
-from basecal.estimation.starts import first_state, guessed_state
-from basecal.geometry import Array, PoseEstimate
+from basecal.estimation.settings import Settings
+from basecal.estimation.starts import first_state, guessed_state, lenses
+from basecal.estimation.stations import find_stations, fused
+from basecal.geometry import SE3, Array, PoseEstimate
 
 _PLAUSIBLE_PX = 3.0
 _PLAUSIBLE_SIGMAS = 4.0
 _PLAUSIBLE_M = 0.02
 _PLAUSIBLE_RAD = 0.05
-
-
-@dataclass(frozen=True)
-class Settings:
-    """What is asked of the solver.
-
-    Attributes:
-        iterations: Steps of the descent, at most.
-        start: `closed` (a closed form or a search, whatever the data need), `thorough` (a search always) or `guess`
-            (the cell's means and guesses).
-    """
-
-    iterations: int = 100
-    start: str = "closed"
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,6 +123,8 @@ def _start(problem: Problem, cell: Cell, settings: Settings) -> State:
         if guess is None:
             raise InputError("start 'guess' needs a guess, a prior or a value for every transform of the cell")
         return guess
+    if settings.start == "axis-shift":
+        return shifted_state(problem, cell)
     dof = degrees_of_freedom(problem)
     first = first_state(problem, cell, thorough=settings.start == "thorough")
     end = descend(problem, first, dof, settings.iterations)
@@ -143,6 +133,27 @@ def _start(problem: Problem, cell: Cell, settings: Settings) -> State:
     others = [first_state(problem, cell, thorough=True), guessed_state(problem, cell)]
     ends = [end, *(descend(problem, s, dof, settings.iterations) for s in others if s is not None)]
     return min(ends, key=lambda e: e.normal.cost).state
+
+
+def shifted_state(problem: Problem, cell: Cell) -> State:
+    """The state that the paper's closed form gives: known mounts, and the base as the mean of all stations.
+
+    Raises:
+        NotObservable: if there is no station, or a mount is not known.
+        InputError: if a lens is not stated.
+    """
+    if any(lens.camera is None for lens in problem.lenses.values()):
+        raise InputError("start 'axis-shift' needs the lens of every camera: state its intrinsics")
+    cameras = lenses(problem, cell)
+    stations = find_stations(problem, cameras)
+    eye_base_from_hand_base = fused([s.base() for s in stations], [1.0] * len(stations))
+    transforms = {name: unknown.mean or SE3.identity() for name, unknown in problem.unknowns.items()}
+    group = next(g for g in problem.groups if (g.camera, g.target) == (stations[0].camera, stations[0].target))
+    if group.hand_base is not None:
+        transforms[group.hand_base] = eye_base_from_hand_base
+    elif group.eye_base is not None:
+        transforms[group.eye_base] = eye_base_from_hand_base.inverse()
+    return State(transforms, cameras, np.zeros((len(problem.stops), 6)))
 
 
 def _plausible(problem: Problem, end: Descent, dof: int) -> bool:

@@ -1,0 +1,135 @@
+"""The paper's closed form: a light that one robot shifts, seen by a camera that stands still.
+
+A light G on the hand robot moves along three directions while the camera C stands still; the shifts of its image give
+`camera_from_light` in closed form, and with the two robots' poses the base. Numbers in brackets are the paper's
+equations. Image coordinates are undistorted pixels minus the principal point, v down.
+
+Source: "Base Calibration for Dual Robot System", section 2, eqs. (1)-(16). We differ: real shifts are neither equal nor
+along the axes, so the measured 3x3 matrix of shifts stands where the paper has L times the identity; with that matrix
+every formula is the paper's. docs/mathematics.md shows it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from basecal.errors import NotConverged, NotObservable
+from basecal.geometry import SE3, Array
+from basecal.geometry.se3 import hat, nearest_rotation
+
+_FLAT_SHIFTS = 1e-3
+_NEWTON_STEPS = 100
+_NEWTON_SETTLED = 1e-14
+
+
+@dataclass(frozen=True, eq=False)
+class ShiftEstimate:
+    """What one station says.
+
+    Attributes:
+        raw_rotation: (..., 3, 3) `camera_from_light` of eq. (8): rows k1, k2 and k3 = k1 x k2, not yet orthonormal.
+        camera_from_light: (...,) the same orthonormalised, with the translation of eq. (9).
+    """
+
+    raw_rotation: Array
+    camera_from_light: SE3
+
+
+def image_gradient(image_shifts: Array, shifts_in_light: Array) -> Array:
+    """How the image moves with the light: rows (du/dp, dv/dp), (..., 2, 3) [px/m].
+
+    Args:
+        image_shifts: (..., n, 2) [px] shifts of the image, n >= 3.
+        shifts_in_light: (..., n, 3) [m] shifts of the light along G's axes; least squares where n > 3.
+
+    Raises:
+        NotObservable: if the shifts lie in a plane.
+    """
+    singular = np.linalg.svd(shifts_in_light, compute_uv=False)
+    if np.any(singular[..., 2] < _FLAT_SHIFTS * singular[..., 0]):
+        raise NotObservable("the shifts of the light lie in one plane: add one that leaves it")
+    gradient: Array = np.swapaxes(np.linalg.pinv(shifts_in_light) @ image_shifts, -1, -2)
+    return gradient
+
+
+def estimate(light_px: Array, gradient: Array, focal_px: Array) -> ShiftEstimate:
+    """`camera_from_light` in closed form, eqs. (7)-(9).
+
+    Args:
+        light_px: (..., 2) [px] where the light is seen before the shifts.
+        gradient: (..., 2, 3) [px/m] of `image_gradient`; its rows are (u_x, u_y, u_z) / L and (v_x, v_y, v_z) / L.
+        focal_px: (2,) fu and fv [px].
+
+    Returns:
+        The estimate; orthonormal before eq. (9) is used in eq. (10), as the paper does.
+    """
+    per_length = np.linalg.norm(gradient, axis=-1)  # (l_u, l_v) / L, eq. (7)
+    k1, k2 = gradient[..., 0, :] / per_length[..., :1], gradient[..., 1, :] / per_length[..., 1:]
+    raw = np.stack([k1, k2, np.cross(k1, k2)], axis=-2)  # eq. (8)
+    depth = np.mean(focal_px / per_length, axis=-1)  # eq. (9), t_z
+    t = np.concatenate([light_px * depth[..., None] / focal_px, depth[..., None]], axis=-1)
+    return ShiftEstimate(raw, SE3(nearest_rotation(raw), t))
+
+
+def base_from_station(
+    eye_base_from_camera: SE3, camera_from_light: SE3, hand_base_from_light: SE3
+) -> SE3:
+    """`eye_base_from_hand_base` of a station, eq. (10)."""
+    return eye_base_from_camera @ camera_from_light @ hand_base_from_light.inverse()
+
+
+def orthonormalised(rows: Array, start: Array | None = None) -> Array:
+    """The rotation nearest to three rows, by Newton's iteration on eqs. (14)-(16).
+
+    The unknowns are r1, r2 and the three multipliers; r3 = r1 x r2. We differ: where the paper prints the derivative of
+    r1 x r2 to r1, its transpose is meant, the cross-product matrix of r2.
+
+    Args:
+        rows: (3, 3), k1, k2, k3 of eq. (11).
+        start: (3, 3) rotation to begin at; Gram-Schmidt of k1 and k2 where None.
+
+    Raises:
+        NotConverged: with the last rotation.
+    """
+    r = _gram_schmidt(rows) if start is None else start
+    x = np.concatenate([r[0], r[1], np.zeros(3)])
+    for _ in range(_NEWTON_STEPS):
+        step = np.linalg.solve(_newton_matrix(x, rows), -_stationarity(x, rows))
+        x = x + step
+        if np.abs(step).max() < _NEWTON_SETTLED:
+            return np.stack([x[:3], x[3:6], np.cross(x[:3], x[3:6])])
+    raise NotConverged("the orthonormalisation of eq. (16) did not settle", state=x)
+
+
+def _gram_schmidt(rows: Array) -> Array:
+    r1 = rows[0] / np.linalg.norm(rows[0])
+    r2 = rows[1] - (rows[1] @ r1) * r1
+    r2 = r2 / np.linalg.norm(r2)
+    return np.stack([r1, r2, np.cross(r1, r2)])
+
+
+def _stationarity(x: Array, rows: Array) -> Array:
+    """The nine equations (16) at x = (r1, r2, lambda1, lambda2, lambda3)."""
+    r1, r2, (m1, m2, m3) = x[:3], x[3:6], x[6:]
+    off = np.cross(r1, r2) - rows[2]
+    first = r1 - rows[0] + hat(r2) @ off + 0.5 * m1 * r2 + m2 * r1
+    second = r2 - rows[1] - hat(r1) @ off + 0.5 * m1 * r1 + m3 * r2
+    return np.concatenate([first, second, [r1 @ r2, r1 @ r1 - 1, r2 @ r2 - 1]])
+
+
+def _newton_matrix(x: Array, rows: Array) -> Array:
+    """Derivative of `_stationarity`, (9, 9)."""
+    r1, r2, (m1, m2, m3) = x[:3], x[3:6], x[6:]
+    off = np.cross(r1, r2) - rows[2]
+    h1, h2, eye = hat(r1), hat(r2), np.eye(3)
+    out = np.zeros((9, 9))
+    out[:3, :3] = (1 + m2) * eye - h2 @ h2
+    out[:3, 3:6] = h2 @ h1 - hat(off) + 0.5 * m1 * eye
+    out[3:6, :3] = h1 @ h2 + hat(off) + 0.5 * m1 * eye
+    out[3:6, 3:6] = (1 + m3) * eye - h1 @ h1
+    out[:3, 6:] = np.stack([0.5 * r2, r1, np.zeros(3)], -1)
+    out[3:6, 6:] = np.stack([0.5 * r1, np.zeros(3), r2], -1)
+    out[6, :3], out[6, 3:6], out[7, :3], out[8, 3:6] = r2, r1, 2 * r1, 2 * r2
+    return out

@@ -1,0 +1,35 @@
+"""What is asked of the solver."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+Method = Literal["maximum-likelihood", "axis-shift"]
+Start = Literal["closed", "thorough", "guess", "axis-shift"]
+Choice = Literal["nearest", "weighted"]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How to go about it.
+
+    Attributes:
+        method: `maximum-likelihood`, or `axis-shift`, the paper's closed form.
+        iterations: Steps of the descent, at most.
+        start: `closed` (a closed form, or a search where the data need it), `thorough` (always a search), `guess` (the
+            cell's means and guesses) or `axis-shift` (the paper's closed form).
+        task_point: (x, y, z) [m] in the eye robot's base where the axis-shift method should fit best; None for a mean
+            of all stations.
+        choice: With a task point: the `nearest` station, or all of them `weighted` by distance.
+    """
+
+    method: Method = "maximum-likelihood"
+    iterations: int = 100
+    start: Start = "closed"
+    task_point: tuple[float, float, float] | None = None
+    choice: Choice = "nearest"
+
+    def as_dict(self) -> dict[str, Any]:
+        """The settings as plain values, for files."""
+        return asdict(self)

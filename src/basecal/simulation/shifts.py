@@ -1,0 +1,81 @@
+"""Recordings of the paper's method: a camera that stands still while a light is shifted along its axes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.cell import (
+    Cell,
+    CellCamera,
+    CellTarget,
+    Intrinsics,
+    PixelObservation,
+    Recording,
+    Robot,
+    RobotState,
+    Sample,
+    Unknown,
+)
+from basecal.cell import target as targets
+from basecal.geometry import SE3, Array, Camera
+from basecal.simulation.scenario import SimulatedCell
+
+_AWAY = 1e-9
+
+
+def shift_directions(two_sided: bool) -> Array:
+    """Where the light goes at a station, in units of the shift, (4, 3) or (7, 3); the first is the origin."""
+    axes = np.eye(3)
+    return np.concatenate([np.zeros((1, 3)), axes, *([-axes] if two_sided else [])])
+
+
+def simulate_shifts(
+    eye_base_from_hand_base: SE3,
+    eye_base_from_camera: SE3,
+    hand_base_from_light: SE3,
+    camera: Camera,
+    shift_m: float,
+    two_sided: bool = False,
+    pixel_px: float = 0.0,
+    seed: int = 0,
+) -> SimulatedCell:
+    """A cell whose camera sees a light shifted along its own axes, at one station or several.
+
+    Args:
+        eye_base_from_hand_base: The truth that is looked for.
+        eye_base_from_camera: Where the camera stood, (stations,).
+        hand_base_from_light: Where the light was before its shifts, (stations,).
+        camera: The lens.
+        shift_m: Length of the shifts [m].
+        two_sided: Whether the light goes to both sides along each axis.
+        pixel_px: Sigma of a pixel coordinate [px].
+        seed: Of the noise.
+    """
+    rng = np.random.default_rng(seed)
+    samples: list[Sample] = []
+    for eye, light in zip(_each(eye_base_from_camera), _each(hand_base_from_light), strict=True):
+        for direction in shift_directions(two_sided):
+            hand = light @ SE3(np.eye(3), shift_m * direction)
+            at = (eye.inverse() @ eye_base_from_hand_base @ hand).translation
+            pixel = camera.project(at) + pixel_px * rng.normal(size=2)
+            seen = PixelObservation("camera", "light", np.zeros(1, dtype=np.int64), pixel[None])
+            samples.append(Sample(len(samples), None, {"eye": RobotState(eye), "hand": RobotState(hand)}, (seen,)))
+    exactly = Unknown("fixed", SE3.identity())
+    cell = Cell(
+        reference="eye",
+        robots={"eye": Robot("eye"), "hand": Robot("hand")},
+        bases={"hand": Unknown()},
+        cameras={"camera": CellCamera("camera", "eye", exactly, camera.model, camera.size_px, Intrinsics("fixed", camera))},
+        targets={"light": CellTarget("light", "hand", exactly, targets.led())},
+        pixel_px=pixel_px if pixel_px > _AWAY else None,
+    )
+    truth = {
+        "eye_base_from_hand_base": eye_base_from_hand_base,
+        "eye_flange_from_camera": SE3.identity(),
+        "hand_flange_from_light": SE3.identity(),
+    }
+    return SimulatedCell(cell, Recording(tuple(samples)), truth, {"camera": camera}, {})
+
+
+def _each(transforms: SE3) -> list[SE3]:
+    return [transforms[i] for i in range(len(transforms))]

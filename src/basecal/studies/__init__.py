@@ -1,0 +1,1 @@
+"""Studies that reproduce published figures and sweep what they depend on."""
