@@ -10,7 +10,7 @@ import pytest
 
 from basecal.accuracy.verdict import calibrate
 from basecal.errors import NotConverged, NotObservable
-from basecal.estimation.axis_shift import base_from_station, estimate, image_gradient, orthonormalised
+from basecal.estimation.axis_shift import base_of_station, estimate, image_gradient, orthonormalised
 from basecal.estimation.packing import pack
 from basecal.estimation.settings import Settings
 from basecal.estimation.starts import lenses
@@ -72,7 +72,7 @@ def test_table_3_follows_from_table_2(level):
     """Within 2e-4, but for the entry whose digits the paper swaps."""
     table_2 = np.array(PAPER["table2_orthonormalised"][level])
     translation = np.array(PAPER["table1_camera_from_led"][level]["t"])
-    ours = base_from_station(EYE_BASE_FROM_CAMERA, SE3(table_2, translation), HAND_BASE_FROM_LIGHT)
+    ours = base_of_station(EYE_BASE_FROM_CAMERA, SE3(table_2, translation), HAND_BASE_FROM_LIGHT)
     printed = PAPER["table3_eye_base_from_hand_base"][level]
     rotation = np.array(printed["R"])
     if level == "5%":
@@ -98,9 +98,7 @@ def test_iteration_that_does_not_settle_says_so():
 def test_oblique_and_unequal_shifts_give_what_the_papers_give():
     """With infinitesimal shifts the measured matrix of shifts makes any three directions equivalent."""
     shifts = 1e-6 * np.array([[1.0, 0.2, 0.0], [-0.3, 2.0, 0.1], [0.4, 0.0, 1.5]])
-    np.testing.assert_allclose(
-        noiseless(shifts).raw_rotation, noiseless(1e-6 * np.eye(3)).raw_rotation, atol=1e-5
-    )
+    np.testing.assert_allclose(noiseless(shifts).raw_rotation, noiseless(1e-6 * np.eye(3)).raw_rotation, atol=1e-5)
 
 
 def test_shifts_in_a_plane_are_not_observable():
@@ -154,7 +152,12 @@ def test_the_closed_form_calibrates_and_knows_what_it_neglects():
 def test_the_closed_form_starts_the_general_solver():
     """Descending from it ends where the solver ends without a guess."""
     simulated = simulate_shifts(
-        TRUE, batch(EYE_BASE_FROM_CAMERA, 0.02, 4, 1), batch(HAND_BASE_FROM_LIGHT, 0.05, 4, 2), CAMERA, 0.1, pixel_px=0.1
+        TRUE,
+        batch(EYE_BASE_FROM_CAMERA, 0.02, 4, 1),
+        batch(HAND_BASE_FROM_LIGHT, 0.05, 4, 2),
+        CAMERA,
+        0.1,
+        pixel_px=0.1,
     )
     name = "eye_base_from_hand_base"
     by_shifts = calibrate(simulated.cell, simulated.recording, Settings(start="axis-shift"))[name].mean

@@ -60,7 +60,7 @@ def test_two_targets_a_sample_share_the_errors_of_their_stops(arms):
     cell = replace(s.cell, targets={**s.cell.targets, "twin": replace(s.cell.targets["board"], name="twin")})
     ours = solve(cell, doubled)
     once = solve(s.cell, s.recording)
-    # The twin repeats every pixel at its own free mount: robots' errors must not be counted as two draws.
+    # The twin repeats every pixel at its own free mount: the robots' errors are not two draws.
     assert (
         ours.transforms["eye_base_from_hand_base"].sigma_t.max()
         > 0.7 * once.transforms["eye_base_from_hand_base"].sigma_t.max()
@@ -115,7 +115,7 @@ def test_renumbered_samples_change_nothing():
     ids=str,
 )
 def test_every_kind_of_cell_is_solved_without_a_guess(scenario):
-    """In every free transform the truth lies where the covariance says: xi' C^-1 xi < 40 (chance 5e-7 at 6 freedoms)."""
+    """The truth lies where each covariance says: xi' C^-1 xi < 40, chance 5e-7 at 6 freedoms."""
     s = simulate(scenario, seed=11)
     solution = solve(s.cell, s.recording)
     assert solution.converged

@@ -125,7 +125,7 @@ def _systematic_told(random: Array, systematic: Array) -> list[Finding]:
         return []
     shift, turn = 1e3 * np.linalg.norm(systematic[:3]), np.degrees(np.linalg.norm(systematic[3:]))
     message = (
-        f"the closed form neglects how the shifts change the light's depth, which moves the base by about {shift:.2g} mm "
-        f"and {turn:.2g} deg: use shorter shifts, shifts to both sides, or the general solver"
+        f"the closed form neglects how the shifts change the light's depth, which moves the base by about "
+        f"{shift:.2g} mm and {turn:.2g} deg: use shorter shifts, shifts to both sides, or the general solver"
     )
     return [Finding("neglected-depth", "warning", (), message)]

@@ -13,7 +13,7 @@ from basecal.cell import Calibration, Cell, Finding, Recording, Residuals
 from basecal.cell.calibration import Severity, Verdict
 from basecal.estimation.packing import pack
 from basecal.estimation.problem import Problem
-from basecal.estimation.settings import Settings
+from basecal.estimation.settings import DEFAULT, Settings
 from basecal.estimation.solve import Solution, solve_packed
 
 _MANY_DROPPED = 0.1
@@ -21,7 +21,7 @@ _POOR_FIT_SIGMAS = 2.0
 _POOR_FIT_PX = 3.0
 
 
-def calibrate(cell: Cell, recording: Recording, settings: Settings = Settings()) -> Calibration:  # noqa: B008
+def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) -> Calibration:
     """The transforms of a cell with covariance, and whether to trust them.
 
     Args:

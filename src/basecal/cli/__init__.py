@@ -13,6 +13,7 @@ from basecal.errors import BasecalError
 
 _VERBS = ("new", "simulate", "demo", "calibrate", "report")
 _IMPORTS = ("poses", "pixels")
+_STUDIES = ("paper",)
 _HELP = """Where robot bases stand relative to each other, from what a camera sees, and
 how sure that is.
 
@@ -38,6 +39,10 @@ def build_app() -> App:
     for verb in _IMPORTS:
         imports.command(_function(f"import_{verb}"), name=verb)
     app.command(imports)
+    studies = App(name="study", help="Reproduce published figures.", sort_key=len(_VERBS) + 1)
+    for verb in _STUDIES:
+        studies.command(_function(f"study_{verb}"), name=verb)
+    app.command(studies)
     return app
 
 
@@ -66,6 +71,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _failed(error, 2)
     except BasecalError as error:
         return _failed(error, error.exit_code)
+    except BrokenPipeError:
+        # Whoever read the answer has had enough; what Python would still flush goes nowhere.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 141
     except OSError as error:
         return _failed(f"{error.filename}: {error.strerror}" if error.filename else error, 3)
     except KeyboardInterrupt:

@@ -3,15 +3,25 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from basecal.cli.terminal import print_json, progress
 
 if TYPE_CHECKING:
     from basecal.cell import Calibration, Cell
+    from basecal.estimation.settings import Settings
 
 
-def calibrate(cell: Path, /, *, json: bool = False) -> int:
+def calibrate(
+    cell: Path,
+    /,
+    *,
+    method: Literal["maximum-likelihood", "axis-shift"] = "maximum-likelihood",
+    start: Literal["closed", "thorough", "guess", "axis-shift"] = "closed",
+    task: tuple[float, float, float] | None = None,
+    choice: Literal["nearest", "weighted"] = "nearest",
+    json: bool = False,
+) -> int:
     """Find the transforms asked for, with their covariance.
 
     Reads CELL/cell.yaml and CELL/recording/samples.jsonl, writes the answer
@@ -22,15 +32,22 @@ def calibrate(cell: Path, /, *, json: bool = False) -> int:
 
         basecal calibrate mycell
         basecal calibrate mycell --json > answer.json
+        basecal calibrate mycell --method axis-shift --task 0.8 0.1 0.3
 
     Args:
         cell: Folder of the cell.
+        method: axis-shift is the closed form for a light shifted before a still camera.
+        start: Where the solver starts: a closed form, a search, the cell's guesses, or the axis-shift method.
+        task: Where the axis-shift method should fit best, x y z [m] in the eye robot's base.
+        choice: With a task, its nearest station, or all of them weighted by distance.
         json: Print calibration.json instead of the report.
     """
     from basecal.cell.files import calibration_to_dict, read_cell
+    from basecal.estimation.settings import Settings
 
     described = read_cell(cell)
-    calibration = calibrate_folder(cell, described)
+    settings = Settings(method=method, start=start, task_point=task, choice=choice)
+    calibration = calibrate_folder(cell, described, settings)
     if json:
         print_json(calibration_to_dict(calibration))
     else:
@@ -38,16 +55,17 @@ def calibrate(cell: Path, /, *, json: bool = False) -> int:
     return exit_code(calibration)
 
 
-def calibrate_folder(folder: Path, cell: Cell) -> Calibration:
+def calibrate_folder(folder: Path, cell: Cell, settings: Settings | None = None) -> Calibration:
     """Calibrate the recording of a cell's folder, and write the run beside it."""
     from dataclasses import replace
 
     from basecal.accuracy.verdict import calibrate as calibrated
     from basecal.cell.files import input_hashes, read_recording, write_calibration
+    from basecal.estimation.settings import Settings
     from basecal.reporting.text import text_report
 
     with progress("calibrating"):
-        calibration = calibrated(cell, read_recording(folder, cell))
+        calibration = calibrated(cell, read_recording(folder, cell), settings or Settings())
     calibration = replace(calibration, inputs=input_hashes(folder, cell))
     path = write_calibration(calibration, folder)
     path.with_name("report.txt").write_text(text_report(cell, calibration) + "\n", encoding="utf-8")

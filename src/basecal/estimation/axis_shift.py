@@ -73,9 +73,7 @@ def estimate(light_px: Array, gradient: Array, focal_px: Array) -> ShiftEstimate
     return ShiftEstimate(raw, SE3(nearest_rotation(raw), t))
 
 
-def base_from_station(
-    eye_base_from_camera: SE3, camera_from_light: SE3, hand_base_from_light: SE3
-) -> SE3:
+def base_of_station(eye_base_from_camera: SE3, camera_from_light: SE3, hand_base_from_light: SE3) -> SE3:
     """`eye_base_from_hand_base` of a station, eq. (10)."""
     return eye_base_from_camera @ camera_from_light @ hand_base_from_light.inverse()
 

@@ -33,3 +33,6 @@ class Settings:
     def as_dict(self) -> dict[str, Any]:
         """The settings as plain values, for files."""
         return asdict(self)
+
+
+DEFAULT = Settings()

@@ -14,7 +14,7 @@ from basecal.estimation.noise import NoiseEstimate, degrees_of_freedom, estimate
 from basecal.estimation.observability import Seen, seen_directions
 from basecal.estimation.packing import pack
 from basecal.estimation.problem import Problem, State
-from basecal.estimation.settings import Settings
+from basecal.estimation.settings import DEFAULT, Settings
 from basecal.estimation.starts import first_state, guessed_state, lenses
 from basecal.estimation.stations import find_stations, fused
 from basecal.geometry import SE3, Array, PoseEstimate
@@ -75,7 +75,7 @@ class Solution:
         return np.zeros((size, size)) if where is None else self.covariance[where, where]
 
 
-def solve(cell: Cell, recording: Recording, settings: Settings = Settings()) -> Solution:
+def solve(cell: Cell, recording: Recording, settings: Settings = DEFAULT) -> Solution:
     """Start, maximum likelihood and covariance.
 
     Args:
@@ -94,7 +94,7 @@ def solve(cell: Cell, recording: Recording, settings: Settings = Settings()) -> 
 def solve_packed(
     problem: Problem,
     cell: Cell,
-    settings: Settings = Settings(),
+    settings: Settings = DEFAULT,
     findings: tuple[Finding, ...] = (),
 ) -> Solution:
     """As `solve`, from arrays."""
@@ -104,7 +104,7 @@ def solve_packed(
 def solve_from(
     problem: Problem,
     start: State,
-    settings: Settings = Settings(),
+    settings: Settings = DEFAULT,
     findings: tuple[Finding, ...] = (),
 ) -> Solution:
     """Maximum likelihood and covariance downhill of a start."""

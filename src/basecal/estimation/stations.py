@@ -1,7 +1,7 @@
 """Stations of the paper's method in a recording: a still camera, a light shifted without turning.
 
-Each station gives one estimate of the base; several give several, for different parts of the workspace. Which to take is
-up to the task: the nearest, a mean weighted by distance, or all of them fused.
+Each station gives one estimate of the base; several give several, for different parts of the workspace. Which to take
+is up to the task: the nearest, a mean weighted by distance, or all of them fused.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from basecal.errors import NotObservable
-from basecal.estimation.axis_shift import base_from_station, estimate, image_gradient
+from basecal.estimation.axis_shift import base_of_station, estimate, image_gradient
 from basecal.estimation.measurement import PixelMeasurement
 from basecal.estimation.problem import Problem, ViewGroup
 from basecal.geometry import SE3, Array, Camera, IntArray
@@ -56,7 +56,7 @@ class Station:
 
     def base(self, light_px: Array | None = None) -> SE3:
         """`eye_base_from_hand_base`, eq. (10)."""
-        return base_from_station(self.eye_base_from_camera, self.camera_from_light(light_px), self.hand_base_from_light)
+        return base_of_station(self.eye_base_from_camera, self.camera_from_light(light_px), self.hand_base_from_light)
 
     def predicted_px(self, eye_base_from_hand_base: SE3) -> Array:
         """Where the light would be seen, (n, 2), without the closed form's neglect of depth."""
@@ -130,7 +130,9 @@ def _of_group(problem: Problem, group: ViewGroup, camera: Camera) -> Iterator[St
 def _known(problem: Problem, name: str) -> SE3:
     unknown = problem.unknowns[name]
     if unknown.status == "free" or unknown.mean is None:
-        raise NotObservable(f"the axis-shift method needs {name}: state it as fixed or prior, or use the general solver")
+        raise NotObservable(
+            f"the axis-shift method needs {name}: state it as fixed or prior, or use the general solver"
+        )
     return unknown.mean
 
 

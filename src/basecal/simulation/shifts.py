@@ -65,7 +65,9 @@ def simulate_shifts(
         reference="eye",
         robots={"eye": Robot("eye"), "hand": Robot("hand")},
         bases={"hand": Unknown()},
-        cameras={"camera": CellCamera("camera", "eye", exactly, camera.model, camera.size_px, Intrinsics("fixed", camera))},
+        cameras={
+            "camera": CellCamera("camera", "eye", exactly, camera.model, camera.size_px, Intrinsics("fixed", camera))
+        },
         targets={"light": CellTarget("light", "hand", exactly, targets.led())},
         pixel_px=pixel_px if pixel_px > _AWAY else None,
     )

@@ -1,0 +1,96 @@
+"""The study of the paper in plain text and as figures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from basecal.reporting.charts import Series, log_chart
+
+_NAMES = {"closed_form": "closed form", "maximum_likelihood": "maximum likelihood", "bound": "Cramer-Rao bound"}
+
+
+def paper_text(study: Mapping[str, Any]) -> str:
+    """The paper's tables beside ours, its noise, the two orders, and the length of the shifts."""
+    paper = study["paper"]
+    blocks = [
+        _side_by_side(
+            "noiseless camera_from_light", paper["noiseless"]["camera_from_led"], study["noiseless"]["camera_from_led"]
+        ),
+        _side_by_side(
+            "noiseless eye_base_from_hand_base",
+            paper["noiseless"]["eye_base_from_hand_base"],
+            study["noiseless"]["eye_base_from_hand_base"],
+        ),
+        *(_table_1(level, paper, study) for level in study["table1_camera_from_led"]),
+        *(_table_2(level, paper, study) for level in study["table2_orthonormalised"]),
+        *(
+            _side_by_side(
+                f"table 3, {level}, from table 2 by eq. (10)", paper["table3_eye_base_from_hand_base"][level], ours
+            )
+            for level, ours in study["table3_eye_base_from_hand_base"].items()
+        ),
+        list(_orders(study)),
+        list(_lengths(study)),
+        ["slips of the paper:", *(f"  - {slip}" for slip in paper["known_slips_of_the_paper"])],
+    ]
+    return "\n\n".join("\n".join(block) for block in blocks)
+
+
+def length_figures(study: Mapping[str, Any]) -> dict[str, str]:
+    """Error against length of the shifts, as SVG by file name."""
+    pixel = study["settings"]["sigma_px"]
+    figures = {}
+    for unit, what in (("deg", "rotation"), ("mm", "translation")):
+        lines = [
+            Series(name, [(row["shift_m"], row[f"{key}_{unit}"]) for row in study["shift_length"]])
+            for key, name in _NAMES.items()
+        ]
+        title = f"Error of {what} of one station, {pixel} px, one-sided shifts"
+        figures[f"shift_length_{what}.svg"] = log_chart(title, "length of the shifts [m]", f"rms error [{unit}]", lines)
+    return figures
+
+
+def _row(values: list[float]) -> str:
+    return " ".join(f"{v:9.4f}" for v in values)
+
+
+def _side_by_side(title: str, theirs: Mapping[str, Any], ours: Mapping[str, Any]) -> list[str]:
+    rows = [f"  {_row(a)}   {_row(b)}" for a, b in zip(theirs["R"], ours["R"], strict=True)]
+    return [f"{title}: the paper, ours", *rows, f"t {_row(theirs['t'])}   {_row(ours['t'])}"]
+
+
+def _table_1(level: str, paper: Mapping[str, Any], study: Mapping[str, Any]) -> list[str]:
+    ours, draws = study["table1_camera_from_led"][level], study["settings"]["draws"]
+    quantile = ours["paper_quantile"]
+    lines = _side_by_side(
+        f"table 1, {level} noise (ours: mean of {draws} draws)", paper["table1_camera_from_led"][level], ours
+    )
+    spread = [f"  spread over draws of t: {_row(ours['t_sd'])}"]
+    turn, shift = quantile["rotation"], quantile["translation"]
+    nearer = f"  draws nearer the truth than the paper's: rotation {turn:.0%}, translation {shift:.0%}"
+    return [*lines, *spread, nearer]
+
+
+def _table_2(level: str, paper: Mapping[str, Any], study: Mapping[str, Any]) -> list[str]:
+    pairs = zip(paper["table2_orthonormalised"][level], study["table2_orthonormalised"][level], strict=True)
+    return [
+        f"table 2, {level}, from the paper's table 1: the paper, ours",
+        *(f"  {_row(a)}   {_row(b)}" for a, b in pairs),
+    ]
+
+
+def _orders(study: Mapping[str, Any]) -> Iterator[str]:
+    yield "error of the base's translation, orthonormalised before eq. (10) and after; the rotations are equal"
+    for level, order in study["orders_of_orthonormalising"].items():
+        before, after = order["translation_error_before"], order["translation_error_after"]
+        apart = order["rotations_differ_by"]
+        yield f"  {level}: {before:.4f} before, {after:.4f} after; rotations differ by {apart:.0e}"
+
+
+def _lengths(study: Mapping[str, Any]) -> Iterator[str]:
+    yield "rms error of one station against the length of its shifts: closed form, maximum likelihood, bound"
+    for row in study["shift_length"]:
+        turn = " ".join(f"{row[f'{key}_deg']:8.4f}" for key in _NAMES)
+        shift = " ".join(f"{row[f'{key}_mm']:9.3f}" for key in _NAMES)
+        yield f"  {row['shift_m']:5.2f} m   {turn} deg   {shift} mm"
