@@ -1,0 +1,130 @@
+"""`basecal target`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from basecal.cell import Target
+
+PrintedKind = Literal["charuco", "chessboard", "circles", "apriltag", "led"]
+
+
+def target(
+    out: Path,
+    /,
+    *,
+    cell: Path | None = None,
+    name: str | None = None,
+    kind: PrintedKind = "charuco",
+    columns: int = 5,
+    rows: int = 7,
+    square_mm: float = 40.0,
+    marker_mm: float | None = None,
+    dictionary: str = "DICT_4X4_50",
+    family: str = "tag36h11",
+    tag: int = 0,
+) -> int:
+    """Print a target at true scale, with a ruler to check the print.
+
+    Writes OUT, a .pdf or .svg, and shows the lines for cell.yaml that describe
+    it. A light (led) gives a template with a cross where it goes.
+
+    For example:
+
+        basecal target board.pdf --kind charuco --columns 5 --rows 7 --square-mm 40
+        basecal target tag.svg --kind apriltag --tag 3 --square-mm 80
+        basecal target board.pdf --cell mycell --name board
+
+    Args:
+        out: File to write.
+        cell: A cell whose target is printed, instead of the options below.
+        name: Which target of the cell; needless where it has one.
+        kind: What to print.
+        columns: Columns of squares (charuco), inner corners (chessboard) or circles.
+        rows: Rows of them.
+        square_mm: Size of a square or tag, spacing of circles.
+        marker_mm: Size of a ChArUco marker; three quarters of the square where not given.
+        dictionary: Of the ChArUco markers.
+        family: Of the AprilTag.
+        tag: Number of the AprilTag.
+    """
+    from basecal.reporting.printed import printed_pages, write_pages
+
+    if cell is not None:
+        title, shape = _of_cell(cell, name)
+    else:
+        fields = _fields(kind, columns, rows, square_mm, marker_mm, dictionary, family, tag)
+        title, shape = _described(kind, fields)
+    pages = printed_pages(shape, title)
+    for path in write_pages(pages, out):
+        print(f"wrote {path} ({pages[0].paper}): print at 100 % and measure the ruler")
+    if cell is None:
+        print("\nfor cell.yaml, under targets:\n" + _lines(kind, fields))
+    return 0
+
+
+def _fields(
+    kind: PrintedKind,
+    columns: int,
+    rows: int,
+    square_mm: float,
+    marker_mm: float | None,
+    dictionary: str,
+    family: str,
+    tag: int,
+) -> dict[str, object]:
+    square = round(square_mm / 1e3, 9)
+    marker = round((0.75 * square_mm if marker_mm is None else marker_mm) / 1e3, 9)
+    pose = {"t_m": [0, 0, 0], "q_xyzw": [0, 0, 0, 1]}
+    of_kind: dict[str, dict[str, object]] = {
+        "charuco": {"squares": [columns, rows], "square_m": square, "marker_m": marker, "dictionary": dictionary},
+        "chessboard": {"corners": [columns, rows], "square_m": square},
+        "circles": {"circles": [columns, rows], "spacing_m": square},
+        "apriltag": {"family": family, "tags": [{"id": tag, "size_m": square, **pose}]},
+        "led": {},
+    }
+    return of_kind[kind]
+
+
+def _described(kind: str, fields: dict[str, object]) -> tuple[str, Target]:
+    """The target as a cell.yaml with these fields describes it, checked as one."""
+    from basecal.cell.files import cell_from_dict
+
+    described = cell_from_dict(
+        {
+            "schema": "basecal/cell/1",
+            "reference": "arm",
+            "robots": {"arm": {}},
+            "cameras": {"camera": {"on": "arm"}},
+            "targets": {"target": {"on": "world", "kind": kind, **fields}},
+        },
+        path="options",
+    )
+    shape = described.targets["target"].target
+    assert shape is not None
+    told = ", ".join(f"{key} {value}" for key, value in fields.items())
+    return f"{kind}: {told}" if told else kind, shape
+
+
+def _of_cell(folder: Path, name: str | None) -> tuple[str, Target]:
+    from basecal.cell.files import read_cell
+    from basecal.errors import FrameNotFound, InputError
+
+    targets = {n: t.target for n, t in read_cell(folder).targets.items() if t.target is not None}
+    if name is None and len(targets) != 1:
+        raise InputError(f"{folder} has {len(targets)} targets: say which with --name ({', '.join(targets) or 'none'})")
+    chosen = name or next(iter(targets))
+    if chosen not in targets:
+        raise FrameNotFound(chosen, list(targets))
+    shape = targets[chosen]
+    told = ", ".join(f"{k} {v}" for k, v in shape.options.items() if not isinstance(v, tuple) or len(v) == 2)
+    return f"{chosen}: {shape.kind}, {told}", shape
+
+
+def _lines(kind: str, fields: dict[str, object]) -> str:
+    from json import dumps
+
+    rows = [f"    {key}: {dumps(value) if not isinstance(value, str) else value}" for key, value in fields.items()]
+    return "\n".join(["  board:", "    on: hand", "    mount: {status: free}", f"    kind: {kind}", *rows])

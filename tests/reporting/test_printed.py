@@ -1,0 +1,77 @@
+"""Targets on paper: true scale in both formats, everything inside the page, a ruler that measures what it says."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from basecal.cell import target as targets
+from basecal.errors import InputError
+from basecal.geometry import SE3
+from basecal.reporting.printed import page_svg, printed_pages, write_pages
+
+SHAPES = {
+    "charuco": targets.charuco((5, 7), 0.03, 0.022, "DICT_4X4_50"),
+    "chessboard": targets.chessboard((8, 5), 0.025),
+    "circles": targets.circles((4, 11), 0.02, asymmetric=True),
+    "apriltag": targets.apriltag("tag36h11", [(3, 0.08, SE3.identity()), (4, 0.08, SE3.identity())]),
+    "led": targets.led([[0, 0, 0], [0.05, 0.02, 0]]),
+}
+
+
+@pytest.mark.parametrize("kind", SHAPES)
+def test_everything_lies_on_the_page(kind):
+    """Shapes keep 8 mm from the border and do not reach the ruler."""
+    for page in printed_pages(SHAPES[kind], "title"):
+        width, height = page.size_mm
+        ends = np.concatenate([page.rectangles[:, :2], page.rectangles[:, 2:], page.discs[:, :2], page.rings[:, :2]])
+        assert len(ends)
+        assert ends.min() >= 8
+        assert np.all(ends[:, 0] <= width - 8)
+        assert np.all(ends[:, 1] <= height - 20)
+
+
+def test_squares_measure_what_was_asked():
+    """Inner corners of the printed board stand 30 mm apart, to a micrometre."""
+    (page,) = printed_pages(SHAPES["charuco"], "title")
+    squares = page.rectangles[np.isclose(page.rectangles[:, 2] - page.rectangles[:, 0], 30.0, atol=1e-3)]
+    assert len(squares) == 18
+    corners = np.unique(squares[:, :2].round(6), axis=0)
+    pitch = (corners - corners[0])[:, 0]
+    np.testing.assert_allclose(pitch / 30, np.round(pitch / 30), atol=1e-6)
+
+
+def test_one_svg_unit_is_a_millimetre():
+    """The drawing's view box is its size in mm, and the ruler is 100 of them long."""
+    (page,) = printed_pages(SHAPES["charuco"], "a < b")
+    svg = ElementTree.fromstring(page_svg(page))
+    assert svg.get("viewBox") == "0 0 210.0 297.0"
+    assert (svg.get("width"), svg.get("height")) == ("210.0mm", "297.0mm")
+    ruler = page.lines[0]
+    assert ruler[2] - ruler[0] == 100.0
+
+
+def test_pdf_has_true_size_and_a_page_a_tag(tmp_path: Path):
+    """An A4 page is 595.28 x 841.89 points, and two tags make two pages."""
+    (written,) = write_pages(printed_pages(SHAPES["apriltag"], "tags"), tmp_path / "tags.pdf")
+    boxes = re.findall(rb"/MediaBox \[ 0 0 ([\d.]+) ([\d.]+) \]", written.read_bytes())
+    assert len(boxes) == 2
+    np.testing.assert_allclose([float(v) for v in boxes[0]], [595.28, 841.89], atol=0.01)
+
+
+def test_several_svgs_are_numbered_and_other_endings_refused(tmp_path: Path):
+    """One SVG a tag; a .png is an error that says what is written."""
+    pages = printed_pages(SHAPES["apriltag"], "tags")
+    assert [p.name for p in write_pages(pages, tmp_path / "tags.svg")] == ["tags_0.svg", "tags_1.svg"]
+    with pytest.raises(InputError, match=r"expected .pdf or .svg"):
+        write_pages(pages, tmp_path / "tags.png")
+
+
+def test_a_template_must_be_flat():
+    """Lights that do not lie in a plane cannot be drawn on paper."""
+    with pytest.raises(InputError, match="z must be 0"):
+        printed_pages(targets.points([[0, 0, 0], [0, 0, 0.1]]), "title")
