@@ -14,7 +14,13 @@ from basecal.errors import InputError
 from basecal.geometry import Array
 from basecal.vision.drawing import Sheet, target_drawing
 
-_PAPERS = {"A4": (210.0, 297.0), "A3": (297.0, 420.0), "A2": (420.0, 594.0), "A1": (594.0, 841.0), "A0": (841.0, 1189.0)}
+_PAPERS = {
+    "A4": (210.0, 297.0),
+    "A3": (297.0, 420.0),
+    "A2": (420.0, 594.0),
+    "A1": (594.0, 841.0),
+    "A0": (841.0, 1189.0),
+}
 _MARGIN_MM = 8.0
 _FOOT_MM = 22.0
 _RULER_MM = 100.0
@@ -91,7 +97,7 @@ def _page(sheet: Sheet, title: str) -> PrintedPage:
 
 def _template(target: Target, title: str) -> PrintedPage:
     if np.abs(target.points[:, 2]).max() > 1e-6:
-        raise InputError(f"a template is flat and the points of this {target.kind} are not: z must be 0 for all of them")
+        raise InputError(f"a template is flat and the points of this {target.kind} are not: z must be 0 for all")
     at = 1e3 * target.points[:, :2]
     low, high = at.min(0) - 2 * _CROSS_MM, at.max(0) + 2 * _CROSS_MM
     paper, size = _paper_for(*(high - low))
@@ -129,7 +135,8 @@ def page_svg(page: PrintedPage) -> str:
     rectangles = "".join(f"M{a:.4f} {b:.4f}H{c:.4f}V{d:.4f}H{a:.4f}Z" for a, b, c, d in page.rectangles)
     lines = "".join(f"M{a:.4f} {b:.4f}L{c:.4f} {d:.4f}" for a, b, c, d in page.lines)
     parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}mm" height="{height}mm" viewBox="0 0 {width} {height}">',
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}mm" height="{height}mm" '
+        f'viewBox="0 0 {width} {height}">',
         f'<rect width="{width}" height="{height}" fill="#fff"/>',
         f'<path d="{rectangles}" shape-rendering="crispEdges"/>' if rectangles else "",
         *(f'<circle cx="{x:.4f}" cy="{y:.4f}" r="{r:.4f}"/>' for x, y, r in page.discs),

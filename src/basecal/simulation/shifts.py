@@ -76,7 +76,15 @@ def simulate_shifts(
         "eye_flange_from_camera": SE3.identity(),
         "hand_flange_from_light": SE3.identity(),
     }
-    return SimulatedCell(cell, Recording(tuple(samples)), truth, {"camera": camera}, {})
+    recording = Recording(tuple(samples))
+    where = {name: SE3.stack([_flange(sample, name) for sample in samples]) for name in ("eye", "hand")}
+    return SimulatedCell(cell, recording, truth, {"camera": camera}, where)
+
+
+def _flange(sample: Sample, robot: str) -> SE3:
+    base_from_flange = sample.robots[robot].base_from_flange
+    assert base_from_flange is not None
+    return base_from_flange
 
 
 def _each(transforms: SE3) -> list[SE3]:

@@ -1,0 +1,230 @@
+"""Real recordings: what the project asks of each, beside what is measured.
+
+The two that ship are read from `examples/`; the others, whose licences keep them out or which are no example, from
+the folder that BASECAL_DATA names, or from `../shared/data` beside the project.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from basecal.accuracy.verdict import calibrate
+from basecal.cell import (
+    Calibration,
+    Cell,
+    CellCamera,
+    CellTarget,
+    Intrinsics,
+    PixelObservation,
+    Recording,
+    Robot,
+    Sample,
+    Unknown,
+)
+from basecal.cell import target as targets
+from basecal.cell.files import read_cell, read_recording
+from basecal.errors import DatasetError
+from basecal.exchange.assemble import recording_from_streams
+from basecal.exchange.poses import PoseStream, read_poses
+from basecal.geometry import SE3, Array
+from benchmarks.common import table, write
+
+ROOT = Path(__file__).parents[1]
+EXAMPLES = ROOT / "examples"
+BASE = "eye_base_from_hand_base"
+PUBLISHED_UR5E_BASE = SE3.from_rotvec(np.radians([0.07, -0.24, 0.09]), [1.3254, 0.0012, -0.0031])
+CORNERS = range(24)
+LIGHT_NEAR_MM_DEG = 15.0, 0.5
+
+
+class Figure(NamedTuple):
+    """One demand and what was measured; `sense` is `at most` or `at least`."""
+
+    recording: str
+    what: str
+    measured: float
+    sense: str
+    required: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether the demand is met."""
+        return self.measured <= self.required if self.sense == "at most" else self.measured >= self.required
+
+
+def data_folder() -> Path:
+    """Where the recordings are that do not ship."""
+    return Path(os.environ.get("BASECAL_DATA", ROOT.parent / "shared" / "data"))
+
+
+def _published(name: str) -> Path:
+    folder = data_folder()
+    path = folder / name
+    if not path.exists():
+        raise DatasetError(str(path), "is not there: set BASECAL_DATA to the folder of the published recordings")
+    return path
+
+
+def _example(name: str) -> tuple[Cell, Recording]:
+    cell = read_cell(EXAMPLES / name)
+    return cell, read_recording(EXAMPLES / name, cell)
+
+
+def _off(estimate: SE3, reference: SE3) -> tuple[float, float]:
+    """Length [mm] and angle [deg] between two transforms."""
+    xi = (estimate.inverse() @ reference).log()
+    return 1e3 * float(np.linalg.norm(xi[:3])), float(np.degrees(np.linalg.norm(xi[3:])))
+
+
+def _loop(name: str, found: Calibration, most_mm: float, most_deg: float) -> list[Figure]:
+    fit = found.residuals
+    assert fit.loop_rms_m is not None
+    assert fit.loop_rms_rad is not None
+    return [
+        Figure(name, "loop, rms [mm]", 1e3 * fit.loop_rms_m, "at most", most_mm),
+        Figure(name, "loop, rms [deg]", float(np.degrees(fit.loop_rms_rad)), "at most", most_deg),
+    ]
+
+
+def ur5e() -> list[Figure]:
+    """Two UR5e, ten views of a board; nothing known but the board."""
+    found = calibrate(*_example("ur5e_dual"))
+    assert found.residuals.rms_px is not None
+    millimetres, degrees = _off(found[BASE].mean, PUBLISHED_UR5E_BASE)
+    name = "UR5e, board, lens free"
+    return [
+        Figure(name, "base from the published one [mm]", millimetres, "at most", 10.0),
+        Figure(name, "base from the published one [deg]", degrees, "at most", 0.3),
+        Figure(name, "residuals, rms [px]", found.residuals.rms_px, "at most", 0.52),
+    ]
+
+
+def _one_corner(sample: Sample, corner: int) -> Sample:
+    """The sample as if that corner of its board were a light."""
+    (seen,) = sample.observations
+    assert isinstance(seen, PixelObservation)
+    row = np.flatnonzero(seen.ids == corner)
+    light = replace(seen, target="light", ids=np.zeros(len(row), dtype=np.int64), pixels=seen.pixels[row])
+    return replace(sample, observations=(light,))
+
+
+def lights_off(corners: Iterable[int]) -> Array:
+    """By corner: how far the base found from it alone is from that of the whole board, (n, 2) [mm, deg].
+
+    The lens is that of the whole solution; nothing else is known. NaN where the base is refused.
+    """
+    cell, recording = _example("ur5e_dual")
+    whole = calibrate(cell, recording)
+    ((name, camera),) = cell.cameras.items()
+    lens = Intrinsics("fixed", whole.cameras[name][0])
+    light = {"light": CellTarget("light", "hand", target=targets.led())}
+    alone = replace(cell, cameras={name: replace(camera, intrinsics=lens)}, targets=light)
+    out = []
+    for corner in corners:
+        found = calibrate(alone, Recording(tuple(_one_corner(s, corner) for s in recording.samples)))
+        seen = BASE in found.transforms
+        out.append(_off(found[BASE].mean, whole[BASE].mean) if seen else (np.nan, np.nan))
+    return np.array(out)
+
+
+def lights() -> list[Figure]:
+    """The same ten views, each corner in turn as if it were a light."""
+    off = lights_off(CORNERS)
+    found = np.where(np.isfinite(off), off, np.inf)
+    median = np.median(found, axis=0)
+    near = int(np.all(found <= LIGHT_NEAR_MM_DEG, axis=1).sum())
+    name = "UR5e, one corner as a light"
+    return [
+        Figure(name, "base from the board's, median of 24 [mm]", float(median[0]), "at most", 10.0),
+        Figure(name, "base from the board's, median of 24 [deg]", float(median[1]), "at most", 0.4),
+        Figure(name, "corners within 15 mm and 0.5 deg", near, "at least", 18),
+    ]
+
+
+def rct() -> list[Figure]:
+    """A camera beside a robot, fifteen views of a board; nothing known but the board."""
+    found = calibrate(*_example("rct_charuco"))
+    angles = [view.loop_rad for view in found.residuals.per_sample if view.loop_rad is not None]
+    assert len(angles) == 15
+    name = "RCT, board, lens free"
+    median = Figure(name, "loop, median [deg]", float(np.degrees(np.median(angles))), "at most", 0.26)
+    return [*_loop(name, found, 3.6, 0.33), median]
+
+
+def nao() -> list[Figure]:
+    """Two NAO humanoids, 298 poses of a tag."""
+    path = _published("nao_dual_axbycz/abc.npz")
+    robots = {"eye": read_poses(f"{path}:A", "m"), "hand": read_poses(f"{path}:C", "m")}
+    cell = Cell(
+        "eye",
+        robots={name: Robot(name) for name in robots},
+        bases={"hand": Unknown()},
+        cameras={"camera": CellCamera("camera", "eye")},
+        targets={"tag": CellTarget("tag", "hand")},
+    )
+    recording = recording_from_streams(robots, "camera", "tag", read_poses(f"{path}:B", "m"))
+    assert len(recording.samples) == 298
+    return _loop("NAO, 298 poses", calibrate(cell, recording), 1.45, 0.92)
+
+
+def moveit() -> list[Figure]:
+    """The fifty pairs of poses of MoveIt's tests: a camera beside a robot."""
+    path = _published("moveit_pose_samples/pose_samples.json")
+    pairs = np.array(json.loads(path.read_text(encoding="utf-8")))
+    robot, seen = (PoseStream(str(path), SE3.stack([SE3.from_matrix(m) for m in pairs[:, k]])) for k in (0, 1))
+    cell = Cell(
+        "arm",
+        robots={"arm": Robot("arm")},
+        bases={},
+        cameras={"camera": CellCamera("camera", "world")},
+        targets={"object": CellTarget("object", "arm")},
+    )
+    found = calibrate(cell, recording_from_streams({"arm": robot}, "camera", "object", seen))
+    return _loop("MoveIt, 50 poses", found, 5.0, 0.10)
+
+
+RECORDINGS: dict[str, Callable[[], list[Figure]]] = {
+    "ur5e": ur5e,
+    "lights": lights,
+    "rct": rct,
+    "nao": nao,
+    "moveit": moveit,
+}
+HEAD = ("recording", "what", "measured", "required", "holds")
+
+
+def row(found: dict[str, Any]) -> tuple[str, ...]:
+    """A line of the table with `HEAD`."""
+    limit = f"{found['sense']} {found['required']:g}"
+    return found["recording"], found["what"], f"{found['measured']:.3g}", limit, "yes" if found["holds"] else "NO"
+
+
+def main(arguments: list[str]) -> None:
+    """Measure and print; where all were measured, write results/real.json too."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.real", description=__doc__)
+    parser.add_argument("--recordings", nargs="*", default=list(RECORDINGS), choices=list(RECORDINGS), metavar="NAME")
+    asked = parser.parse_args(arguments)
+    found: list[dict[str, Any]] = []
+    measured = []
+    for name in asked.recordings:
+        try:
+            found += [{**figure._asdict(), "holds": figure.holds} for figure in RECORDINGS[name]()]
+            measured.append(name)
+        except DatasetError as error:
+            print(f"left out: {error}")
+    print(table(HEAD, map(row, found)))
+    if measured == list(RECORDINGS):
+        write("real", {"figures": found})
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

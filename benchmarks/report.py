@@ -1,0 +1,115 @@
+"""docs/benchmarks.md from results/*.json, so that no number stands there that no command gave."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from benchmarks import consistency, real, scaling
+from benchmarks.common import RESULTS, table
+
+PAGE = Path(__file__).parents[1] / "docs" / "benchmarks.md"
+
+Result = dict[str, Any]
+
+INTRODUCTION = """\
+# Benchmarks
+
+The numbers of each section were written by the command that it begins with (`make bench` runs them all;
+`python -m benchmarks.report` makes this page of their results). Times are of one thread, on the machine named.
+"""
+
+
+def _real(result: Result) -> str:
+    about = """\
+What is asked of each recording, and what is measured, without a guess. Of boards nothing is known but their shape; with
+one corner as a light the lens too, from the whole board. A loop is `(A X B).inverse() @ Y C Z`, B from the view alone.
+The UR5e and RCT recordings ship in `examples/`."""
+    return f"{about}\n\n{table(real.HEAD, map(real.row, result['figures']))}"
+
+
+def _starts(result: Result) -> str:
+    about = f"""\
+{result["cells"]} simulated cells of 15 to 30 samples (0.2 px, orientations within 0.6 rad), each solved without a guess
+and from the truth: do both descents end at one optimum (1e-6 m and rad)? Asked: {100 * result["target"]:.1f} %."""
+    rows = []
+    for of in result["kinds"]:
+        rate = "" if of["rate"] is None else f"{100 * of['rate']:.2f} %"
+        seeds = "" if of["kind"] == "all" else " ".join(str(seed) for _, seed in of["failing"])
+        times = f"{of['median_ms']:.0f}", f"{of['slowest_ms']:.0f}"
+        rows.append((of["kind"], of["same"], of["other"], of["unseen"], rate, *times, seeds))
+    head = ("kind", "same", "another", "not observable", "rate", "median [ms]", "slowest [ms]", "failing seeds")
+    return f"{about}\n\n{table(head, rows)}"
+
+
+def _consistency(result: Result) -> str:
+    count, (low, high) = result["cells"], result["band"]
+    about = f"""\
+Is the covariance true? Over the {count:,} simulated cells of a scenario, xi' C^-1 xi / 6 of the base must have mean
+1: with {6 * count:,} degrees of freedom within [{low:.3f}, {high:.3f}], 3.5 standard errors to either side. Of all
+cells 1 % lie beyond the 99 % point by right. All scenarios share their seeds, and so their scenes: their means are not
+independent. The sigmas are stated: 0.2 px; where there is robot noise, 0.3 mm and 0.5 mrad for boards, 0.1 mm and
+0.1 mrad for lights, per axis and stop. Priors: 5 mm and 0.05 rad. `benchmarks/consistency.py` has the reasons."""
+    return f"{about}\n\n{table(consistency.HEAD, map(consistency.row, result['scenarios']))}"
+
+
+def _solve(result: Result) -> str:
+    ours = result["median_ms"]["basecal"]
+    rows = []
+    for name, ms in sorted(result["median_ms"].items(), key=lambda item: item[1]):
+        agreement = result["agreement"].get(name)
+        differs = f"{agreement['cost_differs']:.0e}" if agreement else ""
+        rows.append((name, f"{ms:.2f}", f"{result['least_ms'][name]:.2f}", f"{ms / ours:.2f}", differs))
+    head = ("solver", "median [ms]", "least [ms]", "over ours", "cost differs by")
+    faster, start = result["times_faster_than_fastest_peer"], result["start_over_solve"]
+    about = f"""\
+From a start near the answer to the covariance: {result["samples"]} samples of 36 points, three free mounts, all solvers
+in turn, {result["repeats"]} rounds. The fastest of the others, {result["fastest_peer"]}, takes {faster:.2f} times our
+time; the closed-form start takes {start:.2f} times our solve."""
+    return f"{about}\n\n{table(head, rows)}"
+
+
+def _scaling(result: Result) -> str:
+    about = """\
+From a start near the answer to the covariance, by the number of samples of 4 points: time of the processor, and the
+most memory held at once above the packed recording. A slope of 1 in these axes is linear; with few samples the calls
+themselves count, which do not grow, so that slopes are given from 1,000 samples on as well."""
+    slopes = table(scaling.SLOPE_HEAD, map(scaling.slope_row, result["slopes"]))
+    figure = "![Time and peak memory over the number of samples](figures/scaling.svg)"
+    return f"{about}\n\n{figure}\n\n{slopes}\n\n{table(scaling.HEAD, map(scaling.row, result['rows']))}"
+
+
+SECTIONS: dict[str, tuple[str, Callable[[Result], str]]] = {
+    "real": ("Real recordings", _real),
+    "starts": ("Starts without a guess", _starts),
+    "consistency": ("Consistency", _consistency),
+    "solve": ("Speed beside other solvers", _solve),
+    "scaling": ("Time and memory", _scaling),
+}
+
+
+def _machine(result: Result) -> str:
+    on = result["machine"]
+    return f"{on['cpu']}, {on['cores']} cores, Python {on['python']}, NumPy {on['numpy']}"
+
+
+def _section(name: str) -> str:
+    title, write = SECTIONS[name]
+    path = RESULTS / f"{name}.json"
+    command = f"    python -m benchmarks.{name}"
+    if not path.exists():
+        return f"## {title}\n\n{command}\n\nNot run yet.\n"
+    result = json.loads(path.read_text(encoding="utf-8"))
+    return f"## {title}\n\n{command}\n\n{write(result)}\n\nMeasured on: {_machine(result)}.\n"
+
+
+def page() -> str:
+    """The text of docs/benchmarks.md."""
+    return "\n".join([INTRODUCTION, *map(_section, SECTIONS)])
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")
+    print(f"written: {PAGE.name}")

@@ -1,0 +1,157 @@
+"""Time and memory of a solution, from 100 to 100,000 samples of 4 points.
+
+The time is that of the processor: on one thread it is the wall time of a machine that does nothing else.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import sys
+import time
+import tracemalloc
+from dataclasses import replace
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from basecal.cell import target as targets
+from basecal.estimation.packing import pack
+from basecal.estimation.problem import Problem, State
+from basecal.estimation.solve import Solution, solve_from
+from basecal.geometry import SE3
+from basecal.simulation import Scenario, simulate
+from benchmarks.common import on_one_core, table, write
+from benchmarks.figure import Panel, svg
+
+FIGURE = Path(__file__).parents[1] / "docs" / "figures" / "scaling.svg"
+SIZES = tuple(round(10 ** (k / 2)) for k in range(4, 11))
+STEADY = 1000
+OFF = 2e-3
+
+_FOUR = Scenario(target="chessboard", board=targets.chessboard((2, 2), 0.12))
+# Robot noise is eliminated view by view where every sample is a new stop, and by the Schur complement where stops are
+# shared: their number grows with the samples as well (a still eye has one, the hand one a sample).
+CASES: dict[str, Scenario] = {
+    "no robot noise": _FOUR,
+    "robot noise": replace(_FOUR, robot_noise=(3e-4, 5e-4)),
+    "robot noise, five stations": replace(_FOUR, robot_noise=(3e-4, 5e-4), arms="stations"),
+}
+
+
+def task(scenario: Scenario, samples: int, seed: int) -> tuple[Problem, State]:
+    """The packed arrays, and a start that is off by 2 mm and 2 mrad an axis."""
+    made = simulate(replace(scenario, samples=samples), seed)
+    problem, _ = pack(made.cell, made.recording)
+    rng = np.random.default_rng(seed)
+    near = {name: made.truth[name] @ SE3.exp(OFF * rng.standard_normal(6)) for name in problem.unknowns}
+    return problem, State(near, made.cameras, np.zeros((len(problem.stops), 6)))
+
+
+def _peak_bytes(problem: Problem, start: State) -> tuple[int, Solution]:
+    """The most memory taken at once while solving, above what the problem held before."""
+    gc.collect()
+    tracemalloc.start()
+    held, _ = tracemalloc.get_traced_memory()
+    found = solve_from(problem, start)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    return peak - held, found
+
+
+def _processor_seconds(problem: Problem, start: State) -> float:
+    began = time.process_time()
+    solve_from(problem, start)
+    return time.process_time() - began
+
+
+def measured(case: str, samples: int, seed: int) -> dict[str, Any]:
+    """Median time of several solutions, and the peak memory of one."""
+    problem, start = task(CASES[case], samples, seed)
+    peak, found = _peak_bytes(problem, start)
+    assert found.converged, f"{case}, {samples} samples: no optimum"
+    repeats = 3 if samples > 10_000 else 9
+    times = [_processor_seconds(problem, start) for _ in range(repeats)]
+    return {"case": case, "samples": samples, "seconds": median(times), "peak_bytes": peak}
+
+
+def slope(rows: list[dict[str, Any]], field: str) -> float:
+    """Of log(field) over log(samples), by least squares."""
+    samples, values = ([row[name] for row in rows] for name in ("samples", field))
+    return float(np.polyfit(np.log(samples), np.log(values), 1)[0])
+
+
+def slopes(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """By case, over all sizes and where calls no longer count."""
+    out = []
+    for case in dict.fromkeys(row["case"] for row in rows):
+        of_case = [row for row in rows if row["case"] == case]
+        steady = [row for row in of_case if row["samples"] >= STEADY]
+        every = {f"{field}_slope": slope(of_case, field) for field in ("seconds", "peak_bytes")}
+        late = {f"{field}_slope_from_{STEADY}": slope(steady, field) for field in ("seconds", "peak_bytes")}
+        out.append({"case": case, **every, **late})
+    return out
+
+
+def _lines(rows: list[dict[str, Any]], field: str, scale: float) -> dict[str, list[tuple[float, float]]]:
+    """A line a case, and a linear one through the end of the first."""
+    cases = dict.fromkeys(row["case"] for row in rows)
+    lines = {c: [(r["samples"], scale * r[field]) for r in rows if r["case"] == c] for c in cases}
+    first = next(iter(lines.values()))
+    (few, _), (many, at_end) = first[0], first[-1]
+    return {**lines, "linear": [(few, at_end * few / many), (many, at_end)]}
+
+
+def drawn(rows: list[dict[str, Any]]) -> str:
+    """Time and memory over samples, as SVG."""
+    return svg(
+        [
+            Panel("Time of a solution", "samples of 4 points", "time [ms]", _lines(rows, "seconds", 1e3)),
+            Panel("Peak memory of a solution", "samples of 4 points", "memory [MB]", _lines(rows, "peak_bytes", 1e-6)),
+        ]
+    )
+
+
+HEAD = ("case", "samples", "time [ms]", "us a sample", "peak [MB]", "kB a sample")
+SLOPE_HEAD = ("case", "slope of time", f"from {STEADY} on", "slope of memory", f"from {STEADY} on")
+
+
+def row(found: dict[str, Any]) -> tuple[str, ...]:
+    """A line of the table with `HEAD`."""
+    samples, took, peak = found["samples"], found["seconds"], found["peak_bytes"]
+    times = f"{1e3 * took:.1f}", f"{1e6 * took / samples:.1f}"
+    return found["case"], f"{samples:,}", *times, f"{peak / 1e6:.2f}", f"{peak / 1e3 / samples:.2f}"
+
+
+def slope_row(found: dict[str, Any]) -> tuple[str, ...]:
+    """A line of the table with `SLOPE_HEAD`."""
+    fields = ("seconds_slope", f"seconds_slope_from_{STEADY}", "peak_bytes_slope", f"peak_bytes_slope_from_{STEADY}")
+    return found["case"], *(f"{found[field]:.3f}" for field in fields)
+
+
+def main(arguments: list[str]) -> None:
+    """Measure, print; of all sizes and cases write results/scaling.json and draw docs/figures/scaling.svg too."""
+    # Only `make bench` installs it, and the page of results does without.
+    from threadpoolctl import threadpool_limits
+
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.scaling", description=__doc__)
+    parser.add_argument("--largest", type=int, default=SIZES[-1], help="number of samples")
+    parser.add_argument("--cases", nargs="*", default=list(CASES), choices=list(CASES), metavar="CASE")
+    parser.add_argument("--seed", type=int, default=1)
+    asked = parser.parse_args(arguments)
+    on_one_core()
+    sizes = [n for n in SIZES if n <= asked.largest]
+    with threadpool_limits(1):
+        rows = [measured(case, samples, asked.seed) for case in asked.cases for samples in sizes]
+    found = {"seed": asked.seed, "rows": rows, "slopes": slopes(rows)}
+    print(table(HEAD, map(row, rows)), table(SLOPE_HEAD, map(slope_row, found["slopes"])), sep="\n\n")
+    if asked.cases == list(CASES) and tuple(sizes) == SIZES:
+        write("scaling", found)
+        FIGURE.parent.mkdir(parents=True, exist_ok=True)
+        FIGURE.write_text(drawn(rows), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

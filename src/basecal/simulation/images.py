@@ -1,0 +1,111 @@
+"""Images of a simulated cell: what its cameras would see, written beside the recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+
+from basecal.cell import WORLD, Cell, Recording, Sample, Target
+from basecal.errors import InputError
+from basecal.geometry import SE3, Camera
+from basecal.simulation.scenario import SimulatedCell
+from basecal.vision.light import LightSettings, render_light
+from basecal.vision.render import RenderSettings, render
+
+_LIGHTS = ("led", "points")
+Step = Callable[[int, int], None]
+
+
+def render_recording(
+    simulated: SimulatedCell,
+    folder: Path,
+    seed: int = 0,
+    board: RenderSettings | None = None,
+    light: LightSettings | None = None,
+    step: Step | None = None,
+) -> Recording:
+    """Write an image for every view of a simulated cell; the recording then names images and holds no detections.
+
+    Lights get a second image with the light off, as `background`.
+
+    Args:
+        simulated: The cell; its cameras need an image size, its targets a shape.
+        folder: The cell's folder; images go to `recording/images/<camera>/`.
+        seed: Of the images' noise.
+        board: How boards are exposed.
+        light: How lights are exposed.
+        step: Called with the number of samples done and of all.
+
+    Raises:
+        InputError: if a camera gives poses or 3-D points, which have no images.
+    """
+    samples = simulated.recording.samples
+    out = []
+    for index, sample in enumerate(samples):
+        out.append(_rendered(simulated, sample, index, folder / "recording", seed + index, board, light))
+        if step is not None:
+            step(index + 1, len(samples))
+    return replace(simulated.recording, samples=tuple(out))
+
+
+def _rendered(
+    simulated: SimulatedCell,
+    sample: Sample,
+    index: int,
+    folder: Path,
+    seed: int,
+    board: RenderSettings | None,
+    light: LightSettings | None,
+) -> Sample:
+    images, background = {}, {}
+    for observation in sample.observations:
+        name = f"images/{observation.camera}/{sample.sample:06d}"
+        target = simulated.cell.targets[observation.target].target
+        camera = simulated.cameras[observation.camera]
+        if target is None or camera.size_px is None:
+            raise InputError(f"{observation.camera} gives no images of {observation.target}: simulate pixels instead")
+        seen = camera_from_target(simulated, observation.camera, observation.target, index)
+        if target.kind in _LIGHTS:
+            on, off = _light_pair(camera, target, seen, light or LightSettings(), seed)
+            images[observation.camera] = _write(folder, f"{name}.png", on)
+            background[observation.camera] = _write(folder, f"{name}_off.png", off)
+        else:
+            images[observation.camera] = _write(folder, f"{name}.png", render(camera, target, seen, board, seed))
+    return replace(sample, observations=(), images=images, background=background)
+
+
+def _light_pair(camera: Camera, target: Target, seen: SE3, settings: LightSettings, seed: int) -> tuple[Any, Any]:
+    on = render_light(camera, seen @ target.points, settings, 2 * seed)
+    return on, render_light(camera, seen @ target.points, replace(settings, photons=0.0), 2 * seed + 1)
+
+
+def _write(folder: Path, name: str, image: Any) -> str:
+    path = folder / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if not cv2.imwrite(str(path), image):
+        raise InputError(f"{path} cannot be written")
+    return name
+
+
+def camera_from_target(simulated: SimulatedCell, camera: str, target: str, index: int) -> SE3:
+    """Where a target truly was in a camera at a sample, by the one equation."""
+    cell = simulated.cell
+    world_from_camera = _carrier(simulated, cell.cameras[camera].on, index) @ simulated.truth[cell.mount_name(camera)]
+    world_from_target = _carrier(simulated, cell.targets[target].on, index) @ simulated.truth[cell.mount_name(target)]
+    return world_from_camera.inverse() @ world_from_target
+
+
+def _carrier(simulated: SimulatedCell, on: str, index: int) -> SE3:
+    """Where what carries a camera or target truly was in the world: a flange, or the world itself."""
+    if on == WORLD:
+        return SE3.identity()
+    world_from_base = _base(simulated.cell, simulated.truth, on)
+    return world_from_base @ simulated.true_base_from_flange[on][index]
+
+
+def _base(cell: Cell, truth: Mapping[str, SE3], robot: str) -> SE3:
+    return SE3.identity() if robot == cell.reference else truth[cell.base_name(robot)]

@@ -1,0 +1,51 @@
+"""Images of a simulated cell show what its recording says was seen."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from basecal.errors import InputError
+from basecal.simulation import Scenario, simulate
+from basecal.simulation.images import camera_from_target, render_recording
+
+
+def test_an_image_a_view_and_no_detections(tmp_path: Path):
+    """Every sample names an image of the camera's size and holds no observation."""
+    s = simulate(Scenario(samples=3), seed=0)
+    recording = render_recording(s, tmp_path)
+    for sample in recording.samples:
+        image = cv2.imread(str(tmp_path / "recording" / sample.images["wrist"]), cv2.IMREAD_UNCHANGED)
+        assert image.shape == (720, 1280)
+        assert sample.observations == ()
+
+
+def test_true_poses_project_to_the_recorded_pixels():
+    """Noiseless pixels are the projection by the truth, robots' noise included."""
+    s = simulate(Scenario(samples=4, pixel_px=0.0, robot_noise=(1e-3, 1e-3)), seed=1)
+    board = s.cell.targets["board"].target
+    for index, sample in enumerate(s.recording.samples):
+        (seen,) = sample.observations
+        at = camera_from_target(s, "wrist", "board", index) @ board.points[board.rows(seen.ids)]
+        np.testing.assert_allclose(s.cameras["wrist"].project(at), seen.pixels, atol=1e-6)
+
+
+def test_a_light_is_imaged_on_and_off(tmp_path: Path):
+    """The difference of both images is bright where the light is, and nowhere else."""
+    s = simulate(Scenario(samples=1, target="led", camera_mount="fixed", target_mount="fixed", pixel_px=0.0), seed=0)
+    (sample,) = render_recording(s, tmp_path).samples
+    on, off = (
+        cv2.imread(str(tmp_path / "recording" / path), cv2.IMREAD_UNCHANGED).astype(float)
+        for path in (sample.images["wrist"], sample.background["wrist"])
+    )
+    brightest = np.unravel_index(np.argmax(on - off), on.shape)
+    np.testing.assert_allclose(brightest[::-1], s.recording.samples[0].observations[0].pixels[0], atol=1.5)
+
+
+def test_poses_have_no_images(tmp_path: Path):
+    """A camera that gives poses is refused in one sentence."""
+    with pytest.raises(InputError, match="gives no images"):
+        render_recording(simulate(Scenario(samples=1, target="pose"), seed=0), tmp_path)

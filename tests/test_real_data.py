@@ -1,0 +1,55 @@
+"""Real recordings give what is asked of them; `benchmarks.real` prints the same figures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from benchmarks.real import CORNERS, LIGHT_NEAR_MM_DEG, Figure, lights, lights_off, moveit, nao, rct, ur5e
+
+from basecal.errors import DatasetError
+
+
+def short(measure: Callable[[], list[Figure]]) -> list[Figure]:
+    """Demands that are not met; skips the test where the recording is not here."""
+    try:
+        figures = measure()
+    except DatasetError as error:
+        pytest.skip(str(error))
+    assert figures
+    return [figure for figure in figures if not figure.holds]
+
+
+def test_two_ur5e() -> None:
+    """Nothing known but the board: the base is within 10 mm and 0.3 deg of the published one, at 0.52 px."""
+    assert short(ur5e) == []
+
+
+def test_rct() -> None:
+    """A camera beside a robot, lens free: loops of 3.6 mm and 0.33 deg rms, 0.26 deg median."""
+    assert short(rct) == []
+
+
+def test_nao() -> None:
+    """Two humanoids, 298 poses: loops of 1.45 mm and 0.92 deg rms."""
+    assert short(nao) == []
+
+
+def test_moveit() -> None:
+    """Fifty pairs of poses: loops of 5 mm and 0.10 deg rms."""
+    assert short(moveit) == []
+
+
+def test_eight_corners_as_lights() -> None:
+    """Of eight corners, each alone as a light, the median and three quarters are near the whole board's base."""
+    off = lights_off(np.random.default_rng(0).choice(CORNERS, 8, replace=False))
+    found = np.where(np.isfinite(off), off, np.inf)
+    assert np.all(np.median(found, axis=0) <= (10.0, 0.4))
+    assert np.all(found <= LIGHT_NEAR_MM_DEG, axis=1).sum() >= 6
+
+
+@pytest.mark.slow
+def test_every_corner_as_a_light() -> None:
+    """All 24: median 10 mm and 0.4 deg, at least 18 within 15 mm and 0.5 deg."""
+    assert short(lights) == []
