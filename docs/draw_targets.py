@@ -1,0 +1,52 @@
+"""Draw each kind of target with its frame and its ids into docs/figures: `python docs/draw_targets.py`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from basecal.cell import Target
+from basecal.cell import target as targets
+from basecal.geometry import SE3
+from basecal.vision.drawing import target_drawing
+
+FIGURES = Path(__file__).parent / "figures"
+SHAPES = {
+    "charuco": targets.charuco((5, 4), 0.04, 0.03, "DICT_4X4_50"),
+    "chessboard": targets.chessboard((4, 3), 0.04),
+    "circles": targets.circles((4, 3), 0.04),
+    "circles_asymmetric": targets.circles((3, 4), 0.025, asymmetric=True),
+    "apriltag": targets.apriltag("tag36h11", [(0, 0.16, SE3.identity())]),
+}
+SCALE = 1500.0
+
+
+def drawn(target: Target) -> str:
+    """The target in grey, its x axis red, y green, z into the page, and an id at each point."""
+    (sheet,) = target_drawing(target)
+    left, top, right, bottom = SCALE * sheet.paper
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{left:.0f} {top:.0f} {right - left:.0f} {bottom - top:.0f}" '
+        f'width="{right - left:.0f}" font-family="system-ui, sans-serif" font-size="13">',
+        f'<rect x="{left}" y="{top}" width="{right - left}" height="{bottom - top}" fill="#fff" stroke="#bbb"/>',
+    ]
+    for a, b, c, d in SCALE * sheet.rectangles:
+        parts.append(f'<rect x="{a:.1f}" y="{b:.1f}" width="{c - a:.1f}" height="{d - b:.1f}" fill="#b9b9b9"/>')
+    parts += [f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{r:.1f}" fill="#b9b9b9"/>' for x, y, r in SCALE * sheet.discs]
+    for number, (x, y, _) in zip(target.ids, SCALE * target.points, strict=True):
+        parts.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3" fill="#1f6fb2"/>')
+        parts.append(f'<text x="{x + 5:.1f}" y="{y - 5:.1f}" fill="#1f6fb2" font-weight="600">{number}</text>')
+    for axis, colour, name in (((1, 0), "#c0392b", "x"), ((0, 1), "#2e8b57", "y")):
+        tip = 62 * np.array(axis)
+        parts.append(f'<path d="M0 0L{tip[0]} {tip[1]}" stroke="{colour}" stroke-width="4"/>')
+        parts.append(f'<text x="{tip[0] + 5}" y="{tip[1] + 14}" fill="{colour}" font-weight="700">{name}</text>')
+    parts.append(
+        '<circle r="7" fill="#fff" stroke="#1b2a8f" stroke-width="2"/><path d="M-5 -5L5 5M-5 5L5 -5" stroke="#1b2a8f"/>'
+    )
+    return "\n".join([*parts, "</svg>"]) + "\n"
+
+
+if __name__ == "__main__":
+    for name, shape in SHAPES.items():
+        (FIGURES / f"target_{name}.svg").write_text(drawn(shape), encoding="utf-8")
