@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.verdict import calibrate
-from basecal.cell import Recording
+from basecal.cell import Recording, RobotState
 from basecal.errors import FrameNotFound
+from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
 
@@ -86,3 +87,26 @@ def test_wrong_board_size_makes_doubtful():
     calibration = calibrate(replace(s.cell, targets={"board": wrong}), s.recording)
     assert calibration.verdict != "good"
     assert "poor-fit" in codes(calibration)
+
+
+@pytest.mark.parametrize("arms", ["both", "stations"])
+def test_everything_fixed_is_good(arms):
+    """A cell that states every transform is checked as it stands: nothing to solve for is no error."""
+    settled = {"base": "fixed", "camera_mount": "fixed", "target_mount": "fixed"}
+    s = simulate(Scenario(**settled, arms=arms, robot_noise=(1e-4, 2e-4)), seed=2)
+    calibration = calibrate(s.cell, s.recording)
+    assert calibration.verdict == "good"
+    assert 0.1 < calibration.residuals.rms_px < 0.3
+
+
+def test_a_bumped_arm_is_named():
+    """One pose 20 mm and 20 mrad off among thirty with 0.1 mm of stated noise: never good, and the sample is named."""
+    s = simulate(Scenario(robot_noise=(1e-4, 2e-4)), seed=0)
+    samples = list(s.recording.samples)
+    eye = samples[12].robots["eye"].base_from_flange
+    bumped = RobotState(eye @ SE3.exp([0.02, 0, 0, 0, 0.02, 0]))
+    samples[12] = replace(samples[12], robots={**samples[12].robots, "eye": bumped})
+    calibration = calibrate(s.cell, Recording(tuple(samples)))
+    assert calibration.verdict == "doubtful"
+    (finding,) = [f for f in calibration.findings if f.code == "outlier-samples"]
+    assert "12" in finding.about

@@ -147,7 +147,7 @@ def test_cut_anywhere(folder: Path) -> None:
         recording = read_recording(folder, cell)
         assert [sample.sample for sample in recording.samples] == [0, 1]
         (finding,) = recording.findings
-        assert (finding.code, finding.severity) == ("dropped-sample", "warning")
+        assert (finding.code, finding.severity) == ("dropped-sample", "info")
         assert f"{file(folder)}:3: " in finding.message
 
 
@@ -204,7 +204,7 @@ def test_same_sample_twice(folder: Path) -> None:
     assert len(recording.samples) == 3
     assert recording.samples[0].stamp_s == 12.5
     (finding,) = recording.findings
-    assert (finding.code, finding.severity, finding.about) == ("dropped-sample", "warning", ("0",))
+    assert (finding.code, finding.severity, finding.about) == ("dropped-sample", "info", ("0",))
     assert "samples.jsonl:4: " in finding.message
     assert "line 1" in finding.message
 

@@ -66,9 +66,9 @@ def test_new_cell_is_refused_with_advice(tmp_path: Path, capsys: pytest.CaptureF
     said = capsys.readouterr()
     assert said.out.startswith("REFUSED: ")
     assert "record" in said.out
-    assert said.err == ""
     run = latest_run(tmp_path)
     assert run is not None
+    assert said.err == f"page: {run / 'report.html'}\n"
     assert {finding.code for finding in read_calibration(run).findings} == {"too-few-samples"}
     assert main(["report", str(tmp_path)]) == 1
 

@@ -15,10 +15,13 @@ from basecal.estimation.packing import pack
 from basecal.estimation.problem import Problem
 from basecal.estimation.settings import DEFAULT, Settings
 from basecal.estimation.solve import Solution, solve_packed
+from basecal.geometry import IntArray
 
 _MANY_DROPPED = 0.1
-_POOR_FIT_SIGMAS = 2.0
+_POOR_FIT_SIGMAS = 1.5
 _POOR_FIT_PX = 3.0
+_OUTLIER_SIGMAS = 6.0
+_SHOWN = 10
 
 
 def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) -> Calibration:
@@ -46,7 +49,7 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
         return calibrate_by_shifts(cell, problem, settings, findings)
     solution = solve_packed(problem, cell, settings)
     fit = residuals(solution)
-    findings += _unseen(cell, solution) + _not_converged(solution) + _poor_fit(solution, fit)
+    findings += _unseen(cell, solution) + _not_converged(solution) + _poor_fit(solution, fit) + _outliers(solution)
     return _calibration(cell, solution, fit, settings, findings)
 
 
@@ -135,10 +138,36 @@ def _poor_fit(solution: Solution, fit: Residuals) -> list[Finding]:
     return [Finding("poor-fit", "warning", (), message + "; check units, directions and the target's size")]
 
 
+def _outliers(solution: Solution) -> list[Finding]:
+    """Stops whose pose error is more than six sigma in a direction: a chance of 2e-9 each where the noise is true."""
+    errors = np.abs(solution.state.stop_errors).max(axis=-1, initial=0.0)
+    far = np.flatnonzero(errors > _OUTLIER_SIGMAS)
+    samples = sorted(_samples_at(solution.problem, far))
+    if not samples:
+        return []
+    shown = ", ".join(map(str, samples[:_SHOWN])) + (", ..." if len(samples) > _SHOWN else "")
+    message = (
+        f"a robot was off by up to {errors.max():.0f} of its stated sigmas at sample {shown}: taken before the arm "
+        "settled, or bumped; leave these samples out, or state a larger noise"
+    )
+    return [Finding("outlier-samples", "warning", tuple(map(str, samples)), message)]
+
+
+def _samples_at(problem: Problem, stops: IntArray) -> set[int]:
+    """Numbers of the samples that stand in these stops."""
+    return {
+        int(number)
+        for group in problem.groups
+        for stop in (group.eye_stop, group.hand_stop)
+        for number in group.sample[np.isin(stop, stops)]
+    }
+
+
 def _calibration(
     cell: Cell, solution: Solution, fit: Residuals, settings: Settings, findings: list[Finding]
 ) -> Calibration:
-    estimates = {n: e for n, e in solution.transforms.items() if n not in solution.seen.blind}
+    kept = solution.transforms if solution.converged else {}
+    estimates = {n: e for n, e in kept.items() if n not in solution.seen.blind}
     order = tuple(n for n in estimates if solution.problem.unknowns[n].status != "fixed")
     return Calibration(
         verdict=verdict_of(findings),

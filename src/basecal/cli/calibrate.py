@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from basecal.cli.page import tell_page, write_page
 from basecal.cli.terminal import print_json, progress
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ def calibrate(
     """Find the transforms asked for, with their covariance.
 
     Reads CELL/cell.yaml and CELL/recording/samples.jsonl, writes the answer
-    and its report to CELL/runs. Ends with 0 where the answer is good, with 1
+    and its report, as text and as a page to look at, to CELL/runs. Ends with 0 where the answer is good, with 1
     where it is doubtful or refused.
 
     For example:
@@ -52,6 +53,7 @@ def calibrate(
         print_json(calibration_to_dict(calibration))
     else:
         show(described, calibration)
+        tell_page(cell)
     return exit_code(calibration)
 
 
@@ -64,11 +66,13 @@ def calibrate_folder(folder: Path, cell: Cell, settings: Settings | None = None)
     from basecal.estimation.settings import Settings
     from basecal.reporting.text import text_report
 
+    recording = read_recording(folder, cell)
     with progress("calibrating"):
-        calibration = calibrated(cell, read_recording(folder, cell), settings or Settings())
+        calibration = calibrated(cell, recording, settings or Settings())
     calibration = replace(calibration, inputs=input_hashes(folder, cell))
     path = write_calibration(calibration, folder)
     path.with_name("report.txt").write_text(text_report(cell, calibration) + "\n", encoding="utf-8")
+    write_page(path.parent, cell, recording, calibration)
     return calibration
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from basecal.cli.calibrate import calibrate_folder, exit_code, show
+from basecal.cli.page import tell_page
 from basecal.cli.simulate import refuse_existing, write_simulated
 from basecal.cli.terminal import print_json
 
@@ -47,6 +48,7 @@ def demo(folder: Path = Path("demo_cell"), /, *, json: bool = False) -> int:
         print_json({"folder": str(folder), "calibration": told, "true_error": {_BASE: error}})
     else:
         show(made.cell, calibration)
+        tell_page(folder)
         print(_compared(estimate, error, folder) if estimate and error else "")
     return exit_code(calibration)
 

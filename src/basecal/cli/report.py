@@ -6,15 +6,17 @@ from json import loads
 from pathlib import Path
 
 from basecal.cli.calibrate import exit_code, show
+from basecal.cli.page import rewrite_page, tell_page
 from basecal.cli.terminal import print_json
 from basecal.errors import InputError
 
 
 def report(cell: Path, /, *, json: bool = False) -> int:
-    """Tell the latest calibration in plain text.
+    """Tell the latest calibration in plain text, and write its page.
 
     The verdict, each transform with its sigma, residuals, findings, and lines
-    to paste for URDF and ROS 2.
+    to paste for URDF and ROS 2. The page, report.html beside calibration.json,
+    says the same with figures; it opens in a browser and needs no network.
 
     Ends with 0 where the answer is good, with 1 where it is doubtful or
     refused.
@@ -38,4 +40,6 @@ def report(cell: Path, /, *, json: bool = False) -> int:
         print_json(loads((run / "calibration.json").read_text(encoding="utf-8")))
     else:
         show(described, calibration)
+        rewrite_page(cell, run, described, calibration)
+        tell_page(cell)
     return exit_code(calibration)

@@ -38,8 +38,8 @@ def by_unknowns(problem: Problem, group: ViewGroup, links: Chain, rows: int) -> 
     out = np.zeros((len(group), rows, width))
     at = 0
     for (sign, link, _), where in zip(present, columns, strict=False):
-        block = np.eye(6) if link is None else sign * link.adjoint()
-        out[:, :6, at : at + len(where)] = block[..., : len(where)]
+        block = np.eye(6) if link is None else link.adjoint()
+        np.multiply(block[..., : len(where)], sign, out=out[:, :6, at : at + len(where)])
         at += len(where)
     if lens:
         out[:, 6:, at:] = np.eye(rows - 6)

@@ -6,15 +6,18 @@ With residuals r(delta) of `camera_from_target @ SE3.exp(delta)`, already divide
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from basecal.estimation.moments import UPPER, dot, gradient_and_information, monomials
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray, Rows
 from basecal.geometry.se3 import right_jacobian_inverse
 
-_CHUNK_POINTS = 3600
+_CHUNK_POINTS = 7200
 
 
 class ViewInformation(NamedTuple):
@@ -70,6 +73,19 @@ def _information(residual: Array, jacobian: Array) -> ViewInformation:
     )
 
 
+def _in_camera(camera_from_target: SE3, points_in_target: Array) -> Array:
+    """Points in the camera, (n, p, 3), those of one coordinate side by side in memory."""
+    by_axis = np.swapaxes(camera_from_target.rotation, 0, 1) @ points_in_target.T
+    by_axis += camera_from_target.translation.T[:, :, None]
+    return np.moveaxis(by_axis, 0, -1)
+
+
+def _squares(residual: Sequence[Array]) -> Array:
+    """Each view's sum of squares over arrays (n, p)."""
+    total: Array = sum(np.einsum("np,np->n", r, r) for r in residual)
+    return total
+
+
 def _at_most_six(equations: IntArray) -> IntArray:
     return np.minimum(equations, 6).astype(np.int64)
 
@@ -78,8 +94,8 @@ def _width(by_lens: Array | None) -> int:
     return 0 if by_lens is None else int(by_lens.shape[-1])
 
 
-def _by_pose(by_point: Array, rotation: Array, points: Array, more: int = 0) -> Array:
-    """Derivative of f(camera_from_target @ p), (n, 6 + more, p d), the last `more` rows not filled.
+def _by_pose(by_point: Array, rotation: Array, points: Array, more: int) -> Array:
+    """Derivative of f(camera_from_target @ p), (n, 6 + more, d, p), the last `more` rows not filled.
 
     Args:
         by_point: df/dp, (n, p, d, 3).
@@ -88,9 +104,10 @@ def _by_pose(by_point: Array, rotation: Array, points: Array, more: int = 0) -> 
         more: Rows for other unknowns.
     """
     n, p, d, _ = by_point.shape
-    out = np.empty((n, 6 + more, p * d))
-    np.matmul(np.swapaxes(rotation, -1, -2), np.swapaxes(by_point.reshape(n, p * d, 3), -1, -2), out=out[:, :3])
-    x, y, z = np.repeat(points, d, axis=0).T
+    out = np.empty((n, 6 + more, d, p))
+    for i in range(d):
+        out[:, :3, i] = np.swapaxes(rotation, -1, -2) @ np.swapaxes(by_point[:, :, i], -1, -2)
+    x, y, z = points.T
     u, v, w = out[:, 0], out[:, 1], out[:, 2]
     out[:, 3] = y * w - z * v
     out[:, 4] = z * u - x * w
@@ -131,28 +148,43 @@ class PixelMeasurement:
         return ViewInformation(*(np.concatenate(field) for field in zip(*parts, strict=True)))
 
     def _linearise(self, camera_from_target: SE3, camera: Camera, lens: bool) -> ViewInformation:
+        points = _in_camera(camera_from_target, self.points_in_target)
+        pixels, by_point, by_lens = camera.project_with_derivatives(points, lens)
+        residual = [(pixels[..., i] - self.pixels[..., i]) * self.weight for i in range(2)]
+        cost = _squares(residual)
+        if by_lens is not None or not np.all(np.isfinite(cost)):
+            return self._with_jacobian(camera_from_target.rotation, pixels - self.pixels, by_point, by_lens)
+        columns = [[by_point[..., i, j] * self.weight for i in range(2)] for j in range(3)]
+        forces = (dot(column, residual) for column in columns)
+        squares = (dot(columns[i], columns[j]) for i, j in UPPER)
+        return ViewInformation(
+            cost, *gradient_and_information(forces, squares, camera_from_target.rotation, self._monomials)
+        )
+
+    @cached_property
+    def _monomials(self) -> Array:
+        return monomials(self.points_in_target)
+
+    def _with_jacobian(
+        self, rotation: Array, residual: Array, by_point: Array, by_lens: Array | None
+    ) -> ViewInformation:
+        """The long way, for a lens that is free and for points that have no pixel."""
         n, p = self.weight.shape
-        in_camera = self.points_in_target @ np.swapaxes(camera_from_target.rotation, -1, -2)
-        in_camera += camera_from_target.translation[:, None]
-        pixels, by_point, by_lens = camera.project_with_derivatives(in_camera, lens)
-        residual = pixels - self.pixels
         lost = np.isnan(residual).any(-1)
-        weight = self.weight
+        weight = np.where(lost, 0.0, self.weight)
         if lost.any():
-            weight = np.where(lost, 0.0, weight)
             residual, by_point = np.nan_to_num(residual), np.nan_to_num(by_point)
-        jacobian = _by_pose(by_point, camera_from_target.rotation, self.points_in_target, _width(by_lens))
+        jacobian = _by_pose(by_point, rotation, self.points_in_target, _width(by_lens))
         if by_lens is not None:
-            jacobian[:, 6:] = np.swapaxes(np.nan_to_num(by_lens).reshape(n, 2 * p, -1), -1, -2)
-        per_coordinate = np.repeat(weight, 2, axis=-1)
-        jacobian *= per_coordinate[:, None]
-        cost, gradient, information = _information(residual.reshape(n, -1) * per_coordinate, jacobian)
+            jacobian[:, 6:] = np.moveaxis(np.nan_to_num(by_lens) if lost.any() else by_lens, 1, -1).swapaxes(1, 2)
+        jacobian *= weight[:, None, None]
+        weighted = np.moveaxis(residual, -1, 1) * weight[:, None]
+        cost, gradient, information = _information(weighted.reshape(n, -1), jacobian.reshape(n, -1, 2 * p))
         return ViewInformation(np.where((lost & self.seen).any(-1), np.inf, cost), gradient, information)
 
     def residual_px(self, camera_from_target: SE3, camera: Camera) -> Array:
         """Predicted minus seen pixels, (n, p, 2) [px]; NaN where not seen."""
-        in_camera = self.points_in_target @ np.swapaxes(camera_from_target.rotation, -1, -2)
-        residual = camera.project(in_camera + camera_from_target.translation[:, None]) - self.pixels
+        residual = camera.project(_in_camera(camera_from_target, self.points_in_target)) - self.pixels
         return np.where(self.seen[..., None], residual, np.nan)
 
     def squares(self, camera_from_target: SE3, camera: Camera | None) -> dict[str, float]:
@@ -210,16 +242,24 @@ class BearingMeasurement:
 
     def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
         """See `Measurement`; the residual is the chord between seen and predicted unit vectors."""
-        n, p = self.weight.shape
-        in_camera = self.points_in_target @ np.swapaxes(camera_from_target.rotation, -1, -2)
-        in_camera += camera_from_target.translation[:, None]
-        norm = np.maximum(np.linalg.norm(in_camera, axis=-1), 1e-12)
-        unit = in_camera / norm[..., None]
-        scale = (self.weight / norm)[..., None, None]
-        by_point = (np.eye(3) - unit[..., :, None] * unit[..., None, :]) * scale
-        residual = (unit - self.bearings_in_camera) * self.weight[..., None]
-        jacobian = _by_pose(by_point, camera_from_target.rotation, self.points_in_target)
-        return _information(residual.reshape(n, 3 * p), jacobian)
+        points = _in_camera(camera_from_target, self.points_in_target)
+        axes = [points[..., i] for i in range(3)]
+        norm = np.maximum(np.sqrt(dot(axes, axes)), 1e-12)
+        unit = [axis / norm for axis in axes]
+        chord = [(u - self.bearings_in_camera[..., i]) * self.weight for i, u in enumerate(unit)]
+        # The derivative of a unit vector is the projection across it over the distance: its own square, but for scale.
+        scale = self.weight / norm
+        along = dot(unit, chord)
+        forces = (scale * (c - u * along) for c, u in zip(chord, unit, strict=True))
+        scale2 = scale * scale
+        squares = (scale2 * (float(i == j) - unit[i] * unit[j]) for i, j in UPPER)
+        return ViewInformation(
+            _squares(chord), *gradient_and_information(forces, squares, camera_from_target.rotation, self._monomials)
+        )
+
+    @cached_property
+    def _monomials(self) -> Array:
+        return monomials(self.points_in_target)
 
     def squares(self, camera_from_target: SE3, camera: Camera | None) -> dict[str, float]:
         """See `Measurement`; its weights are its own."""
@@ -309,15 +349,22 @@ class PointMeasurement:
     weight: Array
 
     def _error(self, camera_from_target: SE3) -> Array:
-        rotated = self.points_in_target @ np.swapaxes(camera_from_target.rotation, -1, -2)
-        return rotated + camera_from_target.translation[:, None] - self.points_in_camera
+        return _in_camera(camera_from_target, self.points_in_target) - self.points_in_camera
 
     def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
         """See `Measurement`."""
-        by_point = np.eye(3) * self.weight[..., None, None]
-        residual = self._error(camera_from_target) * self.weight[..., None]
-        jacobian = _by_pose(by_point, camera_from_target.rotation, self.points_in_target)
-        return _information(residual.reshape(len(residual), -1), jacobian)
+        error = self._error(camera_from_target)
+        residual = [error[..., i] * self.weight for i in range(3)]
+        weight2 = self.weight * self.weight
+        squares = (weight2 * float(i == j) for i, j in UPPER)
+        forces = (r * self.weight for r in residual)
+        return ViewInformation(
+            _squares(residual), *gradient_and_information(forces, squares, camera_from_target.rotation, self._monomials)
+        )
+
+    @cached_property
+    def _monomials(self) -> Array:
+        return monomials(self.points_in_target)
 
     def squares(self, camera_from_target: SE3, camera: Camera | None) -> dict[str, float]:
         """See `Measurement`."""

@@ -65,7 +65,7 @@ def linearise(problem: Problem, state: State) -> Normal:
         views.append(of)
         if np.any(shared >= 0):
             sums.add(of.shared, of.gradient, of.information, of.by_unknowns, of.columns)
-        flat = of.by_unknowns.reshape(-1, len(of.columns))
+        flat = of.by_unknowns.reshape(of.gradient.size, len(of.columns))
         weighted = (of.information @ of.by_unknowns).reshape(flat.shape)
         hessian[np.ix_(of.columns, of.columns)] += flat.T @ weighted
         gradient[of.columns] += flat.T @ of.gradient.reshape(-1)
@@ -78,15 +78,15 @@ def linearise(problem: Problem, state: State) -> Normal:
 
 def moved(problem: Problem, state: State, normal: Normal, step: Array) -> State:
     """The state after a step of the unknowns, (p,), with the stop errors that are best to first order then."""
-    transforms = dict(state.transforms)
-    cameras = dict(state.cameras)
-    for name, where in problem.columns.items():
-        if name in transforms:
-            xi = np.concatenate([step[where], np.zeros(6 - (where.stop - where.start))])
-            transforms[name] = transforms[name] @ SE3.exp(xi)
-        else:
-            cameras[name] = moved_lens(cameras[name], step[where])
-    return State(transforms, cameras, _stop_errors(problem, state, normal, step))
+    columns = problem.columns
+    names = [name for name in columns if name in state.transforms]
+    tangents = np.zeros((len(names), 6))
+    for k, name in enumerate(names):
+        tangents[k, : columns[name].stop - columns[name].start] = step[columns[name]]
+    after = SE3.stack([state.transforms[name] for name in names]) @ SE3.exp(tangents)
+    transforms = {**state.transforms, **{name: after[k] for k, name in enumerate(names)}}
+    lenses = {name: moved_lens(lens, step[columns[name]]) for name, lens in state.cameras.items() if name in columns}
+    return State(transforms, {**state.cameras, **lenses}, _stop_errors(problem, state, normal, step))
 
 
 def moved_lens(camera: Camera, step: Array) -> Camera:
@@ -99,6 +99,8 @@ def moved_lens(camera: Camera, step: Array) -> Camera:
 def _shared_stops(problem: Problem) -> IntArray:
     """Number of each stop among those that several views have; -1 for the others, (k,)."""
     count = np.zeros(len(problem.stops), dtype=np.int64)
+    if not len(count):
+        return count
     for group in problem.groups:
         for stop in (group.eye_stop, group.hand_stop):
             count += np.bincount(stop[stop >= 0], minlength=len(count))

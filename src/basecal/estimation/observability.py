@@ -19,6 +19,7 @@ _ROUNDING = 1e-13
 _TOUCHES = 1e-3
 _SMALLEST_FACTOR = 1e-4
 _DISTORTION_SCALE = 10.0
+_ENOUGH_VIEWS = 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,11 +75,8 @@ def _distortion_columns(problem: Problem) -> list[int]:
 
 def _scales(problem: Problem, state: State) -> Array:
     """What one scaled unit of each column is: a length of the scene [m], 1 rad, an image width [px]."""
-    distances = [
-        np.linalg.norm(state.camera_from_target(g, problem.stops).translation, axis=-1)
-        for g in problem.groups
-        if len(g)
-    ]
+    few = [g.take(slice(None, None, -(-len(g) // _ENOUGH_VIEWS))) for g in problem.groups if len(g)]
+    distances = [np.linalg.norm(state.camera_from_target(g, problem.stops).translation, axis=-1) for g in few]
     length = max(float(np.median(np.concatenate(distances))), 1e-3) if distances else 1.0
     scale = np.ones(problem.width)
     for name, where in problem.columns.items():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from basecal.cell import WORLD, Cell, Intrinsics, Unknown
 from basecal.errors import InputError
@@ -49,6 +50,11 @@ class ViewGroup:
 
     def __len__(self) -> int:
         return len(self.sample)
+
+    @cached_property
+    def hand_flange_from_hand_base(self) -> SE3:
+        """(n,) inverses of the recorded poses."""
+        return self.hand_base_from_hand_flange.inverse()
 
     def take(self, views: Rows) -> ViewGroup:
         """The views at these indices."""
@@ -157,9 +163,13 @@ def chain(group: ViewGroup, state: State, stops: Stops) -> Chain:
                           @ eye_base_from_hand_base @ hand_base_from_hand_flange @ hand_flange_from_target
     """
     target_from_hand_flange = state.transforms[group.target_mount].inverse()
-    hand_base_from_hand_flange = _disturbed(group.hand_base_from_hand_flange, group.hand_stop, state, stops)
+    hand_flange_from_hand_base = group.hand_flange_from_hand_base
+    if _has_noise(group.hand_stop):
+        hand_flange_from_hand_base = _disturbed(
+            group.hand_base_from_hand_flange, group.hand_stop, state, stops
+        ).inverse()
     eye_base_from_eye_flange = _disturbed(group.eye_base_from_eye_flange, group.eye_stop, state, stops)
-    target_from_hand_base = target_from_hand_flange @ hand_base_from_hand_flange.inverse()
+    target_from_hand_base = target_from_hand_flange @ hand_flange_from_hand_base
     target_from_eye_base = target_from_hand_base @ _relation(group, state).inverse()
     target_from_eye_flange = target_from_eye_base @ eye_base_from_eye_flange
     target_from_camera = target_from_eye_flange @ state.transforms[group.camera_mount]
@@ -176,9 +186,13 @@ def _relation(group: ViewGroup, state: State) -> SE3:
     return world_from_eye_base.inverse() @ world_from_hand_base
 
 
+def _has_noise(stop: IntArray) -> bool:
+    return bool(len(stop) and stop[0] >= 0)
+
+
 def _disturbed(base_from_flange: SE3, stop: IntArray, state: State, stops: Stops) -> SE3:
     """True poses of a flange: recorded ones with the errors of their stops."""
-    if not len(stop) or stop[0] < 0:
+    if not _has_noise(stop):
         return base_from_flange
     return base_from_flange @ SE3.exp(state.stop_errors[stop] * stops.sigma[stop])
 

@@ -30,6 +30,10 @@ _LIGHT_STARTS = {0: 1, 1: 12, 2: 40}
 _POSE_STARTS = 16
 _TIGHT_RAD = 0.3
 _REFINE_STEPS = 30
+_SAME_COST = 1e-6
+_AGREEING = 3
+_FEW_CHANGES = 0.1
+_PLAUSIBLE_SIGMAS = 4.0
 
 
 @dataclass
@@ -154,7 +158,7 @@ def _closed(sight: Sight, known: _Known) -> Triple | None:
             return None
         triple = translations(loop, found)
         better = _nearer(sight, triple)
-        if np.array_equal(better, chosen):
+        if np.mean(better != chosen) <= _FEW_CHANGES:
             break
         chosen = better
     return triple
@@ -215,15 +219,23 @@ def _mount_of_points(sight: Sight, x: SE3, y: SE3, at: SE3) -> SE3:
 
 
 def _best_refined(sight: Sight, loop: Loop, starts: list[Triple], is_point: bool) -> Triple:
-    """The start from which the pair alone is fitted best, refined."""
+    """The start from which the pair alone is fitted best, refined.
+
+    Enough is once a few starts have come to one end that the data could have come from.
+    """
     problem, cameras = _pair_problem(sight, loop, is_point)
-    best, best_cost = starts[0], np.inf
+    counts = sight.group.measurement.counts()
+    plausible = _PLAUSIBLE_SIGMAS**2 * max(sum(counts.values()) - problem.width, 1)
+    best, best_cost, agreeing = starts[0], np.inf, 0
     for start in starts:
         state = State(dict(zip("xyz", start, strict=True)), cameras, np.zeros((0, 6)))
         end = descend(problem, state, dof=1, iterations=_REFINE_STEPS)
-        if end.normal.cost < best_cost * (1 - 1e-9):
-            best_cost = end.normal.cost
+        agreeing += end.normal.cost < best_cost * (1 + _SAME_COST)
+        if end.normal.cost < best_cost * (1 - _SAME_COST):
+            best_cost, agreeing = end.normal.cost, 1
             best = (end.state.transforms["x"], end.state.transforms["y"], end.state.transforms["z"])
+        if agreeing >= _AGREEING and best_cost < plausible:
+            break
     return best
 
 

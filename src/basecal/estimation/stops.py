@@ -43,7 +43,7 @@ class StopSystem:
 
     def reduce(self, hessian: Array, gradient: Array) -> tuple[Array, Array]:
         """The unknowns' normal equations with the errors eliminated."""
-        mixed = self.by_unknowns.reshape(-1, hessian.shape[0])
+        mixed = self.by_unknowns.reshape(len(self.solution), hessian.shape[0])
         return hessian - mixed.T @ self.solution[:, :-1], gradient - mixed.T @ self.solution[:, -1]
 
     def step(self, unknowns_step: Array) -> Array:

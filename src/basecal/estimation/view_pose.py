@@ -16,7 +16,7 @@ from basecal.geometry.se3 import nearest_rotation, rotation_exp
 
 FEWEST_POINTS = 4
 _FEWEST_IN_SPACE = 6
-_ITERATIONS = 5
+_ITERATIONS = 2
 _FLAT = 1e-6
 
 

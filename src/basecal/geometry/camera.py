@@ -148,15 +148,15 @@ class Camera:
 
     def _pixels(self, u: Array, v: Array) -> Array:
         fx, fy, cx, cy = self.parameters[:4].tolist()
-        out = np.empty((*u.shape, 2))
-        np.add(fx * u, cx, out=out[..., 0])
-        np.add(fy * v, cy, out=out[..., 1])
-        return out
+        out = np.empty((2, *u.shape))
+        np.add(fx * u, cx, out=out[0, ...])
+        np.add(fy * v, cy, out=out[1, ...])
+        return np.moveaxis(out, 0, -1)
 
 
 def _by_parameters(u: Array, v: Array, d_terms: Array) -> Array:
     """Derivative of the pixels to fx, fy, cx, cy and the distortion, (..., 2, 4 + k)."""
-    out = np.zeros((*d_terms.shape[:-1], 4 + d_terms.shape[-1]))
+    out = np.moveaxis(np.zeros((2, 4 + d_terms.shape[-1], *u.shape)), (0, 1), (-2, -1))
     out[..., 0, 0], out[..., 1, 1] = u, v
     out[..., 0, 2] = out[..., 1, 3] = 1.0
     out[..., 4:] = d_terms

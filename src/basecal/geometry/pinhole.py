@@ -20,27 +20,42 @@ _TOLERANCE = 1e-12
 
 
 class _Rays(NamedTuple):
-    """Points (a, b, 1) with their products, and the radial factor there, (...,) each."""
+    """Points (a, b, 1), the radial factor there, and what multiplies a and b, (...,) each.
+
+    The image is (a stretch + p2 s, b stretch + p1 s) with stretch = radial + 2 p1 b + 2 p2 a.
+    """
 
     a: Array
     b: Array
-    aa: Array
-    bb: Array
-    ab: Array
     s: Array
     radial: Array
+    stretch: Array
     inverse_denominator: Array | float
 
 
 def _rays(a: Array, b: Array, k: list[float]) -> _Rays:
-    k1, k2, _, _, k3, k4, k5, k6 = k
-    aa, bb = a * a, b * b
-    s = aa + bb
-    radial = ((k3 * s + k2) * s + k1) * s + 1.0
-    if not (k4 or k5 or k6):
-        return _Rays(a, b, aa, bb, a * b, s, radial, 1.0)
-    inverse = 1.0 / (((k6 * s + k5) * s + k4) * s + 1.0)
-    return _Rays(a, b, aa, bb, a * b, s, radial * inverse, inverse)
+    k1, k2, p1, p2, k3, k4, k5, k6 = k
+    s = a * a
+    s += b * b
+    radial = _polynomial(s, (1.0, k1, k2, k3))
+    inverse: Array | float = 1.0
+    if k4 or k5 or k6:
+        inverse = 1.0 / _polynomial(s, (1.0, k4, k5, k6))
+        radial *= inverse
+    stretch = (2 * p1) * b
+    stretch += (2 * p2) * a
+    stretch += radial
+    return _Rays(a, b, s, radial, stretch, inverse)
+
+
+def _polynomial(s: Array, coefficients: tuple[float, ...]) -> Array:
+    """The sum of c_i s^i, Horner's way."""
+    total = coefficients[-1] * s
+    for c in coefficients[-2:0:-1]:
+        total += c
+        total *= s
+    total += coefficients[0]
+    return total
 
 
 def _ahead(points: Array) -> tuple[Array, Array, Array]:
@@ -57,28 +72,32 @@ def _padded(distortion: list[float]) -> list[float]:
 
 def _image(rays: _Rays, k: list[float]) -> tuple[Array, Array]:
     p1, p2 = k[2:4]
-    u, v = rays.a * rays.radial, rays.b * rays.radial
-    if p1 or p2:
-        u += (2 * p1) * rays.ab + p2 * (rays.s + 2 * rays.aa)
-        v += p1 * (rays.s + 2 * rays.bb) + (2 * p2) * rays.ab
+    u, v = rays.a * rays.stretch, rays.b * rays.stretch
+    u += p2 * rays.s
+    v += p1 * rays.s
     return u, v
 
 
 def _derivative(rays: _Rays, k: list[float]) -> tuple[Array, Array, Array]:
     """du/da, du/db == dv/da, dv/db."""
     k1, k2, p1, p2, k3, k4, k5, k6 = k
-    slope = (6 * k3 * rays.s + 4 * k2) * rays.s + 2 * k1
+    slope = _polynomial(rays.s, (2 * k1, 4 * k2, 6 * k3))
     if k4 or k5 or k6:
-        slope -= rays.radial * ((6 * k6 * rays.s + 4 * k5) * rays.s + 2 * k4)
+        slope -= rays.radial * _polynomial(rays.s, (2 * k4, 4 * k5, 6 * k6))
         slope *= rays.inverse_denominator
-    uu, uv, vv = slope * rays.aa, slope * rays.ab, slope * rays.bb
-    uu += rays.radial
-    vv += rays.radial
-    if p1 or p2:
-        uu += (2 * p1) * rays.b + (6 * p2) * rays.a
-        uv += (2 * p1) * rays.a + (2 * p2) * rays.b
-        vv += (6 * p1) * rays.b + (2 * p2) * rays.a
-    return uu, uv, vv
+    slope_a = slope * rays.a
+    mixed = slope_a + 2 * p2
+    mixed *= rays.b
+    mixed += (2 * p1) * rays.a
+    return _own(slope_a, p2, rays.a, rays.stretch), mixed, _own(slope * rays.b, p1, rays.b, rays.stretch)
+
+
+def _own(slope_at: Array, p: float, at: Array, stretch: Array) -> Array:
+    """Derivative of a coordinate's image to the coordinate itself."""
+    total = slope_at + 4 * p
+    total *= at
+    total += stretch
+    return total
 
 
 def project(points: Array, distortion: list[float]) -> tuple[Array, Array]:
@@ -99,7 +118,7 @@ def project_with_derivatives(
         u and v, (...,) each; to the points, (..., 2, 3) [px/m]; to the distortion, (..., 2, k) [px], if `terms`.
     """
     a, b, inverse = _ahead(points)
-    d_points = np.empty((*points.shape[:-1], 2, 3))
+    d_points = _room(2, 3, points.shape[:-1])
     if not (any(distortion) or (terms and distortion)):
         _undistorted_rows(d_points, a, b, inverse, focal)
         return a, b, d_points, np.empty((*points.shape[:-1], 2, 0)) if terms else None
@@ -108,11 +127,16 @@ def project_with_derivatives(
     uu, uv, vv = _derivative(rays, k)
     for row, (f, da, db) in enumerate(((focal[0], uu, uv), (focal[1], uv, vv))):
         scale = f * inverse
-        dx, dy = scale * da, scale * db
-        d_points[..., row, 0], d_points[..., row, 1] = dx, dy
+        dx = np.multiply(scale, da, out=d_points[..., row, 0])
+        dy = np.multiply(scale, db, out=d_points[..., row, 1])
         np.negative(dx * a + dy * b, out=d_points[..., row, 2])
     u, v = _image(rays, k)
     return u, v, d_points, _by_terms(rays, focal, len(distortion)) if terms else None
+
+
+def _room(rows: int, columns: int, shape: tuple[int, ...]) -> Array:
+    """Room for (*shape, rows, columns) numbers, those of one entry side by side in memory: fast to work on."""
+    return np.moveaxis(np.empty((rows, columns, *shape)), (0, 1), (-2, -1))
 
 
 def _undistorted_rows(out: Array, a: Array, b: Array, inverse: Array, focal: tuple[float, float]) -> None:
@@ -125,7 +149,7 @@ def _undistorted_rows(out: Array, a: Array, b: Array, inverse: Array, focal: tup
 
 def _by_terms(rays: _Rays, focal: tuple[float, float], count: int) -> Array:
     """Derivative of the pixels to the first `count` distortion terms, (..., 2, count)."""
-    out = np.empty((*rays.s.shape, 2, count))
+    out = _room(2, count, rays.s.shape)
     power = rays.s * rays.inverse_denominator
     squared, cubed = power * rays.s, power * rays.s * rays.s
     powers = {0: power, 1: squared, 4: cubed}
@@ -134,8 +158,9 @@ def _by_terms(rays: _Rays, focal: tuple[float, float], count: int) -> Array:
         for term, p in powers.items():
             if term < count:
                 np.multiply(focal[row] * at, p, out=out[..., row, term])
-    out[..., 0, 2], out[..., 0, 3] = 2 * focal[0] * rays.ab, focal[0] * (rays.s + 2 * rays.aa)
-    out[..., 1, 2], out[..., 1, 3] = focal[1] * (rays.s + 2 * rays.bb), 2 * focal[1] * rays.ab
+    a, b, s = rays.a, rays.b, rays.s
+    out[..., 0, 2], out[..., 0, 3] = 2 * focal[0] * a * b, focal[0] * (s + 2 * a * a)
+    out[..., 1, 2], out[..., 1, 3] = focal[1] * (s + 2 * b * b), 2 * focal[1] * a * b
     return out
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from basecal.cell import Calibration, Cell, Finding
 from basecal.exchange.ros2 import static_transform_publisher
 from basecal.exchange.urdf import origin_line
-from basecal.geometry import Array, PoseEstimate
+from basecal.geometry import Array, Camera, PoseEstimate
 
 _INTRINSICS = ("fx", "fy", "cx", "cy")
 _DISTORTION = {"pinhole": ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"), "fisheye": ("k1", "k2", "k3", "k4")}
@@ -31,8 +31,8 @@ def text_report(cell: Cell, calibration: Calibration) -> str:
         *([*_transform(name, calibration), *_to_paste(name, cell, calibration)] for name in asked),
         *(_transform(name, calibration) for name in others),
         *(_intrinsics(name, calibration) for name in calibration.cameras),
-        list(_residuals(calibration)),
-        list(_noise(calibration)),
+        list(fit_sentences(calibration)),
+        list(noise_sentences(calibration)),
         list(_findings(calibration.findings)),
     ]
     return "\n\n".join("\n".join(block) for block in blocks if block)
@@ -51,19 +51,23 @@ def verdict_sentence(cell: Cell, calibration: Calibration) -> str:
 
 
 def _known_to(name: str, calibration: Calibration) -> str:
-    sigma_mm, sigma_deg = _norms(calibration[name])
+    sigma_mm, sigma_deg = sigma_norms(calibration[name])
     told = f"{sigma_mm:.3g} mm"
     return told if name in calibration.points else f"{told} and {sigma_deg:.2g} deg"
 
 
-def _norms(estimate: PoseEstimate) -> tuple[float, float]:
+def sigma_norms(estimate: PoseEstimate) -> tuple[float, float]:
     """Root of the trace of both halves of the covariance, [mm] and [deg]."""
     return float(np.linalg.norm(estimate.sigma_t)) * 1e3, float(np.degrees(np.linalg.norm(estimate.sigma_r)))
 
 
 def _first_reason(findings: Iterable[Finding]) -> str:
-    by_weight = sorted((f for f in findings if f.severity != "info"), key=lambda f: _RANK[f.severity])
-    return by_weight[0].message if by_weight else ""
+    return next((f.message for f in by_weight(findings) if f.severity != "info"), "")
+
+
+def by_weight(findings: Iterable[Finding]) -> list[Finding]:
+    """Errors, then warnings, then the rest."""
+    return sorted(findings, key=lambda f: _RANK[f.severity])
 
 
 def _row(values: Array, digits: int) -> str:
@@ -73,7 +77,7 @@ def _row(values: Array, digits: int) -> str:
 def _transform(name: str, calibration: Calibration) -> list[str]:
     estimate, status = calibration[name], calibration.status.get(name, "free")
     is_point = name in calibration.points
-    sigma_mm, sigma_deg = _norms(estimate)
+    sigma_mm, sigma_deg = sigma_norms(estimate)
     lines = [
         f"{name}  ({status}{', a point' if is_point else ''})",
         f"  t      {_row(estimate.mean.translation * 1e3, 4)} mm",
@@ -109,17 +113,23 @@ def frame_names(cell: Cell, name: str) -> tuple[str, str]:
 
 def _intrinsics(name: str, calibration: Calibration) -> list[str]:
     camera, covariance = calibration.cameras[name]
-    sigmas = np.sqrt(np.diag(covariance))
-    names = [*_INTRINSICS, *_DISTORTION[camera.model]][: len(sigmas)]
-    pairs = zip(names, camera.parameters, sigmas, strict=True)
     told = [
-        f"  {key:<3}{value:13.5f}    sigma {sigma:.5f}{' px' if key in _INTRINSICS else ''}"
-        for key, value, sigma in pairs
+        f"  {key:<3}{value:13.5f}    sigma {sigma:.5f} {unit}".rstrip()
+        for key, value, sigma, unit in lens_parameters(camera, covariance)
     ]
     return [f"intrinsics of {name}  ({camera.model})", *told]
 
 
-def _residuals(calibration: Calibration) -> Iterator[str]:
+def lens_parameters(camera: Camera, covariance: Array) -> list[tuple[str, float, float, str]]:
+    """Name, value, sigma and unit of each parameter of a lens."""
+    sigmas = np.sqrt(np.diag(covariance))
+    names = [*_INTRINSICS, *_DISTORTION[camera.model]][: len(sigmas)]
+    units = ["px" if name in _INTRINSICS else "" for name in names]
+    return list(zip(names, camera.parameters.tolist(), sigmas.tolist(), units, strict=True))
+
+
+def fit_sentences(calibration: Calibration) -> Iterator[str]:
+    """How everything fits, a line each."""
     residuals = calibration.residuals
     if residuals.rms_px is not None:
         median = "" if residuals.median_px is None else f", median {residuals.median_px:.3f} px"
@@ -133,7 +143,8 @@ def _residuals(calibration: Calibration) -> Iterator[str]:
         yield f"worst view: sample {worst.sample} by {worst.camera}, {worst.rms_px:.3f} px"
 
 
-def _noise(calibration: Calibration) -> Iterator[str]:
+def noise_sentences(calibration: Calibration) -> Iterator[str]:
+    """The sigmas stated or estimated, a line each."""
     noise = dict(calibration.noise)
     robots = noise.pop("robots", None) or {}
     told = [_sigma(key, value) for key, value in noise.items() if value is not None]
@@ -153,6 +164,6 @@ def _sigma(key: str, value: float | Array) -> str:
 
 
 def _findings(findings: Iterable[Finding]) -> Iterator[str]:
-    for finding in sorted(findings, key=lambda f: _RANK[f.severity]):
+    for finding in by_weight(findings):
         about = f" [{', '.join(finding.about)}]" if finding.about else ""
         yield f"{finding.severity}: {finding.code}{about}: {finding.message}"

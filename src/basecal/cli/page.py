@@ -1,0 +1,61 @@
+"""`report.html` of a run."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from basecal.errors import DatasetError
+
+if TYPE_CHECKING:
+    from basecal.cell import Calibration, Cell, Recording
+
+FILE = "report.html"
+
+
+def write_page(run: Path, cell: Cell, recording: Recording, calibration: Calibration) -> Path:
+    """Path of the page of a calibration that was made from this cell and recording, written into its run."""
+    from basecal.accuracy.point_residuals import point_residuals
+    from basecal.cell.inside import write_whole
+    from basecal.reporting.page import page
+
+    points = point_residuals(cell, recording, calibration)
+    write_whole(run / FILE, page(cell, recording, calibration, points, title=_title(run)))
+    return run / FILE
+
+
+def rewrite_page(folder: Path, run: Path, cell: Cell, calibration: Calibration) -> Path:
+    """Path of the page of a stored run.
+
+    Where its inputs have changed since, the page says so and shows no residuals of single points.
+    """
+    from basecal.cell import Recording
+    from basecal.cell.files import input_hashes, read_recording
+    from basecal.cell.inside import write_whole
+    from basecal.reporting.page import page
+
+    now = input_hashes(folder, cell)
+    changed = [name for name, hashed in calibration.inputs.items() if now.get(name) != hashed]
+    if not changed:
+        return write_page(run, cell, read_recording(folder, cell), calibration)
+    note = f"{', '.join(changed)} changed since this run: names and picture are as of now. Calibrate again."
+    try:
+        recording = read_recording(folder, cell)
+    except DatasetError:
+        recording = Recording()
+    write_whole(run / FILE, page(cell, recording, calibration, title=_title(run), notes=[note]))
+    return run / FILE
+
+
+def tell_page(folder: Path) -> None:
+    """Say on stderr where the page of the latest run of a cell is."""
+    from basecal.cell.files import latest_run
+
+    run = latest_run(folder)
+    if run is not None:
+        print(f"page: {run / FILE}", file=sys.stderr)
+
+
+def _title(run: Path) -> str:
+    return f"{run.resolve().parents[1].name}, {run.name}"

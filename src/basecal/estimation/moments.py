@@ -1,0 +1,95 @@
+"""Gradient and information of views from moments of their targets' points, without a Jacobian.
+
+A residual of the point p moves by J = P R [I, -hat(p)], with P its derivative to the point in the camera and R the
+rotation of `camera_from_target`. So J'J is linear in R'P'PR and quadratic in h = (1, x, y, z) of the point, and J'r
+linear in both R'P'r and h: sums over points of (P'P)_ij h_a h_b and (P'r)_i h_a are all that is needed of them. These
+are products with matrices that depend on the target alone; the rotation follows, once a view.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from itertools import product
+
+import numpy as np
+
+from basecal.geometry import Array
+
+UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+_MONOMIALS = tuple((a, b) for a in range(4) for b in range(a, 4))
+
+
+def monomials(points: Array) -> Array:
+    """Products of 1, x, y and z of points, (p, 3) to (p, 10), those with 1 first."""
+    h = np.concatenate([np.ones((len(points), 1)), points], -1)
+    return np.stack([h[:, a] * h[:, b] for a, b in _MONOMIALS], -1)
+
+
+def dot(left: Sequence[Array], right: Sequence[Array]) -> Array:
+    """Sum of products, term by term."""
+    total = left[0] * right[0]
+    for a, b in zip(left[1:], right[1:], strict=True):
+        total += a * b
+    return total
+
+
+def gradient_and_information(
+    forces: Iterable[Array], squares: Iterable[Array], rotation: Array, of_points: Array
+) -> tuple[Array, Array]:
+    """J'r, (n, 6), and J'J, (n, 6, 6), of n views.
+
+    Args:
+        forces: P'r, three arrays (n, p).
+        squares: The upper half of P'P by rows, six arrays (n, p), see `UPPER`.
+        rotation: Of camera_from_target, (n, 3, 3).
+        of_points: `monomials` of the points.
+    """
+    first = np.swapaxes(rotation, -1, -2) @ _moments(forces, of_points[:, :4])
+    second = _carried(rotation) @ _moments(squares, of_points)
+    n = len(rotation)
+    information = second.reshape(n, -1) @ _TO_INFORMATION
+    return first.reshape(n, -1) @ _TO_GRADIENT, information.reshape(n, 6, 6)
+
+
+def _carried(rotation: Array) -> Array:
+    """What takes the upper half of a symmetric M to that of R'MR, (n, 6, 6)."""
+    entries = rotation.reshape(-1, 9)
+    carried = entries[:, _LEFT] * entries[:, _RIGHT]
+    carried += entries[:, _LEFT_SWAPPED] * entries[:, _RIGHT_SWAPPED]
+    carried *= _ONCE
+    return carried.reshape(-1, 6, 6)
+
+
+def _moments(planes: Iterable[Array], of_points: Array) -> Array:
+    """(n, k, m) sums over the points of k arrays (n, p) times (p, m)."""
+    return np.stack([plane @ of_points for plane in planes], 1)
+
+
+def _motion() -> Array:
+    """The derivative of a point's motion to the tangent, [I, -hat(p)], by its h: (4, 3, 6)."""
+    out = np.zeros((4, 3, 6))
+    out[0, :, :3] = np.eye(3)
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        out[1 + i, j, 3 + k], out[1 + i, k, 3 + j] = 1.0, -1.0
+    return out
+
+
+def _to_information() -> Array:
+    """From (R'P'PR)_ij h_a h_b, upper halves, (60,), to J'J, (36,)."""
+    motion = _motion()
+    out = np.zeros((len(UPPER), len(_MONOMIALS), 6, 6))
+    for row, (i, j) in enumerate(UPPER):
+        for column, (a, b) in enumerate(_MONOMIALS):
+            for (m, n), (left, right) in product({(i, j), (j, i)}, {(a, b), (b, a)}):
+                out[row, column] += np.outer(motion[left, m], motion[right, n])
+    return out.reshape(-1, 36)
+
+
+_TO_GRADIENT = _motion().transpose(1, 0, 2).reshape(12, 6).copy()
+_TO_INFORMATION = _to_information()
+# (R'MR)_ij gathers M_ab from R_ai R_bj and, off the diagonal, R_bi R_aj.
+_TERMS = [(i, j, a, b) for i, j in UPPER for a, b in UPPER]
+_LEFT, _RIGHT = np.array([(3 * a + i, 3 * b + j) for i, j, a, b in _TERMS]).T
+_LEFT_SWAPPED, _RIGHT_SWAPPED = np.array([(3 * b + i, 3 * a + j) for i, j, a, b in _TERMS]).T
+_ONCE = np.array([0.5 if a == b else 1.0 for _, _, a, b in _TERMS])

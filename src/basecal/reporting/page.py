@@ -1,0 +1,203 @@
+"""A calibration as one HTML file that opens offline."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from importlib.resources import files
+from typing import Any
+
+from jinja2 import Environment, FunctionLoader, StrictUndefined
+from markupsafe import Markup
+
+from basecal.accuracy.point_residuals import PointResiduals
+from basecal.cell import Calibration, Cell, Recording, SampleResidual
+from basecal.reporting.figures import QUANTITIES, Figure, arrow_figure, bar_figure, histogram
+from basecal.reporting.picture import picture
+from basecal.reporting.scene import Scene, scene, scene_data
+from basecal.reporting.text import by_weight, fit_sentences, lens_parameters, noise_sentences, verdict_sentence
+from basecal.reporting.transforms import transform_view
+
+_MOST_ROWS = 400
+_MOST_ARROWS = 1500
+_MOST_ARROWS_TOGETHER = 6000
+_MOST_BARS = 600
+_MOST_BARS_TOGETHER = 2700
+_FEWEST = 100
+_FOLDER = files("basecal.reporting")
+_SCRIPTS = ("vendor/three.min.js", "templates/scene.js", "templates/page.js")
+
+
+@dataclass(frozen=True)
+class Views:
+    """The views of one target by one camera: its name, a figure for each quantity there is."""
+
+    name: str
+    figures: tuple[Figure, ...]
+
+
+def page(
+    cell: Cell,
+    recording: Recording,
+    calibration: Calibration,
+    points: Sequence[PointResiduals] = (),
+    *,
+    title: str = "calibration",
+    notes: Sequence[str] = (),
+) -> str:
+    """The report of a calibration as HTML, everything it needs inside; it asks nothing of any server.
+
+    Args:
+        cell: What was calibrated.
+        recording: What was seen.
+        calibration: What came out.
+        points: How far points are from where the calibration predicts them.
+        title: What the reader calls it.
+        notes: Said below the verdict, such as that a file has changed since.
+    """
+    drawn = scene(cell, recording.samples, calibration)
+    scripts = [_own(name) for name in _SCRIPTS]
+    style = _own("templates/page.css")
+    return (
+        _environment()
+        .get_template("page.html")
+        .render(
+            title=title,
+            notes=notes,
+            policy=_policy(style, scripts),
+            style=Markup(style),
+            scripts=[Markup(script) for script in scripts],
+            scene_json=Markup(_json_inside_html(scene_data(drawn))),
+            drawn=drawn,
+            legend=_legend(drawn),
+            picture=Markup(picture(drawn)),
+            version=_version(),
+            **_answer(cell, calibration),
+            **_fit(cell, calibration, points),
+        )
+    )
+
+
+def _own(name: str) -> str:
+    """A file of this package as text."""
+    return _FOLDER.joinpath(*name.split("/")).read_text(encoding="utf-8")
+
+
+def _environment() -> Environment:
+    """Templates of this package; whatever they are given is escaped."""
+    loader = FunctionLoader(lambda name: _own(f"templates/{name}"))
+    made = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    made.filters["svg"] = Markup
+    return made
+
+
+def _policy(style: str, scripts: Sequence[str]) -> str:
+    """The Content-Security-Policy: nothing runs but these scripts, nothing is fetched."""
+    allowed = " ".join(_source_hash(script) for script in scripts)
+    style_hash = _source_hash(style)
+    return f"default-src 'none'; script-src {allowed}; style-src {style_hash}; base-uri 'none'; form-action 'none'"
+
+
+def _source_hash(source: str) -> str:
+    digest = base64.b64encode(hashlib.sha256(source.encode()).digest()).decode()
+    return f"'sha256-{digest}'"
+
+
+def _json_inside_html(data: Mapping[str, Any]) -> str:
+    """JSON that cannot end the element it stands in."""
+    return json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+
+
+def _version() -> str:
+    try:
+        return version("basecal")
+    except PackageNotFoundError:
+        return "unknown"
+
+
+def _legend(drawn: Scene) -> list[str]:
+    """What the picture shows and what it cannot, a sentence each."""
+    told = ["Axes: x red, y green, z blue. Dots: flanges at each sample, as recorded."]
+    ellipsoids = [*(arm.ellipsoid for arm in drawn.arms), *(body.ellipsoid for body in drawn.bodies)]
+    if any(each is not None for each in ellipsoids):
+        scale = f", drawn {drawn.ellipsoid_scale:g} times as large" if drawn.ellipsoid_scale != 1 else ""
+        told.append(f"Ellipsoid: one sigma of the position of what was asked{scale}.")
+    if len(drawn.samples) < drawn.total:
+        told.append(f"{len(drawn.samples)} of {drawn.total} samples are shown.")
+    if drawn.missing:
+        told.append(f"Not drawn, as their place is not known: {', '.join(drawn.missing)}.")
+    return told
+
+
+def _answer(cell: Cell, calibration: Calibration) -> dict[str, Any]:
+    """What came out, for the template."""
+    asked = [name for name in cell.asked if name in calibration.transforms]
+    others = [name for name in calibration.transforms if name not in asked]
+    word, _, rest = verdict_sentence(cell, calibration).partition(": ")
+    return {
+        "verdict": calibration.verdict,
+        "word": word,
+        "sentence": rest,
+        "asked": [transform_view(name, cell, calibration) for name in asked],
+        "lacking": [name for name in cell.asked if name not in calibration.transforms],
+        "others": [transform_view(name, cell, calibration) for name in others],
+        "lenses": [
+            (name, camera.model, lens_parameters(camera, c)) for name, (camera, c) in calibration.cameras.items()
+        ],
+        "findings": by_weight(calibration.findings),
+        "unseen": calibration.unseen,
+        "condition": calibration.condition,
+        "settings": dict(calibration.settings),
+        "inputs": dict(calibration.inputs),
+    }
+
+
+def _fit(cell: Cell, calibration: Calibration, points: Sequence[PointResiduals]) -> dict[str, Any]:
+    """How everything fits, for the template."""
+    seen = [each for each in points if len(each.sample)]
+    cameras = list(dict.fromkeys(each.camera for each in seen))
+    most = _share(_MOST_ARROWS, _MOST_ARROWS_TOGETHER, len(cameras))
+    views = calibration.residuals.per_sample
+    return {
+        "fit": [*fit_sentences(calibration), *noise_sentences(calibration)],
+        "arrows": [
+            arrow_figure(name, cell.cameras[name].size_px, [each for each in seen if each.camera == name], most)
+            for name in cameras
+        ],
+        "histogram": histogram(seen) if seen else None,
+        "views": _views(views),
+        "rows": _worst_rows(views),
+        "view_count": len(views),
+    }
+
+
+def _share(most: int, together: int, figures: int) -> int:
+    """How much each of some figures may draw, so that the page stays small."""
+    return max(_FEWEST, min(most, together // max(figures, 1)))
+
+
+def _views(views: Sequence[SampleResidual]) -> list[Views]:
+    pairs = dict.fromkeys((view.camera, view.target) for view in views)
+    most = _share(_MOST_BARS, _MOST_BARS_TOGETHER, len(pairs) * len(QUANTITIES))
+    told = []
+    for camera, target in pairs:
+        own = [view for view in views if (view.camera, view.target) == (camera, target)]
+        figures = [bar_figure(own, quantity, most) for quantity in QUANTITIES]
+        told.append(Views(f"{target} seen by {camera}", tuple(f for f in figures if f is not None)))
+    return [each for each in told if each.figures]
+
+
+def _worst_rows(views: Sequence[SampleResidual]) -> list[tuple[str, ...]]:
+    """Cells of a table of views in the order of samples, of many those that fit worst."""
+    worst = sorted(views, key=lambda view: (view.rms_px or 0.0, view.loop_m or 0.0), reverse=True)[:_MOST_ROWS]
+    ordered = sorted(worst, key=lambda view: (view.sample, view.camera, view.target))
+    return [(str(v.sample), v.camera, v.target, *(_cell(v, q.field, q.factor) for q in QUANTITIES)) for v in ordered]
+
+
+def _cell(view: SampleResidual, field: str, factor: float) -> str:
+    value = getattr(view, field)
+    return "" if value is None else f"{value * factor:.3f}"

@@ -1,0 +1,119 @@
+"""The cell as a still picture, for paper and for where no script runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from basecal.geometry import SE3, Array
+from basecal.reporting.scene import Arm, Body, Scene
+from basecal.reporting.svg import dots, drawing, element, segments, text
+
+_WIDTH, _HEIGHT, _MARGIN = 640.0, 440.0, 44.0
+_ELEVATION_RAD = 0.45
+_AXIS_SHARE = 0.09
+_COLOURS = 4
+
+Project = Callable[[Array], Array]
+
+
+def picture(drawn: Scene) -> str:
+    """A drawing of the scene at its middle sample, seen so that the bases stand beside one another."""
+    middle = len(drawn.samples) // 2
+    project = _projection(drawn, middle)
+    parts = [*_floor(drawn, project)]
+    for number, arm in enumerate(drawn.arms):
+        parts += _arm(arm, number, middle, drawn, project)
+    for body in drawn.bodies:
+        parts += _body(body, _world_from_body(drawn, body, middle), drawn.ellipsoid_scale, project)
+    return drawing(_WIDTH, _HEIGHT, "the cell from the side", *parts)
+
+
+def _world_from_body(drawn: Scene, body: Body, sample: int) -> SE3 | None:
+    """Where a body is at a sample; None where its robot's pose was not recorded then."""
+    if body.on is None:
+        return body.mount
+    arm = next(arm for arm in drawn.arms if arm.name == body.on)
+    if not (len(arm.known) and arm.known[sample]):
+        return None
+    return arm.world_from_base @ arm.base_from_flange[sample] @ body.mount
+
+
+def _points(drawn: Scene, sample: int) -> Array:
+    """Everything that must be in the picture, (n, 3) [m]."""
+    reach = _AXIS_SHARE * drawn.size_m * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=np.float64)
+    places = [arm.world_from_base @ reach for arm in drawn.arms]
+    places += [(arm.world_from_base @ arm.base_from_flange).translation[arm.known] for arm in drawn.arms]
+    for body in drawn.bodies:
+        placed = _world_from_body(drawn, body, sample)
+        if placed is not None:
+            places.append(placed @ np.concatenate([body.lines.reshape(-1, 3), body.points]))
+    return np.concatenate(places)
+
+
+def _projection(drawn: Scene, sample: int) -> Project:
+    """From points, (..., 3) [m], to the drawing, (..., 2)."""
+    right, up = drawn.across, np.array([0.0, 0.0, 1.0])
+    away = np.cross(up, right)
+    axes = np.stack([right, -(np.cos(_ELEVATION_RAD) * up + np.sin(_ELEVATION_RAD) * away)])
+    flat = _points(drawn, sample) @ axes.T
+    low, high = flat.min(0), flat.max(0)
+    room = np.array([_WIDTH, _HEIGHT]) - 2 * _MARGIN
+    scale = float(np.min(room / np.maximum(high - low, 1e-9)))
+    shift = np.array([_WIDTH, _HEIGHT]) / 2 - scale * (low + high) / 2
+    return lambda points: scale * (points @ axes.T) + shift
+
+
+def _floor(drawn: Scene, project: Project) -> Iterator[str]:
+    """A line between the bases, on which the eye finds their places."""
+    feet = [project(arm.world_from_base.translation) for arm in drawn.arms]
+    yield element("path", class_="floor", d=segments(np.stack([feet[0], foot]) for foot in feet[1:]))
+
+
+def _frame(world_from_body: SE3, length: float, project: Project) -> Iterator[str]:
+    origin = project(world_from_body.translation)
+    for axis, tip in zip("xyz", project(world_from_body @ (length * np.eye(3))), strict=True):
+        yield element("path", class_=f"axis-{axis}", d=segments([np.stack([origin, tip])]))
+
+
+def _label(name: str, at: Array, class_: str = "label") -> str:
+    return element("text", text(name), class_=class_, x=f"{at[0]:.1f}", y=f"{at[1]:.1f}")
+
+
+def _arm(arm: Arm, number: int, sample: int, drawn: Scene, project: Project) -> Iterator[str]:
+    colour, size = number % _COLOURS, drawn.size_m
+    base = project(arm.world_from_base.translation)
+    flanges = (arm.world_from_base @ arm.base_from_flange).translation[arm.known]
+    yield element("path", class_=f"trail robot-{colour}", d=dots(project(flanges)))
+    if len(arm.known) and arm.known[sample]:
+        world_from_flange = arm.world_from_base @ arm.base_from_flange[sample]
+        reach = np.stack([base, project(world_from_flange.translation)])
+        yield element("path", class_=f"reach robot-{colour}", d=segments([reach]))
+        yield from _frame(world_from_flange, 0.4 * _AXIS_SHARE * size, project)
+    yield from _frame(arm.world_from_base, _AXIS_SHARE * size, project)
+    if arm.ellipsoid is not None:
+        yield _ellipsoid(arm.ellipsoid, arm.world_from_base, drawn.ellipsoid_scale, project)
+    yield _label(f"{arm.name}_base", base + np.array([0.0, 18.0]), f"label robot-{colour}")
+
+
+def _ellipsoid(ellipsoid: Array, world_from_body: SE3, scale: float, project: Project) -> str:
+    """The outline of an ellipsoid: the shadow of a ball's image under M is that of a disc under (M M')^1/2."""
+    world_from_ball = scale * world_from_body.rotation @ ellipsoid
+    shadow = (project(world_from_ball.T) - project(np.zeros(3))).T
+    u, lengths, _ = np.linalg.svd(shadow, full_matrices=False)
+    turn = np.linspace(0, 2 * np.pi, 49)
+    outline = project(world_from_body.translation) + (np.stack([np.cos(turn), np.sin(turn)], -1) * lengths) @ u.T
+    return element("path", class_="ellipsoid", d=segments(np.stack([outline[:-1], outline[1:]], 1)))
+
+
+def _body(body: Body, world_from_body: SE3 | None, scale: float, project: Project) -> Iterator[str]:
+    if world_from_body is None:
+        return
+    if body.ellipsoid is not None:
+        yield _ellipsoid(body.ellipsoid, world_from_body, scale, project)
+    lines = project(world_from_body @ body.lines)
+    points = project(world_from_body @ body.points)
+    yield element("path", class_=body.kind, d=segments(lines) + dots(points))
+    ends = np.concatenate([lines.reshape(-1, 2), points])
+    yield _label(body.name, np.array([ends[:, 0].mean(), ends[:, 1].min() - 7]))

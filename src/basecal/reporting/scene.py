@@ -1,0 +1,262 @@
+"""The cell in three dimensions as data: bases, flanges at every sample, cameras and targets."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from basecal.cell import WORLD, Calibration, Cell, CellCamera, CellTarget, Robot, Sample, Target
+from basecal.geometry import SE3, Array, BoolArray, Camera
+from basecal.reporting.svg import round_up
+
+_MOST_SAMPLES = 400
+_MOST_POINTS = 200
+_SMALLEST_M = 0.2
+_FRUSTUM_SHARE = 0.08
+_ELLIPSOID_SHARE = 0.06
+_TURN_RAD = 0.4
+
+Ellipsoids = Mapping[str, Array | None]
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """A robot in the scene.
+
+    Attributes:
+        name: Its name.
+        world_from_base: Where its base is.
+        base_from_flange: (n,) where its flange is at each sample of the scene.
+        known: (n,) whether that was recorded.
+        ellipsoid: (3, 3) semi-axes of one sigma of the base's position as columns, in its own axes [m]; None where its
+            place was not asked for.
+    """
+
+    name: str
+    world_from_base: SE3
+    base_from_flange: SE3
+    known: BoolArray
+    ellipsoid: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A camera or a target.
+
+    Attributes:
+        name: Its name.
+        kind: `camera` or `target`.
+        on: The robot whose flange carries it; None on world.
+        mount: Where it is on that flange, or in world.
+        lines: (k, 2, 3) [m] in its own frame.
+        points: (m, 3) [m] in its own frame.
+        ellipsoid: As of an `Arm`.
+    """
+
+    name: str
+    kind: str
+    on: str | None
+    mount: SE3
+    lines: Array
+    points: Array
+    ellipsoid: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """All there is to draw.
+
+    Attributes:
+        arms: Those whose place is known.
+        bodies: Those whose place is known.
+        samples: Numbers of the samples shown.
+        total: How many samples there are.
+        size_m: Length that the whole is about as large as.
+        across: (3,) horizontal unit vector that stands across the first view of it.
+        ellipsoid_scale: How many times larger than one sigma the ellipsoids are drawn.
+        missing: Names of robots, cameras and targets whose place is not known.
+    """
+
+    arms: tuple[Arm, ...]
+    bodies: tuple[Body, ...]
+    samples: tuple[int, ...]
+    total: int
+    size_m: float
+    across: Array
+    ellipsoid_scale: float
+    missing: tuple[str, ...]
+
+
+def scene(cell: Cell, samples: Sequence[Sample], calibration: Calibration) -> Scene:
+    """The scene of a calibration: what it knows, or the cell states as fixed; of many samples some hundred."""
+    shown = samples[:: max(1, -(-len(samples) // _MOST_SAMPLES))]
+    means = _means(cell, calibration)
+    robots = [robot for robot in cell.robots.values() if cell.base_name(robot.name) in means]
+    sure = {name: _semi_axes(name, calibration) for name in cell.asked}
+    arms = tuple(_arm(robot, cell.base_name(robot.name), means, shown, sure) for robot in robots)
+    size = _size(arms)
+    placed = {WORLD, *(arm.name for arm in arms)}
+    things: list[CellCamera | CellTarget] = [*cell.cameras.values(), *cell.targets.values()]
+    drawn = {t.name: t for t in things if t.on in placed and cell.mount_name(t.name) in means}
+    bodies = tuple(_body(t, cell.mount_name(t.name), means, calibration, sure, size) for t in drawn.values())
+    missing = [name for name in (*cell.robots, *cell.cameras, *cell.targets) if name not in placed | drawn.keys()]
+    return Scene(
+        arms=arms,
+        bodies=bodies,
+        samples=tuple(sample.sample for sample in shown),
+        total=len(samples),
+        size_m=size,
+        across=_across(arms),
+        ellipsoid_scale=_ellipsoid_scale(sure.values(), size),
+        missing=tuple(missing),
+    )
+
+
+def _means(cell: Cell, calibration: Calibration) -> dict[str, SE3]:
+    known = {name: u.mean for name, u in cell.transforms.items() if u.status == "fixed" and u.mean is not None}
+    known |= {name: estimate.mean for name, estimate in calibration.transforms.items()}
+    return known | {cell.base_name(cell.reference): SE3.identity()}
+
+
+def _arm(robot: Robot, base: str, means: Mapping[str, SE3], shown: Sequence[Sample], sure: Ellipsoids) -> Arm:
+    poses = [_flange(robot, sample) for sample in shown]
+    known = np.array([pose is not None for pose in poses], dtype=bool)
+    flanges = SE3.stack([pose or SE3.identity() for pose in poses])
+    return Arm(robot.name, means[base], flanges, known, sure.get(base))
+
+
+def _flange(robot: Robot, sample: Sample) -> SE3 | None:
+    state = sample.robots.get(robot.name)
+    if state is None:
+        return None
+    if state.joints_rad is not None and robot.chain is not None:
+        return robot.chain.forward(state.joints_rad)
+    return state.base_from_flange
+
+
+def _semi_axes(name: str, calibration: Calibration) -> Array | None:
+    """Columns along the axes of the ellipsoid of one sigma, right-handed, (3, 3); None of what was not found."""
+    if name not in calibration.transforms or not np.all(np.isfinite(calibration[name].covariance)):
+        return None
+    covariance = calibration[name].covariance[:3, :3]
+    squares, axes = np.linalg.eigh(covariance)
+    axes[:, 0] *= np.sign(np.linalg.det(axes))
+    semi_axes: Array = axes * np.sqrt(np.maximum(squares, 0.0))
+    return semi_axes
+
+
+def _size(arms: Sequence[Arm]) -> float:
+    """Diagonal of the box about all bases and flanges [m]."""
+    places = [arm.world_from_base.translation[None] for arm in arms]
+    places += [(arm.world_from_base @ arm.base_from_flange).translation[arm.known] for arm in arms]
+    every = np.concatenate(places)
+    return max(float(np.linalg.norm(every.max(0) - every.min(0))), _SMALLEST_M)
+
+
+def _across(arms: Sequence[Arm]) -> Array:
+    """The horizontal direction towards the base farthest from world, turned so that no axis is seen end on."""
+    x, y = max((arm.world_from_base.translation[:2] for arm in arms), key=lambda t: float(np.linalg.norm(t)))
+    angle = np.arctan2(y, x) + _TURN_RAD
+    return np.array([np.cos(angle), np.sin(angle), 0.0])
+
+
+def _ellipsoid_scale(ellipsoids: Iterable[Array | None], size: float) -> float:
+    longest = [float(np.linalg.norm(each, axis=0).max()) for each in ellipsoids if each is not None]
+    widest = max(longest, default=0.0)
+    return 1.0 if widest <= 0 else max(1.0, round_up(_ELLIPSOID_SHARE * size / widest) / 2)
+
+
+def _body(
+    thing: CellCamera | CellTarget,
+    mount: str,
+    means: Mapping[str, SE3],
+    calibration: Calibration,
+    sure: Ellipsoids,
+    size: float,
+) -> Body:
+    on, mean = None if thing.on == WORLD else thing.on, means[mount]
+    if isinstance(thing, CellCamera):
+        lens = thing.intrinsics.camera if thing.intrinsics is not None else None
+        camera = calibration.cameras[thing.name][0] if thing.name in calibration.cameras else lens
+        return Body(
+            thing.name, "camera", on, mean, _frustum(camera, _FRUSTUM_SHARE * size), np.zeros((0, 3)), sure.get(mount)
+        )
+    shape = thing.target
+    points = np.zeros((1, 3)) if shape is None else shape.points
+    some = points[:: -(-len(points) // _MOST_POINTS)]
+    return Body(thing.name, "target", on, mean, _outline(shape), some, sure.get(mount))
+
+
+def _frustum(camera: Camera | None, length: float) -> Array:
+    """Edges of what a camera sees, (8, 2, 3) [m]; of a usual one where its lens or image is not known."""
+    rays = np.array([[-0.4, -0.3, 1.0], [0.4, -0.3, 1.0], [0.4, 0.3, 1.0], [-0.4, 0.3, 1.0]])
+    if camera is not None and camera.size_px is not None:
+        width, height = camera.size_px
+        corners = np.array([[0, 0], [width - 1, 0], [width - 1, height - 1], [0, height - 1]], dtype=np.float64)
+        looking, valid = camera.undistort(corners)
+        rays = np.where(valid.all(), looking, rays)
+    ends = length * rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+    return np.concatenate([np.stack([np.zeros((4, 3)), ends], 1), np.stack([ends, np.roll(ends, -1, 0)], 1)])
+
+
+def _outline(shape: Target | None) -> Array:
+    """The box about a target's points in its plane, a square round each tag, (k, 2, 3) [m]."""
+    if shape is None or len(shape.points) < 3:
+        return np.zeros((0, 2, 3))
+    if shape.kind == "apriltag":
+        loops = shape.points.reshape(-1, 4, 3)
+    else:
+        low, high = shape.points.min(0), shape.points.max(0)
+        x, y, z = np.stack([low, high], -1)
+        loops = np.array([[[x[0], y[0], z[0]], [x[1], y[0], z[0]], [x[1], y[1], z[0]], [x[0], y[1], z[0]]]])
+    return np.stack([loops, np.roll(loops, -1, axis=1)], 2).reshape(-1, 2, 3)
+
+
+def scene_data(drawn: Scene) -> dict[str, Any]:
+    """A scene as plain data for the script of the page; lengths to 0.01 mm."""
+    return {
+        "arms": [_arm_data(arm) for arm in drawn.arms],
+        "bodies": [_body_data(body) for body in drawn.bodies],
+        "samples": list(drawn.samples),
+        "size": _rounded(drawn.size_m),
+        "across": _rounded(drawn.across),
+        "ellipsoidScale": drawn.ellipsoid_scale,
+    }
+
+
+def _rounded(values: Any) -> Any:
+    return np.round(values, 5).tolist()
+
+
+def _pose(transform: SE3) -> Array:
+    return np.concatenate([transform.translation, transform.quaternion], -1)
+
+
+def _arm_data(arm: Arm) -> dict[str, Any]:
+    poses = _rounded(_pose(arm.base_from_flange))
+    return {
+        "name": arm.name,
+        "base": _rounded(_pose(arm.world_from_base)),
+        "flanges": [pose if known else None for pose, known in zip(poses, arm.known, strict=True)],
+        "ellipsoid": _ellipsoid_data(arm.ellipsoid),
+    }
+
+
+def _ellipsoid_data(ellipsoid: Array | None) -> Any:
+    """Semi-axes unrounded: they are far smaller than what is rounded for drawing."""
+    return None if ellipsoid is None else ellipsoid.tolist()
+
+
+def _body_data(body: Body) -> dict[str, Any]:
+    return {
+        "name": body.name,
+        "kind": body.kind,
+        "on": body.on,
+        "mount": _rounded(_pose(body.mount)),
+        "lines": _rounded(body.lines),
+        "points": _rounded(body.points),
+        "ellipsoid": _ellipsoid_data(body.ellipsoid),
+    }

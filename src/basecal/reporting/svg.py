@@ -1,0 +1,51 @@
+"""Elements of SVG as text, everything in them escaped."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from html import escape
+
+from basecal.geometry import Array
+
+
+def element(name: str, *inside: str, **attributes: object) -> str:
+    """An element; `class_` and `stroke_width` stand for `class` and `stroke-width`, and None leaves one out.
+
+    Args:
+        name: Such as `path`.
+        inside: What it holds: elements, or text that `text` has escaped.
+        attributes: Their values are escaped.
+    """
+    given = {key.rstrip("_").replace("_", "-"): value for key, value in attributes.items() if value is not None}
+    told = "".join(f' {key}="{escape(str(value))}"' for key, value in given.items())
+    return f"<{name}{told}>{''.join(inside)}</{name}>"
+
+
+def text(said: str) -> str:
+    """Text that may hold anything."""
+    return escape(said)
+
+
+def drawing(width: float, height: float, label: str, *inside: str, stretch: bool = False) -> str:
+    """A drawing with a name for those who cannot see it; `stretch` lets it fill any box."""
+    view = {"viewBox": f"0 0 {width:g} {height:g}", "preserveAspectRatio": "none" if stretch else None}
+    return element("svg", element("title", text(label)), *inside, role="img", **view)
+
+
+def segments(ends: Iterable[Array]) -> str:
+    """Path data of straight lines, each (2, 2)."""
+    return "".join(f"M{a[0]:.1f} {a[1]:.1f}L{b[0]:.1f} {b[1]:.1f}" for a, b in ends)
+
+
+def dots(points: Iterable[Array]) -> str:
+    """Path data of lines without length, which round caps show as dots."""
+    return "".join(f"M{x:.1f} {y:.1f}h0" for x, y in points)
+
+
+def round_up(value: float) -> float:
+    """The smallest of 1, 2, 2.5, 5 times a power of ten that is not below a value; 1 for what is not positive."""
+    if not (math.isfinite(value) and value > 0):
+        return 1.0
+    decade = 10.0 ** math.floor(math.log10(value))
+    return next(m * decade for m in (1, 2, 2.5, 5, 10) if m * decade >= value * (1 - 1e-9))

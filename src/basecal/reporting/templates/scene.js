@@ -1,0 +1,184 @@
+"use strict";
+// The cell in three dimensions: bases hold flanges, flanges hold cameras and targets, as in the one equation.
+(() => {
+  const data = JSON.parse(document.getElementById("scene-data").textContent);
+  const box = document.querySelector(".live");
+  if (!data.samples.length) return;
+  let renderer;
+  try {
+    renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true });
+  } catch {
+    return; // Without WebGL the still picture stays.
+  }
+  const size = data.size;
+  const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+  const coloured = []; // [material, name of the colour], for a change of scheme
+  const material = (Kind, colour, more = {}) => {
+    const made = new Kind(more);
+    coloured.push([made, colour]);
+    return made;
+  };
+  const geometry = (points) => {
+    const made = new THREE.BufferGeometry();
+    made.setAttribute("position", new THREE.Float32BufferAttribute(points.flat(Infinity), 3));
+    return made;
+  };
+  const lines = (segments, colour, more) =>
+    new THREE.LineSegments(geometry(segments), material(THREE.LineBasicMaterial, colour, more));
+  const dots = (points, colour, pixels) =>
+    new THREE.Points(geometry(points), material(THREE.PointsMaterial, colour, { size: pixels, sizeAttenuation: false }));
+  const place = (group, pose) => {
+    group.position.set(pose[0], pose[1], pose[2]);
+    group.quaternion.set(pose[3], pose[4], pose[5], pose[6]);
+    return group;
+  };
+  const axes = (length) => {
+    const group = new THREE.Group();
+    [[length, 0, 0], [0, length, 0], [0, 0, length]].forEach((tip, i) =>
+      group.add(lines([[0, 0, 0], tip], ["--x", "--y", "--z"][i])));
+    return group;
+  };
+
+  const world = new THREE.Scene();
+  const flanges = {}; // by robot
+  const reaches = []; // [line from base to flange, arm]
+  const names = []; // [element, object]
+  const name = (text, object, colour = "--ink") => {
+    const element = document.createElement("span");
+    element.className = "name";
+    element.textContent = text;
+    element.style.color = `var(${colour})`;
+    box.append(element);
+    names.push([element, object]);
+  };
+  const ellipsoid = (semiAxes) => {
+    const [a, b, c] = [0, 1, 2].map((k) => new THREE.Vector3(semiAxes[0][k], semiAxes[1][k], semiAxes[2][k]).multiplyScalar(data.ellipsoidScale));
+    const made = new THREE.Mesh(
+      new THREE.SphereGeometry(1, 32, 20),
+      material(THREE.MeshLambertMaterial, "--doubtful", { transparent: true, opacity: 0.55, depthWrite: false }),
+    );
+    made.matrixAutoUpdate = false;
+    made.matrix.makeBasis(a, b, c);
+    return made;
+  };
+  data.arms.forEach((arm, k) => {
+    const colour = `--robot-${k % 4}`;
+    const base = place(new THREE.Group(), arm.base);
+    base.add(axes(0.12 * size));
+    if (arm.ellipsoid) base.add(ellipsoid(arm.ellipsoid));
+    const seen = arm.flanges.filter((pose) => pose);
+    if (seen.length) base.add(dots(seen.map((pose) => pose.slice(0, 3)), colour, 4 * Math.min(devicePixelRatio, 2)));
+    const flange = new THREE.Group();
+    flange.add(axes(0.05 * size));
+    base.add(flange);
+    const reach = lines([[0, 0, 0], [0, 0, 0]], colour);
+    reach.frustumCulled = false;
+    base.add(reach);
+    reaches.push([reach, arm]);
+    flanges[arm.name] = flange;
+    world.add(base);
+    name(`${arm.name}_base`, base, colour);
+  });
+  for (const body of data.bodies) {
+    const colour = body.kind === "camera" ? "--camera" : "--target";
+    const group = place(new THREE.Group(), body.mount);
+    group.add(axes(0.03 * size));
+    if (body.ellipsoid) group.add(ellipsoid(body.ellipsoid));
+    if (body.lines.length) group.add(lines(body.lines, colour));
+    if (body.points.length) group.add(dots(body.points, colour, 3 * Math.min(devicePixelRatio, 2)));
+    (body.on === null ? world : flanges[body.on]).add(group);
+    name(body.name, group, colour);
+  }
+  world.add(new THREE.AmbientLight(0xffffff, 1.6));
+  const light = new THREE.DirectionalLight(0xffffff, 1.8);
+  light.position.set(1, -2, 3);
+  world.add(light);
+
+  const eye = new THREE.PerspectiveCamera(35, 1, 0.01 * size, 30 * size);
+  eye.up.set(0, 0, 1);
+  const controls = new THREE.OrbitControls(eye, renderer.domElement);
+  world.updateMatrixWorld(true);
+  const extent = []; // what must be in the first view
+  world.traverse((object) => {
+    if (object.isGroup) extent.push(object.getWorldPosition(new THREE.Vector3()));
+  });
+  data.arms.forEach((arm, k) => {
+    for (const pose of [...arm.flanges, [0, 0, 0.15 * size], [0, 0, -0.1 * size]]) {
+      if (pose) extent.push(new THREE.Vector3(...pose.slice(0, 3)).applyMatrix4(world.children[k].matrixWorld));
+    }
+  });
+  const across = new THREE.Vector3(...data.across);
+  const from = new THREE.Vector3(0, 0, 1).cross(across).multiplyScalar(-0.9).add(new THREE.Vector3(0, 0, 0.43));
+  const middle = new THREE.Vector3();
+  const look = () => {
+    // Alternately centre what is seen and go as near as it allows.
+    let distance = 4 * size;
+    extent.forEach((point) => middle.addScaledVector(point, 1 / extent.length));
+    for (let k = 0; k < 12; k++) {
+      eye.position.copy(middle).addScaledVector(from, distance);
+      eye.lookAt(middle);
+      eye.updateMatrixWorld(true);
+      const seen = extent.map((point) => point.clone().project(eye));
+      const [x, y] = ["x", "y"].map((axis) => seen.map((point) => point[axis]));
+      const [left, right, low, high] = [Math.min(...x), Math.max(...x), Math.min(...y), Math.max(...y)];
+      const centre = middle.clone().project(eye);
+      middle.set((left + right) / 2, (low + high) / 2, centre.z).unproject(eye);
+      distance *= Math.min(Math.max((right - left) / 2, (high - low) / 2) / 0.82, 3);
+    }
+    controls.target.copy(middle);
+    controls.update();
+  };
+  const corner = new THREE.Vector3();
+  const label = ([element, object]) => {
+    object.getWorldPosition(corner).project(eye);
+    const shown = object.visible && object.parent.visible && corner.z < 1;
+    element.hidden = !shown;
+    const x = Math.min((corner.x + 1) / 2 * box.clientWidth + 8, box.clientWidth - element.offsetWidth - 2);
+    const y = (1 - corner.y) / 2 * box.clientHeight + 4;
+    element.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)`;
+  };
+  const draw = () => {
+    renderer.render(world, eye);
+    names.forEach(label);
+  };
+  const paint = () => {
+    for (const [one, colour] of coloured) one.color.set(css(colour));
+    draw();
+  };
+  let looked = false;
+  const resize = () => {
+    const width = box.clientWidth, height = box.clientHeight;
+    if (!width || !height) return;
+    renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    renderer.setSize(width, height);
+    eye.aspect = width / height;
+    eye.updateProjectionMatrix();
+    if (!looked) { looked = true; look(); }
+    draw();
+  };
+
+  window.showSample = (index) => {
+    for (const [reach, arm] of reaches) {
+      const pose = arm.flanges[index], flange = flanges[arm.name];
+      flange.visible = reach.visible = pose !== null;
+      if (!pose) continue;
+      place(flange, pose);
+      const ends = reach.geometry.attributes.position;
+      ends.setXYZ(1, pose[0], pose[1], pose[2]);
+      ends.needsUpdate = true;
+    }
+    world.updateMatrixWorld(true);
+    draw();
+  };
+
+  box.append(renderer.domElement);
+  box.hidden = false;
+  document.querySelector(".still").hidden = true;
+  document.querySelector(".slider").hidden = data.samples.length < 2;
+  for (const only of document.querySelectorAll(".only-live")) only.hidden = false;
+  controls.addEventListener("change", draw);
+  window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", paint);
+  new ResizeObserver(resize).observe(box);
+  resize();
+  paint();
+})();

@@ -1,0 +1,103 @@
+"""Each transform of a calibration as the words and numbers of the page, those of the text."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+
+import numpy as np
+
+from basecal.cell import Calibration, Cell
+from basecal.exchange.ros2 import static_transform_publisher
+from basecal.exchange.urdf import numbers, origin_line
+from basecal.geometry import Array
+from basecal.reporting.text import frame_names, sigma_norms
+
+_DIGITS = 4
+
+
+@dataclass(frozen=True)
+class Row:
+    """Three numbers along x, y, z in one unit, their sigmas and the sigmas' norm; None where given as fixed."""
+
+    name: str
+    unit: str
+    values: tuple[str, ...]
+    sigmas: tuple[str, ...] | None
+    norm: str | None
+
+
+@dataclass(frozen=True)
+class ToCopy:
+    """A text to paste into another program."""
+
+    name: str
+    text: str
+
+
+@dataclass(frozen=True)
+class TransformView:
+    """A transform as the page tells it.
+
+    Attributes:
+        name: Such as `eye_base_from_hand_base`.
+        status: `fixed`, `prior` or `free`; and that it is a point.
+        parent: The frame its numbers are in.
+        child: The frame whose axes the sigmas are along.
+        rows: Translation, and rotation unless it is a point.
+        quaternion: (x, y, z, w); nothing for a point.
+        copies: Forms for other programs.
+    """
+
+    name: str
+    status: str
+    parent: str
+    child: str
+    rows: tuple[Row, ...]
+    quaternion: tuple[str, ...]
+    copies: tuple[ToCopy, ...]
+
+
+def transform_view(name: str, cell: Cell, calibration: Calibration) -> TransformView:
+    """How the page tells a transform that the calibration has."""
+    estimate, status = calibration[name], calibration.status.get(name, "free")
+    is_point = name in calibration.points
+    given = status == "fixed"
+    norm_mm, norm_deg = sigma_norms(estimate)
+    rows = [_row("t", "mm", estimate.mean.translation * 1e3, None if given else (estimate.sigma_t * 1e3, norm_mm))]
+    if not is_point:
+        sigma_deg = np.degrees(estimate.sigma_r)
+        rows.append(_row("rpy", "deg", np.degrees(estimate.mean.rpy), None if given else (sigma_deg, norm_deg)))
+    parent, _, child = name.partition("_from_")
+    return TransformView(
+        name=name,
+        status=f"{status}, a point" if is_point else status,
+        parent=parent,
+        child=child,
+        rows=tuple(rows),
+        quaternion=() if is_point else tuple(numbers(estimate.mean.quaternion).split()),
+        copies=() if is_point else _copies(name, cell, calibration),
+    )
+
+
+def _row(name: str, unit: str, values: Array, sigma: tuple[Array, float] | None) -> Row:
+    told = tuple(numbers(values, _DIGITS).split())
+    if sigma is None:
+        return Row(name, unit, told, None, None)
+    return Row(name, unit, told, tuple(numbers(sigma[0], _DIGITS).split()), f"{sigma[1]:.{_DIGITS}f}")
+
+
+def _copies(name: str, cell: Cell, calibration: Calibration) -> tuple[ToCopy, ...]:
+    estimate = calibration[name]
+    parent, child = frame_names(cell, name)
+    matrix = ",\n ".join(f"[{', '.join(numbers(row).split())}]" for row in estimate.mean.matrix)
+    covariance = ",\n ".join(json.dumps([float(f"{value:.6g}") for value in row]) for row in estimate.covariance)
+    return (
+        ToCopy("URDF", origin_line(estimate.mean)),
+        ToCopy("ROS 2", static_transform_publisher(estimate.mean, parent, child)),
+        ToCopy("4 x 4 matrix [m]", f"[{matrix}]"),
+        ToCopy(
+            f"covariance, translation [m] before rotation [rad], in axes of {name.partition('_from_')[2]}",
+            f"[{covariance}]",
+        ),
+    )

@@ -1,0 +1,70 @@
+"""`report.html` of a run: when it is written, and from what."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from basecal.cell.files import latest_run
+from basecal.cli import main
+
+
+@pytest.fixture
+def calibrated(tmp_path: Path) -> Path:
+    """A simulated cell that has been calibrated."""
+    main(["simulate", str(tmp_path), "--samples", "12", "--robot-noise-mm", "0.1", "--robot-noise-mrad", "0.2"])
+    main(["calibrate", str(tmp_path)])
+    return tmp_path
+
+
+def page_of(folder: Path) -> Path:
+    run = latest_run(folder)
+    assert run is not None
+    return run / "report.html"
+
+
+def test_stored_run_gives_the_same_page(calibrated: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The page that `report` makes of the stored files is, letter for letter, the one that `calibrate` wrote."""
+    path = page_of(calibrated)
+    fresh = path.read_text(encoding="utf-8")
+    path.unlink()
+    capsys.readouterr()
+    assert main(["report", str(calibrated)]) == 0
+    assert capsys.readouterr().err == f"page: {path}\n"
+    assert path.read_text(encoding="utf-8") == fresh
+    assert 'class="arrows"' in fresh
+    assert str(calibrated.parent) not in fresh
+
+
+def test_changed_inputs_are_said(calibrated: Path) -> None:
+    """Where a file changed after the run, the page says which and shows no residuals of single points."""
+    with (calibrated / "cell.yaml").open("a") as file:
+        file.write("# another comment\n")
+    main(["report", str(calibrated)])
+    page = page_of(calibrated).read_text(encoding="utf-8")
+    assert "cell.yaml changed since this run" in page
+    assert "samples.jsonl changed" not in page
+    assert 'class="arrows"' not in page
+
+
+def test_unreadable_recording_is_no_obstacle(calibrated: Path) -> None:
+    """A stored run is told although its recording can no longer be read."""
+    (calibrated / "recording" / "samples.jsonl").write_text("{nonsense}\n" * 2)
+    assert main(["report", str(calibrated)]) == 0
+    assert "samples.jsonl changed since this run" in page_of(calibrated).read_text(encoding="utf-8")
+
+
+def test_json_writes_no_page(calibrated: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`report --json` prints and writes nothing else."""
+    page_of(calibrated).unlink()
+    capsys.readouterr()
+    assert main(["report", str(calibrated), "--json"]) == 0
+    assert capsys.readouterr().err == ""
+    assert not page_of(calibrated).exists()
+
+
+def test_demo_has_a_page(tmp_path: Path) -> None:
+    """The demo writes a page."""
+    main(["demo", str(tmp_path / "demo")])
+    assert page_of(tmp_path / "demo").read_text(encoding="utf-8").count("<title>GOOD") == 1

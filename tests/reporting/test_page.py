@@ -1,0 +1,231 @@
+"""The page: the same as the text, whole, safe, small and alone."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.point_residuals import PointResiduals, point_residuals
+from basecal.accuracy.verdict import calibrate
+from basecal.cell import Calibration, Cell, Finding, Recording, Residuals, SampleResidual
+from basecal.reporting.page import page
+from basecal.reporting.text import text_report
+from basecal.simulation.scenario import LayoutName, Scenario, Seen
+from basecal.simulation.testbed import simulate
+
+VOID = {"meta", "input", "br", "hr", "img", "link"}
+HOSTILE = '</script><script>alert(1)</script><img src=x onerror="alert(2)">&\'"'
+
+
+class Walker(HTMLParser):
+    """Tags that do not match, words outside scripts and styles, attributes, and what scripts and styles hold."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.faults: list[str] = []
+        self.words: list[str] = []
+        self.attributes: list[tuple[str, str, str]] = []
+        self.ids: list[str] = []
+        self.inside: dict[str, list[str]] = {"script": [], "style": []}
+        self.feed(html)
+        self.close()
+        self.faults += self.open
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        names = [name for name, _ in attrs]
+        if len(set(names)) != len(names):
+            self.faults.append(f"an attribute of {tag} is given twice")
+        self.attributes += [(tag, name, value or "") for name, value in attrs]
+        self.ids += [value or "" for name, value in attrs if name == "id"]
+        if tag not in VOID:
+            self.open.append(tag)
+            if tag in self.inside:
+                self.inside[tag].append("")
+
+    def handle_endtag(self, tag: str) -> None:
+        if not self.open or self.open.pop() != tag:
+            self.faults.append(f"{tag} is closed and not open")
+
+    def handle_data(self, data: str) -> None:
+        if self.open and self.open[-1] in self.inside:
+            self.inside[self.open[-1]][-1] += data
+        else:
+            self.words.append(data)
+
+    @property
+    def text(self) -> str:
+        return " ".join(" ".join(self.words).split())
+
+
+@pytest.fixture(scope="module")
+def made() -> tuple[Cell, Recording, Calibration]:
+    """A calibrated cell with a prior, a free lens and noise of robots and pixels."""
+    scenario = Scenario(samples=15, robot_noise=(1e-4, 2e-4), target_mount="prior", intrinsics="free")
+    simulated = simulate(scenario, 4)
+    calibration = calibrate(simulated.cell, simulated.recording)
+    note = Finding("intrinsics", "warning", ("wrist",), "the lens moved by 12.5 px: take its calibration again.")
+    doubtful = replace(calibration, verdict="doubtful", findings=(note,), inputs={"cell.yaml": "sha256:0123abcd"})
+    return simulated.cell, simulated.recording, doubtful
+
+
+@pytest.fixture(scope="module")
+def html(made: tuple[Cell, Recording, Calibration]) -> str:
+    cell, recording, calibration = made
+    return page(cell, recording, calibration, point_residuals(cell, recording, calibration), title="mycell")
+
+
+def refused() -> tuple[Cell, Recording, Calibration]:
+    cell = simulate(Scenario(samples=2), 0).cell
+    return cell, Recording(), calibrate(cell, Recording())
+
+
+def numbers(text: str) -> set[str]:
+    return set(re.findall(r"-?\d+\.\d+(?:e-?\d+)?", text))
+
+
+def test_page_says_what_the_text_says(made: tuple[Cell, Recording, Calibration], html: str) -> None:
+    """Every number of the text report, its first sentence and its findings stand on the page, as they are written."""
+    text, shown = text_report(made[0], made[2]), Walker(html).text
+    assert len(numbers(text)) > 60
+    assert numbers(text) - numbers(shown) == set()
+    assert text.splitlines()[0] in shown.replace(" : ", ": ")
+    for line in (*re.findall(r"(?:<origin|ros2 run).*", text), made[2].findings[0].message, "rms", "worst view"):
+        assert line in shown
+    assert "sha256:0123abcd" in shown
+
+
+def test_refusal_has_a_page() -> None:
+    """A refused calibration gives the reason first, what was not found, and nothing that is not known."""
+    cell, recording, calibration = refused()
+    walker = Walker(page(cell, recording, calibration))
+    text = text_report(cell, calibration)
+    assert walker.faults == []
+    assert walker.text.replace(" : ", ": ").index(text.splitlines()[0]) < walker.text.index("Not found")
+    assert all(name in walker.text for name in cell.asked)
+    assert 'class="plot' not in page(cell, recording, calibration)
+
+
+def test_refused_number_is_behind_a_warning(made: tuple[Cell, Recording, Calibration]) -> None:
+    """Where a refused answer has numbers, what can be copied is folded away, and findings come before it."""
+    cell, recording, calibration = made
+    shown = page(cell, recording, replace(calibration, verdict="refused"))
+    assert shown.index("though it is refused") < shown.index("static_transform_publisher")
+    assert shown.index("<h2>Findings</h2>") < shown.index('class="card answer"')
+
+
+def test_html_is_whole(html: str) -> None:
+    """Every tag is closed in its turn, no attribute and no id is given twice."""
+    walker = Walker(html)
+    assert walker.faults == []
+    assert len(set(walker.ids)) == len(walker.ids)
+    assert html.startswith("<!DOCTYPE html>")
+
+
+def test_walker_bites() -> None:
+    """The walk finds a tag left open, one closed twice, and an attribute given twice."""
+    for bad in ("<p><b>x</p>", "<p>x</p></p>", '<p a="1" a="2">x</p>'):
+        assert Walker(bad).faults
+
+
+def test_page_fetches_nothing(html: str) -> None:
+    """No attribute or style names another file, and the policy forbids any request."""
+    walker = Walker(html)
+    fetching = {"src", "href", "srcset", "data", "action", "poster", "xlink:href", "style"}
+    assert [each for each in walker.attributes if each[1] in fetching or each[1].startswith("on")] == []
+    assert all("url(" not in style and "@import" not in style for style in walker.inside["style"])
+    assert "default-src 'none'" in policy(walker)
+    assert "unsafe" not in policy(walker)
+
+
+def policy(walker: Walker) -> str:
+    return next(value for tag, name, value in walker.attributes if tag == "meta" and "default-src" in value)
+
+
+def test_policy_allows_its_own_scripts(html: str) -> None:
+    """Each script that runs, and the style, is allowed by the hash of what stands on the page, and nothing else is."""
+    walker = Walker(html)
+    own = [s for s in walker.inside["script"] if not s.startswith('{"arms"')] + walker.inside["style"]
+    hashes = {f"sha256-{base64.b64encode(hashlib.sha256(s.encode()).digest()).decode()}" for s in own}
+    assert len(own) == 4
+    assert set(re.findall(r"sha256-[^']+", policy(walker))) == hashes
+
+
+def test_hostile_words_stay_words(made: tuple[Cell, Recording, Calibration]) -> None:
+    """Names and messages that look like HTML are shown as they are written and make no element."""
+    cell, recording, calibration = made
+    bad = replace(
+        calibration,
+        findings=(Finding(HOSTILE, "warning", (HOSTILE,), HOSTILE),),
+        unseen=(HOSTILE,),
+        settings={HOSTILE: HOSTILE},
+        inputs={HOSTILE: HOSTILE},
+        residuals=Residuals(per_sample=(SampleResidual(0, HOSTILE, HOSTILE, 1.0),)),
+    )
+    camera = next(iter(cell.cameras.values()))
+    renamed = replace(cell, cameras={HOSTILE: replace(camera, name=HOSTILE)})
+    seen = PointResiduals(HOSTILE, "board", np.zeros(1, int), np.zeros(1, int), np.ones((1, 2)), np.ones((1, 2)))
+    walker = Walker(page(renamed, recording, bad, [seen], title=HOSTILE, notes=[HOSTILE]))
+    assert walker.faults == []
+    assert len(walker.inside["script"]) == 4
+    assert "img" not in {tag for tag, _, _ in walker.attributes}
+    assert walker.text.count("alert(2)") >= 12
+
+
+def many(samples: int, points: int) -> Iterator[PointResiduals]:
+    rng = np.random.default_rng(1)
+    count = samples * points
+    pixels, off = rng.uniform(0, 1280, (count, 2)), rng.normal(size=(count, 2))
+    yield PointResiduals("wrist", "board", np.repeat(np.arange(samples), points), np.arange(count), pixels, off)
+
+
+def test_size_is_bounded(made: tuple[Cell, Recording, Calibration]) -> None:
+    """300 samples of 100 points stay below 2 MB, and so do 20 times as many samples, what is left out being said."""
+    cell, recording, calibration = made
+    for samples in (300, 6000):
+        views = tuple(SampleResidual(k, "wrist", "board", 0.2 + 1e-5 * k, 1e-3, 1e-3) for k in range(samples))
+        record = Recording(tuple(replace(recording.samples[k % 15], sample=k) for k in range(samples)))
+        bigger = replace(calibration, residuals=replace(calibration.residuals, per_sample=views))
+        html = page(cell, record, bigger, list(many(samples, 100)))
+        assert len(html.encode()) < 2e6
+        drawn = re.search(rf"(\d+) of {samples * 100} points drawn", html)
+        assert drawn is not None
+        assert 1450 <= int(drawn[1]) <= 1500
+    assert "the 600 largest of 6000 views" in html
+    assert "400 of 6000 samples are shown" in html
+
+
+def test_arrows_are_the_fit(made: tuple[Cell, Recording, Calibration]) -> None:
+    """Residuals of the points, worked out again from the calibration alone, have the rms it states, within 1e-6."""
+    cell, recording, calibration = made
+    off = np.concatenate([each.off_px.ravel() for each in point_residuals(cell, recording, calibration)])
+    assert calibration.residuals.rms_px == pytest.approx(float(np.sqrt(np.mean(off**2))), rel=1e-6)
+
+
+@pytest.mark.parametrize("target", ["led", "points", "pose", "points3d", "chessboard"])
+@pytest.mark.parametrize("layout", ["dual", "eye_in_hand", "two_world_cameras", "chain"])
+def test_every_kind_of_cell_has_a_page(target: Seen, layout: LayoutName) -> None:
+    """Whatever a cell sees, its page is whole and says what its text says."""
+    scenario = Scenario(samples=20, target=target, layout=layout, target_mount="fixed")
+    simulated = simulate(scenario, 2)
+    calibration = calibrate(simulated.cell, simulated.recording)
+    points = point_residuals(simulated.cell, simulated.recording, calibration)
+    walker = Walker(page(simulated.cell, simulated.recording, calibration, points))
+    assert walker.faults == []
+    assert numbers(text_report(simulated.cell, calibration)) - numbers(walker.text) == set()
+
+
+def test_exact_fit_has_a_page() -> None:
+    """Without any noise, residuals of zero make no figure fail."""
+    simulated = simulate(Scenario(samples=8, pixel_px=0.0), 1)
+    calibration = calibrate(simulated.cell, simulated.recording)
+    points = point_residuals(simulated.cell, simulated.recording, calibration)
+    zero = [replace(each, off_px=np.zeros_like(each.off_px)) for each in points]
+    assert Walker(page(simulated.cell, simulated.recording, calibration, zero)).faults == []
