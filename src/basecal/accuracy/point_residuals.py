@@ -11,6 +11,7 @@ from basecal.estimation.measurement import Noise, PixelMeasurement
 from basecal.estimation.normal import linearise, moved
 from basecal.estimation.packing import pack
 from basecal.estimation.problem import Problem, State, ViewGroup
+from basecal.estimation.readings import choose
 from basecal.geometry import SE3, Array, Camera, IntArray
 
 _STOP_ROUNDS = 4
@@ -57,9 +58,10 @@ def point_residuals(cell: Cell, recording: Recording, calibration: Calibration) 
     noise = Noise(**{field: calibration.noise[field] for field in Noise._fields if calibration.noise.get(field)})
     problem = replace(problem, columns={}, groups=tuple(groups)).with_noise(noise)
     state = State(transforms, cameras, np.zeros((len(problem.stops), 6)))
+    problem, _ = choose(problem, state)
     for _ in range(_STOP_ROUNDS if len(problem.stops) else 0):
         state = moved(problem, state, linearise(problem, state), np.zeros(0))
-    return tuple(_of_group(cell, problem, state, group) for group in groups if _in_pixels(group))
+    return tuple(_of_group(cell, problem, state, group) for group in problem.groups if _in_pixels(group))
 
 
 def _known_transforms(cell: Cell, calibration: Calibration) -> dict[str, SE3]:

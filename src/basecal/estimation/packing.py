@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from basecal.cell import (
 from basecal.errors import InputError
 from basecal.estimation.measurement import Measurement, Noise, PixelMeasurement, PointMeasurement, PoseMeasurement
 from basecal.estimation.problem import Problem, Stops, ViewGroup, carrier, check_carriers
+from basecal.estimation.readings import MOST_CANDIDATES, half_turn, turned
 from basecal.geometry import SE3, Array, BoolArray, IntArray
 
 Views = list[tuple[int, Observation]]
@@ -119,27 +120,27 @@ def _views(
             camera, target = observation.camera, observation.target
             needed = [cell.cameras[camera].on, cell.targets[target].on]
             missing = [r for r in needed if r in cell.robots and i not in poses[r].row]
-            single = _single(observation)
             if missing:
                 lacking[f"no pose of {missing[0]}"].append(sample.sample)
-            elif single is None:
-                lacking["several candidates for the light and none chosen"].append(sample.sample)
+            elif _cannot_choose(cell, observation):
+                lacking["candidates for several lights, which cannot be told apart"].append(sample.sample)
             else:
-                views[camera, target, type(single).__name__].append((i, single))
+                views[camera, target, _kind(observation)].append((i, observation))
     findings += [_dropped(why, numbers) for why, numbers in lacking.items()]
     for camera, target, _ in views:
         check_carriers(cell, camera, target)
     return views
 
 
-def _single(observation: Observation) -> Observation | None:
-    """An observation without choice: a lone candidate is the light."""
-    if not isinstance(observation, CandidateObservation):
-        return observation
-    if len(observation.pixels) != 1:
-        return None
-    o = observation
-    return PixelObservation(o.camera, o.target, np.zeros(1, dtype=np.int64), o.pixels, o.sigma_px)
+def _kind(observation: Observation) -> str:
+    """What is solved together: pixels, candidates among them; poses; 3-D points."""
+    pixels = isinstance(observation, PixelObservation | CandidateObservation)
+    return "PixelObservation" if pixels else type(observation).__name__
+
+
+def _cannot_choose(cell: Cell, observation: Observation) -> bool:
+    shape = cell.targets[observation.target].target
+    return isinstance(observation, CandidateObservation) and not (shape is not None and shape.is_point)
 
 
 def _dropped(why: str, numbers: list[int]) -> Finding:
@@ -155,6 +156,10 @@ def _group(
     camera, target, kind = key
     eye, hand = carrier(cell, cell.cameras[camera].on), carrier(cell, cell.targets[target].on)
     index = [i for i, _ in views]
+    shape = cell.targets[target].target
+    observations = [o for _, o in views]
+    measurement = _measurement(cell, camera, target, kind, observations)
+    readings = _readings(measurement, shape, observations)
     eye_flange, eye_stop = _at(poses, eye, index)
     hand_flange, hand_stop = _at(poses, hand, index)
     return ViewGroup(
@@ -171,7 +176,9 @@ def _group(
         hand_base_from_hand_flange=hand_flange,
         eye_stop=eye_stop,
         hand_stop=hand_stop,
-        measurement=_measurement(cell, camera, target, kind, [o for _, o in views]),
+        measurement=measurement,
+        readings=readings,
+        half_turn=half_turn(shape) if len(readings) and shape is not None else None,
     )
 
 
@@ -195,8 +202,38 @@ def _measurement(cell: Cell, camera: str, target: str, kind: str, observations: 
         raise InputError(
             f"camera {camera!r} gives pixels and has no `intrinsics`; `intrinsics: {{status: free}}` estimates them"
         )
-    pixels = [o for o in observations if isinstance(o, PixelObservation)]
+    pixels = [_as_pixels(o) for o in observations if isinstance(o, PixelObservation | CandidateObservation)]
     return _pixel_measurement(shape, pixels, cell.pixel_px)
+
+
+def _as_pixels(observation: PixelObservation | CandidateObservation, which: int = 0) -> PixelObservation:
+    """An observation of pixels; of candidates the one asked for, or the first where there are fewer."""
+    if isinstance(observation, PixelObservation):
+        return observation
+    o, k = observation, which if which < len(observation.pixels) else 0
+    sigma = None if o.sigma_px is None else o.sigma_px[k : k + 1]
+    return PixelObservation(o.camera, o.target, np.zeros(1, dtype=np.int64), o.pixels[k : k + 1], sigma)
+
+
+def _readings(
+    measurement: Measurement, shape: Target | None, observations: list[Observation]
+) -> tuple[PixelMeasurement, ...]:
+    """All ways to read the views, the measurement's own first; none where there is no choice."""
+    if not isinstance(measurement, PixelMeasurement) or shape is None:
+        return ()
+    if half_turn(shape) is not None:
+        return measurement, turned(measurement)
+    candidates = [o for o in observations if isinstance(o, CandidateObservation)]
+    most = min(max((len(o.pixels) for o in candidates), default=1), MOST_CANDIDATES)
+    return tuple(_nth_reading(measurement, observations, k) for k in range(most)) if most > 1 else ()
+
+
+def _nth_reading(measurement: PixelMeasurement, observations: list[Observation], which: int) -> PixelMeasurement:
+    pixels = measurement.pixels.copy()
+    for view, observation in enumerate(observations):
+        if isinstance(observation, CandidateObservation):
+            pixels[view] = _as_pixels(observation, which).pixels
+    return replace(measurement, pixels=pixels)
 
 
 def _pose_measurement(observations: list[PoseObservation]) -> Measurement:
@@ -220,7 +257,9 @@ def _scatter(
     return out, seen, stated
 
 
-def _pixel_measurement(target: Target, observations: list[PixelObservation], pixel_px: float | None) -> Measurement:
+def _pixel_measurement(
+    target: Target, observations: list[PixelObservation], pixel_px: float | None
+) -> PixelMeasurement:
     default = 0.0 if pixel_px is None else 1 / pixel_px
     inverse = [np.full(len(o.ids), default) if o.sigma_px is None else 1 / o.sigma_px for o in observations]
     values = _scatter(target, [o.ids for o in observations], [o.pixels for o in observations], inverse)

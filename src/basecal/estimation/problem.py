@@ -8,7 +8,7 @@ from functools import cached_property
 
 from basecal.cell import WORLD, Cell, Intrinsics, Unknown
 from basecal.errors import InputError
-from basecal.estimation.measurement import Measurement, Noise
+from basecal.estimation.measurement import Measurement, Noise, PixelMeasurement
 from basecal.geometry import SE3, Array, Camera, IntArray, Rows
 
 
@@ -31,6 +31,8 @@ class ViewGroup:
         eye_stop: (n,) rows of the stops' errors; -1 where the robot's noise is not stated.
         hand_stop: (n,) likewise.
         measurement: What was seen.
+        readings: All that may have been seen, where views can be read in several ways; see `readings`.
+        half_turn: `target_from_turned` where the target looks the same turned by half a turn.
     """
 
     camera: str
@@ -47,6 +49,8 @@ class ViewGroup:
     eye_stop: IntArray
     hand_stop: IntArray
     measurement: Measurement
+    readings: tuple[PixelMeasurement, ...] = ()
+    half_turn: SE3 | None = None
 
     def __len__(self) -> int:
         return len(self.sample)
@@ -66,7 +70,13 @@ class ViewGroup:
             eye_stop=self.eye_stop[views],
             hand_stop=self.hand_stop[views],
             measurement=self.measurement.take(views),
+            readings=tuple(r.take(views) for r in self.readings),
         )
+
+    def with_noise(self, noise: Noise) -> ViewGroup:
+        """The same with sigmas for what states none."""
+        readings = tuple(r.with_noise(noise) for r in self.readings)
+        return replace(self, measurement=self.measurement.with_noise(noise), readings=readings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +124,7 @@ class Problem:
 
     def with_noise(self, noise: Noise) -> Problem:
         """The same with sigmas for what states none."""
-        return self.with_groups(replace(g, measurement=g.measurement.with_noise(noise)) for g in self.groups)
+        return self.with_groups(g.with_noise(noise) for g in self.groups)
 
     def with_groups(self, groups: Iterable[ViewGroup]) -> Problem:
         """The same unknowns with other views."""

@@ -16,7 +16,7 @@ from basecal.estimation.measurement import (
 )
 from basecal.estimation.problem import ViewGroup
 from basecal.estimation.view_pose import view_poses
-from basecal.geometry import SE3, Array, Camera, IntArray
+from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 from basecal.geometry.se3 import nearest_rotation
 
 _LOOKS_ALIKE = 25.0
@@ -29,7 +29,7 @@ class Sight:
 
     Attributes:
         group: The views, measured by directions or poses.
-        candidates: (n, 2) poses of the target in each view, best first; None where it is seen as a light.
+        candidates: (n, k) poses of the target in each view, best first; None where it is seen as a light.
         weight: (n,) how far the poses are to be trusted, at most 1.
         total: How many views there were before thinning.
     """
@@ -60,7 +60,9 @@ def sight_of(group: ViewGroup, camera: Camera | None, views: int, points: int) -
         return _of_points(few, measurement, total)
     assert isinstance(measurement, PixelMeasurement)
     assert camera is not None
-    return _of_pixels(few, measurement.thinned(points), camera, total)
+    # A grid that may be read from its other end keeps all its points, whose other end is among them.
+    thinned = measurement if few.half_turn is not None else measurement.thinned(points)
+    return _of_pixels(few, thinned, camera, total)
 
 
 def _of_pixels(group: ViewGroup, measurement: PixelMeasurement, camera: Camera, total: int) -> Sight:
@@ -81,7 +83,37 @@ def _of_pixels(group: ViewGroup, measurement: PixelMeasurement, camera: Camera, 
     sigma = np.sqrt(np.maximum(np.trace(spread[:, 3:, 3:], axis1=-2, axis2=-1), 1e-12))
     alike = poses.cost[found, 1] - poses.cost[found, 0] < _LOOKS_ALIKE
     weight = 1 / (1 + sigma / 0.02) * np.where(alike, 0.2, 1.0)
-    return Sight(group.take(found), poses.camera_from_target[found], weight, total)
+    sight = Sight(group.take(found), poses.camera_from_target[found], weight, total)
+    return sight if group.half_turn is None else _with_half_turns(sight, group.half_turn)
+
+
+def _with_half_turns(sight: Sight, target_from_turned: SE3) -> Sight:
+    """Every view read from the end that turns it least against the first; the other end's poses stay candidates."""
+    assert sight.candidates is not None
+    measurement = sight.group.measurement
+    assert isinstance(measurement, BearingMeasurement)
+    other = sight.candidates @ target_from_turned
+    best = sight.candidates.rotation[:, 0]
+    alike = np.einsum("nij,ij->n", best, best[0])
+    flip = np.einsum("nij,ij->n", other.rotation[:, 0], best[0]) > alike
+    bearings = np.where(flip[:, None, None], measurement.bearings_in_camera[:, ::-1], measurement.bearings_in_camera)
+    weight = np.where(flip[:, None], measurement.weight[:, ::-1], measurement.weight)
+    group = replace(sight.group, measurement=replace(measurement, bearings_in_camera=bearings, weight=weight))
+    first, second = (_where(flip, a, b) for a, b in ((other, sight.candidates), (sight.candidates, other)))
+    rotation = np.concatenate([first.rotation, second.rotation], 1)
+    return replace(
+        sight,
+        group=group,
+        candidates=SE3(rotation, np.concatenate([first.translation, second.translation], 1)),
+    )
+
+
+def _where(mask: BoolArray, first: SE3, second: SE3) -> SE3:
+    """`first` where `mask`, (n,), holds, else `second`, (n, k)."""
+    return SE3(
+        np.where(mask[:, None, None, None], first.rotation, second.rotation),
+        np.where(mask[:, None, None], first.translation, second.translation),
+    )
 
 
 def _of_points(group: ViewGroup, measurement: PointMeasurement, total: int) -> Sight:

@@ -8,17 +8,19 @@ import numpy as np
 
 from basecal.cell import Cell, Finding, Recording
 from basecal.errors import InputError
-from basecal.estimation.descent import Descent, descend
+from basecal.estimation.descent import descend
 from basecal.estimation.measurement import Noise
 from basecal.estimation.noise import NoiseEstimate, degrees_of_freedom, estimate_noise, residual_counts
 from basecal.estimation.observability import Seen, seen_directions
 from basecal.estimation.packing import pack
 from basecal.estimation.problem import Problem, State
+from basecal.estimation.readings import choose
 from basecal.estimation.settings import DEFAULT, Settings
 from basecal.estimation.starts import first_state, guessed_state, lenses
 from basecal.estimation.stations import find_stations, fused
 from basecal.geometry import SE3, Array, PoseEstimate
 
+_READINGS = 6
 _PLAUSIBLE_PX = 3.0
 _PLAUSIBLE_SIGMAS = 4.0
 _PLAUSIBLE_M = 0.02
@@ -98,7 +100,7 @@ def solve_packed(
     findings: tuple[Finding, ...] = (),
 ) -> Solution:
     """As `solve`, from arrays."""
-    return solve_from(problem, _start(problem, cell, settings), settings, findings)
+    return solve_from(*_start(problem, cell, settings), settings, findings)
 
 
 def solve_from(
@@ -116,23 +118,34 @@ def solve_from(
     return Solution(problem, end.state, covariance, seen, noise, end.normal.cost, dof, end.converged, findings)
 
 
-def _start(problem: Problem, cell: Cell, settings: Settings) -> State:
+def _start(problem: Problem, cell: Cell, settings: Settings) -> tuple[Problem, State]:
     """The start whose descent ends lowest, of those that the settings allow and the data call for."""
     if settings.start == "guess":
         guess = guessed_state(problem, cell)
         if guess is None:
             raise InputError("start 'guess' needs a guess, a prior or a value for every transform of the cell")
-        return guess
+        return _settled(problem, guess, settings)[:2]
     if settings.start == "axis-shift":
-        return shifted_state(problem, cell)
-    dof = degrees_of_freedom(problem)
-    first = first_state(problem, cell, thorough=settings.start == "thorough")
-    end = descend(problem, first, dof, settings.iterations)
-    if settings.start == "thorough" or _plausible(problem, end, dof):
-        return end.state
+        return _settled(problem, shifted_state(problem, cell), settings)[:2]
+    first = _settled(problem, first_state(problem, cell, thorough=settings.start == "thorough"), settings)
+    if settings.start == "thorough" or _plausible(problem, first[2]):
+        return first[:2]
     others = [first_state(problem, cell, thorough=True), guessed_state(problem, cell)]
-    ends = [end, *(descend(problem, s, dof, settings.iterations) for s in others if s is not None)]
-    return min(ends, key=lambda e: e.normal.cost).state
+    ends = [first, *(_settled(problem, state, settings) for state in others if state is not None)]
+    return min(ends, key=lambda end: end[2])[:2]
+
+
+def _settled(problem: Problem, state: State, settings: Settings) -> tuple[Problem, State, float]:
+    """The problem read as its own optimum predicts, that optimum, and its cost."""
+    dof = degrees_of_freedom(problem)
+    problem, _ = choose(problem, state)
+    for _ in range(_READINGS):
+        end = descend(problem, state, dof, settings.iterations)
+        state = end.state
+        problem, changed = choose(problem, state)
+        if not changed:
+            break
+    return problem, state, end.normal.cost
 
 
 def shifted_state(problem: Problem, cell: Cell) -> State:
@@ -156,12 +169,13 @@ def shifted_state(problem: Problem, cell: Cell) -> State:
     return State(transforms, cameras, np.zeros((len(problem.stops), 6)))
 
 
-def _plausible(problem: Problem, end: Descent, dof: int) -> bool:
+def _plausible(problem: Problem, cost: float) -> bool:
     """Whether a descent ended where data could have come from: residuals of a few sigmas or pixels, not more."""
+    dof = degrees_of_freedom(problem)
     unstated = {f: n for f, n in residual_counts(problem).items() if f != "stated" and n}
     if not unstated:
-        return bool(end.normal.cost < _PLAUSIBLE_SIGMAS**2 * max(dof, 1))
+        return cost < _PLAUSIBLE_SIGMAS**2 * max(dof, 1)
     limits = Noise(_PLAUSIBLE_PX, _PLAUSIBLE_M, _PLAUSIBLE_RAD, _PLAUSIBLE_M)
     unit = Noise()
     worst = max(getattr(limits, f) / getattr(unit, f) for f in unstated)
-    return bool(end.normal.cost < worst**2 * max(dof, 1))
+    return cost < float(worst) ** 2 * max(dof, 1)
