@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from basecal.simulation.scenario import Scenario as Scenario
     from basecal.simulation.scenario import SimulatedCell as SimulatedCell
     from basecal.simulation.testbed import simulate as simulate
+    from basecal.vision.detect import detect as detect
 
 _HOME = {
     "BasecalError": "errors",
@@ -50,6 +51,7 @@ _HOME = {
     "Solution": "estimation.solve",
     "calibrate": "accuracy.verdict",
     "calibration_to_dict": "cell.files",
+    "detect": "vision.detect",
     "latest_run": "cell.files",
     "read_calibration": "cell.files",
     "read_cell": "cell.files",

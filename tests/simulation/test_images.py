@@ -18,7 +18,7 @@ def test_an_image_a_view_and_no_detections(tmp_path: Path):
     s = simulate(Scenario(samples=3), seed=0)
     recording = render_recording(s, tmp_path)
     for sample in recording.samples:
-        image = cv2.imread(str(tmp_path / "recording" / sample.images["wrist"]), cv2.IMREAD_UNCHANGED)
+        image = cv2.imread(str(tmp_path / sample.images["wrist"]), cv2.IMREAD_UNCHANGED)
         assert image.shape == (720, 1280)
         assert sample.observations == ()
 
@@ -38,7 +38,7 @@ def test_a_light_is_imaged_on_and_off(tmp_path: Path):
     s = simulate(Scenario(samples=1, target="led", camera_mount="fixed", target_mount="fixed", pixel_px=0.0), seed=0)
     (sample,) = render_recording(s, tmp_path).samples
     on, off = (
-        cv2.imread(str(tmp_path / "recording" / path), cv2.IMREAD_UNCHANGED).astype(float)
+        cv2.imread(str(tmp_path / path), cv2.IMREAD_UNCHANGED).astype(float)
         for path in (sample.images["wrist"], sample.background["wrist"])
     )
     brightest = np.unravel_index(np.argmax(on - off), on.shape)

@@ -36,7 +36,7 @@ def calibration_to_dict(calibration: Calibration) -> dict[str, Any]:
         "validation": None,
         "observability": {"condition": calibration.condition, "unseen": list(calibration.unseen)},
         "certificate": None,
-        "findings": [_finding(finding) for finding in calibration.findings],
+        "findings": [finding_to_dict(finding) for finding in calibration.findings],
         "settings": dict(calibration.settings),
         "inputs": dict(calibration.inputs),
     }
@@ -118,7 +118,8 @@ def _scaled(value: float | None, factor: float) -> float | None:
     return None if value is None else value * factor
 
 
-def _finding(finding: Finding) -> dict[str, Any]:
+def finding_to_dict(finding: Finding) -> dict[str, Any]:
+    """A finding as JSON holds it."""
     about = list(finding.about)
     return {"code": finding.code, "severity": finding.severity, "about": about, "message": finding.message}
 

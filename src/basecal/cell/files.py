@@ -1,10 +1,11 @@
 """Every file of a cell, read and written: the one module to import for that."""
 
-from basecal.cell.calibration_dict import calibration_from_dict, calibration_to_dict
+from basecal.cell.calibration_dict import calibration_from_dict, calibration_to_dict, finding_to_dict
 from basecal.cell.calibration_file import input_hashes, latest_run, read_calibration, write_calibration
 from basecal.cell.cell_dict import cell_to_dict
 from basecal.cell.cell_file import cell_from_dict, read_cell, write_cell
 from basecal.cell.recording_file import append_sample, append_samples, read_recording, write_recording
+from basecal.cell.sample_dict import sample_to_dict
 from basecal.cell.truth_file import read_truth, write_truth
 
 __all__ = [
@@ -14,12 +15,14 @@ __all__ = [
     "calibration_to_dict",
     "cell_from_dict",
     "cell_to_dict",
+    "finding_to_dict",
     "input_hashes",
     "latest_run",
     "read_calibration",
     "read_cell",
     "read_recording",
     "read_truth",
+    "sample_to_dict",
     "write_calibration",
     "write_cell",
     "write_recording",

@@ -93,7 +93,14 @@ class Sample:
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """All instants, and what was found amiss while reading them (a truncated last line, a sample given twice)."""
+    """All instants.
+
+    Attributes:
+        samples: In the order of the file.
+        findings: What was found amiss while reading them (a truncated last line, a sample given twice).
+        folder: The cell's folder, from which the paths of images count; None where it was not read from one.
+    """
 
     samples: tuple[Sample, ...] = ()
     findings: tuple[Finding, ...] = ()
+    folder: str | None = None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 from basecal.cell.calibration import Finding
@@ -40,7 +41,7 @@ def read_recording(folder: str | Path, cell: Cell | None = None) -> Recording:
         raise DatasetError(str(path), message) from None
     except OSError as error:
         raise DatasetError(str(path), f"cannot be read ({error.strerror})") from None
-    return _recording(text.removeprefix(_BOM), str(path), known)
+    return replace(_recording(text.removeprefix(_BOM), str(path), known), folder=str(folder))
 
 
 def write_recording(recording: Recording, folder: str | Path) -> Path:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from basecal.cli.page import tell_page, write_page
+from basecal.cli.seen import seen_recording
 from basecal.cli.terminal import print_json, progress
 
 if TYPE_CHECKING:
@@ -62,11 +63,11 @@ def calibrate_folder(folder: Path, cell: Cell, settings: Settings | None = None)
     from dataclasses import replace
 
     from basecal.accuracy.verdict import calibrate as calibrated
-    from basecal.cell.files import input_hashes, read_recording, write_calibration
+    from basecal.cell.files import input_hashes, write_calibration
     from basecal.estimation.settings import Settings
     from basecal.reporting.text import text_report
 
-    recording = read_recording(folder, cell)
+    recording = seen_recording(folder, cell)
     with progress("calibrating"):
         calibration = calibrated(cell, recording, settings or Settings())
     calibration = replace(calibration, inputs=input_hashes(folder, cell))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from basecal.cli.calibrate import calibrate_folder, exit_code, show
 from basecal.cli.page import tell_page
-from basecal.cli.simulate import refuse_existing, write_simulated
+from basecal.cli.simulate import refuse_existing, with_images, write_simulated
 from basecal.cli.terminal import print_json
 
 if TYPE_CHECKING:
@@ -21,8 +21,9 @@ _UNIT = {"t": (1e3, "mm"), "r": (57.29577951308232, "deg")}
 def demo(folder: Path = Path("demo_cell"), /, *, json: bool = False) -> int:
     """Simulate two arms, calibrate, and compare with the truth.
 
-    The robots' poses are off by 0.1 mm and 0.2 mrad per axis, the pixels by 0.2
-    px; mounts and base are unknown.
+    The robots' poses are off by 0.1 mm and 0.2 mrad per axis and stop; mounts
+    and base are unknown. The camera's images are rendered, with blur and noise,
+    and the board is found in them.
 
     For example:
 
@@ -38,7 +39,8 @@ def demo(folder: Path = Path("demo_cell"), /, *, json: bool = False) -> int:
     from basecal.simulation.testbed import simulate
 
     _prepare(folder)
-    made = simulate(Scenario(samples=30, robot_noise=(1e-4, 2e-4)), 0)
+    scenario = Scenario(samples=25, robot_noise=(1e-4, 2e-4), state_pixel_noise=False)
+    made = with_images(simulate(scenario, 0), folder, 0)
     write_simulated(folder, made)
     calibration = calibrate_folder(folder, made.cell)
     estimate = calibration.transforms.get(_BASE)

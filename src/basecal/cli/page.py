@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from basecal.cli.seen import seen_recording
 from basecal.errors import DatasetError
 
 if TYPE_CHECKING:
@@ -31,17 +32,17 @@ def rewrite_page(folder: Path, run: Path, cell: Cell, calibration: Calibration) 
     Where its inputs have changed since, the page says so and shows no residuals of single points.
     """
     from basecal.cell import Recording
-    from basecal.cell.files import input_hashes, read_recording
+    from basecal.cell.files import input_hashes
     from basecal.cell.inside import write_whole
     from basecal.reporting.page import page
 
     now = input_hashes(folder, cell)
     changed = [name for name, hashed in calibration.inputs.items() if now.get(name) != hashed]
     if not changed:
-        return write_page(run, cell, read_recording(folder, cell), calibration)
+        return write_page(run, cell, seen_recording(folder, cell), calibration)
     note = f"{', '.join(changed)} changed since this run: names and picture are as of now. Calibrate again."
     try:
-        recording = read_recording(folder, cell)
+        recording = seen_recording(folder, cell)
     except DatasetError:
         recording = Recording()
     write_whole(run / FILE, page(cell, recording, calibration, title=_title(run), notes=[note]))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter, validators
 
+from basecal.cli.seen import counting
 from basecal.cli.terminal import print_json, progress
 from basecal.errors import InputError
 
@@ -29,6 +30,7 @@ def simulate(
     robot_noise_mm: Positive = 0.0,
     robot_noise_mrad: Positive = 0.0,
     seed: int = 0,
+    images: bool = False,
     json: bool = False,
 ) -> int:
     """Make a cell and a recording whose truth is known.
@@ -39,6 +41,7 @@ def simulate(
 
         basecal simulate simulated --target led --mounts fixed --samples 50
         basecal calibrate simulated
+        basecal simulate rendered --images
 
     Args:
         cell: Folder to make.
@@ -50,6 +53,7 @@ def simulate(
         robot_noise_mm: Noise of recorded flange poses, per axis and stop.
         robot_noise_mrad: The same of their rotation.
         seed: Another number makes another cell.
+        images: Render what the cameras see, instead of giving the points' pixels; pixel-px then says nothing.
         json: Print what was written as JSON.
     """
     from basecal.simulation.scenario import Scenario
@@ -64,11 +68,13 @@ def simulate(
         camera_mount=mounts,
         target_mount=mounts,
         pixel_px=pixel_px,
+        state_pixel_noise=not images,
         robot_noise=(robot_noise_mm * 1e-3, robot_noise_mrad * 1e-3),
     )
     with progress("simulating"):
         made = simulated(scenario, seed)
-        write_simulated(cell, made)
+    made = with_images(made, cell, seed) if images else made
+    write_simulated(cell, made)
     if json:
         print_json({"cell": str(cell), "samples": len(made.recording.samples), "seed": seed})
     else:
@@ -86,6 +92,16 @@ def refuse_existing(folder: Path) -> None:
     for path in (folder / "cell.yaml", folder / "recording" / "samples.jsonl"):
         if path.exists():
             raise InputError(f"{path} exists and is not overwritten: choose another folder, or remove it first")
+
+
+def with_images(made: SimulatedCell, folder: Path, seed: int) -> SimulatedCell:
+    """A simulated cell whose recording names images, written to its folder, instead of points."""
+    from dataclasses import replace
+
+    from basecal.simulation.images import render_recording
+
+    with counting("rendering") as step:
+        return replace(made, recording=render_recording(made, folder, seed, step=step))
 
 
 def write_simulated(folder: Path, made: SimulatedCell) -> None:

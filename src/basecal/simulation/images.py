@@ -46,10 +46,10 @@ def render_recording(
     samples = simulated.recording.samples
     out = []
     for index, sample in enumerate(samples):
-        out.append(_rendered(simulated, sample, index, folder / "recording", seed + index, board, light))
+        out.append(_rendered(simulated, sample, index, folder, seed + index, board, light))
         if step is not None:
             step(index + 1, len(samples))
-    return replace(simulated.recording, samples=tuple(out))
+    return replace(simulated.recording, samples=tuple(out), folder=str(folder))
 
 
 def _rendered(
@@ -63,7 +63,7 @@ def _rendered(
 ) -> Sample:
     images, background = {}, {}
     for observation in sample.observations:
-        name = f"images/{observation.camera}/{sample.sample:06d}"
+        name = f"recording/images/{observation.camera}/{sample.sample:06d}"
         target = simulated.cell.targets[observation.target].target
         camera = simulated.cameras[observation.camera]
         if target is None or camera.size_px is None:

@@ -1,0 +1,70 @@
+"""`basecal detect`."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from basecal.cli.seen import seen_recording
+from basecal.cli.terminal import print_json
+
+if TYPE_CHECKING:
+    from basecal.cell import Cell, Recording
+
+
+def detect(cell: Path, /, *, json: bool = False) -> int:
+    """Find the targets in the images of a recording.
+
+    What is found is kept in CELL/derived and taken by `basecal calibrate`,
+    which detects by itself where it has to. Images without a target and
+    images that cannot be used are told.
+
+    Ends with 0 where every image shows what it should, else with 1.
+
+    For example:
+
+        basecal detect mycell
+        basecal detect mycell --json
+
+    Args:
+        cell: Folder of the cell.
+        json: Print what was found as JSON, pixels and their sigmas among it.
+    """
+    from basecal.cell.files import read_cell
+
+    described = read_cell(cell)
+    recording = seen_recording(cell, described)
+    if json:
+        print_json(_as_dict(cell, described, recording))
+    else:
+        _tell(recording)
+    return 1 if recording.findings else 0
+
+
+def _tell(recording: Recording) -> None:
+    from basecal.cell import CandidateObservation, PixelObservation
+
+    images, found, points = Counter[str](), Counter[tuple[str, str]](), Counter[tuple[str, str]]()
+    for sample in recording.samples:
+        images.update(sample.images.keys())
+        for seen in sample.observations:
+            if isinstance(seen, PixelObservation | CandidateObservation):
+                found[seen.camera, seen.target] += 1
+                points[seen.camera, seen.target] += len(seen.pixels)
+    for pair, count in sorted(found.items()):
+        camera, target = pair
+        print(f"{target} in {count} of {images[camera]} images of {camera}, {points[pair] / count:.1f} points each")
+    if not found:
+        print(f"nothing found in {sum(images.values())} images")
+    for finding in recording.findings:
+        print(f"{finding.severity}: {finding.code}: {finding.message}")
+
+
+def _as_dict(folder: Path, cell: Cell, recording: Recording) -> dict[str, Any]:
+    from basecal.cell.files import finding_to_dict, sample_to_dict
+
+    return {
+        "samples": [sample_to_dict(sample, "recording") for sample in recording.samples],
+        "findings": [finding_to_dict(finding) for finding in recording.findings],
+    }

@@ -1,0 +1,41 @@
+"""What was seen in a cell: its recording, and what its images show where it holds no detections yet."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from basecal.cell import Cell, Recording
+
+Step = Callable[[int, int], None]
+
+
+def seen_recording(folder: Path, cell: Cell) -> Recording:
+    """The recording of a cell's folder with what its images show; a bar tells how far the detection is."""
+    from basecal.cell.files import read_recording
+
+    recording = read_recording(folder, cell)
+    if not any(sample.images for sample in recording.samples):
+        return recording
+    from basecal.vision.detect import detect
+
+    with counting("detecting") as step:
+        return detect(cell, recording, progress=step)
+
+
+@contextmanager
+def counting(what: str) -> Iterator[Step]:
+    """A bar on stderr for steps that are counted; nothing where stderr is not a terminal."""
+    if not sys.stderr.isatty():
+        yield lambda done, total: None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(what)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
