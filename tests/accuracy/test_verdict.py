@@ -110,3 +110,13 @@ def test_a_bumped_arm_is_named():
     assert calibration.verdict == "doubtful"
     (finding,) = [f for f in calibration.findings if f.code == "outlier-samples"]
     assert "12" in finding.about
+
+
+def test_sigmas_contradicted_by_the_residuals_are_scaled_up():
+    """Pixels four times noisier than stated: doubtful, and the base's sigmas are those of the true noise within 10 %."""
+    s = simulate(Scenario(pixel_px=0.8), seed=0)
+    told = calibrate(replace(s.cell, pixel_px=0.2), s.recording)
+    true = calibrate(s.cell, s.recording)
+    assert told.verdict == "doubtful"
+    name = "eye_base_from_hand_base"
+    np.testing.assert_allclose(told[name].sigma_t, true[name].sigma_t, rtol=0.1)

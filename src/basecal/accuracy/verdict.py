@@ -11,6 +11,7 @@ from basecal.accuracy.by_shifts import calibrate_by_shifts
 from basecal.accuracy.fit import residuals
 from basecal.cell import Calibration, Cell, Finding, Recording, Residuals
 from basecal.cell.calibration import Severity, Verdict
+from basecal.estimation.noise import CONTRADICTED
 from basecal.estimation.packing import pack
 from basecal.estimation.problem import Problem
 from basecal.estimation.settings import DEFAULT, Settings
@@ -18,7 +19,6 @@ from basecal.estimation.solve import Solution, solve_packed
 from basecal.geometry import IntArray
 
 _MANY_DROPPED = 0.1
-_POOR_FIT_SIGMAS = 1.5
 _POOR_FIT_PX = 3.0
 _OUTLIER_SIGMAS = 6.0
 _SHOWN = 10
@@ -127,15 +127,16 @@ def _not_converged(solution: Solution) -> list[Finding]:
 
 def _poor_fit(solution: Solution, fit: Residuals) -> list[Finding]:
     ratio = float(np.sqrt(solution.cost / max(solution.dof, 1)))
-    if not solution.noise.estimated and ratio > _POOR_FIT_SIGMAS:
-        message = f"residuals are {ratio:.1f} times what the stated sigmas explain: the covariance is too small as much"
+    if not solution.noise.estimated and ratio > CONTRADICTED:
+        message = f"residuals are {ratio:.1f} times what the stated sigmas explain; sigmas are scaled up by as much"
     elif "pixel_px" in solution.noise.estimated and fit.rms_px is not None and fit.rms_px > _POOR_FIT_PX:
         message = (
             f"residuals of {fit.rms_px:.1f} px are more than any detector's noise: something in the input is wrong"
         )
     else:
         return []
-    return [Finding("poor-fit", "warning", (), message + "; check units, directions and the target's size")]
+    advice = "check units, directions and the target's size, and state the robots' noise where it is not"
+    return [Finding("poor-fit", "warning", (), f"{message}: {advice}")]
 
 
 def _outliers(solution: Solution) -> list[Finding]:

@@ -17,6 +17,7 @@ from basecal.estimation.measurement import Noise
 from basecal.estimation.normal import Normal, linearise
 from basecal.estimation.problem import Problem
 
+CONTRADICTED = 1.5
 _ROUNDS = 40
 _SETTLED = 1e-4
 _LOG_STEP = 1e-3
@@ -65,9 +66,9 @@ def estimate_noise(problem: Problem, end: Descent, iterations: int) -> tuple[Pro
     counts = residual_counts(problem)
     fields = tuple(f for f in Noise._fields if counts.get(f))
     noise = Noise()
-    if not fields:
-        return problem, end, NoiseEstimate(noise, 1.0, (), True)
     dof = degrees_of_freedom(problem)
+    if not fields:
+        return problem, end, NoiseEstimate(noise, _inflation(end.normal.cost, dof), (), True)
     has_priors = "prior" in _statuses(problem).values()
     if len(fields) == 1 and not counts.get("stated") and not has_priors and not len(problem.stops):
         factor = max(end.normal.cost, 0.0) / max(dof, 1)
@@ -81,6 +82,15 @@ def estimate_noise(problem: Problem, end: Descent, iterations: int) -> tuple[Pro
         if all(abs(r - 1) < _SETTLED for r in ratios.values()):
             return problem, end, NoiseEstimate(noise, 1.0, fields, True)
     return problem, end, NoiseEstimate(noise, 1.0, fields, False)
+
+
+def _inflation(cost: float, dof: int) -> float:
+    """What the covariance is multiplied by where residuals contradict the stated sigmas: the reduced chi-square.
+
+    Source: Birge 1932. Only beyond `CONTRADICTED` sigmas: below that the stated ones are taken at their word.
+    """
+    reduced = cost / max(dof, 1)
+    return reduced if reduced > CONTRADICTED**2 else 1.0
 
 
 def _ratio(problem: Problem, end: Descent, noise: Noise, field: str, count: int) -> float:
