@@ -120,3 +120,11 @@ def test_sigmas_contradicted_by_the_residuals_are_scaled_up():
     assert told.verdict == "doubtful"
     name = "eye_base_from_hand_base"
     np.testing.assert_allclose(told[name].sigma_t, true[name].sigma_t, rtol=0.1)
+
+
+def test_loops_are_those_of_the_recorded_poses():
+    """Robots off by 0.3 mm per axis and arm leave loops of about 0.3 sqrt(6) mm, though pixels fit by the noise."""
+    s = simulate(Scenario(robot_noise=(3e-4, 0.0), samples=60), seed=0)
+    fit = calibrate(s.cell, s.recording).residuals
+    assert fit.rms_px == pytest.approx(0.2, rel=0.1)
+    assert fit.loop_rms_m == pytest.approx(3e-4 * np.sqrt(6), rel=0.25)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,7 +21,8 @@ _FEWEST_3D_POINTS = 3
 def residuals(solution: Solution) -> Residuals:
     """How everything fits.
 
-    The loop of a view is `(A X B).inverse() @ Y C Z` with B from the view alone. Pixels are per coordinate.
+    The loop of a view is `(A X B).inverse() @ Y C Z` with A and C as recorded and B from the view alone. Pixels are per
+    coordinate, robots' errors taken at their most probable.
     """
     per_sample, pixels = [], [np.zeros(0)]
     for group in solution.problem.groups:
@@ -42,7 +44,8 @@ def residuals(solution: Solution) -> Residuals:
 def _of_group(solution: Solution, group: ViewGroup) -> tuple[list[SampleResidual], Array]:
     predicted = solution.state.camera_from_target(group, solution.problem.stops)
     rms, coordinates = _pixels(solution, group, predicted)
-    length, angle = _loops(solution, group, predicted)
+    as_recorded = replace(solution.state, stop_errors=np.zeros_like(solution.state.stop_errors))
+    length, angle = _loops(solution, group, predicted, as_recorded.camera_from_target(group, solution.problem.stops))
     of_views = [
         SampleResidual(int(number), group.camera, group.target, *fit)
         for number, *fit in zip(group.sample, _known(rms), _known(length), _known(angle), strict=True)
@@ -64,10 +67,10 @@ def _pixels(solution: Solution, group: ViewGroup, predicted: SE3) -> tuple[Array
     return np.sqrt(np.nansum(off**2, axis=(1, 2)) / np.maximum(count, 1)), off[np.isfinite(off)]
 
 
-def _loops(solution: Solution, group: ViewGroup, predicted: SE3) -> tuple[Array, Array]:
+def _loops(solution: Solution, group: ViewGroup, predicted: SE3, recorded: SE3) -> tuple[Array, Array]:
     """Length [m] and angle [rad] of each view's loop, (n,); NaN where the view alone gives no pose."""
     alone, enough = _view_alone(solution, group, predicted)
-    off = alone.inverse() @ predicted
+    off = alone.inverse() @ recorded
     length, angle = np.linalg.norm(off.translation, axis=-1), np.linalg.norm(off.rotvec, axis=-1)
     return np.where(enough, length, np.nan), np.where(enough, angle, np.nan)
 

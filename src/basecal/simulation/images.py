@@ -7,12 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import cv2
-
 from basecal.cell import WORLD, Cell, Recording, Sample, Target
 from basecal.errors import InputError
 from basecal.geometry import SE3, Camera
 from basecal.simulation.scenario import SimulatedCell
+from basecal.vision.image_file import write_png
 from basecal.vision.light import LightSettings, render_light
 from basecal.vision.render import RenderSettings, render
 
@@ -84,10 +83,7 @@ def _light_pair(camera: Camera, target: Target, seen: SE3, settings: LightSettin
 
 
 def _write(folder: Path, name: str, image: Any) -> str:
-    path = folder / name
-    path.parent.mkdir(parents=True, exist_ok=True)
-    if not cv2.imwrite(str(path), image):
-        raise InputError(f"{path} cannot be written")
+    write_png(folder / name, image)
     return name
 
 
