@@ -1,0 +1,62 @@
+"""Detections kept in `derived/detections/`, named by the hash of all they depend on; a broken file is no file."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from basecal.cell.inside import write_whole
+from basecal.cell.target import Target
+from basecal.errors import InputError
+from basecal.geometry import SE3, read_only, read_only_ids
+from basecal.vision.detection import Detection
+
+VERSION = 1
+"""Raised whenever a detector gives other numbers."""
+
+_FOLDER = Path("derived", "detections")
+
+
+def key(target: Target, size_px: tuple[int, int] | None, image: bytes, background: bytes | None) -> str:
+    """The hash of an image, the size it has to have, a target and the detectors' version."""
+    described = json.dumps([VERSION, target.kind, dict(target.options), size_px], sort_keys=True, default=_plain)
+    parts = [described.encode(), image, background or b""]
+    return hashlib.sha256(b"".join(hashlib.sha256(part).digest() for part in parts)).hexdigest()
+
+
+def read(folder: Path, name: str) -> tuple[Detection | None] | None:
+    """What was detected, in a tuple since that may be nothing; None where it is not known."""
+    try:
+        data = json.loads((folder / _FOLDER / f"{name}.json").read_text(encoding="utf-8"))
+        return (None if data["pixels"] is None else _detection(data),)
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return None
+
+
+def write(folder: Path, name: str, detection: Detection | None) -> None:
+    """Keep what was detected; a folder that cannot be written to is only slower the next time."""
+    found = {"ids": None, "pixels": None, "sigma_px": None}
+    if detection is not None:
+        ids = None if detection.ids is None else detection.ids.tolist()
+        found = {"ids": ids, "pixels": detection.pixels.tolist(), "sigma_px": detection.sigma_px.tolist()}
+    try:
+        write_whole(folder / _FOLDER / f"{name}.json", json.dumps(found))
+    except InputError:
+        return
+
+
+def _detection(data: dict[str, Any]) -> Detection:
+    pixels, sigma_px = read_only(data["pixels"], (None, 2)), read_only(data["sigma_px"], (len(data["pixels"]),))
+    ids = None if data["ids"] is None else read_only_ids(data["ids"])
+    whole = len(pixels) > 0 and bool(np.all(np.isfinite(pixels))) and bool(np.all(sigma_px > 0))
+    if not whole or (ids is not None and ids.shape != (len(pixels),)):
+        raise ValueError("a detection of another shape")
+    return Detection(ids, pixels, sigma_px)
+
+
+def _plain(value: Any) -> Any:
+    return value.matrix.tolist() if isinstance(value, SE3) else np.asarray(value).tolist()

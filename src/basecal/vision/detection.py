@@ -1,0 +1,68 @@
+"""What a detector gives, and the images it takes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from basecal.errors import InputError
+from basecal.geometry import Array, IntArray, read_only, read_only_ids
+
+Image = NDArray[np.integer[Any]]
+"""Grey levels, (h, w), uint8 or uint16."""
+
+
+@dataclass(frozen=True, eq=False)
+class Detection:
+    """A target found in an image.
+
+    Attributes:
+        ids: Which points, (n,), rising; None for candidates of which at most one is the light, brightest first.
+        pixels: (n, 2) [px], the centre of the top-left pixel is (0, 0).
+        sigma_px: Standard deviation per coordinate, (n,) [px].
+    """
+
+    ids: IntArray | None
+    pixels: Array
+    sigma_px: Array
+
+
+def found(ids: IntArray, pixels: Array, sigma_px: Array) -> Detection | None:
+    """A detection with rising ids; None where there is no point."""
+    if not len(ids):
+        return None
+    order = np.argsort(ids)
+    return Detection(read_only_ids(ids[order]), read_only(pixels[order]), read_only(sigma_px[order]))
+
+
+def full_scale(image: Image) -> float:
+    """The highest level an image can hold: of 16 bits, those that are used, as cameras of 10 to 14 bits are stored."""
+    if image.dtype == np.uint8:
+        return 255.0
+    return float(max(2 ** int(image.max(initial=0)).bit_length() - 1, 255))
+
+
+def checked(image: Image) -> None:
+    """Nothing, where an image can be searched.
+
+    Raises:
+        InputError: if it is not a grey image of 8 or 16 bits.
+    """
+    if image.ndim != 2 or image.dtype not in (np.uint8, np.uint16) or not image.size:
+        raise InputError(f"an image has shape {image.shape} and type {image.dtype}, expected (h, w) of uint8 or uint16")
+
+
+def eight_bit(image: Image) -> NDArray[np.uint8]:
+    """The image in 256 levels, for finding what is then measured in the image itself.
+
+    Raises:
+        InputError: if it is not a grey image of 8 or 16 bits.
+    """
+    checked(image)
+    if image.dtype == np.uint8:
+        return np.asarray(image, dtype=np.uint8)
+    return np.asarray(cv2.convertScaleAbs(image, alpha=255.0 / full_scale(image)), dtype=np.uint8)

@@ -1,0 +1,71 @@
+"""Black and white cells of markers and boards, as OpenCV defines them."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from typing import Any
+
+import cv2
+import numpy as np
+
+from basecal.cell.target import Target
+from basecal.errors import InputError
+from basecal.geometry import Array, BoolArray
+
+_FAMILY = re.compile(r"tag(16h5|25h9|36h10|36h11)")
+
+
+@cache
+def dictionary(name: str) -> Any:
+    """OpenCV's dictionary of a name such as `DICT_4X4_50` or `tag36h11`.
+
+    Raises:
+        InputError: if OpenCV has none of that name.
+    """
+    family = _FAMILY.fullmatch(name)
+    number = getattr(cv2.aruco, f"DICT_APRILTAG_{family[1]}" if family else name, None)
+    if number is None:
+        known = "DICT_..., tag16h5, tag25h9, tag36h10 and tag36h11"
+        raise InputError(f"tags of {name!r} can be neither drawn nor detected; use one of {known}")
+    return cv2.aruco.getPredefinedDictionary(number)
+
+
+def black_cells(dictionary_name: str, marker: int) -> BoolArray:
+    """Which cells of a marker are black, its border among them, (cells, cells) by row and column.
+
+    Raises:
+        InputError: if the dictionary is not known or has no such marker.
+    """
+    known = dictionary(dictionary_name)
+    count = len(known.bytesList)
+    if marker >= count:
+        raise InputError(f"{dictionary_name} has markers 0 to {count - 1}, not {marker}")
+    black: BoolArray = known.generateImageMarker(marker, known.markerSize + 2, None, 1) == 0
+    return black
+
+
+def charuco_board(target: Target) -> Any:
+    """OpenCV's board of a ChArUco target.
+
+    Raises:
+        InputError: if its dictionary has too few markers.
+    """
+    of = target.options
+    known = dictionary(of["dictionary"])
+    needed = of["squares"][0] * of["squares"][1] // 2
+    if needed > len(known.bytesList):
+        size = "x".join(map(str, of["squares"]))
+        raise InputError(f"{of['dictionary']} has {len(known.bytesList)} markers, a {size} board needs {needed}")
+    board = cv2.aruco.CharucoBoard(tuple(of["squares"]), of["square_m"], of["marker_m"], known)
+    board.setLegacyPattern(bool(of.get("legacy_pattern", False)))
+    return board
+
+
+def marker_corners(target: Target) -> Array:
+    """Corners of a ChArUco board's markers in the board's plane, (markers, 4, 2) [m], by marker id.
+
+    Raises:
+        InputError: if its dictionary has too few markers.
+    """
+    return np.asarray(charuco_board(target).getObjPoints(), dtype=np.float64)[..., :2]

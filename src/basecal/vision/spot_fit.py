@@ -1,0 +1,144 @@
+"""A Gaussian spot fitted to a piece of an image, weighed by the noise the piece shows.
+
+Photons are counted, so that the variance of a pixel is linear in its level; both terms are estimated from what the
+fit leaves over. The spot is summed over each pixel's square, which is a product of one factor along x and one along y.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg.lapack import dposv
+from scipy.special import ndtr
+
+from basecal.geometry import Array, BoolArray
+
+_QUANTUM = 1 / 12
+_DAMPED_ROUNDS = 12
+_NEAR_PX = 0.03
+_WEIGHTED_ROUNDS = 3
+_DENSITY = 1 / math.sqrt(2 * math.pi)
+_EYE = np.eye(6)
+
+
+class Spot(NamedTuple):
+    """A spot: x, y [px] in the piece, sigma of its place per coordinate [px], widths along x and y [px], brightness."""
+
+    x: float
+    y: float
+    sigma_px: float
+    width_x: float
+    width_y: float
+    brightness: float
+
+
+class _At(NamedTuple):
+    """At parameters: the spot's own level and the residuals, (p,), and the Jacobian (6, p)."""
+
+    level: Array
+    residuals: Array
+    jacobian: Array
+
+
+def fit_spot(levels: Array, usable: BoolArray, start: tuple[float, float, float]) -> Spot | None:
+    """The spot in a piece of an image; None where none can be fitted.
+
+    Args:
+        levels: (h, w).
+        usable: Which pixels count, (h, w).
+        start: x, y and width [px], roughly.
+    """
+    x, y, width = start
+    offset = float(np.median(levels))
+    q = np.array([x, y, np.log(width), np.log(width), max(float((levels - offset).sum()), 1.0), offset])
+    weights = usable.ravel().astype(np.float64)
+    if weights.sum() < 2 * len(q):
+        return None
+    q, at = _rough(q, levels, weights)
+    covariance = _inverse((at.jacobian * weights) @ at.jacobian.T)
+    for _ in range(_WEIGHTED_ROUNDS):
+        if covariance is None:
+            return None
+        weights = np.where(weights > 0, 1 / _variance(at, weights, covariance), 0.0)
+        weighted = at.jacobian * weights
+        covariance = _inverse(weighted @ at.jacobian.T)
+        if covariance is not None:
+            q = q + covariance @ (weighted @ at.residuals)
+            at = _linearised(q, levels)
+    if covariance is None or not np.all(np.isfinite(q)):
+        return None
+    sigma = np.sqrt((covariance[0, 0] + covariance[1, 1]) / 2)
+    x, y, log_width_x, log_width_y, brightness, _ = q.tolist()
+    return Spot(x, y, float(sigma), math.exp(log_width_x), math.exp(log_width_y), brightness)
+
+
+def _inverse(matrix: Array) -> Array | None:
+    """The inverse of a symmetric positive matrix; None of any other. LAPACK itself: NumPy's checks take longer."""
+    _, inverse, failed = dposv(matrix, _EYE)
+    return None if failed else np.asarray(inverse)
+
+
+def _rough(q: Array, levels: Array, weights: Array) -> tuple[Array, _At]:
+    """Near the least squares with equal weights, by damped Gauss-Newton steps."""
+    damping, at = 1e-2, _linearised(q, levels)
+    for _ in range(_DAMPED_ROUNDS):
+        weighted = at.jacobian * weights
+        normal = weighted @ at.jacobian.T
+        normal.flat[::7] *= 1 + damping
+        _, step, failed = dposv(normal, weighted @ at.residuals)
+        there = _linearised(q + step, levels)
+        if not failed and weights @ there.residuals**2 < weights @ at.residuals**2:
+            q, at, damping = q + step, there, damping / 10
+        else:
+            damping *= 10
+        if np.abs(step[:4]).max() < _NEAR_PX:
+            break
+    return q, at
+
+
+def _linearised(q: Array, levels: Array) -> _At:
+    height, width = levels.shape
+    (across, d_x, d_width), (down, d_y, d_height) = _shares(q[0], q[2], width), _shares(q[1], q[3], height)
+    brightness = q[4]
+    jacobian = np.empty((6, height, width))
+    bright_down, column = brightness * down[:, None], down[:, None]
+    np.multiply(bright_down, d_x, out=jacobian[0])
+    np.multiply((brightness * d_y)[:, None], across, out=jacobian[1])
+    np.multiply(bright_down, d_width, out=jacobian[2])
+    np.multiply((brightness * d_height)[:, None], across, out=jacobian[3])
+    np.multiply(column, across, out=jacobian[4])
+    jacobian[5] = 1.0
+    flat = jacobian.reshape(6, -1)
+    level = brightness * flat[4]
+    return _At(level, levels.ravel() - level - q[5], flat)
+
+
+def _shares(centre: float, log_width: float, count: int) -> tuple[Array, Array, Array]:
+    """What each of `count` pixels has of a spot along one axis, and its derivatives to centre and log width."""
+    inverse = math.exp(-min(max(log_width, -5.0), 5.0))
+    borders = (np.arange(count + 1) - (0.5 + centre)) * inverse
+    share = ndtr(borders)
+    density = _DENSITY * np.exp(-0.5 * borders * borders)
+    d_width = borders * density
+    return share[1:] - share[:-1], inverse * (density[:-1] - density[1:]), d_width[:-1] - d_width[1:]
+
+
+def _variance(at: _At, weights: Array, covariance: Array) -> Array:
+    """Variance of each pixel, (p,), linear in the spot's level: maximum likelihood by Fisher's scoring.
+
+    Squared residuals are raised by what the fit follows of its own pixels.
+    """
+    leverage = weights * ((covariance @ at.jacobian) * at.jacobian).sum(axis=0)
+    level, count = np.maximum(at.level, 0.0), weights > 0
+    squared = at.residuals**2 / np.maximum(1 - leverage, 0.05)
+    dark = count & (level < 0.02 * level.max())
+    floor, slope = max(float(squared[dark].mean() if dark.sum() > 8 else np.median(squared[count])), _QUANTUM), 0.0
+    basis = np.stack([np.ones_like(level), level, level**2, squared, level * squared], axis=1)
+    for _ in range(3):
+        s0, s1, s2, t0, t1 = ((count / (floor + slope * level) ** 2) @ basis).tolist()
+        determinant = max(s0 * s2 - s1 * s1, 1e-300)
+        floor = max((s2 * t0 - s1 * t1) / determinant, _QUANTUM)
+        slope = max((s0 * t1 - s1 * t0) / determinant, 0.0)
+    return np.asarray(floor + slope * level)

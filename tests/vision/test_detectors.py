@@ -1,0 +1,176 @@
+"""Targets found in rendered images: where they are, and how sure that is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from vision_scenes import FISHEYE, TARGETS, WIDE, poses
+
+from basecal.cell import target
+from basecal.errors import InputError
+from basecal.geometry import SE3, Array, Camera
+from basecal.vision.detection import Detection
+from basecal.vision.detectors import find
+from basecal.vision.render import RenderSettings, render
+
+IMAGES = 5
+
+
+@dataclass
+class Errors:
+    """Of all points of some images: errors [px], sigmas [px], and the share of points found."""
+
+    error: Array
+    sigma: Array
+    found: float
+
+    @property
+    def rms(self) -> float:
+        return float(np.sqrt(np.mean(self.error**2)))
+
+    @property
+    def ratio(self) -> float:
+        return float(np.sqrt(np.mean((self.error / self.sigma[:, None]) ** 2)))
+
+
+def by_id(shape: target.Target, detection: Detection, true: Array) -> Array:
+    """Errors of a detection, taken from whichever end of a symmetric grid it counts."""
+    assert detection.ids is not None
+    forth = detection.pixels - true[shape.rows(detection.ids)]
+    if shape.kind != "circles" and not (shape.kind == "chessboard" and sum(shape.options["corners"]) % 2 == 0):
+        return forth
+    back = detection.pixels - true[::-1][shape.rows(detection.ids)]
+    return min(forth, back, key=lambda each: float(np.abs(each).max()))
+
+
+def errors(kind: str, camera: Camera, settings: RenderSettings, tilt: float = 0.6, seed: int = 0) -> Errors:
+    shape = TARGETS[kind]
+    error, sigma = [], []
+    for index, pose in enumerate(poses(shape, IMAGES, np.random.default_rng(seed), tilt)):
+        detection = find(render(camera, shape, pose, settings, index), shape)
+        if detection is not None:
+            error.append(by_id(shape, detection, camera.project(pose @ shape.points)))
+            sigma.append(detection.sigma_px)
+    return Errors(np.concatenate(error), np.concatenate(sigma), len(np.concatenate(sigma)) / IMAGES / len(shape.ids))
+
+
+@pytest.mark.parametrize("camera", [WIDE, FISHEYE], ids=["wide", "fisheye"])
+@pytest.mark.parametrize("kind", ["charuco", "legacy", "chessboard", "tags", "aruco"])
+def test_corners_within_the_goal(kind: str, camera: Camera) -> None:
+    """With two grey levels of noise, corners are right within 0.06 px rms and nearly all are found."""
+    seen = errors(kind, camera, RenderSettings(noise=2.0, blur_px=0.8))
+    assert seen.rms < 0.06
+    assert seen.found > 0.95
+
+
+@pytest.mark.parametrize(("noise", "blur"), [(1.0, 0.5), (1.0, 1.0), (2.0, 2.0), (4.0, 0.5), (8.0, 1.0)])
+@pytest.mark.parametrize("kind", ["charuco", "chessboard", "tags"])
+def test_sigma_is_true(kind: str, noise: float, blur: float) -> None:
+    """Errors are as large as each corner's sigma says, within 20 %, whatever the noise, the blur and the tilt."""
+    # 240 and more coordinates: the ratio of a true sigma has itself a sigma below 0.05.
+    seen = errors(kind, WIDE, RenderSettings(noise=noise, blur_px=blur), tilt=0.8)
+    assert 0.8 < seen.ratio < 1.2
+
+
+@pytest.mark.parametrize("kind", ["circles", "asymmetric"])
+@pytest.mark.parametrize("noise", [2.0, 8.0])
+def test_circles_are_where_their_centres_are(kind: str, noise: float) -> None:
+    """Centres of circles are those of the discs, not of the ellipses, and the sigma is of the errors' size."""
+    seen = errors(kind, WIDE, RenderSettings(noise=noise))
+    assert seen.rms < 0.02 * max(1, noise / 4)
+    assert seen.found > 0.95
+    assert 0.7 < seen.ratio < 1.5  # what a strong lens bends within a disc is known to a half only
+
+
+def test_sigma_in_a_sharpened_image() -> None:
+    """Corners keep to their sigmas where the camera has sharpened the image, as most do."""
+    from scipy.ndimage import gaussian_filter
+
+    shape, errors_of, sigma = TARGETS["charuco"], [], []
+    for index, pose in enumerate(poses(shape, IMAGES, np.random.default_rng(5))):
+        plain = render(WIDE, shape, pose, RenderSettings(noise=1.0, black=60, white=160), index).astype(np.float64)
+        sharp = np.clip(np.rint(plain + 1.0 * (plain - gaussian_filter(plain, 1.2))), 0, 255).astype(np.uint8)
+        detection = find(sharp, shape)
+        assert detection is not None
+        errors_of.append(by_id(shape, detection, WIDE.project(pose @ shape.points)))
+        sigma.append(detection.sigma_px)
+    ratio = np.concatenate(errors_of) / np.concatenate(sigma)[:, None]
+    assert np.concatenate(errors_of).std() < 0.03
+    assert 0.7 < ratio.std() < 1.3  # sharpening also makes the noise of neighbours alike
+
+
+@pytest.mark.parametrize("kind", list(TARGETS))
+def test_sixteen_bits_say_the_same(kind: str) -> None:
+    """An image of 16 bits, or of 12 bits stored in 16, is searched as one of 8."""
+    shape = TARGETS[kind]
+    pose = poses(shape, 1, np.random.default_rng(4), tilt=0.3)[0]
+    deep = render(WIDE, shape, pose, RenderSettings(bits=16))
+    eight, sixteen, twelve = (find(each, shape) for each in ((deep // 257).astype(np.uint8), deep, deep // 16))
+    assert eight is not None
+    assert sixteen is not None
+    assert twelve is not None
+    np.testing.assert_allclose(sixteen.pixels, eight.pixels, atol=0.03)
+    np.testing.assert_allclose(twelve.pixels, sixteen.pixels, atol=1e-3)
+
+
+@pytest.mark.parametrize("kind", list(TARGETS))
+def test_nothing_in_noise(kind: str) -> None:
+    """No target is found in noise, in a plain image or in one of a few pixels."""
+    noise = np.random.default_rng(0).integers(0, 256, (240, 320)).astype(np.uint8)
+    for image in (noise, np.full((200, 200), 255, np.uint8), np.zeros((3, 5), np.uint16)):
+        assert find(image, TARGETS[kind]) is None
+
+
+def test_board_half_hidden() -> None:
+    """Of a ChArUco board that leaves the image, the corners inside are found under their own ids."""
+    shape = TARGETS["charuco"]
+    pose = SE3(np.eye(3), np.array([-0.55, -0.14, 0.5]))
+    true = WIDE.project(pose @ shape.points)
+    detection = find(render(WIDE, shape, pose), shape)
+    assert detection is not None
+    assert detection.ids is not None
+    assert 4 <= len(detection.ids) < len(shape.ids)
+    np.testing.assert_allclose(detection.pixels, true[detection.ids], atol=0.1)
+
+
+def test_chessboard_counts_from_black() -> None:
+    """Where half a turn exchanges black and white, ids count from the corner whose outer square is black."""
+    shape = TARGETS["chessboard"]
+    for turn in (0.0, np.pi / 2, np.pi, 4.0):
+        rotation = SE3.from_rpy((0.2, 0.1, turn), np.zeros(3)).rotation
+        pose = SE3(rotation.copy(), np.array([0, 0, 0.5]) - rotation @ shape.points.mean(axis=0))
+        detection = find(render(WIDE, shape, pose), shape)
+        assert detection is not None
+        np.testing.assert_allclose(detection.pixels, WIDE.project(pose @ shape.points), atol=0.1)
+
+
+def test_only_own_tags() -> None:
+    """Tags that are not on the target, and a tag that is seen twice, are left out."""
+    two = target.apriltag(
+        "tag36h11", [(k, 0.08, SE3(np.eye(3), np.array([0.12 * k, 0, 0]))) for k in (0, 1)]
+    )
+    pose = SE3(np.eye(3), np.array([-0.05, 0.0, 0.5]))
+    one = target.apriltag("tag36h11", [(1, 0.08, SE3.identity())])
+    image = render(WIDE, two, pose)
+    detection = find(image, one)
+    assert detection is not None
+    assert detection.ids is not None
+    assert detection.ids.tolist() == [4, 5, 6, 7]
+    assert find(np.concatenate([image, image]), one) is None
+
+
+@pytest.mark.parametrize(
+    ("shape", "image", "message"),
+    [
+        (TARGETS["tags"], np.zeros((20, 20, 3), np.uint8), "expected"),
+        (TARGETS["tags"], np.zeros((20, 20), np.float32), "float32"),
+        (target.chessboard((2, 5), 0.03), np.zeros((99, 99), np.uint8), "3 or more"),
+        (target.apriltag("tagCustom48h12", [(0, 0.1, SE3.identity())]), np.zeros((99, 99), np.uint8), "tagCustom48h12"),
+    ],
+)
+def test_what_cannot_be_searched(shape: target.Target, image: Array, message: str) -> None:
+    """An image that is not grey, and a target that cannot be found, are named errors."""
+    with pytest.raises(InputError, match=message):
+        find(image, shape)  # type: ignore[arg-type]
