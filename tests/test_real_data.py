@@ -27,7 +27,7 @@ def test_two_ur5e() -> None:
 
 
 def test_two_ur5e_from_photographs() -> None:
-    """Found in the photographs, corners put the base within 1 mm and 0.03 deg of the shipped ones but for stray corners.
+    """Corners found in the photographs put the base within 1 mm and 0.03 deg of the shipped ones, strays left out.
 
     Of the shipped corners 7 % are half a pixel and more off; with those too the angle is 0.046 deg.
     """

@@ -20,7 +20,7 @@ TARGETS = {
     "asymmetric": target.circles((4, 11), 0.02, asymmetric=True),
     "tags": target.apriltag(
         "tag36h11",
-        [(3 * k + 1, 0.06, SE3.from_rpy((0, 0, 0.2 * k), (0.1 * (k % 3), 0.1 * (k // 3), 0))) for k in range(6)],
+        [(3 * k + 1, 0.06, SE3.from_rpy((0, 0, 0.2 * k), (0.13 * (k % 3), 0.13 * (k // 3), 0))) for k in range(6)],
     ),
     "aruco": target.apriltag("DICT_6X6_250", [(17, 0.1, SE3.identity())]),
 }

@@ -113,7 +113,7 @@ def test_a_bumped_arm_is_named():
 
 
 def test_sigmas_contradicted_by_the_residuals_are_scaled_up():
-    """Pixels four times noisier than stated: doubtful, and the base's sigmas are those of the true noise within 10 %."""
+    """Pixels four times noisier than stated: doubtful, and sigmas are those of the true noise within 10 %."""
     s = simulate(Scenario(pixel_px=0.8), seed=0)
     told = calibrate(replace(s.cell, pixel_px=0.2), s.recording)
     true = calibrate(s.cell, s.recording)

@@ -37,7 +37,7 @@ def test_chessboards_read_from_either_end_are_sorted_out(seed):
 
 @pytest.mark.parametrize("mounts", ["fixed", "free"])
 def test_the_light_is_found_among_reflections(mounts):
-    """Where a third of the views list a reflection first, the light is found and the answer is that of the light alone."""
+    """Where a third of the views list a reflection first, the answer is still that of the light alone."""
     scenario = Scenario(target="led", camera_mount=mounts, target_mount=mounts, samples=40)
     s = simulate(scenario, 1)
     rng = np.random.default_rng(1)

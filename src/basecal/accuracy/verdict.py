@@ -92,7 +92,8 @@ def _too_few_finding(what: str) -> Finding:
 
 
 def _too_many_dropped(problem: Problem, findings: list[Finding]) -> list[Finding]:
-    dropped = {name for f in findings if f.code == "dropped-sample" for name in f.about}
+    about = {name for f in findings if f.code == "dropped-sample" for name in f.about}
+    dropped = {name for name in about if name.isdecimal()}
     total = len(_samples(problem)) + len(dropped)
     if len(dropped) <= _MANY_DROPPED * total:
         return []

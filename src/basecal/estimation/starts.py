@@ -24,7 +24,7 @@ from basecal.geometry import SE3, Camera, IntArray
 
 Triple = tuple[SE3, SE3, SE3]
 
-_FEW = (24, 20)
+_FEW = (20, 16)
 _MANY = (400, 1000)
 _LIGHT_STARTS = {0: 1, 1: 12, 2: 40}
 _POSE_STARTS = 16

@@ -6,7 +6,7 @@ import numpy as np
 
 from basecal.geometry import Array
 
-_WIDE = 1.0
+_WIDE = 1.3
 
 
 def local_axes(at: Array, plane: Array, pixels: Array, pitch: float) -> Array:
@@ -64,13 +64,13 @@ def local_homographies(plane: Array, pixels: Array, pitch: float) -> tuple[Array
 
 
 def _second_derivatives(offset: Array, weight: Array, values: Array) -> Array:
-    """Of a quadratic fitted to values, (n, m, 2), at offsets, (n, m, 2): xx, xy and yy, (n, 3, 2)."""
+    """Of a cubic fitted to values, (n, m, 2), at offsets, (n, m, 2): xx, xy and yy, (n, 3, 2)."""
     x, y = np.moveaxis(offset, 2, 0)
-    basis = np.stack([np.ones_like(x), x, y, x * x / 2, x * y, y * y / 2], axis=2)
+    basis = np.stack([np.ones_like(x), x, y, x * x / 2, x * y, y * y / 2, x**3, x * x * y, x * y * y, y**3], axis=2)
     weighted = np.swapaxes(basis * weight[..., None] ** 2, 1, 2)
     # The ridge stands in where a grid of two rows has no second derivative across them.
-    normal = weighted @ basis + 1e-6 * np.eye(6)
-    return np.asarray(np.linalg.solve(normal, weighted @ values)[:, 3:])
+    normal = weighted @ basis + 1e-6 * np.eye(10)
+    return np.asarray(np.linalg.solve(normal, weighted @ values)[:, 3:6])
 
 
 def grid_axes(grid: Array) -> Array:
