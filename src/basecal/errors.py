@@ -63,11 +63,3 @@ class NotConverged(BasecalError):
     def __init__(self, message: str, state: object = None) -> None:
         self.state = state
         super().__init__(message)
-
-
-class MissingExtra(BasecalError, ImportError):
-    """An optional dependency is not installed; the message is the install line."""
-
-    def __init__(self, package: str, extra: str) -> None:
-        self.extra = extra
-        super().__init__(f"{package} is not installed: pip install 'basecal[{extra}]'")

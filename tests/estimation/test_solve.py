@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from tests.oracles.dense import DenseProblem
 
-from basecal.cell import Recording, Unknown
+from basecal.cell import Parameters, Recording, Unknown
 from basecal.errors import InputError
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
@@ -176,3 +176,11 @@ def test_camera_and_target_on_one_flange_are_refused():
     cell = replace(s.cell, targets={"board": replace(s.cell.targets["board"], on="eye")})
     with pytest.raises(InputError, match="both on 'eye'"):
         solve(cell, s.recording)
+
+
+def test_joint_offsets_are_not_passed_over():
+    """A cell that asks for joint offsets gets a sentence, not an answer without them."""
+    s = simulate(Scenario(), seed=0)
+    robots = {**s.cell.robots, "hand": replace(s.cell.robots["hand"], joint_offsets=Parameters("free"))}
+    with pytest.raises(InputError, match="joint_offsets are not estimated yet"):
+        solve(replace(s.cell, robots=robots), s.recording)

@@ -44,8 +44,10 @@ def pack(cell: Cell, recording: Recording) -> tuple[Problem, list[Finding]]:
     """The problem of a recording, and findings about samples that could not be used.
 
     Raises:
-        InputError: if a camera and the target it sees are on the same body, or a camera with pixels has no lens.
+        InputError: if a camera and the target it sees are on the same body, a camera with pixels has no lens, or joint
+            offsets or link parameters are asked for.
     """
+    _check_parameters(cell)
     samples = canonical(recording.samples)
     findings: list[Finding] = []
     poses = {name: _poses_of(cell, name, samples) for name in cell.robots}
@@ -53,6 +55,13 @@ def pack(cell: Cell, recording: Recording) -> tuple[Problem, list[Finding]]:
     views = _views(cell, samples, poses, findings)
     groups = tuple(_group(cell, samples, poses, key, views[key]) for key in sorted(views))
     return _problem(cell, groups, stops), findings
+
+
+def _check_parameters(cell: Cell) -> None:
+    for robot in cell.robots.values():
+        for field in ("joint_offsets", "link_parameters"):
+            if getattr(robot, field).status != "fixed":
+                raise InputError(f"robot {robot.name!r}: {field} are not estimated yet: set their status to fixed")
 
 
 def canonical(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
@@ -121,7 +130,7 @@ def _views(
             needed = [cell.cameras[camera].on, cell.targets[target].on]
             missing = [r for r in needed if r in cell.robots and i not in poses[r].row]
             if missing:
-                lacking[f"no pose of {missing[0]}"].append(sample.sample)
+                lacking[f"no pose of {missing[0]} in the same sample"].append(sample.sample)
             elif _cannot_choose(cell, observation):
                 lacking["candidates for several lights, which cannot be told apart"].append(sample.sample)
             else:
