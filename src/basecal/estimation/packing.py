@@ -59,9 +59,9 @@ def pack(cell: Cell, recording: Recording) -> tuple[Problem, list[Finding]]:
 
 def _check_parameters(cell: Cell) -> None:
     for robot in cell.robots.values():
-        for field in ("joint_offsets", "link_parameters"):
-            if getattr(robot, field).status != "fixed":
-                raise InputError(f"robot {robot.name!r}: {field} are not estimated yet: set their status to fixed")
+        for name in ("joint_offsets", "link_parameters"):
+            if getattr(robot, name).status != "fixed":
+                raise InputError(f"robot {robot.name!r}: {name} are not estimated yet: set their status to fixed")
 
 
 def canonical(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
