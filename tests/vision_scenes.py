@@ -10,6 +10,7 @@ from basecal.geometry import SE3, Array, Camera
 
 WIDE = Camera("pinhole", np.array([766.5, 765.4, 640.9, 358.8, -0.35, 0.179, 0.0, 0.0, 0.0]), (1280, 720))
 PLAIN = Camera("pinhole", np.array([500.0, 500.0, 319.5, 239.5]), (640, 480))
+SMALL = Camera("pinhole", np.array([500.0, 500.0, 159.5, 119.5]), (320, 240))
 FISHEYE = Camera("fisheye", np.array([420.0, 421.0, 641.0, 359.0, 0.05, -0.01, 0.002, 0.0]), (1280, 720))
 
 TARGETS = {

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from vision_scenes import FISHEYE, TARGETS, WIDE, poses
+from scipy.ndimage import gaussian_filter
 
 from basecal.cell import target
 from basecal.errors import InputError
@@ -14,8 +14,9 @@ from basecal.geometry import SE3, Array, Camera
 from basecal.vision.detection import Detection
 from basecal.vision.detectors import find
 from basecal.vision.render import RenderSettings, render
+from vision_scenes import FISHEYE, TARGETS, WIDE, poses
 
-IMAGES = 5
+IMAGES = 4
 
 
 @dataclass
@@ -65,29 +66,25 @@ def test_corners_within_the_goal(kind: str, camera: Camera) -> None:
     assert seen.found > 0.95
 
 
-@pytest.mark.parametrize(("noise", "blur"), [(1.0, 0.5), (1.0, 1.0), (2.0, 2.0), (4.0, 0.5), (8.0, 1.0)])
-@pytest.mark.parametrize("kind", ["charuco", "chessboard", "tags"])
+@pytest.mark.parametrize(("noise", "blur"), [(1.0, 0.5), (1.0, 1.0), (2.0, 2.0), (8.0, 1.0)])
+@pytest.mark.parametrize("kind", ["charuco", "chessboard", "tags", "circles", "asymmetric"])
 def test_sigma_is_true(kind: str, noise: float, blur: float) -> None:
     """Errors are as large as each corner's sigma says, within 20 %, whatever the noise, the blur and the tilt."""
-    # 240 and more coordinates: the ratio of a true sigma has itself a sigma below 0.05.
+    # 190 and more coordinates: the ratio of a true sigma has itself a sigma of about 0.05.
     seen = errors(kind, WIDE, RenderSettings(noise=noise, blur_px=blur), tilt=0.8)
     assert 0.8 < seen.ratio < 1.2
 
 
 @pytest.mark.parametrize("kind", ["circles", "asymmetric"])
-@pytest.mark.parametrize("noise", [2.0, 8.0])
-def test_circles_are_where_their_centres_are(kind: str, noise: float) -> None:
-    """Centres of circles are those of the discs, not of the ellipses, and the sigma is of the errors' size."""
-    seen = errors(kind, WIDE, RenderSettings(noise=noise))
-    assert seen.rms < 0.02 * max(1, noise / 4)
+def test_centres_of_discs(kind: str) -> None:
+    """Centres of circles are those of the discs, not of the ellipses they are seen as, within 0.005 px rms."""
+    seen = errors(kind, WIDE, RenderSettings(noise=0.5))
+    assert seen.rms < 0.005
     assert seen.found > 0.95
-    assert 0.7 < seen.ratio < 1.5  # what a strong lens bends within a disc is known to a half only
 
 
 def test_sigma_in_a_sharpened_image() -> None:
     """Corners keep to their sigmas where the camera has sharpened the image, as most do."""
-    from scipy.ndimage import gaussian_filter
-
     shape, errors_of, sigma = TARGETS["charuco"], [], []
     for index, pose in enumerate(poses(shape, IMAGES, np.random.default_rng(5))):
         plain = render(WIDE, shape, pose, RenderSettings(noise=1.0, black=60, white=160), index).astype(np.float64)
@@ -148,9 +145,7 @@ def test_chessboard_counts_from_black() -> None:
 
 def test_only_own_tags() -> None:
     """Tags that are not on the target, and a tag that is seen twice, are left out."""
-    two = target.apriltag(
-        "tag36h11", [(k, 0.08, SE3(np.eye(3), np.array([0.12 * k, 0, 0]))) for k in (0, 1)]
-    )
+    two = target.apriltag("tag36h11", [(k, 0.08, SE3(np.eye(3), np.array([0.12 * k, 0, 0]))) for k in (0, 1)])
     pose = SE3(np.eye(3), np.array([-0.05, 0.0, 0.5]))
     one = target.apriltag("tag36h11", [(1, 0.08, SE3.identity())])
     image = render(WIDE, two, pose)

@@ -7,13 +7,13 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from vision_scenes import TARGETS
 
 from basecal.cell import target
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array
 from basecal.vision.drawing import Sheet, target_drawing
 from basecal.vision.fiducial import charuco_board
+from vision_scenes import TARGETS
 
 
 def is_black(sheet: Sheet, places: Array) -> Any:

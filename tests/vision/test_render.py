@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.special import ndtr
-from vision_scenes import FISHEYE, PLAIN, TARGETS, WIDE, poses
 
 from basecal.cell import target
 from basecal.errors import InputError
@@ -17,6 +16,7 @@ from basecal.vision.drawing import CIRCLE_RADIUS
 from basecal.vision.local_map import local_axes
 from basecal.vision.render import RenderSettings, radiance, render
 from basecal.vision.shapes import saddle
+from vision_scenes import FISHEYE, PLAIN, TARGETS, WIDE, poses
 
 CLEAN = RenderSettings(noise=0.0)
 
@@ -63,7 +63,9 @@ def test_step_is_an_error_function() -> None:
 def test_noise_is_as_told() -> None:
     """The plain background has the stated mean and noise, and another seed gives other noise."""
     behind = SE3(np.eye(3), np.array([0.0, 0.0, -1.0]))
-    first, again, other = (render(PLAIN, TARGETS["chessboard"], behind, RenderSettings(noise=3.0), k) for k in (1, 1, 2))
+    first, again, other = (
+        render(PLAIN, TARGETS["chessboard"], behind, RenderSettings(noise=3.0), k) for k in (1, 1, 2)
+    )
     np.testing.assert_array_equal(first, again)
     assert first.mean() == pytest.approx(110, abs=0.05)  # 5 sigmas of the mean of 307,200 pixels are 0.03
     assert first.std() == pytest.approx(np.sqrt(9 + 1 / 12), rel=0.01)

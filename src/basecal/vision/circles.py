@@ -20,8 +20,8 @@ from basecal.vision.local_map import local_axes, local_homographies
 from basecal.vision.patch_fit import Patches, fit_shapes
 from basecal.vision.shapes import ellipse
 
-_MODEL_PX = 0.0015
-_BENT_SHARE = 0.1  # of what a lens bends, as uncertain
+_MODEL_PX = 0.0007
+_BENT_SHARE = 0.05  # of what a lens bends, as uncertain
 _MOST_REACH = 40
 _MOST_MOVED = 3.0
 _FEWEST = 4

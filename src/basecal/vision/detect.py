@@ -40,7 +40,7 @@ def detect(
     """
     shapes = {name: entry.target for name, entry in cell.targets.items() if entry.target is not None}
     sought = {name: target for name, target in shapes.items() if target.kind in DETECTORS}
-    look = _Look(cell, sought, Path(folder or recording.folder or "."))
+    look = _Look(cell, sought, _home(recording, folder))
     samples, findings, missed = [], [*recording.findings], dict[tuple[str, str], list[int]]()
     for done, sample in enumerate(recording.samples, start=1):
         seen = [_camera(look, sample, camera) for camera in sample.images]
@@ -54,6 +54,12 @@ def detect(
             progress(done, len(recording.samples))
     findings += [_not_found(*pair, where) for pair, where in missed.items()]
     return replace(recording, samples=tuple(samples), findings=tuple(findings))
+
+
+def _home(recording: Recording, folder: Path | str | None) -> Path:
+    if folder is None and recording.folder is None and any(sample.images for sample in recording.samples):
+        raise InputError("it is not known where the images are; give the folder of the cell")
+    return Path(folder or recording.folder or ".")
 
 
 @dataclass(frozen=True, eq=False)

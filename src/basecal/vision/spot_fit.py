@@ -69,9 +69,19 @@ def fit_spot(levels: Array, usable: BoolArray, start: tuple[float, float, float]
             at = _linearised(q, levels)
     if covariance is None or not np.all(np.isfinite(q)):
         return None
-    sigma = np.sqrt((covariance[0, 0] + covariance[1, 1]) / 2)
+    sigma = np.sqrt((covariance[0, 0] + covariance[1, 1]) / 2 * _spread(at, weights))
     x, y, log_width_x, log_width_y, brightness, _ = q.tolist()
     return Spot(x, y, float(sigma), math.exp(log_width_x), math.exp(log_width_y), brightness)
+
+
+def _spread(at: _At, weights: Array) -> float:
+    """How much wider than a normal distribution's the place's variance is, since a few pixels tell their own noise.
+
+    As of Student's distribution, with as many degrees of freedom as pixels that tell the place.
+    """
+    told = weights * (at.jacobian[0] ** 2 + at.jacobian[1] ** 2)
+    freedom = max(float(told.sum() ** 2 / (told @ told)), 4.0)
+    return freedom / (freedom - 2)
 
 
 def _inverse(matrix: Array) -> Array | None:

@@ -1,0 +1,346 @@
+"""Detectors beside plain OpenCV on the same rendered images: how far off, how true the sigmas, how fast."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+
+from basecal.cell import target
+from basecal.cell.target import Target
+from basecal.geometry import SE3, Array, Camera
+from basecal.vision import led
+from basecal.vision.detection import Image
+from basecal.vision.detectors import find
+from basecal.vision.fiducial import charuco_board, dictionary
+from basecal.vision.light import LightSettings, light_levels, render_light
+from basecal.vision.render import RenderSettings, render
+from benchmarks.common import on_one_core, table, write
+
+CAMERA = Camera("pinhole", np.array([766.5, 765.4, 640.9, 358.8, -0.35, 0.179, 0.0, 0.0, 0.0]), (1280, 720))
+CONDITIONS = [(noise, blur) for noise in (1.0, 2.0, 4.0, 8.0) for blur in (0.5, 1.0, 2.0)]
+GOAL_PX, GOAL_RATIO, GOAL_BOUND = 0.06, (0.8, 1.2), 1.1
+PHOTONS, SPOTS = (3e3, 1e4, 3e4, 1e5, 3e5), (0.8, 1.5)
+
+Places = dict[int, Array]
+Plain = Callable[[Image], Places]
+_TIGHT = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-4)
+
+
+def _charuco(shape: Target) -> dict[str, Plain]:
+    detector = cv2.aruco.CharucoDetector(charuco_board(shape))
+
+    def plain(image: Image) -> Places:
+        corners, ids, _, _ = detector.detectBoard(image)
+        return {} if ids is None else dict(zip(ids.ravel().tolist(), corners.reshape(-1, 2), strict=True))
+
+    return {"CharucoDetector": plain, "CharucoDetector, cornerSubPix": lambda image: _sub_pixel(image, plain(image))}
+
+
+def _sub_pixel(image: Image, rough: Places) -> Places:
+    if not rough:
+        return rough
+    start = np.array(list(rough.values()), dtype=np.float32)
+    return dict(
+        zip(rough, cv2.cornerSubPix(image, start.reshape(-1, 1, 2), (5, 5), (-1, -1), _TIGHT)[:, 0], strict=True)
+    )
+
+
+def _tags(shape: Target) -> dict[str, Plain]:
+    def by(method: int) -> Plain:
+        settings = cv2.aruco.DetectorParameters()
+        settings.cornerRefinementMethod = method
+        detector = cv2.aruco.ArucoDetector(dictionary(shape.options["family"]), settings)
+
+        def plain(image: Image) -> Places:
+            quads, ids, _ = detector.detectMarkers(image)
+            tags = [] if ids is None else ids.ravel().tolist()
+            return {4 * tag + k: quad[0, k] for tag, quad in zip(tags, quads, strict=True) for k in range(4)}
+
+        return plain
+
+    methods = {"NONE": cv2.aruco.CORNER_REFINE_NONE, "SUBPIX": cv2.aruco.CORNER_REFINE_SUBPIX}
+    return {f"ArucoDetector, {name}": by(method) for name, method in methods.items()}
+
+
+def _chessboard(shape: Target) -> dict[str, Plain]:
+    size = tuple(shape.options["corners"])
+
+    def plain(image: Image) -> Places:
+        seen, corners = cv2.findChessboardCornersSB(image, size)
+        return dict(enumerate(corners.reshape(-1, 2))) if seen else {}
+
+    return {
+        "findChessboardCornersSB": plain,
+        "findChessboardCornersSB, cornerSubPix": lambda image: _sub_pixel(image, plain(image)),
+    }
+
+
+def _circles(shape: Target) -> dict[str, Plain]:
+    def plain(image: Image) -> Places:
+        seen, centres = cv2.findCirclesGrid(image, tuple(shape.options["circles"]), flags=cv2.CALIB_CB_ASYMMETRIC_GRID)
+        return dict(enumerate(centres.reshape(-1, 2))) if seen else {}
+
+    return {"findCirclesGrid": plain}
+
+
+KINDS: dict[str, tuple[Target, Callable[[Target], dict[str, Plain]]]] = {
+    "charuco": (target.charuco((5, 7), 0.04, 0.03, "DICT_4X4_50"), _charuco),
+    "tags": (
+        target.apriltag(
+            "tag36h11", [(k, 0.06, SE3(np.eye(3), np.array([0.09 * (k % 3), 0.09 * (k // 3), 0]))) for k in range(9)]
+        ),
+        _tags,
+    ),
+    "chessboard": (target.chessboard((9, 6), 0.03), _chessboard),
+    "circles": (target.circles((4, 11), 0.02, asymmetric=True), _circles),
+}
+
+
+class Row(NamedTuple):
+    """One detector under one condition: points found, rms per coordinate [px], error over sigma, seconds an image."""
+
+    kind: str
+    detector: str
+    noise: float
+    blur_px: float
+    points: int
+    rms_px: float
+    ratio: float | None
+    seconds: float
+
+
+def _poses(shape: Target, count: int) -> list[SE3]:
+    rng, out = np.random.default_rng(0), []
+    middle = (shape.points.max(axis=0) + shape.points.min(axis=0)) / 2
+    for _ in range(count):
+        rotation = SE3.from_rpy([*rng.uniform(-0.8, 0.8, 2), rng.uniform(-3, 3)], np.zeros(3)).rotation
+        depth = rng.uniform(0.4, 0.6)
+        place = np.array([*rng.uniform(-0.12, 0.12, 2) * depth, depth])
+        out.append(SE3(rotation.copy(), place - rotation @ middle))
+    return out
+
+
+def _ours(shape: Target) -> Callable[[Image], tuple[Places, Array | None]]:
+    def run(image: Image) -> tuple[Places, Array | None]:
+        found = find(image, shape)
+        if found is None or found.ids is None:
+            return {}, None
+        return dict(zip(found.ids.tolist(), found.pixels, strict=True)), found.sigma_px
+
+    return run
+
+
+def _errors(places: Places, shape: Target, true: Array) -> Array:
+    """Errors by id, (n, 2); of a grid counted from its other end, or a corner elsewhere, to the nearest point."""
+    found = np.array(list(places.values())).reshape(-1, 2)
+    if shape.kind in ("chessboard", "circles"):
+        return found - true[np.linalg.norm(found[:, None] - true, axis=2).argmin(axis=1)]
+    return found - true[shape.rows(np.array(list(places), dtype=np.int64))]
+
+
+def corners(kind: str, noise: float, blur: float, count: int) -> list[Row]:
+    """All detectors of a kind on the same images."""
+    shape, plain = KINDS[kind]
+    works: dict[str, Callable[[Image], tuple[Places, Array | None]]] = {"basecal": _ours(shape)}
+    works |= {name: lambda image, run=run: (run(image), None) for name, run in plain(shape).items()}
+    error: dict[str, list[Array]] = {name: [] for name in works}
+    sigma: list[Array] = []
+    spent = dict.fromkeys(works, 0.0)
+    for seed, pose in enumerate(_poses(shape, count)):
+        image = render(CAMERA, shape, pose, RenderSettings(noise=noise, blur_px=blur), seed)
+        true = CAMERA.project(pose @ shape.points)
+        for name, work in works.items():
+            began = time.perf_counter()
+            places, told = work(image)
+            spent[name] += time.perf_counter() - began
+            error[name].append(_errors(places, shape, true))
+            if told is not None:
+                sigma.append(told)
+    return [_row(kind, name, noise, blur, each, sigma, spent[name] / count) for name, each in error.items()]
+
+
+def _row(
+    kind: str, name: str, noise: float, blur: float, error: list[Array], sigma: list[Array], seconds: float
+) -> Row:
+    errors = np.concatenate(error)
+    ratio = _rms(errors / np.concatenate(sigma)[:, None]) if name == "basecal" else None
+    return Row(kind, name, noise, blur, len(errors), _rms(errors), ratio, seconds)
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+class Light(NamedTuple):
+    """A light under one condition: rms and bound per coordinate [px], error over sigma, the blob detector's, speeds."""
+
+    photons: float
+    spot_px: float
+    pair: bool
+    rms_px: float
+    bound_px: float
+    ratio: float
+    blob_rms_px: float
+    milliseconds: float
+    blob_milliseconds: float
+
+
+def lights(photons: float, spot: float, pair: bool, count: int) -> Light:
+    """Our detector of lights beside OpenCV's blob detector set for bright spots."""
+    settings = LightSettings(photons, spot, photons / (2 * np.pi * (spot**2 + 1 / 12) * 160))
+    rng, blobs = np.random.default_rng(1), _blob_detector()
+    error, ratio, blob_error = [], [], []
+    spent: list[tuple[float, float]] = []
+    for seed in range(count):
+        place = np.array([*rng.uniform(-0.4, 0.4, 2) * (1, 0.5), 1.0])
+        true = CAMERA.project(place)
+        on = render_light(CAMERA, place, settings, 2 * seed)
+        off = render_light(CAMERA, place, replace(settings, photons=0.0), 2 * seed + 1) if pair else None
+        began = time.perf_counter()
+        found = led.detect(on, target.led(), off)
+        middle = time.perf_counter()
+        spots = blobs.detect(on)
+        spent.append((middle - began, time.perf_counter() - middle))
+        if found is None or not spots:
+            raise RuntimeError(f"a light of {photons:g} photons was not found")
+        error.append(found.pixels[0] - true)
+        ratio.append(error[-1] / found.sigma_px[0])
+        blob_error.append(min((np.array(each.pt) - true for each in spots), key=lambda each: float(np.hypot(*each))))
+    mine, theirs = (1e3 * float(each) for each in np.median(spent, axis=0))
+    bound = _bound(settings, pair)
+    return Light(
+        photons,
+        spot,
+        pair,
+        _rms(np.array(error)),
+        bound,
+        _rms(np.array(ratio)),
+        _rms(np.array(blob_error)),
+        mine,
+        theirs,
+    )
+
+
+def _blob_detector() -> Any:
+    of = cv2.SimpleBlobDetector.Params()
+    of.filterByColor, of.blobColor = True, 255
+    of.minThreshold, of.maxThreshold, of.thresholdStep = 20.0, 255.0, 10.0
+    of.filterByArea, of.minArea, of.maxArea = True, 3.0, 5000.0
+    of.filterByCircularity = of.filterByConvexity = of.filterByInertia = False
+    return cv2.SimpleBlobDetector.create(of)
+
+
+def _bound(settings: LightSettings, pair: bool) -> float:
+    """Cramer-Rao bound per coordinate [px], mean of phases, where width, brightness and background are unknown too."""
+    rng = np.random.default_rng(2)
+    small = Camera("pinhole", np.array([500.0, 500.0, 30.0, 30.0]), (61, 61))
+    each = [_bound_at(settings, pair, small, np.array([*rng.uniform(-1e-3, 1e-3, 2), 1.0])) for _ in range(40)]
+    return float(np.sqrt(np.mean(each)))
+
+
+def _bound_at(settings: LightSettings, pair: bool, camera: Camera, place: Array) -> float:
+    step = 1e-4
+    shifts = [np.zeros(3), np.array([step, 0, 0]), np.array([0, step, 0])]
+    at, right, down = (light_levels(camera, place + shift, settings).ravel() for shift in shifts)
+    wider = light_levels(camera, place, replace(settings, spot_px=settings.spot_px + step)).ravel()
+    moved = [(right - at) / (500 * step), (down - at) / (500 * step), (wider - at) / step]
+    jacobian = np.stack([*moved, at - settings.background, np.ones_like(at)], axis=1)
+    variance = settings.read_noise**2 + 1 / 12 + at / settings.photons_per_level
+    if pair:
+        variance = variance + settings.read_noise**2 + 1 / 12 + settings.background / settings.photons_per_level
+    covariance = np.linalg.inv((jacobian / variance[:, None]).T @ jacobian)
+    return float(covariance[0, 0] + covariance[1, 1]) / 2
+
+
+def corner_table(rows: Iterable[Row]) -> str:
+    """Of each kind, noise and blur a line a detector."""
+    head = ["target", "noise", "blur [px]", "detector", "points", "rms [px]", "error / sigma", "ms an image"]
+    return table(
+        head,
+        [
+            (
+                *(row.kind, f"{row.noise:g}", f"{row.blur_px:g}", row.detector, row.points, f"{row.rms_px:.4f}"),
+                "" if row.ratio is None else f"{row.ratio:.2f}",
+                f"{1e3 * row.seconds:.0f}",
+            )
+            for row in rows
+        ],
+    )
+
+
+def light_table(rows: Iterable[Light]) -> str:
+    """Of each light a line."""
+    head = [
+        "photons",
+        "spot [px]",
+        "images",
+        "rms [px]",
+        "rms / bound",
+        "error / sigma",
+        "blob rms [px]",
+        "ms",
+        "blob ms",
+    ]
+    return table(
+        head,
+        [
+            (
+                *(f"{row.photons:g}", f"{row.spot_px:g}", "pair" if row.pair else "one", f"{row.rms_px:.4f}"),
+                *(f"{row.rms_px / row.bound_px:.3f}", f"{row.ratio:.2f}", f"{row.blob_rms_px:.4f}"),
+                *(f"{row.milliseconds:.2f}", f"{row.blob_milliseconds:.2f}"),
+            )
+            for row in rows
+        ],
+    )
+
+
+def missed_goals(rows: list[Row], spots: list[Light]) -> list[str]:
+    """What does not hold, in words."""
+    ours = [row for row in rows if row.detector == "basecal"]
+    far = [row for row in ours if row.kind in ("charuco", "tags") and row.noise == 2 and row.rms_px > GOAL_PX]
+    untrue = [row for row in ours if not GOAL_RATIO[0] < (row.ratio or 0) < GOAL_RATIO[1]]
+    return [
+        *(f"{row.kind}, noise {row.noise:g}, blur {row.blur_px:g}: {row.rms_px:.3f} px" for row in far),
+        *(f"{row.kind}, noise {row.noise:g}, blur {row.blur_px:g}: error / sigma {row.ratio:.2f}" for row in untrue),
+        *(f"{row.photons:g} photons: beyond the bound" for row in spots if row.rms_px > GOAL_BOUND * row.bound_px),
+        *(f"{row.photons:g} photons: blobs are nearer" for row in spots if row.rms_px > row.blob_rms_px),
+        *(
+            f"{row.photons:g} photons: blobs are faster"
+            for row in spots
+            if row.milliseconds > row.blob_milliseconds and not row.pair
+        ),
+    ]
+
+
+def main() -> int:
+    """Run, print the tables, write results/detectors.json."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--images", type=int, default=10, help="images of boards for each condition")
+    parser.add_argument("--lights", type=int, default=300, help="images of lights for each condition")
+    chosen = parser.parse_args()
+    on_one_core()
+    cv2.setNumThreads(1)
+    rows = [row for kind in KINDS for noise, blur in CONDITIONS for row in corners(kind, noise, blur, chosen.images)]
+    print(corner_table(rows))
+    spots = [
+        lights(photons, spot, pair, chosen.lights) for pair in (False, True) for spot in SPOTS for photons in PHOTONS
+    ]
+    print("\n" + light_table(spots))
+    missed = missed_goals(rows, spots)
+    print("\nmissed: " + ("; ".join(missed) or "none"))
+    write(
+        "detectors",
+        {"corners": [row._asdict() for row in rows], "lights": [row._asdict() for row in spots], "missed": missed},
+    )
+    return 1 if missed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,205 @@
+"""Observations from the images of a recording."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+import basecal.vision.detect as detect_module
+from basecal.cell import target
+from basecal.cell.cell import Cell, CellCamera, CellTarget, Intrinsics, Robot
+from basecal.cell.recording import CandidateObservation, PixelObservation, PoseObservation, Recording, Sample
+from basecal.errors import InputError
+from basecal.geometry import SE3
+from basecal.vision.detect import detect
+from basecal.vision.light import LightSettings, render_light
+from basecal.vision.render import RenderSettings, render
+from vision_scenes import PLAIN, TARGETS
+
+TAG = target.apriltag("tag36h11", [(2, 0.1, SE3.identity())])
+CELL = Cell(
+    "eye",
+    {"eye": Robot("eye"), "hand": Robot("hand")},
+    cameras={
+        "wrist": CellCamera("wrist", "eye", size_px=(640, 480), intrinsics=Intrinsics(camera=PLAIN)),
+        "depth": CellCamera("depth", "world"),
+    },
+    targets={"tag": CellTarget("tag", "hand", target=TAG), "far": CellTarget("far", "hand")},
+)
+LIT = replace(CELL, targets={"light": CellTarget("light", "hand", target=target.led())})
+
+
+def seen_at(depth: float) -> SE3:
+    return SE3(np.eye(3), np.array([0.02, 0.01, depth]))
+
+
+def image(depth: float) -> np.ndarray:
+    return render(PLAIN, TAG, seen_at(depth), RenderSettings(noise=1.0))
+
+
+def recording(folder: Path, *pictures: np.ndarray | None) -> Recording:
+    """A sample for each picture; None is written as no file."""
+    samples = []
+    for index, picture in enumerate(pictures):
+        if picture is not None:
+            cv2.imwrite(str(folder / f"{index}.png"), picture)
+        samples.append(Sample(index, images={"wrist": f"{index}.png"}))
+    return Recording(tuple(samples))
+
+
+def ids_of(sample: Sample) -> list[list[int]]:
+    return [each.ids.tolist() for each in sample.observations if isinstance(each, PixelObservation)]
+
+
+def test_every_view_keeps_its_sample(tmp_path: Path) -> None:
+    """A view without the target gets no observation, and the ones after it stay with their own samples."""
+    blank = np.full((480, 640), 100, np.uint8)
+    depths = (0.4, None, 0.6, 0.8)
+    found = detect(CELL, recording(tmp_path, *(blank if depth is None else image(depth) for depth in depths)), tmp_path)
+    assert [ids_of(sample) for sample in found.samples] == [[[8, 9, 10, 11]], [], [[8, 9, 10, 11]], [[8, 9, 10, 11]]]
+    for sample, depth in zip(found.samples, depths, strict=True):
+        for each in sample.observations:
+            assert isinstance(each, PixelObservation)
+            np.testing.assert_allclose(each.pixels, PLAIN.project(seen_at(depth or 0) @ TAG.points), atol=0.05)
+            assert each.sigma_px is not None
+            assert np.all((each.sigma_px > 0.001) & (each.sigma_px < 0.1))
+    (finding,) = found.findings
+    assert (finding.code, finding.severity, finding.about) == ("dropped-sample", "info", ("wrist", "tag"))
+    assert "samples 1" in finding.message
+
+
+BAD = {
+    "missing": (None, "is missing"),
+    "empty": (b"", "is empty"),
+    "text": (b"not a picture", "is not an image"),
+    "video": (b"\x00\x00\x00\x18ftypmp42" + bytes(1000), "is not an image"),
+    "cut": (bytes(cv2.imencode(".png", image(0.5))[1])[:5000], "is truncated"),
+    "small": (bytes(cv2.imencode(".png", image(0.5)[:400])[1]), "has 640 x 400 pixels, its camera 640 x 480"),
+}
+
+
+@pytest.mark.parametrize("bad", list(BAD))
+def test_bad_images(bad: str, tmp_path: Path) -> None:
+    """An image that cannot be used is a finding with its path and the reason; the others are detected."""
+    data, reason = BAD[bad]
+    told = recording(tmp_path, image(0.5), None, image(0.6))
+    if data is not None:
+        (tmp_path / "1.png").write_bytes(data)
+    found = detect(CELL, told, tmp_path)
+    assert [len(sample.observations) for sample in found.samples] == [1, 0, 1]
+    (finding,) = found.findings
+    assert (finding.code, finding.severity, finding.about) == ("dropped-sample", "info", ("1", "wrist"))
+    assert f"1.png {reason}" in finding.message
+
+
+@pytest.mark.parametrize("depth", ["sixteen", "colour"])
+def test_other_images(depth: str, tmp_path: Path) -> None:
+    """Images of 16 bits and in colour are detected as grey ones of 8 bits are."""
+    grey = image(0.5)
+    other = grey.astype(np.uint16) * 257 if depth == "sixteen" else np.repeat(grey[..., None], 3, axis=2)
+    one, two = detect(CELL, recording(tmp_path, grey, other), tmp_path).samples
+    assert isinstance(one.observations[0], PixelObservation)
+    assert isinstance(two.observations[0], PixelObservation)
+    np.testing.assert_allclose(one.observations[0].pixels, two.observations[0].pixels, atol=0.02)
+
+
+def test_what_is_there_stays(tmp_path: Path) -> None:
+    """An observation that is recorded stays as it is, and its image is not even read."""
+    known = PoseObservation("wrist", "tag", seen_at(0.3))
+    told = Recording((Sample(0, observations=(known,), images={"wrist": "none.png"}),))
+    found = detect(CELL, told, tmp_path)
+    assert found.samples[0].observations == (known,)
+    assert found.findings == ()
+
+
+def test_camera_without_lens(tmp_path: Path) -> None:
+    """Images of a camera without intrinsics, whose pixels say nothing, are left alone."""
+    told = Recording((Sample(0, images={"depth": "none.png"}),))
+    assert detect(CELL, told, tmp_path).findings == ()
+
+
+def test_light_with_background(tmp_path: Path) -> None:
+    """A lamp that stays on is a candidate beside the light, unless there is an image with the light off."""
+    light, lamp = np.array([0.1, 0.05, 1.0]), np.array([-0.2, 0.1, 1.0])
+    exposed = LightSettings(photons=2e4, spot_px=1.5, photons_per_level=10)
+    for name, points in (("on", [light, lamp]), ("off", [lamp])):
+        cv2.imwrite(str(tmp_path / f"{name}.png"), render_light(PLAIN, np.array(points), exposed, len(points)))
+    images, background = {"wrist": "on.png"}, {"wrist": "off.png"}
+    told = Recording((Sample(0, images=images), Sample(1, images=images, background=background)))
+    alone, pair = (sample.observations[0] for sample in detect(LIT, told, tmp_path).samples)
+    assert isinstance(alone, CandidateObservation)
+    assert isinstance(pair, PixelObservation)
+    np.testing.assert_allclose(pair.pixels, [PLAIN.project(light)], atol=0.1)
+    lost = replace(told, samples=(Sample(2, images=images, background={"wrist": "gone.png"}),))
+    assert "gone.png is missing" in detect(LIT, lost, tmp_path).findings[0].message
+
+
+def test_second_time_from_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is detected twice; another image, target or size is detected anew."""
+    calls = []
+
+    def counted(*given: object) -> object:
+        calls.append(given)
+        return find(*given)
+
+    find = detect_module.find
+    monkeypatch.setattr(detect_module, "find", counted)
+    told = recording(tmp_path, image(0.5), np.zeros((480, 640), np.uint8))
+    first, again = (detect(CELL, told, tmp_path) for _ in range(2))
+    assert len(calls) == 2
+    assert first.findings == again.findings
+    one, two = first.samples[0].observations[0], again.samples[0].observations[0]
+    assert isinstance(one, PixelObservation)
+    assert isinstance(two, PixelObservation)
+    np.testing.assert_array_equal(one.pixels, two.pixels)
+    np.testing.assert_array_equal(one.sigma_px, two.sigma_px)
+    other = target.apriltag("tag36h11", [(3, 0.1, SE3.identity())])
+    detect(replace(CELL, targets={"tag": CellTarget("tag", "hand", target=other)}), told, tmp_path)
+    assert len(calls) == 4
+    narrow = replace(CELL, cameras={"wrist": replace(CELL.cameras["wrist"], size_px=(600, 480))})
+    assert len(detect(narrow, told, tmp_path).findings) == 2
+
+
+@pytest.mark.parametrize(
+    "text", ["", "{", "[]", '{"pixels": [[1]]}', '{"ids": [1], "pixels": [[1, 2]], "sigma_px": []}']
+)
+def test_broken_cache(text: str, tmp_path: Path) -> None:
+    """A kept detection that cannot be read is made again and written again."""
+    told = recording(tmp_path, image(0.5))
+    detect(CELL, told, tmp_path)
+    (kept,) = (tmp_path / "derived" / "detections").iterdir()
+    good = kept.read_text()
+    kept.write_text(text)
+    assert ids_of(detect(CELL, told, tmp_path).samples[0]) == [[8, 9, 10, 11]]
+    assert json.loads(kept.read_text()) == json.loads(good)
+
+
+def test_folder_that_cannot_be_written(tmp_path: Path) -> None:
+    """Where nothing can be kept, detection works all the same."""
+    (tmp_path / "derived").write_text("a file where a folder should be")
+    assert ids_of(detect(CELL, recording(tmp_path, image(0.5)), tmp_path).samples[0]) == [[8, 9, 10, 11]]
+
+
+def test_progress_and_folder(tmp_path: Path) -> None:
+    """Progress is told after every sample, and a recording knows where its images are."""
+    told = recording(tmp_path, image(0.5), image(0.7))
+    steps: list[tuple[int, int]] = []
+    detect(CELL, replace(told, folder=str(tmp_path)), progress=lambda done, of: steps.append((done, of)))
+    assert steps == [(1, 2), (2, 2)]
+    with pytest.raises(InputError, match="where the images are"):
+        detect(CELL, told)
+
+
+def test_two_targets_in_one_image(tmp_path: Path) -> None:
+    """One camera may see several targets at once."""
+    both = replace(CELL, targets={**CELL.targets, "board": CellTarget("board", "hand", target=TARGETS["charuco"])})
+    tag = render(PLAIN, TAG, SE3(np.eye(3), np.array([0.2, 0.0, 0.7])))
+    board = render(PLAIN, TARGETS["charuco"], SE3(np.eye(3), np.array([-0.3, -0.14, 0.6])))
+    picture = np.where(np.arange(640) < 320, board, tag)
+    (sample,) = detect(both, recording(tmp_path, picture), tmp_path).samples
+    assert {each.target for each in sample.observations} == {"tag", "board"}
