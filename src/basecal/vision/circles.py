@@ -17,7 +17,7 @@ from basecal.geometry import Array, BoolArray
 from basecal.vision.corners import patches_around
 from basecal.vision.detection import Detection, Image, eight_bit, found
 from basecal.vision.local_map import local_axes, local_homographies
-from basecal.vision.patch_fit import Patches, fit_shapes
+from basecal.vision.patch_fit import Patches, fit_shapes, packed
 from basecal.vision.shapes import ellipse
 
 _MODEL_PX = 0.0007
@@ -102,7 +102,7 @@ def _windows(image: Image, start: Array, axes: Array, target: Target) -> tuple[A
     patches = patches_around(image, middle, reach)
     pitches = (patches.xy - (start - middle)[:, None]) @ np.linalg.inv(axes)
     own = np.linalg.norm(pitches, axis=2) < room
-    return middle, Patches(patches.xy, patches.values, patches.weights * own)
+    return middle, packed(patches, patches.weights * own)
 
 
 def _outlines(patches: Patches, axes: Array) -> Array:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from basecal.geometry import Array, BoolArray
-from basecal.vision.patch_fit import Fit, Patches, Shape, fit_shapes
+from basecal.vision.patch_fit import Fit, Patches, Shape, fit_shapes, packed
 
 _GUARD = 2.0
 _FIRST_SPREAD = 1.0
@@ -112,7 +112,7 @@ def _fitted(of: _Context, q: Array, held: int) -> Fit:
     middle = np.rint(q[:, :2])
     patches = patches_around(of.image, middle, int(np.ceil(1.4 * of.window.arm_px)))
     mask = _mask(patches.xy - (q[:, :2] - middle)[:, None], of.axes, np.exp(q[:, 4]), of.window)
-    used = _packed(patches, patches.weights * mask)
+    used = packed(patches, patches.weights * mask)
     fit = fit_shapes(of.shape, np.column_stack([q[:, :2] - middle, q[:, 2:]]), used, sloped=True, held=held)
     weights = used.weights
     freedom = np.maximum((weights > 0).sum(axis=1) - q.shape[1] - fit.light.shape[1], 1)
@@ -133,14 +133,6 @@ def patches_around(image: Levels, middle: Array, reach: int) -> Patches:
     values = image[row.clip(0, height - 1), column.clip(0, width - 1)].astype(np.float64)
     places = np.broadcast_to(xy.astype(np.float64), (*column.shape, 2)).copy()
     return Patches(places, values, inside.astype(np.float64))
-
-
-def _packed(patches: Patches, weights: Array) -> Patches:
-    """The pixels that weigh anything, in as many columns as the piece with most of them has."""
-    most = max(int((weights > 0).sum(axis=1).max()), 1)
-    kept = np.argsort(weights == 0, axis=1, kind="stable")[:, :most]
-    rows = np.arange(len(kept))[:, None]
-    return Patches(patches.xy[rows, kept], patches.values[rows, kept], weights[rows, kept])
 
 
 def _mask(offset: Array, axes: Array, spread: Array, window: Window) -> BoolArray:

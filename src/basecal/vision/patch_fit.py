@@ -74,6 +74,14 @@ class _At(NamedTuple):
     cost: Array
 
 
+def packed(patches: Patches, weights: Array) -> Patches:
+    """The pixels that weigh anything, in as many columns as the piece with most of them has, with those weights."""
+    most = max(int((weights > 0).sum(axis=1).max(initial=0)), 1)
+    kept = np.argsort(weights == 0, axis=1, kind="stable")[:, :most]
+    rows = np.arange(len(kept))[:, None]
+    return Patches(patches.xy[rows, kept], patches.values[rows, kept], weights[rows, kept])
+
+
 def fit_shapes(shape: Shape, start: Array, patches: Patches, sloped: bool = False, held: int = 0) -> Fit:
     """The shapes nearest to pieces of an image.
 

@@ -31,9 +31,11 @@ def wedge(q: Array, xy: Array) -> Array:
 
 def _sharpened(shape: Callable[[Array, Array], Array], q: Array, xy: Array) -> Array:
     """What unsharp masking makes of a shape: what a further blur would take from it, added."""
+    share = q[:, 5:6]
+    if not share.any():
+        return shape(q, xy)
     blurred = q.copy()
     blurred[:, 4] = 0.5 * np.logaddexp(2 * q[:, 4], 2 * np.log(_MASK_PX))
-    share = q[:, 5:6]
     return np.asarray((1 + share) * shape(q, xy) - share * shape(blurred, xy))
 
 
@@ -58,8 +60,9 @@ def ellipse(q: Array, xy: Array) -> Array:
     offset = xy - q[:, None, :2]
     matrix = _symmetric_exp(-q[:, 2], -q[:, 3], -q[:, 4])
     mapped = offset @ matrix
-    radius = np.linalg.norm(mapped, axis=-1)
-    slope = np.linalg.norm(mapped @ matrix, axis=-1) / np.maximum(radius, 1e-9)
+    radius = np.hypot(mapped[..., 0], mapped[..., 1])
+    outward = mapped @ matrix
+    slope = np.hypot(outward[..., 0], outward[..., 1]) / np.maximum(radius, 1e-9)
     distance = (1 - radius) / np.maximum(slope, 1e-9)
     return np.asarray(ndtr(distance * np.exp(-np.clip(q[:, 5:6], -_MOST_LOG, _MOST_LOG))))
 
