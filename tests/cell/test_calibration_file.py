@@ -12,7 +12,15 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from basecal.cell.calibration import Calibration, Finding, Residuals, SampleResidual
+from basecal.cell.calibration import (
+    Calibration,
+    Certificate,
+    Finding,
+    Outlier,
+    Residuals,
+    SampleResidual,
+    Validation,
+)
 from basecal.cell.files import (
     calibration_from_dict,
     calibration_to_dict,
@@ -47,6 +55,9 @@ def example() -> Calibration:
         residuals=Residuals(
             0.2, 0.1, 4e-4, math.radians(0.05), (SampleResidual(3, "wrist", "board", 0.3, 1e-3, None),)
         ),
+        outliers=(Outlier(4, "wrist", "board", (1, 2), "stray"),),
+        validation=Validation("k-fold", 5, 0.3, 4e-4, math.radians(0.05), 1.1),
+        certificate=Certificate(None, None, "signs are ambiguous"),
         condition=math.inf,
         unseen=("none",),
         findings=(Finding("not-converged", "warning", ("3",), "why"),),
@@ -73,8 +84,13 @@ def test_shape() -> None:
     assert residuals["per_sample"] == [
         {"sample": 3, "camera": "wrist", "target": "board", "rms_px": 0.3, "loop_mm": 1.0, "loop_deg": None}
     ]
-    not_computed = ("joint_offsets_rad", "clock_offset_s", "outliers", "validation", "certificate")
-    assert [data[name] for name in not_computed] == [None] * 5
+    assert (data["joint_offsets_rad"], data["clock_offset_s"]) == (None, None)
+    assert data["outliers"] == [{"sample": 4, "camera": "wrist", "target": "board", "ids": [1, 2], "reason": "stray"}]
+    held_out = {"target_mm": 0.4, "target_deg": pytest.approx(0.05), "base_change": 1.1}
+    assert data["validation"] == {"kind": "k-fold", "folds": 5, "rms_px": 0.3, **held_out}
+    assert data["certificate"] == {"gap": None, "global": None, "reason": "signs are ambiguous"}
+    unasked = calibration_to_dict(Calibration("refused"))
+    assert [unasked[name] for name in ("outliers", "validation", "certificate")] == [None] * 3
     assert data["observability"] == {"condition": None, "unseen": ["none"]}
     assert data["noise"]["robots"]["eye"]["sigma_t_m"] == [1e-4, 1e-4, None]
     assert data["settings"] == {"seed": 3, "path": "x", "pair": [1, 2]}
@@ -96,6 +112,9 @@ def test_round_trip(tmp_path: Path) -> None:
     assert_array_equal(calibration.joint_covariance, want.joint_covariance)
     assert_array_equal(calibration.cameras["wrist"][0].parameters, want.cameras["wrist"][0].parameters)
     assert (calibration.findings, calibration.unseen, calibration.inputs) == (want.findings, want.unseen, want.inputs)
+    assert (calibration.outliers, calibration.certificate) == (want.outliers, want.certificate)
+    assert calibration.validation is not None
+    assert calibration.validation.target_rad == pytest.approx(math.radians(0.05), rel=1e-14)
     assert calibration.residuals.per_sample == want.residuals.per_sample
     assert calibration.residuals.loop_rms_rad == pytest.approx(want.residuals.loop_rms_rad, rel=1e-14)
     assert calibration_to_dict(read_calibration(path.parent))["residuals"] == calibration_to_dict(want)["residuals"]

@@ -1,6 +1,14 @@
 """The nouns of a calibration and their files."""
 
-from basecal.cell.calibration import Calibration, Finding, Residuals, SampleResidual
+from basecal.cell.calibration import (
+    Calibration,
+    Certificate,
+    Finding,
+    Outlier,
+    Residuals,
+    SampleResidual,
+    Validation,
+)
 from basecal.cell.cell import WORLD, Cell, CellCamera, CellTarget, Intrinsics, Parameters, Robot, Unknown
 from basecal.cell.recording import (
     CandidateObservation,
@@ -21,9 +29,11 @@ __all__ = [
     "Cell",
     "CellCamera",
     "CellTarget",
+    "Certificate",
     "Finding",
     "Intrinsics",
     "Observation",
+    "Outlier",
     "Parameters",
     "PixelObservation",
     "PointObservation",
@@ -36,4 +46,5 @@ __all__ = [
     "SampleResidual",
     "Target",
     "Unknown",
+    "Validation",
 ]

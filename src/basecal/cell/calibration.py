@@ -53,6 +53,62 @@ class Residuals:
     per_sample: tuple[SampleResidual, ...] = ()
 
 
+@dataclass(frozen=True)
+class Outlier:
+    """What was seen and not used, since it contradicts the rest.
+
+    Attributes:
+        sample: Number of the sample.
+        camera: Which camera saw it.
+        target: What it saw.
+        ids: Which points; none where the whole view is left out.
+        reason: In words.
+    """
+
+    sample: int
+    camera: str
+    target: str
+    ids: tuple[int, ...]
+    reason: str
+
+
+@dataclass(frozen=True)
+class Validation:
+    """How well samples are predicted that the solution had not seen.
+
+    Attributes:
+        kind: `k-fold`.
+        folds: How many.
+        rms_px: Of a coordinate, held out [px]; None without pixels.
+        target_m: Rms distance of `camera_from_target` from where the view alone has it [m]; None where it has none.
+        target_rad: Likewise its rms angle [rad].
+        base_change: Mean over folds of the squared change of what was asked, in units of its expectation by the
+            covariance: 1 where the covariance is true; None where nothing asked is free.
+    """
+
+    kind: str
+    folds: int
+    rms_px: float | None = None
+    target_m: float | None = None
+    target_rad: float | None = None
+    base_change: float | None = None
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """Whether no other state fits better.
+
+    Attributes:
+        gap: Cost over the proven lower bound, less one; None where no bound was found.
+        is_global: True where proven; None where it could not be decided.
+        reason: Why it could not; empty where it was.
+    """
+
+    gap: float | None
+    is_global: bool | None
+    reason: str = ""
+
+
 @dataclass(frozen=True, eq=False)
 class Calibration:
     """The answer, with all that is needed to trust it.
@@ -67,6 +123,9 @@ class Calibration:
         order: Names of the transforms of `joint_covariance`, 6 rows each.
         joint_covariance: (6 n, 6 n) [m, rad].
         residuals: How everything fits.
+        outliers: What was not used, and why; None where it was not looked for.
+        validation: How well unseen samples are predicted; None where it was not computed.
+        certificate: Whether the optimum is proven; None where it was not asked.
         condition: Condition number of the whitened, scaled information.
         unseen: Unseen directions in words.
         findings: What the user should know.
@@ -83,6 +142,9 @@ class Calibration:
     order: tuple[str, ...] = ()
     joint_covariance: Array | None = None
     residuals: Residuals = Residuals()
+    outliers: tuple[Outlier, ...] | None = None
+    validation: Validation | None = None
+    certificate: Certificate | None = None
     condition: float | None = None
     unseen: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()

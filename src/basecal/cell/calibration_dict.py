@@ -4,12 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import numpy as np
 
-from basecal.cell.calibration import Calibration, Finding, Residuals, SampleResidual
+from basecal.cell.calibration import (
+    Calibration,
+    Certificate,
+    Finding,
+    Outlier,
+    Residuals,
+    SampleResidual,
+    Validation,
+)
 from basecal.cell.cell_dict import numbers
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array, Camera, PoseEstimate, read_only
@@ -32,10 +41,10 @@ def calibration_to_dict(calibration: Calibration) -> dict[str, Any]:
         "noise": dict(calibration.noise),
         "joint": None if joint is None else {"order": list(calibration.order), "covariance": joint},
         "residuals": _residuals(calibration.residuals),
-        "outliers": None,
-        "validation": None,
+        "outliers": None if calibration.outliers is None else [asdict(outlier) for outlier in calibration.outliers],
+        "validation": None if calibration.validation is None else _validation(calibration.validation),
         "observability": {"condition": calibration.condition, "unseen": list(calibration.unseen)},
-        "certificate": None,
+        "certificate": None if calibration.certificate is None else _certificate(calibration.certificate),
         "findings": [finding_to_dict(finding) for finding in calibration.findings],
         "settings": dict(calibration.settings),
         "inputs": dict(calibration.inputs),
@@ -118,6 +127,15 @@ def _scaled(value: float | None, factor: float) -> float | None:
     return None if value is None else value * factor
 
 
+def _validation(of: Validation) -> dict[str, Any]:
+    target = {"target_mm": _scaled(of.target_m, _MM), "target_deg": _scaled(of.target_rad, math.degrees(1))}
+    return {"kind": of.kind, "folds": of.folds, "rms_px": of.rms_px, **target, "base_change": of.base_change}
+
+
+def _certificate(of: Certificate) -> dict[str, Any]:
+    return {"gap": of.gap, "global": of.is_global, "reason": of.reason}
+
+
 def finding_to_dict(finding: Finding) -> dict[str, Any]:
     """A finding as JSON holds it."""
     about = list(finding.about)
@@ -137,6 +155,9 @@ def _calibration(data: dict[str, Any]) -> Calibration:
         order=() if joint is None else tuple(joint["order"]),
         joint_covariance=None if joint is None else _matrix(joint["covariance"]),
         residuals=_residuals_noun(data["residuals"]),
+        outliers=_outlier_nouns(data["outliers"]),
+        validation=_validation_noun(data["validation"]),
+        certificate=_certificate_noun(data["certificate"]),
         condition=data["observability"]["condition"],
         unseen=tuple(data["observability"]["unseen"]),
         findings=tuple(Finding(f["code"], f["severity"], tuple(f["about"]), f["message"]) for f in data["findings"]),
@@ -184,3 +205,20 @@ def _residuals_noun(data: Mapping[str, Any]) -> Residuals:
 def _sample_residual_noun(one: Mapping[str, Any]) -> SampleResidual:
     loop_m, loop_rad = _scaled(one["loop_mm"], 1 / _MM), _scaled(one["loop_deg"], math.radians(1))
     return SampleResidual(one["sample"], one["camera"], one["target"], one["rms_px"], loop_m, loop_rad)
+
+
+def _outlier_nouns(entries: Any) -> tuple[Outlier, ...] | None:
+    if entries is None:
+        return None
+    return tuple(Outlier(e["sample"], e["camera"], e["target"], tuple(e["ids"]), e["reason"]) for e in entries)
+
+
+def _validation_noun(entry: Any) -> Validation | None:
+    if entry is None:
+        return None
+    target_m, target_rad = _scaled(entry["target_mm"], 1 / _MM), _scaled(entry["target_deg"], math.radians(1))
+    return Validation(entry["kind"], entry["folds"], entry["rms_px"], target_m, target_rad, entry["base_change"])
+
+
+def _certificate_noun(entry: Any) -> Certificate | None:
+    return None if entry is None else Certificate(entry["gap"], entry["global"], entry["reason"])
