@@ -16,6 +16,7 @@ from basecal.cell.calibration import (
     Calibration,
     Certificate,
     Finding,
+    Loop,
     Outlier,
     Residuals,
     SampleResidual,
@@ -53,7 +54,12 @@ def example() -> Calibration:
         order=(BASE,),
         joint_covariance=spread,
         residuals=Residuals(
-            0.2, 0.1, 4e-4, math.radians(0.05), (SampleResidual(3, "wrist", "board", 0.3, 1e-3, None),)
+            0.2,
+            0.1,
+            4e-4,
+            math.radians(0.05),
+            (SampleResidual(3, "wrist", "board", 0.3, 1e-3, None),),
+            (Loop(("eye_base", "wrist", "board", "hand_base"), 9, 4e-4, math.radians(0.05)),),
         ),
         outliers=(Outlier(4, "wrist", "board", (1, 2), "stray"),),
         validation=Validation("k-fold", 5, 0.3, 4e-4, math.radians(0.05), 1.1),
@@ -84,6 +90,9 @@ def test_shape() -> None:
     assert residuals["per_sample"] == [
         {"sample": 3, "camera": "wrist", "target": "board", "rms_px": 0.3, "loop_mm": 1.0, "loop_deg": None}
     ]
+    (loop,) = residuals["loops"]
+    assert loop["path"] == ["eye_base", "wrist", "board", "hand_base"]
+    assert (loop["views"], loop["rms_mm"], loop["rms_deg"]) == (9, 0.4, pytest.approx(0.05))
     assert (data["joint_offsets_rad"], data["clock_offset_s"]) == (None, None)
     assert data["outliers"] == [{"sample": 4, "camera": "wrist", "target": "board", "ids": [1, 2], "reason": "stray"}]
     held_out = {"target_mm": 0.4, "target_deg": pytest.approx(0.05), "base_change": 1.1}
@@ -112,6 +121,8 @@ def test_round_trip(tmp_path: Path) -> None:
     assert_array_equal(calibration.joint_covariance, want.joint_covariance)
     assert_array_equal(calibration.cameras["wrist"][0].parameters, want.cameras["wrist"][0].parameters)
     assert (calibration.findings, calibration.unseen, calibration.inputs) == (want.findings, want.unseen, want.inputs)
+    (loop,), (wanted,) = calibration.residuals.loops, want.residuals.loops
+    assert (loop.path, loop.views, loop.rms_m) == (wanted.path, wanted.views, pytest.approx(wanted.rms_m, rel=1e-14))
     assert (calibration.outliers, calibration.certificate) == (want.outliers, want.certificate)
     assert calibration.validation is not None
     assert calibration.validation.target_rad == pytest.approx(math.radians(0.05), rel=1e-14)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from basecal.accuracy.loops import loops
 from basecal.cell import Residuals, SampleResidual
 from basecal.estimation.measurement import PixelMeasurement, PointMeasurement, PoseMeasurement
 from basecal.estimation.problem import ViewGroup
@@ -30,14 +31,16 @@ def residuals(solution: Solution) -> Residuals:
         per_sample += of_views
         pixels.append(coordinates)
     all_px = np.concatenate(pixels)
-    loops = np.array([(r.loop_m, r.loop_rad) for r in per_sample if r.loop_m is not None and r.loop_rad is not None])
-    loop_m, loop_rad = np.sqrt(np.mean(loops**2, axis=0)) if len(loops) else (None, None)
+    per_sample = sorted(per_sample, key=lambda r: (r.sample, r.camera, r.target))
+    closed = np.array([(r.loop_m, r.loop_rad) for r in per_sample if r.loop_m is not None and r.loop_rad is not None])
+    loop_m, loop_rad = np.sqrt(np.mean(closed**2, axis=0)) if len(closed) else (None, None)
     return Residuals(
         rms_px=float(np.sqrt(np.mean(all_px**2))) if len(all_px) else None,
         median_px=float(np.median(np.abs(all_px))) if len(all_px) else None,
         loop_rms_m=None if loop_m is None else float(loop_m),
         loop_rms_rad=None if loop_rad is None else float(loop_rad),
-        per_sample=tuple(sorted(per_sample, key=lambda r: (r.sample, r.camera, r.target))),
+        per_sample=tuple(per_sample),
+        loops=loops(solution, per_sample),
     )
 
 

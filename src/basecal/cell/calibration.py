@@ -43,6 +43,24 @@ class SampleResidual:
 
 
 @dataclass(frozen=True)
+class Loop:
+    """A closed path over robots' bases, cameras and targets, and how far from closing it is.
+
+    Attributes:
+        path: Names along it. Where it begins and ends at one base it goes around a ring; else the bases at its ends
+            are those whose transform closes it.
+        views: On how many it rests.
+        rms_m: Length by which it fails to close [m], rms over views, or of the ring.
+        rms_rad: Angle likewise [rad].
+    """
+
+    path: tuple[str, ...]
+    views: int
+    rms_m: float
+    rms_rad: float
+
+
+@dataclass(frozen=True)
 class Residuals:
     """How everything fits; None where no view defines it."""
 
@@ -51,6 +69,7 @@ class Residuals:
     loop_rms_m: float | None = None
     loop_rms_rad: float | None = None
     per_sample: tuple[SampleResidual, ...] = ()
+    loops: tuple[Loop, ...] = ()
 
 
 @dataclass(frozen=True)

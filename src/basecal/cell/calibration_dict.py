@@ -14,6 +14,7 @@ from basecal.cell.calibration import (
     Calibration,
     Certificate,
     Finding,
+    Loop,
     Outlier,
     Residuals,
     SampleResidual,
@@ -115,12 +116,18 @@ def _residuals(residuals: Residuals) -> dict[str, Any]:
         "loop_rms_mm": _scaled(residuals.loop_rms_m, _MM),
         "loop_rms_deg": _scaled(residuals.loop_rms_rad, math.degrees(1)),
         "per_sample": [_sample_residual(one) for one in residuals.per_sample],
+        "loops": [_loop(one) for one in residuals.loops],
     }
 
 
 def _sample_residual(one: SampleResidual) -> dict[str, Any]:
     loop = {"loop_mm": _scaled(one.loop_m, _MM), "loop_deg": _scaled(one.loop_rad, math.degrees(1))}
     return {"sample": one.sample, "camera": one.camera, "target": one.target, "rms_px": one.rms_px, **loop}
+
+
+def _loop(one: Loop) -> dict[str, Any]:
+    closing = {"rms_mm": one.rms_m * _MM, "rms_deg": math.degrees(one.rms_rad)}
+    return {"path": list(one.path), "views": one.views, **closing}
 
 
 def _scaled(value: float | None, factor: float) -> float | None:
@@ -199,12 +206,17 @@ def _residuals_noun(data: Mapping[str, Any]) -> Residuals:
         loop_rms_m=_scaled(data["loop_rms_mm"], 1 / _MM),
         loop_rms_rad=_scaled(data["loop_rms_deg"], math.radians(1)),
         per_sample=tuple(_sample_residual_noun(one) for one in data["per_sample"]),
+        loops=tuple(_loop_noun(one) for one in data["loops"]),
     )
 
 
 def _sample_residual_noun(one: Mapping[str, Any]) -> SampleResidual:
     loop_m, loop_rad = _scaled(one["loop_mm"], 1 / _MM), _scaled(one["loop_deg"], math.radians(1))
     return SampleResidual(one["sample"], one["camera"], one["target"], one["rms_px"], loop_m, loop_rad)
+
+
+def _loop_noun(one: Mapping[str, Any]) -> Loop:
+    return Loop(tuple(one["path"]), one["views"], one["rms_mm"] / _MM, math.radians(one["rms_deg"]))
 
 
 def _outlier_nouns(entries: Any) -> tuple[Outlier, ...] | None:

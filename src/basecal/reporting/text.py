@@ -137,6 +137,10 @@ def fit_sentences(calibration: Calibration) -> Iterator[str]:
     if residuals.loop_rms_m is not None:
         turned = "" if residuals.loop_rms_rad is None else f" and {np.degrees(residuals.loop_rms_rad):.3f} deg"
         yield f"loop closes to {residuals.loop_rms_m * 1e3:.3f} mm{turned} rms over {len(residuals.per_sample)} views"
+    if len(residuals.loops) > 1:
+        for loop in residuals.loops:
+            closes = f"{loop.rms_m * 1e3:.3f} mm and {np.degrees(loop.rms_rad):.3f} deg over {loop.views} views"
+            yield f"loop {' - '.join(loop.path)}: {closes}"
     seen = [view for view in residuals.per_sample if view.rms_px is not None]
     if seen:
         worst = max(seen, key=lambda view: view.rms_px or 0.0)

@@ -1,0 +1,59 @@
+"""Loops: each pair's closes as its views do, and a ring of robots tells a base that moved."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.verdict import calibrate
+from basecal.cell import Recording, RobotState
+from basecal.geometry import SE3
+from basecal.reporting.text import text_report
+from basecal.simulation import Scenario, simulate
+
+RING = Scenario(layout="chain", samples=45, camera_mount="fixed", target_mount="fixed")
+AROUND = ("r1_base", "camera1", "board2", "r2_base", "camera2", "board3", "r3_base", "camera3", "board1", "r1_base")
+
+
+def shifted(recording: Recording, robot: str, first: int, by: SE3) -> Recording:
+    """The recording as if that robot's base had moved before sample `first`."""
+    samples = []
+    for sample in recording.samples:
+        pose = sample.robots[robot].base_from_flange
+        assert pose is not None
+        moved = RobotState(by @ pose) if sample.sample >= first else sample.robots[robot]
+        samples.append(replace(sample, robots={**sample.robots, robot: moved}))
+    return Recording(tuple(samples))
+
+
+def test_one_loop_per_pair_and_one_around_the_ring():
+    """Three pairs in a ring close four loops; without noise in robots and mounts all but the views' own noise is 0."""
+    s = simulate(RING, seed=3)
+    calibration = calibrate(s.cell, s.recording)
+    *pairs, ring = calibration.residuals.loops
+    assert [loop.path for loop in pairs] == [AROUND[:4], AROUND[3:7], AROUND[6:]]
+    assert ring.path == AROUND
+    assert ring.views == 45
+    sigma = np.sqrt(sum(np.trace(e.covariance[:3, :3]) for n, e in calibration.transforms.items() if "base" in n))
+    # Two bases are known to sigma together; the third relation is as good as either.
+    assert ring.rms_m < 10 * sigma
+    assert f"loop {' - '.join(AROUND)}" in text_report(s.cell, calibration)
+
+
+def test_a_pairs_loop_is_the_rms_over_its_views():
+    """A single pair's loop is the whole recording's."""
+    s = simulate(Scenario(samples=12), seed=0)
+    fit = calibrate(s.cell, s.recording).residuals
+    (loop,) = fit.loops
+    assert loop.path == ("eye_base", "wrist", "board", "hand_base")
+    assert (loop.views, loop.rms_m, loop.rms_rad) == (12, fit.loop_rms_m, fit.loop_rms_rad)
+
+
+def test_a_base_that_moved_opens_the_ring():
+    """A first robot pushed by 5 mm before the last pair is recorded leaves the ring open by as much."""
+    s = simulate(RING, seed=3)
+    push = SE3(np.eye(3), np.array([5e-3, 0, 0]))
+    *_, ring = calibrate(s.cell, shifted(s.recording, "r1", 30, push)).residuals.loops
+    assert ring.rms_m == pytest.approx(5e-3, rel=0.1)
