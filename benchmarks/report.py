@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from benchmarks import consistency, real, scaling
+from benchmarks import consistency, detectors, real, scaling
 from benchmarks.common import RESULTS, table
 
 PAGE = Path(__file__).parents[1] / "docs" / "benchmarks.md"
@@ -90,35 +90,9 @@ Cramer-Rao bound of the data used, one image or the pair with the light on and o
         (c["kind"], c["noise"], c["blur_px"], c["detector"], f"{c['rms_px']:.4f}", _ratio(c["ratio"]))
         for c in result["corners"]
     ]
-    lights = [
-        (
-            f"{e['photons']:g}",
-            e["spot_px"],
-            "pair" if e["pair"] else "one",
-            f"{e['rms_px']:.4f}",
-            f"{e['rms_px'] / e['bound_px']:.3f}",
-            _ratio(e["ratio"]),
-            f"{e['blob_rms_px']:.4f}",
-            f"{e['milliseconds']:.2f}",
-            f"{e['blob_milliseconds']:.2f}",
-        )
-        for e in result["lights"]
-    ]
-    heads = (
-        ("kind", "noise", "blur", "detector", "rms [px]", "error / sigma"),
-        (
-            "photons",
-            "spot [px]",
-            "images",
-            "rms [px]",
-            "rms / bound",
-            "error / sigma",
-            "blob rms [px]",
-            "ms",
-            "blob ms",
-        ),
-    )
-    return f"{about}\n\n{table(heads[0], corners)}\n\n{table(heads[1], lights)}"
+    head = ("kind", "noise", "blur", "detector", "rms [px]", "error / sigma")
+    lights = table(detectors.LIGHT_HEAD, map(detectors.light_row, result["lights"]))
+    return f"{about}\n\n{table(head, corners)}\n\n{lights}"
 
 
 def _ratio(value: float | None) -> str:
