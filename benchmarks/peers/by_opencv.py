@@ -11,7 +11,7 @@ at the pose where the eye stood still, or at the target where the hand did; both
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import NamedTuple
 
@@ -31,6 +31,7 @@ _HAND_EYE = {
 }
 _ROBOT_WORLD = {"SHAH": cv2.CALIB_ROBOT_WORLD_HAND_EYE_SHAH, "LI": cv2.CALIB_ROBOT_WORLD_HAND_EYE_LI}
 METHODS = (*_HAND_EYE, *_ROBOT_WORLD)
+CHAINS = (", by the camera", ", by the target")
 
 
 class OneArm(NamedTuple):
@@ -46,6 +47,9 @@ class TwoArms(NamedTuple):
     eye_base_from_hand_base: SE3
     eye_flange_from_camera: SE3
     hand_flange_from_target: SE3
+
+
+Results = Mapping[str, OneArm | TwoArms | None]
 
 
 def one_arm(method: str, base_from_flange: SE3, camera_from_target: SE3) -> OneArm | None:
@@ -88,7 +92,8 @@ def _mean(transforms: SE3) -> SE3:
     return SE3(nearest_rotation(transforms.rotation.sum(0)), transforms.translation.mean(0))
 
 
-def _concatenated(task: Task, method: str, at_camera: bool) -> TwoArms | None:
+def two_arms(method: str, task: Task) -> Results:
+    """Two calibrations by one of `METHODS`, concatenated at the camera and at the target."""
     eye, hand, seen = task.eye_base_from_eye_flange, task.hand_base_from_hand_flange, task.camera_from_target
     assert hand is not None
     hand_still = len(seen) - len(seen) // 2
@@ -96,28 +101,23 @@ def _concatenated(task: Task, method: str, at_camera: bool) -> TwoArms | None:
     eye_in_hand = one_arm(method, eye[first], seen[first])
     eye_to_hand = one_arm(method, hand[second].inverse(), seen[second])
     if eye_in_hand is None or eye_to_hand is None:
-        return None
-    eye_flange_from_camera, eye_base_from_target = eye_in_hand
-    hand_base_from_camera, hand_flange_from_target = eye_to_hand
-    if at_camera:
-        base = eye[-1] @ eye_flange_from_camera @ hand_base_from_camera.inverse()
-    else:
-        base = eye_base_from_target @ (hand[0] @ hand_flange_from_target).inverse()
-    return TwoArms(base, eye_flange_from_camera, hand_flange_from_target)
+        return dict.fromkeys(CHAINS)
+    mount, eye_base_from_target = eye_in_hand
+    hand_base_from_camera, other_mount = eye_to_hand
+    at_camera = eye[-1] @ mount @ hand_base_from_camera.inverse()
+    at_target = eye_base_from_target @ (hand[0] @ other_mount).inverse()
+    return {name: TwoArms(base, mount, other_mount) for name, base in zip(CHAINS, (at_camera, at_target), strict=True)}
 
 
-def works(task: Task, design: DesignName) -> dict[str, Callable[[], OneArm | TwoArms | None]]:
-    """What can be done with a recording of that design, by name; what is asked comes first in each result.
+def _one_arm(method: str, task: Task) -> Results:
+    return {"": one_arm(method, task.eye_base_from_eye_flange, task.camera_from_target)}
+
+
+def works(task: Task, design: DesignName) -> dict[str, Callable[[], Results]]:
+    """What can be done with a recording of that design, by method; what is asked comes first in each of its results.
 
     Where both arms move there is nothing: no method of OpenCV takes two moving arms.
     """
     if design == "both":
         return {}
-    if design == "hand-eye":
-        views = task.eye_base_from_eye_flange, task.camera_from_target
-        return {method: partial(one_arm, method, *views) for method in METHODS}
-    return {
-        f"{method}, by the {name}": partial(_concatenated, task, method, name == "camera")
-        for method in METHODS
-        for name in ("camera", "target")
-    }
+    return {method: partial(two_arms if design == "halves" else _one_arm, method, task) for method in METHODS}

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import cv2
 import numpy as np
 
-from basecal.cell.recording import PixelObservation
+from basecal.cell.recording import Observation, PixelObservation
+from basecal.cell.target import Target
 from basecal.geometry import SE3, Array, Camera
 from basecal.geometry.se3 import right_jacobian
 from basecal.simulation import Scenario, SimulatedCell, simulate
@@ -81,14 +83,14 @@ def make_task(design: Design, seed: int) -> Task:
     made = simulate(design.scenario(), seed)
     cell = made.cell
     ((_, camera),) = made.cameras.items()
-    views = [_pixels(sample.observations) for sample in made.recording.samples]
     target = cell.targets["board"].target
     assert target is not None
+    views = [_view(target, sample.observations) for sample in made.recording.samples]
     began = time.perf_counter()
-    poses = [board_pose(camera, target.points[target.rows(seen.ids)], seen.pixels) for seen in views]
+    poses = [board_pose(camera, *view) for view in views]
     took = time.perf_counter() - began
     one_arm = design.name == "hand-eye"
-    sigma = np.stack([_sigma(camera, target.points[target.rows(seen.ids)], *pose) for seen, pose in zip(views, poses)])
+    sigma = np.stack([_sigma(camera, view[0], *pose) for view, pose in zip(views, poses, strict=True)])
     return Task(
         made,
         asked=cell.mount_name("wrist") if one_arm else "eye_base_from_hand_base",
@@ -100,10 +102,11 @@ def make_task(design: Design, seed: int) -> Task:
     )
 
 
-def _pixels(observations: Any) -> PixelObservation:
+def _view(target: Target, observations: Sequence[Observation]) -> tuple[Array, Array]:
+    """Points of the board, (n, 3) [m], and their pixels, (n, 2)."""
     (seen,) = observations
     assert isinstance(seen, PixelObservation)
-    return seen
+    return target.points[target.rows(seen.ids)], seen.pixels
 
 
 def _recorded(made: SimulatedCell, robot: str) -> SE3:
@@ -126,7 +129,7 @@ def board_pose(camera: Camera, points_in_target: Array, pixels: Array) -> tuple[
         off = cv2.projectPoints(points_in_target, turn, place, *lens)[0].reshape(-1, 2) - pixels
         cost = float(np.sum(off**2))
         if best is None or cost < best[0]:
-            best = cost, turn.ravel(), place.ravel()
+            best = cost, np.array(turn, dtype=float).ravel(), np.array(place, dtype=float).ravel()
     assert best is not None
     return best[1], best[2]
 

@@ -36,11 +36,12 @@ def trial(design: Design, seed: int) -> Trial:
     """Everybody on one cell."""
     task = make_task(design, seed)
     errors, starts = {}, []
-    for name, work in by_opencv.works(task, design.name).items():
-        found, took = _timed(work)
-        errors[f"OpenCV {name}"] = _error(task, None if found is None else found[0], took)
-        if found is not None:
-            starts.append(tuple(found))
+    for method, work in by_opencv.works(task, design.name).items():
+        chains, took = _timed(work)
+        for chain, found in chains.items():
+            errors[f"OpenCV {method}{chain}"] = _error(task, None if found is None else found[0], took)
+            if found is not None:
+                starts.append(tuple(found))
     end, took = _timed(lambda: by_scipy.solved(task, starts or [task.truth]))
     errors[SCIPY] = _error(task, end, took)
     predicted = (np.nan, np.nan)
