@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -275,29 +275,16 @@ def corner_table(rows: Iterable[Row]) -> str:
     )
 
 
-def light_table(rows: Iterable[Light]) -> str:
-    """Of each light a line."""
-    head = [
-        "photons",
-        "spot [px]",
-        "images",
-        "rms [px]",
-        "rms / bound",
-        "error / sigma",
-        "blob rms [px]",
-        "ms",
-        "blob ms",
-    ]
-    return table(
-        head,
-        [
-            (
-                *(f"{row.photons:g}", f"{row.spot_px:g}", "pair" if row.pair else "one", f"{row.rms_px:.4f}"),
-                *(f"{row.rms_px / row.bound_px:.3f}", f"{row.ratio:.2f}", f"{row.blob_rms_px:.4f}"),
-                *(f"{row.milliseconds:.2f}", f"{row.blob_milliseconds:.2f}"),
-            )
-            for row in rows
-        ],
+_SPEEDS = ("blob rms [px]", "ms", "blob ms")
+LIGHT_HEAD = ("photons", "spot [px]", "images", "rms [px]", "rms / bound", "error / sigma", *_SPEEDS)
+
+
+def light_row(of: Mapping[str, Any]) -> tuple[object, ...]:
+    """A line of the table with `LIGHT_HEAD`, of the fields of a `Light`."""
+    return (
+        *(f"{of['photons']:g}", f"{of['spot_px']:g}", "pair" if of["pair"] else "one", f"{of['rms_px']:.4f}"),
+        *(f"{of['rms_px'] / of['bound_px']:.3f}", f"{of['ratio']:.2f}", f"{of['blob_rms_px']:.4f}"),
+        *(f"{of['milliseconds']:.2f}", f"{of['blob_milliseconds']:.2f}"),
     )
 
 
@@ -332,7 +319,7 @@ def main() -> int:
     spots = [
         lights(photons, spot, pair, chosen.lights) for pair in (False, True) for spot in SPOTS for photons in PHOTONS
     ]
-    print("\n" + light_table(spots))
+    print("\n" + table(LIGHT_HEAD, (light_row(spot._asdict()) for spot in spots)))
     missed = missed_goals(rows, spots)
     print("\nmissed: " + ("; ".join(missed) or "none"))
     write(

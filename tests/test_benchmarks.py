@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
 from xml.etree import ElementTree
 
+from benchmarks.common import RESULTS
 from benchmarks.figure import Panel, svg
+from benchmarks.peers.tables import brief
 from benchmarks.report import PAGE, page
 
+ROOT = Path(__file__).parents[1]
 SVG = "{http://www.w3.org/2000/svg}"
 
 
 def test_page_is_made_of_the_results() -> None:
     """docs/benchmarks.md is what `python -m benchmarks.report` makes of benchmarks/results: no number is typed."""
     assert PAGE.read_text(encoding="utf-8") == page()
+
+
+def test_readme_takes_the_peers_from_the_results() -> None:
+    """The README's table beside today's practice is made of benchmarks/results/peers.json."""
+    rows = json.loads((RESULTS / "peers.json").read_text(encoding="utf-8"))["rows"]
+    assert brief(rows) in (ROOT / "README.md").read_text(encoding="utf-8")
 
 
 def test_figure_puts_points_where_they_are() -> None:

@@ -1,0 +1,123 @@
+"""OpenCV's seven methods, as their users use them.
+
+One arm: `calibrateHandEye` and `calibrateRobotWorldHandEye`. Two arms: easy_handeye's answer, calibrate twice and
+concatenate. While the hand is still, the eye robot's camera is calibrated to its flange; while the eye is still, the
+hand robot is calibrated to the camera that stands before it. They meet at the camera,
+
+    eye_base_from_hand_base = eye_base_from_eye_flange @ eye_flange_from_camera @ camera_from_hand_base
+
+at the pose where the eye stood still, or at the target where the hand did; both are tried.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from basecal.geometry import SE3
+from basecal.geometry.se3 import nearest_rotation
+from benchmarks.peers.task import DesignName, Task
+
+_HAND_EYE = {
+    "TSAI": cv2.CALIB_HAND_EYE_TSAI,
+    "PARK": cv2.CALIB_HAND_EYE_PARK,
+    "HORAUD": cv2.CALIB_HAND_EYE_HORAUD,
+    "ANDREFF": cv2.CALIB_HAND_EYE_ANDREFF,
+    "DANIILIDIS": cv2.CALIB_HAND_EYE_DANIILIDIS,
+}
+_ROBOT_WORLD = {"SHAH": cv2.CALIB_ROBOT_WORLD_HAND_EYE_SHAH, "LI": cv2.CALIB_ROBOT_WORLD_HAND_EYE_LI}
+METHODS = (*_HAND_EYE, *_ROBOT_WORLD)
+CHAINS = (", by the camera", ", by the target")
+
+
+class OneArm(NamedTuple):
+    """What is constant while one arm moves: the mount on its flange, and where the other end stands."""
+
+    flange_from_camera: SE3
+    base_from_target: SE3
+
+
+class TwoArms(NamedTuple):
+    """All three unknowns of two arms."""
+
+    eye_base_from_hand_base: SE3
+    eye_flange_from_camera: SE3
+    hand_flange_from_target: SE3
+
+
+Results = Mapping[str, OneArm | TwoArms | None]
+
+
+def one_arm(method: str, base_from_flange: SE3, camera_from_target: SE3) -> OneArm | None:
+    """By one of `METHODS`; None where it fails.
+
+    For a camera beside the arm give `flange_from_base` for `base_from_flange`: the mount is then `base_from_camera`,
+    and the other end `flange_from_target`.
+    """
+    try:
+        by = _by_robot_world if method in _ROBOT_WORLD else _by_hand_eye
+        found = by(method, base_from_flange, camera_from_target)
+    except cv2.error:
+        return None
+    return found if all(np.all(np.isfinite(each.matrix)) for each in found) else None
+
+
+def _by_hand_eye(method: str, base_from_flange: SE3, camera_from_target: SE3) -> OneArm:
+    parts = (*_lists(base_from_flange), *_lists(camera_from_target))
+    flange_from_camera = _rigid(*cv2.calibrateHandEye(*parts, method=_HAND_EYE[method]))
+    return OneArm(flange_from_camera, _mean(base_from_flange @ flange_from_camera @ camera_from_target))
+
+
+def _by_robot_world(method: str, base_from_flange: SE3, camera_from_target: SE3) -> OneArm:
+    parts = (*_lists(camera_from_target), *_lists(base_from_flange.inverse()))
+    found = cv2.calibrateRobotWorldHandEye(*parts, method=_ROBOT_WORLD[method])
+    return OneArm(_rigid(*found[2:]).inverse(), _rigid(*found[:2]).inverse())
+
+
+def _lists(transforms: SE3) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    return list(transforms.rotation), list(transforms.translation)
+
+
+def _rigid(rotation: np.ndarray, translation: np.ndarray) -> SE3:
+    """The nearest rotation: TSAI and ANDREFF give matrices that are none."""
+    finite = np.all(np.isfinite(rotation))
+    return SE3(nearest_rotation(rotation) if finite else np.full((3, 3), np.nan), translation.ravel())
+
+
+def _mean(transforms: SE3) -> SE3:
+    return SE3(nearest_rotation(transforms.rotation.sum(0)), transforms.translation.mean(0))
+
+
+def two_arms(method: str, task: Task) -> Results:
+    """Two calibrations by one of `METHODS`, concatenated at the camera and at the target."""
+    eye, hand, seen = task.eye_base_from_eye_flange, task.hand_base_from_hand_flange, task.camera_from_target
+    assert hand is not None
+    hand_still = len(seen) - len(seen) // 2
+    first, second = slice(None, hand_still), slice(hand_still, None)
+    eye_in_hand = one_arm(method, eye[first], seen[first])
+    eye_to_hand = one_arm(method, hand[second].inverse(), seen[second])
+    if eye_in_hand is None or eye_to_hand is None:
+        return dict.fromkeys(CHAINS)
+    mount, eye_base_from_target = eye_in_hand
+    hand_base_from_camera, other_mount = eye_to_hand
+    at_camera = eye[-1] @ mount @ hand_base_from_camera.inverse()
+    at_target = eye_base_from_target @ (hand[0] @ other_mount).inverse()
+    return {name: TwoArms(base, mount, other_mount) for name, base in zip(CHAINS, (at_camera, at_target), strict=True)}
+
+
+def _one_arm(method: str, task: Task) -> Results:
+    return {"": one_arm(method, task.eye_base_from_eye_flange, task.camera_from_target)}
+
+
+def works(task: Task, design: DesignName) -> dict[str, Callable[[], Results]]:
+    """What can be done with a recording of that design, by method; what is asked comes first in each of its results.
+
+    Where both arms move there is nothing: no method of OpenCV takes two moving arms.
+    """
+    if design == "both":
+        return {}
+    return {method: partial(two_arms if design == "halves" else _one_arm, method, task) for method in METHODS}
