@@ -12,6 +12,7 @@ from basecal.estimation.normal import linearise, moved
 from basecal.estimation.packing import pack
 from basecal.estimation.problem import Problem, State, ViewGroup
 from basecal.estimation.readings import choose
+from basecal.estimation.robot_noise import with_robot_noise
 from basecal.geometry import SE3, Array, Camera, IntArray
 
 _STOP_ROUNDS = 4
@@ -57,11 +58,22 @@ def point_residuals(cell: Cell, recording: Recording, calibration: Calibration) 
     groups = [g for g in problem.groups if _needed(g) <= transforms.keys() and _has_lens(g, cameras)]
     noise = Noise(**{field: calibration.noise[field] for field in Noise._fields if calibration.noise.get(field)})
     problem = replace(problem, columns={}, groups=tuple(groups)).with_noise(noise)
+    problem = with_robot_noise(problem, _estimated(problem, calibration))
     state = State(transforms, cameras, np.zeros((len(problem.stops), 6)))
     problem, _ = choose(problem, state)
     for _ in range(_STOP_ROUNDS if len(problem.stops) else 0):
         state = moved(problem, state, linearise(problem, state), np.zeros(0))
     return tuple(_of_group(cell, problem, state, group) for group in problem.groups if _in_pixels(group))
+
+
+def _estimated(problem: Problem, calibration: Calibration) -> dict[str, Array]:
+    """Sigmas that were estimated for robots that state none."""
+    robots = calibration.noise.get("robots", {})
+    return {
+        name: np.array([*sigma["sigma_t_m"], *sigma["sigma_r_rad"]])
+        for name, sigma in robots.items()
+        if name in problem.unstated
+    }
 
 
 def _known_transforms(cell: Cell, calibration: Calibration) -> dict[str, SE3]:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from basecal.accuracy.by_shifts import calibrate_by_shifts
 from basecal.accuracy.fit import residuals
+from basecal.accuracy.priors import contradicted_priors
 from basecal.cell import Calibration, Cell, Finding, Recording, Residuals
 from basecal.cell.calibration import Severity, Verdict
 from basecal.estimation.noise import CONTRADICTED
@@ -39,6 +41,8 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
         InputError: if the cell contradicts the recording.
         NotObservable: if the axis-shift method is asked for and the recording has no station, or a mount is not known.
     """
+    if settings.robot_noise is None:
+        settings = replace(settings, robot_noise="estimated")
     problem, dropped = pack(cell, recording)
     findings = [*recording.findings, *dropped]
     findings += _too_many_dropped(problem, findings)
@@ -49,6 +53,7 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
         return calibrate_by_shifts(cell, problem, settings, findings)
     solution = solve_packed(problem, cell, settings)
     fit = residuals(solution)
+    findings += [*solution.findings, *contradicted_priors(solution)]
     findings += _unseen(cell, solution) + _not_converged(solution) + _poor_fit(solution, fit) + _outliers(solution)
     return _calibration(cell, solution, fit, settings, findings)
 
@@ -149,7 +154,7 @@ def _outliers(solution: Solution) -> list[Finding]:
         return []
     shown = ", ".join(map(str, samples[:_SHOWN])) + (", ..." if len(samples) > _SHOWN else "")
     message = (
-        f"a robot was off by up to {errors.max():.0f} of its stated sigmas at sample {shown}: taken before the arm "
+        f"a robot was off by up to {errors.max():.0f} of its sigmas at sample {shown}: taken before the arm "
         "settled, or bumped; leave these samples out, or state a larger noise"
     )
     return [Finding("outlier-samples", "warning", tuple(map(str, samples)), message)]
@@ -200,9 +205,9 @@ def _noise(cell: Cell, solution: Solution) -> dict[str, Any]:
     used: dict[str, Any] = {field: getattr(solution.noise.noise, field) for field in solution.noise.estimated}
     if cell.pixel_px is not None and "pixel_px" not in used:
         used["pixel_px"] = cell.pixel_px
+    stated = {name: robot.noise for name, robot in cell.robots.items() if robot.noise is not None}
     used["robots"] = {
-        name: {"sigma_t_m": robot.noise[:3].tolist(), "sigma_r_rad": robot.noise[3:].tolist()}
-        for name, robot in cell.robots.items()
-        if robot.noise is not None
+        name: {"sigma_t_m": sigma[:3].tolist(), "sigma_r_rad": sigma[3:].tolist()}
+        for name, sigma in {**stated, **solution.noise.robots}.items()
     }
     return used

@@ -8,7 +8,8 @@ docs/mathematics.md, "Noise".
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from basecal.estimation.descent import Descent, descend
 from basecal.estimation.measurement import Noise
 from basecal.estimation.normal import Normal, linearise
 from basecal.estimation.problem import Problem
+from basecal.geometry import Array
 
 CONTRADICTED = 1.5
 _ROUNDS = 40
@@ -23,7 +25,7 @@ _SETTLED = 1e-4
 _LOG_STEP = 1e-3
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class NoiseEstimate:
     """Sigmas in use for what states none.
 
@@ -32,12 +34,14 @@ class NoiseEstimate:
         factor: What the information's inverse is multiplied by.
         estimated: Fields of `noise` that were estimated.
         settled: Whether the estimation came to rest.
+        robots: Estimated sigmas of robots that state none, (6,) [m, rad], by name.
     """
 
     noise: Noise
     factor: float
     estimated: tuple[str, ...]
     settled: bool
+    robots: Mapping[str, Array] = field(default_factory=dict)
 
 
 def residual_counts(problem: Problem) -> dict[str, int]:
@@ -68,7 +72,7 @@ def estimate_noise(problem: Problem, end: Descent, iterations: int) -> tuple[Pro
     noise = Noise()
     dof = degrees_of_freedom(problem)
     if not fields:
-        return problem, end, NoiseEstimate(noise, _inflation(end.normal.cost, dof), (), True)
+        return problem, end, NoiseEstimate(noise, inflation(end.normal.cost, dof), (), True)
     has_priors = "prior" in _statuses(problem).values()
     if len(fields) == 1 and not counts.get("stated") and not has_priors and not len(problem.stops):
         factor = max(end.normal.cost, 0.0) / max(dof, 1)
@@ -84,7 +88,7 @@ def estimate_noise(problem: Problem, end: Descent, iterations: int) -> tuple[Pro
     return problem, end, NoiseEstimate(noise, 1.0, fields, False)
 
 
-def _inflation(cost: float, dof: int) -> float:
+def inflation(cost: float, dof: int) -> float:
     """What the covariance is multiplied by where residuals contradict the stated sigmas: the reduced chi-square.
 
     Source: Birge 1932. Only beyond `CONTRADICTED` sigmas: below that the stated ones are taken at their word.

@@ -172,14 +172,15 @@ def _priors(problem: Problem, state: State) -> tuple[Array, Array, float]:
     """What is known beforehand: Hessian, gradient and cost of the priors."""
     hessian, gradient = np.zeros((problem.width, problem.width)), np.zeros(problem.width)
     cost = 0.0
-    for residual, jacobian, where in _prior_residuals(problem, state):
+    for residual, jacobian, where in prior_residuals(problem, state):
         cost += float(residual @ residual)
         hessian[where, where] += jacobian.T @ jacobian
         gradient[where] += jacobian.T @ residual
     return hessian, gradient, cost
 
 
-def _prior_residuals(problem: Problem, state: State) -> list[tuple[Array, Array, slice]]:
+def prior_residuals(problem: Problem, state: State) -> list[tuple[Array, Array, slice]]:
+    """Of each prior: its residual in sigmas, the derivative to its columns, and these."""
     out = []
     for name, where in problem.columns.items():
         if name in problem.unknowns:

@@ -33,10 +33,14 @@ Views = list[tuple[int, Observation]]
 
 @dataclass
 class _Poses:
-    """Poses of one robot at the samples that have them: `row` of a sample, the poses, the stop of each row."""
+    """Poses of one robot at the samples that have them.
+
+    `row` of a sample, the poses, and of each row the stop: its number among the robot's own, and its row in `Stops`.
+    """
 
     row: dict[int, int] = field(default_factory=dict)
     base_from_flange: SE3 = field(default_factory=lambda: SE3.identity((0,)))
+    stand: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     stop: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
 
@@ -54,7 +58,8 @@ def pack(cell: Cell, recording: Recording) -> tuple[Problem, list[Finding]]:
     stops = _number_stops(cell, poses)
     views = _views(cell, samples, poses, findings)
     groups = tuple(_group(cell, samples, poses, key, views[key]) for key in sorted(views))
-    return _problem(cell, groups, stops), findings
+    unstated = frozenset(name for name, robot in cell.robots.items() if robot.noise is None)
+    return replace(_problem(cell, groups, stops), unstated=unstated), findings
 
 
 def _check_parameters(cell: Cell) -> None:
@@ -79,7 +84,8 @@ def _poses_of(cell: Cell, robot: str, samples: tuple[Sample, ...]) -> _Poses:
     base_from_flange = _flanges(cell, robot, [state for _, state in having])
     flat = np.concatenate([base_from_flange.rotation.reshape(-1, 9), base_from_flange.translation], -1)
     moved = np.any(flat[1:] != flat[:-1], axis=-1)
-    return _Poses(row, base_from_flange, np.concatenate([[0], np.cumsum(moved)]).astype(np.int64))
+    stand = np.concatenate([[0], np.cumsum(moved)]).astype(np.int64)
+    return _Poses(row, base_from_flange, stand, stand)
 
 
 def _flanges(cell: Cell, robot: str, states: list[RobotState]) -> SE3:
@@ -169,8 +175,8 @@ def _group(
     observations = [o for _, o in views]
     measurement = _measurement(cell, camera, target, kind, observations)
     readings = _readings(measurement, shape, observations)
-    eye_flange, eye_stop = _at(poses, eye, index)
-    hand_flange, hand_stop = _at(poses, hand, index)
+    eye_flange, eye_stop, eye_stand = _at(poses, eye, index)
+    hand_flange, hand_stop, hand_stand = _at(poses, hand, index)
     return ViewGroup(
         camera=camera,
         target=target,
@@ -185,18 +191,21 @@ def _group(
         hand_base_from_hand_flange=hand_flange,
         eye_stop=eye_stop,
         hand_stop=hand_stop,
+        eye_stand=eye_stand,
+        hand_stand=hand_stand,
         measurement=measurement,
         readings=readings,
         half_turn=half_turn(shape) if len(readings) and shape is not None else None,
     )
 
 
-def _at(poses: Mapping[str, _Poses], robot: str | None, index: list[int]) -> tuple[SE3, IntArray]:
+def _at(poses: Mapping[str, _Poses], robot: str | None, index: list[int]) -> tuple[SE3, IntArray, IntArray]:
     if robot is None:
-        return SE3.identity((len(index),)), np.full(len(index), -1, dtype=np.int64)
+        nowhere = np.full(len(index), -1, dtype=np.int64)
+        return SE3.identity((len(index),)), nowhere, nowhere
     of = poses[robot]
     rows = np.array([of.row[i] for i in index])
-    return of.base_from_flange[rows], of.stop[rows]
+    return of.base_from_flange[rows], of.stop[rows], of.stand[rows]
 
 
 def _measurement(cell: Cell, camera: str, target: str, kind: str, observations: list[Observation]) -> Measurement:

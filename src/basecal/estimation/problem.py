@@ -30,6 +30,8 @@ class ViewGroup:
         hand_base_from_hand_flange: (n,) likewise.
         eye_stop: (n,) rows of the stops' errors; -1 where the robot's noise is not stated.
         hand_stop: (n,) likewise.
+        eye_stand: (n,) number of the stop among all that `eye` made, noise or not; -1 on `world`.
+        hand_stand: (n,) likewise.
         measurement: What was seen.
         readings: All that may have been seen, where views can be read in several ways; see `readings`.
         half_turn: `target_from_turned` where the target looks the same turned by half a turn.
@@ -48,6 +50,8 @@ class ViewGroup:
     hand_base_from_hand_flange: SE3
     eye_stop: IntArray
     hand_stop: IntArray
+    eye_stand: IntArray
+    hand_stand: IntArray
     measurement: Measurement
     readings: tuple[PixelMeasurement, ...] = ()
     half_turn: SE3 | None = None
@@ -69,6 +73,8 @@ class ViewGroup:
             hand_base_from_hand_flange=self.hand_base_from_hand_flange[views],
             eye_stop=self.eye_stop[views],
             hand_stop=self.hand_stop[views],
+            eye_stand=self.eye_stand[views],
+            hand_stand=self.hand_stand[views],
             measurement=self.measurement.take(views),
             readings=tuple(r.take(views) for r in self.readings),
         )
@@ -107,6 +113,7 @@ class Problem:
         lenses: What is known of the lenses of cameras with pixels, by camera.
         stops: The robots' stops.
         columns: Where each unknown that is not fixed stands in the step, by the transform's or the camera's name.
+        unstated: Names of the robots that state no noise.
     """
 
     reference: str
@@ -116,6 +123,7 @@ class Problem:
     lenses: Mapping[str, Intrinsics]
     stops: Stops
     columns: Mapping[str, slice]
+    unstated: frozenset[str] = frozenset()
 
     @property
     def width(self) -> int:

@@ -8,6 +8,7 @@ from typing import Any, Literal
 Method = Literal["maximum-likelihood", "axis-shift"]
 Start = Literal["closed", "thorough", "guess", "axis-shift"]
 Choice = Literal["nearest", "weighted"]
+RobotNoise = Literal["stated", "estimated"]
 
 
 @dataclass(frozen=True)
@@ -21,6 +22,8 @@ class Settings:
             cell's means and guesses) or `axis-shift` (the paper's closed form).
         task_point: (x, y, z) [m] in the eye robot's base where the axis-shift method should fit best; None for a mean
             of all stations.
+        robot_noise: `stated` (only where a robot states it) or `estimated` too, where the data call for it; None for
+            `estimated` by `calibrate`, `stated` by `solve`.
         choice: With a task point: the `nearest` station, or all of them `weighted` by distance.
     """
 
@@ -29,6 +32,7 @@ class Settings:
     start: Start = "closed"
     task_point: tuple[float, float, float] | None = None
     choice: Choice = "nearest"
+    robot_noise: RobotNoise | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """The settings as plain values, for files."""

@@ -11,6 +11,7 @@ from basecal.errors import InputError
 from basecal.estimation.descent import descend
 from basecal.estimation.measurement import Noise
 from basecal.estimation.noise import NoiseEstimate, degrees_of_freedom, estimate_noise, residual_counts
+from basecal.estimation.noise_model import estimate_robot_noise
 from basecal.estimation.observability import Seen, seen_directions
 from basecal.estimation.packing import pack
 from basecal.estimation.problem import Problem, State
@@ -40,7 +41,7 @@ class Solution:
         cost: Sum of squared residuals over sigmas.
         dof: Scalar residuals less unknowns.
         converged: Whether it is an optimum.
-        findings: About samples that were not used.
+        findings: About samples that were not used, and noise that cannot be told apart.
     """
 
     problem: Problem
@@ -113,6 +114,9 @@ def solve_from(
     dof = degrees_of_freedom(problem)
     end = descend(problem, start, dof, settings.iterations)
     problem, end, noise = estimate_noise(problem, end, settings.iterations)
+    if settings.robot_noise == "estimated":
+        problem, end, noise, told = estimate_robot_noise(problem, end, noise, settings.iterations)
+        findings = (*findings, *told)
     seen = seen_directions(problem, end.state, end.normal.hessian, noise.factor)
     covariance = seen.inverse * noise.factor
     return Solution(problem, end.state, covariance, seen, noise, end.normal.cost, dof, end.converged, findings)
