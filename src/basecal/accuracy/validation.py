@@ -15,7 +15,7 @@ import numpy as np
 from scipy.special import chdtrc, fdtrc
 
 from basecal.accuracy.fit import view_alone
-from basecal.accuracy.folds import FOLDS, Samples, folds
+from basecal.accuracy.folds import Samples, folds
 from basecal.cell import Finding, Validation
 from basecal.estimation.descent import descend
 from basecal.estimation.measurement import PixelMeasurement

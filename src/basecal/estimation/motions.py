@@ -2,22 +2,25 @@
 
 A twist of a robot's base that every recorded pose of its flange carries to one and the same twist there cannot be told
 from a change of what is mounted on that flange. A robot that stands still leaves all six of them, one that only shifts
-the three shifts, one that turns about a single axis the shift along it at least.
+the three shifts, one that turns about a single axis the shift along it at least. Poses that keep to this but for as
+little as their own noise show no more: what they seem to say of such a twist is their noise.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
-from basecal.estimation.problem import Problem
+from basecal.estimation.problem import Problem, State
 from basecal.geometry import SE3, Array
 
 HARDLY_RAD = 0.01
 _HARDLY_M = 1e-3
 _LENGTH_M = 0.5
+_SCALE = np.array([_LENGTH_M] * 3 + [1.0] * 3)
+_LEAST_RMS = 3e-3
+_NOISE_SIGMAS = 5.0
 _FEW = 3
 
 
@@ -61,31 +64,36 @@ class Motion:
 
 def motions(problem: Problem) -> dict[str, Motion]:
     """How each robot of the views moves, by name."""
-    return {robot: _motion(robot, poses) for robot, poses in _poses(problem).items()}
+    return {robot: _motion(problem, robot, poses) for robot, poses in _poses(problem).items()}
 
 
 def _poses(problem: Problem) -> dict[str, SE3]:
-    """Recorded poses of each robot, (n,), one a sample."""
-    rows: dict[str, dict[int, SE3]] = {}
+    """Recorded poses of each robot, (n,), one a view."""
+    found: dict[str, list[SE3]] = {}
     for group in problem.groups:
-        for robot, poses in (
-            (group.eye, group.eye_base_from_eye_flange),
-            (group.hand, group.hand_base_from_hand_flange),
-        ):
-            if robot is not None:
-                rows.setdefault(robot, {}).update({int(n): poses[k] for k, n in enumerate(group.sample)})
-    return {robot: SE3.stack([at[n] for n in sorted(at)]) for robot, at in sorted(rows.items()) if at}
+        if group.eye is not None:
+            found.setdefault(group.eye, []).append(group.eye_base_from_eye_flange)
+        if group.hand is not None:
+            found.setdefault(group.hand, []).append(group.hand_base_from_hand_flange)
+    return {robot: _end_to_end(found[robot]) for robot in sorted(found)}
 
 
-def _motion(robot: str, base_from_flange: SE3) -> Motion:
+def _end_to_end(poses: list[SE3]) -> SE3:
+    if len(poses) == 1:
+        return poses[0]
+    return SE3(np.concatenate([p.rotation for p in poses]), np.concatenate([p.translation for p in poses]))
+
+
+def _motion(problem: Problem, robot: str, base_from_flange: SE3) -> Motion:
     first = base_from_flange[0]
     turns = SE3(base_from_flange.rotation @ first.rotation.T, np.zeros((len(base_from_flange), 3))).rotvec
     axes = np.linalg.svd(turns, full_matrices=True)[2].T
     about = np.abs(turns @ axes).max(axis=0)
     order = np.argsort(-about)
     travel = float(np.linalg.norm(base_from_flange.translation - first.translation, axis=-1).max())
-    twists = _indistinct_twists(base_from_flange)
-    return Motion(robot, len(base_from_flange), travel, about[order], axes[:, order], _orientations(turns), twists)
+    twists = _indistinct(base_from_flange, _least(problem, robot))[0]
+    count = len({int(n) for g in problem.groups if robot in (g.eye, g.hand) for n in g.sample})
+    return Motion(robot, count, travel, about[order], axes[:, order], _orientations(turns), twists)
 
 
 def _orientations(turns: Array) -> int:
@@ -101,18 +109,59 @@ def _orientations(turns: Array) -> int:
     return _FEW
 
 
-def _indistinct_twists(base_from_flange: SE3) -> Array:
-    """(k, 6) twists of the base that all poses carry to one twist of the flange, to a hundredth."""
-    scale = np.array([_LENGTH_M] * 3 + [1.0] * 3)
-    carried = base_from_flange.inverse().adjoint() * scale / scale[:, None]
-    off = (carried - carried[0]).reshape(-1, 6)
-    _, size, twists = np.linalg.svd(off, full_matrices=True)
-    indistinct: Array = twists[size / np.sqrt(len(base_from_flange)) < HARDLY_RAD] * scale
-    return indistinct
+def _least(problem: Problem, robot: str) -> float:
+    """What motion counts, rms: more than a thousandth or so, and several sigmas of the robot's stated noise."""
+    own = [k for k, name in enumerate(problem.stops.robot) if name == robot]
+    noise = problem.stops.sigma[own[0]] / _SCALE if own else np.zeros(6)
+    return max(_LEAST_RMS, _NOISE_SIGMAS * float(noise.max()))
+
+
+def _indistinct(base_from_flange: SE3, least: float) -> tuple[Array, Array]:
+    """Twists of the base that all poses carry to one twist of the flange, and that twist, (k, 6) each.
+
+    Args:
+        base_from_flange: (n,).
+        least: By how much the carried twists may differ, rms, half a metre counting as a radian.
+    """
+    carried = base_from_flange.inverse().adjoint() * _SCALE / _SCALE[:, None]
+    mean = carried.mean(0)
+    off = (carried - mean).reshape(-1, 6)
+    squares, twists = np.linalg.eigh(off.T @ off / len(carried))
+    alike = twists[:, np.maximum(squares, 0.0) < least**2]
+    return alike.T * _SCALE, (mean @ alike).T * _SCALE
+
+
+def loose_directions(problem: Problem, state: State) -> Array:
+    """Directions of the unknowns, (p, k) [m, rad], that the recorded poses alone leave open, whatever was seen.
+
+    Each moves a robot's base and what it carries so that the flange's poses hide it. Where any of these is fixed it is
+    none. The paths of a flange with a target of one point may leave open more than these.
+    """
+    found = []
+    for robot, poses in _poses(problem).items():
+        at_base, at_flange = _indistinct(poses, _least(problem, robot))
+        found += [_direction(problem, state, robot, *pair) for pair in zip(at_base, at_flange, strict=True)]
+    loose = [direction for direction in found if direction is not None]
+    return np.stack(loose, axis=1) if loose else np.zeros((problem.width, 0))
+
+
+def _direction(problem: Problem, state: State, robot: str, at_base: Array, at_flange: Array) -> Array | None:
+    """How the unknowns move where a robot's base turns by one twist and all it carries by the other, backwards."""
+    direction = np.zeros(problem.width)
+    parts = [(name, -at_flange) for name in attached(problem, robot)]
+    parts += [(name, -at_base if robot == problem.reference else at_base) for name in based(problem, robot)]
+    for name, twist in parts:
+        where = problem.columns.get(name)
+        if where is None:
+            return None
+        inward = name in attached(problem, robot) or robot == problem.reference
+        tangent = state.transforms[name].inverse().adjoint() @ twist if inward else twist
+        direction[where] = tangent[: where.stop - where.start]
+    return direction
 
 
 def attached(problem: Problem, robot: str) -> list[str]:
-    """Names of the mounts on a robot's flange, of those that are in view."""
+    """Names of the mounts on a robot's flange, of those that see or are seen."""
     names = [g.camera_mount for g in problem.groups if g.eye == robot]
     names += [g.target_mount for g in problem.groups if g.hand == robot]
     return list(dict.fromkeys(names))
@@ -133,8 +182,3 @@ def untold(problem: Problem, motion: Motion) -> tuple[str, ...]:
     names = list(dict.fromkeys([*based(problem, motion.robot), *attached(problem, motion.robot)]))
     free = all(problem.unknowns[name].status == "free" for name in names)
     return tuple(names) if free and len(motion.twists_in_base) else ()
-
-
-def narrowest(found: Iterable[Motion]) -> Motion | None:
-    """The robot that turns least about a second axis."""
-    return min(found, key=lambda motion: (motion.turn_rad[1], motion.turn_rad[0]), default=None)

@@ -6,10 +6,12 @@ these is not seen; one without any information at all gets no number.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from basecal.estimation.motions import loose_directions
+from basecal.estimation.normal import linearise
 from basecal.estimation.problem import Problem, State
 from basecal.estimation.unseen_words import Unseen, in_words
 from basecal.geometry import Array
@@ -47,7 +49,7 @@ def seen_directions(problem: Problem, state: State, hessian: Array, factor: floa
     if not len(hessian):
         return Seen(np.zeros((0, 0)), 1.0, (), frozenset())
     scale = _scales(problem, state)
-    values, vectors = np.linalg.eigh(hessian * scale * scale[:, None])
+    values, vectors = np.linalg.eigh(_without_loose(problem, state, hessian, scale))
     noise = max(factor, _SMALLEST_FACTOR)
     sigma = np.sqrt(noise / np.maximum(values, 1e-300))
     blind = (sigma > _BLIND_SIGMA) | (values < _ROUNDING * values[-1])
@@ -64,6 +66,25 @@ def seen_directions(problem: Problem, state: State, hessian: Array, factor: floa
     )
     condition = float(np.sqrt(values[-1] / values[0])) if not np.any(blind) else float("inf")
     return Seen(inverse, condition, words, names, _length(problem, state))
+
+
+def _without_loose(problem: Problem, state: State, hessian: Array, scale: Array) -> Array:
+    """The scaled information without what noise alone tells of directions that the recorded poses leave open."""
+    scaled = hessian * scale * scale[:, None]
+    loose = loose_directions(problem, state)
+    if not loose.shape[1]:
+        return scaled
+    data = linearise(without_priors(problem), state).hessian * scale * scale[:, None]
+    basis = np.linalg.qr(loose / scale[:, None])[0]
+    carried = data @ basis
+    told: Array = carried @ np.linalg.pinv(basis.T @ carried, rcond=_ROUNDING, hermitian=True) @ carried.T
+    return scaled - 0.5 * (told + told.T)
+
+
+def without_priors(problem: Problem) -> Problem:
+    """The same, nothing known beforehand of transforms that are not fixed."""
+    free = {n: replace(u, status="free") if u.status == "prior" else u for n, u in problem.unknowns.items()}
+    return replace(problem, unknowns=free)
 
 
 def _gated(problem: Problem, name: str) -> int:

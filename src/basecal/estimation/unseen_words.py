@@ -26,14 +26,23 @@ class Unseen:
     """Directions that the data do not see.
 
     Attributes:
-        words: Such as "any shift of hand_base, together with hand_flange_from_board".
+        what: Of what moves most, such as "any shift of hand_base".
         names: What moves, most of all the first.
-        count: How many directions.
     """
 
-    words: str
+    what: str
     names: tuple[str, ...]
-    count: int
+
+    @property
+    def words(self) -> str:
+        """Such as "any shift of hand_base, together with hand_flange_from_board"."""
+        return and_along([self.what], self.names[1:])
+
+
+def and_along(whats: Sequence[str], others: Sequence[str]) -> str:
+    """What is not seen, and what moves along with it."""
+    together = f", together with {' and '.join(others)}" if others else ""
+    return " and ".join(whats) + together
 
 
 def in_words(problem: Problem, state: State, vectors: Array, scale: Array) -> tuple[Unseen, ...]:
@@ -45,11 +54,11 @@ def in_words(problem: Problem, state: State, vectors: Array, scale: Array) -> tu
         vectors: (p, k) an orthonormal basis, in units of `scale`.
         scale: (p,) what one unit of each column is [m, rad, px].
     """
-    lens = _rows(problem, [n for n in problem.columns if n not in problem.unknowns])
-    rest, of_lens = _apart(vectors, lens)
+    others = [n for n in problem.columns if n not in problem.unknowns]
+    rest, of_others = _apart(vectors, _rows(problem, others))
     turning = [row for n in problem.columns if n in problem.unknowns for row in _rows(problem, [n])[3:]]
     shifts, turns = _apart(rest, np.array(turning, dtype=np.int64))
-    told = [Unseen(f"the lens of {n}", (n,), of_lens.shape[1]) for n in _lenses(problem, of_lens)]
+    told = [_of_other(problem, of_others[:, [k]]) for k in range(of_others.shape[1])]
     for space, is_turn in ((shifts, False), (turns, True)):
         for cluster in _clusters(problem, space):
             told += _told(problem, state, _within(problem, space, cluster), cluster, scale, is_turn)
@@ -71,7 +80,7 @@ def turn_in_words(frame: str, twist: Array, parent: str) -> str:
     size = float(turn @ turn)
     through, pitch = np.cross(turn, shift) / size, float(turn @ shift) / size
     at = ", ".join(f"{v + 0.0:.2f}" for v in through)
-    climb = f", with {1e3 * abs(pitch) * np.pi / 180:.1f} mm along it per degree," if abs(pitch) > _PITCH_M else ""
+    climb = f", with {1e3 * abs(pitch) * np.pi / 180:.1f} mm along it per degree" if abs(pitch) > _PITCH_M else ""
     return f"a turn of {frame} about the axis through ({at}) m along {_axis(turn)} in {parent}{climb}"
 
 
@@ -100,7 +109,9 @@ def _axis(direction: Array) -> str:
 
 
 def _rows(problem: Problem, names: Sequence[str]) -> IntArray:
-    return np.array([k for n in names for k in range(problem.columns[n].start, problem.columns[n].stop)], dtype=np.int64)
+    return np.array(
+        [k for n in names for k in range(problem.columns[n].start, problem.columns[n].stop)], dtype=np.int64
+    )
 
 
 def _apart(vectors: Array, rows: IntArray) -> tuple[Array, Array]:
@@ -114,9 +125,13 @@ def _apart(vectors: Array, rows: IntArray) -> tuple[Array, Array]:
     return turned[:, padded <= _LITTLE], turned[:, padded > _LITTLE]
 
 
-def _lenses(problem: Problem, vectors: Array) -> list[str]:
-    names = [n for n in problem.columns if n not in problem.unknowns]
-    return [n for n in names if np.linalg.norm(vectors[problem.columns[n]]) > _LITTLE]
+def _of_other(problem: Problem, direction: Array) -> Unseen:
+    """A direction of a lens or of whatever is no transform, (p, 1), and what moves along."""
+    size = {name: float(np.linalg.norm(_block(problem, direction, name))) for name in problem.columns}
+    main = max((name for name in size if name not in problem.unknowns), key=lambda name: size[name])
+    along = [name for name in size if name != main and size[name] > _ALONG * size[main]]
+    what = f"the lens of {main}" if main in problem.lenses else main
+    return Unseen(what, (main, *along))
 
 
 def _clusters(problem: Problem, space: Array) -> list[list[str]]:
@@ -180,15 +195,13 @@ def _of_main(
     parent, frame = main.split("_from_")
     size = {name: float(np.linalg.norm(_block(problem, space, name))) for name in cluster}
     others = [name for name in cluster if name != main and size[name] > _ALONG * size[main]]
-    together = f", together with {' and '.join(others)}" if others else ""
     names = (main, *others)
     at = state.transforms[main]
     tangents = (space * scale[:, None])[problem.columns[main]].T
     if not is_turn:
         directions = _orthonormal(tangents[:, :3] @ at.rotation.T)
-        return [Unseen(shift_in_words(frame, directions, parent) + together, names, len(directions))]
+        return [Unseen(shift_in_words(frame, directions, parent), names)]
     if space.shape[1] == 3:
-        return [Unseen(f"any turn of {frame}{together}", names, 3)]
+        return [Unseen(f"any turn of {frame}", names)]
     twists = tangents @ at.adjoint().T
-    return [Unseen(turn_in_words(frame, twist, parent) + together, names, 1) for twist in twists]
-
+    return [Unseen(turn_in_words(frame, twist, parent), names) for twist in twists]
