@@ -19,7 +19,7 @@ from basecal.estimation.stops import SharedView, StopAccumulator, StopSystem
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 from basecal.geometry.se3 import right_jacobian_inverse
 
-_ABSURD = 1e40
+_ABSURD = 1e22
 
 
 @dataclass(frozen=True, eq=False)
