@@ -10,7 +10,7 @@ import numpy as np
 from basecal.accuracy.loops import loops
 from basecal.cell import Residuals, SampleResidual
 from basecal.estimation.measurement import PixelMeasurement, PointMeasurement, PoseMeasurement
-from basecal.estimation.problem import ViewGroup
+from basecal.estimation.problem import State, ViewGroup
 from basecal.estimation.sight import aligned
 from basecal.estimation.solve import Solution
 from basecal.estimation.view_pose import FEWEST_POINTS, refined
@@ -72,13 +72,14 @@ def _pixels(solution: Solution, group: ViewGroup, predicted: SE3) -> tuple[Array
 
 def _loops(solution: Solution, group: ViewGroup, predicted: SE3, recorded: SE3) -> tuple[Array, Array]:
     """Length [m] and angle [rad] of each view's loop, (n,); NaN where the view alone gives no pose."""
-    alone, enough = _view_alone(solution, group, predicted)
+    alone, enough = view_alone(solution.state, group, predicted)
     off = alone.inverse() @ recorded
     length, angle = np.linalg.norm(off.translation, axis=-1), np.linalg.norm(off.rotvec, axis=-1)
     return np.where(enough, length, np.nan), np.where(enough, angle, np.nan)
 
 
-def _view_alone(solution: Solution, group: ViewGroup, predicted: SE3) -> tuple[SE3, BoolArray]:
+def view_alone(state: State, group: ViewGroup, predicted: SE3) -> tuple[SE3, BoolArray]:
+    """`camera_from_target` from each view alone, (n,), found from `predicted`; and which views give one, (n,)."""
     measurement = group.measurement
     everywhere = np.ones(len(group), dtype=bool)
     if isinstance(measurement, PoseMeasurement):
@@ -91,6 +92,6 @@ def _view_alone(solution: Solution, group: ViewGroup, predicted: SE3) -> tuple[S
         weight = np.where(enough[:, None], measurement.weight, 1.0) ** 2
         return aligned(points, measurement.points_in_camera, weight), enough
     assert isinstance(measurement, PixelMeasurement)
-    camera = solution.state.cameras[group.camera]
+    camera = state.cameras[group.camera]
     alone = refined(measurement, predicted, camera, iterations=20).camera_from_target
     return alone, measurement.seen.sum(-1) >= FEWEST_POINTS

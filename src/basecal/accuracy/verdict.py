@@ -8,11 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from basecal.accuracy.blind_spots import seeing_findings
 from basecal.accuracy.by_shifts import calibrate_by_shifts
 from basecal.accuracy.fit import residuals
 from basecal.accuracy.priors import contradicted_priors
+from basecal.accuracy.validation import validate
 from basecal.cell import Calibration, Cell, Finding, Recording, Residuals
-from basecal.cell.calibration import Severity, Verdict
+from basecal.cell.calibration import Verdict
 from basecal.estimation.noise import CONTRADICTED
 from basecal.estimation.packing import pack
 from basecal.estimation.problem import Problem
@@ -56,6 +58,11 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
     findings += [*solution.findings, *contradicted_priors(solution)]
     findings += _unseen(cell, solution) + _not_converged(solution) + _poor_fit(solution, fit) + _outliers(solution)
     return _calibration(cell, solution, fit, settings, findings)
+    findings += seeing_findings(cell, solution) + _not_converged(solution) + _poor_fit(solution, fit)
+    findings += _outliers(solution)
+    validation, told = validate(solution, cell.asked, settings)
+    findings += told
+    return replace(_calibration(cell, solution, fit, settings, findings), validation=validation)
 
 
 def verdict_of(findings: Sequence[Finding]) -> Verdict:
@@ -104,24 +111,6 @@ def _too_many_dropped(problem: Problem, findings: list[Finding]) -> list[Finding
         return []
     message = f"{len(dropped)} of {total} samples could not be used; see the other findings for the reasons"
     return [Finding("dropped-sample", "warning", (), message)]
-
-
-def _unseen(cell: Cell, solution: Solution) -> list[Finding]:
-    if not solution.seen.unseen:
-        return []
-    blind_asked = [name for name in cell.asked if name in solution.seen.blind]
-    severity: Severity = "error" if blind_asked else "warning"
-    about = tuple(sorted(solution.seen.blind))
-    return [
-        Finding(
-            "unseen-direction",
-            severity,
-            about,
-            f"the data do not see {words}: add samples that turn every arm about two axes that are not parallel, "
-            "or state a prior or the value of what is known",
-        )
-        for words in solution.seen.unseen
-    ]
 
 
 def _not_converged(solution: Solution) -> list[Finding]:
@@ -187,7 +176,7 @@ def _calibration(
         joint_covariance=solution.covariance_of(list(order)),
         residuals=fit,
         condition=solution.seen.condition if np.isfinite(solution.seen.condition) else None,
-        unseen=solution.seen.unseen,
+        unseen=tuple(unseen.words for unseen in solution.seen.unseen),
         findings=tuple(findings),
         settings=settings.as_dict(),
     )

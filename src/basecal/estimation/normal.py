@@ -13,10 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from basecal.estimation.derivatives import by_stop_errors, by_unknowns
+from basecal.estimation.measurement import ViewInformation
 from basecal.estimation.problem import Problem, State, ViewGroup, chain
 from basecal.estimation.stops import SharedView, StopAccumulator, StopSystem
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 from basecal.geometry.se3 import right_jacobian_inverse
+
+_ABSURD = 1e22
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +115,7 @@ def _linearise_group(problem: Problem, group: ViewGroup, state: State, shared: I
     links = chain(group, state, problem.stops)
     lens = group.camera in problem.columns
     view = group.measurement.linearise(links.camera_from_target, state.cameras.get(group.camera), lens)
+    view = _sensible(view)
     rows = view.gradient.shape[-1]
     derivative, columns = by_unknowns(problem, group, links, rows)
     stops = by_stop_errors(group, links, state, problem.stops, rows)
@@ -120,6 +124,15 @@ def _linearise_group(problem: Problem, group: ViewGroup, state: State, shared: I
     gradient, information, log_det = _marginalised(view.gradient, view.information, private, state.stop_errors)
     views = _Views(gradient, information, derivative, columns, private, kept)
     return float(view.cost.sum()), log_det, views
+
+
+def _sensible(view: ViewInformation) -> ViewInformation:
+    """The same, views that are lost beyond all numbers at an infinite cost: a lens's polynomial far outside it."""
+    lost = ~(np.abs(view.information).max(axis=(-1, -2)) < _ABSURD)
+    if not lost.any():
+        return view
+    cost, gradient = np.where(lost, np.inf, view.cost), np.where(lost[:, None], 0.0, view.gradient)
+    return ViewInformation(cost, gradient, np.where(lost[:, None, None], 0.0, view.information))
 
 
 def _select(stop: IntArray, by_error: Array, mask: BoolArray, number: IntArray | None) -> SharedView:

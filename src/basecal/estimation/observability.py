@@ -6,11 +6,14 @@ these is not seen; one without any information at all gets no number.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from basecal.estimation.motions import loose_directions
+from basecal.estimation.normal import linearise
 from basecal.estimation.problem import Problem, State
+from basecal.estimation.unseen_words import Unseen, in_words
 from basecal.geometry import Array
 
 _UNSEEN_SIGMA = 0.3
@@ -29,14 +32,16 @@ class Seen:
     Attributes:
         inverse: (p, p) inverse of the information, zero along directions without any.
         condition: Largest over smallest scaled sigma; infinite where a direction has no information.
-        unseen: Each unseen direction in words.
+        unseen: The unseen directions in words.
+        length_m: What a sigma of a translation is compared with: how far targets are from cameras.
         blind: Names of the transforms and lenses that have an unseen direction.
     """
 
     inverse: Array
     condition: float
-    unseen: tuple[str, ...]
+    unseen: tuple[Unseen, ...]
     blind: frozenset[str]
+    length_m: float = 1.0
 
 
 def seen_directions(problem: Problem, state: State, hessian: Array, factor: float) -> Seen:
@@ -44,7 +49,7 @@ def seen_directions(problem: Problem, state: State, hessian: Array, factor: floa
     if not len(hessian):
         return Seen(np.zeros((0, 0)), 1.0, (), frozenset())
     scale = _scales(problem, state)
-    values, vectors = np.linalg.eigh(hessian * scale * scale[:, None])
+    values, vectors = np.linalg.eigh(_without_loose(problem, state, hessian, scale))
     noise = max(factor, _SMALLEST_FACTOR)
     sigma = np.sqrt(noise / np.maximum(values, 1e-300))
     blind = (sigma > _BLIND_SIGMA) | (values < _ROUNDING * values[-1])
@@ -52,7 +57,7 @@ def seen_directions(problem: Problem, state: State, hessian: Array, factor: floa
     inverse = (kept / values[~blind]) @ kept.T
     shaping = np.linalg.norm(vectors[_distortion_columns(problem)], axis=0) ** 2 > 0.5
     unseen = blind | ((sigma > _UNSEEN_SIGMA) & ~shaping)
-    words = tuple(_in_words(problem, vectors[:, k]) for k in np.flatnonzero(unseen))
+    words = in_words(problem, state, vectors[:, unseen], scale) if np.any(unseen) else ()
     names = frozenset(
         name
         for name, where in problem.columns.items()
@@ -60,7 +65,26 @@ def seen_directions(problem: Problem, state: State, hessian: Array, factor: floa
         or np.sqrt(noise * np.diag(inverse)[where] / scale[where] ** 2)[: _gated(problem, name)].max() > _UNSEEN_SIGMA
     )
     condition = float(np.sqrt(values[-1] / values[0])) if not np.any(blind) else float("inf")
-    return Seen(inverse, condition, words, names)
+    return Seen(inverse, condition, words, names, _length(problem, state))
+
+
+def _without_loose(problem: Problem, state: State, hessian: Array, scale: Array) -> Array:
+    """The scaled information without what noise alone tells of directions that the recorded poses leave open."""
+    scaled = hessian * scale * scale[:, None]
+    loose = loose_directions(problem, state)
+    if not loose.shape[1]:
+        return scaled
+    data = linearise(without_priors(problem), state).hessian * scale * scale[:, None]
+    basis = np.linalg.qr(loose / scale[:, None])[0]
+    carried = data @ basis
+    told: Array = carried @ np.linalg.pinv(basis.T @ carried, rcond=_ROUNDING, hermitian=True) @ carried.T
+    return scaled - 0.5 * (told + told.T)
+
+
+def without_priors(problem: Problem) -> Problem:
+    """The same, nothing known beforehand of transforms that are not fixed."""
+    free = {n: replace(u, status="free") if u.status == "prior" else u for n, u in problem.unknowns.items()}
+    return replace(problem, unknowns=free)
 
 
 def _gated(problem: Problem, name: str) -> int:
@@ -75,9 +99,7 @@ def _distortion_columns(problem: Problem) -> list[int]:
 
 def _scales(problem: Problem, state: State) -> Array:
     """What one scaled unit of each column is: a length of the scene [m], 1 rad, an image width [px]."""
-    few = [g.take(slice(None, None, -(-len(g) // _ENOUGH_VIEWS))) for g in problem.groups if len(g)]
-    distances = [np.linalg.norm(state.camera_from_target(g, problem.stops).translation, axis=-1) for g in few]
-    length = max(float(np.median(np.concatenate(distances))), 1e-3) if distances else 1.0
+    length = _length(problem, state)
     scale = np.ones(problem.width)
     for name, where in problem.columns.items():
         if name in problem.unknowns:
@@ -89,25 +111,8 @@ def _scales(problem: Problem, state: State) -> Array:
     return scale
 
 
-def _in_words(problem: Problem, vector: Array) -> str:
-    """A direction as the turn or shift of the unknown that moves most, and of those that go along."""
-    size = {name: float(np.linalg.norm(vector[where])) for name, where in problem.columns.items()}
-    ordered = sorted(size, key=lambda name: (-round(size[name], 3), name))
-    first = ordered[0]
-    along = [name for name in ordered[1:] if size[name] > 0.3 * size[first]]
-    text = _motion(problem, vector, first)
-    return f"{text}, together with {' and '.join(along)}" if along else text
-
-
-def _motion(problem: Problem, vector: Array, name: str) -> str:
-    part = vector[problem.columns[name]]
-    if name not in problem.unknowns:
-        return f"the lens of {name}"
-    source = name.split("_from_")[1]
-    shift, turn = part[:3], part[3:]
-    is_turn = len(turn) and np.linalg.norm(turn) >= np.linalg.norm(shift)
-    axis = turn if is_turn else shift
-    axis = axis / np.linalg.norm(axis) * np.sign(axis[np.argmax(np.abs(axis))])
-    shown = ", ".join(f"{v:+.2f}" for v in axis)
-    motion, about = ("turn", "about") if is_turn else ("shift", "along")
-    return f"a {motion} of {name} {about} ({shown}) in the axes of {source}"
+def _length(problem: Problem, state: State) -> float:
+    """How far targets are from the cameras that see them, the median of a few views [m]."""
+    few = [g.take(slice(None, None, -(-len(g) // _ENOUGH_VIEWS))) for g in problem.groups if len(g)]
+    distances = [np.linalg.norm(state.camera_from_target(g, problem.stops).translation, axis=-1) for g in few]
+    return max(float(np.median(np.concatenate(distances))), 1e-3) if distances else 1.0
