@@ -1,4 +1,4 @@
-"""Gross outliers: are they found, are clean ones kept, and is the base that of the clean data?
+"""Gross outliers: whether they are found, clean ones kept, and the base is that of the clean data.
 
 In 30 % of the samples a robot is bumped, has not settled, the view is of another instant or a reflection is taken for
 the light; or 20 % of the points stray or have each other's ids. Gross is at least 8 sigma, whitened by the noise of
@@ -21,6 +21,7 @@ from basecal.estimation.measurement import Measurement, PixelMeasurement, PointM
 from basecal.estimation.normal import linearise
 from basecal.estimation.packing import pack
 from basecal.estimation.problem import Problem, State, ViewGroup
+from basecal.estimation.readings import turned
 from basecal.estimation.robust import RobustSolution, solve_robustly
 from basecal.estimation.solve import solve_packed
 from basecal.estimation.trimming import Kept, everything, trimmed
@@ -34,6 +35,7 @@ GROSS = 8.0
 FAR = 100.0
 NEAR = 16.0
 MOST_RATIO, LEAST_FOUND, MOST_LOST = 1.15, 0.97, 0.01
+_OF_SAMPLES = ("sample", "eye_base_from_eye_flange", "hand_base_from_hand_flange", "eye_stop", "hand_stop")
 _LARGEST_BUMP = 0.3
 _TRIES = 200
 
@@ -59,9 +61,8 @@ def _some(rng: Rng, count: int, share: float) -> IntArray:
 
 
 def _one_group(problem: Problem, group: ViewGroup, clean: BoolArray) -> Spoilt:
-    """The problem with its first group spoilt."""
-    kept = everything(problem)
-    return Spoilt(problem.with_groups((group, *problem.groups[1:])), replace(kept, views=(clean, *kept.views[1:])))
+    """The problem with its only group spoilt."""
+    return Spoilt(problem.with_groups((group,)), Kept((clean,), everything(problem).points))
 
 
 def _bumps(problem: Problem, truth: State, rng: Rng, rows: IntArray, sigmas: tuple[float, float]) -> Spoilt:
@@ -125,7 +126,8 @@ def mispaired(problem: Problem, truth: State, rng: Rng) -> Spoilt:
     rows = rng.permutation(_some(rng, len(group), SAMPLES))
     order = np.arange(len(group))
     order[rows] = np.roll(rows, 1)
-    found = _one_group(problem, replace(group, measurement=group.measurement.take(order)), order == np.arange(len(order)))
+    swapped = replace(group.take(order), **{name: getattr(group, name) for name in _OF_SAMPLES})
+    found = _one_group(problem, swapped, order == np.arange(len(order)))
     return _checked(found, truth)
 
 
@@ -143,11 +145,11 @@ def reflected(problem: Problem, truth: State, rng: Rng) -> Spoilt:
 
 
 def _checked(found: Spoilt, truth: State) -> Spoilt:
-    """What by chance is off by less than 8 sigma counts as clean neither to the oracle nor to be found: it is taken out."""
-    (squares, *_), group = misfits(linearise(found.problem, truth)), found.problem.groups[0]
-    kept = np.flatnonzero(found.clean.views[0] | (squares.value >= GROSS**2))
-    clean = Kept((found.clean.views[0][kept], *found.clean.views[1:]), (found.clean.points[0][kept], *found.clean.points[1:]))
-    return Spoilt(found.problem.with_groups((group.take(kept), *found.problem.groups[1:])), clean)
+    """The same without views that were spoilt and by chance are off by less than 8 sigma: neither clean nor gross."""
+    group, views = found.problem.groups[0], found.clean.views[0]
+    squares = misfits(linearise(found.problem, truth))[0]
+    kept = np.flatnonzero(views | (squares.value >= GROSS**2))
+    return Spoilt(found.problem.with_groups((group.take(kept),)), Kept((views[kept],), (found.clean.points[0][kept],)))
 
 
 def _points_spoilt(problem: Problem, rng: Rng, spoil: Callable[[Array, BoolArray, Array], Array]) -> Spoilt:
@@ -168,7 +170,9 @@ def _points_spoilt(problem: Problem, rng: Rng, spoil: Callable[[Array, BoolArray
         values[row] = np.where((off >= GROSS)[:, None], values[row], before)
         clean[row] = off < GROSS
     name = "pixels" if is_pixels else "points_in_camera"
-    spoilt = replace(group, measurement=replace(measurement, **{name: values}))
+    after = replace(measurement, **{name: values})
+    readings = (after, turned(after)) if isinstance(after, PixelMeasurement) and group.half_turn is not None else ()
+    spoilt = replace(group, measurement=after, readings=readings)
     kept = everything(problem)
     return Spoilt(problem.with_groups((spoilt,)), Kept(kept.views, (clean,)))
 
@@ -276,7 +280,14 @@ def _counts(spoilt: Spoilt, ours: RobustSolution) -> tuple[int, ...]:
     else:
         good = seen & views[:, None]
         gross, found = (~views).sum(), (~views & whole).sum()
-    return int(gross), int(found), int(views.sum()), int((views & whole).sum()), int(good.sum()), int((good & ~left).sum())
+    return (
+        int(gross),
+        int(found),
+        int(views.sum()),
+        int((views & whole).sum()),
+        int(good.sum()),
+        int((good & ~left).sum()),
+    )
 
 
 def _seen(measurement: Measurement) -> BoolArray:

@@ -165,7 +165,7 @@ def _by_own_view(rows: PointRows) -> Squares:
     return _studentised(moved, jacobian, pose_spread, rows.seen)
 
 
-def _studentised(residual: Array, jacobian: Array, spread: Array, seen: Array) -> Squares:
+def _studentised(residual: Array, jacobian: Array, spread: Array, seen: BoolArray) -> Squares:
     """Residuals (n, p, d) whitened by what is left of the noise about a fitted tangent of covariance (n, q, q)."""
     share = jacobian @ spread[:, None] @ np.swapaxes(jacobian, -1, -2)
     kept, axes = np.linalg.eigh(share)
@@ -237,7 +237,8 @@ def _root(information: Array) -> tuple[Array, Array]:
 
 
 def _rank(root: Array) -> IntArray:
-    return np.count_nonzero(np.any(root != 0, axis=-2), axis=-1)
+    rank: IntArray = np.any(root != 0, axis=-2).sum(-1)
+    return rank
 
 
 def _inverse(hessian: Array) -> Array:

@@ -22,7 +22,7 @@ from basecal.estimation.problem import Problem, State, ViewGroup
 from basecal.estimation.robust_scale import Scale, robust_scale
 from basecal.estimation.trimming import Kept, without_points
 from basecal.estimation.view_consensus import Prior, consensus
-from basecal.geometry import Array, BoolArray
+from basecal.geometry import BoolArray, IntArray
 
 CHANCE_OF_VIEW = 1e-5
 CHANCE_OF_POINT = 1e-6
@@ -73,7 +73,8 @@ def judge(problem: Problem, state: State, kept: Kept) -> Judgement:
     views, stops, points = view_squares(about), stop_squares(about), point_squares(about)
     scale = view_scale(problem, [_of(s, v) for s, v in zip(views, kept.views, strict=True)])
     own = [judged_by_view(g.measurement) for g in about.problem.groups]
-    by_view, by_state = (_point_scale(problem, points, kept, [mask == o for o in own]) for mask in (True, False))
+    by_view = _point_scale(problem, points, kept, own)
+    by_state = _point_scale(problem, points, kept, [~o for o in own])
     bad_stop = scale.beyond(stops)
     use_views, use_points = [], []
     for k, group in enumerate(about.problem.groups):
@@ -144,7 +145,7 @@ def _coordinates(measurement: PixelMeasurement | PointMeasurement) -> int:
     return 2 if isinstance(measurement, PixelMeasurement) else 3
 
 
-def _prior(about: Surroundings, k: int, some: Array, variance: float) -> Prior:
+def _prior(about: Surroundings, k: int, some: IntArray, variance: float) -> Prior:
     """Where views that are not part of the fit are predicted, their private stops' errors unknown."""
     of, group = about.normal.views[k], about.problem.groups[k]
     spread = about.spread[k].copy()

@@ -13,7 +13,7 @@ from basecal.estimation.point_rows import point_rows
 from basecal.estimation.problem import Problem, State, ViewGroup
 from basecal.estimation.trimming import Kept, masked
 from basecal.estimation.view_pose import FEWEST_POINTS, refined
-from basecal.geometry import SE3, Array, BoolArray, IntArray
+from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 
 _STEPS = 20
 _FEWEST_3D_POINTS = 3
@@ -95,13 +95,17 @@ def _of_points(
     if not isinstance(measurement, PixelMeasurement | PointMeasurement):
         return []
     lost = measurement.seen & ~kept.points[k] & kept.views[k][:, None]
-    off = _distances(measurement, kept.points[k], state.camera_from_target(group, problem.stops), state, group.camera)
+    views = np.flatnonzero(lost.any(-1))
+    if not len(views):
+        return []
+    predicted = state.camera_from_target(group, problem.stops)[views]
+    off = _distances(measurement.take(views), kept.points[k][views], predicted, state.cameras.get(group.camera))
     unit = "px" if isinstance(measurement, PixelMeasurement) else "mm"
     found = []
-    for v in np.flatnonzero(lost.any(-1)):
+    for v, distance in zip(views, off, strict=True):
         numbers = ids[::-1] if _is_turned(recorded, group, int(v)) else ids
-        sigmas = off[v][lost[v]] * measurement.weight[v][lost[v]]
-        reason = _point_reason(off[v][lost[v]] * (1e3 if unit == "mm" else 1.0), sigmas, unit)
+        sigmas = distance[lost[v]] * measurement.weight[v][lost[v]]
+        reason = _point_reason(distance[lost[v]] * (1e3 if unit == "mm" else 1.0), sigmas, unit)
         which = tuple(sorted(int(i) for i in numbers[lost[v]]))
         found.append(Outlier(int(group.sample[v]), group.camera, group.target, which, reason))
     return found
@@ -116,11 +120,11 @@ def _is_turned(recorded: ViewGroup, group: ViewGroup, view: int) -> bool:
 
 
 def _distances(
-    measurement: PixelMeasurement | PointMeasurement, points: BoolArray, predicted: SE3, state: State, camera: str
+    measurement: PixelMeasurement | PointMeasurement, points: BoolArray, predicted: SE3, lens: Camera | None
 ) -> Array:
-    """How far each point is from where the kept points of its view put it, (n, p) [px or m]."""
-    lens = state.cameras.get(camera)
-    pose = refined(masked(measurement, points), predicted, lens, _STEPS).camera_from_target
+    """How far each point is from where the kept points of its view, or all else, put it, (n, p) [px or m]."""
+    left = masked(measurement, points)
+    pose = refined(left, predicted, lens, _STEPS).camera_from_target if (left.equations() >= 6).all() else predicted
     rows = point_rows(measurement, pose, lens, False)
     assert rows is not None
     weight = np.where(measurement.weight > 0, measurement.weight, 1.0)

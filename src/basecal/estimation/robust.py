@@ -27,17 +27,17 @@ from basecal.estimation.robust_scale import Scale, robust_scale
 from basecal.estimation.settings import DEFAULT, Settings
 from basecal.estimation.solve import Solution, solve_from, solve_packed
 from basecal.estimation.subset_starts import score, subset_states
-from basecal.estimation.trimming import Kept, everything, trimmed, without_points
+from basecal.estimation.trimming import Kept, at_stops_of, everything, point_count, trimmed, without_points
 from basecal.estimation.view_consensus import consensus
-from basecal.geometry import Array, BoolArray
+from basecal.geometry import Array, BoolArray, IntArray
 
 _ROUNDS = 12
 _FREE_ROUNDS = 6
 _SCALE_ROUNDS = 3
 _PLAUSIBLE_PX = 1.0
-_MOST_KEPT = 0.75
 _LEAST_KEPT = 0.5
-_BEST_SUBSETS = 3
+_CLEAR_SHARE = 0.6
+_MOST = 0.9
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +88,7 @@ def solve_robustly(problem: Problem, cell: Cell, settings: Settings = DEFAULT) -
     whole = everything(plain.problem)
     judgement = judge(plain.problem, plain.state, whole)
     if not judgement.kept.same_as(whole) or _implausible(plain, judgement):
-        ends = _ends(plain, whole, cell, settings)
+        ends = _ends(plain, whole, judgement, cell, settings)
         best = min(ends, key=_badness, default=None)
         if best is not None and not best.kept.same_as(whole):
             return _told(cell, problem, best)
@@ -106,15 +106,27 @@ def _badness(end: _End) -> float:
     return score(end.problem, end.solution.state, is_stated(end.problem))
 
 
-def _ends(plain: Solution, whole: Kept, cell: Cell, settings: Settings) -> list[_End]:
-    """Where the plain state leads and, where few views agree on that, where subsets of the samples do."""
-    full, kept, state = _agreeing_within(plain, whole, cell, settings)
+def _ends(plain: Solution, whole: Kept, judgement: Judgement, cell: Cell, settings: Settings) -> list[_End]:
+    """Where the plain state leads and, where that convinces by nothing, where subsets of the samples do."""
+    full, kept, state = _agreeing_within(plain, whole, judgement, cell, settings)
     ends = [_end(full, kept, state, plain, settings)]
-    if ends[0] is None or _share_kept(ends[0]) < _MOST_KEPT:
-        states = [(score(*_read(full, kept, s), is_stated(full)), s) for s in subset_states(full, cell)]
-        states.sort(key=lambda scored: scored[0])
-        ends += [_end(full, kept, s, plain, settings) for _, s in states[:_BEST_SUBSETS]]
+    if not _convincing(ends[0]):
+        least = np.inf
+        for start in subset_states(without_points(full, kept.points), cell):
+            cost = score(*_read(full, kept, start), is_stated(full))
+            if cost < least:
+                least = cost
+                ends.append(_end(full, kept, start, plain, settings))
+                if _convincing(ends[-1]):
+                    break
     return [e for e in ends if e is not None and _share_kept(e) >= _LEAST_KEPT]
+
+
+def _convincing(end: _End | None) -> bool:
+    """Whether most views agree, within the noise that was stated where it was."""
+    if end is None or _share_kept(end) < _CLEAR_SHARE:
+        return False
+    return not is_stated(end.problem) or end.judgement.view_scale.variance < CONTRADICTED**2 or _share_kept(end) > _MOST
 
 
 def _read(full: Problem, kept: Kept, state: State) -> tuple[Problem, State]:
@@ -127,9 +139,12 @@ def _share_kept(end: _End) -> float:
     return float(views.mean()) if len(views) else 0.0
 
 
-def _agreeing_within(plain: Solution, whole: Kept, cell: Cell, settings: Settings) -> tuple[Problem, Kept, State]:
+def _agreeing_within(
+    plain: Solution, whole: Kept, judgement: Judgement, cell: Cell, settings: Settings
+) -> tuple[Problem, Kept, State]:
     """Without the points that the rest of their view contradicts, and solved again where there are any."""
-    points = _points_within(plain.problem, plain.state)
+    suspects = [_suspect(plain, judgement, k) for k in range(len(whole.views))]
+    points = _points_within(plain.problem, plain.state, suspects)
     kept = Kept(whole.views, points)
     if kept.same_as(whole):
         return plain.problem, whole, plain.state
@@ -139,15 +154,24 @@ def _agreeing_within(plain: Solution, whole: Kept, cell: Cell, settings: Setting
     return full, kept, again.state
 
 
-def _points_within(problem: Problem, state: State) -> tuple[BoolArray, ...]:
-    """By group, (n, p): points that agree with the rest of their view."""
+def _suspect(plain: Solution, judgement: Judgement, k: int) -> IntArray:
+    """Views of a group, of many points, of which some are not where the others put them."""
+    own = judged_by_view(plain.problem.groups[k].measurement)
+    beyond = judgement.point_scale.beyond(judgement.points[k]).any(-1)
+    return np.flatnonzero(own & (beyond | _implausible(plain, judgement)))
+
+
+def _points_within(problem: Problem, state: State, suspects: list[IntArray]) -> tuple[BoolArray, ...]:
+    """By group, (n, p): points of suspect views that agree with the rest of their view, and all of others."""
     kept = list(everything(problem).points)
+    if not any(map(len, suspects)):
+        return tuple(kept)
     stated = is_stated(problem)
     scale = Scale(1.0 if stated else _unit(problem), np.inf, CHANCE_OF_POINT)
     for _ in range(_SCALE_ROUNDS):
         squares = []
         for k, group in enumerate(problem.groups):
-            kept[k], of = _agreeing_points(group, problem, state, scale)
+            kept[k], of = _agreeing_points(group, suspects[k], problem, state, scale)
             squares.append(of)
         before, scale = scale, robust_scale(squares, 0, stated, CHANCE_OF_POINT)
         if scale.variance <= before.variance * CONTRADICTED**2 and scale.variance * CONTRADICTED**2 >= before.variance:
@@ -163,20 +187,18 @@ def _unit(problem: Problem) -> float:
     return float(max(weights, default=1.0)) ** 2 * _PLAUSIBLE_PX**2
 
 
-def _agreeing_points(group: ViewGroup, problem: Problem, state: State, scale: Scale) -> tuple[BoolArray, Squares]:
+def _agreeing_points(
+    group: ViewGroup, suspects: IntArray, problem: Problem, state: State, scale: Scale
+) -> tuple[BoolArray, Squares]:
     measurement = group.measurement
-    nothing = Squares(np.zeros(0), np.zeros(0, dtype=np.int64))
-    own = np.flatnonzero(judged_by_view(measurement))
-    if not isinstance(measurement, PixelMeasurement | PointMeasurement):
-        return np.ones((len(group), 1), dtype=bool), nothing
-    kept = np.ones(measurement.seen.shape, dtype=bool)
-    if not len(own):
-        return kept, nothing
-    few, near = measurement.take(own), state.camera_from_target(group, problem.stops)[own]
+    kept = np.ones((len(group), point_count(measurement)), dtype=bool)
+    if not len(suspects) or not isinstance(measurement, PixelMeasurement | PointMeasurement):
+        return kept, Squares(np.zeros(0), np.zeros(0, dtype=np.int64))
+    few, near = measurement.take(suspects), state.camera_from_target(group, problem.stops)[suspects]
     freedoms = 2 if isinstance(measurement, PixelMeasurement) else 3
     limit = float(scale.limit(np.array(freedoms)))
     found = consensus(few, near, state.cameras.get(group.camera), limit)
-    kept[own] = found.points | ~few.seen
+    kept[suspects] = found.points | ~few.seen
     squares = found.squares[found.points]
     return kept, Squares(squares, np.full(len(squares), freedoms))
 
@@ -193,7 +215,8 @@ def _end(full: Problem, kept: Kept, state: State, plain: Solution, settings: Set
         if not _enough(full, kept):
             return None
         try:
-            solution = solve_from(trimmed(full, kept), state, settings)
+            left = trimmed(full, kept)
+            solution = solve_from(left, at_stops_of(left, state), settings)
         except (BasecalError, np.linalg.LinAlgError):
             return None
         full, kept = _rechosen(full.with_noise(solution.noise.noise), kept, solution.state)

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from basecal.estimation.measurement import Measurement, Noise, PixelMeasurement, PointMeasurement
-from basecal.estimation.problem import Problem, ViewGroup
-from basecal.geometry import Array, BoolArray
+from basecal.estimation.problem import Problem, State, ViewGroup
+from basecal.estimation.readings import turned
+from basecal.geometry import Array, BoolArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +59,16 @@ def trimmed(problem: Problem, kept: Kept) -> Problem:
     return problem.with_groups(taken).with_noise(Noise())
 
 
-def of_samples(problem: Problem, numbers: Sequence[int]) -> Problem:
+def at_stops_of(problem: Problem, state: State) -> State:
+    """The state without the errors of stops in which no view of the problem stands."""
+    used = np.zeros(len(problem.stops), dtype=bool)
+    for group in problem.groups:
+        for stop in (group.eye_stop, group.hand_stop):
+            used[stop[stop >= 0]] = True
+    return replace(state, stop_errors=np.where(used[:, None], state.stop_errors, 0.0))
+
+
+def of_samples(problem: Problem, numbers: IntArray) -> Problem:
     """The problem of some samples alone, by their numbers."""
     rows = [np.flatnonzero(np.isin(g.sample, numbers)) for g in problem.groups]
     return problem.with_groups(g.take(r) for g, r in zip(problem.groups, rows, strict=True) if len(r))
@@ -77,4 +87,7 @@ def masked(measurement: Measurement, points: BoolArray) -> Measurement:
 
 
 def _without(group: ViewGroup, points: BoolArray) -> ViewGroup:
-    return replace(group, measurement=masked(group.measurement, points))
+    measurement = masked(group.measurement, points)
+    if group.half_turn is None or not isinstance(measurement, PixelMeasurement) or points.all():
+        return replace(group, measurement=measurement)
+    return replace(group, measurement=measurement, readings=(measurement, turned(measurement)))

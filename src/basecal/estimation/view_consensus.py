@@ -179,7 +179,9 @@ def _alone(measurement: PixelMeasurement, points: BoolArray, camera: Camera, nea
     bearings, valid = camera.undistort(measurement.pixels)
     seen = points & valid
     chords = BearingMeasurement(
-        measurement.points_in_target, np.where(seen[..., None], bearings, 0.0), seen * float(camera.focal.mean())
+        measurement.points_in_target,
+        np.where(seen[..., None], bearings, 0.0),
+        np.where(seen, float(camera.focal.mean()), 0.0),
     )
     poses = view_poses(measurement.points_in_target, chords.bearings_in_camera, seen, chords)
     pose = poses.camera_from_target[:, 0]
