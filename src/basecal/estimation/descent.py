@@ -5,6 +5,7 @@ Source: Marquardt 1963, with the damping of Nielsen 1999.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,7 +32,9 @@ class Descent:
     iterations: int
 
 
-def descend(problem: Problem, state: State, dof: int, iterations: int = 100) -> Descent:
+def descend(
+    problem: Problem, state: State, dof: int, iterations: int = 100, weights: Sequence[Array] | None = None
+) -> Descent:
     """The optimum downhill of `state`.
 
     It has converged when what is left after a step, by the rate at which steps shrink, is below 1e-5 of the sigmas
@@ -42,8 +45,9 @@ def descend(problem: Problem, state: State, dof: int, iterations: int = 100) -> 
         state: Where to start.
         dof: Residuals less unknowns, which scales the sigmas.
         iterations: At most.
+        weights: What each view counts, (n,) by group; 1 where None.
     """
-    normal = linearise(problem, state)
+    normal = linearise(problem, state, weights)
     damping, growth, before = _FIRST_DAMPING, 2.0, 0.0
     for k in range(iterations):
         scale = normal.cost / max(dof, 1) if np.isfinite(normal.cost) else 1.0
@@ -54,7 +58,7 @@ def descend(problem: Problem, state: State, dof: int, iterations: int = 100) -> 
         candidate = moved(problem, state, normal, step)
         if settled and damping <= _UNDAMPED:
             return Descent(candidate, replace(normal, cost=max(normal.cost - expected, 0.0)), True, k + 1)
-        after = linearise(problem, candidate)
+        after = linearise(problem, candidate, weights)
         if after.cost <= normal.cost * (1 + 1e-12):
             gain = float(np.clip((normal.cost - after.cost) / max(expected, 1e-300), -_LARGEST_GAIN, _LARGEST_GAIN))
             state, normal, before = candidate, after, max(expected, 1e-300)

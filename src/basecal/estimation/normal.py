@@ -8,7 +8,8 @@ Schur complement. Source: docs/mathematics.md, "Robot noise".
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,6 +34,14 @@ class _Views:
     private: tuple[SharedView, ...]
     shared: tuple[SharedView, ...]
 
+    def weighted(self, weight: Array) -> _Views:
+        """The views as if each were seen with its information times a weight (n,)."""
+        return replace(
+            self,
+            gradient=self.gradient * weight[:, None],
+            information=self.information * weight[:, None, None],
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Normal:
@@ -55,17 +64,28 @@ class Normal:
     system: StopSystem | None
 
 
-def linearise(problem: Problem, state: State) -> Normal:
-    """The problem to second order at `state`; its cost is infinite where a seen point lies behind its camera."""
+def linearise(problem: Problem, state: State, weights: Sequence[Array] | None = None) -> Normal:
+    """The problem to second order at `state`; its cost is infinite where a seen point lies behind its camera.
+
+    Args:
+        problem: The problem.
+        state: Where.
+        weights: For each group (n,): what each view counts, its private stops' errors included; 1 where None.
+    """
     hessian, gradient, cost = _priors(problem, state)
     cost += float(np.sum(state.stop_errors**2))
     log_det, views = 0.0, []
-    shared = _shared_stops(problem)
+    shared = shared_stops(problem)
     sums = StopAccumulator(state.stop_errors[shared >= 0], problem.width)
-    for group in problem.groups:
-        group_cost, lost, of = _linearise_group(problem, group, state, shared)
-        cost, log_det = cost + group_cost, log_det + lost
+    for number, group in enumerate(problem.groups):
+        view_costs, lost, of = _linearise_group(problem, group, state, shared)
+        log_det += lost
         views.append(of)
+        if weights is not None:
+            cost += _private_cost(of, state, weights[number])
+            view_costs = np.where(weights[number] > 0, view_costs, 0.0) * weights[number]
+            of = of.weighted(weights[number])
+        cost += float(view_costs.sum())
         if np.any(shared >= 0):
             sums.add(of.shared, of.gradient, of.information, of.by_unknowns, of.columns)
         flat = of.by_unknowns.reshape(of.gradient.size, len(of.columns))
@@ -99,7 +119,7 @@ def moved_lens(camera: Camera, step: Array) -> Camera:
     return camera.with_parameters(parameters)
 
 
-def _shared_stops(problem: Problem) -> IntArray:
+def shared_stops(problem: Problem) -> IntArray:
     """Number of each stop among those that several views have; -1 for the others, (k,)."""
     count = np.zeros(len(problem.stops), dtype=np.int64)
     if not len(count):
@@ -111,7 +131,12 @@ def _shared_stops(problem: Problem) -> IntArray:
     return np.where(several, np.cumsum(several) - 1, -1)
 
 
-def _linearise_group(problem: Problem, group: ViewGroup, state: State, shared: IntArray) -> tuple[float, float, _Views]:
+def _private_cost(views: _Views, state: State, weight: Array) -> float:
+    """What weights (n,) change of the cost of the private stops' errors."""
+    return sum(float((weight[of.view] - 1) @ np.sum(state.stop_errors[of.stop] ** 2, axis=-1)) for of in views.private)
+
+
+def _linearise_group(problem: Problem, group: ViewGroup, state: State, shared: IntArray) -> tuple[Array, float, _Views]:
     links = chain(group, state, problem.stops)
     lens = group.camera in problem.columns
     view = group.measurement.linearise(links.camera_from_target, state.cameras.get(group.camera), lens)
@@ -123,7 +148,7 @@ def _linearise_group(problem: Problem, group: ViewGroup, state: State, shared: I
     private = tuple(_select(stop, error, shared[stop] < 0, None) for stop, error in stops)
     gradient, information, log_det = _marginalised(view.gradient, view.information, private, state.stop_errors)
     views = _Views(gradient, information, derivative, columns, private, kept)
-    return float(view.cost.sum()), log_det, views
+    return view.cost, log_det, views
 
 
 def _sensible(view: ViewInformation) -> ViewInformation:
@@ -170,7 +195,7 @@ def _stop_errors(problem: Problem, state: State, normal: Normal, step: Array) ->
     if not len(errors):
         return errors
     shared_step = np.zeros((0, 6)) if normal.system is None else normal.system.step(step)
-    errors[_shared_stops(problem) >= 0] += shared_step
+    errors[shared_stops(problem) >= 0] += shared_step
     for of in normal.views:
         rest = (of.by_unknowns @ step[of.columns][:, None])[..., 0]
         for part in of.shared:

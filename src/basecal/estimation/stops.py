@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.sparse import csc_array, csr_array
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import SuperLU, splu
 
 from basecal.geometry import Array, IntArray
+
+_MOST_INVERTED = 400
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,11 +38,31 @@ class StopSystem:
         by_unknowns: (k, 6, p) mixed second derivative.
         solution: (6 k, p + 1): the inverse applied to `by_unknowns` and, last, to the gradient.
         log_det: Log determinant of the errors' information.
+        precision: (k, 6, 6) diagonal blocks of the errors' information.
+        factor: That information, factorised; None where it has no other blocks.
     """
 
     by_unknowns: Array
     solution: Array
     log_det: float
+    precision: Array
+    factor: SuperLU | None
+
+    def covariance(self, first: IntArray, second: IntArray) -> Array:
+        """Blocks (n, 6, 6) of the errors' covariance, the unknowns known, at pairs of stops (n,)."""
+        if self.factor is None or len(self.precision) > _MOST_INVERTED:
+            # Of many stops that views tie together, what these say of one another is left out: each seems better known.
+            inverse = np.linalg.inv(self.precision)
+            return np.where((first == second)[:, None, None], inverse[first], 0.0)
+        blocks = self._inverse[first, :, second]
+        return blocks
+
+    @cached_property
+    def _inverse(self) -> Array:
+        assert self.factor is not None
+        k = len(self.precision)
+        inverse: Array = self.factor.solve(np.eye(6 * k)).reshape(k, 6, k, 6)
+        return inverse
 
     def reduce(self, hessian: Array, gradient: Array) -> tuple[Array, Array]:
         """The unknowns' normal equations with the errors eliminated."""
@@ -95,10 +118,12 @@ class StopAccumulator:
         right = np.concatenate([self.by_unknowns, self.gradient[..., None]], -1)
         if not self.pairs:
             solution = np.linalg.solve(self.diagonal, right).reshape(-1, width + 1)
-            return StopSystem(self.by_unknowns, solution, float(np.linalg.slogdet(self.diagonal)[1].sum()))
+            log_det = float(np.linalg.slogdet(self.diagonal)[1].sum())
+            return StopSystem(self.by_unknowns, solution, log_det, self.diagonal, None)
         factor = splu(self._matrix(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
         solution = factor.solve(right.reshape(6 * k, width + 1))
-        return StopSystem(self.by_unknowns, solution, float(np.log(np.abs(factor.U.diagonal())).sum()))
+        log_det = float(np.log(np.abs(factor.U.diagonal())).sum())
+        return StopSystem(self.by_unknowns, solution, log_det, self.diagonal, factor)
 
     def _matrix(self) -> csc_array:
         k = len(self.diagonal)

@@ -7,10 +7,11 @@ Zisserman 2004 (7.2, direct linear transform), Schweighofer & Pinz 2006 (the sec
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
-from basecal.estimation.measurement import Measurement
+from basecal.estimation.measurement import Measurement, ViewInformation
 from basecal.geometry import SE3, Array, BoolArray, Camera
 from basecal.geometry.se3 import nearest_rotation, rotation_exp
 
@@ -148,7 +149,15 @@ class _Refined:
         return _Refined(self.camera_from_target[views], self.cost[views], self.information[views])
 
 
-def refined(measurement: Measurement, start: SE3, camera: Camera | None = None, iterations: int = 8) -> _Refined:
+class Linearised(Protocol):
+    """What says how views fit at poses; see `Measurement`."""
+
+    def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
+        """See `Measurement`."""
+        ...
+
+
+def refined(measurement: Linearised, start: SE3, camera: Camera | None = None, iterations: int = 8) -> _Refined:
     """Each view's pose at its own optimum near `start`, (n,): damped Gauss-Newton on all views side by side."""
     pose, view = start, measurement.linearise(start, camera, False)
     damping = np.full(len(start), 1e-6)

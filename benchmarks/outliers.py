@@ -1,0 +1,352 @@
+"""Gross outliers: whether they are found, clean ones kept, and the base is that of the clean data.
+
+In 30 % of the samples a robot is bumped, has not settled, the view is of another instant or a reflection is taken for
+the light; or 20 % of the points stray or have each other's ids. Gross is at least 8 sigma, whitened by the noise of
+pixels and robots at the true state. The oracle is the plain solver, given the clean ones only.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from basecal.estimation.deviance import misfits
+from basecal.estimation.measurement import Measurement, PixelMeasurement, PointMeasurement, PoseMeasurement
+from basecal.estimation.normal import linearise
+from basecal.estimation.packing import pack
+from basecal.estimation.problem import Problem, State, ViewGroup
+from basecal.estimation.readings import turned
+from basecal.estimation.robust import RobustSolution, solve_robustly
+from basecal.estimation.solve import solve_packed
+from basecal.estimation.trimming import Kept, everything, trimmed
+from basecal.geometry import SE3, Array, BoolArray, IntArray
+from basecal.simulation import Scenario, SimulatedCell, simulate
+from benchmarks.common import on_one_core, table, write
+
+BASE = "eye_base_from_hand_base"
+SAMPLES, POINTS = 0.3, 0.2
+GROSS = 8.0
+FAR = 100.0
+NEAR = 16.0
+MOST_RATIO, LEAST_FOUND, MOST_LOST = 1.15, 0.97, 0.01
+_OF_SAMPLES = ("sample", "eye_base_from_eye_flange", "hand_base_from_hand_flange", "eye_stop", "hand_stop")
+_LARGEST_BUMP = 0.3
+_TRIES = 200
+
+Rng = np.random.Generator
+NOISY = (3e-4, 5e-4)
+NOISY_LIGHT = (1e-4, 1e-4)
+_BOARD = Scenario(samples=30, robot_noise=NOISY)
+_LIGHT = Scenario(samples=40, target="led", camera_mount="fixed", robot_noise=NOISY_LIGHT)
+
+
+class Spoilt(NamedTuple):
+    """A problem with outliers, and what of it is clean."""
+
+    problem: Problem
+    clean: Kept
+
+
+Spoil = Callable[[Problem, State, Rng], Spoilt]
+
+
+def _some(rng: Rng, count: int, share: float) -> IntArray:
+    return np.sort(rng.choice(count, round(share * count), replace=False)).astype(np.int64)
+
+
+def _one_group(problem: Problem, group: ViewGroup, clean: BoolArray) -> Spoilt:
+    """The problem with its only group spoilt."""
+    return Spoilt(problem.with_groups((group,)), Kept((clean,), everything(problem).points))
+
+
+def _bumps(problem: Problem, truth: State, rng: Rng, rows: IntArray, sigmas: tuple[float, float]) -> Spoilt:
+    """A robot's pose off in some samples, by so many sigma of what the view sees of it."""
+    group = problem.groups[0]
+    moving = [n for n in ("eye", "hand") if len(np.unique(_flanges(group, n).translation, axis=0)) == len(group)]
+    clean = np.ones(len(group), dtype=bool)
+    for row in rows:
+        for _ in range(_TRIES):
+            tangent = np.concatenate([rng.standard_normal(3), rng.standard_normal(3) * rng.uniform(0, 2)])
+            robot = moving[rng.integers(len(moving))]
+            size = _size_for(problem, truth, group, robot, int(row), tangent, rng.uniform(*np.log(sigmas)))
+            if size * np.linalg.norm(tangent) < _LARGEST_BUMP:
+                break
+        group = _moved(group, robot, int(row), size * tangent)
+        clean[row] = False
+    return _one_group(problem, group, clean)
+
+
+def _flanges(group: ViewGroup, robot: str) -> SE3:
+    return group.eye_base_from_eye_flange if robot == "eye" else group.hand_base_from_hand_flange
+
+
+def _moved(group: ViewGroup, robot: str, row: int, tangent: Array) -> ViewGroup:
+    before = _flanges(group, robot)
+    shift = np.zeros((len(group), 6))
+    shift[row] = tangent
+    after = before @ SE3.exp(shift)
+    return replace(group, **{f"{robot}_base_from_{robot}_flange": after})
+
+
+def _size_for(
+    problem: Problem, truth: State, group: ViewGroup, robot: str, row: int, tangent: Array, log_sigmas: float
+) -> float:
+    """What to scale a bump by so that its view is off by so many sigma, its own noise apart."""
+    small = 1e-5 / np.linalg.norm(tangent)
+    one = problem.with_groups((group.take(np.array([row])),))
+    gradients = []
+    for sign in (1, -1):
+        bumped = _moved(one.groups[0], robot, 0, sign * small * tangent)
+        gradients.append(linearise(one.with_groups((bumped,)), truth).views[0].gradient[0])
+    information = linearise(one, truth).views[0].information[0]
+    slope = (gradients[0] - gradients[1]) / 2
+    per_size = np.sqrt(max(float(slope @ np.linalg.pinv(information, rcond=1e-9, hermitian=True) @ slope), 1e-300))
+    return float(np.exp(log_sigmas) / (per_size / small))
+
+
+def bumped(problem: Problem, truth: State, rng: Rng) -> Spoilt:
+    """A robot bumped: 8 to 100 sigma."""
+    return _bumps(problem, truth, rng, _some(rng, len(problem.groups[0]), SAMPLES), (GROSS, FAR))
+
+
+def unsettled(problem: Problem, truth: State, rng: Rng) -> Spoilt:
+    """A pose recorded before the arm settled: 8 to 16 sigma."""
+    return _bumps(problem, truth, rng, _some(rng, len(problem.groups[0]), SAMPLES), (GROSS, NEAR))
+
+
+def mispaired(problem: Problem, truth: State, rng: Rng) -> Spoilt:
+    """Some samples have one another's views."""
+    group = problem.groups[0]
+    rows = rng.permutation(_some(rng, len(group), SAMPLES))
+    order = np.arange(len(group))
+    order[rows] = np.roll(rows, 1)
+    swapped = replace(group.take(order), **{name: getattr(group, name) for name in _OF_SAMPLES})
+    found = _one_group(problem, swapped, order == np.arange(len(order)))
+    return _checked(found, truth)
+
+
+def reflected(problem: Problem, truth: State, rng: Rng) -> Spoilt:
+    """A bright spot anywhere in the image is taken for the light."""
+    group = problem.groups[0]
+    measurement = group.measurement
+    assert isinstance(measurement, PixelMeasurement)
+    rows = _some(rng, len(group), SAMPLES)
+    pixels = measurement.pixels.copy()
+    width, height = truth.cameras[group.camera].size_px
+    pixels[rows, 0] = rng.uniform((0, 0), (width, height), (len(rows), 2))
+    clean = ~np.isin(np.arange(len(group)), rows)
+    return _checked(_one_group(problem, replace(group, measurement=replace(measurement, pixels=pixels)), clean), truth)
+
+
+def _checked(found: Spoilt, truth: State) -> Spoilt:
+    """The same without views that were spoilt and by chance are off by less than 8 sigma: neither clean nor gross."""
+    group, views = found.problem.groups[0], found.clean.views[0]
+    squares = misfits(linearise(found.problem, truth))[0]
+    kept = np.flatnonzero(views | (squares.value >= GROSS**2))
+    return Spoilt(found.problem.with_groups((group.take(kept),)), Kept((views[kept],), (found.clean.points[0][kept],)))
+
+
+def _points_spoilt(problem: Problem, rng: Rng, spoil: Callable[[Array, BoolArray, Array], Array]) -> Spoilt:
+    """A fifth of all points spoilt, by `spoil(values (p, d), chosen (p,), weight (p,))` of a view."""
+    group = problem.groups[0]
+    measurement = group.measurement
+    assert isinstance(measurement, PixelMeasurement | PointMeasurement)
+    is_pixels = isinstance(measurement, PixelMeasurement)
+    values = (measurement.pixels if is_pixels else measurement.points_in_camera).copy()
+    seen = np.argwhere(measurement.seen)
+    chosen = np.zeros(measurement.seen.shape, dtype=bool)
+    chosen[tuple(seen[_some(rng, len(seen), POINTS)].T)] = True
+    clean = np.ones(chosen.shape, dtype=bool)
+    for row in range(len(group)):
+        before = values[row].copy()
+        values[row] = spoil(values[row], chosen[row], measurement.weight[row])
+        off = np.linalg.norm(values[row] - before, axis=-1) * measurement.weight[row]
+        values[row] = np.where((off >= GROSS)[:, None], values[row], before)
+        clean[row] = off < GROSS
+    name = "pixels" if is_pixels else "points_in_camera"
+    after = replace(measurement, **{name: values})
+    readings = (after, turned(after)) if isinstance(after, PixelMeasurement) and group.half_turn is not None else ()
+    spoilt = replace(group, measurement=after, readings=readings)
+    kept = everything(problem)
+    return Spoilt(problem.with_groups((spoilt,)), Kept(kept.views, (clean,)))
+
+
+def strays(problem: Problem, truth: State, rng: Rng) -> Spoilt:
+    """Single points 8 to 100 sigma off."""
+
+    def stray(values: Array, chosen: BoolArray, weight: Array) -> Array:
+        direction = rng.standard_normal(values.shape)
+        direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
+        sigmas = np.exp(rng.uniform(*np.log((GROSS, FAR)), len(values)))
+        return values + np.where(chosen, sigmas / np.maximum(weight, 1e-9), 0.0)[:, None] * direction * 1.0000001
+
+    return _points_spoilt(problem, rng, stray)
+
+
+def wrong_ids(problem: Problem, truth: State, rng: Rng) -> Spoilt:
+    """Points that have one another's ids."""
+
+    def permuted(values: Array, chosen: BoolArray, weight: Array) -> Array:
+        rows = rng.permutation(np.flatnonzero(chosen))
+        out = values.copy()
+        out[rows] = values[np.roll(rows, 1)]
+        return out
+
+    return _points_spoilt(problem, rng, permuted)
+
+
+CASES: dict[str, tuple[str, Scenario, Spoil]] = {
+    "board": ("bumped", _BOARD, bumped),
+    "board, pixels only": ("bumped", replace(_BOARD, robot_noise=(0, 0)), bumped),
+    "board, sigmas not stated": ("bumped", replace(_BOARD, robot_noise=(0, 0), state_pixel_noise=False), bumped),
+    "board at stations": ("bumped", replace(_BOARD, arms="stations"), bumped),
+    "poses": ("bumped", replace(_BOARD, target="pose"), bumped),
+    "light, mounts known": ("bumped", replace(_LIGHT, target_mount="fixed"), bumped),
+    "3-D points": ("not settled", replace(_BOARD, target="points3d"), unsettled),
+    "board, mount by prior": ("not settled", replace(_BOARD, camera_mount="prior"), unsettled),
+    "chessboard": ("mispaired", replace(_BOARD, target="chessboard"), mispaired),
+    "board ": ("mispaired", _BOARD, mispaired),
+    "poses ": ("mispaired", replace(_BOARD, target="pose"), mispaired),
+    "light, offset free": ("mispaired", _LIGHT, mispaired),
+    "light, offset free ": ("reflection", _LIGHT, reflected),
+    "light, mounts known ": ("reflection", replace(_LIGHT, target_mount="fixed"), reflected),
+    "light, mounts free": ("reflection", replace(_LIGHT, camera_mount="free"), reflected),
+    "board  ": ("wrong ids", _BOARD, wrong_ids),
+    "chessboard ": ("wrong ids", replace(_BOARD, target="chessboard"), wrong_ids),
+    "board   ": ("strays", _BOARD, strays),
+    "board, sigmas not stated ": ("strays", replace(_BOARD, robot_noise=(0, 0), state_pixel_noise=False), strays),
+    "rigid points": ("strays", replace(_BOARD, target="points"), strays),
+    "3-D points ": ("strays", replace(_BOARD, target="points3d"), strays),
+}
+
+
+class Trial(NamedTuple):
+    """One cell: errors of the base (m, rad), oracle's and ours, and counts."""
+
+    oracle: tuple[float, float]
+    ours: tuple[float, float]
+    gross: int
+    found: int
+    clean_samples: int
+    lost_samples: int
+    clean_points: int
+    lost_points: int
+    seconds: float
+
+
+def trial(name: str, seed: int) -> Trial:
+    """Spoil one cell, and solve it robustly and from its clean part."""
+    _, scenario, spoil = CASES[name]
+    made = simulate(scenario, seed)
+    problem, _ = pack(made.cell, made.recording)
+    truth = State(made.truth, made.cameras if problem.lenses else {}, np.zeros((len(problem.stops), 6)))
+    spoilt = spoil(problem, truth, np.random.default_rng([seed, 7]))
+    began = time.perf_counter()
+    ours = solve_robustly(spoilt.problem, made.cell)
+    took = time.perf_counter() - began
+    oracle = solve_packed(trimmed(spoilt.problem, spoilt.clean), made.cell)
+    return Trial(
+        _error(made, oracle.state.transforms[BASE]),
+        _error(made, ours.solution.state.transforms[BASE]),
+        *_counts(spoilt, ours),
+        took,
+    )
+
+
+def _error(made: SimulatedCell, base: SE3) -> tuple[float, float]:
+    xi = (base.inverse() @ made.truth[BASE]).log()
+    return float(np.linalg.norm(xi[:3])), float(np.linalg.norm(xi[3:]))
+
+
+def _counts(spoilt: Spoilt, ours: RobustSolution) -> tuple[int, ...]:
+    """Gross ones and those found; clean samples and those lost; clean points and those lost."""
+    group = spoilt.problem.groups[0]
+    seen = _seen(group.measurement)
+    left = np.ones(seen.shape, dtype=bool)
+    row = {int(number): k for k, number in enumerate(group.sample)}
+    for outlier in ours.outliers:
+        left[row[outlier.sample], list(outlier.ids) or slice(None)] = False
+    views, clean = spoilt.clean.views[0], spoilt.clean.points[0]
+    whole = ~left.any(-1)
+    if views.all():
+        bad, good = seen & ~clean, seen & clean
+        gross, found = bad.sum(), (bad & ~left).sum()
+    else:
+        good = seen & views[:, None]
+        gross, found = (~views).sum(), (~views & whole).sum()
+    return (
+        int(gross),
+        int(found),
+        int(views.sum()),
+        int((views & whole).sum()),
+        int(good.sum()),
+        int((good & ~left).sum()),
+    )
+
+
+def _seen(measurement: Measurement) -> BoolArray:
+    if isinstance(measurement, PoseMeasurement):
+        return np.ones((len(measurement.weight), 1), dtype=bool)
+    assert isinstance(measurement, PixelMeasurement | PointMeasurement)
+    return measurement.seen
+
+
+def summary(name: str, trials: list[Trial]) -> dict[str, Any]:
+    """The three figures of a case."""
+    oracle, ours = (np.sqrt(np.mean(np.square([getattr(t, w) for t in trials]), 0)) for w in ("oracle", "ours"))
+    gross, found, samples, lost_samples, points, lost_points = np.sum([t[2:8] for t in trials], 0)
+    return {
+        "outliers": CASES[name][0] if name in CASES else "all",
+        "cells": name.strip(),
+        "count": len(trials),
+        "oracle_mm": 1e3 * oracle[0],
+        "oracle_mrad": 1e3 * oracle[1],
+        "ratio": float((ours / oracle).max()),
+        "found": float(found / gross),
+        "lost_samples": float(lost_samples / samples),
+        "lost_points": float(lost_points / points),
+        "median_ms": 1e3 * float(np.median([t.seconds for t in trials])),
+        "slowest_ms": 1e3 * float(max(t.seconds for t in trials)),
+    }
+
+
+HEAD = ("outliers", "cells", "count", "oracle [mm]", "oracle [mrad]", "ratio", "found", "clean samples lost")
+HEAD += ("clean points lost", "median [ms]", "slowest [ms]")
+
+
+def row(found: dict[str, Any]) -> tuple[str, ...]:
+    """A line of the table with `HEAD`."""
+    shares = tuple(f"{100 * found[key]:.2f} %" for key in ("found", "lost_samples", "lost_points"))
+    numbers = f"{found['oracle_mm']:.2f}", f"{found['oracle_mrad']:.2f}", f"{found['ratio']:.3f}"
+    times = f"{found['median_ms']:.0f}", f"{found['slowest_ms']:.0f}"
+    return (found["outliers"], found["cells"], str(found["count"]), *numbers, *shares, *times)
+
+
+def main(arguments: list[str]) -> None:
+    """Run, print; of all cases write results/outliers.json too."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.outliers", description=__doc__)
+    parser.add_argument("--cells", type=int, default=10, help="of each case (default 10: 210 in all)")
+    parser.add_argument("--only", default="", help="cases whose outliers or cells have this in their name")
+    asked = parser.parse_args(arguments)
+    on_one_core()
+    names = [n for n in CASES if asked.only in f"{CASES[n][0]}: {n}"]
+    found, every = [], []
+    for name in names:
+        trials = [trial(name, seed) for seed in range(asked.cells)]
+        every += trials
+        found.append(summary(name, trials))
+        print("  ".join(row(found[-1])), flush=True)
+    found.append(summary("all", every))
+    print("\n" + table(HEAD, map(row, found)))
+    if names == list(CASES):
+        write("outliers", {"cells": asked.cells, "cases": found})
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

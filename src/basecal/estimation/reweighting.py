@@ -1,0 +1,95 @@
+"""From a state that gross outliers have pulled aside to that of the others: graduated non-convexity.
+
+Truncated least squares over views, and over the points of views that have few, by weights that begin near one for all
+and end at zero or one. Source: Yang, Antonante, Tzoumas & Carlone 2020. We differ: a view's square is taken with its
+private stops' errors eliminated and all weights are on that, and the scale is estimated anew in each round.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from basecal.estimation.descent import descend
+from basecal.estimation.deviance import Squares, judged_by_view, misfits
+from basecal.estimation.measurement import Measurement, PixelMeasurement, PointMeasurement
+from basecal.estimation.normal import linearise
+from basecal.estimation.point_rows import point_rows
+from basecal.estimation.problem import Problem, State, ViewGroup
+from basecal.estimation.robust_scale import Scale
+from basecal.geometry import Array
+
+_GROWTH = 1.6
+_ROUNDS = 60
+_STEPS = 2
+_CERTAIN = 1e-3
+
+ScaleOf = Callable[[list[Squares]], Scale]
+
+
+def reweighted(problem: Problem, state: State, scale_of: ScaleOf) -> State:
+    """The state of truncated least squares, downhill of `state`.
+
+    Args:
+        problem: The problem.
+        state: Where to start.
+        scale_of: The scale of squared deviations.
+    """
+    views = [np.ones(len(g)) for g in problem.groups]
+    points = [_all_points(g.measurement) for g in problem.groups]
+    control = 0.0
+    for _ in range(_ROUNDS):
+        weighted = problem.with_groups(_weighted(g, w) for g, w in zip(problem.groups, points, strict=True))
+        state = descend(weighted, state, 1, _STEPS, views).state
+        of_views = list(misfits(linearise(weighted, state, views)))
+        of_points = [_point_misfits(problem, state, g) for g in problem.groups]
+        ratios = [_over_limit(s, scale_of(of_views)) for s in of_views]
+        point_ratios = [_over_limit(s, scale_of(of_points)) for s in of_points]
+        worst = max((float(r.max(initial=0.0)) for r in (*ratios, *point_ratios)), default=0.0)
+        control = control * _GROWTH if control else 1 / max(2 * min(worst, 1e12) - 1, 1.0)
+        before, views = views, [_weights(r, control) for r in ratios]
+        points = [_weights(r, control) for r in point_ratios]
+        every = np.concatenate([w.ravel() for w in (*views, *points)])
+        if np.all((every < _CERTAIN) | (every > 1 - _CERTAIN)) and all(map(np.allclose, before, views)):
+            break
+    return state
+
+
+def _over_limit(squares: Squares, scale: Scale) -> Array:
+    limit = scale.limit(squares.freedoms)
+    return np.where(np.isfinite(limit), np.nan_to_num(squares.value, nan=0.0, posinf=1e30) / limit, 0.0)
+
+
+def _weights(ratio: Array, control: float) -> Array:
+    """By squares over their limit and the control parameter mu of the paper, eq. (14)."""
+    between = np.sqrt(control * (control + 1) / np.maximum(ratio, 1e-300)) - control
+    return np.where(ratio <= control / (control + 1), 1.0, np.where(ratio >= (control + 1) / control, 0.0, between))
+
+
+def _all_points(measurement: Measurement) -> Array:
+    return np.ones((len(measurement.equations()), 1))
+
+
+def _weighted(group: ViewGroup, weights: Array) -> ViewGroup:
+    measurement = group.measurement
+    if not isinstance(measurement, PixelMeasurement | PointMeasurement):
+        return group
+    return replace(group, measurement=replace(measurement, weight=measurement.weight * np.sqrt(weights)))
+
+
+def _point_misfits(problem: Problem, state: State, group: ViewGroup) -> Squares:
+    """Of points of views that have two and more and are not judged by the rest of their view; else no freedoms."""
+    measurement = group.measurement
+    nothing = Squares(np.zeros((len(group), 1)), np.zeros((len(group), 1), dtype=np.int64))
+    if not isinstance(measurement, PixelMeasurement | PointMeasurement):
+        return nothing
+    few = ~judged_by_view(measurement)
+    if not few.any() or len(measurement.points_in_target) < 2:
+        return nothing
+    predicted = state.camera_from_target(group, problem.stops)
+    rows = point_rows(measurement, predicted, state.cameras.get(group.camera), False)
+    assert rows is not None
+    value = np.where(measurement.seen & ~rows.seen, np.inf, np.sum(rows.residual**2, -1))
+    return Squares(value, measurement.seen * few[:, None] * rows.residual.shape[-1])

@@ -1,0 +1,283 @@
+"""The solution of what agrees, and what does not, each with its reason.
+
+The plain solution first: where nothing in it is beyond chance, that is the answer. Else points are left out that the
+rest of their view contradicts, truncated least squares finds the state of most views, and views and points are judged
+by what all others predict, left out and taken back until none changes sides. Source: docs/mathematics.md, "Outliers".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from basecal.cell import Cell, Outlier
+from basecal.errors import BasecalError
+from basecal.estimation.deviance import Squares, judged_by_view, misfits
+from basecal.estimation.judging import CHANCE_OF_POINT, Judgement, is_stated, judge, view_scale
+from basecal.estimation.measurement import Noise, PixelMeasurement, PointMeasurement
+from basecal.estimation.noise import CONTRADICTED
+from basecal.estimation.normal import linearise
+from basecal.estimation.outlier_reasons import outliers
+from basecal.estimation.problem import Problem, State, ViewGroup
+from basecal.estimation.readings import choose
+from basecal.estimation.reweighting import reweighted
+from basecal.estimation.robust_scale import Scale, robust_scale
+from basecal.estimation.settings import DEFAULT, Settings
+from basecal.estimation.solve import Solution, solve_from, solve_packed
+from basecal.estimation.subset_starts import score, subset_states
+from basecal.estimation.trimming import Kept, at_stops_of, everything, point_count, trimmed, without_points
+from basecal.estimation.view_consensus import consensus
+from basecal.geometry import Array, BoolArray, IntArray
+
+_ROUNDS = 12
+_FREE_ROUNDS = 6
+_SCALE_ROUNDS = 3
+_PLAUSIBLE_PX = 1.0
+_LEAST_KEPT = 0.5
+_CLEAR_SHARE = 0.6
+_MOST = 0.9
+
+
+@dataclass(frozen=True, eq=False)
+class RobustSolution:
+    """The solution of what agrees.
+
+    Attributes:
+        solution: Of the problem without the outliers.
+        outliers: What was left out, by sample.
+        left_out: The views that were left out whole, as a problem of their own at the same state.
+        samples: How many samples were seen.
+        points: How many points, in views that were kept.
+    """
+
+    solution: Solution
+    outliers: tuple[Outlier, ...]
+    left_out: Problem
+    samples: int
+    points: int
+
+
+@dataclass(frozen=True, eq=False)
+class _End:
+    """Where leaving out and taking back came to rest: all that was seen, what is used of it, its solution."""
+
+    problem: Problem
+    kept: Kept
+    solution: Solution
+    judgement: Judgement
+
+
+def solve_robustly(problem: Problem, cell: Cell, settings: Settings = DEFAULT) -> RobustSolution:
+    """The solution of all views and points but the gross outliers, and these.
+
+    Where there are none it is that of `solve_packed`. Where fewer than half of the samples agree it is that, too:
+    then no part of the data can be told to be the right one.
+
+    Args:
+        problem: What was seen.
+        cell: What exists and what is known.
+        settings: How to solve.
+
+    Raises:
+        NotObservable: if nothing was seen that could be solved for.
+        InputError: if the cell contradicts the recording.
+    """
+    plain = solve_packed(problem, cell, settings)
+    whole = everything(plain.problem)
+    judgement = judge(plain.problem, plain.state, whole)
+    if not judgement.kept.same_as(whole) or _implausible(plain, judgement):
+        ends = _ends(plain, whole, judgement, cell, settings)
+        best = min(ends, key=_badness, default=None)
+        if best is not None and not best.kept.same_as(whole):
+            return _told(cell, problem, best)
+    return RobustSolution(plain, (), plain.problem.with_groups(()), _sample_count(problem), _point_count(problem))
+
+
+def _implausible(plain: Solution, judgement: Judgement) -> bool:
+    """Whether scales are such that gross outliers may hide in them."""
+    if is_stated(plain.problem):
+        return max(judgement.view_scale.variance, judgement.point_scale.variance) > CONTRADICTED**2
+    return plain.noise.noise.pixel_px > _PLAUSIBLE_PX and "pixel_px" in plain.noise.estimated
+
+
+def _badness(end: _End) -> float:
+    return score(end.problem, end.solution.state, is_stated(end.problem))
+
+
+def _ends(plain: Solution, whole: Kept, judgement: Judgement, cell: Cell, settings: Settings) -> list[_End]:
+    """Where the plain state leads and, where that convinces by nothing, where subsets of the samples do."""
+    full, kept, state = _agreeing_within(plain, whole, judgement, cell, settings)
+    ends = [_end(full, kept, state, plain, settings)]
+    if not _convincing(ends[0]):
+        least = np.inf
+        for start in subset_states(without_points(full, kept.points), cell):
+            cost = score(*_read(full, kept, start), is_stated(full))
+            if cost < least:
+                least = cost
+                ends.append(_end(full, kept, start, plain, settings))
+                if _convincing(ends[-1]):
+                    break
+    return [e for e in ends if e is not None and _share_kept(e) >= _LEAST_KEPT]
+
+
+def _convincing(end: _End | None) -> bool:
+    """Whether most views agree, within the noise that was stated where it was."""
+    if end is None or _share_kept(end) < _CLEAR_SHARE:
+        return False
+    return not is_stated(end.problem) or end.judgement.view_scale.variance < CONTRADICTED**2 or _share_kept(end) > _MOST
+
+
+def _read(full: Problem, kept: Kept, state: State) -> tuple[Problem, State]:
+    problem, now = _rechosen(full, kept, state)
+    return without_points(problem, now.points), state
+
+
+def _share_kept(end: _End) -> float:
+    views = np.concatenate(end.kept.views)
+    return float(views.mean()) if len(views) else 0.0
+
+
+def _agreeing_within(
+    plain: Solution, whole: Kept, judgement: Judgement, cell: Cell, settings: Settings
+) -> tuple[Problem, Kept, State]:
+    """Without the points that the rest of their view contradicts, and solved again where there are any."""
+    suspects = [_suspect(plain, judgement, k) for k in range(len(whole.views))]
+    points = _points_within(plain.problem, plain.state, suspects)
+    kept = Kept(whole.views, points)
+    if kept.same_as(whole):
+        return plain.problem, whole, plain.state
+    cleaned = without_points(plain.problem, points).with_noise(Noise())
+    again = solve_packed(cleaned, cell, settings)
+    full, kept = _rechosen(plain.problem.with_noise(again.noise.noise), kept, again.state)
+    return full, kept, again.state
+
+
+def _suspect(plain: Solution, judgement: Judgement, k: int) -> IntArray:
+    """Views of a group, of many points, of which some are not where the others put them."""
+    own = judged_by_view(plain.problem.groups[k].measurement)
+    beyond = judgement.point_scale.beyond(judgement.points[k]).any(-1)
+    return np.flatnonzero(own & (beyond | _implausible(plain, judgement)))
+
+
+def _points_within(problem: Problem, state: State, suspects: list[IntArray]) -> tuple[BoolArray, ...]:
+    """By group, (n, p): points of suspect views that agree with the rest of their view, and all of others."""
+    kept = list(everything(problem).points)
+    if not any(map(len, suspects)):
+        return tuple(kept)
+    stated = is_stated(problem)
+    scale = Scale(1.0 if stated else _unit(problem), np.inf, CHANCE_OF_POINT)
+    for _ in range(_SCALE_ROUNDS):
+        squares = []
+        for k, group in enumerate(problem.groups):
+            kept[k], of = _agreeing_points(group, suspects[k], problem, state, scale)
+            squares.append(of)
+        before, scale = scale, robust_scale(squares, 0, stated, CHANCE_OF_POINT)
+        if scale.variance <= before.variance * CONTRADICTED**2 and scale.variance * CONTRADICTED**2 >= before.variance:
+            break
+    return tuple(kept)
+
+
+def _unit(problem: Problem) -> float:
+    """One pixel squared in units of what is taken for a pixel's variance."""
+    weights = [
+        g.measurement.weight.max(initial=0.0) for g in problem.groups if isinstance(g.measurement, PixelMeasurement)
+    ]
+    return float(max(weights, default=1.0)) ** 2 * _PLAUSIBLE_PX**2
+
+
+def _agreeing_points(
+    group: ViewGroup, suspects: IntArray, problem: Problem, state: State, scale: Scale
+) -> tuple[BoolArray, Squares]:
+    measurement = group.measurement
+    kept = np.ones((len(group), point_count(measurement)), dtype=bool)
+    if not len(suspects) or not isinstance(measurement, PixelMeasurement | PointMeasurement):
+        return kept, Squares(np.zeros(0), np.zeros(0, dtype=np.int64))
+    few, near = measurement.take(suspects), state.camera_from_target(group, problem.stops)[suspects]
+    freedoms = 2 if isinstance(measurement, PixelMeasurement) else 3
+    limit = float(scale.limit(np.array(freedoms)))
+    found = consensus(few, near, state.cameras.get(group.camera), limit)
+    kept[suspects] = found.points | ~few.seen
+    squares = found.squares[found.points]
+    return kept, Squares(squares, np.full(len(squares), freedoms))
+
+
+def _end(full: Problem, kept: Kept, state: State, plain: Solution, settings: Settings) -> _End | None:
+    """From a state to that of truncated least squares, and on to where no view or point changes sides."""
+    full, kept = _rechosen(full, kept, state)
+    masked = without_points(full, kept.points)
+    state = reweighted(masked, state, lambda squares: view_scale(masked, squares))
+    squares = misfits(linearise(masked, state))
+    scale = view_scale(masked, squares)
+    kept = Kept(tuple(~scale.beyond(s) for s in squares), kept.points)
+    for k in range(_ROUNDS):
+        if not _enough(full, kept):
+            return None
+        try:
+            left = trimmed(full, kept)
+            solution = solve_from(left, at_stops_of(left, state), settings)
+        except (BasecalError, np.linalg.LinAlgError):
+            return None
+        full, kept = _rechosen(full.with_noise(solution.noise.noise), kept, solution.state)
+        state = solution.state
+        judgement = judge(full, state, kept)
+        now = judgement.kept if k < _FREE_ROUNDS else _common(judgement.kept, kept)
+        if now.same_as(kept):
+            break
+        kept = now
+    seen_as_before = solution.seen.blind <= plain.seen.blind
+    return _End(full, kept, solution, judgement) if seen_as_before and solution.converged else None
+
+
+def _common(first: Kept, second: Kept) -> Kept:
+    return Kept(
+        tuple(a & b for a, b in zip(first.views, second.views, strict=True)),
+        tuple(a & b for a, b in zip(first.points, second.points, strict=True)),
+    )
+
+
+def _enough(full: Problem, kept: Kept) -> bool:
+    """Whether what is kept has an equation for each unknown and more."""
+    left = trimmed(full, kept)
+    return sum(int(g.measurement.equations().sum()) for g in left.groups) > left.width
+
+
+def _rechosen(full: Problem, kept: Kept, state: State) -> tuple[Problem, Kept]:
+    """Every view read as the state predicts best; of a grid read from its other end the points change places, too."""
+    after, changed = choose(full, state)
+    if not changed:
+        return full, kept
+    points = list(kept.points)
+    for k, (old, new) in enumerate(zip(full.groups, after.groups, strict=True)):
+        if new.half_turn is not None:
+            turned = _differs(old, new)
+            points[k] = np.where(turned[:, None], points[k][:, ::-1], points[k])
+    return after, replace(kept, points=tuple(points))
+
+
+def _differs(old: ViewGroup, new: ViewGroup) -> Array:
+    assert isinstance(old.measurement, PixelMeasurement)
+    assert isinstance(new.measurement, PixelMeasurement)
+    return np.any(old.measurement.pixels != new.measurement.pixels, axis=(1, 2))
+
+
+def _told(cell: Cell, problem: Problem, end: _End) -> RobustSolution:
+    rows = [np.flatnonzero(~v) for v in end.kept.views]
+    groups = (replace(g, readings=()).take(r) for g, r in zip(end.problem.groups, rows, strict=True) if len(r))
+    found = outliers(cell, problem, end.problem, end.solution.state, end.kept, end.judgement)
+    left_out = end.problem.with_groups(groups)
+    return RobustSolution(end.solution, found, left_out, _sample_count(problem), _point_count(end.solution.problem))
+
+
+def _sample_count(problem: Problem) -> int:
+    return len({int(number) for group in problem.groups for number in group.sample})
+
+
+def _point_count(problem: Problem) -> int:
+    return sum(int(m.seen.sum()) for m in _with_points(problem.groups))
+
+
+def _with_points(groups: Iterable[ViewGroup]) -> list[PixelMeasurement | PointMeasurement]:
+    measurements = [g.measurement for g in groups]
+    return [m for m in measurements if isinstance(m, PixelMeasurement | PointMeasurement)]

@@ -1,0 +1,89 @@
+"""States from some of the samples alone: blocks that follow one another, and random ones.
+
+What a bumped arm spoils it spoils from then on; what a detector spoils is anywhere. Source: Fischler & Bolles 1981.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from basecal.cell import Cell
+from basecal.errors import BasecalError
+from basecal.estimation.descent import descend
+from basecal.estimation.deviance import Squares, misfits
+from basecal.estimation.noise import degrees_of_freedom
+from basecal.estimation.normal import linearise
+from basecal.estimation.problem import Problem, State
+from basecal.estimation.readings import choose
+from basecal.estimation.starts import first_state
+from basecal.estimation.trimming import of_samples
+from basecal.geometry import IntArray
+
+_BLOCKS = (2, 3)
+_DRAWS = 20
+_SPARE = 1.5
+_STEPS = 30
+_SEED = 20240301
+
+
+def subset_states(problem: Problem, cell: Cell) -> Iterator[State]:
+    """States that some samples alone lead to, as many as are worth their time."""
+    numbers = np.unique(np.concatenate([g.sample for g in problem.groups]))
+    for few in _subsets(problem, numbers):
+        state = _state_of(problem, cell, few)
+        if state is not None:
+            yield state
+
+
+def score(problem: Problem, state: State, stated: bool) -> float:
+    """How badly a state explains the views, whatever a few of them say: less is better.
+
+    The Cauchy likelihood with its own scale, which is at least one where sigmas are stated.
+    """
+    every = misfits(linearise(problem, state))
+    value = np.concatenate([s.value for s in every])
+    freedoms = np.concatenate([s.freedoms for s in every])
+    value = np.nan_to_num(value, nan=1e30, posinf=1e30)
+    seen = freedoms > 0
+    return _cauchy(Squares(value[seen], freedoms[seen]), stated)
+
+
+def _cauchy(squares: Squares, stated: bool) -> float:
+    if not len(squares.value):
+        return np.inf
+    ratio = squares.value / squares.freedoms
+    scales = np.maximum(np.quantile(ratio, np.linspace(0.1, 0.9, 17)), 1.0 if stated else 1e-12)
+    half = 0.5 * squares.freedoms
+    costs = [float(np.sum(half * np.log(s) + (half + 0.5) * np.log1p(2 * half * ratio / s))) for s in scales]
+    return min(costs)
+
+
+def _subsets(problem: Problem, numbers: IntArray) -> Iterator[IntArray]:
+    for count in _BLOCKS:
+        yield from np.array_split(numbers, count)
+    size = _size(problem, numbers)
+    rng = np.random.default_rng(_SEED)
+    for _ in range(_DRAWS):
+        yield np.sort(rng.choice(numbers, size, replace=False))
+
+
+def _size(problem: Problem, numbers: IntArray) -> int:
+    """The fewest samples that could hold every unknown, and some to spare."""
+    equations = sum(int(g.measurement.equations().sum()) for g in problem.groups)
+    needed = _SPARE * problem.width / max(equations / len(numbers), 1e-9)
+    return int(min(max(np.ceil(needed), 3), len(numbers)))
+
+
+def _state_of(problem: Problem, cell: Cell, numbers: IntArray) -> State | None:
+    few = of_samples(problem, numbers)
+    if not few.groups or degrees_of_freedom(few) < 0:
+        return None
+    try:
+        start = first_state(few, cell, thorough=False)
+    except (BasecalError, np.linalg.LinAlgError):
+        return None
+    few, _ = choose(few, start)
+    end = descend(few, start, max(degrees_of_freedom(few), 1), _STEPS)
+    return end.state if np.isfinite(end.normal.cost) else None
