@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from basecal.accuracy.by_shifts import calibrate_by_shifts
 from basecal.accuracy.fit import residuals
+from basecal.accuracy.proof import proven
 from basecal.cell import Calibration, Cell, Finding, Recording, Residuals
 from basecal.cell.calibration import Severity, Verdict
 from basecal.estimation.noise import CONTRADICTED
@@ -47,10 +49,11 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
         return _refused(settings, [*findings, too_few])
     if settings.method == "axis-shift":
         return calibrate_by_shifts(cell, problem, settings, findings)
-    solution = solve_packed(problem, cell, settings)
+    solution, certificate, replaced = proven(solve_packed(problem, cell, settings), settings)
+    findings += replaced
     fit = residuals(solution)
     findings += _unseen(cell, solution) + _not_converged(solution) + _poor_fit(solution, fit) + _outliers(solution)
-    return _calibration(cell, solution, fit, settings, findings)
+    return replace(_calibration(cell, solution, fit, settings, findings), certificate=certificate)
 
 
 def verdict_of(findings: Sequence[Finding]) -> Verdict:

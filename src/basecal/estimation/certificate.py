@@ -18,12 +18,12 @@ import numpy as np
 
 from basecal.cell import Certificate
 from basecal.estimation.closed_form import rotations, translations
-from basecal.estimation.descent import descend
+from basecal.estimation.descent import Descent, descend
 from basecal.estimation.measurement import PixelMeasurement
 from basecal.estimation.noise import degrees_of_freedom
 from basecal.estimation.problem import Problem, State
 from basecal.estimation.relaxation import Bound, bound, descended
-from basecal.estimation.rotation_cost import LoopForm, factors_of, loop_form, present, relation, rotations_of
+from basecal.estimation.rotation_cost import LoopForm, factors_of, loop_form, present, rotations_of
 from basecal.estimation.rotation_search import pose_starts
 from basecal.estimation.solve import Solution
 from basecal.estimation.view_rotation import view_costs
@@ -34,10 +34,11 @@ _SMALLEST_COST = 1e-10
 _WIDEST = 0.5
 _SEARCHED = 8
 _FEWEST_VIEWS = 3
-_DESCENTS = 12
-_MOST_VIEWS = 40
+_DESCENTS = 8
+_MOST_VIEWS = 30
 _ITERATIONS = 60
 _SAME_COST = 1e-6
+_SAME_M_RAD = 1e-6
 _SEED = 20
 
 
@@ -181,15 +182,23 @@ def _explored(solution: Solution, share: float, gap: float) -> Certified:
     """Descents from all about the solution, as far away as a better state may be."""
     few = _thinned(solution.problem)
     dof = degrees_of_freedom(few)
-    reference = descend(few, solution.state, dof, _ITERATIONS).normal.cost
+    reference = descend(few, solution.state, dof, _ITERATIONS)
     angle = 2 * float(np.arcsin(np.sqrt(share)))
     for start in _about(solution, angle):
         end = descend(few, start, dof, _ITERATIONS)
-        if abs(end.normal.cost - reference) > _SAME_COST * reference + _SAME_COST:
-            better = _better(solution, end.state) if end.normal.cost < reference else None
+        if not _alike(end, reference):
+            better = _better(solution, end.state) if end.normal.cost < reference.normal.cost else None
             reason = f"within the {np.degrees(angle):.2g} deg in which a better fit could be there are several optima"
             return Certified(Certificate(gap, None, reason), better)
     return Certified(Certificate(gap, True), None)
+
+
+def _alike(first: Descent, second: Descent) -> bool:
+    """Whether two descents ended in one optimum."""
+    if abs(first.normal.cost - second.normal.cost) <= _SAME_COST * second.normal.cost:
+        return True
+    ours, theirs = first.state.transforms, second.state.transforms
+    return all(float(np.abs((ours[n].inverse() @ theirs[n]).log()).max()) < _SAME_M_RAD for n in ours)
 
 
 def _thinned(problem: Problem) -> Problem:

@@ -50,9 +50,9 @@ class Bound(NamedTuple):
 
 def product_of(factors: Sequence[Array]) -> Array:
     """Kronecker product of vectors or matrices."""
-    whole = np.ones((1, 1)) if factors[0].ndim == 2 else np.ones(1)
-    for factor in factors:
-        whole = np.kron(whole, factor)
+    whole: Array = factors[0]
+    for factor in factors[1:]:
+        whole = np.asarray(np.kron(whole, factor), dtype=np.float64)
     return whole
 
 

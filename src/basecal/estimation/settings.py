@@ -22,6 +22,7 @@ class Settings:
         task_point: (x, y, z) [m] in the eye robot's base where the axis-shift method should fit best; None for a mean
             of all stations.
         choice: With a task point: the `nearest` station, or all of them `weighted` by distance.
+        certify: Prove that no other state fits better, or say why that cannot be proven.
     """
 
     method: Method = "maximum-likelihood"
@@ -29,6 +30,7 @@ class Settings:
     start: Start = "closed"
     task_point: tuple[float, float, float] | None = None
     choice: Choice = "nearest"
+    certify: bool = False
 
     def as_dict(self) -> dict[str, Any]:
         """The settings as plain values, for files."""

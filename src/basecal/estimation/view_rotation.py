@@ -66,9 +66,9 @@ def _sure(camera_from_target: SE3, constant: Array, weight: Array) -> ViewCosts:
 
 
 def _of_points(measurement: PointMeasurement) -> ViewCosts:
-    """cost = constant + 2 tr(H (I - Q)), Q the turn; with H's two smallest values h that is 4 (h1 + h2) sin^2 at least.
+    """A view of 3-D points costs 2 tr(H (I - Q)) more when turned by Q.
 
-    Source: Umeyama 1991.
+    With h1, h2 the two smallest eigenvalues of H, at least 4 (h1 + h2) sin^2(angle / 2). Source: Umeyama 1991.
     """
     square = measurement.weight**2
     share = square / np.maximum(square.sum(-1, keepdims=True), 1e-300)
@@ -114,4 +114,5 @@ def _rotation_curvature(information: Array) -> Array:
     scale = np.maximum(np.trace(information[:, :3, :3], axis1=-2, axis2=-1), 1e-300)[:, None, None]
     tt, tr = information[:, :3, :3] + 1e-12 * scale * np.eye(3), information[:, :3, 3:]
     left: Array = information[:, 3:, 3:] - np.swapaxes(tr, -1, -2) @ np.linalg.solve(tt, tr)
-    return np.maximum(np.linalg.eigvalsh(left)[:, 0], 0.0)
+    least: Array = np.maximum(np.linalg.eigvalsh(left)[:, 0], 0.0)
+    return least
