@@ -22,7 +22,7 @@ from basecal.estimation.descent import Descent, descend
 from basecal.estimation.measurement import PixelMeasurement
 from basecal.estimation.noise import degrees_of_freedom
 from basecal.estimation.problem import Problem, State
-from basecal.estimation.relaxation import Bound, bound, descended
+from basecal.estimation.relaxation import Bound, Factors, bound, descended
 from basecal.estimation.rotation_cost import LoopForm, factors_of, loop_form, present, rotations_of
 from basecal.estimation.rotation_search import pose_starts
 from basecal.estimation.solve import Solution
@@ -33,6 +33,7 @@ _TIGHT = 1e-3
 _SMALLEST_COST = 1e-10
 _WIDEST = 0.5
 _SEARCHED = 8
+_SHORT = 30
 _FEWEST_VIEWS = 3
 _DESCENTS = 8
 _MOST_VIEWS = 30
@@ -132,18 +133,19 @@ def _least(form: LoopForm, now: tuple[Array, Array, Array]) -> Bound:
     loop = form.loop
     if not loop.unknown:
         return Bound((), float(form.form[0, 0]), float(form.form[0, 0]), np.inf)
-    found = rotations(loop)
-    starts = [now, (found.x, found.y, found.z)]
-    first = _lowest(form, starts)
-    if ProvenLoop(form, first).gap <= _TIGHT:
-        return first
-    second = _lowest(form, [*starts, *pose_starts(loop, _SEARCHED)])
-    return second if second.value < first.value * (1 - _SAME_COST) else first
+    closed = rotations(loop)
+    first = _lowest(form, [now, (closed.x, closed.y, closed.z)])
+    found = bound(form.form, first[0])
+    if ProvenLoop(form, found).gap <= _TIGHT:
+        return found
+    second = _lowest(form, pose_starts(loop, _SEARCHED))
+    return bound(form.form, second[0]) if second[1] < first[1] * (1 - _SAME_COST) else found
 
 
-def _lowest(form: LoopForm, starts: list[tuple[Array, Array, Array]]) -> Bound:
-    ends = [descended(form.form, factors_of(form.loop, *start)) for start in starts]
-    return bound(form.form, min(ends, key=lambda end: end[1])[0])
+def _lowest(form: LoopForm, starts: list[tuple[Array, Array, Array]]) -> tuple[Factors, float]:
+    """The lowest end of short descents from the starts, descended to the end."""
+    ends = [descended(form.form, factors_of(form.loop, *start), _SHORT) for start in starts]
+    return descended(form.form, min(ends, key=lambda end: end[1])[0])
 
 
 def _share(loop: ProvenLoop, slack: float) -> float:

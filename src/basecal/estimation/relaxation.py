@@ -17,16 +17,18 @@ from typing import NamedTuple
 
 import numpy as np
 
+from basecal.estimation.closed_form import kron
 from basecal.geometry import Array, IntArray
 
 Factors = tuple[Array, ...]
 Operator = Callable[[Array], Array]
 
-_SWEEPS = 500
+_SWEEPS = 300
 _STANDSTILL = 1e-15
 _STEPS = 25
 _BARRIER = 4.0
 _NEAR_BEST = 0.1
+_RESOLVED = 1e-9
 _TO_THE_EDGE = 0.9
 _MOST_GRADIENTS = 150
 _GRADIENT_LEFT = 1e-2
@@ -49,30 +51,39 @@ class Bound(NamedTuple):
 
 
 def product_of(factors: Sequence[Array]) -> Array:
-    """Kronecker product of vectors or matrices."""
-    whole: Array = factors[0]
-    for factor in factors[1:]:
-        whole = np.asarray(np.kron(whole, factor), dtype=np.float64)
+    """Kronecker product of vectors; of none, the number one."""
+    whole = np.ones(1)
+    for factor in factors:
+        whole = np.outer(whole, factor).ravel()
     return whole
 
 
-def descended(form: Array, factors: Factors) -> tuple[Factors, float]:
+def descended(form: Array, factors: Factors, sweeps: int = _SWEEPS) -> tuple[Factors, float]:
     """A least value downhill of `factors`: one factor at a time becomes the best that the others leave.
 
     Args:
         form: (4^k, 4^k) symmetric.
         factors: k unit vectors (4,).
+        sweeps: At most.
     """
     found, value = list(factors), np.inf
-    for _ in range(_SWEEPS):
+    left = [_by_factor(form, j, len(found)) for j in range(len(found))]
+    for _ in range(sweeps):
         before = value
         for j in range(len(found)):
-            columns = product_of([np.eye(4) if i == j else f[:, None] for i, f in enumerate(found)])
-            values, vectors = np.linalg.eigh(columns.T @ form @ columns)
+            others = product_of([f for i, f in enumerate(found) if i != j])
+            values, vectors = np.linalg.eigh((left[j] @ np.outer(others, others).ravel()).reshape(4, 4))
             found[j], value = vectors[:, 0], float(values[0])
         if before - value <= _STANDSTILL:
             break
     return tuple(found), value
+
+
+def _by_factor(form: Array, chosen: int, count: int) -> Array:
+    """The form's entries by the indices of one factor, (16, 16^(k - 1)), those of the others after them."""
+    others = [i for i in range(count) if i != chosen]
+    order = [chosen, count + chosen, *others, *(count + i for i in others)]
+    return form.reshape((4,) * (2 * count)).transpose(order).reshape(16, -1)
 
 
 def bound(form: Array, factors: Factors) -> Bound:
@@ -82,7 +93,9 @@ def bound(form: Array, factors: Factors) -> Bound:
         form: (4^k, 4^k) symmetric, of order one.
         factors: k unit vectors (4,).
     """
-    axes = product_of([_with_first(f) for f in factors])
+    axes = np.ones((1, 1))
+    for factor in factors:
+        axes = kron(axes, _with_first(factor))
     turned = axes.T @ form @ axes
     value = float(turned[0, 0])
     lifted = _cleared(turned, len(factors))
@@ -168,7 +181,7 @@ def _raised(form: Array, count: int) -> Array:
         least = float(np.linalg.eigvalsh(form)[0])
         if least > best_least:
             best, best_least = form, least
-        if size / np.trace(inverse) < _NEAR_BEST * abs(least):
+        if size / np.trace(inverse) < max(_NEAR_BEST * abs(least), _RESOLVED):
             break
     return best
 
