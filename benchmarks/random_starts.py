@@ -139,5 +139,5 @@ def least_value(form: Array, count: int, rng: np.random.Generator, starts: int, 
                 whole = (whole[:, :, None] * factor[:, None, :]).reshape(starts, -1)
             pairs = (whole[:, :, None] * whole[:, None, :]).reshape(starts, -1)
             values, vectors = np.linalg.eigh((pairs @ flat[j].T).reshape(starts, 4, 4))
-            factors[j], before, least = vectors[:, :, 0], least, values[:, 0]
+            factors[j], least = vectors[:, :, 0], values[:, 0]
     return float(least.min())

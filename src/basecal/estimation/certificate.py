@@ -82,6 +82,8 @@ def certify(solution: Solution) -> Certified:
     better = _from_proven(solution, known)
     if better is not None:
         return Certified(Certificate(gap, None, "the proven rotations lead to a better fit"), better)
+    if not solution.converged:
+        return _undecided("the solution is not an optimum", gap)
     if gap > _TIGHT:
         return _undecided(f"the relaxation leaves a gap of {100 * gap:.2g} %", gap)
     floor = constant + sum(loop.form.weight * loop.bound.lower for loop in known)
@@ -115,8 +117,6 @@ def _beyond(solution: Solution) -> str:
     """Why nothing can be said of a solution; empty where something can."""
     problem = solution.problem
     free_lens = next((name for name in problem.columns if name in problem.lenses), None)
-    if not solution.converged:
-        return "the solution is not an optimum"
     if free_lens is not None:
         return f"the lens of {free_lens} is estimated: a single view gives no pose without it"
     if any(name not in problem.unknowns for name in problem.columns):
