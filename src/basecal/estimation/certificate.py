@@ -75,9 +75,11 @@ def certify(solution: Solution) -> Certified:
     if reason:
         return _undecided(reason)
     loops, constant = proven_loops(solution)
-    if any(loop is None for loop in loops):
-        return _undecided("no pose from a single view: some camera and target have fewer than three views with one")
     known = [loop for loop in loops if loop is not None]
+    if len(known) < len(loops):
+        of = solution.problem.groups[loops.index(None)]
+        views = f"fewer than {_FEWEST_VIEWS} views of {of.target} by {of.camera}"
+        return _undecided(f"no pose from a single view: {views} have one that is beyond doubt")
     gap = max(loop.gap for loop in known)
     better = _from_proven(solution, known)
     if better is not None:
