@@ -13,6 +13,7 @@ from basecal.accuracy.by_shifts import calibrate_by_shifts
 from basecal.accuracy.fit import residuals
 from basecal.accuracy.priors import contradicted_priors
 from basecal.accuracy.validation import validate
+from basecal.accuracy.proof import proven
 from basecal.cell import Calibration, Cell, Finding, Recording, Residuals
 from basecal.cell.calibration import Verdict
 from basecal.estimation.noise import CONTRADICTED
@@ -53,7 +54,8 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
         return _refused(settings, [*findings, too_few])
     if settings.method == "axis-shift":
         return calibrate_by_shifts(cell, problem, settings, findings)
-    solution = solve_packed(problem, cell, settings)
+    solution, certificate, replaced = proven(solve_packed(problem, cell, settings), settings)
+    findings += replaced
     fit = residuals(solution)
     findings += [*solution.findings, *contradicted_priors(solution)]
     findings += _unseen(cell, solution) + _not_converged(solution) + _poor_fit(solution, fit) + _outliers(solution)
@@ -63,6 +65,7 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
     validation, told = validate(solution, cell.asked, settings)
     findings += told
     return replace(_calibration(cell, solution, fit, settings, findings), validation=validation)
+    return replace(_calibration(cell, solution, fit, settings, findings), certificate=certificate)
 
 
 def verdict_of(findings: Sequence[Finding]) -> Verdict:

@@ -22,6 +22,7 @@ def calibrate(
     start: Literal["closed", "thorough", "guess", "axis-shift"] = "closed",
     task: tuple[float, float, float] | None = None,
     choice: Literal["nearest", "weighted"] = "nearest",
+    certify: bool = False,
     json: bool = False,
 ) -> int:
     """Find the transforms asked for, with their covariance.
@@ -34,6 +35,7 @@ def calibrate(
 
         basecal calibrate mycell
         basecal calibrate mycell --json > answer.json
+        basecal calibrate mycell --certify
         basecal calibrate mycell --method axis-shift --task 0.8 0.1 0.3
 
     Args:
@@ -42,13 +44,14 @@ def calibrate(
         start: Where the solver starts: a closed form, a search, the cell's guesses, or the axis-shift method.
         task: Where the axis-shift method should fit best, x y z [m] in the eye robot's base.
         choice: With a task, its nearest station, or all of them weighted by distance.
+        certify: Prove that no other answer fits better, or say why that cannot be proven.
         json: Print calibration.json instead of the report.
     """
     from basecal.cell.files import calibration_to_dict, read_cell
     from basecal.estimation.settings import Settings
 
     described = read_cell(cell)
-    settings = Settings(method=method, start=start, task_point=task, choice=choice)
+    settings = Settings(method=method, start=start, task_point=task, choice=choice, certify=certify)
     calibration = calibrate_folder(cell, described, settings)
     if json:
         print_json(calibration_to_dict(calibration))

@@ -25,6 +25,7 @@ class Settings:
         robot_noise: `stated` (only where a robot states it) or `estimated` too, where the data call for it; None for
             `estimated` by `calibrate`, `stated` by `solve`.
         choice: With a task point: the `nearest` station, or all of them `weighted` by distance.
+        certify: Prove that no other state fits better, or say why that cannot be proven.
     """
 
     method: Method = "maximum-likelihood"
@@ -33,6 +34,7 @@ class Settings:
     task_point: tuple[float, float, float] | None = None
     choice: Choice = "nearest"
     robot_noise: RobotNoise | None = None
+    certify: bool = False
 
     def as_dict(self) -> dict[str, Any]:
         """The settings as plain values, for files."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from basecal.estimation.stations import find_stations, fused
 from basecal.geometry import SE3, Array, PoseEstimate
 
 _READINGS = 6
+_SAME_COST = 1e-6
 _PLAUSIBLE_PX = 3.0
 _PLAUSIBLE_SIGMAS = 4.0
 _PLAUSIBLE_M = 0.02
@@ -42,6 +43,7 @@ class Solution:
         dof: Scalar residuals less unknowns.
         converged: Whether it is an optimum.
         findings: About samples that were not used, and noise that cannot be told apart.
+        disputed: Whether starts were tried that ended in different optima.
     """
 
     problem: Problem
@@ -53,6 +55,7 @@ class Solution:
     dof: int
     converged: bool
     findings: tuple[Finding, ...]
+    disputed: bool = False
 
     @property
     def transforms(self) -> dict[str, PoseEstimate]:
@@ -101,7 +104,8 @@ def solve_packed(
     findings: tuple[Finding, ...] = (),
 ) -> Solution:
     """As `solve`, from arrays."""
-    return solve_from(*_start(problem, cell, settings), settings, findings)
+    problem, start, disputed = _start(problem, cell, settings)
+    return replace(solve_from(problem, start, settings, findings), disputed=disputed)
 
 
 def solve_from(
@@ -122,21 +126,22 @@ def solve_from(
     return Solution(problem, end.state, covariance, seen, noise, end.normal.cost, dof, end.converged, findings)
 
 
-def _start(problem: Problem, cell: Cell, settings: Settings) -> tuple[Problem, State]:
-    """The start whose descent ends lowest, of those that the settings allow and the data call for."""
+def _start(problem: Problem, cell: Cell, settings: Settings) -> tuple[Problem, State, bool]:
+    """The start whose descent ends lowest, of those allowed and called for, and whether their ends differ."""
     if settings.start == "guess":
         guess = guessed_state(problem, cell)
         if guess is None:
             raise InputError("start 'guess' needs a guess, a prior or a value for every transform of the cell")
-        return _settled(problem, guess, settings)[:2]
+        return *_settled(problem, guess, settings)[:2], False
     if settings.start == "axis-shift":
-        return _settled(problem, shifted_state(problem, cell), settings)[:2]
+        return *_settled(problem, shifted_state(problem, cell), settings)[:2], False
     first = _settled(problem, first_state(problem, cell, thorough=settings.start == "thorough"), settings)
     if settings.start == "thorough" or _plausible(problem, first[2]):
-        return first[:2]
+        return *first[:2], False
     others = [first_state(problem, cell, thorough=True), guessed_state(problem, cell)]
     ends = [first, *(_settled(problem, state, settings) for state in others if state is not None)]
-    return min(ends, key=lambda end: end[2])[:2]
+    costs = [end[2] for end in ends]
+    return *min(ends, key=lambda end: end[2])[:2], max(costs) > min(costs) * (1 + _SAME_COST)
 
 
 def _settled(problem: Problem, state: State, settings: Settings) -> tuple[Problem, State, float]:

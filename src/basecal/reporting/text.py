@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from basecal.cell import Calibration, Cell, Finding
+from basecal.cell import Calibration, Cell, Certificate, Finding
 from basecal.exchange.ros2 import static_transform_publisher
 from basecal.exchange.urdf import origin_line
 from basecal.geometry import Array, Camera, PoseEstimate
@@ -145,6 +145,14 @@ def fit_sentences(calibration: Calibration) -> Iterator[str]:
     if seen:
         worst = max(seen, key=lambda view: view.rms_px or 0.0)
         yield f"worst view: sample {worst.sample} by {worst.camera}, {worst.rms_px:.3f} px"
+    if calibration.certificate is not None:
+        yield _certificate(calibration.certificate)
+
+
+def _certificate(of: Certificate) -> str:
+    if of.is_global:
+        return f"certificate: no other answer fits better (rotations proven to {of.gap or 0.0:.1g} of their cost)"
+    return f"certificate: not proven, {of.reason}"
 
 
 def noise_sentences(calibration: Calibration) -> Iterator[str]:
