@@ -9,6 +9,7 @@ import numpy as np
 
 from basecal.accuracy.by_shifts import calibrate_by_shifts
 from basecal.accuracy.fit import residuals
+from basecal.accuracy.kinematics import held_findings, joint_offsets, link_parameters
 from basecal.cell import Calibration, Cell, Finding, Recording, Residuals
 from basecal.cell.calibration import Severity, Verdict
 from basecal.estimation.noise import CONTRADICTED
@@ -50,6 +51,7 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
     solution = solve_packed(problem, cell, settings)
     fit = residuals(solution)
     findings += _unseen(cell, solution) + _not_converged(solution) + _poor_fit(solution, fit) + _outliers(solution)
+    findings += held_findings(cell, solution)
     return _calibration(cell, solution, fit, settings, findings)
 
 
@@ -177,6 +179,8 @@ def _calibration(
         status={n: solution.problem.unknowns[n].status for n in estimates},
         points=frozenset(n for n in solution.problem.point_mounts if n in estimates),
         cameras={n: (c, solution.lens_covariance(n)) for n, c in _estimated_lenses(solution)},
+        joint_offsets=joint_offsets(solution) if solution.converged else {},
+        link_parameters=link_parameters(solution) if solution.converged else {},
         noise=_noise(cell, solution),
         order=order,
         joint_covariance=solution.covariance_of(list(order)),

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from basecal.estimation.problem import Problem, State
+from basecal.estimation.robot_model import LINKS
 from basecal.geometry import Array
 
 _UNSEEN_SIGMA = 0.3
@@ -57,19 +58,23 @@ def seen_directions(problem: Problem, state: State, hessian: Array, factor: floa
         name
         for name, where in problem.columns.items()
         if np.abs(vectors[where][:, blind]).max(initial=0.0) > _TOUCHES
-        or np.sqrt(noise * np.diag(inverse)[where] / scale[where] ** 2)[: _gated(problem, name)].max() > _UNSEEN_SIGMA
+        or np.sqrt(noise * np.diag(inverse)[where] / scale[where] ** 2)[: _gated(problem, name)].max(initial=0.0)
+        > _UNSEEN_SIGMA
     )
     condition = float(np.sqrt(values[-1] / values[0])) if not np.any(blind) else float("inf")
     return Seen(inverse, condition, words, names)
 
 
 def _gated(problem: Problem, name: str) -> int:
-    """How many leading columns of an unknown must be seen: all of a transform, focal lengths and centre of a lens."""
-    return 6 if name in problem.unknowns else 4
+    """How many leading columns of an unknown must be seen: all of a transform, focal lengths and centre of a lens.
+
+    Of a robot's kinematics none: each number is given or not by itself.
+    """
+    return 6 if name in problem.unknowns else 4 if name in problem.lenses else 0
 
 
 def _distortion_columns(problem: Problem) -> list[int]:
-    lenses = [where for name, where in problem.columns.items() if name not in problem.unknowns]
+    lenses = [where for name, where in problem.columns.items() if name in problem.lenses]
     return [k for where in lenses for k in range(where.start + 4, where.stop)]
 
 
@@ -82,7 +87,7 @@ def _scales(problem: Problem, state: State) -> Array:
     for name, where in problem.columns.items():
         if name in problem.unknowns:
             scale[where.start : where.start + 3] = length
-        else:
+        elif name in problem.lenses:
             camera = state.cameras[name]
             scale[where] = _DISTORTION_SCALE
             scale[where.start : where.start + 4] = float(camera.focal.mean())
@@ -101,8 +106,10 @@ def _in_words(problem: Problem, vector: Array) -> str:
 
 def _motion(problem: Problem, vector: Array, name: str) -> str:
     part = vector[problem.columns[name]]
-    if name not in problem.unknowns:
+    if name in problem.lenses:
         return f"the lens of {name}"
+    if name not in problem.unknowns:
+        return _of_robot(problem, part, name)
     source = name.split("_from_")[1]
     shift, turn = part[:3], part[3:]
     is_turn = len(turn) and np.linalg.norm(turn) >= np.linalg.norm(shift)
@@ -111,3 +118,12 @@ def _motion(problem: Problem, vector: Array, name: str) -> str:
     shown = ", ".join(f"{v:+.2f}" for v in axis)
     motion, about = ("turn", "about") if is_turn else ("shift", "along")
     return f"a {motion} of {name} {about} ({shown}) in the axes of {source}"
+
+
+def _of_robot(problem: Problem, part: Array, name: str) -> str:
+    """The offset of the joint that turns most, or the links of its robot."""
+    model = next(model for model in problem.models.values() if name in model.widths)
+    if name.endswith(LINKS):
+        return f"an error of the links of {model.robot}"
+    joint = int(model.joints[np.argmax(np.abs(part))])
+    return f"the offset of joint {joint + 1} of {model.robot} ({model.chain.joint_names[joint]})"

@@ -26,6 +26,7 @@ from basecal.errors import InputError
 from basecal.estimation.measurement import Measurement, Noise, PixelMeasurement, PointMeasurement, PoseMeasurement
 from basecal.estimation.problem import Problem, Stops, ViewGroup, carrier, check_carriers
 from basecal.estimation.readings import MOST_CANDIDATES, half_turn, turned
+from basecal.estimation.robot_model import RobotModel, robot_model
 from basecal.geometry import SE3, Array, BoolArray, IntArray
 
 Views = list[tuple[int, Observation]]
@@ -33,11 +34,12 @@ Views = list[tuple[int, Observation]]
 
 @dataclass
 class _Poses:
-    """Poses of one robot at the samples that have them: `row` of a sample, the poses, the stop of each row."""
+    """Poses of one robot at the samples that have them: `row` of a sample, the poses, the stop of each row, joints."""
 
     row: dict[int, int] = field(default_factory=dict)
     base_from_flange: SE3 = field(default_factory=lambda: SE3.identity((0,)))
     stop: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    joints: Array | None = None
 
 
 def pack(cell: Cell, recording: Recording) -> tuple[Problem, list[Finding]]:
@@ -45,23 +47,57 @@ def pack(cell: Cell, recording: Recording) -> tuple[Problem, list[Finding]]:
 
     Raises:
         InputError: if a camera and the target it sees are on the same body, a camera with pixels has no lens, or joint
-            offsets or link parameters are asked for.
+            offsets or link parameters are asked for of a robot that is not recorded by joints.
     """
-    _check_parameters(cell)
     samples = canonical(recording.samples)
     findings: list[Finding] = []
     poses = {name: _poses_of(cell, name, samples) for name in cell.robots}
     stops = _number_stops(cell, poses)
     views = _views(cell, samples, poses, findings)
     groups = tuple(_group(cell, samples, poses, key, views[key]) for key in sorted(views))
-    return _problem(cell, groups, stops), findings
+    problem = _problem(cell, groups, stops)
+    return problem.with_models(_models(cell, problem)), findings
 
 
-def _check_parameters(cell: Cell) -> None:
-    for robot in cell.robots.values():
-        for name in ("joint_offsets", "link_parameters"):
-            if getattr(robot, name).status != "fixed":
-                raise InputError(f"robot {robot.name!r}: {name} are not estimated yet: set their status to fixed")
+def _models(cell: Cell, problem: Problem) -> dict[str, RobotModel]:
+    """The columns of every robot that is seen and whose kinematics are not fixed."""
+    seen = {robot for g in problem.groups for robot in (g.eye, g.hand) if robot is not None}
+    models = {}
+    for name, robot in cell.robots.items():
+        if name in seen and {robot.joint_offsets.status, robot.link_parameters.status} != {"fixed"}:
+            if robot.chain is None or not recorded_by_joints(problem, name):
+                raise InputError(
+                    f"robot {name!r}: joint_offsets and link_parameters need its urdf and joints_rad in every sample; "
+                    "set their status to fixed where poses are recorded"
+                )
+            ends = free_ends(problem, name)
+            models[name] = robot_model(name, robot.chain, robot.joint_offsets, robot.link_parameters, ends)
+    return models
+
+
+def recorded_by_joints(problem: Problem, robot: str) -> bool:
+    """Whether every view of a robot has its joints."""
+    return all(
+        joints is not None
+        for g in problem.groups
+        for on, joints in ((g.eye, g.eye_joints), (g.hand, g.hand_joints))
+        if on == robot
+    )
+
+
+def free_ends(problem: Problem, robot: str) -> tuple[bool, bool]:
+    """Whether the base of a robot, and whether all that its flange carries, are free.
+
+    The reference's base is the world: it is free where everything else that is placed in the world is.
+    """
+    groups = problem.groups
+    own = [base for g in groups for on, base in ((g.eye, g.eye_base), (g.hand, g.hand_base)) if on == robot]
+    bases = [base for g in groups for base in (g.eye_base, g.hand_base) if base]
+    mounts = [(g.eye, g.camera_mount) for g in groups] + [(g.hand, g.target_mount) for g in groups]
+    placed = [*bases, *(mount for on, mount in mounts if on is None)] if None in own else [b for b in own if b]
+    carried = [mount for on, mount in mounts if on == robot]
+    base, flange = (all(problem.unknowns[name].status == "free" for name in each) for each in (placed, carried))
+    return base, flange
 
 
 def canonical(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
@@ -79,7 +115,9 @@ def _poses_of(cell: Cell, robot: str, samples: tuple[Sample, ...]) -> _Poses:
     base_from_flange = _flanges(cell, robot, [state for _, state in having])
     flat = np.concatenate([base_from_flange.rotation.reshape(-1, 9), base_from_flange.translation], -1)
     moved = np.any(flat[1:] != flat[:-1], axis=-1)
-    return _Poses(row, base_from_flange, np.concatenate([[0], np.cumsum(moved)]).astype(np.int64))
+    stop = np.concatenate([[0], np.cumsum(moved)]).astype(np.int64)
+    joints = [state.joints_rad for _, state in having if state.joints_rad is not None]
+    return _Poses(row, base_from_flange, stop, np.stack(joints) if len(joints) == len(having) else None)
 
 
 def _flanges(cell: Cell, robot: str, states: list[RobotState]) -> SE3:
@@ -169,8 +207,8 @@ def _group(
     observations = [o for _, o in views]
     measurement = _measurement(cell, camera, target, kind, observations)
     readings = _readings(measurement, shape, observations)
-    eye_flange, eye_stop = _at(poses, eye, index)
-    hand_flange, hand_stop = _at(poses, hand, index)
+    eye_flange, eye_stop, eye_joints = _at(poses, eye, index)
+    hand_flange, hand_stop, hand_joints = _at(poses, hand, index)
     return ViewGroup(
         camera=camera,
         target=target,
@@ -188,15 +226,17 @@ def _group(
         measurement=measurement,
         readings=readings,
         half_turn=half_turn(shape) if len(readings) and shape is not None else None,
+        eye_joints=eye_joints,
+        hand_joints=hand_joints,
     )
 
 
-def _at(poses: Mapping[str, _Poses], robot: str | None, index: list[int]) -> tuple[SE3, IntArray]:
+def _at(poses: Mapping[str, _Poses], robot: str | None, index: list[int]) -> tuple[SE3, IntArray, Array | None]:
     if robot is None:
-        return SE3.identity((len(index),)), np.full(len(index), -1, dtype=np.int64)
+        return SE3.identity((len(index),)), np.full(len(index), -1, dtype=np.int64), None
     of = poses[robot]
     rows = np.array([of.row[i] for i in index])
-    return of.base_from_flange[rows], of.stop[rows]
+    return of.base_from_flange[rows], of.stop[rows], None if of.joints is None else of.joints[rows]
 
 
 def _measurement(cell: Cell, camera: str, target: str, kind: str, observations: list[Observation]) -> Measurement:
