@@ -337,4 +337,5 @@ def _problem(cell: Cell, groups: tuple[ViewGroup, ...], stops: Stops) -> Problem
             widths[name] = 4 + terms
     ends = np.cumsum([0, *widths.values()])
     columns = {name: slice(int(a), int(b)) for name, a, b in zip(widths, ends[:-1], ends[1:], strict=True)}
-    return Problem(cell.reference, groups, unknowns, points, lenses, stops, columns)
+    chains = {name: robot.chain for name, robot in cell.robots.items() if robot.chain is not None}
+    return Problem(cell.reference, groups, unknowns, points, lenses, stops, columns, chains=chains)

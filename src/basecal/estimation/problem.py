@@ -11,6 +11,7 @@ from basecal.errors import InputError
 from basecal.estimation.measurement import Measurement, Noise, PixelMeasurement
 from basecal.estimation.robot_model import Kinematics, RobotModel, nominal
 from basecal.geometry import SE3, Array, Camera, IntArray, Rows
+from basecal.kinematics import SerialChain
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +117,7 @@ class Problem:
         columns: Where each unknown that is not fixed stands in the step, by the transform's or the camera's name, or as
             `<robot>_joint_offsets` and `<robot>_link_parameters`.
         models: What is estimated of the robots' own kinematics, by robot.
+        chains: Kinematics as stated of the robots that have some, by robot.
     """
 
     reference: str
@@ -126,6 +128,7 @@ class Problem:
     stops: Stops
     columns: Mapping[str, slice]
     models: Mapping[str, RobotModel] = field(default_factory=dict)
+    chains: Mapping[str, SerialChain] = field(default_factory=dict)
 
     @property
     def width(self) -> int:
