@@ -217,19 +217,19 @@ def _standard_errors(difference: Array) -> float:
     return float(np.mean(difference)) / spread if spread > 0 else 0.0
 
 
-def robot_model_finding(choice: RobotModelChoice | None) -> Finding | None:
-    """What the choice tells: what to free, by how much it helps, and what to write; None where nothing is wrong."""
+def robot_model_findings(choice: RobotModelChoice | None) -> list[Finding]:
+    """What the choice tells: what to free, by how much it helps, and what to write; nothing where nothing is wrong."""
     if choice is None or (choice.chosen.kind == "none" and choice.better is None):
-        return None
+        return []
     none, chosen = choice.candidates[0], choice.chosen
     if chosen.kind == "none":
         assert choice.better is not None
         told = f"{_freed(choice, choice.better)} may lower {_from_to(none, choice.better)}: too few samples to decide"
-        return Finding("robot-model", "info", choice.better.robots, f"{told}; record more")
+        return [Finding("robot-model", "info", choice.better.robots, f"{told}; record more")]
     told = f"{_freed(choice, chosen)} lowers {_from_to(none, chosen)}: {_largest(choice)}"
     if choice.better is not None:
         told += f"; whether {_freed(choice, choice.better)} helps more is undecided"
-    return Finding("robot-model", "warning", chosen.robots, f"{told}; {_to_write(chosen)}")
+    return [Finding("robot-model", "warning", chosen.robots, f"{told}; {_to_write(chosen)}")]
 
 
 def _freed(choice: RobotModelChoice, candidate: Candidate) -> str:

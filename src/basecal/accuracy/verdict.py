@@ -10,7 +10,7 @@ import numpy as np
 from basecal.accuracy.by_shifts import calibrate_by_shifts
 from basecal.accuracy.fit import residuals
 from basecal.accuracy.kinematics import held_findings, joint_offsets, link_parameters
-from basecal.accuracy.robot_model import choose_robot_model, robot_model_finding
+from basecal.accuracy.robot_model import choose_robot_model, robot_model_findings
 from basecal.cell import Calibration, Cell, Finding, Recording, Residuals
 from basecal.cell.calibration import Severity, Verdict
 from basecal.estimation.noise import CONTRADICTED
@@ -51,10 +51,10 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
         return calibrate_by_shifts(cell, problem, settings, findings)
     solution = solve_packed(problem, cell, settings)
     fit = residuals(solution)
-    findings += _unseen(cell, solution) + _not_converged(solution) + _poor_fit(solution, fit) + _outliers(solution)
+    findings += _unseen(cell, solution) + _not_converged(solution)
+    findings += robot_model_findings(choose_robot_model(solution, settings))
+    findings += _poor_fit(solution, fit) + _outliers(solution)
     findings += held_findings(cell, solution)
-    robots = robot_model_finding(choose_robot_model(solution, settings))
-    findings += [robots] if robots is not None else []
     return _calibration(cell, solution, fit, settings, findings)
 
 

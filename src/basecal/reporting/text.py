@@ -142,7 +142,7 @@ def _joint_offsets(robot: str, offsets: JointOffsets) -> list[str]:
 def _offset(value: float, sigma: float, seen: bool) -> str:
     if not np.isfinite(value):
         return "      not seen"
-    return f"{value + 0.0:+10.4f} deg    sigma {sigma:.4f} deg{'' if seen else '    by its prior alone'}"
+    return f"{round(value, 4) + 0.0:+10.4f} deg    sigma {sigma:.4f} deg{'' if seen else '    by its prior alone'}"
 
 
 def _links(robot: str, links: LinkParameters) -> list[str]:

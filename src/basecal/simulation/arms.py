@@ -19,6 +19,7 @@ from basecal.simulation.draw import Generator
 from basecal.simulation.scenario import Scenario
 from basecal.simulation.scene import Scene, as_point
 
+BASE_LINK, FLANGE_LINK = "base_link", "tool0"
 _NAMES = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
 _QUARTER = np.pi / 2
 _PLACES = ((0, 0, 0.16), (0, 0.05, 0), (-0.42, 0, 0), (-0.39, 0, 0.12), (0, -0.1, 0), (0, 0.095, 0))

@@ -9,7 +9,7 @@ import numpy as np
 from basecal.cell.cell import Cell, CellCamera, CellTarget, Intrinsics, Parameters, Robot, Status, Unknown
 from basecal.geometry import SE3, Array, Camera
 from basecal.simulation import draw
-from basecal.simulation.arms import Arm
+from basecal.simulation.arms import BASE_LINK, FLANGE_LINK, Arm
 from basecal.simulation.draw import Generator
 from basecal.simulation.scenario import Scenario
 from basecal.simulation.scene import Scene
@@ -67,7 +67,7 @@ def _robot(name: str, noise: Array | None, scenario: Scenario, arm: Arm | None) 
         offsets = Parameters("prior", scenario.joint_offset_rad)
     if links.status == "prior":
         links = Parameters("prior", radians, metres)
-    return Robot(name, noise, arm.chain, offsets, links)
+    return Robot(name, noise, arm.chain, offsets, links, f"{name}.urdf", BASE_LINK, FLANGE_LINK)
 
 
 def told(scene: Scene, scenario: Scenario, rng: Generator, arms: Mapping[str, Arm]) -> Cell:
