@@ -16,6 +16,8 @@ from basecal.cell.calibration import (
     Calibration,
     Certificate,
     Finding,
+    JointOffsets,
+    LinkParameters,
     Loop,
     Outlier,
     Residuals,
@@ -40,6 +42,7 @@ BASE, LIGHT = "eye_base_from_hand_base", "hand_flange_from_light"
 def example() -> Calibration:
     spread = np.diag([1e-6, 2e-6, 3e-6, 1e-8, 2e-8, 3e-8])
     point = np.diag([1e-6, 2e-6, 3e-6, 0, 0, 0])
+    known = np.array([math.nan, 0.01]), np.array([[math.nan, math.nan], [math.nan, 4e-6]])
     camera = Camera("pinhole", np.array([700.0, 701, 320, 240, 0.1, 0.2, 0, 0, 0]), (640, 480))
     return Calibration(
         verdict="doubtful",
@@ -50,6 +53,8 @@ def example() -> Calibration:
         status={BASE: "free", LIGHT: "prior", "wrist": "free"},
         points=frozenset({LIGHT}),
         cameras={"wrist": (camera, np.eye(9))},
+        joint_offsets={"hand": JointOffsets(("pan", "lift"), *known, np.array([False, True]))},
+        link_parameters={"hand": LinkParameters(np.arange(18.0).reshape(3, 6), np.ones((3, 6)))},
         noise={"pixel_px": np.float64(0.2), "robots": {"eye": {"sigma_t_m": [1e-4, 1e-4, math.nan]}}},
         order=(BASE,),
         joint_covariance=spread,
@@ -93,13 +98,19 @@ def test_shape() -> None:
     (loop,) = residuals["loops"]
     assert loop["path"] == ["eye_base", "wrist", "board", "hand_base"]
     assert (loop["views"], loop["rms_mm"], loop["rms_deg"]) == (9, 0.4, pytest.approx(0.05))
-    assert (data["joint_offsets_rad"], data["clock_offset_s"]) == (None, None)
+    assert data["clock_offset_s"] is None
+    assert data["joint_offsets_rad"] == {"hand": [None, 0.01]}
+    assert data["joint_offsets_sigma_rad"] == {"hand": [None, 0.002]}
+    assert data["joint_offsets_seen"] == {"hand": [False, True]}
+    assert data["joint_names"] == {"hand": ["pan", "lift"]}
+    assert data["link_parameters"]["hand"]["r_rad"] == [[3, 4, 5], [9, 10, 11], [15, 16, 17]]
     assert data["outliers"] == [{"sample": 4, "camera": "wrist", "target": "board", "ids": [1, 2], "reason": "stray"}]
     held_out = {"target_mm": 0.4, "target_deg": pytest.approx(0.05), "base_change": 1.1}
     assert data["validation"] == {"kind": "k-fold", "folds": 5, "rms_px": 0.3, **held_out}
     assert data["certificate"] == {"gap": None, "global": None, "reason": "signs are ambiguous"}
     unasked = calibration_to_dict(Calibration("refused"))
-    assert [unasked[name] for name in ("outliers", "validation", "certificate")] == [None] * 3
+    never = ("outliers", "validation", "certificate", "joint_offsets_rad", "joint_offsets_sigma_rad", "link_parameters")
+    assert [unasked[name] for name in never] == [None] * len(never)
     assert data["observability"] == {"condition": None, "unseen": ["none"]}
     assert data["noise"]["robots"]["eye"]["sigma_t_m"] == [1e-4, 1e-4, None]
     assert data["settings"] == {"seed": 3, "path": "x", "pair": [1, 2]}
@@ -127,6 +138,12 @@ def test_round_trip(tmp_path: Path) -> None:
     assert calibration.validation is not None
     assert calibration.validation.target_rad == pytest.approx(math.radians(0.05), rel=1e-14)
     assert calibration.residuals.per_sample == want.residuals.per_sample
+    found, was = calibration.joint_offsets["hand"], want.joint_offsets["hand"]
+    assert (found.joints, found.seen.tolist()) == (was.joints, was.seen.tolist())
+    assert_array_equal(found.rad, was.rad)
+    assert_array_equal(found.covariance, was.covariance)
+    assert_array_equal(calibration.link_parameters["hand"].tangents, want.link_parameters["hand"].tangents)
+    assert_array_equal(calibration.link_parameters["hand"].sigma, want.link_parameters["hand"].sigma)
     assert calibration.residuals.loop_rms_rad == pytest.approx(want.residuals.loop_rms_rad, rel=1e-14)
     assert calibration_to_dict(read_calibration(path.parent))["residuals"] == calibration_to_dict(want)["residuals"]
 

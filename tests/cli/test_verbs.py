@@ -14,7 +14,7 @@ from basecal.cell.files import read_cell, read_recording, read_truth
 from basecal.cli import main
 from basecal.geometry import SE3
 
-VERBS = ["new", "simulate", "demo", "calibrate", "report", "import poses", "import pixels"]
+VERBS = ["new", "simulate", "demo", "calibrate", "report", "export", "import poses", "import pixels"]
 
 
 def drawn(count: int, seed: int) -> SE3:

@@ -179,8 +179,8 @@ def test_camera_and_target_on_one_flange_are_refused():
 
 
 def test_joint_offsets_are_not_passed_over():
-    """A cell that asks for joint offsets gets a sentence, not an answer without them."""
+    """A cell that asks for joint offsets of a robot recorded by poses gets a sentence, not an answer without them."""
     s = simulate(Scenario(), seed=0)
     robots = {**s.cell.robots, "hand": replace(s.cell.robots["hand"], joint_offsets=Parameters("free"))}
-    with pytest.raises(InputError, match="joint_offsets are not estimated yet"):
+    with pytest.raises(InputError, match="need its urdf and joints_rad in every sample"):
         solve(replace(s.cell, robots=robots), s.recording)

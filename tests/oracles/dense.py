@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import expm, logm
 from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
 
 from basecal.cell import Cell, PixelObservation, PoseObservation, Recording
 
@@ -37,13 +38,19 @@ class DenseProblem:
         )
         self.names = [n for n, u in cell.transforms.items() if u.status != "fixed"]
         self.width = sum(3 if n == self.point_mount else 6 for n in self.names)
+        self.offsets = {}
+        for name, robot in cell.robots.items():
+            if robot.joint_offsets.status == "prior":
+                self.offsets[name] = slice(self.width, self.width + robot.chain.n)
+                self.width += robot.chain.n
         self.stops = {name: self._stops(name) for name, r in cell.robots.items() if r.noise is not None}
         self.total = self.width + 6 * sum(max(s) + 1 for s in self.stops.values())
+        self.found_offsets = {}
 
     def _stops(self, robot):
         numbers, last, k = [], None, -1
-        for s in self.samples:
-            m = s.robots[robot].base_from_flange.matrix
+        for i in range(len(self.samples)):
+            m = self.recorded(robot, i, np.zeros(self.width))
             k += last is None or not np.array_equal(m, last)
             numbers.append(k)
             last = m
@@ -57,8 +64,21 @@ class DenseProblem:
             at += size
         return out
 
+    def recorded(self, robot, index, x):
+        """The flange by what was recorded, joints with their offsets."""
+        state, chain = self.samples[index].robots[robot], self.cell.robots[robot].chain
+        if state.joints_rad is None:
+            return state.base_from_flange.matrix
+        q = state.joints_rad + (x[self.offsets[robot]] if robot in self.offsets else 0.0)
+        matrix = np.eye(4)
+        for i, angle in enumerate(q):
+            turn = np.eye(4)
+            turn[:3, :3] = Rotation.from_rotvec(angle * chain.axes[i]).as_matrix()
+            matrix = matrix @ chain.origins[i].matrix @ turn
+        return matrix @ chain.tip.matrix
+
     def flange(self, robot, index, x):
-        matrix = self.samples[index].robots[robot].base_from_flange.matrix
+        matrix = self.recorded(robot, index, x)
         if robot not in self.stops:
             return matrix
         at = self.width
@@ -78,6 +98,7 @@ class DenseProblem:
     def residual(self, x):
         transforms = self.transforms(x)
         parts = [x[self.width :]]
+        parts += [x[where] / self.cell.robots[name].joint_offsets.sigma_rad for name, where in self.offsets.items()]
         for i, sample in enumerate(self.samples):
             camera = self._carried(self.camera.on, self.cell.mount_name(self.camera.name), i, x, transforms)
             target = self._carried(self.target.on, self.cell.mount_name(self.target.name), i, x, transforms)
@@ -108,4 +129,5 @@ class DenseProblem:
         )
         j = end.jac
         covariance = np.linalg.inv(j.T @ j)[: self.width, : self.width]
+        self.found_offsets = {name: end.x[where] for name, where in self.offsets.items()}
         return self.transforms(end.x), covariance, 2 * end.cost

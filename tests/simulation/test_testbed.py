@@ -262,3 +262,32 @@ def test_pixel_observations_are_of_the_cell() -> None:
         ("camera3", "board1"),
     }
     assert [sample.stamp_s for sample in sim.recording.samples] == list(range(7))
+
+
+@pytest.mark.parametrize("target", ["charuco", "led", "pose"])
+@pytest.mark.parametrize("layout", ["dual", "eye_in_hand", "eye_to_hand", "two_cameras", "two_world_cameras"])
+def test_arms_that_record_joints_agree_with_the_equation(layout, target):
+    """True flanges are the true kinematics at recorded joints, and what is seen is what they show; limits are kept."""
+    errors = {"joint_offset_rad": 0.01, "link_error": (1e-3, 2e-3)}
+    sim = simulate(Scenario(samples=10, layout=layout, target=target, joints=True, **errors, **NOISELESS), 3)
+    assert np.abs(_residuals(sim)).max() < 1e-8
+    for robot, true in sim.robots.items():
+        joints = np.array([s.robots[robot].joints_rad for s in sim.recording.samples])
+        off = true.forward(joints).inverse() @ sim.true_base_from_flange[robot]
+        assert np.abs(off.log()).max() < 1e-12
+        as_told = true.chain.forward(joints).inverse() @ sim.true_base_from_flange[robot]
+        assert np.abs(as_told.log()).min(axis=0).max() > 1e-5
+        assert np.all((joints >= true.chain.lower) & (joints <= true.chain.upper))
+
+
+def test_an_arm_that_stands_still_records_the_same_joints():
+    """To the last digit, so that its samples are one stop."""
+    sim = simulate(Scenario(samples=12, arms="stations", stations=3, joints=True, robot_noise=(1e-3, 1e-3)), 0)
+    eye = np.array([s.robots["eye"].joints_rad for s in sim.recording.samples])
+    assert len(np.unique(eye, axis=0)) == 3
+
+
+def test_robots_with_several_homes_take_no_joints():
+    """A ring's robots meet two others each, at homes that one base does not bring within reach."""
+    with pytest.raises(InputError, match="several homes"):
+        simulate(Scenario(layout="chain", joints=True), 0)

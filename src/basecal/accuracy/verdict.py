@@ -14,6 +14,8 @@ from basecal.accuracy.fit import residuals
 from basecal.accuracy.priors import contradicted_priors
 from basecal.accuracy.validation import validate
 from basecal.accuracy.proof import proven
+from basecal.accuracy.kinematics import held_findings, joint_offsets, link_parameters
+from basecal.accuracy.robot_model import choose_robot_model, robot_model_findings
 from basecal.cell import Calibration, Cell, Finding, Recording, Residuals
 from basecal.cell.calibration import Verdict
 from basecal.estimation.noise import CONTRADICTED
@@ -59,6 +61,10 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
     fit = residuals(solution)
     findings += [*solution.findings, *contradicted_priors(solution)]
     findings += _unseen(cell, solution) + _not_converged(solution) + _poor_fit(solution, fit) + _outliers(solution)
+    findings += _unseen(cell, solution) + _not_converged(solution)
+    findings += robot_model_findings(choose_robot_model(solution, settings))
+    findings += _poor_fit(solution, fit) + _outliers(solution)
+    findings += held_findings(cell, solution)
     return _calibration(cell, solution, fit, settings, findings)
     findings += seeing_findings(cell, solution) + _not_converged(solution) + _poor_fit(solution, fit)
     findings += _outliers(solution)
@@ -174,6 +180,8 @@ def _calibration(
         status={n: solution.problem.unknowns[n].status for n in estimates},
         points=frozenset(n for n in solution.problem.point_mounts if n in estimates),
         cameras={n: (c, solution.lens_covariance(n)) for n, c in _estimated_lenses(solution)},
+        joint_offsets=joint_offsets(solution) if solution.converged else {},
+        link_parameters=link_parameters(solution) if solution.converged else {},
         noise=_noise(cell, solution),
         order=order,
         joint_covariance=solution.covariance_of(list(order)),

@@ -6,8 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+import numpy as np
+
 from basecal.errors import FrameNotFound
-from basecal.geometry import Array, Camera, PoseEstimate
+from basecal.geometry import Array, BoolArray, Camera, PoseEstimate
 
 Severity = Literal["info", "warning", "error"]
 Verdict = Literal["good", "doubtful", "refused"]
@@ -129,6 +131,37 @@ class Certificate:
 
 
 @dataclass(frozen=True, eq=False)
+class JointOffsets:
+    """What is to be added to each recorded joint of a robot.
+
+    Attributes:
+        joints: Names, from base to flange, n of them.
+        rad: (n,) [rad]; NaN where nothing is known.
+        covariance: (n, n) [rad^2], likewise.
+        seen: (n,) whether the data say at least as much as the prior; the others' numbers are the prior's.
+    """
+
+    joints: tuple[str, ...]
+    rad: Array
+    covariance: Array
+    seen: BoolArray
+
+    @property
+    def sigma_rad(self) -> Array:
+        """(n,) [rad]; NaN where nothing is known."""
+        sigma: Array = np.sqrt(np.diag(self.covariance))
+        return sigma
+
+
+@dataclass(frozen=True, eq=False)
+class LinkParameters:
+    """How the origins of a robot's chain, and last its tip, are moved: right tangents, sigmas, (n + 1, 6) [m, rad]."""
+
+    tangents: Array
+    sigma: Array
+
+
+@dataclass(frozen=True, eq=False)
 class Calibration:
     """The answer, with all that is needed to trust it.
 
@@ -138,6 +171,8 @@ class Calibration:
         status: `fixed`, `prior` or `free` of each of `transforms`.
         points: Names of the transforms whose rotation is not defined (mounts of a single point).
         cameras: Lenses with the covariance of their parameters, by camera; those not fixed.
+        joint_offsets: By robot; of those given by joints whose offsets are not fixed.
+        link_parameters: Likewise.
         noise: Sigmas used or estimated: `pixel_px`, `pose_m`, `pose_rad`, `point_m` and by robot.
         order: Names of the transforms of `joint_covariance`, 6 rows each.
         joint_covariance: (6 n, 6 n) [m, rad].
@@ -157,6 +192,8 @@ class Calibration:
     status: Mapping[str, str] = field(default_factory=dict)
     points: frozenset[str] = frozenset()
     cameras: Mapping[str, tuple[Camera, Array]] = field(default_factory=dict)
+    joint_offsets: Mapping[str, JointOffsets] = field(default_factory=dict)
+    link_parameters: Mapping[str, LinkParameters] = field(default_factory=dict)
     noise: Mapping[str, Any] = field(default_factory=dict)
     order: tuple[str, ...] = ()
     joint_covariance: Array | None = None

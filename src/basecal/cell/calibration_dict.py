@@ -21,6 +21,12 @@ from basecal.cell.calibration import (
     Validation,
 )
 from basecal.cell.cell_dict import numbers
+from basecal.cell.kinematics_dict import (
+    joint_offsets_from_dict,
+    joint_offsets_to_dict,
+    link_parameters_from_dict,
+    link_parameters_to_dict,
+)
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array, Camera, PoseEstimate, read_only
 
@@ -37,7 +43,8 @@ def calibration_to_dict(calibration: Calibration) -> dict[str, Any]:
         "verdict": calibration.verdict,
         "transforms": {name: _transform(name, calibration) for name in calibration.transforms},
         "intrinsics": {name: _lens(name, calibration) for name in calibration.cameras},
-        "joint_offsets_rad": None,
+        **joint_offsets_to_dict(calibration.joint_offsets),
+        "link_parameters": link_parameters_to_dict(calibration.link_parameters),
         "clock_offset_s": None,
         "noise": dict(calibration.noise),
         "joint": None if joint is None else {"order": list(calibration.order), "covariance": joint},
@@ -158,6 +165,8 @@ def _calibration(data: dict[str, Any]) -> Calibration:
         status=status,
         points=frozenset(name for name, entry in transforms.items() if len(entry["covariance"]) == 3),
         cameras={name: (_camera(entry), _matrix(entry["covariance"])) for name, entry in lenses.items()},
+        joint_offsets=joint_offsets_from_dict(data),
+        link_parameters=link_parameters_from_dict(data.get("link_parameters")),
         noise=data["noise"] or {},
         order=() if joint is None else tuple(joint["order"]),
         joint_covariance=None if joint is None else _matrix(joint["covariance"]),

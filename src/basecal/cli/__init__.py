@@ -11,7 +11,7 @@ from cyclopts import App, CycloptsError, Parameter
 
 from basecal.errors import BasecalError
 
-_VERBS = ("new", "target", "simulate", "demo", "detect", "calibrate", "report")
+_VERBS = ("new", "target", "simulate", "demo", "detect", "calibrate", "report", "export")
 _IMPORTS = ("poses", "pixels")
 _STUDIES = ("paper",)
 _HELP = """Where robot bases stand relative to each other, from what a camera sees, and

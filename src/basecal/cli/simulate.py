@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -29,6 +30,8 @@ def simulate(
     pixel_px: Positive = 0.2,
     robot_noise_mm: Positive = 0.0,
     robot_noise_mrad: Positive = 0.0,
+    joints: bool = False,
+    joint_offset_deg: Positive = 0.0,
     seed: int = 0,
     images: bool = False,
     json: bool = False,
@@ -42,6 +45,7 @@ def simulate(
         basecal simulate simulated --target led --mounts fixed --samples 50
         basecal calibrate simulated
         basecal simulate rendered --images
+        basecal simulate off --joints --joint-offset-deg 0.2
 
     Args:
         cell: Folder to make.
@@ -52,6 +56,8 @@ def simulate(
         pixel_px: Noise of pixels, per coordinate.
         robot_noise_mm: Noise of recorded flange poses, per axis and stop.
         robot_noise_mrad: The same of their rotation.
+        joints: Robots are arms of six axes that record joints, each with a URDF; for one or two robots.
+        joint_offset_deg: How far the zero of each joint is off, one sigma; the cell does not tell.
         seed: Another number makes another cell.
         images: Render what the cameras see, instead of giving the points' pixels; pixel-px then says nothing.
         json: Print what was written as JSON.
@@ -70,6 +76,8 @@ def simulate(
         pixel_px=pixel_px,
         state_pixel_noise=not images,
         robot_noise=(robot_noise_mm * 1e-3, robot_noise_mrad * 1e-3),
+        joints=joints,
+        joint_offset_rad=joint_offset_deg * pi / 180,
     )
     with progress("simulating"):
         made = simulated(scenario, seed)
@@ -107,8 +115,14 @@ def with_images(made: SimulatedCell, folder: Path, seed: int) -> SimulatedCell:
 def write_simulated(folder: Path, made: SimulatedCell) -> None:
     """Write a simulated cell, its recording and its truth into a folder."""
     from basecal.cell.files import write_cell, write_recording, write_truth
+    from basecal.exchange.urdf import chain_urdf
 
     folder.mkdir(parents=True, exist_ok=True)
     write_cell(made.cell, folder)
     write_recording(made.recording, folder)
-    write_truth(folder, made.truth)
+    for robot in made.cell.robots.values():
+        if robot.chain is not None and robot.urdf and robot.base_link and robot.flange_link:
+            text = chain_urdf(robot.chain, robot.base_link, robot.flange_link, robot.name)
+            (folder / robot.urdf).write_text(text, encoding="utf-8")
+    offsets = {name: of.offsets.tolist() for name, of in made.robots.items()}
+    write_truth(folder, made.truth, **({"joint_offsets_rad": offsets} if offsets else {}))

@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.estimation.problem import Chain, Problem, State, Stops, ViewGroup
-from basecal.geometry import Array, IntArray
+from basecal.estimation.robot_model import by_columns
+from basecal.geometry import SE3, Array, IntArray
 from basecal.geometry.se3 import right_jacobian
 
 
@@ -44,6 +45,32 @@ def by_unknowns(problem: Problem, group: ViewGroup, links: Chain, rows: int) -> 
     if lens:
         out[:, 6:, at:] = np.eye(rows - 6)
     return out, np.concatenate(columns) if columns else np.zeros(0, dtype=np.int64)
+
+
+def by_robot_models(
+    problem: Problem, group: ViewGroup, links: Chain, state: State, rows: int
+) -> tuple[Array, IntArray]:
+    """Derivative of views to the kinematics of the robots of their group.
+
+    Returns:
+        (n, rows, m), and the m columns of the problem they belong to.
+    """
+    blocks, columns = [np.zeros((len(group), rows, 0))], [np.zeros(0, dtype=np.int64)]
+    for robot, sign, joints, link, stop in (
+        (group.eye, -1.0, group.eye_joints, links.target_from_eye_flange, group.eye_stop),
+        (group.hand, 1.0, group.hand_joints, links.target_from_hand_flange, group.hand_stop),
+    ):
+        model = problem.models.get(robot or "")
+        if model is None or joints is None:
+            continue
+        if len(stop) and stop[0] >= 0:  # the flange as modelled comes before the error of its stop
+            link = link @ SE3.exp(-state.stop_errors[stop] * problem.stops.sigma[stop])
+        moved = sign * link.adjoint() @ by_columns(model, state.kinematics(model), joints)
+        block = np.zeros((len(group), rows, moved.shape[-1]))
+        block[:, :6] = moved
+        blocks.append(block)
+        columns += [np.arange(problem.columns[n].start, problem.columns[n].stop) for n in model.widths]
+    return np.concatenate(blocks, -1), np.concatenate(columns)
 
 
 def by_stop_errors(

@@ -62,7 +62,8 @@ def degrees_of_freedom(problem: Problem) -> int:
 
 def _statuses(problem: Problem) -> dict[str, str]:
     transforms: dict[str, str] = {name: unknown.status for name, unknown in problem.unknowns.items()}
-    return transforms | {name: lens.status for name, lens in problem.lenses.items()}
+    robots = {n: "free" if s is None else "prior" for m in problem.models.values() for n, s in m.sigmas.items()}
+    return transforms | {name: lens.status for name, lens in problem.lenses.items()} | robots
 
 
 def estimate_noise(problem: Problem, end: Descent, iterations: int) -> tuple[Problem, Descent, NoiseEstimate]:

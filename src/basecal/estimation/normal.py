@@ -13,9 +13,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from basecal.estimation.derivatives import by_stop_errors, by_unknowns
+from basecal.estimation.derivatives import by_robot_models, by_stop_errors, by_unknowns
 from basecal.estimation.measurement import ViewInformation
 from basecal.estimation.problem import Problem, State, ViewGroup, chain
+from basecal.estimation.robot_model import after_step, column_values
 from basecal.estimation.stops import SharedView, StopAccumulator, StopSystem
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 from basecal.geometry.se3 import right_jacobian_inverse
@@ -109,7 +110,11 @@ def moved(problem: Problem, state: State, normal: Normal, step: Array) -> State:
     after = SE3.stack([state.transforms[name] for name in names]) @ SE3.exp(tangents)
     transforms = {**state.transforms, **{name: after[k] for k, name in enumerate(names)}}
     lenses = {name: moved_lens(lens, step[columns[name]]) for name, lens in state.cameras.items() if name in columns}
-    return State(transforms, {**state.cameras, **lenses}, _stop_errors(problem, state, normal, step))
+    robots = {
+        robot: after_step(model, state.kinematics(model), {name: step[columns[name]] for name in model.widths})
+        for robot, model in problem.models.items()
+    }
+    return State(transforms, {**state.cameras, **lenses}, _stop_errors(problem, state, normal, step), robots)
 
 
 def moved_lens(camera: Camera, step: Array) -> Camera:
@@ -143,6 +148,9 @@ def _linearise_group(problem: Problem, group: ViewGroup, state: State, shared: I
     view = _sensible(view)
     rows = view.gradient.shape[-1]
     derivative, columns = by_unknowns(problem, group, links, rows)
+    if problem.models:
+        of_robots, more = by_robot_models(problem, group, links, state, rows)
+        derivative, columns = np.concatenate([derivative, of_robots], -1), np.concatenate([columns, more])
     stops = by_stop_errors(group, links, state, problem.stops, rows)
     kept = tuple(_select(stop, error, shared[stop] >= 0, shared) for stop, error in stops)
     private = tuple(_select(stop, error, shared[stop] < 0, None) for stop, error in stops)
@@ -228,9 +236,20 @@ def prior_residuals(problem: Problem, state: State) -> list[tuple[Array, Array, 
                 error = (unknown.mean.inverse() @ state.transforms[name]).log()
                 jacobian = right_jacobian_inverse(error)[:width, :width] / unknown.sigma[:width, None]
                 out.append((error[:width] / unknown.sigma[:width], jacobian, where))
-        else:
+        elif name in problem.lenses:
             lens = problem.lenses[name]
             if lens.status == "prior" and lens.camera is not None and lens.sigma is not None:
                 error = state.cameras[name].parameters - lens.camera.parameters
                 out.append((error / lens.sigma, np.diag(1 / lens.sigma), where))
+    return out + _robot_residuals(problem, state)
+
+
+def _robot_residuals(problem: Problem, state: State) -> list[tuple[Array, Array, slice]]:
+    out = []
+    for model in problem.models.values():
+        values = column_values(model, state.kinematics(model))
+        for name in model.widths:
+            sigma = model.sigmas[name]
+            if sigma is not None:
+                out.append((values[name] / sigma, np.diag(1 / sigma), problem.columns[name]))
     return out

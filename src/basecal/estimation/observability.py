@@ -62,7 +62,8 @@ def seen_directions(problem: Problem, state: State, hessian: Array, factor: floa
         name
         for name, where in problem.columns.items()
         if np.abs(vectors[where][:, blind]).max(initial=0.0) > _TOUCHES
-        or np.sqrt(noise * np.diag(inverse)[where] / scale[where] ** 2)[: _gated(problem, name)].max() > _UNSEEN_SIGMA
+        or np.sqrt(noise * np.diag(inverse)[where] / scale[where] ** 2)[: _gated(problem, name)].max(initial=0.0)
+        > _UNSEEN_SIGMA
     )
     condition = float(np.sqrt(values[-1] / values[0])) if not np.any(blind) else float("inf")
     return Seen(inverse, condition, words, names, _length(problem, state))
@@ -88,12 +89,15 @@ def without_priors(problem: Problem) -> Problem:
 
 
 def _gated(problem: Problem, name: str) -> int:
-    """How many leading columns of an unknown must be seen: all of a transform, focal lengths and centre of a lens."""
-    return 6 if name in problem.unknowns else 4
+    """How many leading columns of an unknown must be seen: all of a transform, focal lengths and centre of a lens.
+
+    Of a robot's kinematics none: each number is given or not by itself.
+    """
+    return 6 if name in problem.unknowns else 4 if name in problem.lenses else 0
 
 
 def _distortion_columns(problem: Problem) -> list[int]:
-    lenses = [where for name, where in problem.columns.items() if name not in problem.unknowns]
+    lenses = [where for name, where in problem.columns.items() if name in problem.lenses]
     return [k for where in lenses for k in range(where.start + 4, where.stop)]
 
 
@@ -104,7 +108,7 @@ def _scales(problem: Problem, state: State) -> Array:
     for name, where in problem.columns.items():
         if name in problem.unknowns:
             scale[where.start : where.start + 3] = length
-        else:
+        elif name in problem.lenses:
             camera = state.cameras[name]
             scale[where] = _DISTORTION_SCALE
             scale[where.start : where.start + 4] = float(camera.focal.mean())

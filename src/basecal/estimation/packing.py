@@ -26,6 +26,7 @@ from basecal.errors import InputError
 from basecal.estimation.measurement import Measurement, Noise, PixelMeasurement, PointMeasurement, PoseMeasurement
 from basecal.estimation.problem import Problem, Stops, ViewGroup, carrier, check_carriers
 from basecal.estimation.readings import MOST_CANDIDATES, half_turn, turned
+from basecal.estimation.robot_model import RobotModel, robot_model
 from basecal.geometry import SE3, Array, BoolArray, IntArray
 
 Views = list[tuple[int, Observation]]
@@ -35,13 +36,14 @@ Views = list[tuple[int, Observation]]
 class _Poses:
     """Poses of one robot at the samples that have them.
 
-    `row` of a sample, the poses, and of each row the stop: its number among the robot's own, and its row in `Stops`.
+    `row` of a sample, the poses, of each row the stop (its number among the robot's own, and its row in `Stops`), joints.
     """
 
     row: dict[int, int] = field(default_factory=dict)
     base_from_flange: SE3 = field(default_factory=lambda: SE3.identity((0,)))
     stand: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     stop: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    joints: Array | None = None
 
 
 def pack(cell: Cell, recording: Recording) -> tuple[Problem, list[Finding]]:
@@ -49,9 +51,8 @@ def pack(cell: Cell, recording: Recording) -> tuple[Problem, list[Finding]]:
 
     Raises:
         InputError: if a camera and the target it sees are on the same body, a camera with pixels has no lens, or joint
-            offsets or link parameters are asked for.
+            offsets or link parameters are asked for of a robot that is not recorded by joints.
     """
-    _check_parameters(cell)
     samples = canonical(recording.samples)
     findings: list[Finding] = []
     poses = {name: _poses_of(cell, name, samples) for name in cell.robots}
@@ -59,14 +60,49 @@ def pack(cell: Cell, recording: Recording) -> tuple[Problem, list[Finding]]:
     views = _views(cell, samples, poses, findings)
     groups = tuple(_group(cell, samples, poses, key, views[key]) for key in sorted(views))
     unstated = frozenset(name for name, robot in cell.robots.items() if robot.noise is None)
-    return replace(_problem(cell, groups, stops), unstated=unstated), findings
+    problem = replace(_problem(cell, groups, stops), unstated=unstated)
+    return problem.with_models(_models(cell, problem)), findings
 
 
-def _check_parameters(cell: Cell) -> None:
-    for robot in cell.robots.values():
-        for name in ("joint_offsets", "link_parameters"):
-            if getattr(robot, name).status != "fixed":
-                raise InputError(f"robot {robot.name!r}: {name} are not estimated yet: set their status to fixed")
+def _models(cell: Cell, problem: Problem) -> dict[str, RobotModel]:
+    """The columns of every robot that is seen and whose kinematics are not fixed."""
+    seen = {robot for g in problem.groups for robot in (g.eye, g.hand) if robot is not None}
+    models = {}
+    for name, robot in cell.robots.items():
+        if name in seen and {robot.joint_offsets.status, robot.link_parameters.status} != {"fixed"}:
+            if robot.chain is None or not recorded_by_joints(problem, name):
+                raise InputError(
+                    f"robot {name!r}: joint_offsets and link_parameters need its urdf and joints_rad in every sample; "
+                    "set their status to fixed where poses are recorded"
+                )
+            ends = free_ends(problem, name)
+            models[name] = robot_model(name, robot.chain, robot.joint_offsets, robot.link_parameters, ends)
+    return models
+
+
+def recorded_by_joints(problem: Problem, robot: str) -> bool:
+    """Whether every view of a robot has its joints."""
+    return all(
+        joints is not None
+        for g in problem.groups
+        for on, joints in ((g.eye, g.eye_joints), (g.hand, g.hand_joints))
+        if on == robot
+    )
+
+
+def free_ends(problem: Problem, robot: str) -> tuple[bool, bool]:
+    """Whether the base of a robot, and whether all that its flange carries, are free.
+
+    The reference's base is the world: it is free where everything else that is placed in the world is.
+    """
+    groups = problem.groups
+    own = [base for g in groups for on, base in ((g.eye, g.eye_base), (g.hand, g.hand_base)) if on == robot]
+    bases = [base for g in groups for base in (g.eye_base, g.hand_base) if base]
+    mounts = [(g.eye, g.camera_mount) for g in groups] + [(g.hand, g.target_mount) for g in groups]
+    placed = [*bases, *(mount for on, mount in mounts if on is None)] if None in own else [b for b in own if b]
+    carried = [mount for on, mount in mounts if on == robot]
+    base, flange = (all(problem.unknowns[name].status == "free" for name in each) for each in (placed, carried))
+    return base, flange
 
 
 def canonical(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
@@ -85,7 +121,8 @@ def _poses_of(cell: Cell, robot: str, samples: tuple[Sample, ...]) -> _Poses:
     flat = np.concatenate([base_from_flange.rotation.reshape(-1, 9), base_from_flange.translation], -1)
     moved = np.any(flat[1:] != flat[:-1], axis=-1)
     stand = np.concatenate([[0], np.cumsum(moved)]).astype(np.int64)
-    return _Poses(row, base_from_flange, stand, stand)
+    joints = [state.joints_rad for _, state in having if state.joints_rad is not None]
+    return _Poses(row, base_from_flange, stand, stand, np.stack(joints) if len(joints) == len(having) else None)
 
 
 def _flanges(cell: Cell, robot: str, states: list[RobotState]) -> SE3:
@@ -175,8 +212,8 @@ def _group(
     observations = [o for _, o in views]
     measurement = _measurement(cell, camera, target, kind, observations)
     readings = _readings(measurement, shape, observations)
-    eye_flange, eye_stop, eye_stand = _at(poses, eye, index)
-    hand_flange, hand_stop, hand_stand = _at(poses, hand, index)
+    eye_flange, eye_stop, eye_stand, eye_joints = _at(poses, eye, index)
+    hand_flange, hand_stop, hand_stand, hand_joints = _at(poses, hand, index)
     return ViewGroup(
         camera=camera,
         target=target,
@@ -196,16 +233,21 @@ def _group(
         measurement=measurement,
         readings=readings,
         half_turn=half_turn(shape) if len(readings) and shape is not None else None,
+        eye_joints=eye_joints,
+        hand_joints=hand_joints,
     )
 
 
-def _at(poses: Mapping[str, _Poses], robot: str | None, index: list[int]) -> tuple[SE3, IntArray, IntArray]:
+def _at(
+    poses: Mapping[str, _Poses], robot: str | None, index: list[int]
+) -> tuple[SE3, IntArray, IntArray, Array | None]:
+    """Poses, stops, stands and joints of a robot in these samples."""
     if robot is None:
         nowhere = np.full(len(index), -1, dtype=np.int64)
-        return SE3.identity((len(index),)), nowhere, nowhere
+        return SE3.identity((len(index),)), nowhere, nowhere, None
     of = poses[robot]
     rows = np.array([of.row[i] for i in index])
-    return of.base_from_flange[rows], of.stop[rows], of.stand[rows]
+    return of.base_from_flange[rows], of.stop[rows], of.stand[rows], None if of.joints is None else of.joints[rows]
 
 
 def _measurement(cell: Cell, camera: str, target: str, kind: str, observations: list[Observation]) -> Measurement:
@@ -306,4 +348,5 @@ def _problem(cell: Cell, groups: tuple[ViewGroup, ...], stops: Stops) -> Problem
             widths[name] = 4 + terms
     ends = np.cumsum([0, *widths.values()])
     columns = {name: slice(int(a), int(b)) for name, a, b in zip(widths, ends[:-1], ends[1:], strict=True)}
-    return Problem(cell.reference, groups, unknowns, points, lenses, stops, columns)
+    chains = {name: robot.chain for name, robot in cell.robots.items() if robot.chain is not None}
+    return Problem(cell.reference, groups, unknowns, points, lenses, stops, columns, chains=chains)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from basecal.cell import WORLD, Cell, Intrinsics, Unknown
 from basecal.errors import InputError
 from basecal.estimation.measurement import Measurement, Noise, PixelMeasurement
+from basecal.estimation.robot_model import Kinematics, RobotModel, nominal
 from basecal.geometry import SE3, Array, Camera, IntArray, Rows
+from basecal.kinematics import SerialChain
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +37,8 @@ class ViewGroup:
         measurement: What was seen.
         readings: All that may have been seen, where views can be read in several ways; see `readings`.
         half_turn: `target_from_turned` where the target looks the same turned by half a turn.
+        eye_joints: (n, joints) as recorded [rad]; None where poses are recorded.
+        hand_joints: (n, joints) likewise.
     """
 
     camera: str
@@ -55,6 +59,8 @@ class ViewGroup:
     measurement: Measurement
     readings: tuple[PixelMeasurement, ...] = ()
     half_turn: SE3 | None = None
+    eye_joints: Array | None = None
+    hand_joints: Array | None = None
 
     def __len__(self) -> int:
         return len(self.sample)
@@ -77,6 +83,8 @@ class ViewGroup:
             hand_stand=self.hand_stand[views],
             measurement=self.measurement.take(views),
             readings=tuple(r.take(views) for r in self.readings),
+            eye_joints=None if self.eye_joints is None else self.eye_joints[views],
+            hand_joints=None if self.hand_joints is None else self.hand_joints[views],
         )
 
     def with_noise(self, noise: Noise) -> ViewGroup:
@@ -112,7 +120,10 @@ class Problem:
         point_mounts: Names of the mounts of single points, which have three columns.
         lenses: What is known of the lenses of cameras with pixels, by camera.
         stops: The robots' stops.
-        columns: Where each unknown that is not fixed stands in the step, by the transform's or the camera's name.
+        columns: Where each unknown that is not fixed stands in the step, by the transform's or the camera's name, or as
+            `<robot>_joint_offsets` and `<robot>_link_parameters`.
+        models: What is estimated of the robots' own kinematics, by robot.
+        chains: Kinematics as stated of the robots that have some, by robot.
         unstated: Names of the robots that state no noise.
     """
 
@@ -124,6 +135,8 @@ class Problem:
     stops: Stops
     columns: Mapping[str, slice]
     unstated: frozenset[str] = frozenset()
+    models: Mapping[str, RobotModel] = field(default_factory=dict)
+    chains: Mapping[str, SerialChain] = field(default_factory=dict)
 
     @property
     def width(self) -> int:
@@ -138,6 +151,17 @@ class Problem:
         """The same unknowns with other views."""
         return replace(self, groups=tuple(groups))
 
+    def with_models(self, models: Mapping[str, RobotModel]) -> Problem:
+        """The same with other columns of the robots' kinematics, after all others."""
+        replaced = {name for model in self.models.values() for name in model.widths}
+        columns = {name: where for name, where in self.columns.items() if name not in replaced}
+        at = max((c.stop for c in columns.values()), default=0)
+        for model in models.values():
+            for name, width in model.widths.items():
+                columns[name] = slice(at, at + width)
+                at += width
+        return replace(self, columns=columns, models=models)
+
 
 @dataclass(frozen=True, eq=False)
 class State:
@@ -147,11 +171,17 @@ class State:
         transforms: By name.
         cameras: Lenses by camera.
         stop_errors: (k, 6) in sigmas, one row a stop.
+        robots: Kinematics of the robots where they are not as stated.
     """
 
     transforms: Mapping[str, SE3]
     cameras: Mapping[str, Camera]
     stop_errors: Array
+    robots: Mapping[str, Kinematics] = field(default_factory=dict)
+
+    def kinematics(self, model: RobotModel) -> Kinematics:
+        """Where a robot's kinematics are, as stated unless moved."""
+        return self.robots.get(model.robot) or nominal(model.chain)
 
     def camera_from_target(self, group: ViewGroup, stops: Stops) -> SE3:
         """Predicted poses of the target in the camera, (n,)."""
@@ -182,11 +212,11 @@ def chain(group: ViewGroup, state: State, stops: Stops) -> Chain:
     """
     target_from_hand_flange = state.transforms[group.target_mount].inverse()
     hand_flange_from_hand_base = group.hand_flange_from_hand_base
-    if _has_noise(group.hand_stop):
-        hand_flange_from_hand_base = _disturbed(
-            group.hand_base_from_hand_flange, group.hand_stop, state, stops
-        ).inverse()
-    eye_base_from_eye_flange = _disturbed(group.eye_base_from_eye_flange, group.eye_stop, state, stops)
+    if _has_noise(group.hand_stop) or group.hand in state.robots:
+        hand_flange = _modelled(group.hand, group.hand_joints, group.hand_base_from_hand_flange, state)
+        hand_flange_from_hand_base = _disturbed(hand_flange, group.hand_stop, state, stops).inverse()
+    eye_flange = _modelled(group.eye, group.eye_joints, group.eye_base_from_eye_flange, state)
+    eye_base_from_eye_flange = _disturbed(eye_flange, group.eye_stop, state, stops)
     target_from_hand_base = target_from_hand_flange @ hand_flange_from_hand_base
     target_from_eye_base = target_from_hand_base @ _relation(group, state).inverse()
     target_from_eye_flange = target_from_eye_base @ eye_base_from_eye_flange
@@ -202,6 +232,12 @@ def _relation(group: ViewGroup, state: State) -> SE3:
     world_from_eye_base = identity if group.eye_base is None else state.transforms[group.eye_base]
     world_from_hand_base = identity if group.hand_base is None else state.transforms[group.hand_base]
     return world_from_eye_base.inverse() @ world_from_hand_base
+
+
+def _modelled(robot: str | None, joints: Array | None, recorded: SE3, state: State) -> SE3:
+    """Poses of a flange by the robot's kinematics as they are: the recorded ones where these are as stated."""
+    kinematics = state.robots.get(robot or "")
+    return recorded if kinematics is None or joints is None else kinematics.forward(joints)
 
 
 def _has_noise(stop: IntArray) -> bool:

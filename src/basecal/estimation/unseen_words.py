@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from basecal.estimation.problem import Problem, State
+from basecal.estimation.robot_model import LINKS
 from basecal.geometry import Array, IntArray
 
 _LITTLE = 0.2
@@ -130,8 +131,17 @@ def _of_other(problem: Problem, direction: Array) -> Unseen:
     size = {name: float(np.linalg.norm(_block(problem, direction, name))) for name in problem.columns}
     main = max((name for name in size if name not in problem.unknowns), key=lambda name: size[name])
     along = [name for name in size if name != main and size[name] > _ALONG * size[main]]
-    what = f"the lens of {main}" if main in problem.lenses else main
+    what = f"the lens of {main}" if main in problem.lenses else _of_robot(problem, _block(problem, direction, main), main)
     return Unseen(what, (main, *along))
+
+
+def _of_robot(problem: Problem, part: Array, name: str) -> str:
+    """The offset of the joint that turns most, or the links of its robot."""
+    model = next(model for model in problem.models.values() if name in model.widths)
+    if name.endswith(LINKS):
+        return f"an error of the links of {model.robot}"
+    joint = int(model.joints[np.argmax(np.abs(part))])
+    return f"the offset of joint {joint + 1} of {model.robot} ({model.chain.joint_names[joint]})"
 
 
 def _clusters(problem: Problem, space: Array) -> list[list[str]]:

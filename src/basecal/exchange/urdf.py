@@ -1,10 +1,18 @@
-"""A transform as a URDF says it: metres, and angles about the fixed axes x, y, z."""
+"""A transform as a URDF says it, and a URDF with a robot's calibration in it: metres, angles about fixed x, y, z."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
-from basecal.geometry import SE3
+import numpy as np
+
+from basecal.errors import InputError
+from basecal.geometry import SE3, Array
+from basecal.kinematics import SerialChain, parse_chain, way_names
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
 
 
 def numbers(values: Iterable[float], digits: int = 9) -> str:
@@ -15,3 +23,126 @@ def numbers(values: Iterable[float], digits: int = 9) -> str:
 def origin_line(parent_from_child: SE3) -> str:
     """The `<origin>` of the joint that holds the child's frame in the parent's."""
     return f'<origin xyz="{numbers(parent_from_child.translation)}" rpy="{numbers(parent_from_child.rpy)}"/>'
+
+
+def corrected_urdf(
+    text: str | bytes, base_link: str, flange_link: str, offsets: Array | None = None, links: Array | None = None
+) -> str:
+    """A URDF whose robot stands at recorded joints where the calibrated one does.
+
+    An offset turns what hangs on a joint about its axis, a link error moves an origin on its right before that:
+    origin' = origin @ SE3.exp(link) @ turn(axis, offset). All else of the URDF stays as it is.
+
+    Args:
+        text: The URDF.
+        base_link: Root of the chain that was calibrated.
+        flange_link: Its tip.
+        offsets: (n,) joint offsets [rad]; none where None.
+        links: (n + 1, 6) right tangents of the origins, then of the tip [m, rad]; none where None.
+
+    Raises:
+        DatasetError: if the URDF cannot be used.
+        FrameNotFound: if a link does not exist.
+        InputError: if the tip is moved and no fixed joint follows the last one, where that could be written.
+    """
+    from xml.etree.ElementTree import tostring
+
+    chain = parse_chain(text, base_link, flange_link)
+    joint_moves, tip_move = _moves(chain, offsets, links)
+    root = _parsed(text)
+    by_name = {str(element.get("name")): element for element in root.findall("joint")}
+    for name, move in zip(chain.joint_names, joint_moves, strict=True):
+        _move(by_name[name], move)
+    if np.any(tip_move.log()):
+        last = way_names(text, base_link, flange_link)[-1]
+        if last in chain.joint_names:
+            raise InputError(
+                f"the calibration moves the tip of the chain, and {flange_link!r} hangs on the turning joint {last!r}: "
+                "end the chain at a link behind a fixed joint"
+            )
+        _move(by_name[last], tip_move)
+    return tostring(root, encoding="unicode", xml_declaration=True) + "\n"
+
+
+def chain_urdf(chain: SerialChain, base_link: str, flange_link: str, name: str = "robot") -> str:
+    """The URDF of a chain and nothing else.
+
+    Args:
+        chain: The arm; a joint without limits is written as `continuous`.
+        base_link: What to call its root.
+        flange_link: What to call its tip.
+        name: What to call the robot.
+    """
+    from xml.etree.ElementTree import Element, SubElement, indent, tostring
+
+    root = Element("robot", name=name)
+    links = [base_link, *(f"{joint}_link" for joint in chain.joint_names), flange_link]
+    for link in links:
+        SubElement(root, "link", name=link)
+    origins = [*(chain.origins[i] for i in range(chain.n)), chain.tip]
+    names = (*chain.joint_names, f"{flange_link}_joint")
+    for k, (joint, origin) in enumerate(zip(names, origins, strict=True)):
+        limited = k < chain.n and bool(np.all(np.isfinite([chain.lower[k], chain.upper[k]])))
+        kind = "fixed" if k == chain.n else "revolute" if limited else "continuous"
+        element = SubElement(root, "joint", name=joint, type=kind)
+        SubElement(element, "parent", link=links[k])
+        SubElement(element, "child", link=links[k + 1])
+        SubElement(element, "origin", xyz=_exactly(origin.translation), rpy=_exactly(_angles(origin.rotation)))
+        if k < chain.n:
+            SubElement(element, "axis", xyz=_exactly(chain.axes[k]))
+        if limited:
+            lower, upper = repr(float(chain.lower[k])), repr(float(chain.upper[k]))
+            SubElement(element, "limit", lower=lower, upper=upper, effort="100", velocity="3")
+    indent(root)
+    return tostring(root, encoding="unicode", xml_declaration=True) + "\n"
+
+
+def _moves(chain: SerialChain, offsets: Array | None, links: Array | None) -> tuple[list[SE3], SE3]:
+    """What each joint's origin, and the tip, is moved by on its right."""
+    tangents = np.zeros((chain.n + 1, 6)) if links is None else links
+    turns = chain.axes * (np.zeros(chain.n) if offsets is None else offsets)[:, None]
+    moved = [SE3.exp(tangents[i]) @ SE3.from_rotvec(turns[i], np.zeros(3)) for i in range(chain.n)]
+    return moved, SE3.exp(tangents[-1])
+
+
+def _parsed(text: str | bytes) -> Element:
+    """The root element, comments inside it kept."""
+    from xml.etree.ElementTree import TreeBuilder
+
+    from defusedxml.ElementTree import XMLParser
+
+    parser = XMLParser(target=TreeBuilder(insert_comments=True))
+    parser.feed(text)
+    root: Element = parser.close()
+    return root
+
+
+def _move(joint: Element, move: SE3) -> None:
+    """Write a moved origin, with as many digits as bring it back exactly."""
+    from xml.etree.ElementTree import SubElement
+
+    if not np.any(move.log()):
+        return
+    origin = joint.find("origin")
+    origin = SubElement(joint, "origin") if origin is None else origin
+    rpy, xyz = ([float(word) for word in origin.get(key, "0 0 0").split()] for key in ("rpy", "xyz"))
+    moved = SE3.from_rpy(rpy, xyz) @ move
+    origin.set("xyz", _exactly(moved.translation))
+    origin.set("rpy", _exactly(_angles(moved.rotation)))
+
+
+def _exactly(values: Array) -> str:
+    return " ".join(repr(float(value) + 0.0) for value in values)
+
+
+def _angles(rotation: Array) -> Array:
+    """Angles about the fixed axes x, y, z whose product is the rotation to the last digit, near a pitch of 90 deg too.
+
+    There yaw alone is ill-defined; the roll is what is left after it. Source: Shoemake 1994.
+    """
+    r = rotation
+    yaw = np.arctan2(r[1, 0], r[0, 0])
+    pitch = np.arctan2(-r[2, 0], np.hypot(r[0, 0], r[1, 0]))
+    sin, cos = np.sin(yaw), np.cos(yaw)
+    roll = np.arctan2(sin * r[0, 2] - cos * r[1, 2], cos * r[1, 1] - sin * r[0, 1])
+    return np.array([roll, pitch, yaw])

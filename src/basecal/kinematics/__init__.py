@@ -2,6 +2,6 @@
 
 from basecal.kinematics.chain import SerialChain
 from basecal.kinematics.inverse import inverse
-from basecal.kinematics.urdf import parse_chain, read_chain
+from basecal.kinematics.urdf import parse_chain, read_chain, way_names
 
-__all__ = ["SerialChain", "inverse", "parse_chain", "read_chain"]
+__all__ = ["SerialChain", "inverse", "parse_chain", "read_chain", "way_names"]

@@ -62,6 +62,20 @@ def parse_chain(text: str | bytes, base_link: str, flange_link: str, path: str =
         DatasetError: as `read_chain`, naming `path`.
         FrameNotFound: if a link does not exist.
     """
+    return _assembled(_way_in(text, base_link, flange_link, path))
+
+
+def way_names(text: str | bytes, base_link: str, flange_link: str, path: str = "<text>") -> tuple[str, ...]:
+    """Names of all joints from `base_link` to `flange_link`, fixed ones among them.
+
+    Raises:
+        DatasetError: as `read_chain`, naming `path`.
+        FrameNotFound: if a link does not exist.
+    """
+    return tuple(joint.name for joint in _way_in(text, base_link, flange_link, path))
+
+
+def _way_in(text: str | bytes, base_link: str, flange_link: str, path: str) -> list[_Joint]:
     root = _root(text, path)
     links = _unique([_attribute(path, element, "name") for element in root.findall("link")], "link", path)
     joints = [_joint(path, element) for element in root.findall("joint")]
@@ -70,7 +84,7 @@ def parse_chain(text: str | bytes, base_link: str, flange_link: str, path: str =
     for link in (base_link, flange_link):
         if link not in links:
             raise FrameNotFound(link, links)
-    return _assembled(_way(above, base_link, flange_link, path))
+    return _way(above, base_link, flange_link, path)
 
 
 def _root(text: str | bytes, path: str) -> Element:

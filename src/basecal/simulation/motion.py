@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from basecal.errors import InputError
 from basecal.geometry import SE3, Array, Camera
 from basecal.geometry.se3 import rotation_exp
 from basecal.simulation import draw
+from basecal.simulation.arms import Arm, joints_near
 from basecal.simulation.draw import Generator
 from basecal.simulation.layout import View
 from basecal.simulation.scenario import Scenario
@@ -34,11 +35,13 @@ class Motion:
         group: Number of the group.
         recorded: By robot, (n,): what is recorded.
         true: By robot, (n,): where it was.
+        joints: By robot given by joints, (n, joints): what is recorded [rad].
     """
 
     group: int
     recorded: States
     true: States
+    joints: Mapping[str, Array] = field(default_factory=dict)
 
 
 def visible(camera: Camera, points_in_camera: Array, margin_px: float) -> Mask:
@@ -114,7 +117,15 @@ def _taken(states: list[States], n: int) -> States:
     }
 
 
-def _draw(scene: Scene, scenario: Scenario, group: int, still: States, n: int, rng: Generator) -> Motion:
+def _of_arm(arm: Arm, place: SE3, noise: SE3) -> tuple[SE3, SE3, Array, Mask]:
+    """Recorded and true poses of an arm sent to places, its joints, and which it reaches."""
+    joints, reached = joints_near(arm.chain, place, arm.home)
+    return arm.chain.forward(joints), arm.true.forward(joints) @ noise, joints, reached
+
+
+def _draw(
+    scene: Scene, scenario: Scenario, group: int, still: States, n: int, rng: Generator, arms: Mapping[str, Arm]
+) -> Motion:
     """`n` samples with the robots of `still` there, at one stop, and the group's others moving.
 
     Raises:
@@ -122,32 +133,45 @@ def _draw(scene: Scene, scenario: Scenario, group: int, still: States, n: int, r
     """
     robots = scene.homes[group]
     offset = {robot: SE3.exp(draw.tangents(rng, 1, scenario.robot_noise)) for robot in still}
-    batches: list[tuple[States, States]] = []
+    batches: list[tuple[States, States, dict[str, Array]]] = []
     found = 0
     size = 2 * n + 16
     for _ in range(_ROUNDS):
-        recorded, true = {}, {}
+        recorded, true, joints = {}, {}, {}
+        reached = np.ones(size, dtype=bool)
         for robot in robots:
             moves = robot not in still
             place = _moved(scene, scenario, group, robot, size, rng) if moves else _repeated(still[robot], size)
-            recorded[robot] = place
-            true[robot] = place @ (SE3.exp(draw.tangents(rng, size, scenario.robot_noise)) if moves else offset[robot])
-        kept = _enough(scene, scenario, group, true)
-        batches.append(({r: p[kept] for r, p in recorded.items()}, {r: p[kept] for r, p in true.items()}))
+            noise = SE3.exp(draw.tangents(rng, size, scenario.robot_noise)) if moves else offset[robot]
+            recorded[robot], true[robot] = place, place @ noise
+            if robot in arms:
+                recorded[robot], true[robot], joints[robot], within = _of_arm(arms[robot], place, noise)
+                reached &= within
+        kept = _enough(scene, scenario, group, true) & reached
+        batches.append(
+            ({r: p[kept] for r, p in recorded.items()}, {r: p[kept] for r, p in true.items()}, _kept(joints, kept))
+        )
         found += int(kept.sum())
         if found >= n:
-            return Motion(group, _taken([b[0] for b in batches], n), _taken([b[1] for b in batches], n))
+            all_joints = {r: np.concatenate([b[2][r] for b in batches])[:n] for r in joints}
+            return Motion(group, _taken([b[0] for b in batches], n), _taken([b[1] for b in batches], n), all_joints)
     raise InputError(
         f"only {found} of {n} samples see the target after {_ROUNDS * size} tries: "
         "make spread_rad, position_m or robot_noise smaller, or distance_m greater"
     )
 
 
+def _kept(joints: Mapping[str, Array], kept: Mask) -> dict[str, Array]:
+    return {robot: q[kept] for robot, q in joints.items()}
+
+
 def _still(scene: Scene, group: int, robots: tuple[str, ...]) -> States:
     return {robot: scene.homes[group][robot] for robot in robots}
 
 
-def _parts(scene: Scene, scenario: Scenario, group: int, n: int, rng: Generator) -> list[tuple[States, int]]:
+def _parts(
+    scene: Scene, scenario: Scenario, group: int, n: int, rng: Generator, arms: Mapping[str, Arm]
+) -> list[tuple[States, int]]:
     """Which robots stand still where, and for how many samples, one part after another."""
     movers = scene.layout.movers(scene.layout.groups[group])
     if not scenario.spread_rad and not scenario.position_m:
@@ -161,7 +185,7 @@ def _parts(scene: Scene, scenario: Scenario, group: int, n: int, rng: Generator)
     if scenario.arms == "halves":
         return [(hand_still, n - n // 2), (eye_still, n // 2)]
     if scenario.arms == "stations":
-        stops = _draw(scene, scenario, group, hand_still, min(scenario.stations, n), rng).recorded[eye[0]]
+        stops = _draw(scene, scenario, group, hand_still, min(scenario.stations, n), rng, arms).recorded[eye[0]]
         return [({eye[0]: stops[k]}, len(part)) for k, part in enumerate(_split(n, len(stops)))]
     return [(eye_still if scenario.arms == "eye_still" else hand_still, n)]
 
@@ -170,7 +194,7 @@ def _split(n: int, parts: int) -> list[NDArray[np.int64]]:
     return np.array_split(np.arange(n), parts)
 
 
-def draw_motions(scene: Scene, scenario: Scenario, rng: Generator) -> list[Motion]:
+def draw_motions(scene: Scene, scenario: Scenario, rng: Generator, arms: Mapping[str, Arm]) -> list[Motion]:
     """All samples of a scenario: its groups share them evenly, one after another; a part with no sample is left out.
 
     Raises:
@@ -181,6 +205,6 @@ def draw_motions(scene: Scene, scenario: Scenario, rng: Generator) -> list[Motio
         (group, *part)
         for group, share in zip(groups, _split(scenario.samples, len(groups)), strict=True)
         if len(share)
-        for part in _parts(scene, scenario, group, len(share), rng)
+        for part in _parts(scene, scenario, group, len(share), rng, arms)
     ]
-    return [_draw(scene, scenario, group, still, n, rng) for group, still, n in parts if n]
+    return [_draw(scene, scenario, group, still, n, rng, arms) for group, still, n in parts if n]

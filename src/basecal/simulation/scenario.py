@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 from basecal.cell.cell import Cell, Status
 from basecal.cell.recording import Recording
 from basecal.cell.target import Target
 from basecal.errors import InputError
+from basecal.estimation.robot_model import Kinematics
 from basecal.geometry import SE3, Camera
 
 Seen = Literal["charuco", "chessboard", "points", "led", "pose", "points3d"]
@@ -23,6 +24,7 @@ _CHOICES = {
     "layout": get_args(LayoutName),
     "lens": get_args(Lens),
     **dict.fromkeys(("base", "camera_mount", "target_mount", "intrinsics"), get_args(Status)),
+    **dict.fromkeys(("joint_offsets", "link_parameters"), get_args(Status)),
 }
 
 
@@ -64,6 +66,11 @@ class Scenario:
         position_m: Besides turning about the target, flanges shift by at most this, uniformly in a ball.
         distance_m: Least and greatest distance of target and camera at the home poses.
         partial: Whether views of a part of the target are kept, from 8 points on.
+        joints: Whether robots are arms of six axes that record joints; not for the layout `chain`.
+        joint_offset_rad: Sigma of each joint's true offset [rad].
+        link_error: True sigmas of the errors of each origin and the tip of an arm.
+        joint_offsets: What the cell tells of the offsets; a prior has the true sigma.
+        link_parameters: What the cell tells of the links; a prior has the true sigmas.
     """
 
     samples: int = 30
@@ -93,15 +100,21 @@ class Scenario:
     position_m: float = 0.12
     distance_m: tuple[float, float] = (0.5, 0.9)
     partial: bool = False
+    joints: bool = False
+    joint_offset_rad: float = 0.0
+    link_error: tuple[float, float] = (0.0, 0.0)
+    joint_offsets: Status = "fixed"
+    link_parameters: Status = "fixed"
 
     def __post_init__(self) -> None:
-        for field, choices in _CHOICES.items():
-            if getattr(self, field) not in choices:
-                raise InputError(f"{field} is {getattr(self, field)!r}, expected one of: {', '.join(choices)}")
+        for name, choices in _CHOICES.items():
+            if getattr(self, name) not in choices:
+                raise InputError(f"{name} is {getattr(self, name)!r}, expected one of: {', '.join(choices)}")
         if self.samples < 1 or self.stations < 1 or self.robots < 2:
             raise InputError("a scenario needs samples >= 1, stations >= 1 and robots >= 2")
         sigmas = (self.pixel_px, self.point_m, *self.robot_noise, *self.pose_noise)
-        if not all(sigma >= 0 for sigma in (*sigmas, self.spread_rad, self.position_m)):
+        of_arms = (self.joint_offset_rad, *self.link_error)
+        if not all(sigma >= 0 for sigma in (*sigmas, *of_arms, self.spread_rad, self.position_m)):
             raise InputError("sigmas and spreads of a scenario must be numbers >= 0")
 
 
@@ -116,6 +129,7 @@ class SimulatedCell:
         cameras: The true lenses, by name.
         true_base_from_flange: (samples,) by robot: where it was, of which `recording` holds what it said. The truth
             is `recorded @ SE3.exp(e)`, one `e` per robot and stop.
+        robots: The true kinematics of robots given by joints.
     """
 
     cell: Cell
@@ -123,3 +137,4 @@ class SimulatedCell:
     truth: Mapping[str, SE3]
     cameras: Mapping[str, Camera]
     true_base_from_flange: Mapping[str, SE3]
+    robots: Mapping[str, Kinematics] = field(default_factory=dict)

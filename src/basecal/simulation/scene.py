@@ -94,7 +94,7 @@ def _views(rng: Generator, scenario: Scenario, target: Target, n: int) -> SE3:
     return SE3(rotation, centre - rotation @ target.points.mean(0))
 
 
-def _as_point(pose: SE3, target: Target) -> SE3:
+def as_point(pose: SE3, target: Target) -> SE3:
     """The pose without rotation that leaves the target's only point where it is."""
     return SE3(np.broadcast_to(np.eye(3), pose.rotation.shape).copy(), pose @ target.points[0] - target.points[0])
 
@@ -106,7 +106,7 @@ def _settle(name: str, world_from_thing: SE3, scene: Scene, flanges: dict[str, S
     if carrier != WORLD:
         flanges[carrier] = world_from_thing @ scene.mounts[name].inverse()
     elif target is not None and target.is_point:
-        fixed[name] = _as_point(world_from_thing, target)
+        fixed[name] = as_point(world_from_thing, target)
     else:
         fixed[name] = world_from_thing
 

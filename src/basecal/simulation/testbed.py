@@ -6,6 +6,7 @@ import numpy as np
 
 from basecal.cell.recording import Recording, RobotState, Sample
 from basecal.geometry import SE3
+from basecal.simulation.arms import with_arms
 from basecal.simulation.layout import layout_of
 from basecal.simulation.motion import Motion, draw_motions
 from basecal.simulation.observe import observe
@@ -25,6 +26,18 @@ def _laid_end_to_end(motions: list[Motion], scene: Scene, recorded: bool) -> dic
     return {robot: SE3.stack(found) for robot, found in poses.items()}
 
 
+def _recorded(motions: list[Motion], scene: Scene) -> dict[str, list[RobotState]]:
+    """What every robot says in every sample: its joints where it has any, else its pose."""
+    poses = _laid_end_to_end(motions, scene, recorded=True)
+    joints = {robot: np.concatenate([motion.joints[robot] for motion in motions]) for robot in motions[0].joints}
+    return {
+        robot: [RobotState(joints_rad=q) for q in joints[robot]]
+        if robot in joints
+        else [RobotState(found[k]) for k in range(len(found))]
+        for robot, found in poses.items()
+    }
+
+
 def simulate(scenario: Scenario, seed: int) -> SimulatedCell:
     """A cell of the scenario's kind, a recording of it, and the truth.
 
@@ -34,15 +47,17 @@ def simulate(scenario: Scenario, seed: int) -> SimulatedCell:
     Raises:
         InputError: if the scenario's arms do not suit its layout, or hardly any pose sees the target.
     """
-    for_scene, for_motion, for_noise, for_priors = np.random.default_rng(seed).spawn(4)
+    for_scene, for_motion, for_noise, for_priors, for_arms = np.random.default_rng(seed).spawn(5)
     scene = draw_scene(scenario, layout_of(scenario.layout, scenario.robots), for_scene)
-    motions = draw_motions(scene, scenario, for_motion)
+    scene, arms = with_arms(scene, scenario, for_arms) if scenario.joints else (scene, {})
+    motions = draw_motions(scene, scenario, for_motion, arms)
     seen = [found for motion in motions for found in observe(motion, scene, scenario, for_noise)]
-    recorded = _laid_end_to_end(motions, scene, recorded=True)
+    recorded = _recorded(motions, scene)
     samples = tuple(
-        Sample(k, float(k), {robot: RobotState(poses[k]) for robot, poses in recorded.items()}, observations)
+        Sample(k, float(k), {robot: states[k] for robot, states in recorded.items()}, observations)
         for k, observations in enumerate(seen)
     )
-    cell = told(scene, scenario, for_priors)
+    cell = told(scene, scenario, for_priors, arms)
     true = _laid_end_to_end(motions, scene, recorded=False)
-    return SimulatedCell(cell, Recording(samples), truth(scene, cell), scene.lenses, true)
+    robots = {robot: arm.true for robot, arm in arms.items()}
+    return SimulatedCell(cell, Recording(samples), truth(scene, cell), scene.lenses, true, robots)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
-from basecal.cell.cell import Cell, CellCamera, CellTarget, Intrinsics, Robot, Status, Unknown
+from basecal.cell.cell import Cell, CellCamera, CellTarget, Intrinsics, Parameters, Robot, Status, Unknown
 from basecal.geometry import SE3, Array, Camera
 from basecal.simulation import draw
+from basecal.simulation.arms import BASE_LINK, FLANGE_LINK, Arm
 from basecal.simulation.draw import Generator
 from basecal.simulation.scenario import Scenario
 from basecal.simulation.scene import Scene
@@ -55,7 +58,19 @@ def _target(name: str, scene: Scene, scenario: Scenario, rng: Generator) -> Cell
     return CellTarget(name, scene.layout.targets[name], mount, None if scenario.target == "pose" else shape)
 
 
-def told(scene: Scene, scenario: Scenario, rng: Generator) -> Cell:
+def _robot(name: str, noise: Array | None, scenario: Scenario, arm: Arm | None) -> Robot:
+    if arm is None:
+        return Robot(name, noise)
+    metres, radians = scenario.link_error
+    offsets, links = Parameters(scenario.joint_offsets), Parameters(scenario.link_parameters)
+    if offsets.status == "prior":
+        offsets = Parameters("prior", scenario.joint_offset_rad)
+    if links.status == "prior":
+        links = Parameters("prior", radians, metres)
+    return Robot(name, noise, arm.chain, offsets, links, f"{name}.urdf", BASE_LINK, FLANGE_LINK)
+
+
+def told(scene: Scene, scenario: Scenario, rng: Generator, arms: Mapping[str, Arm]) -> Cell:
     """The cell as a solver is told of it."""
     reference, *others = scene.layout.robots
     stated = scenario.state_robot_noise and any(scenario.robot_noise)
@@ -63,7 +78,7 @@ def told(scene: Scene, scenario: Scenario, rng: Generator) -> Cell:
     seen_in_pixels = scenario.target not in ("pose", "points3d")
     return Cell(
         reference,
-        robots={name: Robot(name, noise) for name in scene.layout.robots},
+        robots={name: _robot(name, noise, scenario, arms.get(name)) for name in scene.layout.robots},
         bases={name: _unknown(scenario.base, scene.bases[name], scenario.base_prior, rng) for name in others},
         cameras={name: _camera(name, scene, scenario, rng) for name in scene.layout.cameras},
         targets={name: _target(name, scene, scenario, rng) for name in scene.layout.targets},

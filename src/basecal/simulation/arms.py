@@ -1,0 +1,117 @@
+"""Robots given by joints: a made-up arm of six axes, how it truly stands, and joints that bring it to poses.
+
+The arm's numbers are made up: a shoulder, two links of 0.42 and 0.39 m, and a wrist whose axes do not meet.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from basecal.cell.cell import WORLD
+from basecal.errors import InputError
+from basecal.estimation.robot_model import Kinematics
+from basecal.geometry import SE3, Array, BoolArray
+from basecal.geometry.se3 import right_jacobian_inverse
+from basecal.kinematics import SerialChain
+from basecal.simulation.draw import Generator
+from basecal.simulation.scenario import Scenario
+from basecal.simulation.scene import Scene, as_point
+
+BASE_LINK, FLANGE_LINK = "base_link", "tool0"
+_NAMES = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
+_QUARTER = np.pi / 2
+_PLACES = ((0, 0, 0.16), (0, 0.05, 0), (-0.42, 0, 0), (-0.39, 0, 0.12), (0, -0.1, 0), (0, 0.095, 0))
+_TURNS = ((0, 0, 0), (_QUARTER, 0, 0), (0, 0, 0), (0, 0, 0), (_QUARTER, 0, 0), (-_QUARTER, 0, 0))
+_MIDDLE = (0.0, -1.2, 1.5, -1.8, 1.4, 0.0)  # bent elbow and wrist: no axes in line
+_REACH = (np.pi, 0.4, 0.4, 0.5, 0.5, np.pi)
+_STEPS = 25
+_LARGEST_STEP = 0.5  # [rad]
+_DAMPING = 1e-6
+_REACHED = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """A robot given by joints.
+
+    Attributes:
+        chain: Its kinematics as told.
+        true: Its kinematics as they are.
+        home: (n,) joints [rad] at its home pose.
+    """
+
+    chain: SerialChain
+    true: Kinematics
+    home: Array
+
+
+def six_axis() -> SerialChain:
+    """The made-up arm."""
+    origins = SE3.stack([SE3.from_rpy(turn, place) for turn, place in zip(_TURNS, _PLACES, strict=True)])
+    tip = SE3.from_rpy((0, 0, 0), (0, 0, 0.09))
+    axes = np.tile([0.0, 0.0, 1.0], (6, 1))
+    return SerialChain(_NAMES, origins, axes, tip, np.full(6, -2 * np.pi), np.full(6, 2 * np.pi))
+
+
+def with_arms(scene: Scene, scenario: Scenario, rng: Generator) -> tuple[Scene, dict[str, Arm]]:
+    """The scene with its bases put where its homes are within the arms' reach, and the arms.
+
+    What stands on the world keeps its place before the robots, so that every view of the homes stays as it was.
+
+    Raises:
+        InputError: if a robot has several homes.
+    """
+    if len(scene.homes) != 1:
+        raise InputError(f"layout {scenario.layout!r} has robots with several homes: joints suit the other layouts")
+    homes, bases, arms = dict(scene.homes[0]), dict(scene.bases), {}
+    for robot in scene.layout.robots:
+        arms[robot] = _arm(scenario, rng)
+        home = arms[robot].chain.forward(arms[robot].home)
+        if robot in homes:
+            bases[robot] = bases[robot] @ homes[robot] @ home.inverse()
+        homes[robot] = home
+    new_from_old = bases[scene.layout.robots[0]].inverse()
+    carried = {**scene.layout.cameras, **scene.layout.targets}
+    mounts = {
+        name: _placed(scene, name, new_from_old @ mount) if carried[name] == WORLD else mount
+        for name, mount in scene.mounts.items()
+    }
+    moved = {robot: new_from_old @ base for robot, base in bases.items()}
+    moved[scene.layout.robots[0]] = SE3.identity()
+    return replace(scene, bases=moved, mounts=mounts, homes=(homes,)), arms
+
+
+def _placed(scene: Scene, name: str, world_from_thing: SE3) -> SE3:
+    target = scene.shapes.get(name)
+    return as_point(world_from_thing, target) if target is not None and target.is_point else world_from_thing
+
+
+def _arm(scenario: Scenario, rng: Generator) -> Arm:
+    chain = six_axis()
+    home = np.array(_MIDDLE) + np.array(_REACH) * rng.uniform(-1, 1, chain.n)
+    offsets = scenario.joint_offset_rad * rng.standard_normal(chain.n)
+    links = rng.standard_normal((chain.n + 1, 6)) * np.repeat(scenario.link_error, 3)
+    return Arm(chain, Kinematics(chain, offsets, links), home)
+
+
+def joints_near(chain: SerialChain, base_from_flange: SE3, start: Array) -> tuple[Array, BoolArray]:
+    """Joints that bring the flange to poses, (m, n) [rad], and which of them do, (m,).
+
+    Args:
+        chain: The arm.
+        base_from_flange: (m,) where to.
+        start: (n,) joints that bring it near.
+    """
+    q = np.tile(start, (len(base_from_flange), 1))
+    for _ in range(_STEPS):
+        left = (chain.forward(q).inverse() @ base_from_flange).log()
+        jacobian = right_jacobian_inverse(-left) @ chain.jacobian(q)
+        transposed = np.swapaxes(jacobian, -1, -2)
+        normal = transposed @ jacobian + _DAMPING * np.eye(chain.n)
+        step = np.linalg.solve(normal, transposed @ left[..., None])[..., 0]
+        q += step * np.minimum(1.0, _LARGEST_STEP / np.maximum(np.abs(step).max(-1, keepdims=True), 1e-12))
+    left = (chain.forward(q).inverse() @ base_from_flange).log()
+    inside = np.all((q >= chain.lower) & (q <= chain.upper), axis=-1)
+    return q, (np.abs(left).max(-1) < _REACHED) & inside
