@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from basecal.accuracy.by_shifts import calibrate_by_shifts
+from basecal.accuracy.conventions import mixed_up
 from basecal.accuracy.fit import residuals
 from basecal.cell import Calibration, Cell, Finding, Recording, Residuals
 from basecal.cell.calibration import Severity, Verdict
@@ -49,6 +50,7 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
         return calibrate_by_shifts(cell, problem, settings, findings)
     solution = solve_packed(problem, cell, settings)
     fit = residuals(solution)
+    findings += mixed_up(cell, recording, problem, solution, settings)
     findings += _unseen(cell, solution) + _not_converged(solution) + _poor_fit(solution, fit) + _outliers(solution)
     return _calibration(cell, solution, fit, settings, findings)
 
