@@ -10,6 +10,7 @@ import numpy as np
 
 from basecal.accuracy.blind_spots import seeing_findings
 from basecal.accuracy.by_shifts import calibrate_by_shifts
+from basecal.accuracy.conventions import mixed_up
 from basecal.accuracy.fit import residuals
 from basecal.accuracy.priors import contradicted_priors
 from basecal.accuracy.validation import validate
@@ -60,6 +61,7 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
     findings += replaced
     fit = residuals(solution)
     findings += [*solution.findings, *contradicted_priors(solution)]
+    findings += mixed_up(cell, recording, problem, solution, settings)
     findings += _unseen(cell, solution) + _not_converged(solution) + _poor_fit(solution, fit) + _outliers(solution)
     findings += _unseen(cell, solution) + _not_converged(solution)
     findings += robot_model_findings(choose_robot_model(solution, settings))

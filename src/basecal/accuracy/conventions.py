@@ -1,0 +1,268 @@
+"""An automatic test of conventions: does another reading of the input explain it, better than the declared one or as well?
+
+A reading is named only where it predicts held-out samples, contradicts no hard fact and moves what is asked. Nothing
+is ever applied. docs/conventions_test.md tells which mix-ups can be told apart by which data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from basecal.accuracy.held_out import PIXEL_SCALE, HeldOut, held_out, in_order, thinned
+from basecal.accuracy.loop_fit import fit_loops, sight_for, trimmed
+from basecal.accuracy.physical_sense import impossible_answer, impossible_input
+from basecal.accuracy.readings import AS_DECLARED, Reading, readings_of, streams
+from basecal.accuracy.slips import half_turns, slips
+from basecal.accuracy.target_sizes import sizes
+from basecal.cell import Cell, Finding, Recording
+from basecal.cell.calibration import Severity
+from basecal.errors import BasecalError
+from basecal.estimation.lens_start import lens_from_views
+from basecal.estimation.measurement import PixelMeasurement
+from basecal.estimation.packing import pack
+from basecal.estimation.problem import Problem
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import Solution
+from basecal.geometry import SE3, Camera
+
+_SCREENED = 25
+_SOLVED = 40
+_LIGHTS_SCREENED = 14
+_FEWEST = 5
+_ALIKE = 1.1
+_FAR_WORSE = 2.0
+_NEAR = 3.0
+_FLOOR_RAD = 0.01
+_LIGHT_FLOOR_RAD = 0.002
+_MOST_SOLVED = 8
+_SIGMAS = 3.0
+_SMALLEST_SIGMA = 1e-9
+_PLAUSIBLE_PX = 3.0
+_PLAUSIBLE_RAD = 0.03
+_PLAUSIBLE_SIGMAS = 4.0
+_EXPLAINED = 1.15
+
+
+@dataclass(frozen=True, eq=False)
+class _Tried:
+    """A reading and how it predicts; `impossible` tells the facts that it contradicts."""
+
+    reading: Reading
+    fit: HeldOut
+    impossible: tuple[str, ...]
+
+
+def mixed_up(
+    cell: Cell, recording: Recording, problem: Problem, solution: Solution, settings: Settings
+) -> tuple[Finding, ...]:
+    """Findings about conventions that the input seems to break, or that it leaves open.
+
+    Args:
+        cell: As declared.
+        recording: As recorded.
+        problem: What was packed of both.
+        solution: What they gave.
+        settings: How they were solved.
+
+    Returns:
+        An error for each reading that explains the data better than the declared one, or as well where the declared
+        one cannot be; one `ambiguous-reading` for those that explain it as well. Nothing where no reading does.
+    """
+    recording = in_order(recording)
+    if len(recording.samples) < _FEWEST or not problem.groups:
+        return ()
+    whole = held_out(cell, thinned(recording, _SOLVED), settings, solution.state)
+    if whole is None:
+        whole = held_out(cell, thinned(recording, _SOLVED), settings)
+    if whole is None:
+        return ()
+    declared = _Tried(AS_DECLARED, whole, (*impossible_input(cell, recording), *impossible_answer(cell, whole)))
+    tried = _tried(cell, recording, problem, declared, settings)
+    return _decided(cell, declared, tried)
+
+
+def _tried(cell: Cell, recording: Recording, problem: Problem, declared: _Tried, settings: Settings) -> list[_Tried]:
+    """Readings that survive a quick look, fitted in earnest."""
+    lenses = _lenses(cell, problem)
+    found: list[_Tried] = []
+    for reading in _surviving(cell, recording, lenses, declared.fit):
+        found += _try(cell, recording, reading, settings)
+    if not _explained(declared.fit):
+        for reading in sizes(cell, thinned(recording, _SOLVED), lenses, declared.fit.solution.state):
+            found += _try(cell, recording, reading, settings)
+    if _has_tail(declared.fit) or not any(_plausible(each.fit) and not each.impossible for each in (declared, *found)):
+        for reading in [*slips(cell, recording, lenses, streams(_moving(recording))), *half_turns(cell, recording)]:
+            found += _try(cell, recording, reading, settings)
+    return found
+
+
+def _try(cell: Cell, recording: Recording, reading: Reading, settings: Settings) -> list[_Tried]:
+    told, rewritten = reading.apply(cell, recording)
+    facts = impossible_input(told, rewritten)
+    fit = None if facts else held_out(told, thinned(rewritten, _SOLVED), settings)
+    return [] if fit is None else [_Tried(reading, fit, impossible_answer(told, fit))]
+
+
+def _surviving(cell: Cell, recording: Recording, lenses: Mapping[str, Camera], declared: HeldOut) -> list[Reading]:
+    """Readings that close the loops about as well as the one that closes them best."""
+    moving = _moving(recording)
+    most = _LIGHTS_SCREENED if _sees_lights(declared.solution.problem) else _SCREENED
+    scores = []
+    for reading in readings_of(cell, recording):
+        if reading.nested or (reading.code == "pairing-shifted" and not set(reading.about) <= set(moving)):
+            continue
+        told, rewritten = reading.apply(cell, recording)
+        if not impossible_input(told, rewritten):
+            scores.append((_screened(told, rewritten, lenses, most), reading))
+    scores.sort(key=lambda each: each[0])
+    best = min([_screened(cell, recording, lenses, most), *(score for score, _ in scores[:1])])
+    limit = _NEAR * best + (_LIGHT_FLOOR_RAD if most == _LIGHTS_SCREENED else _FLOOR_RAD)
+    kept = [reading for score, reading in scores[:_MOST_SOLVED] if score < limit]
+    nested = [reading for reading in readings_of(cell, recording) if reading.nested]
+    return kept if _explained(declared) else [*kept, *nested]
+
+
+def _sees_lights(problem: Problem) -> bool:
+    return any(isinstance(g.measurement, PixelMeasurement) and g.measurement.seen.shape[1] < 4 for g in problem.groups)
+
+
+def _screened(cell: Cell, recording: Recording, lenses: Mapping[str, Camera], most: int) -> float:
+    """How nearly the loops of the pair that closes them worst can be closed [rad]."""
+    try:
+        problem, _ = pack(cell, thinned(recording, most))
+        fits = [fit_loops(sight_for(g, lenses.get(g.camera), most), problem) for g in problem.groups if len(g)]
+    except (BasecalError, np.linalg.LinAlgError):
+        return float("inf")
+    return max((trimmed(fit.off) for fit in fits), default=float("inf"))
+
+
+def _moving(recording: Recording) -> list[str]:
+    """Robots that do not stand still throughout, by pose or joints."""
+    states: dict[str, set[bytes]] = {}
+    for sample in recording.samples:
+        for name, state in sample.robots.items():
+            pose = state.base_from_flange
+            numbers = state.joints_rad if pose is None else np.append(pose.rotation, pose.translation)
+            states.setdefault(name, set()).add(np.asarray(numbers).tobytes())
+    return [name for name, different in states.items() if len(different) > 1]
+
+
+def _lenses(cell: Cell, problem: Problem) -> dict[str, Camera]:
+    """A lens for each camera with pixels: as stated, else from its views alone, which no robot misleads."""
+    found = {}
+    for name, lens in problem.lenses.items():
+        views = [g.measurement for g in problem.groups if g.camera == name]
+        pixels = [m for m in views if isinstance(m, PixelMeasurement)]
+        found[name] = lens.camera or lens_from_views(cell.cameras[name], pixels)
+    return found
+
+
+def _ratio(solution: Solution) -> float:
+    return float(np.sqrt(solution.cost / max(solution.dof, 1)))
+
+
+def _explained(fit: HeldOut) -> bool:
+    """Whether stated sigmas explain every residual, so that no wider model can gain a tenth."""
+    return not fit.solution.noise.estimated and _ratio(fit.solution) < _EXPLAINED and not _has_tail(fit)
+
+
+def _plausible(fit: HeldOut) -> bool:
+    """Whether data could have come from there: residuals of a few sigmas or pixels, not more."""
+    if not fit.solution.noise.estimated and _ratio(fit.solution) > _PLAUSIBLE_SIGMAS:
+        return False
+    return fit.core < (PIXEL_SCALE * _PLAUSIBLE_PX if fit.in_pixels else _PLAUSIBLE_RAD)
+
+
+def _has_tail(fit: HeldOut) -> bool:
+    return fit.whole > _FAR_WORSE * fit.core
+
+
+def _is_seen(cell: Cell, fit: HeldOut) -> bool:
+    return not any(name in fit.solution.seen.blind for name in cell.asked)
+
+
+def _alike(fit: HeldOut, other: HeldOut) -> bool:
+    """Whether a fit predicts at least about as well as another."""
+    return fit.core <= _ALIKE * other.core and fit.whole <= _ALIKE * other.whole
+
+
+def _better(fit: HeldOut, other: HeldOut) -> bool:
+    """Whether a fit predicts most samples or all of them better by a tenth, and neither worse."""
+    return _alike(fit, other) and (_ALIKE * fit.core < other.core or _ALIKE * fit.whole < other.whole)
+
+
+def _decided(cell: Cell, declared: _Tried, tried: Sequence[_Tried]) -> tuple[Finding, ...]:
+    possible = [t for t in tried if not t.impossible and _is_seen(cell, t.fit) and _plausible(t.fit)]
+    winning = [t for t in possible if _wins(cell, t, declared)]
+    if winning:
+        best = min(winning, key=lambda t: t.fit.core * t.fit.whole)
+        return tuple(_named(t, declared) for t in winning if _alike(t.fit, best.fit))
+    if not _is_seen(cell, declared.fit):
+        return ()
+    rivals = [
+        t
+        for t in possible
+        if not t.reading.nested and _alike(t.fit, declared.fit) and _moved(cell, t, declared.fit, declared.fit)
+    ]
+    return (_ambiguous(cell, declared, rivals),) if rivals else ()
+
+
+def _wins(cell: Cell, tried: _Tried, declared: _Tried) -> bool:
+    """Whether a reading is to be believed rather than the declared one."""
+    if declared.impossible and _alike(tried.fit, declared.fit) and not tried.reading.nested:
+        return True
+    if not _better(tried.fit, declared.fit):
+        return False
+    return _much_better(tried.fit, declared.fit) or _moved(cell, tried, declared.fit, tried.fit)
+
+
+def _much_better(fit: HeldOut, other: HeldOut) -> bool:
+    return _FAR_WORSE * fit.core < other.core or _FAR_WORSE * fit.whole < other.whole
+
+
+def _moved(cell: Cell, tried: _Tried, declared: HeldOut, scale: HeldOut) -> bool:
+    """Whether a reading moves what is asked by more than three sigmas of `scale`."""
+    ignored = cell.mount_name(tried.reading.about[0]) if tried.reading.code == "board-symmetry" else None
+    for name in cell.asked:
+        if name == ignored and cell.transforms[name].status == "free":
+            continue
+        off = np.abs(_step(declared, tried.fit, name).log())
+        sigma = np.sqrt(np.maximum(np.diag(scale.solution.covariance_of([name])), 0.0))
+        if np.any(off > _SIGMAS * np.maximum(sigma, _SMALLEST_SIGMA)):
+            return True
+    return False
+
+
+def _step(fit: HeldOut, other: HeldOut, name: str) -> SE3:
+    return fit.solution.state.transforms[name].inverse() @ other.solution.state.transforms[name]
+
+
+def _named(tried: _Tried, declared: _Tried) -> Finding:
+    reading = tried.reading
+    severity: Severity = "error"
+    if reading.nested and _plausible(declared.fit) and not _much_better(tried.fit, declared.fit):
+        severity = "warning"
+    if _better(tried.fit, declared.fit):
+        why = f"so read, unseen samples are predicted to {tried.fit.told()} instead of {declared.fit.told()}"
+    else:
+        why = f"as declared it fits as well, but {' and '.join(declared.impossible)} cannot be"
+    return Finding(reading.code, severity, reading.about, f"{reading.words}: {why}; {reading.fix}")
+
+
+def _ambiguous(cell: Cell, declared: _Tried, rivals: Sequence[_Tried]) -> Finding:
+    """One finding for all readings that fit as well as the declared one."""
+    name = cell.asked[0]
+    moves = [1e3 * float(np.linalg.norm(_step(declared.fit, t.fit, name).translation)) for t in rivals]
+    listed = " or ".join(
+        f"{t.reading.words} ({t.fit.told()}, {name} {mm:.3g} mm away)" for t, mm in zip(rivals, moves, strict=True)
+    )
+    about = tuple(dict.fromkeys(each for t in rivals for each in t.reading.about))
+    tell = "; ".join(dict.fromkeys(t.reading.tell for t in rivals))
+    message = (
+        f"unseen samples are predicted as well ({declared.fit.told()} as declared) if {listed}: check which is so; "
+        f"to tell them apart, {tell}"
+    )
+    return Finding("ambiguous-reading", "warning", about, message)

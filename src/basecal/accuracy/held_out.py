@@ -1,0 +1,165 @@
+"""How well a reading predicts samples that its fit has not seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from basecal.accuracy.loop_fit import trimmed
+from basecal.cell import Cell, Recording
+from basecal.errors import BasecalError
+from basecal.estimation.descent import descend
+from basecal.estimation.measurement import PixelMeasurement, PointMeasurement, PoseMeasurement
+from basecal.estimation.noise import degrees_of_freedom
+from basecal.estimation.packing import canonical, pack
+from basecal.estimation.problem import Problem, State, ViewGroup
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import Solution, solve_from, solve_packed
+from basecal.geometry import SE3, Array, BoolArray, IntArray
+
+FOLDS = 3
+PIXEL_SCALE = 1e-3
+_HEAVY_TAIL = 2.0
+_CONCENTRATIONS = 2
+_STEPS = 30
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOut:
+    """A reading's fit and what it predicts.
+
+    Attributes:
+        solution: The fit to the samples that agree with it.
+        off: (n,) how far each held-out view is from its prediction: thousands of pixels, or the angle and the length
+            over the distance to the target [rad].
+        in_pixels: Whether views are of pixels.
+    """
+
+    solution: Solution
+    off: Array
+    in_pixels: bool
+
+    @property
+    def core(self) -> float:
+        """Rms of the 70 % of views that are predicted best."""
+        return trimmed(self.off)
+
+    @property
+    def whole(self) -> float:
+        """Rms of all views."""
+        return trimmed(self.off, 1.0)
+
+    def told(self) -> str:
+        """The error with its unit, for people."""
+        if self.in_pixels:
+            return f"{self.core / PIXEL_SCALE:.3g} px"
+        return f"{1e3 * self.core:.3g} mm a metre (or mrad)"
+
+
+def in_order(recording: Recording) -> Recording:
+    """The recording with its samples as they are solved: by time."""
+    return replace(recording, samples=canonical(recording.samples))
+
+
+def thinned(recording: Recording, most: int) -> Recording:
+    """At most so many of the samples, spread evenly."""
+    samples = recording.samples
+    spread = np.unique(np.linspace(0, len(samples) - 1, min(len(samples), most)).round().astype(np.int64))
+    return replace(recording, samples=tuple(samples[k] for k in spread))
+
+
+def held_out(cell: Cell, recording: Recording, settings: Settings, start: State | None = None) -> HeldOut | None:
+    """The fit of a cell and its held-out errors over three folds; None where it comes to no end.
+
+    Where a few views are far off, the fit is repeated on the others, so that gross outliers do not hide a reading.
+
+    Args:
+        cell: As this reading has it.
+        recording: Likewise.
+        settings: How to solve.
+        start: Where to start; without a guess where None.
+    """
+    try:
+        problem, _ = pack(cell, recording)
+        if not problem.groups:
+            return None
+        if start is None:
+            solution = solve_packed(problem, cell, settings)
+        else:
+            stops = np.zeros((len(problem.stops), 6))
+            solution = solve_from(problem, replace(start, stop_errors=stops), settings)
+        solution = _concentrated(solution, settings)
+        off = _predicted_off(problem, solution)
+    except (BasecalError, np.linalg.LinAlgError):
+        return None
+    in_pixels = any(isinstance(g.measurement, PixelMeasurement) for g in problem.groups)
+    return HeldOut(solution, off, in_pixels) if solution.converged and np.isfinite(solution.cost) else None
+
+
+def _concentrated(solution: Solution, settings: Settings) -> Solution:
+    """The solution of the views that agree best, where the others are far off."""
+    whole = solution.problem
+    for _ in range(_CONCENTRATIONS):
+        off = [off_views(whole, group, solution.state) for group in whole.groups]
+        every = np.concatenate(off)
+        if trimmed(every, 1.0) < _HEAVY_TAIL * trimmed(every):
+            return solution
+        limit = np.quantile(every, 0.7)
+        kept = whole.with_groups(g.take(np.flatnonzero(o <= limit)) for g, o in zip(whole.groups, off, strict=True))
+        solution = solve_from(kept, solution.state, settings)
+    return solution
+
+
+def _predicted_off(problem: Problem, solution: Solution) -> Array:
+    """Held-out errors of all views, each by the fit to the folds that it is not in."""
+    numbers = np.unique(np.concatenate([g.sample for g in problem.groups]))
+    fold = dict(zip(numbers.tolist(), (np.arange(len(numbers)) % FOLDS).tolist(), strict=True))
+    found = []
+    for k in range(FOLDS):
+        train = solution.problem.with_groups(g.take(_rows(g, fold, k, False)) for g in solution.problem.groups)
+        end = descend(train, solution.state, max(degrees_of_freedom(train), 1), _STEPS)
+        for group in problem.groups:
+            test = group.take(_rows(group, fold, k, True))
+            if len(test):
+                found.append(off_views(problem, test, end.state))
+    return np.concatenate(found)
+
+
+def _rows(group: ViewGroup, fold: dict[int, int], k: int, inside: bool) -> IntArray:
+    mask: BoolArray = np.array([(fold[number] == k) == inside for number in group.sample.tolist()], dtype=bool)
+    return np.flatnonzero(mask).astype(np.int64)
+
+
+def off_views(problem: Problem, group: ViewGroup, state: State) -> Array:
+    """How far each view of a group is from where a state puts it, robots as recorded, (n,); see `HeldOut.off`."""
+    as_recorded = replace(state, stop_errors=np.zeros((len(problem.stops), 6)))
+    predicted = as_recorded.camera_from_target(group, problem.stops)
+    measurement = group.measurement
+    if isinstance(measurement, PoseMeasurement):
+        return _off_poses(measurement.measured_camera_from_target, predicted)
+    if isinstance(measurement, PointMeasurement):
+        points = predicted.rotation[:, None] @ measurement.points_in_target[:, :, None]
+        off = (points[..., 0] + predicted.translation[:, None]) - measurement.points_in_camera
+        distance = np.linalg.norm(measurement.points_in_camera, axis=-1)[measurement.seen]
+        return _rms(off, measurement.seen) / max(float(np.median(distance)), 1e-12)
+    assert isinstance(measurement, PixelMeasurement)
+    off = np.nan_to_num(measurement.residual_px(predicted, state.cameras[group.camera]), nan=np.inf)
+    return PIXEL_SCALE * _rms(off, measurement.seen)
+
+
+def _off_poses(measured: SE3, predicted: SE3) -> Array:
+    off = measured.inverse() @ predicted
+    distance = max(float(np.median(np.linalg.norm(measured.translation, axis=-1))), 1e-12)
+    both: Array = np.hypot(
+        np.linalg.norm(off.rotvec, axis=-1), np.linalg.norm(off.translation, axis=-1) / distance
+    ) / np.sqrt(6)
+    return both
+
+
+def _rms(off: Array, seen: BoolArray) -> Array:
+    """Rms over the coordinates of the points that each view sees."""
+    squares = np.where(seen[..., None], off, 0.0) ** 2
+    count = off.shape[-1] * np.maximum(seen.sum(-1), 1)
+    rms: Array = np.sqrt(squares.sum((1, 2)) / count)
+    return rms

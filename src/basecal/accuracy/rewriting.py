@@ -1,0 +1,145 @@
+"""A recording told otherwise: poses mapped, streams paired anew; pure functions on its nouns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from basecal.cell import PointObservation, PoseObservation, Recording, RobotState, Sample
+from basecal.geometry import SE3, Array
+
+PoseMap = Callable[[SE3], SE3]
+
+
+def inverted(poses: SE3) -> SE3:
+    """The inverses, (n,)."""
+    return poses.inverse()
+
+
+def scaled(factor: float) -> PoseMap:
+    """Translations times `factor`."""
+    return lambda poses: SE3(poses.rotation, poses.translation * factor)
+
+
+def reordered(order: tuple[int, int, int, int]) -> PoseMap:
+    """Rotations whose quaternion's components are taken in another order; a sign does not matter."""
+    return lambda poses: SE3.from_quaternion(poses.quaternion[..., list(order)], poses.translation)
+
+
+def through_the_camera(poses: SE3) -> SE3:
+    """The other pose from which a plane's points lie on the same lines: behind the camera where this is before it."""
+    return SE3(poses.rotation * np.array([-1.0, -1.0, 1.0]), -poses.translation)
+
+
+def with_robots(recording: Recording, maps: Mapping[str, PoseMap]) -> Recording:
+    """The recording with the poses of robots mapped; joints stay as they are."""
+    samples = list(recording.samples)
+    for robot, of in maps.items():
+        rows = [i for i, s in enumerate(samples) if robot in s.robots and s.robots[robot].base_from_flange is not None]
+        told = of(SE3.stack([_flange(samples[i].robots[robot]) for i in rows]))
+        for k, i in enumerate(rows):
+            samples[i] = replace(samples[i], robots={**samples[i].robots, robot: RobotState(told[k])})
+    return replace(recording, samples=tuple(samples))
+
+
+def _flange(state: RobotState) -> SE3:
+    assert state.base_from_flange is not None
+    return state.base_from_flange
+
+
+def with_joints(recording: Recording, robot: str, factor: float) -> Recording:
+    """The recording with a robot's joints times `factor`."""
+
+    def of(state: RobotState) -> RobotState:
+        return state if state.joints_rad is None else RobotState(joints_rad=state.joints_rad * factor)
+
+    samples = (
+        replace(s, robots={name: of(state) if name == robot else state for name, state in s.robots.items()})
+        for s in recording.samples
+    )
+    return replace(recording, samples=tuple(samples))
+
+
+def exchanged(recording: Recording, first: str, second: str) -> Recording:
+    """The recording with the states of two robots exchanged."""
+    name = {first: second, second: first}
+    samples = (
+        replace(s, robots={name.get(robot, robot): state for robot, state in s.robots.items()})
+        for s in recording.samples
+    )
+    return replace(recording, samples=tuple(samples))
+
+
+def with_targets(recording: Recording, of: PoseMap) -> Recording:
+    """The recording with every observed pose mapped."""
+    places = [
+        (i, j)
+        for i, s in enumerate(recording.samples)
+        for j, o in enumerate(s.observations)
+        if isinstance(o, PoseObservation)
+    ]
+    seen = [recording.samples[i].observations[j] for i, j in places]
+    told = of(SE3.stack([o.camera_from_target for o in seen if isinstance(o, PoseObservation)]))
+    samples = [list(s.observations) for s in recording.samples]
+    for k, (i, j) in enumerate(places):
+        observation = samples[i][j]
+        assert isinstance(observation, PoseObservation)
+        samples[i][j] = replace(observation, camera_from_target=told[k])
+    return _with_observations(recording, samples)
+
+
+def with_points(recording: Recording, factor: float) -> Recording:
+    """The recording with observed 3-D points times `factor`."""
+    samples = [
+        [
+            replace(o, points_in_camera=o.points_in_camera * factor, sigma_m=_times(o.sigma_m, abs(factor)))
+            if isinstance(o, PointObservation)
+            else o
+            for o in s.observations
+        ]
+        for s in recording.samples
+    ]
+    return _with_observations(recording, samples)
+
+
+def _times(values: Array | None, factor: float) -> Array | None:
+    return None if values is None else values * factor
+
+
+def _with_observations(recording: Recording, observations: list[list[object]]) -> Recording:
+    samples = (replace(s, observations=tuple(o)) for s, o in zip(recording.samples, observations, strict=True))
+    return replace(recording, samples=tuple(samples))
+
+
+def shifted(recording: Recording, stream: str | None, by: int, start: int = 0) -> Recording:
+    """The recording with one stream paired anew: what stands at position i - `by` moves to position i.
+
+    Args:
+        recording: Its samples in the order of time.
+        stream: A robot's name, or None for what the cameras saw.
+        by: By how many samples.
+        start: The position from which on; earlier samples stay.
+
+    Returns:
+        The recording, without the samples that nothing is left for.
+    """
+    old = recording.samples
+    out = []
+    for i, sample in enumerate(old):
+        source = i if i < start else i - by
+        if source >= len(old) or (i >= start and source < start):
+            continue
+        told = _paired(sample, old[source], stream)
+        if told is not None:
+            out.append(told)
+    return replace(recording, samples=tuple(out))
+
+
+def _paired(sample: Sample, source: Sample, stream: str | None) -> Sample | None:
+    if stream is None:
+        return replace(sample, observations=source.observations)
+    if stream not in source.robots:
+        return None
+    return replace(sample, robots={**sample.robots, stream: source.robots[stream]})

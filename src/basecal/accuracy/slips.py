@@ -1,0 +1,149 @@
+"""Readings of which a sample is to be found: where the pairing slips, and which views are read upside down."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from basecal.accuracy.held_out import thinned
+from basecal.accuracy.loop_fit import LoopFit, fit_loops, off_loops, sight_for, trimmed
+from basecal.accuracy.readings import Reading, Told, shift
+from basecal.cell import Cell, PoseObservation, Recording
+from basecal.estimation.packing import pack
+from basecal.estimation.readings import half_turn
+from basecal.geometry import SE3, Array, Camera
+
+_VIEWS = 24
+_ALL_VIEWS = 400
+_SLIPS = (1, -1)
+_FEWEST = 8
+_LEAST_OFF = 0.005
+_FAR = 4.0
+_BEST = 2
+_ROUNDS = 4
+
+Lenses = Mapping[str, Camera]
+Fits = Mapping[tuple[str, str], LoopFit]
+
+
+def slips(cell: Cell, recording: Recording, lenses: Lenses, streams: list[str | None]) -> list[Reading]:
+    """The likeliest samples from which on one stream is paired one sample off, best first.
+
+    One half of the recording is paired rightly throughout, as declared or as shifted: fitted to that half, every
+    sample tells which of the two pairings it has.
+    """
+    count = len(recording.samples)
+    if count < 2 * _FEWEST:
+        return []
+    first = _part(recording, 0, count // 2)
+    declared = _fits(cell, first, lenses)
+    scored = []
+    for stream in streams:
+        for by in _SLIPS:
+            moved = shift(stream, by).apply(cell, recording)[1]
+            second = _fits(cell, _part(moved, count // 2, count), lenses)
+            for fits in (declared, second):
+                scored.append((*_change(cell, recording, moved, lenses, fits), stream, by))
+    scored.sort(key=lambda each: each[0])
+    samples = recording.samples
+    return [shift(stream, by, k, samples[k].sample) for _, k, stream, by in scored[:_BEST]]
+
+
+def _part(recording: Recording, start: int, stop: int) -> Recording:
+    return replace(recording, samples=recording.samples[start:stop])
+
+
+def _fits(cell: Cell, recording: Recording, lenses: Lenses) -> Fits:
+    problem, _ = pack(cell, thinned(recording, _VIEWS))
+    sights = {(g.camera, g.target): sight_for(g, lenses.get(g.camera), _VIEWS) for g in problem.groups}
+    return {key: fit_loops(sight, problem) for key, sight in sights.items()}
+
+
+def _change(cell: Cell, declared: Recording, moved: Recording, lenses: Lenses, fits: Fits) -> tuple[float, int]:
+    """How far samples are off at best if the pairing changes at one position, and that position."""
+    before, after = (_off(cell, recording, declared, lenses, fits) for recording in (declared, moved))
+    limit = _FAR * max(min(trimmed(before, 0.4), trimmed(after, 0.4)), _LEAST_OFF)
+    before, after = (np.minimum(np.nan_to_num(off, nan=limit), limit) ** 2 for off in (before, after))
+    total = np.concatenate([[0.0], np.cumsum(before)]) + np.concatenate([np.cumsum(after[::-1])[::-1], [0.0]])
+    k = 1 + int(np.argmin(total[1:-1]))
+    return float(np.sqrt(total[k] / len(before))), k
+
+
+def _off(cell: Cell, recording: Recording, order: Recording, lenses: Lenses, fits: Fits) -> Array:
+    """Of each sample of `order`, how far its views are off; NaN where it has none."""
+    problem, _ = pack(cell, recording)
+    squares: dict[int, list[float]] = {}
+    for group in problem.groups:
+        fit = fits.get((group.camera, group.target))
+        if fit is not None:
+            sight = sight_for(group, lenses.get(group.camera), _ALL_VIEWS)
+            for number, off in zip(sight.group.sample.tolist(), off_loops(sight, fit.triple).tolist(), strict=True):
+                squares.setdefault(number, []).append(off**2)
+    return np.array([np.sqrt(np.mean(squares.get(s.sample, [np.nan]))) for s in order.samples])
+
+
+def half_turns(cell: Cell, recording: Recording) -> list[Reading]:
+    """Observed poses of a grid without a first end of which some are read from the other end.
+
+    The views are brought to the end that turns them least against the first one, or to the other.
+    """
+    found = []
+    for name, target in cell.targets.items():
+        turn = None if target.target is None else half_turn(target.target)
+        rows = [i for i, s in enumerate(recording.samples) if any(_is_pose(o, name) for o in s.observations)]
+        if turn is None or len(rows) < _FEWEST:
+            continue
+        seen = SE3.stack([_pose(recording, i, name) for i in rows])
+        flipped = _less_alike(seen, seen @ turn)
+        if np.any(flipped) and not np.all(flipped):
+            found += [_half_turn(recording, name, turn, rows, mask) for mask in (flipped, ~flipped)]
+    return found
+
+
+def _is_pose(observation: object, target: str) -> bool:
+    return isinstance(observation, PoseObservation) and observation.target == target
+
+
+def _pose(recording: Recording, row: int, target: str) -> SE3:
+    observations = recording.samples[row].observations
+    return next(o.camera_from_target for o in observations if isinstance(o, PoseObservation) and o.target == target)
+
+
+def _less_alike(seen: SE3, turned: SE3) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+    """Which views are nearer to the others when turned, (n,)."""
+    flip = np.zeros(len(seen), dtype=bool)
+    mean = seen.rotation[0]
+    for _ in range(_ROUNDS):
+        flip = np.einsum("nij,ij->n", turned.rotation - seen.rotation, mean) > 0
+        mean = np.where(flip[:, None, None], turned.rotation, seen.rotation).sum(0)
+    return flip
+
+
+def _half_turn(recording: Recording, name: str, turn: SE3, rows: list[int], mask: Array) -> Reading:
+    numbers = [recording.samples[i].sample for i, m in zip(rows, mask, strict=True) if m]
+    shown = ", ".join(map(str, numbers[:10])) + (", ..." if len(numbers) > 10 else "")
+    chosen = set(numbers)
+
+    def apply(cell: Cell, told: Recording) -> Told:
+        samples = [
+            replace(s, observations=tuple(_turned(o, name, turn) for o in s.observations)) if s.sample in chosen else s
+            for s in told.samples
+        ]
+        return cell, replace(told, samples=tuple(samples))
+
+    return Reading(
+        "board-symmetry",
+        (name, *map(str, numbers)),
+        f"the observed poses of {name} are turned by half a turn at sample {shown}: read from the grid's other end",
+        "turn these poses, or use a target without symmetry",
+        "use a target without symmetry",
+        apply,
+    )
+
+
+def _turned(observation: object, name: str, turn: SE3) -> object:
+    if isinstance(observation, PoseObservation) and observation.target == name:
+        return replace(observation, camera_from_target=observation.camera_from_target @ turn)
+    return observation
