@@ -72,9 +72,7 @@ class CompressedMeasurement:
     def take(self, views: Rows) -> CompressedMeasurement:
         """See `Measurement`."""
         parts = {name: ViewInformation(*(of[views] for of in part)) for name, part in self.parts.items()}
-        return replace(
-            self, camera_from_target=self.camera_from_target[views], parts=parts, held=self.held[views]
-        )
+        return replace(self, camera_from_target=self.camera_from_target[views], parts=parts, held=self.held[views])
 
     def equations(self) -> IntArray:
         """See `Measurement`."""

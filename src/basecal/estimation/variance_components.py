@@ -32,7 +32,7 @@ _STEP = 1e-3
 _CURVED = 0.05
 _FLAT = 1e-2
 _FLOOR = 1e-12
-_FACTOR = 1e6
+_FACTOR = 1e3
 _TIGHT = 1e-8
 _LITTLE = tuple(np.log([1e-5, 2e-5]))
 UNIT = Noise()
@@ -143,6 +143,12 @@ def slope_of(evidence: Evidence, model: Model, logs: Array) -> tuple[float, Arra
     for k, step in enumerate(_STEP * np.eye(len(logs))):
         slope[k] += (_log_det(evidence, _at(evidence, model, problem, end.state, logs + step)) - log_det) / _STEP
     return _surprise(evidence, model, logs, end.normal), slope
+
+
+def information_of(evidence: Evidence, model: Model, logs: Array) -> Array:
+    """Information of the unknowns at these logarithms of sigmas, (p, p), the stops' errors eliminated."""
+    _, end = _optimum(evidence, model, logs)
+    return end.normal.hessian + evidence.floor
 
 
 def _optimum(evidence: Evidence, model: Model, logs: Array) -> tuple[Problem, Descent]:
