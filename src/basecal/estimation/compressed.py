@@ -40,7 +40,7 @@ class CompressedMeasurement:
     def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
         """See `Measurement`."""
         moved = (self.camera_from_target.inverse() @ camera_from_target).log()
-        if lens and camera is not None:
+        if lens and camera is not None and self.lens is not None:
             by_lens = np.broadcast_to(camera.parameters - self.lens, (len(moved), len(camera.parameters)))
             moved = np.concatenate([moved, by_lens], -1)
         names = list(self.parts)

@@ -61,8 +61,8 @@ def _slopes(evidence: Evidence, found: Components, where: slice) -> Array:
     """Derivatives of the whitened covariance of an unknown to the logarithms of the sigmas, (k, m, m)."""
 
     def covariance(logs: Array) -> Array:
-        whole: Array = np.linalg.inv(information_of(evidence, found.model, logs))
-        return whole[where, where]
+        whole = np.linalg.inv(information_of(evidence, found.model, logs))
+        return np.asarray(whole[where, where], dtype=np.float64)
 
     white = np.linalg.inv(np.linalg.cholesky(covariance(found.logs)))
     steps = _STEP * np.eye(len(found.logs))

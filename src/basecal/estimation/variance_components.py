@@ -11,7 +11,7 @@ Source: Patterson & Thompson 1971 (restricted likelihood), Harville 1977; docs/m
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize
@@ -62,9 +62,9 @@ class Model:
 class Sigmas:
     """Values for what a model looks for; `robots` by name, (6,) [m, rad]; the factor is of stated variances."""
 
-    noise: Noise = Noise()
-    robots: Mapping[str, Array] = field(default_factory=dict)
-    factor: float = 1.0
+    noise: Noise
+    robots: Mapping[str, Array]
+    factor: float
 
 
 @dataclass(frozen=True, eq=False)
