@@ -34,7 +34,7 @@ def contradicted_priors(solution: Solution) -> list[Finding]:
 
 def _finding(name: str, sigmas: float) -> Finding:
     message = (
-        f"the data contradict the prior of {name}: the answer is up to {sigmas:.1f} of its sigmas away, more than chance "
-        "explains; state larger sigmas or a better value, or make it free"
+        f"the data contradict the prior of {name}: the answer is up to {sigmas:.1f} of its sigmas away, more than "
+        "chance explains; state larger sigmas or a better value, or make it free"
     )
     return Finding("prior-contradicted", "warning", (name,), message)

@@ -132,6 +132,7 @@ class Cell:
         cameras: By name.
         targets: By name.
         pixel_px: Sigma of a pixel coordinate where an observation states none; None where it is to be estimated.
+        correlated_px: Sigma of an error that all points of a view have in common, per coordinate; None for none.
     """
 
     reference: str
@@ -140,6 +141,7 @@ class Cell:
     cameras: Mapping[str, CellCamera] = field(default_factory=dict)
     targets: Mapping[str, CellTarget] = field(default_factory=dict)
     pixel_px: float | None = None
+    correlated_px: float | None = None
 
     def base_name(self, robot: str) -> str:
         """Name of the transform from the base of `robot` to the reference's, `a_from_b`."""

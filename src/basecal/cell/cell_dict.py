@@ -21,7 +21,8 @@ def cell_to_dict(cell: Cell) -> dict[str, Any]:
     data["bases"] = {name: _unknown(unknown) for name, unknown in cell.bases.items()}
     data["cameras"] = {name: _camera(camera) for name, camera in cell.cameras.items()}
     data["targets"] = {name: _target(target) for name, target in cell.targets.items()}
-    data["noise"] = {} if cell.pixel_px is None else {"pixel_px": float(cell.pixel_px)}
+    noise = {"pixel_px": cell.pixel_px, "correlated_px": cell.correlated_px}
+    data["noise"] = {key: float(value) for key, value in noise.items() if value is not None}
     return {key: value for key, value in data.items() if value or key == "robots"}
 
 

@@ -38,6 +38,7 @@ def cell_noun(entry: CellEntry, chains: Mapping[str, SerialChain]) -> Cell:
         cameras={name: _camera(name, camera) for name, camera in entry.cameras.items()},
         targets={name: CellTarget(name, t.on, _unknown(t.mount), _target(t)) for name, t in entry.targets.items()},
         pixel_px=entry.noise.pixel_px,
+        correlated_px=entry.noise.correlated_px,
     )
 
 

@@ -92,6 +92,13 @@ class NoiseEntry(Entry):
     """What is known of the cameras' noise."""
 
     pixel_px: Sigma | None = None
+    correlated_px: Sigma | None = None
+
+    @checks_whole(mode="after")
+    def _correlated_beside_pixel(self) -> NoiseEntry:
+        if self.correlated_px is not None and self.pixel_px is None:
+            raise ValueError("correlated_px needs pixel_px: state the noise of single points too")
+        return self
 
 
 class CellEntry(Entry):

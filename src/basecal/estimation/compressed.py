@@ -40,7 +40,7 @@ class CompressedMeasurement:
     def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
         """See `Measurement`."""
         moved = (self.camera_from_target.inverse() @ camera_from_target).log()
-        if lens and camera is not None:
+        if lens and camera is not None and self.lens is not None:
             by_lens = np.broadcast_to(camera.parameters - self.lens, (len(moved), len(camera.parameters)))
             moved = np.concatenate([moved, by_lens], -1)
         names = list(self.parts)
@@ -72,9 +72,7 @@ class CompressedMeasurement:
     def take(self, views: Rows) -> CompressedMeasurement:
         """See `Measurement`."""
         parts = {name: ViewInformation(*(of[views] for of in part)) for name, part in self.parts.items()}
-        return replace(
-            self, camera_from_target=self.camera_from_target[views], parts=parts, held=self.held[views]
-        )
+        return replace(self, camera_from_target=self.camera_from_target[views], parts=parts, held=self.held[views])
 
     def equations(self) -> IntArray:
         """See `Measurement`."""

@@ -13,6 +13,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from basecal.estimation.common_shift import without_common_shift
 from basecal.estimation.moments import UPPER, dot, gradient_and_information, monomials
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray, Rows
 from basecal.geometry.se3 import right_jacobian_inverse
@@ -122,9 +123,10 @@ class PixelMeasurement:
     Attributes:
         points_in_target: (p, 3) [m].
         pixels: (n, p, 2) [px]; anything finite where not seen.
-        seen: (n, p) whether the point was seen.
+        seen: (n, p).
         stated: (n, p) 1 / sigma where a sigma was stated, else 0 [1/px].
         weight: (n, p) 1 / sigma in use, 0 where not seen [1/px].
+        common_px: Sigma of an error that all points of a view have in common, per coordinate [px].
     """
 
     points_in_target: Array
@@ -132,6 +134,7 @@ class PixelMeasurement:
     seen: BoolArray
     stated: Array
     weight: Array
+    common_px: float = 0.0
 
     def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
         """See `Measurement`; the cost is infinite where a seen point lies behind the camera.
@@ -152,7 +155,7 @@ class PixelMeasurement:
         pixels, by_point, by_lens = camera.project_with_derivatives(points, lens)
         residual = [(pixels[..., i] - self.pixels[..., i]) * self.weight for i in range(2)]
         cost = _squares(residual)
-        if by_lens is not None or not np.all(np.isfinite(cost)):
+        if by_lens is not None or self.common_px or not np.all(np.isfinite(cost)):
             return self._with_jacobian(camera_from_target.rotation, pixels - self.pixels, by_point, by_lens)
         columns = [[by_point[..., i, j] * self.weight for i in range(2)] for j in range(3)]
         forces = (dot(column, residual) for column in columns)
@@ -168,7 +171,7 @@ class PixelMeasurement:
     def _with_jacobian(
         self, rotation: Array, residual: Array, by_point: Array, by_lens: Array | None
     ) -> ViewInformation:
-        """The long way, for a lens that is free and for points that have no pixel."""
+        """The long way, for a lens that is free, a common shift, and points that have no pixel."""
         n, p = self.weight.shape
         lost = np.isnan(residual).any(-1)
         weight = np.where(lost, 0.0, self.weight)
@@ -179,8 +182,11 @@ class PixelMeasurement:
             jacobian[:, 6:] = np.moveaxis(np.nan_to_num(by_lens) if lost.any() else by_lens, 1, -1).swapaxes(1, 2)
         jacobian *= weight[:, None, None]
         weighted = np.moveaxis(residual, -1, 1) * weight[:, None]
-        cost, gradient, information = _information(weighted.reshape(n, -1), jacobian.reshape(n, -1, 2 * p))
-        return ViewInformation(np.where((lost & self.seen).any(-1), np.inf, cost), gradient, information)
+        view = _information(weighted.reshape(n, -1), jacobian.reshape(n, -1, 2 * p))
+        if self.common_px:
+            by_shift = np.einsum("nkip,np->nki", jacobian, weight)
+            view = ViewInformation(*without_common_shift(view, weighted, weight, by_shift, self.common_px))
+        return view._replace(cost=np.where((lost & self.seen).any(-1), np.inf, view.cost))
 
     def residual_px(self, camera_from_target: SE3, camera: Camera) -> Array:
         """Predicted minus seen pixels, (n, p, 2) [px]; NaN where not seen."""
@@ -197,13 +203,8 @@ class PixelMeasurement:
     def thinned(self, most: int) -> PixelMeasurement:
         """The same views of at most `most` of the points, evenly chosen."""
         rows = slice(None, None, -(-len(self.points_in_target) // most))
-        return PixelMeasurement(
-            self.points_in_target[rows],
-            self.pixels[:, rows],
-            self.seen[:, rows],
-            self.stated[:, rows],
-            self.weight[:, rows],
-        )
+        of_points = {name: getattr(self, name)[:, rows] for name in ("pixels", "seen", "stated", "weight")}
+        return replace(self, points_in_target=self.points_in_target[rows], **of_points)
 
     def with_noise(self, noise: Noise) -> PixelMeasurement:
         """See `Measurement`."""

@@ -146,8 +146,8 @@ def _change(before: Array, after: Array) -> float:
 def _inseparable(robots: list[str]) -> Finding:
     names = " and ".join(robots)
     message = (
-        f"noise of {names} explains the residuals as well as noise of the camera's measurements does, so that one common "
-        "factor is estimated: state the noise of these robots, or that of the measurements"
+        f"noise of {names} explains the residuals as well as noise of the camera's measurements does, so that one "
+        "common factor is estimated: state the noise of these robots, or that of the measurements"
     )
     return Finding("noise-inseparable", "info", tuple(robots), message)
 

@@ -263,7 +263,7 @@ def _measurement(cell: Cell, camera: str, target: str, kind: str, observations: 
             f"camera {camera!r} gives pixels and has no `intrinsics`; `intrinsics: {{status: free}}` estimates them"
         )
     pixels = [_as_pixels(o) for o in observations if isinstance(o, PixelObservation | CandidateObservation)]
-    return _pixel_measurement(shape, pixels, cell.pixel_px)
+    return replace(_pixel_measurement(shape, pixels, cell.pixel_px), common_px=cell.correlated_px or 0.0)
 
 
 def _as_pixels(observation: PixelObservation | CandidateObservation, which: int = 0) -> PixelObservation:

@@ -50,9 +50,9 @@ def _highest_stand(problem: Problem, robot: str) -> int:
 
 def _renumbered(group: ViewGroup, renumbered: IntArray, first: Mapping[str, int]) -> ViewGroup:
     def rows(robot: str | None, stop: IntArray, stand: IntArray) -> IntArray:
-        if robot in first:
+        if robot is not None and robot in first:
             return stand + first[robot]
-        return np.where(stop >= 0, renumbered[stop], -1) if len(renumbered) else stop
+        return np.append(renumbered, -1)[stop]
 
     return replace(
         group,

@@ -11,7 +11,7 @@ Source: Patterson & Thompson 1971 (restricted likelihood), Harville 1977; docs/m
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize
@@ -32,7 +32,7 @@ _STEP = 1e-3
 _CURVED = 0.05
 _FLAT = 1e-2
 _FLOOR = 1e-12
-_FACTOR = 1e6
+_FACTOR = 1e3
 _TIGHT = 1e-8
 _LITTLE = tuple(np.log([1e-5, 2e-5]))
 UNIT = Noise()
@@ -62,9 +62,9 @@ class Model:
 class Sigmas:
     """Values for what a model looks for; `robots` by name, (6,) [m, rad]; the factor is of stated variances."""
 
-    noise: Noise = Noise()
-    robots: Mapping[str, Array] = field(default_factory=dict)
-    factor: float = 1.0
+    noise: Noise
+    robots: Mapping[str, Array]
+    factor: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,6 +143,12 @@ def slope_of(evidence: Evidence, model: Model, logs: Array) -> tuple[float, Arra
     for k, step in enumerate(_STEP * np.eye(len(logs))):
         slope[k] += (_log_det(evidence, _at(evidence, model, problem, end.state, logs + step)) - log_det) / _STEP
     return _surprise(evidence, model, logs, end.normal), slope
+
+
+def information_of(evidence: Evidence, model: Model, logs: Array) -> Array:
+    """Information of the unknowns at these logarithms of sigmas, (p, p), the stops' errors eliminated."""
+    _, end = _optimum(evidence, model, logs)
+    return end.normal.hessian + evidence.floor
 
 
 def _optimum(evidence: Evidence, model: Model, logs: Array) -> tuple[Problem, Descent]:

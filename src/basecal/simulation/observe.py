@@ -20,6 +20,8 @@ def _pixels(
     camera, target = view
     pixels = scene.lenses[camera].project(points)
     pixels += scenario.pixel_px * rng.standard_normal(pixels.shape)
+    if scenario.correlated_px:
+        pixels += scenario.correlated_px * rng.standard_normal((len(pixels), 1, 2))
     ids = scene.shapes[target].ids
     return [PixelObservation(camera, target, ids[mask], found[mask]) for found, mask in zip(pixels, seen, strict=True)]
 

@@ -56,7 +56,8 @@ class Scenario:
         camera: The true lens of every camera; drawn where None.
         board: The target's shape; one of the kind asked for where None. With `pose` it bounds what is in view.
         pixel_px: True sigma of a pixel coordinate [px].
-        state_pixel_noise: Whether the cell tells it.
+        correlated_px: True sigma of an error that all points of a view have in common, per coordinate [px].
+        state_pixel_noise: Whether the cell tells both.
         robot_noise: True sigmas of a recorded pose in flange axes, drawn once per robot and stop.
         state_robot_noise: Whether the cell tells them.
         pose_noise: True sigmas of an observed pose in the target's axes.
@@ -90,6 +91,7 @@ class Scenario:
     camera: Camera | None = None
     board: Target | None = None
     pixel_px: float = 0.2
+    correlated_px: float = 0.0
     state_pixel_noise: bool = True
     robot_noise: tuple[float, float] = (0.0, 0.0)
     state_robot_noise: bool = True
@@ -112,7 +114,7 @@ class Scenario:
                 raise InputError(f"{name} is {getattr(self, name)!r}, expected one of: {', '.join(choices)}")
         if self.samples < 1 or self.stations < 1 or self.robots < 2:
             raise InputError("a scenario needs samples >= 1, stations >= 1 and robots >= 2")
-        sigmas = (self.pixel_px, self.point_m, *self.robot_noise, *self.pose_noise)
+        sigmas = (self.pixel_px, self.correlated_px, self.point_m, *self.robot_noise, *self.pose_noise)
         of_arms = (self.joint_offset_rad, *self.link_error)
         if not all(sigma >= 0 for sigma in (*sigmas, *of_arms, self.spread_rad, self.position_m)):
             raise InputError("sigmas and spreads of a scenario must be numbers >= 0")

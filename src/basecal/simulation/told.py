@@ -76,13 +76,15 @@ def told(scene: Scene, scenario: Scenario, rng: Generator, arms: Mapping[str, Ar
     stated = scenario.state_robot_noise and any(scenario.robot_noise)
     noise = np.repeat(scenario.robot_noise, 3) if stated else None
     seen_in_pixels = scenario.target not in ("pose", "points3d")
+    pixels_told = seen_in_pixels and scenario.state_pixel_noise and bool(scenario.pixel_px)
     return Cell(
         reference,
         robots={name: _robot(name, noise, scenario, arms.get(name)) for name in scene.layout.robots},
         bases={name: _unknown(scenario.base, scene.bases[name], scenario.base_prior, rng) for name in others},
         cameras={name: _camera(name, scene, scenario, rng) for name in scene.layout.cameras},
         targets={name: _target(name, scene, scenario, rng) for name in scene.layout.targets},
-        pixel_px=scenario.pixel_px if seen_in_pixels and scenario.state_pixel_noise and scenario.pixel_px else None,
+        pixel_px=scenario.pixel_px if pixels_told else None,
+        correlated_px=scenario.correlated_px if pixels_told and scenario.correlated_px else None,
     )
 
 

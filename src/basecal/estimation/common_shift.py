@@ -1,0 +1,33 @@
+"""An error that all points of a view have in common, integrated out of what the view says.
+
+The covariance of a coordinate's residuals is diag(sigma^2) + tau^2 11', so that many points of one view are not as
+many witnesses of what its lens or its time of exposure got wrong. Source: Woodbury 1950; docs/mathematics.md (2.8).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.geometry import Array
+
+
+def without_common_shift(
+    view: tuple[Array, Array, Array], residual: Array, weight: Array, by_shift: Array, common_px: float
+) -> tuple[Array, Array, Array]:
+    """Cost, gradient and information of n views without it: an update of rank two.
+
+    Args:
+        view: The three as if there were none.
+        residual: (n, 2, p) over sigmas.
+        weight: (n, p) 1 / sigma [1/px].
+        by_shift: (n, 6 + k, 2) mixed second derivative to such an error [1/px].
+        common_px: Its sigma, tau, per coordinate [px].
+    """
+    cost, gradient, information = view
+    force = np.einsum("nip,np->ni", residual, weight)
+    share = 1 / (common_px**-2 + np.einsum("np,np->n", weight, weight))
+    return (
+        cost - share * np.einsum("ni,ni->n", force, force),
+        gradient - share[:, None] * (by_shift @ force[..., None])[..., 0],
+        information - share[:, None, None] * by_shift @ np.swapaxes(by_shift, -1, -2),
+    )
