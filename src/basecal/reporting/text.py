@@ -36,7 +36,7 @@ def text_report(cell: Cell, calibration: Calibration) -> str:
         *(_intrinsics(name, calibration) for name in calibration.cameras),
         list(fit_sentences(calibration)),
         list(validation_sentences(calibration)),
-        list(outlier_sentences(calibration)),
+        [f"not used: {sentence}" for sentence in outlier_sentences(calibration)],
         list(noise_sentences(calibration)),
         list(_findings(calibration.findings)),
     ]
@@ -185,7 +185,7 @@ def outlier_sentences(calibration: Calibration) -> Iterator[str]:
         told = f"points {', '.join(map(str, outlier.ids[:_SHOWN_IDS]))}" if outlier.ids else "the whole view"
         more = ", ..." if len(outlier.ids) > _SHOWN_IDS else ""
         place = f"sample {outlier.sample}, {outlier.target} by {outlier.camera}"
-        yield f"not used: {place}, {told}{more}: {outlier.reason}"
+        yield f"{place}, {told}{more}: {outlier.reason}"
 
 
 def noise_sentences(calibration: Calibration) -> Iterator[str]:
