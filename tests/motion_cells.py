@@ -26,7 +26,7 @@ AXIS = np.array([0.48, -0.6, 0.64])
 
 
 def turned(spread, shift, axes=None, across=None) -> Move:
-    """Turns about the target by up to `spread` rad about lines along `axes`, and shifts, none of them along `across`."""
+    """Turns about the target by up to `spread` rad about `axes`, and shifts by up to `shift` m, none along `across`."""
 
     def move(home: SE3, pivot: np.ndarray, n: int, rng: np.random.Generator) -> SE3:
         ball = draw.in_ball(rng, n, spread)

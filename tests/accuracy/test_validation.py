@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.motion_cells import SCARA, recorded
 
 from basecal.accuracy.validation import validate
 from basecal.cell import Cell, Finding, Recording, Validation
 from basecal.estimation.packing import pack
 from basecal.estimation.solve import solve_packed
 from basecal.simulation import Scenario, simulate
-from tests.motion_cells import SCARA, recorded
 
 LIGHT = Scenario(samples=25, target="led")
 NOISY = Scenario(samples=15, robot_noise=(3e-4, 5e-4))

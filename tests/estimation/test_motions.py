@@ -6,12 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-from basecal.estimation.motions import loose_directions, motions, untold
-from basecal.estimation.normal import linearise
-from basecal.estimation.packing import pack
-from basecal.estimation.problem import State
-from basecal.simulation import Scenario
 from tests.motion_cells import (
     AXIS,
     GENERAL,
@@ -27,7 +21,14 @@ from tests.motion_cells import (
     wobbling,
 )
 
+from basecal.estimation.motions import loose_directions, motions, untold
+from basecal.estimation.normal import linearise
+from basecal.estimation.packing import pack
+from basecal.estimation.problem import State
+from basecal.simulation import Scenario
+
 # Twists that each kind of motion leaves open: about one line the shift along it and the turn about it.
+FEW = Scenario(samples=15)
 LEFT_OPEN = {"general": 0, "one line": 2, "planar": 1, "one axis": 1, "shifts": 3, "still": 6}
 MOVES: dict[str, Move] = {
     "general": GENERAL,
@@ -39,7 +40,7 @@ MOVES: dict[str, Move] = {
 }
 
 
-def packed(hand: Move, scenario: Scenario = Scenario(samples=15)):
+def packed(hand: Move, scenario: Scenario = FEW):
     made = recorded(scenario, 1, hand=hand)
     problem, _ = pack(made.cell, made.recording)
     return problem, State(made.truth, made.cameras, np.zeros((len(problem.stops), 6)))
@@ -54,7 +55,7 @@ def test_what_a_motion_leaves_open(kind):
 
 
 def test_axis_and_extent_are_those_of_the_motion():
-    """The axis is that turned about, in the base; the turn about any other is nil; still and shifting are told apart."""
+    """The axis is that turned about, in the base, the turn about others nil; still and shifting are told apart."""
     hand = {kind: motions(packed(move)[0])["hand"] for kind, move in MOVES.items()}
     assert abs(hand["planar"].axes_in_base[:, 0] @ AXIS) == pytest.approx(1.0, abs=1e-9)
     assert hand["planar"].turn_rad[0] > 0.5

@@ -11,6 +11,7 @@ from basecal.estimation.unseen_words import in_words, twists_in_words
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
+HOME = SE3.identity()
 BASE, BOARD = "eye_base_from_hand_base", "hand_flange_from_board"
 
 
@@ -25,7 +26,7 @@ def state_with(problem, base: SE3) -> State:
     return State({**transforms, BASE: base}, {}, np.zeros((0, 6)))
 
 
-def words(problem, tangents: list[dict[str, list[float]]], base: SE3 = SE3.identity(), seed: int = 0) -> list[str]:
+def words(problem, tangents: list[dict[str, list[float]]], base: SE3 = HOME, seed: int = 0) -> list[str]:
     """Of directions given by name, mixed by a random rotation."""
     vectors = np.zeros((problem.width, len(tangents)))
     for k, tangent in enumerate(tangents):

@@ -97,6 +97,11 @@ def reason(cell: Cell, problem: Problem, told: Mapping[str, Motion], names: Sequ
     )
 
 
+def poor_motions(problem: Problem) -> str:
+    """How the robots move that hardly turn about a second axis; empty where all do."""
+    return " and ".join(motion_in_words(m) for m in motions(problem).values() if m.turn_rad[1] < _LITTLE_RAD)
+
+
 def motion_in_words(motion: Motion) -> str:
     """How a robot moves, such as "hand only shifts: its orientation differs by at most 0.10 deg"."""
     robot, turn = motion.robot, np.degrees(motion.turn_rad)
