@@ -16,7 +16,7 @@ from basecal.estimation.solve import Solution
 from basecal.estimation.unseen_words import and_along, in_words, twists_in_words
 from basecal.geometry import Array
 
-_WEAK = 0.1
+_WEAK = 0.15
 _LITTLE_RAD = 0.15
 _UNTOUCHED = 0.95
 
@@ -64,7 +64,9 @@ def untold_findings(cell: Cell, problem: Problem) -> list[Finding]:
 
 
 def weak_findings(cell: Cell, solution: Solution) -> list[Finding]:
-    """What was asked and is known so poorly that it hardly counts: beyond a tenth of the viewing distance, or 6 deg."""
+    """What was asked and is known so poorly that it hardly counts: beyond 0.15 rad, or as much of the
+    viewing distance.
+    """
     found, length = [], solution.seen.length_m
     for name in cell.asked:
         if name in solution.seen.blind or name not in solution.problem.columns:
