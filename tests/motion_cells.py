@@ -26,7 +26,7 @@ AXIS = np.array([0.48, -0.6, 0.64])
 
 
 def turned(spread, shift, axes=None, across=None) -> Move:
-    """Turns about the target by up to `spread` rad about lines along `axes`, and shifts, none of them along `across`."""
+    """Turns about the target by up to `spread` rad about `axes`, and shifts by up to `shift` m, none along `across`."""
 
     def move(home: SE3, pivot: np.ndarray, n: int, rng: np.random.Generator) -> SE3:
         ball = draw.in_ball(rng, n, spread)
@@ -100,3 +100,26 @@ def recorded(
     )
     cell = told(scene, scenario, for_priors)
     return SimulatedCell(cell, Recording(samples), truth(scene, cell), scene.lenses, motion.true)
+
+
+def arm(*axes: str) -> SerialChain:
+    """An arm whose joints turn about these axes (x, y or z) with links of 0.3 m along x and 0.1 m along z."""
+    n = len(axes)
+    link = SE3(np.eye(3), np.array([0.3, 0.0, 0.1]))
+    return SerialChain(
+        tuple(f"j{k}" for k in range(n)),
+        SE3.stack([SE3.identity(), *[link] * (n - 1)]),
+        np.stack([np.eye(3)["xyz".index(axis)] for axis in axes]),
+        link,
+        np.full(n, -np.pi),
+        np.full(n, np.pi),
+    )
+
+
+def recorded_arm(scenario: Scenario, seed: int, axes: str, spread: float = 0.6) -> SimulatedCell:
+    """The hand is an arm of these joints, each within `spread` rad of a middle position; the eye moves freely."""
+    chain = arm(*axes)
+    middle = np.linspace(0.3, 0.7, chain.n)
+    made = recorded(scenario, seed, hand=by_joints(chain, middle, spread), hand_home=chain.forward(middle))
+    hand = replace(made.cell.robots["hand"], chain=chain)
+    return replace(made, cell=replace(made.cell, robots={**made.cell.robots, "hand": hand}))

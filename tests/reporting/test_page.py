@@ -14,7 +14,7 @@ import pytest
 
 from basecal.accuracy.point_residuals import PointResiduals, point_residuals
 from basecal.accuracy.verdict import calibrate
-from basecal.cell import Calibration, Cell, Finding, Recording, Residuals, SampleResidual
+from basecal.cell import Calibration, Cell, Finding, Outlier, Recording, Residuals, SampleResidual
 from basecal.reporting.page import page
 from basecal.reporting.text import text_report
 from basecal.simulation.scenario import LayoutName, Scenario, Seen
@@ -111,6 +111,19 @@ def test_refusal_has_a_page() -> None:
     assert walker.text.replace(" : ", ": ").index(text.splitlines()[0]) < walker.text.index("Not found")
     assert all(name in walker.text for name in cell.asked)
     assert 'class="plot' not in page(cell, recording, calibration)
+
+
+def test_what_was_left_out_is_on_the_page(made: tuple[Cell, Recording, Calibration]) -> None:
+    """Held-out errors stand on the page, and each view or point that was not used with its reason, escaped."""
+    cell, recording, calibration = made
+    left_out = (Outlier(3, "wrist", "board", (4, 5), HOSTILE),)
+    walker = Walker(page(cell, recording, replace(calibration, outliers=left_out)))
+    assert walker.faults == []
+    assert f"sample 3, board by wrist, points 4, 5: {HOSTILE}" in walker.text
+    assert "held-out samples (k-fold, 5 folds) are predicted to" in walker.text
+    bare = Walker(page(cell, recording, replace(calibration, validation=None, outliers=()))).text
+    assert "Held out" not in bare
+    assert "Not used" not in bare
 
 
 def test_refused_number_is_behind_a_warning(made: tuple[Cell, Recording, Calibration]) -> None:

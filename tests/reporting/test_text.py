@@ -7,7 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.cell import Calibration, Cell, CellCamera, CellTarget, Finding, Residuals, Robot, SampleResidual
+from basecal.cell import (
+    Calibration,
+    Cell,
+    CellCamera,
+    CellTarget,
+    Finding,
+    Outlier,
+    Residuals,
+    Robot,
+    SampleResidual,
+    Validation,
+)
 from basecal.geometry import SE3, Camera, PoseEstimate
 from basecal.reporting.text import frame_names, text_report, verdict_sentence
 
@@ -107,3 +118,51 @@ def test_fixed_transforms_have_no_sigma() -> None:
     fixed = replace(a_calibration(), status={BASE: "free", "hand_flange_from_led": "fixed"})
     block = text_report(a_cell(), fixed).split("hand_flange_from_led")[1].split("\n\n")[0]
     assert "sigma" not in block
+
+
+def test_good_says_what_it_predicts() -> None:
+    """The verdict tells how well unseen samples are predicted: at the target, or in pixels where there is no pose."""
+    at_target = Validation("k-fold", 5, 0.25, 4.1e-4, np.radians(0.052), 1.0)
+    good = replace(a_calibration(), validation=at_target)
+    assert verdict_sentence(a_cell(), good) == (
+        f"GOOD: {BASE} to 0.5 mm and 0.29 deg (one sigma); unseen samples are predicted to 0.41 mm and 0.052 deg."
+    )
+    in_pixels = replace(good, validation=Validation("k-fold", 5, 0.25))
+    assert verdict_sentence(a_cell(), in_pixels).endswith("; unseen samples are predicted to 0.25 px.")
+
+
+def test_the_cause_comes_before_what_follows_from_it() -> None:
+    """Of several findings the verdict gives the cause and counts the others that matter."""
+    follows = Finding("poor-fit", "warning", (), "residuals are large: check units.")
+    cause = Finding("outlier-samples", "warning", ("3",), "sample 3 is off: leave it out.")
+    aside = Finding("dropped-sample", "info", ("7",), "sample 7 was cut short.")
+    doubtful = replace(a_calibration(), verdict="doubtful", findings=(aside, follows, cause))
+    assert verdict_sentence(a_cell(), doubtful).endswith(", but: sample 3 is off: leave it out (and 1 more finding)")
+    error = Finding("unseen-direction", "error", (), "the data do not see any turn of hand_base: move it")
+    lost = Finding("not-converged", "error", (), "the iteration ended away from an optimum")
+    refused = Calibration("refused", findings=(lost, follows, error))
+    assert verdict_sentence(a_cell(), refused) == f"REFUSED: {error.message} (and 2 more findings)"
+
+
+def test_validation_and_outliers_are_told() -> None:
+    """Held-out errors, the answer's change in sigmas (the root of its square) and all that is left out are told."""
+    left_out = (
+        Outlier(3, "wrist", "led", (4, 5), "8 px off"),
+        Outlier(7, "wrist", "led", (), "the arm was 12 sigmas off"),
+    )
+    validation = Validation("k-fold", 5, 0.25, 4.1e-4, np.radians(0.052), 6.25)
+    text = text_report(a_cell(), replace(a_calibration(), validation=validation, outliers=left_out))
+    for said in (
+        "held-out samples (k-fold, 5 folds) are predicted to 0.250 px per coordinate, 0.410 mm and 0.052 deg at the",
+        "between folds the answer moves 2.50 times as much as its sigmas say",
+        "not used: sample 3, led by wrist, points 4, 5: 8 px off",
+        "not used: sample 7, led by wrist, the whole view: the arm was 12 sigmas off",
+    ):
+        assert said in text
+
+
+def test_what_was_not_computed_is_not_told() -> None:
+    """Without validation and outliers the text has no word of them."""
+    text = text_report(a_cell(), a_calibration())
+    assert "held-out" not in text
+    assert "not used" not in text

@@ -16,7 +16,7 @@ from basecal.estimation.solve import Solution
 from basecal.estimation.unseen_words import and_along, in_words, twists_in_words
 from basecal.geometry import Array
 
-_WEAK = 0.1
+_WEAK = 0.15
 _LITTLE_RAD = 0.15
 _UNTOUCHED = 0.95
 
@@ -64,7 +64,9 @@ def untold_findings(cell: Cell, problem: Problem) -> list[Finding]:
 
 
 def weak_findings(cell: Cell, solution: Solution) -> list[Finding]:
-    """What was asked and is known so poorly that it hardly counts: beyond a tenth of the viewing distance, or 6 deg."""
+    """What was asked and is known so poorly that it hardly counts: beyond 0.15 rad, or as much of the
+    viewing distance.
+    """
     found, length = [], solution.seen.length_m
     for name in cell.asked:
         if name in solution.seen.blind or name not in solution.problem.columns:
@@ -95,6 +97,11 @@ def reason(cell: Cell, problem: Problem, told: Mapping[str, Motion], names: Sequ
         "the views are too few or too much alike: add samples in which every arm is turned about two axes that are not "
         "parallel, or state a prior or the value of what is known"
     )
+
+
+def poor_motions(problem: Problem) -> str:
+    """How the robots move that hardly turn about a second axis; empty where all do."""
+    return " and ".join(motion_in_words(m) for m in motions(problem).values() if m.turn_rad[1] < _LITTLE_RAD)
 
 
 def motion_in_words(motion: Motion) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from basecal.accuracy.blind_spots import seeing_findings
+from basecal.accuracy.blind_spots import poor_motions, seeing_findings
 from basecal.accuracy.by_shifts import calibrate_by_shifts
 from basecal.accuracy.conventions import mixed_up
 from basecal.accuracy.fit import residuals
@@ -100,18 +100,17 @@ def _too_few(problem: Problem) -> Finding | None:
     free = sum(w.stop - w.start for n, w in problem.columns.items() if n in problem.unknowns and _is_free(problem, n))
     if equations.sum() - equations.max() >= free:
         return None
-    return _too_few_finding(
-        f"{count} samples give {int(equations.sum())} equations for {free} unknowns: none is left to check them"
-    )
+    found = f"{count} samples give {int(equations.sum())} equations for {free} unknowns: none is left to check them"
+    return _too_few_finding(found, poor_motions(problem))
 
 
 def _is_free(problem: Problem, name: str) -> bool:
     return problem.unknowns[name].status == "free"
 
 
-def _too_few_finding(what: str) -> Finding:
+def _too_few_finding(what: str, moved: str = "") -> Finding:
     advice = "record at least 10 samples with every arm in different orientations (20 for a single light)"
-    return Finding("too-few-samples", "error", (), f"{what}: {advice}")
+    return Finding("too-few-samples", "error", (), f"{what}: {advice}{f'; so far {moved}' if moved else ''}")
 
 
 def _too_many_dropped(problem: Problem, findings: list[Finding]) -> list[Finding]:

@@ -14,14 +14,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from basecal.estimation.derivatives import by_robot_models, by_stop_errors, by_unknowns
-from basecal.estimation.measurement import ViewInformation
 from basecal.estimation.problem import Problem, State, ViewGroup, chain
 from basecal.estimation.robot_model import after_step, column_values
 from basecal.estimation.stops import SharedView, StopAccumulator, StopSystem
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 from basecal.geometry.se3 import right_jacobian_inverse
 
-_ABSURD = 1e22
+_ROUNDS_ONE = 1e14
+_ROUNDING = 1e-15
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +145,6 @@ def _linearise_group(problem: Problem, group: ViewGroup, state: State, shared: I
     links = chain(group, state, problem.stops)
     lens = group.camera in problem.columns
     view = group.measurement.linearise(links.camera_from_target, state.cameras.get(group.camera), lens)
-    view = _sensible(view)
     rows = view.gradient.shape[-1]
     derivative, columns = by_unknowns(problem, group, links, rows)
     if problem.models:
@@ -157,15 +156,6 @@ def _linearise_group(problem: Problem, group: ViewGroup, state: State, shared: I
     gradient, information, log_det = _marginalised(view.gradient, view.information, private, state.stop_errors)
     views = _Views(gradient, information, derivative, columns, private, kept)
     return view.cost, log_det, views
-
-
-def _sensible(view: ViewInformation) -> ViewInformation:
-    """The same, views that are lost beyond all numbers at an infinite cost: a lens's polynomial far outside it."""
-    lost = ~(np.abs(view.information).max(axis=(-1, -2)) < _ABSURD)
-    if not lost.any():
-        return view
-    cost, gradient = np.where(lost, np.inf, view.cost), np.where(lost[:, None], 0.0, view.gradient)
-    return ViewInformation(cost, gradient, np.where(lost[:, None, None], 0.0, view.information))
 
 
 def _select(stop: IntArray, by_error: Array, mask: BoolArray, number: IntArray | None) -> SharedView:
@@ -191,6 +181,9 @@ def _marginalised(
         present[of.view] += (of.by_error @ errors[of.stop][..., None])[..., 0]
     carried = information @ by_error
     inner = np.eye(by_error.shape[-1]) + np.swapaxes(by_error, -1, -2) @ carried
+    # Where a lens's polynomial runs away the identity is lost in rounding: as much again as rounding keeps it regular.
+    size = np.abs(inner).max(axis=(-1, -2))
+    inner += np.where(size > _ROUNDS_ONE, _ROUNDING * size, 0.0)[:, None, None] * np.eye(inner.shape[-1])
     about_zero = gradient - (information @ present[..., None])[..., 0]
     right = np.concatenate([information, about_zero[..., None]], -1)
     reduced = right - carried @ np.linalg.solve(inner, np.swapaxes(by_error, -1, -2) @ right)

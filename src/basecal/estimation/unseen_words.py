@@ -80,9 +80,8 @@ def turn_in_words(frame: str, twist: Array, parent: str) -> str:
     shift, turn = twist[:3], twist[3:]
     size = float(turn @ turn)
     through, pitch = np.cross(turn, shift) / size, float(turn @ shift) / size
-    at = ", ".join(f"{v + 0.0:.2f}" for v in through)
     climb = f", with {1e3 * abs(pitch) * np.pi / 180:.1f} mm along it per degree" if abs(pitch) > _PITCH_M else ""
-    return f"a turn of {frame} about the axis through ({at}) m along {_axis(turn)} in {parent}{climb}"
+    return f"a turn of {frame} about the axis through {_numbers(through)} m along {_axis(turn)} in {parent}{climb}"
 
 
 def twists_in_words(frame: str, twists: Array) -> str:
@@ -106,7 +105,11 @@ def _axis(direction: Array) -> str:
     """A direction without its sense: its largest component positive."""
     unit = direction / np.linalg.norm(direction)
     unit = unit * np.sign(unit[np.argmax(np.round(np.abs(unit), 3))])
-    return "(" + ", ".join(f"{round(float(v), 2) + 0.0:.2f}" for v in unit) + ")"
+    return _numbers(unit)
+
+
+def _numbers(values: Array) -> str:
+    return "(" + ", ".join(f"{round(float(v), 2) + 0.0:.2f}" for v in values) + ")"
 
 
 def _rows(problem: Problem, names: Sequence[str]) -> IntArray:

@@ -19,7 +19,15 @@ from basecal.cell import Calibration, Cell, Recording, SampleResidual
 from basecal.reporting.figures import QUANTITIES, Figure, arrow_figure, bar_figure, histogram
 from basecal.reporting.picture import picture
 from basecal.reporting.scene import Scene, scene, scene_data
-from basecal.reporting.text import by_weight, fit_sentences, lens_parameters, noise_sentences, verdict_sentence
+from basecal.reporting.text import (
+    by_weight,
+    fit_sentences,
+    lens_parameters,
+    noise_sentences,
+    outlier_sentences,
+    validation_sentences,
+    verdict_sentence,
+)
 from basecal.reporting.transforms import transform_view
 
 _MOST_ROWS = 400
@@ -164,6 +172,8 @@ def _fit(cell: Cell, calibration: Calibration, points: Sequence[PointResiduals])
     views = calibration.residuals.per_sample
     return {
         "fit": [*fit_sentences(calibration), *noise_sentences(calibration)],
+        "held_out": list(validation_sentences(calibration)),
+        "outliers": list(outlier_sentences(calibration)),
         "arrows": [
             arrow_figure(name, cell.cameras[name].size_px, [each for each in seen if each.camera == name], most)
             for name in cameras

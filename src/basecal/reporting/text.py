@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from basecal.cell import Calibration, Cell, Certificate, Finding, JointOffsets, LinkParameters
+from basecal.cell import Calibration, Cell, Certificate, Finding, JointOffsets, LinkParameters, Validation
 from basecal.exchange.ros2 import static_transform_publisher
 from basecal.exchange.urdf import origin_line
 from basecal.geometry import Array, Camera, PoseEstimate
@@ -15,6 +15,9 @@ _INTRINSICS = ("fx", "fy", "cx", "cy")
 _DISTORTION = {"pinhole": ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"), "fisheye": ("k1", "k2", "k3", "k4")}
 _READ_IN = {"px": (1.0, "px"), "m": (1e3, "mm"), "rad": (1e3, "mrad")}
 _RANK = {"error": 0, "warning": 1, "info": 2}
+# What follows from something else is told after it.
+_CONSEQUENCES = ("poor-fit", "unstable-answer", "overfit", "weak-direction", "not-converged")
+_SHOWN_IDS = 10
 
 
 def text_report(cell: Cell, calibration: Calibration) -> str:
@@ -34,6 +37,8 @@ def text_report(cell: Cell, calibration: Calibration) -> str:
         *(_joint_offsets(robot, of) for robot, of in calibration.joint_offsets.items()),
         *(_links(robot, of) for robot, of in calibration.link_parameters.items()),
         list(fit_sentences(calibration)),
+        list(validation_sentences(calibration)),
+        [f"not used: {sentence}" for sentence in outlier_sentences(calibration)],
         list(noise_sentences(calibration)),
         list(_findings(calibration.findings)),
     ]
@@ -41,15 +46,25 @@ def text_report(cell: Cell, calibration: Calibration) -> str:
 
 
 def verdict_sentence(cell: Cell, calibration: Calibration) -> str:
-    """The verdict in one sentence: how well what was asked is known, or why it is not."""
+    """The verdict in one sentence: how well what was asked is known, or why it is not and what to do."""
     asked = [name for name in cell.asked if name in calibration.transforms]
     known = "; ".join(f"{name} to {_known_to(name, calibration)}" for name in asked)
     reason = _first_reason(calibration.findings)
     if calibration.verdict == "refused":
         return f"REFUSED: {reason or 'the data do not determine what was asked.'}"
-    if calibration.verdict == "doubtful":
-        return f"DOUBTFUL: {known} (one sigma), but: {reason}"
-    return f"GOOD: {known} (one sigma)." if known else "GOOD: nothing was asked, everything is fixed."
+    told = f"{known} (one sigma)" if known else "nothing was asked, everything is fixed"
+    predicted = _predicted_to(calibration.validation)
+    told = f"{told}; unseen samples are predicted to {predicted}" if predicted else told
+    return f"DOUBTFUL: {told}, but: {reason}" if calibration.verdict == "doubtful" else f"GOOD: {told}."
+
+
+def _predicted_to(validation: Validation | None) -> str:
+    """How well held-out samples are predicted at the target, or else in the image; empty where it is not known."""
+    if validation is None:
+        return ""
+    if validation.target_m is None or validation.target_rad is None:
+        return "" if validation.rms_px is None else f"{validation.rms_px:.2g} px"
+    return f"{validation.target_m * 1e3:.2g} mm and {np.degrees(validation.target_rad):.2g} deg"
 
 
 def _known_to(name: str, calibration: Calibration) -> str:
@@ -64,12 +79,17 @@ def sigma_norms(estimate: PoseEstimate) -> tuple[float, float]:
 
 
 def _first_reason(findings: Iterable[Finding]) -> str:
-    return next((f.message for f in by_weight(findings) if f.severity != "info"), "")
+    """The most important finding, and how many more there are that count."""
+    messages = [f.message for f in by_weight(findings) if f.severity != "info"]
+    if len(messages) < 2:
+        return "".join(messages)
+    others = len(messages) - 1
+    return f"{messages[0].rstrip('.')} (and {others} more finding{'s' if others > 1 else ''})"
 
 
 def by_weight(findings: Iterable[Finding]) -> list[Finding]:
-    """Errors, then warnings, then the rest."""
-    return sorted(findings, key=lambda f: _RANK[f.severity])
+    """Errors, then warnings, then the rest; what follows from others after them."""
+    return sorted(findings, key=lambda f: (_RANK[f.severity], f.code in _CONSEQUENCES))
 
 
 def _row(values: Array, digits: int) -> str:
@@ -178,6 +198,31 @@ def _certificate(of: Certificate) -> str:
     if of.is_global:
         return f"certificate: no other answer fits better (rotations proven to {of.gap or 0.0:.1g} of their cost)"
     return f"certificate: not proven, {of.reason}"
+
+
+def validation_sentences(calibration: Calibration) -> Iterator[str]:
+    """How well held-out samples were predicted, a line each."""
+    validation = calibration.validation
+    if validation is None:
+        return
+    target_m, target_rad = validation.target_m, validation.target_rad
+    told = [] if validation.rms_px is None else [f"{validation.rms_px:.3f} px per coordinate"]
+    if target_m is not None and target_rad is not None:
+        told.append(f"{target_m * 1e3:.3f} mm and {np.degrees(target_rad):.3f} deg at the target")
+    if told:
+        yield f"held-out samples ({validation.kind}, {validation.folds} folds) are predicted to {', '.join(told)} rms"
+    if validation.base_change is not None:
+        times = float(np.sqrt(validation.base_change))
+        yield f"between folds the answer moves {times:.2f} times as much as its sigmas say"
+
+
+def outlier_sentences(calibration: Calibration) -> Iterator[str]:
+    """What was seen and not used, a line each."""
+    for outlier in calibration.outliers or ():
+        told = f"points {', '.join(map(str, outlier.ids[:_SHOWN_IDS]))}" if outlier.ids else "the whole view"
+        more = ", ..." if len(outlier.ids) > _SHOWN_IDS else ""
+        place = f"sample {outlier.sample}, {outlier.target} by {outlier.camera}"
+        yield f"{place}, {told}{more}: {outlier.reason}"
 
 
 def noise_sentences(calibration: Calibration) -> Iterator[str]:

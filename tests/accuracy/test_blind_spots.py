@@ -1,0 +1,178 @@
+"""What is not seen, in words, for each motion that leaves something open; and the same cell, moved well, is good."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.motion_cells import (
+    ONE_AXIS,
+    PLANAR,
+    SCARA,
+    SHIFTS,
+    recorded,
+    recorded_arm,
+    still,
+    wobbling,
+)
+
+from basecal.accuracy.verdict import calibrate
+from basecal.cell import Calibration, Recording, RobotState
+from basecal.geometry import SE3
+from basecal.simulation import Scenario, SimulatedCell, simulate
+
+BASE, CAMERA, BOARD = "eye_base_from_hand_base", "eye_flange_from_wrist", "hand_flange_from_board"
+SEEN = {"charuco": Scenario(samples=20), "led": Scenario(samples=40, target="led")}
+
+
+def findings(calibration: Calibration, code: str) -> str:
+    return " | ".join(f.message for f in calibration.findings if f.code == code)
+
+
+def calibrated(made: SimulatedCell) -> Calibration:
+    return calibrate(made.cell, made.recording)
+
+
+@pytest.mark.parametrize("target", SEEN)
+def test_general_motion_is_good(target):
+    """Both arms turning about every axis: good, whatever is seen."""
+    assert calibrated(recorded(SEEN[target], 3)).verdict == "good"
+
+
+DEGENERATE = {
+    "shifts": (SHIFTS, "any shift of hand_base, together with hand_flange_from_board: hand only shifts"),
+    "scara": (SCARA, "hand turns about one axis, along (0.48, -0.60, 0.64) in hand_base"),
+    "planar": (PLANAR, "hand turns about one axis, along (0.48, -0.60, 0.64) in hand_base"),
+    "one line": (ONE_AXIS, "a turn of hand_base about the axis through"),
+    "still": (still, "any turn of hand_base, together with hand_flange_from_board: hand never moves in"),
+}
+
+
+@pytest.mark.parametrize("wobble", [0.0, 1e-3])
+@pytest.mark.parametrize("target", SEEN)
+@pytest.mark.parametrize("kind", DEGENERATE)
+def test_a_hand_that_moves_too_little_is_refused(kind, target, wobble):
+    """The words name the motion and what it hides; nothing hidden has a number."""
+    move, said = DEGENERATE[kind]
+    found = calibrated(recorded(SEEN[target], 3, hand=wobbling(move, wobble) if wobble else move))
+    assert found.verdict == "refused"
+    assert BASE not in found.transforms
+    assert BOARD not in found.transforms
+    assert "state hand_flange_from_board as a prior or fixed" in findings(found, "unseen-direction")
+    if not wobble:
+        assert said in findings(found, "unseen-direction")
+        # A light on the axis about which it is turned never moves, and then there may be no optimum at all.
+        assert set(found.transforms) <= {CAMERA}
+
+
+def test_the_axis_is_named_in_the_eye_base():
+    """The shift that a planar hand hides is along its axis, as seen from the eye's base."""
+    made = recorded(SEEN["charuco"], 3, hand=SCARA)
+    axis = made.truth[BASE].rotation @ np.array([0.48, -0.6, 0.64])
+    axis *= np.sign(axis[np.argmax(np.abs(axis))])
+    (unseen,) = calibrated(made).unseen
+    told = np.array([float(v) for v in unseen.split("(")[1].split(")")[0].split(",")])
+    np.testing.assert_allclose(told, axis, atol=0.02)
+
+
+@pytest.mark.parametrize("kind", ["shifts", "scara"])
+@pytest.mark.parametrize("stated", [True, False])
+def test_noise_of_the_poses_is_no_motion(kind, stated):
+    """Recorded poses that turn by their noise alone: no number, though pixels seem to tell the hidden direction."""
+    move = DEGENERATE[kind][0]
+    for seed in range(2):
+        made = recorded(Scenario(samples=30), seed, hand=move)
+        rng = np.random.default_rng(seed)
+        samples = []
+        for s in made.recording.samples:
+            off = SE3.exp(rng.standard_normal(6) * 3e-4)
+            hand = RobotState(s.robots["hand"].base_from_flange @ off)
+            samples.append(replace(s, robots={**s.robots, "hand": hand}))
+        noise = np.full(6, 3e-4) if stated else None
+        robots = {**made.cell.robots, "hand": replace(made.cell.robots["hand"], noise=noise)}
+        cell = replace(made.cell, robots=robots, pixel_px=0.2 if stated else None)
+        found = calibrate(cell, Recording(tuple(samples)))
+        assert found.verdict == "refused"
+        assert BASE not in found.transforms
+        assert "hand" in findings(found, "unseen-direction")
+
+
+def test_both_arms_are_named():
+    """Where both arms only shift both are told, each once, and what to state."""
+    found = calibrated(recorded(SEEN["charuco"], 3, eye=SHIFTS, hand=SHIFTS))
+    said = findings(found, "unseen-direction")
+    assert "eye only shifts" in said
+    assert "hand only shifts" in said
+    assert not found.transforms
+
+
+def test_a_still_light_leaves_turns_open():
+    """A light that stays where it is says where it is: with its offset known, turns of the base about it are open."""
+    found = calibrated(recorded(replace(SEEN["led"], target_mount="fixed"), 3, hand=still))
+    assert found.unseen == ("any turn of hand_base",)
+    assert "hand never moves in 40 samples: move it" in findings(found, "unseen-direction")
+
+
+def test_a_light_shifted_with_known_mounts_is_good():
+    """Shifts alone are enough where both mounts are known, as in the paper."""
+    known = replace(SEEN["led"], camera_mount="fixed", target_mount="fixed")
+    assert calibrated(recorded(known, 3, eye=still, hand=SHIFTS)).verdict == "good"
+
+
+@pytest.mark.parametrize("axes", ["zyyy", "zyyyx"])
+def test_arms_of_four_and_five_joints_are_good(axes):
+    """A turning base and parallel joints after it turn the flange about two directions: all is seen."""
+    assert calibrated(recorded_arm(SEEN["charuco"], 0, axes, 0.3)).verdict == "good"
+
+
+def test_an_arm_that_cannot_turn_otherwise_is_not_told_to():
+    """An arm whose axes are all parallel cannot turn about another: the advice is to state what is known."""
+    found = calibrated(recorded_arm(SEEN["charuco"], 0, "zzz", 0.3))
+    said = findings(found, "unseen-direction")
+    assert "all axes of its joints are parallel" in said
+    assert "state hand_flange_from_board as a prior or fixed" in said
+    assert "add poses" not in said
+
+
+def test_what_a_prior_holds_is_told():
+    """A planar hand with a prior on the board: good, and the one direction held by the prior alone is told."""
+    made = recorded(replace(SEEN["charuco"], target_mount="prior"), 3, hand=SCARA)
+    found = calibrated(made)
+    (told,) = [f for f in found.findings if f.code == "held-by-prior"]
+    assert told.severity == "info"
+    assert told.about == (BOARD, BASE)
+    assert "a shift of board along" in told.message
+    assert f"{BASE} rests on it" in told.message
+    # The prior's 5 mm along one direction is all there is.
+    assert np.linalg.norm(found[BASE].sigma_t) == pytest.approx(5e-3, rel=0.05)
+
+
+def test_a_prior_that_the_data_improve_is_not_told():
+    """With every arm moving a prior of 5 mm and 50 mrad counts for nothing."""
+    found = calibrated(recorded(replace(SEEN["charuco"], target_mount="prior", camera_mount="prior"), 3))
+    assert findings(found, "held-by-prior") == ""
+
+
+def test_poorly_known_is_doubtful():
+    """A base that rests on a prior of 200 mrad is known to eleven degrees: doubtful, and the motion is named."""
+    scenario = replace(SEEN["charuco"], target_mount="prior", mount_prior=(5e-3, 0.2))
+    found = calibrated(recorded(scenario, 3, hand=still))
+    assert found.verdict == "doubtful"
+    assert "hand never moves" in findings(found, "weak-direction")
+
+
+def test_a_recording_tells_by_itself_where_the_solver_fails():
+    """An arm of which everything is free and which only shifts is named from its poses, solved or not."""
+    made = recorded(Scenario(samples=20), 0, hand=SHIFTS)
+    robots = {n: replace(r, noise=np.full(6, 1e-4)) for n, r in made.cell.robots.items()}
+    found = calibrate(replace(made.cell, robots=robots), made.recording)
+    assert found.verdict == "refused"
+    assert "any shift of hand_base" in findings(found, "unseen-direction")
+
+
+def test_too_few_samples_say_how_the_arms_moved():
+    """Two samples between which the hand did not move: the refusal says so."""
+    made = simulate(Scenario(samples=2, arms="hand_still"), 0)
+    found = calibrate(made.cell, made.recording)
+    assert "hand never moves in 2 samples" in findings(found, "too-few-samples")
