@@ -125,12 +125,13 @@ def _certificate(result: Result) -> str:
     every = result["foes"][-1]
     about = f"""\
 Views are poses; arms and views have that rotation noise per axis, stated, and 2 mm. Times are of the processor, for
-30 samples. Asked: {100 * result["target"]:.0f} % of what is well posed; where arms turn by {result["well_posed_rad"]:g} rad
-or more {100 * result["rate"]:.1f} % are proven. The rest are not refuted: noise is too large for how far the arms turn."""
+30 samples. Asked: {100 * result["target"]:.0f} % of what is well posed; where arms turn by
+{result["well_posed_rad"]:g} rad or more {100 * result["rate"]:.1f} % are proven."""
     foes = f"""\
-Cells made to deceive, half of them hand-eye and half two arms, of 4 to 15 samples. Each claim is held against random starts
-of everything, {every["with_a_thousand"]} of {every["claimed"]} claims against a thousand and the others against a hundred, and
-its rotations against a thousand more. False is a claim where one of them costs less by more than {result["better"]:g} of the cost."""
+Cells made to deceive, half of them hand-eye and half two arms, of 4 to 15 samples. Each claim is held against random
+starts of everything, {every["with_a_thousand"]} of {every["claimed"]} claims against a thousand and their rotations
+against a thousand more, the other claims against a hundred. A claim is false where a start leads to a cost that is less
+by more than {result["better"]:g} of it."""
     tables = (
         table(certificate.HEAD, map(certificate.row, result["posed"])),
         table(certificate.TIME_HEAD, map(certificate.time_row, result["times"])),
