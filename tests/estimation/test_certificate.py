@@ -30,6 +30,7 @@ PROVEN = {
     "two arms": Scenario(**NOISY),
     "camera mount known": Scenario(camera_mount="fixed", **NOISY),
     "both mounts known": Scenario(camera_mount="fixed", target_mount="fixed", **NOISY),
+    "nothing free": Scenario(base="fixed", camera_mount="fixed", target_mount="fixed", target="pose"),
     "3-D points": Scenario(target="points3d"),
     "board": Scenario(robot_noise=(3e-4, 5e-4)),
     "points at stations": Scenario(target="points", arms="stations", robot_noise=(3e-4, 5e-4)),
