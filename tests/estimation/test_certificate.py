@@ -228,3 +228,22 @@ def test_certificate_is_made_where_asked_or_where_starts_differ():
     ):
         assert certificate is not None
         assert certificate.is_global is True
+
+
+def test_starts_that_differ_call_for_a_certificate(monkeypatch):
+    """Where no start looks plausible and guesses lead elsewhere, the certificate comes unasked; not where all agree."""
+    monkeypatch.setattr("basecal.estimation.solve._PLAUSIBLE_SIGMAS", 0.0)
+    disputed = 0
+    for seed in range(12):
+        cell, recording = misled(seed)
+        solution = solve(cell, recording)
+        elsewhere = solve(cell, recording, Settings(start="guess")).cost > solution.cost * (1 + 1e-5)
+        if elsewhere:
+            disputed += 1
+            assert solution.disputed
+            certificate = calibrate(cell, recording).certificate
+            assert certificate is not None
+            assert certificate.is_global is True
+    assert disputed >= 1
+    made = simulate(Scenario(target="pose"), 0)
+    assert calibrate(made.cell, made.recording).certificate is None
