@@ -143,3 +143,16 @@ def test_frames_of_the_cell_reach_the_report(
     assert read_cell(tmp_path / "c").robots["eye"].frames == {"base": "left_base_link"}
     assert main(["report", str(tmp_path / "c")]) == 0
     assert "--frame-id left_base_link --child-frame-id hand_base" in capsys.readouterr().out
+
+
+def test_certificate_is_told_where_asked(simulated: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """With `--certify` the JSON says that the optimum is proven and the report that no other answer fits better."""
+    assert main(["calibrate", str(simulated), "--certify", "--json"]) == 0
+    certificate = json.loads(capsys.readouterr().out)["certificate"]
+    assert certificate["global"] is True
+    assert 0 <= certificate["gap"] < 1e-3
+    assert certificate["reason"] == ""
+    assert main(["report", str(simulated)]) == 0
+    assert "certificate: no other answer fits better" in capsys.readouterr().out
+    assert main(["calibrate", str(simulated), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["certificate"] is None

@@ -87,7 +87,7 @@ def certify(solution: Solution) -> Certified:
     if not solution.converged:
         return _undecided("the solution is not an optimum", gap)
     if gap > _TIGHT:
-        return _undecided(f"the relaxation leaves a gap of {100 * gap:.2g} %", gap)
+        return _undecided("the relaxation is not tight: other rotations could cost less than those found", gap)
     floor = constant + sum(loop.form.weight * loop.bound.lower for loop in known)
     share = max(_share(loop, solution.cost - floor) for loop in known)
     if not share <= _WIDEST:
@@ -119,6 +119,8 @@ def _beyond(solution: Solution) -> str:
     """Why nothing can be said of a solution; empty where something can."""
     problem = solution.problem
     free_lens = next((name for name in problem.columns if name in problem.lenses), None)
+    if not any(len(group) for group in problem.groups):
+        return "nothing was seen"
     if free_lens is not None:
         return f"the lens of {free_lens} is estimated: a single view gives no pose without it"
     if any(name not in problem.unknowns for name in problem.columns):

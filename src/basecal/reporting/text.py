@@ -196,8 +196,8 @@ def fit_sentences(calibration: Calibration) -> Iterator[str]:
 
 def _certificate(of: Certificate) -> str:
     if of.is_global:
-        return f"certificate: no other answer fits better (rotations proven to {of.gap or 0.0:.1g} of their cost)"
-    return f"certificate: not proven, {of.reason}"
+        return f"certificate: no other answer fits better; gap of the proof of the rotations {of.gap or 0.0:.1g}"
+    return f"certificate: not proven: {of.reason}"
 
 
 def validation_sentences(calibration: Calibration) -> Iterator[str]:
