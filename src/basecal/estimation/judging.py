@@ -155,4 +155,4 @@ def _prior(about: Surroundings, k: int, some: IntArray, variance: float) -> Prio
         errors[part.stop] = 0.0
     predicted = replace(about.state, stop_errors=errors).camera_from_target(group, about.problem.stops)
     pose_spread = spread[some][:, :6, :6] * variance + _EXACT * np.eye(6)
-    return Prior(predicted[some], np.linalg.inv(pose_spread))
+    return Prior(predicted[some], np.asarray(np.linalg.inv(pose_spread), dtype=np.float64))

@@ -29,7 +29,7 @@ from basecal.estimation.solve import Solution, solve_from, solve_packed
 from basecal.estimation.subset_starts import score, subset_states
 from basecal.estimation.trimming import Kept, at_stops_of, everything, point_count, trimmed, without_points
 from basecal.estimation.view_consensus import consensus
-from basecal.geometry import Array, BoolArray, IntArray
+from basecal.geometry import BoolArray, IntArray
 
 _ROUNDS = 12
 _FREE_ROUNDS = 6
@@ -37,7 +37,8 @@ _SCALE_ROUNDS = 3
 _PLAUSIBLE_PX = 1.0
 _LEAST_KEPT = 0.5
 _CLEAR_SHARE = 0.6
-_MOST = 0.9
+_PLAUSIBLE_VIEW_PX = 3.0
+_PLAUSIBLE_SIGMAS = 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,11 +110,11 @@ def _badness(end: _End) -> float:
 def _ends(plain: Solution, whole: Kept, judgement: Judgement, cell: Cell, settings: Settings) -> list[_End]:
     """Where the plain state leads and, where that convinces by nothing, where subsets of the samples do."""
     full, kept, state = _agreeing_within(plain, whole, judgement, cell, settings)
-    ends = [_end(full, kept, state, plain, settings)]
+    ends = [_end(full, kept, _annealed(full, kept, state), plain, settings)]
     if not _convincing(ends[0]):
         least = np.inf
-        for start in subset_states(without_points(full, kept.points), cell):
-            cost = score(*_read(full, kept, start), is_stated(full))
+        for start in subset_states(without_points(full, kept.points), cell, state):
+            cost = _cost(full, kept, start)
             if cost < least:
                 least = cost
                 ends.append(_end(full, kept, start, plain, settings))
@@ -123,15 +124,22 @@ def _ends(plain: Solution, whole: Kept, judgement: Judgement, cell: Cell, settin
 
 
 def _convincing(end: _End | None) -> bool:
-    """Whether most views agree, within the noise that was stated where it was."""
+    """Whether most views agree, within the noise that was stated or that a detector may have."""
     if end is None or _share_kept(end) < _CLEAR_SHARE:
         return False
-    return not is_stated(end.problem) or end.judgement.view_scale.variance < CONTRADICTED**2 or _share_kept(end) > _MOST
+    scale = end.judgement.view_scale.variance
+    weights = [m.weight.max(initial=0.0) for m in _with_points(end.problem.groups) if isinstance(m, PixelMeasurement)]
+    if not weights:
+        return scale < _PLAUSIBLE_SIGMAS**2
+    return scale < max(CONTRADICTED, _PLAUSIBLE_VIEW_PX * float(max(weights))) ** 2
 
 
-def _read(full: Problem, kept: Kept, state: State) -> tuple[Problem, State]:
+def _cost(full: Problem, kept: Kept, state: State) -> float:
     problem, now = _rechosen(full, kept, state)
-    return without_points(problem, now.points), state
+    try:
+        return score(without_points(problem, now.points), state, is_stated(full))
+    except np.linalg.LinAlgError:
+        return np.inf
 
 
 def _share_kept(end: _End) -> float:
@@ -203,12 +211,24 @@ def _agreeing_points(
     return kept, Squares(squares, np.full(len(squares), freedoms))
 
 
-def _end(full: Problem, kept: Kept, state: State, plain: Solution, settings: Settings) -> _End | None:
-    """From a state to that of truncated least squares, and on to where no view or point changes sides."""
+def _annealed(full: Problem, kept: Kept, state: State) -> State:
+    """The state of truncated least squares from a state that outliers have pulled aside."""
     full, kept = _rechosen(full, kept, state)
     masked = without_points(full, kept.points)
-    state = reweighted(masked, state, lambda squares: view_scale(masked, squares))
-    squares = misfits(linearise(masked, state))
+    try:
+        return reweighted(masked, state, lambda squares: view_scale(masked, squares))
+    except np.linalg.LinAlgError:
+        return state
+
+
+def _end(full: Problem, kept: Kept, state: State, plain: Solution, settings: Settings) -> _End | None:
+    """From a state to where no view or point changes sides; None where that is no answer."""
+    full, kept = _rechosen(full, kept, state)
+    masked = without_points(full, kept.points)
+    try:
+        squares = misfits(linearise(masked, state))
+    except np.linalg.LinAlgError:
+        return None
     scale = view_scale(masked, squares)
     kept = Kept(tuple(~scale.beyond(s) for s in squares), kept.points)
     for k in range(_ROUNDS):
@@ -256,10 +276,10 @@ def _rechosen(full: Problem, kept: Kept, state: State) -> tuple[Problem, Kept]:
     return after, replace(kept, points=tuple(points))
 
 
-def _differs(old: ViewGroup, new: ViewGroup) -> Array:
+def _differs(old: ViewGroup, new: ViewGroup) -> BoolArray:
     assert isinstance(old.measurement, PixelMeasurement)
     assert isinstance(new.measurement, PixelMeasurement)
-    return np.any(old.measurement.pixels != new.measurement.pixels, axis=(1, 2))
+    return np.asarray(np.any(old.measurement.pixels != new.measurement.pixels, axis=(1, 2)))
 
 
 def _told(cell: Cell, problem: Problem, end: _End) -> RobustSolution:
