@@ -9,7 +9,7 @@ import numpy as np
 
 from basecal.cell import Residuals, SampleResidual
 from basecal.estimation.measurement import PixelMeasurement, PointMeasurement, PoseMeasurement
-from basecal.estimation.problem import ViewGroup
+from basecal.estimation.problem import Problem, ViewGroup
 from basecal.estimation.sight import aligned
 from basecal.estimation.solve import Solution
 from basecal.estimation.view_pose import FEWEST_POINTS, refined
@@ -18,8 +18,8 @@ from basecal.geometry import SE3, Array, BoolArray
 _FEWEST_3D_POINTS = 3
 
 
-def residuals(solution: Solution) -> Residuals:
-    """How everything fits.
+def residuals(solution: Solution, left_out: Problem | None = None) -> Residuals:
+    """How everything fits; views that were left out stand among the samples and are in no mean.
 
     The loop of a view is `(A X B).inverse() @ Y C Z` with A and C as recorded and B from the view alone. Pixels are per
     coordinate, robots' errors taken at their most probable.
@@ -31,6 +31,8 @@ def residuals(solution: Solution) -> Residuals:
         pixels.append(coordinates)
     all_px = np.concatenate(pixels)
     loops = np.array([(r.loop_m, r.loop_rad) for r in per_sample if r.loop_m is not None and r.loop_rad is not None])
+    for group in left_out.groups if left_out is not None else ():
+        per_sample += _of_group(solution, group)[0]
     loop_m, loop_rad = np.sqrt(np.mean(loops**2, axis=0)) if len(loops) else (None, None)
     return Residuals(
         rms_px=float(np.sqrt(np.mean(all_px**2))) if len(all_px) else None,

@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from basecal.accuracy.by_shifts import calibrate_by_shifts
 from basecal.accuracy.fit import residuals
+from basecal.accuracy.outlier_findings import outlier_findings
 from basecal.cell import Calibration, Cell, Finding, Recording, Residuals
 from basecal.cell.calibration import Severity, Verdict
 from basecal.estimation.noise import CONTRADICTED
 from basecal.estimation.packing import pack
 from basecal.estimation.problem import Problem
+from basecal.estimation.robust import solve_robustly
 from basecal.estimation.settings import DEFAULT, Settings
-from basecal.estimation.solve import Solution, solve_packed
-from basecal.geometry import IntArray
+from basecal.estimation.solve import Solution
 
 _MANY_DROPPED = 0.1
 _POOR_FIT_PX = 3.0
-_OUTLIER_SIGMAS = 6.0
-_SHOWN = 10
 
 
 def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) -> Calibration:
@@ -47,10 +47,12 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
         return _refused(settings, [*findings, too_few])
     if settings.method == "axis-shift":
         return calibrate_by_shifts(cell, problem, settings, findings)
-    solution = solve_packed(problem, cell, settings)
-    fit = residuals(solution)
-    findings += _unseen(cell, solution) + _not_converged(solution) + _poor_fit(solution, fit) + _outliers(solution)
-    return _calibration(cell, solution, fit, settings, findings)
+    robust = solve_robustly(problem, cell, settings)
+    solution = robust.solution
+    fit = residuals(solution, robust.left_out)
+    findings += _unseen(cell, solution) + _not_converged(solution) + _poor_fit(solution, fit)
+    findings += outlier_findings(robust)
+    return replace(_calibration(cell, solution, fit, settings, findings), outliers=robust.outliers)
 
 
 def verdict_of(findings: Sequence[Finding]) -> Verdict:
@@ -138,31 +140,6 @@ def _poor_fit(solution: Solution, fit: Residuals) -> list[Finding]:
         return []
     advice = "check units, directions and the target's size, and state the robots' noise where it is not"
     return [Finding("poor-fit", "warning", (), f"{message}: {advice}")]
-
-
-def _outliers(solution: Solution) -> list[Finding]:
-    """Stops whose pose error is more than six sigma in a direction: a chance of 2e-9 each where the noise is true."""
-    errors = np.abs(solution.state.stop_errors).max(axis=-1, initial=0.0)
-    far = np.flatnonzero(errors > _OUTLIER_SIGMAS)
-    samples = sorted(_samples_at(solution.problem, far))
-    if not samples:
-        return []
-    shown = ", ".join(map(str, samples[:_SHOWN])) + (", ..." if len(samples) > _SHOWN else "")
-    message = (
-        f"a robot was off by up to {errors.max():.0f} of its stated sigmas at sample {shown}: taken before the arm "
-        "settled, or bumped; leave these samples out, or state a larger noise"
-    )
-    return [Finding("outlier-samples", "warning", tuple(map(str, samples)), message)]
-
-
-def _samples_at(problem: Problem, stops: IntArray) -> set[int]:
-    """Numbers of the samples that stand in these stops."""
-    return {
-        int(number)
-        for group in problem.groups
-        for stop in (group.eye_stop, group.hand_stop)
-        for number in group.sample[np.isin(stop, stops)]
-    }
 
 
 def _calibration(
