@@ -21,7 +21,7 @@ from basecal.geometry import Array, BoolArray, IntArray
 
 _ROUNDING = 1e-9
 _ALONE = 1.0 - 1e-4
-_OWN_POINTS = 8
+_OWN_POINTS = 12
 
 
 @dataclass(frozen=True, eq=False)
