@@ -23,7 +23,7 @@ from basecal.estimation.trimming import of_samples
 from basecal.geometry import IntArray
 
 _BLOCKS = (2, 3)
-_DRAWS = 30
+_DRAWS = 24
 _SPARE = 1.3
 _CONCENTRATIONS = 3
 _CONCENTRATED = 0.5
