@@ -10,7 +10,7 @@ import numpy as np
 from basecal.accuracy.loops import loops
 from basecal.cell import Residuals, SampleResidual
 from basecal.estimation.measurement import PixelMeasurement, PointMeasurement, PoseMeasurement
-from basecal.estimation.problem import State, ViewGroup
+from basecal.estimation.problem import Problem, State, ViewGroup
 from basecal.estimation.sight import aligned
 from basecal.estimation.solve import Solution
 from basecal.estimation.view_pose import FEWEST_POINTS, refined
@@ -19,8 +19,8 @@ from basecal.geometry import SE3, Array, BoolArray
 _FEWEST_3D_POINTS = 3
 
 
-def residuals(solution: Solution) -> Residuals:
-    """How everything fits.
+def residuals(solution: Solution, left_out: Problem | None = None) -> Residuals:
+    """How everything fits; views that were left out stand among the samples and are in no mean.
 
     The loop of a view is `(A X B).inverse() @ Y C Z` with A and C as recorded and B from the view alone. Pixels are per
     coordinate, robots' errors taken at their most probable.
@@ -31,16 +31,18 @@ def residuals(solution: Solution) -> Residuals:
         per_sample += of_views
         pixels.append(coordinates)
     all_px = np.concatenate(pixels)
-    per_sample = sorted(per_sample, key=lambda r: (r.sample, r.camera, r.target))
     closed = np.array([(r.loop_m, r.loop_rad) for r in per_sample if r.loop_m is not None and r.loop_rad is not None])
     loop_m, loop_rad = np.sqrt(np.mean(closed**2, axis=0)) if len(closed) else (None, None)
+    around = loops(solution, per_sample)
+    for group in left_out.groups if left_out is not None else ():
+        per_sample += _of_group(solution, group)[0]
     return Residuals(
         rms_px=float(np.sqrt(np.mean(all_px**2))) if len(all_px) else None,
         median_px=float(np.median(np.abs(all_px))) if len(all_px) else None,
         loop_rms_m=None if loop_m is None else float(loop_m),
         loop_rms_rad=None if loop_rad is None else float(loop_rad),
-        per_sample=tuple(per_sample),
-        loops=loops(solution, per_sample),
+        per_sample=tuple(sorted(per_sample, key=lambda r: (r.sample, r.camera, r.target))),
+        loops=around,
     )
 
 

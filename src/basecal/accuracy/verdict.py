@@ -8,28 +8,25 @@ from typing import Any
 
 import numpy as np
 
-from basecal.accuracy.blind_spots import poor_motions, seeing_findings
+from basecal.accuracy.blind_spots import seeing_findings
 from basecal.accuracy.by_shifts import calibrate_by_shifts
 from basecal.accuracy.conventions import mixed_up
 from basecal.accuracy.fit import residuals
-from basecal.accuracy.priors import contradicted_priors
-from basecal.accuracy.validation import validate
-from basecal.accuracy.proof import proven
+from basecal.accuracy.fit_findings import many_dropped, not_converged, poor_fit, too_few
 from basecal.accuracy.kinematics import held_findings, joint_offsets, link_parameters
+from basecal.accuracy.outlier_findings import outlier_findings
+from basecal.accuracy.priors import contradicted_priors
+from basecal.accuracy.proof import proven
 from basecal.accuracy.robot_model import choose_robot_model, robot_model_findings
+from basecal.accuracy.validation import validate
 from basecal.cell import Calibration, Cell, Finding, Recording, Residuals
 from basecal.cell.calibration import Verdict
-from basecal.estimation.noise import CONTRADICTED
 from basecal.estimation.packing import pack
 from basecal.estimation.problem import Problem
+from basecal.estimation.robot_noise import with_robot_noise
+from basecal.estimation.robust import RobustSolution, solve_robustly
 from basecal.estimation.settings import DEFAULT, Settings
-from basecal.estimation.solve import Solution, solve_packed
-from basecal.geometry import IntArray
-
-_MANY_DROPPED = 0.1
-_POOR_FIT_PX = 3.0
-_OUTLIER_SIGMAS = 6.0
-_SHOWN = 10
+from basecal.estimation.solve import Solution, solve_from
 
 
 def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) -> Calibration:
@@ -47,33 +44,52 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
         InputError: if the cell contradicts the recording.
         NotObservable: if the axis-shift method is asked for and the recording has no station, or a mount is not known.
     """
-    if settings.robot_noise is None:
-        settings = replace(settings, robot_noise="estimated")
     problem, dropped = pack(cell, recording)
     findings = [*recording.findings, *dropped]
-    findings += _too_many_dropped(problem, findings)
-    too_few = _too_few(problem)
-    if too_few is not None:
-        return _refused(settings, [*findings, too_few])
+    findings += many_dropped(problem, findings)
+    refusal = too_few(problem)
+    if refusal is not None:
+        return Calibration("refused", findings=(*findings, refusal), settings=settings.as_dict())
     if settings.method == "axis-shift":
         return calibrate_by_shifts(cell, problem, settings, findings)
-    solution, certificate, replaced = proven(solve_packed(problem, cell, settings), settings)
-    findings += replaced
-    fit = residuals(solution)
-    findings += [*solution.findings, *contradicted_priors(solution)]
-    findings += mixed_up(cell, recording, problem, solution, settings)
-    findings += _unseen(cell, solution) + _not_converged(solution) + _poor_fit(solution, fit) + _outliers(solution)
-    findings += _unseen(cell, solution) + _not_converged(solution)
-    findings += robot_model_findings(choose_robot_model(solution, settings))
-    findings += _poor_fit(solution, fit) + _outliers(solution)
-    findings += held_findings(cell, solution)
-    return _calibration(cell, solution, fit, settings, findings)
-    findings += seeing_findings(cell, solution) + _not_converged(solution) + _poor_fit(solution, fit)
-    findings += _outliers(solution)
-    validation, told = validate(solution, cell.asked, settings)
-    findings += told
-    return replace(_calibration(cell, solution, fit, settings, findings), validation=validation)
-    return replace(_calibration(cell, solution, fit, settings, findings), certificate=certificate)
+    stated = replace(settings, robot_noise="stated")
+    robust = solve_robustly(problem, cell, stated)
+    misread = mixed_up(cell, recording, problem, robust.solution, stated)
+    findings += misread
+    if verdict_of(misread) == "refused":
+        return _refused(robust, settings, findings)
+    findings += robot_model_findings(choose_robot_model(robust.solution, stated))
+    if settings.robot_noise != "stated":
+        robust = _with_robots_noise(robust, problem, cell, settings)
+    return _judged(cell, robust, settings, findings)
+
+
+def _with_robots_noise(robust: RobustSolution, problem: Problem, cell: Cell, settings: Settings) -> RobustSolution:
+    """The same with noise of the robots that state none, where the data call for it.
+
+    Outliers are then judged anew: what was far off for exact robots may be within the noise of these.
+    """
+    estimated = replace(settings, robot_noise="estimated")
+    first = solve_from(robust.solution.problem, robust.solution.state, estimated, robust.solution.findings)
+    if not first.noise.robots:
+        return replace(robust, solution=replace(first, disputed=robust.solution.disputed))
+    stated = replace(settings, robot_noise="stated")
+    again = solve_robustly(with_robot_noise(problem, first.noise.robots), cell, stated)
+    noise = replace(again.solution.noise, robots=first.noise.robots)
+    return replace(again, solution=replace(again.solution, noise=noise, findings=first.findings))
+
+
+def _judged(cell: Cell, robust: RobustSolution, settings: Settings, findings: list[Finding]) -> Calibration:
+    """The answer with everything that is found about it."""
+    stated = replace(settings, robot_noise="stated")
+    solution, certificate, replaced = proven(robust.solution, stated)
+    fit = residuals(solution, robust.left_out)
+    validation, told = validate(solution, cell.asked, stated)
+    findings += [*replaced, *solution.findings, *seeing_findings(cell, solution), *not_converged(solution)]
+    findings += [*outlier_findings(robust), *poor_fit(solution, fit), *contradicted_priors(solution)]
+    findings += [*held_findings(cell, solution), *told]
+    calibration = _calibration(cell, solution, fit, settings, findings)
+    return replace(calibration, outliers=robust.outliers, validation=validation, certificate=certificate)
 
 
 def verdict_of(findings: Sequence[Finding]) -> Verdict:
@@ -82,91 +98,10 @@ def verdict_of(findings: Sequence[Finding]) -> Verdict:
     return "refused" if "error" in severities else "doubtful" if "warning" in severities else "good"
 
 
-def _refused(settings: Settings, findings: list[Finding]) -> Calibration:
-    return Calibration("refused", findings=tuple(findings), settings=settings.as_dict())
-
-
-def _samples(problem: Problem) -> set[int]:
-    return {int(number) for group in problem.groups for number in group.sample}
-
-
-def _too_few(problem: Problem) -> Finding | None:
-    """A refusal where no view can be checked: without the largest, equations are fewer than unknowns."""
-    count = len(_samples(problem))
-    if count < 2:
-        found = "no sample shows" if count == 0 else "a single sample shows"
-        return _too_few_finding(f"{found} a target to a camera with every robot's pose")
-    equations = np.concatenate([g.measurement.equations() for g in problem.groups])
-    free = sum(w.stop - w.start for n, w in problem.columns.items() if n in problem.unknowns and _is_free(problem, n))
-    if equations.sum() - equations.max() >= free:
-        return None
-    found = f"{count} samples give {int(equations.sum())} equations for {free} unknowns: none is left to check them"
-    return _too_few_finding(found, poor_motions(problem))
-
-
-def _is_free(problem: Problem, name: str) -> bool:
-    return problem.unknowns[name].status == "free"
-
-
-def _too_few_finding(what: str, moved: str = "") -> Finding:
-    advice = "record at least 10 samples with every arm in different orientations (20 for a single light)"
-    return Finding("too-few-samples", "error", (), f"{what}: {advice}{f'; so far {moved}' if moved else ''}")
-
-
-def _too_many_dropped(problem: Problem, findings: list[Finding]) -> list[Finding]:
-    about = {name for f in findings if f.code == "dropped-sample" for name in f.about}
-    dropped = {name for name in about if name.isdecimal()}
-    total = len(_samples(problem)) + len(dropped)
-    if len(dropped) <= _MANY_DROPPED * total:
-        return []
-    message = f"{len(dropped)} of {total} samples could not be used; see the other findings for the reasons"
-    return [Finding("dropped-sample", "warning", (), message)]
-
-
-def _not_converged(solution: Solution) -> list[Finding]:
-    if solution.converged:
-        return []
-    message = "the iteration ended away from an optimum: check units and directions of the poses, or give a guess"
-    return [Finding("not-converged", "error", (), message)]
-
-
-def _poor_fit(solution: Solution, fit: Residuals) -> list[Finding]:
-    ratio = float(np.sqrt(solution.cost / max(solution.dof, 1)))
-    if not solution.noise.estimated and ratio > CONTRADICTED:
-        message = f"residuals are {ratio:.1f} times what the stated sigmas explain; sigmas are scaled up by as much"
-    elif "pixel_px" in solution.noise.estimated and fit.rms_px is not None and fit.rms_px > _POOR_FIT_PX:
-        message = (
-            f"residuals of {fit.rms_px:.1f} px are more than any detector's noise: something in the input is wrong"
-        )
-    else:
-        return []
-    advice = "check units, directions and the target's size, and state the robots' noise where it is not"
-    return [Finding("poor-fit", "warning", (), f"{message}: {advice}")]
-
-
-def _outliers(solution: Solution) -> list[Finding]:
-    """Stops whose pose error is more than six sigma in a direction: a chance of 2e-9 each where the noise is true."""
-    errors = np.abs(solution.state.stop_errors).max(axis=-1, initial=0.0)
-    far = np.flatnonzero(errors > _OUTLIER_SIGMAS)
-    samples = sorted(_samples_at(solution.problem, far))
-    if not samples:
-        return []
-    shown = ", ".join(map(str, samples[:_SHOWN])) + (", ..." if len(samples) > _SHOWN else "")
-    message = (
-        f"a robot was off by up to {errors.max():.0f} of its sigmas at sample {shown}: taken before the arm "
-        "settled, or bumped; leave these samples out, or state a larger noise"
-    )
-    return [Finding("outlier-samples", "warning", tuple(map(str, samples)), message)]
-
-
-def _samples_at(problem: Problem, stops: IntArray) -> set[int]:
-    """Numbers of the samples that stand in these stops."""
-    return {
-        int(number)
-        for group in problem.groups
-        for stop in (group.eye_stop, group.hand_stop)
-        for number in group.sample[np.isin(stop, stops)]
-    }
+def _refused(robust: RobustSolution, settings: Settings, findings: list[Finding]) -> Calibration:
+    """How the input fits as it is read, and no numbers: they would be of a cell that does not exist."""
+    fit = residuals(robust.solution, robust.left_out)
+    return Calibration("refused", residuals=fit, findings=tuple(findings), settings=settings.as_dict())
 
 
 def _calibration(

@@ -58,8 +58,8 @@ def descend(
         candidate = moved(problem, state, normal, step)
         if settled and damping <= _UNDAMPED:
             return Descent(candidate, replace(normal, cost=max(normal.cost - expected, 0.0)), True, k + 1)
-        after = linearise(problem, candidate, weights)
-        if after.cost <= normal.cost * (1 + 1e-12):
+        after = _linearised(problem, candidate, weights)
+        if after is not None and after.cost <= normal.cost * (1 + 1e-12):
             gain = float(np.clip((normal.cost - after.cost) / max(expected, 1e-300), -_LARGEST_GAIN, _LARGEST_GAIN))
             state, normal, before = candidate, after, max(expected, 1e-300)
             damping, growth = max(damping * max(0.1, 1 - (2 * gain - 1) ** 3), _FIRST_DAMPING), 2.0
@@ -70,6 +70,14 @@ def descend(
             if damping > _LARGEST_DAMPING:
                 break
     return Descent(state, normal, False, iterations)
+
+
+def _linearised(problem: Problem, state: State, weights: Sequence[Array] | None) -> Normal | None:
+    """The problem about a state; None where that is beyond numbers, as with a point next to its camera's centre."""
+    try:
+        return linearise(problem, state, weights)
+    except np.linalg.LinAlgError:
+        return None
 
 
 def _step(normal: Normal, damping: float) -> Array:

@@ -21,7 +21,7 @@ from basecal.geometry import Array, BoolArray, IntArray
 
 _ROUNDING = 1e-9
 _ALONE = 1.0 - 1e-4
-_OWN_POINTS = 8
+_OWN_POINTS = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +98,7 @@ def stop_squares(about: Surroundings) -> Squares:
         return Squares(value, freedoms)
     which = np.flatnonzero(shared_stops(about.problem) >= 0)
     number = np.arange(len(which))
-    by_unknowns = system.solution[:, :-1].reshape(len(which), 6, -1)
+    by_unknowns = system.solution[:, :-1].reshape(len(which), 6, about.problem.width)
     covariance = _inverse(about.normal.hessian)
     spread = system.covariance(number, number) + by_unknowns @ covariance @ np.swapaxes(by_unknowns, -1, -2)
     kept, axes = np.linalg.eigh(spread)
@@ -201,7 +201,7 @@ def _spread(normal: Normal, covariance: Array, k: int) -> Array:
     full[:, :, of.columns] = derivative
     extra = np.zeros((n, q, q))
     if normal.system is not None:
-        by_unknowns = normal.system.solution[:, :-1].reshape(-1, 6, len(covariance))
+        by_unknowns = normal.system.solution[:, :-1].reshape(len(normal.system.precision), 6, len(covariance))
         for part in of.shared:
             full[part.view] -= part.by_error @ by_unknowns[part.stop]
         extra = _shared_spread(normal, k)

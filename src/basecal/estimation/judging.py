@@ -21,12 +21,14 @@ from basecal.estimation.noise import residual_counts
 from basecal.estimation.problem import Problem, State, ViewGroup
 from basecal.estimation.robust_scale import Scale, robust_scale
 from basecal.estimation.trimming import Kept, without_points
-from basecal.estimation.view_consensus import Prior, consensus
-from basecal.geometry import BoolArray, IntArray
+from basecal.estimation.view_consensus import Consensus, Points, Prior, consensus, explained
+from basecal.estimation.view_pose import refined
+from basecal.geometry import BoolArray, Camera, IntArray
 
 CHANCE_OF_VIEW = 1e-5
 CHANCE_OF_POINT = 1e-6
 _LEAST_SHARE = 0.5
+_LEAST_STRAYED = 0.25
 _EXACT = 1e-14
 
 
@@ -81,7 +83,7 @@ def judge(problem: Problem, state: State, kept: Kept) -> Judgement:
         bad = np.where(own[k][:, None], by_view.beyond(points[k]), by_state.beyond(points[k]))
         stray = bad & own[k][:, None]
         used = ~scale.beyond(views[k]) & ~_in_stops(group, bad_stop) & ~(bad & ~stray).any(-1)
-        use_views.append(used & _enough(group, kept.points[k] & ~stray))
+        use_views.append(used & _enough(problem.groups[k], kept.points[k] & ~stray))
         use_points.append(kept.points[k] & ~stray)
     now = _readmitted(about, problem, Kept(tuple(use_views), tuple(use_points)), scale, by_view, bad_stop)
     return Judgement(now, views, points, stops, scale, by_view)
@@ -106,7 +108,7 @@ def _in_stops(group: ViewGroup, bad: BoolArray) -> BoolArray:
 
 
 def _enough(group: ViewGroup, points: BoolArray) -> BoolArray:
-    """Whether a view of which these points are left, (n, p), still has half of them."""
+    """Whether a view of which these points are left, (n, p), still has enough of them."""
     if not isinstance(group.measurement, PixelMeasurement | PointMeasurement):
         return np.ones(len(group), dtype=bool)
     seen = group.measurement.seen
@@ -132,13 +134,20 @@ def _readmitted(
         limit = float(of_points.limit(np.array(_coordinates(measurement))))
         found = consensus(few, prior.camera_from_target, camera, limit, prior)
         tension = prior.tension(found.camera_from_target)[0] * scale.variance
-        agrees = tension <= scale.limit(np.array(6))
-        agrees &= found.points.sum(-1) >= np.maximum(_LEAST_SHARE * few.seen.sum(-1), 1)
+        left, all_points = found.points.sum(-1), few.seen.sum(-1)
+        strays = (left >= _LEAST_STRAYED * all_points) & (left > 1) & ~_agrees_with_itself(few, found, camera, limit)
+        agrees = (tension <= scale.limit(np.array(6))) & ((left >= _LEAST_SHARE * all_points) | strays)
         views[k] = views[k].copy()
         views[k][some] = agrees
         points[k] = points[k].copy()
         points[k][some] = np.where(agrees[:, None], found.points | ~few.seen, points[k][some])
     return Kept(tuple(views), tuple(points))
+
+
+def _agrees_with_itself(few: Points, found: Consensus, camera: Camera | None, limit: float) -> BoolArray:
+    """Whether all points of a view, (n,), agree with one another: then the view is off, not its points."""
+    alone = explained(few, refined(few, found.camera_from_target, camera).camera_from_target, camera, limit)
+    return np.asarray(alone.points.sum(-1) == few.seen.sum(-1))
 
 
 def _coordinates(measurement: PixelMeasurement | PointMeasurement) -> int:
@@ -155,4 +164,4 @@ def _prior(about: Surroundings, k: int, some: IntArray, variance: float) -> Prio
         errors[part.stop] = 0.0
     predicted = replace(about.state, stop_errors=errors).camera_from_target(group, about.problem.stops)
     pose_spread = spread[some][:, :6, :6] * variance + _EXACT * np.eye(6)
-    return Prior(predicted[some], np.linalg.inv(pose_spread))
+    return Prior(predicted[some], np.asarray(np.linalg.inv(pose_spread), dtype=np.float64))

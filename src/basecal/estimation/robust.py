@@ -29,15 +29,18 @@ from basecal.estimation.solve import Solution, solve_from, solve_packed
 from basecal.estimation.subset_starts import score, subset_states
 from basecal.estimation.trimming import Kept, at_stops_of, everything, point_count, trimmed, without_points
 from basecal.estimation.view_consensus import consensus
-from basecal.geometry import Array, BoolArray, IntArray
+from basecal.geometry import BoolArray, IntArray
 
 _ROUNDS = 12
 _FREE_ROUNDS = 6
 _SCALE_ROUNDS = 3
-_PLAUSIBLE_PX = 1.0
+_LARGEST_UNSUSPECTED_PX = 1.0
 _LEAST_KEPT = 0.5
 _CLEAR_SHARE = 0.6
-_MOST = 0.9
+_PLAUSIBLE_PX = 3.0
+_PLAUSIBLE_SIGMAS = 10.0
+_FAR_BETTER = 0.33
+_FEWEST_AGREEING = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +52,8 @@ class RobustSolution:
         outliers: What was left out, by sample.
         left_out: The views that were left out whole, as a problem of their own at the same state.
         samples: How many samples were seen.
-        points: How many points, in views that were kept.
+        points: How many points are used.
+        agreeing: Numbers of the samples that alone agree with one another, where they are too few to go by.
     """
 
     solution: Solution
@@ -57,6 +61,7 @@ class RobustSolution:
     left_out: Problem
     samples: int
     points: int
+    agreeing: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,51 +92,85 @@ def solve_robustly(problem: Problem, cell: Cell, settings: Settings = DEFAULT) -
     plain = solve_packed(problem, cell, settings)
     whole = everything(plain.problem)
     judgement = judge(plain.problem, plain.state, whole)
+    agreeing: tuple[int, ...] = ()
     if not judgement.kept.same_as(whole) or _implausible(plain, judgement):
         ends = _ends(plain, whole, judgement, cell, settings)
-        best = min(ends, key=_badness, default=None)
+        best = max((e for e in ends if _is_answer(e, plain)), key=_used, default=None)
         if best is not None and not best.kept.same_as(whole):
             return _told(cell, problem, best)
-    return RobustSolution(plain, (), plain.problem.with_groups(()), _sample_count(problem), _point_count(problem))
+        agreeing = () if best is not None else _agreeing(ends, plain)
+    nothing = plain.problem.with_groups(())
+    return RobustSolution(plain, (), nothing, _sample_count(problem), _point_count(problem), agreeing)
+
+
+def _is_answer(end: _End, plain: Solution) -> bool:
+    """Whether an end rests on most of the views, fits, is an optimum, and sees what all views together do."""
+    sees = end.solution.seen.blind <= plain.seen.blind
+    return sees and end.solution.converged and _fits(end.solution) and _share_kept(end) >= _LEAST_KEPT
+
+
+def _fits(solution: Solution) -> bool:
+    """Whether residuals are such as the stated noise explains, or as a detector may have."""
+    ratio = _ratio(solution)
+    weights = [m.weight[m.weight > 0] for m in _with_points(solution.problem.groups) if isinstance(m, PixelMeasurement)]
+    if not weights:
+        return ratio < _PLAUSIBLE_SIGMAS or not is_stated(solution.problem)
+    return ratio < max(CONTRADICTED, _PLAUSIBLE_PX * float(np.median(np.concatenate(weights))))
+
+
+def _agreeing(ends: list[_End], plain: Solution) -> tuple[int, ...]:
+    """Numbers of the samples that agree far better with one another than all of them do; none where there are few."""
+    better = [e for e in ends if _ratio(e.solution) < _FAR_BETTER * _ratio(plain)]
+    most = max(better, key=_share_kept, default=None)
+    if most is None or _share_kept(most) < _FEWEST_AGREEING:
+        return ()
+    numbers = {int(n) for g, v in zip(most.problem.groups, most.kept.views, strict=True) for n in g.sample[v]}
+    return tuple(sorted(numbers))
+
+
+def _ratio(solution: Solution) -> float:
+    return float(np.sqrt(solution.cost / max(solution.dof, 1)))
 
 
 def _implausible(plain: Solution, judgement: Judgement) -> bool:
     """Whether scales are such that gross outliers may hide in them."""
     if is_stated(plain.problem):
         return max(judgement.view_scale.variance, judgement.point_scale.variance) > CONTRADICTED**2
-    return plain.noise.noise.pixel_px > _PLAUSIBLE_PX and "pixel_px" in plain.noise.estimated
+    return plain.noise.noise.pixel_px > _LARGEST_UNSUSPECTED_PX and "pixel_px" in plain.noise.estimated
 
 
-def _badness(end: _End) -> float:
-    return score(end.problem, end.solution.state, is_stated(end.problem))
+def _used(end: _End) -> int:
+    """How many points, or poses, an end rests on."""
+    return sum(sum(g.measurement.counts().values()) for g in end.solution.problem.groups)
 
 
 def _ends(plain: Solution, whole: Kept, judgement: Judgement, cell: Cell, settings: Settings) -> list[_End]:
     """Where the plain state leads and, where that convinces by nothing, where subsets of the samples do."""
     full, kept, state = _agreeing_within(plain, whole, judgement, cell, settings)
-    ends = [_end(full, kept, state, plain, settings)]
+    ends = [_end(full, kept, _annealed(full, kept, state), settings)]
     if not _convincing(ends[0]):
         least = np.inf
-        for start in subset_states(without_points(full, kept.points), cell):
-            cost = score(*_read(full, kept, start), is_stated(full))
+        for start in subset_states(without_points(full, kept.points), cell, state):
+            cost = _cost(full, kept, start)
             if cost < least:
                 least = cost
-                ends.append(_end(full, kept, start, plain, settings))
+                ends.append(_end(full, kept, start, settings))
                 if _convincing(ends[-1]):
                     break
-    return [e for e in ends if e is not None and _share_kept(e) >= _LEAST_KEPT]
+    return [e for e in ends if e is not None]
 
 
 def _convincing(end: _End | None) -> bool:
-    """Whether most views agree, within the noise that was stated where it was."""
-    if end is None or _share_kept(end) < _CLEAR_SHARE:
-        return False
-    return not is_stated(end.problem) or end.judgement.view_scale.variance < CONTRADICTED**2 or _share_kept(end) > _MOST
+    """Whether clearly most views agree, within the noise that was stated or that a detector may have."""
+    return end is not None and _share_kept(end) >= _CLEAR_SHARE and _fits(end.solution)
 
 
-def _read(full: Problem, kept: Kept, state: State) -> tuple[Problem, State]:
+def _cost(full: Problem, kept: Kept, state: State) -> float:
     problem, now = _rechosen(full, kept, state)
-    return without_points(problem, now.points), state
+    try:
+        return score(without_points(problem, now.points), state, is_stated(full))
+    except np.linalg.LinAlgError:
+        return np.inf
 
 
 def _share_kept(end: _End) -> float:
@@ -203,12 +242,24 @@ def _agreeing_points(
     return kept, Squares(squares, np.full(len(squares), freedoms))
 
 
-def _end(full: Problem, kept: Kept, state: State, plain: Solution, settings: Settings) -> _End | None:
-    """From a state to that of truncated least squares, and on to where no view or point changes sides."""
+def _annealed(full: Problem, kept: Kept, state: State) -> State:
+    """The state of truncated least squares from a state that outliers have pulled aside."""
     full, kept = _rechosen(full, kept, state)
     masked = without_points(full, kept.points)
-    state = reweighted(masked, state, lambda squares: view_scale(masked, squares))
-    squares = misfits(linearise(masked, state))
+    try:
+        return reweighted(masked, state, lambda squares: view_scale(masked, squares))
+    except np.linalg.LinAlgError:
+        return state
+
+
+def _end(full: Problem, kept: Kept, state: State, settings: Settings) -> _End | None:
+    """From a state to where no view or point changes sides; None where that is no answer."""
+    full, kept = _rechosen(full, kept, state)
+    masked = without_points(full, kept.points)
+    try:
+        squares = misfits(linearise(masked, state))
+    except np.linalg.LinAlgError:
+        return None
     scale = view_scale(masked, squares)
     kept = Kept(tuple(~scale.beyond(s) for s in squares), kept.points)
     for k in range(_ROUNDS):
@@ -226,8 +277,7 @@ def _end(full: Problem, kept: Kept, state: State, plain: Solution, settings: Set
         if now.same_as(kept):
             break
         kept = now
-    seen_as_before = solution.seen.blind <= plain.seen.blind
-    return _End(full, kept, solution, judgement) if seen_as_before and solution.converged else None
+    return _End(full, kept, solution, judgement)
 
 
 def _common(first: Kept, second: Kept) -> Kept:
@@ -256,10 +306,10 @@ def _rechosen(full: Problem, kept: Kept, state: State) -> tuple[Problem, Kept]:
     return after, replace(kept, points=tuple(points))
 
 
-def _differs(old: ViewGroup, new: ViewGroup) -> Array:
+def _differs(old: ViewGroup, new: ViewGroup) -> BoolArray:
     assert isinstance(old.measurement, PixelMeasurement)
     assert isinstance(new.measurement, PixelMeasurement)
-    return np.any(old.measurement.pixels != new.measurement.pixels, axis=(1, 2))
+    return np.asarray(np.any(old.measurement.pixels != new.measurement.pixels, axis=(1, 2)))
 
 
 def _told(cell: Cell, problem: Problem, end: _End) -> RobustSolution:

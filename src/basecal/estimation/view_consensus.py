@@ -93,15 +93,18 @@ def consensus(
         limit: Squared residual over sigma beyond which a point does not agree.
         prior: Where they should be.
     """
-    best = first = _explained(measurement, near, camera, limit, prior)
+    best = first = explained(measurement, near, camera, limit, prior)
     for start, points in _starts(measurement, near, camera):
         pose = _fitted(measurement, start, points, camera, prior, _FIRST_STEPS)
-        best = _better(best, _explained(measurement, pose, camera, limit, prior))
+        best = _better(best, explained(measurement, pose, camera, limit, prior))
     settled = _settled(measurement, best, camera, limit, prior)
     return _better(settled, _settled(measurement, first, camera, limit, prior))
 
 
-def _explained(measurement: Points, pose: SE3, camera: Camera | None, limit: float, prior: Prior | None) -> Consensus:
+def explained(
+    measurement: Points, pose: SE3, camera: Camera | None, limit: float, prior: Prior | None = None
+) -> Consensus:
+    """What views' points agree on at given poses, (n,); the arguments are those of `consensus`."""
     rows = point_rows(measurement, pose, camera, False)
     assert rows is not None
     squares = np.where(measurement.seen & ~rows.seen, np.inf, np.sum(rows.residual**2, -1))
@@ -123,7 +126,7 @@ def _settled(
     """Fitted to the points that agree, and judged again, until none changes sides."""
     for _ in range(_ROUNDS):
         pose = _fitted(measurement, found.camera_from_target, found.points, camera, prior, _STEPS)
-        after = _better(_explained(measurement, pose, camera, limit, prior), found)
+        after = _better(explained(measurement, pose, camera, limit, prior), found)
         unchanged = np.array_equal(after.points, found.points)
         found = after
         if unchanged:

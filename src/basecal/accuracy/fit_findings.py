@@ -1,0 +1,77 @@
+"""What the numbers of views and the size of the residuals say by themselves, as findings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from basecal.accuracy.blind_spots import poor_motions
+from basecal.cell import Finding, Residuals
+from basecal.estimation.noise import CONTRADICTED
+from basecal.estimation.problem import Problem
+from basecal.estimation.solve import Solution
+
+_MANY_DROPPED = 0.1
+_POOR_FIT_PX = 3.0
+
+
+def too_few(problem: Problem) -> Finding | None:
+    """A refusal where no view can be checked: without the largest, equations are fewer than unknowns."""
+    count = len(_samples(problem))
+    if count < 2:
+        found = "no sample shows" if count == 0 else "a single sample shows"
+        return _too_few_finding(f"{found} a target to a camera with every robot's pose")
+    equations = np.concatenate([g.measurement.equations() for g in problem.groups])
+    free = sum(w.stop - w.start for n, w in problem.columns.items() if n in problem.unknowns and _is_free(problem, n))
+    if equations.sum() - equations.max() >= free:
+        return None
+    found = f"{count} samples give {int(equations.sum())} equations for {free} unknowns: none is left to check them"
+    return _too_few_finding(found, poor_motions(problem))
+
+
+def _samples(problem: Problem) -> set[int]:
+    return {int(number) for group in problem.groups for number in group.sample}
+
+
+def _is_free(problem: Problem, name: str) -> bool:
+    return problem.unknowns[name].status == "free"
+
+
+def _too_few_finding(what: str, moved: str = "") -> Finding:
+    advice = "record at least 10 samples with every arm in different orientations (20 for a single light)"
+    return Finding("too-few-samples", "error", (), f"{what}: {advice}{f'; so far {moved}' if moved else ''}")
+
+
+def many_dropped(problem: Problem, findings: Sequence[Finding]) -> list[Finding]:
+    """A warning where more than a tenth of the samples could not be used, by the findings so far."""
+    about = {name for f in findings if f.code == "dropped-sample" for name in f.about}
+    dropped = {name for name in about if name.isdecimal()}
+    total = len(_samples(problem)) + len(dropped)
+    if len(dropped) <= _MANY_DROPPED * total:
+        return []
+    message = f"{len(dropped)} of {total} samples could not be used; see the other findings for the reasons"
+    return [Finding("dropped-sample", "warning", (), message)]
+
+
+def not_converged(solution: Solution) -> list[Finding]:
+    """An error where the solver ended away from an optimum."""
+    if solution.converged:
+        return []
+    message = "the iteration ended away from an optimum: check units and directions of the poses, or give a guess"
+    return [Finding("not-converged", "error", (), message)]
+
+
+def poor_fit(solution: Solution, fit: Residuals) -> list[Finding]:
+    """A warning where residuals are larger than the stated sigmas explain, or than any detector's noise."""
+    ratio = float(np.sqrt(solution.cost / max(solution.dof, 1)))
+    if not solution.noise.estimated and ratio > CONTRADICTED:
+        message = f"residuals are {ratio:.1f} times what the stated sigmas explain; sigmas are scaled up by as much"
+    elif "pixel_px" in solution.noise.estimated and fit.rms_px is not None and fit.rms_px > _POOR_FIT_PX:
+        message = (
+            f"residuals of {fit.rms_px:.1f} px are more than any detector's noise: something in the input is wrong"
+        )
+    else:
+        return []
+    advice = "check units, directions and the target's size, and state the robots' noise where it is not"
+    return [Finding("poor-fit", "warning", (), f"{message}: {advice}")]
