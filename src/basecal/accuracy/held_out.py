@@ -52,6 +52,8 @@ class HeldOut:
 
     def told(self) -> str:
         """The error with its unit, for people."""
+        if not np.isfinite(self.core):
+            return "not at all"
         if self.in_pixels:
             return f"{self.core / PIXEL_SCALE:.3g} px"
         return f"{1e3 * self.core:.3g} mm a metre (or mrad)"
@@ -70,7 +72,7 @@ def thinned(recording: Recording, most: int) -> Recording:
 
 
 def held_out(cell: Cell, recording: Recording, settings: Settings, start: State | None = None) -> HeldOut | None:
-    """The fit of a cell and its held-out errors over three folds; None where it comes to no end.
+    """The fit of a cell and its held-out errors over three folds; None where there is nothing to fit or no end.
 
     Where a few views are far off, the fit is repeated on the others, so that gross outliers do not hide a reading.
 
@@ -94,7 +96,7 @@ def held_out(cell: Cell, recording: Recording, settings: Settings, start: State 
     except (BasecalError, np.linalg.LinAlgError):
         return None
     in_pixels = any(isinstance(g.measurement, PixelMeasurement) for g in problem.groups)
-    return HeldOut(solution, off, in_pixels) if solution.converged and np.isfinite(solution.cost) else None
+    return HeldOut(solution, off if solution.converged else np.full(len(off), np.inf), in_pixels)
 
 
 def _concentrated(solution: Solution, settings: Settings) -> Solution:

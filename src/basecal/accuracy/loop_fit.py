@@ -63,10 +63,13 @@ def fit_loops(sight: Sight, problem: Problem) -> LoopFit:
     if sight.candidates is None:
         return _fit_light(sight, problem)
     loop = _loop(sight, problem, np.zeros(len(sight.group), dtype=np.int64))
+    fit = _fit_of(sight, loop)
+    chosen = _nearer(sight, fit.triple)
+    return _fit_of(sight, _loop(sight, problem, chosen)) if np.any(chosen) and trimmed(fit.off) < _HOPELESS_RAD else fit
+
+
+def _fit_of(sight: Sight, loop: Loop) -> LoopFit:
     triple = _triple(loop)
-    chosen = _nearer(sight, triple)
-    if np.any(chosen):
-        triple = _triple(_loop(sight, problem, chosen))
     return LoopFit(triple, off_loops(sight, triple))
 
 
