@@ -21,6 +21,8 @@ from basecal.cell.files import read_recording, write_recording
 
 Lines = list[dict[str, Any]]
 Change = Callable[[Lines], Lines]
+# Shifted by two and back, or cut in halves, fewer samples leave too little to solve from.
+FEWEST_FOR_TWO, FEWEST_FOR_A_MISS = 15, 14
 
 
 @dataclass(frozen=True, eq=False)
@@ -302,12 +304,15 @@ def _lengths(cell: Cell, by_pose: list[str], robots: int, poses: bool, points: b
 def _pairs(cell: Cell, robots: list[str], count: int, rng: np.random.Generator) -> Iterator[Mutation]:
     code, row = "pairing-shifted", "observations shifted by one"
     yield Mutation("seen one late", row, code, (), _pair_late("", -1), cell)
-    yield Mutation("seen two early", "observations shifted by two", code, (), _pair_late("", 2), cell)
+    if count >= FEWEST_FOR_TWO:
+        yield Mutation("seen two early", "observations shifted by two", code, (), _pair_late("", 2), cell)
     if len(robots) > 1:
         name = robots[int(rng.integers(len(robots)))]
         change = _pair_late(name, 1)
         yield Mutation(f"{name} one early", "one robot shifted by one", code, (name,), change, cell)
     start = int(rng.integers(int(0.3 * count), int(0.7 * count)))
+    if count < FEWEST_FOR_A_MISS:
+        return
     change = _pair_late("", 1, start)
     yield Mutation(f"a detection missed at {start}", "paired wrongly after a missed detection", code, (), change, cell)
 
