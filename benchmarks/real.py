@@ -78,7 +78,8 @@ def _published(name: str) -> Path:
     return path
 
 
-def _example(name: str) -> tuple[Cell, Recording]:
+def example(name: str) -> tuple[Cell, Recording]:
+    """A cell of `examples/` and its recording."""
     cell = read_cell(EXAMPLES / name)
     return cell, read_recording(EXAMPLES / name, cell)
 
@@ -101,7 +102,7 @@ def _loop(name: str, found: Calibration, most_mm: float, most_deg: float) -> lis
 
 def ur5e() -> list[Figure]:
     """Two UR5e, ten views of a board; nothing known but the board."""
-    found = calibrate(*_example("ur5e_dual"))
+    found = calibrate(*example("ur5e_dual"))
     assert found.residuals.rms_px is not None
     millimetres, degrees = _off(found[BASE].mean, PUBLISHED_UR5E_BASE)
     name = "UR5e, board, lens free"
@@ -133,10 +134,10 @@ def ur5e_images() -> list[Figure]:
 
     Only the corners differ: pixels alone weigh, since noise of the robots would be another for each set of corners.
     """
-    cell, recording = _example("ur5e_images")
+    cell, recording = example("ur5e_images")
     own = detect(cell, recording)
     found = calibrate(cell, own, BY_PIXELS)[BASE].mean
-    _, shipped = _example("ur5e_dual")
+    _, shipped = example("ur5e_dual")
     name = "UR5e, from photographs"
     all_mm, all_deg = _off(found, calibrate(cell, shipped, BY_PIXELS)[BASE].mean)
     near_mm, near_deg = _off(found, calibrate(cell, _without_strays(shipped, own), BY_PIXELS)[BASE].mean)
@@ -163,7 +164,7 @@ def lights_off(corners: Iterable[int]) -> Array:
     The lens is that of the whole solution; nothing else is known. NaN where the base is refused. Pixels alone weigh, of
     the board as of a light, which cannot tell noise of the robots.
     """
-    cell, recording = _example("ur5e_dual")
+    cell, recording = example("ur5e_dual")
     whole = calibrate(cell, recording, BY_PIXELS)
     ((name, camera),) = cell.cameras.items()
     lens = Intrinsics("fixed", whole.cameras[name][0])
@@ -193,7 +194,7 @@ def lights() -> list[Figure]:
 
 def rct() -> list[Figure]:
     """A camera beside a robot, fifteen views of a board; nothing known but the board."""
-    found = calibrate(*_example("rct_charuco"))
+    found = calibrate(*example("rct_charuco"))
     angles = [view.loop_rad for view in found.residuals.per_sample if view.loop_rad is not None]
     assert len(angles) == 15
     name = "RCT, board, lens free"
@@ -201,7 +202,7 @@ def rct() -> list[Figure]:
     return [*_loop(name, found, 3.6, 0.33), median]
 
 
-def nao() -> list[Figure]:
+def nao_cell() -> tuple[Cell, Recording]:
     """Two NAO humanoids, 298 poses of a tag."""
     path = _published("nao_dual_axbycz/abc.npz")
     robots = {"eye": read_poses(f"{path}:A", "m"), "hand": read_poses(f"{path}:C", "m")}
@@ -214,10 +215,15 @@ def nao() -> list[Figure]:
     )
     recording = recording_from_streams(robots, "camera", "tag", read_poses(f"{path}:B", "m"))
     assert len(recording.samples) == 298
-    return _loop("NAO, 298 poses", calibrate(cell, recording), 1.45, 0.92)
+    return cell, recording
 
 
-def moveit() -> list[Figure]:
+def nao() -> list[Figure]:
+    """The loops of the two NAO."""
+    return _loop("NAO, 298 poses", calibrate(*nao_cell()), 1.45, 0.92)
+
+
+def moveit_cell() -> tuple[Cell, Recording]:
     """The fifty pairs of poses of MoveIt's tests: a camera beside a robot."""
     path = _published("moveit_pose_samples/pose_samples.json")
     pairs = np.array(json.loads(path.read_text(encoding="utf-8")))
@@ -229,8 +235,12 @@ def moveit() -> list[Figure]:
         cameras={"camera": CellCamera("camera", "world")},
         targets={"object": CellTarget("object", "arm")},
     )
-    found = calibrate(cell, recording_from_streams({"arm": robot}, "camera", "object", seen))
-    return _loop("MoveIt, 50 poses", found, 5.0, 0.10)
+    return cell, recording_from_streams({"arm": robot}, "camera", "object", seen)
+
+
+def moveit() -> list[Figure]:
+    """The loops of MoveIt's pairs."""
+    return _loop("MoveIt, 50 poses", calibrate(*moveit_cell()), 5.0, 0.10)
 
 
 RECORDINGS: dict[str, Callable[[], list[Figure]]] = {

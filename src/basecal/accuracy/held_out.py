@@ -23,6 +23,9 @@ PIXEL_SCALE = 1e-3
 _HEAVY_TAIL = 2.0
 _CONCENTRATIONS = 2
 _STEPS = 30
+_PLAUSIBLE_PX = 3.0
+_PLAUSIBLE_RAD = 0.03
+_PLAUSIBLE_SIGMAS = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,9 +55,25 @@ class HeldOut:
 
     def told(self) -> str:
         """The error with its unit, for people."""
+        if not np.isfinite(self.core):
+            return "not at all"
         if self.in_pixels:
             return f"{self.core / PIXEL_SCALE:.3g} px"
         return f"{1e3 * self.core:.3g} mm a metre (or mrad)"
+
+
+def plausible(fit: HeldOut) -> bool:
+    """Whether data could have come from there: an optimum with residuals of a few sigmas or pixels, not more."""
+    if not fit.solution.converged or not np.isfinite(fit.solution.cost):
+        return False
+    if not fit.solution.noise.estimated and ratio(fit.solution) > _PLAUSIBLE_SIGMAS:
+        return False
+    return fit.core < (PIXEL_SCALE * _PLAUSIBLE_PX if fit.in_pixels else _PLAUSIBLE_RAD)
+
+
+def ratio(solution: Solution) -> float:
+    """Residuals over what their sigmas explain."""
+    return float(np.sqrt(solution.cost / max(solution.dof, 1)))
 
 
 def in_order(recording: Recording) -> Recording:
@@ -70,9 +89,10 @@ def thinned(recording: Recording, most: int) -> Recording:
 
 
 def held_out(cell: Cell, recording: Recording, settings: Settings, start: State | None = None) -> HeldOut | None:
-    """The fit of a cell and its held-out errors over three folds; None where it comes to no end.
+    """The fit of a cell and its held-out errors over three folds; None where there is nothing to fit.
 
-    Where a few views are far off, the fit is repeated on the others, so that gross outliers do not hide a reading.
+    A fit that no data could have come from is not held out: its errors are those that it was fitted to. Where a few
+    views are far off, the fit is repeated on the others, so that gross outliers do not hide a reading.
 
     Args:
         cell: As this reading has it.
@@ -80,6 +100,12 @@ def held_out(cell: Cell, recording: Recording, settings: Settings, start: State 
         settings: How to solve.
         start: Where to start; without a guess where None.
     """
+    # A wrong reading may send the descent anywhere: infinities there are no error of the user's.
+    with np.errstate(all="ignore"):
+        return _held_out(cell, recording, settings, start)
+
+
+def _held_out(cell: Cell, recording: Recording, settings: Settings, start: State | None) -> HeldOut | None:
     try:
         problem, _ = pack(cell, recording)
         if not problem.groups:
@@ -90,11 +116,13 @@ def held_out(cell: Cell, recording: Recording, settings: Settings, start: State 
             stops = np.zeros((len(problem.stops), 6))
             solution = solve_from(problem, replace(start, stop_errors=stops), settings)
         solution = _concentrated(solution, settings)
-        off = _predicted_off(problem, solution)
+        in_pixels = any(isinstance(g.measurement, PixelMeasurement) for g in problem.groups)
+        fitted = np.concatenate([off_views(problem, g, solution.state) for g in problem.groups])
+        if not plausible(HeldOut(solution, fitted, in_pixels)):
+            return HeldOut(solution, fitted, in_pixels)
+        return HeldOut(solution, _predicted_off(problem, solution), in_pixels)
     except (BasecalError, np.linalg.LinAlgError):
         return None
-    in_pixels = any(isinstance(g.measurement, PixelMeasurement) for g in problem.groups)
-    return HeldOut(solution, off, in_pixels) if solution.converged and np.isfinite(solution.cost) else None
 
 
 def _concentrated(solution: Solution, settings: Settings) -> Solution:

@@ -6,6 +6,7 @@ loop here closes none in the whole cell either; one that does is solved in earne
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,7 +18,7 @@ from basecal.estimation.measurement import BearingMeasurement
 from basecal.estimation.problem import Problem, State, Stops, ViewGroup
 from basecal.estimation.rotation_search import light_starts, pose_starts
 from basecal.estimation.sight import Sight, as_light, sight_of
-from basecal.geometry import SE3, Array, Camera
+from basecal.geometry import SE3, Array, Camera, IntArray
 from basecal.geometry.se3 import nearest_rotation
 
 KEPT = 0.7
@@ -39,10 +40,12 @@ class LoopFit:
     Attributes:
         triple: eye_flange_from_camera, eye_base_from_hand_base and hand_flange_from_target.
         off: (n,) of each view [rad]: the angle, and the length over the distance to the target.
+        of_light: Whether only one point was fitted, whose place stands for the target's.
     """
 
     triple: Triple
     off: Array
+    of_light: bool = False
 
 
 def trimmed(off: Array, kept: float = KEPT) -> float:
@@ -63,11 +66,33 @@ def fit_loops(sight: Sight, problem: Problem) -> LoopFit:
     if sight.candidates is None:
         return _fit_light(sight, problem)
     loop = _loop(sight, problem, np.zeros(len(sight.group), dtype=np.int64))
+    fit = _fit_of(sight, loop)
+    chosen = _nearer(sight, fit.triple)
+    return _fit_of(sight, _loop(sight, problem, chosen)) if np.any(chosen) and trimmed(fit.off) < _HOPELESS_RAD else fit
+
+
+def _fit_of(sight: Sight, loop: Loop) -> LoopFit:
     triple = _triple(loop)
-    chosen = _nearer(sight, triple)
-    if np.any(chosen):
-        triple = _triple(_loop(sight, problem, chosen))
     return LoopFit(triple, off_loops(sight, triple))
+
+
+def state_of(problem: Problem, fits: Mapping[tuple[str, str], LoopFit], cameras: Mapping[str, Camera]) -> State | None:
+    """The state that the only pair of a problem was fitted with; None where there are several, or a mere light."""
+    if len(problem.groups) != 1:
+        return None
+    (group,) = problem.groups
+    fit = fits.get((group.camera, group.target))
+    if fit is None or fit.of_light:
+        return None
+    x, y, z = fit.triple
+    transforms = {group.camera_mount: x, group.target_mount: z}
+    if group.hand_base is not None:
+        transforms[group.hand_base] = y
+    elif group.eye_base is not None:
+        transforms[group.eye_base] = y.inverse()
+    if transforms.keys() != problem.unknowns.keys():
+        return None
+    return State(transforms, cameras, np.zeros((len(problem.stops), 6)))
 
 
 def off_loops(sight: Sight, triple: Triple) -> Array:
@@ -96,7 +121,7 @@ def _predicted(sight: Sight, triple: Triple) -> SE3:
     return (g.eye_base_from_eye_flange @ x).inverse() @ y @ g.hand_base_from_hand_flange @ z
 
 
-def _nearer(sight: Sight, triple: Triple) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
+def _nearer(sight: Sight, triple: Triple) -> IntArray:
     assert sight.candidates is not None
     agreement = np.einsum("nij,nkij->nk", _predicted(sight, triple).rotation, sight.candidates.rotation)
     return np.asarray(np.argmax(agreement, axis=-1), dtype=np.int64)
@@ -113,7 +138,7 @@ def _relation(problem: Problem, group: ViewGroup) -> SE3 | None:
     return None if eye is None or hand is None else eye.inverse() @ hand
 
 
-def _loop(sight: Sight, problem: Problem, chosen: np.ndarray[tuple[int, ...], np.dtype[np.int64]]) -> Loop:
+def _loop(sight: Sight, problem: Problem, chosen: IntArray) -> Loop:
     g = sight.group
     x, z = _fixed(problem, g.camera_mount), _fixed(problem, g.target_mount)
     return sight.loop(x, _relation(problem, g), z, chosen)
@@ -187,7 +212,7 @@ def _fit_light(sight: Sight, problem: Problem) -> LoopFit:
             best = (found["x"], found["y"], found["z"])
         if lowest < plausible:
             break
-    return LoopFit(best, off_loops(sight, best))
+    return LoopFit(best, off_loops(sight, best), of_light=True)
 
 
 def _one_point(sight: Sight, problem: Problem) -> tuple[Sight, Loop]:

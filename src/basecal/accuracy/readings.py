@@ -63,6 +63,7 @@ def readings_of(cell: Cell, recording: Recording) -> list[Reading]:
         *_of_quaternions(by_pose, PoseObservation in kinds),
         *_of_exchanges(cell, recording, by_pose),
         *_of_pairing([*by_pose, *by_joints], recording),
+        *_of_size_units(cell, kinds),
         *_of_symmetry(cell, PoseObservation in kinds),
         *_of_mirrors(kinds),
         *_of_lenses(cell, recording),
@@ -144,6 +145,25 @@ def _unit(
         "give the size of something known, such as the target's points or a prior of a mount",
         apply,
     )
+
+
+def _of_size_units(cell: Cell, kinds: set[type[Observation]]) -> Iterator[Reading]:
+    if not kinds & {PixelObservation, PointObservation}:
+        return
+    for name, target in cell.targets.items():
+        if target.target is not None and not target.target.is_point:
+            yield Reading(
+                "board-size",
+                (name,),
+                f"the size of {name} is in millimetres",
+                "lengths are in metres: divide it by 1000",
+                "move every arm further between samples",
+                _resize(name, _MILLI),
+            )
+
+
+def _resize(name: str, factor: float) -> Callable[[Cell, Recording], Told]:
+    return lambda cell, recording: (resized(cell, {name: factor}), recording)
 
 
 def _of_points(factor: float) -> Callable[[Cell, Recording], Told]:
@@ -247,7 +267,7 @@ def streams(robots: list[str]) -> list[str | None]:
 
 def shift(stream: str | None, by: int, start: int = 0, first: int | None = None) -> Reading:
     """One stream paired with other samples; `first` is the number of the sample at position `start`."""
-    who = "what the cameras saw" if stream is None else f"the poses of {stream}"
+    who = "what the cameras saw" if stream is None else f"what {stream} recorded"
     where = "" if first is None else f" from sample {first} on"
     late = f"{abs(by)} sample{'s' if abs(by) > 1 else ''} {'later' if by > 0 else 'earlier'}"
     lost = " (was a detection missed or given twice there?)" if start else ""

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from basecal.cell import PointObservation, PoseObservation, Recording, RobotState, Sample
-from basecal.geometry import SE3, Array
+from basecal.geometry import SE3
 
 PoseMap = Callable[[SE3], SE3]
 
@@ -91,21 +91,15 @@ def with_targets(recording: Recording, of: PoseMap) -> Recording:
 
 
 def with_points(recording: Recording, factor: float) -> Recording:
-    """The recording with observed 3-D points times `factor`."""
+    """The recording with observed 3-D points times `factor`, their stated sigmas as they are."""
     samples = [
         [
-            replace(o, points_in_camera=o.points_in_camera * factor, sigma_m=_times(o.sigma_m, abs(factor)))
-            if isinstance(o, PointObservation)
-            else o
+            replace(o, points_in_camera=o.points_in_camera * factor) if isinstance(o, PointObservation) else o
             for o in s.observations
         ]
         for s in recording.samples
     ]
     return _with_observations(recording, samples)
-
-
-def _times(values: Array | None, factor: float) -> Array | None:
-    return None if values is None else values * factor
 
 
 def _with_observations(recording: Recording, observations: list[list[object]]) -> Recording:

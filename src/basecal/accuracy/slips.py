@@ -18,7 +18,7 @@ from basecal.geometry import SE3, Array, Camera
 _VIEWS = 24
 _ALL_VIEWS = 400
 _SLIPS = (1, -1)
-_FEWEST = 8
+_FEWEST = 6
 _LEAST_OFF = 0.005
 _FAR = 4.0
 _BEST = 2

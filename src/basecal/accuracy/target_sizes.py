@@ -16,7 +16,6 @@ from basecal.estimation.measurement import PointMeasurement
 from basecal.estimation.packing import pack
 from basecal.estimation.problem import Problem, State, ViewGroup
 from basecal.estimation.sight import Sight
-from basecal.estimation.starts import first_state
 from basecal.geometry import Array, Camera
 
 _VIEWS = 20
@@ -24,9 +23,8 @@ _STEPS = 25
 _LOG_STEP = 4e-3
 _LARGEST_LOG_STEP = 0.1
 _SETTLED_LOG = 1e-5
-_ROUNDS = 3
-_NEAR = 0.1
-_FACTORS = 1e-5, 1e5
+_ROUNDS = 4
+_TRIED = (0.8, 0.9, 0.95, 1.05, 1.1, 1.25)
 
 
 def sizes(cell: Cell, recording: Recording, lenses: Mapping[str, Camera], state: State) -> list[Reading]:
@@ -36,15 +34,14 @@ def sizes(cell: Cell, recording: Recording, lenses: Mapping[str, Camera], state:
         cell: As declared.
         recording: Likewise.
         lenses: By camera.
-        state: The declared fit, from which a size that is nearly right is refined.
+        state: The declared fit, from which sizes near the stated one are tried.
     """
     problem, _ = pack(cell, recording)
     found = []
     for name in dict.fromkeys(g.target for g in problem.groups):
-        factor = _factor(problem, name, lenses)
-        if factor is not None and _FACTORS[0] < factor < _FACTORS[1]:
-            start = state if abs(np.log(factor)) < _NEAR else None
-            found.append(target_size(name, _refined(cell, recording, name, factor, start), cell))
+        linear = _factor(problem, name, lenses)
+        if linear is not None:
+            found.append(target_size(name, _refined(cell, recording, name, linear, state), cell))
     return found
 
 
@@ -97,13 +94,12 @@ def _fixed(problem: Problem, *names: str) -> bool:
     return all(problem.unknowns[name].status == "fixed" for name in names)
 
 
-def _refined(cell: Cell, recording: Recording, name: str, factor: float, start: State | None) -> float:
-    """The factor of least cost, by parabolas through three of its values."""
-    log = float(np.log(factor))
+def _refined(cell: Cell, recording: Recording, name: str, linear: float, state: State) -> float:
+    """The factor of least cost: the best of a few, one of them by `linear` equations, refined by parabolas."""
+    tried = [linear, *_TRIED] if _TRIED[0] / 2 < linear < 2 * _TRIED[-1] else _TRIED
     try:
-        told, problem = _with_size(cell, recording, name, log)
-        state = first_state(problem, told, thorough=False) if start is None else start
-        state = replace(state, stop_errors=np.zeros((len(problem.stops), 6)))
+        ends = [(_cost(cell, recording, name, float(np.log(factor)), state), float(np.log(factor))) for factor in tried]
+        ((state, _), log) = min(ends, key=lambda end: end[0][1])
         for _ in range(_ROUNDS):
             state, cost = _cost(cell, recording, name, log, state)
             less, more = (_cost(cell, recording, name, log + d, state)[1] for d in (-_LOG_STEP, _LOG_STEP))
@@ -115,15 +111,12 @@ def _refined(cell: Cell, recording: Recording, name: str, factor: float, start: 
             if abs(step) < _SETTLED_LOG:
                 break
     except (BasecalError, np.linalg.LinAlgError):
-        return factor
+        return linear
     return float(np.exp(log))
 
 
-def _with_size(cell: Cell, recording: Recording, name: str, log: float) -> tuple[Cell, Problem]:
-    told, rewritten = target_size(name, float(np.exp(log)), cell).apply(cell, recording)
-    return told, pack(told, rewritten)[0]
-
-
 def _cost(cell: Cell, recording: Recording, name: str, log: float, state: State) -> tuple[State, float]:
-    end = descend(_with_size(cell, recording, name, log)[1], state, 1, _STEPS)
+    problem, _ = pack(*target_size(name, float(np.exp(log)), cell).apply(cell, recording))
+    start = replace(state, stop_errors=np.zeros((len(problem.stops), 6)))
+    end = descend(problem, start, 1, _STEPS)
     return end.state, end.normal.cost
