@@ -11,11 +11,11 @@ from basecal.cell.calibration import JointOffsets, LinkParameters
 from basecal.geometry import Array, read_only
 
 _KEYS = (
-    "joint_names",
     "joint_offsets_rad",
     "joint_offsets_sigma_rad",
     "joint_offsets_covariance",
     "joint_offsets_seen",
+    "joint_names",
 )
 
 
@@ -23,13 +23,13 @@ def joint_offsets_to_dict(offsets: Mapping[str, JointOffsets]) -> dict[str, Any]
     """The fields of `calibration.json` that hold joint offsets, by robot; all null where there are none."""
     if not offsets:
         return dict.fromkeys(_KEYS)
-    rows = {robot: (of.joints, of.rad, of.sigma_rad, of.covariance, of.seen) for robot, of in offsets.items()}
+    rows = {robot: (of.rad, of.sigma_rad, of.covariance, of.seen, of.joints) for robot, of in offsets.items()}
     return {key: {robot: row[k] for robot, row in rows.items()} for k, key in enumerate(_KEYS)}
 
 
 def joint_offsets_from_dict(data: Mapping[str, Any]) -> dict[str, JointOffsets]:
     """The joint offsets in the data of a `calibration.json`."""
-    names, values, _, covariances, seen = (data.get(key) or {} for key in _KEYS)
+    values, _, covariances, seen, names = (data.get(key) or {} for key in _KEYS)
     return {
         robot: JointOffsets(
             tuple(names[robot]),
