@@ -124,13 +124,15 @@ Cramer-Rao bound of the data used, one image or the pair with the light on and o
 def _robot_model(result: Result) -> str:
     held = ", ".join(result["held_by_prior"])
     about = f"""\
-{result["cells"]} cells of two arms of six axes, a board, 60 samples, 0.2 px, and joints whose zeros are off by 0.2 deg, one sigma,
-drawn from the prior that the solver is told. Errors of `camera_from_target` are those at 30 configurations that the solver
-has not seen, rms over the cells: {result["times_better"]:.0f} times smaller with the offsets estimated. By their prior alone:
-{held}; the sigma of the base contains them: NEES / 6 is {result["nees_over_6"]:.3f}, by chance within [0.857, 1.143]. Of
-the 95 % intervals of the {result["offsets_seen"]:,} seen offsets {100 * result["coverage_95"]:.1f} % hold the truth."""
+{result["cells"]} cells of two arms of six axes, a board, 60 samples, 0.2 px, and joints whose zeros are off by 0.2 deg,
+one sigma, drawn from the prior that the solver is told. Errors of `camera_from_target` are those at 30 configurations
+that the solver has not seen, rms over the cells: {result["times_better"]:.0f} times smaller with the offsets estimated.
+By their prior alone: {held}; the sigma of the base contains them:
+NEES / 6 is {result["nees_over_6"]:.3f}, by chance within [0.857, 1.143]. Of the 95 % intervals of the
+{result["offsets_seen"]:,} seen offsets {100 * result["coverage_95"]:.1f} % hold the truth."""
     choices = """\
-The model chosen on samples left out, where robots are as stated, have offsets of 0.2 deg, or links off by 0.5 mm and 1 mrad:"""
+The model chosen on samples left out, where robots are as stated, have offsets of 0.2 deg, or links off by 0.5 mm and
+1 mrad:"""
     kinds = table(robot_model.CHOICE_HEAD, robot_model.choice_rows(result["choices"]))
     return f"{about}\n\n{table(robot_model.HEAD, robot_model.rows(result))}\n\n{choices}\n\n{kinds}"
 
