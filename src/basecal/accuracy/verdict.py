@@ -9,7 +9,7 @@ import numpy as np
 
 from basecal.accuracy.by_shifts import calibrate_by_shifts
 from basecal.accuracy.fit import residuals
-from basecal.accuracy.kinematics import held_findings, joint_offsets, link_parameters
+from basecal.accuracy.kinematics import deflection, held_findings, joint_offsets, link_parameters
 from basecal.accuracy.robot_model import choose_robot_model, robot_model_findings
 from basecal.cell import Calibration, Cell, Finding, Recording, Residuals
 from basecal.cell.calibration import Severity, Verdict
@@ -184,6 +184,7 @@ def _calibration(
         cameras={n: (c, solution.lens_covariance(n)) for n, c in _estimated_lenses(solution)},
         joint_offsets=joint_offsets(solution) if solution.converged else {},
         link_parameters=link_parameters(solution) if solution.converged else {},
+        deflection=deflection(solution) if solution.converged else {},
         noise=_noise(cell, solution),
         order=order,
         joint_covariance=solution.covariance_of(list(order)),

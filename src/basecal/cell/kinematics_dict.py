@@ -1,4 +1,4 @@
-"""Joint offsets and link parameters as the plain data of `calibration.json`, and back."""
+"""Joint offsets, link parameters and compliances as the plain data of `calibration.json`, and back."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from basecal.cell.calibration import JointOffsets, LinkParameters
+from basecal.cell.calibration import Compliances, JointOffsets, LinkParameters
 from basecal.geometry import Array, read_only
 
 _KEYS = (
@@ -61,3 +61,29 @@ def link_parameters_from_dict(entries: Any) -> dict[str, LinkParameters]:
 def _tangents(entry: Mapping[str, Any], prefix: str) -> Array:
     parts = [read_only(entry[f"{prefix}{key}"], (None, 3), f"{prefix}{key}") for key in ("t_m", "r_rad")]
     return np.concatenate(parts, -1)
+
+
+def deflection_to_dict(deflection: Mapping[str, Compliances]) -> dict[str, Any] | None:
+    """Compliances by robot, a number for each joint."""
+    return {
+        robot: {
+            "rad_per_nm": of.rad_per_nm,
+            "sigma_rad_per_nm": of.sigma,
+            "seen": of.seen,
+            "joint_names": of.joints,
+        }
+        for robot, of in deflection.items()
+    } or None
+
+
+def deflection_from_dict(entries: Any) -> dict[str, Compliances]:
+    """The compliances in the data of a `calibration.json`."""
+    return {
+        robot: Compliances(
+            tuple(entry["joint_names"]),
+            read_only(entry["rad_per_nm"], (len(entry["joint_names"]),), "rad_per_nm"),
+            read_only(entry["sigma_rad_per_nm"], (len(entry["joint_names"]),), "sigma_rad_per_nm"),
+            np.array(entry["seen"], dtype=bool),
+        )
+        for robot, entry in (entries or {}).items()
+    }

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from basecal.estimation.problem import Problem, State
-from basecal.estimation.robot_model import LINKS
+from basecal.estimation.robot_model import DEFLECTION, LINKS
 from basecal.geometry import Array
 
 _UNSEEN_SIGMA = 0.3
@@ -21,6 +21,7 @@ _TOUCHES = 1e-3
 _SMALLEST_FACTOR = 1e-4
 _DISTORTION_SCALE = 10.0
 _ENOUGH_VIEWS = 40
+_COMPLIANCE_SCALE = 0.01  # [rad/Nm]: 1 rad under 100 Nm
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +88,8 @@ def _scales(problem: Problem, state: State) -> Array:
     for name, where in problem.columns.items():
         if name in problem.unknowns:
             scale[where.start : where.start + 3] = length
+        elif name.endswith(DEFLECTION):
+            scale[where] = _COMPLIANCE_SCALE
         elif name in problem.lenses:
             camera = state.cameras[name]
             scale[where] = _DISTORTION_SCALE
@@ -125,5 +128,6 @@ def _of_robot(problem: Problem, part: Array, name: str) -> str:
     model = next(model for model in problem.models.values() if name in model.widths)
     if name.endswith(LINKS):
         return f"an error of the links of {model.robot}"
-    joint = int(model.joints[np.argmax(np.abs(part))])
-    return f"the offset of joint {joint + 1} of {model.robot} ({model.chain.joint_names[joint]})"
+    what, joints = ("compliance", model.elastic) if name.endswith(DEFLECTION) else ("offset", model.joints)
+    joint = int(joints[np.argmax(np.abs(part))])
+    return f"the {what} of joint {joint + 1} of {model.robot} ({model.chain.joint_names[joint]})"
