@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from benchmarks import certificate, consistency, detectors, real, scaling
+from benchmarks import certificate, consistency, detectors, real, robot_model, scaling
 from benchmarks.common import RESULTS, table
 from benchmarks.peers import tables as peers
 
@@ -137,6 +137,22 @@ by more than {result["better"]:g} of it."""
     return f"{about}\n\n{tables[0]}\n\n{tables[1]}\n\n{foes}\n\n{tables[2]}"
 
 
+def _robot_model(result: Result) -> str:
+    held = ", ".join(result["held_by_prior"])
+    about = f"""\
+{result["cells"]} cells of two arms of six axes, a board, 60 samples, 0.2 px, and joints whose zeros are off by 0.2 deg,
+one sigma, drawn from the prior that the solver is told. Errors of `camera_from_target` are those at 30 configurations
+that the solver has not seen, rms over the cells: {result["times_better"]:.0f} times smaller with the offsets estimated.
+By their prior alone: {held}; the sigma of the base contains them:
+NEES / 6 is {result["nees_over_6"]:.3f}, by chance within [0.857, 1.143]. Of the 95 % intervals of the
+{result["offsets_seen"]:,} seen offsets {100 * result["coverage_95"]:.1f} % hold the truth."""
+    choices = """\
+The model chosen on samples left out, where robots are as stated, have offsets of 0.2 deg, or links off by 0.5 mm and
+1 mrad:"""
+    kinds = table(robot_model.CHOICE_HEAD, robot_model.choice_rows(result["choices"]))
+    return f"{about}\n\n{table(robot_model.HEAD, robot_model.rows(result))}\n\n{choices}\n\n{kinds}"
+
+
 def _ratio(value: float | None) -> str:
     return "" if value is None else f"{value:.2f}"
 
@@ -145,6 +161,7 @@ SECTIONS: dict[str, tuple[str, Callable[[Result], str]]] = {
     "real": ("Real recordings", _real),
     "starts": ("Starts without a guess", _starts),
     "consistency": ("Consistency", _consistency),
+    "robot_model": ("Robots whose joints are off", _robot_model),
     "solve": ("Speed beside other solvers", _solve),
     "scaling": ("Time and memory", _scaling),
     "detectors": ("Detectors beside OpenCV", _detectors),

@@ -15,6 +15,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from basecal.cell.calibration import (
     Calibration,
     Certificate,
+    Compliances,
     Finding,
     JointOffsets,
     LinkParameters,
@@ -55,6 +56,7 @@ def example() -> Calibration:
         cameras={"wrist": (camera, np.eye(9))},
         joint_offsets={"hand": JointOffsets(("pan", "lift"), *known, np.array([False, True]))},
         link_parameters={"hand": LinkParameters(np.arange(18.0).reshape(3, 6), np.ones((3, 6)))},
+        deflection={"hand": Compliances(("pan",), np.array([1e-5]), np.array([math.nan]), np.array([True]))},
         noise={"pixel_px": np.float64(0.2), "robots": {"eye": {"sigma_t_m": [1e-4, 1e-4, math.nan]}}},
         order=(BASE,),
         joint_covariance=spread,
@@ -103,6 +105,8 @@ def test_shape() -> None:
     assert data["joint_offsets_sigma_rad"] == {"hand": [None, 0.002]}
     assert data["joint_offsets_seen"] == {"hand": [False, True]}
     assert data["joint_names"] == {"hand": ["pan", "lift"]}
+    compliances = {"rad_per_nm": [1e-5], "sigma_rad_per_nm": [None], "seen": [True], "joint_names": ["pan"]}
+    assert data["deflection"] == {"hand": compliances}
     assert data["link_parameters"]["hand"]["r_rad"] == [[3, 4, 5], [9, 10, 11], [15, 16, 17]]
     assert data["outliers"] == [{"sample": 4, "camera": "wrist", "target": "board", "ids": [1, 2], "reason": "stray"}]
     held_out = {"target_mm": 0.4, "target_deg": pytest.approx(0.05), "base_change": 1.1}
@@ -144,6 +148,8 @@ def test_round_trip(tmp_path: Path) -> None:
     assert_array_equal(found.covariance, was.covariance)
     assert_array_equal(calibration.link_parameters["hand"].tangents, want.link_parameters["hand"].tangents)
     assert_array_equal(calibration.link_parameters["hand"].sigma, want.link_parameters["hand"].sigma)
+    assert_array_equal(calibration.deflection["hand"].rad_per_nm, want.deflection["hand"].rad_per_nm)
+    assert calibration.deflection["hand"].joints == ("pan",)
     assert calibration.residuals.loop_rms_rad == pytest.approx(want.residuals.loop_rms_rad, rel=1e-14)
     assert calibration_to_dict(read_calibration(path.parent))["residuals"] == calibration_to_dict(want)["residuals"]
 

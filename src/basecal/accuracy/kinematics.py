@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from basecal.cell import Cell, Finding, JointOffsets, LinkParameters
+from basecal.cell import Cell, Compliances, Finding, JointOffsets, LinkParameters
 from basecal.estimation.normal import linearise
-from basecal.estimation.robot_model import LINKS, OFFSETS, RobotModel
+from basecal.estimation.robot_model import DEFLECTION, LINKS, OFFSETS, RobotModel
 from basecal.estimation.solve import Solution
-from basecal.geometry import Array, BoolArray
+from basecal.geometry import Array, BoolArray, IntArray
 
 _LARGEST_SIGMA = 0.3  # [rad] of a free offset that still counts as seen
+_LARGEST_COMPLIANCE_SIGMA = 3e-3  # [rad/Nm] likewise
 _NO_INFORMATION = 1e-9
 _TOUCHES = 1e-3
 
@@ -38,19 +39,49 @@ def link_parameters(solution: Solution) -> dict[str, LinkParameters]:
     return out
 
 
+def deflection(solution: Solution) -> dict[str, Compliances]:
+    """The compliances of every robot that has some to estimate, by robot."""
+    out = {}
+    for model in solution.problem.models.values():
+        if len(model.elastic):
+            compliance = solution.state.kinematics(model).compliance
+            name = f"{model.robot}_{DEFLECTION}"
+            limit = model.compliance_sigma, _LARGEST_COMPLIANCE_SIGMA
+            values, covariance, seen = _by_joint(solution, name, model.elastic, compliance, *limit)
+            out[model.robot] = Compliances(model.chain.joint_names, values, np.sqrt(np.diag(covariance)), seen)
+    return out
+
+
 def _offsets(solution: Solution, model: RobotModel) -> JointOffsets:
-    n, where = model.chain.n, solution.problem.columns[f"{model.robot}_{OFFSETS}"]
+    offsets, name = solution.state.kinematics(model).offsets, f"{model.robot}_{OFFSETS}"
+    found = _by_joint(solution, name, model.joints, offsets, model.offset_sigma, _LARGEST_SIGMA)
+    return JointOffsets(model.chain.joint_names, *found)
+
+
+def _by_joint(
+    solution: Solution, name: str, columns: IntArray, at: Array, prior: float | None, largest: float
+) -> tuple[Array, Array, BoolArray]:
+    """Values of an unknown of each joint, their covariance, and which are seen; NaN where nothing is known.
+
+    Args:
+        solution: Where.
+        name: Of the unknown's columns.
+        columns: (m,) the joints that have one.
+        at: (n,) the values.
+        prior: Sigma of the prior; None where free.
+        largest: Sigma of a free one that still counts as seen.
+    """
+    n, where = len(at), solution.problem.columns[name]
     values, covariance, seen = np.full(n, np.nan), np.full((n, n), np.nan), np.zeros(n, dtype=bool)
     known = ~_blind(solution)[where]
-    joints = model.joints[known]
-    values[joints] = solution.state.kinematics(model).offsets[joints]
+    joints = columns[known]
+    values[joints] = at[joints]
     covariance[np.ix_(joints, joints)] = solution.covariance[where, where][np.ix_(known, known)]
     variance = np.diag(solution.seen.inverse)[where][known]
-    limit = _LARGEST_SIGMA if model.offset_sigma is None else model.offset_sigma / np.sqrt(2)
-    seen[joints] = variance < limit**2
-    if model.offset_sigma is None:
+    seen[joints] = variance < (largest**2 if prior is None else prior**2 / 2)
+    if prior is None:
         values[~seen] = covariance[~seen] = covariance[:, ~seen] = np.nan
-    return JointOffsets(model.chain.joint_names, values, covariance, seen)
+    return values, covariance, seen
 
 
 def _blind(solution: Solution) -> BoolArray:
@@ -68,11 +99,24 @@ def _blind(solution: Solution) -> BoolArray:
 def held_findings(cell: Cell, solution: Solution) -> list[Finding]:
     """What is not known of the joint offsets by the data, and what that means for the rest."""
     found = joint_offsets(solution)
-    return [_held(cell, model, found[model.robot].seen) for model in _with_offsets(solution, found)]
+    offsets = [_held(cell, model, found[model.robot].seen) for model in _with_offsets(solution, found)]
+    bent = deflection(solution)
+    models = [model for robot, model in solution.problem.models.items() if robot in bent and not bent[robot].seen.all()]
+    return offsets + [_held_compliance(model, bent[model.robot].seen) for model in models]
 
 
 def _with_offsets(solution: Solution, found: dict[str, JointOffsets]) -> list[RobotModel]:
     return [model for robot, model in solution.problem.models.items() if robot in found and not found[robot].seen.all()]
+
+
+def _held_compliance(model: RobotModel, seen: BoolArray) -> Finding:
+    joints = np.flatnonzero(~seen).tolist()
+    named = f"joint{'s' if len(joints) > 1 else ''} {_listed([_named(model, j) for j in joints])}"
+    reason = "gravity hardly turns them in these samples, or as much in all of them"
+    code, how = ("held-by-prior", "known by the prior alone")
+    if model.compliance_sigma is None:
+        code, how = ("held-at-zero", "that cannot be seen")
+    return Finding(code, "info", (model.robot,), f"{model.robot}: compliances {how}: {named}: {reason}")
 
 
 def _held(cell: Cell, model: RobotModel, seen: BoolArray) -> Finding:

@@ -13,7 +13,7 @@ from basecal.accuracy.by_shifts import calibrate_by_shifts
 from basecal.accuracy.conventions import mixed_up
 from basecal.accuracy.fit import residuals
 from basecal.accuracy.fit_findings import many_dropped, not_converged, poor_fit, too_few
-from basecal.accuracy.kinematics import held_findings, joint_offsets, link_parameters
+from basecal.accuracy.kinematics import deflection, held_findings, joint_offsets, link_parameters
 from basecal.accuracy.outlier_findings import outlier_findings
 from basecal.accuracy.priors import contradicted_priors
 from basecal.accuracy.proof import proven
@@ -118,6 +118,7 @@ def _calibration(
         cameras={n: (c, solution.lens_covariance(n)) for n, c in _estimated_lenses(solution)},
         joint_offsets=joint_offsets(solution) if solution.converged else {},
         link_parameters=link_parameters(solution) if solution.converged else {},
+        deflection=deflection(solution) if solution.converged else {},
         noise=_noise(cell, solution),
         order=order,
         joint_covariance=solution.covariance_of(list(order)),

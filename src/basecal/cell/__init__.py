@@ -3,6 +3,7 @@
 from basecal.cell.calibration import (
     Calibration,
     Certificate,
+    Compliances,
     Finding,
     JointOffsets,
     LinkParameters,
@@ -12,7 +13,17 @@ from basecal.cell.calibration import (
     SampleResidual,
     Validation,
 )
-from basecal.cell.cell import WORLD, Cell, CellCamera, CellTarget, Intrinsics, Parameters, Robot, Unknown
+from basecal.cell.cell import (
+    WORLD,
+    Cell,
+    CellCamera,
+    CellTarget,
+    Deflection,
+    Intrinsics,
+    Parameters,
+    Robot,
+    Unknown,
+)
 from basecal.cell.recording import (
     CandidateObservation,
     Observation,
@@ -33,6 +44,8 @@ __all__ = [
     "CellCamera",
     "CellTarget",
     "Certificate",
+    "Compliances",
+    "Deflection",
     "Finding",
     "Intrinsics",
     "JointOffsets",

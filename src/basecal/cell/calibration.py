@@ -154,6 +154,23 @@ class JointOffsets:
 
 
 @dataclass(frozen=True, eq=False)
+class Compliances:
+    """What each joint of a robot turns by under a torque about its axis.
+
+    Attributes:
+        joints: Names, from base to flange, n of them.
+        rad_per_nm: (n,) [rad/Nm]; NaN where nothing is known.
+        sigma: (n,) likewise.
+        seen: (n,) whether the data say at least as much as the prior; the others' numbers are the prior's.
+    """
+
+    joints: tuple[str, ...]
+    rad_per_nm: Array
+    sigma: Array
+    seen: BoolArray
+
+
+@dataclass(frozen=True, eq=False)
 class LinkParameters:
     """How the origins of a robot's chain, and last its tip, are moved: right tangents, sigmas, (n + 1, 6) [m, rad]."""
 
@@ -173,6 +190,7 @@ class Calibration:
         cameras: Lenses with the covariance of their parameters, by camera; those not fixed.
         joint_offsets: By robot; of those given by joints whose offsets are not fixed.
         link_parameters: Likewise.
+        deflection: Likewise, how the joints give way to gravity.
         noise: Sigmas used or estimated: `pixel_px`, `pose_m`, `pose_rad`, `point_m` and by robot.
         order: Names of the transforms of `joint_covariance`, 6 rows each.
         joint_covariance: (6 n, 6 n) [m, rad].
@@ -194,6 +212,7 @@ class Calibration:
     cameras: Mapping[str, tuple[Camera, Array]] = field(default_factory=dict)
     joint_offsets: Mapping[str, JointOffsets] = field(default_factory=dict)
     link_parameters: Mapping[str, LinkParameters] = field(default_factory=dict)
+    deflection: Mapping[str, Compliances] = field(default_factory=dict)
     noise: Mapping[str, Any] = field(default_factory=dict)
     order: tuple[str, ...] = ()
     joint_covariance: Array | None = None

@@ -22,6 +22,8 @@ from basecal.cell.calibration import (
 )
 from basecal.cell.cell_dict import numbers
 from basecal.cell.kinematics_dict import (
+    deflection_from_dict,
+    deflection_to_dict,
     joint_offsets_from_dict,
     joint_offsets_to_dict,
     link_parameters_from_dict,
@@ -45,6 +47,7 @@ def calibration_to_dict(calibration: Calibration) -> dict[str, Any]:
         "intrinsics": {name: _lens(name, calibration) for name in calibration.cameras},
         **joint_offsets_to_dict(calibration.joint_offsets),
         "link_parameters": link_parameters_to_dict(calibration.link_parameters),
+        "deflection": deflection_to_dict(calibration.deflection),
         "clock_offset_s": None,
         "noise": dict(calibration.noise),
         "joint": None if joint is None else {"order": list(calibration.order), "covariance": joint},
@@ -167,6 +170,7 @@ def _calibration(data: dict[str, Any]) -> Calibration:
         cameras={name: (_camera(entry), _matrix(entry["covariance"])) for name, entry in lenses.items()},
         joint_offsets=joint_offsets_from_dict(data),
         link_parameters=link_parameters_from_dict(data.get("link_parameters")),
+        deflection=deflection_from_dict(data.get("deflection")),
         noise=data["noise"] or {},
         order=() if joint is None else tuple(joint["order"]),
         joint_covariance=None if joint is None else _matrix(joint["covariance"]),

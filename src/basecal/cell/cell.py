@@ -39,6 +39,21 @@ class Parameters:
     sigma_m: float | None = None
 
 
+@dataclass(frozen=True)
+class Deflection:
+    """How the joints give way to gravity: turned by their compliance times the torque of the links' weight.
+
+    Attributes:
+        status: Of the compliances; `fixed` means none.
+        sigma_rad_per_nm: Of a prior about zero [rad/Nm].
+        down: Direction of gravity in the robot's base.
+    """
+
+    status: Status = "fixed"
+    sigma_rad_per_nm: float | None = None
+    down: tuple[float, float, float] = (0.0, 0.0, -1.0)
+
+
 @dataclass(frozen=True, eq=False)
 class Robot:
     """A robot arm.
@@ -49,6 +64,7 @@ class Robot:
         chain: Its kinematics, where joints are recorded.
         joint_offsets: What is known of the joint offsets.
         link_parameters: What is known of the link parameters.
+        deflection: What is known of how its joints give way to gravity.
         urdf: Path of the URDF relative to the cell; None where poses are recorded.
         base_link: Name of the chain's root in the URDF.
         flange_link: Name of the chain's tip in the URDF.
@@ -64,6 +80,7 @@ class Robot:
     base_link: str | None = None
     flange_link: str | None = None
     frames: Mapping[str, str] = field(default_factory=dict)
+    deflection: Deflection = Deflection()
 
 
 @dataclass(frozen=True, eq=False)

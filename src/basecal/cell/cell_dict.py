@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from basecal.cell.cell import Cell, CellCamera, CellTarget, Intrinsics, Parameters, Robot, Unknown
+from basecal.cell.cell import Cell, CellCamera, CellTarget, Deflection, Intrinsics, Parameters, Robot, Unknown
 from basecal.cell.schema import SCHEMA
 from basecal.cell.target import Target
 from basecal.geometry import SE3, Array
@@ -64,7 +64,15 @@ def _robot(robot: Robot) -> dict[str, Any]:
     for key, parameters in (("joint_offsets", robot.joint_offsets), ("link_parameters", robot.link_parameters)):
         if parameters != Parameters():
             data[key] = _parameters(parameters)
+    if robot.deflection != Deflection():
+        data["deflection"] = _deflection(robot.deflection)
     return data | ({"frames": dict(robot.frames)} if robot.frames else {})
+
+
+def _deflection(deflection: Deflection) -> dict[str, Any]:
+    sigma = deflection.sigma_rad_per_nm
+    known = {} if sigma is None else {"sigma_rad_per_nm": sigma}
+    return {"status": deflection.status, **known, "down": list(deflection.down)}
 
 
 def _parameters(parameters: Parameters) -> dict[str, Any]:

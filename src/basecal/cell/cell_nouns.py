@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from basecal.cell import target
-from basecal.cell.cell import Cell, CellCamera, CellTarget, Intrinsics, Parameters, Robot, Unknown
-from basecal.cell.schema import CameraEntry, CellEntry, ParametersEntry, RobotEntry
+from basecal.cell.cell import Cell, CellCamera, CellTarget, Deflection, Intrinsics, Parameters, Robot, Unknown
+from basecal.cell.schema import CameraEntry, CellEntry, DeflectionEntry, ParametersEntry, RobotEntry
 from basecal.cell.schema_lens import IntrinsicsEntry, distortion_terms
 from basecal.cell.schema_target import (
     ApriltagEntry,
@@ -65,7 +65,13 @@ def _robot(name: str, entry: RobotEntry, chain: SerialChain | None) -> Robot:
         base_link=entry.base_link,
         flange_link=entry.flange_link,
         frames=entry.frames.model_dump(exclude_none=True),
+        deflection=_deflection(entry.deflection),
     )
+
+
+def _deflection(entry: DeflectionEntry) -> Deflection:
+    x, y, z = entry.down
+    return Deflection(entry.status, entry.sigma_rad_per_nm, (x, y, z))
 
 
 def _parameters(entry: ParametersEntry) -> Parameters:

@@ -1,4 +1,4 @@
-"""Joint offsets and link parameters as the plain data of `calibration.json`, and back."""
+"""Joint offsets, link parameters and compliances as the plain data of `calibration.json`, and back."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from basecal.cell.calibration import JointOffsets, LinkParameters
+from basecal.cell.calibration import Compliances, JointOffsets, LinkParameters
 from basecal.geometry import Array, read_only
 
 _KEYS = (
-    "joint_names",
     "joint_offsets_rad",
     "joint_offsets_sigma_rad",
     "joint_offsets_covariance",
     "joint_offsets_seen",
+    "joint_names",
 )
 
 
@@ -23,13 +23,13 @@ def joint_offsets_to_dict(offsets: Mapping[str, JointOffsets]) -> dict[str, Any]
     """The fields of `calibration.json` that hold joint offsets, by robot; all null where there are none."""
     if not offsets:
         return dict.fromkeys(_KEYS)
-    rows = {robot: (of.joints, of.rad, of.sigma_rad, of.covariance, of.seen) for robot, of in offsets.items()}
+    rows = {robot: (of.rad, of.sigma_rad, of.covariance, of.seen, of.joints) for robot, of in offsets.items()}
     return {key: {robot: row[k] for robot, row in rows.items()} for k, key in enumerate(_KEYS)}
 
 
 def joint_offsets_from_dict(data: Mapping[str, Any]) -> dict[str, JointOffsets]:
     """The joint offsets in the data of a `calibration.json`."""
-    names, values, _, covariances, seen = (data.get(key) or {} for key in _KEYS)
+    values, _, covariances, seen, names = (data.get(key) or {} for key in _KEYS)
     return {
         robot: JointOffsets(
             tuple(names[robot]),
@@ -61,3 +61,29 @@ def link_parameters_from_dict(entries: Any) -> dict[str, LinkParameters]:
 def _tangents(entry: Mapping[str, Any], prefix: str) -> Array:
     parts = [read_only(entry[f"{prefix}{key}"], (None, 3), f"{prefix}{key}") for key in ("t_m", "r_rad")]
     return np.concatenate(parts, -1)
+
+
+def deflection_to_dict(deflection: Mapping[str, Compliances]) -> dict[str, Any] | None:
+    """Compliances by robot, a number for each joint."""
+    return {
+        robot: {
+            "rad_per_nm": of.rad_per_nm,
+            "sigma_rad_per_nm": of.sigma,
+            "seen": of.seen,
+            "joint_names": of.joints,
+        }
+        for robot, of in deflection.items()
+    } or None
+
+
+def deflection_from_dict(entries: Any) -> dict[str, Compliances]:
+    """The compliances in the data of a `calibration.json`."""
+    return {
+        robot: Compliances(
+            tuple(entry["joint_names"]),
+            read_only(entry["rad_per_nm"], (len(entry["joint_names"]),), "rad_per_nm"),
+            read_only(entry["sigma_rad_per_nm"], (len(entry["joint_names"]),), "sigma_rad_per_nm"),
+            np.array(entry["seen"], dtype=bool),
+        )
+        for robot, entry in (entries or {}).items()
+    }

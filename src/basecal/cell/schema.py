@@ -10,7 +10,7 @@ from pydantic import model_validator as checks_whole
 
 from basecal.cell.schema_lens import IntrinsicsEntry, check_lens
 from basecal.cell.schema_target import TargetEntry
-from basecal.cell.schema_values import Entry, Mount, Sigma, Sigma3, Status, UnknownEntry, empty, pair
+from basecal.cell.schema_values import Entry, Mount, Sigma, Sigma3, Status, UnknownEntry, Vector, empty, pair
 
 SCHEMA = "basecal/cell/1"
 
@@ -30,6 +30,22 @@ class ParametersEntry(Entry):
     sigma_m: Sigma | None = None
 
 
+class DeflectionEntry(Entry):
+    """How the joints of a robot give way to gravity."""
+
+    status: Status = "fixed"
+    sigma_rad_per_nm: Sigma | None = None
+    down: Vector = Field(default_factory=lambda: [0.0, 0.0, -1.0])
+
+    @checks_whole(mode="after")
+    def _sigma_of_prior(self) -> DeflectionEntry:
+        if (self.status == "prior") != (self.sigma_rad_per_nm is not None):
+            raise ValueError(f"status {self.status} takes {'a' if self.status == 'prior' else 'no'} sigma_rad_per_nm")
+        if not any(self.down):
+            raise ValueError("down is the direction of gravity in the robot's base, not zero")
+        return self
+
+
 class FramesEntry(Entry):
     """Names of a robot's frames in other programs."""
 
@@ -46,6 +62,7 @@ class RobotEntry(Entry):
     flange_link: str | None = None
     joint_offsets: ParametersEntry = ParametersEntry()
     link_parameters: ParametersEntry = ParametersEntry()
+    deflection: DeflectionEntry = DeflectionEntry()
     frames: FramesEntry = FramesEntry()
 
     @checks("joint_offsets", "link_parameters")
@@ -64,8 +81,9 @@ class RobotEntry(Entry):
         parts = (self.urdf, self.base_link, self.flange_link)
         if any(parts) and not all(parts):
             raise ValueError("urdf, base_link and flange_link go together; give all three")
-        if not self.urdf and {self.joint_offsets.status, self.link_parameters.status} != {"fixed"}:
-            raise ValueError("joint_offsets and link_parameters need urdf, base_link and flange_link")
+        asked = {self.joint_offsets.status, self.link_parameters.status, self.deflection.status}
+        if not self.urdf and asked != {"fixed"}:
+            raise ValueError("joint_offsets, link_parameters and deflection need urdf, base_link and flange_link")
         return self
 
 

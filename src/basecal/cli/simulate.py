@@ -83,12 +83,16 @@ def simulate(
         made = simulated(scenario, seed)
     made = with_images(made, cell, seed) if images else made
     write_simulated(cell, made)
-    if json:
-        print_json({"cell": str(cell), "samples": len(made.recording.samples), "seed": seed})
-    else:
-        print(f"wrote {len(made.recording.samples)} samples to {cell}, the truth to {cell / 'truth.yaml'}")
-        print(f"next: basecal calibrate {cell}")
+    _tell(cell, len(made.recording.samples), seed, json)
     return 0
+
+
+def _tell(cell: Path, samples: int, seed: int, json: bool) -> None:
+    if json:
+        print_json({"cell": str(cell), "samples": samples, "seed": seed})
+    else:
+        print(f"wrote {samples} samples to {cell}, the truth to {cell / 'truth.yaml'}")
+        print(f"next: basecal calibrate {cell}")
 
 
 def refuse_existing(folder: Path) -> None:

@@ -23,6 +23,7 @@ _TOUCHES = 1e-3
 _SMALLEST_FACTOR = 1e-4
 _DISTORTION_SCALE = 10.0
 _ENOUGH_VIEWS = 40
+_COMPLIANCE_SCALE = 0.01  # [rad/Nm]: 1 rad under 100 Nm
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +109,8 @@ def _scales(problem: Problem, state: State) -> Array:
     for name, where in problem.columns.items():
         if name in problem.unknowns:
             scale[where.start : where.start + 3] = length
+        elif name.endswith(DEFLECTION):
+            scale[where] = _COMPLIANCE_SCALE
         elif name in problem.lenses:
             camera = state.cameras[name]
             scale[where] = _DISTORTION_SCALE

@@ -69,14 +69,16 @@ def _models(cell: Cell, problem: Problem) -> dict[str, RobotModel]:
     seen = {robot for g in problem.groups for robot in (g.eye, g.hand) if robot is not None}
     models = {}
     for name, robot in cell.robots.items():
-        if name in seen and {robot.joint_offsets.status, robot.link_parameters.status} != {"fixed"}:
+        asked = {robot.joint_offsets.status, robot.link_parameters.status, robot.deflection.status}
+        if name in seen and asked != {"fixed"}:
             if robot.chain is None or not recorded_by_joints(problem, name):
                 raise InputError(
-                    f"robot {name!r}: joint_offsets and link_parameters need its urdf and joints_rad in every sample; "
-                    "set their status to fixed where poses are recorded"
+                    f"robot {name!r}: joint_offsets, link_parameters and deflection need its urdf and joints_rad in "
+                    "every sample; set their status to fixed where poses are recorded"
                 )
             ends = free_ends(problem, name)
-            models[name] = robot_model(name, robot.chain, robot.joint_offsets, robot.link_parameters, ends)
+            known = robot.joint_offsets, robot.link_parameters
+            models[name] = robot_model(name, robot.chain, *known, ends, deflection=robot.deflection)
     return models
 
 

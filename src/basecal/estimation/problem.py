@@ -181,7 +181,7 @@ class State:
 
     def kinematics(self, model: RobotModel) -> Kinematics:
         """Where a robot's kinematics are, as stated unless moved."""
-        return self.robots.get(model.robot) or nominal(model.chain)
+        return self.robots.get(model.robot) or nominal(model.chain, model.down)
 
     def camera_from_target(self, group: ViewGroup, stops: Stops) -> SE3:
         """Predicted poses of the target in the camera, (n,)."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from basecal.estimation.problem import Problem, State
-from basecal.estimation.robot_model import LINKS
+from basecal.estimation.robot_model import DEFLECTION, LINKS
 from basecal.geometry import Array, IntArray
 
 _LITTLE = 0.2
@@ -143,8 +143,9 @@ def _of_robot(problem: Problem, part: Array, name: str) -> str:
     model = next(model for model in problem.models.values() if name in model.widths)
     if name.endswith(LINKS):
         return f"an error of the links of {model.robot}"
-    joint = int(model.joints[np.argmax(np.abs(part))])
-    return f"the offset of joint {joint + 1} of {model.robot} ({model.chain.joint_names[joint]})"
+    what, joints = ("compliance", model.elastic) if name.endswith(DEFLECTION) else ("offset", model.joints)
+    joint = int(joints[np.argmax(np.abs(part))])
+    return f"the {what} of joint {joint + 1} of {model.robot} ({model.chain.joint_names[joint]})"
 
 
 def _clusters(problem: Problem, space: Array) -> list[list[str]]:

@@ -77,8 +77,12 @@ def chain_urdf(chain: SerialChain, base_link: str, flange_link: str, name: str =
 
     root = Element("robot", name=name)
     links = [base_link, *(f"{joint}_link" for joint in chain.joint_names), flange_link]
-    for link in links:
-        SubElement(root, "link", name=link)
+    for k, link in enumerate(links):
+        element = SubElement(root, "link", name=link)
+        if chain.masses is not None and 0 < k <= chain.n:
+            inertial = SubElement(element, "inertial")
+            SubElement(inertial, "origin", xyz=_exactly(chain.masses.centres[k - 1]))
+            SubElement(inertial, "mass", value=repr(float(chain.masses.kg[k - 1])))
     origins = [*(chain.origins[i] for i in range(chain.n)), chain.tip]
     names = (*chain.joint_names, f"{flange_link}_joint")
     for k, (joint, origin) in enumerate(zip(names, origins, strict=True)):

@@ -10,6 +10,7 @@ import numpy as np
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array, read_only
 from basecal.geometry.se3 import rotation_exp
+from basecal.kinematics.masses import Masses
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +26,7 @@ class SerialChain:
         tip: `last_joint_from_flange`.
         lower: (n,) [rad], -inf where there is no limit.
         upper: (n,) [rad], inf where there is no limit.
+        masses: What hangs on the joints; None where it is not known.
 
     Raises:
         InputError: if a shape is not as above or an axis not a unit vector.
@@ -36,6 +38,7 @@ class SerialChain:
     tip: SE3
     lower: Array
     upper: Array
+    masses: Masses | None = None
 
     def __post_init__(self) -> None:
         n = len(self.joint_names)
@@ -47,6 +50,8 @@ class SerialChain:
             object.__setattr__(self, name, read_only(getattr(self, name), shape, name))
         if not np.allclose(np.linalg.norm(self.axes, axis=-1), 1.0, rtol=0, atol=1e-9):
             raise InputError("the axes of a chain are unit vectors")
+        if self.masses is not None and len(self.masses.kg) != n:
+            raise InputError(f"masses of {len(self.masses.kg)} joints do not suit a chain of {n}")
 
     @property
     def n(self) -> int:
@@ -115,6 +120,20 @@ class SerialChain:
             raise InputError(f"link_tangents have shape {tangents.shape}, expected ({self.n + 1}, 6)")
         steps = SE3.exp(tangents)
         return replace(self, origins=self.origins @ steps[: self.n], tip=self.tip @ steps[self.n])
+
+    def joint_frames(self, joints: Array) -> list[SE3]:
+        """`base_from_joint` of each joint's own frame, which turns with it, n of (...).
+
+        Args:
+            joints: (..., n) [rad].
+        """
+        over_joints = np.moveaxis(np.asarray(joints, dtype=np.float64), -1, 0)
+        frame, frames = SE3.identity(over_joints.shape[1:]), []
+        for i, angle in enumerate(over_joints):
+            turn = SE3(rotation_exp(angle[..., None] * self.axes[i]), np.zeros((*angle.shape, 3)))
+            frame = frame @ self.origins[i] @ turn
+            frames.append(frame)
+        return frames
 
     def _tails(self, joints: Array) -> _Tails:
         q = np.asarray(joints, dtype=np.float64)

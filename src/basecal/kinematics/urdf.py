@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,6 +11,7 @@ import numpy as np
 from basecal.errors import DatasetError, FrameNotFound
 from basecal.geometry import SE3, Array
 from basecal.kinematics.chain import SerialChain
+from basecal.kinematics.masses import Masses
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -62,7 +63,9 @@ def parse_chain(text: str | bytes, base_link: str, flange_link: str, path: str =
         DatasetError: as `read_chain`, naming `path`.
         FrameNotFound: if a link does not exist.
     """
-    return _assembled(_way_in(text, base_link, flange_link, path))
+    way, above, links = _way_in(text, base_link, flange_link, path)
+    chain = _assembled(way)
+    return replace(chain, masses=_masses(chain.joint_names, above, links, path))
 
 
 def way_names(text: str | bytes, base_link: str, flange_link: str, path: str = "<text>") -> tuple[str, ...]:
@@ -72,19 +75,23 @@ def way_names(text: str | bytes, base_link: str, flange_link: str, path: str = "
         DatasetError: as `read_chain`, naming `path`.
         FrameNotFound: if a link does not exist.
     """
-    return tuple(joint.name for joint in _way_in(text, base_link, flange_link, path))
+    return tuple(joint.name for joint in _way_in(text, base_link, flange_link, path)[0])
 
 
-def _way_in(text: str | bytes, base_link: str, flange_link: str, path: str) -> list[_Joint]:
+def _way_in(
+    text: str | bytes, base_link: str, flange_link: str, path: str
+) -> tuple[list[_Joint], dict[str, _Joint], list[Element]]:
+    """The joints on the way, the joint above each link, and the elements of all links."""
     root = _root(text, path)
-    links = _unique([_attribute(path, element, "name") for element in root.findall("link")], "link", path)
+    elements = root.findall("link")
+    links = _unique([_attribute(path, element, "name") for element in elements], "link", path)
     joints = [_joint(path, element) for element in root.findall("joint")]
     _unique([joint.name for joint in joints], "joint", path)
     above = _tree(joints, links, path)
     for link in (base_link, flange_link):
         if link not in links:
             raise FrameNotFound(link, links)
-    return _way(above, base_link, flange_link, path)
+    return _way(above, base_link, flange_link, path), above, elements
 
 
 def _root(text: str | bytes, path: str) -> Element:
@@ -225,3 +232,53 @@ def _limits(joint: _Joint) -> tuple[float, float]:
     if lower > upper:
         raise joint.error("limit", f"lower {lower:g} is above upper {upper:g}")
     return lower, upper
+
+
+def _masses(turning: tuple[str, ...], above: dict[str, _Joint], links: list[Element], path: str) -> Masses | None:
+    """The links' masses, each at the last turning joint above it; joints beside the way stand at zero.
+
+    None where no link has a mass.
+    """
+    n = len(turning)
+    kg, moments = np.zeros(n), np.zeros((n, 3))
+    for link in links:
+        inertial = link.find("inertial")
+        if inertial is None:
+            continue
+        mass, centre = _inertial(inertial, path, str(link.get("name")))
+        joint, joint_from_link = _joint_above(str(link.get("name")), turning, above)
+        if joint is not None:
+            kg[joint] += mass
+            moments[joint] += mass * (joint_from_link @ centre)
+    return Masses(kg, moments / np.where(kg > 0, kg, 1.0)[:, None]) if np.any(kg) else None
+
+
+def _joint_above(link: str, turning: tuple[str, ...], above: dict[str, _Joint]) -> tuple[int | None, SE3]:
+    """The turning joint that carries a link, and the link in its frame; None where none does."""
+    joint_from_link = SE3.identity()
+    while link in above:
+        joint = above[link]
+        if joint.name in turning:
+            return turning.index(joint.name), joint_from_link
+        joint_from_link = _origin(joint) @ joint_from_link
+        link = joint.parent
+    return None, joint_from_link
+
+
+def _inertial(element: Element, path: str, link: str) -> tuple[float, Array]:
+    """Mass [kg] and its centre in the link [m].
+
+    Raises:
+        DatasetError: if they are not finite numbers, or the mass is negative.
+    """
+    mass, origin = element.find("mass"), element.find("origin")
+    words = [] if mass is None else mass.get("value", "").split()
+    xyz = ("0 0 0" if origin is None else origin.get("xyz", "0 0 0")).split()
+    try:
+        numbers = np.array([float(word) for word in (*words, *xyz)])
+    except ValueError:
+        numbers = np.array([np.nan])
+    if len(numbers) != 4 or not np.all(np.isfinite(numbers)) or numbers[0] < 0:
+        got = f"mass {' '.join(words)!r}, origin {' '.join(xyz)!r}"
+        raise DatasetError(path, f"expected a mass >= 0 and three numbers, got {got}", field=f"link {link!r} inertial")
+    return float(numbers[0]), numbers[1:]

@@ -6,7 +6,16 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from basecal.cell import Calibration, Cell, Certificate, Finding, JointOffsets, LinkParameters, Validation
+from basecal.cell import (
+    Calibration,
+    Cell,
+    Certificate,
+    Compliances,
+    Finding,
+    JointOffsets,
+    LinkParameters,
+    Validation,
+)
 from basecal.exchange.ros2 import static_transform_publisher
 from basecal.exchange.urdf import origin_line
 from basecal.geometry import Array, Camera, PoseEstimate
@@ -36,6 +45,7 @@ def text_report(cell: Cell, calibration: Calibration) -> str:
         *(_intrinsics(name, calibration) for name in calibration.cameras),
         *(_joint_offsets(robot, of) for robot, of in calibration.joint_offsets.items()),
         *(_links(robot, of) for robot, of in calibration.link_parameters.items()),
+        *(_compliances(robot, of) for robot, of in calibration.deflection.items()),
         list(fit_sentences(calibration)),
         list(validation_sentences(calibration)),
         [f"not used: {sentence}" for sentence in outlier_sentences(calibration)],
@@ -171,6 +181,22 @@ def _links(robot: str, links: LinkParameters) -> list[str]:
         for k, tangent in enumerate(links.tangents, 1)
     ]
     return [f"link errors of {robot}, right tangents of each joint's origin, then of the tip", *told]
+
+
+def _compliances(robot: str, of: Compliances) -> list[str]:
+    width = max(map(len, of.joints))
+    rows = zip(of.joints, 1e6 * of.rad_per_nm, 1e6 * of.sigma, of.seen, strict=True)
+    told = [
+        f"  {k}  {name:<{width}}  {_compliance(value, sigma, seen)}"
+        for k, (name, value, sigma, seen) in enumerate(rows, 1)
+    ]
+    return [f"compliances of the joints of {robot} under the torque of gravity", *told]
+
+
+def _compliance(value: float, sigma: float, seen: bool) -> str:
+    if not np.isfinite(value):
+        return "      not seen"
+    return f"{value:+10.2f} urad/Nm    sigma {sigma:.2f} urad/Nm{'' if seen else '    by its prior alone'}"
 
 
 def fit_sentences(calibration: Calibration) -> Iterator[str]:

@@ -14,7 +14,7 @@ from basecal.errors import InputError
 from basecal.estimation.robot_model import Kinematics
 from basecal.geometry import SE3, Array, BoolArray
 from basecal.geometry.se3 import right_jacobian_inverse
-from basecal.kinematics import SerialChain
+from basecal.kinematics import Masses, SerialChain
 from basecal.simulation.draw import Generator
 from basecal.simulation.scenario import Scenario
 from basecal.simulation.scene import Scene, as_point
@@ -24,6 +24,9 @@ _NAMES = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist
 _QUARTER = np.pi / 2
 _PLACES = ((0, 0, 0.16), (0, 0.05, 0), (-0.42, 0, 0), (-0.39, 0, 0.12), (0, -0.1, 0), (0, 0.095, 0))
 _TURNS = ((0, 0, 0), (_QUARTER, 0, 0), (0, 0, 0), (0, 0, 0), (_QUARTER, 0, 0), (-_QUARTER, 0, 0))
+_KG = (4.0, 8.0, 3.0, 1.5, 1.5, 0.8)
+_CENTRES = ((0, 0.02, 0), (-0.2, 0, 0.1), (-0.2, 0, 0.05), (0, -0.02, 0), (0, 0.02, 0), (0, 0, 0.05))
+_DOWN = np.array([0.0, 0.0, -1.0])
 _MIDDLE = (0.0, -1.2, 1.5, -1.8, 1.4, 0.0)  # bent elbow and wrist: no axes in line
 _REACH = (np.pi, 0.4, 0.4, 0.5, 0.5, np.pi)
 _STEPS = 25
@@ -52,7 +55,8 @@ def six_axis() -> SerialChain:
     origins = SE3.stack([SE3.from_rpy(turn, place) for turn, place in zip(_TURNS, _PLACES, strict=True)])
     tip = SE3.from_rpy((0, 0, 0), (0, 0, 0.09))
     axes = np.tile([0.0, 0.0, 1.0], (6, 1))
-    return SerialChain(_NAMES, origins, axes, tip, np.full(6, -2 * np.pi), np.full(6, 2 * np.pi))
+    masses = Masses(np.array(_KG), np.array(_CENTRES))
+    return SerialChain(_NAMES, origins, axes, tip, np.full(6, -2 * np.pi), np.full(6, 2 * np.pi), masses)
 
 
 def with_arms(scene: Scene, scenario: Scenario, rng: Generator) -> tuple[Scene, dict[str, Arm]]:
@@ -93,7 +97,9 @@ def _arm(scenario: Scenario, rng: Generator) -> Arm:
     home = np.array(_MIDDLE) + np.array(_REACH) * rng.uniform(-1, 1, chain.n)
     offsets = scenario.joint_offset_rad * rng.standard_normal(chain.n)
     links = rng.standard_normal((chain.n + 1, 6)) * np.repeat(scenario.link_error, 3)
-    return Arm(chain, Kinematics(chain, offsets, links), home)
+    compliance = scenario.compliance * rng.standard_normal(chain.n)
+    down = _DOWN if scenario.compliance else None
+    return Arm(chain, Kinematics(chain, offsets, links, compliance, down), home)
 
 
 def joints_near(chain: SerialChain, base_from_flange: SE3, start: Array) -> tuple[Array, BoolArray]:

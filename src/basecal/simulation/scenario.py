@@ -24,7 +24,7 @@ _CHOICES = {
     "layout": get_args(LayoutName),
     "lens": get_args(Lens),
     **dict.fromkeys(("base", "camera_mount", "target_mount", "intrinsics"), get_args(Status)),
-    **dict.fromkeys(("joint_offsets", "link_parameters"), get_args(Status)),
+    **dict.fromkeys(("joint_offsets", "link_parameters", "deflection"), get_args(Status)),
 }
 
 
@@ -72,6 +72,8 @@ class Scenario:
         link_error: True sigmas of the errors of each origin and the tip of an arm.
         joint_offsets: What the cell tells of the offsets; a prior has the true sigma.
         link_parameters: What the cell tells of the links; a prior has the true sigmas.
+        compliance: Sigma of each joint's true compliance [rad/Nm].
+        deflection: What the cell tells of the compliances; a prior has the true sigma.
     """
 
     samples: int = 30
@@ -107,6 +109,8 @@ class Scenario:
     link_error: tuple[float, float] = (0.0, 0.0)
     joint_offsets: Status = "fixed"
     link_parameters: Status = "fixed"
+    compliance: float = 0.0
+    deflection: Status = "fixed"
 
     def __post_init__(self) -> None:
         for name, choices in _CHOICES.items():
@@ -115,7 +119,7 @@ class Scenario:
         if self.samples < 1 or self.stations < 1 or self.robots < 2:
             raise InputError("a scenario needs samples >= 1, stations >= 1 and robots >= 2")
         sigmas = (self.pixel_px, self.correlated_px, self.point_m, *self.robot_noise, *self.pose_noise)
-        of_arms = (self.joint_offset_rad, *self.link_error)
+        of_arms = (self.joint_offset_rad, *self.link_error, self.compliance)
         if not all(sigma >= 0 for sigma in (*sigmas, *of_arms, self.spread_rad, self.position_m)):
             raise InputError("sigmas and spreads of a scenario must be numbers >= 0")
 

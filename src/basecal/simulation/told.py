@@ -6,7 +6,17 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from basecal.cell.cell import Cell, CellCamera, CellTarget, Intrinsics, Parameters, Robot, Status, Unknown
+from basecal.cell.cell import (
+    Cell,
+    CellCamera,
+    CellTarget,
+    Deflection,
+    Intrinsics,
+    Parameters,
+    Robot,
+    Status,
+    Unknown,
+)
 from basecal.geometry import SE3, Array, Camera
 from basecal.simulation import draw
 from basecal.simulation.arms import BASE_LINK, FLANGE_LINK, Arm
@@ -67,7 +77,9 @@ def _robot(name: str, noise: Array | None, scenario: Scenario, arm: Arm | None) 
         offsets = Parameters("prior", scenario.joint_offset_rad)
     if links.status == "prior":
         links = Parameters("prior", radians, metres)
-    return Robot(name, noise, arm.chain, offsets, links, f"{name}.urdf", BASE_LINK, FLANGE_LINK)
+    deflection = Deflection(scenario.deflection, scenario.compliance if scenario.deflection == "prior" else None)
+    urdf = (f"{name}.urdf", BASE_LINK, FLANGE_LINK)
+    return Robot(name, noise, arm.chain, offsets, links, *urdf, deflection=deflection)
 
 
 def told(scene: Scene, scenario: Scenario, rng: Generator, arms: Mapping[str, Arm]) -> Cell:

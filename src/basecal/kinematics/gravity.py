@@ -1,0 +1,38 @@
+"""What gravity does to the joints of an arm."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.errors import InputError
+from basecal.geometry import Array
+from basecal.kinematics.chain import SerialChain
+
+STANDARD_GRAVITY = 9.80665  # [m/s^2]
+
+
+def gravity_torques(chain: SerialChain, joints: Array, down: Array) -> Array:
+    """Torque by which gravity turns each joint about its axis, (..., n) [Nm].
+
+    Args:
+        chain: The arm, with its masses.
+        joints: (..., n) [rad].
+        down: (3,) unit vector along gravity, in the base.
+
+    Raises:
+        InputError: if the chain has no masses.
+
+    Source: the virtual work of the weights; Lynch & Park 2017, "Modern Robotics", 8.1.
+    """
+    if chain.masses is None:
+        raise InputError("the torques of gravity need masses: give the links of the URDF an <inertial>")
+    frames = chain.joint_frames(joints)
+    places = np.stack([frame.translation for frame in frames], -2)
+    centres = np.stack([frame @ centre for frame, centre in zip(frames, chain.masses.centres, strict=True)], -2)
+    axes = np.stack([frame.rotation @ axis for frame, axis in zip(frames, chain.axes, strict=True)], -2)
+    moments = (chain.masses.kg[:, None] * centres)[..., ::-1, :]
+    beyond = np.cumsum(moments, axis=-2)[..., ::-1, :]
+    total = np.cumsum(chain.masses.kg[::-1])[::-1, None]
+    lever = beyond - total * places
+    torque: Array = STANDARD_GRAVITY * np.einsum("...i,...i->...", axes, np.cross(lever, down))
+    return torque

@@ -1,0 +1,98 @@
+"""Torques of gravity, and the masses that make them, as a URDF has them."""
+
+import numpy as np
+import pytest
+
+from basecal.errors import DatasetError, InputError
+from basecal.exchange.urdf import chain_urdf
+from basecal.geometry import SE3
+from basecal.kinematics import Masses, SerialChain, gravity_torques, parse_chain
+from basecal.simulation.arms import six_axis
+
+DOWN = np.array([0.0, 0, -1])
+
+
+def potential(chain: SerialChain, joints: np.ndarray, down: np.ndarray) -> np.ndarray:
+    """What the weights would gain by falling, (...) [J]: its derivative to a joint is the torque."""
+    frames = chain.joint_frames(joints)
+    return sum(
+        9.80665 * m * (frame @ c) @ down
+        for m, c, frame in zip(chain.masses.kg, chain.masses.centres, frames, strict=True)
+    )
+
+
+@pytest.mark.parametrize("down", [DOWN, np.array([0.6, 0, -0.8])])
+def test_torques_are_the_gradient_of_the_work_of_the_weights(down):
+    """By central differences, for an upright arm and one on an incline."""
+    chain = six_axis()
+    joints = np.random.default_rng(0).uniform(-3, 3, (20, 6))
+    step = 1e-5
+    wanted = [
+        (potential(chain, joints + step * e, down) - potential(chain, joints - step * e, down)) / (2 * step)
+        for e in np.eye(6)
+    ]
+    np.testing.assert_allclose(gravity_torques(chain, joints, down), np.stack(wanted, -1), atol=1e-7)
+
+
+def test_torques_are_pinocchios():
+    """Of the same arm written as a URDF; Pinocchio's are those that hold it."""
+    pin = pytest.importorskip("pinocchio")
+    chain = six_axis()
+    model = pin.buildModelFromXML(chain_urdf(chain, "base_link", "tool0"))
+    model.gravity.linear = np.array([0.0, 0.0, -9.80665])
+    for q in np.random.default_rng(1).uniform(-3, 3, (10, 6)):
+        holding = pin.computeGeneralizedGravity(model, model.createData(), q)
+        np.testing.assert_allclose(gravity_torques(chain, q, DOWN), -holding, atol=1e-10)
+
+
+def test_a_vertical_axis_is_not_turned():
+    """The first axis of an upright arm stands along gravity."""
+    joints = np.random.default_rng(2).uniform(-3, 3, (10, 6))
+    np.testing.assert_allclose(gravity_torques(six_axis(), joints, DOWN)[:, 0], 0, atol=1e-12)
+
+
+def test_masses_are_those_of_the_links_that_a_joint_carries():
+    """Links behind fixed joints and beside the chain count for the last turning joint above them; the base's do not."""
+    text = """<robot name="r"><link name="base"><inertial><mass value="9"/></inertial></link>
+      <link name="arm"><inertial><origin xyz="0.1 0 0"/><mass value="2"/></inertial></link><link name="tool"/>
+      <link name="gripper"><inertial><origin xyz="0 0 0.1"/><mass value="1"/></inertial></link>
+      <joint name="turn" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/></joint>
+      <joint name="hold" type="fixed"><parent link="arm"/><child link="tool"/><origin xyz="0.4 0 0"/></joint>
+      <joint name="grip" type="prismatic"><parent link="tool"/><child link="gripper"/><origin xyz="0 0 0.1"/></joint>
+    </robot>"""
+    masses = parse_chain(text, "base", "tool").masses
+    np.testing.assert_allclose(masses.kg, [3])
+    np.testing.assert_allclose(masses.centres, [[0.6 / 3, 0, 0.2 / 3]], atol=1e-15)
+
+
+def test_a_chain_keeps_its_masses_through_a_urdf():
+    """Written and read back, and none where none are written."""
+    chain = six_axis()
+    again = parse_chain(chain_urdf(chain, "base_link", "tool0"), "base_link", "tool0").masses
+    np.testing.assert_array_equal(again.kg, chain.masses.kg)
+    np.testing.assert_allclose(again.centres, chain.masses.centres, atol=1e-15)
+    bare = SerialChain(chain.joint_names, chain.origins, chain.axes, chain.tip, chain.lower, chain.upper)
+    assert parse_chain(chain_urdf(bare, "base_link", "tool0"), "base_link", "tool0").masses is None
+    with pytest.raises(InputError, match="inertial"):
+        gravity_torques(bare, np.zeros(6), DOWN)
+
+
+@pytest.mark.parametrize(
+    "inertial", ['<mass value="-1"/>', '<mass value="x"/>', '<origin xyz="0 0"/><mass value="1"/>', ""]
+)
+def test_masses_that_cannot_be_used_are_said(inertial):
+    """With the link's name."""
+    text = f"""<robot name="r"><link name="base"/><link name="arm"><inertial>{inertial}</inertial></link>
+      <joint name="turn" type="continuous"><parent link="base"/><child link="arm"/></joint></robot>"""
+    with pytest.raises(DatasetError, match="link 'arm' inertial"):
+        parse_chain(text, "base", "arm")
+
+
+def test_masses_suit_their_chain():
+    """As many as joints, and not negative."""
+    origins = SE3.identity((1,))
+    one = ("a",), origins, np.array([[0.0, 0, 1]]), SE3.identity(), np.array([-1.0]), np.array([1.0])
+    with pytest.raises(InputError, match="masses of 2 joints"):
+        SerialChain(*one, Masses(np.ones(2), np.zeros((2, 3))))
+    with pytest.raises(InputError, match="not negative"):
+        Masses(-np.ones(1), np.zeros((1, 3)))
