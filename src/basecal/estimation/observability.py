@@ -13,6 +13,7 @@ import numpy as np
 from basecal.estimation.motions import loose_directions
 from basecal.estimation.normal import linearise
 from basecal.estimation.problem import Problem, State
+from basecal.estimation.robot_model import DEFLECTION
 from basecal.estimation.unseen_words import Unseen, in_words
 from basecal.geometry import Array
 

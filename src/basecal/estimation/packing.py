@@ -36,7 +36,8 @@ Views = list[tuple[int, Observation]]
 class _Poses:
     """Poses of one robot at the samples that have them.
 
-    `row` of a sample, the poses, of each row the stop (its number among the robot's own, and its row in `Stops`), joints.
+    `row` of a sample, the poses, of each row the stop (its number among the robot's own, and its row in `Stops`), and
+    the joints.
     """
 
     row: dict[int, int] = field(default_factory=dict)

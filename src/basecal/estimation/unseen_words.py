@@ -134,7 +134,9 @@ def _of_other(problem: Problem, direction: Array) -> Unseen:
     size = {name: float(np.linalg.norm(_block(problem, direction, name))) for name in problem.columns}
     main = max((name for name in size if name not in problem.unknowns), key=lambda name: size[name])
     along = [name for name in size if name != main and size[name] > _ALONG * size[main]]
-    what = f"the lens of {main}" if main in problem.lenses else _of_robot(problem, _block(problem, direction, main), main)
+    what = (
+        f"the lens of {main}" if main in problem.lenses else _of_robot(problem, _block(problem, direction, main), main)
+    )
     return Unseen(what, (main, *along))
 
 
