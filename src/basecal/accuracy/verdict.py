@@ -26,7 +26,7 @@ from basecal.estimation.problem import Problem
 from basecal.estimation.robot_noise import with_robot_noise
 from basecal.estimation.robust import RobustSolution, solve_robustly
 from basecal.estimation.settings import DEFAULT, Settings
-from basecal.estimation.solve import Solution, solve_from
+from basecal.estimation.solve import Solution, solve_from, solve_packed
 
 
 def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) -> Calibration:
@@ -53,11 +53,12 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
     if settings.method == "axis-shift":
         return calibrate_by_shifts(cell, problem, settings, findings)
     stated = replace(settings, robot_noise="stated")
-    robust = solve_robustly(problem, cell, stated)
-    misread = mixed_up(cell, recording, problem, robust.solution, stated)
+    plain = solve_packed(problem, cell, stated)
+    misread = mixed_up(cell, recording, problem, plain, stated)
     findings += misread
     if verdict_of(misread) == "refused":
-        return _refused(robust, settings, findings)
+        return _refused(plain, settings, findings)
+    robust = solve_robustly(problem, cell, stated, plain)
     findings += robot_model_findings(choose_robot_model(robust.solution, stated))
     if settings.robot_noise != "stated":
         robust = _with_robots_noise(robust, problem, cell, settings)
@@ -98,10 +99,9 @@ def verdict_of(findings: Sequence[Finding]) -> Verdict:
     return "refused" if "error" in severities else "doubtful" if "warning" in severities else "good"
 
 
-def _refused(robust: RobustSolution, settings: Settings, findings: list[Finding]) -> Calibration:
+def _refused(solution: Solution, settings: Settings, findings: list[Finding]) -> Calibration:
     """How the input fits as it is read, and no numbers: they would be of a cell that does not exist."""
-    fit = residuals(robust.solution, robust.left_out)
-    return Calibration("refused", residuals=fit, findings=tuple(findings), settings=settings.as_dict())
+    return Calibration("refused", residuals=residuals(solution), findings=tuple(findings), settings=settings.as_dict())
 
 
 def _calibration(

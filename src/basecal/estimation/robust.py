@@ -74,7 +74,9 @@ class _End:
     judgement: Judgement
 
 
-def solve_robustly(problem: Problem, cell: Cell, settings: Settings = DEFAULT) -> RobustSolution:
+def solve_robustly(
+    problem: Problem, cell: Cell, settings: Settings = DEFAULT, plain: Solution | None = None
+) -> RobustSolution:
     """The solution of all views and points but the gross outliers, and these.
 
     Where there are none it is that of `solve_packed`. Where fewer than half of the samples agree it is that, too:
@@ -84,12 +86,13 @@ def solve_robustly(problem: Problem, cell: Cell, settings: Settings = DEFAULT) -
         problem: What was seen.
         cell: What exists and what is known.
         settings: How to solve.
+        plain: The solution of all views and points, where it is known already.
 
     Raises:
         NotObservable: if nothing was seen that could be solved for.
         InputError: if the cell contradicts the recording.
     """
-    plain = solve_packed(problem, cell, settings)
+    plain = plain or solve_packed(problem, cell, settings)
     whole = everything(plain.problem)
     judgement = judge(plain.problem, plain.state, whole)
     agreeing: tuple[int, ...] = ()
