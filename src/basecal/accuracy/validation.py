@@ -29,7 +29,7 @@ from basecal.geometry import SE3, Array, BoolArray
 
 _LEAST_GAIN = 0.01
 _MOST_GAIN = 10.0
-_FEWEST_FREEDOMS = 3.0
+_FEWEST_FREEDOMS = 5.0
 _ROUNDING = 1e-12
 _NOTHING = 1e-12
 _CHANCE = 1e-4
