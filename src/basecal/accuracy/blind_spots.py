@@ -18,6 +18,7 @@ from basecal.geometry import Array
 
 _WEAK = 0.15
 _LITTLE_RAD = 0.15
+_SHOWN_DEG = 0.005
 _UNTOUCHED = 0.95
 
 
@@ -64,9 +65,7 @@ def untold_findings(cell: Cell, problem: Problem) -> list[Finding]:
 
 
 def weak_findings(cell: Cell, solution: Solution) -> list[Finding]:
-    """What was asked and is known so poorly that it hardly counts: beyond 0.15 rad, or as much of the
-    viewing distance.
-    """
+    """What was asked and is seen, but known no better than to 0.15 rad, or to as much of the viewing distance."""
     found, length = [], solution.seen.length_m
     for name in cell.asked:
         if name in solution.seen.blind or name not in solution.problem.columns:
@@ -105,19 +104,19 @@ def poor_motions(problem: Problem) -> str:
 
 
 def motion_in_words(motion: Motion) -> str:
-    """How a robot moves, such as "hand only shifts: its orientation differs by at most 0.10 deg"."""
+    """How a robot moves, such as "hand only shifts, it turns by at most 0.10 deg"."""
     robot, turn = motion.robot, np.degrees(motion.turn_rad)
     if motion.is_still:
         return f"{robot} never moves in {motion.samples} sample{'s' if motion.samples > 1 else ''}"
     if motion.only_shifts:
-        return f"{robot} only shifts, its orientation differs by at most {turn[0]:.2f} deg"
+        return f"{robot} only shifts" + (f", it turns by at most {turn[0]:.2f} deg" if turn[0] >= _SHOWN_DEG else "")
     axis = ", ".join(f"{v + 0.0:.2f}" for v in _upright(motion.axes_in_base[:, 0]))
     if motion.turn_rad[1] < _LITTLE_RAD:
         only = "" if motion.turn_rad[1] < HARDLY_RAD else " mostly"
-        least = f"by at most {turn[1]:.2f} deg about any other"
+        least = f", and by at most {turn[1]:.2f} deg about any other" if turn[1] >= _SHOWN_DEG else ""
         if motion.orientations == 2:
             return f"{robot} has two orientations only"
-        return f"{robot} turns{only} about one axis, along ({axis}) in {robot}_base, and {least}"
+        return f"{robot} turns{only} about one axis, along ({axis}) in {robot}_base{least}"
     return f"{robot} turns by up to {turn[0]:.0f} deg, and {turn[1]:.0f} deg about a second axis"
 
 

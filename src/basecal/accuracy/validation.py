@@ -29,7 +29,7 @@ from basecal.geometry import SE3, Array, BoolArray
 
 _LEAST_GAIN = 0.01
 _MOST_GAIN = 10.0
-_FEWEST_FREEDOMS = 3.0
+_FEWEST_FREEDOMS = 5.0
 _ROUNDING = 1e-12
 _NOTHING = 1e-12
 _CHANCE = 1e-4
@@ -159,15 +159,19 @@ def _errors(solution: Solution, fitted: Sequence[_Fold]) -> tuple[_Errors, _Erro
     for fold in fitted:
         full = _with_errors(solution.state, fold.known)
         for group in fold.views.groups:
-            used += _of_group(fold.views, group, full)
-            unseen += _of_group(fold.views, group, fold.state)
+            in_pixels = isinstance(group.measurement, PixelMeasurement)
+            used += _of_group(fold.views, group, full, posed=not in_pixels)
+            unseen += _of_group(fold.views, group, fold.state, posed=True)
     return used, unseen
 
 
-def _of_group(views: Problem, group: ViewGroup, state: State) -> _Errors:
+def _of_group(views: Problem, group: ViewGroup, state: State, posed: bool) -> _Errors:
+    """Of a group's views; of the target's pose, which takes most of the time, only where `posed`."""
     predicted = state.camera_from_target(group, views.stops)
     cost = float(group.measurement.linearise(predicted, state.cameras.get(group.camera), False).cost.sum())
     square_px, count_px = _pixels(group, state, predicted)
+    if not posed:
+        return _Errors(cost, square_px, count_px)
     alone, enough = view_alone(state, group, predicted)
     off = (alone.inverse() @ predicted)[np.flatnonzero(enough)]
     square_m, square_rad = float(np.sum(off.translation**2)), float(np.sum(off.rotvec**2))
