@@ -165,30 +165,35 @@ def _from_proven(solution: Solution, loops: list[ProvenLoop]) -> State | None:
         return None
     loop, found = loops[0].form.loop, rotations_of(loops[0].form.loop, loops[0].bound.factors)
     x, y, z = translations(loop, found)
-    group, transforms = solution.problem.groups[0], dict(solution.state.transforms)
+    group, columns, transforms = solution.problem.groups[0], solution.problem.columns, dict(solution.state.transforms)
+    world_from_eye_base, world_from_hand_base = (
+        SE3.identity() if name is None else transforms[name] for name in (group.eye_base, group.hand_base)
+    )
     placed = {group.camera_mount: x, group.target_mount: z}
-    if group.hand_base is not None:
-        eye_base = SE3.identity() if group.eye_base is None else transforms[group.eye_base]
-        placed[group.hand_base] = eye_base @ y
-    elif group.eye_base is not None:
-        placed[group.eye_base] = y.inverse()
-    transforms |= {name: value for name, value in placed.items() if name in solution.problem.columns}
+    if group.hand_base in columns:
+        placed[str(group.hand_base)] = world_from_eye_base @ y
+    elif group.eye_base in columns:
+        placed[str(group.eye_base)] = world_from_hand_base @ y.inverse()
+    transforms |= {name: value for name, value in placed.items() if name in columns}
     return _better(solution, replace(solution.state, transforms=transforms))
 
 
 def _better(solution: Solution, start: State) -> State | None:
     """The end of a descent on everything, if it is lower than the solution."""
-    errors = np.zeros_like(solution.state.stop_errors)
     dof = degrees_of_freedom(solution.problem)
-    end = descend(solution.problem, replace(start, stop_errors=errors), dof, 2 * _ITERATIONS)
+    end = descend(solution.problem, _undisturbed(start), dof, 2 * _ITERATIONS)
     return end.state if end.normal.cost < solution.cost * (1 - _SAME_COST) - _SAME_COST else None
+
+
+def _undisturbed(state: State) -> State:
+    return replace(state, stop_errors=np.zeros_like(state.stop_errors))
 
 
 def _explored(solution: Solution, share: float, gap: float) -> Certified:
     """Descents from all about the solution, as far away as a better state may be."""
     few = _thinned(solution.problem)
     dof = degrees_of_freedom(few)
-    reference = descend(few, solution.state, dof, _ITERATIONS)
+    reference = descend(few, _undisturbed(solution.state), dof, _ITERATIONS)
     angle = 2 * float(np.arcsin(np.sqrt(share)))
     for start in _about(solution, angle):
         end = descend(few, start, dof, _ITERATIONS)
@@ -229,6 +234,5 @@ def _about(solution: Solution, angle: float) -> list[State]:
             name: state.transforms[name] @ SE3.exp(np.concatenate([np.zeros(3), turn]))
             for name, turn in zip(turning, turns, strict=True)
         }
-        errors = np.zeros_like(state.stop_errors)
-        out.append(replace(state, transforms={**state.transforms, **turned}, stop_errors=errors))
+        out.append(_undisturbed(replace(state, transforms={**state.transforms, **turned})))
     return out
