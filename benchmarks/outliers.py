@@ -147,7 +147,7 @@ def reflected(problem: Problem, truth: State, rng: Rng) -> Spoilt:
 def _checked(found: Spoilt, truth: State) -> Spoilt:
     """The same without views that were spoilt and by chance are off by less than 8 sigma: neither clean nor gross."""
     group, views = found.problem.groups[0], found.clean.views[0]
-    squares = misfits(linearise(found.problem, truth))[0]
+    squares = misfits(found.problem, truth)[0]
     kept = np.flatnonzero(views | (squares.value >= GROSS**2))
     return Spoilt(found.problem.with_groups((group.take(kept),)), Kept((views[kept],), (found.clean.points[0][kept],)))
 
