@@ -201,7 +201,7 @@ def _points_within(problem: Problem, state: State, suspects: list[IntArray], cel
     if not any(map(len, suspects)):
         return tuple(kept)
     stated = is_stated(problem)
-    scale = Scale(1.0 if stated else _unit(problem), np.inf, CHANCE_OF_POINT)
+    scale = Scale(1.0 if stated else _unit(problem), np.inf, np.inf, CHANCE_OF_POINT)
     for _ in range(_SCALE_ROUNDS):
         squares = []
         if not problem.columns.keys().isdisjoint(problem.lenses):
