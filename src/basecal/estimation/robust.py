@@ -93,7 +93,9 @@ def solve_robustly(problem: Problem, cell: Cell, settings: Settings = DEFAULT) -
     judgement = judge(plain.problem, plain.state, whole)
     agreeing: tuple[int, ...] = ()
     if not judgement.kept.same_as(whole) or _implausible(plain, judgement):
-        ends, states = _ends(plain, whole, judgement, cell, settings)
+        # States far from the truth meet points at the camera's centre; what overflows there is left out by its cost.
+        with np.errstate(all="ignore"):
+            ends, states = _ends(plain, whole, judgement, cell, settings)
         best = max((e for e in ends if _is_answer(e, plain)), key=_used, default=None)
         if best is not None and not best.kept.same_as(whole):
             return _told(cell, problem, best)

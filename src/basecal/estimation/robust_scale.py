@@ -3,7 +3,7 @@
 The scale is the median of d^2 over its chi-square's median, taken again over what lies within the limit until that
 settles. Where sigmas are stated they are taken at their word unless the bulk contradicts them, and never made smaller.
 Noise that was not stated spreads over a view's directions unevenly, so that six freedoms may scatter like two: then
-how many it is comes from the ratio of the squares' quartiles.
+how many it is comes from the median over the lower fifth, which few outliers reach.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _ROUNDS = 10
 # The median uses as much of a sample's information as 0.4 of it would by its mean.
 _EFFICIENCY = 0.4
 _SHAPES = np.linspace(1.0, 15.0, 57)
-_QUARTILE_RATIOS = chdtri(_SHAPES, 0.25) / chdtri(_SHAPES, 0.75)
+_RATIOS = chdtri(_SHAPES, 0.5) / chdtri(_SHAPES, 0.8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,5 +90,5 @@ def _settled(ratio: Array, value: Array, freedoms: IntArray, unknowns: int, chan
 
 
 def _shape(ratio: Array) -> float:
-    low, high = np.quantile(ratio, (0.25, 0.75))
-    return float(np.interp(-high / max(low, 1e-300), -_QUARTILE_RATIOS, _SHAPES))
+    low, high = np.quantile(ratio, (0.2, 0.5))
+    return float(np.interp(-high / max(low, 1e-300), -_RATIOS, _SHAPES))
