@@ -47,7 +47,7 @@ def per_freedom(squares) -> np.ndarray:
     ids=["board", "light", "poses", "3-D points", "stations"],
 )
 def test_views_are_chi_square(scenario, freedoms):
-    """Mean of d^2 / freedoms over eight cells is 1 within five standard errors, as for 240 independent views and more."""
+    """Mean of d^2 / freedoms over eight cells is 1 within five standard errors of independent views."""
     every = [s for seed in range(8) for s in view_squares(about(scenario, seed))]
     assert {int(f) for s in every for f in s.freedoms} == {freedoms}
     mean = per_freedom(every)

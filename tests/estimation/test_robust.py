@@ -72,7 +72,7 @@ def test_clean_data_give_the_plain_solution(scenario):
 
 @pytest.mark.parametrize("target", ["charuco", "chessboard", "pose", "points3d"])
 def test_bumped_samples_are_left_out(target):
-    """A robot off by 16 mm in a fifth of the samples: these go, no other, and the base is that of the others to 1e-6."""
+    """A robot off by 16 mm in a fifth of the samples: these go, no other; the base is that of the others to 1e-6."""
     s = simulate(Scenario(target=target, robot_noise=NOISY), seed=2)
     samples = [bumped(x) if x.sample in BAD else x for x in s.recording.samples]
     ours = solved(s.cell, samples)
@@ -137,7 +137,7 @@ def test_candidates_are_chosen_anew_at_the_robust_state():
 
 @pytest.mark.parametrize("state_pixel_noise", [True, False])
 def test_wrong_ids_and_strays_are_left_out_by_point(state_pixel_noise):
-    """In each view two points have each other's ids and three stray by 3 px and more: they go, at most 1 % of others."""
+    """In each view two points have each other's ids and three stray by 3 px or more: they go, 1 % of others at most."""
     s = simulate(Scenario(robot_noise=NOISY, state_pixel_noise=state_pixel_noise), seed=7)
     rng = np.random.default_rng(7)
     samples, wrong = [], {}

@@ -34,7 +34,7 @@ from basecal.geometry import BoolArray, IntArray
 
 _ROUNDS = 12
 _FREE_ROUNDS = 6
-_SCALE_ROUNDS = 3
+_SCALE_ROUNDS = 4
 _LARGEST_UNSUSPECTED_PX = 1.0
 _LEAST_KEPT = 0.5
 _CLEAR_SHARE = 0.6
@@ -197,24 +197,31 @@ def _suspect(plain: Solution, judgement: Judgement, k: int) -> IntArray:
 def _points_within(problem: Problem, state: State, suspects: list[IntArray], cell: Cell) -> tuple[BoolArray, ...]:
     """By group, (n, p): points of suspect views that agree with the rest of their view, and all of others.
 
-    A lens that is free is that of the views alone, which no robot's pose pulls aside.
+    A lens that is free may have been bent by wrong poses: that of the views alone is tried, too.
     """
-    kept = list(everything(problem).points)
     if not any(map(len, suspects)):
-        return tuple(kept)
+        return everything(problem).points
+    found = [_points_by(problem, state, suspects)]
+    if not problem.columns.keys().isdisjoint(problem.lenses):
+        alone = replace(state, cameras=lenses(problem, cell))
+        found.append(_points_by(problem, alone, suspects))
+    return min(found, key=lambda f: f[0])[1]
+
+
+def _points_by(problem: Problem, state: State, suspects: list[IntArray]) -> tuple[float, tuple[BoolArray, ...]]:
+    """The scale of all points' squares with the lenses of a state, and the points that agree within it."""
+    kept = list(everything(problem).points)
     stated = is_stated(problem)
     scale = Scale(1.0 if stated else _unit(problem), np.inf, np.inf, CHANCE_OF_POINT)
     for _ in range(_SCALE_ROUNDS):
         squares = []
-        if not problem.columns.keys().isdisjoint(problem.lenses):
-            state = replace(state, cameras=lenses(without_points(problem, kept), cell))
         for k, group in enumerate(problem.groups):
             kept[k], of = _agreeing_points(group, suspects[k], problem, state, scale)
             squares.append(of)
         before, scale = scale, robust_scale(squares, 0, stated, CHANCE_OF_POINT)
-        if scale.variance <= before.variance * CONTRADICTED**2 and scale.variance * CONTRADICTED**2 >= before.variance:
+        if 1 / CONTRADICTED < scale.variance / before.variance < CONTRADICTED:
             break
-    return tuple(kept)
+    return scale.variance, tuple(kept)
 
 
 def _unit(problem: Problem) -> float:
@@ -237,7 +244,8 @@ def _agreeing_points(
     limit = float(scale.limit(np.array(freedoms)))
     found = consensus(few, near, state.cameras.get(group.camera), limit)
     kept[suspects] = found.points | ~few.seen
-    squares = found.squares[found.points]
+    # Of all points, not of those within the limit: a limit that is too tight must not confirm itself.
+    squares = found.squares[few.seen]
     return kept, Squares(squares, np.full(len(squares), freedoms))
 
 
