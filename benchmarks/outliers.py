@@ -27,6 +27,7 @@ from basecal.estimation.solve import solve_packed
 from basecal.estimation.trimming import Kept, everything, trimmed
 from basecal.geometry import SE3, Array, BoolArray, IntArray
 from basecal.simulation import Scenario, SimulatedCell, simulate
+from basecal.simulation.draw import SIZE_PX
 from benchmarks.common import on_one_core, table, write
 
 BASE = "eye_base_from_hand_base"
@@ -91,7 +92,9 @@ def _moved(group: ViewGroup, robot: str, row: int, tangent: Array) -> ViewGroup:
     shift = np.zeros((len(group), 6))
     shift[row] = tangent
     after = before @ SE3.exp(shift)
-    return replace(group, **{f"{robot}_base_from_{robot}_flange": after})
+    if robot == "eye":
+        return replace(group, eye_base_from_eye_flange=after)
+    return replace(group, hand_base_from_hand_flange=after)
 
 
 def _size_for(
@@ -138,8 +141,7 @@ def reflected(problem: Problem, truth: State, rng: Rng) -> Spoilt:
     assert isinstance(measurement, PixelMeasurement)
     rows = _some(rng, len(group), SAMPLES)
     pixels = measurement.pixels.copy()
-    width, height = truth.cameras[group.camera].size_px
-    pixels[rows, 0] = rng.uniform((0, 0), (width, height), (len(rows), 2))
+    pixels[rows, 0] = rng.uniform((0, 0), SIZE_PX, (len(rows), 2))
     clean = ~np.isin(np.arange(len(group)), rows)
     return _checked(_one_group(problem, replace(group, measurement=replace(measurement, pixels=pixels)), clean), truth)
 
