@@ -27,6 +27,7 @@ from basecal.estimation.solve import solve_packed
 from basecal.estimation.trimming import Kept, everything, trimmed
 from basecal.geometry import SE3, Array, BoolArray, IntArray
 from basecal.simulation import Scenario, SimulatedCell, simulate
+from basecal.simulation.draw import SIZE_PX
 from benchmarks.common import on_one_core, table, write
 
 BASE = "eye_base_from_hand_base"
@@ -91,7 +92,9 @@ def _moved(group: ViewGroup, robot: str, row: int, tangent: Array) -> ViewGroup:
     shift = np.zeros((len(group), 6))
     shift[row] = tangent
     after = before @ SE3.exp(shift)
-    return replace(group, **{f"{robot}_base_from_{robot}_flange": after})
+    if robot == "eye":
+        return replace(group, eye_base_from_eye_flange=after)
+    return replace(group, hand_base_from_hand_flange=after)
 
 
 def _size_for(
@@ -138,8 +141,7 @@ def reflected(problem: Problem, truth: State, rng: Rng) -> Spoilt:
     assert isinstance(measurement, PixelMeasurement)
     rows = _some(rng, len(group), SAMPLES)
     pixels = measurement.pixels.copy()
-    width, height = truth.cameras[group.camera].size_px
-    pixels[rows, 0] = rng.uniform((0, 0), (width, height), (len(rows), 2))
+    pixels[rows, 0] = rng.uniform((0, 0), SIZE_PX, (len(rows), 2))
     clean = ~np.isin(np.arange(len(group)), rows)
     return _checked(_one_group(problem, replace(group, measurement=replace(measurement, pixels=pixels)), clean), truth)
 
@@ -147,7 +149,7 @@ def reflected(problem: Problem, truth: State, rng: Rng) -> Spoilt:
 def _checked(found: Spoilt, truth: State) -> Spoilt:
     """The same without views that were spoilt and by chance are off by less than 8 sigma: neither clean nor gross."""
     group, views = found.problem.groups[0], found.clean.views[0]
-    squares = misfits(linearise(found.problem, truth))[0]
+    squares = misfits(found.problem, truth)[0]
     kept = np.flatnonzero(views | (squares.value >= GROSS**2))
     return Spoilt(found.problem.with_groups((group.take(kept),)), Kept((views[kept],), (found.clean.points[0][kept],)))
 
@@ -157,8 +159,7 @@ def _points_spoilt(problem: Problem, rng: Rng, spoil: Callable[[Array, BoolArray
     group = problem.groups[0]
     measurement = group.measurement
     assert isinstance(measurement, PixelMeasurement | PointMeasurement)
-    is_pixels = isinstance(measurement, PixelMeasurement)
-    values = (measurement.pixels if is_pixels else measurement.points_in_camera).copy()
+    values = (measurement.pixels if isinstance(measurement, PixelMeasurement) else measurement.points_in_camera).copy()
     seen = np.argwhere(measurement.seen)
     chosen = np.zeros(measurement.seen.shape, dtype=bool)
     chosen[tuple(seen[_some(rng, len(seen), POINTS)].T)] = True
@@ -169,12 +170,19 @@ def _points_spoilt(problem: Problem, rng: Rng, spoil: Callable[[Array, BoolArray
         off = np.linalg.norm(values[row] - before, axis=-1) * measurement.weight[row]
         values[row] = np.where((off >= GROSS)[:, None], values[row], before)
         clean[row] = off < GROSS
-    name = "pixels" if is_pixels else "points_in_camera"
-    after = replace(measurement, **{name: values})
+    after = _with_values(measurement, values)
     readings = (after, turned(after)) if isinstance(after, PixelMeasurement) and group.half_turn is not None else ()
     spoilt = replace(group, measurement=after, readings=readings)
     kept = everything(problem)
     return Spoilt(problem.with_groups((spoilt,)), Kept(kept.views, (clean,)))
+
+
+def _with_values(
+    measurement: PixelMeasurement | PointMeasurement, values: Array
+) -> PixelMeasurement | PointMeasurement:
+    if isinstance(measurement, PixelMeasurement):
+        return replace(measurement, pixels=values)
+    return replace(measurement, points_in_camera=values)
 
 
 def strays(problem: Problem, truth: State, rng: Rng) -> Spoilt:
@@ -183,7 +191,7 @@ def strays(problem: Problem, truth: State, rng: Rng) -> Spoilt:
     def stray(values: Array, chosen: BoolArray, weight: Array) -> Array:
         direction = rng.standard_normal(values.shape)
         direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
-        sigmas = np.exp(rng.uniform(*np.log((GROSS, FAR)), len(values)))
+        sigmas = np.exp(rng.uniform(np.log(GROSS), np.log(FAR), len(values)))
         return values + np.where(chosen, sigmas / np.maximum(weight, 1e-9), 0.0)[:, None] * direction * 1.0000001
 
     return _points_spoilt(problem, rng, stray)
@@ -216,13 +224,13 @@ CASES: dict[str, tuple[str, Scenario, Spoil]] = {
     "light, offset free": ("mispaired", _LIGHT, mispaired),
     "light, offset free ": ("reflection", _LIGHT, reflected),
     "light, mounts known ": ("reflection", replace(_LIGHT, target_mount="fixed"), reflected),
-    "light, mounts free": ("reflection", replace(_LIGHT, camera_mount="free"), reflected),
     "board  ": ("wrong ids", _BOARD, wrong_ids),
     "chessboard ": ("wrong ids", replace(_BOARD, target="chessboard"), wrong_ids),
     "board   ": ("strays", _BOARD, strays),
     "board, sigmas not stated ": ("strays", replace(_BOARD, robot_noise=(0, 0), state_pixel_noise=False), strays),
     "rigid points": ("strays", replace(_BOARD, target="points"), strays),
     "3-D points ": ("strays", replace(_BOARD, target="points3d"), strays),
+    "light, mounts free": ("reflection", replace(_LIGHT, camera_mount="free"), reflected),
 }
 
 
@@ -264,7 +272,7 @@ def _error(made: SimulatedCell, base: SE3) -> tuple[float, float]:
     return float(np.linalg.norm(xi[:3])), float(np.linalg.norm(xi[3:]))
 
 
-def _counts(spoilt: Spoilt, ours: RobustSolution) -> tuple[int, ...]:
+def _counts(spoilt: Spoilt, ours: RobustSolution) -> tuple[int, int, int, int, int, int]:
     """Gross ones and those found; clean samples and those lost; clean points and those lost."""
     group = spoilt.problem.groups[0]
     seen = _seen(group.measurement)
@@ -316,8 +324,8 @@ def summary(name: str, trials: list[Trial]) -> dict[str, Any]:
     }
 
 
-HEAD = ("outliers", "cells", "count", "oracle [mm]", "oracle [mrad]", "ratio", "found", "clean samples lost")
-HEAD += ("clean points lost", "median [ms]", "slowest [ms]")
+_FIGURES = ("ratio", "found", "clean samples lost", "clean points lost", "median [ms]", "slowest [ms]")
+HEAD = ("outliers", "cells", "count", "oracle [mm]", "oracle [mrad]", *_FIGURES)
 
 
 def row(found: dict[str, Any]) -> tuple[str, ...]:
@@ -329,7 +337,7 @@ def row(found: dict[str, Any]) -> tuple[str, ...]:
 
 
 def main(arguments: list[str]) -> None:
-    """Run, print; of all cases write results/outliers.json too."""
+    """Run, print; of all cases write results/outliers.json too, after each."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.outliers", description=__doc__)
     parser.add_argument("--cells", type=int, default=10, help="of each case (default 10: 210 in all)")
     parser.add_argument("--only", default="", help="cases whose outliers or cells have this in their name")
@@ -342,10 +350,9 @@ def main(arguments: list[str]) -> None:
         every += trials
         found.append(summary(name, trials))
         print("  ".join(row(found[-1])), flush=True)
-    found.append(summary("all", every))
-    print("\n" + table(HEAD, map(row, found)))
-    if names == list(CASES):
-        write("outliers", {"cells": asked.cells, "cases": found})
+        if names == list(CASES):
+            write("outliers", {"cells": asked.cells, "cases": [*found, summary("all", every)]})
+    print("\n" + table(HEAD, map(row, [*found, summary("all", every)])))
 
 
 if __name__ == "__main__":

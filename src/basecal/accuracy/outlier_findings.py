@@ -12,7 +12,9 @@ from basecal.estimation.problem import Problem
 from basecal.estimation.robust import RobustSolution
 from basecal.geometry import IntArray
 
-_FEW_LOST = 0.03
+# A sample that had to go is an event in the cell; a point is the detector's everyday business.
+_FEW_SAMPLES = 0.03
+_FEW_POINTS = 0.1
 _OUTLIER_SIGMAS = 6.0
 _SHOWN = 10
 
@@ -32,7 +34,11 @@ def _samples(outliers: Sequence[Outlier], robust: RobustSolution) -> list[Findin
         f"{_listed(numbers)} {_of(len(numbers), robust.samples)} left out, since what {_they(numbers)} "
         f"does not agree with the others; {_example(outliers)}; look at {_it(numbers)}, and record with arms at rest"
     )
-    return [Finding("outlier-samples", _severity(len(numbers), robust.samples), tuple(map(str, numbers)), message)]
+    return [
+        Finding(
+            "outlier-samples", _severity(len(numbers), robust.samples, _FEW_SAMPLES), tuple(map(str, numbers)), message
+        )
+    ]
 
 
 def _points(outliers: Sequence[Outlier], robust: RobustSolution) -> list[Finding]:
@@ -44,7 +50,11 @@ def _points(outliers: Sequence[Outlier], robust: RobustSolution) -> list[Finding
         f"{count} of {robust.points + count} points were left out, in {_listed(numbers)}; {_example(outliers)}; "
         "look for reflections, covered or blurred parts of the target, and ids of another target"
     )
-    return [Finding("outlier-points", _severity(count, robust.points + count), tuple(map(str, numbers)), message)]
+    return [
+        Finding(
+            "outlier-points", _severity(count, robust.points + count, _FEW_POINTS), tuple(map(str, numbers)), message
+        )
+    ]
 
 
 def _agreeing(robust: RobustSolution) -> list[Finding]:
@@ -85,8 +95,8 @@ def _samples_at(problem: Problem, stops: IntArray) -> set[int]:
     }
 
 
-def _severity(lost: int, total: int) -> Severity:
-    return "warning" if lost > _FEW_LOST * total else "info"
+def _severity(lost: int, total: int, few: float) -> Severity:
+    return "warning" if lost > few * total else "info"
 
 
 def _listed(numbers: Sequence[int]) -> str:

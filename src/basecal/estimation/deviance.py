@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from basecal.estimation.measurement import Measurement, PixelMeasurement, PointMeasurement
-from basecal.estimation.normal import Normal, linearise, shared_stops
+from basecal.estimation.normal import Normal, Views, linearise, shared_stops
 from basecal.estimation.point_rows import PointRows, point_rows
-from basecal.estimation.problem import Problem, State
+from basecal.estimation.problem import Problem, State, ViewGroup
 from basecal.geometry import Array, BoolArray, IntArray
 
 _ROUNDING = 1e-9
@@ -59,14 +59,28 @@ def surroundings(problem: Problem, state: State, weights: Sequence[Array]) -> Su
     return Surroundings(problem, state, tuple(weights), normal, spread)
 
 
-def misfits(normal: Normal) -> tuple[Squares, ...]:
-    """By group, (n,): how far each view is from the state itself, as if that were exact."""
-    out = []
-    for of in normal.views:
-        root, inverse = _root(of.information)
-        whitened = (np.swapaxes(inverse, -1, -2) @ of.gradient[..., None])[..., 0]
-        out.append(Squares(np.sum(whitened**2, -1), _rank(root)))
-    return tuple(out)
+def misfits(problem: Problem, state: State, weights: Sequence[Array] | None = None) -> tuple[Squares, ...]:
+    """By group, (n,): how far each view is from a state itself, as if that were exact; infinite behind its camera.
+
+    Args:
+        problem: The problem.
+        state: The state.
+        weights: By group, (n,): what each view counts towards shared stops; 1 where None.
+    """
+    normal = linearise(problem, state, weights)
+    return tuple(_misfits(g, of, state, problem) for g, of in zip(problem.groups, normal.views, strict=True))
+
+
+def _misfits(group: ViewGroup, of: Views, state: State, problem: Problem) -> Squares:
+    finite = np.asarray(np.isfinite(of.information).all((-1, -2)) & np.isfinite(of.gradient).all(-1))
+    root, inverse = _root(np.where(finite[:, None, None], of.information, 0.0))
+    gradient = np.where(finite[:, None], of.gradient, 0.0)
+    whitened = (np.swapaxes(inverse, -1, -2) @ gradient[..., None])[..., 0]
+    lost = ~finite
+    if isinstance(group.measurement, PixelMeasurement):
+        lost |= state.camera_from_target(group, problem.stops).translation[:, 2] <= 0
+    equations = group.measurement.equations()
+    return Squares(np.where(lost, np.inf, np.sum(whitened**2, -1)), np.where(lost, equations, _rank(root)))
 
 
 def view_squares(about: Surroundings) -> tuple[Squares, ...]:

@@ -25,7 +25,7 @@ from basecal.estimation.view_consensus import Consensus, Points, Prior, consensu
 from basecal.estimation.view_pose import refined
 from basecal.geometry import BoolArray, Camera, IntArray
 
-CHANCE_OF_VIEW = 1e-5
+CHANCE_OF_VIEW = 1e-4
 CHANCE_OF_POINT = 1e-6
 _LEAST_SHARE = 0.5
 _LEAST_STRAYED = 0.25

@@ -25,7 +25,7 @@ _ROUNDING = 1e-15
 
 
 @dataclass(frozen=True, eq=False)
-class _Views:
+class Views:
     """A group's views to second order, private stops eliminated."""
 
     gradient: Array
@@ -35,7 +35,7 @@ class _Views:
     private: tuple[SharedView, ...]
     shared: tuple[SharedView, ...]
 
-    def weighted(self, weight: Array) -> _Views:
+    def weighted(self, weight: Array) -> Views:
         """The views as if each were seen with its information times a weight (n,)."""
         return replace(
             self,
@@ -61,7 +61,7 @@ class Normal:
     gradient: Array
     hessian: Array
     stop_log_det: float
-    views: tuple[_Views, ...]
+    views: tuple[Views, ...]
     system: StopSystem | None
 
 
@@ -136,12 +136,12 @@ def shared_stops(problem: Problem) -> IntArray:
     return np.where(several, np.cumsum(several) - 1, -1)
 
 
-def _private_cost(views: _Views, state: State, weight: Array) -> float:
+def _private_cost(views: Views, state: State, weight: Array) -> float:
     """What weights (n,) change of the cost of the private stops' errors."""
     return sum(float((weight[of.view] - 1) @ np.sum(state.stop_errors[of.stop] ** 2, axis=-1)) for of in views.private)
 
 
-def _linearise_group(problem: Problem, group: ViewGroup, state: State, shared: IntArray) -> tuple[Array, float, _Views]:
+def _linearise_group(problem: Problem, group: ViewGroup, state: State, shared: IntArray) -> tuple[Array, float, Views]:
     links = chain(group, state, problem.stops)
     lens = group.camera in problem.columns
     view = group.measurement.linearise(links.camera_from_target, state.cameras.get(group.camera), lens)
@@ -154,7 +154,7 @@ def _linearise_group(problem: Problem, group: ViewGroup, state: State, shared: I
     kept = tuple(_select(stop, error, shared[stop] >= 0, shared) for stop, error in stops)
     private = tuple(_select(stop, error, shared[stop] < 0, None) for stop, error in stops)
     gradient, information, log_det = _marginalised(view.gradient, view.information, private, state.stop_errors)
-    views = _Views(gradient, information, derivative, columns, private, kept)
+    views = Views(gradient, information, derivative, columns, private, kept)
     return view.cost, log_det, views
 
 

@@ -15,7 +15,6 @@ import numpy as np
 from basecal.estimation.descent import descend
 from basecal.estimation.deviance import Squares, judged_by_view, misfits
 from basecal.estimation.measurement import Measurement, PixelMeasurement, PointMeasurement
-from basecal.estimation.normal import linearise
 from basecal.estimation.point_rows import point_rows
 from basecal.estimation.problem import Problem, State, ViewGroup
 from basecal.estimation.robust_scale import Scale
@@ -43,7 +42,7 @@ def reweighted(problem: Problem, state: State, scale_of: ScaleOf) -> State:
     for _ in range(_ROUNDS):
         weighted = problem.with_groups(_weighted(g, w) for g, w in zip(problem.groups, points, strict=True))
         state = descend(weighted, state, 1, _STEPS, views).state
-        of_views = list(misfits(linearise(weighted, state, views)))
+        of_views = list(misfits(weighted, state, views))
         of_points = [_point_misfits(problem, state, g) for g in problem.groups]
         ratios = [_over_limit(s, scale_of(of_views)) for s in of_views]
         point_ratios = [_over_limit(s, scale_of(of_points)) for s in of_points]
@@ -59,7 +58,7 @@ def reweighted(problem: Problem, state: State, scale_of: ScaleOf) -> State:
 
 def _over_limit(squares: Squares, scale: Scale) -> Array:
     limit = scale.limit(squares.freedoms)
-    return np.where(np.isfinite(limit), np.nan_to_num(squares.value, nan=0.0, posinf=1e30) / limit, 0.0)
+    return np.where(np.isfinite(limit), np.minimum(squares.value, 1e30) / limit, 0.0)
 
 
 def _weights(ratio: Array, control: float) -> Array:

@@ -14,11 +14,11 @@ import numpy as np
 
 from basecal.cell import Cell, Outlier
 from basecal.errors import BasecalError
+from basecal.estimation.closing_samples import closing_samples
 from basecal.estimation.deviance import Squares, judged_by_view, misfits
 from basecal.estimation.judging import CHANCE_OF_POINT, Judgement, is_stated, judge, view_scale
 from basecal.estimation.measurement import Noise, PixelMeasurement, PointMeasurement
 from basecal.estimation.noise import CONTRADICTED
-from basecal.estimation.normal import linearise
 from basecal.estimation.outlier_reasons import outliers
 from basecal.estimation.problem import Problem, State, ViewGroup
 from basecal.estimation.readings import choose
@@ -26,6 +26,7 @@ from basecal.estimation.reweighting import reweighted
 from basecal.estimation.robust_scale import Scale, robust_scale
 from basecal.estimation.settings import DEFAULT, Settings
 from basecal.estimation.solve import Solution, solve_from, solve_packed
+from basecal.estimation.starts import lenses
 from basecal.estimation.subset_starts import score, subset_states
 from basecal.estimation.trimming import Kept, at_stops_of, everything, point_count, trimmed, without_points
 from basecal.estimation.view_consensus import consensus
@@ -33,14 +34,12 @@ from basecal.geometry import BoolArray, IntArray
 
 _ROUNDS = 12
 _FREE_ROUNDS = 6
-_SCALE_ROUNDS = 3
+_SCALE_ROUNDS = 4
 _LARGEST_UNSUSPECTED_PX = 1.0
 _LEAST_KEPT = 0.5
 _CLEAR_SHARE = 0.6
 _PLAUSIBLE_PX = 3.0
 _PLAUSIBLE_SIGMAS = 10.0
-_FAR_BETTER = 0.33
-_FEWEST_AGREEING = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,11 +96,13 @@ def solve_robustly(
     judgement = judge(plain.problem, plain.state, whole)
     agreeing: tuple[int, ...] = ()
     if not judgement.kept.same_as(whole) or _implausible(plain, judgement):
-        ends = _ends(plain, whole, judgement, cell, settings)
+        # States far from the truth meet points at the camera's centre; what overflows there is left out by its cost.
+        with np.errstate(all="ignore"):
+            ends, states = _ends(plain, whole, judgement, cell, settings)
         best = max((e for e in ends if _is_answer(e, plain)), key=_used, default=None)
         if best is not None and not best.kept.same_as(whole):
             return _told(cell, problem, best)
-        agreeing = () if best is not None else _agreeing(ends, plain)
+        agreeing = () if best is not None else closing_samples(plain.problem, states)
     nothing = plain.problem.with_groups(())
     return RobustSolution(plain, (), nothing, _sample_count(problem), _point_count(problem), agreeing)
 
@@ -121,16 +122,6 @@ def _fits(solution: Solution) -> bool:
     return ratio < max(CONTRADICTED, _PLAUSIBLE_PX * float(np.median(np.concatenate(weights))))
 
 
-def _agreeing(ends: list[_End], plain: Solution) -> tuple[int, ...]:
-    """Numbers of the samples that agree far better with one another than all of them do; none where there are few."""
-    better = [e for e in ends if _ratio(e.solution) < _FAR_BETTER * _ratio(plain)]
-    most = max(better, key=_share_kept, default=None)
-    if most is None or _share_kept(most) < _FEWEST_AGREEING:
-        return ()
-    numbers = {int(n) for g, v in zip(most.problem.groups, most.kept.views, strict=True) for n in g.sample[v]}
-    return tuple(sorted(numbers))
-
-
 def _ratio(solution: Solution) -> float:
     return float(np.sqrt(solution.cost / max(solution.dof, 1)))
 
@@ -147,20 +138,23 @@ def _used(end: _End) -> int:
     return sum(sum(g.measurement.counts().values()) for g in end.solution.problem.groups)
 
 
-def _ends(plain: Solution, whole: Kept, judgement: Judgement, cell: Cell, settings: Settings) -> list[_End]:
-    """Where the plain state leads and, where that convinces by nothing, where subsets of the samples do."""
+def _ends(
+    plain: Solution, whole: Kept, judgement: Judgement, cell: Cell, settings: Settings
+) -> tuple[list[_End], list[State]]:
+    """Where the plain state leads and, where that does not convince, where subsets of the samples do; these states."""
     full, kept, state = _agreeing_within(plain, whole, judgement, cell, settings)
     ends = [_end(full, kept, _annealed(full, kept, state), settings)]
-    if not _convincing(ends[0]):
-        least = np.inf
-        for start in subset_states(without_points(full, kept.points), cell, state):
-            cost = _cost(full, kept, start)
-            if cost < least:
-                least = cost
-                ends.append(_end(full, kept, start, settings))
-                if _convincing(ends[-1]):
-                    break
-    return [e for e in ends if e is not None]
+    states: list[State] = []
+    least = np.inf
+    for start in () if _convincing(ends[0]) else subset_states(without_points(full, kept.points), cell, state):
+        cost = _cost(full, kept, start)
+        if cost < least:
+            least = cost
+            states.append(start)
+            ends.append(_end(full, kept, start, settings))
+            if _convincing(ends[-1]):
+                break
+    return [e for e in ends if e is not None], states
 
 
 def _convincing(end: _End | None) -> bool:
@@ -186,7 +180,7 @@ def _agreeing_within(
 ) -> tuple[Problem, Kept, State]:
     """Without the points that the rest of their view contradicts, and solved again where there are any."""
     suspects = [_suspect(plain, judgement, k) for k in range(len(whole.views))]
-    points = _points_within(plain.problem, plain.state, suspects)
+    points = _points_within(plain.problem, plain.state, suspects, cell)
     kept = Kept(whole.views, points)
     if kept.same_as(whole):
         return plain.problem, whole, plain.state
@@ -203,22 +197,34 @@ def _suspect(plain: Solution, judgement: Judgement, k: int) -> IntArray:
     return np.flatnonzero(own & (beyond | _implausible(plain, judgement)))
 
 
-def _points_within(problem: Problem, state: State, suspects: list[IntArray]) -> tuple[BoolArray, ...]:
-    """By group, (n, p): points of suspect views that agree with the rest of their view, and all of others."""
-    kept = list(everything(problem).points)
+def _points_within(problem: Problem, state: State, suspects: list[IntArray], cell: Cell) -> tuple[BoolArray, ...]:
+    """By group, (n, p): points of suspect views that agree with the rest of their view, and all of others.
+
+    A lens that is free may have been bent by wrong poses: that of the views alone is tried, too.
+    """
     if not any(map(len, suspects)):
-        return tuple(kept)
+        return everything(problem).points
+    found = [_points_by(problem, state, suspects)]
+    if not problem.columns.keys().isdisjoint(problem.lenses):
+        alone = replace(state, cameras=lenses(problem, cell))
+        found.append(_points_by(problem, alone, suspects))
+    return min(found, key=lambda f: f[0])[1]
+
+
+def _points_by(problem: Problem, state: State, suspects: list[IntArray]) -> tuple[float, tuple[BoolArray, ...]]:
+    """The scale of all points' squares with the lenses of a state, and the points that agree within it."""
+    kept = list(everything(problem).points)
     stated = is_stated(problem)
-    scale = Scale(1.0 if stated else _unit(problem), np.inf, CHANCE_OF_POINT)
+    scale = Scale(1.0 if stated else _unit(problem), np.inf, np.inf, CHANCE_OF_POINT)
     for _ in range(_SCALE_ROUNDS):
         squares = []
         for k, group in enumerate(problem.groups):
             kept[k], of = _agreeing_points(group, suspects[k], problem, state, scale)
             squares.append(of)
         before, scale = scale, robust_scale(squares, 0, stated, CHANCE_OF_POINT)
-        if scale.variance <= before.variance * CONTRADICTED**2 and scale.variance * CONTRADICTED**2 >= before.variance:
+        if 1 / CONTRADICTED < scale.variance / before.variance < CONTRADICTED:
             break
-    return tuple(kept)
+    return scale.variance, tuple(kept)
 
 
 def _unit(problem: Problem) -> float:
@@ -241,7 +247,8 @@ def _agreeing_points(
     limit = float(scale.limit(np.array(freedoms)))
     found = consensus(few, near, state.cameras.get(group.camera), limit)
     kept[suspects] = found.points | ~few.seen
-    squares = found.squares[found.points]
+    # Of all points, not of those within the limit: a limit that is too tight must not confirm itself.
+    squares = found.squares[few.seen]
     return kept, Squares(squares, np.full(len(squares), freedoms))
 
 
@@ -260,7 +267,7 @@ def _end(full: Problem, kept: Kept, state: State, settings: Settings) -> _End | 
     full, kept = _rechosen(full, kept, state)
     masked = without_points(full, kept.points)
     try:
-        squares = misfits(linearise(masked, state))
+        squares = misfits(masked, state)
     except np.linalg.LinAlgError:
         return None
     scale = view_scale(masked, squares)
@@ -272,6 +279,8 @@ def _end(full: Problem, kept: Kept, state: State, settings: Settings) -> _End | 
             left = trimmed(full, kept)
             solution = solve_from(left, at_stops_of(left, state), settings)
         except (BasecalError, np.linalg.LinAlgError):
+            return None
+        if not np.isfinite(solution.cost):
             return None
         full, kept = _rechosen(full.with_noise(solution.noise.noise), kept, solution.state)
         state = solution.state

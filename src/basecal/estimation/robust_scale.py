@@ -2,6 +2,8 @@
 
 The scale is the median of d^2 over its chi-square's median, taken again over what lies within the limit until that
 settles. Where sigmas are stated they are taken at their word unless the bulk contradicts them, and never made smaller.
+Noise that was not stated spreads over a view's directions unevenly, so that six freedoms may scatter like two: then
+how many it is comes from the median over the lower fifth, which few outliers reach.
 """
 
 from __future__ import annotations
@@ -18,6 +20,8 @@ from basecal.geometry import Array, BoolArray, IntArray
 _ROUNDS = 10
 # The median uses as much of a sample's information as 0.4 of it would by its mean.
 _EFFICIENCY = 0.4
+_SHAPES = np.linspace(1.0, 15.0, 57)
+_RATIOS = chdtri(_SHAPES, 0.5) / chdtri(_SHAPES, 0.8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,11 +31,13 @@ class Scale:
     Attributes:
         variance: The scale of squared deviations.
         freedoms: Of the estimate; infinite where it was stated.
+        shape: As how many freedoms squares scatter, where these are more.
         chance: How often a clean deviation may be taken for a gross one.
     """
 
     variance: float
     freedoms: float
+    shape: float
     chance: float
 
     def limit(self, freedoms: IntArray) -> Array:
@@ -40,7 +46,9 @@ class Scale:
         if not np.isfinite(self.freedoms):
             limit: Array = self.variance * chdtri(at, self.chance)
         else:
-            limit = self.variance * at * fdtri(at, max(self.freedoms, 1.0), 1 - self.chance)
+            alike = np.minimum(at, self.shape)
+            over_median = alike * fdtri(alike, max(self.freedoms, 1.0), 1 - self.chance) / chdtri(alike, 0.5)
+            limit = self.variance * chdtri(at, 0.5) * over_median
         return np.where(freedoms > 0, limit, np.inf)
 
     def beyond(self, squares: Squares) -> BoolArray:
@@ -61,7 +69,7 @@ def robust_scale(squares: list[Squares], unknowns: int, stated: bool, chance: fl
     freedoms = np.concatenate([s.freedoms.ravel() for s in squares]) if squares else np.zeros(0, dtype=np.int64)
     kept = np.isfinite(value) & (freedoms > 0)
     value, freedoms = value[kept], freedoms[kept]
-    as_stated = Scale(1.0, np.inf, chance)
+    as_stated = Scale(1.0, np.inf, np.inf, chance)
     if not len(value):
         return as_stated
     found = _settled(value / chdtri(freedoms, 0.5), value, freedoms, unknowns, chance)
@@ -73,9 +81,14 @@ def _settled(ratio: Array, value: Array, freedoms: IntArray, unknowns: int, chan
     for _ in range(_ROUNDS):
         variance = max(float(np.median(ratio[within])), 1e-300)
         left = _EFFICIENCY * max(float(freedoms[within].sum()) - unknowns, 1.0)
-        scale = Scale(variance, left, chance)
+        scale = Scale(variance, left, _shape(ratio[within]), chance)
         now = value <= scale.limit(freedoms)
         if not now.any() or np.array_equal(now, within):
             break
         within = now
     return scale
+
+
+def _shape(ratio: Array) -> float:
+    low, high = np.quantile(ratio, (0.2, 0.5))
+    return float(np.interp(-high / max(low, 1e-300), -_RATIOS, _SHAPES))

@@ -6,21 +6,21 @@ that it explains best. Source: Fischler & Bolles 1981; Rousseeuw & Van Driessen 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
-from basecal.cell import Cell
+from basecal.cell import Cell, Intrinsics
 from basecal.errors import BasecalError
 from basecal.estimation.descent import descend
 from basecal.estimation.deviance import Squares, misfits
 from basecal.estimation.noise import degrees_of_freedom
-from basecal.estimation.normal import linearise
 from basecal.estimation.problem import Problem, State
 from basecal.estimation.readings import choose
-from basecal.estimation.starts import first_state
+from basecal.estimation.starts import first_state, lenses
 from basecal.estimation.trimming import of_samples
-from basecal.geometry import IntArray
+from basecal.geometry import Camera, IntArray
 
 _BLOCKS = (2, 3)
 _DRAWS = 24
@@ -28,12 +28,14 @@ _SPARE = 1.3
 _CONCENTRATIONS = 3
 _CONCENTRATED = 0.5
 _STEPS = 30
+_FARTHEST = 1e30
 _FEW_STEPS = 4
 _SEED = 20240301
 
 
 def subset_states(problem: Problem, cell: Cell, first: State) -> Iterator[State]:
     """States that some samples alone lead to, after that which `first` leads to, as many as are worth their time."""
+    problem = _with_lenses(problem, lenses(problem, cell))
     concentrated = _concentrated(problem, first)
     if concentrated is not None:
         yield concentrated
@@ -49,10 +51,9 @@ def score(problem: Problem, state: State, stated: bool) -> float:
 
     The Cauchy likelihood with its own scale, which is at least one where sigmas are stated.
     """
-    every = misfits(linearise(problem, state))
-    value = np.concatenate([s.value for s in every])
+    every = misfits(problem, state)
+    value = np.minimum(np.concatenate([s.value for s in every]), _FARTHEST)
     freedoms = np.concatenate([s.freedoms for s in every])
-    value = np.nan_to_num(value, nan=1e30, posinf=1e30)
     seen = freedoms > 0
     return _cauchy(Squares(value[seen], freedoms[seen]), stated)
 
@@ -65,6 +66,15 @@ def _cauchy(squares: Squares, stated: bool) -> float:
     half = 0.5 * squares.freedoms
     costs = [float(np.sum(half * np.log(s) + (half + 0.5) * np.log1p(2 * half * ratio / s))) for s in scales]
     return min(costs)
+
+
+def _with_lenses(problem: Problem, cameras: Mapping[str, Camera]) -> Problem:
+    """The problem with every lens known: few samples would rather bend it than give up a wrong pose."""
+    known = {name: Intrinsics("fixed", camera) for name, camera in cameras.items()}
+    widths = {name: c.stop - c.start for name, c in problem.columns.items() if name not in known}
+    ends = np.cumsum([0, *widths.values()])
+    columns = {name: slice(int(a), int(b)) for name, a, b in zip(widths, ends[:-1], ends[1:], strict=True)}
+    return replace(problem, lenses=known, columns=columns)
 
 
 def _subsets(problem: Problem, numbers: IntArray) -> Iterator[IntArray]:
@@ -101,10 +111,10 @@ def _concentrated(problem: Problem, state: State) -> State | None:
     for _ in range(_CONCENTRATIONS):
         problem, _ = choose(problem, state)
         try:
-            squares = misfits(linearise(problem, state))
+            squares = misfits(problem, state)
         except np.linalg.LinAlgError:
             return None
-        ratio = [np.nan_to_num(s.value, nan=np.inf) / np.maximum(s.freedoms, 1) for s in squares]
+        ratio = [np.minimum(s.value, _FARTHEST) / np.maximum(s.freedoms, 1) for s in squares]
         limit = np.quantile(np.concatenate(ratio), _CONCENTRATED)
         weights = [(r <= limit).astype(np.float64) for r in ratio]
         state = descend(problem, state, 1, _FEW_STEPS, weights).state

@@ -1,0 +1,51 @@
+"""Which samples close the loop with one another, where they are too few, or too much alike, to go by."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from basecal.estimation.deviance import misfits
+from basecal.estimation.problem import Problem, State
+from basecal.geometry import Array, IntArray
+
+_FEWEST, _MOST = 0.3, 0.8
+_CLEAR_GAP = 5.0
+
+
+def closing_samples(problem: Problem, states: Iterable[State]) -> tuple[int, ...]:
+    """Numbers of the samples that a state explains far better than the rest, by the clearest gap of all states.
+
+    Between the last of them and the first of the rest residuals in sigmas grow by a factor of five at least; none
+    where no state shows such a gap among the middle half of the samples.
+    """
+    found: tuple[float, tuple[int, ...]] = (_CLEAR_GAP, ())
+    for state in states:
+        numbers, sigmas = _by_sample(problem, state)
+        found = max(found, _parted(numbers, sigmas), key=lambda f: f[0])
+    return found[1]
+
+
+def _by_sample(problem: Problem, state: State) -> tuple[IntArray, Array]:
+    """Each sample's number and its worst view's misfit [sigma]."""
+    squares = misfits(problem, state)
+    numbers = np.concatenate([g.sample for g in problem.groups])
+    sigmas = np.sqrt(np.concatenate([s.value / np.maximum(s.freedoms, 1) for s in squares]))
+    every, row = np.unique(numbers, return_inverse=True)
+    worst = np.zeros(len(every))
+    np.maximum.at(worst, row, sigmas)
+    return every, worst
+
+
+def _parted(numbers: IntArray, sigmas: Array) -> tuple[float, tuple[int, ...]]:
+    """The widest gap in the middle of the sorted misfits, and the samples below it."""
+    order = np.argsort(sigmas, kind="stable")
+    ordered = np.maximum(sigmas[order], 1.0)
+    first, last = int(np.ceil(_FEWEST * len(order))), int(_MOST * len(order))
+    if last <= first or not np.isfinite(ordered[first]):
+        return 1.0, ()
+    with np.errstate(invalid="ignore"):
+        gaps = np.nan_to_num(ordered[first : last + 1] / ordered[first - 1 : last], nan=1.0, posinf=1e30)
+    at = first + int(np.argmax(gaps))
+    return float(gaps.max()), tuple(sorted(int(n) for n in numbers[order[:at]]))

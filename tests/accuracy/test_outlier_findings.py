@@ -1,0 +1,117 @@
+"""What was left out is told: which samples and points, why, and how much that matters."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from benchmarks.real import data_folder
+
+from basecal.accuracy.verdict import calibrate
+from basecal.cell import Cell, CellCamera, CellTarget, Intrinsics, Recording, Robot, RobotState, Sample, Unknown
+from basecal.cell.target import charuco
+from basecal.geometry import SE3
+from basecal.simulation import Scenario, simulate
+from basecal.vision.detect import detect
+
+BUMP = SE3.exp([0.02, 0, 0, 0, 0.02, 0])
+
+
+def bumped(sample):
+    moved = RobotState(sample.robots["eye"].base_from_flange @ BUMP)
+    return replace(sample, robots={**sample.robots, "eye": moved})
+
+
+def with_stray(sample, row):
+    (seen,) = sample.observations
+    pixels = seen.pixels.copy()
+    pixels[row] += 30
+    return replace(sample, observations=(replace(seen, pixels=pixels),))
+
+
+def test_bumped_samples_are_told_and_make_doubtful():
+    """Three of thirty samples: a warning that names them and why; each still has its residual, in no mean."""
+    s = simulate(Scenario(robot_noise=(1e-4, 2e-4)), seed=0)
+    samples = tuple(bumped(x) if x.sample in (4, 5, 6) else x for x in s.recording.samples)
+    found = calibrate(s.cell, Recording(samples))
+    assert found.verdict == "doubtful"
+    (finding,) = found.findings
+    assert (finding.code, finding.severity, finding.about) == ("outlier-samples", "warning", ("4", "5", "6"))
+    assert "samples 4 to 6 (3 of 30) were left out" in finding.message
+    assert [o.sample for o in found.outliers] == [4, 5, 6]
+    assert found.residuals.rms_px == pytest.approx(0.2, rel=0.1)
+    assert len(found.residuals.per_sample) == 30
+    assert found.residuals.per_sample[5].rms_px > 5
+
+
+def test_a_few_stray_points_are_told_and_leave_it_good():
+    """Two of 1,080 corners: an info that names their samples."""
+    s = simulate(Scenario(), seed=0)
+    samples = tuple(with_stray(x, 3) if x.sample in (7, 9) else x for x in s.recording.samples)
+    found = calibrate(s.cell, Recording(samples))
+    assert found.verdict == "good"
+    (finding,) = found.findings
+    assert (finding.code, finding.severity, finding.about) == ("outlier-points", "info", ("7", "9"))
+    assert "2 of 1080 points were left out, in samples 7, 9" in finding.message
+    assert [(o.sample, len(o.ids)) for o in found.outliers] == [(7, 1), (9, 1)]
+
+
+def test_clean_data_have_no_outliers():
+    """An empty list, and not null: they were looked for."""
+    s = simulate(Scenario(), seed=0)
+    assert calibrate(s.cell, s.recording).outliers == ()
+
+
+def test_a_recording_that_mostly_had_to_go_is_doubtful():
+    """Half of a light's views are reflections: doubtful, and half of the samples are named."""
+    s = simulate(Scenario(target="led", camera_mount="fixed", target_mount="fixed", samples=40), seed=2)
+    rng = np.random.default_rng(2)
+    samples = []
+    for x in s.recording.samples:
+        (seen,) = x.observations
+        pixels = rng.uniform((0, 0), (1280, 720), (1, 2)) if x.sample % 5 < 2 else seen.pixels
+        samples.append(replace(x, observations=(replace(seen, pixels=pixels),)))
+    found = calibrate(s.cell, Recording(tuple(samples)))
+    assert found.verdict == "doubtful"
+    (finding,) = [f for f in found.findings if f.code == "outlier-samples"]
+    assert len(finding.about) == 16
+
+
+def _abb() -> tuple[Cell, Recording]:
+    """Two ABB IRB 120, of whose twenty samples only the last ten close the loop."""
+    folder = data_folder() / "abb_irb120_dual_messy"
+    if not folder.exists():
+        pytest.skip(f"{folder} is not there: set BASECAL_DATA to the folder of the published recordings")
+    images = Path("20230428_i")
+    eye, hand = (np.loadtxt(folder / images / f"r{k}_tf.txt").reshape(-1, 4, 4) for k in (1, 2))
+    samples = tuple(
+        Sample(
+            k,
+            None,
+            {"eye": RobotState(SE3.from_matrix(eye[k])), "hand": RobotState(SE3.from_matrix(hand[k]))},
+            images={"camera": str(images / f"{k:03d}_image.jpg")},
+        )
+        for k in range(20)
+    )
+    board = replace(charuco((10, 14), 0.0241, 0.0181, "DICT_4X4_250", legacy_pattern=True))
+    cell = Cell(
+        "eye",
+        robots={name: Robot(name) for name in ("eye", "hand")},
+        bases={"hand": Unknown()},
+        cameras={"camera": CellCamera("camera", "eye", Unknown(), "pinhole", (1920, 1080), Intrinsics("free"))},
+        targets={"board": CellTarget("board", "hand", Unknown(), board)},
+    )
+    return cell, Recording(samples, folder=str(folder))
+
+
+@pytest.mark.slow
+def test_two_abb_of_which_half_the_samples_close_the_loop():
+    """Lens and mounts unknown: never good, and the samples that close the loop are named, 10 to 19."""
+    cell, recording = _abb()
+    found = calibrate(cell, detect(cell, recording))
+    assert found.verdict != "good"
+    (finding,) = [f for f in found.findings if f.code == "outlier-samples"]
+    assert finding.about == tuple(map(str, range(10, 20)))
+    assert "samples 10 to 19" in finding.message
