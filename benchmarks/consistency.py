@@ -37,7 +37,7 @@ from basecal.estimation.normal import linearise
 from basecal.estimation.packing import pack
 from basecal.estimation.problem import Problem, State
 from basecal.estimation.robot_noise import with_robot_noise
-from basecal.estimation.settings import Settings
+from basecal.estimation.settings import RobotNoise, Settings
 from basecal.estimation.solve import solve_from
 from basecal.geometry import Array
 from basecal.simulation import Scenario, simulate
@@ -151,12 +151,12 @@ class Error(NamedTuple):
     robots: tuple[float, float] | None
 
 
-def error_of(scenario: Scenario, seed: int) -> Error:
+def error_of(scenario: Scenario, seed: int, robot_noise: RobotNoise | None = None) -> Error:
     """Solve one cell from the truth; `benchmarks.starts` shows that other starts end there as well."""
     made = simulate(scenario, seed)
     problem, _ = pack(made.cell, made.recording)
     truth = State(made.truth, made.cameras if problem.lenses else {}, np.zeros((len(problem.stops), 6)))
-    settings = Settings(robot_noise="stated" if scenario.state_robot_noise else "estimated")
+    settings = Settings(robot_noise=robot_noise or ("stated" if scenario.state_robot_noise else "estimated"))
     began = time.perf_counter()
     found = solve_from(problem, truth, settings)
     took = time.perf_counter() - began
