@@ -22,6 +22,8 @@ from basecal.geometry import IntArray
 
 _MANY_DROPPED = 0.1
 _POOR_FIT_PX = 3.0
+_POOR_ARM_M = 3e-3
+_POOR_ARM_RAD = 1e-2
 _OUTLIER_SIGMAS = 6.0
 _SHOWN = 10
 
@@ -139,10 +141,22 @@ def _poor_fit(solution: Solution, fit: Residuals) -> list[Finding]:
         message = (
             f"residuals of {fit.rms_px:.1f} px are more than any detector's noise: something in the input is wrong"
         )
+    elif (worst := _beyond_an_arm(solution)) is not None:
+        message = (
+            f"residuals ask for errors of the robots' poses of {1e3 * worst[0]:.1f} mm and "
+            f"{np.degrees(worst[1]):.2f} deg per axis, more than any arm's repeatability"
+        )
     else:
         return []
     advice = "check units, directions and the target's size, and state the robots' noise where it is not"
     return [Finding("poor-fit", "warning", (), f"{message}: {advice}")]
+
+
+def _beyond_an_arm(solution: Solution) -> tuple[float, float] | None:
+    """The largest estimated sigmas of robots [m, rad], where no arm in order is as bad as that."""
+    sigmas = np.array(list(solution.noise.robots.values())).reshape(-1, 6)
+    worst_m, worst_rad = sigmas[:, :3].max(initial=0.0), sigmas[:, 3:].max(initial=0.0)
+    return (worst_m, worst_rad) if worst_m > _POOR_ARM_M or worst_rad > _POOR_ARM_RAD else None
 
 
 def _outliers(solution: Solution) -> list[Finding]:
