@@ -21,7 +21,7 @@ from basecal.estimation.robot_noise import stops_made, with_robot_noise, without
 from basecal.estimation.variance_components import Components, Evidence, Model, gathered, most_likely, promising
 from basecal.geometry import Array
 
-CHANCE = 1e-4
+CHANCE = 1e-3
 _CHANCE_APART = 1e-2
 _FEWEST_STOPS = 8
 _INSEPARABLE = 6.0
