@@ -60,7 +60,8 @@ bound alone: in 99 of 100 cells no sigma of it above {largest}."""
     estimated = f"""\
 Sigmas that are not stated are estimated: one factor for the pixels', by the marginal likelihood the robots' (true:
 0.3 mm and 0.5 mrad), these in {consistency.CELLS_OF_ROBOTS} cells at most. Theory: nu / (nu - 2), nu the degrees of
-freedom of the covariance (the median cell's), which the measured mean must meet within the band about it."""
+freedom of the covariance (the median cell's), which the measured mean must meet within {consistency.ERRORS} of its
+standard errors."""
     tables = (
         table(consistency.HEAD, map(consistency.row, result["scenarios"])),
         table(consistency.ESTIMATED_HEAD, map(consistency.estimated_row, result["estimated"])),
