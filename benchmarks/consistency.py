@@ -263,7 +263,11 @@ def estimated_summary(name: str, errors: list[Error]) -> dict[str, Any]:
     return (
         of
         | told
-        | {"theory": theory, "found": len(sigmas), "inside": abs(of["mean"] - theory) <= ERRORS * of["standard_error"]}
+        | {
+            "theory": theory,
+            "found": len(sigmas),
+            "inside": bool(abs(of["mean"] - theory) <= ERRORS * of["standard_error"]),
+        }
     )
 
 
