@@ -117,3 +117,10 @@ def test_pixels_worse_than_stated_are_not_blamed_on_robots():
     found = solve_from(problem, State(s.truth, s.cameras, np.zeros((0, 6))), ESTIMATED)
     assert not found.noise.robots
     assert found.noise.factor == pytest.approx(9.0, rel=0.2)
+
+
+def test_exact_data_need_no_noise():
+    """Data without any noise are left as they are."""
+    found = solved(Scenario(samples=8, pixel_px=0.0), 0)
+    assert not found.noise.robots
+    assert found.noise.noise.pixel_px < 1e-6
