@@ -5,8 +5,8 @@ NEES / 6 has the mean 1. Over 2,000 cells there are 12,000 degrees of freedom: t
 sqrt(2 / 12,000) = 0.0129, and the band [0.955, 1.046] is 3.5 of them to either side, left by chance once in 2,150
 times. Fewer cells have a wider band, by the same chance.
 
-Beside it, the root mean square of the base's errors over that of the Cramer-Rao bound: the inverse of the information
-at the truth, priors among it (Van Trees 1968), which no estimator without bias goes below. A scenario is well-posed
+Beside it, the root mean square of the base's errors, each over its own cell's Cramer-Rao bound: the inverse of the
+information at the truth, priors among it (Van Trees 1968), which no estimator without bias goes below. A scenario is well-posed
 where in 99 of 100 cells the bound itself leaves the base no sigma above 10 mm or 10 mrad: the range where a rotation's
 error is small beside one; that is said of the bound alone, before any error is looked at.
 
@@ -238,8 +238,11 @@ def summary(name: str, errors: list[Error]) -> dict[str, Any]:
 
 
 def _efficiency(errors: list[Error]) -> dict[str, Any]:
-    """Rms errors over the bound's, of shift and turn and whitened, and whether they must be small."""
-    shift, turn = np.sqrt(np.mean([e.squared for e in errors], axis=0) / np.mean([e.bound for e in errors], axis=0))
+    """Rms errors over the bound's, of shift and turn and whitened, and whether they must be small.
+
+    Each cell by its own bound: cells differ, and the worst of them would else be all that is looked at.
+    """
+    shift, turn = np.sqrt(np.mean([np.divide(e.squared, e.bound) for e in errors], axis=0))
     largest = np.quantile([e.largest for e in errors], 0.99, axis=0)
     return {
         "shift_over_bound": float(shift),
