@@ -6,9 +6,9 @@ sqrt(2 / 12,000) = 0.0129, and the band [0.955, 1.046] is 3.5 of them to either 
 times. Fewer cells have a wider band, by the same chance.
 
 Beside it, the root mean square of the base's errors, each over its own cell's Cramer-Rao bound: the inverse of the
-information at the truth, priors among it (Van Trees 1968), which no estimator without bias goes below. A scenario is well-posed
-where in 99 of 100 cells the bound itself leaves the base no sigma above 10 mm or 10 mrad: the range where a rotation's
-error is small beside one; that is said of the bound alone, before any error is looked at.
+information at the truth, priors among it (Van Trees 1968), which no estimator without bias goes below. A scenario is
+well-posed where in 99 of 100 cells the bound itself leaves the base no sigma above 10 mm or 10 mrad: the range where a
+rotation's error is small beside one; that is said of the bound alone, before any error is looked at.
 
 Sigmas that are estimated make errors larger by nu / (nu - 2) with nu the degrees of freedom of the covariance, exactly
 where one factor is all that is unknown, by Satterthwaite's approximation where robots' noise is estimated too.
