@@ -55,8 +55,8 @@ independent. The sigmas are stated: 0.2 px; where there is robot noise, 0.3 mm a
 0.1 mrad for lights, per axis and stop. Priors: 5 mm and 0.05 rad. `benchmarks/consistency.py` has the reasons.
 
 Beside it the root mean square of the base's errors over the cell's own (Bayesian) Cramer-Rao bound, of shifts, of
-turns, and of both whitened by it: at most {consistency.MOST} is asked where a scenario is well-posed, which is said of the
-bound alone: in 99 of 100 cells no sigma of it above {largest}."""
+turns, and of both whitened by it: at most {consistency.MOST} is asked where a scenario is well-posed, which is said of
+the bound alone: in 99 of 100 cells no sigma of it above {largest}."""
     estimated = f"""\
 Sigmas that are not stated are estimated: one factor for the pixels', by the marginal likelihood the robots' (true:
 0.3 mm and 0.5 mrad), these in {consistency.CELLS_OF_ROBOTS} cells at most. Theory: nu / (nu - 2), nu the degrees of
