@@ -26,6 +26,16 @@ def test_stored_calibration_gives_its_own_rms(arms: Arms, robot_noise: tuple[flo
     assert float(np.sqrt(np.mean(off**2))) == pytest.approx(calibration.residuals.rms_px, rel=1e-5)
 
 
+def test_estimated_noise_of_robots_is_among_the_stored_numbers() -> None:
+    """Likewise where robots state no noise, and the calibration holds what was estimated."""
+    made = simulate(Scenario(samples=15, robot_noise=(3e-4, 5e-4), state_robot_noise=False), 3)
+    calibration = calibrate(made.cell, made.recording)
+    stored = calibration_from_dict(calibration_to_dict(calibration))
+    off = np.concatenate([each.off_px.ravel() for each in point_residuals(made.cell, made.recording, stored)])
+    assert float(np.sqrt(np.mean(off**2))) == pytest.approx(calibration.residuals.rms_px, rel=1e-5)
+    assert calibration.residuals.rms_px == pytest.approx(0.2, rel=0.15)
+
+
 def test_residual_is_predicted_minus_seen() -> None:
     """A point moved by (1, -2) px in the image has its residual moved by (-1, 2) px, and no other point has."""
     made = simulate(Scenario(samples=12), 5)

@@ -9,7 +9,9 @@ import pytest
 
 from basecal.accuracy.verdict import calibrate
 from basecal.cell import Recording, RobotState
+from basecal.cell.target import charuco
 from basecal.errors import FrameNotFound
+from basecal.estimation.settings import Settings
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
@@ -128,3 +130,32 @@ def test_loops_are_those_of_the_recorded_poses():
     fit = calibrate(s.cell, s.recording).residuals
     assert fit.rms_px == pytest.approx(0.2, rel=0.1)
     assert fit.loop_rms_m == pytest.approx(3e-4 * np.sqrt(6), rel=0.25)
+
+
+def test_noise_of_robots_that_state_none_is_in_the_answer():
+    """Robots off by 0.3 mm and 0.5 mrad, untold: good, with their sigmas; taken at their word: doubtful and scaled."""
+    s = simulate(Scenario(robot_noise=(3e-4, 5e-4), state_robot_noise=False, samples=25), seed=0)
+    found = calibrate(s.cell, s.recording)
+    assert found.verdict == "good"
+    assert found.settings["robot_noise"] == "estimated"
+    for robot in ("eye", "hand"):
+        # Some 20 % each (test_noise_model.py): five of them.
+        np.testing.assert_allclose(found.noise["robots"][robot]["sigma_t_m"], [3e-4] * 3, rtol=0.9)
+        np.testing.assert_allclose(found.noise["robots"][robot]["sigma_r_rad"], [5e-4] * 3, rtol=0.9)
+    plain = calibrate(s.cell, s.recording, Settings(robot_noise="stated"))
+    assert plain.verdict == "doubtful"
+    assert "poor-fit" in codes(plain)
+    base = found["eye_base_from_hand_base"]
+    off = (base.mean.inverse() @ s.truth["eye_base_from_hand_base"]).log()
+    assert off @ np.linalg.solve(base.covariance, off) < 50  # chi-square with 6 freedoms, of which 5e-9 lie beyond
+
+
+def test_noise_that_no_arm_has_is_a_poor_fit():
+    """A board read five percent too large asks for robots' errors of millimetres: doubtful, and not explained away."""
+    s = simulate(Scenario(samples=15, camera_mount="fixed", target_mount="fixed"), seed=0)
+    target = s.cell.targets["board"]
+    bigger = charuco((7, 7), 0.0315, 0.0231, "DICT_4X4_50")
+    cell = replace(s.cell, targets={"board": replace(target, target=bigger)})
+    calibration = calibrate(cell, s.recording)
+    assert calibration.verdict != "good"
+    assert "poor-fit" in codes(calibration)

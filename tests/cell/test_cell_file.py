@@ -66,6 +66,7 @@ def test_meaning(folder: Path) -> None:
     assert cell.cameras["wrist"].mount.status == cell.bases["hand"].status == "free"
     assert cell.targets["unseen"].target is None
     assert cell.pixel_px == 0.3
+    assert cell.correlated_px is None
 
 
 def test_round_trip(folder: Path) -> None:
@@ -204,6 +205,7 @@ def test_all_errors_at_once(folder: Path) -> None:
         ("t_m: [0.2, 0, 0], q_xyzw: [0, 0, 0, 1]", "", 37, "tag 7 has no pose"),
         ("tag36h11", "tag36h12", 36, "no family 'tag36h12'"),
         ("noise: {pixel_px: 0.3}", "noise: {pixel_px: -0.3}", 41, "noise.pixel_px"),
+        ("noise: {pixel_px: 0.3}", "noise: {correlated_px: 0.3}", 41, "correlated_px needs pixel_px"),
         ("noise: {pixel_px: 0.3}", "noise: [1]", 41, "noise: expected a mapping"),
         ("reference: eye", "reference: &a eye", 2, "aliases and anchors"),
         ("reference: eye", "reference: *a", 2, "aliases and anchors"),
@@ -273,3 +275,12 @@ def test_yaml_12(folder: Path) -> None:
     """`on` is text and `1e-4` a number, as YAML 1.2 has it."""
     assert read_cell(folder).cameras["wrist"].on == "eye"
     assert read_cell(folder).robots["eye"].noise[0] == 1e-4
+
+
+def test_common_error_of_a_view_is_read_and_written(folder: Path) -> None:
+    """`correlated_px` comes back as it was written."""
+    path = folder / "cell.yaml"
+    path.write_text(path.read_text().replace("{pixel_px: 0.3}", "{pixel_px: 0.3, correlated_px: 0.4}"))
+    cell = read_cell(folder)
+    write_cell(cell, folder)
+    assert (read_cell(folder).pixel_px, read_cell(folder).correlated_px) == (0.3, 0.4)

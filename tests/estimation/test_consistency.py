@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmarks.consistency import FREEDOMS, SCENARIOS, band, error_of
+from benchmarks.consistency import ESTIMATED, FREEDOMS, SCENARIOS, band, error_of
 
+from basecal.estimation.settings import RobotNoise
 from basecal.simulation import Scenario
 
 # A mean over n cells has 6 n degrees of freedom. The band is left by chance once in a million times: a failure is a
@@ -19,12 +20,14 @@ QUICK = (
     "board, eye still, mounts fixed, robot noise",
     "board, mounts free, halves, robot noise",
     "light, mounts free, robot noise",
+    "tag, stations, mounts free, robot noise",
 )
+CORRELATED = Scenario(samples=20, correlated_px=0.3)
 
 
-def mean_of(scenario: Scenario, cells: int, first_seed: int = 10_000) -> float:
+def mean_of(scenario: Scenario, cells: int, robot_noise: RobotNoise | None = None) -> float:
     """Mean of NEES / 6; NaN if any base was not seen."""
-    errors = [error_of(scenario, seed) for seed in range(first_seed, first_seed + cells)]
+    errors = [error_of(scenario, seed, robot_noise) for seed in range(10_000, 10_000 + cells)]
     assert all(error.converged for error in errors)
     return float(np.mean([error.nees for error in errors])) / FREEDOMS
 
@@ -37,9 +40,37 @@ def test_covariance_is_true(name: str) -> None:
 
 
 def test_robot_noise_that_is_not_told_is_noticed() -> None:
-    """The band bites: with robots' noise left out of the cell, the errors are larger than the covariance says."""
+    """The band bites: robots' noise that is neither told nor estimated makes errors larger than the covariance says.
+
+    Estimated, the same cells are within it.
+    """
     told = SCENARIOS["board, eye still, mounts fixed, robot noise"]
-    assert mean_of(replace(told, state_robot_noise=False), 20) > band(20, CHANCE)[1]
+    silent = replace(told, state_robot_noise=False)
+    assert mean_of(silent, 20, "stated") > band(20, CHANCE)[1]
+    assert mean_of(silent, 20, "estimated") < band(20, CHANCE)[1]
+
+
+def test_common_error_of_a_view_is_in_the_covariance() -> None:
+    """With an error that all points of a view share, and told so, likewise; 36 corners are not 36 witnesses of it."""
+    low, high = band(60, CHANCE)
+    assert low <= mean_of(CORRELATED, 60) <= high
+    assert low <= mean_of(replace(CORRELATED, camera_mount="fixed", intrinsics="prior"), 60) <= high
+
+
+def test_errors_reach_the_bound() -> None:
+    """Whitened by the Cramer-Rao bound at the truth, errors of a well-posed scenario are 1 within the same band."""
+    errors = [error_of(SCENARIOS["board, mounts free, robot noise"], seed) for seed in range(100)]
+    low, high = band(100, CHANCE)
+    assert low <= np.mean([e.nees_by_bound for e in errors]) / FREEDOMS <= high
+
+
+def test_one_estimated_factor_inflates_as_an_f() -> None:
+    """Ten degrees of freedom make the mean 10 / 8: 600 cells scatter by a twentieth of it (a mean of F(6, 10))."""
+    errors = [error_of(ESTIMATED["light, mounts fixed, 8 samples, pixel sigma"], seed) for seed in range(600)]
+    mean = np.mean([e.nees for e in errors]) / FREEDOMS
+    assert {e.inflation for e in errors} == {10 / 8}
+    # F(6, 10) has the standard deviation 0.95; 0.95 / sqrt(600) = 0.039, and its tail is heavy: five of them.
+    assert mean == pytest.approx(1.25, abs=0.2)
 
 
 @pytest.mark.slow

@@ -155,3 +155,39 @@ def test_a_seen_point_behind_the_camera_costs_infinitely_much_and_an_unseen_one_
     np.testing.assert_allclose(view.cost[1:], without.cost[1:], rtol=1e-12)
     np.testing.assert_allclose(view.information, without.information, rtol=1e-9, atol=1e-6)
     np.testing.assert_allclose(view.gradient, without.gradient, rtol=1e-9, atol=1e-6)
+
+
+@pytest.mark.parametrize("free_lens", [False, True])
+def test_common_shift_is_that_of_the_dense_covariance(free_lens):
+    """Cost, gradient and information are r'V^-1 r, J'V^-1 r and J'V^-1 J with V = diag(sigma^2) + tau^2 11'."""
+    measurement, pose, camera = made("pixels", 1.0)
+    assert isinstance(measurement, PixelMeasurement)
+    assert camera is not None
+    common = 0.3
+    ours = replace(measurement, common_px=common).linearise(pose, camera, free_lens)
+    for view in range(len(pose)):
+        seen = measurement.seen[view]
+        points = replace(
+            measurement, points_in_target=measurement.points_in_target[seen], pixels=measurement.pixels[:, seen]
+        )
+        residual = points.pixels[view] - camera.project(pose[view] @ points.points_in_target)
+        covariance = np.diag(measurement.weight[view, seen] ** -2.0) + common**2
+        cost = sum(r @ np.linalg.solve(covariance, r) for r in residual.T)
+        assert ours.cost[view] == pytest.approx(cost, rel=1e-9)
+    plain = measurement.linearise(pose, camera, free_lens)
+    lost = plain.information - ours.information
+    assert np.all(np.linalg.matrix_rank(lost, tol=1e-9 * np.abs(plain.information).max()) == 2)
+    many = replace(measurement, common_px=1e-6).linearise(pose, camera, free_lens)
+    for a, b in zip(many, plain, strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-6, atol=1e-9 * np.abs(b).max())
+
+
+def test_common_shift_keeps_the_gradient_that_of_the_cost():
+    """With a common shift the gradient is still half the derivative of the cost."""
+    measurement, pose, camera = made("pixels", 1.0)
+    assert isinstance(measurement, PixelMeasurement)
+    shifted = replace(measurement, common_px=0.4)
+    view = shifted.linearise(pose, camera, False)
+    for k, step in enumerate(1e-6 * np.eye(6)):
+        ahead, behind = (shifted.linearise(pose @ SE3.exp(s), camera, False).cost for s in (step, -step))
+        np.testing.assert_allclose(view.gradient[:, k], (ahead - behind) / 4e-6, rtol=1e-4, atol=1e-3)

@@ -6,8 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from basecal.cell import PixelObservation, PointObservation, Recording, Robot, RobotState, Sample
+from basecal.errors import InputError
 from basecal.estimation.packing import canonical, pack
 from basecal.kinematics import read_chain
 from basecal.simulation import Scenario, simulate
@@ -85,3 +87,12 @@ def test_one_camera_may_see_pixels_and_points_of_one_target():
     problem, _ = pack(s.cell, Recording((mixed, *s.recording.samples[1:])))
     assert [len(g) for g in problem.groups] == [3, 1]
     assert {g.camera_mount for g in problem.groups} == {"eye_flange_from_wrist"}
+
+
+def test_an_error_in_common_needs_the_noise_of_single_points():
+    """`correlated_px` without `pixel_px` is an error, and with it reaches the measurement."""
+    s = simulate(Scenario(samples=4, correlated_px=0.3), seed=0)
+    problem, _ = pack(s.cell, s.recording)
+    assert problem.groups[0].measurement.common_px == 0.3
+    with pytest.raises(InputError, match="correlated_px needs pixel_px"):
+        pack(replace(s.cell, pixel_px=None), s.recording)

@@ -14,6 +14,8 @@ from basecal.estimation.solve import Solution
 
 _MANY_DROPPED = 0.1
 _POOR_FIT_PX = 3.0
+_POOR_ARM_M = 3e-3
+_POOR_ARM_RAD = 1e-2
 
 
 def too_few(problem: Problem) -> Finding | None:
@@ -63,7 +65,7 @@ def not_converged(solution: Solution) -> list[Finding]:
 
 
 def poor_fit(solution: Solution, fit: Residuals) -> list[Finding]:
-    """A warning where residuals are larger than the stated sigmas explain, or than any detector's noise."""
+    """A warning where residuals are larger than the stated sigmas explain, or any detector's or arm's noise."""
     ratio = float(np.sqrt(solution.cost / max(solution.dof, 1)))
     if not solution.noise.estimated and ratio > CONTRADICTED:
         message = f"residuals are {ratio:.1f} times what the stated sigmas explain; sigmas are scaled up by as much"
@@ -71,7 +73,19 @@ def poor_fit(solution: Solution, fit: Residuals) -> list[Finding]:
         message = (
             f"residuals of {fit.rms_px:.1f} px are more than any detector's noise: something in the input is wrong"
         )
+    elif (worst := _beyond_an_arm(solution)) is not None:
+        message = (
+            f"residuals ask for errors of the robots' poses of {1e3 * worst[0]:.1f} mm and "
+            f"{np.degrees(worst[1]):.2f} deg per axis, more than any arm's repeatability"
+        )
     else:
         return []
     advice = "check units, directions and the target's size, and state the robots' noise where it is not"
     return [Finding("poor-fit", "warning", (), f"{message}: {advice}")]
+
+
+def _beyond_an_arm(solution: Solution) -> tuple[float, float] | None:
+    """The largest estimated sigmas of robots [m, rad], where no arm in order is as bad as that."""
+    sigmas = np.array(list(solution.noise.robots.values())).reshape(-1, 6)
+    worst_m, worst_rad = sigmas[:, :3].max(initial=0.0), sigmas[:, 3:].max(initial=0.0)
+    return (worst_m, worst_rad) if worst_m > _POOR_ARM_M or worst_rad > _POOR_ARM_RAD else None

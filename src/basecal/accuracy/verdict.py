@@ -142,6 +142,8 @@ def _noise(cell: Cell, solution: Solution) -> dict[str, Any]:
     used: dict[str, Any] = {field: getattr(solution.noise.noise, field) for field in solution.noise.estimated}
     if cell.pixel_px is not None and "pixel_px" not in used:
         used["pixel_px"] = cell.pixel_px
+    if cell.correlated_px is not None:
+        used["correlated_px"] = cell.correlated_px
     stated = {name: robot.noise for name, robot in cell.robots.items() if robot.noise is not None}
     used["robots"] = {
         name: {"sigma_t_m": sigma[:3].tolist(), "sigma_r_rad": sigma[3:].tolist()}

@@ -21,13 +21,14 @@ from basecal.estimation.robot_noise import stops_made, with_robot_noise, without
 from basecal.estimation.variance_components import Components, Evidence, Model, gathered, most_likely, promising
 from basecal.geometry import Array
 
-CHANCE = 1e-4
+CHANCE = 1e-3
 _CHANCE_APART = 1e-2
 _FEWEST_STOPS = 8
 _INSEPARABLE = 6.0
 _FEW_PIXELS = 0.2
 _ROUNDS = 6
 _SETTLED = 1e-3
+_EXACT = 1e-9
 
 
 def threshold(chance: float = CHANCE) -> float:
@@ -70,7 +71,8 @@ def estimate_robot_noise(
     robots = sorted(name for name in problem.unstated if stops_made(problem, name))
     moving = [name for name in robots if stops_made(problem, name) > 1]
     still = [name for name in robots if name not in moving]
-    if not moving or not end.converged:
+    exact = any(getattr(noise.noise, name) < _EXACT for name in noise.estimated)
+    if not moving or not end.converged or exact or degrees_of_freedom(problem) < 1:
         return problem, end, noise, _still_told(still, ())
     fields = Model(noise.estimated)
     evidence = gathered(problem, end.state, noise.noise)

@@ -52,7 +52,8 @@ def pack(cell: Cell, recording: Recording) -> tuple[Problem, list[Finding]]:
 
     Raises:
         InputError: if a camera and the target it sees are on the same body, a camera with pixels has no lens, or joint
-            offsets or link parameters are asked for of a robot that is not recorded by joints.
+            offsets or link parameters are asked for of a robot that is not recorded by joints, or `correlated_px`
+            stands without `pixel_px`.
     """
     samples = canonical(recording.samples)
     findings: list[Finding] = []
@@ -265,6 +266,8 @@ def _measurement(cell: Cell, camera: str, target: str, kind: str, observations: 
         raise InputError(
             f"camera {camera!r} gives pixels and has no `intrinsics`; `intrinsics: {{status: free}}` estimates them"
         )
+    if cell.correlated_px is not None and cell.pixel_px is None:
+        raise InputError("correlated_px needs pixel_px: state the noise of single points too")
     pixels = [_as_pixels(o) for o in observations if isinstance(o, PixelObservation | CandidateObservation)]
     return replace(_pixel_measurement(shape, pixels, cell.pixel_px), common_px=cell.correlated_px or 0.0)
 
