@@ -39,6 +39,8 @@ _WIDER = 1.5
 _NEAR = 3.0
 _FLOOR_RAD = 0.01
 _LIGHT_FLOOR_RAD = 0.002
+_HOPELESS_RAD = 0.25
+_LIGHT_HOPELESS_RAD = 0.05
 _MOST_SOLVED = 8
 _SIGMAS = 3.0
 _SMALLEST_SIGMA = 1e-9
@@ -91,6 +93,8 @@ def _tried(cell: Cell, recording: Recording, problem: Problem, declared: _Tried,
     found: list[_Tried] = []
     for reading, fits in _surviving(cell, recording, lenses):
         found += _try(cell, recording, reading, settings, (fits, lenses))
+    if any(plausible(each.fit) and not each.impossible and _better(each.fit, declared.fit, _WIDER) for each in found):
+        return found
     if not _explained(declared.fit):
         wider = [r for r in readings_of(cell, recording) if r.nested]
         for reading in [*wider, *sizes(cell, thinned(recording, _SOLVED), lenses, known)]:
@@ -126,6 +130,8 @@ def _surviving(cell: Cell, recording: Recording, lenses: Lenses) -> list[tuple[R
             score, _, fits = _screened(told, rewritten, lenses)
             found.append((score, reading, fits))
     found.sort(key=lambda each: each[0])
+    if min([best, *(score for score, *_ in found[:1])]) > (_LIGHT_HOPELESS_RAD if of_light else _HOPELESS_RAD):
+        return []
     limit = _NEAR * min([best, *(score for score, *_ in found[:1])]) + (_LIGHT_FLOOR_RAD if of_light else _FLOOR_RAD)
     return [(reading, fits) for score, reading, fits in found[:_MOST_SOLVED] if score < limit]
 

@@ -45,7 +45,8 @@ def slips(cell: Cell, recording: Recording, lenses: Lenses, streams: list[str | 
             moved = shift(stream, by).apply(cell, recording)[1]
             second = _fits(cell, _part(moved, count // 2, count), lenses)
             for fits in (declared, second):
-                scored.append((*_change(cell, recording, moved, lenses, fits), stream, by))
+                offs = (_off(cell, told, recording, lenses, fits) for told in (recording, moved))
+                scored.append((*_change(*offs, max(by, 0)), stream, by))
     scored.sort(key=lambda each: each[0])
     samples = recording.samples
     return [shift(stream, by, k, samples[k].sample) for _, k, stream, by in scored[:_BEST]]
@@ -61,12 +62,13 @@ def _fits(cell: Cell, recording: Recording, lenses: Lenses) -> Fits:
     return {key: fit_loops(sight, problem) for key, sight in sights.items()}
 
 
-def _change(cell: Cell, declared: Recording, moved: Recording, lenses: Lenses, fits: Fits) -> tuple[float, int]:
-    """How far samples are off at best if the pairing changes at one position, and that position."""
-    before, after = (_off(cell, recording, declared, lenses, fits) for recording in (declared, moved))
+def _change(before: Array, after: Array, lost: int) -> tuple[float, int]:
+    """How far samples are off at best if the pairing changes at one position and loses samples there; that position."""
     limit = _FAR * max(min(trimmed(before, 0.4), trimmed(after, 0.4)), _LEAST_OFF)
     before, after = (np.minimum(np.nan_to_num(off, nan=limit), limit) ** 2 for off in (before, after))
-    total = np.concatenate([[0.0], np.cumsum(before)]) + np.concatenate([np.cumsum(after[::-1])[::-1], [0.0]])
+    until = np.concatenate([[0.0], np.cumsum(before)])
+    since = np.concatenate([np.cumsum(after[::-1])[::-1], np.zeros(1 + lost)])[lost:]
+    total = until + since
     k = 1 + int(np.argmin(total[1:-1]))
     return float(np.sqrt(total[k] / len(before))), k
 
