@@ -202,6 +202,8 @@ def _decided(cell: Cell, declared: _Tried, tried: Sequence[_Tried]) -> tuple[Fin
     if winning:
         best = min(winning, key=lambda t: t.fit.core * t.fit.whole)
         return tuple(_named(t, declared) for t in winning if _alike(t.fit, best.fit))
+    if not plausible(declared.fit):
+        return () if declared.fit.in_pixels else (_poor(declared),)
     if not _is_seen(cell, declared.fit):
         return ()
     rivals = [
@@ -250,6 +252,14 @@ def _named(tried: _Tried, declared: _Tried) -> Finding:
     else:
         why = f"as declared it fits as well, but {' and '.join(declared.impossible)} cannot be"
     return Finding(reading.code, severity, reading.about, f"{reading.words}: {why}; {reading.fix}")
+
+
+def _poor(declared: _Tried) -> Finding:
+    message = (
+        f"loops are off by {declared.fit.told()}, and no other reading of the input that was tried closes them: "
+        "look at the samples with the largest residuals, and at what the frames mean"
+    )
+    return Finding("poor-fit", "warning", (), message)
 
 
 def _ambiguous(cell: Cell, declared: _Tried, rivals: Sequence[_Tried]) -> Finding:
