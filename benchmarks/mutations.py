@@ -1,7 +1,7 @@
 """Whether `calibrate` names what is mixed up, lets nothing wrong pass for good, and leaves clean cells alone.
 
-Every mix-up of `mutate.py` that a recording can suffer is done to it; the finding must hold its code and names. A mix-up
-that leaves the base within three of its sigmas is harmless and not judged. Which pairs no data can tell is stated here.
+Every mix-up of `mutate.py` that a recording can suffer is done to it; a finding must hold its code and names. One that
+leaves the answer within three of its sigmas is harmless and not judged. Which pairs no data can tell is stated here.
 """
 
 from __future__ import annotations
@@ -21,7 +21,6 @@ from basecal.accuracy.verdict import calibrate
 from basecal.cell import Calibration, Cell, Recording, RobotState, Target
 from basecal.cell import target as targets
 from basecal.errors import DatasetError, NotConverged
-from basecal.geometry import SE3
 from basecal.kinematics import read_chain
 from basecal.kinematics.inverse import inverse
 from basecal.simulation import Scenario, simulate
@@ -57,8 +56,8 @@ _KINDS: dict[str, tuple[Scenario, int]] = {
     "eye-to-hand, light": (Scenario(layout="eye_to_hand", target="led"), 2),
     "dual, hand by joints": (Scenario(), 2),
 }
-# Pairs of recording and mix-up that the data cannot tell: NAO's head turns so little, and about so nearly one axis, that
-# its poses inverted fit as well, and so do two orders of their quaternions.
+# Pairs of recording and mix-up that the data cannot tell: NAO's head turns so little, and about so nearly one axis,
+# that its poses inverted fit as well, and so do two orders of their quaternions.
 AMBIGUOUS = {("NAO", name) for name in ("eye inverted", "eye w x y z", "eye y z w x")}
 
 
@@ -86,7 +85,7 @@ class Case(NamedTuple):
 
 
 def _by_joints(cell: Cell, recording: Recording) -> tuple[Cell, Recording]:
-    """The hand as an arm of six joints, its base moved so that it reaches; samples that it cannot reach are left out."""
+    """The hand as an arm of six joints, its base moved so that it reaches; what it cannot reach is left out."""
     chain = read_chain(URDF, "base_link", "tool0")
     poses = [s.robots["hand"].base_from_flange for s in recording.samples]
     assert poses[0] is not None
@@ -195,7 +194,9 @@ def run(cases: list[Case], workers: int) -> tuple[list[dict[str, Any]], list[Tri
             for each in of:
                 if each.outcome != "named" or each.passed:
                     codes = ", ".join(sorted(set(each.codes)))
-                    print(f"  {each.outcome}: {each.mutation}: {each.verdict} ({codes}) {each.seconds:.1f} s", flush=True)
+                    print(
+                        f"  {each.outcome}: {each.mutation}: {each.verdict} ({codes}) {each.seconds:.1f} s", flush=True
+                    )
     return clean, trials
 
 
@@ -226,7 +227,7 @@ def main(arguments: list[str]) -> None:
     """Run, print; the whole run also writes results/mutations.json."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.mutations", description=__doc__)
     parser.add_argument("--only", nargs="*", default=["real", "simulated"], choices=["real", "simulated"])
-    parser.add_argument("--kinds", nargs="*", default=[], metavar="KIND", help="kinds of cells; all where none is given")
+    parser.add_argument("--kinds", nargs="*", default=[], metavar="KIND", help="kinds of cells")
     parser.add_argument("--cells", type=int, default=None, help="at most so many of each kind")
     parser.add_argument("--workers", type=int, default=1)
     asked = parser.parse_args(arguments)

@@ -1,4 +1,4 @@
-"""Mix-ups are named, symmetries are told, and clean cells are left alone; `benchmarks.mutations` is the whole matrix."""
+"""Mix-ups are named, symmetries are told, and clean cells left alone; `benchmarks.mutations` is the whole matrix."""
 
 from __future__ import annotations
 

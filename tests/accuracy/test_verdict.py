@@ -60,7 +60,7 @@ def test_a_still_eye_cannot_tell_camera_mount_from_base():
 
 
 def test_a_still_hand_leaves_both_mounts_seen_where_the_base_is_known():
-    """With the base fixed both mounts are seen from one moving arm; that the hand's one pose is as told, nothing shows."""
+    """With the base fixed one moving arm shows both mounts; nothing shows that the hand's pose is as told."""
     s = simulate(Scenario(arms="hand_still", base="fixed"), seed=0)
     calibration = calibrate(s.cell, s.recording)
     assert set(calibration.transforms) == set(s.truth)

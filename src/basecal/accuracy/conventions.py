@@ -1,4 +1,4 @@
-"""An automatic test of conventions: does another reading of the input explain it, better than the declared one or as well?
+"""An automatic test of conventions: does another reading of the input explain it better, or as well.
 
 A reading is named only where it predicts held-out samples, contradicts no hard fact and moves what is asked. Nothing
 is ever applied. docs/conventions_test.md tells which mix-ups can be told apart by which data.
@@ -137,7 +137,7 @@ def _surviving(cell: Cell, recording: Recording, lenses: Lenses) -> list[tuple[R
 
 
 def _screened(cell: Cell, recording: Recording, lenses: Lenses) -> tuple[float, bool, Fits]:
-    """How nearly the loops of the pair that closes them worst can be closed [rad], whether lights are seen; the fits."""
+    """How nearly the loops of the pair that closes them worst can be closed [rad], whether it is a light; the fits."""
     try:
         problem, _ = pack(cell, thinned(recording, _SCREENED))
         fits = {}
@@ -163,7 +163,7 @@ def _moving(recording: Recording) -> list[str]:
 
 
 def _lenses(cell: Cell, problem: Problem, declared: HeldOut) -> dict[str, Camera]:
-    """A lens for each camera with pixels: stated, or of a good fit, or from its views alone, which no robot misleads."""
+    """A lens for each camera with pixels: stated, of a good fit, or from its views, which no robot misleads."""
     found = {}
     for name, lens in problem.lenses.items():
         views = [g.measurement for g in problem.groups if g.camera == name]
@@ -267,7 +267,8 @@ def _ambiguous(cell: Cell, declared: _Tried, rivals: Sequence[_Tried]) -> Findin
     name = cell.asked[0]
     moves = [1e3 * float(np.linalg.norm(_step(declared.fit, t.fit, name).translation)) for t in rivals]
     listed = " or ".join(
-        f"{t.reading.words} ({t.reading.code}: {t.fit.told()}, {name} {mm:.3g} mm away)" for t, mm in zip(rivals, moves, strict=True)
+        f"{t.reading.words} ({t.reading.code}: {t.fit.told()}, {name} {mm:.3g} mm away)"
+        for t, mm in zip(rivals, moves, strict=True)
     )
     about = tuple(dict.fromkeys(each for t in rivals for each in t.reading.about))
     tell = "; ".join(dict.fromkeys(t.reading.tell for t in rivals))

@@ -10,10 +10,10 @@ import numpy as np
 from basecal.accuracy.held_out import thinned
 from basecal.accuracy.loop_fit import LoopFit, fit_loops, off_loops, sight_for, trimmed
 from basecal.accuracy.readings import Reading, Told, shift
-from basecal.cell import Cell, PoseObservation, Recording
+from basecal.cell import Cell, Observation, PoseObservation, Recording
 from basecal.estimation.packing import pack
 from basecal.estimation.readings import half_turn
-from basecal.geometry import SE3, Array, Camera
+from basecal.geometry import SE3, Array, BoolArray, Camera
 
 _VIEWS = 24
 _ALL_VIEWS = 400
@@ -45,8 +45,8 @@ def slips(cell: Cell, recording: Recording, lenses: Lenses, streams: list[str | 
             moved = shift(stream, by).apply(cell, recording)[1]
             second = _fits(cell, _part(moved, count // 2, count), lenses)
             for fits in (declared, second):
-                offs = (_off(cell, told, recording, lenses, fits) for told in (recording, moved))
-                scored.append((*_change(*offs, max(by, 0)), stream, by))
+                before, after = (_off(cell, told, recording, lenses, fits) for told in (recording, moved))
+                scored.append((*_change(before, after, max(by, 0)), stream, by))
     scored.sort(key=lambda each: each[0])
     samples = recording.samples
     return [shift(stream, by, k, samples[k].sample) for _, k, stream, by in scored[:_BEST]]
@@ -104,7 +104,7 @@ def half_turns(cell: Cell, recording: Recording) -> list[Reading]:
     return found
 
 
-def _is_pose(observation: object, target: str) -> bool:
+def _is_pose(observation: Observation, target: str) -> bool:
     return isinstance(observation, PoseObservation) and observation.target == target
 
 
@@ -113,7 +113,7 @@ def _pose(recording: Recording, row: int, target: str) -> SE3:
     return next(o.camera_from_target for o in observations if isinstance(o, PoseObservation) and o.target == target)
 
 
-def _less_alike(seen: SE3, turned: SE3) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+def _less_alike(seen: SE3, turned: SE3) -> BoolArray:
     """Which views are nearer to the others when turned, (n,)."""
     flip = np.zeros(len(seen), dtype=bool)
     mean = seen.rotation[0]
@@ -123,7 +123,7 @@ def _less_alike(seen: SE3, turned: SE3) -> np.ndarray[tuple[int, ...], np.dtype[
     return flip
 
 
-def _half_turn(recording: Recording, name: str, turn: SE3, rows: list[int], mask: Array) -> Reading:
+def _half_turn(recording: Recording, name: str, turn: SE3, rows: list[int], mask: BoolArray) -> Reading:
     numbers = [recording.samples[i].sample for i, m in zip(rows, mask, strict=True) if m]
     shown = ", ".join(map(str, numbers[:10])) + (", ..." if len(numbers) > 10 else "")
     chosen = set(numbers)
@@ -145,7 +145,7 @@ def _half_turn(recording: Recording, name: str, turn: SE3, rows: list[int], mask
     )
 
 
-def _turned(observation: object, name: str, turn: SE3) -> object:
+def _turned(observation: Observation, name: str, turn: SE3) -> Observation:
     if isinstance(observation, PoseObservation) and observation.target == name:
         return replace(observation, camera_from_target=observation.camera_from_target @ turn)
     return observation
