@@ -7,7 +7,7 @@ is ever applied. docs/conventions_test.md tells which mix-ups can be told apart 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -82,7 +82,10 @@ def mixed_up(
     if whole is None:
         return ()
     declared = _Tried(AS_DECLARED, whole, (*impossible_input(cell, recording), *impossible_answer(cell, whole)))
-    tried = _tried(cell, recording, problem, declared, settings)
+    if plausible(whole) and not declared.impossible and not _is_seen(cell, whole):
+        return ()
+    # A guess or the axis-shift start belongs to the declared reading alone.
+    tried = _tried(cell, recording, problem, declared, replace(settings, start="closed"))
     return _decided(cell, declared, tried)
 
 
