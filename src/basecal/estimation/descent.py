@@ -18,7 +18,7 @@ _SMALLEST_STEP = 1e-13
 _FIRST_DAMPING = 1e-9
 _UNDAMPED = 1e-3
 _LARGEST_DAMPING = 1e12
-_LARGEST_GAIN = 2.0  # beyond it the damping falls as fast as it may, and its cube may overflow
+_LARGEST_GAIN = 1e50  # its cube must not overflow
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,8 @@ def descend(problem: Problem, state: State, dof: int, iterations: int = 100) -> 
             return Descent(candidate, replace(normal, cost=max(normal.cost - expected, 0.0)), True, k + 1)
         after = linearise(problem, candidate)
         if after.cost <= normal.cost * (1 + 1e-12):
-            gain = min((normal.cost - after.cost) / max(expected, 1e-300), _LARGEST_GAIN)
+            gain = (normal.cost - after.cost) / max(expected, 1e-300)
+            gain = min(max(gain, -_LARGEST_GAIN), _LARGEST_GAIN)
             state, normal, before = candidate, after, max(expected, 1e-300)
             damping, growth = max(damping * max(0.1, 1 - (2 * gain - 1) ** 3), _FIRST_DAMPING), 2.0
         elif settled:
