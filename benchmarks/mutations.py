@@ -1,7 +1,7 @@
 """Whether `calibrate` names what is mixed up, lets nothing wrong pass for good, and leaves clean cells alone.
 
-Every mix-up of `mutate.py` that a recording can suffer is done to it; the finding must hold its code and names. A mix-up
-that leaves the base within three of its sigmas is harmless and not judged. Which pairs no data can tell is stated here.
+Every mix-up of `mutate.py` that a recording can suffer is done to it; a finding must hold its code and names. One that
+leaves the answer within three of its sigmas is harmless and not judged. Which pairs no data can tell is stated here.
 """
 
 from __future__ import annotations
@@ -9,8 +9,10 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from multiprocessing import get_context
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,11 +21,10 @@ from basecal.accuracy.verdict import calibrate
 from basecal.cell import Calibration, Cell, Recording, RobotState, Target
 from basecal.cell import target as targets
 from basecal.errors import DatasetError, NotConverged
-from basecal.geometry import SE3
 from basecal.kinematics import read_chain
 from basecal.kinematics.inverse import inverse
 from basecal.simulation import Scenario, simulate
-from benchmarks.common import on_one_core, table, write
+from benchmarks.common import table, write
 from benchmarks.mutate import Mutation, lines_of, mutations, recording_of
 from benchmarks.real import ROOT, example, moveit_cell, nao_cell
 
@@ -55,8 +56,8 @@ _KINDS: dict[str, tuple[Scenario, int]] = {
     "eye-to-hand, light": (Scenario(layout="eye_to_hand", target="led"), 2),
     "dual, hand by joints": (Scenario(), 2),
 }
-# Pairs of recording and mix-up that the data cannot tell: NAO's head turns so little, and about so nearly one axis, that
-# its poses inverted fit as well, and so do two orders of their quaternions.
+# Pairs of recording and mix-up that the data cannot tell: NAO's head turns so little, and about so nearly one axis,
+# that its poses inverted fit as well, and so do two orders of their quaternions.
 AMBIGUOUS = {("NAO", name) for name in ("eye inverted", "eye w x y z", "eye y z w x")}
 
 
@@ -84,7 +85,7 @@ class Case(NamedTuple):
 
 
 def _by_joints(cell: Cell, recording: Recording) -> tuple[Cell, Recording]:
-    """The hand as an arm of six joints, its base moved so that it reaches; samples that it cannot reach are left out."""
+    """The hand as an arm of six joints, its base moved so that it reaches; what it cannot reach is left out."""
     chain = read_chain(URDF, "base_link", "tool0")
     poses = [s.robots["hand"].base_from_flange for s in recording.samples]
     assert poses[0] is not None
@@ -162,9 +163,9 @@ def _is_named(case: Case, mutation: Mutation, found: Calibration) -> bool:
 def trial(case: Case, clean: Calibration, mutation: Mutation) -> Trial:
     """One mix-up, calibrated."""
     recording = recording_of(mutation.lines(lines_of(case.recording)), mutation.cell)
-    began = time.perf_counter()
+    began = time.process_time()
     found = calibrate(mutation.cell, recording)
-    took = time.perf_counter() - began
+    took = time.process_time() - began
     moved = _moved(case.cell, clean, found)
     named = _is_named(case, mutation, found)
     outcome = "named" if named else "missed" if moved else "harmless"
@@ -173,22 +174,29 @@ def trial(case: Case, clean: Calibration, mutation: Mutation) -> Trial:
     return Trial(case.name, mutation.name, mutation.row, outcome, passed, found.verdict, codes, took)
 
 
-def run(cases: Iterable[Case], rows: list[str]) -> tuple[list[dict[str, Any]], list[Trial]]:
+def of_case(case: Case) -> tuple[dict[str, Any], list[Trial]]:
+    """The verdict on the clean recording, and all mix-ups done to it."""
+    found = calibrate(case.cell, case.recording)
+    codes = [f.code for f in found.findings if f.severity != "info"]
+    clean = {"recording": case.name, "kind": case.kind, "verdict": found.verdict, "codes": codes}
+    mixed = mutations(case.cell, lines_of(case.recording), case.seed)
+    return clean, [trial(case, found, mutation) for mutation in mixed]
+
+
+def run(cases: list[Case], workers: int) -> tuple[list[dict[str, Any]], list[Trial]]:
     """Clean verdicts, and all trials, told as they come."""
     clean, trials = [], []
-    for case in cases:
-        found = calibrate(case.cell, case.recording)
-        codes = [f.code for f in found.findings if f.severity != "info"]
-        clean.append({"recording": case.name, "kind": case.kind, "verdict": found.verdict, "codes": codes})
-        print(f"{case.name}: {found.verdict} {codes or ''}", flush=True)
-        for mutation in mutations(case.cell, lines_of(case.recording), case.seed):
-            if rows and mutation.row not in rows:
-                continue
-            each = trial(case, found, mutation)
-            trials.append(each)
-            if each.outcome != "named" or each.passed:
-                codes = sorted(set(each.codes))
-                print(f"  {each.outcome:8s} {each.mutation:24s} {each.verdict} {codes} {each.seconds:.1f} s", flush=True)
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        for told, of in pool.map(of_case, cases):
+            clean.append(told)
+            trials += of
+            print(f"{told['recording']}: {told['verdict']} {told['codes'] or ''}", flush=True)
+            for each in of:
+                if each.outcome != "named" or each.passed:
+                    codes = ", ".join(sorted(set(each.codes)))
+                    print(
+                        f"  {each.outcome}: {each.mutation}: {each.verdict} ({codes}) {each.seconds:.1f} s", flush=True
+                    )
     return clean, trials
 
 
@@ -205,7 +213,7 @@ def summary(trials: list[Trial]) -> list[dict[str, Any]]:
     return out
 
 
-HEAD = ("mix-up", "named", "missed", "harmless", "rate", "good though moved", "median [s]")
+HEAD = ("mix-up", "named", "missed", "harmless", "rate", "good though moved", "processor, median [s]")
 
 
 def told(of: dict[str, Any]) -> tuple[str, ...]:
@@ -219,19 +227,20 @@ def main(arguments: list[str]) -> None:
     """Run, print; the whole run also writes results/mutations.json."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.mutations", description=__doc__)
     parser.add_argument("--only", nargs="*", default=["real", "simulated"], choices=["real", "simulated"])
-    parser.add_argument("--kinds", nargs="*", default=[], metavar="KIND", help="kinds of cells; all where none is given")
-    parser.add_argument("--rows", nargs="*", default=[], metavar="MIX-UP", help="lines of the table; likewise")
+    parser.add_argument("--kinds", nargs="*", default=[], metavar="KIND", help="kinds of cells")
+    parser.add_argument("--cells", type=int, default=None, help="at most so many of each kind")
+    parser.add_argument("--workers", type=int, default=1)
     asked = parser.parse_args(arguments)
-    on_one_core()
     began = time.perf_counter()
     cases = [case for name in asked.only for case in {"real": real, "simulated": simulated}[name]()]
-    clean, trials = run([c for c in cases if not asked.kinds or c.kind in asked.kinds], asked.rows)
+    cases = [c for c in cases if not asked.kinds or c.kind in asked.kinds]
+    clean, trials = run([c for c in cases if asked.cells is None or c.seed % 100 < asked.cells], asked.workers)
     found = summary(trials)
     print("\n" + table(HEAD, map(told, found)))
     of_cells = [c for c in clean if c["kind"] in _KINDS]
     bad = [c for c in of_cells if c["verdict"] != "good"]
     print(f"\nclean simulated cells not good: {len(bad)} of {len(of_cells)}; {time.perf_counter() - began:.0f} s")
-    if not asked.kinds and not asked.rows and len(asked.only) == 2:
+    if not asked.kinds and asked.cells is None and len(asked.only) == 2:
         told_trials = [t._asdict() for t in trials]
         write("mutations", {"clean": clean, "asked": NAMED, "summary": found, "trials": told_trials})
 

@@ -5,7 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.accuracy.held_out import HeldOut
-from basecal.cell import WORLD, Cell, PixelObservation, PointObservation, PoseObservation, Recording
+from basecal.cell import (
+    WORLD,
+    Cell,
+    CellCamera,
+    CellTarget,
+    PixelObservation,
+    PointObservation,
+    PoseObservation,
+    Recording,
+)
 from basecal.estimation.problem import Problem
 from basecal.geometry import SE3, Array
 
@@ -89,7 +98,8 @@ def impossible_answer(cell: Cell, fit: HeldOut) -> tuple[str, ...]:
         name = cell.base_name(robot)
         if name in transforms and cell.transforms[name].status != "fixed":
             found += _outside(name, _length(transforms[name]), _BASES_M)
-    for thing in (*cell.cameras.values(), *cell.targets.values()):
+    things: list[CellCamera | CellTarget] = [*cell.cameras.values(), *cell.targets.values()]
+    for thing in things:
         most = _BASES_M[1] if thing.on == WORLD else _MOUNT_M
         name = cell.mount_name(thing.name)
         if name in transforms and name in fit.solution.problem.columns:

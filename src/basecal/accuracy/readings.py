@@ -237,7 +237,7 @@ def _quaternion(about: tuple[str, ...], who: str, words: str, apply: Callable[[C
 
 
 def _of_exchanges(cell: Cell, recording: Recording, robots: list[str]) -> Iterator[Reading]:
-    carriers = {thing.on for thing in (*cell.cameras.values(), *cell.targets.values())}
+    carriers = {c.on for c in cell.cameras.values()} | {t.on for t in cell.targets.values()}
     for first, second in combinations([name for name in robots if name in carriers], 2):
         yield Reading(
             "robots-swapped",

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from basecal.cell import PointObservation, PoseObservation, Recording, RobotState, Sample
+from basecal.cell import Observation, PointObservation, PoseObservation, Recording, RobotState, Sample
 from basecal.geometry import SE3
 
 PoseMap = Callable[[SE3], SE3]
@@ -82,7 +82,7 @@ def with_targets(recording: Recording, of: PoseMap) -> Recording:
     ]
     seen = [recording.samples[i].observations[j] for i, j in places]
     told = of(SE3.stack([o.camera_from_target for o in seen if isinstance(o, PoseObservation)]))
-    samples = [list(s.observations) for s in recording.samples]
+    samples: list[list[Observation]] = [list(s.observations) for s in recording.samples]
     for k, (i, j) in enumerate(places):
         observation = samples[i][j]
         assert isinstance(observation, PoseObservation)
@@ -92,7 +92,7 @@ def with_targets(recording: Recording, of: PoseMap) -> Recording:
 
 def with_points(recording: Recording, factor: float) -> Recording:
     """The recording with observed 3-D points times `factor`, their stated sigmas as they are."""
-    samples = [
+    samples: list[list[Observation]] = [
         [
             replace(o, points_in_camera=o.points_in_camera * factor) if isinstance(o, PointObservation) else o
             for o in s.observations
@@ -102,7 +102,7 @@ def with_points(recording: Recording, factor: float) -> Recording:
     return _with_observations(recording, samples)
 
 
-def _with_observations(recording: Recording, observations: list[list[object]]) -> Recording:
+def _with_observations(recording: Recording, observations: list[list[Observation]]) -> Recording:
     samples = (replace(s, observations=tuple(o)) for s, o in zip(recording.samples, observations, strict=True))
     return replace(recording, samples=tuple(samples))
 

@@ -10,10 +10,10 @@ import numpy as np
 from basecal.accuracy.held_out import thinned
 from basecal.accuracy.loop_fit import LoopFit, fit_loops, off_loops, sight_for, trimmed
 from basecal.accuracy.readings import Reading, Told, shift
-from basecal.cell import Cell, PoseObservation, Recording
+from basecal.cell import Cell, Observation, PoseObservation, Recording
 from basecal.estimation.packing import pack
 from basecal.estimation.readings import half_turn
-from basecal.geometry import SE3, Array, Camera
+from basecal.geometry import SE3, Array, BoolArray, Camera
 
 _VIEWS = 24
 _ALL_VIEWS = 400
@@ -45,7 +45,8 @@ def slips(cell: Cell, recording: Recording, lenses: Lenses, streams: list[str | 
             moved = shift(stream, by).apply(cell, recording)[1]
             second = _fits(cell, _part(moved, count // 2, count), lenses)
             for fits in (declared, second):
-                scored.append((*_change(cell, recording, moved, lenses, fits), stream, by))
+                before, after = (_off(cell, told, recording, lenses, fits) for told in (recording, moved))
+                scored.append((*_change(before, after, max(by, 0)), stream, by))
     scored.sort(key=lambda each: each[0])
     samples = recording.samples
     return [shift(stream, by, k, samples[k].sample) for _, k, stream, by in scored[:_BEST]]
@@ -61,12 +62,13 @@ def _fits(cell: Cell, recording: Recording, lenses: Lenses) -> Fits:
     return {key: fit_loops(sight, problem) for key, sight in sights.items()}
 
 
-def _change(cell: Cell, declared: Recording, moved: Recording, lenses: Lenses, fits: Fits) -> tuple[float, int]:
-    """How far samples are off at best if the pairing changes at one position, and that position."""
-    before, after = (_off(cell, recording, declared, lenses, fits) for recording in (declared, moved))
+def _change(before: Array, after: Array, lost: int) -> tuple[float, int]:
+    """How far samples are off at best if the pairing changes at one position and loses samples there; that position."""
     limit = _FAR * max(min(trimmed(before, 0.4), trimmed(after, 0.4)), _LEAST_OFF)
     before, after = (np.minimum(np.nan_to_num(off, nan=limit), limit) ** 2 for off in (before, after))
-    total = np.concatenate([[0.0], np.cumsum(before)]) + np.concatenate([np.cumsum(after[::-1])[::-1], [0.0]])
+    until = np.concatenate([[0.0], np.cumsum(before)])
+    since = np.concatenate([np.cumsum(after[::-1])[::-1], np.zeros(1 + lost)])[lost:]
+    total = until + since
     k = 1 + int(np.argmin(total[1:-1]))
     return float(np.sqrt(total[k] / len(before))), k
 
@@ -102,7 +104,7 @@ def half_turns(cell: Cell, recording: Recording) -> list[Reading]:
     return found
 
 
-def _is_pose(observation: object, target: str) -> bool:
+def _is_pose(observation: Observation, target: str) -> bool:
     return isinstance(observation, PoseObservation) and observation.target == target
 
 
@@ -111,7 +113,7 @@ def _pose(recording: Recording, row: int, target: str) -> SE3:
     return next(o.camera_from_target for o in observations if isinstance(o, PoseObservation) and o.target == target)
 
 
-def _less_alike(seen: SE3, turned: SE3) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+def _less_alike(seen: SE3, turned: SE3) -> BoolArray:
     """Which views are nearer to the others when turned, (n,)."""
     flip = np.zeros(len(seen), dtype=bool)
     mean = seen.rotation[0]
@@ -121,7 +123,7 @@ def _less_alike(seen: SE3, turned: SE3) -> np.ndarray[tuple[int, ...], np.dtype[
     return flip
 
 
-def _half_turn(recording: Recording, name: str, turn: SE3, rows: list[int], mask: Array) -> Reading:
+def _half_turn(recording: Recording, name: str, turn: SE3, rows: list[int], mask: BoolArray) -> Reading:
     numbers = [recording.samples[i].sample for i, m in zip(rows, mask, strict=True) if m]
     shown = ", ".join(map(str, numbers[:10])) + (", ..." if len(numbers) > 10 else "")
     chosen = set(numbers)
@@ -143,7 +145,7 @@ def _half_turn(recording: Recording, name: str, turn: SE3, rows: list[int], mask
     )
 
 
-def _turned(observation: object, name: str, turn: SE3) -> object:
+def _turned(observation: Observation, name: str, turn: SE3) -> Observation:
     if isinstance(observation, PoseObservation) and observation.target == name:
         return replace(observation, camera_from_target=observation.camera_from_target @ turn)
     return observation

@@ -71,7 +71,7 @@ def _by_translations(sight: Sight, fit: LoopFit, problem: Problem, group: ViewGr
     """The factor f of RA tX - tY - RY RC tZ + f RA RX tB == RY tC - tA, by least squares."""
     assert sight.candidates is not None
     a, c = sight.group.eye_base_from_eye_flange, sight.group.hand_base_from_hand_flange
-    x, y, z = fit.triple
+    x, y, _ = fit.triple
     seen = (a.rotation @ x.rotation @ sight.candidates[:, 0].translation[..., None])[..., 0]
     parts = (a.rotation, np.broadcast_to(-np.eye(3), a.rotation.shape), -(y.rotation @ c.rotation))
     fixed = (_fixed(problem, group.camera_mount), _fixed(problem, *_bases(group)), _fixed(problem, group.target_mount))
