@@ -76,6 +76,18 @@ def test_the_model_that_is_true_is_chosen(kind, errors, seed):
     assert (choice.chosen.kind if choice else "none") == kind
 
 
+@pytest.mark.parametrize(("stated", "offset_deg", "kinds"), [(True, 0.2, {"offsets"}), (False, 0.0, {"none"})])
+def test_an_arm_that_stands_still_while_the_other_moves_misleads_nobody(stated, offset_deg, kinds):
+    """Half the samples share one stop of the hand, the others one of the eye, with errors of 0.1 mm and 0.1 mrad.
+
+    Stated, the errors do not hide offsets; not stated, they are not taken for offsets.
+    """
+    scenario = replace(ARMS, samples=60, arms="halves", robot_noise=(1e-4, 1e-4), state_robot_noise=stated)
+    made = simulate(replace(scenario, joint_offset_rad=offset_deg * DEGREE), 1)
+    choice = choose_robot_model(solve(made.cell, made.recording))
+    assert (choice.chosen.kind if choice else "none") in kinds
+
+
 def test_there_is_nothing_to_choose_where_poses_are_recorded_or_offsets_estimated():
     """Neither has a model to compare with."""
     posed = simulate(Scenario(samples=20), 0)
