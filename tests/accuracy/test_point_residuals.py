@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -34,6 +36,25 @@ def test_estimated_noise_of_robots_is_among_the_stored_numbers() -> None:
     off = np.concatenate([each.off_px.ravel() for each in point_residuals(made.cell, made.recording, stored)])
     assert float(np.sqrt(np.mean(off**2))) == pytest.approx(calibration.residuals.rms_px, rel=1e-5)
     assert calibration.residuals.rms_px == pytest.approx(0.2, rel=0.15)
+
+
+@pytest.mark.parametrize(
+    "known",
+    [
+        {"joint_offset_rad": 0.004, "joint_offsets": "free"},
+        {"link_error": (5e-4, 1e-3), "link_parameters": "prior", "compliance": 1e-4, "deflection": "prior"},
+    ],
+)
+def test_robots_stand_where_the_calibration_puts_them(known: dict[str, Any]) -> None:
+    """Joint offsets, link errors and compliances are taken from the stored numbers too."""
+    made = simulate(Scenario(samples=30, joints=True, robot_noise=(1e-4, 1e-4), **known), 3)
+    calibration = calibrate(made.cell, made.recording)
+    stored = calibration_from_dict(json.loads(json.dumps(calibration_to_dict(calibration))))
+    (points,) = point_residuals(made.cell, made.recording, stored)
+    assert float(np.sqrt(np.mean(points.off_px**2))) == pytest.approx(calibration.residuals.rms_px, rel=1e-5)
+    as_stated = replace(stored, joint_offsets={}, link_parameters={})
+    (points,) = point_residuals(made.cell, made.recording, as_stated)
+    assert float(np.sqrt(np.mean(points.off_px**2))) > 1.1 * calibration.residuals.rms_px
 
 
 def test_residual_is_predicted_minus_seen() -> None:

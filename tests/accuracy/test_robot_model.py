@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.accuracy.kinematics import held_findings, joint_offsets, link_parameters
+from basecal.accuracy.kinematics import deflection, held_findings, joint_offsets, link_parameters
 from basecal.accuracy.robot_model import choose_robot_model, robot_model_findings
 from basecal.accuracy.verdict import calibrate
 from basecal.estimation.robot_model import Kinematics
@@ -76,6 +76,18 @@ def test_the_model_that_is_true_is_chosen(kind, errors, seed):
     assert (choice.chosen.kind if choice else "none") == kind
 
 
+@pytest.mark.parametrize(("stated", "offset_deg", "kinds"), [(True, 0.2, {"offsets"}), (False, 0.0, {"none"})])
+def test_an_arm_that_stands_still_while_the_other_moves_misleads_nobody(stated, offset_deg, kinds):
+    """Half the samples share one stop of the hand, the others one of the eye, with errors of 0.1 mm and 0.1 mrad.
+
+    Stated, the errors do not hide offsets; not stated, they are not taken for offsets.
+    """
+    scenario = replace(ARMS, samples=60, arms="halves", robot_noise=(1e-4, 1e-4), state_robot_noise=stated)
+    made = simulate(replace(scenario, joint_offset_rad=offset_deg * DEGREE), 1)
+    choice = choose_robot_model(solve(made.cell, made.recording))
+    assert (choice.chosen.kind if choice else "none") in kinds
+
+
 def test_there_is_nothing_to_choose_where_poses_are_recorded_or_offsets_estimated():
     """Neither has a model to compare with."""
     posed = simulate(Scenario(samples=20), 0)
@@ -127,6 +139,20 @@ def test_free_offsets_that_nothing_shows_have_no_number():
     found = joint_offsets(solve(still.cell, still.recording))
     assert not np.any(np.isfinite(found["eye"].rad))
     assert np.isfinite(found["hand"].rad).tolist() == ENDS
+
+
+def test_compliances_are_found_where_gravity_shows_them():
+    """Of joints 2 and 3 within four sigmas; the upright first axis has none to find, and a finding says so."""
+    made = simulate(replace(ARMS, compliance=1e-4, deflection="prior"), 0)
+    solution = solve(made.cell, made.recording)
+    for robot, found in deflection(solution).items():
+        assert found.seen[1:3].all()
+        assert not found.seen[0]
+        off = np.abs(found.rad_per_nm - made.robots[robot].compliance)
+        assert np.all(off[found.seen] < 4 * found.sigma[found.seen])
+    (first, _) = held_findings(made.cell, solution)
+    assert (first.code, first.about) == ("held-by-prior", ("eye",))
+    assert "compliances known by the prior alone: joints 1 (shoulder_pan)" in first.message
 
 
 def test_link_parameters_come_with_sigmas_that_hold_them():

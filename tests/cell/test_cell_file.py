@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from basecal.cell.cell import Cell, Unknown
+from basecal.cell.cell import Cell, Deflection, Unknown
 from basecal.cell.files import cell_from_dict, cell_to_dict, read_cell, write_cell
 from basecal.errors import DatasetError
 from basecal.geometry import SE3
@@ -67,6 +67,31 @@ def test_meaning(folder: Path) -> None:
     assert cell.targets["unseen"].target is None
     assert cell.pixel_px == 0.3
     assert cell.correlated_px is None
+
+
+def test_deflection_is_read_and_written(folder: Path) -> None:
+    """With its sigma and gravity's direction; by default none, downwards."""
+    assert read_cell(folder).robots["hand"].deflection == Deflection("fixed", None, (0, 0, -1))
+    here = "joint_offsets: {status: prior, sigma_rad: 1e-3}"
+    stated = "deflection: {status: prior, sigma_rad_per_nm: 2e-5, down: [0, 1, 0]}"
+    cell = read_text(folder, here, f"{here}, {stated}")
+    assert cell.robots["hand"].deflection == Deflection("prior", 2e-5, (0, 1, 0))
+    write_cell(cell, folder)
+    assert read_cell(folder).robots["hand"].deflection == cell.robots["hand"].deflection
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ("{status: prior}", "takes a sigma_rad_per_nm"),
+        ("{status: free, sigma_rad_per_nm: 1e-5}", "takes no sigma_rad_per_nm"),
+        ("{status: free, down: [0, 0, 0]}", "not zero"),
+    ],
+)
+def test_deflection_that_cannot_be(folder: Path, wrong: str, said: str) -> None:
+    """A prior without its sigma, a free one with one, gravity without direction."""
+    here = "joint_offsets: {status: prior, sigma_rad: 1e-3}"
+    assert said in error(folder, here, f"{here}, deflection: {wrong}")
 
 
 def test_round_trip(folder: Path) -> None:

@@ -9,7 +9,7 @@ import pytest
 from tests.derivatives import check_derivative
 from tests.oracles.dense import DenseProblem
 
-from basecal.cell import Parameters, RobotState
+from basecal.cell import Deflection, Parameters, RobotState
 from basecal.errors import InputError
 from basecal.estimation.derivatives import by_robot_models
 from basecal.estimation.normal import linearise, moved
@@ -23,6 +23,8 @@ from basecal.simulation.arms import six_axis
 ARMS = Scenario(samples=20, joints=True, target="points")
 OFFSETS = {"joint_offset_rad": 0.004, "joint_offsets": "prior"}
 LINKS = {"link_error": (5e-4, 1e-3), "link_parameters": "prior"}
+GIVING = {"compliance": 1e-4, "deflection": "prior"}
+_PER_NEWTON_METRE = 0.02  # so that a unit step turns joints by about a radian
 NOISY = {"robot_noise": (2e-4, 3e-4)}
 
 
@@ -84,26 +86,30 @@ def test_ends_are_free_where_all_that_could_hold_them_is(scenario, robot, ends):
 
 
 def test_columns_are_derivatives_of_the_flange(arm, joints):
-    """At offsets and link errors of some size, for offsets and links at once."""
+    """At offsets, link errors and compliances of some size, for all at once."""
     rng = np.random.default_rng(1)
-    model = robot_model("hand", arm, Parameters("prior", 0.01), Parameters("free"), (True, True), np.array([0, 2, 5]))
-    at = Kinematics(arm, 0.1 * rng.standard_normal(6), 0.1 * rng.standard_normal((7, 6)))
+    known = Parameters("prior", 0.01), Parameters("free"), (True, True), np.array([0, 2, 5])
+    model = robot_model("hand", arm, *known, Deflection("free", down=(0.3, 0, -4)))
+    at = Kinematics(arm, 0.1 * rng.standard_normal(6), 0.1 * rng.standard_normal((7, 6)), np.full(6, 1e-3), model.down)
     before = at.forward(joints).inverse()
 
     def after(step):
         offsets = at.offsets.copy()
         offsets[model.joints] += step[:3]
-        links = at.links + (model.link_basis @ step[3:]).reshape(7, 6)
-        return (before @ Kinematics(arm, offsets, links).forward(joints)).log()
+        links = at.links + (model.link_basis @ step[3:-6]).reshape(7, 6)
+        compliance = at.compliance + _PER_NEWTON_METRE * step[-6:]
+        return (before @ Kinematics(arm, offsets, links, compliance, at.down).forward(joints)).log()
 
-    check_derivative(after, by_columns(model, at, joints))
+    derivative = by_columns(model, at, joints)
+    derivative[..., -6:] *= _PER_NEWTON_METRE
+    check_derivative(after, derivative)
 
 
 @pytest.mark.parametrize("noise", [{}, NOISY])
 @pytest.mark.parametrize("layout", ["dual", "eye_to_hand"])
 def test_views_move_with_the_kinematics_of_their_robots(layout, noise):
     """Through the errors of stops too, which stand between the modelled flange and the true one."""
-    made = simulate(replace(ARMS, samples=4, layout=layout, **OFFSETS, **LINKS, **noise), seed=2)
+    made = simulate(replace(ARMS, samples=4, layout=layout, **OFFSETS, **LINKS, **GIVING, **noise), seed=2)
     problem, _ = pack(made.cell, made.recording)
     errors = np.random.default_rng(0).standard_normal((len(problem.stops), 6))
     state = State(made.truth, made.cameras, errors, made.robots)
@@ -111,15 +117,16 @@ def test_views_move_with_the_kinematics_of_their_robots(layout, noise):
     (group,) = problem.groups
     links = chain(group, state, problem.stops)
     derivative, columns = by_robot_models(problem, group, links, state, 6)
-    assert len(columns) == 48 * len(made.robots)
+    assert len(columns) == 54 * len(made.robots)
+    size = np.concatenate([np.ones(48), np.full(6, _PER_NEWTON_METRE)] * len(made.robots))
 
     def after(step):
         whole = np.zeros(problem.width)
-        whole[columns] = step
+        whole[columns] = size * step
         end = replace(moved(problem, state, normal, whole), stop_errors=errors)
         return (links.camera_from_target.inverse() @ end.camera_from_target(group, problem.stops)).log()
 
-    check_derivative(after, derivative)
+    check_derivative(after, derivative * size)
 
 
 def test_nothing_changes_for_robots_as_stated():
@@ -156,7 +163,12 @@ def test_optimum_and_covariance_are_those_of_the_dense_problem(noise):
 
 @pytest.mark.parametrize(
     "kind",
-    [{"joint_offset_rad": 0.004, "joint_offsets": "free"}, {**LINKS, "link_parameters": "free"}, OFFSETS | LINKS],
+    [
+        {"joint_offset_rad": 0.004, "joint_offsets": "free"},
+        {**LINKS, "link_parameters": "free"},
+        OFFSETS | LINKS,
+        OFFSETS | GIVING,
+    ],
 )
 def test_free_or_by_priors_everything_is_seen_and_unseen_views_are_predicted(kind):
     """With 40 samples no direction is unseen, and `camera_from_target` at ten other joints is right to 0.2 mm rms."""
@@ -169,6 +181,14 @@ def test_free_or_by_priors_everything_is_seen_and_unseen_views_are_predicted(kin
     truth = State(made.truth, made.cameras, np.zeros((0, 6)), made.robots)
     wanted, found = (each.camera_from_target(group, others.stops) for each in (truth, ours.state))
     assert np.sqrt(np.mean(np.sum((wanted.inverse() @ found).translation ** 2, -1))) < 2e-4
+
+
+def test_deflection_without_masses_is_refused():
+    """One sentence that says what the URDF lacks."""
+    made = simulate(replace(ARMS, **GIVING), seed=0)
+    bare = replace(made.cell.robots["hand"], chain=replace(made.cell.robots["hand"].chain, masses=None))
+    with pytest.raises(InputError, match="'hand': deflection needs the masses"):
+        solve(replace(made.cell, robots={**made.cell.robots, "hand": bare}), made.recording)
 
 
 def test_a_mixed_recording_is_refused():

@@ -6,11 +6,14 @@ of the data alone is 1 / v - 1 / s^2, with v its variance and s the prior's sigm
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from basecal.cell import Cell, Compliances, Finding, JointOffsets, LinkParameters
+from basecal.cell import Calibration, Cell, Compliances, Finding, JointOffsets, LinkParameters, Robot
+from basecal.errors import InputError
 from basecal.estimation.normal import linearise
-from basecal.estimation.robot_model import DEFLECTION, LINKS, OFFSETS, RobotModel
+from basecal.estimation.robot_model import DEFLECTION, LINKS, OFFSETS, Kinematics, RobotModel, downwards, nominal
 from basecal.estimation.solve import Solution
 from basecal.geometry import Array, BoolArray, IntArray
 
@@ -50,6 +53,27 @@ def deflection(solution: Solution) -> dict[str, Compliances]:
             values, covariance, seen = _by_joint(solution, name, model.elastic, compliance, *limit)
             out[model.robot] = Compliances(model.chain.joint_names, values, np.sqrt(np.diag(covariance)), seen)
     return out
+
+
+def kinematics_of(cell: Cell, calibration: Calibration) -> dict[str, Kinematics]:
+    """The kinematics that a calibration gives the robots, by robot; what is not known stands at zero."""
+    found = {*calibration.joint_offsets, *calibration.link_parameters, *calibration.deflection}
+    return {robot: _kinematics(cell.robots[robot], calibration) for robot in sorted(found & cell.robots.keys())}
+
+
+def _kinematics(robot: Robot, calibration: Calibration) -> Kinematics:
+    if robot.chain is None:
+        raise InputError(f"the calibration holds joint offsets of {robot.name!r}, which has no urdf in the cell")
+    as_stated, name = nominal(robot.chain), robot.name
+    offsets, links = calibration.joint_offsets.get(name), calibration.link_parameters.get(name)
+    bent = calibration.deflection.get(name)
+    return replace(
+        as_stated,
+        offsets=as_stated.offsets if offsets is None else np.nan_to_num(offsets.rad),
+        links=as_stated.links if links is None else links.tangents,
+        compliance=as_stated.compliance if bent is None else np.nan_to_num(bent.rad_per_nm),
+        down=None if bent is None else downwards(robot.deflection),
+    )
 
 
 def _offsets(solution: Solution, model: RobotModel) -> JointOffsets:

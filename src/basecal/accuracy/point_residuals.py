@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from basecal.accuracy.kinematics import kinematics_of
 from basecal.cell import Calibration, Cell, Recording
 from basecal.estimation.measurement import Noise, PixelMeasurement
 from basecal.estimation.normal import linearise, moved
@@ -59,7 +60,7 @@ def point_residuals(cell: Cell, recording: Recording, calibration: Calibration) 
     noise = Noise(**{field: calibration.noise[field] for field in Noise._fields if calibration.noise.get(field)})
     problem = replace(problem, columns={}, groups=tuple(groups)).with_noise(noise)
     problem = with_robot_noise(problem, _estimated(problem, calibration))
-    state = State(transforms, cameras, np.zeros((len(problem.stops), 6)))
+    state = State(transforms, cameras, np.zeros((len(problem.stops), 6)), kinematics_of(cell, calibration))
     problem, _ = choose(problem, state)
     for _ in range(_STOP_ROUNDS if len(problem.stops) else 0):
         state = moved(problem, state, linearise(problem, state), np.zeros(0))

@@ -1,7 +1,7 @@
 """Whether a robot's own kinematics are off, decided on samples that were left out.
 
-A model is taken where it predicts left-out views better than every simpler one, view by view, by three standard errors
-of the mean difference; between two and three the choice is undecided. Robots' noise is marginalised view by view.
+A model is taken where it predicts left-out stations better than every simpler one by three standard errors of the mean
+difference; between two and three the choice is undecided. Robots' noise is marginalised view by view.
 """
 
 from __future__ import annotations
@@ -10,14 +10,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.stats import norm
+from scipy.stats import t as student
 
+from basecal.accuracy.left_out import predict_left_out
 from basecal.accuracy.kinematics import joint_offsets
 from basecal.cell import Finding, Parameters
-from basecal.estimation.derivatives import by_stop_errors
 from basecal.estimation.descent import descend
 from basecal.estimation.noise import degrees_of_freedom
 from basecal.estimation.packing import free_ends, recorded_by_joints
-from basecal.estimation.problem import Problem, State, ViewGroup, chain
+from basecal.estimation.problem import Problem, State
 from basecal.estimation.robot_model import RobotModel, robot_model
 from basecal.estimation.settings import DEFAULT, Settings
 from basecal.estimation.solve import Solution, solve_from
@@ -26,11 +28,10 @@ from basecal.kinematics import SerialChain
 
 SIGMA_RAD = 0.005
 LINK_SIGMA_M, LINK_SIGMA_RAD = 1e-3, 2e-3
-_FOLDS = 5
 _FEWEST_VIEWS = 15
+_MOST_SAMPLES = 200
 _CERTAIN, _DOUBTED = 3.0, 2.0
 _WORTH_A_LOOK = 6.0  # what a parameter more lowers the cost by, in units of its expectation by chance
-_WHOLE_POSE = 1e-9
 _PARTS = (slice(0, 3), slice(3, 6))
 
 _FIXED = Parameters()
@@ -48,15 +49,15 @@ class Candidate:
         kind: `none`, `joint`, `offsets` or `links`.
         robots: The robots whose kinematics are freed.
         joint: Number of the only joint freed, from 0; None unless `kind` is `joint`.
-        costs: (n,) of every view, left out, in squared sigmas.
+        scores: (n,) of every station, left out: see `Prediction`.
         error_m: Rms distance of the predicted from the seen target [m]; None where views have no whole pose.
-        rms: Root of the mean cost per scalar residual.
+        rms: Root of the mean square of residuals over sigmas.
     """
 
     kind: str
     robots: tuple[str, ...]
     joint: int | None
-    costs: Array
+    scores: Array
     error_m: float | None
     rms: float
 
@@ -92,19 +93,28 @@ def choose_robot_model(solution: Solution, settings: Settings = DEFAULT) -> Robo
     views = sum(map(len, solution.problem.groups))
     if solution.problem.models or not chains or views < _FEWEST_VIEWS or not solution.converged:
         return None
-    every = _models(solution.problem, chains, tuple(chains), _OFFSETS, _LINKS)
-    richest = solve_from(solution.problem.with_models(every), solution.state, settings)
-    problem = solution.problem.with_noise(richest.noise.noise)
+    problem = _thinned(solution.problem)
+    every = _models(problem, chains, tuple(chains), _OFFSETS, _LINKS)
+    richest = solve_from(problem.with_models(every), solution.state, settings)
+    problem = problem.with_noise(richest.noise.noise)
     if not _worth_a_look(problem, solution, richest, settings):
         return None
     found = _candidates(problem, chains, solution.state, settings)
-    best = min(found, key=lambda each: float(each.costs.sum()))
-    behind = [_standard_errors(each.costs - best.costs) for each in found]
+    best = min(found, key=lambda each: float(each.scores.mean()))
+    behind = [_standard_errors(each.scores - best.scores) for each in found]
     place = next(k for k, errors in enumerate(behind) if errors < _CERTAIN)
     chosen = found[place]
     better = best if behind[place] > _DOUBTED else None
-    end = solve_from(problem.with_models(_of(problem, chains, chosen)), solution.state, settings)
+    whole = solution.problem.with_noise(richest.noise.noise)
+    end = solve_from(whole.with_models(_of(whole, chains, chosen)), solution.state, settings)
     return RobotModelChoice(chosen, better, tuple(found), end)
+
+
+def _thinned(problem: Problem) -> Problem:
+    """The problem with some 200 of its samples, spread evenly: they are enough to tell models apart."""
+    numbers = np.unique(np.concatenate([g.sample for g in problem.groups]))
+    kept = numbers[:: -(-len(numbers) // _MOST_SAMPLES)]
+    return problem.with_groups(g.take(np.flatnonzero(np.isin(g.sample, kept))) for g in problem.groups)
 
 
 def _chains(problem: Problem) -> dict[str, SerialChain]:
@@ -147,17 +157,17 @@ def _candidates(
     none = _tried(problem, chains, state, settings, "none", ())
     offsets = _tried(problem, chains, state, settings, "offsets", robots)
     links = _tried(problem, chains, state, settings, "links", robots)
-    least = min(offsets, links, key=lambda each: float(each.costs.sum()))
+    least = min(offsets, links, key=lambda each: float(each.scores.mean()))
     found = [none]
-    if _standard_errors(none.costs - least.costs) > _DOUBTED:
+    if _standard_errors(none.scores - least.scores) > _DOUBTED:
         for robot in robots:
             first, last = free_ends(problem, robot)
             seen = range(first, chains[robot].n - last)
             found += [_tried(problem, chains, state, settings, "joint", (robot,), joint) for joint in seen]
-        found[1:] = sorted(found[1:], key=lambda each: float(each.costs.sum()))
+        found[1:] = sorted(found[1:], key=lambda each: float(each.scores.mean()))
         if len(robots) > 1:
             alone = [_tried(problem, chains, state, settings, "offsets", (robot,)) for robot in robots]
-            found += sorted(alone, key=lambda each: float(each.costs.sum()))
+            found += sorted(alone, key=lambda each: float(each.scores.mean()))
     return [*found, offsets, links]
 
 
@@ -170,51 +180,19 @@ def _tried(
     robots: tuple[str, ...],
     joint: int | None = None,
 ) -> Candidate:
-    """A model fitted to four fifths of the views, five times, and what it predicts of the others."""
+    """A model, and how it predicts stations left out."""
     candidate = Candidate(kind, robots, joint, np.zeros(0), None, 0.0)
     modelled = problem.with_models(_of(problem, chains, candidate))
-    folds = [_left_out(modelled, state, fold, settings) for fold in range(_FOLDS)]
-    costs, off, counts = (np.concatenate([part for fold in folds for part in fold[k]]) for k in range(3))
+    scores, mean_square, off = predict_left_out(modelled, state, settings.iterations)
     error = float(np.sqrt(np.mean(off**2))) if len(off) and np.all(np.isfinite(off)) else None
-    return replace(candidate, costs=costs, error_m=error, rms=float(np.sqrt(costs.sum() / counts.sum())))
-
-
-def _left_out(
-    problem: Problem, state: State, fold: int, settings: Settings
-) -> tuple[list[Array], list[Array], list[Array]]:
-    """Costs, distances [m] and numbers of residuals of the views of a fold, by group."""
-    numbers = np.unique(np.concatenate([g.sample for g in problem.groups]))
-    out = [np.isin(g.sample, numbers[fold::_FOLDS]) for g in problem.groups]
-    kept = problem.with_groups(g.take(np.flatnonzero(~o)) for g, o in zip(problem.groups, out, strict=True))
-    end = descend(kept, state, degrees_of_freedom(kept), settings.iterations).state
-    views = [_predicted(problem, g.take(np.flatnonzero(o)), end) for g, o in zip(problem.groups, out, strict=True)]
-    return [v[0] for v in views], [v[1] for v in views], [v[2] for v in views]
-
-
-def _predicted(problem: Problem, group: ViewGroup, state: State) -> tuple[Array, Array, Array]:
-    """Cost of each view with the robots' noise marginalised, how far off the target is [m], and the residuals' number.
-
-    How far off is a Newton step of the view alone; NaN where it does not hold all six freedoms.
-    """
-    links = chain(group, state, problem.stops)
-    view = group.measurement.linearise(links.camera_from_target, state.cameras.get(group.camera), False)
-    gradient, information = view.gradient[:, :6], view.information[:, :6, :6]
-    spread = np.zeros((len(group), 6, 6))
-    for _, by_error in by_stop_errors(group, links, state, problem.stops, 6):
-        spread += by_error @ np.swapaxes(by_error, -1, -2)
-    shared = np.linalg.solve(np.eye(6) + information @ spread, gradient[..., None])[..., 0]
-    cost = view.cost - np.einsum("ni,nij,nj->n", gradient, spread, shared)
-    count = np.full(len(group), sum(group.measurement.counts().values()) / max(len(group), 1))
-    values, vectors = np.linalg.eigh(information)
-    whole = values[:, 0] > _WHOLE_POSE * values[:, -1]
-    step = np.einsum("nij,nj,nkj,nk->ni", vectors, 1 / np.where(whole[:, None], values, 1.0), vectors, gradient)
-    return cost, np.where(whole, np.linalg.norm(step[:, :3], axis=-1), np.nan), count
+    return replace(candidate, scores=scores, error_m=error, rms=float(np.sqrt(max(mean_square, 0.0))))
 
 
 def _standard_errors(difference: Array) -> float:
-    """A mean difference in standard errors; 0 where there is none."""
-    spread = float(np.std(difference, ddof=1)) / np.sqrt(len(difference))
-    return float(np.mean(difference)) / spread if spread > 0 else 0.0
+    """A mean difference in standard errors, as rare under Student's distribution as that many are under the normal."""
+    n = len(difference)
+    spread = float(np.std(difference, ddof=1)) / np.sqrt(n) if n > 1 else 0.0
+    return float(norm.isf(student.sf(np.mean(difference) / spread, n - 1))) if spread > 0 else 0.0
 
 
 def robot_model_findings(choice: RobotModelChoice | None) -> list[Finding]:

@@ -60,7 +60,7 @@ def by_robot_models(
         (group.eye, -1.0, group.eye_joints, links.target_from_eye_flange, group.eye_stop),
         (group.hand, 1.0, group.hand_joints, links.target_from_hand_flange, group.hand_stop),
     ):
-        model = problem.models.get(robot or "")
+        model = problem.modelled(robot)
         if model is None or joints is None:
             continue
         if len(stop) and stop[0] >= 0:  # the flange as modelled comes before the error of its stop

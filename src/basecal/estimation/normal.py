@@ -113,8 +113,11 @@ def moved(problem: Problem, state: State, normal: Normal, step: Array) -> State:
     robots = {
         robot: after_step(model, state.kinematics(model), {name: step[columns[name]] for name in model.widths})
         for robot, model in problem.models.items()
+        if problem.modelled(robot)
     }
-    return State(transforms, {**state.cameras, **lenses}, _stop_errors(problem, state, normal, step), robots)
+    return State(
+        transforms, {**state.cameras, **lenses}, _stop_errors(problem, state, normal, step), {**state.robots, **robots}
+    )
 
 
 def moved_lens(camera: Camera, step: Array) -> Camera:
@@ -239,7 +242,7 @@ def prior_residuals(problem: Problem, state: State) -> list[tuple[Array, Array, 
 
 def _robot_residuals(problem: Problem, state: State) -> list[tuple[Array, Array, slice]]:
     out = []
-    for model in problem.models.values():
+    for model in filter(None, map(problem.modelled, problem.models)):
         values = column_values(model, state.kinematics(model))
         for name in model.widths:
             sigma = model.sigmas[name]

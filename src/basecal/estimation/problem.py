@@ -151,6 +151,11 @@ class Problem:
         """The same unknowns with other views."""
         return replace(self, groups=tuple(groups))
 
+    def modelled(self, robot: str | None) -> RobotModel | None:
+        """The model of a robot that has columns in the step; None where it has none."""
+        model = self.models.get(robot or "")
+        return model if model is not None and all(name in self.columns for name in model.widths) else None
+
     def with_models(self, models: Mapping[str, RobotModel]) -> Problem:
         """The same with other columns of the robots' kinematics, after all others."""
         replaced = {name for model in self.models.values() for name in model.widths}

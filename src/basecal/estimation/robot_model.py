@@ -152,11 +152,15 @@ def _with_deflection(model: RobotModel, deflection: Deflection) -> RobotModel:
         raise InputError(
             f"robot {model.robot!r}: deflection needs the masses of its links: give them an <inertial> in its urdf"
         )
-    down = np.array(deflection.down) / np.linalg.norm(deflection.down)
     elastic, sigma = np.arange(model.chain.n, dtype=np.int64), None
     if deflection.status == "prior":
         sigma = _stated(deflection.sigma_rad_per_nm, model.robot, DEFLECTION)
-    return replace(model, elastic=elastic, compliance_sigma=sigma, down=down)
+    return replace(model, elastic=elastic, compliance_sigma=sigma, down=downwards(deflection))
+
+
+def downwards(deflection: Deflection) -> Array:
+    """Unit vector along gravity in the robot's base, (3,)."""
+    return np.asarray(np.array(deflection.down) / np.linalg.norm(deflection.down))
 
 
 def _stated(sigma: float | None, robot: str, what: str) -> float:

@@ -18,6 +18,7 @@ from basecal.accuracy.point_residuals import PointResiduals
 from basecal.cell import Calibration, Cell, Recording, SampleResidual
 from basecal.reporting.figures import QUANTITIES, Figure, arrow_figure, bar_figure, histogram
 from basecal.reporting.picture import picture
+from basecal.reporting.robots import robot_blocks
 from basecal.reporting.scene import Scene, scene, scene_data
 from basecal.reporting.text import (
     by_weight,
@@ -156,6 +157,7 @@ def _answer(cell: Cell, calibration: Calibration) -> dict[str, Any]:
         "lenses": [
             (name, camera.model, lens_parameters(camera, c)) for name, (camera, c) in calibration.cameras.items()
         ],
+        "robots": [(heading, "\n".join(lines)) for heading, *lines in robot_blocks(calibration)],
         "findings": by_weight(calibration.findings),
         "unseen": calibration.unseen,
         "condition": calibration.condition,

@@ -6,19 +6,11 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from basecal.cell import (
-    Calibration,
-    Cell,
-    Certificate,
-    Compliances,
-    Finding,
-    JointOffsets,
-    LinkParameters,
-    Validation,
-)
+from basecal.cell import Calibration, Cell, Certificate, Finding, Validation
 from basecal.exchange.ros2 import static_transform_publisher
 from basecal.exchange.urdf import origin_line
 from basecal.geometry import Array, Camera, PoseEstimate
+from basecal.reporting.robots import robot_blocks
 
 _INTRINSICS = ("fx", "fy", "cx", "cy")
 _DISTORTION = {"pinhole": ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"), "fisheye": ("k1", "k2", "k3", "k4")}
@@ -43,9 +35,7 @@ def text_report(cell: Cell, calibration: Calibration) -> str:
         *([*_transform(name, calibration), *_to_paste(name, cell, calibration)] for name in asked),
         *(_transform(name, calibration) for name in others),
         *(_intrinsics(name, calibration) for name in calibration.cameras),
-        *(_joint_offsets(robot, of) for robot, of in calibration.joint_offsets.items()),
-        *(_links(robot, of) for robot, of in calibration.link_parameters.items()),
-        *(_compliances(robot, of) for robot, of in calibration.deflection.items()),
+        *robot_blocks(calibration),
         list(fit_sentences(calibration)),
         list(validation_sentences(calibration)),
         [f"not used: {sentence}" for sentence in outlier_sentences(calibration)],
@@ -158,45 +148,6 @@ def lens_parameters(camera: Camera, covariance: Array) -> list[tuple[str, float,
     names = [*_INTRINSICS, *_DISTORTION[camera.model]][: len(sigmas)]
     units = ["px" if name in _INTRINSICS else "" for name in names]
     return list(zip(names, camera.parameters.tolist(), sigmas.tolist(), units, strict=True))
-
-
-def _joint_offsets(robot: str, offsets: JointOffsets) -> list[str]:
-    width = max(map(len, offsets.joints))
-    rows = zip(offsets.joints, np.degrees(offsets.rad), np.degrees(offsets.sigma_rad), offsets.seen, strict=True)
-    told = [
-        f"  {k}  {name:<{width}}  {_offset(value, sigma, seen)}" for k, (name, value, sigma, seen) in enumerate(rows, 1)
-    ]
-    return [f"joint offsets of {robot}, to be added to what it records", *told]
-
-
-def _offset(value: float, sigma: float, seen: bool) -> str:
-    if not np.isfinite(value):
-        return "      not seen"
-    return f"{round(value, 4) + 0.0:+10.4f} deg    sigma {sigma:.4f} deg{'' if seen else '    by its prior alone'}"
-
-
-def _links(robot: str, links: LinkParameters) -> list[str]:
-    told = [
-        f"  {k:<3}t {_row(tangent[:3] * 1e3, 4)} mm   r {_row(np.degrees(tangent[3:]), 4)} deg"
-        for k, tangent in enumerate(links.tangents, 1)
-    ]
-    return [f"link errors of {robot}, right tangents of each joint's origin, then of the tip", *told]
-
-
-def _compliances(robot: str, of: Compliances) -> list[str]:
-    width = max(map(len, of.joints))
-    rows = zip(of.joints, 1e6 * of.rad_per_nm, 1e6 * of.sigma, of.seen, strict=True)
-    told = [
-        f"  {k}  {name:<{width}}  {_compliance(value, sigma, seen)}"
-        for k, (name, value, sigma, seen) in enumerate(rows, 1)
-    ]
-    return [f"compliances of the joints of {robot} under the torque of gravity", *told]
-
-
-def _compliance(value: float, sigma: float, seen: bool) -> str:
-    if not np.isfinite(value):
-        return "      not seen"
-    return f"{value:+10.2f} urad/Nm    sigma {sigma:.2f} urad/Nm{'' if seen else '    by its prior alone'}"
 
 
 def fit_sentences(calibration: Calibration) -> Iterator[str]:
