@@ -13,8 +13,8 @@ import numpy as np
 from scipy.stats import norm
 from scipy.stats import t as student
 
-from basecal.accuracy.left_out import predict_left_out
 from basecal.accuracy.kinematics import joint_offsets
+from basecal.accuracy.left_out import predict_left_out
 from basecal.cell import Finding, Parameters
 from basecal.estimation.descent import descend
 from basecal.estimation.noise import degrees_of_freedom
