@@ -98,7 +98,7 @@ def recorded(
         Sample(k, float(k), {robot: RobotState(poses[k]) for robot, poses in motion.recorded.items()}, observations)
         for k, observations in enumerate(observe(motion, scene, scenario, for_noise))
     )
-    cell = told(scene, scenario, for_priors)
+    cell = told(scene, scenario, for_priors, {})
     return SimulatedCell(cell, Recording(samples), truth(scene, cell), scene.lenses, motion.true)
 
 
