@@ -178,7 +178,8 @@ def of_case(case: Case) -> tuple[dict[str, Any], list[Trial]]:
     """The verdict on the clean recording, and all mix-ups done to it."""
     found = calibrate(case.cell, case.recording)
     codes = [f.code for f in found.findings if f.severity != "info"]
-    clean = {"recording": case.name, "kind": case.kind, "verdict": found.verdict, "codes": codes}
+    clean = {"recording": case.name, "kind": case.kind, "simulated": case.kind in _KINDS}
+    clean |= {"verdict": found.verdict, "codes": codes}
     mixed = mutations(case.cell, lines_of(case.recording), case.seed)
     return clean, [trial(case, found, mutation) for mutation in mixed]
 
@@ -237,7 +238,7 @@ def main(arguments: list[str]) -> None:
     clean, trials = run([c for c in cases if asked.cells is None or c.seed % 100 < asked.cells], asked.workers)
     found = summary(trials)
     print("\n" + table(HEAD, map(told, found)))
-    of_cells = [c for c in clean if c["kind"] in _KINDS]
+    of_cells = [c for c in clean if c["simulated"]]
     bad = [c for c in of_cells if c["verdict"] != "good"]
     print(f"\nclean simulated cells not good: {len(bad)} of {len(of_cells)}; {time.perf_counter() - began:.0f} s")
     if not asked.kinds and asked.cells is None and len(asked.only) == 2:

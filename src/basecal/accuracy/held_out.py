@@ -64,9 +64,12 @@ class HeldOut:
 
 def plausible(fit: HeldOut) -> bool:
     """Whether data could have come from there: an optimum with residuals of a few sigmas or pixels, not more."""
+    return _is_near(fit) and (bool(fit.solution.noise.estimated) or ratio(fit.solution) < _PLAUSIBLE_SIGMAS)
+
+
+def _is_near(fit: HeldOut) -> bool:
+    """Whether it is an optimum with residuals of a few pixels or hundredths of a radian."""
     if not fit.solution.converged or not np.isfinite(fit.solution.cost):
-        return False
-    if not fit.solution.noise.estimated and ratio(fit.solution) > _PLAUSIBLE_SIGMAS:
         return False
     return fit.core < (PIXEL_SCALE * _PLAUSIBLE_PX if fit.in_pixels else _PLAUSIBLE_RAD)
 
@@ -118,7 +121,7 @@ def _held_out(cell: Cell, recording: Recording, settings: Settings, start: State
         solution = _concentrated(solution, settings)
         in_pixels = any(isinstance(g.measurement, PixelMeasurement) for g in problem.groups)
         fitted = np.concatenate([off_views(problem, g, solution.state) for g in problem.groups])
-        if not plausible(HeldOut(solution, fitted, in_pixels)):
+        if not _is_near(HeldOut(solution, fitted, in_pixels)):
             return HeldOut(solution, fitted, in_pixels)
         return HeldOut(solution, _predicted_off(problem, solution), in_pixels)
     except (BasecalError, np.linalg.LinAlgError):

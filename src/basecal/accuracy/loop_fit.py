@@ -24,7 +24,7 @@ from basecal.geometry.se3 import nearest_rotation
 KEPT = 0.7
 _MOST_POINTS = 16
 _SEARCHED = 16
-_TRIED, _FIRST_ROUNDS, _MORE_ROUNDS = 3, 4, 20
+_TRIED, _FIRST_ROUNDS, _MORE_ROUNDS = 6, 5, 40
 _LIGHT_STARTS = {0: 1, 1: 3, 2: 6}
 _LIGHT_STEPS = 12
 _PLAUSIBLE_SIGMAS = 4.0
