@@ -191,6 +191,8 @@ clean ones only; the ratio is that of the base's rms error over the cells, ours 
 translation and rotation. Asked over all: at most {outliers.MOST_RATIO};
 {100 * outliers.LEAST_FOUND:.0f} % found; at most
 {100 * outliers.MOST_LOST:.0f} % of the clean samples and of the clean points lost."""
+translation and rotation. Asked over all: at most {outliers.MOST_RATIO}; {100 * outliers.LEAST_FOUND:.0f} % found;
+at most {100 * outliers.MOST_LOST:.0f} % of the clean samples and of the clean points lost."""
     return f"{about}\n\n{table(outliers.HEAD, map(outliers.row, result['cases']))}"
 
 

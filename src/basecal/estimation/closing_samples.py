@@ -12,18 +12,19 @@ from basecal.geometry import Array, IntArray
 
 _FEWEST, _MOST = 0.3, 0.8
 _CLEAR_GAP = 5.0
+_FARTHEST = 1e15
 
 
 def closing_samples(problem: Problem, states: Iterable[State]) -> tuple[int, ...]:
-    """Numbers of the samples that a state explains far better than the rest, by the clearest gap of all states.
+    """Numbers of the samples that a state explains far better than the rest, by the state that explains them best.
 
-    Between the last of them and the first of the rest residuals in sigmas grow by a factor of five at least; none
+    Between the last of them and the first of the rest misfits in sigmas grow by a factor of five at least; none
     where no state shows such a gap among the middle half of the samples.
     """
-    found: tuple[float, tuple[int, ...]] = (_CLEAR_GAP, ())
+    found: tuple[float, tuple[int, ...]] = (np.inf, ())
     for state in states:
         numbers, sigmas = _by_sample(problem, state)
-        found = max(found, _parted(numbers, sigmas), key=lambda f: f[0])
+        found = min(found, _parted(numbers, sigmas), key=lambda f: f[0])
     return found[1]
 
 
@@ -39,13 +40,12 @@ def _by_sample(problem: Problem, state: State) -> tuple[IntArray, Array]:
 
 
 def _parted(numbers: IntArray, sigmas: Array) -> tuple[float, tuple[int, ...]]:
-    """The widest gap in the middle of the sorted misfits, and the samples below it."""
+    """The largest misfit before the first clear gap of the sorted ones, and the samples up to there."""
     order = np.argsort(sigmas, kind="stable")
-    ordered = np.maximum(sigmas[order], 1.0)
+    ordered = np.clip(sigmas[order], 1.0, _FARTHEST)
     first, last = int(np.ceil(_FEWEST * len(order))), int(_MOST * len(order))
-    if last <= first or not np.isfinite(ordered[first]):
-        return 1.0, ()
-    with np.errstate(invalid="ignore"):
-        gaps = np.nan_to_num(ordered[first : last + 1] / ordered[first - 1 : last], nan=1.0, posinf=1e30)
-    at = first + int(np.argmax(gaps))
-    return float(gaps.max()), tuple(sorted(int(n) for n in numbers[order[:at]]))
+    gaps = np.flatnonzero(ordered[first : last + 1] > _CLEAR_GAP * ordered[first - 1 : last])
+    if not len(gaps):
+        return np.inf, ()
+    count = first + int(gaps[0])
+    return float(ordered[count - 1]), tuple(sorted(int(n) for n in numbers[order[:count]]))

@@ -22,6 +22,7 @@ from basecal.geometry import Array, BoolArray, IntArray
 _ROUNDING = 1e-9
 _ALONE = 1.0 - 1e-4
 _OWN_POINTS = 12
+_LEAST_LEFT = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,13 +182,28 @@ def _by_own_view(rows: PointRows) -> Squares:
 
 def _studentised(residual: Array, jacobian: Array, spread: Array, seen: BoolArray) -> Squares:
     """Residuals (n, p, d) whitened by what is left of the noise about a fitted tangent of covariance (n, q, q)."""
-    share = jacobian @ spread[:, None] @ np.swapaxes(jacobian, -1, -2)
-    kept, axes = np.linalg.eigh(share)
+    n, p, d, q = jacobian.shape
+    carried = (jacobian.reshape(n, p * d, q) @ spread).reshape(jacobian.shape)
+    left = np.eye(d) - np.einsum("npiq,npjq->npij", carried, jacobian)
+    if d == 2:
+        value, certain = _by_two(residual, left)
+        if certain[seen].all():
+            return Squares(np.where(seen, value, np.nan), 2 * seen.astype(np.int64))
+    part, axes = np.linalg.eigh(left)
     along = (np.swapaxes(axes, -1, -2) @ residual[..., None])[..., 0]
-    checked = (kept < 0.999) & seen[..., None]
-    value = np.sum(np.where(checked, along**2 / np.where(checked, 1 - kept, 1.0), 0.0), -1)
+    checked = (part > _LEAST_LEFT) & seen[..., None]
+    value = np.sum(np.where(checked, along**2 / np.where(checked, part, 1.0), 0.0), -1)
     freedoms = np.count_nonzero(checked, axis=-1)
     return Squares(np.where(freedoms > 0, value, np.nan), freedoms)
+
+
+def _by_two(residual: Array, left: Array) -> tuple[Array, BoolArray]:
+    """Of pairs r: r' M^-1 r, and whether M is clear of zero; written out, since many small systems are slow."""
+    a, b, c = left[..., 0, 0], left[..., 0, 1], left[..., 1, 1]
+    x, y = residual[..., 0], residual[..., 1]
+    determinant = a * c - b * b
+    certain = np.asarray((determinant > _LEAST_LEFT) & (a > 0))
+    return (c * x * x - 2 * b * x * y + a * y * y) / np.where(certain, determinant, 1.0), certain
 
 
 def _posterior(about: Surroundings, k: int, rows: PointRows) -> Array:

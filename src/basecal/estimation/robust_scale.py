@@ -42,6 +42,10 @@ class Scale:
 
     def limit(self, freedoms: IntArray) -> Array:
         """What a clean squared deviation of so many freedoms exceeds by the chance only."""
+        table: Array = self._limits(np.arange(int(freedoms.max(initial=0)) + 1))
+        return table[freedoms]
+
+    def _limits(self, freedoms: IntArray) -> Array:
         at = np.maximum(freedoms, 1)
         if not np.isfinite(self.freedoms):
             limit: Array = self.variance * chdtri(at, self.chance)
@@ -72,7 +76,10 @@ def robust_scale(squares: list[Squares], unknowns: int, stated: bool, chance: fl
     as_stated = Scale(1.0, np.inf, np.inf, chance)
     if not len(value):
         return as_stated
-    found = _settled(value / chdtri(freedoms, 0.5), value, freedoms, unknowns, chance)
+    ratio = value / chdtri(np.arange(1, int(freedoms.max()) + 1), 0.5)[freedoms - 1]
+    if stated and np.median(ratio) < CONTRADICTED**2:
+        return as_stated
+    found = _settled(ratio, value, freedoms, unknowns, chance)
     return as_stated if stated and found.variance < CONTRADICTED**2 else found
 
 

@@ -172,7 +172,7 @@ def refined(measurement: Linearised, start: SE3, camera: Camera | None = None, i
             np.where(better[:, None, None], candidate.rotation, pose.rotation),
             np.where(better[:, None], candidate.translation, pose.translation),
         )
-        settled = np.all(~better | (view.cost - after.cost <= 1e-6 * view.cost + 1e-12))
+        settled = np.all(~better | (view.cost <= after.cost + 1e-6 * view.cost + 1e-12))
         view = type(view)(
             *(np.where(better.reshape(-1, *[1] * (a.ndim - 1)), a, b) for a, b in zip(after, view, strict=True))
         )
