@@ -15,6 +15,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from basecal.cell.calibration import (
     Calibration,
     Certificate,
+    ClosedLoop,
     Compliances,
     Finding,
     JointOffsets,
@@ -43,6 +44,7 @@ def example() -> Calibration:
     spread = np.diag([1e-6, 2e-6, 3e-6, 1e-8, 2e-8, 3e-8])
     point = np.diag([1e-6, 2e-6, 3e-6, 0, 0, 0])
     known = np.array([math.nan, 0.01]), np.array([[math.nan, math.nan], [math.nan, 4e-6]])
+    loop = ClosedLoop(("a_base", "b_base"), ("one > board", "two > tag"), 2e-3, 0.0)
     camera = Camera("pinhole", np.array([700.0, 701, 320, 240, 0.1, 0.2, 0, 0, 0]), (640, 480))
     return Calibration(
         verdict="doubtful",
@@ -60,7 +62,7 @@ def example() -> Calibration:
         order=(BASE,),
         joint_covariance=spread,
         residuals=Residuals(
-            0.2, 0.1, 4e-4, math.radians(0.05), (SampleResidual(3, "wrist", "board", 0.3, 1e-3, None),)
+            0.2, 0.1, 4e-4, math.radians(0.05), (SampleResidual(3, "wrist", "board", 0.3, 1e-3, None),), (loop,)
         ),
         outliers=(Outlier(4, "wrist", "board", (1, 2), "stray"),),
         validation=Validation("k-fold", 5, 0.3, 4e-4, math.radians(0.05), 1.1),
@@ -91,6 +93,8 @@ def test_shape() -> None:
     assert residuals["per_sample"] == [
         {"sample": 3, "camera": "wrist", "target": "board", "rms_px": 0.3, "loop_mm": 1.0, "loop_deg": None}
     ]
+    pairs = ["one > board", "two > tag"]
+    assert residuals["loops"] == [{"bases": ["a_base", "b_base"], "pairs": pairs, "loop_mm": 2.0, "loop_deg": 0.0}]
     assert data["clock_offset_s"] is None
     assert data["joint_offsets_rad"] == {"hand": [None, 0.01]}
     assert data["joint_offsets_sigma_rad"] == {"hand": [None, 0.002]}
@@ -131,6 +135,7 @@ def test_round_trip(tmp_path: Path) -> None:
     assert calibration.validation is not None
     assert calibration.validation.target_rad == pytest.approx(math.radians(0.05), rel=1e-14)
     assert calibration.residuals.per_sample == want.residuals.per_sample
+    assert calibration.residuals.loops == want.residuals.loops
     found, was = calibration.joint_offsets["hand"], want.joint_offsets["hand"]
     assert (found.joints, found.seen.tolist()) == (was.joints, was.seen.tolist())
     assert_array_equal(found.rad, was.rad)

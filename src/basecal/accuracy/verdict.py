@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from basecal.accuracy.by_shifts import calibrate_by_shifts
 from basecal.accuracy.fit import residuals
 from basecal.accuracy.kinematics import deflection, held_findings, joint_offsets, link_parameters
+from basecal.accuracy.loops import closed_loops
 from basecal.accuracy.robot_model import choose_robot_model, robot_model_findings
 from basecal.cell import Calibration, Cell, Finding, Recording, Residuals
 from basecal.cell.calibration import Severity, Verdict
@@ -50,7 +52,7 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
     if settings.method == "axis-shift":
         return calibrate_by_shifts(cell, problem, settings, findings)
     solution = solve_packed(problem, cell, settings)
-    fit = residuals(solution)
+    fit = replace(residuals(solution), loops=closed_loops(solution))
     findings += _unseen(cell, solution) + _not_converged(solution)
     findings += robot_model_findings(choose_robot_model(solution, settings))
     findings += _poor_fit(solution, fit) + _outliers(solution)

@@ -3,6 +3,7 @@
 from basecal.cell.calibration import (
     Calibration,
     Certificate,
+    ClosedLoop,
     Compliances,
     Finding,
     JointOffsets,
@@ -43,6 +44,7 @@ __all__ = [
     "CellCamera",
     "CellTarget",
     "Certificate",
+    "ClosedLoop",
     "Compliances",
     "Deflection",
     "Finding",

@@ -45,14 +45,32 @@ class SampleResidual:
 
 
 @dataclass(frozen=True)
+class ClosedLoop:
+    """What is left of the identity around a loop of bases, each relation by the views of one pair alone.
+
+    Attributes:
+        bases: One after another; the last leads back to the first.
+        pairs: `camera > target` between each and the next.
+        length_m: Of what is left [m].
+        angle_rad: Likewise [rad].
+    """
+
+    bases: tuple[str, ...]
+    pairs: tuple[str, ...]
+    length_m: float
+    angle_rad: float
+
+
+@dataclass(frozen=True)
 class Residuals:
-    """How everything fits; None where no view defines it."""
+    """How everything fits; None where no view defines it. Independent loops of bases close to `loops`."""
 
     rms_px: float | None = None
     median_px: float | None = None
     loop_rms_m: float | None = None
     loop_rms_rad: float | None = None
     per_sample: tuple[SampleResidual, ...] = ()
+    loops: tuple[ClosedLoop, ...] = ()
 
 
 @dataclass(frozen=True)

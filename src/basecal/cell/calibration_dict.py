@@ -13,6 +13,7 @@ import numpy as np
 from basecal.cell.calibration import (
     Calibration,
     Certificate,
+    ClosedLoop,
     Finding,
     Outlier,
     Residuals,
@@ -125,12 +126,23 @@ def _residuals(residuals: Residuals) -> dict[str, Any]:
         "loop_rms_mm": _scaled(residuals.loop_rms_m, _MM),
         "loop_rms_deg": _scaled(residuals.loop_rms_rad, math.degrees(1)),
         "per_sample": [_sample_residual(one) for one in residuals.per_sample],
+        "loops": [_closed_loop(one) for one in residuals.loops],
     }
 
 
 def _sample_residual(one: SampleResidual) -> dict[str, Any]:
     loop = {"loop_mm": _scaled(one.loop_m, _MM), "loop_deg": _scaled(one.loop_rad, math.degrees(1))}
     return {"sample": one.sample, "camera": one.camera, "target": one.target, "rms_px": one.rms_px, **loop}
+
+
+def _closed_loop(one: ClosedLoop) -> dict[str, Any]:
+    left = {"loop_mm": one.length_m * _MM, "loop_deg": math.degrees(one.angle_rad)}
+    return {"bases": list(one.bases), "pairs": list(one.pairs), **left}
+
+
+def _closed_loop_noun(one: Mapping[str, Any]) -> ClosedLoop:
+    length, angle = one["loop_mm"] / _MM, math.radians(one["loop_deg"])
+    return ClosedLoop(tuple(one["bases"]), tuple(one["pairs"]), length, angle)
 
 
 def _scaled(value: float | None, factor: float) -> float | None:
@@ -212,6 +224,7 @@ def _residuals_noun(data: Mapping[str, Any]) -> Residuals:
         loop_rms_m=_scaled(data["loop_rms_mm"], 1 / _MM),
         loop_rms_rad=_scaled(data["loop_rms_deg"], math.radians(1)),
         per_sample=tuple(_sample_residual_noun(one) for one in data["per_sample"]),
+        loops=tuple(_closed_loop_noun(one) for one in data.get("loops") or ()),
     )
 
 

@@ -139,6 +139,9 @@ def fit_sentences(calibration: Calibration) -> Iterator[str]:
     if residuals.loop_rms_m is not None:
         turned = "" if residuals.loop_rms_rad is None else f" and {np.degrees(residuals.loop_rms_rad):.3f} deg"
         yield f"loop closes to {residuals.loop_rms_m * 1e3:.3f} mm{turned} rms over {len(residuals.per_sample)} views"
+    for loop in residuals.loops:
+        left = f"{loop.length_m * 1e3:.3f} mm and {np.degrees(loop.angle_rad):.3f} deg"
+        yield f"around {', '.join((*loop.bases, loop.bases[0]))} by {', '.join(loop.pairs)}: closes to {left}"
     seen = [view for view in residuals.per_sample if view.rms_px is not None]
     if seen:
         worst = max(seen, key=lambda view: view.rms_px or 0.0)
