@@ -188,9 +188,6 @@ def _outliers(result: Result) -> str:
 In each of {result["cells"]} simulated cells a case 30 % of the samples, or 20 % of the points, are gross outliers: at
 least 8 sigma, whitened by the noise of pixels and robots at the true state. The oracle is the plain solver, given the
 clean ones only; the ratio is that of the base's rms error over the cells, ours to the oracle's, the larger of
-translation and rotation. Asked over all: at most {outliers.MOST_RATIO};
-{100 * outliers.LEAST_FOUND:.0f} % found; at most
-{100 * outliers.MOST_LOST:.0f} % of the clean samples and of the clean points lost."""
 translation and rotation. Asked over all: at most {outliers.MOST_RATIO}; {100 * outliers.LEAST_FOUND:.0f} % found;
 at most {100 * outliers.MOST_LOST:.0f} % of the clean samples and of the clean points lost."""
     return f"{about}\n\n{table(outliers.HEAD, map(outliers.row, result['cases']))}"

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from basecal.accuracy.kinematics import deflection, held_findings, joint_offsets, link_parameters
 from basecal.accuracy.robot_model import choose_robot_model, robot_model_findings
@@ -153,6 +154,28 @@ def test_compliances_are_found_where_gravity_shows_them():
     (first, _) = held_findings(made.cell, solution)
     assert (first.code, first.about) == ("held-by-prior", ("eye",))
     assert "compliances known by the prior alone: joints 1 (shoulder_pan)" in first.message
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("target", ["charuco", "led"])
+def test_errors_of_the_base_and_of_seen_offsets_are_as_their_covariance_says(target):
+    """Over 60 cells with stops of 0.1 mm and 0.1 mrad: chi-square of the base, and of the hand's seen offsets.
+
+    The bands hold all but one in a million of such sums.
+    """
+    scenario = replace(ARMS, target=target, robot_noise=(1e-4, 1e-4))
+    squares, freedoms = np.zeros(2), np.zeros(2)
+    for seed in range(60):
+        made = simulate(replace(scenario, joint_offset_rad=0.2 * DEGREE, joint_offsets="prior"), seed)
+        solution = solve(made.cell, made.recording)
+        base, found = solution.transforms["eye_base_from_hand_base"], joint_offsets(solution)["hand"]
+        xi = (base.mean.inverse() @ made.truth["eye_base_from_hand_base"]).log()
+        off = (found.rad - made.robots["hand"].offsets)[found.seen]
+        spread = found.covariance[np.ix_(found.seen, found.seen)]
+        squares += xi @ np.linalg.solve(base.covariance, xi), off @ np.linalg.solve(spread, off)
+        freedoms += 6, len(off)
+    assert np.all(chi2.ppf(5e-7, freedoms) < squares)
+    assert np.all(squares < chi2.isf(5e-7, freedoms))
 
 
 def test_link_parameters_come_with_sigmas_that_hold_them():

@@ -26,6 +26,8 @@ def too_few(problem: Problem) -> Finding | None:
         return _too_few_finding(f"{found} a target to a camera with every robot's pose")
     equations = np.concatenate([g.measurement.equations() for g in problem.groups])
     free = sum(w.stop - w.start for n, w in problem.columns.items() if n in problem.unknowns and _is_free(problem, n))
+    models = problem.models.values()
+    free += sum(width for m in models for name, width in m.widths.items() if m.sigmas[name] is None)
     if equations.sum() - equations.max() >= free:
         return None
     found = f"{count} samples give {int(equations.sum())} equations for {free} unknowns: none is left to check them"

@@ -1,27 +1,31 @@
 """Every closed loop of robots and cameras: how far from closing it is.
 
 Each view closes a loop through one camera and one target. Where several pairs of camera and target relate the same
-bases, directly or around a ring, each pair also says alone how its two bases stand to each other, and the product of
-these around the ring should be the identity.
+bases, directly or around a ring, each pair also says by its own views how its two bases stand to each other, its mounts
+found anew where these show them, and the product of these around the ring should be the identity.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from basecal.cell import Loop, SampleResidual
-from basecal.estimation.normal import Normal, linearise
-from basecal.estimation.problem import Problem, State, ViewGroup, chain
+from basecal.cell import Loop, SampleResidual, Unknown
+from basecal.estimation.descent import descend
+from basecal.estimation.noise import degrees_of_freedom
+from basecal.estimation.observability import seen_directions
+from basecal.estimation.problem import Problem, State, ViewGroup
 from basecal.estimation.solve import Solution
-from basecal.geometry import SE3, Array
+from basecal.geometry import SE3
+
+_STEPS = 50
 
 
 @dataclass(frozen=True, eq=False)
 class _Relation:
-    """Two bases as one pair of camera and target relates them, its mounts where the whole solution has them."""
+    """Two bases as the views of one pair of camera and target relate them, lenses and robots as in the solution."""
 
     start: str
     end: str
@@ -69,10 +73,10 @@ def _over_views(path: tuple[str, ...], pair: tuple[str, str], per_sample: Sequen
 
 def _around_rings(solution: Solution) -> list[Loop]:
     """One loop for each pair of camera and target beyond those that a tree over the bases needs."""
-    problem, state = solution.problem, solution.state
-    normal = linearise(problem, state)
-    way: dict[str, list[_Relation]] = {f"{problem.reference}_base": []}
-    waiting, found = _relations(problem, state, normal), []
+    if len(solution.problem.groups) < 2:
+        return []
+    way: dict[str, list[_Relation]] = {f"{solution.problem.reference}_base": []}
+    waiting, found = _relations(solution), []
     while waiting:
         relation = next((r for r in waiting if r.start in way or r.end in way), None)
         if relation is None:
@@ -104,20 +108,32 @@ def _closed(steps: Sequence[_Relation]) -> Loop:
     )
 
 
-def _relations(problem: Problem, state: State, normal: Normal) -> list[_Relation]:
-    """What each pair between two different bases says of them, where it says all of it."""
+def _relations(solution: Solution) -> list[_Relation]:
+    """What each pair between two different bases says of them by its own views, where it says all of it."""
     told = []
-    for group, views in zip(problem.groups, normal.views, strict=True):
-        start, end = _bases(problem, group)
-        if start == end or not len(group):
+    for group in solution.problem.groups:
+        start, end = _bases(solution.problem, group)
+        base = group.hand_base or group.eye_base
+        if start == end or base is None or not len(group):
             continue
-        by_relation = chain(group, state, problem.stops).target_from_hand_base.adjoint()
-        shift = _best_shift(by_relation, views.gradient[:, :6], views.information[:, :6, :6])
-        if shift is None:
-            continue
-        relation = _relation(group, state.transforms) @ SE3.exp(shift)
-        told.append(_Relation(start, end, (start, group.camera, group.target, end), relation, len(group)))
+        mounts = [name for name in (group.camera_mount, group.target_mount) if name in solution.problem.columns]
+        state = _alone(solution, group, base, mounts) or _alone(solution, group, base, [])
+        if state is not None:
+            path = (start, group.camera, group.target, end)
+            told.append(_Relation(start, end, path, _relation(group, state.transforms), len(group)))
     return told
+
+
+def _alone(solution: Solution, group: ViewGroup, base: str, mounts: Sequence[str]) -> State | None:
+    """The state that fits one pair best, of a base and mounts, the base's prior left out; None where it is not seen."""
+    whole = solution.problem
+    widths = {name: whole.columns[name].stop - whole.columns[name].start for name in mounts} | {base: 6}
+    ends = np.cumsum([0, *widths.values()])
+    columns = {name: slice(int(i), int(j)) for name, i, j in zip(widths, ends[:-1], ends[1:], strict=True)}
+    problem = replace(whole, groups=(group,), columns=columns, unknowns={**whole.unknowns, base: Unknown()}, models={})
+    end = descend(problem, solution.state, degrees_of_freedom(problem), _STEPS)
+    seen = seen_directions(problem, end.state, end.normal.hessian, solution.noise.factor)
+    return end.state if end.converged and base not in seen.blind else None
 
 
 def _relation(group: ViewGroup, transforms: Mapping[str, SE3]) -> SE3:
@@ -125,13 +141,3 @@ def _relation(group: ViewGroup, transforms: Mapping[str, SE3]) -> SE3:
         SE3.identity() if name is None else transforms[name] for name in (group.eye_base, group.hand_base)
     )
     return world_from_eye_base.inverse() @ world_from_hand_base
-
-
-def _best_shift(derivative: Array, gradient: Array, information: Array) -> Array | None:
-    """The tangent, (6,), that fits the views best to first order; None where they leave a direction open."""
-    moved = np.swapaxes(derivative, -1, -2)
-    hessian = (moved @ information @ derivative).sum(0)
-    if np.linalg.matrix_rank(hessian) < 6:
-        return None
-    shift: Array = -np.linalg.solve(hessian, (moved @ gradient[..., None]).sum(0)[:, 0])
-    return shift
