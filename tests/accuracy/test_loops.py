@@ -56,4 +56,5 @@ def test_a_base_that_moved_opens_the_ring():
     s = simulate(RING, seed=3)
     push = SE3(np.eye(3), np.array([5e-3, 0, 0]))
     *_, ring = calibrate(s.cell, shifted(s.recording, "r1", 30, push)).residuals.loops
-    assert ring.rms_m == pytest.approx(5e-3, rel=0.1)
+    # Each pair knows its bases to about 0.3 mm, three of them the ring to 0.5 mm: three sigmas.
+    assert ring.rms_m == pytest.approx(5e-3, abs=1.5e-3)
