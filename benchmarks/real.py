@@ -33,7 +33,6 @@ from basecal.cell import (
 from basecal.cell import target as targets
 from basecal.cell.files import read_cell, read_recording
 from basecal.errors import DatasetError
-from basecal.estimation.settings import Settings
 from basecal.exchange.assemble import recording_from_streams
 from basecal.exchange.poses import PoseStream, read_poses
 from basecal.geometry import SE3, Array
@@ -46,7 +45,6 @@ BASE = "eye_base_from_hand_base"
 PUBLISHED_UR5E_BASE = SE3.from_rotvec(np.radians([0.07, -0.24, 0.09]), [1.3254, 0.0012, -0.0031])
 CORNERS = range(24)
 STRAY_PX = 0.5
-BY_PIXELS = Settings(robot_noise="stated")
 LIGHT_NEAR_MM_DEG = 15.0, 0.5
 
 
@@ -130,17 +128,14 @@ def _without_strays(shipped: Recording, own: Recording) -> Recording:
 
 
 def ur5e_images() -> list[Figure]:
-    """The same ten views from their photographs, beside the shipped corners: all, and but for the stray ones.
-
-    Only the corners differ: pixels alone weigh, since noise of the robots would be another for each set of corners.
-    """
+    """The same ten views from their photographs, beside the shipped corners: all, and but for the stray ones."""
     cell, recording = example("ur5e_images")
     own = detect(cell, recording)
-    found = calibrate(cell, own, BY_PIXELS)[BASE].mean
+    found = calibrate(cell, own)[BASE].mean
     _, shipped = example("ur5e_dual")
     name = "UR5e, from photographs"
-    all_mm, all_deg = _off(found, calibrate(cell, shipped, BY_PIXELS)[BASE].mean)
-    near_mm, near_deg = _off(found, calibrate(cell, _without_strays(shipped, own), BY_PIXELS)[BASE].mean)
+    all_mm, all_deg = _off(found, calibrate(cell, shipped)[BASE].mean)
+    near_mm, near_deg = _off(found, calibrate(cell, _without_strays(shipped, own))[BASE].mean)
     return [
         Figure(name, "base from that of all shipped corners [mm]", all_mm, "at most", 1.0),
         Figure(name, "base from that of all shipped corners [deg]", all_deg, "at most", 0.03),
@@ -161,18 +156,17 @@ def _one_corner(sample: Sample, corner: int) -> Sample:
 def lights_off(corners: Iterable[int]) -> Array:
     """By corner: how far the base found from it alone is from that of the whole board, (n, 2) [mm, deg].
 
-    The lens is that of the whole solution; nothing else is known. NaN where the base is refused. Pixels alone weigh, of
-    the board as of a light, which cannot tell noise of the robots.
+    The lens is that of the whole solution; nothing else is known. NaN where the base is refused.
     """
     cell, recording = example("ur5e_dual")
-    whole = calibrate(cell, recording, BY_PIXELS)
+    whole = calibrate(cell, recording)
     ((name, camera),) = cell.cameras.items()
     lens = Intrinsics("fixed", whole.cameras[name][0])
     light = {"light": CellTarget("light", "hand", target=targets.led())}
     alone = replace(cell, cameras={name: replace(camera, intrinsics=lens)}, targets=light)
     out = []
     for corner in corners:
-        found = calibrate(alone, Recording(tuple(_one_corner(s, corner) for s in recording.samples)), BY_PIXELS)
+        found = calibrate(alone, Recording(tuple(_one_corner(s, corner) for s in recording.samples)))
         seen = BASE in found.transforms
         out.append(_off(found[BASE].mean, whole[BASE].mean) if seen else (np.nan, np.nan))
     return np.array(out)

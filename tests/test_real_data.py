@@ -7,7 +7,6 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from benchmarks.real import (
-    BY_PIXELS,
     CORNERS,
     EXAMPLES,
     LIGHT_NEAR_MM_DEG,
@@ -55,21 +54,20 @@ def test_two_ur5e_from_photographs() -> None:
 
 
 def test_photographs_are_explained_by_noise_of_the_robots() -> None:
-    """Detectors' sigmas of 0.04 px and robots' of some 0.2 mm and 0.8 mrad leave a reduced chi-square near 1: good.
+    """Detectors' sigmas of 0.04 px and robots' of some 0.2 mm and 0.8 mrad leave a reduced chi-square near 1.
 
-    Taken at their word, sigmas leave residuals 6.6 times what they explain.
+    Taken at their word, sigmas leave residuals 6.6 times what they explain. Ten stops are too few to estimate unasked.
     """
     cell = read_cell(EXAMPLES / "ur5e_images")
     recording = detect(cell, read_recording(EXAMPLES / "ur5e_images", cell))
-    found = calibrate(cell, recording)
-    assert found.verdict == "good"
-    sigma = found.noise["robots"]["eye"]
-    # 60 numbers of either kind and arm, 27 unknowns: the curvature gives 15 to 20 %. The data are one draw, and fixed.
-    assert sigma["sigma_t_m"] == pytest.approx([2.3e-4] * 3, rel=0.15)
-    assert sigma["sigma_r_rad"] == pytest.approx([7.7e-4] * 3, rel=0.15)
     solution = solve(cell, recording, Settings(robot_noise="estimated"))
+    sigma = solution.noise.robots["eye"]
+    # 60 numbers of either kind and arm, 27 unknowns: the curvature gives 15 to 20 %. The data are one draw, and fixed.
+    assert sigma[:3] == pytest.approx([2.3e-4] * 3, rel=0.15)
+    assert sigma[3:] == pytest.approx([7.7e-4] * 3, rel=0.15)
     assert 0.75 < solution.cost / solution.dof < 1.35
-    assert "poor-fit" in {f.code for f in calibrate(cell, recording, BY_PIXELS).findings}
+    findings = calibrate(cell, recording).findings
+    assert {"poor-fit", "noise-inseparable"} <= {f.code for f in findings}
 
 
 def test_rct() -> None:

@@ -12,7 +12,7 @@ from basecal.accuracy.blind_spots import seeing_findings
 from basecal.accuracy.by_shifts import calibrate_by_shifts
 from basecal.accuracy.conventions import mixed_up
 from basecal.accuracy.fit import residuals
-from basecal.accuracy.fit_findings import many_dropped, not_converged, poor_fit, too_few
+from basecal.accuracy.fit_findings import few_stops, many_dropped, not_converged, poor_fit, too_few
 from basecal.accuracy.kinematics import deflection, held_findings, joint_offsets, link_parameters
 from basecal.accuracy.outlier_findings import outlier_findings
 from basecal.accuracy.priors import contradicted_priors
@@ -60,9 +60,10 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
         return _refused(plain, settings, findings)
     robust = solve_robustly(problem, cell, stated, plain)
     findings += robot_model_findings(choose_robot_model(robust.solution, stated))
-    if settings.robot_noise != "stated":
+    told = few_stops(problem) if settings.robot_noise is None else []
+    if settings.robot_noise != "stated" and not told:
         robust = _with_robots_noise(robust, problem, cell, settings)
-    return _judged(cell, robust, settings, findings)
+    return _judged(cell, robust, settings, [*findings, *told])
 
 
 def _with_robots_noise(robust: RobustSolution, problem: Problem, cell: Cell, settings: Settings) -> RobustSolution:

@@ -23,7 +23,7 @@ def calibrate(
     task: tuple[float, float, float] | None = None,
     choice: Literal["nearest", "weighted"] = "nearest",
     certify: bool = False,
-    robot_noise: Literal["estimated", "stated"] = "estimated",
+    robot_noise: Literal["auto", "estimated", "stated"] = "auto",
     json: bool = False,
 ) -> int:
     """Find the transforms asked for, with their covariance.
@@ -46,16 +46,16 @@ def calibrate(
         task: Where the axis-shift method should fit best, x y z [m] in the eye robot's base.
         choice: With a task, its nearest station, or all of them weighted by distance.
         certify: Prove that no other answer fits better, or say why that cannot be proven.
-        robot_noise: Whether noise of robots that state none is estimated where the data call for it.
+        robot_noise: Whether noise of robots that state none is estimated where the data call for it: auto
+            does so from 12 stops of a robot on.
         json: Print calibration.json instead of the report.
     """
     from basecal.cell.files import calibration_to_dict, read_cell
     from basecal.estimation.settings import Settings
 
     described = read_cell(cell)
-    settings = Settings(
-        method=method, start=start, task_point=task, choice=choice, certify=certify, robot_noise=robot_noise
-    )
+    noise = None if robot_noise == "auto" else robot_noise
+    settings = Settings(method=method, start=start, task_point=task, choice=choice, certify=certify, robot_noise=noise)
     calibration = calibrate_folder(cell, described, settings)
     if json:
         print_json(calibration_to_dict(calibration))

@@ -23,7 +23,7 @@ class Settings:
         task_point: (x, y, z) [m] in the eye robot's base where the axis-shift method should fit best; None for a mean
             of all stations.
         robot_noise: `stated` (only where a robot states it) or `estimated` too, where the data call for it; None for
-            `estimated` by `calibrate`, `stated` by `solve`.
+            `stated` by `solve`, and by `calibrate` for `estimated` where robots made enough stops for it.
         choice: With a task point: the `nearest` station, or all of them `weighted` by distance.
         certify: Prove that no other state fits better, or say why that cannot be proven.
     """
