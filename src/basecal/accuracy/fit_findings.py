@@ -71,8 +71,8 @@ def few_stops(problem: Problem) -> list[Finding]:
         return []
     made = " and ".join(f"{name} made {count} stops" for name, count in few.items())
     message = (
-        f"{made}, too few to estimate noise that is not stated: the robots are taken for exact; state their noise, record "
-        f"at least {_FEWEST_STOPS} stops, or estimate it all the same (`--robot-noise estimated`)"
+        f"{made}, too few to estimate noise that is not stated: the robots are taken for exact; state their noise, "
+        f"record at least {_FEWEST_STOPS} stops, or estimate it all the same (`--robot-noise estimated`)"
     )
     return [Finding("noise-inseparable", "info", tuple(few), message)]
 
