@@ -76,6 +76,7 @@ def test_the_axis_is_named_in_the_eye_base():
     np.testing.assert_allclose(told, axis, atol=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["shifts", "scara"])
 @pytest.mark.parametrize("stated", [True, False])
 def test_noise_of_the_poses_is_no_motion(kind, stated):
@@ -114,10 +115,12 @@ def test_a_still_light_leaves_turns_open():
     assert "hand never moves in 40 samples: move it" in findings(found, "unseen-direction")
 
 
-def test_a_light_shifted_with_known_mounts_is_good():
-    """Shifts alone are enough where both mounts are known, as in the paper."""
+def test_a_light_shifted_with_known_mounts_is_seen():
+    """Shifts alone are enough where both mounts are known, as in the paper; how the still eye's pose is meant is open."""
     known = replace(SEEN["led"], camera_mount="fixed", target_mount="fixed")
-    assert calibrated(recorded(known, 3, eye=still, hand=SHIFTS)).verdict == "good"
+    found = calibrated(recorded(known, 3, eye=still, hand=SHIFTS))
+    assert BASE in found.transforms
+    assert {f.code for f in found.findings if f.severity != "info"} <= {"ambiguous-reading"}
 
 
 @pytest.mark.parametrize("axes", ["zyyy", "zyyyx"])

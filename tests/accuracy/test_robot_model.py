@@ -13,6 +13,7 @@ from basecal.accuracy.kinematics import deflection, held_findings, joint_offsets
 from basecal.accuracy.robot_model import choose_robot_model, robot_model_findings
 from basecal.accuracy.verdict import calibrate
 from basecal.estimation.robot_model import Kinematics
+from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
 from basecal.simulation import Scenario, SimulatedCell, simulate
 
@@ -54,7 +55,7 @@ def test_one_joint_that_is_off_is_named_with_its_offset():
 def test_calibrate_tells_it_and_applies_nothing():
     """The calibration is doubtful for the robot's sake, and its transforms are those of the robots as stated."""
     made = with_one_offset(2, 0.3 * DEGREE)
-    calibration = calibrate(made.cell, made.recording)
+    calibration = calibrate(made.cell, made.recording, Settings(robot_noise="stated"))
     assert calibration.verdict == "doubtful"
     assert "robot-model" in {f.code for f in calibration.findings}
     assert calibration.joint_offsets == {}

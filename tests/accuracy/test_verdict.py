@@ -9,7 +9,6 @@ import pytest
 
 from basecal.accuracy.verdict import calibrate
 from basecal.cell import Recording, RobotState
-from basecal.cell.target import charuco
 from basecal.errors import FrameNotFound
 from basecal.estimation.settings import Settings
 from basecal.geometry import SE3
@@ -66,7 +65,7 @@ def test_a_still_hand_leaves_both_mounts_seen_where_the_base_is_known():
     s = simulate(Scenario(arms="hand_still", base="fixed"), seed=0)
     calibration = calibrate(s.cell, s.recording)
     assert set(calibration.transforms) == set(s.truth)
-    assert codes(calibration) == {"ambiguous-reading"}
+    assert codes(calibration) == {"ambiguous-reading", "noise-inseparable"}
 
 
 def test_clean_cell_is_good_and_its_json_facts_are_there():
@@ -82,14 +81,15 @@ def test_clean_cell_is_good_and_its_json_facts_are_there():
     assert calibration.joint_covariance.shape == (18, 18)
 
 
-def test_wrong_board_size_makes_doubtful():
-    """Squares twice as large as stated cannot fit moving arms."""
+def test_wrong_board_size_is_named():
+    """Squares half as large as stated cannot fit moving arms: refused, and the size is named."""
     s = simulate(Scenario(), seed=0)
     board = s.cell.targets["board"]
     wrong = replace(board, target=replace(board.target, points=2 * board.target.points))
     calibration = calibrate(replace(s.cell, targets={"board": wrong}), s.recording)
-    assert calibration.verdict != "good"
-    assert "poor-fit" in codes(calibration)
+    assert calibration.verdict == "refused"
+    assert codes(calibration) == {"board-size"}
+    assert not calibration.transforms
 
 
 @pytest.mark.parametrize("arms", ["both", "stations"])
@@ -138,7 +138,6 @@ def test_noise_of_robots_that_state_none_is_in_the_answer():
     s = simulate(Scenario(robot_noise=(3e-4, 5e-4), state_robot_noise=False, samples=25), seed=0)
     found = calibrate(s.cell, s.recording)
     assert found.verdict == "good"
-    assert found.settings["robot_noise"] == "estimated"
     for robot in ("eye", "hand"):
         # Some 20 % each (test_noise_model.py): five of them.
         np.testing.assert_allclose(found.noise["robots"][robot]["sigma_t_m"], [3e-4] * 3, rtol=0.9)
@@ -152,11 +151,8 @@ def test_noise_of_robots_that_state_none_is_in_the_answer():
 
 
 def test_noise_that_no_arm_has_is_a_poor_fit():
-    """A board read five percent too large asks for robots' errors of millimetres: doubtful, and not explained away."""
-    s = simulate(Scenario(samples=15, camera_mount="fixed", target_mount="fixed"), seed=0)
-    target = s.cell.targets["board"]
-    bigger = charuco((7, 7), 0.0315, 0.0231, "DICT_4X4_50")
-    cell = replace(s.cell, targets={"board": replace(target, target=bigger)})
-    calibration = calibrate(cell, s.recording)
+    """Arms that stop anywhere within a centimetre ask for errors of millimetres: doubtful, and not explained away."""
+    s = simulate(Scenario(samples=20, robot_noise=(8e-3, 2e-3), state_robot_noise=False), seed=0)
+    calibration = calibrate(s.cell, s.recording)
     assert calibration.verdict != "good"
     assert "poor-fit" in codes(calibration)

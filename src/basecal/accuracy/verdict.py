@@ -61,7 +61,7 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
     robust = solve_robustly(problem, cell, stated, plain)
     findings += robot_model_findings(choose_robot_model(robust.solution, stated))
     told = few_stops(problem) if settings.robot_noise is None else []
-    if settings.robot_noise != "stated" and not told:
+    if settings.robot_noise != "stated" and not told and not robust.solution.seen.blind:
         robust = _with_robots_noise(robust, problem, cell, settings)
     return _judged(cell, robust, settings, [*findings, *told])
 
