@@ -143,7 +143,7 @@ def _problem(a: SE3, b: SE3, c: SE3, weight: Array, dual: bool) -> Problem:
     views = PoseMeasurement(b, weight, weight)
     hand, base = ("hand", NAMES["y"]) if dual else (None, None)
     mounts = NAMES["x"], NAMES["z"]
-    group = ViewGroup("camera", "target", "eye", hand, *mounts, None, base, rows, a, c, none, none, views)
+    group = ViewGroup("camera", "target", "eye", hand, *mounts, None, base, rows, a, c, none, none, rows, rows, views)
     names = [NAMES[name] for name in ("xyz" if dual else "xz")]
     columns = {name: slice(6 * i, 6 * i + 6) for i, name in enumerate(names)}
     return Problem("eye", (group,), {n: Unknown() for n in names}, frozenset(), {}, Stops(np.zeros((0, 6))), columns)

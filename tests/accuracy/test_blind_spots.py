@@ -116,7 +116,7 @@ def test_a_still_light_leaves_turns_open():
 
 
 def test_a_light_shifted_with_known_mounts_is_seen():
-    """Shifts alone are enough where both mounts are known, as in the paper; how the still eye's pose is meant is open."""
+    """Shifts alone are enough where both mounts are known, as in the paper; what the still eye's pose means is open."""
     known = replace(SEEN["led"], camera_mount="fixed", target_mount="fixed")
     found = calibrated(recorded(known, 3, eye=still, hand=SHIFTS))
     assert BASE in found.transforms

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from basecal.accuracy.held_out import HeldOut, held_out, in_order, plausible, ratio, thinned
+from basecal.accuracy.held_out import FOLDS, HeldOut, held_out, in_order, plausible, ratio, thinned
 from basecal.accuracy.loop_fit import LoopFit, fit_loops, sight_for, state_of, trimmed
 from basecal.accuracy.physical_sense import impossible_answer, impossible_input
 from basecal.accuracy.readings import AS_DECLARED, Reading, readings_of, streams
@@ -32,6 +32,7 @@ _SCREENED = 25
 _SOLVED = 40
 _LIGHTS_SCREENED = 14
 _FEWEST = 5
+_MARGIN = 1.25
 _ALIKE = 1.1
 _FAR_WORSE = 2.0
 # A wider model takes up some of the errors of arms and lenses: below this it is no mix-up that it found.
@@ -76,9 +77,9 @@ def mixed_up(
         one cannot be; one `ambiguous-reading` for those that explain it as well. Nothing where no reading does.
     """
     recording = in_order(recording)
-    if len(recording.samples) < _FEWEST or not problem.groups:
+    if len(recording.samples) < _FEWEST or not _can_hold_out(problem):
         return ()
-    whole = held_out(cell, thinned(recording, _SOLVED), settings, solution.state)
+    whole = _as_declared(cell, recording, settings, solution)
     if whole is None:
         return ()
     declared = _Tried(AS_DECLARED, whole, (*impossible_input(cell, recording), *impossible_answer(cell, whole)))
@@ -87,6 +88,23 @@ def mixed_up(
     # A guess or the axis-shift start belongs to the declared reading alone.
     tried = _tried(cell, recording, problem, declared, replace(settings, start="closed"))
     return _decided(cell, declared, tried)
+
+
+def _can_hold_out(problem: Problem) -> bool:
+    """Whether two of three folds still have more equations than there are unknowns, by a quarter."""
+    equations = sum(int(group.measurement.equations().sum()) for group in problem.groups)
+    return equations * (FOLDS - 1) / FOLDS > _MARGIN * problem.width
+
+
+def _as_declared(cell: Cell, recording: Recording, settings: Settings, solution: Solution) -> HeldOut | None:
+    """The fit of the declared reading; a start that misled it, such as a wrong guess, is no mix-up."""
+    few = thinned(recording, _SOLVED)
+    fit = held_out(cell, few, settings, solution.state)
+    if settings.start == "closed" or (fit is not None and plausible(fit)):
+        return fit
+    anew = held_out(cell, few, replace(settings, start="closed"))
+    found = [each for each in (fit, anew) if each is not None]
+    return min(found, key=lambda each: each.core, default=None)
 
 
 def _tried(cell: Cell, recording: Recording, problem: Problem, declared: _Tried, settings: Settings) -> list[_Tried]:
