@@ -85,6 +85,7 @@ def test_moveit() -> None:
     assert short(moveit) == []
 
 
+@pytest.mark.slow
 def test_eight_corners_as_lights() -> None:
     """Of eight corners, each alone as a light, the median and three quarters are near the whole board's base."""
     off = lights_off(np.random.default_rng(0).choice(CORNERS, 8, replace=False))

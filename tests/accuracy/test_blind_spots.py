@@ -50,7 +50,7 @@ DEGENERATE = {
 
 
 @pytest.mark.parametrize("wobble", [0.0, 1e-3])
-@pytest.mark.parametrize("target", SEEN)
+@pytest.mark.parametrize("target", [pytest.param(t, marks=[pytest.mark.slow] * (t == "led")) for t in SEEN])
 @pytest.mark.parametrize("kind", DEGENERATE)
 def test_a_hand_that_moves_too_little_is_refused(kind, target, wobble):
     """The words name the motion and what it hides; nothing hidden has a number."""
@@ -165,6 +165,7 @@ def test_poorly_known_is_doubtful():
     assert "hand never moves" in findings(found, "weak-direction")
 
 
+@pytest.mark.slow
 def test_a_recording_tells_by_itself_where_the_solver_fails():
     """An arm of which everything is free and which only shifts is named from its poses, solved or not."""
     made = recorded(Scenario(samples=20), 0, hand=SHIFTS)

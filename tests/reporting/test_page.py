@@ -223,7 +223,7 @@ def test_arrows_are_the_fit(made: tuple[Cell, Recording, Calibration]) -> None:
 
 
 @pytest.mark.parametrize("target", ["led", "points", "pose", "points3d", "chessboard"])
-@pytest.mark.parametrize("layout", ["dual", "eye_in_hand", "two_world_cameras", "chain"])
+@pytest.mark.parametrize("layout", ["dual", "eye_in_hand", pytest.param("chain", marks=pytest.mark.slow)])
 def test_every_kind_of_cell_has_a_page(target: Seen, layout: LayoutName) -> None:
     """Whatever a cell sees, its page is whole and says what its text says."""
     scenario = Scenario(samples=20, target=target, layout=layout, target_mount="fixed")
