@@ -182,8 +182,45 @@ def _searched(sight: Sight, loop: Loop, is_point: bool, closed: Triple | None) -
     return _best_refined(sight, loop, starts, is_point)
 
 
-def _light(sight: Sight, loop: Loop, is_point: bool) -> Triple:
-    """As a single light; the target's other points are placed afterwards."""
+def light_states(problem: Problem, cell: Cell, most: int) -> list[State]:
+    """Where a search for a single light ends from each of its starts, not only from the best.
+
+    Where some views are wrong the end that fits all of them best may be wrong, too.
+
+    Args:
+        problem: The problem; nothing is given unless it is of one camera that sees one light.
+        cell: What exists and what is known.
+        most: How many starts.
+    """
+    cameras, known = lenses(problem, cell), _Known(_given(problem))
+    if len(problem.groups) != 1 or problem.groups[0].target_mount not in problem.point_mounts:
+        return []
+    sight = sight_of(problem.groups[0], cameras.get(problem.groups[0].camera), *_MANY)
+    loop = _loop(sight, known)
+    as_point, light, starts = _light_search(sight, loop, most)
+    ends = [_pair_state(as_point, light, start)[0] for start in starts]
+    g = sight.group
+    names = [name for name in (g.camera_mount, g.hand_base or g.eye_base, g.target_mount) if name is not None]
+    fixed = {name: _fallback(unknown) for name, unknown in problem.unknowns.items()}
+    found = []
+    for x, y, z in ends:
+        relation = y if g.hand_base is not None else y.inverse()
+        moved = dict(zip(names, (x, relation, z) if len(names) == 3 else (x, z), strict=True))
+        found.append(State({**fixed, **moved}, cameras, np.zeros((len(problem.stops), 6))))
+    return found
+
+
+def _pair_state(sight: Sight, loop: Loop, start: Triple) -> tuple[Triple, float]:
+    """Where the pair alone ends from a start, and its cost."""
+    problem, cameras = _pair_problem(sight, loop, True)
+    state = State(dict(zip("xyz", start, strict=True)), cameras, np.zeros((0, 6)))
+    end = descend(problem, state, dof=1, iterations=_REFINE_STEPS)
+    at = end.state.transforms
+    return (at["x"], at["y"], at["z"]), end.normal.cost
+
+
+def _light_search(sight: Sight, loop: Loop, most: int) -> tuple[Sight, Loop, list[Triple]]:
+    """The views of the point that most of them see, as a light, and the most promising starts."""
     chords, point = as_light(sight.group.measurement)
     views = np.flatnonzero(chords.weight[:, point] > 0)
     few = sight.group.take(views)
@@ -192,8 +229,14 @@ def _light(sight: Sight, loop: Loop, is_point: bool) -> Triple:
     as_point = replace(sight, group=replace(few, measurement=one), weight=sight.weight[views])
     light_z = None if loop.z is None else SE3(np.eye(3), loop.z @ chords.points_in_target[point])
     light = as_point.loop(loop.x, loop.y, light_z, np.zeros(len(views), dtype=np.int64))
+    return as_point, light, light_starts(light, one.bearings_in_camera[:, 0], most)
+
+
+def _light(sight: Sight, loop: Loop, is_point: bool) -> Triple:
+    """As a single light; the target's other points are placed afterwards."""
+    chords, point = as_light(sight.group.measurement)
     turns = (loop.x is None) + (loop.y is None)
-    starts = light_starts(light, one.bearings_in_camera[:, 0], _LIGHT_STARTS[turns])
+    as_point, light, starts = _light_search(sight, loop, _LIGHT_STARTS[turns])
     x, y, at = _best_refined(as_point, light, starts, True)
     if is_point or loop.z is not None:
         shift = SE3(np.eye(3), at.translation - chords.points_in_target[point]) if is_point else loop.z

@@ -1,4 +1,4 @@
-"""States from some of the samples alone: blocks that follow one another, and random ones.
+"""States from some of the samples alone: blocks that follow one another, and random ones; of a light, from all starts.
 
 What a bumped arm spoils it spoils from then on; what a detector spoils is anywhere. Each state is drawn on to the views
 that it explains best. Source: Fischler & Bolles 1981; Rousseeuw & Van Driessen 1999 (concentration).
@@ -18,12 +18,14 @@ from basecal.estimation.deviance import Squares, misfits
 from basecal.estimation.noise import degrees_of_freedom
 from basecal.estimation.problem import Problem, State
 from basecal.estimation.readings import choose
-from basecal.estimation.starts import first_state, lenses
+from basecal.estimation.starts import first_state, lenses, light_states
 from basecal.estimation.trimming import of_samples
 from basecal.geometry import Camera, IntArray
 
 _BLOCKS = (2, 3)
 _DRAWS = 24
+_LIGHT_SEARCH = 160
+_LIGHTS_DRAWN = 60
 _SPARE = 1.3
 _CONCENTRATIONS = 3
 _CONCENTRATED = 0.5
@@ -39,11 +41,22 @@ def subset_states(problem: Problem, cell: Cell, first: State) -> Iterator[State]
     concentrated = _concentrated(problem, first)
     if concentrated is not None:
         yield concentrated
+    for light in _light_states(problem, cell):
+        concentrated = _concentrated(problem, light)
+        if concentrated is not None:
+            yield concentrated
     numbers = np.unique(np.concatenate([g.sample for g in problem.groups]))
     for few in _subsets(problem, numbers):
         state = _state_of(problem, cell, few)
         if state is not None:
             yield state
+
+
+def _light_states(problem: Problem, cell: Cell) -> list[State]:
+    """Ends of a wide search for a single light, those first that most views agree with."""
+    states = light_states(problem, cell, _LIGHT_SEARCH)
+    scored = [(score(problem, state, True), k) for k, state in enumerate(states)]
+    return [states[k] for _, k in sorted(scored)[:_LIGHTS_DRAWN]]
 
 
 def score(problem: Problem, state: State, stated: bool) -> float:
