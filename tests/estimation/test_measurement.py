@@ -15,7 +15,9 @@ from basecal.estimation.measurement import (
     PointMeasurement,
     PoseMeasurement,
 )
+from basecal.estimation.packing import pack
 from basecal.geometry import SE3, Camera
+from basecal.simulation import Scenario, simulate
 
 LENS = Camera("pinhole", np.array([900.0, 880, 640, 360, -0.1, 0.05, 1e-3, -2e-3, 0.01]), (1280, 720))
 FISHEYE = Camera("fisheye", np.array([400.0, 410, 640, 360, 0.02, -0.01, 3e-3, -1e-3]), (1280, 720))
@@ -191,3 +193,12 @@ def test_common_shift_keeps_the_gradient_that_of_the_cost():
     for k, step in enumerate(1e-6 * np.eye(6)):
         ahead, behind = (shifted.linearise(pose @ SE3.exp(s), camera, False).cost for s in (step, -step))
         np.testing.assert_allclose(view.gradient[:, k], (ahead - behind) / 4e-6, rtol=1e-4, atol=1e-3)
+
+
+def test_no_views_say_nothing():
+    """A group without views has no cost, gradients of its width, and no error."""
+    made = simulate(Scenario(samples=3), 0)
+    problem, _ = pack(made.cell, made.recording)
+    nothing = problem.groups[0].take(np.zeros(0, dtype=np.int64))
+    found = nothing.measurement.linearise(SE3.identity((0,)), made.cameras["wrist"], False)
+    assert [part.shape for part in found] == [(0,), (0, 6), (0, 6, 6)]

@@ -137,7 +137,10 @@ def _concentrated(solution: Solution, settings: Settings) -> Solution:
         if trimmed(every, 1.0) < _HEAVY_TAIL * trimmed(every):
             return solution
         limit = np.quantile(every, 0.7)
-        kept = whole.with_groups(g.take(np.flatnonzero(o <= limit)) for g, o in zip(whole.groups, off, strict=True))
+        groups = (g.take(np.flatnonzero(o <= limit)) for g, o in zip(whole.groups, off, strict=True))
+        kept = whole.with_groups(g for g in groups if len(g))
+        if not kept.groups:
+            return solution
         solution = solve_from(kept, solution.state, settings)
     return solution
 

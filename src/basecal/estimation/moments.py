@@ -47,8 +47,8 @@ def gradient_and_information(
     first = np.swapaxes(rotation, -1, -2) @ _moments(forces, of_points[:, :4])
     second = _carried(rotation) @ _moments(squares, of_points)
     n = len(rotation)
-    information = second.reshape(n, -1) @ _TO_INFORMATION
-    return first.reshape(n, -1) @ _TO_GRADIENT, information.reshape(n, 6, 6)
+    information = second.reshape(n, len(_TO_INFORMATION)) @ _TO_INFORMATION
+    return first.reshape(n, len(_TO_GRADIENT)) @ _TO_GRADIENT, information.reshape(n, 6, 6)
 
 
 def _carried(rotation: Array) -> Array:

@@ -22,6 +22,7 @@ from basecal.estimation.stations import find_stations, fused
 from basecal.geometry import SE3, Array, PoseEstimate
 
 _READINGS = 6
+_LARGEST_FACTOR = 1e30
 _SAME_COST = 1e-6
 _PLAUSIBLE_PX = 3.0
 _PLAUSIBLE_SIGMAS = 4.0
@@ -122,7 +123,7 @@ def solve_from(
         problem, end, noise, told = estimate_robot_noise(problem, end, noise, settings.iterations)
         findings = (*findings, *told)
     seen = seen_directions(problem, end.state, end.normal.hessian, noise.factor)
-    covariance = seen.inverse * noise.factor
+    covariance = seen.inverse * min(noise.factor, _LARGEST_FACTOR)
     return Solution(problem, end.state, covariance, seen, noise, end.normal.cost, dof, end.converged, findings)
 
 
