@@ -58,3 +58,17 @@ def test_a_base_that_moved_opens_the_ring():
     *_, ring = calibrate(s.cell, shifted(s.recording, "r1", 30, push)).residuals.loops
     # Each pair knows its bases to about 0.3 mm, three of them the ring to 0.5 mm: three sigmas.
     assert ring.rms_m == pytest.approx(5e-3, abs=1.5e-3)
+
+
+def test_two_cameras_on_one_arm_close_a_loop_of_two():
+    """A second camera that is the first under another name: what is left around both is nothing."""
+    s = simulate(Scenario(samples=20), seed=0)
+    twin = replace(s.cell.cameras["wrist"], name="second")
+    cell = replace(s.cell, cameras={**s.cell.cameras, "second": twin})
+    samples = [
+        replace(x, observations=(*x.observations, *(replace(o, camera="second") for o in x.observations)))
+        for x in s.recording.samples
+    ]
+    *_, ring = calibrate(cell, Recording(tuple(samples))).residuals.loops
+    assert set(ring.path) == {"eye_base", "wrist", "second", "board", "hand_base"}
+    assert ring.rms_m < 1e-8

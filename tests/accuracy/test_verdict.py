@@ -156,3 +156,15 @@ def test_noise_that_no_arm_has_is_a_poor_fit():
     calibration = calibrate(s.cell, s.recording)
     assert calibration.verdict != "good"
     assert "poor-fit" in codes(calibration)
+
+
+def test_noise_of_robots_is_not_estimated_unasked_from_few_stops():
+    """Eleven stops: the robots are taken for exact and it is said; asked for, their noise is estimated all the same."""
+    s = simulate(Scenario(robot_noise=(3e-4, 5e-4), state_robot_noise=False, samples=11), seed=0)
+    found = calibrate(s.cell, s.recording)
+    assert found.noise["robots"] == {}
+    (told,) = [f for f in found.findings if f.code == "noise-inseparable"]
+    assert told.about == ("eye", "hand")
+    assert "eye made 11 stops" in told.message
+    asked = calibrate(s.cell, s.recording, Settings(robot_noise="estimated"))
+    assert set(asked.noise["robots"]) == {"eye", "hand"}

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from benchmarks.kinds import KINDS
 from benchmarks.starts import trial
+
+from basecal.estimation.descent import descend
+from basecal.estimation.normal import linearise
+from basecal.estimation.packing import pack
+from basecal.estimation.starts import first_state, light_states
+from basecal.simulation import Scenario, simulate
 
 
 @pytest.mark.parametrize("seed", [4000, 4001])
@@ -21,3 +28,17 @@ def test_one_optimum_in_nearly_all() -> None:
     same, other = (sum(t.verdict == verdict for t in trials) for verdict in ("same", "other"))
     assert same >= 0.995 * (same + other)
     assert same + other >= 0.95 * len(trials)
+
+
+def test_every_end_of_a_search_for_a_light_is_given() -> None:
+    """The best of them is where the start without a guess ends; a board, which has a closed form, has none."""
+    made = simulate(Scenario(samples=25, target="led"), 2)
+    problem, _ = pack(made.cell, made.recording)
+    states = light_states(problem, made.cell, 60)
+    costs = np.array([linearise(problem, state).cost for state in states])
+    first = descend(problem, first_state(problem, made.cell, thorough=False), 1).normal.cost
+    best = descend(problem, states[int(np.argmin(costs))], 1).normal.cost
+    assert best == pytest.approx(first, rel=1e-6)
+    assert len(states) == 60
+    board = simulate(Scenario(samples=10), 0)
+    assert light_states(pack(board.cell, board.recording)[0], board.cell, 60) == []

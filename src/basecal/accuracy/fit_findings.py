@@ -63,7 +63,7 @@ def many_dropped(problem: Problem, findings: Sequence[Finding]) -> list[Finding]
 def few_stops(problem: Problem) -> list[Finding]:
     """What is told of robots that state no noise and made too few stops to estimate it; nothing where all made more.
 
-    From 15 boards estimated sigmas scatter by a quarter, see `benchmarks.consistency`; from fewer they are hardly known.
+    From 15 boards estimated sigmas scatter by a quarter, see `benchmarks.consistency`; from fewer they hardly count.
     """
     few = {name: stops_made(problem, name) for name in sorted(problem.unstated)}
     few = {name: count for name, count in few.items() if 1 < count < _FEWEST_STOPS}
