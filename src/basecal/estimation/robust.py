@@ -99,7 +99,7 @@ def solve_robustly(
         # States far from the truth meet points at the camera's centre; what overflows there is left out by its cost.
         with np.errstate(all="ignore"):
             ends, states = _ends(plain, whole, judgement, cell, settings)
-        best = max((e for e in ends if _is_answer(e, plain)), key=_used, default=None)
+        best = max((e for e in ends if _is_answer(e, plain)), key=lambda e: (_within_stated(e), _used(e)), default=None)
         if best is not None and not best.kept.same_as(whole):
             return _told(cell, problem, best)
         agreeing = () if best is not None else closing_samples(plain.problem, states)
@@ -159,7 +159,14 @@ def _ends(
 
 def _convincing(end: _End | None) -> bool:
     """Whether clearly most views agree, within the noise that was stated or that a detector may have."""
-    return end is not None and _share_kept(end) >= _CLEAR_SHARE and _fits(end.solution)
+    return end is not None and _share_kept(end) >= _CLEAR_SHARE and _fits(end.solution) and _within_stated(end)
+
+
+def _within_stated(end: _End) -> bool:
+    """Whether views scatter as stated where all noise is stated, that of the robots too; else anything is possible."""
+    if not is_stated(end.problem) or end.problem.unstated:
+        return True
+    return end.judgement.view_scale.variance <= CONTRADICTED**2
 
 
 def _cost(full: Problem, kept: Kept, state: State) -> float:
