@@ -7,7 +7,7 @@ by what all others predict, left out and taken back until none changes sides. So
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -38,6 +38,7 @@ _SCALE_ROUNDS = 4
 _LARGEST_UNSUSPECTED_PX = 1.0
 _LEAST_KEPT = 0.5
 _CLEAR_SHARE = 0.6
+_QUIETER = 4.0
 _PLAUSIBLE_PX = 3.0
 _PLAUSIBLE_SIGMAS = 10.0
 
@@ -99,12 +100,29 @@ def solve_robustly(
         # States far from the truth meet points at the camera's centre; what overflows there is left out by its cost.
         with np.errstate(all="ignore"):
             ends, states = _ends(plain, whole, judgement, cell, settings)
-        best = max((e for e in ends if _is_answer(e, plain)), key=lambda e: (_within_stated(e), _used(e)), default=None)
+        best = _best([e for e in ends if _is_answer(e, plain)])
         if best is not None and not best.kept.same_as(whole):
             return _told(cell, problem, best)
         agreeing = () if best is not None else closing_samples(plain.problem, states)
     nothing = plain.problem.with_groups(())
     return RobustSolution(plain, (), nothing, _sample_count(problem), _point_count(problem), agreeing)
+
+
+def _best(ends: Sequence[_End]) -> _End | None:
+    """The end that rests on most, of those whose views scatter about as little as clearly most views can.
+
+    Noise that nobody stated spreads over all views alike; what leaves most of them with a quarter of its variance is
+    no noise.
+    """
+    clear = [_spread(e) for e in ends if _share_kept(e) >= _CLEAR_SHARE]
+    limit = _QUIETER * min(clear, default=np.inf)
+    return max(ends, key=lambda e: (_spread(e) <= limit, _used(e)), default=None)
+
+
+def _spread(end: _End) -> float:
+    """Variance of whole views: over the stated one, or in pixels where none was stated."""
+    unit = 1.0 if is_stated(end.problem) else end.solution.noise.noise.pixel_px**2
+    return end.judgement.view_scale.variance * unit
 
 
 def _is_answer(end: _End, plain: Solution) -> bool:
@@ -130,6 +148,8 @@ def _implausible(plain: Solution, judgement: Judgement) -> bool:
     """Whether scales are such that gross outliers may hide in them."""
     if is_stated(plain.problem):
         return max(judgement.view_scale.variance, judgement.point_scale.variance) > CONTRADICTED**2
+    if judgement.view_scale.variance > CONTRADICTED**2:
+        return True
     return plain.noise.noise.pixel_px > _LARGEST_UNSUSPECTED_PX and "pixel_px" in plain.noise.estimated
 
 
@@ -159,13 +179,11 @@ def _ends(
 
 def _convincing(end: _End | None) -> bool:
     """Whether clearly most views agree, within the noise that was stated or that a detector may have."""
-    return end is not None and _share_kept(end) >= _CLEAR_SHARE and _fits(end.solution) and _within_stated(end)
+    return end is not None and _share_kept(end) >= _CLEAR_SHARE and _fits(end.solution) and _within_noise(end)
 
 
-def _within_stated(end: _End) -> bool:
-    """Whether views scatter as stated where all noise is stated, that of the robots too; else anything is possible."""
-    if not is_stated(end.problem) or end.problem.unstated:
-        return True
+def _within_noise(end: _End) -> bool:
+    """Whether whole views scatter no more than the noise in use explains."""
     return end.judgement.view_scale.variance <= CONTRADICTED**2
 
 
