@@ -150,6 +150,7 @@ def test_noise_of_robots_that_state_none_is_in_the_answer():
     assert off @ np.linalg.solve(base.covariance, off) < 50  # chi-square with 6 freedoms, of which 5e-9 lie beyond
 
 
+@pytest.mark.slow
 def test_noise_that_no_arm_has_is_a_poor_fit():
     """Arms that stop anywhere within a centimetre ask for errors of millimetres: doubtful, and not explained away."""
     s = simulate(Scenario(samples=20, robot_noise=(8e-3, 2e-3), state_robot_noise=False), seed=0)

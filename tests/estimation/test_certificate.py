@@ -199,6 +199,7 @@ def misled(seed: int):
     return cell, made.recording
 
 
+@pytest.mark.slow
 def test_a_better_optimum_replaces_the_one_found():
     """From guesses that lead astray the certificate comes back to the optimum, proven, and says so."""
     astray = 0

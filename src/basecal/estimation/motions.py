@@ -56,11 +56,6 @@ class Motion:
         """Whether its orientation hardly changes."""
         return bool(self.turn_rad[0] < HARDLY_RAD)
 
-    @property
-    def one_axis(self) -> bool:
-        """Whether it turns about a single axis."""
-        return not self.only_shifts and bool(self.turn_rad[1] < HARDLY_RAD)
-
 
 def motions(problem: Problem) -> dict[str, Motion]:
     """How each robot of the views moves, by name."""
