@@ -10,7 +10,7 @@ from pydantic import model_validator as checks_whole
 
 from basecal.cell.schema_lens import IntrinsicsEntry, check_lens
 from basecal.cell.schema_target import TargetEntry
-from basecal.cell.schema_values import Entry, Mount, Sigma, Sigma3, Status, UnknownEntry, Vector, empty, pair
+from basecal.cell.schema_values import Entry, ImageSize, Mount, Sigma, Sigma3, Status, UnknownEntry, Vector, empty
 
 SCHEMA = "basecal/cell/1"
 
@@ -93,7 +93,7 @@ class CameraEntry(Entry):
     on: str
     mount: Mount = UnknownEntry()
     model: Literal["pinhole", "fisheye"] = "pinhole"
-    size_px: pair(1, 100_000) | None = None  # type: ignore[valid-type]
+    size_px: ImageSize | None = None
     intrinsics: IntrinsicsEntry | None = None
 
     @checks("intrinsics")

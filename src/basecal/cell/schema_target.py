@@ -9,21 +9,22 @@ from pydantic import model_validator as checks_whole
 
 from basecal.cell.fiducials import DICTIONARIES, FAMILIES
 from basecal.cell.schema_values import (
+    MOST_POINTS,
+    Corners,
     Entry,
     Length,
     Mount,
     PointMount,
     PoseEntry,
+    Squares,
     UnknownEntry,
     Vector,
     full_pose,
     given,
-    pair,
 )
 from basecal.errors import nearest
 
 KINDS = ("points", "led", "charuco", "chessboard", "circles", "apriltag")
-_MOST = 1000
 
 
 def _known(what: str, names: tuple[str, ...]) -> AfterValidator:
@@ -72,7 +73,7 @@ class CharucoEntry(Entry):
     on: str
     mount: Mount = UnknownEntry()
     kind: Literal["charuco"]
-    squares: pair(3, _MOST)  # type: ignore[valid-type]
+    squares: Squares
     square_m: Length
     marker_m: Length
     dictionary: Annotated[str, _known("dictionary", DICTIONARIES)]
@@ -91,7 +92,7 @@ class ChessboardEntry(Entry):
     on: str
     mount: Mount = UnknownEntry()
     kind: Literal["chessboard"]
-    corners: pair(2, _MOST)  # type: ignore[valid-type]
+    corners: Corners
     square_m: Length
 
 
@@ -101,7 +102,7 @@ class CirclesEntry(Entry):
     on: str
     mount: Mount = UnknownEntry()
     kind: Literal["circles"]
-    circles: pair(2, _MOST)  # type: ignore[valid-type]
+    circles: Corners
     spacing_m: Length
     asymmetric: bool = False
 
@@ -137,7 +138,7 @@ class ApriltagEntry(Entry):
     mount: Mount = UnknownEntry()
     kind: Literal["apriltag"]
     family: Annotated[str, _known("family", (*FAMILIES, *DICTIONARIES))]
-    tags: Annotated[list[TagEntry], Field(min_length=1, max_length=_MOST), AfterValidator(_distinct)]
+    tags: Annotated[list[TagEntry], Field(min_length=1, max_length=MOST_POINTS), AfterValidator(_distinct)]
 
 
 def _kind(data: Any) -> str:

@@ -60,10 +60,12 @@ Status = Literal["fixed", "prior", "free"]
 _Row = Annotated[list[Number], Field(min_length=4, max_length=4)]
 
 
-def pair(least: int, most: int) -> Any:
-    """The type of two whole numbers within limits."""
-    side = Annotated[int, Field(ge=least, le=most)]
-    return Annotated[list[side], Field(min_length=2, max_length=2)]
+_TWO = Field(min_length=2, max_length=2)
+MOST_POINTS = 1000
+# Two whole numbers: the sides of an image [px], squares or corners along both sides of a board.
+ImageSize = Annotated[list[Annotated[int, Field(ge=1, le=100_000)]], _TWO]
+Squares = Annotated[list[Annotated[int, Field(ge=3, le=MOST_POINTS)]], _TWO]
+Corners = Annotated[list[Annotated[int, Field(ge=2, le=MOST_POINTS)]], _TWO]
 
 
 class Entry(BaseModel):
