@@ -66,6 +66,7 @@ def _joined(samples: Sequence[int], places: Mapping[str, Mapping[int, Hashable]]
     part = {number: number for number in samples}
 
     def root(number: int) -> int:
+        """The number that stands for a sample's part."""
         while part[number] != number:
             number = part[number]
         return number

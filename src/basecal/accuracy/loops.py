@@ -34,6 +34,7 @@ class _Relation:
     views: int
 
     def reversed(self) -> _Relation:
+        """The same from its other end."""
         return _Relation(self.end, self.start, self.path[::-1], self.start_from_end.inverse(), self.views)
 
 

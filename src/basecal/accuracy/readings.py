@@ -172,6 +172,7 @@ def _of_points(factor: float) -> Callable[[Cell, Recording], Told]:
 
 def _of_all(robots: list[str], factor: float) -> Callable[[Cell, Recording], Told]:
     def apply(cell: Cell, recording: Recording) -> Told:
+        """The cell and the recording so read."""
         of = rewriting.scaled(factor)
         told = rewriting.with_robots(recording, dict.fromkeys(robots, of))
         if _shows(recording, PoseObservation):
@@ -334,6 +335,7 @@ def _of_lenses(cell: Cell, recording: Recording) -> Iterator[Reading]:
 
 def _freed(name: str) -> Callable[[Cell, Recording], Told]:
     def apply(cell: Cell, recording: Recording) -> Told:
+        """The cell and the recording so read."""
         camera = cell.cameras[name]
         assert camera.intrinsics is not None
         freed = replace(camera, intrinsics=replace(camera.intrinsics, status="free"))

@@ -53,6 +53,7 @@ def with_joints(recording: Recording, robot: str, factor: float) -> Recording:
     """The recording with a robot's joints times `factor`."""
 
     def of(state: RobotState) -> RobotState:
+        """A state with its joints, where it has some, times the factor."""
         return state if state.joints_rad is None else RobotState(joints_rad=state.joints_rad * factor)
 
     samples = (

@@ -129,6 +129,7 @@ def _half_turn(recording: Recording, name: str, turn: SE3, rows: list[int], mask
     chosen = set(numbers)
 
     def apply(cell: Cell, told: Recording) -> Told:
+        """The chosen samples read from the target's other end."""
         samples = [
             replace(s, observations=tuple(_turned(o, name, turn) for o in s.observations)) if s.sample in chosen else s
             for s in told.samples

@@ -29,6 +29,7 @@ KINDS = ("points", "led", "charuco", "chessboard", "circles", "apriltag")
 
 def _known(what: str, names: tuple[str, ...]) -> AfterValidator:
     def check(name: str) -> str:
+        """The name, if it is known."""
         if name not in names:
             raise ValueError(f"no {what} {name[:60]!r}{nearest(name[:60], names)}; there are: {', '.join(names)}")
         return name

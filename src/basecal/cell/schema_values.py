@@ -24,6 +24,7 @@ def _sigmas(count: int | None) -> Callable[[Any], list[float]]:
     """A check of one positive number or `count` of them (any number where None)."""
 
     def check(value: Any) -> list[float]:
+        """The numbers as a list."""
         single = not isinstance(value, list)
         values = [value] * (count or 1) if single else value
         if count not in (None, len(values)) or not values or not all(map(_is_sigma, values)):

@@ -144,6 +144,7 @@ def translations(loop: Loop, found: Rotations) -> tuple[SE3, SE3, SE3]:
     at = {name: solution[3 * i : 3 * i + 3] for i, name in enumerate(free)}
 
     def whole(name: str, rotation: Array) -> SE3:
+        """What was known, or the rotation with its translation."""
         value = known[name]
         return SE3(rotation.copy(), np.array(at[name], dtype=np.float64)) if value is None else value
 

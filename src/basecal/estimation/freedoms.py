@@ -61,6 +61,7 @@ def _slopes(evidence: Evidence, found: Components, where: slice) -> Array:
     """Derivatives of the whitened covariance of an unknown to the logarithms of the sigmas, (k, m, m)."""
 
     def covariance(logs: Array) -> Array:
+        """Of the unknown, at these logarithms of the sigmas, (m, m)."""
         whole = np.linalg.inv(information_of(evidence, found.model, logs))
         return np.asarray(whole[where, where], dtype=np.float64)
 

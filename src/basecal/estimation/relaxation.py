@@ -150,6 +150,7 @@ def _vanishing(count: int) -> Operator:
     members = np.maximum(np.bincount(flat), 1)
 
     def projected(matrix: Array) -> Array:
+        """A matrix less its mean over the exchanges."""
         mean: Array = matrix - (np.bincount(flat, matrix.ravel()) / members)[flat].reshape(shape)
         return mean
 
@@ -193,6 +194,7 @@ def _newton(inverse: Array, pull: float, project: Operator) -> tuple[Array, floa
     force = float(np.trace(inverse)) - pull
 
     def hessian(step: Array) -> Array:
+        """The barrier's second derivative along a step."""
         return project(inverse @ step @ inverse) - across * (float(np.vdot(across, step)) / curvature)
 
     step = _solved(hessian, project(inverse) + across * (force / curvature))

@@ -50,6 +50,7 @@ def _highest_stand(problem: Problem, robot: str) -> int:
 
 def _renumbered(group: ViewGroup, renumbered: IntArray, first: Mapping[str, int]) -> ViewGroup:
     def rows(robot: str | None, stop: IntArray, stand: IntArray) -> IntArray:
+        """Rows of the stops' errors of a robot's views."""
         if robot is not None and robot in first:
             return stand + first[robot]
         return np.append(renumbered, -1)[stop]

@@ -86,6 +86,7 @@ def rotations_of(loop: Loop, factors: Factors) -> Rotations:
     found = dict(zip(loop.unknown, factors, strict=True))
 
     def rotation(name: str) -> Array:
+        """As known, or of its factor, (3, 3)."""
         known: SE3 | None = getattr(loop, name)
         if known is not None:
             return known.rotation

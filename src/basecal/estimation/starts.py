@@ -44,6 +44,7 @@ class _Known:
     relations: dict[tuple[str | None, str | None], SE3] = field(default_factory=dict)
 
     def base(self, name: str | None) -> SE3 | None:
+        """Where a base stands in the world, if it is known; the reference has no name."""
         return SE3.identity() if name is None else self.transforms.get(name)
 
     def relation(self, eye_base: str | None, hand_base: str | None) -> SE3 | None:
@@ -54,6 +55,7 @@ class _Known:
         return self.relations.get((eye_base, hand_base))
 
     def add_relation(self, eye_base: str | None, hand_base: str | None, relation: SE3) -> None:
+        """Add `eye_base_from_hand_base`, and place every base that it leads to."""
         self.relations[eye_base, hand_base] = relation
         for _ in self.relations:
             for (a, b), a_from_b in self.relations.items():

@@ -76,6 +76,7 @@ class _Held:
     prior: Prior
 
     def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
+        """What each view says, its prior included; see `Measurement`."""
         view = self.measurement.linearise(camera_from_target, camera, lens)
         tension, force = self.prior.tension(camera_from_target)
         return ViewInformation(view.cost + tension, view.gradient + force, view.information + self.prior.information)

@@ -146,6 +146,7 @@ class _Refined:
     information: Array
 
     def of(self, views: slice) -> _Refined:
+        """The views of a slice."""
         return _Refined(self.camera_from_target[views], self.cost[views], self.information[views])
 
 

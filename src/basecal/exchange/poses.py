@@ -140,6 +140,7 @@ def _from_csv(path: str) -> PoseStream:
     table = read_columns(path, _ALIASES)
 
     def where(i: int) -> tuple[int | None, str | None]:
+        """Line and field of a row, for errors."""
         return table.lines[i], None
 
     if all(column in table.values for column in _QUATERNION):

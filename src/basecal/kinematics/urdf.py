@@ -31,6 +31,7 @@ class _Joint:
     child: str
 
     def error(self, part: str, message: str) -> DatasetError:
+        """An error that names the file and the joint."""
         return DatasetError(self.path, message, field=f"joint {self.name!r} {part}".rstrip())
 
 

@@ -31,13 +31,16 @@ class _Axis:
 
     @classmethod
     def over(cls, values: Sequence[float], start: float, end: float) -> _Axis:
+        """The axis that holds these values."""
         return cls(float(np.log10(min(values))) - 0.08, float(np.log10(max(values))) + 0.08, start, end)
 
     def at(self, value: float) -> float:
+        """Where a value stands on the drawing."""
         share = (float(np.log10(value)) - self.low) / (self.high - self.low)
         return self.start + share * (self.end - self.start)
 
     def ticks(self) -> list[float]:
+        """The 1, 2 and 5 of every decade in range."""
         decades = range(int(np.floor(self.low)), int(np.ceil(self.high)) + 1)
         every = [m * 10.0**d for d in decades for m in (1, 2, 5)]
         return [t for t in every if self.low <= np.log10(t) <= self.high]

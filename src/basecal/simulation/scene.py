@@ -120,6 +120,7 @@ def _place(
     fixed: dict[str, SE3] = {}
 
     def placed(name: str) -> SE3 | None:
+        """Where a camera or a target stands, if that is known yet."""
         carrier = scene.layout.carrier(name)
         return flanges[carrier] @ scene.mounts[name] if carrier in flanges else fixed.get(name)
 
