@@ -21,7 +21,7 @@ from tests.motion_cells import (
     wobbling,
 )
 
-from basecal.estimation.motions import loose_directions, motions, untold
+from basecal.estimation.motions import HARDLY_RAD, loose_directions, motions, untold
 from basecal.estimation.normal import linearise
 from basecal.estimation.packing import pack
 from basecal.estimation.problem import State
@@ -62,7 +62,11 @@ def test_axis_and_extent_are_those_of_the_motion():
     assert hand["planar"].turn_rad[1] < 1e-9
     assert [kind for kind in MOVES if hand[kind].is_still] == ["still"]
     assert [kind for kind in MOVES if hand[kind].only_shifts] == ["shifts", "still"]
-    assert [kind for kind in MOVES if hand[kind].one_axis] == ["one line", "planar", "one axis"]
+    assert [kind for kind in MOVES if hand[kind].turn_rad[1] < HARDLY_RAD < hand[kind].turn_rad[0]] == [
+        "one line",
+        "planar",
+        "one axis",
+    ]
     assert (hand["still"].orientations, hand["general"].orientations) == (1, 3)
 
 
