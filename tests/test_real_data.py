@@ -43,6 +43,7 @@ def test_two_ur5e() -> None:
     assert short(ur5e) == []
 
 
+@pytest.mark.slow
 def test_two_ur5e_from_photographs() -> None:
     """Corners found in the photographs put the base within 1 mm and 0.03 deg of the shipped ones, strays left out.
 
@@ -53,6 +54,7 @@ def test_two_ur5e_from_photographs() -> None:
     assert all(figure.measured < 2 * figure.required for figure in measured)
 
 
+@pytest.mark.slow
 def test_photographs_are_explained_by_noise_of_the_robots() -> None:
     """Detectors' sigmas of 0.04 px and robots' of some 0.2 mm and 0.8 mrad leave a reduced chi-square near 1.
 

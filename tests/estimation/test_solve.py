@@ -24,7 +24,7 @@ AGAINST_ORACLE = {
     "light with priors": Scenario(
         samples=8, target="led", camera_mount="prior", target_mount="prior", base="prior", robot_noise=NOISY
     ),
-    "poses": Scenario(samples=8, target="pose", robot_noise=NOISY),
+    "poses": Scenario(samples=6, target="pose", robot_noise=NOISY),
     "camera on world": Scenario(samples=6, target="points", layout="eye_to_hand", robot_noise=NOISY),
 }
 

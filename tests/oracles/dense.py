@@ -6,24 +6,19 @@ Derivatives are numeric, the system is dense, the loop is SciPy's.
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import expm, logm
 from scipy.optimize import least_squares
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from basecal.cell import Cell, PixelObservation, PoseObservation, Recording
 
 
 def matrix_of(xi):
-    v, w = xi[:3], xi[3:]
-    m = np.zeros((4, 4))
-    m[:3, :3] = [[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]]
-    m[:3, 3] = v
-    return expm(m)
+    return RigidTransform.from_exp_coords(np.concatenate([xi[3:], xi[:3]])).as_matrix()
 
 
 def tangent_of(matrix):
-    m = np.real(logm(matrix))
-    return np.array([*m[:3, 3], m[2, 1], m[0, 2], m[1, 0]])
+    turn_shift = RigidTransform.from_matrix(matrix).as_exp_coords()
+    return np.concatenate([turn_shift[3:], turn_shift[:3]])
 
 
 class DenseProblem:
