@@ -7,7 +7,7 @@ cells are each refined. Everything is deterministic.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -18,6 +18,7 @@ from basecal.estimation.descent import descend
 from basecal.estimation.lens_start import lens_from_views
 from basecal.estimation.measurement import PixelMeasurement
 from basecal.estimation.problem import Problem, State, Stops
+from basecal.estimation.reweighting import heavy_tailed
 from basecal.estimation.rotation_search import light_starts, pose_starts
 from basecal.estimation.sight import Sight, aligned, as_light, sight_of
 from basecal.geometry import SE3, Camera, IntArray
@@ -184,10 +185,10 @@ def _searched(sight: Sight, loop: Loop, is_point: bool, closed: Triple | None) -
     return _best_refined(sight, loop, starts, is_point)
 
 
-def light_states(problem: Problem, cell: Cell, most: int) -> list[State]:
-    """Where a search for a single light ends from each of its starts, not only from the best.
+def light_states(problem: Problem, cell: Cell, most: int) -> Iterator[State]:
+    """Where a search for a single light ends from each of its starts, by weights that leave out what is far off.
 
-    Where some views are wrong the end that fits all of them best may be wrong, too.
+    The end that fits all views best may be wrong where some of the views are.
 
     Args:
         problem: The problem; nothing is given unless it is of one camera that sees one light.
@@ -196,29 +197,20 @@ def light_states(problem: Problem, cell: Cell, most: int) -> list[State]:
     """
     cameras, known = lenses(problem, cell), _Known(_given(problem))
     if len(problem.groups) != 1 or problem.groups[0].target_mount not in problem.point_mounts:
-        return []
+        return
     sight = sight_of(problem.groups[0], cameras.get(problem.groups[0].camera), *_MANY)
-    loop = _loop(sight, known)
-    as_point, light, starts = _light_search(sight, loop, most)
-    ends = [_pair_state(as_point, light, start)[0] for start in starts]
+    as_point, light, starts = _light_search(sight, _loop(sight, known), most)
     g = sight.group
     names = [name for name in (g.camera_mount, g.hand_base or g.eye_base, g.target_mount) if name is not None]
     fixed = {name: _fallback(unknown) for name, unknown in problem.unknowns.items()}
-    found = []
-    for x, y, z in ends:
+    pair, lens = _pair_problem(as_point, light, True)
+    for start in starts:
+        state = State(dict(zip("xyz", start, strict=True)), lens, np.zeros((0, 6)))
+        end = heavy_tailed(pair, state)
+        x, y, z = (end.transforms[name] for name in "xyz")
         relation = y if g.hand_base is not None else y.inverse()
         moved = dict(zip(names, (x, relation, z) if len(names) == 3 else (x, z), strict=True))
-        found.append(State({**fixed, **moved}, cameras, np.zeros((len(problem.stops), 6))))
-    return found
-
-
-def _pair_state(sight: Sight, loop: Loop, start: Triple) -> tuple[Triple, float]:
-    """Where the pair alone ends from a start, and its cost."""
-    problem, cameras = _pair_problem(sight, loop, True)
-    state = State(dict(zip("xyz", start, strict=True)), cameras, np.zeros((0, 6)))
-    end = descend(problem, state, dof=1, iterations=_REFINE_STEPS)
-    at = end.state.transforms
-    return (at["x"], at["y"], at["z"]), end.normal.cost
+        yield State({**fixed, **moved}, cameras, np.zeros((len(problem.stops), 6)))
 
 
 def _light_search(sight: Sight, loop: Loop, most: int) -> tuple[Sight, Loop, list[Triple]]:

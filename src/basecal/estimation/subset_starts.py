@@ -24,8 +24,7 @@ from basecal.geometry import Camera, IntArray
 
 _BLOCKS = (2, 3)
 _DRAWS = 24
-_LIGHT_SEARCH = 160
-_LIGHTS_DRAWN = 60
+_LIGHT_STARTS = 40
 _SPARE = 1.3
 _CONCENTRATIONS = 3
 _CONCENTRATED = 0.5
@@ -41,22 +40,12 @@ def subset_states(problem: Problem, cell: Cell, first: State) -> Iterator[State]
     concentrated = _concentrated(problem, first)
     if concentrated is not None:
         yield concentrated
-    for light in _light_states(problem, cell):
-        concentrated = _concentrated(problem, light)
-        if concentrated is not None:
-            yield concentrated
+    yield from light_states(problem, cell, _LIGHT_STARTS)
     numbers = np.unique(np.concatenate([g.sample for g in problem.groups]))
     for few in _subsets(problem, numbers):
         state = _state_of(problem, cell, few)
         if state is not None:
             yield state
-
-
-def _light_states(problem: Problem, cell: Cell) -> list[State]:
-    """Ends of a wide search for a single light, those first that most views agree with."""
-    states = light_states(problem, cell, _LIGHT_SEARCH)
-    scored = [(score(problem, state, True), k) for k, state in enumerate(states)]
-    return [states[k] for _, k in sorted(scored)[:_LIGHTS_DRAWN]]
 
 
 def score(problem: Problem, state: State, stated: bool) -> float:
