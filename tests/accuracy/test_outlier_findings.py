@@ -47,6 +47,29 @@ def test_bumped_samples_are_told_and_make_doubtful():
     assert found.residuals.per_sample[5].rms_px > 5
 
 
+@pytest.mark.parametrize(("count", "words"), [(17, "after sample 16"), (13, "before sample 13")])
+def test_a_base_that_was_moved_meanwhile_is_told(count, words):
+    """With 13 of 30 samples on the other side of the move: these are left out, and the words say when and what."""
+    s = simulate(Scenario(robot_noise=(3e-4, 5e-4)), seed=0)
+    moved = SE3.exp([0.02, -0.01, 0.0, 0.0, 0.01, 0.02])
+    samples = tuple(x if x.sample < count else _from(moved, x) for x in s.recording.samples)
+    found = calibrate(s.cell, Recording(samples))
+    assert found.verdict == "doubtful"
+    (finding,) = [f for f in found.findings if f.code == "outlier-samples"]
+    assert len(finding.about) == 13
+    assert words in finding.message
+    base = found["eye_base_from_hand_base"]
+    truth = s.truth["eye_base_from_hand_base"] @ (SE3.identity() if count == 17 else moved.inverse())
+    off = (base.mean.inverse() @ truth).log()
+    assert off @ np.linalg.solve(base.covariance, off) < 50  # chi-square with 6 freedoms, of which 5e-9 lie beyond
+
+
+def _from(moved: SE3, sample: Sample) -> Sample:
+    """The sample as the hand records it after its base was moved."""
+    state = RobotState(moved @ sample.robots["hand"].base_from_flange)
+    return replace(sample, robots={**sample.robots, "hand": state})
+
+
 def test_a_few_stray_points_are_told_and_leave_it_good():
     """Two of 1,080 corners: an info that names their samples."""
     s = simulate(Scenario(), seed=0)

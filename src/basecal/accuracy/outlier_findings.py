@@ -17,6 +17,7 @@ _FEW_SAMPLES = 0.03
 _FEW_POINTS = 0.1
 _OUTLIER_SIGMAS = 6.0
 _SHOWN = 10
+_FEWEST_MOVED = 3
 
 
 def outlier_findings(robust: RobustSolution) -> list[Finding]:
@@ -32,13 +33,30 @@ def _samples(outliers: Sequence[Outlier], robust: RobustSolution) -> list[Findin
         return []
     message = (
         f"{_listed(numbers)} {_of(len(numbers), robust.samples)} left out, since what {_they(numbers)} "
-        f"does not agree with the others; {_example(outliers)}; look at {_it(numbers)}, and record with arms at rest"
+        f"does not agree with the others; {_example(outliers)}; {_moved(numbers, robust) or _look(numbers)}"
     )
     return [
         Finding(
             "outlier-samples", _severity(len(numbers), robust.samples, _FEW_SAMPLES), tuple(map(str, numbers)), message
         )
     ]
+
+
+def _look(numbers: Sequence[int]) -> str:
+    return f"look at {_it(numbers)}, and record with arms at rest"
+
+
+def _moved(numbers: Sequence[int], robust: RobustSolution) -> str:
+    """What it means that all from one sample on, or all up to one, were left out; nothing where they are others."""
+    kept = [int(number) for group in robust.solution.problem.groups for number in group.sample]
+    if len(numbers) < _FEWEST_MOVED or not kept:
+        return ""
+    first, last = min(kept), max(kept)
+    if numbers[0] > last:
+        return f"after sample {last} a base, a mount or the target was moved and stayed so: the answer is of before"
+    if numbers[-1] < first:
+        return f"before sample {first} a base, a mount or the target stood elsewhere: the answer is of after"
+    return ""
 
 
 def _points(outliers: Sequence[Outlier], robust: RobustSolution) -> list[Finding]:

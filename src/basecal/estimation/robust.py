@@ -112,11 +112,11 @@ def _best(ends: Sequence[_End]) -> _End | None:
     """The end that rests on most, of those whose views scatter about as little as clearly most views can.
 
     Noise that nobody stated spreads over all views alike; what leaves most of them with a quarter of its variance is
-    no noise.
+    no noise. Where all noise is stated, what keeps within it goes before what does not.
     """
     clear = [_spread(e) for e in ends if _share_kept(e) >= _CLEAR_SHARE]
     limit = _QUIETER * min(clear, default=np.inf)
-    return max(ends, key=lambda e: (_spread(e) <= limit, _used(e)), default=None)
+    return max(ends, key=lambda e: (_within_stated(e), _spread(e) <= limit, _used(e)), default=None)
 
 
 def _spread(end: _End) -> float:
@@ -185,6 +185,11 @@ def _convincing(end: _End | None) -> bool:
 def _within_noise(end: _End) -> bool:
     """Whether whole views scatter no more than the noise in use explains."""
     return end.judgement.view_scale.variance <= CONTRADICTED**2
+
+
+def _within_stated(end: _End) -> bool:
+    """Whether they do, and that noise is stated, of the robots too; else other noise would explain other ends."""
+    return is_stated(end.problem) and not end.problem.unstated and _within_noise(end)
 
 
 def _cost(full: Problem, kept: Kept, state: State) -> float:
