@@ -26,6 +26,8 @@ from basecal.estimation.view_pose import refined
 from basecal.geometry import BoolArray, Camera, IntArray
 
 CHANCE_OF_VIEW = 1e-4
+_CHANCE_AMONG_OUTLIERS = 1e-3
+_MANY_OUT = 0.1
 CHANCE_OF_POINT = 1e-6
 _LEAST_SHARE = 0.5
 _LEAST_STRAYED = 0.25
@@ -58,9 +60,15 @@ def is_stated(problem: Problem) -> bool:
     return all(field == "stated" or not count for field, count in residual_counts(problem).items())
 
 
-def view_scale(problem: Problem, squares: Sequence[Squares]) -> Scale:
+def view_scale(problem: Problem, squares: Sequence[Squares], chance: float = CHANCE_OF_VIEW) -> Scale:
     """The scale of views' deviations."""
-    return robust_scale(list(squares), problem.width, is_stated(problem), CHANCE_OF_VIEW)
+    return robust_scale(list(squares), problem.width, is_stated(problem), chance)
+
+
+def _chance(kept: Kept) -> float:
+    """How often a clean view may go: more often where many are out, and what is far off is likelier one more."""
+    views = np.concatenate(kept.views)
+    return _CHANCE_AMONG_OUTLIERS if len(views) and views.mean() < 1 - _MANY_OUT else CHANCE_OF_VIEW
 
 
 def judge(problem: Problem, state: State, kept: Kept) -> Judgement:
@@ -73,7 +81,7 @@ def judge(problem: Problem, state: State, kept: Kept) -> Judgement:
     """
     about = surroundings(without_points(problem, kept.points), state, kept.weights)
     views, stops, points = view_squares(about), stop_squares(about), point_squares(about)
-    scale = view_scale(problem, [_of(s, v) for s, v in zip(views, kept.views, strict=True)])
+    scale = view_scale(problem, [_of(s, v) for s, v in zip(views, kept.views, strict=True)], _chance(kept))
     own = [judged_by_view(g.measurement) for g in about.problem.groups]
     by_view = _point_scale(problem, points, kept, own)
     by_state = _point_scale(problem, points, kept, [~o for o in own])
