@@ -15,6 +15,7 @@ from basecal.estimation.problem import Problem, State
 from basecal.geometry import Array
 
 _SETTLED_SIGMAS = 1e-5
+_STRAIGHT_SIGMAS = 1e-3
 _SMALLEST_STEP = 1e-13
 _FIRST_DAMPING = 1e-9
 _UNDAMPED = 1e-3
@@ -38,7 +39,8 @@ def descend(
     """The optimum downhill of `state`.
 
     It has converged when what is left after a step, by the rate at which steps shrink, is below 1e-5 of the sigmas
-    that the data have left, or below 1e-13 [m, rad]. The problem is given as it stands before that step.
+    that the data have left, or below 1e-13 [m, rad]; where stops have errors, which no step shows, the step before must
+    have lowered the cost as predicted besides, to 1e-3 of a sigma. The problem is given as it stands before that step.
 
     Args:
         problem: The problem.
@@ -49,18 +51,22 @@ def descend(
     """
     normal = linearise(problem, state, weights)
     damping, growth, before = _FIRST_DAMPING, 2.0, 0.0
+    has_stops = len(problem.stops) > 0
+    bent = np.inf if has_stops else 0.0
     for k in range(iterations):
         scale = normal.cost / max(dof, 1) if np.isfinite(normal.cost) else 1.0
         step = _step(normal, damping)
         expected = float(step @ (normal.hessian @ step))
         left = expected * min(1.0, expected / before) if before > 0 and damping <= _UNDAMPED else expected
-        settled = left <= _SETTLED_SIGMAS**2 * scale or float(np.abs(step).max(initial=0.0)) < _SMALLEST_STEP
+        near = left <= _SETTLED_SIGMAS**2 * scale and bent <= _STRAIGHT_SIGMAS**2 * scale
+        settled = near or float(np.abs(step).max(initial=0.0)) < _SMALLEST_STEP
         candidate = moved(problem, state, normal, step)
         if settled and damping <= _UNDAMPED:
             return Descent(candidate, replace(normal, cost=max(normal.cost - expected, 0.0)), True, k + 1)
         after = _linearised(problem, candidate, weights)
         if after is not None and after.cost <= normal.cost * (1 + 1e-12):
             gain = float(np.clip((normal.cost - after.cost) / max(expected, 1e-300), -_LARGEST_GAIN, _LARGEST_GAIN))
+            bent = abs(normal.cost - expected - after.cost) if has_stops else 0.0
             state, normal, before = candidate, after, max(expected, 1e-300)
             damping, growth = max(damping * max(0.1, 1 - (2 * gain - 1) ** 3), _FIRST_DAMPING), 2.0
         elif settled:
