@@ -48,6 +48,17 @@ def test_the_end_is_an_optimum():
     assert at_end.cost == pytest.approx(end.normal.cost, rel=1e-9)
 
 
+@pytest.mark.parametrize("seed", [1, 3])
+def test_the_end_does_not_depend_on_errors_of_stops_at_the_start(seed):
+    """From its own end, the stops' errors forgotten: the same cost, though hardly anything else moves at first."""
+    noise = (2e-3, 0.03)
+    scenario = Scenario(layout="eye_to_hand", target="pose", spread_rad=0.6, pose_noise=noise, robot_noise=noise)
+    problem, start = problem_and_start(scenario, 1e-3, seed)
+    end = descend(problem, start, 100)
+    again = descend(problem, replace(end.state, stop_errors=np.zeros_like(end.state.stop_errors)), 100)
+    assert again.normal.cost == pytest.approx(end.normal.cost, rel=1e-8)
+
+
 def test_information_without_rank_is_no_error():
     """Both arms still: most directions are not seen, and the descent still ends, with finite transforms."""
     problem, start = problem_and_start(Scenario(samples=6, arms="eye_still", target="points"), 1e-3)
