@@ -25,12 +25,13 @@ class _Cost(pyceres.CostFunction):
         self.set_num_residuals(count)
         self.set_parameter_block_sizes([width])
 
-    def Evaluate(self, parameters, residuals, jacobians) -> bool:  # type: ignore[no-untyped-def]
+    def Evaluate(self, parameters: list[Array], residuals: Array, jacobians: list[Array | None] | None) -> bool:
         """See Ceres."""
         residual, jacobian = self.whole.at_step(np.array(parameters[0]))
         residuals[:] = residual
-        if jacobians is not None and jacobians[0] is not None:
-            jacobians[0][:] = jacobian.reshape(-1)
+        first = None if jacobians is None else jacobians[0]
+        if first is not None:
+            first[:] = jacobian.reshape(-1)
         return True
 
 

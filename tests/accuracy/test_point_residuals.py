@@ -11,6 +11,7 @@ import pytest
 
 from basecal.accuracy.point_residuals import point_residuals
 from basecal.accuracy.verdict import calibrate
+from basecal.cell.cell import Status
 from basecal.cell.files import calibration_from_dict, calibration_to_dict
 from basecal.simulation.scenario import Arms, Scenario
 from basecal.simulation.testbed import simulate
@@ -19,9 +20,9 @@ from basecal.simulation.testbed import simulate
 @pytest.mark.parametrize("robot_noise", [(0.0, 0.0), (3e-4, 5e-4)])
 @pytest.mark.parametrize("arms", ["both", "stations"])
 @pytest.mark.parametrize("intrinsics", ["fixed", "free"])
-def test_stored_calibration_gives_its_own_rms(arms: Arms, robot_noise: tuple[float, float], intrinsics: str) -> None:
+def test_stored_calibration_gives_its_own_rms(arms: Arms, robot_noise: tuple[float, float], intrinsics: Status) -> None:
     """The rms over points, from the stored numbers alone, is the one the solver found, also with robots' noise."""
-    made = simulate(Scenario(samples=20, arms=arms, robot_noise=robot_noise, intrinsics=intrinsics), 3)  # type: ignore[arg-type]
+    made = simulate(Scenario(samples=20, arms=arms, robot_noise=robot_noise, intrinsics=intrinsics), 3)
     calibration = calibrate(made.cell, made.recording)
     stored = calibration_from_dict(calibration_to_dict(calibration))
     off = np.concatenate([each.off_px.ravel() for each in point_residuals(made.cell, made.recording, stored)])

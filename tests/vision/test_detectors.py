@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pytest
@@ -165,7 +166,7 @@ def test_only_own_tags() -> None:
         (target.apriltag("tagCustom48h12", [(0, 0.1, SE3.identity())]), np.zeros((99, 99), np.uint8), "tagCustom48h12"),
     ],
 )
-def test_what_cannot_be_searched(shape: target.Target, image: Array, message: str) -> None:
+def test_what_cannot_be_searched(shape: target.Target, image: Any, message: str) -> None:
     """An image that is not grey, and a target that cannot be found, are named errors."""
     with pytest.raises(InputError, match=message):
-        find(image, shape)  # type: ignore[arg-type]
+        find(image, shape)

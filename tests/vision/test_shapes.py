@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from basecal.geometry import Array
-from basecal.vision.patch_fit import Patches, fit_shapes
+from basecal.vision.patch_fit import Patches, Shape, fit_shapes
 from basecal.vision.shapes import ellipse, saddle, wedge
 
 ANGLES = (0.5, 1.2, np.pi / 2, 2.4)
@@ -59,16 +59,16 @@ def test_ellipse_encloses_its_area() -> None:
 
 
 @pytest.mark.parametrize(("shape", "size"), [(saddle, 6), (wedge, 6), (ellipse, 6)])
-def test_fit_finds_what_was_drawn(shape: object, size: int) -> None:
+def test_fit_finds_what_was_drawn(shape: Shape, size: int) -> None:
     """Fits of many pieces with their own light end at the shapes they were made of, each with its own covariance."""
     rng = np.random.default_rng(2)
     xy = np.broadcast_to(np.stack(np.meshgrid(np.arange(-9, 10), np.arange(-9, 10)), -1).reshape(-1, 2), (20, 361, 2))
     first = [0, 0, np.log(5), 0, np.log(4), 0] if shape is ellipse else [0, 0, 0.2, -1.4, -0.2, 0.3]
     true = np.array(first) + rng.uniform(-0.1, 0.1, (20, size))
-    values = 80 * shape(true, xy.astype(float)) + 50 + xy @ [0.3, -0.2]  # type: ignore[operator]
+    values = 80 * shape(true, xy.astype(float)) + 50 + xy @ [0.3, -0.2]
     noise = rng.standard_normal(values.shape)
     patches = Patches(xy.astype(float), values + noise, np.ones_like(values))
-    fit = fit_shapes(shape, true + rng.uniform(-0.2, 0.2, true.shape), patches, sloped=True)  # type: ignore[arg-type]
+    fit = fit_shapes(shape, true + rng.uniform(-0.2, 0.2, true.shape), patches, sloped=True)
     assert fit.converged.all()
     error = fit.shape - true
     squared = np.einsum("ni,nij,nj->n", error, np.linalg.inv(fit.covariance), error)
