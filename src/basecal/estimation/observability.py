@@ -50,7 +50,8 @@ def seen_directions(problem: Problem, state: State, hessian: Array, factor: floa
     """What an information matrix (p, p), whose inverse times `factor` is the covariance, says of the unknowns."""
     if not len(hessian):
         return Seen(np.zeros((0, 0)), 1.0, (), frozenset())
-    scale = _scales(problem, state)
+    length = _length(problem, state)
+    scale = _scales(problem, state, length)
     values, vectors = np.linalg.eigh(_without_loose(problem, state, hessian, scale))
     noise = max(factor, _SMALLEST_FACTOR)
     sigma = np.sqrt(noise / np.maximum(values, 1e-300))
@@ -68,7 +69,7 @@ def seen_directions(problem: Problem, state: State, hessian: Array, factor: floa
         > _UNSEEN_SIGMA
     )
     condition = float(np.sqrt(values[-1] / values[0])) if not np.any(blind) else float("inf")
-    return Seen(inverse, condition, words, names, _length(problem, state))
+    return Seen(inverse, condition, words, names, length)
 
 
 def _without_loose(problem: Problem, state: State, hessian: Array, scale: Array) -> Array:
@@ -103,9 +104,8 @@ def _distortion_columns(problem: Problem) -> list[int]:
     return [k for where in lenses for k in range(where.start + 4, where.stop)]
 
 
-def _scales(problem: Problem, state: State) -> Array:
+def _scales(problem: Problem, state: State, length: float) -> Array:
     """What one scaled unit of each column is: a length of the scene [m], 1 rad, an image width [px]."""
-    length = _length(problem, state)
     scale = np.ones(problem.width)
     for name, where in problem.columns.items():
         if name in problem.unknowns:
