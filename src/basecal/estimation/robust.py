@@ -188,7 +188,7 @@ def _within_noise(end: _End) -> bool:
 
 
 def _within_stated(end: _End) -> bool:
-    """Whether they do, and that noise is stated, of the robots too; else other noise would explain other ends."""
+    """Whether whole views scatter no more than was stated; false where a robot's noise or another was not."""
     return is_stated(end.problem) and not end.problem.unstated and _within_noise(end)
 
 
