@@ -19,6 +19,7 @@ _VIEWS = 24
 _ALL_VIEWS = 400
 _SLIPS = (1, -1)
 _FEWEST = 6
+_FEWEST_SLIPPED = 4
 _LEAST_OFF = 0.005
 _FAR = 4.0
 _BEST = 2
@@ -63,13 +64,16 @@ def _fits(cell: Cell, recording: Recording, lenses: Lenses) -> Fits:
 
 
 def _change(before: Array, after: Array, lost: int) -> tuple[float, int]:
-    """How far samples are off at best if the pairing changes at one position and loses samples there; that position."""
+    """How far samples are off at best if the pairing changes at one position and loses samples there; that position.
+
+    So few samples at either end that these may each be wrong for themselves are no change of the pairing.
+    """
     limit = _FAR * max(min(trimmed(before, 0.4), trimmed(after, 0.4)), _LEAST_OFF)
     before, after = (np.minimum(np.nan_to_num(off, nan=limit), limit) ** 2 for off in (before, after))
     until = np.concatenate([[0.0], np.cumsum(before)])
     since = np.concatenate([np.cumsum(after[::-1])[::-1], np.zeros(1 + lost)])[lost:]
     total = until + since
-    k = 1 + int(np.argmin(total[1:-1]))
+    k = _FEWEST_SLIPPED + int(np.argmin(total[_FEWEST_SLIPPED:-_FEWEST_SLIPPED]))
     return float(np.sqrt(total[k] / len(before))), k
 
 

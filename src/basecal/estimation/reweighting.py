@@ -1,9 +1,9 @@
 """From a state that gross outliers have pulled aside to that of the others, by weights found anew in each round.
 
-Graduated non-convexity: truncated least squares over views, and over the points of views that have few, by weights that begin near one for all
-and end at zero or one. Source: Yang, Antonante, Tzoumas & Carlone 2020. We differ: a view's square is taken with its
-private stops' errors eliminated and all weights are on that, and the scale is estimated anew in each round. From
-farther off: Cauchy's likelihood, whose weights never end at zero (Holland & Welsch 1977).
+Graduated non-convexity: truncated least squares over views, and over the points of views that have few, by weights
+that begin near one for all and end at zero or one. Source: Yang, Antonante, Tzoumas & Carlone 2020. We differ: a view's
+square is taken with its private stops' errors eliminated and all weights are on that, and the scale is estimated anew
+in each round. From farther off: Cauchy's likelihood, whose weights never end at zero (Holland & Welsch 1977).
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def reweighted(problem: Problem, state: State, scale_of: ScaleOf) -> State:
 
 
 def heavy_tailed(problem: Problem, state: State) -> State:
-    """The state of Cauchy's likelihood over views, downhill of `state`; its scale is that of six tenths of the views."""
+    """The state of Cauchy's likelihood over views, downhill of `state`, its scale that of six tenths of the views."""
     weights: list[Array] | None = None
     for _ in range(_HEAVY_ROUNDS):
         try:
