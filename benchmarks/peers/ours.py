@@ -8,12 +8,14 @@ from functools import partial
 
 from basecal.cell import Cell, Recording
 from basecal.cell.recording import PoseObservation
+from basecal.estimation.settings import DEFAULT, Settings
 from basecal.estimation.solve import solve
 from basecal.geometry import PoseEstimate
 from benchmarks.peers.task import Task
 
 PIXELS, POSES = "basecal, pixels", "basecal, poses"
 UNSTATED = ", no sigma stated"
+_ESTIMATED = Settings(robot_noise="estimated")
 
 
 def works(task: Task) -> dict[str, Callable[[], PoseEstimate]]:
@@ -22,13 +24,13 @@ def works(task: Task) -> dict[str, Callable[[], PoseEstimate]]:
     return {
         PIXELS: partial(_asked, task, cell, task.made.recording),
         POSES: partial(_asked, task, cell, _of_poses(task, stated=True)),
-        PIXELS + UNSTATED: partial(_asked, task, bare, task.made.recording),
+        PIXELS + UNSTATED: partial(_asked, task, bare, task.made.recording, _ESTIMATED),
         POSES + UNSTATED: partial(_asked, task, bare, _of_poses(task, stated=False)),
     }
 
 
-def _asked(task: Task, cell: Cell, recording: Recording) -> PoseEstimate:
-    return solve(cell, recording).transforms[task.asked]
+def _asked(task: Task, cell: Cell, recording: Recording, settings: Settings = DEFAULT) -> PoseEstimate:
+    return solve(cell, recording, settings).transforms[task.asked]
 
 
 def _unstated(cell: Cell) -> Cell:
