@@ -134,9 +134,9 @@ ours smallest in every row, and from pixels {result["times"]:g} times smaller th
   `best` is the best of all in hindsight, which no user knows. With both arms moving no method of OpenCV applies.
 - **SciPy**: `least_squares` on how well the same poses close the loop, translations and rotations weighed by their rms
   after a first round, from the best of OpenCV's results (where both arms move, from the truth).
-- **Ours** is told the sigmas of pixels or poses, and of the robots; under "no sigma stated", nothing: from pixels it
-  then estimates them all, the robots' too, as `calibrate` does from twelve stops on; from poses it takes the robots for
-  exact, and minimises what SciPy does.
+- **Ours** is told the sigmas of pixels or poses, and of the robots; under "no sigma stated", nothing: it then takes
+  the robots for exact, which costs more from pixels than from poses; and from poses it minimises what SciPy does. The
+  last column, of 30 samples, estimates the robots' noise, as `calibrate` does from twelve stops on.
 - **Predicted** is what the covariance of ours from pixels says of its errors: `best / predicted` is about the most that
   an unbiased estimate could be ahead. Robots' noise is per axis, of each recorded pose, once a stop.
 

@@ -15,18 +15,22 @@ from benchmarks.peers.task import Task
 
 PIXELS, POSES = "basecal, pixels", "basecal, poses"
 UNSTATED = ", no sigma stated"
-_ESTIMATED = Settings(robot_noise="estimated")
+ESTIMATED = ", robots' noise estimated"
+ESTIMATED_SAMPLES = 30
 
 
 def works(task: Task) -> dict[str, Callable[[], PoseEstimate]]:
     """By name."""
     cell, bare = task.made.cell, _unstated(task.made.cell)
-    return {
+    found = {
         PIXELS: partial(_asked, task, cell, task.made.recording),
         POSES: partial(_asked, task, cell, _of_poses(task, stated=True)),
-        PIXELS + UNSTATED: partial(_asked, task, bare, task.made.recording, _ESTIMATED),
+        PIXELS + UNSTATED: partial(_asked, task, bare, task.made.recording),
         POSES + UNSTATED: partial(_asked, task, bare, _of_poses(task, stated=False)),
     }
+    if len(task.made.recording.samples) == ESTIMATED_SAMPLES:
+        found[PIXELS + ESTIMATED] = partial(_asked, task, bare, task.made.recording, Settings(robot_noise="estimated"))
+    return found
 
 
 def _asked(task: Task, cell: Cell, recording: Recording, settings: Settings = DEFAULT) -> PoseEstimate:

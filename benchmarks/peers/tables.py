@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from benchmarks.common import table
 from benchmarks.peers.by_opencv import METHODS
-from benchmarks.peers.ours import PIXELS, POSES, UNSTATED
+from benchmarks.peers.ours import ESTIMATED, PIXELS, POSES, UNSTATED
 from benchmarks.peers.trial import SCIPY
 
 Row = dict[str, Any]
@@ -138,14 +138,16 @@ def _error_row(row: Row, methods: tuple[str, ...]) -> tuple[str, ...]:
 
 def unstated(rows: list[Row]) -> str:
     """Errors where nobody is told a sigma."""
-    head = (*_CONDITIONS, "OpenCV's best", "SciPy, poses", "ours, poses", "ours, pixels")
+    head = (*_CONDITIONS, "OpenCV's best", "SciPy, poses", "ours, poses", "ours, pixels", "ours, pixels" + ESTIMATED)
     return table(head, map(_unstated_row, rows))
 
 
 def _unstated_row(row: Row) -> tuple[str, ...]:
     best = opencv(row)
     mine = [_both(row["methods"][name]) for name in (SCIPY, POSES + UNSTATED, PIXELS + UNSTATED)]
-    return (*_conditions(row), "" if best is None else _both(best.found), *mine)
+    estimated = row["methods"].get(PIXELS + ESTIMATED)
+    last = "" if estimated is None else _both(estimated)
+    return (*_conditions(row), "" if best is None else _both(best.found), *mine, last)
 
 
 def speeds(rows: list[Row]) -> str:
@@ -181,7 +183,7 @@ BRIEF_SAMPLES, BRIEF_PX = 30, 0.2
 
 def brief(rows: list[Row]) -> str:
     """For the README: the base's position of two arms in halves, by the robots' noise."""
-    names = (SCIPY, POSES, PIXELS, PIXELS + UNSTATED)
+    names = (SCIPY, POSES, PIXELS, PIXELS + ESTIMATED)
     lines = []
     for row in rows:
         if (row["design"], row["samples"], row["pixel_px"]) == ("halves", BRIEF_SAMPLES, BRIEF_PX):
