@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
@@ -109,6 +109,7 @@ def test_round_trip(folder: Path) -> None:
     assert_array_equal(cell.targets["tags"].target.points.round(12), again.targets["tags"].target.points.round(12))
 
 
+@settings(deadline=None)
 @given(st.lists(st.floats(-3, 3), min_size=6, max_size=6), st.lists(st.floats(1e-9, 10), min_size=6, max_size=6))
 def test_any_prior_survives(xi: list[float], sigma: list[float]) -> None:
     """Whatever transform and sigmas a prior has, writing and reading keeps them."""
