@@ -28,6 +28,7 @@ def calibrated(name: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> d
     return json.loads(capsys.readouterr().out)
 
 
+@pytest.mark.slow
 def test_two_ur5e(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """With nothing known but the board, the base is within 10 mm and 0.3 deg of the published one, at 0.52 px."""
     answer = calibrated("ur5e_dual", tmp_path, capsys)

@@ -62,9 +62,3 @@ def test_json_writes_no_page(calibrated: Path, capsys: pytest.CaptureFixture[str
     assert main(["report", str(calibrated), "--json"]) == 0
     assert capsys.readouterr().err == ""
     assert not page_of(calibrated).exists()
-
-
-def test_demo_has_a_page(tmp_path: Path) -> None:
-    """The demo writes a page."""
-    main(["demo", str(tmp_path / "demo")])
-    assert page_of(tmp_path / "demo").read_text(encoding="utf-8").count("<title>GOOD") == 1
