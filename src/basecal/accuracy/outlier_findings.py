@@ -53,9 +53,9 @@ def _moved(numbers: Sequence[int], robust: RobustSolution) -> str:
         return ""
     first, last = min(kept), max(kept)
     if numbers[0] > last:
-        return f"after sample {last} a base, a mount or the target was moved and stayed so: the answer is of before"
+        return f"as if after sample {last} a base, a mount or the target had been moved: the answer is of before"
     if numbers[-1] < first:
-        return f"before sample {first} a base, a mount or the target stood elsewhere: the answer is of after"
+        return f"as if before sample {first} a base, a mount or the target had stood elsewhere: the answer is of after"
     return ""
 
 

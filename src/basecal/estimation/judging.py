@@ -26,9 +26,9 @@ from basecal.estimation.view_pose import refined
 from basecal.geometry import BoolArray, Camera, IntArray
 
 CHANCE_OF_VIEW = 1e-4
+CHANCE_OF_POINT = 1e-6
 _CHANCE_AMONG_OUTLIERS = 1e-3
 _MANY_OUT = 0.1
-CHANCE_OF_POINT = 1e-6
 _LEAST_SHARE = 0.5
 _LEAST_STRAYED = 0.25
 _EXACT = 1e-14
