@@ -13,11 +13,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from basecal.cell import Unknown
-from basecal.estimation.certificate import certify, proven_loops
-from basecal.estimation.closed_form import Loop
-from basecal.estimation.measurement import PoseMeasurement
-from basecal.estimation.problem import Problem, State, Stops, ViewGroup
+from basecal.estimation.certificate.certificate import certify, proven_loops
+from basecal.estimation.problem.problem import Problem, State, Stops, ViewGroup
 from basecal.estimation.solve import Solution, solve, solve_from
+from basecal.estimation.start.closed_form import Loop
+from basecal.estimation.view.measurement import PoseMeasurement
 from basecal.geometry import SE3, Array
 from basecal.geometry.se3 import rotation_exp
 from basecal.simulation import Scenario, simulate

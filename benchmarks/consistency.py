@@ -31,14 +31,14 @@ from scipy.stats import chi2
 
 from basecal.cell import target as targets
 from basecal.cell.cell import Status
-from basecal.estimation.freedoms import freedoms_of
-from basecal.estimation.measurement import Noise
-from basecal.estimation.normal import linearise
-from basecal.estimation.packing import pack
-from basecal.estimation.problem import Problem, State
-from basecal.estimation.robot_noise import with_robot_noise
+from basecal.estimation.least_squares.normal_equations import linearise
+from basecal.estimation.noise.robot_noise import with_robot_noise
+from basecal.estimation.noise.satterthwaite import freedoms_of
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.settings import RobotNoise, Settings
 from basecal.estimation.solve import solve_from
+from basecal.estimation.view.measurement import Noise
 from basecal.geometry import Array
 from basecal.simulation import Scenario, simulate
 from basecal.simulation.scenario import SimulatedCell
@@ -155,7 +155,7 @@ class Error(NamedTuple):
 def error_of(scenario: Scenario, seed: int, robot_noise: RobotNoise | None = None) -> Error:
     """Solve one cell from the truth; `benchmarks.starts` shows that other starts end there as well."""
     made = simulate(scenario, seed)
-    problem, _ = pack(made.cell, made.recording)
+    problem, _ = build_problem(made.cell, made.recording)
     truth = State(made.truth, made.cameras if problem.lenses else {}, np.zeros((len(problem.stops), 6)))
     settings = Settings(robot_noise=robot_noise or ("stated" if scenario.state_robot_noise else "estimated"))
     began = time.perf_counter()

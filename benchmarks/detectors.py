@@ -15,12 +15,12 @@ import numpy as np
 from basecal.cell import target
 from basecal.cell.target import Target
 from basecal.geometry import SE3, Array, Camera
-from basecal.vision import led
 from basecal.vision.detection import Image
 from basecal.vision.detectors import find
-from basecal.vision.fiducial import charuco_board, dictionary
-from basecal.vision.light import LightSettings, light_levels, render_light
-from basecal.vision.render import RenderSettings, render
+from basecal.vision.draw.light import LightSettings, light_levels, render_light
+from basecal.vision.draw.render import RenderSettings, render
+from basecal.vision.kinds import led
+from basecal.vision.kinds.fiducial import charuco_board, dictionary
 from benchmarks.common import on_one_core, table, write
 
 CAMERA = Camera("pinhole", np.array([766.5, 765.4, 640.9, 358.8, -0.35, 0.179, 0.0, 0.0, 0.0]), (1280, 720))

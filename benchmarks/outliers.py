@@ -16,15 +16,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from basecal.estimation.deviance import misfits
-from basecal.estimation.measurement import Measurement, PixelMeasurement, PointMeasurement, PoseMeasurement
-from basecal.estimation.normal import linearise
-from basecal.estimation.packing import pack
-from basecal.estimation.problem import Problem, State, ViewGroup
-from basecal.estimation.readings import turned
-from basecal.estimation.robust import RobustSolution, solve_robustly
+from basecal.estimation.least_squares.normal_equations import linearise
+from basecal.estimation.least_squares.studentized import studentized
+from basecal.estimation.outliers.inlier_mask import InlierMask, all_inliers, inlier_problem
+from basecal.estimation.outliers.robust_solve import RobustSolution, solve_robustly
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.correspondence import half_turned
+from basecal.estimation.problem.problem import Problem, State, ViewGroup
 from basecal.estimation.solve import solve_packed
-from basecal.estimation.trimming import Kept, everything, trimmed
+from basecal.estimation.view.measurement import Measurement, PixelMeasurement, PointMeasurement, PoseMeasurement
 from basecal.geometry import SE3, Array, BoolArray, IntArray
 from basecal.simulation import Scenario, SimulatedCell, simulate
 from basecal.simulation.draw import SIZE_PX
@@ -51,7 +51,7 @@ class Spoilt(NamedTuple):
     """A problem with outliers, and what of it is clean."""
 
     problem: Problem
-    clean: Kept
+    clean: InlierMask
 
 
 Spoil = Callable[[Problem, State, Rng], Spoilt]
@@ -63,7 +63,7 @@ def _some(rng: Rng, count: int, share: float) -> IntArray:
 
 def _one_group(problem: Problem, group: ViewGroup, clean: BoolArray) -> Spoilt:
     """The problem with its only group spoilt."""
-    return Spoilt(problem.with_groups((group,)), Kept((clean,), everything(problem).points))
+    return Spoilt(problem.with_groups((group,)), InlierMask((clean,), all_inliers(problem).points))
 
 
 def _bumps(problem: Problem, truth: State, rng: Rng, rows: IntArray, sigmas: tuple[float, float]) -> Spoilt:
@@ -149,9 +149,11 @@ def reflected(problem: Problem, truth: State, rng: Rng) -> Spoilt:
 def _checked(found: Spoilt, truth: State) -> Spoilt:
     """The same without views that were spoilt and by chance are off by less than 8 sigma: neither clean nor gross."""
     group, views = found.problem.groups[0], found.clean.views[0]
-    squares = misfits(found.problem, truth)[0]
+    squares = studentized(found.problem, truth)[0]
     kept = np.flatnonzero(views | (squares.value >= GROSS**2))
-    return Spoilt(found.problem.with_groups((group.take(kept),)), Kept((views[kept],), (found.clean.points[0][kept],)))
+    return Spoilt(
+        found.problem.with_groups((group.take(kept),)), InlierMask((views[kept],), (found.clean.points[0][kept],))
+    )
 
 
 def _points_spoilt(problem: Problem, rng: Rng, spoil: Callable[[Array, BoolArray, Array], Array]) -> Spoilt:
@@ -171,10 +173,12 @@ def _points_spoilt(problem: Problem, rng: Rng, spoil: Callable[[Array, BoolArray
         values[row] = np.where((off >= GROSS)[:, None], values[row], before)
         clean[row] = off < GROSS
     after = _with_values(measurement, values)
-    readings = (after, turned(after)) if isinstance(after, PixelMeasurement) and group.half_turn is not None else ()
+    readings = (
+        (after, half_turned(after)) if isinstance(after, PixelMeasurement) and group.half_turn is not None else ()
+    )
     spoilt = replace(group, measurement=after, readings=readings)
-    kept = everything(problem)
-    return Spoilt(problem.with_groups((spoilt,)), Kept(kept.views, (clean,)))
+    kept = all_inliers(problem)
+    return Spoilt(problem.with_groups((spoilt,)), InlierMask(kept.views, (clean,)))
 
 
 def _with_values(
@@ -252,13 +256,13 @@ def trial(name: str, seed: int) -> Trial:
     """Spoil one cell, and solve it robustly and from its clean part."""
     _, scenario, spoil = CASES[name]
     made = simulate(scenario, seed)
-    problem, _ = pack(made.cell, made.recording)
+    problem, _ = build_problem(made.cell, made.recording)
     truth = State(made.truth, made.cameras if problem.lenses else {}, np.zeros((len(problem.stops), 6)))
     spoilt = spoil(problem, truth, np.random.default_rng([seed, 7]))
     began = time.perf_counter()
     ours = solve_robustly(spoilt.problem, made.cell)
     took = time.perf_counter() - began
-    oracle = solve_packed(trimmed(spoilt.problem, spoilt.clean), made.cell)
+    oracle = solve_packed(inlier_problem(spoilt.problem, spoilt.clean), made.cell)
     return Trial(
         _error(made, oracle.state.transforms[BASE]),
         _error(made, ours.solution.state.transforms[BASE]),

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from basecal.estimation.closed_form import Loop, Rotations, translations
+from basecal.estimation.start.closed_form import Loop, Rotations, solve_translations
 from basecal.geometry import SE3, Array
 from basecal.geometry.se3 import right_jacobian_inverse, rotation_from_quaternion
 
@@ -40,7 +40,7 @@ def random_trio(loop: Loop, rng: np.random.Generator, count: int) -> Trio:
         x, y, z = (
             random_rotations(rng, 1)[0] if known is None else known.rotation for known in (loop.x, loop.y, loop.z)
         )
-        found.append(translations(loop, Rotations(x, y, z, True)))
+        found.append(solve_translations(loop, Rotations(x, y, z, True)))
     return Trio(*(SE3.stack(list(each)) for each in zip(*found, strict=True)))
 
 

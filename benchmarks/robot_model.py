@@ -21,11 +21,11 @@ from typing import Any
 
 import numpy as np
 
-from basecal.accuracy.kinematics import joint_offsets
-from basecal.accuracy.robot_model import choose_robot_model
+from basecal.accuracy.robot.model_selection import choose_robot_model
+from basecal.accuracy.robot.parameters import joint_offsets
 from basecal.cell import Parameters, Recording
-from basecal.estimation.packing import pack
-from basecal.estimation.problem import Problem, State
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.solve import Solution, solve
 from basecal.simulation import Scenario, SimulatedCell, simulate
 from benchmarks.common import table, write
@@ -68,7 +68,7 @@ def outcome(seed: int) -> Outcome:
     as_stated = {name: replace(robot, joint_offsets=Parameters()) for name, robot in made.cell.robots.items()}
     ignored = solve(replace(made.cell, robots=as_stated), recording)
     estimated = solve(made.cell, recording)
-    problem, _ = pack(made.cell, Recording(made.recording.samples[SAMPLES:]))
+    problem, _ = build_problem(made.cell, Recording(made.recording.samples[SAMPLES:]))
     off = [_off(made, problem, each) for each in (ignored, estimated)]
     base = estimated.transforms[BASE]
     xi = (base.mean.inverse() @ made.truth[BASE]).log()

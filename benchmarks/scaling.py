@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from basecal.cell import target as targets
-from basecal.estimation.packing import pack
-from basecal.estimation.problem import Problem, State
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.solve import Solution, solve_from
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
@@ -44,7 +44,7 @@ CASES: dict[str, Scenario] = {
 def task(scenario: Scenario, samples: int, seed: int) -> tuple[Problem, State]:
     """The packed arrays, and a start that is off by 2 mm and 2 mrad an axis."""
     made = simulate(replace(scenario, samples=samples), seed)
-    problem, _ = pack(made.cell, made.recording)
+    problem, _ = build_problem(made.cell, made.recording)
     rng = np.random.default_rng(seed)
     near = {name: made.truth[name] @ SE3.exp(OFF * rng.standard_normal(6)) for name in problem.unknowns}
     return problem, State(near, made.cameras, np.zeros((len(problem.stops), 6)))

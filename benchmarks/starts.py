@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from basecal.estimation.packing import pack
-from basecal.estimation.problem import State
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import State
 from basecal.estimation.solve import Solution, solve_from, solve_packed
 from basecal.simulation import simulate
 from benchmarks.common import table, write
@@ -47,7 +47,7 @@ def trial(kind: str, seed: int) -> Trial:
     """Solve one cell twice."""
     scenario = scenario_of(kind, seed)
     made = simulate(scenario, seed)
-    problem, _ = pack(made.cell, made.recording)
+    problem, _ = build_problem(made.cell, made.recording)
     truth = State(made.truth, made.cameras if problem.lenses else {}, np.zeros((len(problem.stops), 6)))
     best = solve_from(problem, truth)
     began = time.perf_counter()

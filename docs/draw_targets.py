@@ -9,7 +9,7 @@ import numpy as np
 from basecal.cell import Target
 from basecal.cell import target as targets
 from basecal.geometry import SE3
-from basecal.vision.drawing import target_drawing
+from basecal.vision.draw.drawing import target_drawing
 
 FIGURES = Path(__file__).parent / "figures"
 SHAPES = {

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from basecal.estimation.problem import Problem, State
+from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.solve import solve_from
-from basecal.estimation.starts import first_state
+from basecal.estimation.start.first_state import first_state
 from benchmarks.common import interleaved, on_one_core, table, write
 from benchmarks.solve import by_ceres, by_gtsam, by_scipy
 from benchmarks.solve.outcome import Outcome

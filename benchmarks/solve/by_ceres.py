@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pyceres
 
-from basecal.estimation.problem import Problem, State
+from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import Array
 from benchmarks.solve.outcome import Outcome
 from benchmarks.solve.task import moved

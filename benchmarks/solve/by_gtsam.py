@@ -9,7 +9,7 @@ from typing import Any
 import gtsam
 import numpy as np
 
-from basecal.estimation.problem import Problem, State
+from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import SE3, Array
 from benchmarks.solve.outcome import Outcome
 from benchmarks.solve.whole import Whole

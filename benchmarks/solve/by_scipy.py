@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from basecal.estimation.problem import Problem, State
+from basecal.estimation.problem.problem import Problem, State
 from benchmarks.solve.outcome import Outcome
 from benchmarks.solve.task import moved
 from benchmarks.solve.whole import Whole, covariance

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from basecal.estimation.problem import State
+from basecal.estimation.problem.problem import State
 from basecal.geometry import Array
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from basecal.cell import Cell
-from basecal.estimation.packing import pack
-from basecal.estimation.problem import Problem, State
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
@@ -31,7 +31,7 @@ class Task:
 def make_task(samples: int, seed: int, off: float = 2e-3) -> Task:
     """A dual-arm cell with a 6 x 6 board, 5 distortion terms, 0.2 px; the start is off by `off` [m, rad] an axis."""
     made = simulate(Scenario(samples=samples, target="chessboard", pixel_px=0.2), seed)
-    problem, _ = pack(made.cell, made.recording)
+    problem, _ = build_problem(made.cell, made.recording)
     rng = np.random.default_rng(seed)
     near = {name: made.truth[name] @ SE3.exp(off * rng.standard_normal(6)) for name in problem.unknowns}
     return Task(made.cell, problem, State(near, made.cameras, np.zeros((0, 6))))

@@ -12,7 +12,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from basecal.accuracy.point_residuals import PointResiduals, point_residuals
+from basecal.accuracy.residuals.point_residuals import PointResiduals, point_residuals
 from basecal.accuracy.verdict import calibrate
 from basecal.cell import Calibration, Cell, Finding, Outlier, Recording, Residuals, SampleResidual
 from basecal.reporting.page import page

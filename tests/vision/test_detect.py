@@ -17,8 +17,8 @@ from basecal.cell.recording import CandidateObservation, PixelObservation, PoseO
 from basecal.errors import InputError
 from basecal.geometry import SE3
 from basecal.vision.detect import detect
-from basecal.vision.light import LightSettings, render_light
-from basecal.vision.render import RenderSettings, render
+from basecal.vision.draw.light import LightSettings, render_light
+from basecal.vision.draw.render import RenderSettings, render
 from vision_scenes import PLAIN, TARGETS
 
 TAG = target.apriltag("tag36h11", [(2, 0.1, SE3.identity())])

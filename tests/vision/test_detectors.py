@@ -14,7 +14,7 @@ from basecal.errors import InputError
 from basecal.geometry import SE3, Array, Camera
 from basecal.vision.detection import Detection
 from basecal.vision.detectors import find
-from basecal.vision.render import RenderSettings, render
+from basecal.vision.draw.render import RenderSettings, render
 from vision_scenes import FISHEYE, TARGETS, WIDE, poses
 
 IMAGES = 4

@@ -8,23 +8,23 @@ from typing import Any
 
 import numpy as np
 
-from basecal.accuracy.blind_spots import seeing_findings
-from basecal.accuracy.by_shifts import calibrate_by_shifts
-from basecal.accuracy.conventions import mixed_up
-from basecal.accuracy.fit import residuals
-from basecal.accuracy.fit_findings import few_stops, many_dropped, not_converged, poor_fit, too_few
-from basecal.accuracy.kinematics import deflection, held_findings, joint_offsets, link_parameters
-from basecal.accuracy.outlier_findings import outlier_findings
-from basecal.accuracy.priors import contradicted_priors
-from basecal.accuracy.proof import proven
-from basecal.accuracy.robot_model import choose_robot_model, robot_model_findings
-from basecal.accuracy.validation import validate
+from basecal.accuracy.axis_shift import calibrate_axis_shift
+from basecal.accuracy.certify import certified
+from basecal.accuracy.cross_validation.validation import validate
+from basecal.accuracy.findings.fit import few_stops, many_dropped, not_converged, poor_fit, too_few
+from basecal.accuracy.findings.observability import observability_findings
+from basecal.accuracy.findings.outliers import outlier_findings
+from basecal.accuracy.findings.priors import contradicted_priors
+from basecal.accuracy.input_check.conventions import check_conventions
+from basecal.accuracy.residuals.fit import residuals
+from basecal.accuracy.robot.model_selection import choose_robot_model, robot_model_findings
+from basecal.accuracy.robot.parameters import deflection, held_findings, joint_offsets, link_parameters
 from basecal.cell import Calibration, Cell, Finding, Recording, Residuals
 from basecal.cell.calibration import Verdict
-from basecal.estimation.packing import pack
-from basecal.estimation.problem import Problem
-from basecal.estimation.robot_noise import with_robot_noise
-from basecal.estimation.robust import RobustSolution, solve_robustly
+from basecal.estimation.noise.robot_noise import with_robot_noise
+from basecal.estimation.outliers.robust_solve import RobustSolution, solve_robustly
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import Problem
 from basecal.estimation.settings import DEFAULT, Settings
 from basecal.estimation.solve import Solution, solve_from, solve_packed
 
@@ -44,17 +44,17 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
         InputError: if the cell contradicts the recording.
         NotObservable: if the axis-shift method is asked for and the recording has no station, or a mount is not known.
     """
-    problem, dropped = pack(cell, recording)
+    problem, dropped = build_problem(cell, recording)
     findings = [*recording.findings, *dropped]
     findings += many_dropped(problem, findings)
     refusal = too_few(problem)
     if refusal is not None:
         return Calibration("refused", findings=(*findings, refusal), settings=settings.as_dict())
     if settings.method == "axis-shift":
-        return calibrate_by_shifts(cell, problem, settings, findings)
+        return calibrate_axis_shift(cell, problem, settings, findings)
     stated = replace(settings, robot_noise="stated")
     plain = solve_packed(problem, cell, stated)
-    misread = mixed_up(cell, recording, problem, plain, stated)
+    misread = check_conventions(cell, recording, problem, plain, stated)
     findings += misread
     if verdict_of(misread) == "refused":
         return _refused(plain, settings, findings)
@@ -84,10 +84,10 @@ def _with_robots_noise(robust: RobustSolution, problem: Problem, cell: Cell, set
 def _judged(cell: Cell, robust: RobustSolution, settings: Settings, findings: list[Finding]) -> Calibration:
     """The answer with everything that is found about it."""
     stated = replace(settings, robot_noise="stated")
-    solution, certificate, replaced = proven(robust.solution, stated)
+    solution, certificate, replaced = certified(robust.solution, stated)
     fit = residuals(solution, robust.left_out)
     validation, told = validate(solution, cell.asked, stated)
-    findings += [*replaced, *solution.findings, *seeing_findings(cell, solution), *not_converged(solution)]
+    findings += [*replaced, *solution.findings, *observability_findings(cell, solution), *not_converged(solution)]
     findings += [*outlier_findings(robust), *poor_fit(solution, fit), *contradicted_priors(solution)]
     findings += [*held_findings(cell, solution), *told]
     calibration = _calibration(cell, solution, fit, settings, findings)

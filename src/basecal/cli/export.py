@@ -31,7 +31,7 @@ def export(cell: Path, /, *, urdf: str, output: Annotated[Path, Parameter(alias=
         output: File to write.
     """
     from basecal.cell.files import latest_run, read_calibration, read_cell
-    from basecal.cell.inside import write_whole
+    from basecal.cell.format.paths import write_whole
     from basecal.exchange.urdf import corrected_urdf
 
     described, run = read_cell(cell), latest_run(cell)

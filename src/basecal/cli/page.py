@@ -17,8 +17,8 @@ FILE = "report.html"
 
 def write_page(run: Path, cell: Cell, recording: Recording, calibration: Calibration) -> Path:
     """Path of the page of a calibration that was made from this cell and recording, written into its run."""
-    from basecal.accuracy.point_residuals import point_residuals
-    from basecal.cell.inside import write_whole
+    from basecal.accuracy.residuals.point_residuals import point_residuals
+    from basecal.cell.format.paths import write_whole
     from basecal.reporting.page import page
 
     points = point_residuals(cell, recording, calibration)
@@ -33,7 +33,7 @@ def rewrite_page(folder: Path, run: Path, cell: Cell, calibration: Calibration) 
     """
     from basecal.cell import Recording
     from basecal.cell.files import input_hashes
-    from basecal.cell.inside import write_whole
+    from basecal.cell.format.paths import write_whole
     from basecal.reporting.page import page
 
     now = input_hashes(folder, cell)

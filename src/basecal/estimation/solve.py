@@ -8,17 +8,17 @@ import numpy as np
 
 from basecal.cell import Cell, Finding, Recording
 from basecal.errors import InputError
-from basecal.estimation.descent import descend
-from basecal.estimation.measurement import Noise
-from basecal.estimation.noise import NoiseEstimate, degrees_of_freedom, estimate_noise, residual_counts
-from basecal.estimation.noise_model import estimate_robot_noise
-from basecal.estimation.observability import Seen, seen_directions
-from basecal.estimation.packing import pack
-from basecal.estimation.problem import Problem, State
-from basecal.estimation.readings import choose
+from basecal.estimation.axis_shift.stations import find_stations, fused
+from basecal.estimation.least_squares.levenberg_marquardt import levenberg_marquardt
+from basecal.estimation.noise.estimate import NoiseEstimate, degrees_of_freedom, estimate_noise, residual_counts
+from basecal.estimation.noise.model_selection import estimate_robot_noise
+from basecal.estimation.observability.observability import Observability, observability_of
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.correspondence import choose_correspondence
+from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.settings import DEFAULT, Settings
-from basecal.estimation.starts import first_state, guessed_state, lenses
-from basecal.estimation.stations import find_stations, fused
+from basecal.estimation.start.first_state import first_state, guessed_state, lenses
+from basecal.estimation.view.measurement import Noise
 from basecal.geometry import SE3, Array, PoseEstimate
 
 _READINGS = 6
@@ -50,7 +50,7 @@ class Solution:
     problem: Problem
     state: State
     covariance: Array
-    seen: Seen
+    seen: Observability
     noise: NoiseEstimate
     cost: float
     dof: int
@@ -94,7 +94,7 @@ def solve(cell: Cell, recording: Recording, settings: Settings = DEFAULT) -> Sol
         NotObservable: if nothing was seen that could be solved for.
         InputError: if the cell contradicts the recording.
     """
-    problem, findings = pack(cell, recording)
+    problem, findings = build_problem(cell, recording)
     return solve_packed(problem, cell, settings, tuple(findings))
 
 
@@ -117,12 +117,12 @@ def solve_from(
 ) -> Solution:
     """Maximum likelihood and covariance downhill of a start."""
     dof = degrees_of_freedom(problem)
-    end = descend(problem, start, dof, settings.iterations)
+    end = levenberg_marquardt(problem, start, dof, settings.iterations)
     problem, end, noise = estimate_noise(problem, end, settings.iterations)
     if settings.robot_noise == "estimated":
         problem, end, noise, told = estimate_robot_noise(problem, end, noise, settings.iterations)
         findings = (*findings, *told)
-    seen = seen_directions(problem, end.state, end.normal.hessian, noise.factor)
+    seen = observability_of(problem, end.state, end.normal.hessian, noise.factor)
     covariance = seen.inverse * min(noise.factor, _LARGEST_FACTOR)
     return Solution(problem, end.state, covariance, seen, noise, end.normal.cost, dof, end.converged, findings)
 
@@ -148,11 +148,11 @@ def _start(problem: Problem, cell: Cell, settings: Settings) -> tuple[Problem, S
 def _settled(problem: Problem, state: State, settings: Settings) -> tuple[Problem, State, float]:
     """The problem read as its own optimum predicts, that optimum, and its cost."""
     dof = degrees_of_freedom(problem)
-    problem, _ = choose(problem, state)
+    problem, _ = choose_correspondence(problem, state)
     for _ in range(_READINGS):
-        end = descend(problem, state, dof, settings.iterations)
+        end = levenberg_marquardt(problem, state, dof, settings.iterations)
         state = end.state
-        problem, changed = choose(problem, state)
+        problem, changed = choose_correspondence(problem, state)
         if not changed:
             break
     return problem, state, end.normal.cost

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from basecal.accuracy.point_residuals import PointResiduals
+from basecal.accuracy.residuals.point_residuals import PointResiduals
 from basecal.cell import SampleResidual
 from basecal.geometry import Array, IntArray
 from basecal.reporting.svg import drawing, element, round_up, segments, text

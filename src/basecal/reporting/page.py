@@ -14,7 +14,7 @@ from typing import Any
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
-from basecal.accuracy.point_residuals import PointResiduals
+from basecal.accuracy.residuals.point_residuals import PointResiduals
 from basecal.cell import Calibration, Cell, Recording, SampleResidual
 from basecal.reporting.figures import QUANTITIES, Figure, arrow_figure, bar_figure, histogram
 from basecal.reporting.picture import picture

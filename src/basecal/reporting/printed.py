@@ -12,7 +12,7 @@ import numpy as np
 from basecal.cell import Target
 from basecal.errors import InputError
 from basecal.geometry import Array
-from basecal.vision.drawing import Sheet, target_drawing
+from basecal.vision.draw.drawing import Sheet, target_drawing
 
 _PAPERS = {
     "A4": (210.0, 297.0),

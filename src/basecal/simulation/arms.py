@@ -11,7 +11,7 @@ import numpy as np
 
 from basecal.cell.cell import WORLD
 from basecal.errors import InputError
-from basecal.estimation.robot_model import Kinematics
+from basecal.estimation.problem.robot_parameters import Kinematics
 from basecal.geometry import SE3, Array, BoolArray
 from basecal.geometry.se3 import right_jacobian_inverse
 from basecal.kinematics import Masses, SerialChain

@@ -11,9 +11,9 @@ from basecal.cell import WORLD, Cell, Recording, Sample, Target
 from basecal.errors import InputError
 from basecal.geometry import SE3, Camera
 from basecal.simulation.scenario import SimulatedCell
+from basecal.vision.draw.light import LightSettings, render_light
+from basecal.vision.draw.render import RenderSettings, render
 from basecal.vision.image_file import write_png
-from basecal.vision.light import LightSettings, render_light
-from basecal.vision.render import RenderSettings, render
 
 _LIGHTS = ("led", "points")
 Step = Callable[[int, int], None]

@@ -10,7 +10,7 @@ from basecal.cell.cell import Cell, Status
 from basecal.cell.recording import Recording
 from basecal.cell.target import Target
 from basecal.errors import InputError
-from basecal.estimation.robot_model import Kinematics
+from basecal.estimation.problem.robot_parameters import Kinematics
 from basecal.geometry import SE3, Camera
 
 Seen = Literal["charuco", "chessboard", "points", "led", "pose", "points3d"]

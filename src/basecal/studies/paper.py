@@ -13,9 +13,15 @@ from typing import Any
 
 import numpy as np
 
-from basecal.estimation.axis_shift import ShiftEstimate, base_of_station, estimate, image_gradient, orthonormalised
-from basecal.estimation.measurement import PixelMeasurement
-from basecal.estimation.view_pose import refined
+from basecal.estimation.axis_shift.closed_form import (
+    ShiftEstimate,
+    base_of_station,
+    estimate,
+    image_gradient,
+    orthonormalised,
+)
+from basecal.estimation.view.measurement import PixelMeasurement
+from basecal.estimation.view.view_pose import refined
 from basecal.geometry import SE3, Array, Camera
 from basecal.geometry.se3 import nearest_rotation, rotation_log
 from basecal.simulation.shifts import shift_directions

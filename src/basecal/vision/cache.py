@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from basecal.cell.inside import write_whole
+from basecal.cell.format.paths import write_whole
 from basecal.cell.target import Target
 from basecal.errors import InputError
 from basecal.geometry import SE3, read_only, read_only_ids

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from basecal.cell.target import Kind, Target
-from basecal.vision import apriltag, charuco, chessboard, circles, led
 from basecal.vision.detection import Detection, Image, checked
+from basecal.vision.kinds import apriltag, charuco, chessboard, circles, led
 
 _LEAST_SIDE = 16
 

@@ -1,0 +1,131 @@
+"""Calibrate by the paper's closed form: every station's base, one for the task, and how far it can be off."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from basecal.cell import Calibration, Cell, Finding
+from basecal.errors import NotObservable
+from basecal.estimation.axis_shift.stations import Station, find_stations, for_task, fused
+from basecal.estimation.problem.problem import Problem
+from basecal.estimation.settings import Settings
+from basecal.estimation.start.first_state import lenses
+from basecal.geometry import SE3, Array, PoseEstimate
+
+_ASSUMED_PX = 0.3
+_STEP_PX = 1e-3
+_SYSTEMATIC = 2.0
+
+
+def stations_of(problem: Problem, cell: Cell) -> list[Station]:
+    """The stations of a recording that belong to one pair of robots.
+
+    Raises:
+        NotObservable: if there is none, or a lens or a mount is not known.
+    """
+    unknown = [name for name, lens in problem.lenses.items() if lens.camera is None]
+    if unknown:
+        raise NotObservable(f"the axis-shift method needs the lens of {unknown[0]}: state its intrinsics")
+    return find_stations(problem, lenses(problem, cell))
+
+
+def calibrate_axis_shift(cell: Cell, problem: Problem, settings: Settings, findings: list[Finding]) -> Calibration:
+    """The base by the paper's closed form.
+
+    Its covariance is the pixels' noise carried through to first order, and the square of what the neglected change of
+    depth does, found by feeding the closed form the pixels that its own answer predicts.
+
+    Raises:
+        NotObservable: if there is no station, a mount or lens is not known, or several bases are asked for.
+    """
+    names = [name for name in cell.asked if name in {cell.base_name(r) for r in cell.robots}]
+    if len(names) != 1:
+        raise NotObservable("the axis-shift method finds the base of one robot from another's camera: ask for one base")
+    stations = stations_of(problem, cell)
+    sigma = cell.pixel_px or _ASSUMED_PX
+    base, weights = _chosen(stations, settings)
+    random, systematic = _errors(stations, weights, sigma)
+    told = [*findings, *_stations_told(stations), *_sigma_told(cell), *_systematic_told(random, systematic)]
+    covariance = random + np.outer(systematic, systematic)
+    inverted = problem.groups[0].hand == cell.reference
+    estimate = PoseEstimate(base, covariance)
+    return Calibration(
+        verdict="doubtful" if any(f.severity == "warning" for f in told) else "good",
+        transforms={names[0]: estimate.inverse() if inverted else estimate},
+        status={names[0]: "free"},
+        noise={"pixel_px": sigma, "robots": {}},
+        order=(names[0],),
+        joint_covariance=(estimate.inverse() if inverted else estimate).covariance,
+        findings=tuple(told),
+        settings=settings.as_dict(),
+    )
+
+
+def _chosen(stations: Sequence[Station], settings: Settings) -> tuple[SE3, Array]:
+    """The base for the task, and the weights of the stations in it."""
+    bases = [s.base() for s in stations]
+    depth = np.array([np.linalg.norm(s.camera_from_light().translation) for s in stations])
+    weights = (np.array([s.length for s in stations]) / depth) ** 2
+    if settings.task_point is None:
+        return fused(bases, list(weights)), weights / weights.sum()
+    task = np.array(settings.task_point)
+    base = for_task(stations, task, nearest=settings.choice == "nearest")
+    lights = np.stack([(b @ s.hand_base_from_light).translation for b, s in zip(bases, stations, strict=True)])
+    distance = np.maximum(np.linalg.norm(lights - task, axis=-1), 1e-6)
+    near = (distance == distance.min()).astype(np.float64)
+    weights = near if settings.choice == "nearest" else 1 / distance**2
+    return base, weights / weights.sum()
+
+
+def _errors(stations: Sequence[Station], weights: Array, sigma_px: float) -> tuple[Array, Array]:
+    """Covariance by the pixels' noise, (6, 6), and the shift by the neglect of depth, (6,) [m, rad]."""
+    random, systematic = np.zeros((6, 6)), np.zeros(6)
+    for station, weight in zip(stations, weights, strict=True):
+        base = station.base()
+        jacobian = _by_pixels(station, base)
+        random += (weight * sigma_px) ** 2 * jacobian @ jacobian.T
+        systematic += weight * (base.inverse() @ station.base(station.predicted_px(base))).log()
+    return random, systematic
+
+
+def _by_pixels(station: Station, base: SE3) -> Array:
+    """Derivative of the base's right tangent to the image coordinates, (6, 2 n)."""
+    count = station.light_px.size
+    nudges = _STEP_PX * np.eye(count).reshape(count, *station.light_px.shape)
+    ahead, behind = station.base(station.light_px + nudges), station.base(station.light_px - nudges)
+    ends = [(base.inverse() @ side).log() for side in (ahead, behind)]
+    derivative: Array = ((ends[0] - ends[1]) / (2 * _STEP_PX)).T
+    return derivative
+
+
+def _stations_told(stations: Sequence[Station]) -> list[Finding]:
+    told = []
+    for station in stations:
+        base = station.base()
+        light = (base @ station.hand_base_from_light).translation
+        at, found = (", ".join(f"{1e3 * v:.1f}" for v in p) for p in (light, base.translation))
+        numbers = tuple(str(int(n)) for n in station.samples)
+        message = f"station at samples {', '.join(numbers)}: light at ({at}) mm, base at ({found}) mm"
+        told.append(Finding("station", "info", numbers, message))
+    return told
+
+
+def _sigma_told(cell: Cell) -> list[Finding]:
+    if cell.pixel_px is not None:
+        return []
+    message = f"noise.pixel_px is not stated: {_ASSUMED_PX} px assumed for the covariance"
+    return [Finding("station", "info", (), message)]
+
+
+def _systematic_told(random: Array, systematic: Array) -> list[Finding]:
+    sigma = np.sqrt(np.diag(random))
+    if np.all(np.abs(systematic) <= _SYSTEMATIC * sigma):
+        return []
+    shift, turn = 1e3 * np.linalg.norm(systematic[:3]), np.degrees(np.linalg.norm(systematic[3:]))
+    message = (
+        f"the closed form neglects how the shifts change the light's depth, which moves the base by about "
+        f"{shift:.2g} mm and {turn:.2g} deg: use shorter shifts, shifts to both sides, or the general solver"
+    )
+    return [Finding("neglected-depth", "warning", (), message)]

@@ -1,0 +1,1 @@
+"""Samples predicted that were not used."""

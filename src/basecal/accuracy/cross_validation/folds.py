@@ -1,0 +1,103 @@
+"""Parts of a recording that can be held out: where an arm stands still, its samples stay together.
+
+Samples that share a stop share the error of the robot's pose: with some of them used and some held out, the held-out
+ones would be predicted too well. So stations come first, and finer parts only where stations are too few or too large.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Hashable, Mapping, Sequence
+
+import numpy as np
+
+from basecal.estimation.problem.problem import Problem
+from basecal.geometry import SE3
+
+Samples = frozenset[int]
+
+FOLDS = 5
+_FEWEST_PARTS = 3
+_LARGEST_SHARE = 0.4
+
+
+def folds(problem: Problem, count: int = FOLDS) -> list[list[Samples]]:
+    """Ways to split the samples into at most `count` folds to be held out one after another, the most severe first.
+
+    Each keeps together what stands in one place: of every robot that moves, of one robot, or of nothing but repeated
+    instants. A way whose largest part is more than two fifths of the samples is left out.
+    """
+    places = _places(problem)
+    samples = sorted({number for of_robot in places.values() for number in of_robot} | _all_samples(problem))
+    ways = [_joined(samples, places), *_by_robot(samples, places), _instants(samples, places)]
+    found: list[list[Samples]] = []
+    for parts in ways:
+        largest = max((len(part) for part in parts), default=0)
+        if len(parts) >= _FEWEST_PARTS and largest <= max(_LARGEST_SHARE * len(samples), 1):
+            dealt = _dealt(parts, count)
+            found += [dealt] if dealt not in found else []
+    return found
+
+
+def _all_samples(problem: Problem) -> set[int]:
+    return {int(number) for group in problem.groups for number in group.sample}
+
+
+def _places(problem: Problem) -> dict[str, dict[int, Hashable]]:
+    """By robot that moves: where it stands at each sample, the same for poses that are equal."""
+    places: dict[str, dict[int, Hashable]] = defaultdict(dict)
+    for group in problem.groups:
+        for robot, poses in (
+            (group.eye, group.eye_base_from_eye_flange),
+            (group.hand, group.hand_base_from_hand_flange),
+        ):
+            if robot is not None:
+                places[robot].update(zip(map(int, group.sample), _labels(poses), strict=True))
+    return {robot: at for robot, at in places.items() if len(set(at.values())) > 1}
+
+
+def _labels(poses: SE3) -> list[bytes]:
+    flat = np.concatenate([poses.rotation.reshape(-1, 9), poses.translation], -1)
+    return [row.tobytes() for row in np.ascontiguousarray(flat)]
+
+
+def _joined(samples: Sequence[int], places: Mapping[str, Mapping[int, Hashable]]) -> list[Samples]:
+    """Parts with no place of any robot in common."""
+    part = {number: number for number in samples}
+
+    def root(number: int) -> int:
+        """The number that stands for a sample's part."""
+        while part[number] != number:
+            number = part[number]
+        return number
+
+    for at in places.values():
+        first: dict[Hashable, int] = {}
+        for number, place in at.items():
+            part[root(number)] = root(first.setdefault(place, number))
+    return _parted(samples, {number: root(number) for number in samples})
+
+
+def _by_robot(samples: Sequence[int], places: Mapping[str, Mapping[int, Hashable]]) -> list[list[Samples]]:
+    """Parts by the places of one robot, of the one with the fewest first."""
+    ordered = sorted(places, key=lambda robot: (len(set(places[robot].values())), robot))
+    return [_parted(samples, {n: places[robot].get(n, n) for n in samples}) for robot in ordered]
+
+
+def _instants(samples: Sequence[int], places: Mapping[str, Mapping[int, Hashable]]) -> list[Samples]:
+    return _parted(samples, {n: tuple(places[robot].get(n) for robot in sorted(places)) for n in samples})
+
+
+def _parted(samples: Sequence[int], label: Mapping[int, Hashable]) -> list[Samples]:
+    parts: dict[Hashable, list[int]] = defaultdict(list)
+    for number in samples:
+        parts[label[number]].append(number)
+    return [frozenset(part) for part in parts.values()]
+
+
+def _dealt(parts: list[Samples], count: int) -> list[Samples]:
+    """Parts dealt out one by one, each to the fold with the fewest samples so far."""
+    dealt: list[set[int]] = [set() for _ in range(min(count, len(parts)))]
+    for part in parts:
+        min(dealt, key=len).update(part)
+    return [frozenset(fold) for fold in dealt]

@@ -1,0 +1,312 @@
+"""How well samples are predicted that were not used, and whether the answer stays where its covariance says.
+
+Every fold is fitted anew from the full answer, with the noise of the full answer, without the samples it holds out. Of
+nested data the difference of two estimates has the difference of their covariances: Cov(fold - full) = C_fold - C_full,
+and between folds Cov(j - full, k - full) = C_j (H_j + H_k - H) C_k - C_full, with H the information of all samples.
+Source: Hausman 1978; docs/mathematics.md, "Held-out samples".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import chdtrc, fdtrc
+
+from basecal.accuracy.cross_validation.folds import Samples, folds
+from basecal.accuracy.residuals.fit import view_alone
+from basecal.cell import Finding, Validation
+from basecal.estimation.least_squares.levenberg_marquardt import levenberg_marquardt
+from basecal.estimation.least_squares.normal_equations import linearise
+from basecal.estimation.noise.estimate import degrees_of_freedom
+from basecal.estimation.observability.observability import observability_of
+from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.settings import DEFAULT, Settings
+from basecal.estimation.solve import Solution
+from basecal.estimation.view.measurement import PixelMeasurement
+from basecal.geometry import SE3, Array, BoolArray
+
+_LEAST_GAIN = 0.01
+_MOST_GAIN = 10.0
+_FEWEST_FREEDOMS = 5.0
+_ROUNDING = 1e-12
+_NOTHING = 1e-12
+_CHANCE = 1e-4
+_MUCH_WORSE = 4.0
+_SHOWN = 10
+
+
+@dataclass(frozen=True, eq=False)
+class _Fold:
+    """A fit without some samples.
+
+    Attributes:
+        held: The samples it did not use.
+        views: The views of these samples.
+        state: The fit.
+        known: (k,) which stops' errors the fit knows; those of the others stand at zero.
+        hessian: (p, p) information of the samples used.
+        inverse: (p, p) inverse of it where it is seen.
+    """
+
+    held: Samples
+    views: Problem
+    state: State
+    known: BoolArray
+    hessian: Array
+    inverse: Array
+
+
+@dataclass(frozen=True)
+class _Errors:
+    """Of held-out views: squares over their sigmas, of pixels, and of the target's pose; with their counts."""
+
+    cost: float = 0.0
+    square_px: float = 0.0
+    count_px: int = 0
+    square_m: float = 0.0
+    square_rad: float = 0.0
+    count_poses: int = 0
+
+    def __add__(self, other: _Errors) -> _Errors:
+        return _Errors(*(a + b for a, b in zip(vars(self).values(), vars(other).values(), strict=True)))
+
+
+@dataclass(frozen=True)
+class _Change:
+    """How far the folds' answers are from the full one: mean square in sigmas, its freedoms, and its chance."""
+
+    mean: float
+    freedoms: float
+    chance: float
+
+
+def validate(
+    solution: Solution, asked: Sequence[str], settings: Settings = DEFAULT
+) -> tuple[Validation | None, tuple[Finding, ...]]:
+    """How well samples are predicted that were held out, five folds one after another, stations kept together.
+
+    A stop that no used sample shares is predicted at its recorded pose, as a user would meet it.
+
+    Args:
+        solution: The full answer.
+        asked: Names of the transforms that were asked for.
+        settings: How long to descend.
+
+    Returns:
+        The validation; None where the answer is none, or where every part of the recording is needed to see what was
+        asked. And findings: `unstable-answer`, `overfit`, `not-validated`.
+    """
+    free = [name for name in asked if name in solution.problem.columns]
+    if not solution.converged or solution.seen.blind.intersection(free):
+        return None, ()
+    ways = folds(solution.problem)
+    fitted: list[_Fold] = []
+    skipped: list[Samples] = []
+    for held in ways:
+        tried = [_fold(solution, free, samples, settings.iterations) for samples in held]
+        fitted = [fold for fold in tried if fold is not None]
+        skipped = [samples for samples, fold in zip(held, tried, strict=True) if fold is None]
+        if 2 * len(fitted) > len(held):
+            break
+    told = [_not_validated(free, skipped)] if skipped or not fitted else []
+    if not fitted:
+        return None, tuple(told)
+    used, unseen = _errors(solution, fitted)
+    change = _change(solution, fitted, free)
+    told += [*_unstable(change, solution), *_overfit(used, unseen)]
+    return _validation(fitted, unseen, change), tuple(told)
+
+
+def _fold(solution: Solution, asked: Sequence[str], held: Samples, iterations: int) -> _Fold | None:
+    """The fit without some samples; None where it has no optimum, or does not see what was asked."""
+    used, views = _split(solution.problem, held)
+    known = _stops_of(used)
+    state = _with_errors(solution.state, known)
+    end = levenberg_marquardt(used, state, degrees_of_freedom(used), iterations)
+    seen = observability_of(used, end.state, end.normal.hessian, solution.noise.factor)
+    if not end.converged or seen.blind.intersection(asked):
+        return None
+    return _Fold(held, views, end.state, known, end.normal.hessian, seen.inverse)
+
+
+def _split(problem: Problem, held: Samples) -> tuple[Problem, Problem]:
+    used, views = [], []
+    for group in problem.groups:
+        out = np.isin(group.sample, list(held))
+        used += [group.take(np.flatnonzero(~out))] if not np.all(out) else []
+        views += [group.take(np.flatnonzero(out))] if np.any(out) else []
+    return problem.with_groups(used), problem.with_groups(views)
+
+
+def _stops_of(problem: Problem) -> BoolArray:
+    known = np.zeros(len(problem.stops) + 1, dtype=bool)
+    for group in problem.groups:
+        known[group.eye_stop] = True
+        known[group.hand_stop] = True
+    return known[:-1]
+
+
+def _with_errors(state: State, known: BoolArray) -> State:
+    """The state with the errors of the other stops at zero."""
+    return replace(state, stop_errors=np.where(known[:, None], state.stop_errors, 0.0))
+
+
+def _errors(solution: Solution, fitted: Sequence[_Fold]) -> tuple[_Errors, _Errors]:
+    """Of the held-out views: as the full answer has them, and as the folds predict them."""
+    used, unseen = _Errors(), _Errors()
+    for fold in fitted:
+        full = _with_errors(solution.state, fold.known)
+        for group in fold.views.groups:
+            in_pixels = isinstance(group.measurement, PixelMeasurement)
+            used += _of_group(fold.views, group, full, posed=not in_pixels)
+            unseen += _of_group(fold.views, group, fold.state, posed=True)
+    return used, unseen
+
+
+def _of_group(views: Problem, group: ViewGroup, state: State, posed: bool) -> _Errors:
+    """Of a group's views; of the target's pose, which takes most of the time, only where `posed`."""
+    predicted = state.camera_from_target(group, views.stops)
+    cost = float(group.measurement.linearise(predicted, state.cameras.get(group.camera), False).cost.sum())
+    square_px, count_px = _pixels(group, state, predicted)
+    if not posed:
+        return _Errors(cost, square_px, count_px)
+    alone, enough = view_alone(state, group, predicted)
+    off = (alone.inverse() @ predicted)[np.flatnonzero(enough)]
+    square_m, square_rad = float(np.sum(off.translation**2)), float(np.sum(off.rotvec**2))
+    return _Errors(cost, square_px, count_px, square_m, square_rad, int(enough.sum()))
+
+
+def _pixels(group: ViewGroup, state: State, predicted: SE3) -> tuple[float, int]:
+    measurement = group.measurement
+    if not isinstance(measurement, PixelMeasurement):
+        return 0.0, 0
+    off = measurement.residual_px(predicted, state.cameras[group.camera])[measurement.weight > 0]
+    return float(np.sum(off**2)), off.size
+
+
+def _change(solution: Solution, fitted: Sequence[_Fold], asked: Sequence[str]) -> _Change | None:
+    """How far what was asked moves between the folds and the full answer, by what its covariance expects."""
+    columns = solution.problem.columns
+    chosen = np.array([k for name in asked for k in range(columns[name].start, columns[name].stop)], dtype=np.int64)
+    if not len(chosen):
+        return None
+    hessian, factor = linearise(solution.problem, solution.state).hessian, solution.noise.factor
+    covariance = solution.covariance[np.ix_(chosen, chosen)]
+    # A fold's change in units of what is expected of it, along the directions in which it has lost information.
+    units = [_whitening(factor * fold.inverse[np.ix_(chosen, chosen)], covariance) for fold in fitted]
+    moved = [_moved(solution.state, fold.state, asked, columns) for fold in fitted]
+    whitened = [unit @ change for unit, change in zip(units, moved, strict=True)]
+    freedoms = sum(len(each) for each in whitened)
+    if not freedoms:
+        return None
+    mean = sum(float(each @ each) for each in whitened) / freedoms
+    spread = sum(
+        float(np.sum((a @ (_shared(i, j, hessian, factor)[np.ix_(chosen, chosen)] - covariance) @ b.T) ** 2))
+        for i, a in zip(fitted, units, strict=True)
+        for j, b in zip(fitted, units, strict=True)
+    )
+    effective = freedoms**2 / max(spread, 1e-300)
+    if effective < _FEWEST_FREEDOMS:
+        return None
+    return _Change(mean, effective, _chance(solution, mean, effective))
+
+
+def _shared(first: _Fold, second: _Fold, hessian: Array, factor: float) -> Array:
+    """Covariance of two folds' answers, by the information of the samples that both of them used."""
+    both = first.hessian if first is second else first.hessian + second.hessian - hessian
+    shared: Array = factor * (first.inverse @ both @ second.inverse)
+    return shared
+
+
+def _whitening(without: Array, full: Array) -> Array:
+    """(m, n) which makes unit what a fold's change is expected to be, along the directions that can be compared.
+
+    Those are left out which the held-out samples do not see, and those which only they see: there a fold is too far
+    from the full answer to be compared to first order.
+    """
+    values, vectors = np.linalg.eigh(full)
+    kept = values > _ROUNDING * values[-1]
+    unit = (vectors[:, kept] / np.sqrt(values[kept])).T
+    gain, directions = np.linalg.eigh(unit @ (without - full) @ unit.T)
+    seen = (gain > _LEAST_GAIN) & (gain < _MOST_GAIN)
+    whitening: Array = (directions[:, seen] / np.sqrt(gain[seen])).T @ unit
+    return whitening
+
+
+def _moved(full: State, fold: State, asked: Sequence[str], columns: Mapping[str, slice]) -> Array:
+    """Tangents from the full answer to a fold's, end to end [m, rad]."""
+    tangents = [(full.transforms[name].inverse() @ fold.transforms[name]).log() for name in asked]
+    widths = [columns[name].stop - columns[name].start for name in asked]
+    return np.concatenate([tangent[:width] for tangent, width in zip(tangents, widths, strict=True)])
+
+
+def _chance(solution: Solution, mean: float, freedoms: float) -> float:
+    """Of a mean square so large or larger where the covariance is true."""
+    if solution.noise.estimated or solution.noise.factor != 1.0:
+        return float(fdtrc(freedoms, max(solution.dof, 1), mean))
+    return float(chdtrc(freedoms, freedoms * mean))
+
+
+def _validation(fitted: Sequence[_Fold], unseen: _Errors, change: _Change | None) -> Validation:
+    return Validation(
+        kind="k-fold" if any(len(fold.held) > 1 for fold in fitted) else "leave-one-out",
+        folds=len(fitted),
+        rms_px=_root(unseen.square_px, unseen.count_px),
+        target_m=_root(unseen.square_m, unseen.count_poses),
+        target_rad=_root(unseen.square_rad, unseen.count_poses),
+        base_change=None if change is None else change.mean,
+    )
+
+
+def _root(squares: float, count: int) -> float | None:
+    return float(np.sqrt(squares / count)) if count and np.isfinite(squares) else None
+
+
+def _unstable(change: _Change | None, solution: Solution) -> list[Finding]:
+    if change is None or change.chance > _CHANCE:
+        return []
+    robots = sorted({r for g in solution.problem.groups for r in (g.eye, g.hand) if r is not None})
+    stated = set(solution.problem.stops.robot)
+    lacking = [robot for robot in robots if robot not in stated]
+    noise = f"state the noise of {' and '.join(lacking)}" if lacking else "state a larger noise of the robots"
+    message = (
+        f"parts of the recording give answers that differ {np.sqrt(change.mean):.1f} times as much as the sigmas say: "
+        f"take the sigmas as {np.sqrt(change.mean):.1f} times as large, {noise}, and look for samples taken while "
+        "something moved"
+    )
+    return [Finding("unstable-answer", "warning", (), message)]
+
+
+def _overfit(used: _Errors, unseen: _Errors) -> list[Finding]:
+    ratio = np.sqrt(unseen.cost / used.cost) if used.cost > 0 and np.isfinite(unseen.cost) else np.inf
+    if ratio <= _MUCH_WORSE or unseen.cost <= _NOTHING * max(unseen.count_px, unseen.count_poses):
+        return []
+    message = (
+        f"samples that were held out are predicted {ratio:.1f} times worse than the same samples fit when they are "
+        f"used{_compared(used, unseen)}: there are too few of them for all that is unknown; record more, or state "
+        "what is known as a prior"
+    )
+    return [Finding("overfit", "warning", (), message)]
+
+
+def _compared(used: _Errors, unseen: _Errors) -> str:
+    """Both errors in pixels, or in mm and degrees."""
+    inside, outside = (_root(e.square_px, e.count_px) for e in (used, unseen))
+    if inside is not None and outside is not None:
+        return f" ({outside:.2f} px against {inside:.2f} px)"
+    inside, outside = (_root(e.square_m, e.count_poses) for e in (used, unseen))
+    return "" if inside is None or outside is None else f" ({1e3 * outside:.2f} mm against {1e3 * inside:.2f} mm)"
+
+
+def _not_validated(asked: Sequence[str], skipped: Sequence[Samples]) -> Finding:
+    numbers = tuple(map(str, sorted(number for samples in skipped for number in samples)))
+    if not numbers:
+        return Finding("not-validated", "info", (), "the samples cannot be split: nothing was held out to check by")
+    shown = ", ".join(numbers[:_SHOWN]) + (", ..." if len(numbers) > _SHOWN else "")
+    message = (
+        f"samples {shown} could not be held out to check by, as without them {' and '.join(asked)} is not seen: "
+        "record more of their kind"
+    )
+    return Finding("not-validated", "info", numbers, message)

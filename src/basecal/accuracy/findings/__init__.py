@@ -1,0 +1,1 @@
+"""What a solution's numbers say, as findings."""

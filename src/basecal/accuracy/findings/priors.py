@@ -1,0 +1,40 @@
+"""Priors that the data contradict."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.stats import chi2
+
+from basecal.cell import Finding
+from basecal.estimation.least_squares.normal_equations import prior_residuals
+from basecal.estimation.solve import Solution
+
+CHANCE = 1e-4
+_LEARNT = 1e-6
+
+
+def contradicted_priors(solution: Solution) -> list[Finding]:
+    """A finding for each prior that is further from the answer than chance allows, once in 10,000 times.
+
+    The answer leaves the mean of a true prior by a normal error whose covariance is the prior's less the answer's, in
+    directions of which the data say something at all. Source: Bar-Shalom et al. 2001 (normalised innovation squared).
+    """
+    told = []
+    for residual, jacobian, where in prior_residuals(solution.problem, solution.state):
+        name = next(n for n, c in solution.problem.columns.items() if c == where)
+        after = jacobian @ solution.covariance[where, where] @ jacobian.T / solution.noise.factor
+        values, vectors = np.linalg.eigh(np.eye(len(residual)) - 0.5 * (after + after.T))
+        learnt = values > _LEARNT
+        along = (vectors.T @ residual)[learnt]
+        off = float(np.sum(along**2 / values[learnt])) / max(solution.noise.factor, 1.0)
+        if learnt.any() and off > chi2.isf(CHANCE, int(learnt.sum())):
+            told.append(_finding(name, float(np.abs(residual).max())))
+    return told
+
+
+def _finding(name: str, sigmas: float) -> Finding:
+    message = (
+        f"the data contradict the prior of {name}: the answer is up to {sigmas:.1f} of its sigmas away, more than "
+        "chance explains; state larger sigmas or a better value, or make it free"
+    )
+    return Finding("prior-contradicted", "warning", (name,), message)

@@ -1,0 +1,1 @@
+"""Whether the input was given in other conventions, units or pairings than stated."""

@@ -1,0 +1,307 @@
+"""An automatic test of conventions: does another reading of the input explain it better, or as well.
+
+A reading is named only where it predicts held-out samples, contradicts no hard fact and moves what is asked. Nothing
+is ever applied. docs/conventions_test.md tells which mix-ups can be told apart by which data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from basecal.accuracy.input_check.held_out import FOLDS, HeldOut, held_out, in_order, plausible, ratio, thinned
+from basecal.accuracy.input_check.hypotheses import AS_DECLARED, ConventionHypothesis, convention_hypotheses, streams
+from basecal.accuracy.input_check.loop_fit import LoopFit, fit_loops, sight_for, state_of, trimmed
+from basecal.accuracy.input_check.pairing import half_turns, pairing_errors
+from basecal.accuracy.input_check.plausibility import impossible_answer, impossible_input
+from basecal.accuracy.input_check.target_sizes import size_hypotheses
+from basecal.cell import Cell, Finding, Recording
+from basecal.cell.calibration import Severity
+from basecal.errors import BasecalError
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import Solution
+from basecal.estimation.start.lens import lens_from_views
+from basecal.estimation.view.measurement import PixelMeasurement
+from basecal.geometry import SE3, Camera
+
+_SCREENED = 25
+_SOLVED = 40
+_LIGHTS_SCREENED = 14
+_FEWEST = 5
+_MARGIN = 1.25
+_ALIKE = 1.1
+_FAR_WORSE = 2.0
+# A wider model takes up some of the errors of arms and lenses: below this it is no mix-up that it found.
+_WIDER = 1.5
+_NEAR = 3.0
+_FLOOR_RAD = 0.01
+_LIGHT_FLOOR_RAD = 0.002
+_HOPELESS_RAD = 0.25
+_LIGHT_HOPELESS_RAD = 0.05
+_MOST_SOLVED = 8
+_SIGMAS = 3.0
+_SMALLEST_SIGMA = 1e-9
+_EXPLAINED = 1.15
+
+Lenses = Mapping[str, Camera]
+Fits = Mapping[tuple[str, str], LoopFit]
+
+
+@dataclass(frozen=True, eq=False)
+class _Tried:
+    """A reading and how it predicts; `impossible` tells the facts that it contradicts."""
+
+    reading: ConventionHypothesis
+    fit: HeldOut
+    impossible: tuple[str, ...]
+
+
+def check_conventions(
+    cell: Cell, recording: Recording, problem: Problem, solution: Solution, settings: Settings
+) -> tuple[Finding, ...]:
+    """Findings about conventions that the input seems to break, or that it leaves open.
+
+    Args:
+        cell: As declared.
+        recording: As recorded.
+        problem: What was packed of both.
+        solution: What they gave.
+        settings: How they were solved.
+
+    Returns:
+        An error for each reading that explains the data better than the declared one, or as well where the declared
+        one cannot be; one `ambiguous-reading` for those that explain it as well. Nothing where no reading does.
+    """
+    recording = in_order(recording)
+    if len(recording.samples) < _FEWEST or not _can_hold_out(problem):
+        return ()
+    whole = _as_declared(cell, recording, settings, solution)
+    if whole is None:
+        return ()
+    declared = _Tried(AS_DECLARED, whole, (*impossible_input(cell, recording), *impossible_answer(cell, whole)))
+    if plausible(whole) and not declared.impossible and not _is_seen(cell, whole):
+        return ()
+    # A guess or the axis-shift start belongs to the declared reading alone.
+    tried = _tried(cell, recording, problem, declared, replace(settings, start="closed"))
+    return _decided(cell, declared, tried)
+
+
+def _can_hold_out(problem: Problem) -> bool:
+    """Whether two of three folds still have more equations than there are unknowns, by a quarter."""
+    equations = sum(int(group.measurement.equations().sum()) for group in problem.groups)
+    return equations * (FOLDS - 1) / FOLDS > _MARGIN * problem.width
+
+
+def _as_declared(cell: Cell, recording: Recording, settings: Settings, solution: Solution) -> HeldOut | None:
+    """The fit of the declared reading; a start that misled it, such as a wrong guess, is no mix-up."""
+    few = thinned(recording, _SOLVED)
+    fit = held_out(cell, few, settings, solution.state)
+    if settings.start == "closed" or (fit is not None and plausible(fit)):
+        return fit
+    anew = held_out(cell, few, replace(settings, start="closed"))
+    found = [each for each in (fit, anew) if each is not None]
+    return min(found, key=lambda each: each.core, default=None)
+
+
+def _tried(cell: Cell, recording: Recording, problem: Problem, declared: _Tried, settings: Settings) -> list[_Tried]:
+    """Readings that survive a quick look, fitted in earnest."""
+    lenses = _lenses(cell, problem, declared.fit)
+    known = declared.fit.solution.state
+    found: list[_Tried] = []
+    for reading, fits in _surviving(cell, recording, lenses):
+        found += _try(cell, recording, reading, settings, (fits, lenses))
+    if any(plausible(each.fit) and not each.impossible and _better(each.fit, declared.fit, _WIDER) for each in found):
+        return found
+    if not _explained(declared.fit):
+        wider = [r for r in convention_hypotheses(cell, recording) if r.nested]
+        for reading in [*wider, *size_hypotheses(cell, thinned(recording, _SOLVED), lenses, known)]:
+            found += _try(cell, recording, reading, settings, known)
+    if _has_tail(declared.fit) or not any(plausible(each.fit) and not each.impossible for each in (declared, *found)):
+        for reading in [
+            *pairing_errors(cell, recording, lenses, streams(_moving(recording))),
+            *half_turns(cell, recording),
+        ]:
+            found += _try(cell, recording, reading, settings, None)
+    return found
+
+
+def _try(
+    cell: Cell,
+    recording: Recording,
+    reading: ConventionHypothesis,
+    settings: Settings,
+    start: State | tuple[Fits, Lenses] | None,
+) -> list[_Tried]:
+    told, rewritten = reading.apply(cell, recording)
+    if impossible_input(told, rewritten):
+        return []
+    few = thinned(rewritten, _SOLVED)
+    state = state_of(build_problem(told, few)[0], *start) if isinstance(start, tuple) else start
+    fit = held_out(told, few, settings, state)
+    return [] if fit is None else [_Tried(reading, fit, impossible_answer(told, fit))]
+
+
+def _surviving(cell: Cell, recording: Recording, lenses: Lenses) -> list[tuple[ConventionHypothesis, Fits]]:
+    """Readings that close the loops about as well as the one that closes them best."""
+    moving = _moving(recording)
+    best, of_light, _ = _screened(cell, recording, lenses)
+    found = []
+    for reading in convention_hypotheses(cell, recording):
+        if reading.nested or (reading.code == "pairing-shifted" and not set(reading.about) <= set(moving)):
+            continue
+        told, rewritten = reading.apply(cell, recording)
+        if not impossible_input(told, rewritten):
+            score, _, fits = _screened(told, rewritten, lenses)
+            found.append((score, reading, fits))
+    found.sort(key=lambda each: each[0])
+    if min([best, *(score for score, *_ in found[:1])]) > (_LIGHT_HOPELESS_RAD if of_light else _HOPELESS_RAD):
+        return []
+    limit = _NEAR * min([best, *(score for score, *_ in found[:1])]) + (_LIGHT_FLOOR_RAD if of_light else _FLOOR_RAD)
+    return [(reading, fits) for score, reading, fits in found[:_MOST_SOLVED] if score < limit]
+
+
+def _screened(cell: Cell, recording: Recording, lenses: Lenses) -> tuple[float, bool, Fits]:
+    """How nearly the loops of the pair that closes them worst can be closed [rad], whether it is a light; the fits."""
+    try:
+        problem, _ = build_problem(cell, thinned(recording, _SCREENED))
+        fits = {}
+        for g in problem.groups:
+            sight = sight_for(g, lenses.get(g.camera), _SCREENED)
+            few = sight if sight.candidates is not None else sight_for(g, lenses.get(g.camera), _LIGHTS_SCREENED)
+            fits[g.camera, g.target] = fit_loops(few, problem)
+    except (BasecalError, np.linalg.LinAlgError):
+        return float("inf"), False, {}
+    score = max((trimmed(fit.off) for fit in fits.values()), default=float("inf"))
+    return score, any(fit.of_light for fit in fits.values()), fits
+
+
+def _moving(recording: Recording) -> list[str]:
+    """Robots that do not stand still throughout, by pose or joints."""
+    states: dict[str, set[bytes]] = {}
+    for sample in recording.samples:
+        for name, state in sample.robots.items():
+            pose = state.base_from_flange
+            numbers = state.joints_rad if pose is None else np.append(pose.rotation, pose.translation)
+            states.setdefault(name, set()).add(np.asarray(numbers).tobytes())
+    return [name for name, different in states.items() if len(different) > 1]
+
+
+def _lenses(cell: Cell, problem: Problem, declared: HeldOut) -> dict[str, Camera]:
+    """A lens for each camera with pixels: stated, of a good fit, or from its views, which no robot misleads."""
+    found = {}
+    for name, lens in problem.lenses.items():
+        views = [g.measurement for g in problem.groups if g.camera == name]
+        pixels = [m for m in views if isinstance(m, PixelMeasurement)]
+        solved = declared.solution.state.cameras[name] if plausible(declared) else None
+        found[name] = lens.camera or solved or lens_from_views(cell.cameras[name], pixels)
+    return found
+
+
+def _explained(fit: HeldOut) -> bool:
+    """Whether stated sigmas explain every residual, so that no wider model can gain a tenth."""
+    return not fit.solution.noise.estimated and ratio(fit.solution) < _EXPLAINED and not _has_tail(fit)
+
+
+def _has_tail(fit: HeldOut) -> bool:
+    return bool(np.isfinite(fit.core) and fit.whole > _FAR_WORSE * fit.core)
+
+
+def _is_seen(cell: Cell, fit: HeldOut) -> bool:
+    return not any(name in fit.solution.seen.blind for name in cell.asked)
+
+
+def _alike(fit: HeldOut, other: HeldOut) -> bool:
+    """Whether a fit predicts at least about as well as another."""
+    return fit.core <= _ALIKE * other.core and fit.whole <= _ALIKE * other.whole
+
+
+def _better(fit: HeldOut, other: HeldOut, times: float = _ALIKE) -> bool:
+    """Whether a fit predicts most samples or all of them so many times better, and neither worse."""
+    return _alike(fit, other) and (times * fit.core < other.core or times * fit.whole < other.whole)
+
+
+def _decided(cell: Cell, declared: _Tried, tried: Sequence[_Tried]) -> tuple[Finding, ...]:
+    possible = [t for t in tried if not t.impossible and _is_seen(cell, t.fit) and plausible(t.fit)]
+    winning = [t for t in possible if _wins(cell, t, declared)]
+    if winning:
+        best = min(winning, key=lambda t: t.fit.core * t.fit.whole)
+        return tuple(_named(t, declared) for t in winning if _alike(t.fit, best.fit))
+    if not plausible(declared.fit):
+        return () if declared.fit.in_pixels else (_poor(declared),)
+    if not _is_seen(cell, declared.fit):
+        return ()
+    rivals = [
+        t
+        for t in possible
+        if not t.reading.nested and _alike(t.fit, declared.fit) and _moved(cell, t, declared.fit, declared.fit)
+    ]
+    return (_ambiguous(cell, declared, rivals),) if rivals else ()
+
+
+def _wins(cell: Cell, tried: _Tried, declared: _Tried) -> bool:
+    """Whether a reading is to be believed rather than the declared one."""
+    if declared.impossible and _alike(tried.fit, declared.fit) and not tried.reading.nested:
+        return True
+    if tried.reading.nested:
+        return _better(tried.fit, declared.fit, _WIDER)
+    if not _better(tried.fit, declared.fit):
+        return False
+    return _better(tried.fit, declared.fit, _FAR_WORSE) or _moved(cell, tried, declared.fit, tried.fit)
+
+
+def _moved(cell: Cell, tried: _Tried, declared: HeldOut, scale: HeldOut) -> bool:
+    """Whether a reading moves what is asked by more than three sigmas of `scale`."""
+    ignored = cell.mount_name(tried.reading.about[0]) if tried.reading.code == "board-symmetry" else None
+    for name in cell.asked:
+        if name == ignored and cell.transforms[name].status == "free":
+            continue
+        off = np.abs(_step(declared, tried.fit, name).log())
+        sigma = np.sqrt(np.maximum(np.diag(scale.solution.covariance_of([name])), 0.0))
+        if np.any(off > _SIGMAS * np.maximum(sigma, _SMALLEST_SIGMA)):
+            return True
+    return False
+
+
+def _step(fit: HeldOut, other: HeldOut, name: str) -> SE3:
+    return fit.solution.state.transforms[name].inverse() @ other.solution.state.transforms[name]
+
+
+def _named(tried: _Tried, declared: _Tried) -> Finding:
+    reading = tried.reading
+    severity: Severity = "error"
+    if reading.nested and plausible(declared.fit) and not _better(tried.fit, declared.fit, _FAR_WORSE):
+        severity = "warning"
+    if _better(tried.fit, declared.fit):
+        why = f"so read, unseen samples are predicted to {tried.fit.told()} instead of {declared.fit.told()}"
+    else:
+        why = f"as declared it fits as well, but {' and '.join(declared.impossible)} cannot be"
+    return Finding(reading.code, severity, reading.about, f"{reading.words}: {why}; {reading.fix}")
+
+
+def _poor(declared: _Tried) -> Finding:
+    message = (
+        f"loops are off by {declared.fit.told()}, and no other reading of the input that was tried closes them: "
+        "look at the samples with the largest residuals, and at what the frames mean"
+    )
+    return Finding("poor-fit", "warning", (), message)
+
+
+def _ambiguous(cell: Cell, declared: _Tried, rivals: Sequence[_Tried]) -> Finding:
+    """One finding for all readings that fit as well as the declared one."""
+    name = cell.asked[0]
+    moves = [1e3 * float(np.linalg.norm(_step(declared.fit, t.fit, name).translation)) for t in rivals]
+    listed = " or ".join(
+        f"{t.reading.words} ({t.reading.code}: {t.fit.told()}, {name} {mm:.3g} mm away)"
+        for t, mm in zip(rivals, moves, strict=True)
+    )
+    about = tuple(dict.fromkeys(each for t in rivals for each in t.reading.about))
+    tell = "; ".join(dict.fromkeys(t.reading.tell for t in rivals))
+    message = (
+        f"unseen samples are predicted as well ({declared.fit.told()} as declared) if {listed}: check which is so; "
+        f"to tell them apart, {tell}"
+    )
+    return Finding("ambiguous-reading", "warning", about, message)

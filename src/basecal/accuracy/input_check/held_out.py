@@ -1,0 +1,199 @@
+"""How well a reading predicts samples that its fit has not seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from basecal.accuracy.input_check.loop_fit import trimmed
+from basecal.cell import Cell, Recording
+from basecal.errors import BasecalError
+from basecal.estimation.least_squares.levenberg_marquardt import levenberg_marquardt
+from basecal.estimation.noise.estimate import degrees_of_freedom
+from basecal.estimation.problem.build import build_problem, canonical_order
+from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import Solution, solve_from, solve_packed
+from basecal.estimation.view.measurement import PixelMeasurement, PointMeasurement, PoseMeasurement
+from basecal.geometry import SE3, Array, BoolArray, IntArray
+
+FOLDS = 3
+PIXEL_SCALE = 1e-3
+_HEAVY_TAIL = 2.0
+_CONCENTRATIONS = 2
+_STEPS = 30
+_PLAUSIBLE_PX = 3.0
+_PLAUSIBLE_RAD = 0.03
+_PLAUSIBLE_SIGMAS = 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOut:
+    """A reading's fit and what it predicts.
+
+    Attributes:
+        solution: The fit to the samples that agree with it.
+        off: (n,) how far each held-out view is from its prediction: thousands of pixels, or the angle and the length
+            over the distance to the target [rad].
+        in_pixels: Whether views are of pixels.
+    """
+
+    solution: Solution
+    off: Array
+    in_pixels: bool
+
+    @property
+    def core(self) -> float:
+        """Rms of the 70 % of views that are predicted best."""
+        return trimmed(self.off)
+
+    @property
+    def whole(self) -> float:
+        """Rms of all views."""
+        return trimmed(self.off, 1.0)
+
+    def told(self) -> str:
+        """The error with its unit, for people."""
+        if not np.isfinite(self.core):
+            return "not at all"
+        if self.in_pixels:
+            return f"{self.core / PIXEL_SCALE:.3g} px"
+        return f"{1e3 * self.core:.3g} mm a metre (or mrad)"
+
+
+def plausible(fit: HeldOut) -> bool:
+    """Whether data could have come from there: an optimum with residuals of a few sigmas or pixels, not more."""
+    return _is_near(fit) and (bool(fit.solution.noise.estimated) or ratio(fit.solution) < _PLAUSIBLE_SIGMAS)
+
+
+def _is_near(fit: HeldOut) -> bool:
+    """Whether it is an optimum with residuals of a few pixels or hundredths of a radian."""
+    if not fit.solution.converged or not np.isfinite(fit.solution.cost):
+        return False
+    return fit.core < (PIXEL_SCALE * _PLAUSIBLE_PX if fit.in_pixels else _PLAUSIBLE_RAD)
+
+
+def ratio(solution: Solution) -> float:
+    """Residuals over what their sigmas explain."""
+    return float(np.sqrt(solution.cost / max(solution.dof, 1)))
+
+
+def in_order(recording: Recording) -> Recording:
+    """The recording with its samples as they are solved: by time."""
+    return replace(recording, samples=canonical_order(recording.samples))
+
+
+def thinned(recording: Recording, most: int) -> Recording:
+    """At most so many of the samples, spread evenly."""
+    samples = recording.samples
+    spread = np.unique(np.linspace(0, len(samples) - 1, min(len(samples), most)).round().astype(np.int64))
+    return replace(recording, samples=tuple(samples[k] for k in spread))
+
+
+def held_out(cell: Cell, recording: Recording, settings: Settings, start: State | None = None) -> HeldOut | None:
+    """The fit of a cell and its held-out errors over three folds; None where there is nothing to fit.
+
+    A fit that no data could have come from is not held out: its errors are those that it was fitted to. Where a few
+    views are far off, the fit is repeated on the others, so that gross outliers do not hide a reading.
+
+    Args:
+        cell: As this reading has it.
+        recording: Likewise.
+        settings: How to solve.
+        start: Where to start; without a guess where None.
+    """
+    # A wrong reading may send the descent anywhere: infinities there are no error of the user's.
+    with np.errstate(all="ignore"):
+        return _held_out(cell, recording, settings, start)
+
+
+def _held_out(cell: Cell, recording: Recording, settings: Settings, start: State | None) -> HeldOut | None:
+    try:
+        problem, _ = build_problem(cell, recording)
+        if not problem.groups:
+            return None
+        if start is None:
+            solution = solve_packed(problem, cell, settings)
+        else:
+            stops = np.zeros((len(problem.stops), 6))
+            solution = solve_from(problem, replace(start, stop_errors=stops), settings)
+        solution = _concentrated(solution, settings)
+        in_pixels = any(isinstance(g.measurement, PixelMeasurement) for g in problem.groups)
+        fitted = np.concatenate([off_views(problem, g, solution.state) for g in problem.groups])
+        if not _is_near(HeldOut(solution, fitted, in_pixels)):
+            return HeldOut(solution, fitted, in_pixels)
+        return HeldOut(solution, _predicted_off(problem, solution), in_pixels)
+    except (BasecalError, np.linalg.LinAlgError):
+        return None
+
+
+def _concentrated(solution: Solution, settings: Settings) -> Solution:
+    """The solution of the views that agree best, where the others are far off."""
+    whole = solution.problem
+    for _ in range(_CONCENTRATIONS):
+        off = [off_views(whole, group, solution.state) for group in whole.groups]
+        every = np.concatenate(off)
+        if trimmed(every, 1.0) < _HEAVY_TAIL * trimmed(every):
+            return solution
+        limit = np.quantile(every, 0.7)
+        groups = (g.take(np.flatnonzero(o <= limit)) for g, o in zip(whole.groups, off, strict=True))
+        kept = whole.with_groups(g for g in groups if len(g))
+        if not kept.groups:
+            return solution
+        solution = solve_from(kept, solution.state, settings)
+    return solution
+
+
+def _predicted_off(problem: Problem, solution: Solution) -> Array:
+    """Held-out errors of all views, each by the fit to the folds that it is not in."""
+    numbers = np.unique(np.concatenate([g.sample for g in problem.groups]))
+    fold = dict(zip(numbers.tolist(), (np.arange(len(numbers)) % FOLDS).tolist(), strict=True))
+    found = []
+    for k in range(FOLDS):
+        train = solution.problem.with_groups(g.take(_rows(g, fold, k, False)) for g in solution.problem.groups)
+        end = levenberg_marquardt(train, solution.state, max(degrees_of_freedom(train), 1), _STEPS)
+        for group in problem.groups:
+            test = group.take(_rows(group, fold, k, True))
+            if len(test):
+                found.append(off_views(problem, test, end.state))
+    return np.concatenate(found)
+
+
+def _rows(group: ViewGroup, fold: dict[int, int], k: int, inside: bool) -> IntArray:
+    mask: BoolArray = np.array([(fold[number] == k) == inside for number in group.sample.tolist()], dtype=bool)
+    return np.flatnonzero(mask).astype(np.int64)
+
+
+def off_views(problem: Problem, group: ViewGroup, state: State) -> Array:
+    """How far each view of a group is from where a state puts it, robots as recorded, (n,); see `HeldOut.off`."""
+    as_recorded = replace(state, stop_errors=np.zeros((len(problem.stops), 6)))
+    predicted = as_recorded.camera_from_target(group, problem.stops)
+    measurement = group.measurement
+    if isinstance(measurement, PoseMeasurement):
+        return _off_poses(measurement.measured_camera_from_target, predicted)
+    if isinstance(measurement, PointMeasurement):
+        points = predicted.rotation[:, None] @ measurement.points_in_target[:, :, None]
+        off = (points[..., 0] + predicted.translation[:, None]) - measurement.points_in_camera
+        distance = np.linalg.norm(measurement.points_in_camera, axis=-1)[measurement.seen]
+        return _rms(off, measurement.seen) / max(float(np.median(distance)), 1e-12)
+    assert isinstance(measurement, PixelMeasurement)
+    off = np.nan_to_num(measurement.residual_px(predicted, state.cameras[group.camera]), nan=np.inf)
+    return PIXEL_SCALE * _rms(off, measurement.seen)
+
+
+def _off_poses(measured: SE3, predicted: SE3) -> Array:
+    off = measured.inverse() @ predicted
+    distance = max(float(np.median(np.linalg.norm(measured.translation, axis=-1))), 1e-12)
+    both: Array = np.hypot(
+        np.linalg.norm(off.rotvec, axis=-1), np.linalg.norm(off.translation, axis=-1) / distance
+    ) / np.sqrt(6)
+    return both
+
+
+def _rms(off: Array, seen: BoolArray) -> Array:
+    """Rms over the coordinates of the points that each view sees."""
+    squares = np.where(seen[..., None], off, 0.0) ** 2
+    count = off.shape[-1] * np.maximum(seen.sum(-1), 1)
+    rms: Array = np.sqrt(squares.sum((1, 2)) / count)
+    return rms

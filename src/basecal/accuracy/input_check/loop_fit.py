@@ -1,0 +1,251 @@
+"""How nearly the loops of one camera and one target can be closed at all: a quick look that discards readings.
+
+Only fixed transforms are taken as known, and each pair of camera and target stands alone. So a reading that closes no
+loop here closes none in the whole cell either; one that does is solved in earnest afterwards.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from basecal.cell import Unknown
+from basecal.estimation.least_squares.levenberg_marquardt import levenberg_marquardt
+from basecal.estimation.problem.problem import Problem, State, Stops, ViewGroup
+from basecal.estimation.start.closed_form import Loop, Rotations, solve_rotations, solve_translations
+from basecal.estimation.start.pair_views import PairViews, as_light, pair_views
+from basecal.estimation.start.rotation_grid import light_starts, pose_starts
+from basecal.estimation.view.measurement import BearingMeasurement
+from basecal.geometry import SE3, Array, Camera, IntArray
+from basecal.geometry.se3 import nearest_rotation
+
+KEPT = 0.7
+_MOST_POINTS = 16
+_SEARCHED = 16
+_TRIED, _FIRST_ROUNDS, _MORE_ROUNDS = 6, 5, 40
+_LIGHT_STARTS = {0: 1, 1: 3, 2: 6}
+_LIGHT_STEPS = 12
+_PLAUSIBLE_SIGMAS = 4.0
+_HOPELESS_RAD = 0.5
+
+Triple = tuple[SE3, SE3, SE3]
+
+
+@dataclass(frozen=True, eq=False)
+class LoopFit:
+    """X, Y and Z of one pair of camera and target, and how far each view is off.
+
+    Attributes:
+        triple: eye_flange_from_camera, eye_base_from_hand_base and hand_flange_from_target.
+        off: (n,) of each view [rad]: the angle, and the length over the distance to the target.
+        of_light: Whether only one point was fitted, whose place stands for the target's.
+    """
+
+    triple: Triple
+    off: Array
+    of_light: bool = False
+
+
+def trimmed(off: Array, kept: float = KEPT) -> float:
+    """Rms of the share of values that are least; infinite without any."""
+    if not len(off):
+        return float("inf")
+    ordered = np.sort(np.where(np.isfinite(off), off, np.inf))[: max(1, int(np.ceil(kept * len(off))))]
+    return float(np.sqrt(np.mean(ordered**2)))
+
+
+def sight_for(group: ViewGroup, camera: Camera | None, views: int) -> PairViews:
+    """At most so many views, made ready."""
+    return pair_views(group, camera, views, _MOST_POINTS)
+
+
+def fit_loops(sight: PairViews, problem: Problem) -> LoopFit:
+    """The transforms that close a pair's loops best, with only what is fixed known."""
+    if sight.candidates is None:
+        return _fit_light(sight, problem)
+    loop = _loop(sight, problem, np.zeros(len(sight.group), dtype=np.int64))
+    fit = _fit_of(sight, loop)
+    chosen = _nearer(sight, fit.triple)
+    return _fit_of(sight, _loop(sight, problem, chosen)) if np.any(chosen) and trimmed(fit.off) < _HOPELESS_RAD else fit
+
+
+def _fit_of(sight: PairViews, loop: Loop) -> LoopFit:
+    triple = _triple(loop)
+    return LoopFit(triple, off_loops(sight, triple))
+
+
+def state_of(problem: Problem, fits: Mapping[tuple[str, str], LoopFit], cameras: Mapping[str, Camera]) -> State | None:
+    """The state that the only pair of a problem was fitted with; None where there are several, or a mere light."""
+    if len(problem.groups) != 1:
+        return None
+    (group,) = problem.groups
+    fit = fits.get((group.camera, group.target))
+    if fit is None or fit.of_light:
+        return None
+    x, y, z = fit.triple
+    transforms = {group.camera_mount: x, group.target_mount: z}
+    if group.hand_base is not None:
+        transforms[group.hand_base] = y
+    elif group.eye_base is not None:
+        transforms[group.eye_base] = y.inverse()
+    if transforms.keys() != problem.unknowns.keys():
+        return None
+    return State(transforms, cameras, np.zeros((len(problem.stops), 6)))
+
+
+def off_loops(sight: PairViews, triple: Triple) -> Array:
+    """How far each view is off where X, Y and Z put it, (n,) [rad]; of its candidate poses the nearest counts."""
+    predicted = _predicted(sight, triple)
+    if sight.candidates is None:
+        return _off_light(sight, predicted)
+    seen = sight.candidates
+    angles = _angles(np.swapaxes(seen.rotation, -1, -2) @ predicted.rotation[:, None])
+    lengths = np.linalg.norm(seen.translation - predicted.translation[:, None], axis=-1)
+    distance = max(float(np.median(np.linalg.norm(seen.translation[:, 0], axis=-1))), 1e-12)
+    both: Array = np.hypot(angles, lengths / distance).min(-1)
+    return both
+
+
+def _angles(rotation: Array) -> Array:
+    cosine = (np.trace(rotation, axis1=-2, axis2=-1) - 1) / 2
+    sine = np.linalg.norm(rotation - np.swapaxes(rotation, -1, -2), axis=(-2, -1)) / np.sqrt(8)
+    angle: Array = np.arctan2(sine, cosine)
+    return angle
+
+
+def _predicted(sight: PairViews, triple: Triple) -> SE3:
+    x, y, z = triple
+    g = sight.group
+    return (g.eye_base_from_eye_flange @ x).inverse() @ y @ g.hand_base_from_hand_flange @ z
+
+
+def _nearer(sight: PairViews, triple: Triple) -> IntArray:
+    assert sight.candidates is not None
+    agreement = np.einsum("nij,nkij->nk", _predicted(sight, triple).rotation, sight.candidates.rotation)
+    return np.asarray(np.argmax(agreement, axis=-1), dtype=np.int64)
+
+
+def _fixed(problem: Problem, name: str) -> SE3 | None:
+    unknown = problem.unknowns[name]
+    return unknown.mean if unknown.status == "fixed" else None
+
+
+def _relation(problem: Problem, group: ViewGroup) -> SE3 | None:
+    ends = [SE3.identity() if n is None else _fixed(problem, n) for n in (group.eye_base, group.hand_base)]
+    eye, hand = ends
+    return None if eye is None or hand is None else eye.inverse() @ hand
+
+
+def _loop(sight: PairViews, problem: Problem, chosen: IntArray) -> Loop:
+    g = sight.group
+    x, z = _fixed(problem, g.camera_mount), _fixed(problem, g.target_mount)
+    return sight.loop(x, _relation(problem, g), z, chosen)
+
+
+def _triple(loop: Loop) -> Triple:
+    """By closed form where the rotations are determined, else from the best of a grid, refined in turn."""
+    if not loop.unknown:
+        assert loop.x is not None
+        assert loop.y is not None
+        assert loop.z is not None
+        return loop.x, loop.y, loop.z
+    found = solve_rotations(loop)
+    if not found.clear:
+        found = _searched(loop)
+    return solve_translations(loop, found)
+
+
+def _searched(loop: Loop) -> Rotations:
+    """Rotations by alternating means from the best cells of a grid, side by side; the best of them further."""
+    starts = pose_starts(loop, _SEARCHED)
+    at = {name: np.stack([start[k] for start in starts]) for k, name in enumerate("xyz")}
+    angle = _alternated(loop, at, _FIRST_ROUNDS)
+    best = np.argsort(angle, kind="stable")[:_TRIED]
+    at = {name: rotation[best] for name, rotation in at.items()}
+    if angle[best[0]] < _HOPELESS_RAD and len(loop.unknown) > 1:
+        angle = _alternated(loop, at, _MORE_ROUNDS)
+        best = np.argsort(angle, kind="stable")
+        return Rotations(at["x"][best[0]], at["y"][best[0]], at["z"][best[0]], True)
+    return Rotations(at["x"][0], at["y"][0], at["z"][0], True)
+
+
+def _alternated(loop: Loop, at: dict[str, Array], rounds: int) -> Array:
+    """Take each unknown rotation of `at`, (m, 3, 3), as the mean that follows from the others; angles left, (m,)."""
+    a, b, c = loop.a.rotation, loop.b.rotation, loop.c.rotation
+    for _ in range(rounds):
+        for name in loop.unknown:
+            at[name] = _mean(name, at, a, b, c, loop.weight)
+    seen = a @ at["x"][:, None] @ b
+    told = at["y"][:, None] @ c @ at["z"][:, None]
+    return np.array([trimmed(row) for row in _angles(np.swapaxes(told, -1, -2) @ seen)])
+
+
+def _mean(name: str, at: dict[str, Array], a: Array, b: Array, c: Array, weight: Array) -> Array:
+    """The rotation that fits best with the other two as they are, (m, 3, 3), for m of each at once."""
+    share = (weight**2)[:, None, None]
+    x, y, z = at["x"][:, None], at["y"][:, None], at["z"][:, None]
+    if name == "x":
+        total = np.swapaxes(a, -1, -2) @ y @ c @ z @ np.swapaxes(share * b, -1, -2)
+    elif name == "y":
+        total = (share * a) @ x @ b @ np.swapaxes(c @ z, -1, -2)
+    else:
+        total = np.swapaxes(y @ c, -1, -2) @ (share * a) @ x @ b
+    return nearest_rotation(total.sum(1))
+
+
+def _fit_light(sight: PairViews, problem: Problem) -> LoopFit:
+    """The point that most views see, from the best cells of a grid over rotations, each refined a little."""
+    one, light = _one_point(sight, problem)
+    measurement = one.group.measurement
+    assert isinstance(measurement, BearingMeasurement)
+    turns = (light.x is None) + (light.y is None)
+    starts = light_starts(light, measurement.bearings_in_camera[:, 0], _LIGHT_STARTS[turns])
+    plausible = _PLAUSIBLE_SIGMAS**2 * max(2 * len(one.group) - 3 * (light.z is None) - 6 * turns, 1)
+    pair = _pair_problem(one.group, light)
+    best, lowest = starts[0], np.inf
+    for start in starts if light.unknown else []:
+        end = levenberg_marquardt(pair, _state(start), 1, _LIGHT_STEPS)
+        if end.normal.cost < lowest:
+            lowest, found = end.normal.cost, end.state.transforms
+            best = (found["x"], found["y"], found["z"])
+        if lowest < plausible:
+            break
+    return LoopFit(best, off_loops(sight, best), of_light=True)
+
+
+def _one_point(sight: PairViews, problem: Problem) -> tuple[PairViews, Loop]:
+    chords, point = as_light(sight.group.measurement)
+    views = np.flatnonzero(chords.weight[:, point] > 0)
+    few = chords.take(views)
+    one = BearingMeasurement(np.zeros((1, 3)), few.bearings_in_camera[:, [point]], few.weight[:, [point]])
+    group = replace(sight.group.take(views), measurement=one)
+    thinned = replace(sight, group=group, weight=sight.weight[views])
+    loop = _loop(thinned, problem, np.zeros(len(views), dtype=np.int64))
+    at = None if loop.z is None else SE3(np.eye(3), loop.z @ chords.points_in_target[point])
+    return thinned, loop._replace(z=at)
+
+
+def _pair_problem(group: ViewGroup, loop: Loop) -> Problem:
+    none = np.full(len(group), -1, dtype=np.int64)
+    alone = replace(
+        group, camera_mount="x", eye_base=None, hand_base="y", target_mount="z", eye_stop=none, hand_stop=none
+    )
+    widths = [(name, 3 if name == "z" else 6) for name in loop.unknown]
+    ends = np.cumsum([0, *(width for _, width in widths)])
+    columns = {name: slice(int(ends[i]), int(ends[i + 1])) for i, (name, _) in enumerate(widths)}
+    unknowns = {name: Unknown() for name in "xyz"}
+    return Problem("", (alone,), unknowns, frozenset(), {}, Stops(np.zeros((0, 6))), columns)
+
+
+def _state(triple: Triple) -> State:
+    return State(dict(zip("xyz", triple, strict=True)), {}, np.zeros((0, 6)))
+
+
+def _off_light(sight: PairViews, predicted: SE3) -> Array:
+    """Chords of the point that most views see, whose place `z` is; infinite where it is not seen."""
+    chords, point = as_light(sight.group.measurement)
+    unit = predicted.translation / np.maximum(np.linalg.norm(predicted.translation, axis=-1, keepdims=True), 1e-12)
+    off = np.linalg.norm(unit - chords.bearings_in_camera[:, point], axis=-1)
+    return np.where(chords.weight[:, point] > 0, off, np.nan)

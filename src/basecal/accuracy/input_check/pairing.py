@@ -1,0 +1,158 @@
+"""Readings of which a sample is to be found: where the pairing slips, and which views are read upside down."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from basecal.accuracy.input_check.held_out import thinned
+from basecal.accuracy.input_check.hypotheses import ConventionHypothesis, Told, shift
+from basecal.accuracy.input_check.loop_fit import LoopFit, fit_loops, off_loops, sight_for, trimmed
+from basecal.cell import Cell, Observation, PoseObservation, Recording
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.correspondence import half_turn
+from basecal.geometry import SE3, Array, BoolArray, Camera
+
+_VIEWS = 24
+_ALL_VIEWS = 400
+_SLIPS = (1, -1)
+_FEWEST = 6
+_FEWEST_SLIPPED = 4
+_LEAST_OFF = 0.005
+_FAR = 4.0
+_BEST = 2
+_ROUNDS = 4
+
+Lenses = Mapping[str, Camera]
+Fits = Mapping[tuple[str, str], LoopFit]
+
+
+def pairing_errors(
+    cell: Cell, recording: Recording, lenses: Lenses, streams: list[str | None]
+) -> list[ConventionHypothesis]:
+    """The likeliest samples from which on one stream is paired one sample off, best first.
+
+    One half of the recording is paired rightly throughout, as declared or as shifted: fitted to that half, every
+    sample tells which of the two pairings it has.
+    """
+    count = len(recording.samples)
+    if count < 2 * _FEWEST:
+        return []
+    first = _part(recording, 0, count // 2)
+    declared = _fits(cell, first, lenses)
+    scored = []
+    for stream in streams:
+        for by in _SLIPS:
+            moved = shift(stream, by).apply(cell, recording)[1]
+            second = _fits(cell, _part(moved, count // 2, count), lenses)
+            for fits in (declared, second):
+                before, after = (_off(cell, told, recording, lenses, fits) for told in (recording, moved))
+                scored.append((*_change(before, after, max(by, 0)), stream, by))
+    scored.sort(key=lambda each: each[0])
+    samples = recording.samples
+    return [shift(stream, by, k, samples[k].sample) for _, k, stream, by in scored[:_BEST]]
+
+
+def _part(recording: Recording, start: int, stop: int) -> Recording:
+    return replace(recording, samples=recording.samples[start:stop])
+
+
+def _fits(cell: Cell, recording: Recording, lenses: Lenses) -> Fits:
+    problem, _ = build_problem(cell, thinned(recording, _VIEWS))
+    sights = {(g.camera, g.target): sight_for(g, lenses.get(g.camera), _VIEWS) for g in problem.groups}
+    return {key: fit_loops(sight, problem) for key, sight in sights.items()}
+
+
+def _change(before: Array, after: Array, lost: int) -> tuple[float, int]:
+    """How far samples are off at best if the pairing changes at one position and loses samples there; that position.
+
+    So few samples at either end that these may each be wrong for themselves are no change of the pairing.
+    """
+    limit = _FAR * max(min(trimmed(before, 0.4), trimmed(after, 0.4)), _LEAST_OFF)
+    before, after = (np.minimum(np.nan_to_num(off, nan=limit), limit) ** 2 for off in (before, after))
+    until = np.concatenate([[0.0], np.cumsum(before)])
+    since = np.concatenate([np.cumsum(after[::-1])[::-1], np.zeros(1 + lost)])[lost:]
+    total = until + since
+    k = _FEWEST_SLIPPED + int(np.argmin(total[_FEWEST_SLIPPED:-_FEWEST_SLIPPED]))
+    return float(np.sqrt(total[k] / len(before))), k
+
+
+def _off(cell: Cell, recording: Recording, order: Recording, lenses: Lenses, fits: Fits) -> Array:
+    """Of each sample of `order`, how far its views are off; NaN where it has none."""
+    problem, _ = build_problem(cell, recording)
+    squares: dict[int, list[float]] = {}
+    for group in problem.groups:
+        fit = fits.get((group.camera, group.target))
+        if fit is not None:
+            sight = sight_for(group, lenses.get(group.camera), _ALL_VIEWS)
+            for number, off in zip(sight.group.sample.tolist(), off_loops(sight, fit.triple).tolist(), strict=True):
+                squares.setdefault(number, []).append(off**2)
+    return np.array([np.sqrt(np.mean(squares.get(s.sample, [np.nan]))) for s in order.samples])
+
+
+def half_turns(cell: Cell, recording: Recording) -> list[ConventionHypothesis]:
+    """Observed poses of a grid without a first end of which some are read from the other end.
+
+    The views are brought to the end that turns them least against the first one, or to the other.
+    """
+    found = []
+    for name, target in cell.targets.items():
+        turn = None if target.target is None else half_turn(target.target)
+        rows = [i for i, s in enumerate(recording.samples) if any(_is_pose(o, name) for o in s.observations)]
+        if turn is None or len(rows) < _FEWEST:
+            continue
+        seen = SE3.stack([_pose(recording, i, name) for i in rows])
+        flipped = _less_alike(seen, seen @ turn)
+        if np.any(flipped) and not np.all(flipped):
+            found += [_half_turn(recording, name, turn, rows, mask) for mask in (flipped, ~flipped)]
+    return found
+
+
+def _is_pose(observation: Observation, target: str) -> bool:
+    return isinstance(observation, PoseObservation) and observation.target == target
+
+
+def _pose(recording: Recording, row: int, target: str) -> SE3:
+    observations = recording.samples[row].observations
+    return next(o.camera_from_target for o in observations if isinstance(o, PoseObservation) and o.target == target)
+
+
+def _less_alike(seen: SE3, turned: SE3) -> BoolArray:
+    """Which views are nearer to the others when turned, (n,)."""
+    flip = np.zeros(len(seen), dtype=bool)
+    mean = seen.rotation[0]
+    for _ in range(_ROUNDS):
+        flip = np.einsum("nij,ij->n", turned.rotation - seen.rotation, mean) > 0
+        mean = np.where(flip[:, None, None], turned.rotation, seen.rotation).sum(0)
+    return flip
+
+
+def _half_turn(recording: Recording, name: str, turn: SE3, rows: list[int], mask: BoolArray) -> ConventionHypothesis:
+    numbers = [recording.samples[i].sample for i, m in zip(rows, mask, strict=True) if m]
+    shown = ", ".join(map(str, numbers[:10])) + (", ..." if len(numbers) > 10 else "")
+    chosen = set(numbers)
+
+    def apply(cell: Cell, told: Recording) -> Told:
+        """The chosen samples read from the target's other end."""
+        samples = [
+            replace(s, observations=tuple(_turned(o, name, turn) for o in s.observations)) if s.sample in chosen else s
+            for s in told.samples
+        ]
+        return cell, replace(told, samples=tuple(samples))
+
+    return ConventionHypothesis(
+        "board-symmetry",
+        (name, *map(str, numbers)),
+        f"the observed poses of {name} are turned by half a turn at sample {shown}: read from the grid's other end",
+        "turn these poses, or use a target without symmetry",
+        "use a target without symmetry",
+        apply,
+    )
+
+
+def _turned(observation: Observation, name: str, turn: SE3) -> Observation:
+    if isinstance(observation, PoseObservation) and observation.target == name:
+        return replace(observation, camera_from_target=observation.camera_from_target @ turn)
+    return observation

@@ -1,0 +1,116 @@
+"""What cannot be: hard facts about arms, cameras and targets, wide enough for any that people calibrate."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.accuracy.input_check.held_out import HeldOut
+from basecal.cell import (
+    WORLD,
+    Cell,
+    CellCamera,
+    CellTarget,
+    PixelObservation,
+    PointObservation,
+    PoseObservation,
+    Recording,
+)
+from basecal.estimation.problem.problem import Problem
+from basecal.geometry import SE3, Array
+
+_REACH_M = 0.02, 5.0
+_BASES_M = 0.02, 20.0
+_MOUNT_M = 2.0
+_DISTANCE_M = 0.02, 20.0
+_TARGET_M = 2e-3, 5.0
+_TURNS_RAD = 2.2 * np.pi
+_BEYOND_LIMIT_RAD = 0.1
+_MOST = 0.8
+
+
+def impossible_input(cell: Cell, recording: Recording) -> tuple[str, ...]:
+    """What cannot be in what was given: how far flanges are, joints, sizes and places of targets."""
+    return (*_of_robots(cell, recording), *_of_sizes(cell, recording), *_of_views(recording))
+
+
+def _of_robots(cell: Cell, recording: Recording) -> list[str]:
+    found = []
+    for name, robot in cell.robots.items():
+        states = [s.robots[name] for s in recording.samples if name in s.robots]
+        poses = [s.base_from_flange.translation for s in states if s.base_from_flange is not None]
+        joints = [s.joints_rad for s in states if s.joints_rad is not None]
+        if poses:
+            found += _outside(f"flange of {name}", float(np.linalg.norm(poses, axis=-1).max()), _REACH_M)
+        if joints and robot.chain is not None:
+            found += _of_joints(name, np.array(joints), robot.chain.lower, robot.chain.upper)
+    return found
+
+
+def _of_joints(name: str, joints: Array, lower: Array, upper: Array) -> list[str]:
+    if float(np.abs(joints).max()) > _TURNS_RAD:
+        return [f"a joint of {name} at {np.abs(joints).max():.3g} rad"]
+    beyond = float(np.maximum(lower - joints, joints - upper).max())
+    return [f"a joint of {name} {beyond:.2g} rad beyond its limit"] if beyond > _BEYOND_LIMIT_RAD else []
+
+
+def _of_sizes(cell: Cell, recording: Recording) -> list[str]:
+    seen = {
+        o.target
+        for s in recording.samples
+        for o in s.observations
+        if isinstance(o, PixelObservation | PointObservation)
+    }
+    found = []
+    for name in sorted(seen):
+        shape = cell.targets[name].target
+        if shape is not None and len(shape.points) > 1:
+            found += _outside(f"size of {name}", float(np.ptp(shape.points, axis=0).max()), _TARGET_M)
+    return found
+
+
+def _of_views(recording: Recording) -> list[str]:
+    """Targets seen as poses or 3-D points: before the camera, and not too near or far."""
+    places = [
+        o.camera_from_target.translation if isinstance(o, PoseObservation) else o.points_in_camera.mean(0)
+        for s in recording.samples
+        for o in s.observations
+        if isinstance(o, PoseObservation | PointObservation)
+    ]
+    return _of_places(np.array(places)) if places else []
+
+
+def _of_places(p_in_camera: Array) -> list[str]:
+    found = _outside("distance to the target", float(np.median(np.linalg.norm(p_in_camera, axis=-1))), _DISTANCE_M)
+    if np.mean(p_in_camera[:, 2] < 0) > _MOST:
+        found.append("targets behind the camera")
+    return found
+
+
+def _outside(what: str, value: float, limits: tuple[float, float]) -> list[str]:
+    low, high = limits
+    return [] if low <= value <= high else [f"{what} {value:.3g} m"]
+
+
+def impossible_answer(cell: Cell, fit: HeldOut) -> tuple[str, ...]:
+    """What cannot be in what came out: bases, mounts, and how far targets are from cameras."""
+    transforms, found = fit.solution.state.transforms, []
+    for robot in cell.robots:
+        name = cell.base_name(robot)
+        if name in transforms and cell.transforms[name].status != "fixed":
+            found += _outside(name, _length(transforms[name]), _BASES_M)
+    things: list[CellCamera | CellTarget] = [*cell.cameras.values(), *cell.targets.values()]
+    for thing in things:
+        most = _BASES_M[1] if thing.on == WORLD else _MOUNT_M
+        name = cell.mount_name(thing.name)
+        if name in transforms and name in fit.solution.problem.columns:
+            found += _outside(name, _length(transforms[name]), (0.0, most))
+    return (*found, *_of_distances(fit.solution.problem, fit))
+
+
+def _length(transform: SE3) -> float:
+    return float(np.linalg.norm(transform.translation))
+
+
+def _of_distances(problem: Problem, fit: HeldOut) -> list[str]:
+    views = [fit.solution.state.camera_from_target(g, problem.stops).translation for g in problem.groups if len(g)]
+    return _of_places(np.concatenate(views))

@@ -1,0 +1,1 @@
+"""How well a solution fits: pixels, loops, points."""

@@ -1,0 +1,99 @@
+"""How well a solution fits: pixels, and the loops that views close."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from basecal.accuracy.residuals.loops import loops
+from basecal.cell import Residuals, SampleResidual
+from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.solve import Solution
+from basecal.estimation.start.pair_views import umeyama
+from basecal.estimation.view.measurement import PixelMeasurement, PointMeasurement, PoseMeasurement
+from basecal.estimation.view.view_pose import FEWEST_POINTS, refined
+from basecal.geometry import SE3, Array, BoolArray
+
+_FEWEST_3D_POINTS = 3
+
+
+def residuals(solution: Solution, left_out: Problem | None = None) -> Residuals:
+    """How everything fits; views that were left out stand among the samples and are in no mean.
+
+    The loop of a view is `(A X B).inverse() @ Y C Z` with A and C as recorded and B from the view alone. Pixels are per
+    coordinate, robots' errors taken at their most probable.
+    """
+    per_sample, pixels = [], [np.zeros(0)]
+    for group in solution.problem.groups:
+        of_views, coordinates = _of_group(solution, group)
+        per_sample += of_views
+        pixels.append(coordinates)
+    all_px = np.concatenate(pixels)
+    closed = np.array([(r.loop_m, r.loop_rad) for r in per_sample if r.loop_m is not None and r.loop_rad is not None])
+    loop_m, loop_rad = np.sqrt(np.mean(closed**2, axis=0)) if len(closed) else (None, None)
+    around = loops(solution, per_sample)
+    for group in left_out.groups if left_out is not None else ():
+        per_sample += _of_group(solution, group)[0]
+    return Residuals(
+        rms_px=float(np.sqrt(np.mean(all_px**2))) if len(all_px) else None,
+        median_px=float(np.median(np.abs(all_px))) if len(all_px) else None,
+        loop_rms_m=None if loop_m is None else float(loop_m),
+        loop_rms_rad=None if loop_rad is None else float(loop_rad),
+        per_sample=tuple(sorted(per_sample, key=lambda r: (r.sample, r.camera, r.target))),
+        loops=around,
+    )
+
+
+def _of_group(solution: Solution, group: ViewGroup) -> tuple[list[SampleResidual], Array]:
+    predicted = solution.state.camera_from_target(group, solution.problem.stops)
+    rms, coordinates = _pixels(solution, group, predicted)
+    as_recorded = replace(solution.state, stop_errors=np.zeros_like(solution.state.stop_errors))
+    length, angle = _loops(solution, group, predicted, as_recorded.camera_from_target(group, solution.problem.stops))
+    of_views = [
+        SampleResidual(int(number), group.camera, group.target, *fit)
+        for number, *fit in zip(group.sample, _known(rms), _known(length), _known(angle), strict=True)
+    ]
+    return of_views, coordinates
+
+
+def _known(values: Array) -> Iterator[float | None]:
+    return (float(v) if np.isfinite(v) else None for v in values)
+
+
+def _pixels(solution: Solution, group: ViewGroup, predicted: SE3) -> tuple[Array, Array]:
+    """Rms of each view, (n,), NaN where it has no pixels, and all coordinates' residuals [px]."""
+    measurement = group.measurement
+    if not isinstance(measurement, PixelMeasurement):
+        return np.full(len(group), np.nan), np.zeros(0)
+    off = measurement.residual_px(predicted, solution.state.cameras[group.camera])
+    count = 2 * measurement.seen.sum(-1)
+    return np.sqrt(np.nansum(off**2, axis=(1, 2)) / np.maximum(count, 1)), off[np.isfinite(off)]
+
+
+def _loops(solution: Solution, group: ViewGroup, predicted: SE3, recorded: SE3) -> tuple[Array, Array]:
+    """Length [m] and angle [rad] of each view's loop, (n,); NaN where the view alone gives no pose."""
+    alone, enough = view_alone(solution.state, group, predicted)
+    off = alone.inverse() @ recorded
+    length, angle = np.linalg.norm(off.translation, axis=-1), np.linalg.norm(off.rotvec, axis=-1)
+    return np.where(enough, length, np.nan), np.where(enough, angle, np.nan)
+
+
+def view_alone(state: State, group: ViewGroup, predicted: SE3) -> tuple[SE3, BoolArray]:
+    """`camera_from_target` from each view alone, (n,), found from `predicted`; and which views give one, (n,)."""
+    measurement = group.measurement
+    everywhere = np.ones(len(group), dtype=bool)
+    if isinstance(measurement, PoseMeasurement):
+        return measurement.measured_camera_from_target, everywhere
+    points = measurement.points_in_target if isinstance(measurement, PixelMeasurement | PointMeasurement) else None
+    if points is None or np.linalg.matrix_rank(points - points[0], tol=1e-9) < 2:
+        return predicted, ~everywhere
+    if isinstance(measurement, PointMeasurement):
+        enough = measurement.seen.sum(-1) >= _FEWEST_3D_POINTS
+        weight = np.where(enough[:, None], measurement.weight, 1.0) ** 2
+        return umeyama(points, measurement.points_in_camera, weight), enough
+    assert isinstance(measurement, PixelMeasurement)
+    camera = state.cameras[group.camera]
+    alone = refined(measurement, predicted, camera, iterations=20).camera_from_target
+    return alone, measurement.seen.sum(-1) >= FEWEST_POINTS

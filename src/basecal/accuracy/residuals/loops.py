@@ -1,0 +1,144 @@
+"""Every closed loop of robots and cameras: how far from closing it is.
+
+Each view closes a loop through one camera and one target. Where several pairs of camera and target relate the same
+bases, directly or around a ring, each pair also says by its own views how its two bases stand to each other, its mounts
+found anew where these show them, and the product of these around the ring should be the identity.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from basecal.cell import Loop, SampleResidual, Unknown
+from basecal.estimation.least_squares.levenberg_marquardt import levenberg_marquardt
+from basecal.estimation.noise.estimate import degrees_of_freedom
+from basecal.estimation.observability.observability import observability_of
+from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.solve import Solution
+from basecal.geometry import SE3
+
+_STEPS = 50
+
+
+@dataclass(frozen=True, eq=False)
+class _Relation:
+    """Two bases as the views of one pair of camera and target relate them, lenses and robots as in the solution."""
+
+    start: str
+    end: str
+    path: tuple[str, ...]
+    start_from_end: SE3
+    views: int
+
+    def reversed(self) -> _Relation:
+        """The same from its other end."""
+        return _Relation(self.end, self.start, self.path[::-1], self.start_from_end.inverse(), self.views)
+
+
+def loops(solution: Solution, per_sample: Sequence[SampleResidual]) -> tuple[Loop, ...]:
+    """The loops of every pair of camera and target, rms over its views, and those around rings of bases.
+
+    Args:
+        solution: What was found.
+        per_sample: The residuals of its views.
+    """
+    groups = solution.problem.groups
+    pairs = {(g.camera, g.target): _path(solution.problem, g) for g in groups}
+    through_views = [_over_views(path, pair, per_sample) for pair, path in pairs.items()]
+    return (*(loop for loop in through_views if loop is not None), *_around_rings(solution))
+
+
+def _path(problem: Problem, group: ViewGroup) -> tuple[str, ...]:
+    """Names on the way from the camera's base over camera and target to the target's base."""
+    eye_base, hand_base = _bases(problem, group)
+    return eye_base, group.camera, group.target, hand_base
+
+
+def _bases(problem: Problem, group: ViewGroup) -> tuple[str, str]:
+    """Whose base the camera's robot and the target's stand on; what is on `world` counts from the reference's."""
+    eye, hand = (robot or problem.reference for robot in (group.eye, group.hand))
+    return f"{eye}_base", f"{hand}_base"
+
+
+def _over_views(path: tuple[str, ...], pair: tuple[str, str], per_sample: Sequence[SampleResidual]) -> Loop | None:
+    of_pair = [r for r in per_sample if (r.camera, r.target) == pair]
+    closed = np.array([(r.loop_m, r.loop_rad) for r in of_pair if r.loop_m is not None and r.loop_rad is not None])
+    if not len(closed):
+        return None
+    rms_m, rms_rad = np.sqrt(np.mean(closed**2, axis=0))
+    return Loop(path, len(closed), float(rms_m), float(rms_rad))
+
+
+def _around_rings(solution: Solution) -> list[Loop]:
+    """One loop for each pair of camera and target beyond those that a tree over the bases needs."""
+    if len(solution.problem.groups) < 2:
+        return []
+    way: dict[str, list[_Relation]] = {f"{solution.problem.reference}_base": []}
+    waiting, found = _relations(solution), []
+    while waiting:
+        relation = next((r for r in waiting if r.start in way or r.end in way), None)
+        if relation is None:
+            break
+        waiting.remove(relation)
+        forward = relation if relation.start in way else relation.reversed()
+        if forward.end in way:
+            back = [step.reversed() for step in reversed(way[forward.end])]
+            found.append(_closed([*way[forward.start], forward, *back]))
+        else:
+            way[forward.end] = [*way[forward.start], forward]
+    return found
+
+
+def _closed(steps: Sequence[_Relation]) -> Loop:
+    """The loop of steps one after another; one taken forth and back, at its ends, is left out."""
+    while len(steps) > 2 and steps[0].path == steps[-1].path[::-1]:
+        steps = steps[1:-1]
+    around = SE3.identity()
+    for step in steps:
+        around = around @ step.start_from_end
+    path = (*steps[0].path, *(name for step in steps[1:] for name in step.path[1:]))
+    off = around.log()
+    return Loop(
+        path,
+        sum(step.views for step in steps),
+        float(np.linalg.norm(around.translation)),
+        float(np.linalg.norm(off[3:])),
+    )
+
+
+def _relations(solution: Solution) -> list[_Relation]:
+    """What each pair between two different bases says of them by its own views, where it says all of it."""
+    told = []
+    for group in solution.problem.groups:
+        start, end = _bases(solution.problem, group)
+        base = group.hand_base or group.eye_base
+        if start == end or base is None or not len(group):
+            continue
+        mounts = [name for name in (group.camera_mount, group.target_mount) if name in solution.problem.columns]
+        state = _alone(solution, group, base, mounts) or _alone(solution, group, base, [])
+        if state is not None:
+            path = (start, group.camera, group.target, end)
+            told.append(_Relation(start, end, path, _relation(group, state.transforms), len(group)))
+    return told
+
+
+def _alone(solution: Solution, group: ViewGroup, base: str, mounts: Sequence[str]) -> State | None:
+    """The state that fits one pair best, of a base and mounts, the base's prior left out; None where it is not seen."""
+    whole = solution.problem
+    widths = {name: whole.columns[name].stop - whole.columns[name].start for name in mounts} | {base: 6}
+    ends = np.cumsum([0, *widths.values()])
+    columns = {name: slice(int(i), int(j)) for name, i, j in zip(widths, ends[:-1], ends[1:], strict=True)}
+    problem = replace(whole, groups=(group,), columns=columns, unknowns={**whole.unknowns, base: Unknown()}, models={})
+    end = levenberg_marquardt(problem, solution.state, degrees_of_freedom(problem), _STEPS)
+    seen = observability_of(problem, end.state, end.normal.hessian, solution.noise.factor)
+    return end.state if end.converged and base not in seen.blind else None
+
+
+def _relation(group: ViewGroup, transforms: Mapping[str, SE3]) -> SE3:
+    world_from_eye_base, world_from_hand_base = (
+        SE3.identity() if name is None else transforms[name] for name in (group.eye_base, group.hand_base)
+    )
+    return world_from_eye_base.inverse() @ world_from_hand_base

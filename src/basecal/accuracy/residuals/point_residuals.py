@@ -1,0 +1,111 @@
+"""How far each point is from where a calibration predicts it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from basecal.accuracy.robot.parameters import kinematics_of
+from basecal.cell import Calibration, Cell, Recording
+from basecal.estimation.least_squares.normal_equations import linearise, retract
+from basecal.estimation.noise.robot_noise import with_robot_noise
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.correspondence import choose_correspondence
+from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.view.measurement import Noise, PixelMeasurement
+from basecal.geometry import SE3, Array, Camera, IntArray
+
+_STOP_ROUNDS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class PointResiduals:
+    """The points of one target that one camera saw, over all samples.
+
+    Attributes:
+        camera: Name of the camera.
+        target: Name of the target.
+        sample: (n,) sample numbers.
+        ids: (n,) which points.
+        pixels: (n, 2) as seen [px].
+        off_px: (n, 2) predicted minus seen [px].
+    """
+
+    camera: str
+    target: str
+    sample: IntArray
+    ids: IntArray
+    pixels: Array
+    off_px: Array
+
+
+def point_residuals(cell: Cell, recording: Recording, calibration: Calibration) -> tuple[PointResiduals, ...]:
+    """Predicted minus seen pixels at the transforms of a calibration, fresh or read from its file.
+
+    The errors of the robots' stops, which a calibration does not hold, are the most probable ones at its transforms.
+    Views whose transforms or lens it does not know are left out.
+
+    Args:
+        cell: What was calibrated.
+        recording: What was seen.
+        calibration: What came out.
+
+    Raises:
+        InputError: if the cell contradicts the recording.
+    """
+    problem, _ = build_problem(cell, recording)
+    transforms, cameras = _known_transforms(cell, calibration), _known_lenses(problem, calibration)
+    groups = [g for g in problem.groups if _needed(g) <= transforms.keys() and _has_lens(g, cameras)]
+    noise = Noise(**{field: calibration.noise[field] for field in Noise._fields if calibration.noise.get(field)})
+    problem = replace(problem, columns={}, groups=tuple(groups)).with_noise(noise)
+    problem = with_robot_noise(problem, _estimated(problem, calibration))
+    state = State(transforms, cameras, np.zeros((len(problem.stops), 6)), kinematics_of(cell, calibration))
+    problem, _ = choose_correspondence(problem, state)
+    for _ in range(_STOP_ROUNDS if len(problem.stops) else 0):
+        state = retract(problem, state, linearise(problem, state), np.zeros(0))
+    return tuple(_of_group(cell, problem, state, group) for group in problem.groups if _in_pixels(group))
+
+
+def _estimated(problem: Problem, calibration: Calibration) -> dict[str, Array]:
+    """Sigmas that were estimated for robots that state none."""
+    robots = calibration.noise.get("robots", {})
+    return {
+        name: np.array([*sigma["sigma_t_m"], *sigma["sigma_r_rad"]])
+        for name, sigma in robots.items()
+        if name in problem.unstated
+    }
+
+
+def _known_transforms(cell: Cell, calibration: Calibration) -> dict[str, SE3]:
+    fixed = {name: u.mean for name, u in cell.transforms.items() if u.status == "fixed" and u.mean is not None}
+    return fixed | {name: estimate.mean for name, estimate in calibration.transforms.items()}
+
+
+def _known_lenses(problem: Problem, calibration: Calibration) -> dict[str, Camera]:
+    lenses = problem.lenses.items()
+    fixed = {name: lens.camera for name, lens in lenses if lens.status == "fixed" and lens.camera is not None}
+    return fixed | {name: camera for name, (camera, _) in calibration.cameras.items()}
+
+
+def _needed(group: ViewGroup) -> set[str]:
+    return {n for n in (group.camera_mount, group.target_mount, group.eye_base, group.hand_base) if n is not None}
+
+
+def _in_pixels(group: ViewGroup) -> bool:
+    return isinstance(group.measurement, PixelMeasurement)
+
+
+def _has_lens(group: ViewGroup, cameras: dict[str, Camera]) -> bool:
+    return not _in_pixels(group) or group.camera in cameras
+
+
+def _of_group(cell: Cell, problem: Problem, state: State, group: ViewGroup) -> PointResiduals:
+    measurement, target = group.measurement, cell.targets[group.target].target
+    assert isinstance(measurement, PixelMeasurement)
+    assert target is not None
+    predicted = state.camera_from_target(group, problem.stops)
+    off = measurement.residual_px(predicted, state.cameras[group.camera])
+    view, point = np.nonzero(np.isfinite(off).all(-1))
+    pixels = measurement.pixels[view, point]
+    return PointResiduals(group.camera, group.target, group.sample[view], target.ids[point], pixels, off[view, point])

@@ -1,0 +1,1 @@
+"""The robots' own joints and links."""

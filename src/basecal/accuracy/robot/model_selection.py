@@ -1,0 +1,248 @@
+"""Whether a robot's own kinematics are off, decided on samples that were left out.
+
+A model is taken where it predicts left-out stations better than every simpler one by three standard errors of the mean
+difference; between two and three the choice is undecided. Robots' noise is marginalised view by view.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import norm
+from scipy.stats import t as student
+
+from basecal.accuracy.cross_validation.left_out import predict_left_out
+from basecal.accuracy.robot.parameters import joint_offsets
+from basecal.cell import Finding, Parameters
+from basecal.estimation.least_squares.levenberg_marquardt import levenberg_marquardt
+from basecal.estimation.noise.estimate import degrees_of_freedom
+from basecal.estimation.problem.build import free_ends, recorded_by_joints
+from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.problem.robot_parameters import RobotModel, robot_model
+from basecal.estimation.settings import DEFAULT, Settings
+from basecal.estimation.solve import Solution, solve_from
+from basecal.geometry import Array
+from basecal.kinematics import SerialChain
+
+SIGMA_RAD = 0.005
+LINK_SIGMA_M, LINK_SIGMA_RAD = 1e-3, 2e-3
+_FEWEST_VIEWS = 15
+_MOST_SAMPLES = 200
+_CERTAIN, _DOUBTED = 3.0, 2.0
+_WORTH_A_LOOK = 6.0  # what a parameter more lowers the cost by, in units of its expectation by chance
+_PARTS = (slice(0, 3), slice(3, 6))
+
+_FIXED = Parameters()
+_OFFSETS = Parameters("prior", SIGMA_RAD)
+_LINKS = Parameters("prior", LINK_SIGMA_RAD, LINK_SIGMA_M)
+
+Models = Mapping[str, RobotModel]
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A model of the robots, and how well it predicts what it has not seen.
+
+    Attributes:
+        kind: `none`, `joint`, `offsets` or `links`.
+        robots: The robots whose kinematics are freed.
+        joint: Number of the only joint freed, from 0; None unless `kind` is `joint`.
+        scores: (n,) of every station, left out: see `Prediction`.
+        error_m: Rms distance of the predicted from the seen target [m]; None where views have no whole pose.
+        rms: Root of the mean square of residuals over sigmas.
+    """
+
+    kind: str
+    robots: tuple[str, ...]
+    joint: int | None
+    scores: Array
+    error_m: float | None
+    rms: float
+
+
+@dataclass(frozen=True, eq=False)
+class RobotModelChoice:
+    """The model of the robots that left-out samples call for.
+
+    Attributes:
+        chosen: The simplest that none predicts better than by three standard errors.
+        better: A richer one that is better by two to three standard errors; None where the choice is clear.
+        candidates: All that were tried, the simplest first.
+        solution: All data solved with `chosen`.
+    """
+
+    chosen: Candidate
+    better: Candidate | None
+    candidates: tuple[Candidate, ...]
+    solution: Solution
+
+
+def choose_robot_model(solution: Solution, settings: Settings = DEFAULT) -> RobotModelChoice | None:
+    """The model of the robots that left-out samples call for; None where there is nothing to choose.
+
+    There is nothing to choose where no robot is given by joints, where kinematics are being estimated already, where
+    there are fewer than 15 views, or where freeing all offsets and links hardly lowers the cost.
+
+    Args:
+        solution: The cell solved with its robots as stated.
+        settings: How to solve.
+    """
+    chains = _chains(solution.problem)
+    views = sum(map(len, solution.problem.groups))
+    if solution.problem.models or not chains or views < _FEWEST_VIEWS or not solution.converged:
+        return None
+    problem = _thinned(solution.problem)
+    every = _models(problem, chains, tuple(chains), _OFFSETS, _LINKS)
+    richest = solve_from(problem.with_models(every), solution.state, settings)
+    problem = problem.with_noise(richest.noise.noise)
+    if not _worth_a_look(problem, solution, richest, settings):
+        return None
+    found = _candidates(problem, chains, solution.state, settings)
+    best = min(found, key=lambda each: float(each.scores.mean()))
+    behind = [_standard_errors(each.scores - best.scores) for each in found]
+    place = next(k for k, errors in enumerate(behind) if errors < _CERTAIN)
+    chosen = found[place]
+    better = best if behind[place] > _DOUBTED else None
+    whole = solution.problem.with_noise(richest.noise.noise)
+    end = solve_from(whole.with_models(_of(whole, chains, chosen)), solution.state, settings)
+    return RobotModelChoice(chosen, better, tuple(found), end)
+
+
+def _thinned(problem: Problem) -> Problem:
+    """The problem with some 200 of its samples, spread evenly: they are enough to tell models apart."""
+    numbers = np.unique(np.concatenate([g.sample for g in problem.groups]))
+    kept = numbers[:: -(-len(numbers) // _MOST_SAMPLES)]
+    return problem.with_groups(g.take(np.flatnonzero(np.isin(g.sample, kept))) for g in problem.groups)
+
+
+def _chains(problem: Problem) -> dict[str, SerialChain]:
+    """Chains of the robots whose every view has joints, by robot."""
+    robots = {robot for g in problem.groups for robot in (g.eye, g.hand) if robot is not None}
+    return {r: problem.chains[r] for r in sorted(robots) if r in problem.chains and recorded_by_joints(problem, r)}
+
+
+def _worth_a_look(problem: Problem, solution: Solution, richest: Solution, settings: Settings) -> bool:
+    """Whether the richest model lowers the cost by more than chance would let its columns."""
+    dof = degrees_of_freedom(problem)
+    before = levenberg_marquardt(problem, solution.state, dof, settings.iterations).normal.cost
+    columns = richest.problem.width - problem.width
+    scale = max(richest.cost / max(richest.dof, 1), 1e-12)
+    return bool(before - richest.cost > (columns + _WORTH_A_LOOK * np.sqrt(2 * columns)) * scale)
+
+
+def _models(
+    problem: Problem,
+    chains: Mapping[str, SerialChain],
+    robots: tuple[str, ...],
+    offsets: Parameters,
+    links: Parameters,
+    joint: int | None = None,
+) -> Models:
+    joints = None if joint is None else np.array([joint])
+    return {r: robot_model(r, chains[r], offsets, links, free_ends(problem, r), joints) for r in robots}
+
+
+def _of(problem: Problem, chains: Mapping[str, SerialChain], candidate: Candidate) -> Models:
+    links = _LINKS if candidate.kind == "links" else _FIXED
+    return _models(problem, chains, candidate.robots, _OFFSETS, links, candidate.joint)
+
+
+def _candidates(
+    problem: Problem, chains: Mapping[str, SerialChain], state: State, settings: Settings
+) -> list[Candidate]:
+    """None, single joints, offsets of one robot, of all, links: the later ones only where offsets or links help."""
+    robots = tuple(chains)
+    none = _tried(problem, chains, state, settings, "none", ())
+    offsets = _tried(problem, chains, state, settings, "offsets", robots)
+    links = _tried(problem, chains, state, settings, "links", robots)
+    least = min(offsets, links, key=lambda each: float(each.scores.mean()))
+    found = [none]
+    if _standard_errors(none.scores - least.scores) > _DOUBTED:
+        for robot in robots:
+            first, last = free_ends(problem, robot)
+            seen = range(first, chains[robot].n - last)
+            found += [_tried(problem, chains, state, settings, "joint", (robot,), joint) for joint in seen]
+        found[1:] = sorted(found[1:], key=lambda each: float(each.scores.mean()))
+        if len(robots) > 1:
+            alone = [_tried(problem, chains, state, settings, "offsets", (robot,)) for robot in robots]
+            found += sorted(alone, key=lambda each: float(each.scores.mean()))
+    return [*found, offsets, links]
+
+
+def _tried(
+    problem: Problem,
+    chains: Mapping[str, SerialChain],
+    state: State,
+    settings: Settings,
+    kind: str,
+    robots: tuple[str, ...],
+    joint: int | None = None,
+) -> Candidate:
+    """A model, and how it predicts stations left out."""
+    candidate = Candidate(kind, robots, joint, np.zeros(0), None, 0.0)
+    modelled = problem.with_models(_of(problem, chains, candidate))
+    scores, mean_square, off = predict_left_out(modelled, state, settings.iterations)
+    error = float(np.sqrt(np.mean(off**2))) if len(off) and np.all(np.isfinite(off)) else None
+    return replace(candidate, scores=scores, error_m=error, rms=float(np.sqrt(max(mean_square, 0.0))))
+
+
+def _standard_errors(difference: Array) -> float:
+    """A mean difference in standard errors, as rare under Student's distribution as that many are under the normal."""
+    n = len(difference)
+    spread = float(np.std(difference, ddof=1)) / np.sqrt(n) if n > 1 else 0.0
+    return float(norm.isf(student.sf(np.mean(difference) / spread, n - 1))) if spread > 0 else 0.0
+
+
+def robot_model_findings(choice: RobotModelChoice | None) -> list[Finding]:
+    """What the choice tells: what to free, by how much it helps, and what to write; nothing where nothing is wrong."""
+    if choice is None or (choice.chosen.kind == "none" and choice.better is None):
+        return []
+    none, chosen = choice.candidates[0], choice.chosen
+    if chosen.kind == "none":
+        assert choice.better is not None
+        told = f"{_freed(choice, choice.better)} may lower {_from_to(none, choice.better)}: too few samples to decide"
+        return [Finding("robot-model", "info", choice.better.robots, f"{told}; record more")]
+    told = f"{_freed(choice, chosen)} lowers {_from_to(none, chosen)}: {_largest(choice)}"
+    if choice.better is not None:
+        told += f"; whether {_freed(choice, choice.better)} helps more is undecided"
+    return [Finding("robot-model", "warning", chosen.robots, f"{told}; {_to_write(chosen)}")]
+
+
+def _freed(choice: RobotModelChoice, candidate: Candidate) -> str:
+    robots = " and ".join(candidate.robots)
+    if candidate.kind == "joint" and candidate.joint is not None:
+        return f"freeing joint {candidate.joint + 1} of {robots}"
+    return f"freeing the {'joint offsets' if candidate.kind == 'offsets' else 'joint offsets and links'} of {robots}"
+
+
+def _from_to(none: Candidate, candidate: Candidate) -> str:
+    if none.error_m is not None and candidate.error_m is not None:
+        return f"the held-out error from {1e3 * none.error_m:.2g} to {1e3 * candidate.error_m:.2g} mm"
+    return f"the held-out error from {none.rms:.2g} to {candidate.rms:.2g} sigmas"
+
+
+def _largest(choice: RobotModelChoice) -> str:
+    """The offset that stands out most from its sigma, or how far links are off."""
+    if choice.chosen.kind == "links":
+        tangents = [each.links for each in choice.solution.state.robots.values()]
+        off_m, off_rad = (max(float(np.linalg.norm(t[:, part], axis=-1).max()) for t in tangents) for part in _PARTS)
+        return f"links are off by up to {1e3 * off_m:.2g} mm and {np.degrees(off_rad):.2g} deg"
+    found = joint_offsets(choice.solution)
+    seen = [(abs(o.rad[j]) / o.sigma_rad[j], r, int(j)) for r, o in found.items() for j in np.flatnonzero(o.seen)]
+    if not seen:
+        return "no single offset stands out"
+    _, robot, joint = max(seen)
+    of = found[robot]
+    value, sigma = np.degrees(of.rad[joint]), np.degrees(of.sigma_rad[joint])
+    whose = "its offset" if choice.chosen.kind == "joint" else f"the clearest, of joint {joint + 1} of {robot},"
+    return f"{whose} is {value:.2f} +/- {sigma:.2g} deg"
+
+
+def _to_write(candidate: Candidate) -> str:
+    entry = f"`joint_offsets: {{status: prior, sigma_rad: {SIGMA_RAD}}}`"
+    if candidate.kind == "links":
+        sigmas = f"sigma_rad: {LINK_SIGMA_RAD}, sigma_m: {LINK_SIGMA_M}"
+        entry += f" and `link_parameters: {{status: prior, {sigmas}}}`"
+    return f"write {entry} at {' and '.join(candidate.robots)} in cell.yaml"

@@ -1,0 +1,180 @@
+"""What a solution says of the robots' own kinematics, and which of it the data have seen.
+
+An offset is seen where the data say at least as much of it as its prior does: by the Schur complement, the information
+of the data alone is 1 / v - 1 / s^2, with v its variance and s the prior's sigma, so that v < s^2 / 2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from basecal.cell import Calibration, Cell, Compliances, Finding, JointOffsets, LinkParameters, Robot
+from basecal.errors import InputError
+from basecal.estimation.least_squares.normal_equations import linearise
+from basecal.estimation.problem.robot_parameters import (
+    DEFLECTION,
+    LINKS,
+    OFFSETS,
+    Kinematics,
+    RobotModel,
+    downwards,
+    nominal,
+)
+from basecal.estimation.solve import Solution
+from basecal.geometry import Array, BoolArray, IntArray
+
+_LARGEST_SIGMA = 0.3  # [rad] of a free offset that still counts as seen
+_LARGEST_COMPLIANCE_SIGMA = 3e-3  # [rad/Nm] likewise
+_NO_INFORMATION = 1e-9
+_TOUCHES = 1e-3
+
+
+def joint_offsets(solution: Solution) -> dict[str, JointOffsets]:
+    """The joint offsets of every robot that has some to estimate, by robot."""
+    models = solution.problem.models.values()
+    return {model.robot: _offsets(solution, model) for model in models if len(model.joints)}
+
+
+def link_parameters(solution: Solution) -> dict[str, LinkParameters]:
+    """The link parameters of every robot that has some to estimate and seen, by robot."""
+    out = {}
+    for model in solution.problem.models.values():
+        where = solution.problem.columns.get(f"{model.robot}_{LINKS}")
+        if where is None or np.any(_blind(solution)[where]):
+            continue
+        covariance = model.link_basis @ solution.covariance[where, where] @ model.link_basis.T
+        links = solution.state.kinematics(model).links
+        out[model.robot] = LinkParameters(links, np.sqrt(np.diag(covariance)).reshape(links.shape))
+    return out
+
+
+def deflection(solution: Solution) -> dict[str, Compliances]:
+    """The compliances of every robot that has some to estimate, by robot."""
+    out = {}
+    for model in solution.problem.models.values():
+        if len(model.elastic):
+            compliance = solution.state.kinematics(model).compliance
+            name = f"{model.robot}_{DEFLECTION}"
+            limit = model.compliance_sigma, _LARGEST_COMPLIANCE_SIGMA
+            values, covariance, seen = _by_joint(solution, name, model.elastic, compliance, *limit)
+            out[model.robot] = Compliances(model.chain.joint_names, values, np.sqrt(np.diag(covariance)), seen)
+    return out
+
+
+def kinematics_of(cell: Cell, calibration: Calibration) -> dict[str, Kinematics]:
+    """The kinematics that a calibration gives the robots, by robot; what is not known stands at zero."""
+    found = {*calibration.joint_offsets, *calibration.link_parameters, *calibration.deflection}
+    return {robot: _kinematics(cell.robots[robot], calibration) for robot in sorted(found & cell.robots.keys())}
+
+
+def _kinematics(robot: Robot, calibration: Calibration) -> Kinematics:
+    if robot.chain is None:
+        raise InputError(f"the calibration holds joint offsets of {robot.name!r}, which has no urdf in the cell")
+    as_stated, name = nominal(robot.chain), robot.name
+    offsets, links = calibration.joint_offsets.get(name), calibration.link_parameters.get(name)
+    bent = calibration.deflection.get(name)
+    return replace(
+        as_stated,
+        offsets=as_stated.offsets if offsets is None else np.nan_to_num(offsets.rad),
+        links=as_stated.links if links is None else links.tangents,
+        compliance=as_stated.compliance if bent is None else np.nan_to_num(bent.rad_per_nm),
+        down=None if bent is None else downwards(robot.deflection),
+    )
+
+
+def _offsets(solution: Solution, model: RobotModel) -> JointOffsets:
+    offsets, name = solution.state.kinematics(model).offsets, f"{model.robot}_{OFFSETS}"
+    found = _by_joint(solution, name, model.joints, offsets, model.offset_sigma, _LARGEST_SIGMA)
+    return JointOffsets(model.chain.joint_names, *found)
+
+
+def _by_joint(
+    solution: Solution, name: str, columns: IntArray, at: Array, prior: float | None, largest: float
+) -> tuple[Array, Array, BoolArray]:
+    """Values of an unknown of each joint, their covariance, and which are seen; NaN where nothing is known.
+
+    Args:
+        solution: Where.
+        name: Of the unknown's columns.
+        columns: (m,) the joints that have one.
+        at: (n,) the values.
+        prior: Sigma of the prior; None where free.
+        largest: Sigma of a free one that still counts as seen.
+    """
+    n, where = len(at), solution.problem.columns[name]
+    values, covariance, seen = np.full(n, np.nan), np.full((n, n), np.nan), np.zeros(n, dtype=bool)
+    known = ~_blind(solution)[where]
+    joints = columns[known]
+    values[joints] = at[joints]
+    covariance[np.ix_(joints, joints)] = solution.covariance[where, where][np.ix_(known, known)]
+    variance = np.diag(solution.seen.inverse)[where][known]
+    seen[joints] = variance < (largest**2 if prior is None else prior**2 / 2)
+    if prior is None:
+        values[~seen] = covariance[~seen] = covariance[:, ~seen] = np.nan
+    return values, covariance, seen
+
+
+def _blind(solution: Solution) -> BoolArray:
+    """Which columns have a part in a direction without any information, (p,)."""
+    if not solution.seen.blind:
+        return np.zeros(solution.problem.width, dtype=bool)
+    hessian = linearise(solution.problem, solution.state).hessian
+    diagonal = np.diag(hessian)
+    scale = np.where(diagonal > 0, 1 / np.sqrt(np.maximum(diagonal, 1e-300)), 0.0)
+    values, vectors = np.linalg.eigh(hessian * scale * scale[:, None])
+    touched: Array = np.abs(vectors[:, values < _NO_INFORMATION * values[-1]]).max(axis=-1, initial=0.0)
+    return (touched > _TOUCHES) | (diagonal <= 0)
+
+
+def held_findings(cell: Cell, solution: Solution) -> list[Finding]:
+    """What is not known of the joint offsets by the data, and what that means for the rest."""
+    found = joint_offsets(solution)
+    offsets = [_held(cell, model, found[model.robot].seen) for model in _with_offsets(solution, found)]
+    bent = deflection(solution)
+    models = [model for robot, model in solution.problem.models.items() if robot in bent and not bent[robot].seen.all()]
+    return offsets + [_held_compliance(model, bent[model.robot].seen) for model in models]
+
+
+def _with_offsets(solution: Solution, found: dict[str, JointOffsets]) -> list[RobotModel]:
+    return [model for robot, model in solution.problem.models.items() if robot in found and not found[robot].seen.all()]
+
+
+def _held_compliance(model: RobotModel, seen: BoolArray) -> Finding:
+    joints = np.flatnonzero(~seen).tolist()
+    named = f"joint{'s' if len(joints) > 1 else ''} {_listed([_named(model, j) for j in joints])}"
+    reason = "gravity hardly turns them in these samples, or as much in all of them"
+    code, how = ("held-by-prior", "known by the prior alone")
+    if model.compliance_sigma is None:
+        code, how = ("held-at-zero", "that cannot be seen")
+    return Finding(code, "info", (model.robot,), f"{model.robot}: compliances {how}: {named}: {reason}")
+
+
+def _held(cell: Cell, model: RobotModel, seen: BoolArray) -> Finding:
+    joints = np.flatnonzero(~seen)
+    named = f"joint{'s' if len(joints) > 1 else ''} {_listed([_named(model, j) for j in joints.tolist()])}"
+    reasons = _reasons(joints.tolist(), model.chain.n)
+    base = "the other bases" if model.robot == cell.reference else cell.base_name(model.robot)
+    if model.offset_sigma is not None:
+        told = f"{model.robot}: offsets known by the prior alone: {named}: {reasons}"
+        meaning = f"the sigmas of {base} and of the mounts contain what they leave open"
+        return Finding("held-by-prior", "info", (model.robot,), f"{told}; {meaning}")
+    told = f"{model.robot}: offsets that cannot be seen and are taken as zero: {named}: {reasons}"
+    return Finding("held-at-zero", "info", (model.robot,), f"{told}; {base} and the mounts make up for them")
+
+
+def _named(model: RobotModel, joint: int) -> str:
+    return f"{joint + 1} ({model.chain.joint_names[joint]})"
+
+
+def _reasons(joints: list[int], n: int) -> str:
+    told = {0: "the first joint turns the arm as its base does", n - 1: "the last one as the mounts on its flange do"}
+    reasons = [told[j] for j in joints if j in told]
+    if any(j not in told for j in joints):
+        reasons.append("the samples hardly turn the others by themselves")
+    return ", ".join(reasons)
+
+
+def _listed(names: list[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

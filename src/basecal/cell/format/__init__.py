@@ -1,0 +1,1 @@
+"""Files of a cell: paths, YAML, results and truth."""

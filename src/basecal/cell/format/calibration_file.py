@@ -1,0 +1,96 @@
+"""`runs/<UTC time>/calibration.json`: results, each in a folder of its own."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from datetime import UTC, datetime
+from pathlib import Path
+
+from basecal.cell.calibration import Calibration
+from basecal.cell.cell import Cell
+from basecal.cell.format.calibration_dict import calibration_from_dict, calibration_to_dict
+from basecal.cell.format.paths import write_whole
+from basecal.cell.format.yaml_text import read_text
+from basecal.cell.journal import recording_file
+from basecal.cell.schema import cell_file
+from basecal.errors import DatasetError, InputError
+
+RUNS = "runs"
+FILE = "calibration.json"
+_RUN = re.compile(r"(\d{8}T\d{6}Z)(?:-(\d+))?")
+
+
+def write_calibration(calibration: Calibration, cell_folder: str | Path) -> Path:
+    """Path of the `calibration.json` written into a new folder `runs/<UTC time>`.
+
+    Raises:
+        InputError: if it cannot be written.
+    """
+    text = json.dumps(calibration_to_dict(calibration), indent=1, allow_nan=False)
+    path = _new_run(Path(cell_folder) / RUNS) / FILE
+    write_whole(path, text + "\n")
+    return path
+
+
+def read_calibration(path: str | Path) -> Calibration:
+    """The calibration of a `calibration.json`, given as the file or as the folder of its run.
+
+    Raises:
+        DatasetError: if it cannot be read as written.
+    """
+    file = Path(path) / FILE if Path(path).is_dir() else Path(path)
+    text = read_text(file, "calibrate first, or give the file or folder of a run")
+    try:
+        return calibration_from_dict(json.loads(text))
+    except json.JSONDecodeError as error:
+        raise DatasetError(str(file), f"not JSON ({error.msg}); calibrate again", error.lineno) from None
+    except (ValueError, RecursionError) as error:
+        reason = "nested too deeply" if isinstance(error, RecursionError) else str(error)
+        raise DatasetError(str(file), reason) from None
+
+
+def latest_run(folder: str | Path) -> Path | None:
+    """Folder of the latest run of a cell that has a `calibration.json`; None where there is none."""
+    runs = Path(folder) / RUNS
+    found = [(match, run) for run in runs.glob("*") if (match := _RUN.fullmatch(run.name)) and (run / FILE).is_file()]
+    return max(found, key=lambda one: (one[0][1], int(one[0][2] or 1)))[1] if found else None
+
+
+def input_hashes(folder: str | Path, cell: Cell | None = None) -> dict[str, str]:
+    """`sha256:...` of the files a calibration starts from, by path in the cell: those that exist.
+
+    Args:
+        folder: The cell's folder.
+        cell: Where given, the URDF files of its robots are among them.
+
+    Raises:
+        InputError: if one cannot be read.
+    """
+    urdfs = [robot.urdf for robot in cell.robots.values() if robot.urdf] if cell else []
+    names = [cell_file.FILE, f"{recording_file.FOLDER}/{recording_file.FILE}", *sorted(set(urdfs))]
+    return {name: _hash(Path(folder) / name) for name in names if (Path(folder) / name).is_file()}
+
+
+def _hash(path: Path) -> str:
+    try:
+        with path.open("rb") as file:
+            return f"sha256:{hashlib.file_digest(file, 'sha256').hexdigest()}"
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from None
+
+
+def _new_run(runs: Path) -> Path:
+    name = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
+    folder, count = runs / name, 1
+    while True:
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            count += 1
+            folder = runs / f"{name}-{count}"
+        except OSError as error:
+            raise InputError(f"{folder} cannot be made: {error.strerror}") from None
+        else:
+            return folder

@@ -1,0 +1,63 @@
+"""`truth.yaml`: what is so in a simulated cell."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from basecal.cell.format.paths import write_whole
+from basecal.cell.format.problems import Problem, dataset_error, short
+from basecal.cell.format.yaml_text import Document, parse_yaml, read_text, yaml_text
+from basecal.cell.schema.cell_dict import pose_dict
+from basecal.cell.schema.errors import problems_of
+from basecal.cell.schema.values import PoseEntry, full_pose, pose_se3
+from basecal.geometry import SE3
+
+FILE = "truth.yaml"
+SCHEMA = "basecal/truth/1"
+
+
+def write_truth(folder: str | Path, transforms: Mapping[str, SE3], **extra: Any) -> Path:
+    """Path of the `truth.yaml` written into a folder.
+
+    Args:
+        folder: The cell's folder.
+        transforms: By name, `a_from_b`.
+        extra: More that is so, as plain data (a seed, sigmas).
+
+    Raises:
+        InputError: if it cannot be written.
+    """
+    poses = {name: pose_dict(transform) for name, transform in transforms.items()}
+    path = Path(folder) / FILE
+    write_whole(path, yaml_text({"schema": SCHEMA, "transforms": poses, **extra}))
+    return path
+
+
+def read_truth(folder: str | Path) -> dict[str, SE3]:
+    """The true transforms of a simulated cell, by name.
+
+    Raises:
+        DatasetError: if there is no `truth.yaml`, or it cannot be read as written.
+    """
+    path = Path(folder) / FILE
+    document = parse_yaml(read_text(path, "only simulated cells have a truth"), str(path))
+    data = document.data if isinstance(document.data, dict) else {}
+    if data.get("schema") != SCHEMA or not isinstance(data.get("transforms"), dict):
+        message = f"expected `schema: {SCHEMA}` and `transforms`, got {short(data.get('schema'))}"
+        raise dataset_error(str(path), [Problem(("schema",), message)], document.lines)
+    return {name: _transform(name, pose, str(path), document) for name, pose in data["transforms"].items()}
+
+
+def _transform(name: str, pose: Any, path: str, document: Document) -> SE3:
+    loc = ("transforms", name)
+    try:
+        return pose_se3(full_pose(PoseEntry.model_validate(pose)))
+    except ValidationError as error:
+        problems = [Problem((*loc, *p.loc), p.message) for p in problems_of(error, PoseEntry)]
+    except ValueError as error:
+        problems = [Problem(loc, str(error))]
+    raise dataset_error(path, problems, document.lines)

@@ -1,0 +1,144 @@
+"""YAML as it is written by hand: plain data, and the line on which every key stands."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ruamel.yaml import YAML
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEvent
+from ruamel.yaml.nodes import MappingNode, ScalarNode, SequenceNode
+
+from basecal.cell.format.problems import Loc, Problem, dataset_error, short
+from basecal.errors import DatasetError
+
+_DEEPEST = 32
+_CONVERTED = {f"tag:yaml.org,2002:{kind}" for kind in ("int", "float", "bool", "null")}
+
+
+@dataclass(frozen=True)
+class Document:
+    """What a YAML file says: mappings with text keys, lists and scalars; `lines` by place, from 1."""
+
+    data: Any
+    lines: Mapping[Loc, int]
+
+
+@dataclass(frozen=True)
+class _Notes:
+    lines: dict[Loc, int] = field(default_factory=dict)
+    problems: list[Problem] = field(default_factory=list)
+
+
+def read_text(path: Path, missing: str) -> str:
+    """Text of a UTF-8 file.
+
+    Args:
+        path: The file.
+        missing: What to do where there is none.
+
+    Raises:
+        DatasetError: if it cannot be read or is not UTF-8.
+    """
+    try:
+        return path.read_bytes().decode("utf-8-sig")
+    except FileNotFoundError:
+        raise DatasetError(str(path), f"there is no such file; {missing}") from None
+    except UnicodeDecodeError as error:
+        raise DatasetError(str(path), f"not UTF-8 text (byte {error.start}); save it as UTF-8") from None
+    except (OSError, ValueError) as error:
+        raise DatasetError(str(path), f"cannot be read ({getattr(error, 'strerror', None) or error})") from None
+
+
+def parse_yaml(text: str, path: str) -> Document:
+    """The data of a YAML 1.2 document and the lines of its keys.
+
+    Raises:
+        DatasetError: if it is not YAML, holds an alias, an anchor, a tag or a key twice, or is nested too deeply.
+    """
+    try:
+        _refuse_references(text, path)
+        node = _yaml().compose(text)
+    except MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        reason = " ".join(str(error.problem or error.context).split())
+        raise DatasetError(path, f"not YAML: {reason}", mark.line + 1 if mark else None) from None
+    except (YAMLError, ValueError) as error:
+        raise DatasetError(path, f"not YAML: {' '.join(str(error).split())[:120]}") from None
+    notes = _Notes()
+    data = None if node is None else _plain(node, (), notes)
+    if notes.problems:
+        raise dataset_error(path, notes.problems, notes.lines)
+    return Document(data, notes.lines)
+
+
+def yaml_text(data: Any) -> str:
+    """YAML of plain data: a line for each innermost mapping or list, keys in the order given."""
+    yaml = _yaml()
+    yaml.default_flow_style = None
+    yaml.sort_base_mapping_type_on_output = False
+    yaml.allow_unicode = True
+    yaml.width = 4096
+    yaml.representer.ignore_aliases = lambda *_: True
+    stream = io.StringIO()
+    yaml.dump(data, stream)
+    return stream.getvalue()
+
+
+def _yaml() -> Any:
+    return YAML(typ="safe", pure=True)
+
+
+def _refuse_references(text: str, path: str) -> None:
+    depth = 0
+    for event in _yaml().parse(text):
+        line = event.start_mark.line + 1
+        depth += isinstance(event, CollectionStartEvent) - isinstance(event, CollectionEndEvent)
+        if depth > _DEEPEST:
+            raise DatasetError(path, f"nested deeper than {_DEEPEST} levels; nothing in a cell is", line)
+        if isinstance(event, AliasEvent) or getattr(event, "anchor", None) is not None:
+            raise DatasetError(path, "aliases and anchors (* and &) are not allowed; write the value out", line)
+        # A document's start has tags too: a dictionary of handles.
+        if isinstance(getattr(event, "tag", None), str):
+            raise DatasetError(path, f"tags ({event.tag[:_DEEPEST]}) are not allowed; write the plain value", line)
+
+
+def _plain(node: Any, loc: Loc, notes: _Notes) -> Any:
+    notes.lines.setdefault(loc, node.start_mark.line + 1)
+    if isinstance(node, MappingNode):
+        return _mapping(node, loc, notes)
+    if isinstance(node, SequenceNode):
+        return [_plain(item, (*loc, index), notes) for index, item in enumerate(node.value)]
+    return _scalar(node, loc, notes)
+
+
+def _mapping(node: Any, loc: Loc, notes: _Notes) -> dict[str, Any]:
+    data: dict[str, Any] = {}
+    for key, value in node.value:
+        line = key.start_mark.line + 1
+        if not isinstance(key, ScalarNode):
+            notes.problems.append(Problem(loc, f"a key on line {line} is not a name; write `name: value`"))
+            continue
+        name = str(key.value)
+        here = (*loc, name)
+        if name in data:
+            first = notes.lines[here]
+            notes.lines[here] = line
+            notes.problems.append(Problem(here, f"given twice, first on line {first}; keep one"))
+        notes.lines.setdefault(here, line)
+        data[name] = _plain(value, here, notes)
+    return data
+
+
+def _scalar(node: Any, loc: Loc, notes: _Notes) -> Any:
+    if node.tag not in _CONVERTED:
+        return node.value
+    try:
+        return _yaml().constructor.construct_object(node)
+    except (ValueError, OverflowError, YAMLError):
+        notes.problems.append(Problem(loc, f"{short(node.value)} is not a number that can be read"))
+        return None

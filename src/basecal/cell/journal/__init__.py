@@ -1,0 +1,1 @@
+"""`recording/samples.jsonl`: read, checked and appended to."""

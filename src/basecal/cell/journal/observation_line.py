@@ -1,0 +1,124 @@
+"""An observation of `samples.jsonl`: pixels, candidates, a pose or 3-D points."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from basecal.cell.cell import Cell
+from basecal.cell.journal.sample_values import Where, numbers, pose, sigmas, whole_numbers
+from basecal.cell.recording import (
+    CandidateObservation,
+    Observation,
+    PixelObservation,
+    PointObservation,
+    PoseObservation,
+)
+from basecal.errors import InputError
+from basecal.geometry import Array, IntArray
+
+_BOTH = ("camera", "target")
+_FIELDS = {
+    "pixels": (*_BOTH, "ids", "pixels", "sigma_px"),
+    "candidates": (*_BOTH, "candidates", "sigma_px"),
+    "camera_from_target": (*_BOTH, "camera_from_target"),
+    "points_in_camera_m": (*_BOTH, "ids", "points_in_camera_m", "sigma_m"),
+}
+_ANY = tuple(dict.fromkeys(field for fields in _FIELDS.values() for field in fields))
+
+
+class UnknownPoint(InputError):
+    """An observation of a point that is not on the target, or of one point twice."""
+
+
+def observation(
+    value: Any, field: str, where: Where, cell: Cell, ids: Mapping[str, frozenset[int]]
+) -> tuple[tuple[str, str], Observation | None]:
+    """Camera and target, and what the one saw of the other; None where that is nothing.
+
+    Raises:
+        DatasetError: if it cannot be read as written.
+        UnknownPoint: if an id is not on the target, or given twice.
+    """
+    data = where.mapping(value, field, _ANY)
+    kinds = [kind for kind in _FIELDS if kind in data]
+    if len(kinds) != 1:
+        expected = f"expected exactly one of {', '.join(_FIELDS)}"
+        raise where.error(field, f"{expected}, got {' and '.join(kinds) or 'none'}")
+    where.mapping(data, field, _FIELDS[kinds[0]])
+    camera = where.name(data.get("camera"), f"{field}.camera", "camera", cell.cameras)
+    target = where.name(data.get("target"), f"{field}.target", "target", cell.targets)
+    _check_described(kinds[0], camera, target, field, where, cell)
+    return (camera, target), _READERS[kinds[0]](data, field, where, cell, ids)
+
+
+def _check_described(kind: str, camera: str, target: str, field: str, where: Where, cell: Cell) -> None:
+    if kind == "camera_from_target":
+        return
+    shape = cell.targets[target].target
+    if shape is None:
+        raise where.error(f"{field}.target", f"points of {target!r} need its `kind` and shape in cell.yaml")
+    if kind == "candidates" and not shape.is_point:
+        raise where.error(f"{field}.candidates", f"candidates are for a single light; {target!r} has several points")
+    if kind != "points_in_camera_m" and cell.cameras[camera].intrinsics is None:
+        raise where.error(f"{field}.camera", f"pixels of {camera!r} need its size_px and intrinsics in cell.yaml")
+
+
+def _pixels(
+    data: dict[str, Any], field: str, where: Where, cell: Cell, ids: Mapping[str, frozenset[int]]
+) -> PixelObservation | None:
+    pixels = numbers(where, f"{field}.pixels", data["pixels"], 2)
+    numbered = _ids(data, field, where, ids[data["target"]], pixels)
+    sigma = sigmas(where, f"{field}.sigma_px", data.get("sigma_px"), len(pixels))
+    return PixelObservation(data["camera"], data["target"], numbered, pixels, sigma) if len(pixels) else None
+
+
+def _candidates(
+    data: dict[str, Any], field: str, where: Where, cell: Cell, ids: Mapping[str, frozenset[int]]
+) -> CandidateObservation | None:
+    pixels = numbers(where, f"{field}.candidates", data["candidates"], 2)
+    sigma = sigmas(where, f"{field}.sigma_px", data.get("sigma_px"), len(pixels))
+    return CandidateObservation(data["camera"], data["target"], pixels, sigma) if len(pixels) else None
+
+
+def _pose(
+    data: dict[str, Any], field: str, where: Where, cell: Cell, ids: Mapping[str, frozenset[int]]
+) -> PoseObservation:
+    mean, sigma = pose(where, f"{field}.camera_from_target", data["camera_from_target"], with_sigmas=True)
+    return PoseObservation(data["camera"], data["target"], mean, sigma)
+
+
+def _points(
+    data: dict[str, Any], field: str, where: Where, cell: Cell, ids: Mapping[str, frozenset[int]]
+) -> PointObservation | None:
+    points = numbers(where, f"{field}.points_in_camera_m", data["points_in_camera_m"], 3)
+    numbered = _ids(data, field, where, ids[data["target"]], points)
+    sigma = sigmas(where, f"{field}.sigma_m", data.get("sigma_m"), len(points))
+    return PointObservation(data["camera"], data["target"], numbered, points, sigma) if len(points) else None
+
+
+_READERS = {
+    "pixels": _pixels,
+    "candidates": _candidates,
+    "camera_from_target": _pose,
+    "points_in_camera_m": _points,
+}
+
+
+def _ids(data: dict[str, Any], field: str, where: Where, known: frozenset[int], points: Array) -> IntArray:
+    if "ids" not in data and len(known) > 1:
+        raise where.error(f"{field}.ids", f"missing; {data['target']!r} has several points, say which were seen")
+    written = data.get("ids", [0] * min(len(points), 1))
+    ids = whole_numbers(where, f"{field}.ids", written)
+    if len(ids) != len(points):
+        raise where.error(f"{field}.ids", f"{len(ids)} ids for {len(points)} points; expected one id a point")
+    distinct = set(written)
+    if not known >= distinct:
+        unknown = min(distinct - known)
+        raise UnknownPoint(f"id {unknown} is not on {data['target']!r}, whose ids are {min(known)} to {max(known)}")
+    if len(distinct) != len(ids):
+        twice = int(np.sort(ids)[:-1][np.diff(np.sort(ids)) == 0][0])
+        raise UnknownPoint(f"id {twice} of {data['target']!r} is given twice in one observation")
+    return ids

@@ -1,0 +1,156 @@
+"""`recording/samples.jsonl`: a journal, one instant a line, that is appended to and never rewritten."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+from basecal.cell.calibration import Finding
+from basecal.cell.cell import Cell
+from basecal.cell.format.paths import inside
+from basecal.cell.journal.sample_dict import sample_to_dict
+from basecal.cell.journal.sample_line import Context, context, line_data, sample_from_line
+from basecal.cell.journal.sample_values import Where
+from basecal.cell.recording import Recording, Sample
+from basecal.cell.schema.cell_file import read_cell
+from basecal.errors import DatasetError, InputError
+
+FOLDER = "recording"
+FILE = "samples.jsonl"
+_BOM = b"\xef\xbb\xbf"
+
+
+def read_recording(folder: str | Path, cell: Cell | None = None) -> Recording:
+    """The recording of a cell, with a finding for each sample that had to be dropped.
+
+    Args:
+        folder: The cell's folder.
+        cell: What it describes; read from the folder where not given.
+
+    Raises:
+        DatasetError: if the cell, or a line of the recording, cannot be read as written.
+    """
+    known = context(read_cell(folder) if cell is None else cell, inside(str(folder), FOLDER))
+    path = Path(folder) / FOLDER / FILE
+    try:
+        text = path.read_bytes()
+    except FileNotFoundError:
+        message = "there is no recording; write one JSON object a line (docs/data_format.md)"
+        raise DatasetError(str(path), message) from None
+    except OSError as error:
+        raise DatasetError(str(path), f"cannot be read ({error.strerror})") from None
+    return replace(_recording(text.removeprefix(_BOM), str(path), known), folder=str(folder))
+
+
+def write_recording(recording: Recording, folder: str | Path) -> Path:
+    """Path of a new `samples.jsonl` with all samples.
+
+    Raises:
+        InputError: if there is a recording already, or it cannot be written.
+    """
+    path = Path(folder) / FOLDER / FILE
+    if path.exists():
+        raise InputError(f"{path} exists; a recording is never rewritten: choose another folder, or append samples")
+    append_samples(folder, recording.samples)
+    return path
+
+
+def append_sample(folder: str | Path, sample: Sample) -> Finding | None:
+    """A finding where the journal had to be repaired first; the sample is appended and flushed.
+
+    Raises:
+        InputError: if a number is not finite, or the file cannot be written.
+    """
+    return append_samples(folder, [sample])
+
+
+def append_samples(folder: str | Path, samples: Iterable[Sample]) -> Finding | None:
+    """A finding where the journal had to be repaired first; the samples are appended and flushed.
+
+    A journal cut in the middle of a line is cut back to its last newline.
+
+    Raises:
+        InputError: if a number is not finite, or the file cannot be written.
+    """
+    path = Path(folder) / FOLDER / FILE
+    lines = [_line(sample) for sample in samples]
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        finding = _repair(path) if path.exists() else None
+        with path.open("ab") as journal:
+            journal.writelines(lines)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error.strerror}") from None
+    return finding
+
+
+def _line(sample: Sample) -> bytes:
+    try:
+        text = json.dumps(sample_to_dict(sample, FOLDER), allow_nan=False)
+    except ValueError:
+        raise InputError(f"sample {sample.sample} holds NaN or infinity; a recording holds finite numbers") from None
+    return text.encode() + b"\n"
+
+
+def _recording(text: bytes, path: str, known: Context) -> Recording:
+    *lines, tail = text.split(b"\n")
+    samples: list[Sample] = []
+    findings: list[Finding] = []
+    first_lines: dict[str, int] = {}
+    if tail.strip() and not _is_whole(tail):
+        cut = _cut_finding(path, len(lines) + 1, "what is left of it is not read")
+    else:
+        cut, lines = None, [*lines, tail]
+    for line, written in enumerate(lines, start=1):
+        if not written.strip():
+            continue
+        read = sample_from_line(written, Where(path, line), known)
+        number = str(read.sample) if isinstance(read, Sample) else read.about[0]
+        earlier = first_lines.setdefault(number, line)
+        if earlier != line:
+            findings.append(_twice_finding(path, line, number, earlier))
+        elif isinstance(read, Finding):
+            findings.append(read)
+        else:
+            samples.append(read)
+    return Recording(tuple(samples), tuple(findings if cut is None else [*findings, cut]))
+
+
+def _twice_finding(path: str, line: int, number: str, earlier: int) -> Finding:
+    message = f"{path}:{line}: sample {number} is dropped: line {earlier} has the same number; give it a new one"
+    return Finding("dropped-sample", "info", (number,), message)
+
+
+def _cut_finding(path: str, line: int, done: str) -> Finding:
+    message = f"{path}:{line}: the last line was cut off while it was written; {done}"
+    return Finding("dropped-sample", "info", (), message)
+
+
+def _is_whole(tail: bytes) -> bool:
+    """Whether a last line without a newline lacks nothing else."""
+    try:
+        line_data(tail, Where("", 0))
+    except DatasetError:
+        return False
+    return True
+
+
+def _repair(path: Path) -> Finding | None:
+    """End the journal with a newline: after a last line that is whole, else before it."""
+    with path.open("r+b") as journal:
+        size = journal.seek(0, 2)
+        if size == 0:
+            return None
+        journal.seek(size - 1)
+        if journal.read(1) == b"\n":
+            return None
+        journal.seek(0)
+        text = journal.read()
+        keep = text.rfind(b"\n") + 1
+        if _is_whole(text[keep:]):
+            journal.write(b"\n")
+            return None
+        journal.truncate(keep)
+    return _cut_finding(str(path), text.count(b"\n") + 1, "the journal is cut back to the line before it")

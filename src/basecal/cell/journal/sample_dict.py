@@ -1,0 +1,61 @@
+"""A sample as the plain data of a line of `samples.jsonl`."""
+
+from __future__ import annotations
+
+import posixpath
+from collections.abc import Mapping
+from typing import Any
+
+from basecal.cell.recording import (
+    CandidateObservation,
+    Observation,
+    PixelObservation,
+    PointObservation,
+    PoseObservation,
+    RobotState,
+    Sample,
+)
+from basecal.cell.schema.cell_dict import numbers, one_or_all, pose_dict, sigma_dict
+from basecal.geometry import Array
+
+
+def sample_to_dict(sample: Sample, folder: str) -> dict[str, Any]:
+    """The data of a line; paths are written relative to `folder` of the cell."""
+    data: dict[str, Any] = {"sample": int(sample.sample)}
+    if sample.stamp_s is not None:
+        data["stamp_s"] = float(sample.stamp_s)
+    data["robots"] = {name: _state(state) for name, state in sample.robots.items()}
+    data["images"] = _paths(sample.images, folder)
+    data["background"] = _paths(sample.background, folder)
+    data["observations"] = [_observation(seen) for seen in sample.observations]
+    return {key: value for key, value in data.items() if value not in ({}, [])}
+
+
+def _state(state: RobotState) -> dict[str, Any]:
+    if state.base_from_flange is not None:
+        return {"base_from_flange": pose_dict(state.base_from_flange)}
+    return {} if state.joints_rad is None else {"joints_rad": numbers(state.joints_rad)}
+
+
+def _paths(paths: Mapping[str, str], folder: str) -> dict[str, str]:
+    return {camera: posixpath.relpath(path, folder) for camera, path in paths.items()}
+
+
+def _observation(seen: Observation) -> dict[str, Any]:
+    data: dict[str, Any] = {"camera": seen.camera, "target": seen.target}
+    match seen:
+        case PixelObservation():
+            data |= {"ids": seen.ids.tolist(), "pixels": numbers(seen.pixels), **_sigma("sigma_px", seen.sigma_px)}
+        case CandidateObservation():
+            data |= {"candidates": numbers(seen.pixels), **_sigma("sigma_px", seen.sigma_px)}
+        case PoseObservation():
+            sigma = {} if seen.sigma is None else sigma_dict(seen.sigma)
+            data["camera_from_target"] = pose_dict(seen.camera_from_target) | sigma
+        case PointObservation():
+            points = numbers(seen.points_in_camera)
+            data |= {"ids": seen.ids.tolist(), "points_in_camera_m": points, **_sigma("sigma_m", seen.sigma_m)}
+    return data
+
+
+def _sigma(key: str, values: Array | None) -> dict[str, Any]:
+    return {} if values is None else {key: one_or_all(values)}

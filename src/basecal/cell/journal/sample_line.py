@@ -1,0 +1,155 @@
+"""A line of `samples.jsonl`: one instant, checked against the cell."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from basecal.cell.calibration import Finding
+from basecal.cell.cell import Cell
+from basecal.cell.format.problems import short
+from basecal.cell.journal.observation_line import UnknownPoint, observation
+from basecal.cell.journal.sample_values import Where, number, numbers, pose
+from basecal.cell.recording import Observation, RobotState, Sample
+from basecal.errors import InputError
+
+_FIELDS = ("sample", "stamp_s", "robots", "images", "background", "observations")
+_LARGEST_NUMBER = 2**53
+_LARGEST_STAMP = 1e12
+
+
+@dataclass(frozen=True, eq=False)
+class Context:
+    """What a line is checked against.
+
+    Attributes:
+        cell: The cell.
+        ids: Ids of the points of each target that has a shape.
+        path_in_cell: From a path as written to one relative to the cell; raises InputError.
+    """
+
+    cell: Cell
+    ids: Mapping[str, frozenset[int]]
+    path_in_cell: Callable[[str], str]
+
+
+def context(cell: Cell, path_in_cell: Callable[[str], str]) -> Context:
+    """The context of a cell's lines."""
+    shapes = {name: entry.target for name, entry in cell.targets.items() if entry.target is not None}
+    return Context(cell, {name: frozenset(shape.ids.tolist()) for name, shape in shapes.items()}, path_in_cell)
+
+
+def line_data(text: bytes, where: Where) -> Any:
+    """The data of a line.
+
+    Raises:
+        DatasetError: if it is not JSON in UTF-8, is nested too deeply or holds a key twice.
+    """
+    try:
+        return _DECODER.decode(text.decode("utf-8"))
+    except UnicodeDecodeError as error:
+        raise where.error("", f"not UTF-8 text (byte {error.start} of the line); expected one JSON object") from None
+    except json.JSONDecodeError as error:
+        raise where.error("", f"not JSON ({error.msg}, column {error.colno}); expected one object a line") from None
+    except (ValueError, RecursionError) as error:
+        reason = "nested too deeply" if isinstance(error, RecursionError) else str(error)[:200]
+        raise where.error("", f"{reason}; expected one JSON object a line (docs/data_format.md)") from None
+
+
+def sample_from_line(text: bytes, where: Where, known: Context) -> Sample | Finding:
+    """The sample of a line, or why it was dropped.
+
+    Raises:
+        DatasetError: if the line cannot be read as written.
+    """
+    data = line_data(text, where)
+    try:
+        # No field of a line is true or false, and NumPy would take them for 1 and 0.
+        if (b"true" in text or b"false" in text) and (field := _boolean(data, "")) is not None:
+            raise where.error(field, "expected a number or text, got true or false")
+        return _sample(where.mapping(data, "", _FIELDS), where, known)
+    except RecursionError:
+        raise where.error("", "nested too deeply; expected one JSON object a line") from None
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    data = dict(pairs)
+    if len(data) != len(pairs):
+        keys = [key for key, _ in pairs]
+        twice = next(key for index, key in enumerate(keys) if key in keys[:index])
+        raise InputError(f"the key {short(twice)} is given twice")
+    return data
+
+
+_DECODER = json.JSONDecoder(object_pairs_hook=_once)
+
+
+def _boolean(value: Any, field: str) -> str | None:
+    """Where the first true or false stands."""
+    if isinstance(value, bool):
+        return field
+    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    found = (_boolean(item, f"{field}.{key}".removeprefix(".")) for key, item in items)
+    return next((place for place in found if place is not None), None)
+
+
+def _sample(data: dict[str, Any], where: Where, known: Context) -> Sample | Finding:
+    index = data.get("sample")
+    if not isinstance(index, int) or not 0 <= index < _LARGEST_NUMBER:
+        raise where.error("sample", f"expected the sample's number, 0 or more, got {short(index)}")
+    stamp = number(where, "stamp_s", data["stamp_s"], _LARGEST_STAMP) if "stamp_s" in data else None
+    robots = where.mapping(data.get("robots", {}), "robots")
+    states = {name: _state(value, f"robots.{name}", name, where, known.cell) for name, value in robots.items()}
+    images, background = (_paths(data.get(key, {}), key, where, known) for key in ("images", "background"))
+    try:
+        seen = _observations(data.get("observations", []), where, known)
+    except UnknownPoint as error:
+        message = f"{where.path}:{where.line}: sample {index} is dropped: {error}"
+        return Finding("dropped-sample", "info", (str(index),), message)
+    return Sample(index, stamp, states, seen, images, background)
+
+
+def _state(value: Any, field: str, name: str, where: Where, cell: Cell) -> RobotState:
+    robot = cell.robots[where.name(name, field, "robot", cell.robots)]
+    state = where.mapping(value, field, ("base_from_flange", "joints_rad"))
+    if len(state) != 1:
+        got = "both" if state else "neither"
+        raise where.error(field, f"expected either base_from_flange or joints_rad, got {got}")
+    if "base_from_flange" in state:
+        return RobotState(base_from_flange=pose(where, f"{field}.base_from_flange", state["base_from_flange"])[0])
+    joints = numbers(where, f"{field}.joints_rad", state["joints_rad"])
+    if robot.chain is None:
+        raise where.error(
+            f"{field}.joints_rad", "joints need urdf, base_link and flange_link of the robot in cell.yaml"
+        )
+    if len(joints) != robot.chain.n:
+        raise where.error(f"{field}.joints_rad", f"expected {robot.chain.n} joints, got {len(joints)}")
+    return RobotState(joints_rad=joints)
+
+
+def _paths(value: Any, field: str, where: Where, known: Context) -> dict[str, str]:
+    paths = {}
+    for camera, path in where.mapping(value, field).items():
+        where.name(camera, f"{field}.{camera}", "camera", known.cell.cameras)
+        if not isinstance(path, str):
+            raise where.error(f"{field}.{camera}", f"expected a path, got {short(path)}")
+        try:
+            paths[camera] = known.path_in_cell(path)
+        except InputError as error:
+            raise where.error(f"{field}.{camera}", str(error)) from None
+    return paths
+
+
+def _observations(value: Any, where: Where, known: Context) -> tuple[Observation, ...]:
+    if not isinstance(value, list):
+        raise where.error("observations", f"expected a list, got {short(value)}")
+    seen: dict[tuple[str, str], Observation | None] = {}
+    for index, item in enumerate(value):
+        field = f"observations[{index}]"
+        (camera, target), found = observation(item, field, where, known.cell, known.ids)
+        if (camera, target) in seen:
+            raise where.error(field, f"{camera!r} sees {target!r} twice in one sample; join them or give two samples")
+        seen[camera, target] = found
+    return tuple(found for found in seen.values() if found is not None)

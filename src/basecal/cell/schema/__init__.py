@@ -1,0 +1,1 @@
+"""`cell.yaml`: its shape, read and written."""

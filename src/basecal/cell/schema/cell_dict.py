@@ -1,0 +1,120 @@
+"""A cell as the plain data of `cell.yaml`, with numbers as a hand would write them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from basecal.cell.cell import Cell, CellCamera, CellTarget, Deflection, Intrinsics, Parameters, Robot, Unknown
+from basecal.cell.schema.cell_schema import SCHEMA
+from basecal.cell.target import Target
+from basecal.geometry import SE3, Array
+
+_QUATERNION_DIGITS = 15
+
+
+def cell_to_dict(cell: Cell) -> dict[str, Any]:
+    """The data that `cell_from_dict` reads back to the same cell."""
+    data: dict[str, Any] = {"schema": SCHEMA, "reference": cell.reference}
+    data["robots"] = {name: _robot(robot) for name, robot in cell.robots.items()}
+    data["bases"] = {name: _unknown(unknown) for name, unknown in cell.bases.items()}
+    data["cameras"] = {name: _camera(camera) for name, camera in cell.cameras.items()}
+    data["targets"] = {name: _target(target) for name, target in cell.targets.items()}
+    noise = {"pixel_px": cell.pixel_px, "correlated_px": cell.correlated_px}
+    data["noise"] = {key: float(value) for key, value in noise.items() if value is not None}
+    return {key: value for key, value in data.items() if value or key == "robots"}
+
+
+def numbers(array: Array) -> Any:
+    """Nested lists of floats, without negative zeros."""
+    return (np.asarray(array, dtype=np.float64) + 0.0).tolist()
+
+
+def pose_dict(pose: SE3) -> dict[str, Any]:
+    """`t_m`, exactly, and `q_xyzw` of one transform."""
+    return {"t_m": numbers(pose.translation), "q_xyzw": numbers(np.round(pose.quaternion, _QUATERNION_DIGITS))}
+
+
+def one_or_all(values: Array) -> Any:
+    """One number where all are equal, else the list."""
+    return float(values[0]) if len(values) and np.all(values == values[0]) else numbers(values)
+
+
+def sigma_dict(sigma: Array) -> dict[str, Any]:
+    """`sigma_t_m` and `sigma_r_rad` of (6,) sigmas."""
+    return {"sigma_t_m": one_or_all(sigma[:3]), "sigma_r_rad": one_or_all(sigma[3:])}
+
+
+def _unknown(unknown: Unknown, point: bool = False) -> dict[str, Any]:
+    pose = {} if unknown.mean is None else pose_dict(unknown.mean)
+    sigma = {} if unknown.sigma is None else sigma_dict(unknown.sigma)
+    if point:
+        pose.pop("q_xyzw", None)
+        sigma.pop("sigma_r_rad", None)
+    if unknown.status == "free":
+        return {"status": "free", "guess": pose} if pose else {"status": "free"}
+    return {"status": unknown.status, **pose, **sigma}
+
+
+def _robot(robot: Robot) -> dict[str, Any]:
+    data: dict[str, Any] = {} if robot.noise is None else {"noise": sigma_dict(robot.noise)}
+    if robot.urdf is not None:
+        data |= {"urdf": robot.urdf, "base_link": robot.base_link, "flange_link": robot.flange_link}
+    for key, parameters in (("joint_offsets", robot.joint_offsets), ("link_parameters", robot.link_parameters)):
+        if parameters != Parameters():
+            data[key] = _parameters(parameters)
+    if robot.deflection != Deflection():
+        data["deflection"] = _deflection(robot.deflection)
+    return data | ({"frames": dict(robot.frames)} if robot.frames else {})
+
+
+def _deflection(deflection: Deflection) -> dict[str, Any]:
+    sigma = deflection.sigma_rad_per_nm
+    known = {} if sigma is None else {"sigma_rad_per_nm": sigma}
+    return {"status": deflection.status, **known, "down": list(deflection.down)}
+
+
+def _parameters(parameters: Parameters) -> dict[str, Any]:
+    data = {"status": parameters.status, "sigma_rad": parameters.sigma_rad, "sigma_m": parameters.sigma_m}
+    return {key: value for key, value in data.items() if value is not None}
+
+
+def _camera(camera: CellCamera) -> dict[str, Any]:
+    data: dict[str, Any] = {"on": camera.on, "mount": _unknown(camera.mount), "model": camera.model}
+    if camera.size_px is not None:
+        data["size_px"] = [int(side) for side in camera.size_px]
+    if camera.intrinsics is not None:
+        data["intrinsics"] = _intrinsics(camera.intrinsics)
+    return data
+
+
+def _intrinsics(lens: Intrinsics) -> dict[str, Any]:
+    data: dict[str, Any] = {"status": lens.status}
+    if lens.camera is None:
+        return data | {"distortion_terms": int(lens.distortion_terms)}
+    data |= dict(zip(("fx", "fy", "cx", "cy"), numbers(lens.camera.parameters[:4]), strict=True))
+    data["distortion"] = numbers(lens.camera.distortion)
+    if lens.sigma is not None:
+        data |= {"sigma_focal_px": one_or_all(lens.sigma[:2]), "sigma_center_px": one_or_all(lens.sigma[2:4])}
+        data |= {"sigma_distortion": one_or_all(lens.sigma[4:])} if len(lens.sigma) > 4 else {}
+    return data
+
+
+def _target(entry: CellTarget) -> dict[str, Any]:
+    point = entry.target is not None and entry.target.is_point
+    data: dict[str, Any] = {"on": entry.on, "mount": _unknown(entry.mount, point)}
+    return data if entry.target is None else data | {"kind": entry.target.kind, **_options(entry.target)}
+
+
+def _options(target: Target) -> dict[str, Any]:
+    """The fields the target was made from, as plain data."""
+    options = dict(target.options)
+    for key in ("squares", "corners", "circles"):
+        if key in options:
+            options[key] = [int(count) for count in options[key]]
+    if "points_m" in options:
+        options["points_m"] = numbers(target.points)
+    if "tags" in options:
+        options["tags"] = [{"id": int(n), "size_m": float(size), **pose_dict(at)} for n, size, at in options["tags"]]
+    return options

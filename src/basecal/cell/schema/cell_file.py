@@ -1,0 +1,108 @@
+"""`cell.yaml`: read with every error at once, and written."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from basecal.cell.cell import Cell
+from basecal.cell.format.paths import inside, write_whole
+from basecal.cell.format.problems import Loc, Problem, dataset_error, short
+from basecal.cell.format.yaml_text import parse_yaml, read_text, yaml_text
+from basecal.cell.schema.cell_dict import cell_to_dict
+from basecal.cell.schema.cell_nouns import cell_noun
+from basecal.cell.schema.cell_schema import SCHEMA, CellEntry
+from basecal.cell.schema.errors import problems_of
+from basecal.cell.schema.names import name_problems
+from basecal.errors import BasecalError, InputError
+from basecal.kinematics import SerialChain, read_chain
+
+FILE = "cell.yaml"
+
+
+def read_cell(folder: str | Path) -> Cell:
+    """The cell that `cell.yaml` in a folder describes.
+
+    Raises:
+        DatasetError: if it cannot be read as written; the message has a line for each mistake.
+    """
+    path = Path(folder) / FILE
+    document = parse_yaml(read_text(path, "a cell is a folder with a cell.yaml (docs/data_format.md)"), str(path))
+    return _checked(document.data, str(path), Path(folder), document.lines)
+
+
+def cell_from_dict(data: Any, path: str = FILE, folder: str | Path | None = None) -> Cell:
+    """The cell that the data of a `cell.yaml` describes.
+
+    Args:
+        data: Mappings, lists and scalars.
+        path: What to call it in an error.
+        folder: Where its URDF files are; not needed where robots have none.
+
+    Raises:
+        DatasetError: if it cannot be read as written; the message has a line for each mistake.
+    """
+    return _checked(data, path, None if folder is None else Path(folder), {})
+
+
+def write_cell(cell: Cell, folder: str | Path) -> Path:
+    """Path of the `cell.yaml` written into a folder, in place of one that is there.
+
+    URDF files are named, not copied.
+
+    Raises:
+        InputError: if it cannot be written.
+    """
+    path = Path(folder) / FILE
+    write_whole(path, yaml_text(cell_to_dict(cell)))
+    return path
+
+
+def _checked(data: Any, path: str, folder: Path | None, lines: Mapping[Loc, int]) -> Cell:
+    _check_schema(data, path, lines)
+    problems = name_problems(data)
+    try:
+        entry = CellEntry.model_validate(data)
+    except ValidationError as error:
+        problems += problems_of(error, CellEntry)
+    chains, urdf_problems = _chains(data.get("robots"), folder)
+    problems += urdf_problems
+    if problems:
+        raise dataset_error(path, problems, lines)
+    return cell_noun(entry, chains)
+
+
+def _check_schema(data: Any, path: str, lines: Mapping[Loc, int]) -> None:
+    if not isinstance(data, dict):
+        message = f"expected a mapping that starts with `schema: {SCHEMA}`, got {short(data)}"
+        raise dataset_error(path, [Problem((), message)], lines)
+    if data.get("schema") != SCHEMA:
+        got = short(data["schema"]) if "schema" in data else "none"
+        message = f"expected {SCHEMA}, the one version this program reads, got {got}"
+        raise dataset_error(path, [Problem(("schema",), message)], lines)
+
+
+def _chains(robots: Any, folder: Path | None) -> tuple[dict[str, SerialChain], list[Problem]]:
+    chains: dict[str, SerialChain] = {}
+    problems: list[Problem] = []
+    for name, robot in robots.items() if isinstance(robots, dict) else ():
+        parts = [robot.get(key) for key in ("urdf", "base_link", "flange_link")] if isinstance(robot, dict) else [None]
+        if not all(part and isinstance(part, str) for part in parts):
+            continue
+        try:
+            chains[name] = _chain(folder, *parts)
+        except BasecalError as error:
+            problems.append(Problem(("robots", name, "urdf"), str(error)))
+    return chains, problems
+
+
+def _chain(folder: Path | None, urdf: str, base_link: str, flange_link: str) -> SerialChain:
+    if folder is None:
+        raise InputError("a URDF is looked for in the cell's folder; give `folder`")
+    path = folder / inside(str(folder))(urdf)
+    if not path.is_file():
+        raise InputError(f"there is no file {urdf!r} in the cell; copy the URDF into it")
+    return read_chain(path, base_link, flange_link)

@@ -1,0 +1,123 @@
+"""From the checked entries of `cell.yaml` to the nouns of a cell."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from basecal.cell import target
+from basecal.cell.cell import Cell, CellCamera, CellTarget, Deflection, Intrinsics, Parameters, Robot, Unknown
+from basecal.cell.schema.cell_schema import CameraEntry, CellEntry, DeflectionEntry, ParametersEntry, RobotEntry
+from basecal.cell.schema.lens import IntrinsicsEntry, distortion_terms
+from basecal.cell.schema.target import (
+    ApriltagEntry,
+    CharucoEntry,
+    ChessboardEntry,
+    CirclesEntry,
+    PointEntry,
+    PointsEntry,
+    PosesOnlyEntry,
+    TagEntry,
+)
+from basecal.cell.schema.values import UnknownEntry, given, pose_se3
+from basecal.geometry import SE3, Array, Camera, read_only
+from basecal.kinematics import SerialChain
+
+AnyTarget = PosesOnlyEntry | PointEntry | PointsEntry | CharucoEntry | ChessboardEntry | CirclesEntry | ApriltagEntry
+
+
+def cell_noun(entry: CellEntry, chains: Mapping[str, SerialChain]) -> Cell:
+    """The cell, with the kinematic chains of the robots that have one."""
+    others = [name for name in entry.robots if name != entry.reference]
+    bases = {name: _unknown(entry.bases[name]) if name in entry.bases else Unknown() for name in others}
+    return Cell(
+        reference=entry.reference,
+        robots={name: _robot(name, robot, chains.get(name)) for name, robot in entry.robots.items()},
+        bases=bases,
+        cameras={name: _camera(name, camera) for name, camera in entry.cameras.items()},
+        targets={name: CellTarget(name, t.on, _unknown(t.mount), _target(t)) for name, t in entry.targets.items()},
+        pixel_px=entry.noise.pixel_px,
+        correlated_px=entry.noise.correlated_px,
+    )
+
+
+def _unknown(entry: UnknownEntry) -> Unknown:
+    if entry.status == "free":
+        return Unknown("free", None if entry.guess is None else pose_se3(entry.guess))
+    return Unknown(entry.status, pose_se3(entry), _tangent(entry) if entry.status == "prior" else None)
+
+
+def _tangent(entry: UnknownEntry) -> Array:
+    # The rotation of a single point is the identity, exactly.
+    return read_only([*(entry.sigma_t_m or ()), *(entry.sigma_r_rad or (0.0, 0.0, 0.0))], (6,), "sigma")
+
+
+def _robot(name: str, entry: RobotEntry, chain: SerialChain | None) -> Robot:
+    noise = entry.noise
+    return Robot(
+        name=name,
+        noise=None if noise is None else read_only([*noise.sigma_t_m, *noise.sigma_r_rad], (6,), "noise"),
+        chain=chain,
+        joint_offsets=_parameters(entry.joint_offsets),
+        link_parameters=_parameters(entry.link_parameters),
+        urdf=entry.urdf,
+        base_link=entry.base_link,
+        flange_link=entry.flange_link,
+        frames=entry.frames.model_dump(exclude_none=True),
+        deflection=_deflection(entry.deflection),
+    )
+
+
+def _deflection(entry: DeflectionEntry) -> Deflection:
+    x, y, z = entry.down
+    return Deflection(entry.status, entry.sigma_rad_per_nm, (x, y, z))
+
+
+def _parameters(entry: ParametersEntry) -> Parameters:
+    return Parameters(entry.status, entry.sigma_rad, entry.sigma_m)
+
+
+def _camera(name: str, entry: CameraEntry) -> CellCamera:
+    size = None if entry.size_px is None else (entry.size_px[0], entry.size_px[1])
+    lens = None if entry.intrinsics is None else _intrinsics(entry.intrinsics, entry, size)
+    return CellCamera(name, entry.on, _unknown(entry.mount), entry.model, size, lens)
+
+
+def _intrinsics(entry: IntrinsicsEntry, camera: CameraEntry, size: tuple[int, int] | None) -> Intrinsics:
+    terms = distortion_terms(entry, camera.model)
+    if entry.fx is None:
+        return Intrinsics(entry.status, None, None, terms)
+    distortion = entry.distortion or [0.0] * terms
+    parameters = np.array([entry.fx, entry.fy, entry.cx, entry.cy, *distortion], dtype=np.float64)
+    return Intrinsics(entry.status, Camera(camera.model, parameters, size), _lens_sigma(entry, terms), terms)
+
+
+def _lens_sigma(entry: IntrinsicsEntry, terms: int) -> Array | None:
+    if entry.sigma_focal_px is None or entry.sigma_center_px is None:
+        return None
+    distortion = np.broadcast_to(entry.sigma_distortion or [1.0], terms)
+    return read_only([*entry.sigma_focal_px, *entry.sigma_center_px, *distortion])
+
+
+def _target(entry: AnyTarget) -> target.Target | None:
+    match entry:
+        case PosesOnlyEntry():
+            return None
+        case PointEntry() | PointsEntry():
+            make = target.led if entry.kind == "led" else target.points
+            return make(entry.points_m or [[0.0, 0.0, 0.0]])
+        case CharucoEntry(squares=[columns, rows]):
+            sizes = entry.square_m, entry.marker_m
+            return target.charuco((columns, rows), *sizes, entry.dictionary, entry.legacy_pattern)
+        case ChessboardEntry(corners=[columns, rows]):
+            return target.chessboard((columns, rows), entry.square_m)
+        case CirclesEntry(circles=[columns, rows]):
+            return target.circles((columns, rows), entry.spacing_m, entry.asymmetric)
+        case ApriltagEntry():
+            return target.apriltag(entry.family, [(tag.id, tag.size_m, _tag_pose(tag)) for tag in entry.tags])
+    raise AssertionError(f"no target is made of {type(entry).__name__}")
+
+
+def _tag_pose(entry: TagEntry) -> SE3:
+    return pose_se3(entry) if given(entry) else SE3.identity()

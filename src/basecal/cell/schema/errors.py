@@ -1,0 +1,85 @@
+"""What pydantic found wrong, in words for who wrote the file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import UnionType
+from typing import Annotated, Any, Union, get_args, get_origin
+
+from pydantic import BaseModel, Tag, ValidationError
+
+from basecal.cell.format.problems import Loc, Problem, short
+from basecal.cell.schema.target import KINDS
+from basecal.errors import nearest
+
+_WORDS = {
+    "missing": "missing; add it",
+    "model_type": "expected a mapping `{field: value}`",
+    "dict_type": "expected a mapping `{name: ...}`",
+    "list_type": "expected a list",
+    "string_type": "expected text",
+    "float_type": "expected a number",
+    "int_type": "expected a whole number",
+    "finite_number": "expected a finite number",
+    "bool_type": "expected true or false",
+}
+
+
+def problems_of(error: ValidationError, model: type[BaseModel]) -> list[Problem]:
+    """Each error of a model as a problem at the place where it is written."""
+    return [_problem(details, model) for details in error.errors(include_url=False)]
+
+
+def _problem(details: Mapping[str, Any], model: type[BaseModel]) -> Problem:
+    loc = tuple(part for part in details["loc"] if not _is_tag(part))
+    kind, value = details["type"], details["input"]
+    if kind == "extra_forbidden":
+        known = _fields_at(model, details["loc"][:-1])
+        return Problem(loc, f"unknown field{nearest(str(loc[-1]), known)}; known: {', '.join(known)}")
+    if kind == "union_tag_invalid":
+        written = value["kind"]
+        hint = nearest(written, KINDS) if isinstance(written, str) else ""
+        return Problem((*loc, "kind"), f"no kind {short(written)}{hint}; there are: {', '.join(KINDS)}")
+    if kind == "value_error":
+        return Problem(loc, str(details["ctx"]["error"]))
+    if kind == "missing":
+        return Problem(loc, _WORDS[kind])
+    words = _WORDS.get(kind) or details["msg"].replace("Input should be", "expected")
+    return Problem(loc, f"{words}, got {short(value)}")
+
+
+def _is_tag(part: str | int) -> bool:
+    return isinstance(part, str) and part.startswith("<") and part.endswith(">")
+
+
+def _fields_at(model: type[BaseModel], loc: Loc) -> list[str]:
+    """Names of the fields of the entry at a place."""
+    here: Any = model
+    for part in loc:
+        here = _step(_bare(here), part)
+    entry = _bare(here)
+    return [field.alias or name for name, field in entry.model_fields.items()] if _is_model(entry) else []
+
+
+def _bare(annotation: Any) -> Any:
+    """An annotation without its metadata and without `| None`."""
+    while get_origin(annotation) is Annotated:
+        annotation = get_args(annotation)[0]
+    if get_origin(annotation) in (Union, UnionType):
+        some = [option for option in get_args(annotation) if option is not type(None)]
+        return _bare(some[0]) if len(some) == 1 else annotation
+    return annotation
+
+
+def _step(annotation: Any, part: str | int) -> Any:
+    if _is_model(annotation):
+        found = [f.annotation for name, f in annotation.model_fields.items() if part in (name, f.alias)]
+        return found[0] if found else None
+    if _is_tag(part):
+        tagged = {m.tag: option for option in get_args(annotation) for m in get_args(option)[1:] if isinstance(m, Tag)}
+        return tagged.get(str(part))
+    return get_args(annotation)[-1] if get_args(annotation) else None
+
+
+def _is_model(annotation: Any) -> bool:
+    return isinstance(annotation, type) and issubclass(annotation, BaseModel)

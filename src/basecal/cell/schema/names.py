@@ -1,0 +1,72 @@
+"""Names of a cell: well formed, unique, and each one that is referred to exists."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+from basecal.cell.cell import WORLD
+from basecal.cell.format.problems import Problem, short
+from basecal.errors import nearest
+
+_NAME = re.compile(r"[a-z][a-z0-9_]*")
+_SECTIONS = ("robots", "cameras", "targets")
+
+
+def name_problems(data: dict[str, Any]) -> list[Problem]:
+    """What is wrong with the names in the data of a cell, whatever else may be wrong with it."""
+    return [*_ill_formed(data), *_taken(data), *_reference(data), *_carriers(data), *_bases(data)]
+
+
+def _section(data: dict[str, Any], name: str) -> dict[str, Any]:
+    section = data.get(name)
+    return section if isinstance(section, dict) else {}
+
+
+def _ill_formed(data: dict[str, Any]) -> Iterator[Problem]:
+    for section in _SECTIONS:
+        for name in _section(data, section):
+            if not (isinstance(name, str) and _NAME.fullmatch(name)) or "_from_" in name or "_in_" in name:
+                what = "expected a name of a-z, 0-9 and _, a letter first, without _from_ or _in_"
+                yield Problem((section, name), f"{what}; rename {short(name)}")
+            elif name == WORLD:
+                yield Problem((section, name), f"{WORLD!r} is the base of the reference robot; choose another name")
+
+
+def _taken(data: dict[str, Any]) -> Iterator[Problem]:
+    robots = _section(data, "robots")
+    owners = {f"{robot}_{end}": f"a frame of {robot!r}" for robot in robots for end in ("base", "flange")}
+    for section in _SECTIONS:
+        for name in _section(data, section):
+            if name in owners:
+                yield Problem((section, name), f"the name {name!r} is taken by {owners[name]}; names are unique")
+            owners[name] = f"{section}.{name}"
+
+
+def _reference(data: dict[str, Any]) -> Iterator[Problem]:
+    reference, robots = data.get("reference"), list(_section(data, "robots"))
+    if isinstance(reference, str) and reference not in robots:
+        yield Problem(("reference",), _no_robot(reference, robots))
+
+
+def _carriers(data: dict[str, Any]) -> Iterator[Problem]:
+    carriers = [*_section(data, "robots"), WORLD]
+    for section in ("cameras", "targets"):
+        for name, entry in _section(data, section).items():
+            on = entry.get("on") if isinstance(entry, dict) else None
+            if isinstance(on, str) and on not in carriers:
+                yield Problem((section, name, "on"), _no_robot(on, carriers))
+
+
+def _bases(data: dict[str, Any]) -> Iterator[Problem]:
+    robots = list(_section(data, "robots"))
+    for name in _section(data, "bases"):
+        if name not in robots:
+            yield Problem(("bases", name), _no_robot(name, robots))
+        elif name == data.get("reference"):
+            yield Problem(("bases", name), f"the base of the reference {name!r} is `world` itself; remove it")
+
+
+def _no_robot(name: str, known: list[str]) -> str:
+    return f"no robot {short(name)}{nearest(str(name)[:60], known)}; there are: {', '.join(map(str, known)) or 'none'}"

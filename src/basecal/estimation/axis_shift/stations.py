@@ -1,0 +1,174 @@
+"""Stations of the paper's method in a recording: a still camera, a light shifted without turning.
+
+Each station gives one estimate of the base; several give several, for different parts of the workspace. Which to take
+is up to the task: the nearest, a mean weighted by distance, or all of them fused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from basecal.errors import NotObservable
+from basecal.estimation.axis_shift.closed_form import base_of_station, estimate, image_gradient
+from basecal.estimation.problem.problem import Problem, ViewGroup
+from basecal.estimation.view.measurement import PixelMeasurement
+from basecal.geometry import SE3, Array, Camera, IntArray
+from basecal.geometry.se3 import nearest_rotation
+
+_STILL_M = 2e-4
+_STILL_RAD = 1e-3
+_FEWEST_VIEWS = 4
+_SPREAD = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Station:
+    """One place where the camera stood still and the light was shifted.
+
+    Attributes:
+        camera: Name of the camera.
+        target: Name of the light.
+        samples: (n,) sample numbers; the first is where the shifts start from.
+        focal_px: (2,) fu and fv.
+        light_px: (n, 2) [px] undistorted image coordinates about the principal point, v down.
+        shifts_in_light: (n, 3) [m] along the light's axes; the first is zero.
+        eye_base_from_camera: Pose of the camera.
+        hand_base_from_light: Pose of the light before the shifts.
+    """
+
+    camera: str
+    target: str
+    samples: IntArray
+    focal_px: Array
+    light_px: Array
+    shifts_in_light: Array
+    eye_base_from_camera: SE3
+    hand_base_from_light: SE3
+
+    def camera_from_light(self, light_px: Array | None = None) -> SE3:
+        """The closed form, from the recorded image coordinates or others, (..., n, 2)."""
+        px = self.light_px if light_px is None else light_px
+        gradient = image_gradient(px[..., 1:, :] - px[..., :1, :], self.shifts_in_light[1:])
+        return estimate(px[..., 0, :], gradient, self.focal_px).camera_from_light
+
+    def base(self, light_px: Array | None = None) -> SE3:
+        """`eye_base_from_hand_base`, eq. (10)."""
+        return base_of_station(self.eye_base_from_camera, self.camera_from_light(light_px), self.hand_base_from_light)
+
+    def predicted_px(self, eye_base_from_hand_base: SE3) -> Array:
+        """Where the light would be seen, (n, 2), without the closed form's neglect of depth."""
+        eye_base_from_light = eye_base_from_hand_base @ self.hand_base_from_light
+        camera_from_light = self.eye_base_from_camera.inverse() @ eye_base_from_light
+        at = camera_from_light @ self.shifts_in_light
+        return self.focal_px * at[..., :2] / at[..., 2:]
+
+    @property
+    def length(self) -> float:
+        """Root mean square of the shifts [m]."""
+        return float(np.sqrt(np.mean(np.sum(self.shifts_in_light[1:] ** 2, -1))))
+
+
+def find_stations(problem: Problem, cameras: dict[str, Camera]) -> list[Station]:
+    """All stations of a recording.
+
+    Args:
+        problem: Its views; mounts of cameras and lights must be known.
+        cameras: The lenses.
+
+    Raises:
+        NotObservable: if a mount is not known, or no camera stood still while a light was shifted in three directions.
+    """
+    found = [
+        station
+        for group in problem.groups
+        if isinstance(group.measurement, PixelMeasurement) and len(group.measurement.points_in_target) == 1
+        for station in _of_group(problem, group, cameras[group.camera])
+    ]
+    if not found:
+        raise NotObservable(
+            "no station found: the axis-shift method needs a camera that stands still while a single light is shifted "
+            "along three directions that do not lie in a plane, without being turned"
+        )
+    return found
+
+
+def fused(bases: Sequence[SE3], weights: Sequence[float]) -> SE3:
+    """The mean of several transforms: least squares of the rotation matrices and of the translations."""
+    share = np.array(weights) / np.sum(weights)
+    rotation = nearest_rotation(np.einsum("n,nij->ij", share, np.stack([b.rotation for b in bases])))
+    return SE3(rotation, np.einsum("n,ni->i", share, np.stack([b.translation for b in bases])))
+
+
+def for_task(stations: Sequence[Station], task_in_eye_base: Array, nearest: bool) -> SE3:
+    """The base for work at a point, (3,) [m]: of the nearest station, or the mean weighted by distance^-2."""
+    bases = [s.base() for s in stations]
+    lights = np.stack([(b @ s.hand_base_from_light).translation for b, s in zip(bases, stations, strict=True)])
+    distance = np.linalg.norm(lights - task_in_eye_base, axis=-1)
+    if nearest:
+        return bases[int(np.argmin(distance))]
+    return fused(bases, list(1 / np.maximum(distance, 1e-6) ** 2))
+
+
+def _of_group(problem: Problem, group: ViewGroup, camera: Camera) -> Iterator[Station]:
+    eye_flange_from_camera = _known(problem, group.camera_mount)
+    hand_flange_from_light = _known(problem, group.target_mount)
+    assert isinstance(group.measurement, PixelMeasurement)
+    bearings, valid = camera.undistort(group.measurement.pixels[:, 0])
+    px = camera.focal * bearings[:, :2] / bearings[:, 2:]
+    for run in _runs(group):
+        views = run[valid[run]]
+        eye_base_from_camera = group.eye_base_from_eye_flange[views] @ eye_flange_from_camera
+        hand_base_from_light = group.hand_base_from_hand_flange[views] @ hand_flange_from_light
+        station = _station(group, views, px[views], eye_base_from_camera, hand_base_from_light, camera.focal)
+        if station is not None:
+            yield station
+
+
+def _known(problem: Problem, name: str) -> SE3:
+    unknown = problem.unknowns[name]
+    if unknown.status == "free" or unknown.mean is None:
+        raise NotObservable(
+            f"the axis-shift method needs {name}: state it as fixed or prior, or use the general solver"
+        )
+    return unknown.mean
+
+
+def _runs(group: ViewGroup) -> Iterator[IntArray]:
+    """Views between which neither the camera moved nor the light was turned, in order."""
+    eye, hand = group.eye_base_from_eye_flange, group.hand_base_from_hand_flange
+    start = 0
+    for i in range(1, len(group) + 1):
+        if i == len(group) or _moved(eye[start], eye[i]) or _turned(hand[start], hand[i]):
+            yield np.arange(start, i)
+            start = i
+
+
+def _moved(first: SE3, second: SE3) -> bool:
+    shift = float(np.linalg.norm(first.translation - second.translation))
+    return shift > _STILL_M or _turned(first, second)
+
+
+def _turned(first: SE3, second: SE3) -> bool:
+    return float(np.linalg.norm((first.inverse() @ second).rotvec)) > _STILL_RAD
+
+
+def _station(
+    group: ViewGroup, views: IntArray, px: Array, eye_base_from_camera: SE3, hand_base_from_light: SE3, focal: Array
+) -> Station | None:
+    if len(views) < _FEWEST_VIEWS:
+        return None
+    at = hand_base_from_light.translation
+    first = int(np.argmin(np.linalg.norm(at - at.mean(0), axis=-1)))
+    order = np.concatenate([[first], np.delete(np.arange(len(views)), first)])
+    shifts = (at[order] - at[first]) @ hand_base_from_light.rotation[first]
+    singular = np.linalg.svd(shifts, compute_uv=False)
+    if singular[2] < _SPREAD * singular[0]:
+        return None
+    samples = group.sample[views][order]
+    camera_at = eye_base_from_camera[first]
+    return Station(
+        group.camera, group.target, samples, focal, px[order], shifts, camera_at, hand_base_from_light[first]
+    )

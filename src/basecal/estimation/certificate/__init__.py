@@ -1,0 +1,1 @@
+"""A proof that no other rotations fit better."""

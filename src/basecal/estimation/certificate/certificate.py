@@ -1,0 +1,238 @@
+"""Whether no other state fits better: the rotations proven, and what that proves of the whole.
+
+1. Each loop's rotations: views and robots' errors cost at least a sum of w_i sin^2(angle_i / 2) over the loops. The
+   least value of that sum is found and proven by `relaxation`, for all rotations and whatever the quaternions' signs.
+2. The whole: a state as good as the solution has that sum at most as large as the solution's cost leaves room for.
+   The proof says how fast the sum grows, so that such a state's rotations lie within a known angle of the proven ones.
+3. Within that angle descents from all about must end in the solution. This is checked, not proven.
+
+Source: docs/mathematics.md, "Certificate".
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from basecal.cell import Certificate
+from basecal.estimation.certificate.relaxation import Bound, Factors, bound, local_minimum
+from basecal.estimation.certificate.rotation_cost import LoopForm, factors_of, loop_form, present, rotations_of
+from basecal.estimation.certificate.view_rotation import view_costs
+from basecal.estimation.least_squares.levenberg_marquardt import Optimum, levenberg_marquardt
+from basecal.estimation.noise.estimate import degrees_of_freedom
+from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.solve import Solution
+from basecal.estimation.start.closed_form import solve_rotations, solve_translations
+from basecal.estimation.start.rotation_grid import pose_starts
+from basecal.estimation.view.measurement import PixelMeasurement
+from basecal.geometry import SE3, Array
+
+_TIGHT = 1e-3
+_SMALLEST_COST = 1e-10
+_WIDEST = 0.5
+_SEARCHED = 8
+_SHORT = 30
+_FEWEST_VIEWS = 3
+_DESCENTS = 8
+_MOST_VIEWS = 30
+_ITERATIONS = 60
+_SAME_COST = 1e-6
+_SAME_M_RAD = 1e-6
+_SEED = 20
+
+
+class Certified(NamedTuple):
+    """A certificate of a solution, and a state of lower cost where one was found on the way."""
+
+    certificate: Certificate
+    better: State | None
+
+
+class ProvenLoop(NamedTuple):
+    """A loop's form and what is proven of it."""
+
+    form: LoopForm
+    bound: Bound
+
+    @property
+    def gap(self) -> float:
+        """Least cost found over the proven bound, less one; costs below 1e-10 (1e-5 rad) count as that."""
+        return max(self.bound.value - self.bound.lower, 0.0) / max(self.bound.lower, _SMALLEST_COST)
+
+
+def certify(solution: Solution) -> Certified:
+    """Whether a solution is proven to fit best.
+
+    `is_global` is true where the rotations are proven, a better fit can only be near them, and descents from all about
+    end in the solution. Where another end is lower, the state there is given too, and nothing is claimed.
+
+    Args:
+        solution: As it came out, with the noise in use.
+    """
+    reason = _beyond(solution)
+    if reason:
+        return _undecided(reason)
+    loops, constant = proven_loops(solution)
+    known = [loop for loop in loops if loop is not None]
+    if len(known) < len(loops):
+        of = solution.problem.groups[loops.index(None)]
+        views = f"fewer than {_FEWEST_VIEWS} views of {of.target} by {of.camera}"
+        return _undecided(f"no pose from a single view: {views} have one that is beyond doubt")
+    gap = max(loop.gap for loop in known)
+    better = _from_proven(solution, known)
+    if better is not None:
+        return Certified(Certificate(gap, None, "the proven rotations lead to a better fit"), better)
+    if not solution.converged:
+        return _undecided("the solution is not an optimum", gap)
+    if gap > _TIGHT:
+        return _undecided("the relaxation is not tight: other rotations could cost less than those found", gap)
+    floor = constant + sum(loop.form.weight * loop.bound.lower for loop in known)
+    share = max(_share(loop, solution.cost - floor) for loop in known)
+    if not share <= _WIDEST:
+        return _undecided("the noise is too large for how far the arms turn: a better fit could be far away", gap)
+    return _explored(solution, share, gap)
+
+
+def proven_loops(solution: Solution) -> tuple[list[ProvenLoop | None], float]:
+    """The loop of each group of views, None without poses; and what all views cost at least by themselves."""
+    problem, state = solution.problem, solution.state
+    views = [view_costs(problem, state, group) for group in problem.groups]
+    constant = float(sum(v.constant.sum() for v in views))
+    loops: list[ProvenLoop | None] = []
+    for group, of in zip(problem.groups, views, strict=True):
+        certain = of.without_doubtful(solution.cost - constant)
+        if np.count_nonzero(certain.weight) < _FEWEST_VIEWS:
+            loops.append(None)
+            continue
+        form = loop_form(problem, state, group, certain)
+        loops.append(ProvenLoop(form, _least(form, present(problem, state, group, form.merged))))
+    return loops, constant
+
+
+def _undecided(reason: str, gap: float | None = None) -> Certified:
+    return Certified(Certificate(gap, None, reason), None)
+
+
+def _beyond(solution: Solution) -> str:
+    """Why nothing can be said of a solution; empty where something can."""
+    problem = solution.problem
+    free_lens = next((name for name in problem.columns if name in problem.lenses), None)
+    if not any(len(group) for group in problem.groups):
+        return "nothing was seen"
+    if free_lens is not None:
+        return f"the lens of {free_lens} is estimated: a single view gives no pose without it"
+    if any(name not in problem.unknowns for name in problem.columns):
+        return "more than transforms is estimated"
+    if any(len(group.readings) > 1 for group in problem.groups):
+        return "views can be read in several ways"
+    if any(isinstance(g.measurement, PixelMeasurement) and g.measurement.weight.shape[1] < 4 for g in problem.groups):
+        return "no pose from a single view: less than four points are seen"
+    return ""
+
+
+def _least(form: LoopForm, now: tuple[Array, Array, Array]) -> Bound:
+    """The bound at the least value found: from the solution, by closed form, and from a grid if that is not proven."""
+    loop = form.loop
+    if not loop.unknown:
+        return Bound((), float(form.form[0, 0]), float(form.form[0, 0]), np.inf)
+    closed = solve_rotations(loop)
+    first = _lowest(form, [now, (closed.x, closed.y, closed.z)])
+    found = bound(form.form, first[0])
+    if ProvenLoop(form, found).gap <= _TIGHT:
+        return found
+    second = _lowest(form, pose_starts(loop, _SEARCHED))
+    return bound(form.form, second[0]) if second[1] < first[1] * (1 - _SAME_COST) else found
+
+
+def _lowest(form: LoopForm, starts: list[tuple[Array, Array, Array]]) -> tuple[Factors, float]:
+    """The lowest end of short descents from the starts, descended to the end."""
+    ends = [local_minimum(form.form, factors_of(form.loop, *start), _SHORT) for start in starts]
+    return local_minimum(form.form, min(ends, key=lambda end: end[1])[0])
+
+
+def _share(loop: ProvenLoop, slack: float) -> float:
+    """How far, as 1 - cos^2 of the half angles' product, rotations may be from the proven ones at no higher cost."""
+    if not loop.form.loop.unknown:
+        return 0.0
+    return max(slack, 0.0) / max(loop.form.weight * loop.bound.growth, 1e-300)
+
+
+def _from_proven(solution: Solution, loops: list[ProvenLoop]) -> State | None:
+    """A state better than the solution, downhill of the proven rotations; None where there is none."""
+    if len(loops) != 1 or loops[0].form.merged or not loops[0].form.loop.unknown:
+        return None
+    loop, found = loops[0].form.loop, rotations_of(loops[0].form.loop, loops[0].bound.factors)
+    x, y, z = solve_translations(loop, found)
+    group, columns, transforms = solution.problem.groups[0], solution.problem.columns, dict(solution.state.transforms)
+    world_from_eye_base, world_from_hand_base = (
+        SE3.identity() if name is None else transforms[name] for name in (group.eye_base, group.hand_base)
+    )
+    placed = {group.camera_mount: x, group.target_mount: z}
+    if group.hand_base in columns:
+        placed[str(group.hand_base)] = world_from_eye_base @ y
+    elif group.eye_base in columns:
+        placed[str(group.eye_base)] = world_from_hand_base @ y.inverse()
+    transforms |= {name: value for name, value in placed.items() if name in columns}
+    return _better(solution, replace(solution.state, transforms=transforms))
+
+
+def _better(solution: Solution, start: State) -> State | None:
+    """The end of a descent on everything, if it is lower than the solution."""
+    dof = degrees_of_freedom(solution.problem)
+    end = levenberg_marquardt(solution.problem, _undisturbed(start), dof, 2 * _ITERATIONS)
+    return end.state if end.normal.cost < solution.cost * (1 - _SAME_COST) - _SAME_COST else None
+
+
+def _undisturbed(state: State) -> State:
+    return replace(state, stop_errors=np.zeros_like(state.stop_errors))
+
+
+def _explored(solution: Solution, share: float, gap: float) -> Certified:
+    """Descents from all about the solution, as far away as a better state may be."""
+    few = _thinned(solution.problem)
+    dof = degrees_of_freedom(few)
+    reference = levenberg_marquardt(few, _undisturbed(solution.state), dof, _ITERATIONS)
+    angle = 2 * float(np.arcsin(np.sqrt(share)))
+    for start in _about(solution, angle):
+        end = levenberg_marquardt(few, start, dof, _ITERATIONS)
+        if not _alike(end, reference):
+            better = _better(solution, end.state) if end.normal.cost < reference.normal.cost else None
+            reason = f"within the {np.degrees(angle):.2g} deg in which a better fit could be there are several optima"
+            return Certified(Certificate(gap, None, reason), better)
+    return Certified(Certificate(gap, True), None)
+
+
+def _alike(first: Optimum, second: Optimum) -> bool:
+    """Whether two descents ended in one optimum."""
+    if abs(first.normal.cost - second.normal.cost) <= _SAME_COST * second.normal.cost:
+        return True
+    ours, theirs = first.state.transforms, second.state.transforms
+    return all(float(np.abs((ours[n].inverse() @ theirs[n]).log()).max()) < _SAME_M_RAD for n in ours)
+
+
+def _thinned(problem: Problem) -> Problem:
+    """The same problem with at most so many views of each group, spread evenly."""
+    spread = [np.unique(np.linspace(0, len(g) - 1, min(len(g), _MOST_VIEWS)).round()) for g in problem.groups]
+    return problem.with_groups(
+        g.take(rows.astype(np.int64)) if len(g) > _MOST_VIEWS else g
+        for g, rows in zip(problem.groups, spread, strict=True)
+    )
+
+
+def _about(solution: Solution, angle: float) -> list[State]:
+    """States whose unknown rotations are turned, the root of the sum of their squared angles being `angle` [rad]."""
+    problem, state = solution.problem, solution.state
+    turning = [n for n in problem.columns if n in state.transforms and n not in problem.point_mounts]
+    rng = np.random.default_rng(_SEED)
+    out = []
+    for _ in range(_DESCENTS):
+        turns = rng.standard_normal((len(turning), 3))
+        turns *= angle / max(float(np.linalg.norm(turns)), 1e-300)
+        turned = {
+            name: state.transforms[name] @ SE3.exp(np.concatenate([np.zeros(3), turn]))
+            for name, turn in zip(turning, turns, strict=True)
+        }
+        out.append(_undisturbed(replace(state, transforms={**state.transforms, **turned})))
+    return out

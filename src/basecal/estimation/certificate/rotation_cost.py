@@ -1,0 +1,172 @@
+"""What the rotations of a loop cost at least, as a form on products of unit quaternions.
+
+In A X B = Y C Z the quaternion of Z' C' Y' A X B is linear in those of X, Y' and Z', so that sin^2(angle / 2) of a
+loop is a form on their product, whichever signs the quaternions have: with w_i sin^2(angle_i / 2) below the cost of
+each view, the sum over views is one form, as large with ten views as with ten thousand.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from basecal.estimation.certificate.relaxation import Factors
+from basecal.estimation.certificate.view_rotation import ViewCosts
+from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.start.closed_form import Loop, Rotations
+from basecal.geometry import SE3, Array, IntArray
+from basecal.geometry.se3 import quaternion_from_rotation, rotation_from_quaternion
+
+_CONJUGATE = np.array([-1.0, -1.0, -1.0, 1.0])
+_CHUNK = 2048
+
+
+class LoopForm(NamedTuple):
+    """The rotations of one camera and target.
+
+    Attributes:
+        loop: What is known; its weights are those of the views.
+        form: (4^k, 4^k) of the k unknown factors, per unit of weight: between 0 and 1 on unit quaternions.
+        weight: Sum of the views' weights.
+        merged: "x" where X stands for Y' X, "z" where Z stands for Y Z, since an arm is lacking between them.
+    """
+
+    loop: Loop
+    form: Array
+    weight: float
+    merged: str
+
+
+def _product_tensor() -> Array:
+    """T with (p q)_k = sum of T[k, i, j] p_i q_j, quaternions (x, y, z, w)."""
+    tensor = np.zeros((4, 4, 4))
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        tensor[i, j, k], tensor[i, k, j] = 1, -1
+        tensor[i, i, 3] = tensor[i, 3, i] = 1
+        tensor[3, i, i] = -1
+    tensor[3, 3, 3] = 1
+    return tensor
+
+
+_PRODUCT = _product_tensor()
+
+
+def loop_form(problem: Problem, state: State, group: ViewGroup, views: ViewCosts) -> LoopForm:
+    """The form of one group of views.
+
+    Args:
+        problem: Tells which transforms are fixed, and the robots' noise.
+        state: Holds the values of those.
+        group: The views.
+        views: What their rotations cost at least.
+    """
+    loop, merged = _loop(problem, state, group, views)
+    weight = _with_robots(problem, group, views.weight)
+    loop = loop._replace(weight=weight)
+    total = float(weight.sum())
+    size = 4 ** len(loop.unknown)
+    form = np.zeros((size, size))
+    for at in range(0, len(weight), _CHUNK):
+        rows = _rows(loop, slice(at, at + _CHUNK)) * np.sqrt(weight[at : at + _CHUNK, None, None])
+        flat = rows.reshape(-1, size)
+        form += flat.T @ flat
+    return LoopForm(loop, form / max(total, 1e-300), total, merged)
+
+
+def factors_of(loop: Loop, x: Array, y: Array, z: Array) -> Factors:
+    """The unit quaternions of the unknown rotations: of X, and of the inverses of Y and Z."""
+    found = {"x": quaternion_from_rotation(x), "y": _inverse(y), "z": _inverse(z)}
+    return tuple(found[name] for name in loop.unknown)
+
+
+def rotations_of(loop: Loop, factors: Factors) -> Rotations:
+    """The rotations that factors stand for, with those that are known."""
+    found = dict(zip(loop.unknown, factors, strict=True))
+
+    def rotation(name: str) -> Array:
+        """As known, or of its factor, (3, 3)."""
+        known: SE3 | None = getattr(loop, name)
+        if known is not None:
+            return known.rotation
+        return rotation_from_quaternion(found[name] * (1.0 if name == "x" else _CONJUGATE))
+
+    return Rotations(rotation("x"), rotation("y"), rotation("z"), True)
+
+
+def present(problem: Problem, state: State, group: ViewGroup, merged: str) -> tuple[Array, Array, Array]:
+    """Rotations of X, Y and Z of a state, merged as in a `LoopForm`."""
+    x, z = state.transforms[group.camera_mount].rotation, state.transforms[group.target_mount].rotation
+    y = relation(state, group).rotation
+    if merged == "x":
+        return y.T @ x, np.eye(3), z
+    return (x, np.eye(3), y @ z) if merged == "z" else (x, y, z)
+
+
+def relation(state: State, group: ViewGroup) -> SE3:
+    """`eye_base_from_hand_base` of a state."""
+    world_from_eye_base, world_from_hand_base = (
+        SE3.identity() if name is None else state.transforms[name] for name in (group.eye_base, group.hand_base)
+    )
+    return world_from_eye_base.inverse() @ world_from_hand_base
+
+
+def _inverse(rotation: Array) -> Array:
+    return quaternion_from_rotation(np.swapaxes(rotation, -1, -2))
+
+
+def _loop(problem: Problem, state: State, group: ViewGroup, views: ViewCosts) -> tuple[Loop, str]:
+    fixed = {n for n, unknown in problem.unknowns.items() if unknown.status == "fixed"}
+    x = state.transforms[group.camera_mount] if group.camera_mount in fixed else None
+    z = state.transforms[group.target_mount] if group.target_mount in fixed else None
+    y = relation(state, group) if all(n is None or n in fixed for n in (group.eye_base, group.hand_base)) else None
+    merged = ""
+    if y is None and group.eye is None:
+        x, y, merged = None, SE3.identity(), "x"
+    elif y is None and group.hand is None:
+        z, y, merged = None, SE3.identity(), "z"
+    b = views.camera_from_target
+    return Loop(group.eye_base_from_eye_flange, b, group.hand_base_from_hand_flange, x, y, z, views.weight), merged
+
+
+def _with_robots(problem: Problem, group: ViewGroup, weight: Array) -> Array:
+    """Weights of whole loops: a view's angle and its robots' errors can share the loop's angle between them.
+
+    From sin(a + b) <= sin(a) + sin(b) and Cauchy's inequality; a stop's error counts for all of its views.
+    """
+    with np.errstate(divide="ignore"):
+        slack = 1 / weight
+    slack = slack + _robot_slack(problem, group.eye_stop) + _robot_slack(problem, group.hand_stop)
+    return np.where(weight > 0, 1 / slack, 0.0)
+
+
+def _robot_slack(problem: Problem, stop: IntArray) -> Array:
+    if not len(problem.stops):
+        return np.zeros(len(stop))
+    sigma = problem.stops.sigma[:, 3:].max(-1)
+    shared = sum(
+        np.bincount(s[s >= 0], minlength=len(sigma)) for g in problem.groups for s in (g.eye_stop, g.hand_stop)
+    )
+    slack: Array = np.where(stop >= 0, (shared * sigma**2)[stop] / 4, 0.0)
+    return slack
+
+
+def _rows(loop: Loop, views: slice) -> Array:
+    """The vector part of the loop's quaternion in the unknown factors, (n, 3, 4^k)."""
+    a, b = (quaternion_from_rotation(t.rotation[views]) for t in (loop.a, loop.b))
+    c = _inverse(loop.c.rotation[views])
+    around_x = np.einsum("krj,nr,jis,ns->nki", _PRODUCT, a, _PRODUCT, b, optimize=True)
+    behind_y = np.einsum("mrl,nr,lyk->nmyk", _PRODUCT, c, _PRODUCT, optimize=True)
+    whole = np.einsum("rzm,nmyk,nkx->nrxyz", _PRODUCT[:3], behind_y, around_x, optimize=True)
+    x = _columns(loop.x, False)
+    y, z = _columns(loop.y, True), _columns(loop.z, True)
+    rows: Array = np.einsum("nrxyz,xi,yj,zk->nrijk", whole, x, y, z, optimize=True)
+    return rows.reshape(*rows.shape[:2], -1)
+
+
+def _columns(known: SE3 | None, inverse: bool) -> Array:
+    """What a factor is made of: itself, (4, 4), or its known value, (4, 1)."""
+    if known is None:
+        return np.eye(4)
+    return (_inverse(known.rotation) if inverse else quaternion_from_rotation(known.rotation))[:, None]

@@ -1,0 +1,118 @@
+"""How much a view's cost grows at least as its rotation is turned away from the view's own.
+
+A view whose own rotation is R costs at least `constant + weight * sin^2(angle / 2)` at R turned by an angle, whatever
+its translation. For measured poses and 3-D points this holds everywhere. For pixels it is the curvature at the view's
+own optimum, halved, and the view counts only where its second pose is out of the question.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.view.measurement import BearingMeasurement, PixelMeasurement, PointMeasurement, PoseMeasurement
+from basecal.estimation.view.view_pose import FEWEST_POINTS, refined, view_poses
+from basecal.geometry import SE3, Array, Camera
+from basecal.geometry.se3 import rotation_log
+
+_ITERATIONS = 15
+_SAME_RAD = 1e-3
+_OF_CURVATURE = 0.5
+
+
+class ViewCosts(NamedTuple):
+    """Lower bounds of the costs of n views.
+
+    Attributes:
+        camera_from_target: (n,) the views' own poses.
+        constant: (n,) the least cost of each.
+        weight: (n,) the cost rises above it by at least `weight * sin^2(angle / 2)`; 0 where nothing is known.
+        second: (n,) cost of the next best pose of the view, infinite where there is none.
+    """
+
+    camera_from_target: SE3
+    constant: Array
+    weight: Array
+    second: Array
+
+    def without_doubtful(self, slack: float) -> ViewCosts:
+        """The same, views left out whose second pose costs less than `slack` more."""
+        return self._replace(weight=np.where(self.second - self.constant > slack, self.weight, 0.0))
+
+
+def view_costs(problem: Problem, state: State, group: ViewGroup) -> ViewCosts:
+    """Lower bounds of the costs of a group's views at any pose.
+
+    Args:
+        problem: Holds the noise in use.
+        state: Its lenses are taken as they are, and its poses help to find those of the views.
+        group: The views.
+    """
+    measurement = group.measurement
+    if isinstance(measurement, PoseMeasurement):
+        least = measurement.weight[:, 3:].min(-1)
+        return _sure(measurement.measured_camera_from_target, np.zeros(len(least)), 4 * least**2)
+    if isinstance(measurement, PointMeasurement):
+        return _of_points(measurement)
+    assert isinstance(measurement, PixelMeasurement)
+    return _of_pixels(measurement, state.camera_from_target(group, problem.stops), state.cameras[group.camera])
+
+
+def _sure(camera_from_target: SE3, constant: Array, weight: Array) -> ViewCosts:
+    return ViewCosts(camera_from_target, constant, weight, np.full(len(constant), np.inf))
+
+
+def _of_points(measurement: PointMeasurement) -> ViewCosts:
+    """A view of 3-D points costs 2 tr(H (I - Q)) more when turned by Q.
+
+    With h1, h2 the two smallest eigenvalues of H, at least 4 (h1 + h2) sin^2(angle / 2). Source: Umeyama 1991.
+    """
+    square = measurement.weight**2
+    share = square / np.maximum(square.sum(-1, keepdims=True), 1e-300)
+    p = measurement.points_in_target - (share @ measurement.points_in_target)[:, None]
+    q = measurement.points_in_camera - np.einsum("np,npi->ni", share, measurement.points_in_camera)[:, None]
+    u, s, vt = np.linalg.svd(np.einsum("np,npi,npj->nij", square, q, p))
+    s[:, 2] *= np.sign(np.linalg.det(u @ vt))
+    u[:, :, 2] *= np.sign(np.linalg.det(u @ vt))[:, None]
+    spread = np.einsum("np,npi,npi->n", square, p, p) + np.einsum("np,npi,npi->n", square, q, q)
+    pose = SE3(u @ vt, np.zeros((len(u), 3)))
+    return _sure(pose, np.maximum(spread - 2 * s.sum(-1), 0.0), 4 * np.maximum(s[:, 1] + s[:, 2], 0.0))
+
+
+def _of_pixels(measurement: PixelMeasurement, predicted: SE3, camera: Camera) -> ViewCosts:
+    n = len(predicted)
+    bearings, valid = camera.undistort(measurement.pixels)
+    seen = measurement.seen & (measurement.weight > 0) & valid
+    if seen.shape[1] < FEWEST_POINTS or not seen.any():
+        return _sure(predicted, np.zeros(n), np.zeros(n))
+    bearings = np.where(seen[..., None], bearings, 0.0)
+    chords = BearingMeasurement(
+        measurement.points_in_target, bearings, np.where(seen, measurement.weight, 0.0) * float(camera.focal.mean())
+    )
+    poses = view_poses(measurement.points_in_target, bearings, seen, chords)
+    own = replace(measurement, weight=np.where(seen, measurement.weight, 0.0), seen=seen)
+    starts = [poses.camera_from_target[:, 0], poses.camera_from_target[:, 1], predicted]
+    ends = [refined(own, start, camera, _ITERATIONS) for start in starts]
+    costs = np.nan_to_num(np.stack([end.cost for end in ends]), nan=np.inf)
+    rows, best = np.arange(n), np.argmin(costs, axis=0)
+    rotation = np.stack([end.camera_from_target.rotation for end in ends])
+    translation = np.stack([end.camera_from_target.translation for end in ends])
+    information = np.stack([end.information for end in ends])[best, rows]
+    turned = np.linalg.norm(rotation_log(np.swapaxes(rotation[best, rows], -1, -2) @ rotation), axis=-1)
+    second = np.where(turned > _SAME_RAD, costs, np.inf).min(0)
+    found = poses.found & np.isfinite(costs[best, rows])
+    weight = np.where(found, 4 * _OF_CURVATURE * _rotation_curvature(information), 0.0)
+    pose = SE3(rotation[best, rows], translation[best, rows])
+    return ViewCosts(pose, np.where(found, costs[best, rows], 0.0), weight, second)
+
+
+def _rotation_curvature(information: Array) -> Array:
+    """Least curvature of the cost over rotations, the translation at its best, (n,)."""
+    scale = np.maximum(np.trace(information[:, :3, :3], axis1=-2, axis2=-1), 1e-300)[:, None, None]
+    tt, tr = information[:, :3, :3] + 1e-12 * scale * np.eye(3), information[:, :3, 3:]
+    left: Array = information[:, 3:, 3:] - np.swapaxes(tr, -1, -2) @ np.linalg.solve(tt, tr)
+    least: Array = np.maximum(np.linalg.eigvalsh(left)[:, 0], 0.0)
+    return least

@@ -1,0 +1,1 @@
+"""The one numerical core: derivatives, normal equations, Schur complement, Levenberg-Marquardt."""

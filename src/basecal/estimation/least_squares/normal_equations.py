@@ -1,0 +1,253 @@
+"""Normal equations of a whole problem, with the robots' pose errors eliminated.
+
+With H, g of each view and D the derivative of its `camera_from_target` to the unknowns: H = sum D'HD, g = sum D'g.
+The errors u of the stops, in sigmas, move a view by J. A stop that only one view has is eliminated there:
+H' = (I + H S)^-1 H and g' = (I + H S)^-1 (g - H J u) with S = JJ'. The others keep their 6-vectors and go by the
+Schur complement. Source: docs/mathematics.md, "Robot noise".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from basecal.estimation.least_squares.jacobians import by_robot_models, by_stop_errors, by_unknowns
+from basecal.estimation.least_squares.schur_complement import SchurAccumulator, SchurComplement, SharedView
+from basecal.estimation.problem.problem import Problem, State, ViewGroup, chain
+from basecal.estimation.problem.robot_parameters import after_step, column_values
+from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
+from basecal.geometry.se3 import right_jacobian_inverse
+
+_ROUNDS_ONE = 1e14
+_ROUNDING = 1e-15
+
+
+@dataclass(frozen=True, eq=False)
+class LinearisedViews:
+    """A group's views to second order, private stops eliminated."""
+
+    gradient: Array
+    information: Array
+    by_unknowns: Array
+    columns: IntArray
+    private: tuple[SharedView, ...]
+    shared: tuple[SharedView, ...]
+
+    def weighted(self, weight: Array) -> LinearisedViews:
+        """The views as if each were seen with its information times a weight (n,)."""
+        return replace(
+            self,
+            gradient=self.gradient * weight[:, None],
+            information=self.information * weight[:, None, None],
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class NormalEquations:
+    """The problem to second order about a state.
+
+    Attributes:
+        cost: Sum of squared residuals over sigmas, those of priors and of stop errors included.
+        gradient: (p,) half the derivative of the cost, the stop errors at their best.
+        hessian: (p, p) half the second derivative, likewise.
+        stop_log_det: Log determinant of the information of the eliminated stop errors.
+        views: What `stop_step` needs, by group.
+        system: The shared stops, solved; None without any.
+    """
+
+    cost: float
+    gradient: Array
+    hessian: Array
+    stop_log_det: float
+    views: tuple[LinearisedViews, ...]
+    system: SchurComplement | None
+
+
+def linearise(problem: Problem, state: State, weights: Sequence[Array] | None = None) -> NormalEquations:
+    """The problem to second order at `state`; its cost is infinite where a seen point lies behind its camera.
+
+    Args:
+        problem: The problem.
+        state: Where.
+        weights: For each group (n,): what each view counts, its private stops' errors included; 1 where None.
+    """
+    hessian, gradient, cost = _priors(problem, state)
+    cost += float(np.sum(state.stop_errors**2))
+    log_det, views = 0.0, []
+    shared = shared_stops(problem)
+    sums = SchurAccumulator(state.stop_errors[shared >= 0], problem.width)
+    for number, group in enumerate(problem.groups):
+        view_costs, lost, of = _linearise_group(problem, group, state, shared)
+        log_det += lost
+        views.append(of)
+        if weights is not None:
+            cost += _private_cost(of, state, weights[number])
+            view_costs = np.where(weights[number] > 0, view_costs, 0.0) * weights[number]
+            of = of.weighted(weights[number])
+        cost += float(view_costs.sum())
+        if np.any(shared >= 0):
+            sums.add(of.shared, of.gradient, of.information, of.by_unknowns, of.columns)
+        flat = of.by_unknowns.reshape(of.gradient.size, len(of.columns))
+        weighted = (of.information @ of.by_unknowns).reshape(flat.shape)
+        hessian[np.ix_(of.columns, of.columns)] += flat.T @ weighted
+        gradient[of.columns] += flat.T @ of.gradient.reshape(-1)
+    system = sums.solve() if np.any(shared >= 0) else None
+    if system is not None:
+        hessian, gradient = system.reduce(hessian, gradient)
+        log_det += system.log_det
+    return NormalEquations(cost, gradient, 0.5 * (hessian + hessian.T), log_det, tuple(views), system)
+
+
+def retract(problem: Problem, state: State, normal: NormalEquations, step: Array) -> State:
+    """The state after a step of the unknowns, (p,), with the stop errors that are best to first order then."""
+    columns = problem.columns
+    names = [name for name in columns if name in state.transforms]
+    tangents = np.zeros((len(names), 6))
+    for k, name in enumerate(names):
+        tangents[k, : columns[name].stop - columns[name].start] = step[columns[name]]
+    after = SE3.stack([state.transforms[name] for name in names]) @ SE3.exp(tangents)
+    transforms = {**state.transforms, **{name: after[k] for k, name in enumerate(names)}}
+    lenses = {name: retract_lens(lens, step[columns[name]]) for name, lens in state.cameras.items() if name in columns}
+    robots = {
+        robot: after_step(model, state.kinematics(model), {name: step[columns[name]] for name in model.widths})
+        for robot, model in problem.models.items()
+        if problem.modelled(robot)
+    }
+    return State(
+        transforms, {**state.cameras, **lenses}, _stop_errors(problem, state, normal, step), {**state.robots, **robots}
+    )
+
+
+def retract_lens(camera: Camera, step: Array) -> Camera:
+    """A lens after a step of its parameters, (4 + k,), the focal lengths at least a fifth of what they were."""
+    parameters = camera.parameters + step
+    parameters[:2] = np.maximum(parameters[:2], 0.2 * camera.parameters[:2])
+    return camera.with_parameters(parameters)
+
+
+def shared_stops(problem: Problem) -> IntArray:
+    """Number of each stop among those that several views have; -1 for the others, (k,)."""
+    count = np.zeros(len(problem.stops), dtype=np.int64)
+    if not len(count):
+        return count
+    for group in problem.groups:
+        for stop in (group.eye_stop, group.hand_stop):
+            count += np.bincount(stop[stop >= 0], minlength=len(count))
+    several = count > 1
+    return np.where(several, np.cumsum(several) - 1, -1)
+
+
+def _private_cost(views: LinearisedViews, state: State, weight: Array) -> float:
+    """What weights (n,) change of the cost of the private stops' errors."""
+    return sum(float((weight[of.view] - 1) @ np.sum(state.stop_errors[of.stop] ** 2, axis=-1)) for of in views.private)
+
+
+def _linearise_group(
+    problem: Problem, group: ViewGroup, state: State, shared: IntArray
+) -> tuple[Array, float, LinearisedViews]:
+    links = chain(group, state, problem.stops)
+    lens = group.camera in problem.columns
+    view = group.measurement.linearise(links.camera_from_target, state.cameras.get(group.camera), lens)
+    rows = view.gradient.shape[-1]
+    derivative, columns = by_unknowns(problem, group, links, rows)
+    if problem.models:
+        of_robots, more = by_robot_models(problem, group, links, state, rows)
+        derivative, columns = np.concatenate([derivative, of_robots], -1), np.concatenate([columns, more])
+    stops = by_stop_errors(group, links, state, problem.stops, rows)
+    kept = tuple(_select(stop, error, shared[stop] >= 0, shared) for stop, error in stops)
+    private = tuple(_select(stop, error, shared[stop] < 0, None) for stop, error in stops)
+    gradient, information, log_det = _marginalised(view.gradient, view.information, private, state.stop_errors)
+    views = LinearisedViews(gradient, information, derivative, columns, private, kept)
+    return view.cost, log_det, views
+
+
+def _select(stop: IntArray, by_error: Array, mask: BoolArray, number: IntArray | None) -> SharedView:
+    view = np.flatnonzero(mask)
+    chosen = stop[view]
+    return SharedView(view, chosen if number is None else number[chosen], by_error[view])
+
+
+def _marginalised(
+    gradient: Array, information: Array, private: tuple[SharedView, ...], errors: Array
+) -> tuple[Array, Array, float]:
+    """Views with their private stops eliminated, and the log determinant of I + J'HJ.
+
+    (I + H S)^-1 H == H - H J (I + J'HJ)^-1 J'H, whose inner matrix is positive definite however large H is.
+    """
+    if not any(len(of.view) for of in private):
+        return gradient, information, 0.0
+    n, rows = gradient.shape
+    by_error = np.zeros((n, rows, 6 * len(private)))
+    present = np.zeros_like(gradient)
+    for i, of in enumerate(private):
+        by_error[of.view, :, 6 * i : 6 * i + 6] = of.by_error
+        present[of.view] += (of.by_error @ errors[of.stop][..., None])[..., 0]
+    carried = information @ by_error
+    inner = np.eye(by_error.shape[-1]) + np.swapaxes(by_error, -1, -2) @ carried
+    # Where a lens's polynomial runs away the identity is lost in rounding: as much again as rounding keeps it regular.
+    size = np.abs(inner).max(axis=(-1, -2))
+    inner += np.where(size > _ROUNDS_ONE, _ROUNDING * size, 0.0)[:, None, None] * np.eye(inner.shape[-1])
+    about_zero = gradient - (information @ present[..., None])[..., 0]
+    right = np.concatenate([information, about_zero[..., None]], -1)
+    reduced = right - carried @ np.linalg.solve(inner, np.swapaxes(by_error, -1, -2) @ right)
+    symmetric = 0.5 * (reduced[..., :-1] + np.swapaxes(reduced[..., :-1], -1, -2))
+    return reduced[..., -1], symmetric, float(np.linalg.slogdet(inner)[1].sum())
+
+
+def _stop_errors(problem: Problem, state: State, normal: NormalEquations, step: Array) -> Array:
+    errors = state.stop_errors.copy()
+    if not len(errors):
+        return errors
+    shared_step = np.zeros((0, 6)) if normal.system is None else normal.system.step(step)
+    errors[shared_stops(problem) >= 0] += shared_step
+    for of in normal.views:
+        rest = (of.by_unknowns @ step[of.columns][:, None])[..., 0]
+        for part in of.shared:
+            rest[part.view] += (part.by_error @ shared_step[part.stop][..., None])[..., 0]
+        force = of.gradient + (of.information @ rest[..., None])[..., 0]
+        for part in of.private:
+            errors[part.stop] = -(np.swapaxes(part.by_error, -1, -2) @ force[part.view][..., None])[..., 0]
+    return errors
+
+
+def _priors(problem: Problem, state: State) -> tuple[Array, Array, float]:
+    """What is known beforehand: Hessian, gradient and cost of the priors."""
+    hessian, gradient = np.zeros((problem.width, problem.width)), np.zeros(problem.width)
+    cost = 0.0
+    for residual, jacobian, where in prior_residuals(problem, state):
+        cost += float(residual @ residual)
+        hessian[where, where] += jacobian.T @ jacobian
+        gradient[where] += jacobian.T @ residual
+    return hessian, gradient, cost
+
+
+def prior_residuals(problem: Problem, state: State) -> list[tuple[Array, Array, slice]]:
+    """Of each prior: its residual in sigmas, the derivative to its columns, and these."""
+    out = []
+    for name, where in problem.columns.items():
+        if name in problem.unknowns:
+            unknown = problem.unknowns[name]
+            if unknown.status == "prior" and unknown.mean is not None and unknown.sigma is not None:
+                width = where.stop - where.start
+                error = (unknown.mean.inverse() @ state.transforms[name]).log()
+                jacobian = right_jacobian_inverse(error)[:width, :width] / unknown.sigma[:width, None]
+                out.append((error[:width] / unknown.sigma[:width], jacobian, where))
+        elif name in problem.lenses:
+            lens = problem.lenses[name]
+            if lens.status == "prior" and lens.camera is not None and lens.sigma is not None:
+                error = state.cameras[name].parameters - lens.camera.parameters
+                out.append((error / lens.sigma, np.diag(1 / lens.sigma), where))
+    return out + _robot_residuals(problem, state)
+
+
+def _robot_residuals(problem: Problem, state: State) -> list[tuple[Array, Array, slice]]:
+    out = []
+    for model in filter(None, map(problem.modelled, problem.models)):
+        values = column_values(model, state.kinematics(model))
+        for name in model.widths:
+            sigma = model.sigmas[name]
+            if sigma is not None:
+                out.append((values[name] / sigma, np.diag(1 / sigma), problem.columns[name]))
+    return out

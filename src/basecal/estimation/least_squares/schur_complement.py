@@ -1,0 +1,147 @@
+"""Elimination of the stops that several views share, by the Schur complement."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import csc_array, csr_array
+from scipy.sparse.linalg import SuperLU, splu
+
+from basecal.geometry import Array, IntArray
+
+_MOST_INVERTED = 400
+
+
+@dataclass(frozen=True, eq=False)
+class SharedView:
+    """Views that stand in shared stops of one robot.
+
+    Attributes:
+        view: (n,) rows in the group.
+        stop: (n,) number among the shared stops.
+        by_error: (n, q, 6) derivative of the views to the errors.
+    """
+
+    view: IntArray
+    stop: IntArray
+    by_error: Array
+
+
+@dataclass(frozen=True, eq=False)
+class SchurComplement:
+    """The shared stops' errors, to be solved for given the unknowns' step.
+
+    Attributes:
+        by_unknowns: (k, 6, p) mixed second derivative.
+        solution: (6 k, p + 1): the inverse applied to `by_unknowns` and, last, to the gradient.
+        log_det: Log determinant of the errors' information.
+        precision: (k, 6, 6) diagonal blocks of the errors' information.
+        factor: That information, factorised; None where it has no other blocks.
+    """
+
+    by_unknowns: Array
+    solution: Array
+    log_det: float
+    precision: Array
+    factor: SuperLU | None
+
+    def covariance(self, first: IntArray, second: IntArray) -> Array:
+        """Blocks (n, 6, 6) of the errors' covariance, the unknowns known, at pairs of stops (n,)."""
+        if self.factor is None or len(self.precision) > _MOST_INVERTED:
+            # Of many stops that views tie together, what these say of one another is left out: each seems better known.
+            inverse = np.linalg.inv(self.precision)
+            return np.where((first == second)[:, None, None], inverse[first], 0.0)
+        blocks = self._inverse[first, :, second]
+        return blocks
+
+    @cached_property
+    def _inverse(self) -> Array:
+        assert self.factor is not None
+        k = len(self.precision)
+        inverse: Array = self.factor.solve(np.eye(6 * k)).reshape(k, 6, k, 6)
+        return inverse
+
+    def reduce(self, hessian: Array, gradient: Array) -> tuple[Array, Array]:
+        """The unknowns' normal equations with the errors eliminated."""
+        mixed = self.by_unknowns.reshape(len(self.solution), hessian.shape[0])
+        return hessian - mixed.T @ self.solution[:, :-1], gradient - mixed.T @ self.solution[:, -1]
+
+    def step(self, unknowns_step: Array) -> Array:
+        """The errors' best step, (k, 6), given that of the unknowns, (p,)."""
+        return -(self.solution[:, :-1] @ unknowns_step + self.solution[:, -1]).reshape(-1, 6)
+
+
+class SchurAccumulator:
+    """Sums over views of what is known of shared stops' errors.
+
+    A builder and no noun: it lives inside one linearisation.
+    """
+
+    def __init__(self, errors: Array, width: int) -> None:
+        k = len(errors)
+        self.diagonal = np.broadcast_to(np.eye(6), (k, 6, 6)).copy()
+        self.gradient = errors.copy()
+        self.by_unknowns = np.zeros((k, 6, width))
+        self.pairs: list[tuple[IntArray, IntArray, Array]] = []
+
+    def add(
+        self, shared: Sequence[SharedView], gradient: Array, information: Array, by_unknowns: Array, columns: IntArray
+    ) -> None:
+        """Add a group's views: gradient (n, q), information (n, q, q), derivative to the unknowns (n, q, m)."""
+        for of in shared:
+            if not len(of.view):
+                continue
+            sum_over = _summation(of.stop, len(self.diagonal))
+            carried = np.swapaxes(of.by_error, -1, -2) @ information[of.view]
+            self.diagonal += _summed(sum_over, carried @ of.by_error)
+            self.gradient += _summed(
+                sum_over, (np.swapaxes(of.by_error, -1, -2) @ gradient[of.view][..., None])[..., 0]
+            )
+            mixed = _summed(sum_over, carried @ by_unknowns[of.view])
+            self.by_unknowns[:, :, columns] += mixed
+        if len(shared) == 2:
+            self._add_pairs(shared[0], shared[1], information)
+
+    def _add_pairs(self, eye: SharedView, hand: SharedView, information: Array) -> None:
+        both, a, b = np.intersect1d(eye.view, hand.view, assume_unique=True, return_indices=True)
+        if not len(both):
+            return
+        block = np.swapaxes(eye.by_error[a], -1, -2) @ information[both] @ hand.by_error[b]
+        self.pairs.append((eye.stop[a], hand.stop[b], block))
+
+    def solve(self) -> SchurComplement:
+        """Eliminate them."""
+        k, _, width = self.by_unknowns.shape
+        right = np.concatenate([self.by_unknowns, self.gradient[..., None]], -1)
+        if not self.pairs:
+            solution = np.linalg.solve(self.diagonal, right).reshape(-1, width + 1)
+            log_det = float(np.linalg.slogdet(self.diagonal)[1].sum())
+            return SchurComplement(self.by_unknowns, solution, log_det, self.diagonal, None)
+        factor = splu(self._matrix(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+        solution = factor.solve(right.reshape(6 * k, width + 1))
+        log_det = float(np.log(np.abs(factor.U.diagonal())).sum())
+        return SchurComplement(self.by_unknowns, solution, log_det, self.diagonal, factor)
+
+    def _matrix(self) -> csc_array:
+        k = len(self.diagonal)
+        row = [np.arange(k), *(a for a, _, _ in self.pairs), *(b for _, b, _ in self.pairs)]
+        column = [np.arange(k), *(b for _, b, _ in self.pairs), *(a for a, _, _ in self.pairs)]
+        blocks = [self.diagonal, *(m for _, _, m in self.pairs), *(np.swapaxes(m, -1, -2) for _, _, m in self.pairs)]
+        at_row = 6 * np.concatenate(row)[:, None, None] + np.arange(6)[:, None]
+        at_column = 6 * np.concatenate(column)[:, None, None] + np.arange(6)
+        values = np.concatenate(blocks)
+        where = (np.broadcast_to(at_row, values.shape).ravel(), np.broadcast_to(at_column, values.shape).ravel())
+        return csc_array((values.ravel(), where), shape=(6 * k, 6 * k))
+
+
+def _summation(stop: IntArray, count: int) -> csr_array:
+    """The matrix that sums rows of equal stop."""
+    return csr_array((np.ones(len(stop)), (stop, np.arange(len(stop)))), shape=(count, len(stop)))
+
+
+def _summed(sum_over: csr_array, rows: Array) -> Array:
+    flat: Array = sum_over @ rows.reshape(len(rows), -1)
+    return flat.reshape(flat.shape[0], *rows.shape[1:])

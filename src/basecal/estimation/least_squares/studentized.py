@@ -1,0 +1,286 @@
+"""How far each view, each shared stop and each point is from what all else predicts.
+
+With g, H of a view (its private stops eliminated) and P the covariance that the unknowns give to its tangent, the
+squared deviation from all other views is d^2 = g'(H - H P H)^+ g where the view is part of the fit and
+g'(H + H P H)^+ g where it is not: chi-square with rank(H) freedoms where the noise is true. Source: Cook & Weisberg
+1982 (studentised residuals); docs/mathematics.md, "Outliers".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from basecal.estimation.least_squares.normal_equations import LinearisedViews, NormalEquations, linearise, shared_stops
+from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.view.measurement import Measurement, PixelMeasurement, PointMeasurement
+from basecal.estimation.view.point_jacobians import PointJacobians, point_jacobians
+from basecal.geometry import Array, BoolArray, IntArray
+
+_ROUNDING = 1e-9
+_ALONE = 1.0 - 1e-4
+_OWN_POINTS = 12
+_LEAST_LEFT = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class MahalanobisSquared:
+    """Squared deviations with their freedoms; NaN and 0 where all else predicts nothing."""
+
+    value: Array
+    freedoms: IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class LeaveOneOut:
+    """A problem to second order about a state, with the covariance of everything that views share.
+
+    Attributes:
+        problem: The problem.
+        state: The state.
+        weights: By group, (n,): 1 for views that are part of the fit, else 0.
+        normal: The problem about the state.
+        spread: By group, (n, q, q): covariance that unknowns and shared stops give to each view's tangent.
+    """
+
+    problem: Problem
+    state: State
+    weights: tuple[Array, ...]
+    normal: NormalEquations
+    spread: tuple[Array, ...]
+
+
+def leave_one_out(problem: Problem, state: State, weights: Sequence[Array]) -> LeaveOneOut:
+    """What is known about a state by the views whose weight is 1."""
+    normal = linearise(problem, state, weights)
+    covariance = _inverse(normal.hessian)
+    spread = tuple(_spread(normal, covariance, k) for k in range(len(problem.groups)))
+    return LeaveOneOut(problem, state, tuple(weights), normal, spread)
+
+
+def studentized(
+    problem: Problem, state: State, weights: Sequence[Array] | None = None
+) -> tuple[MahalanobisSquared, ...]:
+    """By group, (n,): how far each view is from a state itself, as if that were exact; infinite behind its camera.
+
+    Args:
+        problem: The problem.
+        state: The state.
+        weights: By group, (n,): what each view counts towards shared stops; 1 where None.
+    """
+    normal = linearise(problem, state, weights)
+    return tuple(_misfits(g, of, state, problem) for g, of in zip(problem.groups, normal.views, strict=True))
+
+
+def _misfits(group: ViewGroup, of: LinearisedViews, state: State, problem: Problem) -> MahalanobisSquared:
+    finite = np.asarray(np.isfinite(of.information).all((-1, -2)) & np.isfinite(of.gradient).all(-1))
+    root, inverse = _root(np.where(finite[:, None, None], of.information, 0.0))
+    gradient = np.where(finite[:, None], of.gradient, 0.0)
+    whitened = (np.swapaxes(inverse, -1, -2) @ gradient[..., None])[..., 0]
+    lost = ~finite
+    if isinstance(group.measurement, PixelMeasurement):
+        lost |= state.camera_from_target(group, problem.stops).translation[:, 2] <= 0
+    equations = group.measurement.equations()
+    return MahalanobisSquared(np.where(lost, np.inf, np.sum(whitened**2, -1)), np.where(lost, equations, _rank(root)))
+
+
+def studentized_views(about: LeaveOneOut) -> tuple[MahalanobisSquared, ...]:
+    """By group, (n,): how far each view is from what the others predict."""
+    return tuple(_view_squares(about, k) for k in range(len(about.problem.groups)))
+
+
+def _view_squares(about: LeaveOneOut, k: int) -> MahalanobisSquared:
+    of, weight = about.normal.views[k], about.weights[k]
+    root, inverse = _root(of.information)
+    whitened = (np.swapaxes(inverse, -1, -2) @ of.gradient[..., None])[..., 0]
+    leverage = np.swapaxes(root, -1, -2) @ about.spread[k] @ root
+    share, axes = np.linalg.eigh(leverage)
+    part = np.where(weight[:, None] > 0, 1 - share, 1 + share)
+    along = (np.swapaxes(axes, -1, -2) @ whitened[..., None])[..., 0]
+    # Directions in which the view has no information stand as zeros with a share of nothing.
+    checked = part > 1 - _ALONE
+    value = np.sum(np.where(checked, along**2 / np.where(checked, part, 1.0), 0.0), -1)
+    freedoms = _rank(root) - np.count_nonzero(~checked, axis=-1)
+    return MahalanobisSquared(np.where(freedoms > 0, value, np.nan), np.maximum(freedoms, 0))
+
+
+def studentized_stops(about: LeaveOneOut) -> MahalanobisSquared:
+    """(k,): how far the errors of the problem's stops that several views share are from what was stated of them."""
+    count = len(about.problem.stops)
+    value, freedoms = np.full(count, np.nan), np.zeros(count, dtype=np.int64)
+    system = about.normal.system
+    if system is None:
+        return MahalanobisSquared(value, freedoms)
+    which = np.flatnonzero(shared_stops(about.problem) >= 0)
+    number = np.arange(len(which))
+    by_unknowns = system.solution[:, :-1].reshape(len(which), 6, about.problem.width)
+    covariance = _inverse(about.normal.hessian)
+    spread = system.covariance(number, number) + by_unknowns @ covariance @ np.swapaxes(by_unknowns, -1, -2)
+    kept, axes = np.linalg.eigh(spread)
+    part = 1 - kept
+    along = (np.swapaxes(axes, -1, -2) @ about.state.stop_errors[which][..., None])[..., 0]
+    checked = part > _ROUNDING
+    value[which] = np.sum(np.where(checked, along**2 / np.where(checked, part, 1.0), 0.0), -1)
+    freedoms[which] = np.count_nonzero(checked, axis=-1)
+    return MahalanobisSquared(np.where(freedoms > 0, value, np.nan), freedoms)
+
+
+def studentized_points(about: LeaveOneOut) -> tuple[MahalanobisSquared, ...]:
+    """By group, (n, p): how far each point is from where all else predicts it.
+
+    Of a view with many points all else is the rest of the view; with few it is the state, too. Points that were not
+    seen, views without points, and views of a single point, which are judged whole, have no freedoms.
+    """
+    return tuple(_point_squares(about, k) for k in range(len(about.problem.groups)))
+
+
+def judged_by_view(measurement: Measurement) -> BoolArray:
+    """Which views, (n,), have so many points that each is judged by the rest of its view."""
+    if not isinstance(measurement, PixelMeasurement | PointMeasurement):
+        return np.zeros(len(measurement.equations()), dtype=bool)
+    return np.asarray(measurement.seen.sum(-1) >= _OWN_POINTS)
+
+
+def _point_rows_of(about: LeaveOneOut, k: int) -> PointJacobians | None:
+    """The points of a group's views about the state; None where it has poses."""
+    group = about.problem.groups[k]
+    predicted = about.state.camera_from_target(group, about.problem.stops)
+    lens = group.camera in about.problem.columns
+    return point_jacobians(group.measurement, predicted, about.state.cameras.get(group.camera), lens)
+
+
+def _point_squares(about: LeaveOneOut, k: int) -> MahalanobisSquared:
+    rows = _point_rows_of(about, k)
+    n = len(about.problem.groups[k])
+    if rows is None or rows.residual.shape[1] < 2:
+        p = 1 if rows is None else rows.residual.shape[1]
+        return MahalanobisSquared(np.full((n, p), np.nan), np.zeros((n, p), dtype=np.int64))
+    own = judged_by_view(about.problem.groups[k].measurement)
+    if own.all():
+        return _by_own_view(rows)
+    squares = _studentised(rows.residual, rows.jacobian, _posterior(about, k, rows), rows.seen)
+    return _either(own, _by_own_view(rows), squares) if own.any() else squares
+
+
+def _either(which: BoolArray, first: MahalanobisSquared, second: MahalanobisSquared) -> MahalanobisSquared:
+    """Of views `which`, (n,), the first, of others the second."""
+    at = which[:, None]
+    return MahalanobisSquared(np.where(at, first.value, second.value), np.where(at, first.freedoms, second.freedoms))
+
+
+def _by_own_view(rows: PointJacobians) -> MahalanobisSquared:
+    """Each point against its view's own pose, to first order."""
+    jacobian = rows.jacobian[..., :6]
+    n, p, d, _ = jacobian.shape
+    flat = jacobian.reshape(n, p * d, 6)
+    _, inverse = _root(np.swapaxes(flat, -1, -2) @ flat)
+    pose_spread = inverse @ np.swapaxes(inverse, -1, -2)
+    gradient = np.swapaxes(flat, -1, -2) @ rows.residual.reshape(n, p * d, 1)
+    moved = rows.residual - (flat @ (pose_spread @ gradient)).reshape(n, p, d)
+    return _studentised(moved, jacobian, pose_spread, rows.seen)
+
+
+def _studentised(residual: Array, jacobian: Array, spread: Array, seen: BoolArray) -> MahalanobisSquared:
+    """Residuals (n, p, d) whitened by what is left of the noise about a fitted tangent of covariance (n, q, q)."""
+    n, p, d, q = jacobian.shape
+    carried = (jacobian.reshape(n, p * d, q) @ spread).reshape(jacobian.shape)
+    left = np.eye(d) - np.einsum("npiq,npjq->npij", carried, jacobian)
+    if d == 2:
+        value, certain = _by_two(residual, left)
+        if certain[seen].all():
+            return MahalanobisSquared(np.where(seen, value, np.nan), 2 * seen.astype(np.int64))
+    part, axes = np.linalg.eigh(left)
+    along = (np.swapaxes(axes, -1, -2) @ residual[..., None])[..., 0]
+    checked = (part > _LEAST_LEFT) & seen[..., None]
+    value = np.sum(np.where(checked, along**2 / np.where(checked, part, 1.0), 0.0), -1)
+    freedoms = np.count_nonzero(checked, axis=-1)
+    return MahalanobisSquared(np.where(freedoms > 0, value, np.nan), freedoms)
+
+
+def _by_two(residual: Array, left: Array) -> tuple[Array, BoolArray]:
+    """Of pairs r: r' M^-1 r, and whether M is clear of zero; written out, since many small systems are slow."""
+    a, b, c = left[..., 0, 0], left[..., 0, 1], left[..., 1, 1]
+    x, y = residual[..., 0], residual[..., 1]
+    determinant = a * c - b * b
+    certain = np.asarray((determinant > _LEAST_LEFT) & (a > 0))
+    return (c * x * x - 2 * b * x * y + a * y * y) / np.where(certain, determinant, 1.0), certain
+
+
+def _posterior(about: LeaveOneOut, k: int, rows: PointJacobians) -> Array:
+    """Covariance of each view's tangent given everything, its private stops' errors too, (n, q, q)."""
+    spread = about.spread[k] * (about.weights[k] > 0)[:, None, None]
+    private = about.normal.views[k].private
+    n, p, d, q = rows.jacobian.shape
+    flat = rows.jacobian.reshape(n, p * d, q)
+    information = np.swapaxes(flat, -1, -2) @ flat
+    by_error = np.zeros((n, q, 6 * max(len(private), 1)))
+    for i, of in enumerate(private):
+        by_error[of.view, :, 6 * i : 6 * i + 6] = of.by_error
+    inner = np.linalg.inv(np.eye(by_error.shape[-1]) + np.swapaxes(by_error, -1, -2) @ information @ by_error)
+    own = by_error @ inner @ np.swapaxes(by_error, -1, -2)
+    carried = np.eye(q) - own @ information
+    posterior: Array = carried @ spread @ np.swapaxes(carried, -1, -2) + own
+    return posterior
+
+
+def _spread(normal: NormalEquations, covariance: Array, k: int) -> Array:
+    of = normal.views[k]
+    derivative = of.by_unknowns
+    n, q, _ = derivative.shape
+    full = np.zeros((n, q, len(covariance)))
+    full[:, :, of.columns] = derivative
+    extra = np.zeros((n, q, q))
+    if normal.system is not None:
+        by_unknowns = normal.system.solution[:, :-1].reshape(len(normal.system.precision), 6, len(covariance))
+        for part in of.shared:
+            full[part.view] -= part.by_error @ by_unknowns[part.stop]
+        extra = _shared_spread(normal, k)
+    return full @ covariance @ np.swapaxes(full, -1, -2) + extra
+
+
+def _shared_spread(normal: NormalEquations, k: int) -> Array:
+    """What the shared stops' errors add, the unknowns known, (n, q, q)."""
+    of, system = normal.views[k], normal.system
+    assert system is not None
+    n, q = of.gradient.shape
+    out = np.zeros((n, q, q))
+    for a in of.shared:
+        for b in of.shared:
+            both, i, j = np.intersect1d(a.view, b.view, assume_unique=True, return_indices=True)
+            block = system.covariance(a.stop[i], b.stop[j])
+            out[both] += a.by_error[i] @ block @ np.swapaxes(b.by_error[j], -1, -2)
+    return out
+
+
+def _root(information: Array) -> tuple[Array, Array]:
+    """R and Q, (n, q, q), with `R @ R' == information` and `Q @ Q'` its pseudo-inverse; zero columns where it has none.
+
+    Scaled first, since metres, radians and pixels of a lens stand side by side.
+    """
+    diagonal = np.sqrt(np.maximum(np.diagonal(information, axis1=-2, axis2=-1), 0.0))
+    scale = np.where(diagonal > 0, diagonal, 1.0)
+    values, vectors = np.linalg.eigh(information / scale[:, :, None] / scale[:, None, :])
+    positive = values > _ROUNDING * np.maximum(values[:, -1:], 1e-300)
+    root = np.where(positive, np.sqrt(np.maximum(values, 0.0)), 0.0)[:, None, :]
+    inverse = np.where(root > 0, 1 / np.where(root > 0, root, 1.0), 0.0)
+    return vectors * scale[:, :, None] * root, vectors / scale[:, :, None] * inverse
+
+
+def _rank(root: Array) -> IntArray:
+    rank: IntArray = np.any(root != 0, axis=-2).sum(-1)
+    return rank
+
+
+def _inverse(hessian: Array) -> Array:
+    """The inverse of an information matrix, zero along directions without any."""
+    if not len(hessian):
+        return np.zeros((0, 0))
+    diagonal = np.sqrt(np.maximum(np.diag(hessian), 0.0))
+    scale = np.where(diagonal > 0, diagonal, 1.0)
+    values, vectors = np.linalg.eigh(hessian / scale / scale[:, None])
+    kept = values > 1e-12 * max(float(values[-1]), 1e-300)
+    back = vectors[:, kept] / scale[:, None]
+    inverse: Array = (back / values[kept]) @ back.T
+    return inverse

@@ -1,0 +1,116 @@
+"""Sigmas of what states none, estimated from the residuals.
+
+Where they are all there is, one common factor: cost / dof. Where priors or robots' noise are stated too, each sigma
+is the fixed point of sigma^2 = (sum of squares) / (n - gamma), with gamma the number of unknowns that its residuals
+determine: the derivative of the posterior's log determinant to the log of its weight. Source: MacKay 1992;
+docs/mathematics.md, "Noise".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from basecal.estimation.least_squares.levenberg_marquardt import Optimum, levenberg_marquardt
+from basecal.estimation.least_squares.normal_equations import NormalEquations, linearise
+from basecal.estimation.problem.problem import Problem
+from basecal.estimation.view.measurement import Noise
+from basecal.geometry import Array
+
+CONTRADICTED = 1.5
+_ROUNDS = 40
+_SETTLED = 1e-4
+_LOG_STEP = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseEstimate:
+    """Sigmas in use for what states none.
+
+    Attributes:
+        noise: The sigmas.
+        factor: What the information's inverse is multiplied by.
+        estimated: Fields of `noise` that were estimated.
+        settled: Whether the estimation came to rest.
+        robots: Estimated sigmas of robots that state none, (6,) [m, rad], by name.
+    """
+
+    noise: Noise
+    factor: float
+    estimated: tuple[str, ...]
+    settled: bool
+    robots: Mapping[str, Array] = field(default_factory=dict)
+
+
+def residual_counts(problem: Problem) -> dict[str, int]:
+    """Scalar residuals by the field of `Noise` that is their sigma, and `stated`."""
+    total: dict[str, int] = {}
+    for group in problem.groups:
+        for key, count in group.measurement.counts().items():
+            total[key] = total.get(key, 0) + count
+    return total
+
+
+def degrees_of_freedom(problem: Problem) -> int:
+    """Scalar residuals, priors among them, less unknowns."""
+    status = _statuses(problem)
+    priors = sum(where.stop - where.start for name, where in problem.columns.items() if status[name] == "prior")
+    return int(sum(residual_counts(problem).values()) + priors - problem.width)
+
+
+def _statuses(problem: Problem) -> dict[str, str]:
+    transforms: dict[str, str] = {name: unknown.status for name, unknown in problem.unknowns.items()}
+    robots = {n: "free" if s is None else "prior" for m in problem.models.values() for n, s in m.sigmas.items()}
+    return transforms | {name: lens.status for name, lens in problem.lenses.items()} | robots
+
+
+def estimate_noise(problem: Problem, end: Optimum, iterations: int) -> tuple[Problem, Optimum, NoiseEstimate]:
+    """The problem and its optimum with sigmas for what states none, and these sigmas."""
+    counts = residual_counts(problem)
+    fields = tuple(f for f in Noise._fields if counts.get(f))
+    noise = Noise()
+    dof = degrees_of_freedom(problem)
+    if not fields:
+        return problem, end, NoiseEstimate(noise, birge_ratio(end.normal.cost, dof), (), True)
+    has_priors = "prior" in _statuses(problem).values()
+    if len(fields) == 1 and not counts.get("stated") and not has_priors and not len(problem.stops):
+        factor = max(end.normal.cost, 0.0) / max(dof, 1)
+        scaled = noise._replace(**{fields[0]: getattr(noise, fields[0]) * np.sqrt(factor)})
+        return problem, end, NoiseEstimate(scaled, factor, fields, True)
+    for _ in range(_ROUNDS):
+        ratios = {f: _ratio(problem, end, noise, f, counts[f]) for f in fields}
+        noise = noise._replace(**{f: getattr(noise, f) * np.sqrt(r) for f, r in ratios.items()})
+        problem = problem.with_noise(noise)
+        end = levenberg_marquardt(problem, end.state, dof, iterations)
+        if all(abs(r - 1) < _SETTLED for r in ratios.values()):
+            return problem, end, NoiseEstimate(noise, 1.0, fields, True)
+    return problem, end, NoiseEstimate(noise, 1.0, fields, False)
+
+
+def birge_ratio(cost: float, dof: int) -> float:
+    """What the covariance is multiplied by where residuals contradict the stated sigmas: the reduced chi-square.
+
+    Source: Birge 1932. Only beyond `CONTRADICTED` sigmas: below that the stated ones are taken at their word.
+    """
+    reduced = cost / max(dof, 1)
+    return reduced if reduced > CONTRADICTED**2 else 1.0
+
+
+def _ratio(problem: Problem, end: Optimum, noise: Noise, field: str, count: int) -> float:
+    """New over old variance of one field."""
+    squares = 0.0
+    for group in problem.groups:
+        predicted = end.state.camera_from_target(group, problem.stops)
+        squares += group.measurement.squares(predicted, end.state.cameras.get(group.camera)).get(field, 0.0)
+    heavier = noise._replace(**{field: getattr(noise, field) * np.exp(-_LOG_STEP / 2)})
+    after = linearise(problem.with_noise(heavier), end.state)
+    gamma = (_log_det(after) - _log_det(end.normal)) / _LOG_STEP
+    return float(np.clip(squares / max(count - gamma, 0.01 * count), 1e-8, 1e8))
+
+
+def _log_det(normal: NormalEquations) -> float:
+    diagonal = np.diag(normal.hessian)
+    regular = normal.hessian + np.diag(1e-12 * diagonal + 1e-300)
+    return float(np.linalg.slogdet(regular)[1]) + normal.stop_log_det

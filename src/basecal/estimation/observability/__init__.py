@@ -1,0 +1,1 @@
+"""Which directions of the unknowns the data determine."""

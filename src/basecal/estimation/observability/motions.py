@@ -1,0 +1,179 @@
+"""What motions a recording holds, and what they cannot show whatever was seen: known before anything is solved.
+
+A twist of a robot's base that every recorded pose of its flange carries to one and the same twist there cannot be told
+from a change of what is mounted on that flange. A robot that stands still leaves all six of them, one that only shifts
+the three shifts, one that turns about a single axis the shift along it at least. Poses that keep to this but for as
+little as their own noise show no more: what they seem to say of such a twist is their noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from basecal.estimation.problem.problem import Problem, State
+from basecal.geometry import SE3, Array
+
+HARDLY_RAD = 0.01
+_HARDLY_M = 1e-3
+_LENGTH_M = 0.5
+_SCALE = np.array([_LENGTH_M] * 3 + [1.0] * 3)
+_LEAST_RMS = 3e-3
+_NOISE_SIGMAS = 5.0
+_FEW = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """How one robot moves over the samples in which it carries what sees or is seen.
+
+    Attributes:
+        robot: Its name.
+        samples: How many samples.
+        travel_m: How far its flange is from where it was at first, at most.
+        turn_rad: (3,) how far it is turned since then about the axes of `axes_in_base`, at most, descending.
+        axes_in_base: (3, 3) one axis a column.
+        orientations: How many orientations differ by more than 0.01 rad, counted up to three.
+        twists_in_base: (k, 6) [m, rad] twists of its base that no pose tells from a change of what it carries.
+    """
+
+    robot: str
+    samples: int
+    travel_m: float
+    turn_rad: Array
+    axes_in_base: Array
+    orientations: int
+    twists_in_base: Array
+
+    @property
+    def is_still(self) -> bool:
+        """Whether it stands in one place."""
+        return self.travel_m < _HARDLY_M and self.only_shifts
+
+    @property
+    def only_shifts(self) -> bool:
+        """Whether its orientation hardly changes."""
+        return bool(self.turn_rad[0] < HARDLY_RAD)
+
+
+def motions(problem: Problem) -> dict[str, Motion]:
+    """How each robot of the views moves, by name."""
+    return {robot: _motion(problem, robot, poses) for robot, poses in _poses(problem).items()}
+
+
+def _poses(problem: Problem) -> dict[str, SE3]:
+    """Recorded poses of each robot, (n,), one a view."""
+    found: dict[str, list[SE3]] = {}
+    for group in problem.groups:
+        if group.eye is not None:
+            found.setdefault(group.eye, []).append(group.eye_base_from_eye_flange)
+        if group.hand is not None:
+            found.setdefault(group.hand, []).append(group.hand_base_from_hand_flange)
+    return {robot: _end_to_end(found[robot]) for robot in sorted(found)}
+
+
+def _end_to_end(poses: list[SE3]) -> SE3:
+    if len(poses) == 1:
+        return poses[0]
+    return SE3(np.concatenate([p.rotation for p in poses]), np.concatenate([p.translation for p in poses]))
+
+
+def _motion(problem: Problem, robot: str, base_from_flange: SE3) -> Motion:
+    first = base_from_flange[0]
+    turns = SE3(base_from_flange.rotation @ first.rotation.T, np.zeros((len(base_from_flange), 3))).rotvec
+    axes = np.linalg.svd(turns, full_matrices=True)[2].T
+    about = np.abs(turns @ axes).max(axis=0)
+    order = np.argsort(-about)
+    travel = float(np.linalg.norm(base_from_flange.translation - first.translation, axis=-1).max())
+    twists = _indistinct(base_from_flange, _least(problem, robot))[0]
+    count = len({int(n) for g in problem.groups if robot in (g.eye, g.hand) for n in g.sample})
+    return Motion(robot, count, travel, about[order], axes[:, order], _orientations(turns), twists)
+
+
+def _orientations(turns: Array) -> int:
+    """How many differ, at most three; turns since the first, (n, 3) [rad]."""
+    rotations = SE3.from_rotvec(turns, np.zeros_like(turns))
+    apart = np.ones(len(turns), dtype=bool)
+    for count in range(_FEW):
+        left = np.flatnonzero(apart)
+        if not len(left):
+            return count
+        off = (rotations[int(left[0])].inverse() @ rotations).rotvec
+        apart &= np.linalg.norm(off, axis=-1) > HARDLY_RAD
+    return _FEW
+
+
+def _least(problem: Problem, robot: str) -> float:
+    """What motion counts, rms: more than a thousandth or so, and several sigmas of the robot's stated noise."""
+    own = [k for k, name in enumerate(problem.stops.robot) if name == robot]
+    noise = problem.stops.sigma[own[0]] / _SCALE if own else np.zeros(6)
+    return max(_LEAST_RMS, _NOISE_SIGMAS * float(noise.max()))
+
+
+def _indistinct(base_from_flange: SE3, least: float) -> tuple[Array, Array]:
+    """Twists of the base that all poses carry to one twist of the flange, and that twist, (k, 6) each.
+
+    Args:
+        base_from_flange: (n,).
+        least: By how much the carried twists may differ, rms, half a metre counting as a radian.
+    """
+    carried = base_from_flange.inverse().adjoint() * _SCALE / _SCALE[:, None]
+    mean = carried.mean(0)
+    off = (carried - mean).reshape(-1, 6)
+    squares, twists = np.linalg.eigh(off.T @ off / len(carried))
+    alike = twists[:, np.maximum(squares, 0.0) < least**2]
+    return alike.T * _SCALE, (mean @ alike).T * _SCALE
+
+
+def null_directions(problem: Problem, state: State) -> Array:
+    """Directions of the unknowns, (p, k) [m, rad], that the recorded poses alone leave open, whatever was seen.
+
+    Each moves a robot's base and what it carries so that the flange's poses hide it. Where any of these is fixed it is
+    none. The paths of a flange with a target of one point may leave open more than these.
+    """
+    found = []
+    for robot, poses in _poses(problem).items():
+        at_base, at_flange = _indistinct(poses, _least(problem, robot))
+        found += [_direction(problem, state, robot, *pair) for pair in zip(at_base, at_flange, strict=True)]
+    loose = [direction for direction in found if direction is not None]
+    return np.stack(loose, axis=1) if loose else np.zeros((problem.width, 0))
+
+
+def _direction(problem: Problem, state: State, robot: str, at_base: Array, at_flange: Array) -> Array | None:
+    """How the unknowns move where a robot's base turns by one twist and all it carries by the other, backwards."""
+    direction = np.zeros(problem.width)
+    parts = [(name, -at_flange) for name in attached(problem, robot)]
+    parts += [(name, -at_base if robot == problem.reference else at_base) for name in based(problem, robot)]
+    for name, twist in parts:
+        where = problem.columns.get(name)
+        if where is None:
+            return None
+        inward = name in attached(problem, robot) or robot == problem.reference
+        tangent = state.transforms[name].inverse().adjoint() @ twist if inward else twist
+        direction[where] = tangent[: where.stop - where.start]
+    return direction
+
+
+def attached(problem: Problem, robot: str) -> list[str]:
+    """Names of the mounts on a robot's flange, of those that see or are seen."""
+    names = [g.camera_mount for g in problem.groups if g.eye == robot]
+    names += [g.target_mount for g in problem.groups if g.hand == robot]
+    return list(dict.fromkeys(names))
+
+
+def based(problem: Problem, robot: str) -> list[str]:
+    """Names of the transforms that say where a robot's base stands: of the reference's, all that stand about it."""
+    if robot != problem.reference:
+        return [n for g in problem.groups for n in (g.eye_base, g.hand_base) if n and n.endswith(f"_from_{robot}_base")]
+    names = [n for g in problem.groups for n in (g.eye_base, g.hand_base) if n is not None]
+    names += [g.camera_mount for g in problem.groups if g.eye is None]
+    names += [g.target_mount for g in problem.groups if g.hand is None]
+    return list(dict.fromkeys(names))
+
+
+def gauge_partners(problem: Problem, motion: Motion) -> tuple[str, ...]:
+    """What moves along with a robot's base unnoticed, by its poses alone: none where something of it is known."""
+    names = list(dict.fromkeys([*based(problem, motion.robot), *attached(problem, motion.robot)]))
+    free = all(problem.unknowns[name].status == "free" for name in names)
+    return tuple(names) if free and len(motion.twists_in_base) else ()

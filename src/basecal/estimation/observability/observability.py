@@ -1,0 +1,126 @@
+"""Which directions of the unknowns the data see.
+
+The information is scaled to lengths of the scene and radians. A direction whose sigma would be above a third of
+these is not seen; one without any information at all gets no number.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from basecal.estimation.least_squares.normal_equations import linearise
+from basecal.estimation.observability.motions import null_directions
+from basecal.estimation.observability.null_space_words import NullSpace, describe_null_space
+from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.problem.robot_parameters import DEFLECTION
+from basecal.geometry import Array
+
+_UNSEEN_SIGMA = 0.3
+_BLIND_SIGMA = 30.0
+_ROUNDING = 1e-13
+_TOUCHES = 1e-3
+_SMALLEST_FACTOR = 1e-4
+_DISTORTION_SCALE = 10.0
+_ENOUGH_VIEWS = 40
+_COMPLIANCE_SCALE = 0.01  # [rad/Nm]: 1 rad under 100 Nm
+
+
+@dataclass(frozen=True, eq=False)
+class Observability:
+    """What the data see.
+
+    Attributes:
+        inverse: (p, p) inverse of the information, zero along directions without any.
+        condition: Largest over smallest scaled sigma; infinite where a direction has no information.
+        unseen: The unseen directions in words.
+        length_m: What a sigma of a translation is compared with: how far targets are from cameras.
+        blind: Names of the transforms and lenses that have an unseen direction.
+    """
+
+    inverse: Array
+    condition: float
+    unseen: tuple[NullSpace, ...]
+    blind: frozenset[str]
+    length_m: float = 1.0
+
+
+def observability_of(problem: Problem, state: State, hessian: Array, factor: float) -> Observability:
+    """What an information matrix (p, p), whose inverse times `factor` is the covariance, says of the unknowns."""
+    if not len(hessian):
+        return Observability(np.zeros((0, 0)), 1.0, (), frozenset())
+    length = _length(problem, state)
+    scale = _scales(problem, state, length)
+    values, vectors = np.linalg.eigh(_without_loose(problem, state, hessian, scale))
+    noise = max(factor, _SMALLEST_FACTOR)
+    sigma = np.sqrt(noise / np.maximum(values, 1e-300))
+    blind = (sigma > _BLIND_SIGMA) | (values < _ROUNDING * values[-1])
+    kept = vectors[:, ~blind] * scale[:, None]
+    inverse = (kept / values[~blind]) @ kept.T
+    shaping = np.linalg.norm(vectors[_distortion_columns(problem)], axis=0) ** 2 > 0.5
+    unseen = blind | ((sigma > _UNSEEN_SIGMA) & ~shaping)
+    words = describe_null_space(problem, state, vectors[:, unseen], scale) if np.any(unseen) else ()
+    names = frozenset(
+        name
+        for name, where in problem.columns.items()
+        if np.abs(vectors[where][:, blind]).max(initial=0.0) > _TOUCHES
+        or np.sqrt(noise * np.diag(inverse)[where] / scale[where] ** 2)[: _gated(problem, name)].max(initial=0.0)
+        > _UNSEEN_SIGMA
+    )
+    condition = float(np.sqrt(values[-1] / values[0])) if not np.any(blind) else float("inf")
+    return Observability(inverse, condition, words, names, length)
+
+
+def _without_loose(problem: Problem, state: State, hessian: Array, scale: Array) -> Array:
+    """The scaled information without what noise alone tells of directions that the recorded poses leave open."""
+    scaled = hessian * scale * scale[:, None]
+    loose = null_directions(problem, state)
+    if not loose.shape[1]:
+        return scaled
+    data = linearise(without_priors(problem), state).hessian * scale * scale[:, None]
+    basis = np.linalg.qr(loose / scale[:, None])[0]
+    carried = data @ basis
+    told: Array = carried @ np.linalg.pinv(basis.T @ carried, rcond=_ROUNDING, hermitian=True) @ carried.T
+    return scaled - 0.5 * (told + told.T)
+
+
+def without_priors(problem: Problem) -> Problem:
+    """The same, nothing known beforehand of transforms that are not fixed."""
+    free = {n: replace(u, status="free") if u.status == "prior" else u for n, u in problem.unknowns.items()}
+    return replace(problem, unknowns=free)
+
+
+def _gated(problem: Problem, name: str) -> int:
+    """How many leading columns of an unknown must be seen: all of a transform, focal lengths and centre of a lens.
+
+    Of a robot's kinematics none: each number is given or not by itself.
+    """
+    return 6 if name in problem.unknowns else 4 if name in problem.lenses else 0
+
+
+def _distortion_columns(problem: Problem) -> list[int]:
+    lenses = [where for name, where in problem.columns.items() if name in problem.lenses]
+    return [k for where in lenses for k in range(where.start + 4, where.stop)]
+
+
+def _scales(problem: Problem, state: State, length: float) -> Array:
+    """What one scaled unit of each column is: a length of the scene [m], 1 rad, an image width [px]."""
+    scale = np.ones(problem.width)
+    for name, where in problem.columns.items():
+        if name in problem.unknowns:
+            scale[where.start : where.start + 3] = length
+        elif name.endswith(DEFLECTION):
+            scale[where] = _COMPLIANCE_SCALE
+        elif name in problem.lenses:
+            camera = state.cameras[name]
+            scale[where] = _DISTORTION_SCALE
+            scale[where.start : where.start + 4] = float(camera.focal.mean())
+    return scale
+
+
+def _length(problem: Problem, state: State) -> float:
+    """How far targets are from the cameras that see them, the median of a few views [m]."""
+    few = [g.take(slice(None, None, -(-len(g) // _ENOUGH_VIEWS))) for g in problem.groups if len(g)]
+    distances = [np.linalg.norm(state.camera_from_target(g, problem.stops).translation, axis=-1) for g in few]
+    return max(float(np.median(np.concatenate(distances))), 1e-3) if distances else 1.0

@@ -1,0 +1,1 @@
+"""Views and points that do not belong to the rest."""

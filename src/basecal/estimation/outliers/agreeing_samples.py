@@ -1,0 +1,51 @@
+"""Which samples close the loop with one another, where they are too few, or too much alike, to go by."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from basecal.estimation.least_squares.studentized import studentized
+from basecal.estimation.problem.problem import Problem, State
+from basecal.geometry import Array, IntArray
+
+_FEWEST, _MOST = 0.3, 0.8
+_CLEAR_GAP = 5.0
+_FARTHEST = 1e15
+
+
+def agreeing_samples(problem: Problem, states: Iterable[State]) -> tuple[int, ...]:
+    """Numbers of the samples that a state explains far better than the rest, by the state that explains them best.
+
+    Between the last of them and the first of the rest misfits in sigmas grow by a factor of five at least; none
+    where no state shows such a gap among the middle half of the samples.
+    """
+    found: tuple[float, tuple[int, ...]] = (np.inf, ())
+    for state in states:
+        numbers, sigmas = _by_sample(problem, state)
+        found = min(found, _parted(numbers, sigmas), key=lambda f: f[0])
+    return found[1]
+
+
+def _by_sample(problem: Problem, state: State) -> tuple[IntArray, Array]:
+    """Each sample's number and its worst view's misfit [sigma]."""
+    squares = studentized(problem, state)
+    numbers = np.concatenate([g.sample for g in problem.groups])
+    sigmas = np.sqrt(np.concatenate([s.value / np.maximum(s.freedoms, 1) for s in squares]))
+    every, row = np.unique(numbers, return_inverse=True)
+    worst = np.zeros(len(every))
+    np.maximum.at(worst, row, sigmas)
+    return every, worst
+
+
+def _parted(numbers: IntArray, sigmas: Array) -> tuple[float, tuple[int, ...]]:
+    """The largest misfit before the first clear gap of the sorted ones, and the samples up to there."""
+    order = np.argsort(sigmas, kind="stable")
+    ordered = np.clip(sigmas[order], 1.0, _FARTHEST)
+    first, last = int(np.ceil(_FEWEST * len(order))), int(_MOST * len(order))
+    gaps = np.flatnonzero(ordered[first : last + 1] > _CLEAR_GAP * ordered[first - 1 : last])
+    if not len(gaps):
+        return np.inf, ()
+    count = first + int(gaps[0])
+    return float(ordered[count - 1]), tuple(sorted(int(n) for n in numbers[order[:count]]))

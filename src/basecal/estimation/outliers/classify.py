@@ -1,0 +1,177 @@
+"""What of a problem is used at a state: each view, shared stop and point against what all else predicts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from basecal.estimation.least_squares.studentized import (
+    LeaveOneOut,
+    MahalanobisSquared,
+    judged_by_view,
+    leave_one_out,
+    studentized_points,
+    studentized_stops,
+    studentized_views,
+)
+from basecal.estimation.noise.estimate import residual_counts
+from basecal.estimation.outliers.inlier_mask import InlierMask, without_points
+from basecal.estimation.outliers.robust_scale import Scale, robust_scale
+from basecal.estimation.outliers.view_ransac import Points, Prior, RansacViews, explained, view_ransac
+from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.view.measurement import PixelMeasurement, PointMeasurement
+from basecal.estimation.view.view_pose import refined
+from basecal.geometry import BoolArray, Camera, IntArray
+
+CHANCE_OF_VIEW = 1e-4
+CHANCE_OF_POINT = 1e-6
+_CHANCE_AMONG_OUTLIERS = 1e-3
+_MANY_OUT = 0.1
+_LEAST_SHARE = 0.5
+_LEAST_STRAYED = 0.25
+_EXACT = 1e-14
+
+
+@dataclass(frozen=True, eq=False)
+class Classification:
+    """What is used, and why the rest is not.
+
+    Attributes:
+        kept: What is used.
+        views: By group, (n,): each view's deviation from the others that are used.
+        points: By group, (n, p): each point's; NaN where it was left out before.
+        stops: (k,): each shared stop's.
+        view_scale: Of the views' deviations.
+        point_scale: Of those of points that are judged by their view.
+    """
+
+    kept: InlierMask
+    views: tuple[MahalanobisSquared, ...]
+    points: tuple[MahalanobisSquared, ...]
+    stops: MahalanobisSquared
+    view_scale: Scale
+    point_scale: Scale
+
+
+def is_stated(problem: Problem) -> bool:
+    """Whether every residual's sigma was stated."""
+    return all(field == "stated" or not count for field, count in residual_counts(problem).items())
+
+
+def view_scale(problem: Problem, squares: Sequence[MahalanobisSquared], chance: float = CHANCE_OF_VIEW) -> Scale:
+    """The scale of views' deviations."""
+    return robust_scale(list(squares), problem.width, is_stated(problem), chance)
+
+
+def _chance(kept: InlierMask) -> float:
+    """How often a clean view may go: more often where many are out, and what is far off is likelier one more."""
+    views = np.concatenate(kept.views)
+    return _CHANCE_AMONG_OUTLIERS if len(views) and views.mean() < 1 - _MANY_OUT else CHANCE_OF_VIEW
+
+
+def classify_inliers(problem: Problem, state: State, kept: InlierMask) -> Classification:
+    """What of a problem is used at a state that what was `kept` so far led to.
+
+    Args:
+        problem: All that was seen.
+        state: The state.
+        kept: What it was fitted to.
+    """
+    about = leave_one_out(without_points(problem, kept.points), state, kept.weights)
+    views, stops, points = studentized_views(about), studentized_stops(about), studentized_points(about)
+    scale = view_scale(problem, [_of(s, v) for s, v in zip(views, kept.views, strict=True)], _chance(kept))
+    own = [judged_by_view(g.measurement) for g in about.problem.groups]
+    by_view = _point_scale(problem, points, kept, own)
+    by_state = _point_scale(problem, points, kept, [~o for o in own])
+    bad_stop = scale.beyond(stops)
+    use_views, use_points = [], []
+    for k, group in enumerate(about.problem.groups):
+        bad = np.where(own[k][:, None], by_view.beyond(points[k]), by_state.beyond(points[k]))
+        stray = bad & own[k][:, None]
+        used = ~scale.beyond(views[k]) & ~_in_stops(group, bad_stop) & ~(bad & ~stray).any(-1)
+        use_views.append(used & _enough(problem.groups[k], kept.points[k] & ~stray))
+        use_points.append(kept.points[k] & ~stray)
+    now = _readmitted(about, problem, InlierMask(tuple(use_views), tuple(use_points)), scale, by_view, bad_stop)
+    return Classification(now, views, points, stops, scale, by_view)
+
+
+def _of(squares: MahalanobisSquared, rows: BoolArray) -> MahalanobisSquared:
+    return MahalanobisSquared(squares.value[rows], squares.freedoms[rows])
+
+
+def _point_scale(
+    problem: Problem, points: Sequence[MahalanobisSquared], kept: InlierMask, which: list[BoolArray]
+) -> Scale:
+    rows = [w & v for w, v in zip(which, kept.views, strict=True)]
+    squares = [_of(s, r) for s, r in zip(points, rows, strict=True)]
+    return robust_scale(squares, 0, is_stated(problem), CHANCE_OF_POINT)
+
+
+def _in_stops(group: ViewGroup, bad: BoolArray) -> BoolArray:
+    """Which views stand in a stop that is not to be used."""
+    out = np.zeros(len(group), dtype=bool)
+    for stop in (group.eye_stop, group.hand_stop):
+        out |= (stop >= 0) & (bad[stop] if len(bad) else False)
+    return out
+
+
+def _enough(group: ViewGroup, points: BoolArray) -> BoolArray:
+    """Whether a view of which these points are left, (n, p), still has enough of them."""
+    if not isinstance(group.measurement, PixelMeasurement | PointMeasurement):
+        return np.ones(len(group), dtype=bool)
+    seen = group.measurement.seen
+    left: BoolArray = (seen & points).sum(-1) >= _LEAST_SHARE * seen.sum(-1)
+    return left & (seen & points).any(-1)
+
+
+def _readmitted(
+    about: LeaveOneOut, problem: Problem, kept: InlierMask, scale: Scale, of_points: Scale, bad_stop: BoolArray
+) -> InlierMask:
+    """With the views of few points of which all but a few points are where all other views predict them."""
+    views, points = list(kept.views), list(kept.points)
+    for k, group in enumerate(problem.groups):
+        measurement = group.measurement
+        if not isinstance(measurement, PixelMeasurement | PointMeasurement) or measurement.seen.shape[1] < 2:
+            continue
+        some = np.flatnonzero(~kept.views[k] & ~judged_by_view(measurement) & ~_in_stops(group, bad_stop))
+        if not len(some):
+            continue
+        prior = _prior(about, k, some, scale.variance)
+        few = measurement.take(some)
+        camera = about.state.cameras.get(group.camera)
+        limit = float(of_points.limit(np.array(_coordinates(measurement))))
+        found = view_ransac(few, prior.camera_from_target, camera, limit, prior)
+        tension = prior.tension(found.camera_from_target)[0] * scale.variance
+        left, all_points = found.points.sum(-1), few.seen.sum(-1)
+        strays = (left >= _LEAST_STRAYED * all_points) & (left > 1) & ~_agrees_with_itself(few, found, camera, limit)
+        agrees = (tension <= scale.limit(np.array(6))) & ((left >= _LEAST_SHARE * all_points) | strays)
+        views[k] = views[k].copy()
+        views[k][some] = agrees
+        points[k] = points[k].copy()
+        points[k][some] = np.where(agrees[:, None], found.points | ~few.seen, points[k][some])
+    return InlierMask(tuple(views), tuple(points))
+
+
+def _agrees_with_itself(few: Points, found: RansacViews, camera: Camera | None, limit: float) -> BoolArray:
+    """Whether all points of a view, (n,), agree with one another: then the view is off, not its points."""
+    alone = explained(few, refined(few, found.camera_from_target, camera).camera_from_target, camera, limit)
+    return np.asarray(alone.points.sum(-1) == few.seen.sum(-1))
+
+
+def _coordinates(measurement: PixelMeasurement | PointMeasurement) -> int:
+    return 2 if isinstance(measurement, PixelMeasurement) else 3
+
+
+def _prior(about: LeaveOneOut, k: int, some: IntArray, variance: float) -> Prior:
+    """Where views that are not part of the fit are predicted, their private stops' errors unknown."""
+    of, group = about.normal.views[k], about.problem.groups[k]
+    spread = about.spread[k].copy()
+    errors = about.state.stop_errors.copy()
+    for part in of.private:
+        spread[part.view] += part.by_error @ np.swapaxes(part.by_error, -1, -2)
+        errors[part.stop] = 0.0
+    predicted = replace(about.state, stop_errors=errors).camera_from_target(group, about.problem.stops)
+    pose_spread = spread[some][:, :6, :6] * variance + _EXACT * np.eye(6)
+    return Prior(predicted[some], np.asarray(np.linalg.inv(pose_spread), dtype=np.float64))

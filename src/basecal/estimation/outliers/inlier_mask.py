@@ -1,0 +1,93 @@
+"""A problem without some of its views and points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from basecal.estimation.problem.correspondence import half_turned
+from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.view.measurement import Measurement, Noise, PixelMeasurement, PointMeasurement
+from basecal.geometry import Array, BoolArray, IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class InlierMask:
+    """What is used of a problem.
+
+    Attributes:
+        views: By group, (n,): whether the view is used.
+        points: By group, (n, p): whether the point is, where its view is; (n, 1) where there are no points.
+    """
+
+    views: tuple[BoolArray, ...]
+    points: tuple[BoolArray, ...]
+
+    def same_as(self, other: InlierMask) -> bool:
+        """Whether both use the same."""
+        pairs = zip((*self.views, *self.points), (*other.views, *other.points), strict=True)
+        return all(np.array_equal(a, b) for a, b in pairs)
+
+    @property
+    def weights(self) -> tuple[Array, ...]:
+        """By group, (n,): 1 for a view that is used, else 0."""
+        return tuple(v.astype(np.float64) for v in self.views)
+
+
+def all_inliers(problem: Problem) -> InlierMask:
+    """All views and points."""
+    shapes = [(len(g), point_count(g.measurement)) for g in problem.groups]
+    return InlierMask(tuple(np.ones(n, dtype=bool) for n, _ in shapes), tuple(np.ones(s, dtype=bool) for s in shapes))
+
+
+def point_count(measurement: Measurement) -> int:
+    """How many points a view may have; 1 where poses are measured."""
+    return len(measurement.points_in_target) if isinstance(measurement, PixelMeasurement | PointMeasurement) else 1
+
+
+def without_points(problem: Problem, points: Sequence[BoolArray]) -> Problem:
+    """The problem as if points that are not kept had not been seen; its views are as many as before."""
+    return problem.with_groups(_without(g, kept) for g, kept in zip(problem.groups, points, strict=True))
+
+
+def inlier_problem(problem: Problem, kept: InlierMask) -> Problem:
+    """The problem of what is kept alone, each view read as it stands, sigmas that none states at their defaults."""
+    fewer = without_points(problem, kept.points).groups
+    taken = (replace(g, readings=()).take(np.flatnonzero(v)) for g, v in zip(fewer, kept.views, strict=True) if v.any())
+    return problem.with_groups(taken).with_noise(Noise())
+
+
+def at_stops_of(problem: Problem, state: State) -> State:
+    """The state without the errors of stops in which no view of the problem stands."""
+    used = np.zeros(len(problem.stops), dtype=bool)
+    for group in problem.groups:
+        for stop in (group.eye_stop, group.hand_stop):
+            used[stop[stop >= 0]] = True
+    return replace(state, stop_errors=np.where(used[:, None], state.stop_errors, 0.0))
+
+
+def of_samples(problem: Problem, numbers: IntArray) -> Problem:
+    """The problem of some samples alone, by their numbers."""
+    rows = [np.flatnonzero(np.isin(g.sample, numbers)) for g in problem.groups]
+    return problem.with_groups(g.take(r) for g, r in zip(problem.groups, rows, strict=True) if len(r))
+
+
+def masked(measurement: Measurement, points: BoolArray) -> Measurement:
+    """The measurement as if points (n, p) that are not kept had not been seen."""
+    if not isinstance(measurement, PixelMeasurement | PointMeasurement) or points.all():
+        return measurement
+    return replace(
+        measurement,
+        seen=measurement.seen & points,
+        stated=np.where(points, measurement.stated, 0.0),
+        weight=np.where(points, measurement.weight, 0.0),
+    )
+
+
+def _without(group: ViewGroup, points: BoolArray) -> ViewGroup:
+    measurement = masked(group.measurement, points)
+    if group.half_turn is None or not isinstance(measurement, PixelMeasurement) or points.all():
+        return replace(group, measurement=measurement)
+    return replace(group, measurement=measurement, readings=(measurement, half_turned(measurement)))

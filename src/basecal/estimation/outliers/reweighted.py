@@ -1,0 +1,112 @@
+"""From a state that gross outliers have pulled aside to that of the others, by weights found anew in each round.
+
+Graduated non-convexity: truncated least squares over views, and over the points of views that have few, by weights
+that begin near one for all and end at zero or one. Source: Yang, Antonante, Tzoumas & Carlone 2020. We differ: a view's
+square is taken with its private stops' errors eliminated and all weights are on that, and the scale is estimated anew
+in each round. From farther off: Cauchy's likelihood, whose weights never end at zero (Holland & Welsch 1977).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from basecal.estimation.least_squares.levenberg_marquardt import levenberg_marquardt
+from basecal.estimation.least_squares.studentized import MahalanobisSquared, judged_by_view, studentized
+from basecal.estimation.outliers.robust_scale import Scale
+from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.view.measurement import Measurement, PixelMeasurement, PointMeasurement
+from basecal.estimation.view.point_jacobians import point_jacobians
+from basecal.geometry import Array
+
+_GROWTH = 1.6
+_ROUNDS = 60
+_STEPS = 2
+_CERTAIN = 1e-3
+_HEAVY_ROUNDS = 25
+_FIRST_STEPS = 3
+_MOST = 0.6
+
+ScaleOf = Callable[[list[MahalanobisSquared]], Scale]
+
+
+def graduated_truncation(problem: Problem, state: State, scale_of: ScaleOf) -> State:
+    """The state of truncated least squares, downhill of `state`.
+
+    Args:
+        problem: The problem.
+        state: Where to start.
+        scale_of: The scale of squared deviations.
+    """
+    views = [np.ones(len(g)) for g in problem.groups]
+    points = [_all_points(g.measurement) for g in problem.groups]
+    control = 0.0
+    for _ in range(_ROUNDS):
+        weighted = problem.with_groups(_weighted(g, w) for g, w in zip(problem.groups, points, strict=True))
+        state = levenberg_marquardt(weighted, state, 1, _STEPS, views).state
+        of_views = list(studentized(weighted, state, views))
+        of_points = [_point_misfits(problem, state, g) for g in problem.groups]
+        ratios = [_over_limit(s, scale_of(of_views)) for s in of_views]
+        point_ratios = [_over_limit(s, scale_of(of_points)) for s in of_points]
+        worst = max((float(r.max(initial=0.0)) for r in (*ratios, *point_ratios)), default=0.0)
+        control = control * _GROWTH if control else 1 / max(2 * min(worst, 1e12) - 1, 1.0)
+        before, views = views, [_weights(r, control) for r in ratios]
+        points = [_weights(r, control) for r in point_ratios]
+        every = np.concatenate([w.ravel() for w in (*views, *points)])
+        if np.all((every < _CERTAIN) | (every > 1 - _CERTAIN)) and all(map(np.allclose, before, views)):
+            break
+    return state
+
+
+def cauchy_irls(problem: Problem, state: State) -> State:
+    """The state of Cauchy's likelihood over views, downhill of `state`, its scale that of six tenths of the views."""
+    weights: list[Array] | None = None
+    for _ in range(_HEAVY_ROUNDS):
+        try:
+            state = levenberg_marquardt(problem, state, 1, _FIRST_STEPS if weights is None else 1, weights).state
+            ratios = [np.minimum(s.value, 1e30) / np.maximum(s.freedoms, 1) for s in studentized(problem, state)]
+        except np.linalg.LinAlgError:
+            break
+        scale = max(float(np.quantile(np.concatenate(ratios), _MOST)), 1e-30)
+        weights = [1 / (1 + ratio / scale) for ratio in ratios]
+    return state
+
+
+def _over_limit(squares: MahalanobisSquared, scale: Scale) -> Array:
+    limit = scale.limit(squares.freedoms)
+    return np.where(np.isfinite(limit), np.minimum(squares.value, 1e30) / limit, 0.0)
+
+
+def _weights(ratio: Array, control: float) -> Array:
+    """By squares over their limit and the control parameter mu of the paper, eq. (14)."""
+    between = np.sqrt(control * (control + 1) / np.maximum(ratio, 1e-300)) - control
+    return np.where(ratio <= control / (control + 1), 1.0, np.where(ratio >= (control + 1) / control, 0.0, between))
+
+
+def _all_points(measurement: Measurement) -> Array:
+    return np.ones((len(measurement.equations()), 1))
+
+
+def _weighted(group: ViewGroup, weights: Array) -> ViewGroup:
+    measurement = group.measurement
+    if not isinstance(measurement, PixelMeasurement | PointMeasurement):
+        return group
+    return replace(group, measurement=replace(measurement, weight=measurement.weight * np.sqrt(weights)))
+
+
+def _point_misfits(problem: Problem, state: State, group: ViewGroup) -> MahalanobisSquared:
+    """Of points of views that have two and more and are not judged by the rest of their view; else no freedoms."""
+    measurement = group.measurement
+    nothing = MahalanobisSquared(np.zeros((len(group), 1)), np.zeros((len(group), 1), dtype=np.int64))
+    if not isinstance(measurement, PixelMeasurement | PointMeasurement):
+        return nothing
+    few = ~judged_by_view(measurement)
+    if not few.any() or len(measurement.points_in_target) < 2:
+        return nothing
+    predicted = state.camera_from_target(group, problem.stops)
+    rows = point_jacobians(measurement, predicted, state.cameras.get(group.camera), False)
+    assert rows is not None
+    value = np.where(measurement.seen & ~rows.seen, np.inf, np.sum(rows.residual**2, -1))
+    return MahalanobisSquared(value, measurement.seen * few[:, None] * rows.residual.shape[-1])

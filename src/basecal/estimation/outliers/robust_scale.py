@@ -1,0 +1,101 @@
+"""The scale of squared deviations of which some are gross, and the limit beyond which one is.
+
+The scale is the median of d^2 over its chi-square's median, taken again over what lies within the limit until that
+settles. Where sigmas are stated they are taken at their word unless the bulk contradicts them, and never made smaller.
+Noise that was not stated spreads over a view's directions unevenly, so that six freedoms may scatter like two: then
+how many it is comes from the median over the lower fifth, which few outliers reach.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import chdtri, fdtri
+
+from basecal.estimation.least_squares.studentized import MahalanobisSquared
+from basecal.estimation.noise.estimate import CONTRADICTED
+from basecal.geometry import Array, BoolArray, IntArray
+
+_ROUNDS = 10
+# The median uses as much of a sample's information as 0.4 of it would by its mean.
+_EFFICIENCY = 0.4
+_SHAPES = np.linspace(1.0, 15.0, 57)
+_RATIOS = chdtri(_SHAPES, 0.5) / chdtri(_SHAPES, 0.8)
+
+
+@dataclass(frozen=True, eq=False)
+class Scale:
+    """Variance of what was taken for 1, and how many squares it rests on.
+
+    Attributes:
+        variance: The scale of squared deviations.
+        freedoms: Of the estimate; infinite where it was stated.
+        shape: As how many freedoms squares scatter, where these are more.
+        chance: How often a clean deviation may be taken for a gross one.
+    """
+
+    variance: float
+    freedoms: float
+    shape: float
+    chance: float
+
+    def limit(self, freedoms: IntArray) -> Array:
+        """What a clean squared deviation of so many freedoms exceeds by the chance only."""
+        table: Array = self._limits(np.arange(int(freedoms.max(initial=0)) + 1))
+        return table[freedoms]
+
+    def _limits(self, freedoms: IntArray) -> Array:
+        at = np.maximum(freedoms, 1)
+        if not np.isfinite(self.freedoms):
+            limit: Array = self.variance * chdtri(at, self.chance)
+        else:
+            alike = np.minimum(at, self.shape)
+            over_median = alike * fdtri(alike, max(self.freedoms, 1.0), 1 - self.chance) / chdtri(alike, 0.5)
+            limit = self.variance * chdtri(at, 0.5) * over_median
+        return np.where(freedoms > 0, limit, np.inf)
+
+    def beyond(self, squares: MahalanobisSquared) -> BoolArray:
+        """Which deviations are gross; those that nothing checks are not."""
+        return np.nan_to_num(squares.value, nan=0.0) > self.limit(squares.freedoms)
+
+
+def robust_scale(squares: list[MahalanobisSquared], unknowns: int, stated: bool, chance: float) -> Scale:
+    """The scale of squared deviations.
+
+    Args:
+        squares: The deviations, in any grouping.
+        unknowns: How many unknowns were fitted to them.
+        stated: Whether their sigmas were.
+        chance: See `Scale`.
+    """
+    value = np.concatenate([s.value.ravel() for s in squares]) if squares else np.zeros(0)
+    freedoms = np.concatenate([s.freedoms.ravel() for s in squares]) if squares else np.zeros(0, dtype=np.int64)
+    kept = np.isfinite(value) & (freedoms > 0)
+    value, freedoms = value[kept], freedoms[kept]
+    as_stated = Scale(1.0, np.inf, np.inf, chance)
+    if not len(value):
+        return as_stated
+    ratio = value / chdtri(np.arange(1, int(freedoms.max()) + 1), 0.5)[freedoms - 1]
+    if stated and np.median(ratio) < CONTRADICTED**2:
+        return as_stated
+    found = _settled(ratio, value, freedoms, unknowns, chance)
+    return as_stated if stated and found.variance < CONTRADICTED**2 else found
+
+
+def _settled(ratio: Array, value: Array, freedoms: IntArray, unknowns: int, chance: float) -> Scale:
+    within = np.ones(len(value), dtype=bool)
+    for _ in range(_ROUNDS):
+        variance = max(float(np.median(ratio[within])), 1e-300)
+        left = _EFFICIENCY * max(float(freedoms[within].sum()) - unknowns, 1.0)
+        scale = Scale(variance, left, _shape(ratio[within]), chance)
+        now = value <= scale.limit(freedoms)
+        if not now.any() or np.array_equal(now, within):
+            break
+        within = now
+    return scale
+
+
+def _shape(ratio: Array) -> float:
+    low, high = np.quantile(ratio, (0.2, 0.5))
+    return float(np.interp(-high / max(low, 1e-300), -_RATIOS, _SHAPES))

@@ -1,0 +1,388 @@
+"""The solution of what agrees, and what does not, each with its reason.
+
+The plain solution first: where nothing in it is beyond chance, that is the answer. Else points are left out that the
+rest of their view contradicts, truncated least squares finds the state of most views, and views and points are judged
+by what all others predict, left out and taken back until none changes sides. Source: docs/mathematics.md, "Outliers".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from basecal.cell import Cell, Outlier
+from basecal.errors import BasecalError
+from basecal.estimation.least_squares.studentized import MahalanobisSquared, judged_by_view, studentized
+from basecal.estimation.noise.estimate import CONTRADICTED
+from basecal.estimation.outliers.agreeing_samples import agreeing_samples
+from basecal.estimation.outliers.classify import (
+    CHANCE_OF_POINT,
+    Classification,
+    classify_inliers,
+    is_stated,
+    view_scale,
+)
+from basecal.estimation.outliers.inlier_mask import (
+    InlierMask,
+    all_inliers,
+    at_stops_of,
+    inlier_problem,
+    point_count,
+    without_points,
+)
+from basecal.estimation.outliers.reasons import describe_outliers
+from basecal.estimation.outliers.reweighted import graduated_truncation
+from basecal.estimation.outliers.robust_scale import Scale, robust_scale
+from basecal.estimation.outliers.subset_starts import score, subset_states
+from basecal.estimation.outliers.view_ransac import view_ransac
+from basecal.estimation.problem.correspondence import choose_correspondence
+from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.settings import DEFAULT, Settings
+from basecal.estimation.solve import Solution, solve_from, solve_packed
+from basecal.estimation.start.first_state import lenses
+from basecal.estimation.view.measurement import Noise, PixelMeasurement, PointMeasurement
+from basecal.geometry import BoolArray, IntArray
+
+_ROUNDS = 12
+_FREE_ROUNDS = 6
+_SCALE_ROUNDS = 4
+_LARGEST_UNSUSPECTED_PX = 1.0
+_LEAST_KEPT = 0.5
+_CLEAR_SHARE = 0.6
+_QUIETER = 4.0
+_PLAUSIBLE_PX = 3.0
+_PLAUSIBLE_SIGMAS = 10.0
+
+
+@dataclass(frozen=True, eq=False)
+class RobustSolution:
+    """The solution of what agrees.
+
+    Attributes:
+        solution: Of the problem without the outliers.
+        outliers: What was left out, by sample.
+        left_out: The views that were left out whole, as a problem of their own at the same state.
+        samples: How many samples were seen.
+        points: How many points are used.
+        agreeing: Numbers of the samples that alone agree with one another, where they are too few to go by.
+    """
+
+    solution: Solution
+    outliers: tuple[Outlier, ...]
+    left_out: Problem
+    samples: int
+    points: int
+    agreeing: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class _End:
+    """Where leaving out and taking back came to rest: all that was seen, what is used of it, its solution."""
+
+    problem: Problem
+    kept: InlierMask
+    solution: Solution
+    judgement: Classification
+
+
+def solve_robustly(
+    problem: Problem, cell: Cell, settings: Settings = DEFAULT, plain: Solution | None = None
+) -> RobustSolution:
+    """The solution of all views and points but the gross outliers, and these.
+
+    Where there are none it is that of `solve_packed`. Where fewer than half of the samples agree it is that, too:
+    then no part of the data can be told to be the right one.
+
+    Args:
+        problem: What was seen.
+        cell: What exists and what is known.
+        settings: How to solve.
+        plain: The solution of all views and points, where it is known already.
+
+    Raises:
+        NotObservable: if nothing was seen that could be solved for.
+        InputError: if the cell contradicts the recording.
+    """
+    plain = plain or solve_packed(problem, cell, settings)
+    whole = all_inliers(plain.problem)
+    judgement = classify_inliers(plain.problem, plain.state, whole)
+    agreeing: tuple[int, ...] = ()
+    if not judgement.kept.same_as(whole) or _implausible(plain, judgement):
+        # States far from the truth meet points at the camera's centre; what overflows there is left out by its cost.
+        with np.errstate(all="ignore"):
+            ends, states = _ends(plain, whole, judgement, cell, settings)
+        best = _best([e for e in ends if _is_answer(e, plain)])
+        if best is not None and not best.kept.same_as(whole):
+            return _told(cell, problem, best)
+        agreeing = () if best is not None else agreeing_samples(plain.problem, states)
+    nothing = plain.problem.with_groups(())
+    return RobustSolution(plain, (), nothing, _sample_count(problem), _point_count(problem), agreeing)
+
+
+def _best(ends: Sequence[_End]) -> _End | None:
+    """The end that rests on most, of those whose views scatter about as little as clearly most views can.
+
+    Noise that nobody stated spreads over all views alike; what leaves most of them with a quarter of its variance is
+    no noise. Where all noise is stated, what keeps within it goes before what does not.
+    """
+    clear = [_spread(e) for e in ends if _share_kept(e) >= _CLEAR_SHARE]
+    limit = _QUIETER * min(clear, default=np.inf)
+    return max(ends, key=lambda e: (_within_stated(e), _spread(e) <= limit, _used(e)), default=None)
+
+
+def _spread(end: _End) -> float:
+    """Variance of whole views: over the stated one, or in pixels where none was stated."""
+    unit = 1.0 if is_stated(end.problem) else end.solution.noise.noise.pixel_px**2
+    return end.judgement.view_scale.variance * unit
+
+
+def _is_answer(end: _End, plain: Solution) -> bool:
+    """Whether an end rests on most of the views, fits, is an optimum, and sees what all views together do."""
+    sees = end.solution.seen.blind <= plain.seen.blind
+    return sees and end.solution.converged and _fits(end.solution) and _share_kept(end) >= _LEAST_KEPT
+
+
+def _fits(solution: Solution) -> bool:
+    """Whether residuals are such as the stated noise explains, or as a detector may have."""
+    ratio = _ratio(solution)
+    weights = [m.weight[m.weight > 0] for m in _with_points(solution.problem.groups) if isinstance(m, PixelMeasurement)]
+    if not weights:
+        return ratio < _PLAUSIBLE_SIGMAS or not is_stated(solution.problem)
+    return ratio < max(CONTRADICTED, _PLAUSIBLE_PX * float(np.median(np.concatenate(weights))))
+
+
+def _ratio(solution: Solution) -> float:
+    return float(np.sqrt(solution.cost / max(solution.dof, 1)))
+
+
+def _implausible(plain: Solution, judgement: Classification) -> bool:
+    """Whether scales are such that gross outliers may hide in them."""
+    if is_stated(plain.problem):
+        return max(judgement.view_scale.variance, judgement.point_scale.variance) > CONTRADICTED**2
+    if judgement.view_scale.variance > CONTRADICTED**2:
+        return True
+    return plain.noise.noise.pixel_px > _LARGEST_UNSUSPECTED_PX and "pixel_px" in plain.noise.estimated
+
+
+def _used(end: _End) -> int:
+    """How many points, or poses, an end rests on."""
+    return sum(sum(g.measurement.counts().values()) for g in end.solution.problem.groups)
+
+
+def _ends(
+    plain: Solution, whole: InlierMask, judgement: Classification, cell: Cell, settings: Settings
+) -> tuple[list[_End], list[State]]:
+    """Where the plain state leads and, where that does not convince, where subsets of the samples do; these states."""
+    full, kept, state = _agreeing_within(plain, whole, judgement, cell, settings)
+    ends = [_end(full, kept, _annealed(full, kept, state), settings)]
+    states: list[State] = []
+    least = np.inf
+    for start in () if _convincing(ends[0]) else subset_states(without_points(full, kept.points), cell, state):
+        cost = _cost(full, kept, start)
+        if cost < least:
+            least = cost
+            states.append(start)
+            ends.append(_end(full, kept, start, settings))
+            if _convincing(ends[-1]):
+                break
+    return [e for e in ends if e is not None], states
+
+
+def _convincing(end: _End | None) -> bool:
+    """Whether clearly most views agree, within the noise that was stated or that a detector may have."""
+    return end is not None and _share_kept(end) >= _CLEAR_SHARE and _fits(end.solution) and _within_noise(end)
+
+
+def _within_noise(end: _End) -> bool:
+    """Whether whole views scatter no more than the noise in use explains."""
+    return end.judgement.view_scale.variance <= CONTRADICTED**2
+
+
+def _within_stated(end: _End) -> bool:
+    """Whether whole views scatter no more than was stated; false where a robot's noise or another was not."""
+    return is_stated(end.problem) and not end.problem.unstated and _within_noise(end)
+
+
+def _cost(full: Problem, kept: InlierMask, state: State) -> float:
+    problem, now = _rechosen(full, kept, state)
+    try:
+        return score(without_points(problem, now.points), state, is_stated(full))
+    except np.linalg.LinAlgError:
+        return np.inf
+
+
+def _share_kept(end: _End) -> float:
+    views = np.concatenate(end.kept.views)
+    return float(views.mean()) if len(views) else 0.0
+
+
+def _agreeing_within(
+    plain: Solution, whole: InlierMask, judgement: Classification, cell: Cell, settings: Settings
+) -> tuple[Problem, InlierMask, State]:
+    """Without the points that the rest of their view contradicts, and solved again where there are any."""
+    suspects = [_suspect(plain, judgement, k) for k in range(len(whole.views))]
+    points = _points_within(plain.problem, plain.state, suspects, cell)
+    kept = InlierMask(whole.views, points)
+    if kept.same_as(whole):
+        return plain.problem, whole, plain.state
+    cleaned = without_points(plain.problem, points).with_noise(Noise())
+    again = solve_packed(cleaned, cell, settings)
+    full, kept = _rechosen(plain.problem.with_noise(again.noise.noise), kept, again.state)
+    return full, kept, again.state
+
+
+def _suspect(plain: Solution, judgement: Classification, k: int) -> IntArray:
+    """Views of a group, of many points, of which some are not where the others put them."""
+    own = judged_by_view(plain.problem.groups[k].measurement)
+    beyond = judgement.point_scale.beyond(judgement.points[k]).any(-1)
+    return np.flatnonzero(own & (beyond | _implausible(plain, judgement)))
+
+
+def _points_within(problem: Problem, state: State, suspects: list[IntArray], cell: Cell) -> tuple[BoolArray, ...]:
+    """By group, (n, p): points of suspect views that agree with the rest of their view, and all of others.
+
+    A lens that is free may have been bent by wrong poses: that of the views alone is tried, too.
+    """
+    if not any(map(len, suspects)):
+        return all_inliers(problem).points
+    found = [_points_by(problem, state, suspects)]
+    if not problem.columns.keys().isdisjoint(problem.lenses):
+        alone = replace(state, cameras=lenses(problem, cell))
+        found.append(_points_by(problem, alone, suspects))
+    return min(found, key=lambda f: f[0])[1]
+
+
+def _points_by(problem: Problem, state: State, suspects: list[IntArray]) -> tuple[float, tuple[BoolArray, ...]]:
+    """The scale of all points' squares with the lenses of a state, and the points that agree within it."""
+    kept = list(all_inliers(problem).points)
+    stated = is_stated(problem)
+    scale = Scale(1.0 if stated else _unit(problem), np.inf, np.inf, CHANCE_OF_POINT)
+    for _ in range(_SCALE_ROUNDS):
+        squares = []
+        for k, group in enumerate(problem.groups):
+            kept[k], of = _agreeing_points(group, suspects[k], problem, state, scale)
+            squares.append(of)
+        before, scale = scale, robust_scale(squares, 0, stated, CHANCE_OF_POINT)
+        if 1 / CONTRADICTED < scale.variance / before.variance < CONTRADICTED:
+            break
+    return scale.variance, tuple(kept)
+
+
+def _unit(problem: Problem) -> float:
+    """One pixel squared in units of what is taken for a pixel's variance."""
+    weights = [
+        g.measurement.weight.max(initial=0.0) for g in problem.groups if isinstance(g.measurement, PixelMeasurement)
+    ]
+    return float(max(weights, default=1.0)) ** 2 * _PLAUSIBLE_PX**2
+
+
+def _agreeing_points(
+    group: ViewGroup, suspects: IntArray, problem: Problem, state: State, scale: Scale
+) -> tuple[BoolArray, MahalanobisSquared]:
+    measurement = group.measurement
+    kept = np.ones((len(group), point_count(measurement)), dtype=bool)
+    if not len(suspects) or not isinstance(measurement, PixelMeasurement | PointMeasurement):
+        return kept, MahalanobisSquared(np.zeros(0), np.zeros(0, dtype=np.int64))
+    few, near = measurement.take(suspects), state.camera_from_target(group, problem.stops)[suspects]
+    freedoms = 2 if isinstance(measurement, PixelMeasurement) else 3
+    limit = float(scale.limit(np.array(freedoms)))
+    found = view_ransac(few, near, state.cameras.get(group.camera), limit)
+    kept[suspects] = found.points | ~few.seen
+    # Of all points, not of those within the limit: a limit that is too tight must not confirm itself.
+    squares = found.squares[few.seen]
+    return kept, MahalanobisSquared(squares, np.full(len(squares), freedoms))
+
+
+def _annealed(full: Problem, kept: InlierMask, state: State) -> State:
+    """The state of truncated least squares from a state that outliers have pulled aside."""
+    full, kept = _rechosen(full, kept, state)
+    masked = without_points(full, kept.points)
+    try:
+        return graduated_truncation(masked, state, lambda squares: view_scale(masked, squares))
+    except np.linalg.LinAlgError:
+        return state
+
+
+def _end(full: Problem, kept: InlierMask, state: State, settings: Settings) -> _End | None:
+    """From a state to where no view or point changes sides; None where that is no answer."""
+    full, kept = _rechosen(full, kept, state)
+    masked = without_points(full, kept.points)
+    try:
+        squares = studentized(masked, state)
+    except np.linalg.LinAlgError:
+        return None
+    scale = view_scale(masked, squares)
+    kept = InlierMask(tuple(~scale.beyond(s) for s in squares), kept.points)
+    for k in range(_ROUNDS):
+        if not _enough(full, kept):
+            return None
+        try:
+            left = inlier_problem(full, kept)
+            solution = solve_from(left, at_stops_of(left, state), settings)
+        except (BasecalError, np.linalg.LinAlgError):
+            return None
+        if not np.isfinite(solution.cost):
+            return None
+        full, kept = _rechosen(full.with_noise(solution.noise.noise), kept, solution.state)
+        state = solution.state
+        judgement = classify_inliers(full, state, kept)
+        now = judgement.kept if k < _FREE_ROUNDS else _common(judgement.kept, kept)
+        if now.same_as(kept):
+            break
+        kept = now
+    return _End(full, kept, solution, judgement)
+
+
+def _common(first: InlierMask, second: InlierMask) -> InlierMask:
+    return InlierMask(
+        tuple(a & b for a, b in zip(first.views, second.views, strict=True)),
+        tuple(a & b for a, b in zip(first.points, second.points, strict=True)),
+    )
+
+
+def _enough(full: Problem, kept: InlierMask) -> bool:
+    """Whether what is kept has an equation for each unknown and more."""
+    left = inlier_problem(full, kept)
+    return sum(int(g.measurement.equations().sum()) for g in left.groups) > left.width
+
+
+def _rechosen(full: Problem, kept: InlierMask, state: State) -> tuple[Problem, InlierMask]:
+    """Every view read as the state predicts best; of a grid read from its other end the points change places, too."""
+    after, changed = choose_correspondence(full, state)
+    if not changed:
+        return full, kept
+    points = list(kept.points)
+    for k, (old, new) in enumerate(zip(full.groups, after.groups, strict=True)):
+        if new.half_turn is not None:
+            turned = _differs(old, new)
+            points[k] = np.where(turned[:, None], points[k][:, ::-1], points[k])
+    return after, replace(kept, points=tuple(points))
+
+
+def _differs(old: ViewGroup, new: ViewGroup) -> BoolArray:
+    assert isinstance(old.measurement, PixelMeasurement)
+    assert isinstance(new.measurement, PixelMeasurement)
+    return np.asarray(np.any(old.measurement.pixels != new.measurement.pixels, axis=(1, 2)))
+
+
+def _told(cell: Cell, problem: Problem, end: _End) -> RobustSolution:
+    rows = [np.flatnonzero(~v) for v in end.kept.views]
+    groups = (replace(g, readings=()).take(r) for g, r in zip(end.problem.groups, rows, strict=True) if len(r))
+    found = describe_outliers(cell, problem, end.problem, end.solution.state, end.kept, end.judgement)
+    left_out = end.problem.with_groups(groups)
+    return RobustSolution(end.solution, found, left_out, _sample_count(problem), _point_count(end.solution.problem))
+
+
+def _sample_count(problem: Problem) -> int:
+    return len({int(number) for group in problem.groups for number in group.sample})
+
+
+def _point_count(problem: Problem) -> int:
+    return sum(int(m.seen.sum()) for m in _with_points(problem.groups))
+
+
+def _with_points(groups: Iterable[ViewGroup]) -> list[PixelMeasurement | PointMeasurement]:
+    measurements = [g.measurement for g in groups]
+    return [m for m in measurements if isinstance(m, PixelMeasurement | PointMeasurement)]

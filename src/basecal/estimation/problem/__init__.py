@@ -1,0 +1,1 @@
+"""A cell and a recording as arrays, and the unknowns with their columns."""

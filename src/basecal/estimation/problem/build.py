@@ -1,0 +1,358 @@
+"""From a cell and a recording to a `Problem`: samples in canonical order, unusable ones dropped with a finding."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from basecal.cell import (
+    CandidateObservation,
+    Cell,
+    Finding,
+    Intrinsics,
+    Observation,
+    PixelObservation,
+    PointObservation,
+    PoseObservation,
+    Recording,
+    RobotState,
+    Sample,
+    Target,
+)
+from basecal.errors import InputError
+from basecal.estimation.problem.correspondence import MOST_CANDIDATES, half_turn, half_turned
+from basecal.estimation.problem.problem import Problem, Stops, ViewGroup, carrier, check_carriers
+from basecal.estimation.problem.robot_parameters import RobotModel, robot_model
+from basecal.estimation.view.measurement import Measurement, Noise, PixelMeasurement, PointMeasurement, PoseMeasurement
+from basecal.geometry import SE3, Array, BoolArray, IntArray
+
+Views = list[tuple[int, Observation]]
+
+
+@dataclass
+class _Poses:
+    """Poses of one robot at the samples that have them.
+
+    `row` of a sample, the poses, of each row the stop (its number among the robot's own, and its row in `Stops`), and
+    the joints.
+    """
+
+    row: dict[int, int] = field(default_factory=dict)
+    base_from_flange: SE3 = field(default_factory=lambda: SE3.identity((0,)))
+    stand: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    stop: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    joints: Array | None = None
+
+
+def build_problem(cell: Cell, recording: Recording) -> tuple[Problem, list[Finding]]:
+    """The problem of a recording, and findings about samples that could not be used.
+
+    Raises:
+        InputError: if a camera and the target it sees are on the same body, a camera with pixels has no lens, or joint
+            offsets or link parameters are asked for of a robot that is not recorded by joints, or `correlated_px`
+            stands without `pixel_px`.
+    """
+    samples = canonical_order(recording.samples)
+    findings: list[Finding] = []
+    poses = {name: _poses_of(cell, name, samples) for name in cell.robots}
+    stops = _number_stops(cell, poses)
+    views = _views(cell, samples, poses, findings)
+    groups = tuple(_group(cell, samples, poses, key, views[key]) for key in sorted(views))
+    unstated = frozenset(name for name, robot in cell.robots.items() if robot.noise is None)
+    problem = replace(_problem(cell, groups, stops), unstated=unstated)
+    return problem.with_models(_models(cell, problem)), findings
+
+
+def _models(cell: Cell, problem: Problem) -> dict[str, RobotModel]:
+    """The columns of every robot that is seen and whose kinematics are not fixed."""
+    seen = {robot for g in problem.groups for robot in (g.eye, g.hand) if robot is not None}
+    models = {}
+    for name, robot in cell.robots.items():
+        asked = {robot.joint_offsets.status, robot.link_parameters.status, robot.deflection.status}
+        if name in seen and asked != {"fixed"}:
+            if robot.chain is None or not recorded_by_joints(problem, name):
+                raise InputError(
+                    f"robot {name!r}: joint_offsets, link_parameters and deflection need its urdf and joints_rad in "
+                    "every sample; set their status to fixed where poses are recorded"
+                )
+            ends = free_ends(problem, name)
+            known = robot.joint_offsets, robot.link_parameters
+            models[name] = robot_model(name, robot.chain, *known, ends, deflection=robot.deflection)
+    return models
+
+
+def recorded_by_joints(problem: Problem, robot: str) -> bool:
+    """Whether every view of a robot has its joints."""
+    return all(
+        joints is not None
+        for g in problem.groups
+        for on, joints in ((g.eye, g.eye_joints), (g.hand, g.hand_joints))
+        if on == robot
+    )
+
+
+def free_ends(problem: Problem, robot: str) -> tuple[bool, bool]:
+    """Whether the base of a robot, and whether all that its flange carries, are free.
+
+    The reference's base is the world: it is free where everything else that is placed in the world is.
+    """
+    groups = problem.groups
+    own = [base for g in groups for on, base in ((g.eye, g.eye_base), (g.hand, g.hand_base)) if on == robot]
+    bases = [base for g in groups for base in (g.eye_base, g.hand_base) if base]
+    mounts = [(g.eye, g.camera_mount) for g in groups] + [(g.hand, g.target_mount) for g in groups]
+    placed = [*bases, *(mount for on, mount in mounts if on is None)] if None in own else [b for b in own if b]
+    carried = [mount for on, mount in mounts if on == robot]
+    base, flange = (all(problem.unknowns[name].status == "free" for name in each) for each in (placed, carried))
+    return base, flange
+
+
+def canonical_order(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
+    """Samples by time, or by number where one has no time; of two with the same number the first."""
+    timed = all(s.stamp_s is not None for s in samples)
+    ordered = sorted(samples, key=lambda s: (s.stamp_s if timed and s.stamp_s is not None else 0.0, s.sample))
+    return tuple({s.sample: s for s in reversed(ordered)}.values())[::-1]
+
+
+def _poses_of(cell: Cell, robot: str, samples: tuple[Sample, ...]) -> _Poses:
+    having = [(i, s.robots[robot]) for i, s in enumerate(samples) if robot in s.robots]
+    if not having:
+        return _Poses()
+    row = {i: k for k, (i, _) in enumerate(having)}
+    base_from_flange = _flanges(cell, robot, [state for _, state in having])
+    flat = np.concatenate([base_from_flange.rotation.reshape(-1, 9), base_from_flange.translation], -1)
+    moved = np.any(flat[1:] != flat[:-1], axis=-1)
+    stand = np.concatenate([[0], np.cumsum(moved)]).astype(np.int64)
+    joints = [state.joints_rad for _, state in having if state.joints_rad is not None]
+    return _Poses(row, base_from_flange, stand, stand, np.stack(joints) if len(joints) == len(having) else None)
+
+
+def _flanges(cell: Cell, robot: str, states: list[RobotState]) -> SE3:
+    chain = cell.robots[robot].chain
+    rotation = np.empty((len(states), 3, 3))
+    translation = np.empty((len(states), 3))
+    with_joints = [i for i, s in enumerate(states) if s.joints_rad is not None]
+    if with_joints:
+        if chain is None:
+            raise InputError(f"robot {robot!r} is recorded by joints and has no urdf")
+        forward = chain.forward(np.stack([_joints(states[i]) for i in with_joints]))
+        rotation[with_joints], translation[with_joints] = forward.rotation, forward.translation
+    for i, state in enumerate(states):
+        if state.base_from_flange is not None:
+            rotation[i], translation[i] = state.base_from_flange.rotation, state.base_from_flange.translation
+    return SE3(rotation, translation)
+
+
+def _joints(state: RobotState) -> Array:
+    assert state.joints_rad is not None
+    return state.joints_rad
+
+
+def _number_stops(cell: Cell, poses: Mapping[str, _Poses]) -> Stops:
+    """One row a stop over all robots with stated noise; `poses` then hold rows, -1 without noise."""
+    sigmas: list[Array] = [np.zeros((0, 6))]
+    names: list[str] = []
+    for name, of in poses.items():
+        noise = cell.robots[name].noise
+        if noise is None or not np.any(noise) or not len(of.stop):
+            of.stop = np.full(len(of.stop), -1, dtype=np.int64)
+            continue
+        count = int(of.stop[-1]) + 1
+        of.stop = of.stop + len(names)
+        names += [name] * count
+        sigmas.append(np.broadcast_to(noise, (count, 6)))
+    return Stops(np.concatenate(sigmas), tuple(names))
+
+
+def _views(
+    cell: Cell, samples: tuple[Sample, ...], poses: Mapping[str, _Poses], findings: list[Finding]
+) -> dict[tuple[str, str, str], Views]:
+    views: dict[tuple[str, str, str], Views] = defaultdict(list)
+    lacking: dict[str, list[int]] = defaultdict(list)
+    for i, sample in enumerate(samples):
+        for observation in sample.observations:
+            camera, target = observation.camera, observation.target
+            needed = [cell.cameras[camera].on, cell.targets[target].on]
+            missing = [r for r in needed if r in cell.robots and i not in poses[r].row]
+            if missing:
+                lacking[f"no pose of {missing[0]} in the same sample"].append(sample.sample)
+            elif _cannot_choose(cell, observation):
+                lacking["candidates for several lights, which cannot be told apart"].append(sample.sample)
+            else:
+                views[camera, target, _kind(observation)].append((i, observation))
+    findings += [_dropped(why, numbers) for why, numbers in lacking.items()]
+    for camera, target, _ in views:
+        check_carriers(cell, camera, target)
+    return views
+
+
+def _kind(observation: Observation) -> str:
+    """What is solved together: pixels, candidates among them; poses; 3-D points."""
+    pixels = isinstance(observation, PixelObservation | CandidateObservation)
+    return "PixelObservation" if pixels else type(observation).__name__
+
+
+def _cannot_choose(cell: Cell, observation: Observation) -> bool:
+    shape = cell.targets[observation.target].target
+    return isinstance(observation, CandidateObservation) and not (shape is not None and shape.is_point)
+
+
+def _dropped(why: str, numbers: list[int]) -> Finding:
+    shown = ", ".join(map(str, numbers[:10])) + (", ..." if len(numbers) > 10 else "")
+    return Finding(
+        "dropped-sample", "info", tuple(map(str, numbers)), f"{len(numbers)} view(s) not used, {why}: sample {shown}"
+    )
+
+
+def _group(
+    cell: Cell, samples: tuple[Sample, ...], poses: Mapping[str, _Poses], key: tuple[str, str, str], views: Views
+) -> ViewGroup:
+    camera, target, kind = key
+    eye, hand = carrier(cell, cell.cameras[camera].on), carrier(cell, cell.targets[target].on)
+    index = [i for i, _ in views]
+    shape = cell.targets[target].target
+    observations = [o for _, o in views]
+    measurement = _measurement(cell, camera, target, kind, observations)
+    readings = _readings(measurement, shape, observations)
+    eye_flange, eye_stop, eye_stand, eye_joints = _at(poses, eye, index)
+    hand_flange, hand_stop, hand_stand, hand_joints = _at(poses, hand, index)
+    return ViewGroup(
+        camera=camera,
+        target=target,
+        eye=eye,
+        hand=hand,
+        camera_mount=cell.mount_name(camera),
+        target_mount=cell.mount_name(target),
+        eye_base=cell.base_name(eye) if eye not in (None, cell.reference) else None,
+        hand_base=cell.base_name(hand) if hand not in (None, cell.reference) else None,
+        sample=np.array([samples[i].sample for i in index], dtype=np.int64),
+        eye_base_from_eye_flange=eye_flange,
+        hand_base_from_hand_flange=hand_flange,
+        eye_stop=eye_stop,
+        hand_stop=hand_stop,
+        eye_stand=eye_stand,
+        hand_stand=hand_stand,
+        measurement=measurement,
+        readings=readings,
+        half_turn=half_turn(shape) if len(readings) and shape is not None else None,
+        eye_joints=eye_joints,
+        hand_joints=hand_joints,
+    )
+
+
+def _at(
+    poses: Mapping[str, _Poses], robot: str | None, index: list[int]
+) -> tuple[SE3, IntArray, IntArray, Array | None]:
+    """Poses, stops, stands and joints of a robot in these samples."""
+    if robot is None:
+        nowhere = np.full(len(index), -1, dtype=np.int64)
+        return SE3.identity((len(index),)), nowhere, nowhere, None
+    of = poses[robot]
+    rows = np.array([of.row[i] for i in index])
+    return of.base_from_flange[rows], of.stop[rows], of.stand[rows], None if of.joints is None else of.joints[rows]
+
+
+def _measurement(cell: Cell, camera: str, target: str, kind: str, observations: list[Observation]) -> Measurement:
+    shape = cell.targets[target].target
+    if kind == "PoseObservation":
+        return _pose_measurement([o for o in observations if isinstance(o, PoseObservation)])
+    if shape is None:
+        raise InputError(f"target {target!r} is seen as points and has no `kind`")
+    if kind == "PointObservation":
+        return _point_measurement(shape, [o for o in observations if isinstance(o, PointObservation)])
+    if cell.cameras[camera].intrinsics is None:
+        raise InputError(
+            f"camera {camera!r} gives pixels and has no `intrinsics`; `intrinsics: {{status: free}}` estimates them"
+        )
+    if cell.correlated_px is not None and cell.pixel_px is None:
+        raise InputError("correlated_px needs pixel_px: state the noise of single points too")
+    pixels = [_as_pixels(o) for o in observations if isinstance(o, PixelObservation | CandidateObservation)]
+    return replace(_pixel_measurement(shape, pixels, cell.pixel_px), common_px=cell.correlated_px or 0.0)
+
+
+def _as_pixels(observation: PixelObservation | CandidateObservation, which: int = 0) -> PixelObservation:
+    """An observation of pixels; of candidates the one asked for, or the first where there are fewer."""
+    if isinstance(observation, PixelObservation):
+        return observation
+    o, k = observation, which if which < len(observation.pixels) else 0
+    sigma = None if o.sigma_px is None else o.sigma_px[k : k + 1]
+    return PixelObservation(o.camera, o.target, np.zeros(1, dtype=np.int64), o.pixels[k : k + 1], sigma)
+
+
+def _readings(
+    measurement: Measurement, shape: Target | None, observations: list[Observation]
+) -> tuple[PixelMeasurement, ...]:
+    """All ways to read the views, the measurement's own first; none where there is no choice."""
+    if not isinstance(measurement, PixelMeasurement) or shape is None:
+        return ()
+    if half_turn(shape) is not None:
+        return measurement, half_turned(measurement)
+    candidates = [o for o in observations if isinstance(o, CandidateObservation)]
+    most = min(max((len(o.pixels) for o in candidates), default=1), MOST_CANDIDATES)
+    return tuple(_nth_reading(measurement, observations, k) for k in range(most)) if most > 1 else ()
+
+
+def _nth_reading(measurement: PixelMeasurement, observations: list[Observation], which: int) -> PixelMeasurement:
+    pixels = measurement.pixels.copy()
+    for view, observation in enumerate(observations):
+        if isinstance(observation, CandidateObservation):
+            pixels[view] = _as_pixels(observation, which).pixels
+    return replace(measurement, pixels=pixels)
+
+
+def _pose_measurement(observations: list[PoseObservation]) -> Measurement:
+    poses = SE3.stack([o.camera_from_target for o in observations])
+    stated = np.stack([np.zeros(6) if o.sigma is None else 1 / o.sigma for o in observations])
+    return PoseMeasurement(poses, stated, stated).with_noise(Noise())
+
+
+def _scatter(
+    target: Target, ids: list[IntArray], values: list[Array], inverse_sigmas: list[Array]
+) -> tuple[Array, BoolArray, Array]:
+    """Ragged points of views as (n, p, d) values, (n, p) seen and (n, p) 1 / sigma."""
+    view = np.repeat(np.arange(len(ids)), [len(i) for i in ids])
+    row = target.rows(np.concatenate(ids))
+    n, p = len(ids), len(target.ids)
+    out = np.zeros((n, p, values[0].shape[-1]))
+    seen, stated = np.zeros((n, p), dtype=bool), np.zeros((n, p))
+    out[view, row] = np.concatenate(values)
+    seen[view, row] = True
+    stated[view, row] = np.concatenate(inverse_sigmas)
+    return out, seen, stated
+
+
+def _pixel_measurement(
+    target: Target, observations: list[PixelObservation], pixel_px: float | None
+) -> PixelMeasurement:
+    default = 0.0 if pixel_px is None else 1 / pixel_px
+    inverse = [np.full(len(o.ids), default) if o.sigma_px is None else 1 / o.sigma_px for o in observations]
+    values = _scatter(target, [o.ids for o in observations], [o.pixels for o in observations], inverse)
+    return PixelMeasurement(target.points, *values, weight=values[2]).with_noise(Noise())
+
+
+def _point_measurement(target: Target, observations: list[PointObservation]) -> Measurement:
+    inverse = [np.zeros(len(o.ids)) if o.sigma_m is None else 1 / o.sigma_m for o in observations]
+    values = _scatter(target, [o.ids for o in observations], [o.points_in_camera for o in observations], inverse)
+    return PointMeasurement(target.points, *values, weight=values[2]).with_noise(Noise())
+
+
+def _problem(cell: Cell, groups: tuple[ViewGroup, ...], stops: Stops) -> Problem:
+    unknowns = cell.transforms
+    shapes = {cell.mount_name(t.name): t.target for t in cell.targets.values()}
+    points = frozenset(name for name, shape in shapes.items() if shape is not None and shape.is_point)
+    with_pixels = sorted({g.camera for g in groups if isinstance(g.measurement, PixelMeasurement)})
+    lenses: dict[str, Intrinsics] = {}
+    widths = {name: 3 if name in points else 6 for name, u in unknowns.items() if u.status != "fixed"}
+    for name in with_pixels:
+        intrinsics = cell.cameras[name].intrinsics
+        assert intrinsics is not None
+        lenses[name] = intrinsics
+        if intrinsics.status != "fixed":
+            terms = intrinsics.distortion_terms if intrinsics.camera is None else len(intrinsics.camera.distortion)
+            widths[name] = 4 + terms
+    ends = np.cumsum([0, *widths.values()])
+    columns = {name: slice(int(a), int(b)) for name, a, b in zip(widths, ends[:-1], ends[1:], strict=True)}
+    chains = {name: robot.chain for name, robot in cell.robots.items() if robot.chain is not None}
+    return Problem(cell.reference, groups, unknowns, points, lenses, stops, columns, chains=chains)

@@ -1,0 +1,76 @@
+"""Views that can be read in several ways: a chessboard from either end, a light among several bright spots.
+
+A detector sees one view at a time and cannot tell; all views together can. Each view takes the reading that the
+present state predicts best, and the state is found again, until no view changes its mind.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from basecal.cell import Target
+from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.view.measurement import PixelMeasurement
+from basecal.geometry import SE3, IntArray
+
+_TURNED = ("chessboard",)
+MOST_CANDIDATES = 8
+
+
+def half_turn(target: Target) -> SE3 | None:
+    """`target_from_turned`: how a target that looks the same turned by half a turn is turned; None for others."""
+    if target.kind not in _TURNED and not _is_symmetric_grid(target):
+        return None
+    middle = target.points.mean(0)
+    rotation = np.diag([-1.0, -1.0, 1.0])
+    return SE3(rotation, middle - rotation @ middle)
+
+
+def _is_symmetric_grid(target: Target) -> bool:
+    return target.kind == "circles" and not target.options.get("asymmetric", False)
+
+
+def half_turned(measurement: PixelMeasurement) -> PixelMeasurement:
+    """The views of a grid read from its other end: point k is point n - 1 - k."""
+    backwards = slice(None, None, -1)
+    return replace(
+        measurement,
+        pixels=measurement.pixels[:, backwards],
+        seen=measurement.seen[:, backwards],
+        stated=measurement.stated[:, backwards],
+        weight=measurement.weight[:, backwards],
+    )
+
+
+def choose_correspondence(problem: Problem, state: State) -> tuple[Problem, bool]:
+    """The problem with every view read as the state predicts best, and whether any reading changed."""
+    groups, changed = [], False
+    for group in problem.groups:
+        if len(group.readings) < 2:
+            groups.append(group)
+            continue
+        best = _best(problem, group, state)
+        measurement = _selected(group.readings, best)
+        assert isinstance(group.measurement, PixelMeasurement)
+        changed |= not np.array_equal(measurement.pixels, group.measurement.pixels)
+        groups.append(replace(group, measurement=measurement))
+    return (problem.with_groups(groups), True) if changed else (problem, False)
+
+
+def _best(problem: Problem, group: ViewGroup, state: State) -> IntArray:
+    predicted, camera = state.camera_from_target(group, problem.stops), state.cameras[group.camera]
+    costs = np.stack([reading.linearise(predicted, camera, False).cost for reading in group.readings])
+    return np.asarray(np.argmin(costs, axis=0), dtype=np.int64)
+
+
+def _selected(readings: tuple[PixelMeasurement, ...], best: IntArray) -> PixelMeasurement:
+    rows = np.arange(len(best))
+    return replace(
+        readings[0],
+        pixels=np.stack([r.pixels for r in readings])[best, rows],
+        seen=np.stack([r.seen for r in readings])[best, rows],
+        stated=np.stack([r.stated for r in readings])[best, rows],
+        weight=np.stack([r.weight for r in readings])[best, rows],
+    )

@@ -1,0 +1,275 @@
+"""A cell and a recording as arrays: the views, the unknowns and their columns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+from basecal.cell import WORLD, Cell, Intrinsics, Unknown
+from basecal.errors import InputError
+from basecal.estimation.problem.robot_parameters import Kinematics, RobotModel, nominal
+from basecal.estimation.view.measurement import Measurement, Noise, PixelMeasurement
+from basecal.geometry import SE3, Array, Camera, IntArray, Rows
+from basecal.kinematics import SerialChain
+
+
+@dataclass(frozen=True, eq=False)
+class ViewGroup:
+    """All views of one target by one camera, of one kind of measurement.
+
+    Attributes:
+        camera: Name of the camera.
+        target: Name of the target.
+        eye: Robot that carries the camera; None on `world`.
+        hand: Robot that carries the target; None on `world`.
+        camera_mount: Name of the camera's mount.
+        target_mount: Name of the target's mount.
+        eye_base: Name of the base transform of `eye`; None where it is the reference or `world`.
+        hand_base: Likewise of `hand`.
+        sample: (n,) sample numbers.
+        eye_base_from_eye_flange: (n,) recorded poses; identity on `world`.
+        hand_base_from_hand_flange: (n,) likewise.
+        eye_stop: (n,) rows of the stops' errors; -1 where the robot's noise is not stated.
+        hand_stop: (n,) likewise.
+        eye_stand: (n,) number of the stop among all that `eye` made, noise or not; -1 on `world`.
+        hand_stand: (n,) likewise.
+        measurement: What was seen.
+        readings: All that may have been seen, where views can be read in several ways; see `readings`.
+        half_turn: `target_from_turned` where the target looks the same turned by half a turn.
+        eye_joints: (n, joints) as recorded [rad]; None where poses are recorded.
+        hand_joints: (n, joints) likewise.
+    """
+
+    camera: str
+    target: str
+    eye: str | None
+    hand: str | None
+    camera_mount: str
+    target_mount: str
+    eye_base: str | None
+    hand_base: str | None
+    sample: IntArray
+    eye_base_from_eye_flange: SE3
+    hand_base_from_hand_flange: SE3
+    eye_stop: IntArray
+    hand_stop: IntArray
+    eye_stand: IntArray
+    hand_stand: IntArray
+    measurement: Measurement
+    readings: tuple[PixelMeasurement, ...] = ()
+    half_turn: SE3 | None = None
+    eye_joints: Array | None = None
+    hand_joints: Array | None = None
+
+    def __len__(self) -> int:
+        return len(self.sample)
+
+    @cached_property
+    def hand_flange_from_hand_base(self) -> SE3:
+        """(n,) inverses of the recorded poses."""
+        return self.hand_base_from_hand_flange.inverse()
+
+    def take(self, views: Rows) -> ViewGroup:
+        """The views at these indices."""
+        return replace(
+            self,
+            sample=self.sample[views],
+            eye_base_from_eye_flange=self.eye_base_from_eye_flange[views],
+            hand_base_from_hand_flange=self.hand_base_from_hand_flange[views],
+            eye_stop=self.eye_stop[views],
+            hand_stop=self.hand_stop[views],
+            eye_stand=self.eye_stand[views],
+            hand_stand=self.hand_stand[views],
+            measurement=self.measurement.take(views),
+            readings=tuple(r.take(views) for r in self.readings),
+            eye_joints=None if self.eye_joints is None else self.eye_joints[views],
+            hand_joints=None if self.hand_joints is None else self.hand_joints[views],
+        )
+
+    def with_noise(self, noise: Noise) -> ViewGroup:
+        """The same with sigmas for what states none."""
+        readings = tuple(r.with_noise(noise) for r in self.readings)
+        return replace(self, measurement=self.measurement.with_noise(noise), readings=readings)
+
+
+@dataclass(frozen=True, eq=False)
+class Stops:
+    """Where robots stood: each stop has one pose error `sigma * u`, with u normal of unit variance.
+
+    Attributes:
+        sigma: (k, 6) [m, rad] in flange axes.
+        robot: (k,) the robot's name.
+    """
+
+    sigma: Array
+    robot: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.sigma)
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Everything the solver needs.
+
+    Attributes:
+        reference: The robot whose base is `world`.
+        groups: The views.
+        unknowns: Every transform of the cell by name.
+        point_mounts: Names of the mounts of single points, which have three columns.
+        lenses: What is known of the lenses of cameras with pixels, by camera.
+        stops: The robots' stops.
+        columns: Where each unknown that is not fixed stands in the step, by the transform's or the camera's name, or as
+            `<robot>_joint_offsets` and `<robot>_link_parameters`.
+        models: What is estimated of the robots' own kinematics, by robot.
+        chains: Kinematics as stated of the robots that have some, by robot.
+        unstated: Names of the robots that state no noise.
+    """
+
+    reference: str
+    groups: tuple[ViewGroup, ...]
+    unknowns: Mapping[str, Unknown]
+    point_mounts: frozenset[str]
+    lenses: Mapping[str, Intrinsics]
+    stops: Stops
+    columns: Mapping[str, slice]
+    unstated: frozenset[str] = frozenset()
+    models: Mapping[str, RobotModel] = field(default_factory=dict)
+    chains: Mapping[str, SerialChain] = field(default_factory=dict)
+
+    @property
+    def width(self) -> int:
+        """Number of columns."""
+        return max((c.stop for c in self.columns.values()), default=0)
+
+    def with_noise(self, noise: Noise) -> Problem:
+        """The same with sigmas for what states none."""
+        return self.with_groups(g.with_noise(noise) for g in self.groups)
+
+    def with_groups(self, groups: Iterable[ViewGroup]) -> Problem:
+        """The same unknowns with other views."""
+        return replace(self, groups=tuple(groups))
+
+    def modelled(self, robot: str | None) -> RobotModel | None:
+        """The model of a robot that has columns in the step; None where it has none."""
+        model = self.models.get(robot or "")
+        return model if model is not None and all(name in self.columns for name in model.widths) else None
+
+    def with_models(self, models: Mapping[str, RobotModel]) -> Problem:
+        """The same with other columns of the robots' kinematics, after all others."""
+        replaced = {name for model in self.models.values() for name in model.widths}
+        columns = {name: where for name, where in self.columns.items() if name not in replaced}
+        at = max((c.stop for c in columns.values()), default=0)
+        for model in models.values():
+            for name, width in model.widths.items():
+                columns[name] = slice(at, at + width)
+                at += width
+        return replace(self, columns=columns, models=models)
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """A value for every unknown.
+
+    Attributes:
+        transforms: By name.
+        cameras: Lenses by camera.
+        stop_errors: (k, 6) in sigmas, one row a stop.
+        robots: Kinematics of the robots where they are not as stated.
+    """
+
+    transforms: Mapping[str, SE3]
+    cameras: Mapping[str, Camera]
+    stop_errors: Array
+    robots: Mapping[str, Kinematics] = field(default_factory=dict)
+
+    def kinematics(self, model: RobotModel) -> Kinematics:
+        """Where a robot's kinematics are, as stated unless moved."""
+        return self.robots.get(model.robot) or nominal(model.chain, model.down)
+
+    def camera_from_target(self, group: ViewGroup, stops: Stops) -> SE3:
+        """Predicted poses of the target in the camera, (n,)."""
+        return chain(group, self, stops).camera_from_target
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """The factors of `camera_from_target` from its right end on, (n,) each; see `chain`."""
+
+    target_from_hand_flange: SE3
+    target_from_hand_base: SE3
+    target_from_eye_base: SE3
+    target_from_eye_flange: SE3
+    target_from_camera: SE3
+
+    @property
+    def camera_from_target(self) -> SE3:
+        """(n,)."""
+        return self.target_from_camera.inverse()
+
+
+def chain(group: ViewGroup, state: State, stops: Stops) -> Chain:
+    """The products of the one equation, read from the target back to the camera.
+
+    camera_from_target == (eye_base_from_eye_flange @ eye_flange_from_camera).inverse()
+                          @ eye_base_from_hand_base @ hand_base_from_hand_flange @ hand_flange_from_target
+    """
+    target_from_hand_flange = state.transforms[group.target_mount].inverse()
+    hand_flange_from_hand_base = group.hand_flange_from_hand_base
+    if _has_noise(group.hand_stop) or group.hand in state.robots:
+        hand_flange = _modelled(group.hand, group.hand_joints, group.hand_base_from_hand_flange, state)
+        hand_flange_from_hand_base = _disturbed(hand_flange, group.hand_stop, state, stops).inverse()
+    eye_flange = _modelled(group.eye, group.eye_joints, group.eye_base_from_eye_flange, state)
+    eye_base_from_eye_flange = _disturbed(eye_flange, group.eye_stop, state, stops)
+    target_from_hand_base = target_from_hand_flange @ hand_flange_from_hand_base
+    target_from_eye_base = target_from_hand_base @ _relation(group, state).inverse()
+    target_from_eye_flange = target_from_eye_base @ eye_base_from_eye_flange
+    target_from_camera = target_from_eye_flange @ state.transforms[group.camera_mount]
+    return Chain(
+        target_from_hand_flange, target_from_hand_base, target_from_eye_base, target_from_eye_flange, target_from_camera
+    )
+
+
+def _relation(group: ViewGroup, state: State) -> SE3:
+    """`eye_base_from_hand_base`; either base is the reference's where it has no name."""
+    identity = SE3.identity()
+    world_from_eye_base = identity if group.eye_base is None else state.transforms[group.eye_base]
+    world_from_hand_base = identity if group.hand_base is None else state.transforms[group.hand_base]
+    return world_from_eye_base.inverse() @ world_from_hand_base
+
+
+def _modelled(robot: str | None, joints: Array | None, recorded: SE3, state: State) -> SE3:
+    """Poses of a flange by the robot's kinematics as they are: the recorded ones where these are as stated."""
+    kinematics = state.robots.get(robot or "")
+    return recorded if kinematics is None or joints is None else kinematics.forward(joints)
+
+
+def _has_noise(stop: IntArray) -> bool:
+    return bool(len(stop) and stop[0] >= 0)
+
+
+def _disturbed(base_from_flange: SE3, stop: IntArray, state: State, stops: Stops) -> SE3:
+    """True poses of a flange: recorded ones with the errors of their stops."""
+    if not _has_noise(stop):
+        return base_from_flange
+    return base_from_flange @ SE3.exp(state.stop_errors[stop] * stops.sigma[stop])
+
+
+def carrier(cell: Cell, on: str) -> str | None:
+    """The robot that carries something; None on `world`."""
+    return None if on == WORLD else on
+
+
+def check_carriers(cell: Cell, camera: str, target: str) -> None:
+    """Raise where a camera and its target hang on the same body.
+
+    Raises:
+        InputError: if they do.
+    """
+    on = cell.cameras[camera].on
+    if on == cell.targets[target].on:
+        raise InputError(
+            f"camera {camera!r} and target {target!r} are both on {on!r}: no robot moves one against the other; "
+            "set the `on` of one of them to what carries it"
+        )

@@ -1,0 +1,1 @@
+"""A first value for every unknown, without a guess."""

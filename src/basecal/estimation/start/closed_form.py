@@ -1,0 +1,151 @@
+"""Rotations and translations of A X B = Y C Z without a guess, by Kronecker products.
+
+Vectors of matrices are by columns: vec(P M Q) = kron(Q', P) vec(M). A homogeneous system's null vector is trusted only
+where the next singular value stands clear of it. Sources: Shah 2013, 10.1115/1.4024473 (two unknowns); Wang et al.
+2022 for three; docs/mathematics.md, "A start with no guess".
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import eigh
+
+from basecal.geometry import SE3, Array
+from basecal.geometry.se3 import nearest_rotation
+
+_CLEAR = 0.35
+_SEEN = 1e-3
+
+
+class Loop(NamedTuple):
+    """The six factors at n samples; an X, Y or Z not known is None.
+
+    A = eye_base_from_eye_flange, B = camera_from_target, C = hand_base_from_hand_flange, (n,) each;
+    X = eye_flange_from_camera, Y = eye_base_from_hand_base, Z = hand_flange_from_target. weight: (n,).
+    """
+
+    a: SE3
+    b: SE3
+    c: SE3
+    x: SE3 | None
+    y: SE3 | None
+    z: SE3 | None
+    weight: Array
+
+    @property
+    def unknown(self) -> str:
+        """Letters of what is not known, such as "xz"."""
+        return "".join(k for k in "xyz" if getattr(self, k) is None)
+
+
+class Rotations(NamedTuple):
+    """Three rotations, and whether the data determine those that were not known."""
+
+    x: Array
+    y: Array
+    z: Array
+    clear: bool
+
+
+def kron(left: Array, right: Array) -> Array:
+    """Kronecker products over leading axes, (..., a, b) and (..., c, d) to (..., a c, b d)."""
+    product = left[..., :, None, :, None] * right[..., None, :, None, :]
+    shape = product.shape[:-4]
+    return product.reshape(*shape, left.shape[-2] * right.shape[-2], left.shape[-1] * right.shape[-1])
+
+
+def _t(matrix: Array) -> Array:
+    return np.swapaxes(matrix, -1, -2)
+
+
+def _unvec(vector: Array) -> Array:
+    return vector.reshape(3, 3).T
+
+
+def _null(rows: Array, weight: Array) -> tuple[Array, bool]:
+    """Null vector of weighted rows (n, 9, k), and whether it is the only one."""
+    flat = (rows * weight[:, None, None]).reshape(-1, rows.shape[-1])
+    values, vectors = eigh(flat.T @ flat, subset_by_index=[0, 1])
+    singular = np.sqrt(np.maximum(values, 0) / np.sum(weight**2))
+    return vectors[:, 0], bool(singular[0] < _CLEAR * singular[1] and singular[1] > _SEEN)
+
+
+def _two(left: Array, right: Array, weight: Array) -> tuple[Array, Array, bool]:
+    """Rotations with left vec(P) = right vec(Q), (n, 9, 9) each."""
+    null, clear = _null(np.concatenate([left, -right], -1), weight)
+    first, second = _unvec(null[:9]), _unvec(null[9:])
+    sign = np.sign(np.linalg.det(first)) or 1.0
+    return nearest_rotation(sign * first), nearest_rotation(sign * second), clear
+
+
+def solve_rotations(loop: Loop) -> Rotations:
+    """The rotations of X, Y and Z, those known among them."""
+    eye = np.broadcast_to(np.eye(3), loop.a.rotation.shape)
+    a, b, c, w = loop.a.rotation, loop.b.rotation, loop.c.rotation, loop.weight
+    x, y, z = (None if t is None else t.rotation for t in (loop.x, loop.y, loop.z))
+    if x is not None and y is not None:
+        return Rotations(x, y, z if z is not None else mean_rotation(_t(y @ c) @ a @ x @ b, w), True)
+    if x is not None and z is not None:
+        return Rotations(x, mean_rotation(a @ x @ b @ _t(c @ z), w), z, True)
+    if y is not None and z is not None:
+        return Rotations(mean_rotation(_t(a) @ y @ c @ z @ _t(b), w), y, z, True)
+    if y is not None:
+        p, q, clear = _two(kron(_t(b), a), kron(eye, y @ c), w)
+        return Rotations(p, y, q, clear)
+    if z is not None:
+        p, q, clear = _two(kron(_t(b), a), kron(_t(c @ z), eye), w)
+        return Rotations(p, q, z, clear)
+    if x is not None:
+        p, q, clear = _two(kron(_t(a @ x @ b), eye), kron(eye, c), w)
+        return Rotations(x, p.T, q, clear)
+    return _three(a, b, c, w)
+
+
+def _three(a: Array, b: Array, c: Array, weight: Array) -> Rotations:
+    """All three, from K = kron(X', Y') and Z: kron(vec(A)', kron(B', I)) vec(K) = kron(I, C) vec(Z)."""
+    eye = np.broadcast_to(np.eye(3), a.shape)
+    lifted = kron(_t(a).reshape(-1, 1, 9), kron(_t(b), eye))
+    null, clear = _null(np.concatenate([lifted, -kron(eye, c)], -1), weight)
+    z = _unvec(null[81:])
+    null = null * (np.sign(np.linalg.det(z)) or 1.0)
+    product = null[:81].reshape(9, 9).T
+    by_factor = product.reshape(3, 3, 3, 3).transpose(0, 2, 1, 3).reshape(9, 9)
+    u, _, vt = np.linalg.svd(by_factor)
+    x_t, y_t = u[:, 0].reshape(3, 3), vt[0].reshape(3, 3)
+    sign = np.sign(np.linalg.det(x_t)) or 1.0
+    x, y = nearest_rotation(sign * x_t).T, nearest_rotation(sign * y_t).T
+    return Rotations(x, y, mean_rotation(_t(y @ c) @ a @ x @ b, weight), clear)
+
+
+def mean_rotation(matrices: Array, weight: Array) -> Array:
+    """The rotation nearest to (n, 3, 3) rotations together, weighted by (n,) squared."""
+    return nearest_rotation(np.einsum("n,nij->ij", weight**2, matrices))
+
+
+def solve_translations(loop: Loop, found: Rotations) -> tuple[SE3, SE3, SE3]:
+    """X, Y and Z with the translations that fit best once the rotations are known.
+
+    RA tX - tY - RY RC tZ = RY tC - tA - RA RX tB, by least squares of least norm.
+    """
+    a, c = loop.a.rotation, loop.c.rotation
+    right = (found.y @ loop.c.translation.T).T - loop.a.translation
+    right -= (a @ found.x @ loop.b.translation[..., None])[..., 0]
+    columns = {"x": a, "y": np.broadcast_to(-np.eye(3), a.shape), "z": -(found.y @ c)}
+    known = {"x": loop.x, "y": loop.y, "z": loop.z}
+    for name, value in known.items():
+        if value is not None:
+            right = right - (columns[name] @ value.translation[:, None])[..., 0]
+    free = [name for name in "xyz" if known[name] is None]
+    w = loop.weight[:, None, None]
+    rows = np.concatenate([columns[name] for name in free], -1) * w
+    solution = np.linalg.lstsq(rows.reshape(-1, 3 * len(free)), (right * w[..., 0]).reshape(-1), rcond=1e-9)[0]
+    at = {name: solution[3 * i : 3 * i + 3] for i, name in enumerate(free)}
+
+    def whole(name: str, rotation: Array) -> SE3:
+        """What was known, or the rotation with its translation."""
+        value = known[name]
+        return SE3(rotation.copy(), np.array(at[name], dtype=np.float64)) if value is None else value
+
+    return whole("x", found.x), whole("y", found.y), whole("z", found.z)

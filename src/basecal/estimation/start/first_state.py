@@ -1,0 +1,288 @@
+"""A first value for every unknown, without a guess.
+
+Pairs of camera and target are started one after another, those with fewest unknowns first; what one finds, the next
+takes as known. A pair goes by a closed form where the data determine it, else by a grid over rotations whose best
+cells are each refined. Everything is deterministic.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from basecal.cell import Cell, Unknown
+from basecal.estimation.least_squares.levenberg_marquardt import levenberg_marquardt
+from basecal.estimation.outliers.reweighted import cauchy_irls
+from basecal.estimation.problem.problem import Problem, State, Stops
+from basecal.estimation.start.closed_form import Loop, Rotations, solve_rotations, solve_translations
+from basecal.estimation.start.lens import lens_from_views
+from basecal.estimation.start.pair_views import PairViews, as_light, pair_views, umeyama
+from basecal.estimation.start.rotation_grid import light_starts, pose_starts
+from basecal.estimation.view.measurement import PixelMeasurement
+from basecal.geometry import SE3, Camera, IntArray
+
+Triple = tuple[SE3, SE3, SE3]
+
+_FEW = (20, 16)
+_MANY = (400, 1000)
+_LIGHT_STARTS = {0: 1, 1: 12, 2: 40}
+_POSE_STARTS = 16
+_TIGHT_RAD = 0.3
+_REFINE_STEPS = 30
+_SAME_COST = 1e-6
+_AGREEING = 3
+_FEW_CHANGES = 0.1
+_PLAUSIBLE_SIGMAS = 4.0
+
+
+@dataclass
+class _Known:
+    """Transforms found so far: by name, and between bases none of which is placed yet."""
+
+    transforms: dict[str, SE3] = field(default_factory=dict)
+    relations: dict[tuple[str | None, str | None], SE3] = field(default_factory=dict)
+
+    def base(self, name: str | None) -> SE3 | None:
+        """Where a base stands in the world, if it is known; the reference has no name."""
+        return SE3.identity() if name is None else self.transforms.get(name)
+
+    def relation(self, eye_base: str | None, hand_base: str | None) -> SE3 | None:
+        """`eye_base_from_hand_base` of a pair, if it is known."""
+        eye, hand = self.base(eye_base), self.base(hand_base)
+        if eye is not None and hand is not None:
+            return eye.inverse() @ hand
+        return self.relations.get((eye_base, hand_base))
+
+    def add_relation(self, eye_base: str | None, hand_base: str | None, relation: SE3) -> None:
+        """Add `eye_base_from_hand_base`, and place every base that it leads to."""
+        self.relations[eye_base, hand_base] = relation
+        for _ in self.relations:
+            for (a, b), a_from_b in self.relations.items():
+                at_a, at_b = self.base(a), self.base(b)
+                if at_a is not None and at_b is None and b is not None:
+                    self.transforms[b] = at_a @ a_from_b
+                elif at_b is not None and at_a is None and a is not None:
+                    self.transforms[a] = at_b @ a_from_b.inverse()
+
+
+def first_state(problem: Problem, cell: Cell, thorough: bool) -> State:
+    """A state to descend from.
+
+    Args:
+        problem: The problem.
+        cell: Where the lenses and what is known of them stand.
+        thorough: Use many views, and search even where a closed form seems clear.
+    """
+    cameras = lenses(problem, cell)
+    most = _MANY if thorough else _FEW
+    waiting = [pair_views(g, cameras.get(g.camera), *most) for g in problem.groups if len(g)]
+    known = _Known(_given(problem))
+    while waiting:
+        waiting.sort(key=lambda s: (len(_loop(s, known).unknown), s.candidates is None, -s.total))
+        sight = next((s for s in waiting if _start(s, known, problem, thorough, forced=False)), None)
+        if sight is None:
+            sight = waiting[0]
+            _start(sight, known, problem, thorough, forced=True)
+        waiting.remove(sight)
+    transforms = {name: known.transforms.get(name) or _fallback(u) for name, u in problem.unknowns.items()}
+    return State(transforms, cameras, np.zeros((len(problem.stops), 6)))
+
+
+def guessed_state(problem: Problem, cell: Cell) -> State | None:
+    """The state that the cell's guesses describe; None where an unknown has none."""
+    if any(u.mean is None for u in problem.unknowns.values()):
+        return None
+    transforms = {name: _fallback(u) for name, u in problem.unknowns.items()}
+    return State(transforms, lenses(problem, cell), np.zeros((len(problem.stops), 6)))
+
+
+def lenses(problem: Problem, cell: Cell) -> dict[str, Camera]:
+    """First values of the lenses: as stated, else from views of boards."""
+    found = {}
+    for name, intrinsics in problem.lenses.items():
+        views = [g.measurement for g in problem.groups if g.camera == name]
+        pixels = [m for m in views if isinstance(m, PixelMeasurement)]
+        found[name] = intrinsics.camera or lens_from_views(cell.cameras[name], pixels)
+    return found
+
+
+def _given(problem: Problem) -> dict[str, SE3]:
+    """Transforms known well enough beforehand to start from."""
+    return {
+        name: u.mean
+        for name, u in problem.unknowns.items()
+        if u.mean is not None
+        and (u.status == "fixed" or (u.status == "prior" and u.sigma is not None and u.sigma[3:].max() < _TIGHT_RAD))
+    }
+
+
+def _fallback(unknown: Unknown) -> SE3:
+    return unknown.mean or SE3.identity()
+
+
+def _loop(sight: PairViews, known: _Known, chosen: IntArray | None = None) -> Loop:
+    g = sight.group
+    pick = np.zeros(len(g), dtype=np.int64) if chosen is None else chosen
+    y = known.relation(g.eye_base, g.hand_base)
+    return sight.loop(known.transforms.get(g.camera_mount), y, known.transforms.get(g.target_mount), pick)
+
+
+def _start(sight: PairViews, known: _Known, problem: Problem, thorough: bool, forced: bool) -> bool:
+    """Start one pair if the data determine it, or in any case where `forced`; whether it was done."""
+    loop = _loop(sight, known)
+    found: Triple | None = None
+    if not loop.unknown:
+        return True
+    is_point = sight.group.target_mount in problem.point_mounts
+    if sight.candidates is None:
+        found = _light(sight, loop, is_point) if forced else None
+    else:
+        found = _closed(sight, known)
+        if (found is None and forced) or (found is not None and thorough):
+            found = _searched(sight, loop, is_point, found)
+    if found is None:
+        return False
+    g = sight.group
+    known.transforms[g.camera_mount], known.transforms[g.target_mount] = found[0], found[2]
+    if loop.y is None:
+        known.add_relation(g.eye_base, g.hand_base, found[1])
+    return True
+
+
+def _closed(sight: PairViews, known: _Known) -> Triple | None:
+    """By closed form, each view's better pose chosen anew until the choice settles; None where it is not unique."""
+    chosen = np.zeros(len(sight.group), dtype=np.int64)
+    for _ in range(4):
+        loop = _loop(sight, known, chosen)
+        found = solve_rotations(loop)
+        if not found.clear:
+            return None
+        triple = solve_translations(loop, found)
+        better = _nearer(sight, triple)
+        if np.mean(better != chosen) <= _FEW_CHANGES:
+            break
+        chosen = better
+    return triple
+
+
+def _nearer(sight: PairViews, triple: Triple) -> IntArray:
+    """Which of each view's two poses lies nearer to what X, Y and Z predict, (n,)."""
+    assert sight.candidates is not None
+    x, y, z = triple
+    g = sight.group
+    predicted = (g.eye_base_from_eye_flange @ x).inverse() @ y @ g.hand_base_from_hand_flange @ z
+    agreement = np.einsum("nij,nkij->nk", predicted.rotation, sight.candidates.rotation)
+    return np.asarray(np.argmax(agreement, axis=-1), dtype=np.int64)
+
+
+def _searched(sight: PairViews, loop: Loop, is_point: bool, closed: Triple | None) -> Triple:
+    """By a grid over rotations and the closed form if there is one, the best of them refined."""
+    starts = [] if closed is None else [closed]
+    for x, y, z in pose_starts(loop, _POSE_STARTS):
+        starts.append(solve_translations(loop, Rotations(x, y, z, True)))
+    return _best_refined(sight, loop, starts, is_point)
+
+
+def light_states(problem: Problem, cell: Cell, most: int) -> Iterator[State]:
+    """Where a search for a single light ends from each of its starts, by weights that leave out what is far off.
+
+    The end that fits all views best may be wrong where some of the views are.
+
+    Args:
+        problem: The problem; nothing is given unless it is of one camera that sees one light.
+        cell: What exists and what is known.
+        most: How many starts.
+    """
+    cameras, known = lenses(problem, cell), _Known(_given(problem))
+    if len(problem.groups) != 1 or problem.groups[0].target_mount not in problem.point_mounts:
+        return
+    sight = pair_views(problem.groups[0], cameras.get(problem.groups[0].camera), *_MANY)
+    as_point, light, starts = _light_search(sight, _loop(sight, known), most)
+    g = sight.group
+    names = [name for name in (g.camera_mount, g.hand_base or g.eye_base, g.target_mount) if name is not None]
+    fixed = {name: _fallback(unknown) for name, unknown in problem.unknowns.items()}
+    pair, lens = _pair_problem(as_point, light, True)
+    for start in starts:
+        state = State(dict(zip("xyz", start, strict=True)), lens, np.zeros((0, 6)))
+        end = cauchy_irls(pair, state)
+        x, y, z = (end.transforms[name] for name in "xyz")
+        relation = y if g.hand_base is not None else y.inverse()
+        moved = dict(zip(names, (x, relation, z) if len(names) == 3 else (x, z), strict=True))
+        yield State({**fixed, **moved}, cameras, np.zeros((len(problem.stops), 6)))
+
+
+def _light_search(sight: PairViews, loop: Loop, most: int) -> tuple[PairViews, Loop, list[Triple]]:
+    """The views of the point that most of them see, as a light, and the most promising starts."""
+    chords, point = as_light(sight.group.measurement)
+    views = np.flatnonzero(chords.weight[:, point] > 0)
+    few = sight.group.take(views)
+    one = replace(chords.take(views), points_in_target=np.zeros((1, 3)))
+    one = replace(one, bearings_in_camera=one.bearings_in_camera[:, [point]], weight=one.weight[:, [point]])
+    as_point = replace(sight, group=replace(few, measurement=one), weight=sight.weight[views])
+    light_z = None if loop.z is None else SE3(np.eye(3), loop.z @ chords.points_in_target[point])
+    light = as_point.loop(loop.x, loop.y, light_z, np.zeros(len(views), dtype=np.int64))
+    return as_point, light, light_starts(light, one.bearings_in_camera[:, 0], most)
+
+
+def _light(sight: PairViews, loop: Loop, is_point: bool) -> Triple:
+    """As a single light; the target's other points are placed afterwards."""
+    chords, point = as_light(sight.group.measurement)
+    turns = (loop.x is None) + (loop.y is None)
+    as_point, light, starts = _light_search(sight, loop, _LIGHT_STARTS[turns])
+    x, y, at = _best_refined(as_point, light, starts, True)
+    if is_point or loop.z is not None:
+        shift = SE3(np.eye(3), at.translation - chords.points_in_target[point]) if is_point else loop.z
+        assert shift is not None
+        return x, y, shift
+    return x, y, _mount_of_points(sight, x, y, at)
+
+
+def _mount_of_points(sight: PairViews, x: SE3, y: SE3, at: SE3) -> SE3:
+    """`hand_flange_from_target` from where each of its points is found in the flange."""
+    chords, _ = as_light(sight.group.measurement)
+    g = sight.group
+    camera_from_flange = (g.eye_base_from_eye_flange @ x).inverse() @ y @ g.hand_base_from_hand_flange
+    bearings = (np.swapaxes(camera_from_flange.rotation, -1, -2)[:, None] @ chords.bearings_in_camera[..., None])[
+        ..., 0
+    ]
+    origin_in_flange = camera_from_flange.inverse().translation
+    across = (np.eye(3) - bearings[..., :, None] * bearings[..., None, :]) * (chords.weight > 0)[..., None, None]
+    total = across.sum(0) + 1e-9 * np.eye(3)
+    right = (across @ origin_in_flange[:, None, :, None]).sum(0) + 1e-9 * at.translation[:, None]
+    points_in_flange = np.linalg.solve(total, right)[..., 0]
+    return umeyama(chords.points_in_target, points_in_flange[None], np.ones((1, len(points_in_flange))))[0]
+
+
+def _best_refined(sight: PairViews, loop: Loop, starts: list[Triple], is_point: bool) -> Triple:
+    """The start from which the pair alone is fitted best, refined.
+
+    Enough is once a few starts have come to one end that the data could have come from.
+    """
+    problem, cameras = _pair_problem(sight, loop, is_point)
+    counts = sight.group.measurement.counts()
+    plausible = _PLAUSIBLE_SIGMAS**2 * max(sum(counts.values()) - problem.width, 1)
+    best, best_cost, agreeing = starts[0], np.inf, 0
+    for start in starts:
+        state = State(dict(zip("xyz", start, strict=True)), cameras, np.zeros((0, 6)))
+        end = levenberg_marquardt(problem, state, dof=1, iterations=_REFINE_STEPS)
+        agreeing += end.normal.cost < best_cost * (1 + _SAME_COST)
+        if end.normal.cost < best_cost * (1 - _SAME_COST):
+            best_cost, agreeing = end.normal.cost, 1
+            best = (end.state.transforms["x"], end.state.transforms["y"], end.state.transforms["z"])
+        if agreeing >= _AGREEING and best_cost < plausible:
+            break
+    return best
+
+
+def _pair_problem(sight: PairViews, loop: Loop, is_point: bool) -> tuple[Problem, Mapping[str, Camera]]:
+    group = replace(sight.group, camera_mount="x", eye_base=None, hand_base="y", target_mount="z")
+    none = np.full(len(group), -1, dtype=np.int64)
+    group = replace(group, eye_stop=none, hand_stop=none)
+    widths = [(name, 3 if name == "z" and is_point else 6) for name in loop.unknown]
+    ends = np.cumsum([0, *(w for _, w in widths)])
+    columns = {name: slice(int(ends[i]), int(ends[i + 1])) for i, (name, _) in enumerate(widths)}
+    unknowns = {name: Unknown() for name in "xyz"}
+    stops = Stops(np.zeros((0, 6)))
+    return Problem("", (group,), unknowns, frozenset(), {}, stops, columns), {}

@@ -1,0 +1,148 @@
+"""One camera's views of one target, made ready for a start: few of them, with directions or poses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from basecal.estimation.problem.problem import ViewGroup
+from basecal.estimation.start.closed_form import Loop
+from basecal.estimation.view.measurement import (
+    BearingMeasurement,
+    Measurement,
+    PixelMeasurement,
+    PointMeasurement,
+    PoseMeasurement,
+)
+from basecal.estimation.view.view_pose import view_poses
+from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
+from basecal.geometry.se3 import nearest_rotation
+
+_LOOKS_ALIKE = 25.0
+_START_PIXEL = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class PairViews:
+    """Views of one target, thinned.
+
+    Attributes:
+        group: The views, measured by directions or poses.
+        candidates: (n, k) poses of the target in each view, best first; None where it is seen as a light.
+        weight: (n,) how far the poses are to be trusted, at most 1.
+        total: How many views there were before thinning.
+    """
+
+    group: ViewGroup
+    candidates: SE3 | None
+    weight: Array
+    total: int
+
+    def loop(self, x: SE3 | None, y: SE3 | None, z: SE3 | None, chosen: IntArray) -> Loop:
+        """The loop's factors, with the `chosen` (n,) candidate of each view."""
+        rows = np.arange(len(self.group))
+        b = SE3.identity((len(rows),)) if self.candidates is None else self.candidates[rows, chosen]
+        return Loop(self.group.eye_base_from_eye_flange, b, self.group.hand_base_from_hand_flange, x, y, z, self.weight)
+
+
+def pair_views(group: ViewGroup, camera: Camera | None, views: int, points: int) -> PairViews:
+    """At most so many views of a group and points of its target, spread evenly."""
+    total = len(group)
+    spread = np.unique(np.linspace(0, total - 1, min(total, views)).round().astype(np.int64))
+    few = group.take(spread)
+    measurement = few.measurement
+    if isinstance(measurement, PoseMeasurement):
+        pose = measurement.measured_camera_from_target
+        both = SE3(np.stack([pose.rotation] * 2, 1), np.stack([pose.translation] * 2, 1))
+        return PairViews(few, both, np.ones(len(few)), total)
+    if isinstance(measurement, PointMeasurement):
+        return _of_points(few, measurement, total)
+    assert isinstance(measurement, PixelMeasurement)
+    assert camera is not None
+    # A grid that may be read from its other end keeps all its points, whose other end is among them.
+    thinned = measurement if few.half_turn is not None else measurement.thinned(points)
+    return _of_pixels(few, thinned, camera, total)
+
+
+def _of_pixels(group: ViewGroup, measurement: PixelMeasurement, camera: Camera, total: int) -> PairViews:
+    bearings, valid = camera.undistort(measurement.pixels)
+    seen = measurement.seen & valid
+    weight = np.where(seen, np.where(measurement.stated > 0, measurement.stated, 1 / _START_PIXEL), 0.0)
+    chords = BearingMeasurement(
+        measurement.points_in_target, np.where(seen[..., None], bearings, 0.0), weight * float(camera.focal.mean())
+    )
+    group = replace(group, measurement=chords)
+    if len(measurement.points_in_target) < 4:
+        return PairViews(group, None, np.ones(len(group)), total)
+    poses = view_poses(measurement.points_in_target, chords.bearings_in_camera, seen, chords)
+    found = np.flatnonzero(poses.found)
+    if len(found) < 3:
+        return PairViews(group, None, np.ones(len(group)), total)
+    spread = np.linalg.inv(poses.information[found] + 1e-9 * np.eye(6))
+    sigma = np.sqrt(np.maximum(np.trace(spread[:, 3:, 3:], axis1=-2, axis2=-1), 1e-12))
+    alike = poses.cost[found, 1] - poses.cost[found, 0] < _LOOKS_ALIKE
+    weight = 1 / (1 + sigma / 0.02) * np.where(alike, 0.2, 1.0)
+    sight = PairViews(group.take(found), poses.camera_from_target[found], weight, total)
+    return sight if group.half_turn is None else _with_half_turns(sight, group.half_turn)
+
+
+def _with_half_turns(sight: PairViews, target_from_turned: SE3) -> PairViews:
+    """Every view read from the end that turns it least against the first; the other end's poses stay candidates."""
+    assert sight.candidates is not None
+    measurement = sight.group.measurement
+    assert isinstance(measurement, BearingMeasurement)
+    other = sight.candidates @ target_from_turned
+    best = sight.candidates.rotation[:, 0]
+    alike = np.einsum("nij,ij->n", best, best[0])
+    flip = np.einsum("nij,ij->n", other.rotation[:, 0], best[0]) > alike
+    bearings = np.where(flip[:, None, None], measurement.bearings_in_camera[:, ::-1], measurement.bearings_in_camera)
+    weight = np.where(flip[:, None], measurement.weight[:, ::-1], measurement.weight)
+    group = replace(sight.group, measurement=replace(measurement, bearings_in_camera=bearings, weight=weight))
+    first, second = (_where(flip, a, b) for a, b in ((other, sight.candidates), (sight.candidates, other)))
+    rotation = np.concatenate([first.rotation, second.rotation], 1)
+    return replace(
+        sight,
+        group=group,
+        candidates=SE3(rotation, np.concatenate([first.translation, second.translation], 1)),
+    )
+
+
+def _where(mask: BoolArray, first: SE3, second: SE3) -> SE3:
+    """`first` where `mask`, (n,), holds, else `second`, (n, k)."""
+    return SE3(
+        np.where(mask[:, None, None, None], first.rotation, second.rotation),
+        np.where(mask[:, None, None], first.translation, second.translation),
+    )
+
+
+def _of_points(group: ViewGroup, measurement: PointMeasurement, total: int) -> PairViews:
+    enough = np.flatnonzero(measurement.seen.sum(-1) >= 3)
+    if (
+        len(enough) < 3
+        or np.linalg.matrix_rank(measurement.points_in_target - measurement.points_in_target[0], 1e-6) < 2
+    ):
+        p = measurement.points_in_camera
+        unit = p / np.maximum(np.linalg.norm(p, axis=-1, keepdims=True), 1e-12)
+        chords = BearingMeasurement(measurement.points_in_target, unit, measurement.seen / 1e-3)
+        return PairViews(replace(group, measurement=chords), None, np.ones(len(group)), total)
+    few = measurement.take(enough)
+    pose = umeyama(few.points_in_target, few.points_in_camera, few.seen.astype(np.float64))
+    both = SE3(np.stack([pose.rotation] * 2, 1), np.stack([pose.translation] * 2, 1))
+    return PairViews(group.take(enough), both, np.ones(len(enough)), total)
+
+
+def umeyama(p_in_a: Array, p_in_b: Array, weight: Array) -> SE3:
+    """`b_from_a`, (n,), that bring points (p, 3) nearest to others (n, p, 3), weighted (n, p). Source: Umeyama 1991."""
+    share = weight / weight.sum(-1, keepdims=True)
+    centre_a = share @ p_in_a
+    centre_b = np.einsum("np,npi->ni", share, p_in_b)
+    spread = np.einsum("np,npi,npj->nij", share, p_in_b - centre_b[:, None], p_in_a - centre_a[:, None])
+    rotation = nearest_rotation(spread)
+    return SE3(rotation, centre_b - (rotation @ centre_a[..., None])[..., 0])
+
+
+def as_light(measurement: Measurement) -> tuple[BearingMeasurement, int]:
+    """The directions of a view's measurement, and the point that most views see."""
+    assert isinstance(measurement, BearingMeasurement)
+    return measurement, int(np.argmax((measurement.weight > 0).sum(0)))

@@ -1,0 +1,142 @@
+"""Starts where no closed form exists: a grid over rotations, with everything else linear.
+
+Once the rotations of X and Y in A X B = Y C Z are fixed, the directions to a light leave the translations to linear
+least squares. The sixty rotations of the icosahedron cover all rotations within 45 degrees.
+"""
+
+from __future__ import annotations
+
+from itertools import permutations, product
+
+import numpy as np
+
+from basecal.estimation.start.closed_form import Loop
+from basecal.geometry import SE3, Array
+from basecal.geometry.se3 import nearest_rotation, rotation_from_quaternion
+
+_RIDGE = 1e-6
+_MOST_VIEWS = 40
+
+
+def icosahedral_rotations() -> Array:
+    """The sixty rotations that carry an icosahedron onto itself, (60, 3, 3)."""
+    golden = (1 + 5**0.5) / 2
+    whole = [tuple(q) for q in np.concatenate([np.eye(4), -np.eye(4)])]
+    halves = list(product((0.5, -0.5), repeat=4))
+    base = (golden / 2, 0.5, 1 / (2 * golden), 0.0)
+    even = [p for p in permutations(range(4)) if _parity(p) == 0]
+    mixed = [
+        tuple(np.array([base[i] for i in p]) * [s[i] if i < 3 else 1 for i in p])
+        for p in even
+        for s in product((1, -1), repeat=3)
+    ]
+    quaternions = np.array(whole + halves + mixed)
+    first = np.array([q[np.flatnonzero(np.abs(q) > 1e-9)[0]] > 0 for q in quaternions])
+    return rotation_from_quaternion(quaternions[first])
+
+
+def _parity(order: tuple[int, ...]) -> int:
+    return sum(order[i] > order[j] for i in range(4) for j in range(i + 1, 4)) % 2
+
+
+def light_starts(loop: Loop, bearings_in_camera: Array, most: int) -> list[tuple[SE3, SE3, SE3]]:
+    """The most promising X, Y and Z for a single light.
+
+    Args:
+        loop: Flange poses and what is known; its B is not used.
+        bearings_in_camera: (n, 3) unit, towards the light.
+        most: How many to give, best first.
+    """
+    step = max(1, -(-len(loop.a) // _MOST_VIEWS))
+    a, c, b = loop.a[::step], loop.c[::step], bearings_in_camera[::step]
+    grid = icosahedral_rotations()
+    xs = grid if loop.x is None else loop.x.rotation[None]
+    ys = grid if loop.y is None else loop.y.rotation[None]
+    scored: list[tuple[float, SE3, SE3, SE3]] = []
+    for x in xs:
+        scored += _with_camera(loop, a, c, b, x, ys)
+    scored.sort(key=lambda s: s[0])
+    return [(x, y, z) for _, x, y, z in scored[:most]]
+
+
+def _with_camera(loop: Loop, a: SE3, c: SE3, b: Array, x: Array, ys: Array) -> list[tuple[float, SE3, SE3, SE3]]:
+    """Scores and solutions for one rotation of X and all of Y."""
+    sight = (a.rotation @ x @ b[..., None])[..., 0]
+    across = np.eye(3) - sight[:, :, None] * sight[:, None, :]
+    columns: dict[str, Array] = {}
+    m, n = len(ys), len(b)
+    turned = ys[:, None] @ c.rotation
+    columns["x"] = np.broadcast_to(-a.rotation, (m, n, 3, 3))
+    columns["y"] = np.broadcast_to(np.eye(3), (m, n, 3, 3))
+    columns["z"] = turned
+    constant = (ys[:, None] @ c.translation[..., None])[..., 0] - a.translation
+    for name in "xyz":
+        known = getattr(loop, name)
+        if known is not None:
+            constant = constant + (columns[name] @ known.translation[:, None])[..., 0]
+    free = [name for name in "xyz" if getattr(loop, name) is None]
+    rows = np.concatenate([columns[name] for name in free], -1)
+    solution = _least_squares(across, rows, constant)
+    along = (rows @ solution[:, None, :, None])[..., 0] + constant
+    depth = np.einsum("mni,ni->mn", along, sight)
+    length = np.linalg.norm(along, axis=-1) + 1e-12
+    score = np.mean(1 - depth / length, axis=-1)
+    out = []
+    for k in np.argsort(score)[:8]:
+        at = {name: solution[k, 3 * i : 3 * i + 3] for i, name in enumerate(free)}
+        found = {"x": x, "y": ys[k], "z": np.eye(3)}
+        whole = [SE3(found[q].copy(), at[q].copy()) if q in at else getattr(loop, q) for q in "xyz"]
+        out.append((float(score[k]), whole[0], whole[1], whole[2]))
+    return out
+
+
+def _least_squares(across: Array, rows: Array, constant: Array) -> Array:
+    """Translations that bring points nearest to their lines of sight, (m, k)."""
+    projected = across @ rows
+    flat = projected.reshape(len(rows), -1, rows.shape[-1])
+    right = (across @ constant[..., None]).reshape(len(rows), -1, 1)
+    ridge = _RIDGE * len(across) * np.eye(rows.shape[-1])
+    normal = np.swapaxes(flat, -1, -2) @ flat + ridge
+    return -np.asarray(np.linalg.solve(normal, np.swapaxes(flat, -1, -2) @ right)[..., 0], dtype=np.float64)
+
+
+def pose_starts(loop: Loop, most: int) -> list[tuple[Array, Array, Array]]:
+    """The most promising rotations of X, Y and Z where views give whole poses, (3, 3) each, best first."""
+    grid = icosahedral_rotations()
+    averaged = loop.unknown[-1]
+    xs = grid if loop.x is None and averaged != "x" else _known(loop.x)
+    ys = grid if loop.y is None and averaged != "y" else _known(loop.y)
+    means = _means(loop, averaged, xs, ys)
+    score = np.linalg.svd(means, compute_uv=False).sum(-1)
+    order = np.argsort(-score, axis=None, kind="stable")[:most]
+    at_x, at_y = np.unravel_index(order, score.shape)
+    found = {"x": xs[at_x], "y": ys[at_y], "z": np.broadcast_to(_known(loop.z), (len(order), 3, 3))}
+    found[averaged] = nearest_rotation(means[at_x, at_y])
+    return list(zip(found["x"], found["y"], found["z"], strict=True))
+
+
+def _known(transform: SE3 | None) -> Array:
+    return np.eye(3)[None] if transform is None else transform.rotation[None]
+
+
+def _means(loop: Loop, averaged: str, xs: Array, ys: Array) -> Array:
+    """Weighted means over samples of the one rotation that follows from the others, (k, m, 3, 3) for k X and m Y."""
+    step = max(1, -(-len(loop.a) // _MOST_VIEWS))
+    a, b, c, w = (t[::step] for t in (loop.a.rotation, loop.b.rotation, loop.c.rotation, loop.weight))
+    share = (w**2 / np.sum(w**2))[:, None, None]
+    if averaged == "x":
+        return _summed_products(np.swapaxes(a, -1, -2), ys[:, None] @ (share * c @ _known(loop.z)), b)[None]
+    seen = a @ xs[:, None] @ b
+    if averaged == "y":
+        of_y: Array = np.einsum("xnij,nkj->xik", seen, share * c @ _known(loop.z))[:, None]
+        return of_y
+    # Of C' Y' S only Y varies with the grid: what it is multiplied by is summed over samples first.
+    around = np.einsum("nji,xnkl->xiljk", share * c, seen, optimize=True)
+    of_z: Array = np.einsum("xiljk,ykj->xyil", around, ys, optimize=True)
+    return of_z
+
+
+def _summed_products(left: Array, middle: Array, right: Array) -> Array:
+    """Sums over n of left, (n, 3, 3), times middle, (m, n, 3, 3), times the transpose of right, (n, 3, 3)."""
+    total: Array = (left @ middle @ np.swapaxes(right, -1, -2)).sum(1)
+    return total

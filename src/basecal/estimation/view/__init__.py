@@ -1,0 +1,1 @@
+"""What one view says of `camera_from_target`."""

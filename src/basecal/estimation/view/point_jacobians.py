@@ -1,0 +1,57 @@
+"""Points of views one by one: residuals and derivatives that a view's information sums over."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from basecal.estimation.view.measurement import Measurement, PixelMeasurement, PointMeasurement
+from basecal.geometry import SE3, Array, BoolArray, Camera
+
+
+@dataclass(frozen=True, eq=False)
+class PointJacobians:
+    """Points of views.
+
+    Attributes:
+        residual: (n, p, d) predicted minus seen, over sigma; zero where not seen.
+        jacobian: (n, p, d, 6 + k) its derivative to the view's tangent and, where it is free, the lens.
+        seen: (n, p) whether the point was seen and lies before the camera.
+    """
+
+    residual: Array
+    jacobian: Array
+    seen: BoolArray
+
+
+def point_jacobians(
+    measurement: Measurement, camera_from_target: SE3, camera: Camera | None, lens: bool
+) -> PointJacobians | None:
+    """Each point of views about `camera_from_target`, (n,); None where what was measured are poses."""
+    if not isinstance(measurement, PixelMeasurement | PointMeasurement):
+        return None
+    points = camera_from_target.translation[:, None] + measurement.points_in_target @ np.swapaxes(
+        camera_from_target.rotation, -1, -2
+    )
+    if isinstance(measurement, PointMeasurement):
+        off, by_point, by_lens = (
+            points - measurement.points_in_camera,
+            np.broadcast_to(np.eye(3), (*points.shape, 3)),
+            None,
+        )
+    else:
+        assert camera is not None
+        pixels, by_point, by_lens = camera.project_with_derivatives(points, lens)
+        off = pixels - measurement.pixels
+    seen = measurement.seen & (measurement.weight > 0) & np.isfinite(off).all(-1)
+    weight = np.where(seen, measurement.weight, 0.0)[..., None]
+    by_pose = _by_pose(by_point, camera_from_target.rotation, measurement.points_in_target)
+    jacobian = by_pose if by_lens is None else np.concatenate([by_pose, by_lens], -1)
+    return PointJacobians(np.nan_to_num(off) * weight, np.nan_to_num(jacobian) * weight[..., None], seen)
+
+
+def _by_pose(by_point: Array, rotation: Array, points: Array) -> Array:
+    """Derivative of f(camera_from_target @ p) by the pose's tangent, (n, p, d, 6), from df/dp, (n, p, d, 3)."""
+    shift = by_point @ rotation[:, None]
+    return np.concatenate([shift, np.cross(points[:, None], shift)], -1)

@@ -1,0 +1,194 @@
+"""A target's pose in one view, from directions to its points: closed form, then maximum likelihood.
+
+A plane seen from afar has two poses that look alike; both are given. Source: Zhang 2000 (homography), Hartley &
+Zisserman 2004 (7.2, direct linear transform), Schweighofer & Pinz 2006 (the second pose).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from basecal.estimation.view.measurement import Measurement, ViewInformation
+from basecal.geometry import SE3, Array, BoolArray, Camera
+from basecal.geometry.se3 import nearest_rotation, rotation_exp
+
+FEWEST_POINTS = 4
+_FEWEST_IN_SPACE = 6
+_ITERATIONS = 2
+_FLAT = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class ViewPoses:
+    """Poses of a target in each view.
+
+    Attributes:
+        camera_from_target: (n, 2) the best and the next best pose of each view; alike where there is only one.
+        cost: (n, 2) sums of squared residuals; infinite where there is no pose.
+        information: (n, 6, 6) of the best.
+    """
+
+    camera_from_target: SE3
+    cost: Array
+    information: Array
+
+    @property
+    def found(self) -> BoolArray:
+        """(n,) whether the view has a pose at all."""
+        return np.isfinite(self.cost[:, 0])
+
+
+def view_poses(
+    points_in_target: Array, bearings_in_camera: Array, seen: BoolArray, measurement: Measurement
+) -> ViewPoses:
+    """Poses of a target in each of its views.
+
+    Args:
+        points_in_target: (p, 3) [m].
+        bearings_in_camera: (n, p, 3) unit.
+        seen: (n, p).
+        measurement: What is minimised: the views' bearings and sigmas.
+
+    Returns:
+        The poses; a cost is infinite in a view of fewer than four points.
+    """
+    centre = points_in_target.mean(0)
+    flat, axes, size = _shape(points_in_target - centre)
+    target_from_plane = SE3(axes, centre)
+    local = (points_in_target - centre) @ axes / size
+    guess = _by_homography(local, bearings_in_camera, seen) if flat else _by_projection(local, bearings_in_camera, seen)
+    guess = SE3(guess.rotation, guess.translation * size)
+    guesses = _joined(guess, _tilted(guess)) if flat else guess
+    n = len(guess)
+    twice = measurement.take(np.arange(len(guesses)) % n)
+    poses = refined(twice, guesses @ target_from_plane.inverse(), iterations=_ITERATIONS)
+    enough = seen.sum(-1) >= (FEWEST_POINTS if flat else _FEWEST_IN_SPACE)
+    return _ranked(poses.of(slice(0, n)), poses.of(slice(len(guesses) - n, None)), enough)
+
+
+def _joined(first: SE3, second: SE3) -> SE3:
+    return SE3(
+        np.concatenate([first.rotation, second.rotation]), np.concatenate([first.translation, second.translation])
+    )
+
+
+def _shape(centred: Array) -> tuple[bool, Array, float]:
+    """Whether points lie in a plane, axes with z across it (a rotation), and their size [m]."""
+    _, values, vt = np.linalg.svd(centred, full_matrices=True)
+    axes = vt.T * np.array([1.0, 1.0, np.linalg.det(vt)])
+    size = float(np.sqrt(np.mean(np.sum(centred**2, -1))))
+    return bool(len(values) < 3 or values[2] < _FLAT * values[0]), axes, size
+
+
+def _null_vectors(rows: Array) -> Array:
+    """The unit vectors that (n, m, k) systems map nearest to zero, (n, k)."""
+    _, vectors = np.linalg.eigh(np.swapaxes(rows, -1, -2) @ rows)
+    return vectors[..., 0]
+
+
+def _cross_rows(bearings_in_camera: Array, seen: BoolArray, homogeneous: Array) -> Array:
+    """Rows of b x (M h) = 0 in the entries of M by rows, (n, 3 p, 3 k), weighted by `seen`."""
+    n, p, _ = bearings_in_camera.shape
+    k = homogeneous.shape[-1]
+    b = bearings_in_camera * seen[..., None]
+    rows = np.zeros((n, p, 3, 3, k))
+    for i in range(3):
+        j, m = (i + 1) % 3, (i + 2) % 3
+        rows[:, :, i, m] = b[..., j, None] * homogeneous
+        rows[:, :, i, j] = -b[..., m, None] * homogeneous
+    return rows.reshape(n, 3 * p, 3 * k)
+
+
+def _by_homography(local: Array, bearings_in_camera: Array, seen: BoolArray) -> SE3:
+    homogeneous = np.concatenate([local[:, :2], np.ones((len(local), 1))], -1)
+    matrix = _null_vectors(_cross_rows(bearings_in_camera, seen, homogeneous)).reshape(-1, 3, 3)
+    matrix = matrix * _facing(matrix @ homogeneous.T, bearings_in_camera, seen)[:, None, None]
+    scale = np.maximum(np.linalg.norm(matrix[:, :, :2], axis=1).mean(-1), 1e-12)
+    matrix = matrix / scale[:, None, None]
+    third = np.cross(matrix[:, :, 0], matrix[:, :, 1])
+    return SE3(nearest_rotation(np.stack([matrix[:, :, 0], matrix[:, :, 1], third], -1)), matrix[:, :, 2].copy())
+
+
+def _by_projection(local: Array, bearings_in_camera: Array, seen: BoolArray) -> SE3:
+    homogeneous = np.concatenate([local, np.ones((len(local), 1))], -1)
+    matrix = _null_vectors(_cross_rows(bearings_in_camera, seen, homogeneous)).reshape(-1, 3, 4)
+    matrix = matrix * _facing(matrix @ homogeneous.T, bearings_in_camera, seen)[:, None, None]
+    scale = np.maximum(np.cbrt(np.abs(np.linalg.det(matrix[:, :, :3]))), 1e-12)
+    matrix = matrix / scale[:, None, None]
+    return SE3(nearest_rotation(matrix[:, :, :3]), matrix[:, :, 3].copy())
+
+
+def _facing(predicted: Array, bearings_in_camera: Array, seen: BoolArray) -> Array:
+    """+1 or -1 so that points (n, 3, p) lie along the directions and not against them."""
+    along = np.einsum("nip,npi->np", predicted, bearings_in_camera * seen[..., None])
+    return np.where(along.sum(-1) < 0, -1.0, 1.0)
+
+
+def _tilted(camera_from_plane: SE3) -> SE3:
+    """The pose whose normal is mirrored at the line of sight: it looks the same through a long lens."""
+    sight = camera_from_plane.translation / np.linalg.norm(camera_from_plane.translation, axis=-1, keepdims=True)
+    normal = camera_from_plane.rotation[..., 2]
+    normal = normal * np.where(np.sum(normal * sight, -1, keepdims=True) < 0, -1.0, 1.0)
+    axis = np.cross(sight, normal)
+    sine = np.linalg.norm(axis, axis=-1, keepdims=True)
+    angle = np.arctan2(sine, np.sum(normal * sight, -1, keepdims=True))
+    turn = rotation_exp(-2 * angle * axis / np.maximum(sine, 1e-12))
+    return SE3(turn @ camera_from_plane.rotation, camera_from_plane.translation.copy())
+
+
+@dataclass(frozen=True, eq=False)
+class _Refined:
+    camera_from_target: SE3
+    cost: Array
+    information: Array
+
+    def of(self, views: slice) -> _Refined:
+        """The views of a slice."""
+        return _Refined(self.camera_from_target[views], self.cost[views], self.information[views])
+
+
+class Linearised(Protocol):
+    """What says how views fit at poses; see `Measurement`."""
+
+    def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
+        """See `Measurement`."""
+        ...
+
+
+def refined(measurement: Linearised, start: SE3, camera: Camera | None = None, iterations: int = 8) -> _Refined:
+    """Each view's pose at its own optimum near `start`, (n,): damped Gauss-Newton on all views side by side."""
+    pose, view = start, measurement.linearise(start, camera, False)
+    damping = np.full(len(start), 1e-6)
+    for _ in range(iterations):
+        scale = np.maximum(np.diagonal(view.information, axis1=-2, axis2=-1), 1e-12)
+        matrix = view.information + np.eye(6) * (damping[:, None] * scale)[:, None, :]
+        step = -np.linalg.solve(matrix, view.gradient[..., None])[..., 0]
+        candidate = pose @ SE3.exp(np.where(np.isfinite(step), step, 0.0))
+        after = measurement.linearise(candidate, camera, False)
+        better = after.cost <= view.cost
+        pose = SE3(
+            np.where(better[:, None, None], candidate.rotation, pose.rotation),
+            np.where(better[:, None], candidate.translation, pose.translation),
+        )
+        settled = np.all(~better | (view.cost <= after.cost + 1e-6 * view.cost + 1e-12))
+        view = type(view)(
+            *(np.where(better.reshape(-1, *[1] * (a.ndim - 1)), a, b) for a, b in zip(after, view, strict=True))
+        )
+        damping = np.where(better, damping * 0.1, damping * 10)
+        if settled:
+            break
+    return _Refined(pose, view.cost, view.information)
+
+
+def _ranked(first: _Refined, second: _Refined, enough: BoolArray) -> ViewPoses:
+    cost = np.stack([first.cost, second.cost], -1)
+    order = np.argsort(cost, -1, kind="stable")
+    row = np.arange(len(cost))[:, None]
+    rotation = np.stack([first.camera_from_target.rotation, second.camera_from_target.rotation], 1)[row, order]
+    translation = np.stack([first.camera_from_target.translation, second.camera_from_target.translation], 1)[row, order]
+    information = np.stack([first.information, second.information], 1)[row[:, 0], order[:, 0]]
+    cost = np.where(enough[:, None] & np.isfinite(cost[row, order]), cost[row, order], np.inf)
+    return ViewPoses(SE3(rotation, translation), cost, information)

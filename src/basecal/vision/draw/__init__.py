@@ -1,0 +1,1 @@
+"""Targets as shapes, and images of them."""

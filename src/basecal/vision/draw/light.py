@@ -1,0 +1,86 @@
+"""Images of small lights: photons through a Gaussian point spread, counted, read out and rounded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtr
+
+from basecal.geometry import Array, Camera
+from basecal.vision.detection import Image
+from basecal.vision.draw.render import background, checked_size, quantised
+
+_REACH = 8.0
+
+
+@dataclass(frozen=True)
+class LightSettings:
+    """How lights are imaged; levels are in grey levels of an 8-bit image, whatever `bits` is.
+
+    Attributes:
+        photons: Mean count of one light's photons in an exposure; 0 is the light off.
+        spot_px: Sigma of the spot, besides the pixel's own square.
+        photons_per_level: Photons that raise a pixel by one level.
+        background: Level of the scene, whose photons are counted like the light's.
+        texture: Standard deviation of the scene's structure, the same for one `scene` seed; 0 is plain.
+        read_noise: Sigma of the read-out.
+        scene: Seed of the texture.
+        bits: 8 or 16.
+    """
+
+    photons: float = 30_000.0
+    spot_px: float = 1.2
+    photons_per_level: float = 20.0
+    background: float = 10.0
+    texture: float = 0.0
+    read_noise: float = 1.0
+    scene: int = 0
+    bits: int = 8
+
+
+def render_light(
+    camera: Camera, points_in_camera: Array, settings: LightSettings | None = None, seed: int = 0
+) -> Image:
+    """An image of lights, (h, w); a level too bright for the image stays at its highest.
+
+    Args:
+        camera: Its lens; `size_px` must be known.
+        points_in_camera: (n, 3) [m]; those the camera does not see are left out.
+        settings: How they are exposed.
+        seed: Of the photons and the read-out.
+
+    Raises:
+        InputError: if the camera has no size.
+    """
+    chosen = settings or LightSettings()
+    expected = light_levels(camera, points_in_camera, chosen)
+    rng = np.random.default_rng([seed, 3])
+    photons = rng.poisson(np.maximum(expected, 0.0) * chosen.photons_per_level)
+    levels = photons / chosen.photons_per_level + chosen.read_noise * rng.standard_normal(expected.shape)
+    return quantised(levels, chosen.bits)
+
+
+def light_levels(camera: Camera, points_in_camera: Array, settings: LightSettings) -> Array:
+    """The mean level of each pixel without noise, (h, w).
+
+    Raises:
+        InputError: if the camera has no size.
+    """
+    size_px = checked_size(camera)
+    image = background(size_px, settings.background, settings.texture, settings.scene)
+    points = np.asarray(points_in_camera, dtype=np.float64).reshape(-1, 3)
+    for u, v in camera.project(points[Camera(camera.model, camera.parameters).sees(points)]):
+        (columns, across), (rows, down) = (
+            _shares(at, settings.spot_px, extent) for at, extent in zip((u, v), size_px, strict=True)
+        )
+        image[rows, columns] += settings.photons / settings.photons_per_level * np.outer(down, across)
+    return image
+
+
+def _shares(centre: float, sigma: float, extent: int) -> tuple[slice, Array]:
+    """What each pixel along an axis receives of a spot, for the pixels within its reach."""
+    low = int(np.clip(np.floor(centre - _REACH * sigma), 0, extent))
+    high = int(np.clip(np.ceil(centre + _REACH * sigma) + 1, low, extent))
+    borders = np.arange(low, high + 1) - 0.5
+    return slice(low, high), np.diff(ndtr((borders - centre) / sigma))

@@ -1,0 +1,214 @@
+"""Images of printed targets through a lens, with blur and noise: exact edges, no GPU.
+
+The outlines of what is black are projected through the lens and the area they cover of each pixel is computed, so
+that an edge's place is right to a thousandth of a pixel. Then come the point spread, the noise and the grey levels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from basecal.cell.target import Target
+from basecal.errors import InputError
+from basecal.geometry import SE3, Array, Camera
+from basecal.vision.detection import Image
+from basecal.vision.draw.coverage import coverage
+from basecal.vision.draw.drawing import Sheet, target_drawing
+
+_EDGE_PX = 3.0
+_FINER = 2  # a Gaussian sampled once a pixel would leave steps of half a percent in an edge
+_DISC_SIDES = 120
+
+Levels = NDArray[np.float32]
+View = tuple[Target, SE3]
+
+
+@dataclass(frozen=True)
+class RenderSettings:
+    """How an image is exposed; levels are in grey levels of an 8-bit image, whatever `bits` is.
+
+    Attributes:
+        black: Level of print.
+        white: Level of paper.
+        background: Level around the paper.
+        texture: Standard deviation of the structure of the background; 0 is plain.
+        blur_px: Sigma of the Gaussian point spread, besides the pixel's own square.
+        noise: Sigma of Gaussian noise.
+        bits: 8 or 16.
+    """
+
+    black: float = 30.0
+    white: float = 200.0
+    background: float = 110.0
+    texture: float = 0.0
+    blur_px: float = 0.7
+    noise: float = 2.0
+    bits: int = 8
+
+
+def render(
+    camera: Camera, target: Target, camera_from_target: SE3, settings: RenderSettings | None = None, seed: int = 0
+) -> Image:
+    """An image of a printed target, (h, w).
+
+    Args:
+        camera: Its lens; `size_px` must be known.
+        target: A charuco, chessboard, circles or apriltag target.
+        camera_from_target: Where it is.
+        settings: How it is exposed.
+        seed: Of the noise and the background's texture.
+
+    Raises:
+        InputError: if the camera has no size, or the target is not printed.
+    """
+    chosen = settings or RenderSettings()
+    return expose(radiance(camera, [(target, camera_from_target)], chosen, seed), chosen, seed)
+
+
+def radiance(camera: Camera, views: Sequence[View], settings: RenderSettings, seed: int = 0) -> Array:
+    """What falls on the sensor, before noise and rounding, (h, w) in grey levels; nearer sheets hide others.
+
+    Raises:
+        InputError: if the camera has no size, or a target is not printed.
+    """
+    size_px = checked_size(camera)
+    plain = background(size_px, settings.background, settings.texture, seed).astype(np.float32)
+    image = plain.repeat(_FINER, axis=0).repeat(_FINER, axis=1)
+    placed = [(pose @ sheet.target_from_sheet, sheet) for target, pose in views for sheet in target_drawing(target)]
+    for camera_from_sheet, sheet in sorted(placed, key=lambda each: -float(each[0].translation[2])):
+        _paint(image, camera, camera_from_sheet, sheet, settings)
+    fine = blurred(image, _FINER * settings.blur_px)
+    return np.asarray(cv2.resize(fine, size_px, interpolation=cv2.INTER_AREA), dtype=np.float64)
+
+
+def expose(levels: Array, settings: RenderSettings, seed: int = 0) -> Image:
+    """Grey levels with noise, rounded and clipped to the range of the image, (h, w)."""
+    noise = np.random.default_rng([seed, 1]).standard_normal(levels.shape, dtype=np.float32)
+    return quantised(levels + settings.noise * noise, settings.bits)
+
+
+def quantised(levels: Array, bits: int) -> Image:
+    """Levels of an 8-bit image rounded to `bits`, (h, w).
+
+    Raises:
+        InputError: if `bits` is neither 8 nor 16.
+    """
+    if bits not in (8, 16):
+        raise InputError(f"bits is {bits}, expected 8 or 16")
+    full = 2**bits - 1
+    whole = np.rint(np.clip(levels * (full / 255.0), 0, full))
+    return np.asarray(whole, dtype=np.uint8 if bits == 8 else np.uint16)
+
+
+def checked_size(camera: Camera) -> tuple[int, int]:
+    """Width and height of a camera's images.
+
+    Raises:
+        InputError: if they are not known.
+    """
+    if camera.size_px is None:
+        raise InputError("the camera has no size_px; an image needs a width and a height")
+    return camera.size_px
+
+
+def background(size_px: tuple[int, int], level: float, texture: float, seed: int) -> Array:
+    """A plain or structured background, (h, w): noise of three scales, smooth down to some pixels."""
+    width, height = size_px
+    image = np.full((height, width), float(level))
+    rng = np.random.default_rng([seed, 2])
+    for scale in (8, 32, 128) if texture > 0 else ():
+        coarse = rng.standard_normal((height // scale + 3, width // scale + 3))
+        image += texture / np.sqrt(3) * cv2.resize(coarse, size_px, interpolation=cv2.INTER_CUBIC)
+    return image
+
+
+def blurred(image: Levels, sigma_px: float) -> Levels:
+    """An image under a Gaussian point spread, (h, w)."""
+    if sigma_px <= 0:
+        return image
+    half = int(np.ceil(4.5 * sigma_px))
+    return np.asarray(cv2.GaussianBlur(image, (2 * half + 1,) * 2, sigma_px, borderType=cv2.BORDER_REPLICATE))
+
+
+def _paint(image: Levels, camera: Camera, camera_from_sheet: SE3, sheet: Sheet, settings: RenderSettings) -> None:
+    facing = float(camera_from_sheet.rotation[:, 2] @ camera_from_sheet.translation) > 0
+    paper = _projected(camera, camera_from_sheet, _tiles(sheet))
+    window = _window(paper, image.shape)
+    if window is None:
+        return
+    seen = image[window]
+    seen += _covered(paper if facing else paper[:, ::-1], window) * (np.float32(settings.white) - seen)
+    if not facing:
+        return
+    black = [_projected(camera, camera_from_sheet, loops) for loops in (_boxes(sheet.rectangles), _rounds(sheet))]
+    seen += np.float32(settings.black - settings.white) * _covered(np.concatenate(black), window)
+
+
+def _window(edges: Array, shape: tuple[int, ...]) -> tuple[slice, slice] | None:
+    """Rows and columns of the finer image that edges reach; None where they miss it."""
+    if not len(edges):
+        return None
+    low = np.maximum(np.floor(edges.min(axis=(0, 1))), 0).astype(int)
+    high = np.minimum(np.ceil(edges.max(axis=(0, 1))) + 1, shape[::-1]).astype(int)
+    return None if np.any(low >= high) else (slice(low[1], high[1]), slice(low[0], high[0]))
+
+
+def _covered(edges: Array, window: tuple[slice, slice]) -> Levels:
+    rows, columns = window
+    origin = np.array([columns.start, rows.start])
+    return coverage(edges - origin, (columns.stop - columns.start, rows.stop - rows.start)).astype(np.float32)
+
+
+def _tiles(sheet: Sheet) -> Array:
+    """The paper in tiles about a pitch wide, so that what a lens cannot show is left out piece by piece."""
+    left, top, right, bottom = sheet.paper
+    columns, rows = (max(1, round(float(extent) / sheet.pitch)) for extent in (right - left, bottom - top))
+    x, y = np.linspace(left, right, columns + 1), np.linspace(top, bottom, rows + 1)
+    low = np.stack(np.meshgrid(x[:-1], y[:-1]), -1).reshape(-1, 2)
+    high = np.stack(np.meshgrid(x[1:], y[1:]), -1).reshape(-1, 2)
+    return _boxes(np.concatenate([low, high], -1))
+
+
+def _boxes(rectangles: Array) -> Array:
+    """Corners of rectangles, clockwise on the screen, (n, 4, 2)."""
+    left, top, right, bottom = rectangles.T
+    corners = [(left, top), (right, top), (right, bottom), (left, bottom)]
+    return np.stack([np.stack(corner, -1) for corner in corners], axis=1)
+
+
+def _rounds(sheet: Sheet) -> Array:
+    """Discs as polygons of the same area, (n, sides, 2)."""
+    angle = 2 * np.pi * np.arange(_DISC_SIDES) / _DISC_SIDES
+    stretch = np.sqrt(np.pi / (_DISC_SIDES / 2 * np.sin(2 * np.pi / _DISC_SIDES)))
+    circle = stretch * np.stack([np.cos(angle), np.sin(angle)], -1)
+    return np.asarray(sheet.discs[:, None, :2] + sheet.discs[:, 2, None, None] * circle)
+
+
+def _projected(camera: Camera, camera_from_sheet: SE3, loops: Array) -> Array:
+    """Edges of the loops' images, (m, 2, 2) in the finer image, cut so short that a lens bends none visibly."""
+    shown = Camera(camera.model, camera.parameters).sees(camera_from_sheet @ _flat(loops)).all(axis=1)
+    start = loops[shown]
+    end = np.roll(start, -1, axis=1)
+    pixels = camera.project(camera_from_sheet @ _flat(start))
+    start, end = start.reshape(-1, 2), end.reshape(-1, 2)
+    length = np.linalg.norm(np.roll(pixels, -1, axis=1) - pixels, axis=-1).ravel()
+    count = np.clip(np.ceil(length / _EDGE_PX), 1, 4000).astype(np.int64)
+    which = np.repeat(np.arange(len(start)), count)
+    step = np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count)
+    ends = [_between(start[which], end[which], (step + k) / count[which]) for k in (0, 1)]
+    fine: Array = np.stack([camera.project(camera_from_sheet @ _flat(each)) for each in ends], axis=1)
+    return np.asarray((fine + 0.5) * _FINER - 0.5)
+
+
+def _between(start: Array, end: Array, t: Array) -> Array:
+    """Weighed so that an edge and its reverse pass the same points."""
+    return start * (1 - t)[:, None] + end * t[:, None]
+
+
+def _flat(plane: Array) -> Array:
+    return np.concatenate([plane, np.zeros((*plane.shape[:-1], 1))], axis=-1)

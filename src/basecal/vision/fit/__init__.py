@@ -1,0 +1,1 @@
+"""Shapes fitted to pieces of an image."""

@@ -1,0 +1,159 @@
+"""Corners to a hundredth of a pixel, each with its sigma: an ideal corner fitted to the image around it.
+
+Where a corner is and how its two lines run is known roughly; the fit finds them, the point spread and the light. What
+is left over is the noise, and with it the fit's covariance is the corner's. The window is a cross along the two lines,
+so that what is printed in the next square stays outside.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from basecal.geometry import Array, BoolArray
+from basecal.vision.fit.patch_fit import Fit, Patches, Shape, fit_shapes, packed
+
+_GUARD = 2.0
+_FIRST_SPREAD = 1.0
+_MODEL_PX = 0.0015
+_LEAST_WIDTH_PX = 1.6
+_LEAST_SPREAD, _MOST_SPREAD = 0.15, 6.0
+_LENS_LIMITS = (np.log(_LEAST_SPREAD), -0.5), (np.log(_MOST_SPREAD), 3.0)
+_LENS_CORNERS = 12
+_LEAST_CONTRAST = 2.0
+
+
+Levels = NDArray[Any]
+"""An image, or levels computed from one, (h, w)."""
+
+
+@dataclass(frozen=True)
+class Window:
+    """The cross around a corner in which the image is as the ideal corner, in units of the pitch along each axis.
+
+    Attributes:
+        arm_px: How far along its lines [px], where a lens bends them by too little to matter.
+        arm: How far along its lines.
+        inside: How far from both lines at once, where both coordinates are positive.
+        outside: The same, elsewhere.
+        before: How far towards negative coordinates at all.
+    """
+
+    arm_px: float
+    arm: float
+    inside: float
+    outside: float
+    before: float
+
+
+@dataclass(frozen=True, eq=False)
+class Corners:
+    """Refined corners: `pixels` (n, 2), `sigma_px` (n,) per coordinate, whether each can be `trusted`, (n,)."""
+
+    pixels: Array
+    sigma_px: Array
+    trusted: BoolArray
+    gain: Array
+
+
+def refined(image: Levels, shape: Shape, start: Array, axes: Array, window: Window) -> Corners:
+    """Corners near `start`.
+
+    Args:
+        image: (h, w) grey levels.
+        shape: `saddle` or `wedge`.
+        start: Rough places, (n, 2) [px].
+        axes: What a pitch along the corner's first and second line is in the image, (n, 2, 2) [px], a line a row.
+        window: Where the image is as the ideal corner.
+    """
+    if not len(start):
+        return Corners(start, np.zeros(0), np.zeros(0, dtype=bool), np.zeros(0))
+    context = _Context(image, shape, axes, window)
+    rough = _fitted(context, _parameters(start, axes), held=1)
+    sound = _sound(rough, start)
+    q = np.where(sound[:, None], rough.shape, _parameters(start, axes))
+    q[:, 4:] = _lens(context, q[sound], sound)
+    fit = _fitted(context, q, held=1)
+    sigma = np.sqrt(np.trace(fit.covariance[:, :2, :2], axis1=1, axis2=2) / 2 + _MODEL_PX**2)
+    return Corners(fit.shape[:, :2], sigma, _sound(fit, start), fit.light[:, 0])
+
+
+def _lens(of: _Context, q: Array, which: BoolArray) -> Array:
+    """Point spread and sharpening as most of some corners show them; one alone hardly tells them apart."""
+    if not len(q):
+        return np.array([np.log(_FIRST_SPREAD), 0.0])
+    some = slice(None, None, max(1, len(q) // _LENS_CORNERS))
+    free = _fitted(_Context(of.image, of.shape, of.axes[which][some], of.window), q[some], held=0)
+    return np.asarray(np.median(free.shape[:, 4:], axis=0).clip(*_LENS_LIMITS))
+
+
+def _parameters(start: Array, axes: Array) -> Array:
+    along, across = axes[:, 0], -axes[:, 1]
+    angles = [np.arctan2(line[:, 1], line[:, 0]) for line in (along, across)]
+    lens = np.broadcast_to([np.log(_FIRST_SPREAD), 0.0], (len(start), 2))
+    return np.column_stack([start, *angles, lens])
+
+
+@dataclass(frozen=True, eq=False)
+class _Context:
+    """What all rounds of refining share; see `refined`."""
+
+    image: Levels
+    shape: Shape
+    axes: Array
+    window: Window
+
+
+def _fitted(of: _Context, q: Array, held: int) -> Fit:
+    """A fit whose covariance is in pixels, with the noise that the residuals show."""
+    middle = np.rint(q[:, :2])
+    patches = patches_around(of.image, middle, int(np.ceil(1.4 * of.window.arm_px)))
+    mask = _mask(patches.xy - (q[:, :2] - middle)[:, None], of.axes, np.exp(q[:, 4]), of.window)
+    used = packed(patches, patches.weights * mask)
+    fit = fit_shapes(of.shape, np.column_stack([q[:, :2] - middle, q[:, 2:]]), used, sloped=True, held=held)
+    weights = used.weights
+    freedom = np.maximum((weights > 0).sum(axis=1) - q.shape[1] - fit.light.shape[1], 1)
+    noise = (weights * fit.residuals**2).sum(axis=1) / freedom
+    moved = np.column_stack([fit.shape[:, :2] + middle, fit.shape[:, 2:]])
+    covariance = fit.covariance * noise[:, None, None]
+    enough = fit.converged & (np.abs(fit.light[:, 0]) > _LEAST_CONTRAST * np.sqrt(noise)) & (freedom > 8)
+    return Fit(moved, fit.light, covariance, fit.residuals, fit.leverage, enough)
+
+
+def patches_around(image: Levels, middle: Array, reach: int) -> Patches:
+    """Square pieces around whole pixels, (n, 2), counted from them; pixels outside the image weigh nothing."""
+    height, width = image.shape
+    steps = np.arange(-reach, reach + 1)
+    xy = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
+    column, row = np.moveaxis(middle.astype(np.int64)[:, None] + xy, -1, 0)
+    inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    values = image[row.clip(0, height - 1), column.clip(0, width - 1)].astype(np.float64)
+    places = np.broadcast_to(xy.astype(np.float64), (*column.shape, 2)).copy()
+    return Patches(places, values, inside.astype(np.float64))
+
+
+def _mask(offset: Array, axes: Array, spread: Array, window: Window) -> BoolArray:
+    """Which pixels lie in the cross, (n, p)."""
+    pitches = offset @ np.linalg.inv(axes)
+    length = np.linalg.norm(axes, axis=2)
+    height = np.abs(np.linalg.det(axes))[:, None] / length[:, ::-1]  # [px] from the other line, per pitch
+    guard = (_GUARD * spread[:, None] / height)[:, None]
+    least = (_LEAST_WIDTH_PX / height)[:, None]
+    size = np.abs(pitches)
+    both_positive = (pitches > 0).all(axis=2)
+    inside, outside = (np.maximum(limit - guard, least) for limit in (window.inside, window.outside))
+    near = np.where(both_positive, (size < inside).any(axis=2), (size < outside).any(axis=2))
+    arm = np.minimum(window.arm, (window.arm_px / length)[:, None])
+    before = pitches > -np.maximum(window.before - guard, least)
+    mask: BoolArray = near & (size < arm).all(axis=2) & before.all(axis=2)
+    return mask
+
+
+def _sound(fit: Fit, start: Array) -> BoolArray:
+    spread = np.exp(fit.shape[:, 4])
+    moved = np.linalg.norm(fit.shape[:, :2] - start, axis=1)
+    sound: BoolArray = fit.converged & (moved < 3.0) & (spread > _LEAST_SPREAD) & (spread < _MOST_SPREAD)
+    return sound

@@ -1,0 +1,1 @@
+"""How a target of each kind is found in an image."""

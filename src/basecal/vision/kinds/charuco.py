@@ -1,0 +1,49 @@
+"""ChArUco boards: OpenCV finds the markers and rough corners, each corner is then fitted in the image."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+
+from basecal.cell.target import Target
+from basecal.geometry import Array
+from basecal.vision.detection import Detection, Image, eight_bit, found
+from basecal.vision.fit.corners import Window, refined
+from basecal.vision.fit.local_map import local_axes
+from basecal.vision.fit.shapes import saddle
+from basecal.vision.kinds.fiducial import charuco_board, marker_corners
+
+
+def detect(image: Image, target: Target) -> Detection | None:
+    """The corners of a ChArUco board, by OpenCV's ids, or None.
+
+    Args:
+        image: (h, w), uint8 or uint16.
+        target: The board.
+
+    Raises:
+        InputError: if the image is not grey of 8 or 16 bits, or the dictionary has too few markers.
+    """
+    detector = cv2.aruco.CharucoDetector(charuco_board(target))
+    corners, ids, markers, marker_ids = detector.detectBoard(eight_bit(image))
+    if ids is None or not len(ids):
+        return None
+    ids, start = ids.ravel(), corners.reshape(-1, 2).astype(np.float64)
+    at = target.points[ids, :2]
+    plane, pixels = _known(target, at, start, markers, marker_ids)
+    pitch = float(target.options["square_m"])
+    gap = (1 - target.options["marker_m"] / pitch) / 2
+    window = Window(arm_px=7.0, arm=0.7, inside=gap, outside=gap, before=1.0)
+    fitted = refined(image, saddle, start, local_axes(at, plane, pixels, pitch), window)
+    kept = fitted.trusted
+    return found(ids[kept].astype(np.int64), fitted.pixels[kept], fitted.sigma_px[kept])
+
+
+def _known(target: Target, at: Array, start: Array, markers: Any, marker_ids: Any) -> tuple[Array, Array]:
+    """Points of the board known in the image: its corners and those of its markers."""
+    if marker_ids is None or not len(marker_ids):
+        return at, start
+    by_marker = marker_corners(target)[marker_ids.ravel()].reshape(-1, 2)
+    return np.concatenate([at, by_marker]), np.concatenate([start, np.reshape(markers, (-1, 2))])

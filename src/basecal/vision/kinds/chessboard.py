@@ -1,0 +1,60 @@
+"""Chessboards: OpenCV finds the grid, each corner is then fitted in the image.
+
+A board looks alike after half a turn where its numbers of inner corners are both even or both odd (after a quarter
+turn too where they are equal): ids may then count from either end, which only all views of a recording together can
+tell. Otherwise ids count from the corner whose outer square is black.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from basecal.cell.target import Target
+from basecal.errors import InputError
+from basecal.geometry import Array
+from basecal.vision.detection import Detection, Image, eight_bit, found
+from basecal.vision.fit.corners import Corners, Window, refined
+from basecal.vision.fit.local_map import grid_axes, right_handed
+from basecal.vision.fit.shapes import saddle
+
+_FEWEST = 3
+_WINDOW = Window(arm_px=7.0, arm=0.7, inside=0.7, outside=0.7, before=0.7)
+
+
+def detect(image: Image, target: Target) -> Detection | None:
+    """The inner corners of a chessboard, row-major, or None; the board must be seen whole.
+
+    Args:
+        image: (h, w), uint8 or uint16.
+        target: The board.
+
+    Raises:
+        InputError: if the image is not grey of 8 or 16 bits, or the board too small to be found.
+    """
+    columns, rows = target.options["corners"]
+    if min(columns, rows) < _FEWEST:
+        raise InputError(
+            f"a chessboard of {columns} x {rows} inner corners cannot be found; expected 3 or more each way"
+        )
+    seen, corners = cv2.findChessboardCornersSB(eight_bit(image), (columns, rows), flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
+    if not seen:
+        return None
+    grid = right_handed(np.reshape(corners, (rows, columns, 2)).astype(np.float64))
+    fitted = _fitted(image, grid)
+    if (columns + rows) % 2 and np.median(_outward(fitted.gain.reshape(rows, columns))) > 0:
+        grid = grid[::-1, ::-1]
+        fitted = _fitted(image, grid)
+    kept = fitted.trusted
+    return found(target.ids[kept], fitted.pixels[kept], fitted.sigma_px[kept])
+
+
+def _fitted(image: Image, grid: Array) -> Corners:
+    return refined(image, saddle, grid.reshape(-1, 2), grid_axes(grid), _WINDOW)
+
+
+def _outward(gain: Array) -> Array:
+    """Gains as corner (0, 0) has them: positive where the square towards the first corner is bright."""
+    row, column = np.indices(gain.shape)
+    outward: Array = gain * (-1.0) ** (row + column)
+    return outward

@@ -1,0 +1,144 @@
+"""Grids of circles: OpenCV finds the grid, an ellipse is then fitted to each disc's edge.
+
+A disc's centre is not at the centre of the ellipse it is seen as: the difference follows from how the grid lies in
+the image and is taken off. Source: Heikkila 2000, doi:10.1109/34.879788. As with a chessboard, ids may count from
+either end where half a turn leaves the grid as it is.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from basecal.cell.target import Target
+from basecal.geometry import Array, BoolArray
+from basecal.vision.detection import Detection, Image, eight_bit, found
+from basecal.vision.fit.corners import patches_around
+from basecal.vision.fit.local_map import local_axes, local_homographies
+from basecal.vision.fit.patch_fit import Patches, fit_shapes, packed
+from basecal.vision.fit.shapes import ellipse
+
+_MODEL_PX = 0.0007
+_BENT_SHARE = 0.05  # of what a lens bends, as uncertain
+_MOST_REACH = 40
+_MOST_MOVED = 3.0
+_FEWEST = 4
+_LEAST_AREA = 12.0
+_LEAST_CONTRAST = 3.0
+
+
+def detect(image: Image, target: Target) -> Detection | None:
+    """The centres of a grid of dark circles, row-major, or None; the grid must be seen whole.
+
+    Args:
+        image: (h, w), uint8 or uint16.
+        target: The grid.
+
+    Raises:
+        InputError: if the image is not grey of 8 or 16 bits.
+    """
+    columns, rows = target.options["circles"]
+    kind = cv2.CALIB_CB_ASYMMETRIC_GRID if target.options["asymmetric"] else cv2.CALIB_CB_SYMMETRIC_GRID
+    seen, centres = cv2.findCirclesGrid(eight_bit(image), (columns, rows), flags=kind, blobDetector=_blobs(image.shape))
+    if not seen:
+        return None
+    start = _facing(target, np.reshape(centres, (-1, 2)).astype(np.float64))
+    outlines = _fitted(image, target, start)
+    kept, shape = outlines.trusted, outlines.shape[outlines.trusted]
+    if kept.sum() < _FEWEST:
+        return None
+    perspective, bent = _eccentricity(target.points[kept, :2], shape, float(target.options["spacing_m"]))
+    model = _MODEL_PX**2 + (_BENT_SHARE * np.linalg.norm(bent, axis=1)) ** 2
+    return found(target.ids[kept], shape[:, :2] - perspective - bent, np.sqrt(outlines.variance[kept] + model))
+
+
+def _blobs(shape: tuple[int, ...]) -> cv2.SimpleBlobDetector:
+    """OpenCV's finder of dark blobs, for discs of any size that a grid can have in the image."""
+    of = cv2.SimpleBlobDetector.Params()
+    of.minArea, of.maxArea = _LEAST_AREA, max(shape[0] * shape[1] / 20.0, _LEAST_AREA)
+    of.minDistBetweenBlobs = 3.0
+    return cv2.SimpleBlobDetector.create(of)
+
+
+def _facing(target: Target, start: Array) -> Array:
+    """The grid's points in the order in which a print is seen from its front."""
+    columns, rows = target.options["circles"]
+    axes = local_axes(target.points[:, :2], target.points[:, :2], start, target.options["spacing_m"])
+    if np.median(np.linalg.det(axes)) > 0:
+        return start
+    return start.reshape(rows, columns, 2)[::-1].reshape(-1, 2)
+
+
+class _Outlines(NamedTuple):
+    """Ellipses, (n, 6) as `ellipse` takes them, the variance of their centres (n,), whether each can be trusted."""
+
+    shape: Array
+    variance: Array
+    trusted: BoolArray
+
+
+def _fitted(image: Image, target: Target, start: Array) -> _Outlines:
+    plane = target.points[:, :2]
+    axes = local_axes(plane, plane, start, float(target.options["spacing_m"]))
+    middle, used = _windows(image, start, axes, target)
+    fit = fit_shapes(ellipse, np.column_stack([start - middle, _outlines(used, axes), np.zeros(len(start))]), used)
+    freedom = np.maximum((used.weights > 0).sum(axis=1) - fit.shape.shape[1] - 2, 1)
+    noise = (used.weights * fit.residuals**2).sum(axis=1) / freedom
+    variance = noise * np.trace(fit.covariance[:, :2, :2], axis1=1, axis2=2) / 2
+    shape = np.column_stack([fit.shape[:, :2] + middle, fit.shape[:, 2:]])
+    near = np.linalg.norm(shape[:, :2] - start, axis=1) < _MOST_MOVED
+    return _Outlines(
+        shape, variance, fit.converged & near & (np.abs(fit.light[:, 0]) > _LEAST_CONTRAST * np.sqrt(noise))
+    )
+
+
+def _windows(image: Image, start: Array, axes: Array, target: Target) -> tuple[Array, Patches]:
+    """Whole pixels, (n, 2), and pieces around them, up to half the way to the next disc."""
+    room = 0.5 * (np.sqrt(2) if target.options["asymmetric"] else 1.0)
+    reach = int(np.clip(np.ceil(room * np.linalg.norm(axes, axis=2).max()), 4, _MOST_REACH))
+    middle = np.rint(start)
+    patches = patches_around(image, middle, reach)
+    pitches = (patches.xy - (start - middle)[:, None]) @ np.linalg.inv(axes)
+    own = np.linalg.norm(pitches, axis=2) < room
+    return middle, packed(patches, patches.weights * own)
+
+
+def _outlines(patches: Patches, axes: Array) -> Array:
+    """Rough outlines of the discs, as `ellipse` takes them, (n, 3): as the grid lies, as large as what is dark."""
+    seen = np.where(patches.weights > 0, patches.values, np.nan)
+    low, high = np.nanpercentile(seen, [3, 97], axis=1)
+    dark = np.maximum((seen < ((low + high) / 2)[:, None]).sum(axis=1), 1)
+    radius = np.sqrt(dark / np.pi / np.abs(np.linalg.det(axes)))
+    squared = np.swapaxes(axes, 1, 2) @ axes * (radius**2)[:, None, None]
+    values, vectors = np.linalg.eigh(squared)
+    half_log = (vectors * (0.5 * np.log(values))[:, None]) @ np.swapaxes(vectors, 1, 2)
+    return np.stack([half_log[:, 0, 0], half_log[:, 0, 1], half_log[:, 1, 1]], axis=1)
+
+
+def _eccentricity(plane: Array, shape: Array, spacing: float) -> tuple[Array, Array]:
+    """How far the centres of ellipses are from the images of the discs' centres, (n, 2) [px], in two parts.
+
+    In perspective, where in the axes of the grid around each disc a circle of radius r has the dual conic
+    diag(r^2, r^2, -1); and by how the lens bends the grid beyond that.
+    """
+    pixels_from_plane, bend = local_homographies(plane, shape[:, :2], spacing)
+    jacobian = pixels_from_plane[:, :2, :2] - pixels_from_plane[:, :2, 2:] * pixels_from_plane[:, 2:, :2]
+    area = np.exp(shape[:, 2] + shape[:, 4])  # the determinant of an exponential
+    squared = area / np.abs(np.linalg.det(jacobian))
+    circle = np.stack([squared, squared, -np.ones_like(squared)], axis=1)[:, :, None] * np.eye(3)
+    conic = pixels_from_plane @ circle @ np.swapaxes(pixels_from_plane, 1, 2)
+    perspective = conic[:, :2, 2] / conic[:, 2:, 2] - pixels_from_plane[:, :2, 2]
+    return perspective, _bent(bend, jacobian) * squared[:, None]
+
+
+def _bent(bend: Array, jacobian: Array) -> Array:
+    """Shift of a fitted outline's centre per squared radius, (n, 2), under second derivatives xx, xy, yy, (n, 3, 2).
+
+    Along x of the grid it is (3 xx + yy) / 8 of the part along x, and xy / 4 of the part along y; along y likewise.
+    """
+    xx, xy, yy = np.moveaxis(bend @ np.swapaxes(np.linalg.inv(jacobian), 1, 2), 1, 0)
+    x = (3 * xx[:, 0] + yy[:, 0]) / 8 + xy[:, 1] / 4
+    y = (3 * yy[:, 1] + xx[:, 1]) / 8 + xy[:, 0] / 4
+    return np.asarray((jacobian @ np.stack([x, y], axis=1)[..., None])[..., 0])

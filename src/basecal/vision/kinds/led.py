@@ -1,0 +1,117 @@
+"""Lights: bright spots, each with a Gaussian fitted in the image; with an image of the light off, in the difference."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+
+from basecal.cell.target import Target
+from basecal.errors import InputError
+from basecal.geometry import read_only, read_only_ids
+from basecal.vision.detection import Detection, Image, checked, full_scale
+from basecal.vision.fit.spot_fit import Spot, fit_spot
+
+_MOST = 8
+_SHARE = 0.25
+_ABOVE_NOISE = 6.0
+_LARGEST_PX = 48
+_LEAST_WIDTH, _MOST_WIDTH = 0.2, 16.0
+_MOST_SIGMA_PX = 1.0
+_APART_PX = 1.0
+
+
+def detect(image: Image, target: Target, background: Image | None = None) -> Detection | None:
+    """The light, or where several spots are bright, candidates without ids, brightest first; None where all is dark.
+
+    Args:
+        image: (h, w), uint8 or uint16.
+        target: A single light; of several at once it is not known which is which, and nothing is detected.
+        background: The same with the light off.
+
+    Raises:
+        InputError: if an image is not grey of 8 or 16 bits, or the two differ in shape or type.
+    """
+    checked(image)
+    if background is not None and (background.shape, background.dtype) != (image.shape, image.dtype):
+        raise InputError("the image with the light off differs in size or bits from the one with the light on")
+    if not target.is_point:
+        return None
+    full = full_scale(image)
+    difference = image if background is None else np.asarray(cv2.subtract(image, background), dtype=image.dtype)
+    spots = [_fitted(image, background, full, place) for place in _bright(difference)]
+    apart = _apart([spot for spot in spots if spot is not None])
+    if not apart:
+        return None
+    ids = read_only_ids(target.ids) if len(apart) == 1 else None
+    pixels = read_only([(spot.x, spot.y) for spot in apart])
+    return Detection(ids, pixels, read_only([spot.sigma_px for spot in apart]))
+
+
+class _Place(NamedTuple):
+    """Where a bright spot is, and how wide [px]."""
+
+    x: float
+    y: float
+    extent: float
+
+
+def _bright(levels: Image) -> list[_Place]:
+    """The brightest spots, roughly, in the image at half its size."""
+    half = cv2.resize(levels, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+    some = half[::6, ::6]
+    middle = float(np.median(some))
+    noise = 1.4826 * float(np.median(np.abs(some - middle)))
+    top = float(cv2.minMaxLoc(half)[1])
+    threshold = middle + max(_SHARE * (top - middle), _ABOVE_NOISE * noise, 0.5)
+    if top <= threshold:
+        return []
+    outlines, _ = cv2.findContours((half > threshold).view(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+    boxes = [cv2.boundingRect(outline) for outline in outlines]
+    small = [box for box in boxes if 2 * max(box[2:]) <= _LARGEST_PX]
+    best = small if len(small) <= _MOST else sorted(small, key=lambda box: -_peak(half, box))[:_MOST]
+    return [_place(*box) for box in best]
+
+
+def _place(left: int, top: int, width: int, height: int) -> _Place:
+    """The place of a box in the image at half its size."""
+    return _Place(2 * left + width - 0.5, 2 * top + height - 0.5, 2.0 * max(width, height))
+
+
+def _peak(half: Any, box: Sequence[int]) -> float:
+    left, top, width, height = box
+    return float(half[top : top + height, left : left + width].max())
+
+
+def _fitted(image: Image, background: Image | None, full: float, place: _Place) -> Spot | None:
+    """The spot at a place; None where it is none."""
+    # A Gaussian is 3.3 sigmas wide at a quarter of its height; five on either side hold all of it and some round it.
+    reach = int(np.ceil(1.4 * place.extent)) + 3
+    column, row = round(place.x), round(place.y)
+    left, top = max(column - reach, 0), max(row - reach, 0)
+    window = slice(top, row + reach + 1), slice(left, column + reach + 1)
+    levels = image[window].astype(np.float64)
+    usable = levels < full
+    if background is not None:
+        levels -= background[window]
+    spot = fit_spot(levels, usable, (place.x - left, place.y - top, max(place.extent / 3.3, 0.6)))
+    if spot is None or not _is_spot(spot, reach, place.x - left, place.y - top):
+        return None
+    return spot._replace(x=spot.x + left, y=spot.y + top)
+
+
+def _is_spot(spot: Spot, reach: int, x: float, y: float) -> bool:
+    near = abs(spot.x - x) < reach / 2 and abs(spot.y - y) < reach / 2
+    wide = [_LEAST_WIDTH < width < _MOST_WIDTH for width in (spot.width_x, spot.width_y)]
+    return near and all(wide) and spot.brightness > 0 and 0 < spot.sigma_px < _MOST_SIGMA_PX
+
+
+def _apart(spots: list[Spot]) -> list[Spot]:
+    """Brightest first; a spot found twice counts once."""
+    kept: list[Spot] = []
+    for spot in sorted(spots, key=lambda each: -each.brightness):
+        if all(np.hypot(spot.x - other.x, spot.y - other.y) > _APART_PX for other in kept):
+            kept.append(spot)
+    return kept

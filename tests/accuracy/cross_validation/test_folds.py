@@ -1,0 +1,62 @@
+"""Parts to hold out: stations stay together, everything is held out once."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.cross_validation.folds import folds
+from basecal.cell import Recording
+from basecal.estimation.problem.build import build_problem
+from basecal.simulation import Scenario, simulate
+
+
+def packed(scenario: Scenario, seed: int = 0):
+    made = simulate(scenario, seed)
+    return build_problem(made.cell, made.recording)[0]
+
+
+@pytest.mark.parametrize("arms", ["both", "stations", "halves", "eye_still"])
+def test_every_sample_is_held_out_once(arms):
+    """Each way to split holds out every sample exactly once, in five folds of six of the thirty samples."""
+    ways = folds(packed(Scenario(arms=arms)))
+    assert ways
+    for way in ways:
+        assert sorted(number for fold in way for number in fold) == list(range(30))
+    assert sorted(map(len, ways[0])) == [6] * 5
+
+
+def test_stations_stay_together():
+    """Where the eye stands at five places, each place is a fold, though hand poses are all different."""
+    problem = packed(Scenario(arms="stations", stations=5))
+    eye = problem.groups[0].eye_base_from_eye_flange.translation
+    for fold in folds(problem)[0]:
+        assert np.ptp(eye[sorted(fold)], axis=0).max() == 0.0
+
+
+def test_repeated_instants_stay_together():
+    """Where the hand visits six places at each of five of the eye, one arm's places are held out, the fewest first."""
+    made = simulate(Scenario(samples=30), 0)
+    samples = made.recording.samples
+    crossed = tuple(
+        type(s)(
+            s.sample,
+            s.stamp_s,
+            {"eye": samples[k // 6].robots["eye"], "hand": samples[k % 6].robots["hand"]},
+            s.observations,
+        )
+        for k, s in enumerate(samples)
+    )
+    ways = folds(build_problem(made.cell, Recording(crossed))[0])
+    assert {frozenset(range(6 * k, 6 * k + 6)) for k in range(5)} == set(ways[0])
+
+
+def test_a_half_that_stands_still_is_not_held_out_whole():
+    """A robot that stands still for half of the samples does not make them one part."""
+    assert max(map(len, folds(packed(Scenario(arms="halves")))[0])) <= 6
+
+
+def test_few_samples_are_held_out_one_by_one():
+    """Four samples make four folds; two make none."""
+    assert folds(packed(Scenario(samples=4)))[0] == [frozenset({k}) for k in range(4)]
+    assert folds(packed(Scenario(samples=2))) == []

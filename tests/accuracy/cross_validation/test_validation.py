@@ -1,0 +1,138 @@
+"""Held-out samples: the answer moves as its covariance says where that is true, and the alarm rings where it is not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.motion_cells import SCARA, recorded
+
+from basecal.accuracy.cross_validation.validation import validate
+from basecal.cell import Cell, Finding, Recording, Validation
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.solve import solve_packed
+from basecal.simulation import Scenario, simulate
+
+LIGHT = Scenario(samples=25, target="led")
+NOISY = Scenario(samples=15, robot_noise=(3e-4, 5e-4))
+
+
+def validated(scenario: Scenario, seed: int, **told) -> tuple[Validation | None, set[str], tuple[Finding, ...]]:
+    made = simulate(scenario, seed)
+    cell: Cell = replace(made.cell, **told)
+    if told.get("pixel_px", 0) is None:
+        cell = replace(cell, robots={n: replace(r, noise=None) for n, r in cell.robots.items()})
+    problem, _ = build_problem(cell, made.recording)
+    found, findings = validate(solve_packed(problem, cell), cell.asked)
+    return found, {f.code for f in findings}, findings
+
+
+# The mean of a fold's squared change has the mean 1 and, with folds of one recording alike, 24 freedoms less those that
+# the folds share: at least 12. Over 12 cells the mean's sigma is at most sqrt(2 / 144) = 0.12; 5 of them to each side.
+@pytest.mark.parametrize(
+    "scenario",
+    [Scenario(samples=15), replace(NOISY, arms="stations", camera_mount="fixed", samples=25), LIGHT, NOISY],
+    ids=["board", "stations", "light", "robot noise"],
+)
+def test_the_answer_moves_as_its_covariance_says(scenario):
+    """With true sigmas the mean square of the folds' change, in units of its covariance, is 1 within 0.6; no alarm."""
+    found = [validated(scenario, seed) for seed in range(12)]
+    changes = [each.base_change for each, _, _ in found if each is not None and each.base_change is not None]
+    assert len(changes) == 12
+    assert np.mean(changes) == pytest.approx(1.0, abs=0.6)
+    assert [codes for _, codes, _ in found if codes] == []
+
+
+@pytest.mark.parametrize("arms", ["both", "stations"])
+def test_robot_noise_that_is_not_modelled_is_found(arms):
+    """Corners of one view share the arms' error: taken for independent noise of pixels, the answer moves too much."""
+    scenario = replace(NOISY, arms=arms, camera_mount="fixed", samples=25)
+    for seed in range(4):
+        found, codes, _ = validated(scenario, seed, pixel_px=None)
+        assert found is not None
+        assert found.base_change is not None
+        assert found.base_change > 5
+        assert "unstable-answer" in codes
+
+
+def test_prediction_is_that_of_the_noise():
+    """Many views of a board: held-out pixels are off by the pixels' noise, within 5 %, and nearer than 1 mm."""
+    found, _, _ = validated(Scenario(samples=60), 0)
+    assert found is not None
+    assert found.rms_px == pytest.approx(0.2, rel=0.05)
+    assert found.target_m is not None
+    assert found.target_m < 1e-3
+    assert (found.kind, found.folds) == ("k-fold", 5)
+
+
+def test_a_new_stop_is_predicted_at_its_recorded_pose():
+    """Robots off by 1 mm each: held-out pixels are off by about that, though those used fit by the pixels' noise."""
+    scenario = Scenario(samples=30, robot_noise=(1e-3, 0.0))
+    found, _, _ = validated(scenario, 0)
+    assert found is not None
+    assert found.rms_px is not None
+    assert found.rms_px > 3 * 0.2
+
+
+def test_a_light_gives_no_pose():
+    """A single light is predicted in pixels only."""
+    found, _, _ = validated(LIGHT, 0)
+    assert found is not None
+    assert found.target_m is None
+    assert found.target_rad is None
+    assert found.rms_px is not None
+
+
+def test_a_part_that_cannot_be_missed_is_told():
+    """The only sample in which the hand turns about a second axis is not held out, and the finding names it."""
+    made, other = recorded(Scenario(samples=14), 0, hand=SCARA), recorded(Scenario(samples=1), 0)
+    last = replace(other.recording.samples[0], sample=14, stamp_s=14.0)
+    problem, _ = build_problem(made.cell, Recording((*made.recording.samples, last)))
+    found, findings = validate(solve_packed(problem, made.cell), made.cell.asked)
+    assert found is not None
+    assert found.folds == 4
+    (told,) = findings
+    assert told.code == "not-validated"
+    assert "14" in told.about
+
+
+def test_stations_too_few_to_miss_one_are_split():
+    """Three places of the eye: without one of them nothing is seen, so that parts of places are held out instead."""
+    found, codes, _ = validated(Scenario(samples=18, arms="stations", stations=3), 0)
+    assert found is not None
+    assert found.folds == 5
+    assert codes == set()
+
+
+def test_too_few_views_for_a_lens_predict_badly():
+    """A lens with its distortion from five views of a board: what was held out is far off, and numbers say so."""
+    made = [validated(Scenario(samples=5, intrinsics="free"), seed) for seed in range(4)]
+    told = [f for _, _, findings in made for f in findings if f.code == "overfit"]
+    assert told
+    assert all(" px against " in f.message for f in told)
+
+
+def test_no_answer_is_not_validated():
+    """Where what was asked is not seen there is nothing to validate."""
+    found, codes, _ = validated(Scenario(arms="eye_still"), 0)
+    assert found is None
+    assert codes == set()
+
+
+def test_everything_fixed_is_predicted_all_the_same():
+    """A cell that states every transform: pixels are predicted by the noise, and no answer can move."""
+    scenario = Scenario(base="fixed", camera_mount="fixed", target_mount="fixed")
+    found, codes, _ = validated(scenario, 0)
+    assert found is not None
+    assert found.rms_px == pytest.approx(0.2, rel=0.05)
+    assert found.base_change is None
+    assert codes == set()
+
+
+@pytest.mark.slow
+def test_clean_cells_are_not_alarmed():
+    """Of 400 clean cells, chance of an alarm 1e-4 each, at most one rings: two or more in 1,200 runs once."""
+    scenarios = [Scenario(samples=12), LIGHT, NOISY, Scenario(samples=15, state_pixel_noise=False)]
+    rung = [validated(scenarios[k % 4], k)[1] for k in range(400)]
+    assert sum("unstable-answer" in codes for codes in rung) <= 1

@@ -1,0 +1,55 @@
+"""Where the pairing slips, and which views of a grid are upside down."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from basecal.accuracy.input_check import rewriting
+from basecal.accuracy.input_check.pairing import half_turns, pairing_errors
+from basecal.cell import Recording
+from basecal.cell import target as targets
+from basecal.estimation.problem.correspondence import half_turn
+from basecal.simulation import Scenario, simulate
+
+
+def test_the_sample_of_a_missed_detection_is_found():
+    """Observations from sample 9 on one too early: the first guess moves them back from there."""
+    made = simulate(Scenario(samples=24), 3)
+    wrong = rewriting.shifted(made.recording, None, -1, start=9)
+    first = pairing_errors(made.cell, wrong, made.cameras, [None, "eye", "hand"])[0]
+    told = first.apply(made.cell, wrong)[1]
+    true = {s.sample: s.observations for s in made.recording.samples}
+    assert first.about == ()
+    assert [s.observations for s in told.samples] == [true[s.sample] for s in told.samples]
+    assert len(told.samples) == 22
+
+
+def test_the_last_few_samples_are_no_slip():
+    """The last two observations are of one sample later: no guess is from there on, which outliers would explain."""
+    made = simulate(Scenario(samples=24), 3)
+    wrong = rewriting.shifted(made.recording, None, -1, start=21)
+    recorded = {s.sample: s.observations for s in wrong.samples}
+    for guess in pairing_errors(made.cell, wrong, made.cameras, [None]):
+        told = guess.apply(made.cell, wrong)[1]
+        assert min(s.sample for s in told.samples if s.observations != recorded[s.sample]) <= 20
+
+
+def test_few_samples_give_no_slip():
+    """With fewer than six samples to either side there is nothing to start from."""
+    made = simulate(Scenario(samples=11), 0)
+    assert pairing_errors(made.cell, made.recording, made.cameras, [None]) == []
+
+
+def test_turned_views_are_found():
+    """Of the two readings one turns exactly the views that were read from the other end."""
+    board = targets.chessboard((8, 6), 0.03)
+    made = simulate(Scenario(samples=12, target="pose", board=board), 0)
+    cell = replace(made.cell, targets={n: replace(t, target=board) for n, t in made.cell.targets.items()})
+    turn = half_turn(board)
+    samples = list(made.recording.samples)
+    for k in (2, 3, 7):
+        (one,) = rewriting.with_targets(Recording((samples[k],)), lambda poses: poses @ turn).samples
+        samples[k] = one
+    found = half_turns(cell, Recording(tuple(samples)))
+    assert {reading.about for reading in found} >= {("board", "2", "3", "7")}
+    assert half_turns(cell, made.recording) == []

@@ -1,0 +1,45 @@
+"""The size that a target would have to have."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.input_check.hypotheses import resized
+from basecal.accuracy.input_check.rewriting import scaled, with_targets
+from basecal.accuracy.input_check.target_sizes import size_hypotheses
+from basecal.estimation.solve import solve
+from basecal.simulation import Scenario, simulate
+
+
+@pytest.mark.parametrize("target", ["charuco", "points3d", "pose"])
+@pytest.mark.parametrize("factor", [0.9, 1.2])
+def test_the_factor_is_found(target, factor):
+    """A target stated too large by a factor is found smaller by it, within a hundredth; so are poses further away."""
+    made = simulate(Scenario(samples=15, target=target, pose_noise=(2e-4, 5e-4)), 0)
+    cell, recording = made.cell, made.recording
+    if target == "pose":
+        recording = with_targets(recording, scaled(factor))
+    else:
+        cell = resized(cell, {"board": factor})
+    (reading,) = size_hypotheses(cell, recording, made.cameras, solve(cell, recording).state)
+    found = float(reading.words.split("is ")[1].split(" times")[0])
+    assert found * factor == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_light_has_no_size():
+    """A single point gives no size to find."""
+    made = simulate(Scenario(samples=15, target="led", camera_mount="fixed"), 0)
+    assert size_hypotheses(made.cell, made.recording, made.cameras, solve(made.cell, made.recording).state) == []
+
+
+def test_resizing_keeps_what_it_is_not_about():
+    """Points are multiplied, and a target of another name stays."""
+    cell = simulate(Scenario(samples=1), 0).cell
+    other = replace(cell.targets["board"], name="other")
+    cell = replace(cell, targets={**cell.targets, "other": other})
+    told = resized(cell, {"board": 2.0})
+    np.testing.assert_array_equal(told.targets["board"].target.points, 2 * cell.targets["board"].target.points)
+    assert told.targets["other"] is other

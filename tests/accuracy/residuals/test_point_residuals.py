@@ -1,0 +1,84 @@
+"""Residuals of single points, worked out from what a calibration holds."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.residuals.point_residuals import point_residuals
+from basecal.accuracy.verdict import calibrate
+from basecal.cell.cell import Status
+from basecal.cell.files import calibration_from_dict, calibration_to_dict
+from basecal.simulation.scenario import Arms, Scenario
+from basecal.simulation.testbed import simulate
+
+
+@pytest.mark.parametrize("robot_noise", [(0.0, 0.0), (3e-4, 5e-4)])
+@pytest.mark.parametrize("arms", ["both", "stations"])
+@pytest.mark.parametrize("intrinsics", ["fixed", "free"])
+def test_stored_calibration_gives_its_own_rms(arms: Arms, robot_noise: tuple[float, float], intrinsics: Status) -> None:
+    """The rms over points, from the stored numbers alone, is the one the solver found, also with robots' noise."""
+    made = simulate(Scenario(samples=20, arms=arms, robot_noise=robot_noise, intrinsics=intrinsics), 3)
+    calibration = calibrate(made.cell, made.recording)
+    stored = calibration_from_dict(calibration_to_dict(calibration))
+    off = np.concatenate([each.off_px.ravel() for each in point_residuals(made.cell, made.recording, stored)])
+    assert float(np.sqrt(np.mean(off**2))) == pytest.approx(calibration.residuals.rms_px, rel=1e-5)
+
+
+def test_estimated_noise_of_robots_is_among_the_stored_numbers() -> None:
+    """Likewise where robots state no noise, and the calibration holds what was estimated."""
+    made = simulate(Scenario(samples=15, robot_noise=(3e-4, 5e-4), state_robot_noise=False), 3)
+    calibration = calibrate(made.cell, made.recording)
+    stored = calibration_from_dict(calibration_to_dict(calibration))
+    off = np.concatenate([each.off_px.ravel() for each in point_residuals(made.cell, made.recording, stored)])
+    assert float(np.sqrt(np.mean(off**2))) == pytest.approx(calibration.residuals.rms_px, rel=1e-5)
+    assert calibration.residuals.rms_px == pytest.approx(0.2, rel=0.15)
+
+
+@pytest.mark.parametrize(
+    "known",
+    [
+        {"joint_offset_rad": 0.004, "joint_offsets": "free"},
+        {"link_error": (5e-4, 1e-3), "link_parameters": "prior", "compliance": 1e-4, "deflection": "prior"},
+    ],
+)
+def test_robots_stand_where_the_calibration_puts_them(known: dict[str, Any]) -> None:
+    """Joint offsets, link errors and compliances are taken from the stored numbers too."""
+    made = simulate(Scenario(samples=30, joints=True, robot_noise=(1e-4, 1e-4), **known), 3)
+    calibration = calibrate(made.cell, made.recording)
+    stored = calibration_from_dict(json.loads(json.dumps(calibration_to_dict(calibration))))
+    (points,) = point_residuals(made.cell, made.recording, stored)
+    assert float(np.sqrt(np.mean(points.off_px**2))) == pytest.approx(calibration.residuals.rms_px, rel=1e-5)
+    as_stated = replace(stored, joint_offsets={}, link_parameters={})
+    (points,) = point_residuals(made.cell, made.recording, as_stated)
+    assert float(np.sqrt(np.mean(points.off_px**2))) > 1.1 * calibration.residuals.rms_px
+
+
+def test_residual_is_predicted_minus_seen() -> None:
+    """A point moved by (1, -2) px in the image has its residual moved by (-1, 2) px, and no other point has."""
+    made = simulate(Scenario(samples=12), 5)
+    calibration = calibrate(made.cell, made.recording)
+    sample = made.recording.samples[4]
+    seen = sample.observations[0]
+    pixels = np.array(seen.pixels)
+    pixels[7] += (1.0, -2.0)
+    moved = replace(sample, observations=(replace(seen, pixels=pixels),))
+    samples = (*made.recording.samples[:4], moved, *made.recording.samples[5:])
+    before = point_residuals(made.cell, made.recording, calibration)[0]
+    after = point_residuals(made.cell, replace(made.recording, samples=samples), calibration)[0]
+    change = after.off_px - before.off_px
+    here = (after.sample == sample.sample) & (after.ids == seen.ids[7])
+    np.testing.assert_allclose(change[here], [[-1.0, 2.0]], atol=1e-9)
+    np.testing.assert_allclose(change[~here], 0.0, atol=1e-9)
+
+
+def test_unknown_transforms_leave_views_out() -> None:
+    """Without the transforms that a view needs it has no residuals."""
+    made = simulate(Scenario(samples=12), 5)
+    calibration = calibrate(made.cell, made.recording)
+    without = {n: e for n, e in calibration.transforms.items() if n != "hand_flange_from_board"}
+    assert point_residuals(made.cell, made.recording, replace(calibration, transforms=without)) == ()

@@ -1,0 +1,177 @@
+"""The paper's closed form, against the paper's own tables and against the truth."""
+
+from __future__ import annotations
+
+import json
+from importlib.resources import files
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.verdict import calibrate
+from basecal.errors import NotConverged, NotObservable
+from basecal.estimation.axis_shift.closed_form import base_of_station, estimate, image_gradient, orthonormalised
+from basecal.estimation.axis_shift.stations import find_stations, for_task, fused
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.settings import Settings
+from basecal.estimation.start.first_state import lenses
+from basecal.geometry import SE3, Camera
+from basecal.geometry.se3 import nearest_rotation
+from basecal.simulation.shifts import simulate_shifts
+
+PAPER = json.loads(files("basecal.studies").joinpath("paper_numbers.json").read_text())
+FOCAL = np.array([1017.3, 979.5])
+CAMERA = Camera("pinhole", np.array([*FOCAL, 639.5, 479.5]), (1280, 960))
+
+
+def pose(entry) -> SE3:
+    return SE3(np.array(entry["R"], dtype=float), np.array(entry["t"], dtype=float))
+
+
+EYE_BASE_FROM_CAMERA = pose(PAPER["testbed"]["eye_base_from_camera"])
+HAND_BASE_FROM_LIGHT = pose(PAPER["testbed"]["hand_base_from_led"])
+PRINTED = pose(PAPER["testbed"]["eye_base_from_hand_base_true"])
+TRUE = SE3(nearest_rotation(PRINTED.rotation), PRINTED.translation)
+
+
+def noiseless(shifts):
+    camera_from_light = EYE_BASE_FROM_CAMERA.inverse() @ PRINTED @ HAND_BASE_FROM_LIGHT
+    at = camera_from_light @ np.concatenate([np.zeros((1, 3)), shifts])
+    pixels = FOCAL * at[:, :2] / at[:, 2:]
+    return estimate(pixels[0], image_gradient(pixels[1:] - pixels[0], shifts), FOCAL)
+
+
+def batch(transform: SE3, spread: float, count: int, seed: int) -> SE3:
+    return transform @ SE3.exp(spread * np.random.default_rng(seed).normal(size=(count, 6)))
+
+
+def test_noiseless_rotation_is_the_papers():
+    """Every entry within 1e-4 of the printed one, before orthonormalising."""
+    ours = noiseless(0.01 * np.eye(3))
+    np.testing.assert_allclose(ours.raw_rotation, PAPER["noiseless"]["camera_from_led"]["R"], atol=1e-4)
+
+
+def test_noiseless_translation_is_the_papers_but_for_its_slip():
+    """The paper prints the true depth 3.6084; eq. (9) gives 3.6092."""
+    ours = noiseless(0.01 * np.eye(3)).camera_from_light.translation
+    np.testing.assert_allclose(ours[:2], PAPER["noiseless"]["camera_from_led"]["t"][:2], atol=1e-4)
+    assert ours[2] == pytest.approx(3.6092, abs=1e-4)
+
+
+@pytest.mark.parametrize("level", ["1%", "5%"])
+def test_table_2_follows_from_table_1(level):
+    """Both ways of orthonormalising give every entry within 1e-4, and one another within 1e-10."""
+    rows = np.array(PAPER["table1_camera_from_led"][level]["R"])
+    iterated = orthonormalised(rows)
+    np.testing.assert_allclose(iterated, PAPER["table2_orthonormalised"][level], atol=1e-4)
+    np.testing.assert_allclose(iterated, nearest_rotation(rows), atol=1e-10)
+
+
+@pytest.mark.parametrize("level", ["1%", "5%"])
+def test_table_3_follows_from_table_2(level):
+    """Within 2e-4, but for the entry whose digits the paper swaps."""
+    table_2 = np.array(PAPER["table2_orthonormalised"][level])
+    translation = np.array(PAPER["table1_camera_from_led"][level]["t"])
+    ours = base_of_station(EYE_BASE_FROM_CAMERA, SE3(table_2, translation), HAND_BASE_FROM_LIGHT)
+    printed = PAPER["table3_eye_base_from_hand_base"][level]
+    rotation = np.array(printed["R"])
+    if level == "5%":
+        rotation[2, 2] = 0.9452
+    np.testing.assert_allclose(ours.rotation, rotation, atol=2e-4)
+    np.testing.assert_allclose(ours.translation, printed["t"], atol=2e-4)
+
+
+def test_iteration_and_closed_form_agree_far_from_a_rotation():
+    """300 random matrices up to 20 degrees from orthonormal: the two agree to 1e-10."""
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        rows = nearest_rotation(rng.normal(size=(3, 3))) + 0.1 * rng.normal(size=(3, 3))
+        np.testing.assert_allclose(orthonormalised(rows), nearest_rotation(rows), atol=1e-10)
+
+
+def test_iteration_that_does_not_settle_says_so():
+    """Rows without a nearest rotation near the start end in an error with the last state."""
+    with pytest.raises((NotConverged, np.linalg.LinAlgError)):
+        orthonormalised(np.full((3, 3), np.nan))
+
+
+def test_oblique_and_unequal_shifts_give_what_the_papers_give():
+    """With infinitesimal shifts the measured matrix of shifts makes any three directions equivalent."""
+    shifts = 1e-6 * np.array([[1.0, 0.2, 0.0], [-0.3, 2.0, 0.1], [0.4, 0.0, 1.5]])
+    np.testing.assert_allclose(noiseless(shifts).raw_rotation, noiseless(1e-6 * np.eye(3)).raw_rotation, atol=1e-5)
+
+
+def test_shifts_in_a_plane_are_not_observable():
+    """Three coplanar shifts say nothing about the direction across them."""
+    with pytest.raises(NotObservable, match="one plane"):
+        image_gradient(np.zeros((3, 2)), np.array([[1.0, 0, 0], [0, 1.0, 0], [1.0, 1.0, 0]]))
+
+
+@pytest.mark.parametrize("two_sided", [False, True])
+def test_stations_and_shifts_are_found_in_the_poses(two_sided):
+    """Three stations are told apart by the poses alone, each with its own samples and its shifts measured."""
+    simulated = simulate_shifts(
+        TRUE, batch(EYE_BASE_FROM_CAMERA, 0.03, 3, 1), batch(HAND_BASE_FROM_LIGHT, 0.1, 3, 2), CAMERA, 0.05, two_sided
+    )
+    problem, _ = build_problem(simulated.cell, simulated.recording)
+    stations = find_stations(problem, lenses(problem, simulated.cell))
+    size = 7 if two_sided else 4
+    assert [sorted(s.samples) for s in stations] == [list(range(k * size, (k + 1) * size)) for k in range(3)]
+    np.testing.assert_allclose(stations[0].shifts_in_light[1:4], 0.05 * np.eye(3), atol=1e-12)
+
+
+def test_choice_for_a_task_point():
+    """The nearest station's base is taken as it is; the weighted mean tends to it as the task comes close."""
+    simulated = simulate_shifts(
+        TRUE, batch(EYE_BASE_FROM_CAMERA, 0.03, 3, 1), batch(HAND_BASE_FROM_LIGHT, 0.2, 3, 2), CAMERA, 0.05
+    )
+    problem, _ = build_problem(simulated.cell, simulated.recording)
+    stations = find_stations(problem, lenses(problem, simulated.cell))
+    base = stations[1].base()
+    task = (base @ stations[1].hand_base_from_light).translation
+    np.testing.assert_allclose(for_task(stations, task, nearest=True).matrix, base.matrix, atol=1e-12)
+    np.testing.assert_allclose(for_task(stations, task, nearest=False).matrix, base.matrix, atol=1e-6)
+    mean = fused([s.base() for s in stations], [1, 1, 1]).translation
+    assert np.linalg.norm(mean - base.translation) > 1e-4
+
+
+def test_the_closed_form_calibrates_and_knows_what_it_neglects():
+    """The truth lies within four sigmas, of which the neglected depth is a part, and the verdict is doubtful."""
+    simulated = simulate_shifts(
+        TRUE, batch(EYE_BASE_FROM_CAMERA, 0.02, 6, 1), batch(HAND_BASE_FROM_LIGHT, 0.05, 6, 2), CAMERA, 0.1,
+        two_sided=True, pixel_px=0.05,
+    )  # fmt: skip
+    calibration = calibrate(simulated.cell, simulated.recording, Settings(method="axis-shift"))
+    estimated = calibration["eye_base_from_hand_base"]
+    off = (estimated.mean.inverse() @ TRUE).log()
+    assert np.all(np.abs(off) < 4 * np.sqrt(np.diag(estimated.covariance)))
+    assert {f.code for f in calibration.findings} >= {"station", "neglected-depth"}
+    assert calibration.verdict == "doubtful"
+
+
+def test_the_closed_form_starts_the_general_solver():
+    """Descending from it ends where the solver ends without a guess."""
+    simulated = simulate_shifts(
+        TRUE,
+        batch(EYE_BASE_FROM_CAMERA, 0.02, 4, 1),
+        batch(HAND_BASE_FROM_LIGHT, 0.05, 4, 2),
+        CAMERA,
+        0.1,
+        pixel_px=0.1,
+    )
+    name = "eye_base_from_hand_base"
+    by_shifts = calibrate(simulated.cell, simulated.recording, Settings(start="axis-shift"))[name].mean
+    unguessed = calibrate(simulated.cell, simulated.recording)[name].mean
+    assert np.abs((by_shifts.inverse() @ unguessed).log()).max() < 1e-8
+
+
+def test_a_recording_without_stations_says_what_is_needed():
+    """A light that is never shifted at a still camera: not observable by this method, in words."""
+    from basecal.simulation import Scenario, simulate
+
+    s = simulate(Scenario(target="led", camera_mount="fixed", target_mount="fixed"), seed=0)
+    with pytest.raises(NotObservable, match="no station"):
+        calibrate(s.cell, s.recording, Settings(method="axis-shift"))
+    free = simulate(Scenario(target="led"), seed=0)
+    with pytest.raises(NotObservable, match="eye_flange_from_wrist"):
+        calibrate(free.cell, free.recording, Settings(method="axis-shift"))

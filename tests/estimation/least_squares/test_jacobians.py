@@ -1,0 +1,77 @@
+"""How the views move with the unknowns, by differences."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.derivatives import check_derivative
+
+from basecal.estimation.least_squares.jacobians import by_stop_errors, by_unknowns
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import Problem, State, ViewGroup, chain
+from basecal.geometry import SE3, IntArray
+from basecal.simulation import Scenario, simulate
+
+CELLS = {
+    "dual": Scenario(samples=4, target="points", robot_noise=(2e-3, 3e-3)),
+    "eye to hand": Scenario(samples=4, layout="eye_to_hand", target="led", robot_noise=(2e-3, 3e-3)),
+    "ring": Scenario(samples=9, layout="chain", robot_noise=(2e-3, 3e-3)),
+    "two cameras on the world": Scenario(samples=4, layout="two_world_cameras"),
+}
+
+
+def near_truth(scenario: Scenario) -> tuple[Problem, State]:
+    made = simulate(scenario, seed=2)
+    problem, _ = build_problem(made.cell, made.recording)
+    errors = np.random.default_rng(0).standard_normal((len(problem.stops), 6))
+    return problem, State(made.truth, made.cameras, errors)
+
+
+def moved_by(problem: Problem, group: ViewGroup, state: State, after: State) -> np.ndarray:
+    """Tangents (n, 6) of the views from one state to another."""
+    before = chain(group, state, problem.stops).camera_from_target
+    return (before.inverse() @ chain(group, after, problem.stops).camera_from_target).log()
+
+
+@pytest.mark.parametrize("name", CELLS)
+def test_views_move_with_every_unknown_as_the_derivative_says(name):
+    """Each camera's mount, base and target's mount, in every group of the cell."""
+    problem, state = near_truth(CELLS[name])
+    for group in problem.groups:
+        links = chain(group, state, problem.stops)
+        derivative, columns = by_unknowns(problem, group, links, 6)
+        names = [n for n, where in problem.columns.items() if where.start in columns]
+        assert len(names) >= 2
+        for unknown in names:
+            where = problem.columns[unknown]
+            width = where.stop - where.start
+
+            def after(xi: np.ndarray, unknown: str = unknown, group: ViewGroup = group) -> np.ndarray:
+                step = SE3.exp(np.concatenate([xi, np.zeros(6 - len(xi))]))
+                moved = {**state.transforms, unknown: state.transforms[unknown] @ step}
+                return moved_by(problem, group, state, replace(state, transforms=moved))
+
+            start = int(np.flatnonzero(columns == where.start)[0])
+            check_derivative(after, derivative[..., start : start + width])
+
+
+@pytest.mark.parametrize("name", ["dual", "eye to hand", "ring"])
+def test_views_move_with_the_errors_of_their_stops_as_the_derivative_says(name):
+    """At errors of order one sigma, not only at none."""
+    problem, state = near_truth(CELLS[name])
+    checked = 0
+    for group in problem.groups:
+        links = chain(group, state, problem.stops)
+        for stop, derivative in by_stop_errors(group, links, state, problem.stops, 6):
+
+            def after(xi: np.ndarray, stop: IntArray = stop, group: ViewGroup = group) -> np.ndarray:
+                errors = state.stop_errors.copy()
+                errors[np.unique(stop)] += xi
+                return moved_by(problem, group, state, replace(state, stop_errors=errors))
+
+            size = np.abs(derivative).max()
+            check_derivative(lambda xi, f=after, s=size: f(xi) / s, derivative / size)
+            checked += 1
+    assert checked >= len(problem.groups)

@@ -1,0 +1,112 @@
+"""Motions of a recording: what kind they are, and what they leave open whatever was seen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.motion_cells import (
+    AXIS,
+    GENERAL,
+    ONE_AXIS,
+    PLANAR,
+    SCARA,
+    SHIFTS,
+    Move,
+    recorded,
+    recorded_arm,
+    still,
+    turned,
+    wobbling,
+)
+
+from basecal.estimation.least_squares.normal_equations import linearise
+from basecal.estimation.observability.motions import HARDLY_RAD, gauge_partners, motions, null_directions
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import State
+from basecal.simulation import Scenario
+
+# Twists that each kind of motion leaves open: about one line the shift along it and the turn about it.
+FEW = Scenario(samples=15)
+LEFT_OPEN = {"general": 0, "one line": 2, "planar": 1, "one axis": 1, "shifts": 3, "still": 6}
+MOVES: dict[str, Move] = {
+    "general": GENERAL,
+    "one line": ONE_AXIS,
+    "planar": PLANAR,
+    "one axis": SCARA,
+    "shifts": SHIFTS,
+    "still": still,
+}
+
+
+def packed(hand: Move, scenario: Scenario = FEW):
+    made = recorded(scenario, 1, hand=hand)
+    problem, _ = build_problem(made.cell, made.recording)
+    return problem, State(made.truth, made.cameras, np.zeros((len(problem.stops), 6)))
+
+
+@pytest.mark.parametrize("kind", MOVES)
+def test_what_a_motion_leaves_open(kind):
+    """Each kind leaves open as many twists as geometry says; a thousandth of wobble opens no eye."""
+    for move in (MOVES[kind], wobbling(MOVES[kind], 5e-4)):
+        problem, _ = packed(move)
+        assert len(motions(problem)["hand"].twists_in_base) == LEFT_OPEN[kind]
+
+
+def test_axis_and_extent_are_those_of_the_motion():
+    """The axis is that turned about, in the base, the turn about others nil; still and shifting are told apart."""
+    hand = {kind: motions(packed(move)[0])["hand"] for kind, move in MOVES.items()}
+    assert abs(hand["planar"].axes_in_base[:, 0] @ AXIS) == pytest.approx(1.0, abs=1e-9)
+    assert hand["planar"].turn_rad[0] > 0.5
+    assert hand["planar"].turn_rad[1] < 1e-9
+    assert [kind for kind in MOVES if hand[kind].is_still] == ["still"]
+    assert [kind for kind in MOVES if hand[kind].only_shifts] == ["shifts", "still"]
+    assert [kind for kind in MOVES if hand[kind].turn_rad[1] < HARDLY_RAD < hand[kind].turn_rad[0]] == [
+        "one line",
+        "planar",
+        "one axis",
+    ]
+    assert (hand["still"].orientations, hand["general"].orientations) == (1, 3)
+
+
+@pytest.mark.parametrize("robot", ["eye", "hand"])
+@pytest.mark.parametrize("target", ["charuco", "led"])
+@pytest.mark.parametrize("kind", ["one line", "planar", "shifts", "still"])
+def test_the_data_say_nothing_of_what_is_loose(kind, target, robot):
+    """The exact information along a loose direction is nil beside that along a random one, of eye and of hand."""
+    scenario = Scenario(samples=15, target=target)
+    made = recorded(scenario, 1, **{robot: MOVES[kind]})
+    problem, _ = build_problem(made.cell, made.recording)
+    state = State(made.truth, made.cameras, np.zeros((0, 6)))
+    loose = null_directions(problem, state)
+    assert loose.shape[1] == LEFT_OPEN[kind]
+    hessian = linearise(problem, state).hessian
+    along = np.diag(loose.T @ hessian @ loose) / np.sum(loose**2, axis=0)
+    assert np.all(along < 1e-9 * np.trace(hessian))
+
+
+def test_what_is_fixed_or_known_is_not_loose():
+    """With the target's mount fixed a still hand leaves nothing open; with a prior it does, but it is told as known."""
+    for status, count, names in (("fixed", 0, 0), ("prior", 6, 0), ("free", 6, 2)):
+        problem, state = packed(still, Scenario(samples=15, target_mount=status))
+        assert null_directions(problem, state).shape[1] == count
+        assert len(gauge_partners(problem, motions(problem)["hand"])) == names
+
+
+def test_motion_within_the_stated_noise_is_none():
+    """Turns of 4 mrad about a second axis count with a robot good to 0.1 mrad, and not with one of 2 mrad."""
+    move = turned(0.9, 0.12, [AXIS])
+    for noise, count in ((1e-4, 0), (2e-3, 1)):
+        made = recorded(Scenario(samples=40), 1, hand=wobbling(move, 4e-3))
+        robots = {n: replace(r, noise=np.full(6, noise)) for n, r in made.cell.robots.items()}
+        problem, _ = build_problem(replace(made.cell, robots=robots), made.recording)
+        assert len(motions(problem)["hand"].twists_in_base) == count
+
+
+@pytest.mark.parametrize(("axes", "count"), [("zzz", 1), ("yyy", 1), ("zyyy", 0), ("zyyyx", 0), ("zyyz", 0)])
+def test_arms_of_few_joints(axes, count):
+    """Parallel joints leave the shift along them open; four or five joints that turn about two directions, nothing."""
+    made = recorded_arm(Scenario(samples=15), 0, axes, 0.3)
+    problem, _ = build_problem(made.cell, made.recording)
+    assert len(motions(problem)["hand"].twists_in_base) == count

@@ -1,0 +1,86 @@
+"""Directions in words: mixed bases are taken apart into shifts and turns with their axes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.estimation.observability.null_space_words import describe_null_space, twists_in_words
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import State
+from basecal.geometry import SE3
+from basecal.simulation import Scenario, simulate
+
+HOME = SE3.identity()
+BASE, BOARD = "eye_base_from_hand_base", "hand_flange_from_board"
+
+
+@pytest.fixture(scope="module")
+def problem():
+    made = simulate(Scenario(samples=5, intrinsics="free"), 0)
+    return build_problem(made.cell, made.recording)[0]
+
+
+def state_with(problem, base: SE3) -> State:
+    transforms = dict.fromkeys(problem.unknowns, SE3.identity())
+    return State({**transforms, BASE: base}, {}, np.zeros((0, 6)))
+
+
+def words(problem, tangents: list[dict[str, list[float]]], base: SE3 = HOME, seed: int = 0) -> list[str]:
+    """Of directions given by name, mixed by a random rotation."""
+    vectors = np.zeros((problem.width, len(tangents)))
+    for k, tangent in enumerate(tangents):
+        for name, values in tangent.items():
+            vectors[problem.columns[name], k] = values
+    mixed = np.linalg.qr(vectors)[0] @ np.linalg.qr(np.random.default_rng(seed).normal(size=(len(tangents),) * 2))[0]
+    return [u.words for u in describe_null_space(problem, state_with(problem, base), mixed, np.ones(problem.width))]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_shifts_are_parted_from_turns(problem, seed):
+    """A shift along z with the board and a turn about x are told one by one however they are mixed."""
+    shift = {BASE: [0, 0, 1, 0, 0, 0], BOARD: [0, 1, 0, 0, 0, 0]}
+    turn = {BASE: [0, 0, 0, 1, 0, 0]}
+    assert words(problem, [shift, turn], seed=seed) == [
+        f"a shift of hand_base along (0.00, 0.00, 1.00) in eye_base, together with {BOARD}",
+        "a turn of hand_base about the axis through (0.00, 0.00, 0.00) m along (1.00, 0.00, 0.00) in eye_base",
+    ]
+
+
+def test_whole_spaces_are_one_phrase(problem):
+    """Three shifts are any shift, two any shift across the third, three turns any turn."""
+    unit = np.eye(6).tolist()
+    assert words(problem, [{BASE: row} for row in unit[:3]]) == ["any shift of hand_base"]
+    assert words(problem, [{BASE: row} for row in unit[:2]]) == [
+        "any shift of hand_base across (0.00, 0.00, 1.00) in eye_base"
+    ]
+    assert words(problem, [{BASE: row} for row in unit]) == ["any shift of hand_base", "any turn of hand_base"]
+
+
+def test_axes_stand_in_the_parent(problem):
+    """A turn about z of the base, which stands 2 m along x and turned about it, is about that line in eye_base."""
+    base = SE3.from_rotvec([np.pi / 2, 0, 0], [2.0, 0, 0])
+    assert words(problem, [{BASE: [0, 0, 0, 0, 0, 1]}], base) == [
+        "a turn of hand_base about the axis through (2.00, 0.00, 0.00) m along (0.00, 1.00, 0.00) in eye_base"
+    ]
+
+
+def test_what_moves_apart_is_told_apart(problem):
+    """Directions of two unknowns that have nothing to do with each other are not mixed; a lens is called a lens."""
+    lens = {"wrist": [0.0] * 4 + [1.0] + [0.0] * 4}
+    told = words(problem, [{BASE: [1, 0, 0, 0, 0, 0]}, {BOARD: [0, 1, 0, 0, 0, 0]}, lens])
+    assert told == [
+        "the lens of wrist",
+        "a shift of hand_base along (1.00, 0.00, 0.00) in eye_base",
+        "a shift of board along (0.00, 1.00, 0.00) in hand_flange",
+    ]
+
+
+def test_twists_of_a_base_in_its_own_axes():
+    """What poses alone leave open: all of it, or a shift and the turn about a line 1 m off."""
+    assert twists_in_words("hand_base", np.eye(6)) == "any shift or turn of hand_base"
+    turn = np.concatenate([np.cross([1.0, 0, 0], [0, 0, 1.0]), [0, 0, 1.0]])
+    assert twists_in_words("hand_base", np.array([[0, 0, 1.0, 0, 0, 0], turn])) == (
+        "a shift of hand_base along (0.00, 0.00, 1.00) in hand_base and "
+        "a turn of hand_base about the axis through (1.00, 0.00, 0.00) m along (0.00, 0.00, 1.00) in hand_base"
+    )

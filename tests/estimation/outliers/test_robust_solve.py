@@ -1,0 +1,222 @@
+"""Gross outliers are found, each with its reason; clean data are left as they are."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.cell import CandidateObservation, PixelObservation, Recording, RobotState
+from basecal.estimation.outliers.inlier_mask import of_samples
+from basecal.estimation.outliers.robust_solve import solve_robustly
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.solve import solve_packed
+from basecal.geometry import SE3
+from basecal.simulation import Scenario, simulate
+
+BASE = "eye_base_from_hand_base"
+NOISY = (3e-4, 5e-4)
+BUMP = SE3.exp([0.012, -0.009, 0.006, 0.03, 0.04, -0.02])
+BAD = (3, 8, 9, 14, 20, 27)
+
+
+def solved(cell, samples):
+    problem, _ = build_problem(cell, Recording(tuple(samples)))
+    return solve_robustly(problem, cell)
+
+
+def bumped(sample, robot="eye"):
+    state = RobotState(sample.robots[robot].base_from_flange @ BUMP)
+    return replace(sample, robots={**sample.robots, robot: state})
+
+
+def with_pixels(sample, pixels):
+    (seen,) = sample.observations
+    return replace(sample, observations=(replace(seen, pixels=pixels),))
+
+
+def off(first, second) -> float:
+    return float(np.abs((first.inverse() @ second).log()).max())
+
+
+def base(solution) -> SE3:
+    return solution.state.transforms[BASE]
+
+
+@pytest.mark.parametrize(
+    "scenario",
+    [
+        Scenario(),
+        Scenario(robot_noise=NOISY),
+        Scenario(arms="stations", robot_noise=NOISY),
+        Scenario(target="chessboard"),
+        Scenario(target="points3d"),
+        Scenario(target="pose", robot_noise=NOISY),
+        Scenario(target="led", camera_mount="fixed", target_mount="fixed"),
+        Scenario(state_pixel_noise=False),
+        Scenario(layout="two_cameras", robot_noise=NOISY),
+    ],
+    ids=str,
+)
+def test_clean_data_give_the_plain_solution(scenario):
+    """Nothing is left out and every bit is that of the plain solver; a false alarm has a chance of 3e-3 a cell."""
+    s = simulate(scenario, seed=1)
+    problem, _ = build_problem(s.cell, s.recording)
+    ours, plain = solve_robustly(problem, s.cell), solve_packed(problem, s.cell)
+    assert ours.outliers == ()
+    np.testing.assert_array_equal(ours.solution.covariance, plain.covariance)
+    for name, transform in plain.state.transforms.items():
+        np.testing.assert_array_equal(ours.solution.state.transforms[name].matrix, transform.matrix)
+
+
+@pytest.mark.parametrize("target", ["charuco", "chessboard", "pose", "points3d"])
+def test_bumped_samples_are_left_out(target):
+    """A robot off by 16 mm in a fifth of the samples: these go, no other; the base is that of the others to 1e-6."""
+    s = simulate(Scenario(target=target, robot_noise=NOISY), seed=2)
+    samples = [bumped(x) if x.sample in BAD else x for x in s.recording.samples]
+    ours = solved(s.cell, samples)
+    assert {o.sample for o in ours.outliers if not o.ids} == set(BAD)
+    assert "sigma" in ours.outliers[0].reason
+    assert "mm" in ours.outliers[0].reason
+    clean = solved(s.cell, [x for x in samples if x.sample not in BAD])
+    assert off(base(ours.solution), base(clean.solution)) < 1e-6
+
+
+def test_a_bumped_stop_of_a_still_arm_is_left_out_whole():
+    """The eye stands still at stations; one stop 16 mm off its reading is left out with all its samples."""
+    s = simulate(Scenario(samples=30, arms="stations", stations=6, robot_noise=NOISY), seed=3)
+    eye = [x.robots["eye"].base_from_flange for x in s.recording.samples]
+    stop = [x.sample for x, pose in zip(s.recording.samples, eye, strict=True) if off(pose, eye[7]) == 0]
+    assert 3 < len(stop) < 8
+    samples = [bumped(x) if x.sample in stop else x for x in s.recording.samples]
+    assert {o.sample for o in solved(s.cell, samples).outliers} == set(stop)
+
+
+def test_mispaired_samples_are_left_out():
+    """Six samples have one another's views: metres off, and found all the same."""
+    s = simulate(Scenario(robot_noise=NOISY), seed=4)
+    samples = list(s.recording.samples)
+    views = [samples[k].observations for k in BAD]
+    for k, view in zip(BAD, [*views[1:], views[0]], strict=True):
+        samples[k] = replace(samples[k], observations=view)
+    ours = solved(s.cell, samples)
+    assert {o.sample for o in ours.outliers if not o.ids} == set(BAD)
+    assert off(base(ours.solution), s.truth[BASE]) < 0.01
+
+
+@pytest.mark.parametrize(("mounts", "count"), [("fixed", 7), ("free", 9)])
+def test_reflections_taken_for_the_light_are_left_out(mounts, count):
+    """So many of thirty lights are bright spots anywhere in the image, mounts known or not: these go, and no other."""
+    s = simulate(Scenario(target="led", camera_mount=mounts, target_mount=mounts, samples=30), seed=5)
+    rng = np.random.default_rng(5)
+    bad = set(rng.choice(30, count, replace=False).tolist())
+    samples = [
+        with_pixels(x, rng.uniform((0, 0), (1280, 720), (1, 2))) if x.sample in bad else x for x in s.recording.samples
+    ]
+    ours = solved(s.cell, samples)
+    assert {o.sample for o in ours.outliers} == bad
+    assert "reflection" in ours.outliers[0].reason
+    assert off(base(ours.solution), s.truth[BASE]) < 0.005
+
+
+def test_candidates_are_chosen_anew_at_the_robust_state():
+    """Of two candidates a view, the light second in half of them, all are right though five views show no light."""
+    s = simulate(Scenario(target="led", camera_mount="fixed", target_mount="fixed", samples=30), seed=6)
+    rng = np.random.default_rng(6)
+    samples = []
+    for x in s.recording.samples:
+        (seen,) = x.observations
+        spots = np.concatenate([seen.pixels, rng.uniform((0, 0), (1280, 720), (1, 2))])
+        if x.sample in BAD[:5]:
+            spots = rng.uniform((0, 0), (1280, 720), (2, 2))
+        spots = spots[::-1] if x.sample % 2 else spots
+        samples.append(replace(x, observations=(CandidateObservation(seen.camera, seen.target, spots),)))
+    ours = solved(s.cell, samples)
+    assert {o.sample for o in ours.outliers} == set(BAD[:5])
+
+
+@pytest.mark.parametrize("state_pixel_noise", [True, False])
+def test_wrong_ids_and_strays_are_left_out_by_point(state_pixel_noise):
+    """In each view two points have each other's ids and three stray by 3 px or more: they go, 1 % of others at most."""
+    s = simulate(Scenario(robot_noise=NOISY, state_pixel_noise=state_pixel_noise), seed=7)
+    rng = np.random.default_rng(7)
+    samples, wrong = [], {}
+    for x in s.recording.samples:
+        (seen,) = x.observations
+        pixels, rows = seen.pixels.copy(), rng.permutation(len(seen.ids))[:5]
+        pixels[rows[:2]] = pixels[rows[1::-1]]
+        pixels[rows[2:]] += rng.choice([-1, 1], (3, 2)) * rng.uniform(3, 60, (3, 2))
+        samples.append(with_pixels(x, pixels))
+        wrong[x.sample] = set(seen.ids[rows].tolist())
+    ours = solved(s.cell, samples)
+    assert all(o.ids for o in ours.outliers)
+    found = {o.sample: set(o.ids) for o in ours.outliers}
+    assert all(ids <= found[sample] for sample, ids in wrong.items())
+    assert sum(len(found[k] - wrong[k]) for k in wrong) <= 0.01 * 31 * 30
+    assert off(base(ours.solution), s.truth[BASE]) < 0.01
+
+
+def test_ids_of_a_chessboard_are_those_of_the_recording():
+    """A view recorded from the other end of the board names its stray point as it was recorded."""
+    s = simulate(Scenario(target="chessboard"), seed=8)
+    samples = list(s.recording.samples)
+    for k in (4, 11):
+        (seen,) = samples[k].observations
+        pixels = seen.pixels[::-1].copy() if k == 11 else seen.pixels.copy()
+        pixels[2] += 25
+        samples[k] = with_pixels(samples[k], pixels)
+    found = solved(s.cell, samples).outliers
+    assert [(o.sample, o.ids) for o in found] == [(4, (2,)), (11, (2,))]
+
+
+def test_one_wrong_corner_of_few_costs_only_that_corner():
+    """Of targets of five to eight points one stray point goes, and the view stays."""
+    s = simulate(Scenario(target="points", robot_noise=NOISY), seed=9)
+    samples = list(s.recording.samples)
+    for k in BAD:
+        pixels = samples[k].observations[0].pixels.copy()
+        pixels[1] += (6, -4)
+        samples[k] = with_pixels(samples[k], pixels)
+    ours = solved(s.cell, samples)
+    assert [o.sample for o in ours.outliers] == list(BAD)
+    assert all(o.ids == (int(samples[o.sample].observations[0].ids[1]),) for o in ours.outliers)
+    assert "px" in ours.outliers[0].reason
+
+
+def test_sigmas_that_are_too_small_leave_nothing_out():
+    """Unmodelled robot noise twenty times what pixels explain is no outlier: the bulk sets the scale."""
+    s = simulate(Scenario(robot_noise=NOISY, state_robot_noise=False, pixel_px=0.04), seed=10)
+    problem, _ = build_problem(s.cell, s.recording)
+    assert solve_robustly(problem, s.cell).outliers == ()
+
+
+@pytest.mark.slow
+def test_more_than_half_wrong_is_not_passed_off_as_an_answer():
+    """Twenty of thirty samples with views of another instant: nothing is left out, the plain solution stands."""
+    s = simulate(Scenario(), seed=11)
+    samples = list(s.recording.samples)
+    order = np.random.default_rng(11).permutation(20)
+    for k in range(20):
+        samples[k] = replace(samples[k], observations=s.recording.samples[order[k - 1]].observations)
+    ours = solved(s.cell, samples)
+    assert ours.outliers == ()
+    assert ours.solution.cost > 100 * ours.solution.dof
+
+
+def test_the_order_of_samples_changes_nothing():
+    """Reversed, the same samples are left out, and the base is the same to 1e-9."""
+    s = simulate(Scenario(robot_noise=NOISY), seed=12)
+    samples = [replace(bumped(x) if x.sample in BAD else x, stamp_s=None) for x in s.recording.samples]
+    one, other = solved(s.cell, samples), solved(s.cell, samples[::-1])
+    assert one.outliers == other.outliers
+    assert off(base(one.solution), base(other.solution)) < 1e-9
+
+
+def test_samples_can_be_taken_by_number():
+    """A problem of some samples has their views and no others."""
+    s = simulate(Scenario(), seed=13)
+    problem, _ = build_problem(s.cell, s.recording)
+    few = of_samples(problem, np.array([2, 5]))
+    assert few.groups[0].sample.tolist() == [2, 5]
+    assert isinstance(s.recording.samples[2].observations[0], PixelObservation)

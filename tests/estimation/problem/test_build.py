@@ -1,0 +1,98 @@
+"""From a recording to arrays: joints stand for poses, stops are told apart, what is lacking is said."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from basecal.cell import PixelObservation, PointObservation, Recording, Robot, RobotState, Sample
+from basecal.errors import InputError
+from basecal.estimation.problem.build import build_problem, canonical_order
+from basecal.kinematics import read_chain
+from basecal.simulation import Scenario, simulate
+
+URDF = Path(__file__).parents[1] / "data" / "urdf" / "six_axis.urdf"
+
+
+def test_joints_stand_for_the_poses_they_give():
+    """A hand recorded by joints is the hand recorded by the forward kinematics of these joints."""
+    chain = read_chain(URDF, "base_link", "tool0")
+    s = simulate(Scenario(samples=6), seed=0)
+    joints = np.random.default_rng(0).uniform(-1, 1, (6, chain.n))
+    poses = chain.forward(joints)
+    by_joints, by_poses = (
+        Recording(tuple(_with_hand(x, state(k)) for k, x in enumerate(s.recording.samples)))
+        for state in (lambda k: RobotState(joints_rad=joints[k]), lambda k: RobotState(poses[k]))
+    )
+    cell = replace(s.cell, robots={**s.cell.robots, "hand": Robot("hand", chain=chain)})
+    (first,), (second,) = (build_problem(cell, recording)[0].groups for recording in (by_joints, by_poses))
+    np.testing.assert_allclose(
+        first.hand_base_from_hand_flange.matrix, second.hand_base_from_hand_flange.matrix, atol=1e-12
+    )
+
+
+def _with_hand(sample: Sample, state: RobotState) -> Sample:
+    return replace(sample, robots={**sample.robots, "hand": state})
+
+
+def test_a_stop_is_a_run_of_unchanged_poses():
+    """Equal poses in a row are one stop; the same pose later is another."""
+    s = simulate(Scenario(samples=3, robot_noise=(1e-4, 1e-4)), seed=0)
+    poses = [x.robots["eye"] for x in s.recording.samples]
+    order = [0, 0, 1, 1, 0, 2]
+    samples = tuple(
+        replace(
+            s.recording.samples[0], sample=k, robots={"eye": poses[p], "hand": s.recording.samples[0].robots["hand"]}
+        )
+        for k, p in enumerate(order)
+    )
+    problem, _ = build_problem(s.cell, Recording(samples))
+    (group,) = problem.groups
+    assert (group.eye_stop - group.eye_stop[0]).tolist() == [0, 0, 1, 1, 2, 3]
+    assert len(set(group.hand_stop.tolist())) == 1
+    assert set(group.eye_stop.tolist()).isdisjoint(group.hand_stop.tolist())
+
+
+def test_a_view_without_a_robots_pose_is_left_out_and_said():
+    """The sample is named, and the others are used."""
+    s = simulate(Scenario(samples=5), seed=0)
+    without = replace(s.recording.samples[2], robots={"eye": s.recording.samples[2].robots["eye"]})
+    samples = (*s.recording.samples[:2], without, *s.recording.samples[3:])
+    problem, (finding,) = build_problem(s.cell, Recording(samples))
+    assert problem.groups[0].sample.tolist() == [0, 1, 3, 4]
+    assert finding.code == "dropped-sample"
+    assert finding.about == ("2",)
+    assert "no pose of hand" in finding.message
+
+
+def test_samples_go_by_time_and_of_two_with_a_number_the_first_stays():
+    """Stamps order samples where all have one, else numbers do."""
+    timed = tuple(Sample(k, stamp_s=t) for k, t in ((0, 3.0), (1, 1.0), (2, 2.0)))
+    assert [x.sample for x in canonical_order(timed)] == [1, 2, 0]
+    assert [x.sample for x in canonical_order((Sample(2), Sample(1, stamp_s=9.0), Sample(0)))] == [0, 1, 2]
+    first, second = Sample(4, stamp_s=None), Sample(4, images={"a": "b"})
+    assert canonical_order((first, second)) == (first,)
+
+
+def test_one_camera_may_see_pixels_and_points_of_one_target():
+    """Kinds of measurement of the same pair are separate groups on the same unknowns."""
+    s = simulate(Scenario(samples=4), seed=0)
+    seen = s.recording.samples[0].observations[0]
+    assert isinstance(seen, PixelObservation)
+    in_camera = PointObservation(seen.camera, seen.target, seen.ids[:4], np.ones((4, 3)))
+    mixed = replace(s.recording.samples[0], observations=(in_camera,))
+    problem, _ = build_problem(s.cell, Recording((mixed, *s.recording.samples[1:])))
+    assert [len(g) for g in problem.groups] == [3, 1]
+    assert {g.camera_mount for g in problem.groups} == {"eye_flange_from_wrist"}
+
+
+def test_an_error_in_common_needs_the_noise_of_single_points():
+    """`correlated_px` without `pixel_px` is an error, and with it reaches the measurement."""
+    s = simulate(Scenario(samples=4, correlated_px=0.3), seed=0)
+    problem, _ = build_problem(s.cell, s.recording)
+    assert problem.groups[0].measurement.common_px == 0.3
+    with pytest.raises(InputError, match="correlated_px needs pixel_px"):
+        build_problem(replace(s.cell, pixel_px=None), s.recording)

@@ -1,0 +1,204 @@
+"""What views say, against differences of their cost and against the long way by a Jacobian."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.derivatives import check_derivative
+
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.view.measurement import (
+    BearingMeasurement,
+    Measurement,
+    PixelMeasurement,
+    PointMeasurement,
+    PoseMeasurement,
+)
+from basecal.geometry import SE3, Camera
+from basecal.simulation import Scenario, simulate
+
+LENS = Camera("pinhole", np.array([900.0, 880, 640, 360, -0.1, 0.05, 1e-3, -2e-3, 0.01]), (1280, 720))
+FISHEYE = Camera("fisheye", np.array([400.0, 410, 640, 360, 0.02, -0.01, 3e-3, -1e-3]), (1280, 720))
+KINDS = ["pixels", "fisheye pixels", "bearings", "pose", "points"]
+RESIDUALS = {"with residuals": 1.0, "without": 0.0}
+
+
+def facing(rng: np.random.Generator, n: int, distance: float) -> SE3:
+    turn = SE3.exp(np.concatenate([0.05 * rng.standard_normal((n, 3)), 0.4 * rng.standard_normal((n, 3))], -1))
+    return SE3(turn.rotation, turn.translation + np.array([0.0, 0.0, distance]))
+
+
+def target(rng: np.random.Generator, offset: float = 0.1) -> np.ndarray:
+    return 0.1 * rng.standard_normal((7, 3)) + offset
+
+
+def weights(rng: np.random.Generator, n: int, p: int, sigma: float) -> np.ndarray:
+    return rng.uniform(0.5, 2, (n, p)) / sigma * (rng.uniform(size=(n, p)) < 0.8)
+
+
+def pixels_of(camera: Camera, pose: SE3, points: np.ndarray, weight: np.ndarray, off: np.ndarray) -> PixelMeasurement:
+    seen = camera.project((pose.rotation @ points.T).swapaxes(1, 2) + pose.translation[:, None])
+    return PixelMeasurement(points, seen + off, weight > 0, weight, weight)
+
+
+def made(kind: str, residual: float) -> tuple[Measurement, SE3, Camera | None]:
+    """A measurement of 4 views, the poses it is linearised at, and the lens."""
+    rng = np.random.default_rng(3)
+    pose, points = facing(rng, 4, 0.9), target(rng)
+    in_camera = (pose.rotation @ points.T).swapaxes(1, 2) + pose.translation[:, None]
+    if kind == "pose":
+        off = SE3.exp(residual * 0.3 * rng.standard_normal((4, 6)))
+        weight = np.full((4, 6), 10.0)
+        return PoseMeasurement(pose @ off, weight, weight), pose, None
+    weight = weights(rng, 4, 7, 0.1)
+    if kind == "points":
+        off = residual * 0.05 * rng.standard_normal((4, 7, 3))
+        return PointMeasurement(points, in_camera + off, weight > 0, weight, weight), pose, None
+    if kind == "bearings":
+        bearings = in_camera + residual * 0.05 * rng.standard_normal((4, 7, 3))
+        unit = bearings / np.linalg.norm(bearings, axis=-1, keepdims=True)
+        return BearingMeasurement(points, unit, weight), pose, None
+    camera = FISHEYE if kind == "fisheye pixels" else LENS
+    off = residual * 20 * rng.standard_normal((4, 7, 2))
+    return pixels_of(camera, pose, points, weight / 100, off), pose, camera
+
+
+@pytest.mark.parametrize("residual", RESIDUALS)
+@pytest.mark.parametrize("kind", KINDS)
+def test_gradient_is_half_the_slope_of_the_cost(kind, residual):
+    """By central differences of sixth order."""
+    measurement, pose, camera = made(kind, RESIDUALS[residual])
+
+    def half_cost(xi: np.ndarray) -> np.ndarray:
+        return 0.5 * measurement.linearise(pose @ SE3.exp(xi), camera, False).cost[:, None]
+
+    gradient = measurement.linearise(pose, camera, False).gradient
+    check_derivative(half_cost, gradient[:, None], step=3e-3, tolerance=1e-8)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_information_is_the_slope_of_the_gradient_where_nothing_is_left_over(kind):
+    """Without residuals the second derivative is J'J alone."""
+    measurement, pose, camera = made(kind, 0.0)
+    information = measurement.linearise(pose, camera, False).information
+    check_derivative(
+        lambda xi: measurement.linearise(pose @ SE3.exp(xi), camera, False).gradient, information, 3e-3, 1e-8
+    )
+
+
+@pytest.mark.parametrize("kind", ["pixels", "fisheye pixels"])
+def test_lens_columns_are_the_slope_of_the_gradient(kind):
+    """The same with the lens's parameters, each scaled to order one."""
+    measurement, pose, camera = made(kind, 0.0)
+    assert camera is not None
+    scale = np.concatenate([np.ones(6), np.full(4, 100.0), np.ones(len(camera.distortion))])
+
+    def gradient(xi: np.ndarray) -> np.ndarray:
+        moved = camera.with_parameters(camera.parameters + (scale * xi)[6:])
+        return scale * measurement.linearise(pose @ SE3.exp(xi[:6]), moved, True).gradient
+
+    information = measurement.linearise(pose, camera, True).information * scale * scale[:, None]
+    check_derivative(gradient, information, 3e-3, 1e-8)
+
+
+@pytest.mark.parametrize("camera", [LENS, FISHEYE, Camera("pinhole", np.array([900.0, 900, 640, 360]))], ids=str)
+@pytest.mark.parametrize(("distance", "offset", "flat"), [(0.9, 0.0, 1.0), (60.0, 0.0, 0.0), (9.0, 3.0, 1.0)])
+def test_moments_give_what_the_jacobian_gives(camera, distance, offset, flat):
+    """Gradient and information equal J'r and J'J to 1e-12 of their size: near, far, and origin off the points."""
+    rng = np.random.default_rng(8)
+    pose = facing(rng, 20, distance)
+    points = target(rng, offset) * [1, 1, flat]
+    weight = weights(rng, 20, 7, 0.2)
+    measurement = pixels_of(camera, pose, points, weight, 3 * rng.standard_normal((20, 7, 2)))
+    by_moments = measurement.linearise(pose, camera, False)
+    by_jacobian = measurement.linearise(pose, camera, True)
+    np.testing.assert_allclose(by_moments.cost, by_jacobian.cost, rtol=1e-12)
+    for few, all_ in (
+        (by_moments.gradient, by_jacobian.gradient[:, :6]),
+        (by_moments.information, by_jacobian.information[:, :6, :6]),
+    ):
+        size = np.abs(all_).reshape(20, -1).max(-1).reshape(20, *[1] * (all_.ndim - 1))
+        np.testing.assert_allclose(few / size, all_ / size, rtol=0, atol=1e-12)
+
+
+def test_many_views_say_what_each_says_alone():
+    """Chunks change nothing."""
+    rng = np.random.default_rng(1)
+    pose, points = facing(rng, 4000, 0.9), target(rng)
+    measurement = pixels_of(LENS, pose, points, weights(rng, 4000, 7, 0.2), rng.standard_normal((4000, 7, 2)))
+    whole = measurement.linearise(pose, LENS, False)
+    some = np.array([0, 1027, 1028, 1029, 2056, 3999])
+    alone = measurement.take(some).linearise(pose[some], LENS, False)
+    for together, each in zip(whole, alone, strict=True):
+        np.testing.assert_allclose(together[some], each, rtol=1e-10, atol=1e-9 * np.abs(each).max())
+
+
+def test_a_seen_point_behind_the_camera_costs_infinitely_much_and_an_unseen_one_nothing():
+    """Only its own view is lost, and gradients stay finite."""
+    rng = np.random.default_rng(2)
+    pose, points = facing(rng, 3, 0.9), target(rng)
+    points[0] = [0.0, 0.0, -3.0]
+    pose = SE3(np.broadcast_to(np.eye(3), (3, 3, 3)).copy(), pose.translation)
+    weight = np.full((3, 7), 5.0)
+    weight[1:, 0] = 0.0
+    measurement = PixelMeasurement(points, np.full((3, 7, 2), 300.0), weight > 0, weight, weight)
+    view = measurement.linearise(pose, LENS, False)
+    without = replace(
+        measurement,
+        points_in_target=points[1:],
+        pixels=measurement.pixels[:, 1:],
+        seen=measurement.seen[:, 1:],
+        stated=weight[:, 1:],
+        weight=weight[:, 1:],
+    ).linearise(pose, LENS, False)
+    assert np.isinf(view.cost[0])
+    np.testing.assert_allclose(view.cost[1:], without.cost[1:], rtol=1e-12)
+    np.testing.assert_allclose(view.information, without.information, rtol=1e-9, atol=1e-6)
+    np.testing.assert_allclose(view.gradient, without.gradient, rtol=1e-9, atol=1e-6)
+
+
+@pytest.mark.parametrize("free_lens", [False, True])
+def test_common_shift_is_that_of_the_dense_covariance(free_lens):
+    """Cost, gradient and information are r'V^-1 r, J'V^-1 r and J'V^-1 J with V = diag(sigma^2) + tau^2 11'."""
+    measurement, pose, camera = made("pixels", 1.0)
+    assert isinstance(measurement, PixelMeasurement)
+    assert camera is not None
+    common = 0.3
+    ours = replace(measurement, common_px=common).linearise(pose, camera, free_lens)
+    for view in range(len(pose)):
+        seen = measurement.seen[view]
+        points = replace(
+            measurement, points_in_target=measurement.points_in_target[seen], pixels=measurement.pixels[:, seen]
+        )
+        residual = points.pixels[view] - camera.project(pose[view] @ points.points_in_target)
+        covariance = np.diag(measurement.weight[view, seen] ** -2.0) + common**2
+        cost = sum(r @ np.linalg.solve(covariance, r) for r in residual.T)
+        assert ours.cost[view] == pytest.approx(cost, rel=1e-9)
+    plain = measurement.linearise(pose, camera, free_lens)
+    lost = plain.information - ours.information
+    assert np.all(np.linalg.matrix_rank(lost, tol=1e-9 * np.abs(plain.information).max()) == 2)
+    many = replace(measurement, common_px=1e-6).linearise(pose, camera, free_lens)
+    for a, b in zip(many, plain, strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-6, atol=1e-9 * np.abs(b).max())
+
+
+def test_common_shift_keeps_the_gradient_that_of_the_cost():
+    """With a common shift the gradient is still half the derivative of the cost."""
+    measurement, pose, camera = made("pixels", 1.0)
+    assert isinstance(measurement, PixelMeasurement)
+    shifted = replace(measurement, common_px=0.4)
+    view = shifted.linearise(pose, camera, False)
+    for k, step in enumerate(1e-6 * np.eye(6)):
+        ahead, behind = (shifted.linearise(pose @ SE3.exp(s), camera, False).cost for s in (step, -step))
+        np.testing.assert_allclose(view.gradient[:, k], (ahead - behind) / 4e-6, rtol=1e-4, atol=1e-3)
+
+
+def test_no_views_say_nothing():
+    """A group without views has no cost, gradients of its width, and no error."""
+    made = simulate(Scenario(samples=3), 0)
+    problem, _ = build_problem(made.cell, made.recording)
+    nothing = problem.groups[0].take(np.zeros(0, dtype=np.int64))
+    found = nothing.measurement.linearise(SE3.identity((0,)), made.cameras["wrist"], False)
+    assert [part.shape for part in found] == [(0,), (0, 6), (0, 6, 6)]

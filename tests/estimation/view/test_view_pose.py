@@ -1,0 +1,79 @@
+"""Poses of a target in single views."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.estimation.view.measurement import BearingMeasurement
+from basecal.estimation.view.view_pose import ViewPoses, refined, view_poses
+from basecal.geometry import SE3, Array
+
+FLAT = np.array([[x, y, 0.0] for x in np.linspace(0.2, 0.4, 5) for y in np.linspace(0.02, 0.18, 4)])
+DEEP = FLAT + np.random.default_rng(0).standard_normal(FLAT.shape) * [0, 0, 0.05]
+
+
+def seen_from(pose: SE3, points: Array, noise: float = 0.0) -> BearingMeasurement:
+    at = (pose.rotation @ points.T).swapaxes(1, 2) + pose.translation[:, None]
+    at = at / np.linalg.norm(at, axis=-1, keepdims=True)
+    at = at + noise * np.random.default_rng(1).standard_normal(at.shape)
+    unit = at / np.linalg.norm(at, axis=-1, keepdims=True)
+    return BearingMeasurement(points, unit, np.full(at.shape[:2], 2000.0))
+
+
+def poses_of(chords: BearingMeasurement) -> ViewPoses:
+    return view_poses(chords.points_in_target, chords.bearings_in_camera, chords.weight > 0, chords)
+
+
+def tilted(n: int, distance: float) -> SE3:
+    """Boards tilted by 0.3 to 0.8 rad, before the camera."""
+    rng = np.random.default_rng(4)
+    axis = rng.standard_normal((n, 3)) * [1, 1, 0.3]
+    turn = axis / np.linalg.norm(axis, axis=-1, keepdims=True) * rng.uniform(0.3, 0.8, (n, 1))
+    centred = SE3.from_rotvec(turn, rng.uniform(-0.1, 0.1, (n, 3)) + np.array([0, 0, distance]))
+    return centred @ SE3(np.eye(3), -FLAT.mean(0))
+
+
+@pytest.mark.parametrize("points", [FLAT, DEEP], ids=["flat", "deep"])
+def test_exact_directions_give_the_exact_pose(points):
+    """To 1e-8, and at no cost."""
+    pose = tilted(12, 0.7)
+    found = poses_of(seen_from(pose, points))
+    assert found.found.all()
+    assert np.abs((pose.inverse() @ found.camera_from_target[:, 0]).log()).max() < 1e-8
+    assert found.cost[:, 0].max() < 1e-8
+
+
+def test_the_second_candidate_of_a_plane_is_tilted_the_other_way():
+    """From afar, with noise, the truth is one of the two, which differ by about twice the board's tilt."""
+    pose = tilted(40, 3.0)
+    found = poses_of(seen_from(pose, FLAT, 2e-4))
+    off = np.linalg.norm((pose[:, None].inverse() @ found.camera_from_target).log()[..., 3:], axis=-1)
+    assert off.min(-1).max() < 0.3
+    assert np.all(found.cost[:, 0] <= found.cost[:, 1])
+    sight = pose.translation + (pose.rotation @ FLAT.mean(0)[:, None])[..., 0]
+    sight /= np.linalg.norm(sight, axis=-1, keepdims=True)
+    tilt = np.arccos(np.abs(np.sum(pose.rotation[..., 2] * sight, -1)))
+    between = np.linalg.norm(
+        (found.camera_from_target[:, 0].inverse() @ found.camera_from_target[:, 1]).log()[:, 3:], axis=-1
+    )
+    assert np.median(np.abs(between - 2 * tilt)) < 0.1
+
+
+def test_views_of_three_points_have_no_pose():
+    """Their cost is infinite; the other views are not touched."""
+    pose = tilted(3, 0.7)
+    chords = seen_from(pose, FLAT)
+    chords.weight[1, 3:] = 0.0
+    found = poses_of(chords)
+    assert found.found.tolist() == [True, False, True]
+
+
+def test_refining_never_raises_a_cost():
+    """Each view's cost falls or stays, from a start off by 0.2 rad; nearly all end at the noise."""
+    pose = tilted(20, 0.7)
+    chords = seen_from(pose, FLAT, 2e-4)
+    start = pose @ SE3.exp(0.1 * np.random.default_rng(2).standard_normal((20, 6)))
+    costs = np.array([refined(chords, start, None, k).cost for k in range(6)])
+    assert np.all(np.diff(costs, axis=0) <= 0)
+    assert np.mean(costs[-1] < 0.01 * costs[0]) >= 0.95

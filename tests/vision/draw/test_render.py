@@ -1,0 +1,118 @@
+"""Images of printed targets."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.special import ndtr
+
+from basecal.cell import target
+from basecal.errors import InputError
+from basecal.geometry import SE3, Camera
+from basecal.vision.draw.drawing import CIRCLE_RADIUS
+from basecal.vision.draw.render import RenderSettings, radiance, render
+from basecal.vision.fit.corners import Window, refined
+from basecal.vision.fit.local_map import local_axes
+from basecal.vision.fit.shapes import saddle
+from vision_scenes import FISHEYE, PLAIN, TARGETS, WIDE, poses
+
+CLEAN = RenderSettings(noise=0.0)
+
+
+@pytest.mark.parametrize("camera", [PLAIN, WIDE, FISHEYE], ids=["plain", "wide", "fisheye"])
+@pytest.mark.parametrize("blur", [0.5, 1.0, 2.0])
+def test_corners_are_unbiased(camera: Camera, blur: float) -> None:
+    """Corners fitted in noiseless images are where the lens projects them, within 0.005 px rms."""
+    shape = TARGETS["chessboard"]
+    error = []
+    for pose in poses(shape, 3, np.random.default_rng(0)):
+        levels = radiance(camera, [(shape, pose)], RenderSettings(blur_px=blur))
+        true = camera.project(pose @ shape.points)
+        axes = local_axes(shape.points[:, :2], shape.points[:, :2], true, 0.03)
+        inside = np.all((true > 15) & (true < np.array(levels.shape[::-1]) - 15), axis=1)
+        fitted = refined(levels, saddle, true[inside] + 0.3, axes[inside], Window(7.0, 0.7, 0.7, 0.7, 0.7))
+        assert fitted.trusted.all()
+        error.append(fitted.pixels - true[inside])
+    assert np.sqrt(np.mean(np.concatenate(error) ** 2)) < 0.005
+
+
+def test_disc_by_its_darkness() -> None:
+    """A disc seen head on is missing the light of its exact area, about its exact centre."""
+    dot = target.circles((1, 1), 0.1)
+    middle = np.array([0.013, -0.021, 1.0])
+    levels = radiance(PLAIN, [(dot, SE3(np.eye(3), middle))], replace(CLEAN, background=200.0, blur_px=1.5))
+    missing = (200.0 - levels) / 170.0
+    row, column = np.indices(levels.shape)
+    centre = np.array([(missing * column).sum(), (missing * row).sum()]) / missing.sum()
+    np.testing.assert_allclose(centre, PLAIN.project(middle), atol=1e-3)
+    assert missing.sum() == pytest.approx(np.pi * (500 * 0.1 * CIRCLE_RADIUS) ** 2, rel=1e-4)
+
+
+def test_step_is_an_error_function() -> None:
+    """An edge has the profile of the point spread, the pixel's square under a Gaussian, within half a percent."""
+    board = target.chessboard((3, 3), 0.2)
+    levels = radiance(PLAIN, [(board, SE3(np.eye(3), np.array([0.0, 0.0, 1.0])))], replace(CLEAN, blur_px=1.0))
+    at = np.arange(310, 330)
+    finer = np.linspace(-0.5, 0.5, 201)[:-1] + 0.0025
+    share = ndtr(at[:, None] + finer - 319.5).mean(axis=1)
+    np.testing.assert_allclose(levels[190, at], 30 + 170 * share, atol=0.85)
+
+
+def test_noise_is_as_told() -> None:
+    """The plain background has the stated mean and noise, and another seed gives other noise."""
+    behind = SE3(np.eye(3), np.array([0.0, 0.0, -1.0]))
+    first, again, other = (
+        render(PLAIN, TARGETS["chessboard"], behind, RenderSettings(noise=3.0), k) for k in (1, 1, 2)
+    )
+    np.testing.assert_array_equal(first, again)
+    assert first.mean() == pytest.approx(110, abs=0.05)  # 5 sigmas of the mean of 307,200 pixels are 0.03
+    assert first.std() == pytest.approx(np.sqrt(9 + 1 / 12), rel=0.01)
+    assert np.mean(first == other) < 0.2
+
+
+def test_sixteen_bits() -> None:
+    """An image of 16 bits holds the levels of one of 8 bits times 257."""
+    pose = poses(TARGETS["tags"], 1, np.random.default_rng(1))[0]
+    eight, sixteen = (render(PLAIN, TARGETS["tags"], pose, replace(CLEAN, bits=bits)) for bits in (8, 16))
+    assert (eight.dtype, sixteen.dtype) == (np.uint8, np.uint16)
+    np.testing.assert_allclose(sixteen / 257, eight, atol=0.51)
+
+
+def test_back_is_blank() -> None:
+    """A board seen from behind is white paper."""
+    board = target.chessboard((3, 3), 0.05)
+    turned = SE3.from_rpy((np.pi, 0, 0), (-0.05, 0.05, 0.5))
+    levels = radiance(PLAIN, [(board, turned)], CLEAN)
+    assert set(np.unique(levels[220:260, 300:340].round(3))) == {200.0}
+
+
+def test_near_hides_far() -> None:
+    """Where two sheets overlap, the nearer one is seen, in whichever order they are named."""
+    near, far = (
+        (target.chessboard((3, 3), size), SE3(np.eye(3), np.array([0.0, 0.0, z])))
+        for size, z in ((0.02, 0.4), (0.1, 0.8))
+    )
+    both = radiance(PLAIN, [near, far], CLEAN)
+    np.testing.assert_array_equal(both, radiance(PLAIN, [far, near], CLEAN))
+    np.testing.assert_allclose(both[230:260, 310:340], radiance(PLAIN, [near], CLEAN)[230:260, 310:340], atol=1e-3)
+
+
+def test_texture_is_behind() -> None:
+    """A structured background has the stated deviation and leaves the board as it is."""
+    shape = TARGETS["chessboard"]
+    pose = SE3(np.eye(3), np.array([-0.1, -0.07, 0.5]))
+    plain, rough = (radiance(WIDE, [(shape, pose)], replace(CLEAN, texture=each)) for each in (0.0, 20.0))
+    board = slice(270, 450), slice(500, 760)
+    np.testing.assert_allclose(plain[board], rough[board], atol=1e-3)
+    assert np.std(rough[:, :300]) == pytest.approx(20.0, rel=0.25)  # a few dozen independent patches at most
+
+
+def test_needs_a_size() -> None:
+    """A camera without an image size, and a number of bits that is none, are named errors."""
+    pose = SE3(np.eye(3), np.array([0.0, 0.0, 1.0]))
+    with pytest.raises(InputError, match="size_px"):
+        render(Camera("pinhole", PLAIN.parameters), TARGETS["tags"], pose)
+    with pytest.raises(InputError, match="bits is 12"):
+        render(PLAIN, TARGETS["tags"], pose, RenderSettings(bits=12))

@@ -1,0 +1,142 @@
+"""Lights found in rendered images, against the bound that their photons set."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.cell import target
+from basecal.errors import InputError
+from basecal.geometry import Array
+from basecal.vision.draw.light import LightSettings, light_levels, render_light
+from basecal.vision.kinds.led import detect
+from vision_scenes import SMALL as PLAIN
+
+LIGHT = target.led()
+OFF = {"photons": 0.0}
+
+
+def exposed(photons: float, spot: float) -> LightSettings:
+    """A light whose brightest pixel is at about 170 of 255 levels."""
+    return LightSettings(photons, spot, photons / (2 * np.pi * (spot**2 + 1 / 12) * 160))
+
+
+def places(count: int, seed: int = 0) -> Array:
+    rng = np.random.default_rng(seed)
+    return np.column_stack([rng.uniform(-0.15, 0.15, count), rng.uniform(-0.1, 0.1, count), np.ones(count)])
+
+
+def bound(settings: LightSettings, place: Array, pair: bool) -> float:
+    """Cramer-Rao bound per coordinate [px] where place, width, brightness and background are all unknown."""
+    step = 1e-4
+    shifts = [np.zeros(3), np.array([step, 0, 0]), np.array([0, step, 0])]
+    at, right, down = (light_levels(PLAIN, place + shift, settings).ravel() for shift in shifts)
+    wider = light_levels(PLAIN, place, replace(settings, spot_px=settings.spot_px + step)).ravel()
+    moved = [(right - at) / (500 * step), (down - at) / (500 * step), (wider - at) / step]
+    columns = [*moved, at - settings.background, np.ones_like(at)]
+    variance = settings.read_noise**2 + 1 / 12 + at / settings.photons_per_level
+    if pair:
+        variance = variance + settings.read_noise**2 + 1 / 12 + settings.background / settings.photons_per_level
+    jacobian = np.stack(columns, axis=1)
+    covariance = np.linalg.inv((jacobian / variance[:, None]).T @ jacobian)
+    return float(np.sqrt((covariance[0, 0] + covariance[1, 1]) / 2))
+
+
+def errors(settings: LightSettings, count: int, pair: bool) -> tuple[Array, Array]:
+    """Errors, (n, 2), and sigmas, (n,), [px]."""
+    error, sigma = [], []
+    for index, place in enumerate(places(count)):
+        off = render_light(PLAIN, place, replace(settings, **OFF), 2 * index + 1) if pair else None
+        found = detect(render_light(PLAIN, place, settings, 2 * index), LIGHT, off)
+        assert found is not None
+        assert found.ids is not None
+        error.append(found.pixels[0] - PLAIN.project(place))
+        sigma.append(found.sigma_px[0])
+    return np.array(error), np.array(sigma)
+
+
+@pytest.mark.parametrize("pair", [False, True], ids=["single", "pair"])
+@pytest.mark.parametrize("spot", [0.8, 1.5])
+@pytest.mark.parametrize("photons", [3e3, 3e4, 3e5])
+def test_as_precise_as_photons_allow(photons: float, spot: float, pair: bool) -> None:
+    """A light is found at the Cramer-Rao bound of its image, or of both images of a pair, and its sigma says so."""
+    settings = exposed(photons, spot)
+    error, sigma = errors(settings, 60, pair)
+    efficiency = np.sqrt(np.mean(error**2)) / bound(settings, places(1)[0], pair)
+    # 120 coordinates: an rms has a sigma of 6.5 %, so that 1.1 becomes 1.25 with two of them.
+    assert 0.8 < efficiency < 1.25
+    assert np.sqrt(np.mean((error / sigma[:, None]) ** 2)) == pytest.approx(1.0, abs=0.25)
+
+
+def test_saturated_light() -> None:
+    """Where the middle of a light is too bright for the image, its flanks still place it without bias."""
+    settings = replace(exposed(3e5, 2.0), photons_per_level=exposed(3e5, 2.0).photons_per_level / 3)
+    error, sigma = errors(settings, 40, pair=False)
+    assert np.sqrt(np.mean(error**2)) < 0.02
+    assert np.all(np.abs(error.mean(axis=0)) < 4 * error.std() / np.sqrt(len(error)))
+    assert np.sqrt(np.mean((error / sigma[:, None]) ** 2)) == pytest.approx(1.0, abs=0.3)
+
+
+def test_candidates_brightest_first() -> None:
+    """Several bright spots are all given, without ids, the brightest first."""
+    spots = places(3, seed=1)
+    levels = sum(
+        light_levels(PLAIN, spot, replace(exposed(3e4, 1.5), photons=photons, background=3.0))
+        for spot, photons in zip(spots, (1.4e4, 3e4, 2e4), strict=True)
+    )
+    noisy = levels + np.random.default_rng(0).normal(0, 1, levels.shape)
+    found = detect(np.clip(np.rint(noisy), 0, 255).astype(np.uint8), LIGHT)
+    assert found is not None
+    assert found.ids is None
+    np.testing.assert_allclose(found.pixels, PLAIN.project(spots[[1, 2, 0]]), atol=0.1)
+
+
+def test_lamp_that_stays_on() -> None:
+    """A brighter spot that is there with the light off too is not the light."""
+    settings, (light, lamp) = exposed(3e4, 1.5), places(2, seed=2)
+    both = render_light(PLAIN, np.stack([light, lamp]), settings, 1)
+    only_lamp = render_light(PLAIN, lamp, settings, 2)
+    alone, pair = detect(both, LIGHT), detect(both, LIGHT, only_lamp)
+    assert alone is not None
+    assert pair is not None
+    assert (len(alone.pixels), len(pair.pixels)) == (2, 1)
+    np.testing.assert_allclose(pair.pixels[0], PLAIN.project(light), atol=0.05)
+
+
+def test_structured_scene() -> None:
+    """A light on a structured scene is found in the difference of on and off."""
+    settings = replace(exposed(3e4, 1.2), background=60.0, texture=25.0, photons=1e4)
+    place = places(1, seed=3)[0]
+    on, off = (render_light(PLAIN, place, each, seed) for seed, each in enumerate((settings, replace(settings, **OFF))))
+    found = detect(on, LIGHT, off)
+    assert found is not None
+    np.testing.assert_allclose(found.pixels[0], PLAIN.project(place), atol=0.15)
+
+
+def test_at_the_border() -> None:
+    """A light partly outside the image is placed by what is inside."""
+    place = np.array([-0.3184, 0.1, 1.0])  # pixel 0.3
+    found = detect(render_light(PLAIN, place, exposed(1e5, 1.5)), LIGHT)
+    assert found is not None
+    np.testing.assert_allclose(found.pixels[0], PLAIN.project(place), atol=0.05)
+
+
+def test_nothing_in_the_dark() -> None:
+    """No light is found where there is none: in the dark, in noise, or where on and off are alike."""
+    dark = render_light(PLAIN, places(1)[0], LightSettings(photons=0.0))
+    assert detect(np.zeros((100, 100), np.uint8), LIGHT) is None
+    assert detect(dark, LIGHT, dark) is None
+
+
+def test_several_lights_at_once() -> None:
+    """Of several lights at once nothing is detected: which is which is not known."""
+    two = target.led([[0, 0, 0], [0.1, 0, 0]])
+    assert detect(render_light(PLAIN, places(2), exposed(3e4, 1.5)), two) is None
+
+
+def test_background_of_another_size() -> None:
+    """An image of the light off that does not fit is a named error."""
+    with pytest.raises(InputError, match="differs in size"):
+        detect(np.zeros((50, 50), np.uint8), LIGHT, np.zeros((50, 40), np.uint8))
