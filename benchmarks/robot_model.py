@@ -21,8 +21,8 @@ from typing import Any
 
 import numpy as np
 
-from basecal.accuracy.robot.model_selection import choose_robot_model
-from basecal.accuracy.robot.parameters import joint_offsets
+from basecal.accuracy.cross_validation.robot_model_selection import choose_robot_model
+from basecal.accuracy.robot_parameters import joint_offsets
 from basecal.cell import Parameters, Recording
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem, State

@@ -79,6 +79,56 @@ def test_imports_point_down() -> None:
     assert everywhere(lambda path: layer_faults(parsed(path), module_parts(path)) if path in inner else []) == {}
 
 
+ROOM_SIZE = 14
+LISTS_OF_LIKE_THINGS = {"cli", "exchange"}
+
+
+def room_of(parts: tuple[str, ...]) -> str:
+    """The room a module stands in: its folder inside a package, or itself where it stands at the package's root."""
+    return "/".join(parts[:2])
+
+
+def room_imports() -> dict[str, set[str]]:
+    """Rooms of the same package that each room imports from."""
+    edges: dict[str, set[str]] = {}
+    for path in FILES:
+        parts = module_parts(path)
+        for _, imported in inner_imports(parsed(path), ["basecal", *parts[:-1]]):
+            if len(parts) > 1 and len(imported) > 2 and imported[1] == parts[0]:
+                here, there = room_of(parts), room_of(tuple(imported[1:]))
+                edges.setdefault(here, set()).update({there} - {here})
+    return edges
+
+
+def circle(edges: dict[str, set[str]]) -> list[str]:
+    """Rooms that import one another in a circle, one such circle; empty where there is none."""
+    waiting = dict(edges)
+    while leaves := [room for room, imports in waiting.items() if not imports & waiting.keys()]:
+        for room in leaves:
+            del waiting[room]
+    return sorted(waiting)
+
+
+def test_rooms_of_a_package_import_one_another_in_no_circle() -> None:
+    """Rooms of a package can be put in an order in which every import points down."""
+    assert circle(room_imports()) == []
+
+
+def test_circle_check_bites() -> None:
+    """Two rooms that import each other are found, what they import besides is not named."""
+    assert circle({"a": {"b", "c"}, "b": {"a"}, "c": set()}) == ["a", "b"]
+
+
+def test_rooms_are_small() -> None:
+    """No folder holds more than fourteen modules, but lists of like things."""
+    counts: dict[str, int] = {}
+    for path in FILES:
+        folder = path.parent.relative_to(SOURCE)
+        if path.stem not in ENTRIES and str(folder) not in LISTS_OF_LIKE_THINGS:
+            counts[str(folder)] = counts.get(str(folder), 0) + 1
+    assert {folder: n for folder, n in counts.items() if n > ROOM_SIZE} == {}
+
+
 @pytest.mark.parametrize(
     ("source", "parts"),
     [

@@ -10,6 +10,7 @@ import numpy as np
 
 from basecal.accuracy.axis_shift import calibrate_axis_shift
 from basecal.accuracy.certify import certified
+from basecal.accuracy.cross_validation.robot_model_selection import choose_robot_model, robot_model_findings
 from basecal.accuracy.cross_validation.validation import validate
 from basecal.accuracy.findings.fit import few_stops, many_dropped, not_converged, poor_fit, too_few
 from basecal.accuracy.findings.observability import observability_findings
@@ -17,8 +18,7 @@ from basecal.accuracy.findings.outliers import outlier_findings
 from basecal.accuracy.findings.priors import contradicted_priors
 from basecal.accuracy.input_check.conventions import check_conventions
 from basecal.accuracy.residuals.fit import residuals
-from basecal.accuracy.robot.model_selection import choose_robot_model, robot_model_findings
-from basecal.accuracy.robot.parameters import deflection, held_findings, joint_offsets, link_parameters
+from basecal.accuracy.robot_parameters import deflection, held_findings, joint_offsets, link_parameters
 from basecal.cell import Calibration, Cell, Finding, Recording, Residuals
 from basecal.cell.calibration import Verdict
 from basecal.estimation.noise.robot_noise import with_robot_noise

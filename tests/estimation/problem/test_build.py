@@ -14,7 +14,7 @@ from basecal.estimation.problem.build import build_problem, canonical_order
 from basecal.kinematics import read_chain
 from basecal.simulation import Scenario, simulate
 
-URDF = Path(__file__).parents[1] / "data" / "urdf" / "six_axis.urdf"
+URDF = Path(__file__).parents[2] / "data" / "urdf" / "six_axis.urdf"
 
 
 def test_joints_stand_for_the_poses_they_give():

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from basecal.accuracy.robot.parameters import kinematics_of
+from basecal.accuracy.robot_parameters import kinematics_of
 from basecal.cell import Calibration, Cell, Recording
 from basecal.estimation.least_squares.normal_equations import linearise, retract
 from basecal.estimation.noise.robot_noise import with_robot_noise

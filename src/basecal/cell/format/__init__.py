@@ -1,1 +1,1 @@
-"""Files of a cell: paths, YAML, results and truth."""
+"""Text as people write it: YAML with lines, problems told at once, paths inside a cell."""

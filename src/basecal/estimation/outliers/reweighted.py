@@ -3,7 +3,7 @@
 Graduated non-convexity: truncated least squares over views, and over the points of views that have few, by weights
 that begin near one for all and end at zero or one. Source: Yang, Antonante, Tzoumas & Carlone 2020. We differ: a view's
 square is taken with its private stops' errors eliminated and all weights are on that, and the scale is estimated anew
-in each round. From farther off: Cauchy's likelihood, whose weights never end at zero (Holland & Welsch 1977).
+in each round.
 """
 
 from __future__ import annotations
@@ -25,9 +25,6 @@ _GROWTH = 1.6
 _ROUNDS = 60
 _STEPS = 2
 _CERTAIN = 1e-3
-_HEAVY_ROUNDS = 25
-_FIRST_STEPS = 3
-_MOST = 0.6
 
 ScaleOf = Callable[[list[MahalanobisSquared]], Scale]
 
@@ -57,20 +54,6 @@ def graduated_truncation(problem: Problem, state: State, scale_of: ScaleOf) -> S
         every = np.concatenate([w.ravel() for w in (*views, *points)])
         if np.all((every < _CERTAIN) | (every > 1 - _CERTAIN)) and all(map(np.allclose, before, views)):
             break
-    return state
-
-
-def cauchy_irls(problem: Problem, state: State) -> State:
-    """The state of Cauchy's likelihood over views, downhill of `state`, its scale that of six tenths of the views."""
-    weights: list[Array] | None = None
-    for _ in range(_HEAVY_ROUNDS):
-        try:
-            state = levenberg_marquardt(problem, state, 1, _FIRST_STEPS if weights is None else 1, weights).state
-            ratios = [np.minimum(s.value, 1e30) / np.maximum(s.freedoms, 1) for s in studentized(problem, state)]
-        except np.linalg.LinAlgError:
-            break
-        scale = max(float(np.quantile(np.concatenate(ratios), _MOST)), 1e-30)
-        weights = [1 / (1 + ratio / scale) for ratio in ratios]
     return state
 
 

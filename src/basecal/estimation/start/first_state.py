@@ -13,8 +13,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from basecal.cell import Cell, Unknown
+from basecal.estimation.least_squares.cauchy_irls import cauchy_irls
 from basecal.estimation.least_squares.levenberg_marquardt import levenberg_marquardt
-from basecal.estimation.outliers.reweighted import cauchy_irls
 from basecal.estimation.problem.problem import Problem, State, Stops
 from basecal.estimation.start.closed_form import Loop, Rotations, solve_rotations, solve_translations
 from basecal.estimation.start.lens import lens_from_views

@@ -10,10 +10,10 @@ from pathlib import Path
 
 from basecal.cell.calibration import Calibration
 from basecal.cell.cell import Cell
-from basecal.cell.format.calibration_dict import calibration_from_dict, calibration_to_dict
 from basecal.cell.format.paths import write_whole
 from basecal.cell.format.yaml_text import read_text
 from basecal.cell.journal import recording_file
+from basecal.cell.results.calibration_dict import calibration_from_dict, calibration_to_dict
 from basecal.cell.schema import cell_file
 from basecal.errors import DatasetError, InputError
 

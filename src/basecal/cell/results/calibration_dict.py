@@ -20,7 +20,7 @@ from basecal.cell.calibration import (
     SampleResidual,
     Validation,
 )
-from basecal.cell.format.kinematics_dict import (
+from basecal.cell.results.kinematics_dict import (
     deflection_from_dict,
     deflection_to_dict,
     joint_offsets_from_dict,

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from basecal.accuracy.robot.model_selection import choose_robot_model, robot_model_findings
-from basecal.accuracy.robot.parameters import deflection, held_findings, joint_offsets, link_parameters
+from basecal.accuracy.cross_validation.robot_model_selection import choose_robot_model, robot_model_findings
+from basecal.accuracy.robot_parameters import deflection, held_findings, joint_offsets, link_parameters
 from basecal.accuracy.verdict import calibrate
 from basecal.estimation.problem.robot_parameters import Kinematics
 from basecal.estimation.settings import Settings

@@ -14,7 +14,7 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from basecal.accuracy.cross_validation.left_out import predict_left_out
-from basecal.accuracy.robot.parameters import joint_offsets
+from basecal.accuracy.robot_parameters import joint_offsets
 from basecal.cell import Finding, Parameters
 from basecal.estimation.least_squares.levenberg_marquardt import levenberg_marquardt
 from basecal.estimation.noise.estimate import degrees_of_freedom

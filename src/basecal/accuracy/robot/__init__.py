@@ -1,1 +1,0 @@
-"""The robots' own joints and links."""

@@ -1,0 +1,1 @@
+"""What came out and what is so: `calibration.json` and `truth.yaml`."""
