@@ -260,6 +260,19 @@ def test_leading_axes_are_a_batch(camera, shape, rng):
     assert (rays.shape, valid.shape) == ((*shape, 3), shape)
 
 
+def test_a_batch_of_lenses_is_each_lens_by_itself(camera, rng):
+    """Lenses (2, 3) on points (2, 3, 4, 5) project and derive entry by entry as each lens alone."""
+    scale = 1 + 0.01 * rng.standard_normal((2, 3, len(camera.parameters)))
+    batch = camera.with_parameters(camera.parameters * scale)
+    points = rng.uniform([-0.3, -0.3, 0.8], [0.3, 0.3, 1.2], (2, 3, 4, 5, 3))
+    pixels, d_points, d_parameters = batch.project_with_derivatives(points, intrinsics=True)
+    np.testing.assert_allclose(batch.project(points), pixels, rtol=1e-14)
+    for i, j in np.ndindex(2, 3):
+        alone = batch[i, j].project_with_derivatives(points[i, j], intrinsics=True)
+        for ours, theirs in zip((pixels, d_points, d_parameters), alone, strict=True):
+            np.testing.assert_allclose(ours[i, j], theirs, rtol=1e-12, atol=1e-12)
+
+
 def test_parts_and_new_parameters():
     """The parts read as they were given; new parameters keep model and size, and nothing can be written into."""
     camera = Camera("pinhole", [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0], (10, 20))
@@ -279,7 +292,7 @@ def test_parts_and_new_parameters():
         ("pinhole", [1, 1, 0], None, "fx, fy, cx, cy"),
         ("pinhole", [1, 1, 0, 0, 0.1], None, "0 or 4 or 5 or 8"),
         ("fisheye", [1, 1, 0, 0], None, "4 distortion"),
-        ("pinhole", [[1, 1, 0, 0]], None, "shape"),
+        ("pinhole", 1.0, None, "shape"),
         ("pinhole", [0, 1, 0, 0], None, "focal"),
         ("pinhole", [1, -1, 0, 0], None, "focal"),
         ("pinhole", [1, np.nan, 0, 0], None, "NaN"),

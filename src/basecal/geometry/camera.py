@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from basecal.errors import InputError, nearest
 from basecal.geometry import fisheye, pinhole
 from basecal.geometry.array import Array, read_only
-from basecal.geometry.lens import BoolArray, Lens
+from basecal.geometry.lens import BoolArray, Lens, Number
 
 Model = Literal["pinhole", "fisheye"]
 _LENSES: dict[str, Lens] = {"pinhole": pinhole, "fisheye": fisheye}
@@ -23,7 +23,8 @@ class Camera:
 
     Attributes:
         model: `pinhole` (Brown-Conrady, k1 k2 p1 p2 [k3 [k4 k5 k6]]) or `fisheye` (Kannala-Brandt, k1 k2 k3 k4).
-        parameters: (4 + k,) fx, fy, cx, cy [px] and k distortion terms: 0, 4, 5 or 8; fisheye 4.
+        parameters: (..., 4 + k) fx, fy, cx, cy [px] and k distortion terms: 0, 4, 5 or 8; fisheye 4. Leading axes are
+            a batch of lenses, which lines up with the leading axes of what is projected.
         size_px: Width and height; None where not known.
 
     Raises:
@@ -46,21 +47,25 @@ class Camera:
 
     @property
     def focal(self) -> Array:
-        """Focal lengths fx and fy, (2,) [px]."""
-        return self.parameters[:2]
+        """Focal lengths fx and fy, (..., 2) [px]."""
+        return self.parameters[..., :2]
 
     @property
     def center(self) -> Array:
-        """Principal point cx and cy, (2,) [px]."""
-        return self.parameters[2:4]
+        """Principal point cx and cy, (..., 2) [px]."""
+        return self.parameters[..., 2:4]
 
     @property
     def distortion(self) -> Array:
-        """Distortion terms in the order of the model, (k,)."""
-        return self.parameters[4:]
+        """Distortion terms in the order of the model, (..., k)."""
+        return self.parameters[..., 4:]
+
+    def __getitem__(self, index: Any) -> Camera:
+        """Lenses of the batch."""
+        return self.with_parameters(self.parameters[index])
 
     def with_parameters(self, parameters: ArrayLike) -> Camera:
-        """The same model and size with other `parameters`, (4 + k,).
+        """The same model and size with other `parameters`, (..., 4 + k).
 
         Raises:
             InputError: as the class itself.
@@ -84,7 +89,8 @@ class Camera:
         """
         points = _last_axis(points_in_camera, 3, "points_in_camera")
         with np.errstate(all="ignore"):
-            return self._pixels(*_LENSES[self.model].project(points, self.distortion.tolist()))
+            beside = _beside(self.parameters, points)
+            return _pixels(*_LENSES[self.model].project(points, beside[4:]), beside)
 
     def project_with_derivatives(
         self, points_in_camera: Array, intrinsics: bool = False
@@ -104,16 +110,16 @@ class Camera:
             InputError: if the last axis is not 3.
         """
         points = _last_axis(points_in_camera, 3, "points_in_camera")
-        fx, fy = self.focal.tolist()
+        beside = _beside(self.parameters, points)
         with np.errstate(all="ignore"):
             u, v, d_points, d_terms = _LENSES[self.model].project_with_derivatives(
-                points, (fx, fy), self.distortion.tolist(), intrinsics
+                points, (beside[0], beside[1]), beside[4:], intrinsics
             )
             d_parameters = None if d_terms is None else _by_parameters(u, v, d_terms)
-            return self._pixels(u, v), d_points, d_parameters
+            return _pixels(u, v, beside), d_points, d_parameters
 
     def undistort(self, pixels: Array) -> tuple[Array, BoolArray]:
-        """Directions in which pixels look.
+        """Directions in which pixels look, by a single lens.
 
         Args:
             pixels: (..., 2) [px].
@@ -146,12 +152,22 @@ class Camera:
         inside: BoolArray = seen & np.all((pixels >= -0.5) & (pixels < np.array(self.size_px) - 0.5), axis=-1)
         return inside
 
-    def _pixels(self, u: Array, v: Array) -> Array:
-        fx, fy, cx, cy = self.parameters[:4].tolist()
-        out = np.empty((2, *u.shape))
-        np.add(fx * u, cx, out=out[0, ...])
-        np.add(fy * v, cy, out=out[1, ...])
-        return np.moveaxis(out, 0, -1)
+
+def _beside(parameters: Array, points: Array) -> list[Number]:
+    """Each parameter as what multiplies values (...,) of points (..., 3): a number, or an array over the lenses."""
+    if parameters.ndim == 1:
+        numbers: list[Number] = parameters.tolist()
+        return numbers
+    more = (1,) * (points.ndim - parameters.ndim)
+    return [each.reshape(each.shape + more) for each in np.moveaxis(parameters, -1, 0)]
+
+
+def _pixels(u: Array, v: Array, beside: list[Number]) -> Array:
+    fx, fy, cx, cy = beside[:4]
+    out = np.empty((2, *u.shape))
+    np.add(fx * u, cx, out=out[0, ...])
+    np.add(fy * v, cy, out=out[1, ...])
+    return np.moveaxis(out, 0, -1)
 
 
 def _by_parameters(u: Array, v: Array, d_terms: Array) -> Array:
@@ -172,13 +188,13 @@ def _last_axis(values: Array, length: int, name: str) -> Array:
 
 def _check_parameters(model: Model, parameters: Array) -> None:
     terms = _LENSES[model].TERMS
-    if parameters.ndim != 1 or len(parameters) - 4 not in terms:
+    if parameters.shape[-1] - 4 not in terms:
         expected = " or ".join(map(str, terms))
         raise InputError(
             f"camera parameters have shape {parameters.shape}, expected fx, fy, cx, cy and {expected} distortion terms"
         )
     if not np.all(np.isfinite(parameters)):
         raise InputError("camera parameters hold NaN or infinity")
-    if not np.all(parameters[:2] > 0):
-        fx, fy = parameters[:2]
+    if not np.all(parameters[..., :2] > 0):
+        fx, fy = parameters[..., :2].reshape(-1, 2).min(0)
         raise InputError(f"the focal lengths are {fx:g} and {fy:g} px, expected both above 0")

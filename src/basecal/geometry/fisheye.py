@@ -7,11 +7,12 @@ centre. Source: Kannala & Brandt 2006, doi:10.1109/TPAMI.2006.153.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from basecal.geometry.array import Array
-from basecal.geometry.lens import BoolArray, first_root
+from basecal.geometry.lens import BoolArray, Number, first_root
 
 TERMS: tuple[int, ...] = (4,)
 _ITERATIONS = 80
@@ -28,20 +29,22 @@ def _polar(points: Array) -> tuple[Array, Array, Array, Array]:
     return r, np.where(off, x / safe, 1.0), y / safe, angle
 
 
-def _distance(angle: Array, distortion: list[float]) -> Array:
+def _distance(angle: Array, distortion: Sequence[Number]) -> Array:
     k1, k2, k3, k4 = distortion
     s = angle * angle
-    return angle * ((((k4 * s + k3) * s + k2) * s + k1) * s + 1.0)
+    distance: Array = angle * ((((k4 * s + k3) * s + k2) * s + k1) * s + 1.0)
+    return distance
 
 
-def _growth(angle: Array, distortion: list[float]) -> Array:
+def _growth(angle: Array, distortion: Sequence[Number]) -> Array:
     """Derivative of the distance from the centre to the angle."""
     k1, k2, k3, k4 = distortion
     s = angle * angle
-    return (((9 * k4 * s + 7 * k3) * s + 5 * k2) * s + 3 * k1) * s + 1.0
+    growth: Array = (((9 * k4 * s + 7 * k3) * s + 5 * k2) * s + 3 * k1) * s + 1.0
+    return growth
 
 
-def project(points: Array, distortion: list[float]) -> tuple[Array, Array]:
+def project(points: Array, distortion: Sequence[Number]) -> tuple[Array, Array]:
     """Image on the plane at unit distance, (...,) each, of points (..., 3); NaN on the axis where z <= 0."""
     _, cosine, sine, angle = _polar(points)
     distance = _distance(angle, distortion)
@@ -49,7 +52,7 @@ def project(points: Array, distortion: list[float]) -> tuple[Array, Array]:
 
 
 def project_with_derivatives(
-    points: Array, focal: tuple[float, float], distortion: list[float], terms: bool
+    points: Array, focal: tuple[Number, Number], distortion: Sequence[Number], terms: bool
 ) -> tuple[Array, Array, Array, Array | None]:
     """Image on the plane at unit distance, and the derivatives of the pixels.
 

@@ -7,12 +7,13 @@ Source: Brown 1971, "Close-range camera calibration"; the rational terms as in O
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from basecal.geometry.array import Array
-from basecal.geometry.lens import BoolArray, first_root
+from basecal.geometry.lens import BoolArray, Number, any_nonzero, first_root
 
 TERMS: tuple[int, ...] = (0, 4, 5, 8)
 _ITERATIONS = 60
@@ -33,13 +34,13 @@ class _Rays(NamedTuple):
     inverse_denominator: Array | float
 
 
-def _rays(a: Array, b: Array, k: list[float]) -> _Rays:
+def _rays(a: Array, b: Array, k: Sequence[Number]) -> _Rays:
     k1, k2, p1, p2, k3, k4, k5, k6 = k
     s = a * a
     s += b * b
     radial = _polynomial(s, (1.0, k1, k2, k3))
     inverse: Array | float = 1.0
-    if k4 or k5 or k6:
+    if any_nonzero((k4, k5, k6)):
         inverse = 1.0 / _polynomial(s, (1.0, k4, k5, k6))
         radial *= inverse
     stretch = (2 * p1) * b
@@ -48,9 +49,9 @@ def _rays(a: Array, b: Array, k: list[float]) -> _Rays:
     return _Rays(a, b, s, radial, stretch, inverse)
 
 
-def _polynomial(s: Array, coefficients: tuple[float, ...]) -> Array:
+def _polynomial(s: Array, coefficients: tuple[Number, ...]) -> Array:
     """The sum of c_i s^i, Horner's way."""
-    total = coefficients[-1] * s
+    total: Array = coefficients[-1] * s
     for c in coefficients[-2:0:-1]:
         total += c
         total *= s
@@ -66,11 +67,11 @@ def _ahead(points: Array) -> tuple[Array, Array, Array]:
     return points[..., 0] * inverse, points[..., 1] * inverse, inverse
 
 
-def _padded(distortion: list[float]) -> list[float]:
-    return distortion + [0.0] * (8 - len(distortion))
+def _padded(distortion: Sequence[Number]) -> list[Number]:
+    return [*distortion, *[0.0] * (8 - len(distortion))]
 
 
-def _image(rays: _Rays, k: list[float]) -> tuple[Array, Array]:
+def _image(rays: _Rays, k: Sequence[Number]) -> tuple[Array, Array]:
     p1, p2 = k[2:4]
     u, v = rays.a * rays.stretch, rays.b * rays.stretch
     u += p2 * rays.s
@@ -78,11 +79,11 @@ def _image(rays: _Rays, k: list[float]) -> tuple[Array, Array]:
     return u, v
 
 
-def _derivative(rays: _Rays, k: list[float]) -> tuple[Array, Array, Array]:
+def _derivative(rays: _Rays, k: Sequence[Number]) -> tuple[Array, Array, Array]:
     """du/da, du/db == dv/da, dv/db."""
     k1, k2, p1, p2, k3, k4, k5, k6 = k
     slope = _polynomial(rays.s, (2 * k1, 4 * k2, 6 * k3))
-    if k4 or k5 or k6:
+    if any_nonzero((k4, k5, k6)):
         slope -= rays.radial * _polynomial(rays.s, (2 * k4, 4 * k5, 6 * k6))
         slope *= rays.inverse_denominator
     slope_a = slope * rays.a
@@ -92,7 +93,7 @@ def _derivative(rays: _Rays, k: list[float]) -> tuple[Array, Array, Array]:
     return _own(slope_a, p2, rays.a, rays.stretch), mixed, _own(slope * rays.b, p1, rays.b, rays.stretch)
 
 
-def _own(slope_at: Array, p: float, at: Array, stretch: Array) -> Array:
+def _own(slope_at: Array, p: Number, at: Array, stretch: Array) -> Array:
     """Derivative of a coordinate's image to the coordinate itself."""
     total = slope_at + 4 * p
     total *= at
@@ -100,17 +101,17 @@ def _own(slope_at: Array, p: float, at: Array, stretch: Array) -> Array:
     return total
 
 
-def project(points: Array, distortion: list[float]) -> tuple[Array, Array]:
+def project(points: Array, distortion: Sequence[Number]) -> tuple[Array, Array]:
     """Image on the plane at unit distance, (...,) each, of points (..., 3); NaN where z <= 0."""
     a, b, _ = _ahead(points)
-    if not any(distortion):
+    if not any_nonzero(distortion):
         return a, b
     k = _padded(distortion)
     return _image(_rays(a, b, k), k)
 
 
 def project_with_derivatives(
-    points: Array, focal: tuple[float, float], distortion: list[float], terms: bool
+    points: Array, focal: tuple[Number, Number], distortion: Sequence[Number], terms: bool
 ) -> tuple[Array, Array, Array, Array | None]:
     """Image on the plane at unit distance, and the derivatives of the pixels.
 
@@ -119,7 +120,7 @@ def project_with_derivatives(
     """
     a, b, inverse = _ahead(points)
     d_points = _room(2, 3, points.shape[:-1])
-    if not (any(distortion) or (terms and distortion)):
+    if not (any_nonzero(distortion) or (terms and distortion)):
         _undistorted_rows(d_points, a, b, inverse, focal)
         return a, b, d_points, np.empty((*points.shape[:-1], 2, 0)) if terms else None
     k = _padded(distortion)
@@ -139,7 +140,7 @@ def _room(rows: int, columns: int, shape: tuple[int, ...]) -> Array:
     return np.moveaxis(np.empty((rows, columns, *shape)), (0, 1), (-2, -1))
 
 
-def _undistorted_rows(out: Array, a: Array, b: Array, inverse: Array, focal: tuple[float, float]) -> None:
+def _undistorted_rows(out: Array, a: Array, b: Array, inverse: Array, focal: tuple[Number, Number]) -> None:
     for row, (f, at) in enumerate(zip(focal, (a, b), strict=True)):
         scale = f * inverse
         out[..., row, row] = scale
@@ -147,7 +148,7 @@ def _undistorted_rows(out: Array, a: Array, b: Array, inverse: Array, focal: tup
         np.multiply(scale, -at, out=out[..., row, 2])
 
 
-def _by_terms(rays: _Rays, focal: tuple[float, float], count: int) -> Array:
+def _by_terms(rays: _Rays, focal: tuple[Number, Number], count: int) -> Array:
     """Derivative of the pixels to the first `count` distortion terms, (..., 2, count)."""
     out = _room(2, count, rays.s.shape)
     power = rays.s * rays.inverse_denominator
