@@ -151,7 +151,7 @@ def _moved(cell: Cell, clean: Calibration, other: Calibration) -> bool:
 def _is_named(case: Case, mutation: Mutation, found: Calibration) -> bool:
     """Whether a finding holds the code and the names of the mix-up, or of one that is exactly exchangeable."""
     if (case.kind, mutation.name) in AMBIGUOUS:
-        return any(f.code == "ambiguous-reading" and mutation.code in f.message for f in found.findings)
+        return any(f.code == "ambiguous-convention" and mutation.code in f.message for f in found.findings)
     for finding in found.findings:
         if finding.code == mutation.code and set(mutation.about) <= set(finding.about):
             return True

@@ -69,7 +69,7 @@ def test_photographs_are_explained_by_noise_of_the_robots() -> None:
     assert sigma[3:] == pytest.approx([7.7e-4] * 3, rel=0.15)
     assert 0.75 < solution.cost / solution.dof < 1.35
     findings = calibrate(cell, recording).findings
-    assert {"poor-fit", "noise-inseparable"} <= {f.code for f in findings}
+    assert {"poor-fit", "noise-not-identifiable"} <= {f.code for f in findings}
 
 
 def test_rct() -> None:

@@ -46,7 +46,7 @@ def test_samples_all_alike_are_refused():
     alike = tuple(replace(s.recording.samples[0], sample=i) for i in range(20))
     calibration = calibrate(s.cell, Recording(alike))
     assert calibration.verdict == "refused"
-    assert "unseen-direction" in codes(calibration)
+    assert "unobservable-direction" in codes(calibration)
 
 
 def test_a_still_eye_cannot_tell_camera_mount_from_base():
@@ -54,8 +54,8 @@ def test_a_still_eye_cannot_tell_camera_mount_from_base():
     s = simulate(Scenario(arms="eye_still"), seed=0)
     calibration = calibrate(s.cell, s.recording)
     assert calibration.verdict == "refused"
-    (unseen,) = [f for f in calibration.findings if f.code == "unseen-direction"]
-    assert len(calibration.unseen) == 2
+    (unseen,) = [f for f in calibration.findings if f.code == "unobservable-direction"]
+    assert len(calibration.unobservable) == 2
     assert set(unseen.about) == {"eye_base_from_hand_base", "eye_flange_from_wrist"}
     assert list(calibration.transforms) == ["hand_flange_from_board"]
 
@@ -65,7 +65,7 @@ def test_a_still_hand_leaves_both_mounts_seen_where_the_base_is_known():
     s = simulate(Scenario(arms="hand_still", base="fixed"), seed=0)
     calibration = calibrate(s.cell, s.recording)
     assert set(calibration.transforms) == set(s.truth)
-    assert codes(calibration) == {"ambiguous-reading", "noise-inseparable"}
+    assert codes(calibration) == {"ambiguous-convention", "noise-not-identifiable"}
 
 
 def test_clean_cell_is_good_and_its_json_facts_are_there():
@@ -164,7 +164,7 @@ def test_noise_of_robots_is_not_estimated_unasked_from_few_stops():
     s = simulate(Scenario(robot_noise=(3e-4, 5e-4), state_robot_noise=False, samples=11), seed=0)
     found = calibrate(s.cell, s.recording)
     assert found.noise["robots"] == {}
-    (told,) = [f for f in found.findings if f.code == "noise-inseparable"]
+    (told,) = [f for f in found.findings if f.code == "noise-not-identifiable"]
     assert told.about == ("eye", "hand")
     assert "eye made 11 stops" in told.message
     asked = calibrate(s.cell, s.recording, Settings(robot_noise="estimated"))

@@ -177,7 +177,7 @@ def test_hostile_words_stay_words(made: tuple[Cell, Recording, Calibration]) -> 
     bad = replace(
         calibration,
         findings=(Finding(HOSTILE, "warning", (HOSTILE,), HOSTILE),),
-        unseen=(HOSTILE,),
+        unobservable=(HOSTILE,),
         settings={HOSTILE: HOSTILE},
         inputs={HOSTILE: HOSTILE},
         residuals=Residuals(per_sample=(SampleResidual(0, HOSTILE, HOSTILE, 1.0),)),

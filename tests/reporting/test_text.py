@@ -138,7 +138,7 @@ def test_the_cause_comes_before_what_follows_from_it() -> None:
     aside = Finding("dropped-sample", "info", ("7",), "sample 7 was cut short.")
     doubtful = replace(a_calibration(), verdict="doubtful", findings=(aside, follows, cause))
     assert verdict_sentence(a_cell(), doubtful).endswith(", but: sample 3 is off: leave it out (and 1 more finding)")
-    error = Finding("unseen-direction", "error", (), "the data do not see any turn of hand_base: move it")
+    error = Finding("unobservable-direction", "error", (), "the data do not see any turn of hand_base: move it")
     lost = Finding("not-converged", "error", (), "the iteration ended away from an optimum")
     refused = Calibration("refused", findings=(lost, follows, error))
     assert verdict_sentence(a_cell(), refused) == f"REFUSED: {error.message} (and 2 more findings)"

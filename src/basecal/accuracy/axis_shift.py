@@ -71,11 +71,11 @@ def _chosen(stations: Sequence[Station], settings: Settings) -> tuple[SE3, Array
     if settings.task_point is None:
         return fused(bases, list(weights)), weights / weights.sum()
     task = np.array(settings.task_point)
-    base = for_task(stations, task, nearest=settings.choice == "nearest")
+    base = for_task(stations, task, nearest=settings.station_choice == "nearest")
     lights = np.stack([(b @ s.hand_base_from_light).translation for b, s in zip(bases, stations, strict=True)])
     distance = np.maximum(np.linalg.norm(lights - task, axis=-1), 1e-6)
     near = (distance == distance.min()).astype(np.float64)
-    weights = near if settings.choice == "nearest" else 1 / distance**2
+    weights = near if settings.station_choice == "nearest" else 1 / distance**2
     return base, weights / weights.sum()
 
 
@@ -108,7 +108,7 @@ def _stations_told(stations: Sequence[Station]) -> list[Finding]:
         at, found = (", ".join(f"{1e3 * v:.1f}" for v in p) for p in (light, base.translation))
         numbers = tuple(str(int(n)) for n in station.samples)
         message = f"station at samples {', '.join(numbers)}: light at ({at}) mm, base at ({found}) mm"
-        told.append(Finding("station", "info", numbers, message))
+        told.append(Finding("axis-shift-station", "info", numbers, message))
     return told
 
 
@@ -116,7 +116,7 @@ def _sigma_told(cell: Cell) -> list[Finding]:
     if cell.pixel_px is not None:
         return []
     message = f"noise.pixel_px is not stated: {_ASSUMED_PX} px assumed for the covariance"
-    return [Finding("station", "info", (), message)]
+    return [Finding("axis-shift-station", "info", (), message)]
 
 
 def _systematic_told(random: Array, systematic: Array) -> list[Finding]:

@@ -145,9 +145,9 @@ def _held_compliance(model: RobotModel, seen: BoolArray) -> Finding:
     joints = np.flatnonzero(~seen).tolist()
     named = f"joint{'s' if len(joints) > 1 else ''} {_listed([_named(model, j) for j in joints])}"
     reason = "gravity hardly turns them in these samples, or as much in all of them"
-    code, how = ("held-by-prior", "known by the prior alone")
+    code, how = ("prior-dominated", "known by the prior alone")
     if model.compliance_sigma is None:
-        code, how = ("held-at-zero", "that cannot be seen")
+        code, how = ("fixed-gauge", "that cannot be seen")
     return Finding(code, "info", (model.robot,), f"{model.robot}: compliances {how}: {named}: {reason}")
 
 
@@ -159,9 +159,9 @@ def _held(cell: Cell, model: RobotModel, seen: BoolArray) -> Finding:
     if model.offset_sigma is not None:
         told = f"{model.robot}: offsets known by the prior alone: {named}: {reasons}"
         meaning = f"the sigmas of {base} and of the mounts contain what they leave open"
-        return Finding("held-by-prior", "info", (model.robot,), f"{told}; {meaning}")
+        return Finding("prior-dominated", "info", (model.robot,), f"{told}; {meaning}")
     told = f"{model.robot}: offsets that cannot be seen and are taken as zero: {named}: {reasons}"
-    return Finding("held-at-zero", "info", (model.robot,), f"{told}; {base} and the mounts make up for them")
+    return Finding("fixed-gauge", "info", (model.robot,), f"{told}; {base} and the mounts make up for them")
 
 
 def _named(model: RobotModel, joint: int) -> str:

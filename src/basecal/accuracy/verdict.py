@@ -125,7 +125,7 @@ def _calibration(
         joint_covariance=solution.covariance_of(list(order)),
         residuals=fit,
         condition=solution.seen.condition if np.isfinite(solution.seen.condition) else None,
-        unseen=tuple(unseen.words for unseen in solution.seen.unseen),
+        unobservable=tuple(direction.words for direction in solution.seen.unseen),
         findings=tuple(findings),
         settings=settings.as_dict(),
     )

@@ -20,7 +20,7 @@ class Finding:
     """Something the user should know.
 
     Attributes:
-        code: A kind from docs/findings.md, such as `unseen-direction`.
+        code: A kind from docs/findings.md, such as `unobservable-direction`.
         severity: `error` refuses, `warning` makes doubtful, `info` does neither.
         about: Names of samples, robots, cameras, targets or transforms.
         message: One sentence or two: what is so, and what to do.
@@ -199,7 +199,7 @@ class Calibration:
         validation: How well unseen samples are predicted; None where it was not computed.
         certificate: Whether the optimum is proven; None where it was not asked.
         condition: Condition number of the whitened, scaled information.
-        unseen: Unseen directions in words.
+        unobservable: Directions that the data leave open, in words.
         findings: What the user should know.
         settings: What was asked of the solver.
         inputs: `sha256:...` of each file read.
@@ -221,7 +221,7 @@ class Calibration:
     validation: Validation | None = None
     certificate: Certificate | None = None
     condition: float | None = None
-    unseen: tuple[str, ...] = ()
+    unobservable: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)
     inputs: Mapping[str, str] = field(default_factory=dict)

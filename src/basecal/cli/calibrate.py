@@ -20,8 +20,8 @@ def calibrate(
     *,
     method: Literal["maximum-likelihood", "axis-shift"] = "maximum-likelihood",
     start: Literal["closed", "thorough", "guess", "axis-shift"] = "closed",
-    task: tuple[float, float, float] | None = None,
-    choice: Literal["nearest", "weighted"] = "nearest",
+    task_point: tuple[float, float, float] | None = None,
+    station_choice: Literal["nearest", "weighted"] = "nearest",
     certify: bool = False,
     robot_noise: Literal["auto", "estimated", "stated"] = "auto",
     json: bool = False,
@@ -37,14 +37,14 @@ def calibrate(
         basecal calibrate mycell
         basecal calibrate mycell --json > answer.json
         basecal calibrate mycell --certify
-        basecal calibrate mycell --method axis-shift --task 0.8 0.1 0.3
+        basecal calibrate mycell --method axis-shift --task-point 0.8 0.1 0.3
 
     Args:
         cell: Folder of the cell.
         method: axis-shift is the closed form for a light shifted before a still camera.
         start: Where the solver starts: a closed form, a search, the cell's guesses, or the axis-shift method.
-        task: Where the axis-shift method should fit best, x y z [m] in the eye robot's base.
-        choice: With a task, its nearest station, or all of them weighted by distance.
+        task_point: Where the axis-shift method should fit best, x y z [m] in the eye robot's base.
+        station_choice: With a task point, its nearest station, or all of them weighted by distance.
         certify: Prove that no other answer fits better, or say why that cannot be proven.
         robot_noise: Whether noise of robots that state none is estimated where the data call for it: auto
             does so from 12 stops of a robot on.
@@ -55,7 +55,14 @@ def calibrate(
 
     described = read_cell(cell)
     noise = None if robot_noise == "auto" else robot_noise
-    settings = Settings(method=method, start=start, task_point=task, choice=choice, certify=certify, robot_noise=noise)
+    settings = Settings(
+        method=method,
+        start=start,
+        task_point=task_point,
+        station_choice=station_choice,
+        certify=certify,
+        robot_noise=noise,
+    )
     calibration = calibrate_folder(cell, described, settings)
     if json:
         print_json(calibration_to_dict(calibration))

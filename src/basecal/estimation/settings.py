@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 Method = Literal["maximum-likelihood", "axis-shift"]
 Start = Literal["closed", "thorough", "guess", "axis-shift"]
-Choice = Literal["nearest", "weighted"]
+StationChoice = Literal["nearest", "weighted"]
 RobotNoise = Literal["stated", "estimated"]
 
 
@@ -24,7 +24,7 @@ class Settings:
             of all stations.
         robot_noise: `stated` (only where a robot states it) or `estimated` too, where the data call for it; None for
             `stated` by `solve`, and by `calibrate` for `estimated` where robots made enough stops for it.
-        choice: With a task point: the `nearest` station, or all of them `weighted` by distance.
+        station_choice: With a task point: the `nearest` station, or all of them `weighted` by distance.
         certify: Prove that no other state fits better, or say why that cannot be proven.
     """
 
@@ -32,7 +32,7 @@ class Settings:
     iterations: int = 100
     start: Start = "closed"
     task_point: tuple[float, float, float] | None = None
-    choice: Choice = "nearest"
+    station_choice: StationChoice = "nearest"
     robot_noise: RobotNoise | None = None
     certify: bool = False
 

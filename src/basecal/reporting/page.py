@@ -159,7 +159,7 @@ def _answer(cell: Cell, calibration: Calibration) -> dict[str, Any]:
         ],
         "robots": [(heading, "\n".join(lines)) for heading, *lines in robot_blocks(calibration)],
         "findings": by_weight(calibration.findings),
-        "unseen": calibration.unseen,
+        "unobservable": calibration.unobservable,
         "condition": calibration.condition,
         "settings": dict(calibration.settings),
         "inputs": dict(calibration.inputs),

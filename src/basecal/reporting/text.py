@@ -17,7 +17,7 @@ _DISTORTION = {"pinhole": ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"), "fis
 _READ_IN = {"px": (1.0, "px"), "m": (1e3, "mm"), "rad": (1e3, "mrad")}
 _RANK = {"error": 0, "warning": 1, "info": 2}
 # What follows from something else is told after it.
-_CONSEQUENCES = ("poor-fit", "unstable-answer", "overfit", "weak-direction", "not-converged")
+_CONSEQUENCES = ("poor-fit", "inconsistent-folds", "overfit", "weak-direction", "not-converged")
 _SHOWN_IDS = 10
 
 

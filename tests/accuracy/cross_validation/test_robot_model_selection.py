@@ -153,7 +153,7 @@ def test_compliances_are_found_where_gravity_shows_them():
         off = np.abs(found.rad_per_nm - made.robots[robot].compliance)
         assert np.all(off[found.seen] < 4 * found.sigma[found.seen])
     (first, _) = held_findings(made.cell, solution)
-    assert (first.code, first.about) == ("held-by-prior", ("eye",))
+    assert (first.code, first.about) == ("prior-dominated", ("eye",))
     assert "compliances known by the prior alone: joints 1 (shoulder_pan)" in first.message
 
 

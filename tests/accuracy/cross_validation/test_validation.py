@@ -53,7 +53,7 @@ def test_robot_noise_that_is_not_modelled_is_found(arms):
         assert found is not None
         assert found.base_change is not None
         assert found.base_change > 5
-        assert "unstable-answer" in codes
+        assert "inconsistent-folds" in codes
 
 
 def test_prediction_is_that_of_the_noise():
@@ -135,4 +135,4 @@ def test_clean_cells_are_not_alarmed():
     """Of 400 clean cells, chance of an alarm 1e-4 each, at most one rings: two or more in 1,200 runs once."""
     scenarios = [Scenario(samples=12), LIGHT, NOISY, Scenario(samples=15, state_pixel_noise=False)]
     rung = [validated(scenarios[k % 4], k)[1] for k in range(400)]
-    assert sum("unstable-answer" in codes for codes in rung) <= 1
+    assert sum("inconsistent-folds" in codes for codes in rung) <= 1

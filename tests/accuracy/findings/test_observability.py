@@ -59,9 +59,9 @@ def test_a_hand_that_moves_too_little_is_refused(kind, target, wobble):
     assert found.verdict == "refused"
     assert BASE not in found.transforms
     assert BOARD not in found.transforms
-    assert "state hand_flange_from_board as a prior or fixed" in findings(found, "unseen-direction")
+    assert "state hand_flange_from_board as a prior or fixed" in findings(found, "unobservable-direction")
     if not wobble:
-        assert said in findings(found, "unseen-direction")
+        assert said in findings(found, "unobservable-direction")
         # A light on the axis about which it is turned never moves, and then there may be no optimum at all.
         assert set(found.transforms) <= {CAMERA}
 
@@ -71,8 +71,8 @@ def test_the_axis_is_named_in_the_eye_base():
     made = recorded(SEEN["charuco"], 3, hand=SCARA)
     axis = made.truth[BASE].rotation @ np.array([0.48, -0.6, 0.64])
     axis *= np.sign(axis[np.argmax(np.abs(axis))])
-    (unseen,) = calibrated(made).unseen
-    told = np.array([float(v) for v in unseen.split("(")[1].split(")")[0].split(",")])
+    (unobservable,) = calibrated(made).unobservable
+    told = np.array([float(v) for v in unobservable.split("(")[1].split(")")[0].split(",")])
     np.testing.assert_allclose(told, axis, atol=0.02)
 
 
@@ -96,13 +96,13 @@ def test_noise_of_the_poses_is_no_motion(kind, stated):
         found = calibrate(cell, Recording(tuple(samples)))
         assert found.verdict == "refused"
         assert BASE not in found.transforms
-        assert "hand" in findings(found, "unseen-direction")
+        assert "hand" in findings(found, "unobservable-direction")
 
 
 def test_both_arms_are_named():
     """Where both arms only shift both are told, each once, and what to state."""
     found = calibrated(recorded(SEEN["charuco"], 3, eye=SHIFTS, hand=SHIFTS))
-    said = findings(found, "unseen-direction")
+    said = findings(found, "unobservable-direction")
     assert "eye only shifts" in said
     assert "hand only shifts" in said
     assert not found.transforms
@@ -111,8 +111,8 @@ def test_both_arms_are_named():
 def test_a_still_light_leaves_turns_open():
     """A light that stays where it is says where it is: with its offset known, turns of the base about it are open."""
     found = calibrated(recorded(replace(SEEN["led"], target_mount="fixed"), 3, hand=still))
-    assert found.unseen == ("any turn of hand_base",)
-    assert "hand never moves in 40 samples: move it" in findings(found, "unseen-direction")
+    assert found.unobservable == ("any turn of hand_base",)
+    assert "hand never moves in 40 samples: move it" in findings(found, "unobservable-direction")
 
 
 def test_a_light_shifted_with_known_mounts_is_seen():
@@ -120,7 +120,7 @@ def test_a_light_shifted_with_known_mounts_is_seen():
     known = replace(SEEN["led"], camera_mount="fixed", target_mount="fixed")
     found = calibrated(recorded(known, 3, eye=still, hand=SHIFTS))
     assert BASE in found.transforms
-    assert {f.code for f in found.findings if f.severity != "info"} <= {"ambiguous-reading"}
+    assert {f.code for f in found.findings if f.severity != "info"} <= {"ambiguous-convention"}
 
 
 @pytest.mark.parametrize("axes", ["zyyy", "zyyyx"])
@@ -132,7 +132,7 @@ def test_arms_of_four_and_five_joints_are_good(axes):
 def test_an_arm_that_cannot_turn_otherwise_is_not_told_to():
     """An arm whose axes are all parallel cannot turn about another: the advice is to state what is known."""
     found = calibrated(recorded_arm(SEEN["charuco"], 0, "zzz", 0.3))
-    said = findings(found, "unseen-direction")
+    said = findings(found, "unobservable-direction")
     assert "all axes of its joints are parallel" in said
     assert "state hand_flange_from_board as a prior or fixed" in said
     assert "add poses" not in said
@@ -142,7 +142,7 @@ def test_what_a_prior_holds_is_told():
     """A planar hand with a prior on the board: good, and the one direction held by the prior alone is told."""
     made = recorded(replace(SEEN["charuco"], target_mount="prior"), 3, hand=SCARA)
     found = calibrated(made)
-    (told,) = [f for f in found.findings if f.code == "held-by-prior"]
+    (told,) = [f for f in found.findings if f.code == "prior-dominated"]
     assert told.severity == "info"
     assert told.about == (BOARD, BASE)
     assert "a shift of board along" in told.message
@@ -154,7 +154,7 @@ def test_what_a_prior_holds_is_told():
 def test_a_prior_that_the_data_improve_is_not_told():
     """With every arm moving a prior of 5 mm and 50 mrad counts for nothing."""
     found = calibrated(recorded(replace(SEEN["charuco"], target_mount="prior", camera_mount="prior"), 3))
-    assert findings(found, "held-by-prior") == ""
+    assert findings(found, "prior-dominated") == ""
 
 
 def test_poorly_known_is_doubtful():
@@ -172,7 +172,7 @@ def test_a_recording_tells_by_itself_where_the_solver_fails():
     robots = {n: replace(r, noise=np.full(6, 1e-4)) for n, r in made.cell.robots.items()}
     found = calibrate(replace(made.cell, robots=robots), made.recording)
     assert found.verdict == "refused"
-    assert "any shift of hand_base" in findings(found, "unseen-direction")
+    assert "any shift of hand_base" in findings(found, "unobservable-direction")
 
 
 def test_too_few_samples_say_how_the_arms_moved():

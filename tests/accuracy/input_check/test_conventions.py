@@ -79,14 +79,14 @@ def test_exchanged_robots_and_an_inverted_target_are_one():
     half = SE3.from_rotvec([np.pi, 0, 0], [0, 0, 0])
     towards_the_camera = with_targets(made.recording, lambda poses: poses @ half)
     found = named(calibrate(made.cell, with_targets(towards_the_camera, inverted)))
-    assert {code for code, _ in found} - {"unseen-direction"} == {"target-pose-inverted", "robots-swapped"}
+    assert {code for code, _ in found} - {"unobservable-direction"} == {"target-pose-inverted", "robots-swapped"}
 
 
 def test_a_still_arm_by_poses_is_ambiguous():
     """Its one pose may be inverted: never good, the reading listed, and how to tell."""
     made = simulate(Scenario(samples=15, arms="eye_still", camera_mount="fixed"), 0)
     calibration = calibrate(made.cell, made.recording)
-    (finding,) = [f for f in calibration.findings if f.code == "ambiguous-reading"]
+    (finding,) = [f for f in calibration.findings if f.code == "ambiguous-convention"]
     assert calibration.verdict == "doubtful"
     assert "robot-pose-inverted" in finding.message
     assert "turn eye" in finding.message
@@ -101,7 +101,7 @@ def test_nao_and_its_twin_are_ambiguous():
         pytest.skip(str(error))
     for told in (recording, with_robots(recording, {"eye": inverted})):
         calibration = calibrate(cell, told)
-        (finding,) = [f for f in calibration.findings if f.code == "ambiguous-reading"]
+        (finding,) = [f for f in calibration.findings if f.code == "ambiguous-convention"]
         assert calibration.verdict == "doubtful"
         assert "the poses of eye are inverted" in finding.message
 
@@ -139,4 +139,4 @@ def test_poses_that_fit_nothing_are_not_good():
     wild = with_targets(made.recording, lambda poses: poses @ SE3.exp(0.5 * rng.normal(size=(len(poses), 6))))
     found = calibrate(made.cell, wild)
     assert found.verdict != "good"
-    assert {f.code for f in found.findings} <= {"poor-fit", "unseen-direction", "not-converged"}
+    assert {f.code for f in found.findings} <= {"poor-fit", "unobservable-direction", "not-converged"}

@@ -72,7 +72,7 @@ def example() -> Calibration:
         validation=Validation("k-fold", 5, 0.3, 4e-4, math.radians(0.05), 1.1),
         certificate=Certificate(None, None, "signs are ambiguous"),
         condition=math.inf,
-        unseen=("none",),
+        unobservable=("none",),
         findings=(Finding("not-converged", "warning", ("3",), "why"),),
         settings={"seed": np.int64(3), "path": Path("x"), "pair": (1, 2)},
         inputs={"cell.yaml": "sha256:0"},
@@ -115,7 +115,7 @@ def test_shape() -> None:
     unasked = calibration_to_dict(Calibration("refused"))
     never = ("outliers", "validation", "certificate", "joint_offsets_rad", "joint_offsets_sigma_rad", "link_parameters")
     assert [unasked[name] for name in never] == [None] * len(never)
-    assert data["observability"] == {"condition": None, "unseen": ["none"]}
+    assert data["observability"] == {"condition": None, "unobservable": ["none"]}
     assert data["noise"]["robots"]["eye"]["sigma_t_m"] == [1e-4, 1e-4, None]
     assert data["settings"] == {"seed": 3, "path": "x", "pair": [1, 2]}
 
@@ -135,7 +135,11 @@ def test_round_trip(tmp_path: Path) -> None:
     assert (calibration.points, calibration.status, calibration.order) == (want.points, want.status, want.order)
     assert_array_equal(calibration.joint_covariance, want.joint_covariance)
     assert_array_equal(calibration.cameras["wrist"][0].parameters, want.cameras["wrist"][0].parameters)
-    assert (calibration.findings, calibration.unseen, calibration.inputs) == (want.findings, want.unseen, want.inputs)
+    assert (calibration.findings, calibration.unobservable, calibration.inputs) == (
+        want.findings,
+        want.unobservable,
+        want.inputs,
+    )
     (loop,), (wanted,) = calibration.residuals.loops, want.residuals.loops
     assert (loop.path, loop.views, loop.rms_m) == (wanted.path, wanted.views, pytest.approx(wanted.rms_m, rel=1e-14))
     assert (calibration.outliers, calibration.certificate) == (want.outliers, want.certificate)

@@ -145,7 +145,7 @@ def test_the_closed_form_calibrates_and_knows_what_it_neglects():
     estimated = calibration["eye_base_from_hand_base"]
     off = (estimated.mean.inverse() @ TRUE).log()
     assert np.all(np.abs(off) < 4 * np.sqrt(np.diag(estimated.covariance)))
-    assert {f.code for f in calibration.findings} >= {"station", "neglected-depth"}
+    assert {f.code for f in calibration.findings} >= {"axis-shift-station", "neglected-depth"}
     assert calibration.verdict == "doubtful"
 
 

@@ -93,7 +93,7 @@ def test_a_still_arm_is_as_noisy_as_the_other_and_that_is_said():
     """A single stop shows no noise of its own: it takes that of the arm that moved, which the base's sigmas hold."""
     s = replace(SILENT, arms="eye_still", camera_mount="fixed")
     found = solved(s, 0)
-    assert [(f.code, f.about) for f in found.findings] == [("noise-inseparable", ("eye",))]
+    assert [(f.code, f.about) for f in found.findings] == [("noise-not-identifiable", ("eye",))]
     assert "taken to be as noisy as hand" in found.findings[0].message
     np.testing.assert_array_equal(found.noise.robots["eye"], found.noise.robots["hand"])
     base = found.transforms["eye_base_from_hand_base"]
@@ -107,7 +107,7 @@ def test_a_light_cannot_tell_robots_from_pixels():
         1,
     )
     assert not found.noise.robots
-    assert [f.code for f in found.findings] == ["noise-inseparable"]
+    assert [f.code for f in found.findings] == ["noise-not-identifiable"]
 
 
 def test_pixels_worse_than_stated_are_not_blamed_on_robots():

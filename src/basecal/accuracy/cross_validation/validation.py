@@ -96,7 +96,7 @@ def validate(
 
     Returns:
         The validation; None where the answer is none, or where every part of the recording is needed to see what was
-        asked. And findings: `unstable-answer`, `overfit`, `not-validated`.
+        asked. And findings: `inconsistent-folds`, `overfit`, `not-validated`.
     """
     free = [name for name in asked if name in solution.problem.columns]
     if not solution.converged or solution.seen.blind.intersection(free):
@@ -276,7 +276,7 @@ def _unstable(change: _Change | None, solution: Solution) -> list[Finding]:
         f"take the sigmas as {np.sqrt(change.mean):.1f} times as large, {noise}, and look for samples taken while "
         "something moved"
     )
-    return [Finding("unstable-answer", "warning", (), message)]
+    return [Finding("inconsistent-folds", "warning", (), message)]
 
 
 def _overfit(used: _Errors, unseen: _Errors) -> list[Finding]:

@@ -74,7 +74,7 @@ def few_stops(problem: Problem) -> list[Finding]:
         f"{made}, too few to estimate noise that is not stated: the robots are taken for exact; state their noise, "
         f"record at least {_FEWEST_STOPS} stops, or estimate it all the same (`--robot-noise estimated`)"
     )
-    return [Finding("noise-inseparable", "info", tuple(few), message)]
+    return [Finding("noise-not-identifiable", "info", tuple(few), message)]
 
 
 def not_converged(solution: Solution) -> list[Finding]:

@@ -46,7 +46,7 @@ def null_direction_findings(cell: Cell, solution: Solution) -> list[Finding]:
         together.setdefault(unseen.names, []).append(unseen.what)
     return [
         Finding(
-            "unseen-direction",
+            "unobservable-direction",
             severity,
             names,
             f"the data do not see {and_along(whats, names[1:])}: {reason(cell, solution.problem, told, names)}",
@@ -64,7 +64,7 @@ def gauge_findings(cell: Cell, problem: Problem) -> list[Finding]:
             words = twists_in_words(f"{motion.robot}_base", motion.twists_in_base)
             why = f"{motion_in_words(motion)}: {_advice(cell, problem, motion)}"
             message = f"by the recorded poses alone {words} cannot be told from a change of what it carries: {why}"
-            found.append(Finding("unseen-direction", "error", names, message))
+            found.append(Finding("unobservable-direction", "error", names, message))
     return found
 
 
@@ -200,4 +200,4 @@ def _held_by_prior(solution: Solution, name: str, resting: Sequence[str]) -> lis
     others = [n for n in resting if n != name]
     rests = f"; {' and '.join(others)} rest{'s' if len(others) == 1 else ''} on it" if others else ""
     message = f"known from its prior alone, to which the data add nothing: {words}{rests}"
-    return [Finding("held-by-prior", "info", (name, *others), message)]
+    return [Finding("prior-dominated", "info", (name, *others), message)]

@@ -74,7 +74,7 @@ def check_conventions(
 
     Returns:
         An error for each reading that explains the data better than the declared one, or as well where the declared
-        one cannot be; one `ambiguous-reading` for those that explain it as well. Nothing where no reading does.
+        one cannot be; one `ambiguous-convention` for those that explain it as well. Nothing where no reading does.
     """
     recording = in_order(recording)
     if len(recording.samples) < _FEWEST or not _can_hold_out(problem):
@@ -304,4 +304,4 @@ def _ambiguous(cell: Cell, declared: _Tried, rivals: Sequence[_Tried]) -> Findin
         f"unseen samples are predicted as well ({declared.fit.told()} as declared) if {listed}: check which is so; "
         f"to tell them apart, {tell}"
     )
-    return Finding("ambiguous-reading", "warning", about, message)
+    return Finding("ambiguous-convention", "warning", about, message)

@@ -160,7 +160,7 @@ def _inseparable(robots: list[str]) -> Finding:
         f"noise of {names} explains the residuals as well as noise of the camera's measurements does, so that one "
         "common factor is estimated: state the noise of these robots, or that of the measurements"
     )
-    return Finding("noise-inseparable", "info", tuple(robots), message)
+    return Finding("noise-not-identifiable", "info", tuple(robots), message)
 
 
 def _still_told(still: list[str], others: tuple[str, ...] | list[str]) -> list[Finding]:
@@ -173,5 +173,5 @@ def _still_told(still: list[str], others: tuple[str, ...] | list[str]) -> list[F
             else "the covariance does not hold it: state the robot's noise, or move it"
         )
         message = f"{name} made a single stop, where an error of its recorded pose shows in no residual; {then}"
-        told.append(Finding("noise-inseparable", "info", (name,), message))
+        told.append(Finding("noise-not-identifiable", "info", (name,), message))
     return told
