@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from benchmarks import certificate, consistency, detectors, mutations, outliers, real, robot_model, scaling
+from benchmarks import calibrate, certificate, consistency, detectors, mutations, outliers, real, robot_model, scaling
 from benchmarks.common import RESULTS, table
 from benchmarks.peers import tables as peers
 
@@ -29,6 +29,15 @@ What is asked of each recording, and what is measured, without a guess. Of board
 one corner as a light the lens too, from the whole board. A loop is `(A X B).inverse() @ Y C Z`, B from the view alone.
 The UR5e and RCT recordings ship in `examples/`."""
     return f"{about}\n\n{table(real.HEAD, map(real.row, result['figures']))}"
+
+
+def _calibrate(result: Result) -> str:
+    about = f"""\
+`calibrate` whole, in process, what images show known beforehand. The unit is the time of {calibrate.PRODUCTS} products
+of a {calibrate.ROWS} x {calibrate.COLUMNS} matrix with its transpose, taken between the runs; `before` is the same
+before the work was batched. Asked: {calibrate.MOST_UNITS[True]:.0f} units where there are at most
+{calibrate.MOST_VIEWS} views, else {calibrate.MOST_UNITS[False]:.0f}. `basecal calibrate --verbose` tells the stages."""
+    return f"{about}\n\n{table(calibrate.HEAD, map(calibrate.row, result['rows']))}"
 
 
 def _starts(result: Result) -> str:
@@ -194,6 +203,7 @@ at most {100 * outliers.MOST_LOST:.0f} % of the clean samples and of the clean p
 
 SECTIONS: dict[str, tuple[str, Callable[[Result], str]]] = {
     "real": ("Real recordings", _real),
+    "calibrate": ("Time of the whole command", _calibrate),
     "starts": ("Starts without a guess", _starts),
     "consistency": ("Consistency", _consistency),
     "robot_model": ("Robots whose joints are off", _robot_model),

@@ -51,6 +51,20 @@ def test_json_is_one_object(simulated: Path, capsys: pytest.CaptureFixture[str])
     assert np.array(answer["transforms"][BASE]["covariance"]).shape == (6, 6)
 
 
+def test_verbose_tells_the_time_of_each_stage(simulated: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """With `--verbose` stderr lists each stage once, the longest first, and their sum; stdout stays one JSON object."""
+    assert main(["calibrate", str(simulated), "--json", "--verbose"]) == 0
+    out, err = capsys.readouterr()
+    json.loads(out)
+    lines = [line.split(" s  ") for line in err.splitlines()]
+    seconds, names = [float(took) for took, _ in lines], [name for _, name in lines]
+    assert {"start", "conventions", "outliers", "cross-validation"} <= set(names)
+    assert len(set(names)) == len(names)
+    assert seconds[:-1] == sorted(seconds[:-1], reverse=True)
+    assert names[-1] == "all stages"
+    assert seconds[-1] == pytest.approx(sum(seconds[:-1]), abs=1e-3 * len(seconds))
+
+
 def test_each_run_has_its_folder(simulated: Path) -> None:
     """Calibrating again adds a run and keeps the earlier ones."""
     before = set((simulated / "runs").iterdir())

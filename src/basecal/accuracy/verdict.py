@@ -44,7 +44,8 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
         InputError: if the cell contradicts the recording.
         NotObservable: if the axis-shift method is asked for and the recording has no station, or a mount is not known.
     """
-    problem, dropped = build_problem(cell, recording)
+    with settings.stage("problem"):
+        problem, dropped = build_problem(cell, recording)
     findings = [*recording.findings, *dropped]
     findings += many_dropped(problem, findings)
     refusal = too_few(problem)
@@ -54,12 +55,15 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
         return calibrate_axis_shift(cell, problem, settings, findings)
     stated = replace(settings, robot_noise="stated")
     plain = solve_packed(problem, cell, stated)
-    misread = check_conventions(cell, recording, problem, plain, stated)
+    with settings.stage("conventions"):
+        misread = check_conventions(cell, recording, problem, plain, stated)
     findings += misread
     if verdict_of(misread) == "refused":
         return _refused(plain, settings, findings)
-    robust = solve_robustly(problem, cell, stated, plain)
-    findings += robot_model_findings(choose_robot_model(robust.solution, stated))
+    with settings.stage("outliers"):
+        robust = solve_robustly(problem, cell, stated, plain)
+    with settings.stage("robot model"):
+        findings += robot_model_findings(choose_robot_model(robust.solution, stated))
     told = few_stops(problem) if settings.robot_noise is None else []
     if settings.robot_noise != "stated" and not told and not robust.solution.seen.blind:
         robust = _with_robots_noise(robust, problem, cell, settings)
@@ -76,7 +80,8 @@ def _with_robots_noise(robust: RobustSolution, problem: Problem, cell: Cell, set
     if not first.noise.robots:
         return replace(robust, solution=replace(first, disputed=robust.solution.disputed))
     stated = replace(settings, robot_noise="stated")
-    again = solve_robustly(with_robot_noise(problem, first.noise.robots), cell, stated)
+    with settings.stage("outliers"):
+        again = solve_robustly(with_robot_noise(problem, first.noise.robots), cell, stated)
     noise = replace(again.solution.noise, robots=first.noise.robots)
     return replace(again, solution=replace(again.solution, noise=noise, findings=first.findings))
 
@@ -84,9 +89,12 @@ def _with_robots_noise(robust: RobustSolution, problem: Problem, cell: Cell, set
 def _judged(cell: Cell, robust: RobustSolution, settings: Settings, findings: list[Finding]) -> Calibration:
     """The answer with everything that is found about it."""
     stated = replace(settings, robot_noise="stated")
-    solution, certificate, replaced = certified(robust.solution, stated)
-    fit = residuals(solution, robust.left_out)
-    validation, told = validate(solution, cell.asked, stated)
+    with settings.stage("certificate"):
+        solution, certificate, replaced = certified(robust.solution, stated)
+    with settings.stage("residuals"):
+        fit = residuals(solution, robust.left_out)
+    with settings.stage("cross-validation"):
+        validation, told = validate(solution, cell.asked, stated)
     findings += [*replaced, *solution.findings, *observability_findings(cell, solution), *not_converged(solution)]
     findings += [*outlier_findings(robust), *poor_fit(solution, fit), *contradicted_priors(solution)]
     findings += [*held_findings(cell, solution), *told]

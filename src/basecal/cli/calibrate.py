@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 from basecal.cli.page import tell_page, write_page
 from basecal.cli.seen import seen_recording
-from basecal.cli.terminal import print_json, progress
+from basecal.cli.terminal import print_json, print_stages, progress
 
 if TYPE_CHECKING:
     from basecal.cell import Calibration, Cell
@@ -25,6 +25,7 @@ def calibrate(
     certify: bool = False,
     robot_noise: Literal["auto", "estimated", "stated"] = "auto",
     json: bool = False,
+    verbose: bool = False,
 ) -> int:
     """Find the transforms asked for, with their covariance.
 
@@ -37,6 +38,7 @@ def calibrate(
         basecal calibrate mycell
         basecal calibrate mycell --json > answer.json
         basecal calibrate mycell --certify
+        basecal calibrate mycell --verbose
         basecal calibrate mycell --method axis-shift --task-point 0.8 0.1 0.3
 
     Args:
@@ -49,6 +51,7 @@ def calibrate(
         robot_noise: Whether noise of robots that state none is estimated where the data call for it: auto
             does so from 12 stops of a robot on.
         json: Print calibration.json instead of the report.
+        verbose: Tell how long each stage took, on stderr.
     """
     from basecal.cell.files import calibration_to_dict, read_cell
     from basecal.estimation.settings import Settings
@@ -63,7 +66,7 @@ def calibrate(
         certify=certify,
         robot_noise=noise,
     )
-    calibration = calibrate_folder(cell, described, settings)
+    calibration = calibrate_folder(cell, described, settings, verbose)
     if json:
         print_json(calibration_to_dict(calibration))
     else:
@@ -72,18 +75,22 @@ def calibrate(
     return exit_code(calibration)
 
 
-def calibrate_folder(folder: Path, cell: Cell, settings: Settings | None = None) -> Calibration:
+def calibrate_folder(folder: Path, cell: Cell, settings: Settings | None = None, verbose: bool = False) -> Calibration:
     """Calibrate the recording of a cell's folder, and write the run beside it."""
     from dataclasses import replace
 
     from basecal.accuracy.verdict import calibrate as calibrated
     from basecal.cell.files import input_hashes, write_calibration
     from basecal.estimation.settings import Settings
+    from basecal.estimation.stages import Stages
     from basecal.reporting.text import text_report
 
     recording = seen_recording(folder, cell)
-    with progress("calibrating"):
-        calibration = calibrated(cell, recording, settings or Settings())
+    with progress("calibrating") as tell:
+        stages = Stages(tell)
+        calibration = calibrated(cell, recording, replace(settings or Settings(), stages=stages))
+    if verbose:
+        print_stages(stages.seconds)
     calibration = replace(calibration, inputs=input_hashes(folder, cell))
     path = write_calibration(calibration, folder)
     path.with_name("report.txt").write_text(text_report(cell, calibration) + "\n", encoding="utf-8")

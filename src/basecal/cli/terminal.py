@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
@@ -15,12 +15,19 @@ def print_json(answer: Mapping[str, Any]) -> None:
 
 
 @contextmanager
-def progress(message: str) -> Iterator[None]:
-    """A spinner on stderr while something takes long; nothing where stderr is not a terminal."""
+def progress(message: str) -> Iterator[Callable[[str], None]]:
+    """A spinner on stderr while something takes long, told what is done now; nothing where stderr is not a terminal."""
     if not sys.stderr.isatty():
-        yield
+        yield lambda now: None
         return
     from rich.console import Console
 
-    with Console(stderr=True).status(message):
-        yield
+    with Console(stderr=True).status(message) as status:
+        yield lambda now: status.update(f"{message}: {now}")
+
+
+def print_stages(seconds: Mapping[str, float]) -> None:
+    """Where the time went [s], on stderr: the longest stage first."""
+    for name, took in sorted(seconds.items(), key=lambda stage: -stage[1]):
+        print(f"{took:8.3f} s  {name}", file=sys.stderr)
+    print(f"{sum(seconds.values()):8.3f} s  all stages", file=sys.stderr)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, field, fields
 from typing import Any, Literal
+
+from basecal.estimation.stages import Stages
 
 Method = Literal["maximum-likelihood", "axis-shift"]
 Start = Literal["closed", "thorough", "guess", "axis-shift"]
@@ -26,6 +29,7 @@ class Settings:
             `stated` by `solve`, and by `calibrate` for `estimated` where robots made enough stops for it.
         station_choice: With a task point: the `nearest` station, or all of them `weighted` by distance.
         certify: Prove that no other state fits better, or say why that cannot be proven.
+        stages: Where the time of each stage is counted; no part of what is asked.
     """
 
     method: Method = "maximum-likelihood"
@@ -35,10 +39,15 @@ class Settings:
     station_choice: StationChoice = "nearest"
     robot_noise: RobotNoise | None = None
     certify: bool = False
+    stages: Stages | None = field(default=None, compare=False)
 
     def as_dict(self) -> dict[str, Any]:
         """The settings as plain values, for files."""
-        return asdict(self)
+        return {f.name: getattr(self, f.name) for f in fields(self) if f.name != "stages"}
+
+    def stage(self, name: str) -> AbstractContextManager[None]:
+        """A part of the work, whose time is counted where that is asked for."""
+        return nullcontext() if self.stages is None else self.stages.stage(name)
 
 
 DEFAULT = Settings()

@@ -105,7 +105,8 @@ def solve_packed(
     findings: tuple[Finding, ...] = (),
 ) -> Solution:
     """As `solve`, from arrays."""
-    problem, start, disputed = _start(problem, cell, settings)
+    with settings.stage("start"):
+        problem, start, disputed = _start(problem, cell, settings)
     return replace(solve_from(problem, start, settings, findings), disputed=disputed)
 
 
@@ -117,12 +118,15 @@ def solve_from(
 ) -> Solution:
     """Maximum likelihood and covariance downhill of a start."""
     dof = degrees_of_freedom(problem)
-    end = levenberg_marquardt(problem, start, dof, settings.iterations)
-    problem, end, noise = estimate_noise(problem, end, settings.iterations)
-    if settings.robot_noise == "estimated":
-        problem, end, noise, told = estimate_robot_noise(problem, end, noise, settings.iterations)
-        findings = (*findings, *told)
-    seen = observability_of(problem, end.state, end.normal.hessian, noise.factor)
+    with settings.stage("descent"):
+        end = levenberg_marquardt(problem, start, dof, settings.iterations)
+    with settings.stage("noise"):
+        problem, end, noise = estimate_noise(problem, end, settings.iterations)
+        if settings.robot_noise == "estimated":
+            problem, end, noise, told = estimate_robot_noise(problem, end, noise, settings.iterations)
+            findings = (*findings, *told)
+    with settings.stage("observability"):
+        seen = observability_of(problem, end.state, end.normal.hessian, noise.factor)
     covariance = seen.inverse * min(noise.factor, _LARGEST_FACTOR)
     return Solution(problem, end.state, covariance, seen, noise, end.normal.cost, dof, end.converged, findings)
 

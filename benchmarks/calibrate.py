@@ -1,0 +1,154 @@
+"""Time of `calibrate` whole, on every recording at hand: in process, one thread, what images show known beforehand.
+
+The unit is the time of twenty products of a 200 x 600 matrix with its transpose, taken before and after each run in the
+same process, so that figures of different machines and days can be compared.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from basecal.accuracy.verdict import calibrate
+from basecal.cell import Calibration, Cell, Recording
+from basecal.cell.files import read_cell, read_recording
+from basecal.errors import DatasetError
+from basecal.estimation.settings import Settings
+from basecal.estimation.stages import Stages
+from basecal.vision.detect import detect
+from benchmarks.common import on_one_core, seconds, table, write
+from benchmarks.real import EXAMPLES, data_folder, example, moveit_cell, nao_cell
+
+PRODUCTS, ROWS, COLUMNS = 20, 200, 600
+UNITS_A_TIME = 7
+REPEATS = 5
+LONG_S = 5.0
+MOST_VIEWS = 100
+# What is asked: a hundred units where there are at most so many views.
+MOST_UNITS = {True: 100.0, False: 250.0}
+# The same, measured before starts, checks and outliers were batched.
+BEFORE = {
+    "ur5e_dual": 1172,
+    "ur5e_images": 1516,
+    "rct_charuco": 280,
+    "kuka_1_chessboard": 320,
+    "rct_10x10": 791,
+    "ur3e_88_images": 768,
+    "visp_franka_in_hand": 435,
+    "visp_franka_to_hand": 137,
+    "motoman_dual_joints": 2651,
+}
+
+Reader = Callable[[], tuple[Cell, Recording]]
+
+
+def _seen(name: str) -> tuple[Cell, Recording]:
+    """An example with what its images show."""
+    cell, recording = example(name)
+    return cell, detect(cell, recording)
+
+
+def _published_cell(name: str) -> tuple[Cell, Recording]:
+    """A published recording that stands in the folder of a cell, with what its images show."""
+    folder = data_folder() / name
+    if not (folder / "cell.yaml").exists():
+        raise DatasetError(str(folder), "is not there: set BASECAL_DATA to the folder of the published recordings")
+    cell = read_cell(folder)
+    return cell, detect(cell, read_recording(folder, cell))
+
+
+def recordings() -> dict[str, Reader]:
+    """What can be measured, by name: the examples, published cells, and those that `benchmarks.real` reads."""
+    shipped = sorted(path.parent.name for path in EXAMPLES.glob("*/recording/") if any(path.glob("samples.jsonl")))
+    published = [name for name in BEFORE if name not in shipped]
+    return {
+        **{name: lambda name=name: _seen(name) for name in shipped},
+        **{name: lambda name=name: _published_cell(name) for name in published},
+        "moveit_pose_samples": moveit_cell,
+        "nao_dual_axbycz": nao_cell,
+    }
+
+
+def unit_s() -> float:
+    """The unit as it is now [s]: the median of a few."""
+    matrix = np.random.default_rng(0).standard_normal((ROWS, COLUMNS))
+
+    def work() -> None:
+        for _ in range(PRODUCTS):
+            matrix @ matrix.T
+
+    return median(seconds(work) for _ in range(UNITS_A_TIME))
+
+
+def measured(name: str, cell: Cell, recording: Recording) -> dict[str, Any]:
+    """Units of the whole and of each stage, medians of several runs; of a single one where that takes long."""
+    runs: list[tuple[float, dict[str, float]]] = []
+    found: Calibration | None = None
+    before = unit_s()
+    for _ in range(REPEATS):
+        stages = Stages()
+        began = time.perf_counter()
+        found = calibrate(cell, recording, replace(Settings(), stages=stages))
+        took, after = time.perf_counter() - began, unit_s()
+        unit = 0.5 * (before + after)
+        before = after
+        runs.append((took / unit, {stage: s / unit for stage, s in stages.seconds.items()}))
+        if took > LONG_S:
+            break
+    assert found is not None
+    views = sum(len(sample.observations) for sample in recording.samples)
+    whole = median(units for units, _ in runs)
+    stages_of = {stage: median(of.get(stage, 0.0) for _, of in runs) for stage in runs[-1][1]}
+    return {
+        "recording": name,
+        "views": views,
+        "verdict": found.verdict,
+        "before": BEFORE.get(name),
+        "units": whole,
+        "most": MOST_UNITS[views <= MOST_VIEWS],
+        "seconds": whole * before,
+        "stages": stages_of,
+    }
+
+
+HEAD = ("recording", "views", "verdict", "before", "units", "asked", "holds", "[ms]", "longest stages, in units")
+SHOWN = 4
+
+
+def row(found: dict[str, Any]) -> tuple[str, ...]:
+    """A line of the table with `HEAD`."""
+    longest = sorted(found["stages"].items(), key=lambda stage: -stage[1])[:SHOWN]
+    stages = ", ".join(f"{name} {units:.1f}" for name, units in longest)
+    before = "" if found["before"] is None else f"{found['before']:.0f}"
+    holds = "yes" if found["units"] <= found["most"] else "NO"
+    numbers = before, f"{found['units']:.0f}", f"{found['most']:.0f}", holds, f"{1e3 * found['seconds']:.0f}"
+    return found["recording"], str(found["views"]), found["verdict"], *numbers, stages
+
+
+def main(arguments: list[str]) -> None:
+    """Measure and print; where all were measured, write results/calibrate.json too."""
+    known = recordings()
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.calibrate", description=__doc__)
+    parser.add_argument("--recordings", nargs="*", default=list(known), choices=list(known), metavar="NAME")
+    asked = parser.parse_args(arguments)
+    on_one_core()
+    rows = []
+    for name in asked.recordings:
+        try:
+            rows.append(measured(name, *known[name]()))
+        except DatasetError as error:
+            print(f"left out: {error}")
+    print(table(HEAD, map(row, rows)))
+    if [found["recording"] for found in rows] == list(known):
+        write("calibrate", {"rows": rows})
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,46 @@
+"""Where the time goes."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+from basecal.estimation.settings import Settings
+from basecal.estimation.stages import Stages
+
+
+def test_a_stage_within_another_is_part_of_it() -> None:
+    """Times of stages add up to the time of all: what a stage calls on counts once, as its own."""
+    told: list[str] = []
+    settings = Settings(stages=Stages(told.append))
+    began = time.perf_counter()
+    for _ in range(2):
+        with settings.stage("outer"), settings.stage("inner"):
+            time.sleep(0.01)
+    with settings.stage("last"):
+        time.sleep(0.01)
+    took = time.perf_counter() - began
+    assert settings.stages is not None
+    seconds = settings.stages.seconds
+    assert list(seconds) == ["outer", "last"]
+    assert told == ["outer", "outer", "last"]
+    assert seconds["outer"] >= 0.02
+    assert sum(seconds.values()) <= took
+
+
+def test_a_stage_that_fails_is_over() -> None:
+    """After an error inside a stage the next one is counted under its own name."""
+    stages = Stages()
+    with pytest.raises(ValueError, match="no"), stages.stage("first"):
+        raise ValueError("no")
+    with stages.stage("second"):
+        pass
+    assert list(stages.seconds) == ["first", "second"]
+
+
+def test_a_timer_is_no_part_of_what_is_asked() -> None:
+    """Settings with a timer equal those without, and none stands in the file."""
+    assert Settings(stages=Stages()) == Settings()
+    assert Settings(stages=Stages()).as_dict() == Settings().as_dict()
+    assert "stages" not in Settings().as_dict()
