@@ -29,8 +29,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.stats import chi2
 
-from basecal.cell import target as targets
 from basecal.cell.cell import Status
+from basecal.cell.targets.points import points_target
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.noise.robot_noise import with_robot_noise
 from basecal.estimation.noise.satterthwaite import freedoms_of
@@ -59,7 +59,7 @@ TAG_M = 0.12
 
 _BOARD = Scenario(samples=20)
 _LIGHT = Scenario(samples=30, target="led")
-_TAG = Scenario(samples=20, target="points", board=targets.points(TAG_M * np.array(_CORNERS)))
+_TAG = Scenario(samples=20, target="points", board=points_target(TAG_M * np.array(_CORNERS)))
 
 
 def _mounts(scenario: Scenario, status: Status) -> Scenario:

@@ -12,8 +12,12 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 
-from basecal.cell import target
 from basecal.cell.target import Target
+from basecal.cell.targets.apriltag import apriltag_target
+from basecal.cell.targets.charuco import charuco_target
+from basecal.cell.targets.chessboard import chessboard_target
+from basecal.cell.targets.circles import circles_target
+from basecal.cell.targets.led import led_target
 from basecal.geometry import SE3, Array, Camera
 from basecal.vision.detection import Image
 from basecal.vision.detectors import find
@@ -91,15 +95,15 @@ def _circles(shape: Target) -> dict[str, Plain]:
 
 
 KINDS: dict[str, tuple[Target, Callable[[Target], dict[str, Plain]]]] = {
-    "charuco": (target.charuco((5, 7), 0.04, 0.03, "DICT_4X4_50"), _charuco),
+    "charuco": (charuco_target((5, 7), 0.04, 0.03, "DICT_4X4_50"), _charuco),
     "tags": (
-        target.apriltag(
+        apriltag_target(
             "tag36h11", [(k, 0.06, SE3(np.eye(3), np.array([0.09 * (k % 3), 0.09 * (k // 3), 0]))) for k in range(9)]
         ),
         _tags,
     ),
-    "chessboard": (target.chessboard((9, 6), 0.03), _chessboard),
-    "circles": (target.circles((4, 11), 0.02, asymmetric=True), _circles),
+    "chessboard": (chessboard_target((9, 6), 0.03), _chessboard),
+    "circles": (circles_target((4, 11), 0.02, asymmetric=True), _circles),
 }
 
 
@@ -204,7 +208,7 @@ def lights(photons: float, spot: float, pair: bool, count: int) -> Light:
         on = render_light(CAMERA, place, settings, 2 * seed)
         off = render_light(CAMERA, place, replace(settings, photons=0.0), 2 * seed + 1) if pair else None
         began = time.perf_counter()
-        found = led.detect(on, target.led(), off)
+        found = led.detect(on, led_target(), off)
         middle = time.perf_counter()
         spots = blobs.detect(on)
         spent.append((middle - began, time.perf_counter() - middle))

@@ -16,8 +16,10 @@ from typing import Any
 import numpy as np
 
 from basecal.cell import Cell, Recording
-from basecal.cell import target as targets
 from basecal.cell.files import read_recording, write_recording
+from basecal.cell.targets.charuco import charuco_target
+from basecal.cell.targets.chessboard import chessboard_target
+from basecal.cell.targets.points import points_target
 
 Lines = list[dict[str, Any]]
 Change = Callable[[Lines], Lines]
@@ -220,11 +222,11 @@ def _rebuilt(cell: Cell, factor: float) -> Cell:
         told = dict(shape.options)
         if shape.kind == "charuco":
             told["square_m"], told["marker_m"] = told["square_m"] * factor, told["marker_m"] * factor
-            made = targets.charuco(**told)
+            made = charuco_target(**told)
         elif shape.kind == "chessboard":
-            made = targets.chessboard(told["corners"], told["square_m"] * factor)
+            made = chessboard_target(told["corners"], told["square_m"] * factor)
         else:
-            made = targets.points([[factor * v for v in p] for p in shape.points.tolist()])
+            made = points_target([[factor * v for v in p] for p in shape.points.tolist()])
         found[name] = replace(of, target=made)
     return replace(cell, targets=found)
 

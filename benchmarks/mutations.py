@@ -19,7 +19,7 @@ import numpy as np
 
 from basecal.accuracy.verdict import calibrate
 from basecal.cell import Calibration, Cell, Recording, RobotState, Target
-from basecal.cell import target as targets
+from basecal.cell.targets.chessboard import chessboard_target
 from basecal.errors import DatasetError, NotConverged
 from basecal.kinematics import read_chain
 from basecal.kinematics.inverse import inverse
@@ -32,7 +32,7 @@ URDF = ROOT / "tests" / "data" / "urdf" / "six_axis.urdf"
 HOME = np.array([0.4, -1.2, 1.5, -0.6, 1.1, 0.3])
 SIGMAS = 3.0
 NAMED, CLEAN = 0.95, 0.01
-GRID = targets.chessboard((8, 6), 0.03)
+GRID = chessboard_target((8, 6), 0.03)
 
 _KINDS: dict[str, tuple[Scenario, int]] = {
     "dual, charuco": (Scenario(), 6),

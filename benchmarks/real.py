@@ -30,8 +30,8 @@ from basecal.cell import (
     Sample,
     Unknown,
 )
-from basecal.cell import target as targets
 from basecal.cell.files import read_cell, read_recording
+from basecal.cell.targets.led import led_target
 from basecal.errors import DatasetError
 from basecal.exchange.assemble import recording_from_streams
 from basecal.exchange.poses import PoseStream, read_poses
@@ -162,7 +162,7 @@ def lights_off(corners: Iterable[int]) -> Array:
     whole = calibrate(cell, recording)
     ((name, camera),) = cell.cameras.items()
     lens = Intrinsics("fixed", whole.cameras[name][0])
-    light = {"light": CellTarget("light", "hand", target=targets.led())}
+    light = {"light": CellTarget("light", "hand", target=led_target())}
     alone = replace(cell, cameras={name: replace(camera, intrinsics=lens)}, targets=light)
     out = []
     for corner in corners:

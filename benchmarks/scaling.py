@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from basecal.cell import target as targets
+from basecal.cell.targets.chessboard import chessboard_target
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.solve import Solution, solve_from
@@ -31,7 +31,7 @@ SIZES = tuple(round(10 ** (k / 2)) for k in range(4, 11))
 STEADY = 1000
 OFF = 2e-3
 
-_FOUR = Scenario(target="chessboard", board=targets.chessboard((2, 2), 0.12))
+_FOUR = Scenario(target="chessboard", board=chessboard_target((2, 2), 0.12))
 # Robot noise is eliminated view by view where every sample is a new stop, and by the Schur complement where stops are
 # shared: their number grows with the samples as well (a still eye has one, the hand one a sample).
 CASES: dict[str, Scenario] = {

@@ -1,24 +1,17 @@
-"""Draw each kind of target with its frame and its ids into docs/figures: `python docs/draw_targets.py`."""
+"""Draw each kind of target with its frame and ids, and write the table of kinds: `python docs/draw_targets.py`."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 
 from basecal.cell import Target
-from basecal.cell import target as targets
-from basecal.geometry import SE3
+from basecal.cell.targets.all_kinds import KIND_NAMES, target_kind
 from basecal.vision.draw.drawing import target_drawing
 
 FIGURES = Path(__file__).parent / "figures"
-SHAPES = {
-    "charuco": targets.charuco((5, 4), 0.04, 0.03, "DICT_4X4_50"),
-    "chessboard": targets.chessboard((4, 3), 0.04),
-    "circles": targets.circles((4, 3), 0.04),
-    "circles_asymmetric": targets.circles((3, 4), 0.025, asymmetric=True),
-    "apriltag": targets.apriltag("tag36h11", [(0, 0.16, SE3.identity())]),
-}
 SCALE = 1500.0
 
 
@@ -47,6 +40,21 @@ def drawn(target: Target) -> str:
     return "\n".join([*parts, "</svg>"]) + "\n"
 
 
+def table() -> str:
+    """The rows of docs/data_format.md that say what each kind of target has."""
+    rows = ["| kind | fields | ids of the points | origin of the frame |", "|---|---|---|---|"]
+    rows += [f"| `{name}` | {' | '.join(target_kind(name).described)} |" for name in KIND_NAMES]
+    return "\n".join(rows)
+
+
+def with_table(text: str) -> str:
+    """The text of docs/data_format.md with the present table in it."""
+    return re.sub(r"\| kind \| fields .*?\|(?=\n\n)", lambda _: table(), text, count=1, flags=re.S)
+
+
 if __name__ == "__main__":
-    for name, shape in SHAPES.items():
-        (FIGURES / f"target_{name}.svg").write_text(drawn(shape), encoding="utf-8")
+    for kind in KIND_NAMES:
+        for name, shape in target_kind(kind).figures.items():
+            (FIGURES / f"target_{name}.svg").write_text(drawn(shape), encoding="utf-8")
+    page = Path(__file__).parent / "data_format.md"
+    page.write_text(with_table(page.read_text(encoding="utf-8")), encoding="utf-8")

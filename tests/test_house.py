@@ -15,7 +15,7 @@ import pytest
 SOURCE = Path(__file__).parents[1] / "src" / "basecal"
 FILES = sorted(SOURCE.rglob("*.py"))
 LAYERS = [
-    {"errors"},
+    {"errors", "registry"},
     {"geometry"},
     {"kinematics"},
     {"cell"},

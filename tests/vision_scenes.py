@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from basecal.cell import target
 from basecal.cell.target import Target
+from basecal.cell.targets.apriltag import apriltag_target
+from basecal.cell.targets.charuco import charuco_target
+from basecal.cell.targets.chessboard import chessboard_target
+from basecal.cell.targets.circles import circles_target
 from basecal.geometry import SE3, Array, Camera
 
 WIDE = Camera("pinhole", np.array([766.5, 765.4, 640.9, 358.8, -0.35, 0.179, 0.0, 0.0, 0.0]), (1280, 720))
@@ -14,16 +17,16 @@ SMALL = Camera("pinhole", np.array([500.0, 500.0, 159.5, 119.5]), (320, 240))
 FISHEYE = Camera("fisheye", np.array([420.0, 421.0, 641.0, 359.0, 0.05, -0.01, 0.002, 0.0]), (1280, 720))
 
 TARGETS = {
-    "charuco": target.charuco((5, 7), 0.04, 0.03, "DICT_4X4_50"),
-    "legacy": target.charuco((5, 8), 0.035, 0.026, "DICT_5X5_100", legacy_pattern=True),
-    "chessboard": target.chessboard((9, 6), 0.03),
-    "circles": target.circles((8, 5), 0.03),
-    "asymmetric": target.circles((4, 11), 0.02, asymmetric=True),
-    "tags": target.apriltag(
+    "charuco": charuco_target((5, 7), 0.04, 0.03, "DICT_4X4_50"),
+    "legacy": charuco_target((5, 8), 0.035, 0.026, "DICT_5X5_100", legacy_pattern=True),
+    "chessboard": chessboard_target((9, 6), 0.03),
+    "circles": circles_target((8, 5), 0.03),
+    "asymmetric": circles_target((4, 11), 0.02, asymmetric=True),
+    "tags": apriltag_target(
         "tag36h11",
         [(3 * k + 1, 0.06, SE3.from_rpy((0, 0, 0.2 * k), (0.13 * (k % 3), 0.13 * (k // 3), 0))) for k in range(6)],
     ),
-    "aruco": target.apriltag("DICT_6X6_250", [(17, 0.1, SE3.identity())]),
+    "aruco": apriltag_target("DICT_6X6_250", [(17, 0.1, SE3.identity())]),
 }
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import runpy
 from pathlib import Path
 
 from basecal.cell.calibration import Calibration
@@ -36,3 +37,10 @@ def test_calibration_keys() -> None:
     written = calibration_to_dict(Calibration("good"))
     assert list(example) == list(written)
     assert list(example["residuals"]) == list(written["residuals"])
+
+
+def test_table_of_kinds() -> None:
+    """The table of target kinds is the one that docs/draw_targets.py writes."""
+    script = runpy.run_path(str(Path(__file__).parents[2] / "docs" / "draw_targets.py"))
+    assert script["table"]() in TEXT
+    assert script["with_table"](TEXT) == TEXT

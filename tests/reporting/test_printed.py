@@ -9,17 +9,22 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from basecal.cell import target as targets
+from basecal.cell.targets.apriltag import apriltag_target
+from basecal.cell.targets.charuco import charuco_target
+from basecal.cell.targets.chessboard import chessboard_target
+from basecal.cell.targets.circles import circles_target
+from basecal.cell.targets.led import led_target
+from basecal.cell.targets.points import points_target
 from basecal.errors import InputError
 from basecal.geometry import SE3
 from basecal.reporting.printed import page_svg, printed_pages, write_pages
 
 SHAPES = {
-    "charuco": targets.charuco((5, 7), 0.03, 0.022, "DICT_4X4_50"),
-    "chessboard": targets.chessboard((8, 5), 0.025),
-    "circles": targets.circles((4, 11), 0.02, asymmetric=True),
-    "apriltag": targets.apriltag("tag36h11", [(3, 0.08, SE3.identity()), (4, 0.08, SE3.identity())]),
-    "led": targets.led([[0, 0, 0], [0.05, 0.02, 0]]),
+    "charuco": charuco_target((5, 7), 0.03, 0.022, "DICT_4X4_50"),
+    "chessboard": chessboard_target((8, 5), 0.025),
+    "circles": circles_target((4, 11), 0.02, asymmetric=True),
+    "apriltag": apriltag_target("tag36h11", [(3, 0.08, SE3.identity()), (4, 0.08, SE3.identity())]),
+    "led": led_target([[0, 0, 0], [0.05, 0.02, 0]]),
 }
 
 
@@ -74,4 +79,4 @@ def test_several_svgs_are_numbered_and_other_endings_refused(tmp_path: Path):
 def test_a_template_must_be_flat():
     """Lights that do not lie in a plane cannot be drawn on paper."""
     with pytest.raises(InputError, match="z must be 0"):
-        printed_pages(targets.points([[0, 0, 0], [0, 0, 0.1]]), "title")
+        printed_pages(points_target([[0, 0, 0], [0, 0, 0.1]]), "title")

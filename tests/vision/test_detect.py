@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 import basecal.vision.detect as detect_module
-from basecal.cell import target
 from basecal.cell.cell import Cell, CellCamera, CellTarget, Intrinsics, Robot
 from basecal.cell.recording import CandidateObservation, PixelObservation, PoseObservation, Recording, Sample
+from basecal.cell.targets.apriltag import apriltag_target
+from basecal.cell.targets.led import led_target
 from basecal.errors import InputError
 from basecal.geometry import SE3
 from basecal.vision.detect import detect
@@ -21,7 +22,7 @@ from basecal.vision.draw.light import LightSettings, render_light
 from basecal.vision.draw.render import RenderSettings, render
 from vision_scenes import PLAIN, TARGETS
 
-TAG = target.apriltag("tag36h11", [(2, 0.1, SE3.identity())])
+TAG = apriltag_target("tag36h11", [(2, 0.1, SE3.identity())])
 CELL = Cell(
     "eye",
     {"eye": Robot("eye"), "hand": Robot("hand")},
@@ -31,7 +32,7 @@ CELL = Cell(
     },
     targets={"tag": CellTarget("tag", "hand", target=TAG), "far": CellTarget("far", "hand")},
 )
-LIT = replace(CELL, targets={"light": CellTarget("light", "hand", target=target.led())})
+LIT = replace(CELL, targets={"light": CellTarget("light", "hand", target=led_target())})
 
 
 def seen_at(depth: float) -> SE3:
@@ -158,7 +159,7 @@ def test_second_time_from_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert isinstance(two, PixelObservation)
     np.testing.assert_array_equal(one.pixels, two.pixels)
     np.testing.assert_array_equal(one.sigma_px, two.sigma_px)
-    other = target.apriltag("tag36h11", [(3, 0.1, SE3.identity())])
+    other = apriltag_target("tag36h11", [(3, 0.1, SE3.identity())])
     detect(replace(CELL, targets={"tag": CellTarget("tag", "hand", target=other)}), told, tmp_path)
     assert len(calls) == 4
     narrow = replace(CELL, cameras={"wrist": replace(CELL.cameras["wrist"], size_px=(600, 480))})

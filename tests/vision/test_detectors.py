@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from basecal.cell import target
+from basecal.cell.target import Target
+from basecal.cell.targets.apriltag import apriltag_target
+from basecal.cell.targets.chessboard import chessboard_target
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array, Camera
 from basecal.vision.detection import Detection
@@ -37,7 +39,7 @@ class Errors:
         return float(np.sqrt(np.mean((self.error / self.sigma[:, None]) ** 2)))
 
 
-def by_id(shape: target.Target, detection: Detection, true: Array) -> Array:
+def by_id(shape: Target, detection: Detection, true: Array) -> Array:
     """Errors of a detection, taken from whichever end of a symmetric grid it counts."""
     assert detection.ids is not None
     forth = detection.pixels - true[shape.rows(detection.ids)]
@@ -146,9 +148,9 @@ def test_chessboard_counts_from_black() -> None:
 
 def test_only_own_tags() -> None:
     """Tags that are not on the target, and a tag that is seen twice, are left out."""
-    two = target.apriltag("tag36h11", [(k, 0.08, SE3(np.eye(3), np.array([0.12 * k, 0, 0]))) for k in (0, 1)])
+    two = apriltag_target("tag36h11", [(k, 0.08, SE3(np.eye(3), np.array([0.12 * k, 0, 0]))) for k in (0, 1)])
     pose = SE3(np.eye(3), np.array([-0.05, 0.0, 0.5]))
-    one = target.apriltag("tag36h11", [(1, 0.08, SE3.identity())])
+    one = apriltag_target("tag36h11", [(1, 0.08, SE3.identity())])
     image = render(WIDE, two, pose)
     detection = find(image, one)
     assert detection is not None
@@ -162,11 +164,11 @@ def test_only_own_tags() -> None:
     [
         (TARGETS["tags"], np.zeros((20, 20, 3), np.uint8), "expected"),
         (TARGETS["tags"], np.zeros((20, 20), np.float32), "float32"),
-        (target.chessboard((2, 5), 0.03), np.zeros((99, 99), np.uint8), "3 or more"),
-        (target.apriltag("tagCustom48h12", [(0, 0.1, SE3.identity())]), np.zeros((99, 99), np.uint8), "tagCustom48h12"),
+        (chessboard_target((2, 5), 0.03), np.zeros((99, 99), np.uint8), "3 or more"),
+        (apriltag_target("tagCustom48h12", [(0, 0.1, SE3.identity())]), np.zeros((99, 99), np.uint8), "tagCustom48h12"),
     ],
 )
-def test_what_cannot_be_searched(shape: target.Target, image: Any, message: str) -> None:
+def test_what_cannot_be_searched(shape: Target, image: Any, message: str) -> None:
     """An image that is not grey, and a target that cannot be found, are named errors."""
     with pytest.raises(InputError, match=message):
         find(image, shape)

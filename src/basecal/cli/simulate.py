@@ -11,11 +11,12 @@ from cyclopts import Parameter, validators
 from basecal.cli.seen import counting
 from basecal.cli.terminal import print_json, progress
 from basecal.errors import InputError
+from basecal.registry import TargetKindName
 
 if TYPE_CHECKING:
     from basecal.simulation.scenario import SimulatedCell
 
-Seen = Literal["charuco", "chessboard", "points", "led", "pose", "points3d"]
+Seen = Literal[TargetKindName, "pose", "points3d"]
 Positive = Annotated[float, Parameter(validator=validators.Number(gte=0))]
 
 

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from basecal.errors import InputError
+from basecal.registry import TargetKindName
 
 if TYPE_CHECKING:
     from basecal.cell import Target
-
-PrintedKind = Literal["charuco", "chessboard", "circles", "apriltag", "led"]
+    from basecal.cell.targets.kind import PrintSizes
 
 
 def target(
@@ -17,7 +21,7 @@ def target(
     *,
     cell: Path | None = None,
     name: str | None = None,
-    kind: PrintedKind = "charuco",
+    kind: TargetKindName = "charuco",
     columns: int = 5,
     rows: int = 7,
     square_mm: float = 40.0,
@@ -25,6 +29,7 @@ def target(
     dictionary: str = "DICT_4X4_50",
     family: str = "tag36h11",
     tag: int = 0,
+    field: Annotated[tuple[str, ...], Parameter(name="--set", negative=())] = (),
 ) -> int:
     """Print a target at true scale, with a ruler to check the print.
 
@@ -49,13 +54,17 @@ def target(
         dictionary: Of the ChArUco markers.
         family: Of the AprilTag.
         tag: Number of the AprilTag.
+        field: FIELD=VALUE as in cell.yaml, such as legacy_pattern=true; may be given several times.
     """
+    from basecal.cell.targets.kind import PrintSizes
     from basecal.reporting.printed import printed_pages, write_pages
 
     if cell is not None:
         title, shape = _of_cell(cell, name)
     else:
-        fields = _fields(kind, columns, rows, square_mm, marker_mm, dictionary, family, tag)
+        square, marker = square_mm / 1e3, (0.75 * square_mm if marker_mm is None else marker_mm) / 1e3
+        sizes = PrintSizes(columns, rows, round(square, 9), round(marker, 9), dictionary, family, tag)
+        fields = _fields(kind, sizes, field)
         title, shape = _described(kind, fields)
     pages = printed_pages(shape, title)
     for path in write_pages(pages, out):
@@ -65,30 +74,24 @@ def target(
     return 0
 
 
-def _fields(
-    kind: PrintedKind,
-    columns: int,
-    rows: int,
-    square_mm: float,
-    marker_mm: float | None,
-    dictionary: str,
-    family: str,
-    tag: int,
-) -> dict[str, object]:
-    square = round(square_mm / 1e3, 9)
-    marker = round((0.75 * square_mm if marker_mm is None else marker_mm) / 1e3, 9)
-    pose = {"t_m": [0, 0, 0], "q_xyzw": [0, 0, 0, 1]}
-    of_kind: dict[str, dict[str, object]] = {
-        "charuco": {"squares": [columns, rows], "square_m": square, "marker_m": marker, "dictionary": dictionary},
-        "chessboard": {"corners": [columns, rows], "square_m": square},
-        "circles": {"circles": [columns, rows], "spacing_m": square},
-        "apriltag": {"family": family, "tags": [{"id": tag, "size_m": square, **pose}]},
-        "led": {},
-    }
-    return of_kind[kind]
+def _fields(kind: TargetKindName, sizes: PrintSizes, given: tuple[str, ...]) -> dict[str, Any]:
+    """The target's fields in `cell.yaml`: as its kind makes them of the sizes, and those given one by one."""
+    from basecal.cell.format.yaml_text import parse_yaml
+    from basecal.cell.targets.all_kinds import target_kind
+
+    printed = target_kind(kind).printed
+    if printed is None:
+        raise InputError(f"a target of kind {kind!r} needs more than sizes: describe it in a cell, then --cell CELL")
+    fields = dict(printed(sizes))
+    for each in given:
+        name, equals, value = each.partition("=")
+        if not equals:
+            raise InputError(f"--set takes FIELD=VALUE, such as legacy_pattern=true, got {each!r}")
+        fields |= parse_yaml(f"{name}: {value}", "--set").data
+    return fields
 
 
-def _described(kind: str, fields: dict[str, object]) -> tuple[str, Target]:
+def _described(kind: str, fields: dict[str, Any]) -> tuple[str, Target]:
     """The target as a cell.yaml with these fields describes it, checked as one."""
     from basecal.cell.files import cell_from_dict
 
@@ -110,7 +113,7 @@ def _described(kind: str, fields: dict[str, object]) -> tuple[str, Target]:
 
 def _of_cell(folder: Path, name: str | None) -> tuple[str, Target]:
     from basecal.cell.files import read_cell
-    from basecal.errors import FrameNotFound, InputError
+    from basecal.errors import FrameNotFound
 
     targets = {n: t.target for n, t in read_cell(folder).targets.items() if t.target is not None}
     if name is None and len(targets) != 1:
@@ -119,11 +122,11 @@ def _of_cell(folder: Path, name: str | None) -> tuple[str, Target]:
     if chosen not in targets:
         raise FrameNotFound(chosen, list(targets))
     shape = targets[chosen]
-    told = ", ".join(f"{k} {v}" for k, v in shape.options.items() if not isinstance(v, tuple) or len(v) == 2)
+    told = ", ".join(f"{k} {v}" for k, v in shape.options.items() if not isinstance(v, list) or len(v) == 2)
     return f"{chosen}: {shape.kind}, {told}", shape
 
 
-def _lines(kind: str, fields: dict[str, object]) -> str:
+def _lines(kind: str, fields: dict[str, Any]) -> str:
     from json import dumps
 
     rows = [f"    {key}: {dumps(value) if not isinstance(value, str) else value}" for key, value in fields.items()]

@@ -5,42 +5,10 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Literal
 
-Kind = Literal["charuco", "chessboard", "circles", "apriltag", "points", "led", "pose"]
+from basecal.registry import TargetKindName
 
-_SHAPES: dict[Kind, str] = {
-    "charuco": """\
-    kind: charuco
-    squares: [5, 7]                  # columns, rows of squares; ids are OpenCV's ChArUco corner ids
-    square_m: 0.04                   # measure it: the scale of the answer is the scale of the board
-    marker_m: 0.03
-    dictionary: DICT_4X4_50
-""",
-    "chessboard": """\
-    kind: chessboard
-    corners: [8, 6]                  # columns, rows of inner corners; ids run row by row from the first
-    square_m: 0.025                  # measure it: the scale of the answer is the scale of the board
-""",
-    "circles": """\
-    kind: circles
-    circles: [7, 5]                  # columns, rows; ids run row by row from the first
-    spacing_m: 0.03                  # centre to centre; measure it
-    asymmetric: false
-""",
-    "apriltag": """\
-    kind: apriltag
-    family: tag36h11
-    tags:                            # where each tag is on the target; ids are 4 * tag + corner
-      - {id: 0, size_m: 0.08, t_m: [0, 0, 0], q_xyzw: [0, 0, 0, 1]}
-""",
-    "points": """\
-    kind: points
-    points_m: [[0, 0, 0], [0.08, 0, 0], [0, 0.08, 0], [0.08, 0.08, 0.03]]   # ids count from 0
-""",
-    "led": """\
-    kind: led                        # one light at the target's origin; several: points_m: [[0, 0, 0], ...]
-""",
-    "pose": "",
-}
+Kind = Literal[TargetKindName, "pose"]
+
 _HEAD = """\
 # What exists in the cell, what is known of it, and what is asked. Lengths in m, angles in rad unless the key says
 # otherwise. A transform a_from_b is where b stands in a; each has a status: free (asked), prior (with sigma_t_m and
@@ -114,11 +82,23 @@ def _camera(name: str, on: str, reference: str, kind: Kind) -> str:
         return text
     text += "    model: pinhole                   # pinhole (k1 k2 p1 p2 [k3 [k4 k5 k6]]) or fisheye (k1 k2 k3 k4)\n"
     text += "    size_px: [1280, 720]             # width, height of its images\n"
-    if kind != "led":
+    if not _is_light(kind):
         return text + "    intrinsics: {status: free}       # or fixed / prior with fx, fy, cx, cy, distortion\n"
     known = "{status: fixed, fx: 1000, fy: 1000, cx: 639.5, cy: 359.5, distortion: [0, 0, 0, 0, 0]}"
     return text + f"    # Put your camera's numbers here: one light does not tell the lens.\n    intrinsics: {known}\n"
 
 
+def _is_light(kind: TargetKindName) -> bool:
+    """Whether a target of the kind usually is one point, which tells nothing of the lens."""
+    import numpy as np
+
+    from basecal.cell.targets.all_kinds import target_kind
+
+    return target_kind(kind).usual(np.random.default_rng(0)).is_point
+
+
 def _target(name: str, on: str, reference: str, kind: Kind) -> str:
-    return f"  {name}:\n{_mount(on, reference, name)}{_SHAPES[kind]}"
+    from basecal.cell.targets.all_kinds import target_kind
+
+    shape = "" if kind == "pose" else target_kind(kind).template
+    return f"  {name}:\n{_mount(on, reference, name)}{shape}"

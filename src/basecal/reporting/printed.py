@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from basecal.cell import Target
+from basecal.cell.sheet import Sheet
 from basecal.errors import InputError
 from basecal.geometry import Array
-from basecal.vision.draw.drawing import Sheet, target_drawing
+from basecal.vision.draw.drawing import target_drawing
 
 _PAPERS = {
     "A4": (210.0, 297.0),
@@ -55,13 +56,13 @@ def printed_pages(target: Target, title: str) -> list[PrintedPage]:
     """Every sheet of a target, each on the smallest paper that holds it with a ruler below.
 
     Args:
-        target: A board, tags, circles; or points or a light, for which a template with crosses is drawn.
+        target: What is printed; for lights and points a template with crosses is drawn.
         title: Printed beside the ruler.
 
     Raises:
         InputError: if a template is asked for points that do not lie in a plane z = 0.
     """
-    if target.kind in ("led", "points"):
+    if not target.sheets:
         return [_template(target, title)]
     return [_page(sheet, title) for sheet in target_drawing(target)]
 

@@ -206,8 +206,8 @@ def _outline(shape: Target | None) -> Array:
     """The box about a target's points in its plane, a square round each tag, (k, 2, 3) [m]."""
     if shape is None or len(shape.points) < 3:
         return np.zeros((0, 2, 3))
-    if shape.kind == "apriltag":
-        loops = shape.points.reshape(-1, 4, 3)
+    if shape.tags is not None:
+        loops = shape.points[shape.rows(shape.tags.corner_ids.ravel())].reshape(-1, 4, 3)
     else:
         low, high = shape.points.min(0), shape.points.max(0)
         x, y, z = np.stack([low, high], -1)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from basecal.cell import target as targets
 from basecal.cell.target import Target
+from basecal.cell.targets.all_kinds import target_kind
 from basecal.geometry import SE3, Array, Camera
 from basecal.geometry.se3 import rotation_from_quaternion
 from basecal.simulation.scenario import Scenario
@@ -54,21 +54,10 @@ def lens(rng: Generator, scenario: Scenario) -> Camera:
     return Camera(scenario.lens, np.array([fx, fy, cx, cy, *distortion]), SIZE_PX)
 
 
-def _rigid_points(rng: Generator) -> Target:
-    """Five to eight jittered corners of a cube: never in one plane."""
-    corners = np.stack(np.meshgrid(*[[-0.06, 0.06]] * 3), -1).reshape(-1, 3)
-    kept = rng.permutation(8)[: rng.integers(5, 9)]
-    return targets.points(corners[kept] + rng.uniform(-0.02, 0.02, (len(kept), 3)))
-
-
 def shape(rng: Generator, scenario: Scenario) -> Target:
     """The scenario's board, or one of the kind it sees."""
     if scenario.board is not None:
         return scenario.board
-    if scenario.target == "led":
-        return targets.led()
-    if scenario.target in ("points", "points3d"):
-        return _rigid_points(rng)
-    if scenario.target == "chessboard":
-        return targets.chessboard((6, 6), 0.03)
-    return targets.charuco((7, 7), 0.03, 0.022, "DICT_4X4_50")
+    if scenario.target == "pose":
+        return target_kind("charuco").usual(rng)
+    return target_kind("points" if scenario.target == "points3d" else scenario.target).usual(rng)

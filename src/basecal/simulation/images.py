@@ -15,7 +15,6 @@ from basecal.vision.draw.light import LightSettings, render_light
 from basecal.vision.draw.render import RenderSettings, render
 from basecal.vision.image_file import write_png
 
-_LIGHTS = ("led", "points")
 Step = Callable[[int, int], None]
 
 
@@ -68,7 +67,7 @@ def _rendered(
         if target is None or camera.size_px is None:
             raise InputError(f"{observation.camera} gives no images of {observation.target}: simulate pixels instead")
         seen = camera_from_target(simulated, observation.camera, observation.target, index)
-        if target.kind in _LIGHTS:
+        if not target.sheets:
             on, off = _light_pair(camera, target, seen, light or LightSettings(), seed)
             images[observation.camera] = _write(folder, f"{name}.png", on)
             background[observation.camera] = _write(folder, f"{name}_off.png", off)

@@ -16,7 +16,7 @@ from basecal.simulation.arms import Arm, joints_near
 from basecal.simulation.draw import Generator
 from basecal.simulation.layout import View
 from basecal.simulation.scenario import Scenario
-from basecal.simulation.scene import Scene, is_flat
+from basecal.simulation.scene import Scene, front, is_flat
 
 _ROUNDS = 100
 _MARGIN_PX = 2.0
@@ -68,7 +68,7 @@ def seen_points(scene: Scene, scenario: Scenario, view: View, states: Mapping[st
     points = points_in_camera(scene, view, states)
     mask = visible(scene.lenses[camera], points, _MARGIN_PX + 5 * scenario.pixel_px)
     if is_flat(scene.shapes[target]):
-        normal = scene.camera_from_target(view, dict(states)).rotation[:, :, 2]
+        normal = scene.camera_from_target(view, dict(states)).rotation @ front(scene.shapes[target])[:, 2]
         centre = points.mean(1)
         facing = np.sum(normal * centre, -1) > _FACING * np.linalg.norm(centre, axis=-1)
         mask &= facing[:, None]

@@ -12,8 +12,9 @@ from basecal.cell.target import Target
 from basecal.errors import InputError
 from basecal.estimation.problem.robot_parameters import Kinematics
 from basecal.geometry import SE3, Camera
+from basecal.registry import TargetKindName
 
-Seen = Literal["charuco", "chessboard", "points", "led", "pose", "points3d"]
+Seen = Literal[TargetKindName, "pose", "points3d"]
 Arms = Literal["both", "eye_still", "hand_still", "halves", "stations"]
 LayoutName = Literal["dual", "eye_in_hand", "eye_to_hand", "two_cameras", "two_world_cameras", "chain"]
 Lens = Literal["pinhole", "fisheye"]

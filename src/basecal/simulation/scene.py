@@ -60,6 +60,11 @@ def is_flat(target: Target) -> bool:
     return len(target.points) > 1 and not np.any(target.points[:, 2])
 
 
+def front(target: Target) -> Array:
+    """Axes of a board's front as it is looked at, x right and y down, as columns in its own frame, (3, 3)."""
+    return target.sheets[0].target_from_sheet.rotation if target.sheets else np.eye(3)
+
+
 def _bases(rng: Generator, robots: tuple[str, ...]) -> dict[str, SE3]:
     """Bases on a ring, neighbours 1 to 2 m apart, at any yaw and a moderate tilt; each fifth is turned anyhow."""
     n = len(robots)
@@ -88,7 +93,7 @@ def _views(rng: Generator, scenario: Scenario, target: Target, n: int) -> SE3:
     rotation = draw.rotations(rng, n)
     if is_flat(target):
         roll = rotation_exp(rng.uniform(-np.pi, np.pi, (n, 1)) * np.eye(3)[2])
-        rotation = rotation_exp(draw.in_ball(rng, n, 0.4)) @ roll
+        rotation = rotation_exp(draw.in_ball(rng, n, 0.4)) @ roll @ front(target).T
     distance = rng.uniform(*scenario.distance_m, (n, 1))
     centre = distance * np.concatenate([rng.uniform(-0.1, 0.1, (n, 2)), np.ones((n, 1))], -1)
     return SE3(rotation, centre - rotation @ target.points.mean(0))

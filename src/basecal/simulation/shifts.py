@@ -16,7 +16,7 @@ from basecal.cell import (
     Sample,
     Unknown,
 )
-from basecal.cell import target as targets
+from basecal.cell.targets.led import led_target
 from basecal.geometry import SE3, Array, Camera
 from basecal.simulation.scenario import SimulatedCell
 
@@ -68,7 +68,7 @@ def simulate_shifts(
         cameras={
             "camera": CellCamera("camera", "eye", exactly, camera.model, camera.size_px, Intrinsics("fixed", camera))
         },
-        targets={"light": CellTarget("light", "hand", exactly, targets.led())},
+        targets={"light": CellTarget("light", "hand", exactly, led_target())},
         pixel_px=pixel_px if pixel_px > _AWAY else None,
     )
     truth = {

@@ -12,7 +12,7 @@ import numpy as np
 from basecal.cell.format.paths import write_whole
 from basecal.cell.target import Target
 from basecal.errors import InputError
-from basecal.geometry import SE3, read_only, read_only_ids
+from basecal.geometry import read_only, read_only_ids
 from basecal.vision.detection import Detection
 
 VERSION = 1
@@ -23,7 +23,7 @@ _FOLDER = Path("derived", "detections")
 
 def key(target: Target, size_px: tuple[int, int] | None, image: bytes, background: bytes | None) -> str:
     """The hash of an image, the size it has to have, a target and the detectors' version."""
-    described = json.dumps([VERSION, target.kind, dict(target.options), size_px], sort_keys=True, default=_plain)
+    described = json.dumps([VERSION, target.kind, dict(target.options), size_px], sort_keys=True)
     parts = [described.encode(), image, background or b""]
     return hashlib.sha256(b"".join(hashlib.sha256(part).digest() for part in parts)).hexdigest()
 
@@ -56,7 +56,3 @@ def _detection(data: dict[str, Any]) -> Detection:
     if not whole or (ids is not None and ids.shape != (len(pixels),)):
         raise ValueError("a detection of another shape")
     return Detection(ids, pixels, sigma_px)
-
-
-def _plain(value: Any) -> Any:
-    return value.matrix.tolist() if isinstance(value, SE3) else np.asarray(value).tolist()

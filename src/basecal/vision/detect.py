@@ -13,7 +13,7 @@ from basecal.cell.target import Target
 from basecal.errors import InputError
 from basecal.vision import cache
 from basecal.vision.detection import Detection, Image
-from basecal.vision.detectors import DETECTORS, find
+from basecal.vision.detectors import LIGHT, find
 from basecal.vision.image_file import grey_image, read_bytes
 
 Progress = Callable[[int, int], None]
@@ -39,7 +39,7 @@ def detect(
         InputError: if a target cannot be detected as it is described, or it is not known where the images are.
     """
     shapes = {name: entry.target for name, entry in cell.targets.items() if entry.target is not None}
-    sought = {name: target for name, target in shapes.items() if target.kind in DETECTORS}
+    sought = {name: target for name, target in shapes.items() if target.found_by is not None}
     look = _Look(cell, sought, _home(recording, folder))
     samples, findings, missed = [], [*recording.findings], dict[tuple[str, str], list[int]]()
     for done, sample in enumerate(recording.samples, start=1):
@@ -92,7 +92,7 @@ def _camera(look: _Look, sample: Sample, camera: str) -> _View:
         return _View(findings=(off,))
     detections: dict[str, Detection | None] = {}
     for name, target in open_targets.items():
-        one = _detection(look, sample, camera, target, data, off if target.kind == "led" else None)
+        one = _detection(look, sample, camera, target, data, off if target.found_by == LIGHT else None)
         if isinstance(one, Finding):
             return _View(findings=(one,))
         detections[name] = one[0]
@@ -101,7 +101,7 @@ def _camera(look: _Look, sample: Sample, camera: str) -> _View:
 
 
 def _background(look: _Look, sample: Sample, camera: str, targets: Mapping[str, Target]) -> bytes | Finding | None:
-    if camera not in sample.background or all(target.kind != "led" for target in targets.values()):
+    if camera not in sample.background or all(target.found_by != LIGHT for target in targets.values()):
         return None
     return _bytes(look, sample, camera, sample.background[camera])
 

@@ -1,26 +1,30 @@
-"""How a target of each kind is found in an image."""
+"""How a target is found in an image."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-from basecal.cell.target import Kind, Target
+from basecal.cell.target import Finder, Target
+from basecal.errors import InputError
 from basecal.vision.detection import Detection, Image, checked
-from basecal.vision.kinds import apriltag, charuco, chessboard, circles, led
+from basecal.vision.kinds import charuco, chessboard, circles, led, tags
 
-_LEAST_SIDE = 16
+LIGHT: Finder = "light"
+"""The one way of finding that makes use of an image without the target."""
+
+_LEAST_SIDE_PX = 16  # the smallest image that OpenCV's detectors search without an error of their own
 
 Detector = Callable[[Image, Target], Detection | None]
 """Finds a target in an image, (h, w) of uint8 or uint16; None where it is not seen."""
 
-DETECTORS: dict[Kind, Detector] = {
+DETECTORS: dict[Finder, Detector] = {
     "charuco": charuco.detect,
     "chessboard": chessboard.detect,
     "circles": circles.detect,
-    "apriltag": apriltag.detect,
-    "led": led.detect,
+    "tags": tags.detect,
+    LIGHT: led.detect,
 }
-"""One line a kind; a kind that is not here is not found in images."""
+"""One line a way of finding; a target without one is not found in images."""
 
 
 def find(image: Image, target: Target, background: Image | None = None) -> Detection | None:
@@ -30,8 +34,10 @@ def find(image: Image, target: Target, background: Image | None = None) -> Detec
         InputError: if the image is not grey of 8 or 16 bits, or the target cannot be detected as described.
     """
     checked(image)
-    if min(image.shape) < _LEAST_SIDE:
+    if target.found_by is None:
+        raise InputError(f"a target of kind {target.kind!r} is not found in images")
+    if min(image.shape) < _LEAST_SIDE_PX:
         return None
-    if target.kind == "led":
+    if target.found_by == LIGHT:
         return led.detect(image, target, background)
-    return DETECTORS[target.kind](image, target)
+    return DETECTORS[target.found_by](image, target)

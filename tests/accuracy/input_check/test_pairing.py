@@ -7,7 +7,7 @@ from dataclasses import replace
 from basecal.accuracy.input_check import rewriting
 from basecal.accuracy.input_check.pairing import half_turns, pairing_errors
 from basecal.cell import Recording
-from basecal.cell import target as targets
+from basecal.cell.targets.chessboard import chessboard_target
 from basecal.estimation.problem.correspondence import half_turn
 from basecal.simulation import Scenario, simulate
 
@@ -42,7 +42,7 @@ def test_few_samples_give_no_slip():
 
 def test_turned_views_are_found():
     """Of the two readings one turns exactly the views that were read from the other end."""
-    board = targets.chessboard((8, 6), 0.03)
+    board = chessboard_target((8, 6), 0.03)
     made = simulate(Scenario(samples=12, target="pose", board=board), 0)
     cell = replace(made.cell, targets={n: replace(t, target=board) for n, t in made.cell.targets.items()})
     turn = half_turn(board)

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from basecal.cell import CandidateObservation, Recording
-from basecal.cell import target as targets
+from basecal.cell.targets.charuco import charuco_target
+from basecal.cell.targets.chessboard import chessboard_target
+from basecal.cell.targets.circles import circles_target
 from basecal.estimation.problem.correspondence import half_turn
 from basecal.estimation.solve import solve
 from basecal.simulation import Scenario, simulate
@@ -55,8 +57,8 @@ def test_the_light_is_found_among_reflections(mounts):
 
 def test_half_turn_maps_the_grid_onto_itself_backwards():
     """Point k of a turned chessboard is point n - 1 - k; a ChArUco board has no half turn."""
-    board = targets.chessboard((5, 4), 0.03)
+    board = chessboard_target((5, 4), 0.03)
     target_from_turned = half_turn(board)
     np.testing.assert_allclose(target_from_turned @ board.points, board.points[::-1], atol=1e-15)
-    assert half_turn(targets.charuco((5, 4), 0.03, 0.02, "DICT_4X4_50")) is None
-    assert half_turn(targets.circles((4, 11), 0.02, asymmetric=True)) is None
+    assert half_turn(charuco_target((5, 4), 0.03, 0.02, "DICT_4X4_50")) is None
+    assert half_turn(circles_target((4, 11), 0.02, asymmetric=True)) is None

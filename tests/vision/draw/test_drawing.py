@@ -8,7 +8,10 @@ import cv2
 import numpy as np
 import pytest
 
-from basecal.cell import target
+from basecal.cell.target import Target
+from basecal.cell.targets.apriltag import apriltag_target
+from basecal.cell.targets.charuco import charuco_target
+from basecal.cell.targets.led import led_target
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array
 from basecal.vision.draw.drawing import Sheet, target_drawing
@@ -29,7 +32,7 @@ def is_black(sheet: Sheet, places: Array) -> Any:
 )
 def test_charuco_as_opencv_draws_it(squares: tuple[int, int], legacy: bool) -> None:
     """A ChArUco board is black where OpenCV's own picture of it is, legacy pattern or not."""
-    board = target.charuco(squares, 0.04, 0.02, "DICT_4X4_50", legacy)
+    board = charuco_target(squares, 0.04, 0.02, "DICT_4X4_50", legacy)
     pitch = 120  # a cell of a marker is ten pixels
     picture = charuco_board(board).generateImage((squares[0] * pitch, squares[1] * pitch))
     at = np.arange(5, max(squares) * pitch, 10)
@@ -45,7 +48,7 @@ def test_charuco_as_opencv_draws_it(squares: tuple[int, int], legacy: bool) -> N
 )
 def test_tag_as_opencv_draws_it(family: str, number: int, dictionary: int) -> None:
     """A tag is drawn about its origin as OpenCV draws it, x right and y down."""
-    tag = target.apriltag(family, [(number, 0.08, SE3.identity())])
+    tag = apriltag_target(family, [(number, 0.08, SE3.identity())])
     picture = cv2.aruco.generateImageMarker(cv2.aruco.getPredefinedDictionary(dictionary), number, 80)
     row, column = (each.ravel() for each in np.mgrid[0:80:2, 0:80:2])
     (sheet,) = target_drawing(tag)
@@ -78,13 +81,13 @@ def test_circles_are_centred() -> None:
 @pytest.mark.parametrize(
     ("shape", "message"),
     [
-        (target.led(), "not printed"),
-        (target.apriltag("tagStandard41h12", [(0, 0.1, SE3.identity())]), "tagStandard41h12"),
-        (target.apriltag("tag16h5", [(30, 0.1, SE3.identity())]), "0 to 29"),
-        (target.charuco((12, 9), 0.04, 0.03, "DICT_4X4_50"), "needs 54"),
+        (led_target(), "not printed"),
+        (apriltag_target("tagStandard41h12", [(0, 0.1, SE3.identity())]), "tagStandard41h12"),
+        (apriltag_target("tag16h5", [(30, 0.1, SE3.identity())]), "0 to 29"),
+        (charuco_target((12, 9), 0.04, 0.03, "DICT_4X4_50"), "0 to 49"),
     ],
 )
-def test_what_cannot_be_drawn(shape: target.Target, message: str) -> None:
+def test_what_cannot_be_drawn(shape: Target, message: str) -> None:
     """What has no print, an unknown family and a number beyond the dictionary are named errors."""
     with pytest.raises(InputError, match=message):
         target_drawing(shape)

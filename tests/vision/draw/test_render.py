@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from basecal.cell import target
+from basecal.cell.targets.chessboard import chessboard_target
+from basecal.cell.targets.circles import RADIUS, circles_target
 from basecal.errors import InputError
 from basecal.geometry import SE3, Camera
-from basecal.vision.draw.drawing import CIRCLE_RADIUS
 from basecal.vision.draw.render import RenderSettings, radiance, render
 from basecal.vision.fit.corners import Window, refined
 from basecal.vision.fit.local_map import local_axes
@@ -40,19 +40,19 @@ def test_corners_are_unbiased(camera: Camera, blur: float) -> None:
 
 def test_disc_by_its_darkness() -> None:
     """A disc seen head on is missing the light of its exact area, about its exact centre."""
-    dot = target.circles((1, 1), 0.1)
+    dot = circles_target((1, 1), 0.1)
     middle = np.array([0.013, -0.021, 1.0])
     levels = radiance(PLAIN, [(dot, SE3(np.eye(3), middle))], replace(CLEAN, background=200.0, blur_px=1.5))
     missing = (200.0 - levels) / 170.0
     row, column = np.indices(levels.shape)
     centre = np.array([(missing * column).sum(), (missing * row).sum()]) / missing.sum()
     np.testing.assert_allclose(centre, PLAIN.project(middle), atol=1e-3)
-    assert missing.sum() == pytest.approx(np.pi * (500 * 0.1 * CIRCLE_RADIUS) ** 2, rel=1e-4)
+    assert missing.sum() == pytest.approx(np.pi * (500 * 0.1 * RADIUS) ** 2, rel=1e-4)
 
 
 def test_step_is_an_error_function() -> None:
     """An edge has the profile of the point spread, the pixel's square under a Gaussian, within half a percent."""
-    board = target.chessboard((3, 3), 0.2)
+    board = chessboard_target((3, 3), 0.2)
     levels = radiance(PLAIN, [(board, SE3(np.eye(3), np.array([0.0, 0.0, 1.0])))], replace(CLEAN, blur_px=1.0))
     at = np.arange(310, 330)
     finer = np.linspace(-0.5, 0.5, 201)[:-1] + 0.0025
@@ -82,7 +82,7 @@ def test_sixteen_bits() -> None:
 
 def test_back_is_blank() -> None:
     """A board seen from behind is white paper."""
-    board = target.chessboard((3, 3), 0.05)
+    board = chessboard_target((3, 3), 0.05)
     turned = SE3.from_rpy((np.pi, 0, 0), (-0.05, 0.05, 0.5))
     levels = radiance(PLAIN, [(board, turned)], CLEAN)
     assert set(np.unique(levels[220:260, 300:340].round(3))) == {200.0}
@@ -91,7 +91,7 @@ def test_back_is_blank() -> None:
 def test_near_hides_far() -> None:
     """Where two sheets overlap, the nearer one is seen, in whichever order they are named."""
     near, far = (
-        (target.chessboard((3, 3), size), SE3(np.eye(3), np.array([0.0, 0.0, z])))
+        (chessboard_target((3, 3), size), SE3(np.eye(3), np.array([0.0, 0.0, z])))
         for size, z in ((0.02, 0.4), (0.1, 0.8))
     )
     both = radiance(PLAIN, [near, far], CLEAN)

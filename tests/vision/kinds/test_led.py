@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.cell import target
+from basecal.cell.targets.led import led_target
 from basecal.errors import InputError
 from basecal.geometry import Array
 from basecal.vision.draw.light import LightSettings, light_levels, render_light
 from basecal.vision.kinds.led import detect
 from vision_scenes import SMALL as PLAIN
 
-LIGHT = target.led()
+LIGHT = led_target()
 OFF = {"photons": 0.0}
 
 
@@ -132,7 +132,7 @@ def test_nothing_in_the_dark() -> None:
 
 def test_several_lights_at_once() -> None:
     """Of several lights at once nothing is detected: which is which is not known."""
-    two = target.led([[0, 0, 0], [0.1, 0, 0]])
+    two = led_target([[0, 0, 0], [0.1, 0, 0]])
     assert detect(render_light(PLAIN, places(2), exposed(3e4, 1.5)), two) is None
 
 

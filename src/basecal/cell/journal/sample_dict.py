@@ -6,6 +6,7 @@ import posixpath
 from collections.abc import Mapping
 from typing import Any
 
+from basecal.cell.format.plain import numbers, one_or_all, pose_dict, sigma_dict
 from basecal.cell.recording import (
     CandidateObservation,
     Observation,
@@ -15,7 +16,6 @@ from basecal.cell.recording import (
     RobotState,
     Sample,
 )
-from basecal.cell.schema.cell_dict import numbers, one_or_all, pose_dict, sigma_dict
 from basecal.geometry import Array
 
 

@@ -10,8 +10,8 @@ import numpy as np
 from pydantic import ValidationError
 
 from basecal.cell.format.problems import short
+from basecal.cell.format.values import LARGEST, SMALLEST_SIGMA, PoseEntry, full_pose, pose_se3
 from basecal.cell.schema.errors import problems_of
-from basecal.cell.schema.values import LARGEST, SMALLEST_SIGMA, PoseEntry, full_pose, pose_se3
 from basecal.errors import DatasetError, nearest
 from basecal.geometry import SE3, Array, IntArray
 from basecal.geometry.se3 import ROTATION_TOLERANCE

@@ -20,6 +20,7 @@ from basecal.cell.calibration import (
     SampleResidual,
     Validation,
 )
+from basecal.cell.format.plain import numbers
 from basecal.cell.results.kinematics_dict import (
     deflection_from_dict,
     deflection_to_dict,
@@ -28,7 +29,6 @@ from basecal.cell.results.kinematics_dict import (
     link_parameters_from_dict,
     link_parameters_to_dict,
 )
-from basecal.cell.schema.cell_dict import numbers
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array, Camera, PoseEstimate, read_only
 

@@ -4,14 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from basecal.cell.cell import Cell, CellCamera, CellTarget, Deflection, Intrinsics, Parameters, Robot, Unknown
+from basecal.cell.format.plain import numbers, one_or_all, pose_dict, sigma_dict
 from basecal.cell.schema.cell_schema import SCHEMA
-from basecal.cell.target import Target
-from basecal.geometry import SE3, Array
-
-_QUATERNION_DIGITS = 15
 
 
 def cell_to_dict(cell: Cell) -> dict[str, Any]:
@@ -24,26 +19,6 @@ def cell_to_dict(cell: Cell) -> dict[str, Any]:
     noise = {"pixel_px": cell.pixel_px, "correlated_px": cell.correlated_px}
     data["noise"] = {key: float(value) for key, value in noise.items() if value is not None}
     return {key: value for key, value in data.items() if value or key == "robots"}
-
-
-def numbers(array: Array) -> Any:
-    """Nested lists of floats, without negative zeros."""
-    return (np.asarray(array, dtype=np.float64) + 0.0).tolist()
-
-
-def pose_dict(pose: SE3) -> dict[str, Any]:
-    """`t_m`, exactly, and `q_xyzw` of one transform."""
-    return {"t_m": numbers(pose.translation), "q_xyzw": numbers(np.round(pose.quaternion, _QUATERNION_DIGITS))}
-
-
-def one_or_all(values: Array) -> Any:
-    """One number where all are equal, else the list."""
-    return float(values[0]) if len(values) and np.all(values == values[0]) else numbers(values)
-
-
-def sigma_dict(sigma: Array) -> dict[str, Any]:
-    """`sigma_t_m` and `sigma_r_rad` of (6,) sigmas."""
-    return {"sigma_t_m": one_or_all(sigma[:3]), "sigma_r_rad": one_or_all(sigma[3:])}
 
 
 def _unknown(unknown: Unknown, point: bool = False) -> dict[str, Any]:
@@ -104,17 +79,4 @@ def _intrinsics(lens: Intrinsics) -> dict[str, Any]:
 def _target(entry: CellTarget) -> dict[str, Any]:
     point = entry.target is not None and entry.target.is_point
     data: dict[str, Any] = {"on": entry.on, "mount": _unknown(entry.mount, point)}
-    return data if entry.target is None else data | {"kind": entry.target.kind, **_options(entry.target)}
-
-
-def _options(target: Target) -> dict[str, Any]:
-    """The fields the target was made from, as plain data."""
-    options = dict(target.options)
-    for key in ("squares", "corners", "circles"):
-        if key in options:
-            options[key] = [int(count) for count in options[key]]
-    if "points_m" in options:
-        options["points_m"] = numbers(target.points)
-    if "tags" in options:
-        options["tags"] = [{"id": int(n), "size_m": float(size), **pose_dict(at)} for n, size, at in options["tags"]]
-    return options
+    return data if entry.target is None else data | {"kind": entry.target.kind, **entry.target.options}

@@ -6,25 +6,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from basecal.cell import target
 from basecal.cell.cell import Cell, CellCamera, CellTarget, Deflection, Intrinsics, Parameters, Robot, Unknown
+from basecal.cell.format.values import UnknownEntry, pose_se3
 from basecal.cell.schema.cell_schema import CameraEntry, CellEntry, DeflectionEntry, ParametersEntry, RobotEntry
 from basecal.cell.schema.lens import IntrinsicsEntry, distortion_terms
-from basecal.cell.schema.target import (
-    ApriltagEntry,
-    CharucoEntry,
-    ChessboardEntry,
-    CirclesEntry,
-    PointEntry,
-    PointsEntry,
-    PosesOnlyEntry,
-    TagEntry,
-)
-from basecal.cell.schema.values import UnknownEntry, given, pose_se3
-from basecal.geometry import SE3, Array, Camera, read_only
+from basecal.geometry import Array, Camera, read_only
 from basecal.kinematics import SerialChain
-
-AnyTarget = PosesOnlyEntry | PointEntry | PointsEntry | CharucoEntry | ChessboardEntry | CirclesEntry | ApriltagEntry
 
 
 def cell_noun(entry: CellEntry, chains: Mapping[str, SerialChain]) -> Cell:
@@ -36,7 +23,7 @@ def cell_noun(entry: CellEntry, chains: Mapping[str, SerialChain]) -> Cell:
         robots={name: _robot(name, robot, chains.get(name)) for name, robot in entry.robots.items()},
         bases=bases,
         cameras={name: _camera(name, camera) for name, camera in entry.cameras.items()},
-        targets={name: CellTarget(name, t.on, _unknown(t.mount), _target(t)) for name, t in entry.targets.items()},
+        targets={name: CellTarget(name, t.on, _unknown(t.mount), t.shape()) for name, t in entry.targets.items()},
         pixel_px=entry.noise.pixel_px,
         correlated_px=entry.noise.correlated_px,
     )
@@ -98,26 +85,3 @@ def _lens_sigma(entry: IntrinsicsEntry, terms: int) -> Array | None:
         return None
     distortion = np.broadcast_to(entry.sigma_distortion or [1.0], terms)
     return read_only([*entry.sigma_focal_px, *entry.sigma_center_px, *distortion])
-
-
-def _target(entry: AnyTarget) -> target.Target | None:
-    match entry:
-        case PosesOnlyEntry():
-            return None
-        case PointEntry() | PointsEntry():
-            make = target.led if entry.kind == "led" else target.points
-            return make(entry.points_m or [[0.0, 0.0, 0.0]])
-        case CharucoEntry(squares=[columns, rows]):
-            sizes = entry.square_m, entry.marker_m
-            return target.charuco((columns, rows), *sizes, entry.dictionary, entry.legacy_pattern)
-        case ChessboardEntry(corners=[columns, rows]):
-            return target.chessboard((columns, rows), entry.square_m)
-        case CirclesEntry(circles=[columns, rows]):
-            return target.circles((columns, rows), entry.spacing_m, entry.asymmetric)
-        case ApriltagEntry():
-            return target.apriltag(entry.family, [(tag.id, tag.size_m, _tag_pose(tag)) for tag in entry.tags])
-    raise AssertionError(f"no target is made of {type(entry).__name__}")
-
-
-def _tag_pose(entry: TagEntry) -> SE3:
-    return pose_se3(entry) if given(entry) else SE3.identity()

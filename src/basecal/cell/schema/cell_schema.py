@@ -8,9 +8,9 @@ from pydantic import BeforeValidator, Field
 from pydantic import field_validator as checks
 from pydantic import model_validator as checks_whole
 
+from basecal.cell.format.values import Entry, ImageSize, Mount, Sigma, Sigma3, Status, UnknownEntry, Vector, empty
 from basecal.cell.schema.lens import IntrinsicsEntry, check_lens
-from basecal.cell.schema.target import TargetEntry
-from basecal.cell.schema.values import Entry, ImageSize, Mount, Sigma, Sigma3, Status, UnknownEntry, Vector, empty
+from basecal.cell.targets.all_kinds import AnyTargetEntry
 
 SCHEMA = "basecal/cell/1"
 
@@ -127,5 +127,5 @@ class CellEntry(Entry):
     robots: dict[str, Annotated[RobotEntry, BeforeValidator(empty)]]
     bases: Annotated[dict[str, Mount], BeforeValidator(empty)] = Field(default_factory=dict)
     cameras: Annotated[dict[str, CameraEntry], BeforeValidator(empty)] = Field(default_factory=dict)
-    targets: Annotated[dict[str, TargetEntry], BeforeValidator(empty)] = Field(default_factory=dict)
+    targets: Annotated[dict[str, AnyTargetEntry], BeforeValidator(empty)] = Field(default_factory=dict)
     noise: Annotated[NoiseEntry, BeforeValidator(empty)] = NoiseEntry()

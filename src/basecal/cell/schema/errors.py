@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
 
-from pydantic import BaseModel, Tag, ValidationError
+from pydantic import BaseModel, ValidationError
 
 from basecal.cell.format.problems import Loc, Problem, short
-from basecal.cell.schema.target import KINDS
+from basecal.cell.targets.all_kinds import KIND_NAMES, entry_with_tag
 from basecal.errors import nearest
 
 _WORDS = {
@@ -38,8 +38,8 @@ def _problem(details: Mapping[str, Any], model: type[BaseModel]) -> Problem:
         return Problem(loc, f"unknown field{nearest(str(loc[-1]), known)}; known: {', '.join(known)}")
     if kind == "union_tag_invalid":
         written = value["kind"]
-        hint = nearest(written, KINDS) if isinstance(written, str) else ""
-        return Problem((*loc, "kind"), f"no kind {short(written)}{hint}; there are: {', '.join(KINDS)}")
+        hint = nearest(written, KIND_NAMES) if isinstance(written, str) else ""
+        return Problem((*loc, "kind"), f"no kind {short(written)}{hint}; there are: {', '.join(KIND_NAMES)}")
     if kind == "value_error":
         return Problem(loc, str(details["ctx"]["error"]))
     if kind == "missing":
@@ -72,12 +72,11 @@ def _bare(annotation: Any) -> Any:
 
 
 def _step(annotation: Any, part: str | int) -> Any:
+    if _is_tag(part):
+        return entry_with_tag(str(part))
     if _is_model(annotation):
         found = [f.annotation for name, f in annotation.model_fields.items() if part in (name, f.alias)]
         return found[0] if found else None
-    if _is_tag(part):
-        tagged = {m.tag: option for option in get_args(annotation) for m in get_args(option)[1:] if isinstance(m, Tag)}
-        return tagged.get(str(part))
     return get_args(annotation)[-1] if get_args(annotation) else None
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from basecal.cell.schema.values import Entry, Length, Number, Sigma2, Sigmas, Status
+from basecal.cell.format.values import Entry, Length, Number, Sigma2, Sigmas, Status
 
 _TERMS = {"pinhole": (0, 4, 5, 8), "fisheye": (4,)}
 

@@ -15,21 +15,16 @@ from basecal.estimation.problem.problem import Problem, State, ViewGroup
 from basecal.estimation.view.measurement import PixelMeasurement
 from basecal.geometry import SE3, IntArray
 
-_TURNED = ("chessboard",)
 MOST_CANDIDATES = 8
 
 
 def half_turn(target: Target) -> SE3 | None:
     """`target_from_turned`: how a target that looks the same turned by half a turn is turned; None for others."""
-    if target.kind not in _TURNED and not _is_symmetric_grid(target):
+    if not target.alike_turned:
         return None
     middle = target.points.mean(0)
     rotation = np.diag([-1.0, -1.0, 1.0])
     return SE3(rotation, middle - rotation @ middle)
-
-
-def _is_symmetric_grid(target: Target) -> bool:
-    return target.kind == "circles" and not target.options.get("asymmetric", False)
 
 
 def half_turned(measurement: PixelMeasurement) -> PixelMeasurement:

@@ -13,12 +13,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from basecal.cell.sheet import Sheet
 from basecal.cell.target import Target
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array, Camera
 from basecal.vision.detection import Image
 from basecal.vision.draw.coverage import coverage
-from basecal.vision.draw.drawing import Sheet, target_drawing
+from basecal.vision.draw.drawing import target_drawing
 
 _EDGE_PX = 3.0
 _FINER = 2  # a Gaussian sampled once a pixel would leave steps of half a percent in an edge
@@ -58,7 +59,7 @@ def render(
 
     Args:
         camera: Its lens; `size_px` must be known.
-        target: A charuco, chessboard, circles or apriltag target.
+        target: A printed target.
         camera_from_target: Where it is.
         settings: How it is exposed.
         seed: Of the noise and the background's texture.

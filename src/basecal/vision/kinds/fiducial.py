@@ -31,7 +31,7 @@ def dictionary(name: str) -> Any:
     return cv2.aruco.getPredefinedDictionary(number)
 
 
-def black_cells(dictionary_name: str, marker: int) -> BoolArray:
+def black_cells(dictionary_name: str, marker: int, border: int = 1) -> BoolArray:
     """Which cells of a marker are black, its border among them, (cells, cells) by row and column.
 
     Raises:
@@ -41,7 +41,7 @@ def black_cells(dictionary_name: str, marker: int) -> BoolArray:
     count = len(known.bytesList)
     if marker >= count:
         raise InputError(f"{dictionary_name} has markers 0 to {count - 1}, not {marker}")
-    black: BoolArray = known.generateImageMarker(marker, known.markerSize + 2, None, 1) == 0
+    black: BoolArray = known.generateImageMarker(marker, known.markerSize + 2 * border, None, border) == 0
     return black
 
 

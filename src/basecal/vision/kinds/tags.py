@@ -1,7 +1,4 @@
-"""AprilTags and ArUco markers: OpenCV reads them, each corner is then fitted in the image.
-
-Corners go round clockwise from the top left of the tag as OpenCV draws it.
-"""
+"""AprilTags and ArUco markers: OpenCV reads them, each corner is then fitted in the image."""
 
 from __future__ import annotations
 
@@ -11,7 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from basecal.cell.target import Target
+from basecal.cell.target import Tags, Target
 from basecal.geometry import Array, IntArray
 from basecal.vision.detection import Detection, Image, eight_bit, found
 from basecal.vision.fit.corners import Corners, Window, refined
@@ -22,40 +19,47 @@ _CORNERS = 4
 
 
 def detect(image: Image, target: Target) -> Detection | None:
-    """The corners of a target's tags, by ids 4 * tag + corner, or None.
+    """The corners of a target's tags, or None.
 
     A tag seen twice in the image is left out.
 
     Args:
         image: (h, w), uint8 or uint16.
-        target: The tags.
+        target: One with `tags`.
 
     Raises:
         InputError: if the image is not grey of 8 or 16 bits, or OpenCV does not know the family.
     """
-    family = target.options["family"]
-    quads, tags, _ = _detector(family).detectMarkers(eight_bit(image))
-    if tags is None or not len(tags):
+    if target.tags is None:
         return None
-    tags, start = _own(target, tags.ravel().astype(np.int64), np.reshape(quads, (-1, _CORNERS, 2)).astype(np.float64))
-    if not len(tags):
+    rows, start = _own(target.tags, *_read(image, target.tags))
+    if not len(rows):
         return None
-    fitted = _corners(np.asarray(image), start, cells=dictionary(family).markerSize + 2)
-    ids = (_CORNERS * tags[:, None] + np.arange(_CORNERS)).ravel()
+    ids = target.tags.corner_ids[rows].ravel()
+    fitted = _corners(np.asarray(image), start, dictionary(target.tags.family).markerSize + 2 * target.tags.border)
     return found(ids[fitted.trusted], fitted.pixels[fitted.trusted], fitted.sigma_px[fitted.trusted])
 
 
+def _read(image: Image, tags: Tags) -> tuple[IntArray, Array]:
+    """Numbers of all tags in an image, (m,), and their corners, (m, 4, 2) [px]."""
+    quads, numbers, _ = _detector(tags.family, tags.border).detectMarkers(eight_bit(image))
+    if numbers is None:
+        return np.zeros(0, dtype=np.int64), np.zeros((0, _CORNERS, 2))
+    return numbers.ravel().astype(np.int64), np.reshape(quads, (-1, _CORNERS, 2)).astype(np.float64)
+
+
 @cache
-def _detector(family: str) -> Any:
-    return cv2.aruco.ArucoDetector(dictionary(family))
+def _detector(family: str, border: int) -> Any:
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.markerBorderBits = border
+    return cv2.aruco.ArucoDetector(dictionary(family), parameters)
 
 
-def _own(target: Target, tags: IntArray, quads: Array) -> tuple[IntArray, Array]:
-    """The tags that are on the target, each seen once."""
-    wanted = [number for number, _, _ in target.options["tags"]]
-    numbers, first, count = np.unique(tags, return_index=True, return_counts=True)
-    kept = first[(count == 1) & np.isin(numbers, wanted)]
-    return tags[kept], quads[kept]
+def _own(tags: Tags, numbers: IntArray, quads: Array) -> tuple[IntArray, Array]:
+    """Which of a target's tags are seen once, (k,), and their corners, (k, 4, 2) [px]."""
+    seen, first, count = np.unique(numbers, return_index=True, return_counts=True)
+    _, rows, at = np.intersect1d(tags.numbers, seen[count == 1], return_indices=True)
+    return rows, quads[first[count == 1][at]]
 
 
 def _corners(image: Image, quads: Array, cells: int) -> Corners:

@@ -1,0 +1,104 @@
+"""AprilTags or ArUco markers, each with its own pose on one body."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import AfterValidator, Field
+from pydantic import model_validator as checks_whole
+
+from basecal.cell.format.plain import pose_dict
+from basecal.cell.format.values import MOST_POINTS, Length, PoseEntry, full_pose, given, pose_se3
+from basecal.cell.sheet import Marker, Sheet
+from basecal.cell.target import Tags, Target
+from basecal.cell.targets.fiducials import DICTIONARIES, FAMILIES, cells_across, known_names
+from basecal.cell.targets.kind import Described, TargetEntry, TargetKind
+from basecal.geometry import SE3
+
+# In cells; one is what a reader needs, two keep what is beside the paper out of a blurred corner.
+_MARGIN = 2
+
+
+def apriltag_target(family: str, tags: list[tuple[int, float, SE3]]) -> Target:
+    """Tags as (id, size [m], target_from_tag); corner ids are 4 * tag + corner.
+
+    Corners go round from the tag's top left as it is read, clockwise; x right, y down, z into the tag.
+    """
+    corners = 0.5 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=np.float64)
+    ordered = sorted(tags, key=lambda tag: tag[0])
+    numbers = np.array([number for number, _, _ in ordered])
+    corner_ids = 4 * numbers[:, None] + np.arange(4)
+    listed = [{"id": int(number), "size_m": float(size), **pose_dict(pose)} for number, size, pose in ordered]
+    return Target(
+        "apriltag",
+        corner_ids.ravel(),
+        np.concatenate([pose @ (size * corners) for _, size, pose in ordered]),
+        {"family": family, "tags": listed},
+        sheets=tuple(_sheet(family, *tag) for tag in ordered),
+        found_by="tags",
+        tags=Tags(family, numbers, corner_ids),
+    )
+
+
+def _sheet(family: str, number: int, size: float, target_from_sheet: SE3) -> Sheet:
+    edge = size / 2 + _MARGIN * size / (cells_across(family) + 2)
+    marker = Marker(family, number, -size / 2, -size / 2, size)
+    return Sheet(np.array([-edge, -edge, edge, edge]), size, markers=(marker,), target_from_sheet=target_from_sheet)
+
+
+class TagEntry(PoseEntry):
+    """One tag, with its pose in the target's frame; one at its origin may leave the pose out."""
+
+    id: Annotated[int, Field(ge=0, le=1_000_000)]
+    size_m: Length
+
+    @checks_whole(mode="after")
+    def _posed(self) -> TagEntry:
+        if given(self):
+            full_pose(self)
+        return self
+
+
+def _distinct(tags: list[TagEntry]) -> list[TagEntry]:
+    numbers = [tag.id for tag in tags]
+    twice = [number for index, number in enumerate(numbers) if number in numbers[:index]]
+    if twice:
+        raise ValueError(f"tag {twice[0]} is given twice")
+    unposed = [tag.id for tag in tags if not given(tag)]
+    if unposed and len(tags) > 1:
+        raise ValueError(f"tag {unposed[0]} has no pose; of several tags each needs t_m and a rotation")
+    return tags
+
+
+class ApriltagEntry(TargetEntry):
+    """Tags on one body."""
+
+    kind: Literal["apriltag"]
+    family: Annotated[str, known_names("family", (*FAMILIES, *DICTIONARIES))]
+    tags: Annotated[list[TagEntry], Field(min_length=1, max_length=MOST_POINTS), AfterValidator(_distinct)]
+
+    def shape(self) -> Target:
+        """The tags."""
+        posed = [(tag.id, tag.size_m, pose_se3(tag) if given(tag) else SE3.identity()) for tag in self.tags]
+        return apriltag_target(self.family, posed)
+
+
+KIND = TargetKind(
+    entries=(ApriltagEntry,),
+    described=Described(
+        "`family`, `tags: [{id, size_m, t_m, q_xyzw}, ...]`", "4 * tag + corner", "as the tags' poses say"
+    ),
+    template="""\
+    kind: apriltag
+    family: tag36h11
+    tags:                            # where each tag is on the target; ids are 4 * tag + corner
+      - {id: 0, size_m: 0.08, t_m: [0, 0, 0], q_xyzw: [0, 0, 0, 1]}
+""",
+    usual=lambda _: apriltag_target("tag36h11", [(0, 0.12, SE3.identity())]),
+    printed=lambda sizes: {
+        "family": sizes.family,
+        "tags": [{"id": sizes.tag, "size_m": sizes.square_m, "t_m": [0, 0, 0], "q_xyzw": [0, 0, 0, 1]}],
+    },
+    figures={"apriltag": apriltag_target("tag36h11", [(0, 0.16, SE3.identity())])},
+)

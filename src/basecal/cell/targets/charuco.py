@@ -1,0 +1,95 @@
+"""ChArUco boards: a chessboard with a marker in each white square, as OpenCV lays them out."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import model_validator as checks_whole
+
+from basecal.cell.format.values import Length, Squares
+from basecal.cell.sheet import Marker, Sheet, black_squares
+from basecal.cell.target import Target
+from basecal.cell.targets.fiducials import DICTIONARIES, known_names
+from basecal.cell.targets.kind import Described, TargetEntry, TargetKind, plane_grid
+
+# In squares: keeps what is beside the paper out of the outer squares.
+_MARGIN = 0.5
+
+
+def charuco_target(
+    squares: tuple[int, int], square_m: float, marker_m: float, dictionary: str, legacy_pattern: bool = False
+) -> Target:
+    """A ChArUco board of (columns, rows) squares; ids are OpenCV's corner ids, the origin the outer corner."""
+    columns, rows = squares
+    points = plane_grid(columns - 1, rows - 1, square_m, origin=square_m)
+    return Target(
+        "charuco",
+        np.arange(len(points)),
+        points,
+        {
+            "squares": [columns, rows],
+            "square_m": square_m,
+            "marker_m": marker_m,
+            "dictionary": dictionary,
+            "legacy_pattern": legacy_pattern,
+        },
+        sheets=(_sheet(columns, rows, square_m, marker_m, dictionary, legacy_pattern),),
+        found_by="charuco",
+    )
+
+
+def _sheet(columns: int, rows: int, square_m: float, marker_m: float, dictionary: str, legacy: bool) -> Sheet:
+    """The board: markers count row by row over the white squares; an old pattern of even rows begins with one."""
+    parity = int(legacy and rows % 2 == 0)
+    white = black_squares(columns, rows, square_m, 1 - parity)[:, :2] + (square_m - marker_m) / 2
+    markers = tuple(Marker(dictionary, k, left, top, marker_m) for k, (left, top) in enumerate(white.tolist()))
+    paper = square_m * np.array([-_MARGIN, -_MARGIN, columns + _MARGIN, rows + _MARGIN])
+    return Sheet(paper, square_m, black_squares(columns, rows, square_m, parity), markers=markers)
+
+
+class CharucoEntry(TargetEntry):
+    """A ChArUco board."""
+
+    kind: Literal["charuco"]
+    squares: Squares
+    square_m: Length
+    marker_m: Length
+    dictionary: Annotated[str, known_names("dictionary", DICTIONARIES)]
+    legacy_pattern: bool = False
+
+    @checks_whole(mode="after")
+    def _marker_fits(self) -> CharucoEntry:
+        if self.marker_m >= self.square_m:
+            raise ValueError(f"marker_m {self.marker_m} is not below square_m {self.square_m}")
+        return self
+
+    def shape(self) -> Target:
+        """The board."""
+        columns, rows = self.squares
+        return charuco_target((columns, rows), self.square_m, self.marker_m, self.dictionary, self.legacy_pattern)
+
+
+KIND = TargetKind(
+    entries=(CharucoEntry,),
+    described=Described(
+        "`squares: [columns, rows]`, `square_m`, `marker_m`, `dictionary`, `legacy_pattern`",
+        "OpenCV's corner id",
+        "outer corner of the first square",
+    ),
+    template="""\
+    kind: charuco
+    squares: [5, 7]                  # columns, rows of squares; ids are OpenCV's ChArUco corner ids
+    square_m: 0.04                   # measure it: the scale of the answer is the scale of the board
+    marker_m: 0.03
+    dictionary: DICT_4X4_50
+""",
+    usual=lambda _: charuco_target((7, 7), 0.03, 0.022, "DICT_4X4_50"),
+    printed=lambda sizes: {
+        "squares": [sizes.columns, sizes.rows],
+        "square_m": sizes.square_m,
+        "marker_m": sizes.marker_m,
+        "dictionary": sizes.dictionary,
+    },
+    figures={"charuco": charuco_target((5, 4), 0.04, 0.03, "DICT_4X4_50")},
+)

@@ -1,0 +1,59 @@
+"""Chessboards, counted by inner corners.
+
+One looks the same turned by half a turn where its numbers of corners are both even or both odd.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from basecal.cell.format.values import Corners, Length
+from basecal.cell.sheet import Sheet, black_squares
+from basecal.cell.target import Target
+from basecal.cell.targets.kind import Described, TargetEntry, TargetKind, plane_grid
+
+
+def chessboard_target(corners: tuple[int, int], square_m: float) -> Target:
+    """A chessboard of (columns, rows) inner corners; the origin is corner 0."""
+    columns, rows = corners
+    points = plane_grid(columns, rows, square_m)
+    black = black_squares(columns + 1, rows + 1, square_m) - square_m
+    paper = square_m * np.array([-2.0, -2.0, columns + 1, rows + 1])
+    return Target(
+        "chessboard",
+        np.arange(len(points)),
+        points,
+        {"corners": [columns, rows], "square_m": square_m},
+        sheets=(Sheet(paper, square_m, black),),
+        found_by="chessboard",
+        alike_turned=True,
+    )
+
+
+class ChessboardEntry(TargetEntry):
+    """A chessboard, counted by inner corners."""
+
+    kind: Literal["chessboard"]
+    corners: Corners
+    square_m: Length
+
+    def shape(self) -> Target:
+        """The board."""
+        columns, rows = self.corners
+        return chessboard_target((columns, rows), self.square_m)
+
+
+KIND = TargetKind(
+    entries=(ChessboardEntry,),
+    described=Described("`corners: [columns, rows]` (inner), `square_m`", "row by row", "corner 0"),
+    template="""\
+    kind: chessboard
+    corners: [8, 6]                  # columns, rows of inner corners; ids run row by row from the first
+    square_m: 0.025                  # measure it: the scale of the answer is the scale of the board
+""",
+    usual=lambda _: chessboard_target((6, 6), 0.03),
+    printed=lambda sizes: {"corners": [sizes.columns, sizes.rows], "square_m": sizes.square_m},
+    figures={"chessboard": chessboard_target((4, 3), 0.04)},
+)

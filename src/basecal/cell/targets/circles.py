@@ -1,0 +1,70 @@
+"""Grids of dark circles; a symmetric one looks the same turned by half a turn."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from basecal.cell.format.values import Corners, Length
+from basecal.cell.sheet import Sheet
+from basecal.cell.target import Target
+from basecal.cell.targets.kind import Described, TargetEntry, TargetKind, plane_grid
+
+RADIUS = 0.25
+"""Of a circle, in units of the spacing: between neighbours half of it is paper, as OpenCV's blob detector wants."""
+
+
+def circles_target(circles: tuple[int, int], spacing_m: float, asymmetric: bool = False) -> Target:
+    """A grid of (columns, rows) circles; ids are row-major, the origin is circle 0.
+
+    In an asymmetric grid every second row is shifted by half a column pitch of twice `spacing_m`, as in OpenCV.
+    """
+    columns, rows = circles
+    grid = plane_grid(columns, rows, spacing_m)
+    if asymmetric:
+        row = np.repeat(np.arange(rows), columns)
+        grid[:, 0] = 2 * grid[:, 0] + (row % 2) * spacing_m
+    low, high = grid[:, :2].min(axis=0) - spacing_m, grid[:, :2].max(axis=0) + spacing_m
+    discs = np.column_stack([grid[:, :2], np.full(len(grid), RADIUS * spacing_m)])
+    return Target(
+        "circles",
+        np.arange(len(grid)),
+        grid,
+        {"circles": [columns, rows], "spacing_m": spacing_m, "asymmetric": asymmetric},
+        sheets=(Sheet(np.concatenate([low, high]), spacing_m, discs=discs),),
+        found_by="circles",
+        alike_turned=not asymmetric,
+    )
+
+
+class CirclesEntry(TargetEntry):
+    """A grid of circles."""
+
+    kind: Literal["circles"]
+    circles: Corners
+    spacing_m: Length
+    asymmetric: bool = False
+
+    def shape(self) -> Target:
+        """The grid."""
+        columns, rows = self.circles
+        return circles_target((columns, rows), self.spacing_m, self.asymmetric)
+
+
+KIND = TargetKind(
+    entries=(CirclesEntry,),
+    described=Described("`circles: [columns, rows]`, `spacing_m`, `asymmetric`", "row by row", "circle 0"),
+    template="""\
+    kind: circles
+    circles: [7, 5]                  # columns, rows; ids run row by row from the first
+    spacing_m: 0.03                  # centre to centre; measure it
+    asymmetric: false
+""",
+    usual=lambda _: circles_target((7, 6), 0.03),
+    printed=lambda sizes: {"circles": [sizes.columns, sizes.rows], "spacing_m": sizes.square_m},
+    figures={
+        "circles": circles_target((4, 3), 0.04),
+        "circles_asymmetric": circles_target((3, 4), 0.025, asymmetric=True),
+    },
+)

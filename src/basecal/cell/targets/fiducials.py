@@ -1,0 +1,51 @@
+"""Names of the marker dictionaries that OpenCV 4 knows, and of the AprilTag families."""
+
+from __future__ import annotations
+
+import re
+from math import isqrt
+
+from pydantic import AfterValidator
+
+from basecal.errors import nearest
+
+_ORIGINAL = 5  # cells of the first ArUco dictionary, whose name does not say
+
+DICTIONARIES = (
+    *(f"DICT_{n}X{n}_{count}" for n in (4, 5, 6, 7) for count in (50, 100, 250, 1000)),
+    "DICT_ARUCO_ORIGINAL",
+    *(f"DICT_APRILTAG_{bits}{h}{distance}" for h in "hH" for bits, distance in ((16, 5), (25, 9), (36, 10), (36, 11))),
+    "DICT_ARUCO_MIP_36h12",
+    "DICT_ARUCO_MIP_36H12",
+)
+
+FAMILIES = (
+    "tag16h5",
+    "tag25h9",
+    "tag36h10",
+    "tag36h11",
+    "tagCircle21h7",
+    "tagCircle49h12",
+    "tagCustom48h12",
+    "tagStandard41h12",
+    "tagStandard52h13",
+)
+
+
+def known_names(what: str, names: tuple[str, ...]) -> AfterValidator:
+    """A check that a name is one of those known."""
+
+    def check(name: str) -> str:
+        """The name, if it is known."""
+        if name not in names:
+            raise ValueError(f"no {what} {name[:60]!r}{nearest(name[:60], names)}; there are: {', '.join(names)}")
+        return name
+
+    return AfterValidator(check)
+
+
+def cells_across(name: str) -> int:
+    """How many cells the code of a marker is wide, its border not counted, as the dictionary's name says."""
+    squared = re.match(r"DICT_(\d)X", name)
+    bits = re.search(r"(\d+)[hH]", name)
+    return int(squared[1]) if squared else isqrt(int(bits[1])) if bits else _ORIGINAL

@@ -1,0 +1,77 @@
+"""The face of a kind of target: its module in this folder ends in a `KIND` of this class."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from basecal.cell.format.values import Entry, Mount, UnknownEntry
+from basecal.cell.target import Target
+from basecal.geometry import Array
+
+Fields = Mapping[str, Any]
+"""Fields of a target's entry in `cell.yaml`, as plain data."""
+
+
+class TargetEntry(Entry):
+    """A target in `cell.yaml`; this one is seen only as poses, each kind has its own."""
+
+    on: str
+    mount: Mount = UnknownEntry()
+
+    def shape(self) -> Target | None:
+        """The target it describes; None where it is seen only as poses."""
+        return None
+
+
+@dataclass(frozen=True)
+class PrintSizes:
+    """What to print, as `basecal target` is asked for it; lengths in metres."""
+
+    columns: int
+    rows: int
+    square_m: float
+    marker_m: float
+    dictionary: str
+    family: str
+    tag: int
+
+
+class Described(NamedTuple):
+    """A kind's row in docs/data_format.md."""
+
+    fields: str
+    ids: str
+    origin: str
+
+
+@dataclass(frozen=True)
+class TargetKind:
+    """All that is particular to a kind of target and not to one target.
+
+    Attributes:
+        entries: Models of its entry in `cell.yaml`.
+        described: What the documents say of it.
+        template: Its lines in a new `cell.yaml`, explained.
+        usual: One as a simulation has it, from a random generator.
+        printed: Fields of one to print; None where there is nothing to choose.
+        entry_index: Index of the one of `entries` that reads an entry with these fields.
+        figures: Small ones for the documents, by the name of the picture.
+    """
+
+    entries: tuple[type[TargetEntry], ...]
+    described: Described
+    template: str
+    usual: Callable[[np.random.Generator], Target]
+    printed: Callable[[PrintSizes], Fields] | None = None
+    entry_index: Callable[[Fields], int] = lambda _: 0
+    figures: Mapping[str, Target] = field(default_factory=dict)
+
+
+def plane_grid(columns: int, rows: int, pitch: float, origin: float = 0.0) -> Array:
+    """Row-major grid in the plane z = 0, (rows * columns, 3): x along columns, y along rows."""
+    v, u = np.mgrid[0:rows, 0:columns]
+    return np.stack([u.ravel() * pitch + origin, v.ravel() * pitch + origin, np.zeros(u.size)], -1)

@@ -1,0 +1,57 @@
+"""Lights: small and bright, one or several on a rigid body."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from basecal.cell.format.plain import numbers
+from basecal.cell.format.values import PointMount, UnknownEntry, Vector
+from basecal.cell.target import Target
+from basecal.cell.targets.kind import Described, TargetEntry, TargetKind
+from basecal.cell.targets.points import several
+
+_AT_ORIGIN = [[0.0, 0.0, 0.0]]
+
+
+def led_target(points_m: Any = _AT_ORIGIN) -> Target:
+    """One light or several, (n, 3) [m]; without points, one at the frame's origin."""
+    points = np.asarray(points_m, dtype=np.float64)
+    return Target("led", np.arange(len(points)), points, {"points_m": numbers(points)}, found_by="light")
+
+
+class LightEntry(TargetEntry):
+    """One light."""
+
+    mount: PointMount = UnknownEntry()
+    kind: Literal["led"]
+    points_m: Annotated[list[Vector], Field(min_length=1, max_length=1)] | None = None
+
+    def shape(self) -> Target:
+        """The light."""
+        return led_target(self.points_m or _AT_ORIGIN)
+
+
+class LightsEntry(TargetEntry):
+    """Several lights of one body."""
+
+    kind: Literal["led"]
+    points_m: Annotated[list[Vector], Field(min_length=2)]
+
+    def shape(self) -> Target:
+        """The lights."""
+        return led_target(self.points_m)
+
+
+KIND = TargetKind(
+    entries=(LightEntry, LightsEntry),
+    entry_index=several,
+    described=Described("as `points`; without it one point", "index", "as listed; the one point"),
+    template="""\
+    kind: led                        # one light at the target's origin; several: points_m: [[0, 0, 0], ...]
+""",
+    usual=lambda _: led_target(),
+    printed=lambda _: {},
+)

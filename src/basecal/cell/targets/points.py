@@ -1,0 +1,74 @@
+"""Points of a rigid body that are measured, such as lights that other programs tell apart."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+from pydantic import model_validator as checks_whole
+
+from basecal.cell.format.plain import numbers
+from basecal.cell.format.values import PointMount, UnknownEntry, Vector
+from basecal.cell.target import Target
+from basecal.cell.targets.kind import Described, Fields, TargetEntry, TargetKind
+
+
+def points_target(points_m: Any) -> Target:
+    """Points of a rigid body, (n, 3) [m]; ids are their indices."""
+    points = np.asarray(points_m, dtype=np.float64)
+    return Target("points", np.arange(len(points)), points, {"points_m": numbers(points)})
+
+
+class PointEntry(TargetEntry):
+    """One point."""
+
+    mount: PointMount = UnknownEntry()
+    kind: Literal["points"]
+    points_m: Annotated[list[Vector], Field(min_length=1, max_length=1)] | None = None
+
+    @checks_whole(mode="after")
+    def _has_point(self) -> PointEntry:
+        if self.points_m is None:
+            raise ValueError("kind points needs points_m: [[x, y, z], ...]")
+        return self
+
+    def shape(self) -> Target:
+        """The point."""
+        return points_target(self.points_m)
+
+
+class PointsEntry(TargetEntry):
+    """Several points of one body."""
+
+    kind: Literal["points"]
+    points_m: Annotated[list[Vector], Field(min_length=2)]
+
+    def shape(self) -> Target:
+        """The points."""
+        return points_target(self.points_m)
+
+
+def several(fields: Fields) -> bool:
+    """Whether an entry has more than one point."""
+    points = fields.get("points_m")
+    return isinstance(points, list) and len(points) > 1
+
+
+def _usual(rng: np.random.Generator) -> Target:
+    """Five to eight jittered corners of a cube: never in one plane."""
+    corners = np.stack(np.meshgrid(*[[-0.06, 0.06]] * 3), -1).reshape(-1, 3)
+    kept = rng.permutation(8)[: rng.integers(5, 9)]
+    return points_target(corners[kept] + rng.uniform(-0.02, 0.02, (len(kept), 3)))
+
+
+KIND = TargetKind(
+    entries=(PointEntry, PointsEntry),
+    entry_index=several,
+    described=Described("`points_m: [[x, y, z], ...]`", "index in the list", "as listed"),
+    template="""\
+    kind: points
+    points_m: [[0, 0, 0], [0.08, 0, 0], [0, 0.08, 0], [0.08, 0.08, 0.03]]   # ids count from 0
+""",
+    usual=_usual,
+)

@@ -1,0 +1,18 @@
+"""What can be chosen by name, a line each; all else about it stands in the module of that name.
+
+It names and imports nothing, so that the command line can list choices without loading them.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+TargetKindName = Literal[
+    "charuco",
+    "chessboard",
+    "circles",
+    "apriltag",
+    "points",
+    "led",
+]
+"""Kinds of targets: modules of `basecal.cell.targets`."""
