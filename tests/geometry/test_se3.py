@@ -204,10 +204,51 @@ def test_batches_broadcast_and_index(rng):
 
 
 def test_transforms_cannot_be_written_into(rng):
-    """A transform is a value: its arrays are read-only."""
-    for array in (random_transform(rng).rotation, random_transform(rng).translation):
-        with pytest.raises(ValueError, match="read-only"):
-            array[0] = 0.0
+    """A transform is a value: its arrays are read-only, also those it was handed."""
+    made = SE3(np.eye(3), np.zeros(3))
+    adopted = SE3.adopt(np.eye(3), np.zeros(3))
+    for transform in (random_transform(rng), made, adopted, adopted @ made, made.inverse(), SE3.identity((2,))[0]):
+        for array in (transform.rotation, transform.translation):
+            with pytest.raises(ValueError, match="read-only"):
+                array[0] = 0.0
+
+
+def test_transforms_leave_the_callers_arrays_alone():
+    """What is written later into arrays that a transform was made of does not move it, and may be written."""
+    rotation, translation, rotvec = np.eye(3), np.zeros(3), np.zeros(3)
+    made = SE3(rotation, translation)
+    turned, rolled = SE3.from_rotvec(rotvec, translation), SE3.from_rpy(rotvec, translation)
+    rotation[0, 0], translation[1], rotvec[2] = 5.0, 7.0, 1.0
+    for transform in (made, turned, rolled):
+        assert_same(transform, SE3.identity())
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: SE3(np.eye(4), np.zeros(3)), r"rotation has shape \(4, 4\), expected \(..., 3, 3\)"),
+        (lambda: SE3(np.eye(3), np.zeros(4)), r"translation has shape \(4,\)"),
+        (lambda: SE3(np.eye(3)[0], np.zeros(3)), r"rotation has shape \(3,\)"),
+        (lambda: SE3(np.stack([np.eye(3)] * 2), np.zeros(3)), "same leading axes"),
+        (lambda: SE3(np.eye(3), np.zeros((2, 3))), "same leading axes"),
+        (lambda: SE3.from_quaternion([[0, 0, 0, 1]], [0, 0, 0]), "same leading axes"),
+        (lambda: SE3.from_rotvec([0, 0, 0, 0], [0, 0, 0]), r"rotvec has shape \(4,\)"),
+        (lambda: SE3.from_rotvec([0, 0, 0], [0, 0]), r"translation has shape \(2,\)"),
+        (lambda: SE3.from_rpy([0, 0], [0, 0, 0]), r"rpy has shape \(2,\)"),
+        (lambda: SE3.exp([0, 0, 0]), r"xi has shape \(3,\), expected \(..., 6\)"),
+    ],
+)
+def test_wrong_shapes_are_refused(make, message):
+    """Arrays that are no transforms are refused with their shape and the one expected."""
+    with pytest.raises(InputError, match=message):
+        make()
+
+
+def test_a_single_transform_has_no_entries():
+    """One transform cannot be indexed as if it were three."""
+    with pytest.raises(TypeError, match="no entries"):
+        SE3.identity()[0]
+    assert len(SE3.identity()[None]) == 1
 
 
 def test_quaternion_order_and_sign():

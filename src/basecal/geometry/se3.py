@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from basecal.errors import InputError
-from basecal.geometry.array import Array
+from basecal.geometry.array import Array, read_only
 
 _SERIES_BELOW = 0.5
 _RECIPROCALS = np.array([[(-1) ** k / factorial(2 * k + first) for first in range(1, 6)] for k in range(9)])
@@ -175,22 +175,46 @@ def _turned(rotation: Array, vectors: Array) -> Array:
 class SE3:
     """One rigid transform or a batch of them.
 
+    The arrays are read-only copies of what was given; that a rotation is one is checked by `from_matrix`.
+
     Attributes:
         rotation: (..., 3, 3).
-        translation: (..., 3) [m].
+        translation: (..., 3) [m], its leading axes those of the rotation.
+
+    Raises:
+        InputError: if the shapes are others.
     """
 
     rotation: Array
     translation: Array
 
     def __post_init__(self) -> None:
-        for array in (self.rotation, self.translation):
-            array.setflags(write=False)
+        rotation = read_only(self.rotation, (3, 3), "rotation")
+        translation = read_only(self.translation, (3,), "translation")
+        if rotation.shape[:-1] != translation.shape:
+            raise InputError(
+                f"rotation has shape {rotation.shape} and translation {translation.shape}, "
+                "expected (..., 3, 3) and (..., 3) with the same leading axes"
+            )
+        object.__setattr__(self, "rotation", rotation)
+        object.__setattr__(self, "translation", translation)
+
+    @classmethod
+    def adopt(cls, rotation: Array, translation: Array) -> SE3:
+        """The transform that these arrays become, (..., 3, 3) and (..., 3) [m], made read-only.
+
+        Nothing is copied or checked, which is a third of the time: for arrays just made and held by no one else.
+        """
+        rotation.setflags(write=False)
+        translation.setflags(write=False)
+        made = object.__new__(cls)
+        made.__dict__.update(rotation=rotation, translation=translation)
+        return made
 
     @classmethod
     def identity(cls, shape: tuple[int, ...] = ()) -> SE3:
         """The transform that moves nothing, `shape` times."""
-        return cls(np.broadcast_to(np.eye(3), (*shape, 3, 3)).copy(), np.zeros((*shape, 3)))
+        return cls.adopt(np.broadcast_to(np.eye(3), (*shape, 3, 3)).copy(), np.zeros((*shape, 3)))
 
     @classmethod
     def from_matrix(cls, matrix: ArrayLike, name: str = "matrix") -> SE3:
@@ -208,7 +232,7 @@ class SE3:
             raise InputError(f"{name} holds NaN or infinity")
         if not np.allclose(m[..., 3, :], (0, 0, 0, 1), atol=1e-6):
             raise InputError(f"{name}: the last row is not (0, 0, 0, 1)")
-        return cls(checked_rotation(m[..., :3, :3], name), m[..., :3, 3].copy())
+        return cls.adopt(checked_rotation(m[..., :3, :3], name), m[..., :3, 3].copy())
 
     @classmethod
     def from_quaternion(cls, q_xyzw: ArrayLike, translation: ArrayLike, name: str = "q_xyzw") -> SE3:
@@ -232,36 +256,38 @@ class SE3:
     @classmethod
     def from_rotvec(cls, rotvec: ArrayLike, translation: ArrayLike) -> SE3:
         """From rotation vectors, (..., 3) [rad], and translations, (..., 3) [m]."""
-        return cls(rotation_exp(np.array(rotvec, dtype=np.float64)), np.array(translation, dtype=np.float64))
+        return cls(rotation_exp(read_only(rotvec, (3,), "rotvec")), np.asarray(translation))
 
     @classmethod
     def from_rpy(cls, rpy: ArrayLike, translation: ArrayLike) -> SE3:
         """From angles about the fixed axes x, then y, then z, (..., 3) [rad], as in a URDF `origin`."""
-        r, p, y = np.moveaxis(np.array(rpy, dtype=np.float64), -1, 0)
+        r, p, y = np.moveaxis(read_only(rpy, (3,), "rpy"), -1, 0)
         axes = np.eye(3)
         rotation = (rotation_exp(y[..., None] * axes[2]) @ rotation_exp(p[..., None] * axes[1])) @ rotation_exp(
             r[..., None] * axes[0]
         )
-        return cls(rotation, np.array(translation, dtype=np.float64))
+        return cls(rotation, np.asarray(translation))
 
     @classmethod
     def exp(cls, xi: ArrayLike) -> SE3:
         """From tangents, (..., 6) [m, rad]."""
-        x = np.array(xi, dtype=np.float64)
+        x = np.asarray(xi, dtype=np.float64)
+        if x.shape[-1:] != (6,):
+            raise InputError(f"xi has shape {x.shape}, expected (..., 6)")
         v, w = x[..., :3], x[..., 3:]
         a, b, c = _coefficients(np.linalg.norm(w, axis=-1))
         k = hat(w)
         k2 = k @ k
         rotation = np.eye(3) + a[..., None, None] * k + b[..., None, None] * k2
         left = np.eye(3) + b[..., None, None] * k + c[..., None, None] * k2
-        return cls(rotation, (left @ v[..., None])[..., 0])
+        return cls.adopt(rotation, (left @ v[..., None])[..., 0])
 
     @classmethod
     def stack(cls, transforms: list[SE3]) -> SE3:
         """A batch from single transforms, along a new first axis."""
         if not transforms:
             return cls.identity((0,))
-        return cls(np.stack([t.rotation for t in transforms]), np.stack([t.translation for t in transforms]))
+        return cls.adopt(np.stack([t.rotation for t in transforms]), np.stack([t.translation for t in transforms]))
 
     def log(self) -> Array:
         """Tangents, (..., 6) [m, rad], with rotation angle in [0, pi]."""
@@ -275,7 +301,7 @@ class SE3:
     def inverse(self) -> SE3:
         """`b_from_a` of an `a_from_b`."""
         rt = np.swapaxes(self.rotation, -1, -2)
-        return SE3(rt.copy(), -_turned(rt, self.translation))
+        return SE3.adopt(rt.copy(), -_turned(rt, self.translation))
 
     def adjoint(self) -> Array:
         """(..., 6, 6): `T @ exp(xi) == exp(T.adjoint() @ xi) @ T`."""
@@ -290,13 +316,15 @@ class SE3:
     def __matmul__(self, other: Array) -> Array: ...
     def __matmul__(self, other: SE3 | Array) -> SE3 | Array:
         if isinstance(other, SE3):
-            return SE3(_product(self.rotation, other.rotation), self @ other.translation)
+            return SE3.adopt(_product(self.rotation, other.rotation), self @ other.translation)
         moved = _turned(self.rotation, other)
         moved += self.translation
         return moved
 
     def __getitem__(self, index: Any) -> SE3:
-        return SE3(self.rotation[index], self.translation[index])
+        if self.translation.ndim == 1 and index is not None:
+            raise TypeError("a single transform has no entries")
+        return SE3.adopt(self.rotation[index], self.translation[index])
 
     def __len__(self) -> int:
         return len(self.translation)

@@ -130,7 +130,7 @@ class SerialChain:
         over_joints = np.moveaxis(np.asarray(joints, dtype=np.float64), -1, 0)
         frame, frames = SE3.identity(over_joints.shape[1:]), []
         for i, angle in enumerate(over_joints):
-            turn = SE3(rotation_exp(angle[..., None] * self.axes[i]), np.zeros((*angle.shape, 3)))
+            turn = SE3.adopt(rotation_exp(angle[..., None] * self.axes[i]), np.zeros((*angle.shape, 3)))
             frame = frame @ self.origins[i] @ turn
             frames.append(frame)
         return frames
@@ -140,7 +140,7 @@ class SerialChain:
         if q.shape[-1:] != (self.n,):
             raise InputError(f"joints have shape {q.shape}, expected (..., {self.n}): {', '.join(self.joint_names)}")
         over_joints = np.moveaxis(q, -1, 0)
-        turns = SE3(
+        turns = SE3.adopt(
             rotation_exp(over_joints[..., None] * self._axes_over(q.shape[:-1])), np.zeros((*over_joints.shape, 3))
         )
         tail = SE3.identity(q.shape[:-1]) @ self.tip
