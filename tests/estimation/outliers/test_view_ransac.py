@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
+from basecal.estimation.outliers import view_ransac as ransac
 from basecal.estimation.outliers.agreeing_samples import agreeing_samples
-from basecal.estimation.outliers.view_ransac import Prior, view_ransac
+from basecal.estimation.outliers.view_ransac import Prior, largest_agreement, subset_fits, view_ransac
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.geometry import SE3
@@ -56,3 +58,52 @@ def test_samples_that_close_the_loop_are_told_apart():
     moved = replace(group, hand_base_from_hand_flange=group.hand_base_from_hand_flange @ SE3.exp(shift))
     assert agreeing_samples(problem.with_groups([moved]), [state]) == tuple(range(10))
     assert agreeing_samples(problem, [state]) == ()
+
+
+def strays(problem, count, seed):
+    """The views of a problem's first group with `count` points of each at random places."""
+    measurement = problem.groups[0].measurement
+    n, p = measurement.seen.shape
+    rng = np.random.default_rng(seed)
+    wrong = rng.permuted(np.tile(np.arange(p) < count, (n, 1)), axis=1)
+    pixels = np.where(wrong[..., None], rng.uniform((0, 0), (1280, 720), (n, p, 2)), measurement.pixels)
+    return replace(measurement, pixels=pixels), wrong
+
+
+@pytest.mark.parametrize("target", ["chessboard", "points"])
+def test_how_many_are_fitted_at_once_changes_nothing(target, monkeypatch):
+    """Hypotheses one by one give the poses, points and costs that all of them side by side do."""
+    problem, state, true = truth_of(Scenario(samples=5, target=target), 3)
+    measurement, _ = strays(problem, 2, 3)
+    near = true @ SE3.exp(np.random.default_rng(4).uniform(-0.02, 0.02, (5, 6)))
+    together = view_ransac(measurement, near, state.cameras["wrist"], LIMIT)
+    monkeypatch.setattr(ransac, "_CHUNK_POINTS", 1)
+    alone = view_ransac(measurement, near, state.cameras["wrist"], LIMIT)
+    np.testing.assert_array_equal(together.points, alone.points)
+    np.testing.assert_allclose(together.cost, alone.cost, rtol=1e-6)
+    np.testing.assert_allclose((together.camera_from_target.inverse() @ alone.camera_from_target).log(), 0.0, atol=1e-6)
+
+
+def test_hypotheses_serve_every_limit():
+    """Fitted once, the poses that views may have give for each limit what a search for that limit gives."""
+    problem, state, true = truth_of(Scenario(samples=5), 5)
+    measurement, wrong = strays(problem, 9, 5)
+    lens = state.cameras["wrist"]
+    poses = subset_fits(measurement, true, lens)
+    assert poses.translation.shape == (42, 5, 3)
+    for limit in (LIMIT, 30 * LIMIT):
+        found, anew = largest_agreement(measurement, poses, lens, limit), view_ransac(measurement, true, lens, limit)
+        np.testing.assert_array_equal(found.points, anew.points)
+        np.testing.assert_array_equal(found.cost, anew.cost)
+        np.testing.assert_array_equal(found.points & wrong, False)
+
+
+def test_a_view_of_a_single_point_agrees_with_its_prior_alone():
+    """There is no subset of one point: the point is kept where the prior puts it, and left out 40 px aside."""
+    problem, state, true = truth_of(Scenario(samples=6, target="led", robot_noise=(1e-5, 1e-5)), 6)
+    measurement = problem.groups[0].measurement
+    aside = np.arange(6) < 2
+    pixels = measurement.pixels + np.where(aside[:, None, None], (40.0, 0.0), 0.0)
+    prior = Prior(true, np.tile(1e10 * np.eye(6), (6, 1, 1)))
+    found = view_ransac(replace(measurement, pixels=pixels), true, state.cameras["wrist"], LIMIT, prior)
+    np.testing.assert_array_equal(found.points[:, 0], ~aside)

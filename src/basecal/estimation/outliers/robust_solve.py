@@ -14,11 +14,10 @@ import numpy as np
 
 from basecal.cell import Cell, Outlier
 from basecal.errors import BasecalError
-from basecal.estimation.least_squares.studentized import MahalanobisSquared, judged_by_view, studentized
+from basecal.estimation.least_squares.studentized import judged_by_view, studentized
 from basecal.estimation.noise.estimate import CONTRADICTED
 from basecal.estimation.outliers.agreeing_samples import agreeing_samples
 from basecal.estimation.outliers.classify import (
-    CHANCE_OF_POINT,
     Classification,
     classify_inliers,
     is_stated,
@@ -29,30 +28,25 @@ from basecal.estimation.outliers.inlier_mask import (
     all_inliers,
     at_stops_of,
     inlier_problem,
-    point_count,
     without_points,
 )
+from basecal.estimation.outliers.point_inliers import PLAUSIBLE_PX, points_within
 from basecal.estimation.outliers.reasons import describe_outliers
 from basecal.estimation.outliers.reweighted import graduated_truncation
-from basecal.estimation.outliers.robust_scale import Scale, robust_scale
 from basecal.estimation.outliers.subset_starts import score, subset_states
-from basecal.estimation.outliers.view_ransac import view_ransac
 from basecal.estimation.problem.correspondence import choose_correspondence
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
 from basecal.estimation.settings import DEFAULT, Settings
 from basecal.estimation.solve import Solution, solve_from, solve_packed
-from basecal.estimation.start.first_state import lenses
 from basecal.estimation.view.measurement import Noise, PixelMeasurement, PointMeasurement
 from basecal.geometry import BoolArray, IntArray
 
 _ROUNDS = 12
 _FREE_ROUNDS = 6
-_SCALE_ROUNDS = 4
 _LARGEST_UNSUSPECTED_PX = 1.0
 _LEAST_KEPT = 0.5
 _CLEAR_SHARE = 0.6
 _QUIETER = 4.0
-_PLAUSIBLE_PX = 3.0
 _PLAUSIBLE_SIGMAS = 10.0
 
 
@@ -150,7 +144,7 @@ def _fits(solution: Solution) -> bool:
     weights = [m.weight[m.weight > 0] for m in _with_points(solution.problem.groups) if isinstance(m, PixelMeasurement)]
     if not weights:
         return ratio < _PLAUSIBLE_SIGMAS or not is_stated(solution.problem)
-    return ratio < max(CONTRADICTED, _PLAUSIBLE_PX * float(np.median(np.concatenate(weights))))
+    return ratio < max(CONTRADICTED, PLAUSIBLE_PX * float(np.median(np.concatenate(weights))))
 
 
 def _ratio(solution: Solution) -> float:
@@ -223,7 +217,7 @@ def _agreeing_within(
 ) -> tuple[Problem, InlierMask, State]:
     """Without the points that the rest of their view contradicts, and solved again where there are any."""
     suspects = [_suspect(plain, judgement, k) for k in range(len(whole.views))]
-    points = _points_within(plain.problem, plain.state, suspects, cell)
+    points = points_within(plain.problem, plain.state, suspects, cell)
     kept = InlierMask(whole.views, points)
     if kept.same_as(whole):
         return plain.problem, whole, plain.state
@@ -238,61 +232,6 @@ def _suspect(plain: Solution, judgement: Classification, k: int) -> IntArray:
     own = judged_by_view(plain.problem.groups[k].measurement)
     beyond = judgement.point_scale.beyond(judgement.points[k]).any(-1)
     return np.flatnonzero(own & (beyond | _implausible(plain, judgement)))
-
-
-def _points_within(problem: Problem, state: State, suspects: list[IntArray], cell: Cell) -> tuple[BoolArray, ...]:
-    """By group, (n, p): points of suspect views that agree with the rest of their view, and all of others.
-
-    A lens that is free may have been bent by wrong poses: that of the views alone is tried, too.
-    """
-    if not any(map(len, suspects)):
-        return all_inliers(problem).points
-    found = [_points_by(problem, state, suspects)]
-    if not problem.columns.keys().isdisjoint(problem.lenses):
-        alone = replace(state, cameras=lenses(problem, cell))
-        found.append(_points_by(problem, alone, suspects))
-    return min(found, key=lambda f: f[0])[1]
-
-
-def _points_by(problem: Problem, state: State, suspects: list[IntArray]) -> tuple[float, tuple[BoolArray, ...]]:
-    """The scale of all points' squares with the lenses of a state, and the points that agree within it."""
-    kept = list(all_inliers(problem).points)
-    stated = is_stated(problem)
-    scale = Scale(1.0 if stated else _unit(problem), np.inf, np.inf, CHANCE_OF_POINT)
-    for _ in range(_SCALE_ROUNDS):
-        squares = []
-        for k, group in enumerate(problem.groups):
-            kept[k], of = _agreeing_points(group, suspects[k], problem, state, scale)
-            squares.append(of)
-        before, scale = scale, robust_scale(squares, 0, stated, CHANCE_OF_POINT)
-        if 1 / CONTRADICTED < scale.variance / before.variance < CONTRADICTED:
-            break
-    return scale.variance, tuple(kept)
-
-
-def _unit(problem: Problem) -> float:
-    """One pixel squared in units of what is taken for a pixel's variance."""
-    weights = [
-        g.measurement.weight.max(initial=0.0) for g in problem.groups if isinstance(g.measurement, PixelMeasurement)
-    ]
-    return float(max(weights, default=1.0)) ** 2 * _PLAUSIBLE_PX**2
-
-
-def _agreeing_points(
-    group: ViewGroup, suspects: IntArray, problem: Problem, state: State, scale: Scale
-) -> tuple[BoolArray, MahalanobisSquared]:
-    measurement = group.measurement
-    kept = np.ones((len(group), point_count(measurement)), dtype=bool)
-    if not len(suspects) or not isinstance(measurement, PixelMeasurement | PointMeasurement):
-        return kept, MahalanobisSquared(np.zeros(0), np.zeros(0, dtype=np.int64))
-    few, near = measurement.take(suspects), state.camera_from_target(group, problem.stops)[suspects]
-    freedoms = 2 if isinstance(measurement, PixelMeasurement) else 3
-    limit = float(scale.limit(np.array(freedoms)))
-    found = view_ransac(few, near, state.cameras.get(group.camera), limit)
-    kept[suspects] = found.points | ~few.seen
-    # Of all points, not of those within the limit: a limit that is too tight must not confirm itself.
-    squares = found.squares[few.seen]
-    return kept, MahalanobisSquared(squares, np.full(len(squares), freedoms))
 
 
 def _annealed(full: Problem, kept: InlierMask, state: State) -> State:

@@ -1,8 +1,8 @@
 """Which points of a view agree with one another, and with where the view should be.
 
-Each view is fitted to subsets of its points, alone or with a prior of its pose; of all fits the one that explains most
-counts: least sum of squares, those beyond the limit counting as the limit. Source: Fischler & Bolles 1981, Torr &
-Zisserman 2000 (the truncated cost).
+Each view is fitted to subsets of its points, alone or with a prior of its pose, all views and subsets side by side; of
+all fits the one that explains most counts: least sum of squares, those beyond the limit counting as the limit. Source:
+Fischler & Bolles 1981, Torr & Zisserman 2000 (the truncated cost).
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from basecal.estimation.view.measurement import (
     PointMeasurement,
     ViewInformation,
 )
-from basecal.estimation.view.point_jacobians import point_jacobians
 from basecal.estimation.view.view_pose import refined, view_poses
-from basecal.geometry import SE3, Array, BoolArray, Camera
+from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 
+# Of many points, so many random subsets of so few: with a third of the points wrong one in eight is clean.
 _DRAWS = 40
 _DRAWN = 5
 _FEW_POINTS = 8
@@ -33,6 +33,10 @@ _ROUNDS = 10
 _FIRST_STEPS = 4
 _STEPS = 6
 _SEED = 20240229
+# So many points at once: arrays of a few megabytes.
+_CHUNK_POINTS = 50_000
+# A target whose third extent is this part of the first is flat.
+_FLAT = 1e-6
 
 Points = PixelMeasurement | PointMeasurement
 
@@ -49,6 +53,10 @@ class Prior:
         error = (self.camera_from_target.inverse() @ camera_from_target).log()
         force = (self.information @ error[..., None])[..., 0]
         return np.einsum("ni,ni->n", error, force), force
+
+    def take(self, views: IntArray) -> Prior:
+        """That of the views at these indices."""
+        return Prior(self.camera_from_target[views], self.information[views])
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,9 +75,27 @@ class RansacViews:
     squares: Array
     cost: Array
 
+    def take(self, views: IntArray) -> RansacViews:
+        """The views at these indices."""
+        return RansacViews(self.camera_from_target[views], self.points[views], self.squares[views], self.cost[views])
+
+    def better(self, other: RansacViews) -> RansacViews:
+        """Of each view the cheaper of two; this one where they are alike."""
+        take = other.cost < self.cost
+        one, two = self.camera_from_target, other.camera_from_target
+        return RansacViews(
+            SE3(
+                np.where(take[:, None, None], two.rotation, one.rotation),
+                np.where(take[:, None], two.translation, one.translation),
+            ),
+            np.where(take[:, None], other.points, self.points),
+            np.where(take[:, None], other.squares, self.squares),
+            np.where(take, other.cost, self.cost),
+        )
+
 
 @dataclass(frozen=True, eq=False)
-class _Held:
+class _WithPrior:
     """Views that are drawn to their priors, as a `Measurement` for one fit."""
 
     measurement: Measurement
@@ -80,6 +106,34 @@ class _Held:
         view = self.measurement.linearise(camera_from_target, camera, lens)
         tension, force = self.prior.tension(camera_from_target)
         return ViewInformation(view.cost + tension, view.gradient + force, view.information + self.prior.information)
+
+
+@dataclass(frozen=True, eq=False)
+class _Views:
+    """Views by one camera, (n,), and where they should be."""
+
+    measurement: Points
+    camera: Camera | None
+    prior: Prior | None
+
+    def take(self, views: IntArray) -> _Views:
+        """The views at these indices, which may repeat."""
+        prior = None if self.prior is None else self.prior.take(views)
+        return _Views(self.measurement.take(views), self.camera, prior)
+
+    def fitted(self, start: SE3, points: BoolArray, steps: int) -> SE3:
+        """Poses fitted to some of the points, (n, p), and to the prior, (n,)."""
+        few = masked(self.measurement, points)
+        return refined(
+            few if self.prior is None else _WithPrior(few, self.prior), start, self.camera, steps
+        ).camera_from_target
+
+    def at(self, pose: SE3, limit: float) -> RansacViews:
+        """What points agree with poses, (n,)."""
+        squares = _squares(self.measurement, pose, self.camera)
+        tension = 0.0 if self.prior is None else self.prior.tension(pose)[0]
+        cost = np.minimum(squares, limit).sum(-1) + tension
+        return RansacViews(pose, self.measurement.seen & (squares <= limit), squares, cost)
 
 
 def view_ransac(
@@ -94,102 +148,141 @@ def view_ransac(
         limit: Squared residual over sigma beyond which a point does not agree.
         prior: Where they should be.
     """
-    best = first = explained(measurement, near, camera, limit, prior)
-    for start, points in _starts(measurement, near, camera):
-        pose = _fitted(measurement, start, points, camera, prior, _FIRST_STEPS)
-        best = _better(best, explained(measurement, pose, camera, limit, prior))
-    settled = _settled(measurement, best, camera, limit, prior)
-    return _better(settled, _settled(measurement, first, camera, limit, prior))
+    return largest_agreement(measurement, subset_fits(measurement, near, camera, prior), camera, limit, prior)
 
 
 def explained(
     measurement: Points, pose: SE3, camera: Camera | None, limit: float, prior: Prior | None = None
 ) -> RansacViews:
     """What views' points agree on at given poses, (n,); the arguments are those of `view_ransac`."""
-    rows = point_jacobians(measurement, pose, camera, False)
-    assert rows is not None
-    squares = np.where(measurement.seen & ~rows.seen, np.inf, np.sum(rows.residual**2, -1))
-    tension = 0.0 if prior is None else prior.tension(pose)[0]
-    cost = np.minimum(squares, limit).sum(-1) + tension
-    return RansacViews(pose, measurement.seen & (squares <= limit), squares, cost)
+    return _Views(measurement, camera, prior).at(pose, limit)
 
 
-def _fitted(
-    measurement: Points, start: SE3, points: BoolArray, camera: Camera | None, prior: Prior | None, steps: int
-) -> SE3:
-    few = masked(measurement, points)
-    return refined(few if prior is None else _Held(few, prior), start, camera, steps).camera_from_target
+def subset_fits(measurement: Points, near: SE3, camera: Camera | None, prior: Prior | None = None) -> SE3:
+    """Poses that each view may have, (m, n): `near`, and from there fitted to all points and to subsets of them."""
+    views = _Views(measurement, camera, prior)
+    found = [near, views.fitted(near, measurement.seen, _FIRST_STEPS)]
+    subsets = _subsets(measurement.seen)
+    for which in _chunks(*subsets.shape):
+        points = subsets[which].reshape(-1, subsets.shape[-1])
+        rows = _every_view(len(near), len(subsets[which]))
+        start = near[rows]
+        if isinstance(measurement, PixelMeasurement) and points.shape[-1] > _FEW_POINTS and _is_flat(measurement):
+            start = _closed_form(measurement, points, camera, near)
+        found.append(views.take(rows).fitted(start, points, _FIRST_STEPS))
+    return _reshaped(_joined(found), (-1, len(near)))
 
 
-def _settled(
-    measurement: Points, found: RansacViews, camera: Camera | None, limit: float, prior: Prior | None
+def largest_agreement(
+    measurement: Points, poses: SE3, camera: Camera | None, limit: float, prior: Prior | None = None
 ) -> RansacViews:
-    """Fitted to the points that agree, and judged again, until none changes sides."""
+    """Of the poses that each view may have, (m, n), the one that explains most, fitted to the points that agree.
+
+    The first of them is fitted so, too; the other arguments are those of `view_ransac`.
+    """
+    views, (m, n) = _Views(measurement, camera, prior), poses.translation.shape[:2]
+    costs = []
+    for which in _chunks(m, *measurement.seen.shape):
+        some = _reshaped(poses[which], (-1,))
+        costs.append(views.take(_every_view(n, len(some) // n)).at(some, limit).cost.reshape(-1, n))
+    cost = np.concatenate(costs)
+    best = poses[np.argmin(np.where(np.isnan(cost), np.inf, cost), axis=0), np.arange(n)]
+    both = _settled(views.take(_every_view(n, 2)), _joined([best, poses[0]]), limit)
+    return both.take(np.arange(n)).better(both.take(np.arange(n, 2 * n)))
+
+
+def _settled(views: _Views, pose: SE3, limit: float) -> RansacViews:
+    """Fitted to the points that agree, and judged again, each view until none of its points changes sides."""
+    found = views.at(pose, limit)
+    moving = np.arange(len(pose))
     for _ in range(_ROUNDS):
-        pose = _fitted(measurement, found.camera_from_target, found.points, camera, prior, _STEPS)
-        after = _better(explained(measurement, pose, camera, limit, prior), found)
-        unchanged = np.array_equal(after.points, found.points)
-        found = after
-        if unchanged:
+        few, before = views.take(moving), found.take(moving)
+        after = few.at(few.fitted(before.camera_from_target, before.points, _STEPS), limit).better(before)
+        found = _replaced(found, moving, after)
+        moving = moving[np.any(after.points != before.points, axis=-1)]
+        if not len(moving):
             break
     return found
 
 
-def _better(first: RansacViews, second: RansacViews) -> RansacViews:
-    """Of each view the cheaper of two; the first where they are alike."""
-    take = second.cost < first.cost
-    one, other = first.camera_from_target, second.camera_from_target
-    return RansacViews(
-        SE3(
-            np.where(take[:, None, None], other.rotation, one.rotation),
-            np.where(take[:, None], other.translation, one.translation),
-        ),
-        np.where(take[:, None], second.points, first.points),
-        np.where(take[:, None], second.squares, first.squares),
-        np.where(take, second.cost, first.cost),
+def _replaced(found: RansacViews, rows: IntArray, by: RansacViews) -> RansacViews:
+    """With other values for the views at `rows`."""
+    source = np.arange(len(found.cost))
+    source[rows] = len(source) + np.arange(len(rows))
+    both = RansacViews(
+        _joined([found.camera_from_target, by.camera_from_target]),
+        np.concatenate([found.points, by.points]),
+        np.concatenate([found.squares, by.squares]),
+        np.concatenate([found.cost, by.cost]),
     )
+    return both.take(source)
 
 
-def _starts(measurement: Points, near: SE3, camera: Camera | None) -> Iterator[tuple[SE3, BoolArray]]:
-    """Poses to start from, each with the points to fit first, (n, p)."""
-    yield near, measurement.seen
-    flat = np.linalg.matrix_rank(measurement.points_in_target - measurement.points_in_target.mean(0), 1e-6) < 3
-    for points in _subsets(measurement.seen):
-        if flat and isinstance(measurement, PixelMeasurement) and points.shape[-1] > _FEW_POINTS:
-            assert camera is not None
-            yield _alone(measurement, points, camera, near), points
-        else:
-            yield near, points
+def _squares(measurement: Points, camera_from_target: SE3, camera: Camera | None) -> Array:
+    """Squared residuals over sigma, (n, p); infinite where a point cannot be seen, 0 where it was not."""
+    rotation = np.swapaxes(camera_from_target.rotation, -1, -2)
+    points_in_camera = measurement.points_in_target @ rotation + camera_from_target.translation[:, None]
+    if isinstance(measurement, PixelMeasurement):
+        assert camera is not None
+        off = camera.project(points_in_camera) - measurement.pixels
+    else:
+        off = points_in_camera - measurement.points_in_camera
+    squares = np.sum(off**2, -1) * measurement.weight**2
+    checked = np.isfinite(squares) & (measurement.weight > 0)
+    return np.where(measurement.seen, np.where(checked, squares, np.inf), 0.0)
 
 
-def _subsets(seen: BoolArray) -> Iterator[BoolArray]:
-    """Of each view's points (n, p): all but one or two of a few, random ones of many."""
+def _is_flat(measurement: PixelMeasurement) -> bool:
+    points = measurement.points_in_target
+    return bool(np.linalg.matrix_rank(points - points.mean(0), _FLAT) < 3)
+
+
+def _subsets(seen: BoolArray) -> BoolArray:
+    """Of each view's points (n, p): all but one or two of a few, random ones of many, (m, n, p)."""
     n, p = seen.shape
     if p <= _FEW_POINTS:
-        for count in range(1, min(_MOST_LEFT_OUT, p - 1) + 1):
-            for out in combinations(range(p), count):
-                yield seen & ~np.isin(np.arange(p), out)
-        return
-    rng = np.random.default_rng(_SEED)
-    for _ in range(_DRAWS):
-        order = np.argsort(np.where(seen, rng.random((n, p)), 2.0), axis=-1)
-        points = np.zeros((n, p), dtype=bool)
-        np.put_along_axis(points, order[:, :_DRAWN], True, axis=-1)
-        yield points & seen
+        counts = range(1, min(_MOST_LEFT_OUT, p - 1) + 1)
+        kept = [~np.isin(np.arange(p), out) for count in counts for out in combinations(range(p), count)]
+        return np.asarray(seen & np.array(kept, dtype=bool).reshape(-1, 1, p))
+    order = np.where(seen, np.random.default_rng(_SEED).random((_DRAWS, n, p)), 2.0)
+    subsets = np.zeros(order.shape, dtype=bool)
+    np.put_along_axis(subsets, np.argpartition(order, _DRAWN - 1, axis=-1)[..., :_DRAWN], True, axis=-1)
+    return subsets & seen
 
 
-def _alone(measurement: PixelMeasurement, points: BoolArray, camera: Camera, near: SE3) -> SE3:
-    """Each view's pose by the closed form from some of its points; `near` where there is none."""
+def _closed_form(measurement: PixelMeasurement, subsets: BoolArray, camera: Camera | None, near: SE3) -> SE3:
+    """Poses by the closed form from some points of the views, taken several times, (k n, p); else `near`."""
+    assert camera is not None
     bearings, valid = camera.undistort(measurement.pixels)
-    seen = points & valid
+    rows = _every_view(len(near), len(subsets) // len(near))
+    seen = subsets & valid[rows]
     chords = BearingMeasurement(
         measurement.points_in_target,
-        np.where(seen[..., None], bearings, 0.0),
+        np.where(seen[..., None], bearings[rows], 0.0),
         np.where(seen, float(camera.focal.mean()), 0.0),
     )
     poses = view_poses(measurement.points_in_target, chords.bearings_in_camera, seen, chords)
     pose = poses.camera_from_target[:, 0]
     return SE3(
-        np.where(poses.found[:, None, None], pose.rotation, near.rotation),
-        np.where(poses.found[:, None], pose.translation, near.translation),
+        np.where(poses.found[:, None, None], pose.rotation, near.rotation[rows]),
+        np.where(poses.found[:, None], pose.translation, near.translation[rows]),
     )
+
+
+def _chunks(count: int, views: int, points: int) -> Iterator[slice]:
+    """Slices of so many hypotheses of views of points, each small enough for memory."""
+    size = max(1, _CHUNK_POINTS // max(views * points, 1))
+    return (slice(at, min(at + size, count)) for at in range(0, count, size))
+
+
+def _every_view(views: int, times: int) -> IntArray:
+    """Rows of all views, several times over."""
+    return np.tile(np.arange(views, dtype=np.int64), times)
+
+
+def _joined(poses: list[SE3]) -> SE3:
+    return SE3(np.concatenate([p.rotation for p in poses]), np.concatenate([p.translation for p in poses]))
+
+
+def _reshaped(poses: SE3, shape: tuple[int, ...]) -> SE3:
+    return SE3(poses.rotation.reshape(*shape, 3, 3), poses.translation.reshape(*shape, 3))
