@@ -56,7 +56,7 @@ def trial(kind: str, seed: int) -> Trial:
     off = _off(found, best)
     settled = found.converged and best.converged and np.isfinite(found.cost)
     same = settled and (off < SAME_M_RAD or found.cost <= best.cost * (1 + SAME_COST))
-    verdict = "unseen" if best.seen.unseen else "same" if same else "other"
+    verdict = "unseen" if best.observability.null_space else "same" if same else "other"
     return Trial(kind, seed, scenario.samples, verdict, found.cost, best.cost, off, took)
 
 

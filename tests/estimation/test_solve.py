@@ -119,7 +119,7 @@ def test_every_kind_of_cell_is_solved_without_a_guess(scenario):
     s = simulate(scenario, seed=11)
     solution = solve(s.cell, s.recording)
     assert solution.converged
-    assert not solution.seen.blind
+    assert not solution.observability.unobservable
     for name, estimate in solution.transforms.items():
         where = solution.problem.columns.get(name)
         if where is None:

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from basecal.cell import Calibration, Cell, Compliances, Finding, JointOffsets, LinkParameters, Robot
+from basecal.cell import Calibration, Cell, Compliances, JointOffsets, LinkParameters, Robot
 from basecal.errors import InputError
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.problem.robot_parameters import (
@@ -42,7 +42,7 @@ def link_parameters(solution: Solution) -> dict[str, LinkParameters]:
     out = {}
     for model in solution.problem.models.values():
         where = solution.problem.columns.get(f"{model.robot}_{LINKS}")
-        if where is None or np.any(_blind(solution)[where]):
+        if where is None or np.any(_touched_by_null_space(solution)[where]):
             continue
         covariance = model.link_basis @ solution.covariance[where, where] @ model.link_basis.T
         links = solution.state.kinematics(model).links
@@ -105,20 +105,20 @@ def _by_joint(
     """
     n, where = len(at), solution.problem.columns[name]
     values, covariance, seen = np.full(n, np.nan), np.full((n, n), np.nan), np.zeros(n, dtype=bool)
-    known = ~_blind(solution)[where]
+    known = ~_touched_by_null_space(solution)[where]
     joints = columns[known]
     values[joints] = at[joints]
     covariance[np.ix_(joints, joints)] = solution.covariance[where, where][np.ix_(known, known)]
-    variance = np.diag(solution.seen.inverse)[where][known]
+    variance = np.diag(solution.observability.inverse)[where][known]
     seen[joints] = variance < (largest**2 if prior is None else prior**2 / 2)
     if prior is None:
         values[~seen] = covariance[~seen] = covariance[:, ~seen] = np.nan
     return values, covariance, seen
 
 
-def _blind(solution: Solution) -> BoolArray:
+def _touched_by_null_space(solution: Solution) -> BoolArray:
     """Which columns have a part in a direction without any information, (p,)."""
-    if not solution.seen.blind:
+    if not solution.observability.unobservable:
         return np.zeros(solution.problem.width, dtype=bool)
     hessian = linearise(solution.problem, solution.state).hessian
     diagonal = np.diag(hessian)
@@ -126,55 +126,3 @@ def _blind(solution: Solution) -> BoolArray:
     values, vectors = np.linalg.eigh(hessian * scale * scale[:, None])
     touched: Array = np.abs(vectors[:, values < _NO_INFORMATION * values[-1]]).max(axis=-1, initial=0.0)
     return (touched > _TOUCHES) | (diagonal <= 0)
-
-
-def held_findings(cell: Cell, solution: Solution) -> list[Finding]:
-    """What is not known of the joint offsets by the data, and what that means for the rest."""
-    found = joint_offsets(solution)
-    offsets = [_held(cell, model, found[model.robot].seen) for model in _with_offsets(solution, found)]
-    bent = deflection(solution)
-    models = [model for robot, model in solution.problem.models.items() if robot in bent and not bent[robot].seen.all()]
-    return offsets + [_held_compliance(model, bent[model.robot].seen) for model in models]
-
-
-def _with_offsets(solution: Solution, found: dict[str, JointOffsets]) -> list[RobotModel]:
-    return [model for robot, model in solution.problem.models.items() if robot in found and not found[robot].seen.all()]
-
-
-def _held_compliance(model: RobotModel, seen: BoolArray) -> Finding:
-    joints = np.flatnonzero(~seen).tolist()
-    named = f"joint{'s' if len(joints) > 1 else ''} {_listed([_named(model, j) for j in joints])}"
-    reason = "gravity hardly turns them in these samples, or as much in all of them"
-    code, how = ("prior-dominated", "known by the prior alone")
-    if model.compliance_sigma is None:
-        code, how = ("fixed-gauge", "that cannot be seen")
-    return Finding(code, "info", (model.robot,), f"{model.robot}: compliances {how}: {named}: {reason}")
-
-
-def _held(cell: Cell, model: RobotModel, seen: BoolArray) -> Finding:
-    joints = np.flatnonzero(~seen)
-    named = f"joint{'s' if len(joints) > 1 else ''} {_listed([_named(model, j) for j in joints.tolist()])}"
-    reasons = _reasons(joints.tolist(), model.chain.n)
-    base = "the other bases" if model.robot == cell.reference else cell.base_name(model.robot)
-    if model.offset_sigma is not None:
-        told = f"{model.robot}: offsets known by the prior alone: {named}: {reasons}"
-        meaning = f"the sigmas of {base} and of the mounts contain what they leave open"
-        return Finding("prior-dominated", "info", (model.robot,), f"{told}; {meaning}")
-    told = f"{model.robot}: offsets that cannot be seen and are taken as zero: {named}: {reasons}"
-    return Finding("fixed-gauge", "info", (model.robot,), f"{told}; {base} and the mounts make up for them")
-
-
-def _named(model: RobotModel, joint: int) -> str:
-    return f"{joint + 1} ({model.chain.joint_names[joint]})"
-
-
-def _reasons(joints: list[int], n: int) -> str:
-    told = {0: "the first joint turns the arm as its base does", n - 1: "the last one as the mounts on its flange do"}
-    reasons = [told[j] for j in joints if j in told]
-    if any(j not in told for j in joints):
-        reasons.append("the samples hardly turn the others by themselves")
-    return ", ".join(reasons)
-
-
-def _listed(names: list[str]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

@@ -10,15 +10,15 @@ import numpy as np
 
 from basecal.accuracy.axis_shift import calibrate_axis_shift
 from basecal.accuracy.certify import certified
-from basecal.accuracy.cross_validation.robot_model_selection import choose_robot_model, robot_model_findings
-from basecal.accuracy.cross_validation.validation import validate
-from basecal.accuracy.findings.fit import few_stops, many_dropped, not_converged, poor_fit, too_few
-from basecal.accuracy.findings.observability import observability_findings
-from basecal.accuracy.findings.outliers import outlier_findings
-from basecal.accuracy.findings.priors import contradicted_priors
+from basecal.accuracy.cross_validation.robot_model_selection import RobotModelChoice, choose_robot_model
+from basecal.accuracy.cross_validation.validation import cross_validate
+from basecal.accuracy.findings.evidence import Evidence, Input
+from basecal.accuracy.findings.noise_not_identifiable import robots_with_few_stops
+from basecal.accuracy.findings.registry import ANSWER_CHECKS, INPUT_CHECKS
 from basecal.accuracy.input_check.conventions import check_conventions
+from basecal.accuracy.phrases.null_space import describe_null_space
 from basecal.accuracy.residuals.fit import residuals
-from basecal.accuracy.robot_parameters import deflection, held_findings, joint_offsets, link_parameters
+from basecal.accuracy.robot_parameters import deflection, joint_offsets, link_parameters
 from basecal.cell import Calibration, Cell, Finding, Recording, Residuals
 from basecal.cell.calibration import Verdict
 from basecal.estimation.noise.robot_noise import with_robot_noise
@@ -46,11 +46,10 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
     """
     with settings.stage("problem"):
         problem, dropped = build_problem(cell, recording)
-    findings = [*recording.findings, *dropped]
-    findings += many_dropped(problem, findings)
-    refusal = too_few(problem)
-    if refusal is not None:
-        return Calibration("refused", findings=(*findings, refusal), settings=settings.as_dict())
+    given = Input(problem, (*recording.findings, *dropped))
+    findings = [*given.findings, *(finding for check in INPUT_CHECKS for finding in check(given))]
+    if verdict_of(findings) == "refused":
+        return Calibration("refused", findings=tuple(findings), settings=settings.as_dict())
     if settings.method == "axis-shift":
         return calibrate_axis_shift(cell, problem, settings, findings)
     stated = replace(settings, robot_noise="stated")
@@ -63,11 +62,11 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
     with settings.stage("outliers"):
         robust = solve_robustly(problem, cell, stated, plain)
     with settings.stage("robot model"):
-        findings += robot_model_findings(choose_robot_model(robust.solution, stated))
-    told = few_stops(problem) if settings.robot_noise is None else []
-    if settings.robot_noise != "stated" and not told and not robust.solution.seen.blind:
+        model = choose_robot_model(robust.solution, stated)
+    few = settings.robot_noise is None and robots_with_few_stops(problem)
+    if settings.robot_noise != "stated" and not few and not robust.solution.observability.unobservable:
         robust = _with_robots_noise(robust, problem, cell, settings)
-    return _judged(cell, robust, settings, [*findings, *told])
+    return _judged(cell, problem, robust, model, settings, findings)
 
 
 def _with_robots_noise(robust: RobustSolution, problem: Problem, cell: Cell, settings: Settings) -> RobustSolution:
@@ -86,20 +85,31 @@ def _with_robots_noise(robust: RobustSolution, problem: Problem, cell: Cell, set
     return replace(again, solution=replace(again.solution, noise=noise, findings=first.findings))
 
 
-def _judged(cell: Cell, robust: RobustSolution, settings: Settings, findings: list[Finding]) -> Calibration:
+def _judged(
+    cell: Cell,
+    recorded: Problem,
+    robust: RobustSolution,
+    model: RobotModelChoice | None,
+    settings: Settings,
+    findings: list[Finding],
+) -> Calibration:
     """The answer with everything that is found about it."""
     stated = replace(settings, robot_noise="stated")
     with settings.stage("certificate"):
-        solution, certificate, replaced = certified(robust.solution, stated)
+        solution, certificate = certified(robust.solution, stated)
     with settings.stage("residuals"):
         fit = residuals(solution, robust.left_out)
     with settings.stage("cross-validation"):
-        validation, told = validate(solution, cell.asked, stated)
-    findings += [*replaced, *solution.findings, *observability_findings(cell, solution), *not_converged(solution)]
-    findings += [*outlier_findings(robust), *poor_fit(solution, fit), *contradicted_priors(solution)]
-    findings += [*held_findings(cell, solution), *told]
-    calibration = _calibration(cell, solution, fit, settings, findings)
-    return replace(calibration, outliers=robust.outliers, validation=validation, certificate=certificate)
+        validated = cross_validate(solution, cell.asked, stated)
+    evidence = Evidence(cell, settings, recorded, robust, solution, fit, validated, model)
+    with settings.stage("findings"):
+        findings += [finding for check in ANSWER_CHECKS for finding in check(evidence)]
+    return replace(
+        _calibration(cell, solution, fit, settings, findings),
+        outliers=robust.outliers,
+        validation=None if validated is None else validated.summary,
+        certificate=certificate,
+    )
 
 
 def verdict_of(findings: Sequence[Finding]) -> Verdict:
@@ -117,7 +127,7 @@ def _calibration(
     cell: Cell, solution: Solution, fit: Residuals, settings: Settings, findings: list[Finding]
 ) -> Calibration:
     kept = solution.transforms if solution.converged else {}
-    estimates = {n: e for n, e in kept.items() if n not in solution.seen.blind}
+    estimates = {n: e for n, e in kept.items() if n not in solution.observability.unobservable}
     order = tuple(n for n in estimates if solution.problem.unknowns[n].status != "fixed")
     return Calibration(
         verdict=verdict_of(findings),
@@ -132,8 +142,8 @@ def _calibration(
         order=order,
         joint_covariance=solution.covariance_of(list(order)),
         residuals=fit,
-        condition=solution.seen.condition if np.isfinite(solution.seen.condition) else None,
-        unobservable=tuple(direction.words for direction in solution.seen.unseen),
+        condition=solution.observability.condition if np.isfinite(solution.observability.condition) else None,
+        unobservable=tuple(map(describe_null_space, solution.observability.null_space)),
         findings=tuple(findings),
         settings=settings.as_dict(),
     )
@@ -143,7 +153,7 @@ def _estimated_lenses(solution: Solution) -> list[tuple[str, Any]]:
     return [
         (n, c)
         for n, c in solution.state.cameras.items()
-        if n in solution.problem.columns and n not in solution.seen.blind
+        if n in solution.problem.columns and n not in solution.observability.unobservable
     ]
 
 

@@ -38,7 +38,7 @@ class Solution:
         problem: What was solved, with the noise in use.
         state: The optimum.
         covariance: (p, p) of all columns of `problem`; directions not seen hold no information and stand as zero.
-        seen: Which directions the data see.
+        observability: Which directions the data determine.
         noise: Sigmas in use, stated or estimated.
         cost: Sum of squared residuals over sigmas.
         dof: Scalar residuals less unknowns.
@@ -50,7 +50,7 @@ class Solution:
     problem: Problem
     state: State
     covariance: Array
-    seen: Observability
+    observability: Observability
     noise: NoiseEstimate
     cost: float
     dof: int

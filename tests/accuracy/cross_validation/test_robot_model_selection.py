@@ -8,9 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.stats import chi2
+from tests.evidence import evidence_of
 
-from basecal.accuracy.cross_validation.robot_model_selection import choose_robot_model, robot_model_findings
-from basecal.accuracy.robot_parameters import deflection, held_findings, joint_offsets, link_parameters
+from basecal.accuracy.cross_validation.robot_model_selection import choose_robot_model
+from basecal.accuracy.findings.joint_parameters import unobserved_joint_parameters
+from basecal.accuracy.findings.robot_model import robot_model_findings
+from basecal.accuracy.robot_parameters import deflection, joint_offsets, link_parameters
 from basecal.accuracy.verdict import calibrate
 from basecal.estimation.problem.robot_parameters import Kinematics
 from basecal.estimation.settings import Settings
@@ -45,10 +48,11 @@ def test_one_joint_that_is_off_is_named_with_its_offset():
     assert abs(found.rad[2] - 0.3 * DEGREE) < 4 * found.sigma_rad[2] < 0.1 * DEGREE
     (finding,) = robot_model_findings(choice)
     assert (finding.code, finding.severity, finding.about) == ("robot-model", "warning", ("hand",))
-    told = (
-        r"freeing joint 3 of hand lowers the held-out error from [\d.]+ to [\d.]+ mm: its offset is 0\.\d\d \+/- [\d.]+"
+    said = (
+        r"freeing joint 3 of hand lowers the cross-validation error from [\d.]+ to [\d.]+ mm rms: "
+        r"its offset is 0\.\d\d \+/- [\d.]+"
     )
-    assert re.match(told, finding.message)
+    assert re.match(said, finding.message)
     assert "joint_offsets: {status: prior, sigma_rad: 0.005}" in finding.message
 
 
@@ -107,7 +111,7 @@ def test_first_and_last_joint_are_known_by_their_prior_alone():
         assert offsets.seen.tolist() == ENDS
         np.testing.assert_allclose(offsets.sigma_rad[[0, 5]], 0.2 * DEGREE, rtol=1e-6)
         assert np.all(offsets.sigma_rad[1:5] < 0.1 * DEGREE)
-    messages = [f.message for f in held_findings(made.cell, solution)]
+    messages = [f.message for f in unobserved_joint_parameters(evidence_of(made.cell, solution))]
     assert all("joints 1 (shoulder_pan) and 6 (wrist_3)" in message for message in messages)
     assert len(messages) == 2
     turn = np.linalg.norm(solution.transforms["eye_base_from_hand_base"].sigma_r)
@@ -152,9 +156,9 @@ def test_compliances_are_found_where_gravity_shows_them():
         assert not found.seen[0]
         off = np.abs(found.rad_per_nm - made.robots[robot].compliance)
         assert np.all(off[found.seen] < 4 * found.sigma[found.seen])
-    (first, _) = held_findings(made.cell, solution)
+    (first, _) = unobserved_joint_parameters(evidence_of(made.cell, solution))
     assert (first.code, first.about) == ("prior-dominated", ("eye",))
-    assert "compliances known by the prior alone: joints 1 (shoulder_pan)" in first.message
+    assert "compliances known from their prior alone: joints 1 (shoulder_pan)" in first.message
 
 
 @pytest.mark.slow

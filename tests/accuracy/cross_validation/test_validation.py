@@ -6,9 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.evidence import evidence_of
 from tests.motion_cells import SCARA, recorded
 
-from basecal.accuracy.cross_validation.validation import validate
+from basecal.accuracy.cross_validation.validation import cross_validate
+from basecal.accuracy.findings.inconsistent_folds import inconsistent_folds
+from basecal.accuracy.findings.not_validated import not_validated
+from basecal.accuracy.findings.overfit import overfit
 from basecal.cell import Cell, Finding, Recording, Validation
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.solve import solve_packed
@@ -23,9 +27,16 @@ def validated(scenario: Scenario, seed: int, **told) -> tuple[Validation | None,
     cell: Cell = replace(made.cell, **told)
     if told.get("pixel_px", 0) is None:
         cell = replace(cell, robots={n: replace(r, noise=None) for n, r in cell.robots.items()})
-    problem, _ = build_problem(cell, made.recording)
-    found, findings = validate(solve_packed(problem, cell), cell.asked)
+    found, findings = checked(cell, made.recording)
     return found, {f.code for f in findings}, findings
+
+
+def checked(cell: Cell, recording: Recording) -> tuple[Validation | None, tuple[Finding, ...]]:
+    problem, _ = build_problem(cell, recording)
+    solution = solve_packed(problem, cell)
+    found = cross_validate(solution, cell.asked)
+    evidence = evidence_of(cell, solution, found)
+    return found and found.summary, (*not_validated(evidence), *inconsistent_folds(evidence), *overfit(evidence))
 
 
 # The mean of a fold's squared change has the mean 1 and, with folds of one recording alike, 24 freedoms less those that
@@ -88,8 +99,7 @@ def test_a_part_that_cannot_be_missed_is_told():
     """The only sample in which the hand turns about a second axis is not held out, and the finding names it."""
     made, other = recorded(Scenario(samples=14), 0, hand=SCARA), recorded(Scenario(samples=1), 0)
     last = replace(other.recording.samples[0], sample=14, stamp_s=14.0)
-    problem, _ = build_problem(made.cell, Recording((*made.recording.samples, last)))
-    found, findings = validate(solve_packed(problem, made.cell), made.cell.asked)
+    found, findings = checked(made.cell, Recording((*made.recording.samples, last)))
     assert found is not None
     assert found.folds == 4
     (told,) = findings

@@ -175,7 +175,7 @@ def test_free_or_by_priors_everything_is_seen_and_unseen_views_are_predicted(kin
     made = simulate(replace(ARMS, samples=50, target="charuco", **kind), 4)
     ours = solve(made.cell, replace(made.recording, samples=made.recording.samples[:40]))
     assert ours.converged
-    assert ours.seen.unseen == ()
+    assert ours.observability.null_space == ()
     others, _ = build_problem(made.cell, replace(made.recording, samples=made.recording.samples[40:]))
     (group,) = others.groups
     truth = State(made.truth, made.cameras, np.zeros((0, 6)), made.robots)

@@ -14,8 +14,7 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from basecal.accuracy.cross_validation.left_out import predict_left_out
-from basecal.accuracy.robot_parameters import joint_offsets
-from basecal.cell import Finding, Parameters
+from basecal.cell import Parameters
 from basecal.estimation.least_squares.levenberg_marquardt import levenberg_marquardt
 from basecal.estimation.noise.estimate import degrees_of_freedom
 from basecal.estimation.problem.build import free_ends, recorded_by_joints
@@ -32,7 +31,6 @@ _FEWEST_VIEWS = 15
 _MOST_SAMPLES = 200
 _CERTAIN, _DOUBTED = 3.0, 2.0
 _WORTH_A_LOOK = 6.0  # what a parameter more lowers the cost by, in units of its expectation by chance
-_PARTS = (slice(0, 3), slice(3, 6))
 
 _FIXED = Parameters()
 _OFFSETS = Parameters("prior", SIGMA_RAD)
@@ -193,56 +191,3 @@ def _standard_errors(difference: Array) -> float:
     n = len(difference)
     spread = float(np.std(difference, ddof=1)) / np.sqrt(n) if n > 1 else 0.0
     return float(norm.isf(student.sf(np.mean(difference) / spread, n - 1))) if spread > 0 else 0.0
-
-
-def robot_model_findings(choice: RobotModelChoice | None) -> list[Finding]:
-    """What the choice tells: what to free, by how much it helps, and what to write; nothing where nothing is wrong."""
-    if choice is None or (choice.chosen.kind == "none" and choice.better is None):
-        return []
-    none, chosen = choice.candidates[0], choice.chosen
-    if chosen.kind == "none":
-        assert choice.better is not None
-        told = f"{_freed(choice, choice.better)} may lower {_from_to(none, choice.better)}: too few samples to decide"
-        return [Finding("robot-model", "info", choice.better.robots, f"{told}; record more")]
-    told = f"{_freed(choice, chosen)} lowers {_from_to(none, chosen)}: {_largest(choice)}"
-    if choice.better is not None:
-        told += f"; whether {_freed(choice, choice.better)} helps more is undecided"
-    return [Finding("robot-model", "warning", chosen.robots, f"{told}; {_to_write(chosen)}")]
-
-
-def _freed(choice: RobotModelChoice, candidate: Candidate) -> str:
-    robots = " and ".join(candidate.robots)
-    if candidate.kind == "joint" and candidate.joint is not None:
-        return f"freeing joint {candidate.joint + 1} of {robots}"
-    return f"freeing the {'joint offsets' if candidate.kind == 'offsets' else 'joint offsets and links'} of {robots}"
-
-
-def _from_to(none: Candidate, candidate: Candidate) -> str:
-    if none.error_m is not None and candidate.error_m is not None:
-        return f"the held-out error from {1e3 * none.error_m:.2g} to {1e3 * candidate.error_m:.2g} mm"
-    return f"the held-out error from {none.rms:.2g} to {candidate.rms:.2g} sigmas"
-
-
-def _largest(choice: RobotModelChoice) -> str:
-    """The offset that stands out most from its sigma, or how far links are off."""
-    if choice.chosen.kind == "links":
-        tangents = [each.links for each in choice.solution.state.robots.values()]
-        off_m, off_rad = (max(float(np.linalg.norm(t[:, part], axis=-1).max()) for t in tangents) for part in _PARTS)
-        return f"links are off by up to {1e3 * off_m:.2g} mm and {np.degrees(off_rad):.2g} deg"
-    found = joint_offsets(choice.solution)
-    seen = [(abs(o.rad[j]) / o.sigma_rad[j], r, int(j)) for r, o in found.items() for j in np.flatnonzero(o.seen)]
-    if not seen:
-        return "no single offset stands out"
-    _, robot, joint = max(seen)
-    of = found[robot]
-    value, sigma = np.degrees(of.rad[joint]), np.degrees(of.sigma_rad[joint])
-    whose = "its offset" if choice.chosen.kind == "joint" else f"the clearest, of joint {joint + 1} of {robot},"
-    return f"{whose} is {value:.2f} +/- {sigma:.2g} deg"
-
-
-def _to_write(candidate: Candidate) -> str:
-    entry = f"`joint_offsets: {{status: prior, sigma_rad: {SIGMA_RAD}}}`"
-    if candidate.kind == "links":
-        sigmas = f"sigma_rad: {LINK_SIGMA_RAD}, sigma_m: {LINK_SIGMA_M}"
-        entry += f" and `link_parameters: {{status: prior, {sigmas}}}`"
-    return f"write {entry} at {' and '.join(candidate.robots)} in cell.yaml"

@@ -16,7 +16,7 @@ from scipy.special import chdtrc, fdtrc
 
 from basecal.accuracy.cross_validation.folds import Samples, folds
 from basecal.accuracy.residuals.fit import view_alone
-from basecal.cell import Finding, Validation
+from basecal.cell import Validation
 from basecal.estimation.least_squares.levenberg_marquardt import levenberg_marquardt
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.noise.estimate import degrees_of_freedom
@@ -31,10 +31,6 @@ _LEAST_GAIN = 0.01
 _MOST_GAIN = 10.0
 _FEWEST_FREEDOMS = 5.0
 _ROUNDING = 1e-12
-_NOTHING = 1e-12
-_CHANCE = 1e-4
-_MUCH_WORSE = 4.0
-_SHOWN = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +55,7 @@ class _Fold:
 
 
 @dataclass(frozen=True)
-class _Errors:
+class HeldOutErrors:
     """Of held-out views: squares over their sigmas, of pixels, and of the target's pose; with their counts."""
 
     cost: float = 0.0
@@ -69,22 +65,39 @@ class _Errors:
     square_rad: float = 0.0
     count_poses: int = 0
 
-    def __add__(self, other: _Errors) -> _Errors:
-        return _Errors(*(a + b for a, b in zip(vars(self).values(), vars(other).values(), strict=True)))
+    def __add__(self, other: HeldOutErrors) -> HeldOutErrors:
+        return HeldOutErrors(*(a + b for a, b in zip(vars(self).values(), vars(other).values(), strict=True)))
 
 
 @dataclass(frozen=True)
-class _Change:
+class FoldSpread:
     """How far the folds' answers are from the full one: mean square in sigmas, its freedoms, and its chance."""
 
-    mean: float
+    mean_square: float
     freedoms: float
     chance: float
 
 
-def validate(
-    solution: Solution, asked: Sequence[str], settings: Settings = DEFAULT
-) -> tuple[Validation | None, tuple[Finding, ...]]:
+@dataclass(frozen=True, eq=False)
+class CrossValidation:
+    """How samples are predicted that were held out.
+
+    Attributes:
+        summary: What a calibration says of it; None where no fold could be fitted.
+        spread: How far the folds' answers are from the full one; None where they cannot be compared.
+        fitted: Errors of the held-out views by the full answer.
+        predicted: Errors of the same views by the folds that did not use them.
+        skipped: Numbers of the samples without which what was asked is unobservable.
+    """
+
+    summary: Validation | None
+    spread: FoldSpread | None
+    fitted: HeldOutErrors
+    predicted: HeldOutErrors
+    skipped: Samples
+
+
+def cross_validate(solution: Solution, asked: Sequence[str], settings: Settings = DEFAULT) -> CrossValidation | None:
     """How well samples are predicted that were held out, five folds one after another, stations kept together.
 
     A stop that no used sample shares is predicted at its recorded pose, as a user would meet it.
@@ -95,28 +108,24 @@ def validate(
         settings: How long to descend.
 
     Returns:
-        The validation; None where the answer is none, or where every part of the recording is needed to see what was
-        asked. And findings: `inconsistent-folds`, `overfit`, `not-validated`.
+        The cross-validation; None where the answer is none.
     """
     free = [name for name in asked if name in solution.problem.columns]
-    if not solution.converged or solution.seen.blind.intersection(free):
-        return None, ()
-    ways = folds(solution.problem)
+    if not solution.converged or solution.observability.unobservable.intersection(free):
+        return None
     fitted: list[_Fold] = []
-    skipped: list[Samples] = []
-    for held in ways:
+    skipped: Samples = frozenset()
+    for held in folds(solution.problem):
         tried = [_fold(solution, free, samples, settings.iterations) for samples in held]
         fitted = [fold for fold in tried if fold is not None]
-        skipped = [samples for samples, fold in zip(held, tried, strict=True) if fold is None]
+        skipped = frozenset().union(*(samples for samples, fold in zip(held, tried, strict=True) if fold is None))
         if 2 * len(fitted) > len(held):
             break
-    told = [_not_validated(free, skipped)] if skipped or not fitted else []
     if not fitted:
-        return None, tuple(told)
-    used, unseen = _errors(solution, fitted)
-    change = _change(solution, fitted, free)
-    told += [*_unstable(change, solution), *_overfit(used, unseen)]
-    return _validation(fitted, unseen, change), tuple(told)
+        return CrossValidation(None, None, HeldOutErrors(), HeldOutErrors(), skipped)
+    used, predicted = _errors(solution, fitted)
+    spread = _spread(solution, fitted, free)
+    return CrossValidation(_summary(fitted, predicted, spread), spread, used, predicted, skipped)
 
 
 def _fold(solution: Solution, asked: Sequence[str], held: Samples, iterations: int) -> _Fold | None:
@@ -125,10 +134,10 @@ def _fold(solution: Solution, asked: Sequence[str], held: Samples, iterations: i
     known = _stops_of(used)
     state = _with_errors(solution.state, known)
     end = levenberg_marquardt(used, state, degrees_of_freedom(used), iterations)
-    seen = observability_of(used, end.state, end.normal.hessian, solution.noise.factor)
-    if not end.converged or seen.blind.intersection(asked):
+    observability = observability_of(used, end.state, end.normal.hessian, solution.noise.factor)
+    if not end.converged or observability.unobservable.intersection(asked):
         return None
-    return _Fold(held, views, end.state, known, end.normal.hessian, seen.inverse)
+    return _Fold(held, views, end.state, known, end.normal.hessian, observability.inverse)
 
 
 def _split(problem: Problem, held: Samples) -> tuple[Problem, Problem]:
@@ -153,29 +162,29 @@ def _with_errors(state: State, known: BoolArray) -> State:
     return replace(state, stop_errors=np.where(known[:, None], state.stop_errors, 0.0))
 
 
-def _errors(solution: Solution, fitted: Sequence[_Fold]) -> tuple[_Errors, _Errors]:
+def _errors(solution: Solution, fitted: Sequence[_Fold]) -> tuple[HeldOutErrors, HeldOutErrors]:
     """Of the held-out views: as the full answer has them, and as the folds predict them."""
-    used, unseen = _Errors(), _Errors()
+    used, predicted = HeldOutErrors(), HeldOutErrors()
     for fold in fitted:
         full = _with_errors(solution.state, fold.known)
         for group in fold.views.groups:
             in_pixels = isinstance(group.measurement, PixelMeasurement)
             used += _of_group(fold.views, group, full, posed=not in_pixels)
-            unseen += _of_group(fold.views, group, fold.state, posed=True)
-    return used, unseen
+            predicted += _of_group(fold.views, group, fold.state, posed=True)
+    return used, predicted
 
 
-def _of_group(views: Problem, group: ViewGroup, state: State, posed: bool) -> _Errors:
+def _of_group(views: Problem, group: ViewGroup, state: State, posed: bool) -> HeldOutErrors:
     """Of a group's views; of the target's pose, which takes most of the time, only where `posed`."""
     predicted = state.camera_from_target(group, views.stops)
     cost = float(group.measurement.linearise(predicted, state.cameras.get(group.camera), False).cost.sum())
     square_px, count_px = _pixels(group, state, predicted)
     if not posed:
-        return _Errors(cost, square_px, count_px)
+        return HeldOutErrors(cost, square_px, count_px)
     alone, enough = view_alone(state, group, predicted)
     off = (alone.inverse() @ predicted)[np.flatnonzero(enough)]
     square_m, square_rad = float(np.sum(off.translation**2)), float(np.sum(off.rotvec**2))
-    return _Errors(cost, square_px, count_px, square_m, square_rad, int(enough.sum()))
+    return HeldOutErrors(cost, square_px, count_px, square_m, square_rad, int(enough.sum()))
 
 
 def _pixels(group: ViewGroup, state: State, predicted: SE3) -> tuple[float, int]:
@@ -186,7 +195,7 @@ def _pixels(group: ViewGroup, state: State, predicted: SE3) -> tuple[float, int]
     return float(np.sum(off**2)), off.size
 
 
-def _change(solution: Solution, fitted: Sequence[_Fold], asked: Sequence[str]) -> _Change | None:
+def _spread(solution: Solution, fitted: Sequence[_Fold], asked: Sequence[str]) -> FoldSpread | None:
     """How far what was asked moves between the folds and the full answer, by what its covariance expects."""
     columns = solution.problem.columns
     chosen = np.array([k for name in asked for k in range(columns[name].start, columns[name].stop)], dtype=np.int64)
@@ -202,15 +211,15 @@ def _change(solution: Solution, fitted: Sequence[_Fold], asked: Sequence[str]) -
     if not freedoms:
         return None
     mean = sum(float(each @ each) for each in whitened) / freedoms
-    spread = sum(
+    correlation = sum(
         float(np.sum((a @ (_shared(i, j, hessian, factor)[np.ix_(chosen, chosen)] - covariance) @ b.T) ** 2))
         for i, a in zip(fitted, units, strict=True)
         for j, b in zip(fitted, units, strict=True)
     )
-    effective = freedoms**2 / max(spread, 1e-300)
+    effective = freedoms**2 / max(correlation, 1e-300)
     if effective < _FEWEST_FREEDOMS:
         return None
-    return _Change(mean, effective, _chance(solution, mean, effective))
+    return FoldSpread(mean, effective, _chance(solution, mean, effective))
 
 
 def _shared(first: _Fold, second: _Fold, hessian: Array, factor: float) -> Array:
@@ -249,64 +258,17 @@ def _chance(solution: Solution, mean: float, freedoms: float) -> float:
     return float(chdtrc(freedoms, freedoms * mean))
 
 
-def _validation(fitted: Sequence[_Fold], unseen: _Errors, change: _Change | None) -> Validation:
+def _summary(fitted: Sequence[_Fold], predicted: HeldOutErrors, spread: FoldSpread | None) -> Validation:
     return Validation(
         kind="k-fold" if any(len(fold.held) > 1 for fold in fitted) else "leave-one-out",
         folds=len(fitted),
-        rms_px=_root(unseen.square_px, unseen.count_px),
-        target_m=_root(unseen.square_m, unseen.count_poses),
-        target_rad=_root(unseen.square_rad, unseen.count_poses),
-        base_change=None if change is None else change.mean,
+        rms_px=root_mean(predicted.square_px, predicted.count_px),
+        target_m=root_mean(predicted.square_m, predicted.count_poses),
+        target_rad=root_mean(predicted.square_rad, predicted.count_poses),
+        base_change=None if spread is None else spread.mean_square,
     )
 
 
-def _root(squares: float, count: int) -> float | None:
+def root_mean(squares: float, count: int) -> float | None:
+    """Root of a mean square; None where there is none."""
     return float(np.sqrt(squares / count)) if count and np.isfinite(squares) else None
-
-
-def _unstable(change: _Change | None, solution: Solution) -> list[Finding]:
-    if change is None or change.chance > _CHANCE:
-        return []
-    robots = sorted({r for g in solution.problem.groups for r in (g.eye, g.hand) if r is not None})
-    stated = set(solution.problem.stops.robot)
-    lacking = [robot for robot in robots if robot not in stated]
-    noise = f"state the noise of {' and '.join(lacking)}" if lacking else "state a larger noise of the robots"
-    message = (
-        f"parts of the recording give answers that differ {np.sqrt(change.mean):.1f} times as much as the sigmas say: "
-        f"take the sigmas as {np.sqrt(change.mean):.1f} times as large, {noise}, and look for samples taken while "
-        "something moved"
-    )
-    return [Finding("inconsistent-folds", "warning", (), message)]
-
-
-def _overfit(used: _Errors, unseen: _Errors) -> list[Finding]:
-    ratio = np.sqrt(unseen.cost / used.cost) if used.cost > 0 and np.isfinite(unseen.cost) else np.inf
-    if ratio <= _MUCH_WORSE or unseen.cost <= _NOTHING * max(unseen.count_px, unseen.count_poses):
-        return []
-    message = (
-        f"samples that were held out are predicted {ratio:.1f} times worse than the same samples fit when they are "
-        f"used{_compared(used, unseen)}: there are too few of them for all that is unknown; record more, or state "
-        "what is known as a prior"
-    )
-    return [Finding("overfit", "warning", (), message)]
-
-
-def _compared(used: _Errors, unseen: _Errors) -> str:
-    """Both errors in pixels, or in mm and degrees."""
-    inside, outside = (_root(e.square_px, e.count_px) for e in (used, unseen))
-    if inside is not None and outside is not None:
-        return f" ({outside:.2f} px against {inside:.2f} px)"
-    inside, outside = (_root(e.square_m, e.count_poses) for e in (used, unseen))
-    return "" if inside is None or outside is None else f" ({1e3 * outside:.2f} mm against {1e3 * inside:.2f} mm)"
-
-
-def _not_validated(asked: Sequence[str], skipped: Sequence[Samples]) -> Finding:
-    numbers = tuple(map(str, sorted(number for samples in skipped for number in samples)))
-    if not numbers:
-        return Finding("not-validated", "info", (), "the samples cannot be split: nothing was held out to check by")
-    shown = ", ".join(numbers[:_SHOWN]) + (", ..." if len(numbers) > _SHOWN else "")
-    message = (
-        f"samples {shown} could not be held out to check by, as without them {' and '.join(asked)} is not seen: "
-        "record more of their kind"
-    )
-    return Finding("not-validated", "info", numbers, message)

@@ -1,1 +1,1 @@
-"""What a solution's numbers say, as findings."""
+"""What a user should know of an answer: one file for each kind, registered in `registry`."""

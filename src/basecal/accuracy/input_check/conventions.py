@@ -211,7 +211,7 @@ def _has_tail(fit: HeldOut) -> bool:
 
 
 def _is_seen(cell: Cell, fit: HeldOut) -> bool:
-    return not any(name in fit.solution.seen.blind for name in cell.asked)
+    return not any(name in fit.solution.observability.unobservable for name in cell.asked)
 
 
 def _alike(fit: HeldOut, other: HeldOut) -> bool:

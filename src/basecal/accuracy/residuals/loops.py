@@ -133,8 +133,8 @@ def _alone(solution: Solution, group: ViewGroup, base: str, mounts: Sequence[str
     columns = {name: slice(int(i), int(j)) for name, i, j in zip(widths, ends[:-1], ends[1:], strict=True)}
     problem = replace(whole, groups=(group,), columns=columns, unknowns={**whole.unknowns, base: Unknown()}, models={})
     end = levenberg_marquardt(problem, solution.state, degrees_of_freedom(problem), _STEPS)
-    seen = observability_of(problem, end.state, end.normal.hessian, solution.noise.factor)
-    return end.state if end.converged and base not in seen.blind else None
+    observability = observability_of(problem, end.state, end.normal.hessian, solution.noise.factor)
+    return end.state if end.converged and base not in observability.unobservable else None
 
 
 def _relation(group: ViewGroup, transforms: Mapping[str, SE3]) -> SE3:

@@ -1,7 +1,7 @@
-"""Which directions of the unknowns the data see.
+"""Which directions of the unknowns are observable.
 
 The information is scaled to lengths of the scene and radians. A direction whose sigma would be above a third of
-these is not seen; one without any information at all gets no number.
+these is unobservable; one without any information at all gets no number.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ import numpy as np
 
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.observability.motions import null_directions
-from basecal.estimation.observability.null_space_words import NullSpace, describe_null_space
+from basecal.estimation.observability.null_space import NullDirection, separate_null_space
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.robot_parameters import DEFLECTION
 from basecal.geometry import Array
 
-_UNSEEN_SIGMA = 0.3
-_BLIND_SIGMA = 30.0
+_UNOBSERVABLE_SIGMA = 0.3
+_NO_INFORMATION_SIGMA = 30.0
 _ROUNDING = 1e-13
 _TOUCHES = 1e-3
 _SMALLEST_FACTOR = 1e-4
@@ -29,20 +29,20 @@ _COMPLIANCE_SCALE = 0.01  # [rad/Nm]: 1 rad under 100 Nm
 
 @dataclass(frozen=True, eq=False)
 class Observability:
-    """What the data see.
+    """Which unknowns the data determine.
 
     Attributes:
         inverse: (p, p) inverse of the information, zero along directions without any.
         condition: Largest over smallest scaled sigma; infinite where a direction has no information.
-        unseen: The unseen directions in words.
+        null_space: The directions whose sigma is too large to count as seen, taken apart.
         length_m: What a sigma of a translation is compared with: how far targets are from cameras.
-        blind: Names of the transforms and lenses that have an unseen direction.
+        unobservable: Names of the transforms and lenses that have such a direction.
     """
 
     inverse: Array
     condition: float
-    unseen: tuple[NullSpace, ...]
-    blind: frozenset[str]
+    null_space: tuple[NullDirection, ...]
+    unobservable: frozenset[str]
     length_m: float = 1.0
 
 
@@ -52,27 +52,27 @@ def observability_of(problem: Problem, state: State, hessian: Array, factor: flo
         return Observability(np.zeros((0, 0)), 1.0, (), frozenset())
     length = _length(problem, state)
     scale = _scales(problem, state, length)
-    values, vectors = np.linalg.eigh(_without_loose(problem, state, hessian, scale))
+    values, vectors = np.linalg.eigh(_without_null_directions(problem, state, hessian, scale))
     noise = max(factor, _SMALLEST_FACTOR)
     sigma = np.sqrt(noise / np.maximum(values, 1e-300))
-    blind = (sigma > _BLIND_SIGMA) | (values < _ROUNDING * values[-1])
-    kept = vectors[:, ~blind] * scale[:, None]
-    inverse = (kept / values[~blind]) @ kept.T
+    singular = (sigma > _NO_INFORMATION_SIGMA) | (values < _ROUNDING * values[-1])
+    kept = vectors[:, ~singular] * scale[:, None]
+    inverse = (kept / values[~singular]) @ kept.T
     shaping = np.linalg.norm(vectors[_distortion_columns(problem)], axis=0) ** 2 > 0.5
-    unseen = blind | ((sigma > _UNSEEN_SIGMA) & ~shaping)
-    words = describe_null_space(problem, state, vectors[:, unseen], scale) if np.any(unseen) else ()
+    null = singular | ((sigma > _UNOBSERVABLE_SIGMA) & ~shaping)
+    directions = separate_null_space(problem, state, vectors[:, null], scale) if np.any(null) else ()
     names = frozenset(
         name
         for name, where in problem.columns.items()
-        if np.abs(vectors[where][:, blind]).max(initial=0.0) > _TOUCHES
+        if np.abs(vectors[where][:, singular]).max(initial=0.0) > _TOUCHES
         or np.sqrt(noise * np.diag(inverse)[where] / scale[where] ** 2)[: _gated(problem, name)].max(initial=0.0)
-        > _UNSEEN_SIGMA
+        > _UNOBSERVABLE_SIGMA
     )
-    condition = float(np.sqrt(values[-1] / values[0])) if not np.any(blind) else float("inf")
-    return Observability(inverse, condition, words, names, length)
+    condition = float(np.sqrt(values[-1] / values[0])) if not np.any(singular) else float("inf")
+    return Observability(inverse, condition, directions, names, length)
 
 
-def _without_loose(problem: Problem, state: State, hessian: Array, scale: Array) -> Array:
+def _without_null_directions(problem: Problem, state: State, hessian: Array, scale: Array) -> Array:
     """The scaled information without what noise alone tells of directions that the recorded poses leave open."""
     scaled = hessian * scale * scale[:, None]
     loose = null_directions(problem, state)

@@ -134,7 +134,7 @@ def _spread(end: _End) -> float:
 
 def _is_answer(end: _End, plain: Solution) -> bool:
     """Whether an end rests on most of the views, fits, is an optimum, and sees what all views together do."""
-    sees = end.solution.seen.blind <= plain.seen.blind
+    sees = end.solution.observability.unobservable <= plain.observability.unobservable
     return sees and end.solution.converged and _fits(end.solution) and _share_kept(end) >= _LEAST_KEPT
 
 

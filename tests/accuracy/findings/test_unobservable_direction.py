@@ -41,11 +41,17 @@ def test_general_motion_is_good(target):
 
 
 DEGENERATE = {
-    "shifts": (SHIFTS, "any shift of hand_base, together with hand_flange_from_board: hand only shifts"),
-    "scara": (SCARA, "hand turns about one axis, along (0.48, -0.60, 0.64) in hand_base"),
-    "planar": (PLANAR, "hand turns about one axis, along (0.48, -0.60, 0.64) in hand_base"),
-    "one line": (ONE_AXIS, "a turn of hand_base about the axis through"),
-    "still": (still, "any turn of hand_base, together with hand_flange_from_board: hand never moves in"),
+    "shifts": (
+        SHIFTS,
+        f"any translation of hand_base is unobservable (coupled with {BOARD}): hand only translates",
+    ),
+    "scara": (SCARA, "hand rotates about one axis, along (0.48, -0.60, 0.64) in hand_base"),
+    "planar": (PLANAR, "hand rotates about one axis, along (0.48, -0.60, 0.64) in hand_base"),
+    "one line": (ONE_AXIS, "rotation of hand_base about the axis through"),
+    "still": (
+        still,
+        f"any rotation of hand_base are unobservable (coupled with {BOARD}): hand never moves in",
+    ),
 }
 
 
@@ -103,15 +109,15 @@ def test_both_arms_are_named():
     """Where both arms only shift both are told, each once, and what to state."""
     found = calibrated(recorded(SEEN["charuco"], 3, eye=SHIFTS, hand=SHIFTS))
     said = findings(found, "unobservable-direction")
-    assert "eye only shifts" in said
-    assert "hand only shifts" in said
+    assert "eye only translates" in said
+    assert "hand only translates" in said
     assert not found.transforms
 
 
 def test_a_still_light_leaves_turns_open():
     """A light that stays where it is says where it is: with its offset known, turns of the base about it are open."""
     found = calibrated(recorded(replace(SEEN["led"], target_mount="fixed"), 3, hand=still))
-    assert found.unobservable == ("any turn of hand_base",)
+    assert found.unobservable == ("any rotation of hand_base",)
     assert "hand never moves in 40 samples: move it" in findings(found, "unobservable-direction")
 
 
@@ -145,7 +151,7 @@ def test_what_a_prior_holds_is_told():
     (told,) = [f for f in found.findings if f.code == "prior-dominated"]
     assert told.severity == "info"
     assert told.about == (BOARD, BASE)
-    assert "a shift of board along" in told.message
+    assert "translation of board along" in told.message
     assert f"{BASE} rests on it" in told.message
     # The prior's 5 mm along one direction is all there is.
     assert np.linalg.norm(found[BASE].sigma_t) == pytest.approx(5e-3, rel=0.05)
@@ -172,7 +178,7 @@ def test_a_recording_tells_by_itself_where_the_solver_fails():
     robots = {n: replace(r, noise=np.full(6, 1e-4)) for n, r in made.cell.robots.items()}
     found = calibrate(replace(made.cell, robots=robots), made.recording)
     assert found.verdict == "refused"
-    assert "any shift of hand_base" in findings(found, "unobservable-direction")
+    assert "any translation of hand_base" in findings(found, "unobservable-direction")
 
 
 def test_too_few_samples_say_how_the_arms_moved():

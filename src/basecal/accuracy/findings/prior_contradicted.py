@@ -1,16 +1,22 @@
-"""Priors that the data contradict."""
+"""`prior-contradicted`: priors that the data contradict."""
 
 from __future__ import annotations
 
 import numpy as np
 from scipy.stats import chi2
 
+from basecal.accuracy.findings.evidence import Evidence
+from basecal.accuracy.significance import SIGNIFICANCE
 from basecal.cell import Finding
 from basecal.estimation.least_squares.normal_equations import prior_residuals
 from basecal.estimation.solve import Solution
 
-CHANCE = 1e-4
-_LEARNT = 1e-6
+_LEARNT = 1e-6  # share of a prior's variance that the data take away, below which it is rounding
+
+
+def prior_contradicted(of: Evidence) -> list[Finding]:
+    """Warnings, see `contradicted_priors`."""
+    return contradicted_priors(of.solution)
 
 
 def contradicted_priors(solution: Solution) -> list[Finding]:
@@ -19,7 +25,7 @@ def contradicted_priors(solution: Solution) -> list[Finding]:
     The answer leaves the mean of a true prior by a normal error whose covariance is the prior's less the answer's, in
     directions of which the data say something at all. Source: Bar-Shalom et al. 2001 (normalised innovation squared).
     """
-    told = []
+    found = []
     for residual, jacobian, where in prior_residuals(solution.problem, solution.state):
         name = next(n for n, c in solution.problem.columns.items() if c == where)
         after = jacobian @ solution.covariance[where, where] @ jacobian.T / solution.noise.factor
@@ -27,9 +33,9 @@ def contradicted_priors(solution: Solution) -> list[Finding]:
         learnt = values > _LEARNT
         along = (vectors.T @ residual)[learnt]
         off = float(np.sum(along**2 / values[learnt])) / max(solution.noise.factor, 1.0)
-        if learnt.any() and off > chi2.isf(CHANCE, int(learnt.sum())):
-            told.append(_finding(name, float(np.abs(residual).max())))
-    return told
+        if learnt.any() and off > chi2.isf(SIGNIFICANCE, int(learnt.sum())):
+            found.append(_finding(name, float(np.abs(residual).max())))
+    return found
 
 
 def _finding(name: str, sigmas: float) -> Finding:

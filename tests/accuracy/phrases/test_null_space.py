@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.estimation.observability.null_space_words import describe_null_space, twists_in_words
+from basecal.accuracy.phrases.null_space import describe_null_space, describe_twists
+from basecal.estimation.observability.null_space import separate_null_space
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.geometry import SE3
@@ -33,7 +34,8 @@ def words(problem, tangents: list[dict[str, list[float]]], base: SE3 = HOME, see
         for name, values in tangent.items():
             vectors[problem.columns[name], k] = values
     mixed = np.linalg.qr(vectors)[0] @ np.linalg.qr(np.random.default_rng(seed).normal(size=(len(tangents),) * 2))[0]
-    return [u.words for u in describe_null_space(problem, state_with(problem, base), mixed, np.ones(problem.width))]
+    found = separate_null_space(problem, state_with(problem, base), mixed, np.ones(problem.width))
+    return [describe_null_space(direction) for direction in found]
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -42,26 +44,27 @@ def test_shifts_are_parted_from_turns(problem, seed):
     shift = {BASE: [0, 0, 1, 0, 0, 0], BOARD: [0, 1, 0, 0, 0, 0]}
     turn = {BASE: [0, 0, 0, 1, 0, 0]}
     assert words(problem, [shift, turn], seed=seed) == [
-        f"a shift of hand_base along (0.00, 0.00, 1.00) in eye_base, together with {BOARD}",
-        "a turn of hand_base about the axis through (0.00, 0.00, 0.00) m along (1.00, 0.00, 0.00) in eye_base",
+        f"translation of hand_base along (0.00, 0.00, 1.00) in eye_base, coupled with {BOARD}",
+        "rotation of hand_base about the axis through (0.00, 0.00, 0.00) m along (1.00, 0.00, 0.00) in eye_base",
     ]
 
 
 def test_whole_spaces_are_one_phrase(problem):
     """Three shifts are any shift, two any shift across the third, three turns any turn."""
     unit = np.eye(6).tolist()
-    assert words(problem, [{BASE: row} for row in unit[:3]]) == ["any shift of hand_base"]
+    assert words(problem, [{BASE: row} for row in unit[:3]]) == ["any translation of hand_base"]
     assert words(problem, [{BASE: row} for row in unit[:2]]) == [
-        "any shift of hand_base across (0.00, 0.00, 1.00) in eye_base"
+        "any translation of hand_base perpendicular to (0.00, 0.00, 1.00) in eye_base"
     ]
-    assert words(problem, [{BASE: row} for row in unit]) == ["any shift of hand_base", "any turn of hand_base"]
+    everything = words(problem, [{BASE: row} for row in unit])
+    assert everything == ["any translation of hand_base", "any rotation of hand_base"]
 
 
 def test_axes_stand_in_the_parent(problem):
     """A turn about z of the base, which stands 2 m along x and turned about it, is about that line in eye_base."""
     base = SE3.from_rotvec([np.pi / 2, 0, 0], [2.0, 0, 0])
     assert words(problem, [{BASE: [0, 0, 0, 0, 0, 1]}], base) == [
-        "a turn of hand_base about the axis through (2.00, 0.00, 0.00) m along (0.00, 1.00, 0.00) in eye_base"
+        "rotation of hand_base about the axis through (2.00, 0.00, 0.00) m along (0.00, 1.00, 0.00) in eye_base"
     ]
 
 
@@ -70,17 +73,17 @@ def test_what_moves_apart_is_told_apart(problem):
     lens = {"wrist": [0.0] * 4 + [1.0] + [0.0] * 4}
     told = words(problem, [{BASE: [1, 0, 0, 0, 0, 0]}, {BOARD: [0, 1, 0, 0, 0, 0]}, lens])
     assert told == [
-        "the lens of wrist",
-        "a shift of hand_base along (1.00, 0.00, 0.00) in eye_base",
-        "a shift of board along (0.00, 1.00, 0.00) in hand_flange",
+        "the intrinsics of wrist",
+        "translation of hand_base along (1.00, 0.00, 0.00) in eye_base",
+        "translation of board along (0.00, 1.00, 0.00) in hand_flange",
     ]
 
 
 def test_twists_of_a_base_in_its_own_axes():
     """What poses alone leave open: all of it, or a shift and the turn about a line 1 m off."""
-    assert twists_in_words("hand_base", np.eye(6)) == "any shift or turn of hand_base"
+    assert describe_twists("hand_base", np.eye(6)) == "any translation or rotation of hand_base"
     turn = np.concatenate([np.cross([1.0, 0, 0], [0, 0, 1.0]), [0, 0, 1.0]])
-    assert twists_in_words("hand_base", np.array([[0, 0, 1.0, 0, 0, 0], turn])) == (
-        "a shift of hand_base along (0.00, 0.00, 1.00) in hand_base and "
-        "a turn of hand_base about the axis through (1.00, 0.00, 0.00) m along (0.00, 0.00, 1.00) in hand_base"
+    assert describe_twists("hand_base", np.array([[0, 0, 1.0, 0, 0, 0], turn])) == (
+        "translation of hand_base along (0.00, 0.00, 1.00) in hand_base and "
+        "rotation of hand_base about the axis through (1.00, 0.00, 0.00) m along (0.00, 0.00, 1.00) in hand_base"
     )

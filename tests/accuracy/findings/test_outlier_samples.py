@@ -40,7 +40,7 @@ def test_bumped_samples_are_told_and_make_doubtful():
     assert found.verdict == "doubtful"
     (finding,) = found.findings
     assert (finding.code, finding.severity, finding.about) == ("outlier-samples", "warning", ("4", "5", "6"))
-    assert "samples 4 to 6 (3 of 30) were left out" in finding.message
+    assert "samples 4 to 6 (3 of 30) were left out as outliers" in finding.message
     assert [o.sample for o in found.outliers] == [4, 5, 6]
     assert found.residuals.rms_px == pytest.approx(0.2, rel=0.1)
     assert len(found.residuals.per_sample) == 30
@@ -78,7 +78,7 @@ def test_a_few_stray_points_are_told_and_leave_it_good():
     assert found.verdict == "good"
     (finding,) = found.findings
     assert (finding.code, finding.severity, finding.about) == ("outlier-points", "info", ("7", "9"))
-    assert "2 of 1080 points were left out, in samples 7, 9" in finding.message
+    assert "2 of 1080 points were left out as outliers, in samples 7, 9" in finding.message
     assert [(o.sample, len(o.ids)) for o in found.outliers] == [(7, 1), (9, 1)]
 
 

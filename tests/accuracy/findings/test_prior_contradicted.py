@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.accuracy.findings.priors import contradicted_priors
+from basecal.accuracy.findings.prior_contradicted import contradicted_priors
 from basecal.accuracy.verdict import calibrate
 from basecal.estimation.solve import solve
 from basecal.geometry import SE3

@@ -1,0 +1,19 @@
+"""`dropped-sample` as a warning: many samples could not be used."""
+
+from __future__ import annotations
+
+from basecal.accuracy.findings.evidence import Input
+from basecal.cell import Finding
+
+_MANY = 0.1  # share of the samples: a single bad one is told as an info by whoever dropped it
+
+
+def many_dropped_samples(given: Input) -> list[Finding]:
+    """A warning where more than a tenth of the samples could not be used, by the findings so far."""
+    about = {name for f in given.findings if f.code == "dropped-sample" for name in f.about}
+    dropped = {name for name in about if name.isdecimal()}
+    total = len({int(number) for group in given.problem.groups for number in group.sample}) + len(dropped)
+    if len(dropped) <= _MANY * total:
+        return []
+    message = f"{len(dropped)} of {total} samples could not be used; see the other findings for the reasons"
+    return [Finding("dropped-sample", "warning", (), message)]

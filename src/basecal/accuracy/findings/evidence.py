@@ -1,0 +1,56 @@
+"""What findings are made of: the input as it was read, and the answer with all that was computed about it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from basecal.accuracy.cross_validation.robot_model_selection import RobotModelChoice
+from basecal.accuracy.cross_validation.validation import CrossValidation
+from basecal.cell import Cell, Finding, Residuals
+from basecal.estimation.outliers.robust_solve import RobustSolution
+from basecal.estimation.problem.problem import Problem
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import Solution
+
+
+@dataclass(frozen=True, eq=False)
+class Input:
+    """What was read, before anything is solved.
+
+    Attributes:
+        problem: Of cell and recording.
+        findings: Made while these were read.
+    """
+
+    problem: Problem
+    findings: tuple[Finding, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """An answer, and what was computed to judge it.
+
+    Attributes:
+        cell: What exists, and what was asked.
+        settings: How it was solved.
+        recorded: The problem as it was recorded, outliers among it.
+        robust: The solution without outliers, and these.
+        solution: The answer: that of `robust`, or a better one that the certificate led to.
+        residuals: How the answer fits.
+        cross_validation: How samples are predicted that were held out; None where the answer is none.
+        robot_model: What held-out samples say of the robots' kinematics; None where there was nothing to choose.
+    """
+
+    cell: Cell
+    settings: Settings
+    recorded: Problem
+    robust: RobustSolution
+    solution: Solution
+    residuals: Residuals
+    cross_validation: CrossValidation | None
+    robot_model: RobotModelChoice | None
+
+
+InputCheck = Callable[[Input], list[Finding]]
+AnswerCheck = Callable[[Evidence], list[Finding]]

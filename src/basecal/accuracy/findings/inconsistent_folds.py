@@ -1,0 +1,25 @@
+"""`inconsistent-folds`: parts of the recording give answers further apart than the covariance allows."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.accuracy.findings.evidence import Evidence
+from basecal.accuracy.significance import SIGNIFICANCE
+from basecal.cell import Finding
+
+
+def inconsistent_folds(of: Evidence) -> list[Finding]:
+    """A warning where the folds' spread is larger than what the covariance predicts, by more than chance."""
+    spread = None if of.cross_validation is None else of.cross_validation.spread
+    if spread is None or spread.chance > SIGNIFICANCE:
+        return []
+    robots = sorted({r for g in of.solution.problem.groups for r in (g.eye, g.hand) if r is not None})
+    lacking = [robot for robot in robots if robot not in of.solution.problem.stops.robot]
+    noise = f"state the noise of {' and '.join(lacking)}" if lacking else "state a larger noise of the robots"
+    ratio = f"{np.sqrt(spread.mean_square):.1f}"
+    message = (
+        f"the folds' answers spread {ratio} times as much as the sigmas predict: take the sigmas as {ratio} times as "
+        f"large, {noise}, and look for samples taken while something moved"
+    )
+    return [Finding("inconsistent-folds", "warning", (), message)]

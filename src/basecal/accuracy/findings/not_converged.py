@@ -1,0 +1,14 @@
+"""`not-converged`: the solver ended away from an optimum."""
+
+from __future__ import annotations
+
+from basecal.accuracy.findings.evidence import Evidence
+from basecal.cell import Finding
+
+
+def not_converged(of: Evidence) -> list[Finding]:
+    """An error where the solver did not converge."""
+    if of.solution.converged:
+        return []
+    message = "the solver did not converge: check units and directions of the poses, or give a guess"
+    return [Finding("not-converged", "error", (), message)]

@@ -1,0 +1,25 @@
+"""`not-validated`: samples that could not be held out."""
+
+from __future__ import annotations
+
+from basecal.accuracy.findings.evidence import Evidence
+from basecal.cell import Finding
+
+_SHOWN = 10  # samples, the rest as an ellipsis
+
+
+def not_validated(of: Evidence) -> list[Finding]:
+    """An info about samples without which what was asked is unobservable, or where nothing can be held out at all."""
+    found = of.cross_validation
+    if found is None or not (found.skipped or not found.summary):
+        return []
+    if not found.skipped:
+        return [Finding("not-validated", "info", (), "the samples cannot be split into folds: no cross-validation")]
+    numbers = tuple(map(str, sorted(found.skipped)))
+    shown = ", ".join(numbers[:_SHOWN]) + (", ..." if len(numbers) > _SHOWN else "")
+    names = " and ".join(name for name in of.cell.asked if name in of.solution.problem.columns)
+    message = (
+        f"samples {shown} could not be held out in cross-validation, as without them {names} is unobservable: record "
+        "more of their kind"
+    )
+    return [Finding("not-validated", "info", numbers, message)]

@@ -1,0 +1,24 @@
+"""`outlier-points`: points that were left out."""
+
+from __future__ import annotations
+
+from basecal.accuracy.findings.evidence import Evidence
+from basecal.accuracy.phrases.sample_list import list_samples
+from basecal.cell import Finding
+
+_FEW = 0.1  # share of the points: a few are the detector's everyday business
+
+
+def outlier_points(of: Evidence) -> list[Finding]:
+    """The samples with points that were left out: a warning above one point in ten."""
+    outliers = [o for o in of.robust.outliers if o.ids]
+    count = sum(len(o.ids) for o in outliers)
+    if not count:
+        return []
+    numbers, total = sorted({o.sample for o in outliers}), of.robust.points + count
+    message = (
+        f"{count} of {total} points were left out as outliers, in {list_samples(numbers)}; at sample "
+        f"{outliers[0].sample} {outliers[0].reason}; look for reflections, covered or blurred parts of the target, "
+        "and ids of another target"
+    )
+    return [Finding("outlier-points", "warning" if count > _FEW * total else "info", tuple(map(str, numbers)), message)]

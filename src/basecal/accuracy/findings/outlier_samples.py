@@ -1,0 +1,85 @@
+"""`outlier-samples`: views that were left out, samples of which most disagree, and robots that were far off."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from basecal.accuracy.findings.evidence import Evidence
+from basecal.accuracy.phrases.sample_list import list_samples
+from basecal.cell import Finding
+from basecal.cell.calibration import Severity
+from basecal.estimation.problem.problem import Problem
+from basecal.geometry import IntArray
+
+_FEW = 0.03  # share of the samples: one that had to go is an event in the cell
+_FAR_SIGMAS = 6.0  # of a stop's error: a chance of 2e-9 each where the stated noise is true
+_FEWEST_MOVED = 3  # samples at an end of the recording: two may each be wrong for themselves
+
+
+def outlier_samples(of: Evidence) -> list[Finding]:
+    """The samples with a view that was left out: a warning above three in a hundred."""
+    outliers = [o for o in of.robust.outliers if not o.ids]
+    numbers, total = sorted({o.sample for o in outliers}), of.robust.samples
+    if not numbers:
+        return []
+    one = len(numbers) == 1
+    look = f"look at {'it' if one else 'them'}, and record with arms at rest"
+    message = (
+        f"{list_samples(numbers)} ({len(numbers)} of {total}) {'was' if one else 'were'} left out as "
+        f"{'an outlier' if one else 'outliers'}; at sample {outliers[0].sample} {outliers[0].reason}; "
+        f"{_moved(numbers, of.robust.solution.problem) or look}"
+    )
+    severity: Severity = "warning" if len(numbers) > _FEW * total else "info"
+    return [Finding("outlier-samples", severity, tuple(map(str, numbers)), message)]
+
+
+def _moved(numbers: Sequence[int], inliers: Problem) -> str:
+    """What it means that all from one sample on, or all up to one, are outliers; nothing where they are others."""
+    kept = [int(number) for group in inliers.groups for number in group.sample]
+    if len(numbers) < _FEWEST_MOVED or not kept:
+        return ""
+    first, last = min(kept), max(kept)
+    if numbers[0] > last:
+        return f"as if after sample {last} a base, a mount or the target had been moved: the answer is of before"
+    if numbers[-1] < first:
+        return f"as if before sample {first} a base, a mount or the target had stood elsewhere: the answer is of after"
+    return ""
+
+
+def agreeing_samples(of: Evidence) -> list[Finding]:
+    """A warning where no answer rests on most samples: which of them agree with one another."""
+    numbers = sorted(of.robust.agreeing)
+    if not numbers:
+        return []
+    message = (
+        f"of {of.robust.samples} samples only {len(numbers)} close the loop with one another, {list_samples(numbers)}, "
+        "and the others do not: nothing was left out, and the answer is not to be trusted; check how poses and views "
+        "were paired, and whether a robot or a mount was moved between the samples"
+    )
+    return [Finding("outlier-samples", "warning", tuple(map(str, numbers)), message)]
+
+
+def far_stops(of: Evidence) -> list[Finding]:
+    """A warning about stops whose pose error is more than six sigma in a direction, where no sample was left out."""
+    solution = of.robust.solution
+    errors = np.abs(solution.state.stop_errors).max(axis=-1, initial=0.0)
+    samples = sorted(_samples_at(solution.problem, np.flatnonzero(errors > _FAR_SIGMAS)))
+    if not samples or any(not o.ids for o in of.robust.outliers):
+        return []
+    message = (
+        f"a robot's pose was off by up to {errors.max():.0f} of its stated sigmas at {list_samples(samples)}: taken "
+        "before the arm settled, or bumped; leave these samples out, or state a larger noise"
+    )
+    return [Finding("outlier-samples", "warning", tuple(map(str, samples)), message)]
+
+
+def _samples_at(problem: Problem, stops: IntArray) -> set[int]:
+    """Numbers of the samples that stand in these stops."""
+    return {
+        int(number)
+        for group in problem.groups
+        for stop in (group.eye_stop, group.hand_stop)
+        for number in group.sample[np.isin(stop, stops)]
+    }

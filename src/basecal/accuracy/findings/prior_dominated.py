@@ -1,0 +1,55 @@
+"""`prior-dominated`: what is known of a transform by its prior alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from basecal.accuracy.findings.evidence import Evidence
+from basecal.accuracy.phrases.null_space import describe_null_space
+from basecal.cell import Cell, Finding
+from basecal.estimation.least_squares.normal_equations import linearise
+from basecal.estimation.observability.null_space import separate_null_space
+from basecal.estimation.observability.observability import observability_of, without_priors
+from basecal.estimation.solve import Solution
+
+_DOMINATED = 0.95  # posterior over prior sigma: the data tell a tenth of what the prior does, or less
+
+
+def prior_dominated(of: Evidence) -> list[Finding]:
+    """Infos: which directions of a prior the data hardly add to, and what was asked that nothing but priors holds."""
+    problem, unknowns = of.solution.problem, of.solution.problem.unknowns
+    priors = [n for n in problem.columns if n in unknowns and unknowns[n].status == "prior"]
+    priors = [name for name in priors if unknowns[name].sigma is not None]
+    if not priors or not of.solution.converged:
+        return []
+    resting = _unobservable_without_priors(of.cell, of.solution)
+    return [finding for name in priors for finding in _dominated(of.solution, name, resting)]
+
+
+def _unobservable_without_priors(cell: Cell, solution: Solution) -> list[str]:
+    """Names asked for that the data alone do not determine."""
+    alone = without_priors(solution.problem)
+    hessian = linearise(alone, solution.state).hessian
+    unobservable = observability_of(alone, solution.state, hessian, solution.noise.factor).unobservable
+    return [name for name in cell.asked if name in unobservable - solution.observability.unobservable]
+
+
+def _dominated(solution: Solution, name: str, resting: Sequence[str]) -> list[Finding]:
+    """A finding where the posterior of a transform is its prior along some directions."""
+    problem, where = solution.problem, solution.problem.columns[name]
+    width = where.stop - where.start
+    sigma = np.asarray(problem.unknowns[name].sigma)[:width]
+    shares, directions = np.linalg.eigh(solution.observability.inverse[where, where] / np.outer(sigma, sigma))
+    dominated = directions[:, np.sqrt(np.maximum(shares, 0.0)) > _DOMINATED]
+    if not dominated.shape[1]:
+        return []
+    vectors, scale = np.zeros((problem.width, dominated.shape[1])), np.ones(problem.width)
+    vectors[where], scale[where] = dominated, sigma
+    found = separate_null_space(problem, solution.state, vectors, scale)
+    others = [n for n in resting if n != name]
+    rests = f"; {' and '.join(others)} rest{'s' if len(others) == 1 else ''} on it" if others else ""
+    what = " and ".join(map(describe_null_space, found))
+    message = f"known from its prior alone, to which the data add nothing: {what}{rests}"
+    return [Finding("prior-dominated", "info", (name, *others), message)]

@@ -1,0 +1,44 @@
+"""Every check of an input or an answer, in the order in which findings are listed: a new one is one line here."""
+
+from __future__ import annotations
+
+from basecal.accuracy.findings.better_optimum import better_optimum
+from basecal.accuracy.findings.dropped_samples import many_dropped_samples
+from basecal.accuracy.findings.evidence import AnswerCheck, InputCheck
+from basecal.accuracy.findings.inconsistent_folds import inconsistent_folds
+from basecal.accuracy.findings.joint_parameters import unobserved_joint_parameters
+from basecal.accuracy.findings.noise_not_identifiable import noise_not_identifiable
+from basecal.accuracy.findings.not_converged import not_converged
+from basecal.accuracy.findings.not_validated import not_validated
+from basecal.accuracy.findings.outlier_points import outlier_points
+from basecal.accuracy.findings.outlier_samples import agreeing_samples, far_stops, outlier_samples
+from basecal.accuracy.findings.overfit import overfit
+from basecal.accuracy.findings.poor_fit import poor_fit
+from basecal.accuracy.findings.prior_contradicted import prior_contradicted
+from basecal.accuracy.findings.prior_dominated import prior_dominated
+from basecal.accuracy.findings.robot_model import robot_model
+from basecal.accuracy.findings.too_few_samples import too_few_samples
+from basecal.accuracy.findings.unobservable_direction import unobservable_directions
+from basecal.accuracy.findings.weak_direction import weak_directions
+
+INPUT_CHECKS: tuple[InputCheck, ...] = (many_dropped_samples, too_few_samples)
+
+ANSWER_CHECKS: tuple[AnswerCheck, ...] = (
+    robot_model,
+    better_optimum,
+    noise_not_identifiable,
+    unobservable_directions,
+    weak_directions,
+    prior_dominated,
+    not_converged,
+    outlier_samples,
+    outlier_points,
+    agreeing_samples,
+    far_stops,
+    poor_fit,
+    prior_contradicted,
+    unobserved_joint_parameters,
+    not_validated,
+    inconsistent_folds,
+    overfit,
+)

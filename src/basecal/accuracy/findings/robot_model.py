@@ -1,0 +1,73 @@
+"""`robot-model`: a robot's joint offsets or links are off, by cross-validation."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.accuracy.cross_validation.robot_model_selection import (
+    LINK_SIGMA_M,
+    LINK_SIGMA_RAD,
+    SIGMA_RAD,
+    Candidate,
+    RobotModelChoice,
+)
+from basecal.accuracy.findings.evidence import Evidence
+from basecal.accuracy.robot_parameters import joint_offsets
+from basecal.cell import Finding
+
+
+def robot_model(of: Evidence) -> list[Finding]:
+    """What the choice says, see `robot_model_findings`."""
+    return [] if of.robot_model is None else robot_model_findings(of.robot_model)
+
+
+def robot_model_findings(choice: RobotModelChoice) -> list[Finding]:
+    """What to free, by how much it helps, and what to write; nothing where the robots are as stated."""
+    none, chosen = choice.candidates[0], choice.chosen
+    if chosen.kind == "none" and choice.better is None:
+        return []
+    if chosen.kind == "none" and choice.better is not None:
+        gain = f"{_freed(choice.better)} may lower {_from_to(none, choice.better)}"
+        return [Finding("robot-model", "info", choice.better.robots, f"{gain}: too few samples to decide; record more")]
+    message = f"{_freed(chosen)} lowers {_from_to(none, chosen)}: {_largest(choice)}"
+    if choice.better is not None:
+        message += f"; whether {_freed(choice.better)} helps more is undecided"
+    return [Finding("robot-model", "warning", chosen.robots, f"{message}; {_to_write(chosen)}")]
+
+
+def _freed(candidate: Candidate) -> str:
+    robots = " and ".join(candidate.robots)
+    if candidate.kind == "joint" and candidate.joint is not None:
+        return f"freeing joint {candidate.joint + 1} of {robots}"
+    return f"freeing the {'joint offsets' if candidate.kind == 'offsets' else 'joint offsets and links'} of {robots}"
+
+
+def _from_to(none: Candidate, candidate: Candidate) -> str:
+    if none.error_m is not None and candidate.error_m is not None:
+        return f"the cross-validation error from {1e3 * none.error_m:.2g} to {1e3 * candidate.error_m:.2g} mm rms"
+    return f"the cross-validation error from {none.rms:.2g} to {candidate.rms:.2g} sigmas rms"
+
+
+def _largest(choice: RobotModelChoice) -> str:
+    """The offset that stands out most from its sigma, or how far links are off."""
+    if choice.chosen.kind == "links":
+        tangents = np.concatenate([each.links for each in choice.solution.state.robots.values()])
+        off_m, off_rad = (float(np.linalg.norm(half, axis=-1).max()) for half in np.split(tangents, 2, axis=-1))
+        return f"links are off by up to {1e3 * off_m:.2g} mm and {np.degrees(off_rad):.2g} deg"
+    found = joint_offsets(choice.solution)
+    seen = [(abs(o.rad[j]) / o.sigma_rad[j], r, int(j)) for r, o in found.items() for j in np.flatnonzero(o.seen)]
+    if not seen:
+        return "no single offset stands out"
+    _, robot, joint = max(seen)
+    of = found[robot]
+    value, sigma = np.degrees(of.rad[joint]), np.degrees(of.sigma_rad[joint])
+    whose = "its offset" if choice.chosen.kind == "joint" else f"the clearest, of joint {joint + 1} of {robot},"
+    return f"{whose} is {value:.2f} +/- {sigma:.2g} deg"
+
+
+def _to_write(candidate: Candidate) -> str:
+    entry = f"`joint_offsets: {{status: prior, sigma_rad: {SIGMA_RAD}}}`"
+    if candidate.kind == "links":
+        sigmas = f"sigma_rad: {LINK_SIGMA_RAD}, sigma_m: {LINK_SIGMA_M}"
+        entry += f" and `link_parameters: {{status: prior, {sigmas}}}`"
+    return f"write {entry} at {' and '.join(candidate.robots)} in cell.yaml"

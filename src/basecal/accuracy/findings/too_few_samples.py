@@ -1,0 +1,38 @@
+"""`too-few-samples`: no view would be left to check the others by."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.accuracy.findings.evidence import Input
+from basecal.accuracy.phrases.robot_motion import describe_poor_motions
+from basecal.cell import Finding
+from basecal.estimation.problem.problem import Problem
+
+
+def too_few_samples(given: Input) -> list[Finding]:
+    """An error where no view can be checked: without the largest, equations are fewer than unknowns."""
+    problem = given.problem
+    count = len({int(number) for group in problem.groups for number in group.sample})
+    if count < 2:
+        found = "no sample shows" if count == 0 else "a single sample shows"
+        return [_finding(f"{found} a target to a camera with every robot's pose")]
+    equations = np.concatenate([group.measurement.equations() for group in problem.groups])
+    unknowns = _free_unknowns(problem)
+    if equations.sum() - equations.max() >= unknowns:
+        return []
+    found = f"{count} samples give {int(equations.sum())} equations for {unknowns} unknowns: none is left to check them"
+    return [_finding(found, describe_poor_motions(problem))]
+
+
+def _free_unknowns(problem: Problem) -> int:
+    """How many scalars no prior holds."""
+    columns = {name: w for name, w in problem.columns.items() if name in problem.unknowns}
+    free = sum(w.stop - w.start for name, w in columns.items() if problem.unknowns[name].status == "free")
+    models = problem.models.values()
+    return int(free) + sum(int(width) for m in models for name, width in m.widths.items() if m.sigmas[name] is None)
+
+
+def _finding(what: str, moved: str = "") -> Finding:
+    advice = "record at least 10 samples with every arm in different orientations (20 for a single light)"
+    return Finding("too-few-samples", "error", (), f"{what}: {advice}{f'; so far {moved}' if moved else ''}")

@@ -1,0 +1,50 @@
+"""`unobservable-direction`: translations and rotations that the data leave open, and the motions that hide them."""
+
+from __future__ import annotations
+
+from basecal.accuracy.findings.evidence import Evidence
+from basecal.accuracy.phrases.null_space import describe_direction, describe_twists, is_unobservable
+from basecal.accuracy.phrases.robot_motion import advise_motion, describe_cause, describe_motion
+from basecal.cell import Cell, Finding
+from basecal.cell.calibration import Severity
+from basecal.estimation.observability.motions import gauge_partners, motions
+from basecal.estimation.problem.problem import Problem
+from basecal.estimation.solve import Solution
+
+
+def unobservable_directions(of: Evidence) -> list[Finding]:
+    """A finding for each null space: by the solution, or where there is none by the recorded poses alone."""
+    by_poses = [] if of.solution.converged else _by_poses(of.cell, of.solution.problem)
+    return by_poses or _by_solution(of.cell, of.solution)
+
+
+def _by_solution(cell: Cell, solution: Solution) -> list[Finding]:
+    """Errors where a direction of what was asked is open, else warnings."""
+    observability = solution.observability
+    severity: Severity = "error" if observability.unobservable.intersection(cell.asked) else "warning"
+    moved = motions(solution.problem) if observability.null_space else {}
+    together: dict[tuple[str, ...], list[str]] = {}
+    for direction in observability.null_space:
+        together.setdefault(direction.names, []).append(describe_direction(direction))
+    return [
+        Finding(
+            "unobservable-direction",
+            severity,
+            names,
+            f"{is_unobservable(whats, names[1:])}: {describe_cause(cell, solution.problem, moved, names)}",
+        )
+        for names, whats in together.items()
+    ]
+
+
+def _by_poses(cell: Cell, problem: Problem) -> list[Finding]:
+    """Errors about what the recorded poses leave open whatever was seen: known before anything is solved."""
+    found = []
+    for motion in motions(problem).values():
+        names = gauge_partners(problem, motion)
+        if names:
+            what = is_unobservable([describe_twists(f"{motion.robot}_base", motion.twists_in_base)], names[1:])
+            why = f"{describe_motion(motion)}: {advise_motion(cell, problem, motion)}"
+            message = f"by the recorded poses alone {what}: {why}"
+            found.append(Finding("unobservable-direction", "error", names, message))
+    return found

@@ -1,0 +1,28 @@
+"""`weak-direction`: what was asked is observable, but poorly known."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.accuracy.findings.evidence import Evidence
+from basecal.accuracy.phrases.robot_motion import describe_cause
+from basecal.cell import Finding
+from basecal.estimation.observability.motions import motions
+
+_WEAK = 0.15  # [rad], or share of the viewing distance, of one sigma: half of what counts as unobservable
+
+
+def weak_directions(of: Evidence) -> list[Finding]:
+    """A warning where one sigma of what was asked is above 0.15 rad or 0.15 of the viewing distance along an axis."""
+    found, solution = [], of.solution
+    for name in of.cell.asked if solution.converged else ():
+        if name in solution.observability.unobservable or name not in solution.problem.columns:
+            continue
+        sigma = np.sqrt(np.diag(solution.covariance_of([name])))
+        sigma_m, sigma_rad = float(sigma[:3].max()), float(sigma[3:].max())
+        if sigma_m > _WEAK * solution.observability.length_m or sigma_rad > _WEAK:
+            cause = describe_cause(of.cell, solution.problem, motions(solution.problem), (name,))
+            known = f"{1e3 * sigma_m:.0f} mm and {np.degrees(sigma_rad):.1f} deg"
+            message = f"one sigma of {name} is up to {known} along an axis: {cause}"
+            found.append(Finding("weak-direction", "warning", (name,), message))
+    return found

@@ -1,0 +1,1 @@
+"""Numbers of an estimation in words, as several findings use them."""

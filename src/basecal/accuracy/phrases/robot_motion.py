@@ -1,0 +1,104 @@
+"""How robots moved and what motion is missing, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from basecal.cell import Cell
+from basecal.estimation.observability.motions import HARDLY_RAD, Motion, attached, based, motions
+from basecal.estimation.problem.problem import Problem
+from basecal.geometry import Array
+
+_LITTLE_RAD = 0.15  # [rad] of rotation about a second axis, below which a robot counts as hardly rotated about it
+_SHOWN_DEG = 0.005  # [deg] which two decimals would round to nothing
+_PARALLEL = 1e-6  # singular value of unit joint axes, which is exactly zero but for rounding where all are parallel
+
+
+def describe_cause(cell: Cell, problem: Problem, moved: Mapping[str, Motion], names: Sequence[str]) -> str:
+    """Why unknowns are unobservable, by the motion of the robots that carry them, and what to record.
+
+    Args:
+        cell: What exists.
+        problem: The problem.
+        moved: How each robot moved.
+        names: Of the unknowns.
+    """
+    near = [m for robot, m in moved.items() if set(names) & {*attached(problem, robot), *based(problem, robot)}]
+    poor = [m for m in near if hardly_rotates(m)]
+    carrying = [m for m in poor if set(names) & set(attached(problem, m.robot))] or poor
+    if len(carrying) == 1:
+        return f"{describe_motion(carrying[0])}: {advise_motion(cell, problem, carrying[0])}"
+    if carrying:
+        mounts = [n for m in carrying for n in attached(problem, m.robot) if problem.unknowns[n].status != "fixed"]
+        causes = ", and ".join(map(describe_motion, carrying))
+        return f"{causes}: rotate each about two axes that are not parallel{_or_state(mounts)}"
+    return (
+        "the views are too few or too much alike: add samples in which every arm is rotated about two axes that are "
+        "not parallel, or state a prior or the value of what is known"
+    )
+
+
+def hardly_rotates(motion: Motion) -> bool:
+    """Whether a robot hardly rotates about a second axis."""
+    return bool(motion.turn_rad[1] < _LITTLE_RAD)
+
+
+def describe_poor_motions(problem: Problem) -> str:
+    """How the robots move that hardly rotate about a second axis; empty where all do."""
+    return " and ".join(describe_motion(m) for m in motions(problem).values() if hardly_rotates(m))
+
+
+def describe_motion(motion: Motion) -> str:
+    """How a robot moves, such as "hand only translates, it rotates by at most 0.10 deg"."""
+    robot, angle = motion.robot, np.degrees(motion.turn_rad)
+    if motion.is_still:
+        return f"{robot} never moves in {motion.samples} sample{'s' if motion.samples > 1 else ''}"
+    if motion.only_shifts:
+        least = f", it rotates by at most {angle[0]:.2f} deg" if angle[0] >= _SHOWN_DEG else ""
+        return f"{robot} only translates{least}"
+    if hardly_rotates(motion):
+        if motion.orientations == 2:
+            return f"{robot} has two orientations only"
+        axis = ", ".join(f"{v + 0.0:.2f}" for v in _positive(motion.axes_in_base[:, 0]))
+        only = "" if motion.turn_rad[1] < HARDLY_RAD else " mostly"
+        least = f", and by at most {angle[1]:.2f} deg about any other" if angle[1] >= _SHOWN_DEG else ""
+        return f"{robot} rotates{only} about one axis, along ({axis}) in {robot}_base{least}"
+    return f"{robot} rotates by up to {angle[0]:.0f} deg, and {angle[1]:.0f} deg about a second axis"
+
+
+def _positive(axis: Array) -> Array:
+    """An axis rounded, its largest component positive."""
+    rounded: Array = np.round(axis * np.sign(axis[np.argmax(np.round(np.abs(axis), 3))]), 2)
+    return rounded
+
+
+def advise_motion(cell: Cell, problem: Problem, motion: Motion) -> str:
+    """What to record with a robot, or to state of what it carries, that more becomes observable."""
+    robot = motion.robot
+    unknown = [n for n in attached(problem, robot) if problem.unknowns[n].status != "fixed"]
+    known = _or_state(unknown)
+    if _axes_are_parallel(cell, robot) and not (motion.is_still or motion.only_shifts):
+        joints = "all axes of its joints are parallel, so that it cannot rotate about another"
+        return f"{joints}; state {' and '.join(unknown or based(problem, robot))} as a prior or fixed"
+    if motion.is_still:
+        return f"move it, and rotate it about two axes that are not parallel{known}"
+    if motion.only_shifts:
+        return f"add poses that rotate it about two axes that are not parallel{known}"
+    if motion.turn_rad[0] < _LITTLE_RAD:
+        return f"rotate it further, by 30 deg and more, about two axes that are not parallel{known}"
+    return f"add poses that rotate it by 30 deg and more about another axis{known}"
+
+
+def _or_state(names: Sequence[str]) -> str:
+    return f", or state {' and '.join(names)} as a prior or fixed" if names else ""
+
+
+def _axes_are_parallel(cell: Cell, robot: str) -> bool:
+    """Whether a robot's joints all rotate it about one direction, as those of a SCARA arm do."""
+    chain = cell.robots[robot].chain
+    if chain is None:
+        return False
+    axes = chain.jacobian(np.zeros(chain.n))[3:]
+    return bool(np.linalg.svd(axes, compute_uv=False)[1:].max(initial=0.0) < _PARALLEL)

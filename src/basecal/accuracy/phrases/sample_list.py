@@ -1,0 +1,20 @@
+"""Numbers of samples in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+_SHOWN = 10  # ranges, the rest as an ellipsis
+
+
+def list_samples(numbers: Sequence[int]) -> str:
+    """Samples in order, three and more in a row as first to last: "samples 1, 4 to 7"."""
+    runs: list[list[int]] = []
+    for number in numbers:
+        if runs and number == runs[-1][-1] + 1:
+            runs[-1].append(number)
+        else:
+            runs.append([number])
+    ranges = [text for run in runs for text in ([f"{run[0]} to {run[-1]}"] if len(run) > 2 else map(str, run))]
+    shown = ", ".join(ranges[:_SHOWN]) + (", ..." if len(ranges) > _SHOWN else "")
+    return f"sample {shown}" if len(numbers) == 1 else f"samples {shown}"

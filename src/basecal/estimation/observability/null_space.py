@@ -1,0 +1,189 @@
+"""The directions that the data leave open, taken apart into translations and rotations of frames.
+
+They come as a basis of their space, in which translations and rotations of several unknowns are mixed at will. First
+what moves a lens or a robot's kinematics is taken out, then what does not rotate, then what does not hang together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.problem.robot_parameters import DEFLECTION, LINKS, RobotModel
+from basecal.geometry import Array, IntArray
+
+# Singular values and norms of an orthonormal basis, in shares of a whole direction.
+_LITTLE = 0.2  # what a basis moves less of an unknown than this does not move it
+_APART = 0.05  # unknowns whose parts are less correlated than this move apart
+_MAIN = 0.5  # of unknowns that move this share of the largest the first is named
+_ALONG = 0.3  # what moves this share of the named one moves along with it
+
+Kind = Literal["translation", "rotation", "lens", "joint offset", "compliance", "links"]
+
+
+@dataclass(frozen=True, eq=False)
+class NullDirection:
+    """A direction that the data leave open, or several alike.
+
+    Attributes:
+        kind: What moves.
+        names: The unknowns that move, that which moves most first.
+        twists_in_parent: (k, 6) [m, rad] how the first one's frame moves in the axes of its parent and about the
+            parent's origin; of a rotation one, or three where every rotation is open; (0, 6) of what is no transform.
+        robot: Whose kinematics move; empty where it is none.
+        joint: Which joint of it, from 0; None where it is none.
+        joint_name: The name of that joint.
+    """
+
+    kind: Kind
+    names: tuple[str, ...]
+    twists_in_parent: Array
+    robot: str = ""
+    joint: int | None = None
+    joint_name: str = ""
+
+
+def separate_null_space(problem: Problem, state: State, vectors: Array, scale: Array) -> tuple[NullDirection, ...]:
+    """A null space taken apart.
+
+    Args:
+        problem: Whose columns they are.
+        state: Where the frames stand.
+        vectors: (p, k) an orthonormal basis, in units of `scale`.
+        scale: (p,) what one unit of each column is [m, rad, px].
+    """
+    others = [n for n in problem.columns if n not in problem.unknowns]
+    rest, of_others = _apart(vectors, _rows(problem, others))
+    rotating = [row for n in problem.columns if n in problem.unknowns for row in _rows(problem, [n])[3:]]
+    translations, rotations = _apart(rest, np.array(rotating, dtype=np.int64))
+    found = [_of_other(problem, of_others[:, [k]]) for k in range(of_others.shape[1])]
+    for space, is_rotation in ((translations, False), (rotations, True)):
+        for cluster in _clusters(problem, space):
+            found += _of_cluster(problem, state, _within(problem, space, cluster), cluster, scale, is_rotation)
+    return tuple(found)
+
+
+def orthonormal_rows(rows: Array) -> Array:
+    """An orthonormal basis of what some rows span, (k, n), but for what is little."""
+    _, values, axes = np.linalg.svd(rows, full_matrices=False)
+    found: Array = axes[values > _LITTLE * values[0]]
+    return found
+
+
+def _rows(problem: Problem, names: Sequence[str]) -> IntArray:
+    return np.array(
+        [k for n in names for k in range(problem.columns[n].start, problem.columns[n].stop)], dtype=np.int64
+    )
+
+
+def _apart(vectors: Array, rows: IntArray) -> tuple[Array, Array]:
+    """A basis of what hardly moves some rows, and of the rest."""
+    if not len(rows) or not vectors.shape[1]:
+        return vectors, vectors[:, :0]
+    _, values, mix = np.linalg.svd(vectors[rows], full_matrices=True)
+    padded = np.zeros(vectors.shape[1])
+    padded[: len(values)] = values
+    turned = vectors @ mix.T
+    return turned[:, padded <= _LITTLE], turned[:, padded > _LITTLE]
+
+
+def _of_other(problem: Problem, direction: Array) -> NullDirection:
+    """A direction of a lens or of whatever is no transform, (p, 1), and what moves along."""
+    size = {name: float(np.linalg.norm(_block(problem, direction, name))) for name in problem.columns}
+    main = max((name for name in size if name not in problem.unknowns), key=lambda name: size[name])
+    names = (main, *(name for name in size if name != main and size[name] > _ALONG * size[main]))
+    if main in problem.lenses:
+        return NullDirection("lens", names, np.zeros((0, 6)))
+    model = next(model for model in problem.models.values() if main in model.widths)
+    return _of_robot(model, _block(problem, direction, main), names)
+
+
+def _of_robot(model: RobotModel, part: Array, names: tuple[str, ...]) -> NullDirection:
+    """A direction of the links of a robot, or of the offset or compliance of the joint that moves most."""
+    none = np.zeros((0, 6))
+    if names[0].endswith(LINKS):
+        return NullDirection("links", names, none, model.robot)
+    elastic = names[0].endswith(DEFLECTION)
+    joint = int((model.elastic if elastic else model.joints)[np.argmax(np.abs(part))])
+    kind: Kind = "compliance" if elastic else "joint offset"
+    return NullDirection(kind, names, none, model.robot, joint, model.chain.joint_names[joint])
+
+
+def _clusters(problem: Problem, space: Array) -> list[list[str]]:
+    """Names of transforms that move together, in the problem's order."""
+    names = [n for n in problem.columns if n in problem.unknowns and np.linalg.norm(_block(problem, space, n)) > _APART]
+    clusters: list[list[str]] = []
+    for name in names:
+        touching = [c for c in clusters if any(_linked(problem, space, name, other) for other in c)]
+        clusters = [c for c in clusters if c not in touching] + [[n for c in touching for n in c] + [name]]
+    return clusters
+
+
+def _block(problem: Problem, space: Array, name: str) -> Array:
+    block: Array = space[problem.columns[name]]
+    return block
+
+
+def _linked(problem: Problem, space: Array, a: str, b: str) -> bool:
+    return bool(np.linalg.norm(_block(problem, space, a) @ _block(problem, space, b).T) > _APART)
+
+
+def _within(problem: Problem, space: Array, cluster: Sequence[str]) -> Array:
+    """A basis of the part of a space that moves a cluster."""
+    rows = _rows(problem, cluster)
+    left, values, _ = np.linalg.svd(space[rows], full_matrices=False)
+    basis = np.zeros((len(space), int(np.sum(values > _LITTLE))))
+    basis[rows] = left[:, : basis.shape[1]]
+    return basis
+
+
+def _of_cluster(
+    problem: Problem, state: State, space: Array, cluster: Sequence[str], scale: Array, is_rotation: bool
+) -> list[NullDirection]:
+    """A space of translations or of rotations of a cluster, by what moves most, that first."""
+    found: list[NullDirection] = []
+    while space.shape[1]:
+        main = _main(problem, space, cluster, is_rotation)
+        part = _half(problem, space, main, is_rotation)
+        _, values, mix = np.linalg.svd(part, full_matrices=True)
+        moves = np.zeros(space.shape[1], dtype=bool)
+        moves[: len(values)] = values > _LITTLE * values[0]
+        ordered = space @ mix.T
+        found += _of_main(problem, state, ordered[:, moves], main, cluster, scale, is_rotation)
+        space = ordered[:, ~moves]
+    return found
+
+
+def _half(problem: Problem, space: Array, name: str, is_rotation: bool) -> Array:
+    return _block(problem, space, name)[slice(3, 6) if is_rotation else slice(0, 3)]
+
+
+def _main(problem: Problem, space: Array, cluster: Sequence[str], is_rotation: bool) -> str:
+    """What moves most; of several alike the first, a base before mounts."""
+    size = {name: float(np.linalg.norm(_half(problem, space, name, is_rotation))) for name in cluster}
+    return next(name for name in cluster if size[name] >= _MAIN * max(size.values()))
+
+
+def _of_main(
+    problem: Problem, state: State, space: Array, main: str, cluster: Sequence[str], scale: Array, is_rotation: bool
+) -> list[NullDirection]:
+    size = {name: float(np.linalg.norm(_block(problem, space, name))) for name in cluster}
+    names = (main, *(name for name in cluster if name != main and size[name] > _ALONG * size[main]))
+    at = state.transforms[main]
+    tangents = (space * scale[:, None])[problem.columns[main]].T
+    if not is_rotation:
+        directions = orthonormal_rows(tangents[:, :3] @ at.rotation.T)
+        return [NullDirection("translation", names, np.hstack([directions, np.zeros_like(directions)]))]
+    twists = tangents @ at.adjoint().T
+    return [NullDirection("rotation", names, part) for part in ([twists] if len(twists) == 3 else twists[:, None])]
+
+
+def separate_twists(twists: Array) -> tuple[Array, Array]:
+    """Translations (i, 3) [m], orthonormal, and twists with rotations (j, 6) [m, rad] of a space of twists, (k, 6)."""
+    translations, rotations = _apart(np.linalg.qr(twists.T)[0], np.arange(3, 6))
+    directions = orthonormal_rows(translations[:3].T) if translations.shape[1] else np.zeros((0, 3))
+    return directions, rotations.T

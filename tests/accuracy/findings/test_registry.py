@@ -1,0 +1,34 @@
+"""Every finding that the source can make is documented, and the documents name no other."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from basecal.accuracy.findings import registry
+
+ROOT = Path(__file__).parents[3]
+FINDINGS = ROOT / "src" / "basecal" / "accuracy" / "findings"
+# A code stands in a literal of its own, as the first of a finding's or of a hypothesis' arguments.
+CODE = re.compile(r"(?:Finding|ConventionHypothesis)\(\s*\"([a-z0-9-]+)\"|code, how = \(?\"([a-z0-9-]+)\"")
+
+
+def codes_in_source() -> set[str]:
+    texts = (path.read_text(encoding="utf-8") for path in (ROOT / "src").rglob("*.py"))
+    return {code for text in texts for pair in CODE.findall(text) for code in pair if code}
+
+
+def documented_codes() -> set[str]:
+    text = (ROOT / "docs" / "findings.md").read_text(encoding="utf-8")
+    return set(re.findall(r"^#+ `([a-z0-9-]+)`", text, re.MULTILINE))
+
+
+def test_every_code_is_documented_and_no_other():
+    """Codes in the source and headings of docs/findings.md are the same."""
+    assert codes_in_source() == documented_codes()
+
+
+def test_every_check_is_registered():
+    """Each file of findings but the registry and its types gives a check that the registry lists."""
+    listed = {check.__module__.rpartition(".")[2] for check in (*registry.INPUT_CHECKS, *registry.ANSWER_CHECKS)}
+    assert listed == {path.stem for path in FINDINGS.glob("*.py")} - {"__init__", "evidence", "registry"}
