@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-import numpy as np
-
 from basecal.cell import Target
 from basecal.cell.targets.all_kinds import KIND_NAMES, target_kind
 from basecal.vision.draw.drawing import target_drawing
@@ -16,8 +14,9 @@ SCALE = 1500.0
 
 
 def drawn(target: Target) -> str:
-    """The target in grey, its x axis red, y green, z into the page, and an id at each point."""
+    """The target in grey, its x axis red, y green, z a cross into or a dot out of the page, and an id at each point."""
     (sheet,) = target_drawing(target)
+    sheet_from_target = sheet.target_from_sheet.inverse()
     left, top, right, bottom = SCALE * sheet.paper
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{left:.0f} {top:.0f} {right - left:.0f} {bottom - top:.0f}" '
@@ -27,16 +26,18 @@ def drawn(target: Target) -> str:
     for a, b, c, d in SCALE * sheet.rectangles:
         parts.append(f'<rect x="{a:.1f}" y="{b:.1f}" width="{c - a:.1f}" height="{d - b:.1f}" fill="#b9b9b9"/>')
     parts += [f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{r:.1f}" fill="#b9b9b9"/>' for x, y, r in SCALE * sheet.discs]
-    for number, (x, y, _) in zip(target.ids, SCALE * target.points, strict=True):
+    for number, (x, y, _) in zip(target.ids, SCALE * (sheet_from_target @ target.points), strict=True):
         parts.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3" fill="#1f6fb2"/>')
         parts.append(f'<text x="{x + 5:.1f}" y="{y - 5:.1f}" fill="#1f6fb2" font-weight="600">{number}</text>')
-    for axis, colour, name in (((1, 0), "#c0392b", "x"), ((0, 1), "#2e8b57", "y")):
-        tip = 62 * np.array(axis)
-        parts.append(f'<path d="M0 0L{tip[0]} {tip[1]}" stroke="{colour}" stroke-width="4"/>')
-        parts.append(f'<text x="{tip[0] + 5}" y="{tip[1] + 14}" fill="{colour}" font-weight="700">{name}</text>')
-    parts.append(
-        '<circle r="7" fill="#fff" stroke="#1b2a8f" stroke-width="2"/><path d="M-5 -5L5 5M-5 5L5 -5" stroke="#1b2a8f"/>'
-    )
+    for axis, colour, name in ((0, "#c0392b", "x"), (1, "#2e8b57", "y")):
+        tip = 62 * sheet_from_target.rotation[:2, axis]
+        parts.append(f'<path d="M0 0L{tip[0]:.0f} {tip[1]:.0f}" stroke="{colour}" stroke-width="4"/>')
+        parts.append(
+            f'<text x="{tip[0] + 5:.0f}" y="{tip[1] + 14:.0f}" fill="{colour}" font-weight="700">{name}</text>'
+        )
+    into = sheet_from_target.rotation[2, 2] > 0
+    mark = '<path d="M-5 -5L5 5M-5 5L5 -5" stroke="#1b2a8f"/>' if into else '<circle r="2.5" fill="#1b2a8f"/>'
+    parts.append(f'<circle r="7" fill="#fff" stroke="#1b2a8f" stroke-width="2"/>{mark}')
     return "\n".join([*parts, "</svg>"]) + "\n"
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -172,3 +172,14 @@ def test_what_cannot_be_searched(shape: Target, image: Any, message: str) -> Non
     """An image that is not grey, and a target that cannot be found, are named errors."""
     with pytest.raises(InputError, match=message):
         find(image, shape)
+
+
+def test_tags_with_a_wide_border() -> None:
+    """A tag printed with two cells of border, as some programs do, is found as one with one cell is."""
+    plain = apriltag_target("tag36h11", [(5, 0.1, SE3.identity())])
+    (sheet,) = plain.sheets
+    wide = replace(plain, sheets=(replace(sheet, markers=(replace(sheet.markers[0], border=2),)),))
+    pose = SE3.from_rpy((0.1, 0.2, 0.3), (-0.02, 0.01, 0.5))
+    detection = find(render(WIDE, wide, pose), plain)
+    assert detection is not None
+    np.testing.assert_allclose(detection.pixels, WIDE.project(pose @ plain.points), atol=0.1)

@@ -25,14 +25,14 @@ class Tags:
         numbers: (m,) which of the family.
         corner_ids: (m, 4) ids of the points at their corners, clockwise from the top left of a tag as OpenCV draws it.
         border: Black cells between a tag's outer edge and its code.
-        joined: Whether black squares touch the corners, so that each looks like a chessboard's.
+        squares: Size of the black squares that touch the corners, of a tag's; 0 for none.
     """
 
     family: str
     numbers: IntArray
     corner_ids: IntArray
     border: int = 1
-    joined: bool = False
+    squares: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

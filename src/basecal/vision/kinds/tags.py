@@ -1,21 +1,30 @@
-"""AprilTags and ArUco markers: OpenCV reads them, each corner is then fitted in the image."""
+"""AprilTags and ArUco markers: OpenCV reads them, each corner is then fitted in the image.
+
+Black squares that touch the corners of tags join their outlines, so that OpenCV misses some of such a grid. Those are
+looked for where the tags beside them say they are: four corners that look as they must are the tag's.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
 
 from basecal.cell.target import Tags, Target
-from basecal.geometry import Array, IntArray
+from basecal.geometry import Array, BoolArray, IntArray
 from basecal.vision.detection import Detection, Image, eight_bit, found
 from basecal.vision.fit.corners import Corners, Window, refined
-from basecal.vision.fit.shapes import wedge
+from basecal.vision.fit.shapes import saddle, wedge
 from basecal.vision.kinds.fiducial import dictionary
 
 _CORNERS = 4
+_ARM_PX, _BOARD_ARM_PX = 12.0, 7.0  # along a line on one side and on both sides of its end: what a lens hardly bends
+_ARM = 0.5  # of a tag's side: the other half of an edge belongs to its other corner
+_NEIGHBOUR = 1.5  # pitches between tags that stand side by side or corner to corner
+_GUIDES = 3  # nearest tags that say where one is: the fewer, the less a lens bends what they say
 
 
 def detect(image: Image, target: Target) -> Detection | None:
@@ -32,20 +41,26 @@ def detect(image: Image, target: Target) -> Detection | None:
     """
     if target.tags is None:
         return None
-    rows, start = _own(target.tags, *_read(image, target.tags))
-    if not len(rows):
-        return None
-    ids = target.tags.corner_ids[rows].ravel()
-    fitted = _corners(np.asarray(image), start, dictionary(target.tags.family).markerSize + 2 * target.tags.border)
-    return found(ids[fitted.trusted], fitted.pixels[fitted.trusted], fitted.sigma_px[fitted.trusted])
+    # Programs differ in how wide they print the border: the other width is tried where the usual one gives nothing.
+    for border in (target.tags.border, 3 - target.tags.border):
+        of = _Look(np.asarray(image), target.tags, dictionary(target.tags.family).markerSize + 2 * border, border)
+        seen = _fitted(of, *_read(of))
+        if target.tags.squares:
+            seen = _grown(of, target, seen)
+        if seen.trusted.any():
+            ids, kept = target.tags.corner_ids[seen.rows], seen.trusted
+            return found(ids[kept], seen.pixels[kept], seen.sigma_px[kept])
+    return None
 
 
-def _read(image: Image, tags: Tags) -> tuple[IntArray, Array]:
-    """Numbers of all tags in an image, (m,), and their corners, (m, 4, 2) [px]."""
-    quads, numbers, _ = _detector(tags.family, tags.border).detectMarkers(eight_bit(image))
+def _read(of: _Look) -> tuple[IntArray, Array]:
+    """Rows among a target's tags, (k,), and corners, (k, 4, 2) [px], of those that are read once."""
+    quads, numbers, _ = _detector(of.tags.family, of.border).detectMarkers(eight_bit(of.image))
     if numbers is None:
         return np.zeros(0, dtype=np.int64), np.zeros((0, _CORNERS, 2))
-    return numbers.ravel().astype(np.int64), np.reshape(quads, (-1, _CORNERS, 2)).astype(np.float64)
+    seen, first, count = np.unique(numbers.ravel(), return_index=True, return_counts=True)
+    _, rows, at = np.intersect1d(of.tags.numbers, seen[count == 1], return_indices=True)
+    return rows, np.reshape(quads, (-1, _CORNERS, 2))[first[count == 1][at]].astype(np.float64)
 
 
 @cache
@@ -55,18 +70,60 @@ def _detector(family: str, border: int) -> Any:
     return cv2.aruco.ArucoDetector(dictionary(family), parameters)
 
 
-def _own(tags: Tags, numbers: IntArray, quads: Array) -> tuple[IntArray, Array]:
-    """Which of a target's tags are seen once, (k,), and their corners, (k, 4, 2) [px]."""
-    seen, first, count = np.unique(numbers, return_index=True, return_counts=True)
-    _, rows, at = np.intersect1d(tags.numbers, seen[count == 1], return_indices=True)
-    return rows, quads[first[count == 1][at]]
+class _Look(NamedTuple):
+    """An image, the tags sought in it, how many cells one is across, and those of its border."""
+
+    image: Image
+    tags: Tags
+    cells: int
+    border: int
 
 
-def _corners(image: Image, quads: Array, cells: int) -> Corners:
-    """Corners of tags, (n * 4,): dark inside and bright outside for the width of a cell."""
-    axes = cells * np.stack([_first_cells(quad, cells) for quad in quads]).reshape(-1, 2, 2)
-    window = Window(arm_px=12.0, arm=0.5, inside=1 / cells, outside=np.inf, before=1 / cells)
-    return refined(image, wedge, quads.reshape(-1, 2), axes, window)
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """Tags, (k,) rows among a target's, with pixels (k, 4, 2), their sigmas and whether to trust each, (k, 4)."""
+
+    rows: IntArray
+    pixels: Array
+    sigma_px: Array
+    trusted: BoolArray
+
+    def __getitem__(self, which: BoolArray) -> _Seen:
+        return _Seen(self.rows[which], self.pixels[which], self.sigma_px[which], self.trusted[which])
+
+    @property
+    def sure(self) -> _Seen:
+        """Those of which all four corners can be trusted."""
+        return self[np.asarray(self.trusted.all(axis=1))]
+
+    def joined(self, more: _Seen) -> _Seen:
+        """These tags and more."""
+        rows, pixels = np.concatenate([self.rows, more.rows]), np.concatenate([self.pixels, more.pixels])
+        sigma_px = np.concatenate([self.sigma_px, more.sigma_px])
+        return _Seen(rows, pixels, sigma_px, np.concatenate([self.trusted, more.trusted]))
+
+
+def _fitted(of: _Look, rows: IntArray, quads: Array) -> _Seen:
+    """Tags whose corners are fitted in the image near `quads`, (k, 4, 2) [px]."""
+    axes = of.cells * np.array([_first_cells(quad, of.cells) for quad in quads]).reshape(-1, 2, 2)
+    corners = _as_tag(of, quads, axes) if not of.tags.squares else _as_board(of, quads, axes)
+    shape = (len(quads), _CORNERS)
+    sigma_px, trusted = corners.sigma_px.reshape(shape), corners.trusted.reshape(shape)
+    return _Seen(rows, corners.pixels.reshape(*shape, 2), sigma_px, trusted)
+
+
+def _as_tag(of: _Look, quads: Array, axes: Array) -> Corners:
+    """Corners that are dark inside and bright outside, for the width of a cell."""
+    window = Window(arm_px=_ARM_PX, arm=_ARM, inside=of.border / of.cells, outside=np.inf, before=1 / of.cells)
+    return refined(of.image, wedge, quads.reshape(-1, 2), axes, window)
+
+
+def _as_board(of: _Look, quads: Array, axes: Array) -> Corners:
+    """Corners that black squares touch, dark inside the tag and across; where that is bright it is another place."""
+    square = of.tags.squares
+    window = Window(arm_px=_BOARD_ARM_PX, arm=_ARM, inside=of.border / of.cells, outside=square, before=square)
+    corners = refined(of.image, saddle, quads.reshape(-1, 2), axes, window)
+    return Corners(corners.pixels, corners.sigma_px, corners.trusted & (corners.gain < 0), corners.gain)
 
 
 def _first_cells(quad: Array, cells: int) -> Array:
@@ -76,3 +133,34 @@ def _first_cells(quad: Array, cells: int) -> Array:
     lines = np.stack([np.roll(square, -1, axis=0) - square, np.roll(square, 1, axis=0) - square], axis=1)
     ends = (square[:, None] + lines / cells).reshape(1, -1, 2)
     return np.asarray(cv2.perspectiveTransform(ends, image_from_square)).reshape(4, 2, 2) - quad[:, None]
+
+
+def _grown(of: _Look, target: Target, read: _Seen) -> _Seen:
+    """The tags of a flat grid that are sure, and those beside them that are found by that, again and again.
+
+    One that was read with a corner amiss is looked for like one that was not read; what is sure of it stays.
+    """
+    corners = target.points[target.rows(of.tags.corner_ids.ravel()), :2].reshape(-1, _CORNERS, 2)
+    centres = corners.mean(axis=1)
+    reach = _NEIGHBOUR * (1 + of.tags.squares) * float(np.linalg.norm(corners[0, 1] - corners[0, 0]))
+    seen = read.sure
+    tried = np.zeros(len(corners), dtype=bool)
+    tried[seen.rows] = True
+    while True:
+        apart = np.linalg.norm(centres[:, None] - centres[seen.rows], axis=2)
+        beside = np.flatnonzero(~tried & (apart < reach).any(axis=1))
+        if not len(beside):
+            return seen.joined(read[~np.isin(read.rows, seen.rows)])
+        tried[beside] = True
+        guides = np.argsort(apart[beside], axis=1)[:, :_GUIDES]
+        known = corners[seen.rows]
+        start = [_carried(known[near], seen.pixels[near], corners[k]) for k, near in zip(beside, guides, strict=True)]
+        more = _fitted(of, beside, np.stack(start))
+        seen = seen.joined(more.sure)
+
+
+def _carried(plane: Array, pixels: Array, places: Array) -> Array:
+    """Where places of a plane, (n, 2), are in the image by others known in both, (..., 2) each."""
+    image_from_plane, _ = cv2.findHomography(plane.reshape(-1, 2), pixels.reshape(-1, 2))
+    carried: Array = cv2.perspectiveTransform(places[None], image_from_plane)[0].astype(np.float64)
+    return carried
