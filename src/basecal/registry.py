@@ -12,6 +12,7 @@ TargetKindName = Literal[
     "chessboard",
     "circles",
     "apriltag",
+    "aprilgrid",
     "points",
     "led",
 ]

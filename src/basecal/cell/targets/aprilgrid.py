@@ -1,0 +1,103 @@
+"""Kalibr's aprilgrid: a grid of AprilTags with a black square at each corner of each tag.
+
+As Kalibr has it: tag 0 is at the lower left of the upright print, numbers run along the rows of tags and rows count
+upwards; a tag's corners go round from its lower left against the clock. The frame is Kalibr's too: the origin at the
+lower left corner of tag 0, x along columns, y up along rows, z = x cross y, out of the print towards who reads it.
+Source: Kalibr's documentation of calibration targets and its printed boards, whose tags have two cells of black border.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from basecal.cell.format.values import MOST_POINTS, Length
+from basecal.cell.sheet import Marker, Sheet
+from basecal.cell.target import Tags, Target
+from basecal.cell.targets.fiducials import FAMILIES, known_names
+from basecal.cell.targets.kind import Described, TargetEntry, TargetKind, plane_grid
+from basecal.geometry import SE3
+
+_BORDER = 2  # cells, as Kalibr prints
+_HALF_TURN = 2  # quarter turns: OpenCV draws AprilTags upside down
+# Lower left, then against the clock, is for OpenCV's upside-down tag: top right, top left, bottom left, bottom right.
+_CORNERS_AS_OPENCV = np.array([1, 0, 3, 2])
+
+TagCounts = Annotated[list[Annotated[int, Field(ge=1, le=MOST_POINTS)]], Field(min_length=2, max_length=2)]
+Spacing = Annotated[float, Field(gt=0, le=1)]
+
+
+def aprilgrid_target(tags: tuple[int, int], tag_m: float, spacing: float, family: str = "tag36h11") -> Target:
+    """A grid of (columns, rows) tags whose gaps are `spacing` times their size; ids are 4 * tag + corner."""
+    columns, rows = tags
+    lower_left = plane_grid(columns, rows, tag_m * (1 + spacing))
+    corners = tag_m * np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    numbers = np.arange(columns * rows)
+    corner_ids = 4 * numbers[:, None] + np.arange(4)
+    return Target(
+        "aprilgrid",
+        corner_ids.ravel(),
+        (lower_left[:, None] + corners).reshape(-1, 3),
+        {"tags": [columns, rows], "tag_m": tag_m, "spacing": spacing, "family": family},
+        sheets=(_sheet(columns, rows, tag_m, spacing, family),),
+        found_by="tags",
+        tags=Tags(family, numbers, corner_ids[:, _CORNERS_AS_OPENCV], _BORDER, squares=spacing),
+    )
+
+
+def _sheet(columns: int, rows: int, tag_m: float, spacing: float, family: str) -> Sheet:
+    """The print, y downwards: its origin is that of the target."""
+    gap, pitch = tag_m * spacing, tag_m * (1 + spacing)
+    corner = plane_grid(columns + 1, rows + 1, pitch)[:, :2] * [1, -1] - [gap, 0]
+    places = plane_grid(columns, rows, pitch)[:, :2] * [1, -1] - [0, tag_m]
+    markers = [
+        Marker(family, k, left, top, tag_m, _BORDER, _HALF_TURN) for k, (left, top) in enumerate(places.tolist())
+    ]
+    edge = 2 * gap
+    paper = np.array([-edge, -rows * pitch - edge + gap, columns * pitch + edge - gap, edge])
+    front = SE3(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
+    return Sheet(
+        paper, tag_m, np.concatenate([corner, corner + gap], -1), markers=tuple(markers), target_from_sheet=front
+    )
+
+
+class AprilgridEntry(TargetEntry):
+    """Kalibr's grid of AprilTags."""
+
+    kind: Literal["aprilgrid"]
+    tags: TagCounts
+    tag_m: Length
+    spacing: Spacing
+    family: Annotated[str, known_names("family", FAMILIES)] = "tag36h11"
+
+    def shape(self) -> Target:
+        """The grid."""
+        columns, rows = self.tags
+        return aprilgrid_target((columns, rows), self.tag_m, self.spacing, self.family)
+
+
+KIND = TargetKind(
+    entries=(AprilgridEntry,),
+    described=Described(
+        "`tags: [columns, rows]`, `tag_m`, `spacing` (of the tag's size), `family`",
+        "4 * tag + corner, both as Kalibr counts",
+        "lower left corner of tag 0; y is up",
+    ),
+    template="""\
+    kind: aprilgrid                  # as Kalibr prints it; ids are 4 * tag + corner
+    tags: [6, 6]                     # columns, rows of tags
+    tag_m: 0.03                      # outer black edge to outer black edge; measure it
+    spacing: 0.3                     # gap between tags, in units of their size
+    family: tag36h11
+""",
+    usual=lambda _: aprilgrid_target((4, 4), 0.042, 0.3),
+    printed=lambda sizes: {
+        "tags": [sizes.columns, sizes.rows],
+        "tag_m": sizes.square_m,
+        "spacing": 0.3,
+        "family": sizes.family,
+    },
+    figures={"aprilgrid": aprilgrid_target((2, 2), 0.08, 0.3)},
+)

@@ -1,0 +1,111 @@
+"""Kalibr's aprilgrid: where its points are, and that the print is Kalibr's."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.cell.files import cell_from_dict
+from basecal.cell.targets.aprilgrid import aprilgrid_target
+from basecal.errors import DatasetError
+from basecal.geometry import SE3, Array
+from basecal.vision.detectors import find
+from basecal.vision.draw.drawing import target_drawing
+from basecal.vision.draw.render import RenderSettings, render
+from vision_scenes import WIDE
+
+# The 36 bits of tag 0 of tag36h11 as AprilTag publishes them: row by row from the top left, 1 is white.
+TAG_0 = 0xD5D628584
+
+
+def test_points_are_kalibrs() -> None:
+    """A corner of tag (column, row) is at column and row times (1 + spacing) tags, and up to a tag further."""
+    grid = aprilgrid_target((3, 2), 0.1, 0.25)
+    assert len(grid.ids) == 24
+    np.testing.assert_allclose(
+        grid.points[grid.rows(np.array([0, 1, 2, 3]))][:, :2], [[0, 0], [0.1, 0], [0.1, 0.1], [0, 0.1]]
+    )
+    # Tag 5 is the last of the second row.
+    np.testing.assert_allclose(grid.points[grid.rows(np.array([4 * 5 + 2]))], [[2 * 0.125 + 0.1, 0.125 + 0.1, 0]])
+
+
+def is_black(places: Array) -> Array:
+    """Whether places of the grid's print, (n, 2) [m] in the target's frame, are black."""
+    (sheet,) = target_drawing(aprilgrid_target((2, 2), 0.1, 0.3))
+    flat = np.concatenate([places, np.zeros((len(places), 1))], axis=1)
+    x, y, _ = (sheet.target_from_sheet.inverse() @ flat).T
+    left, top, right, bottom = sheet.rectangles.T
+    return ((x[:, None] > left) & (x[:, None] < right) & (y[:, None] > top) & (y[:, None] < bottom)).any(axis=1)
+
+
+def test_tag_zero_is_upright_at_the_lower_left() -> None:
+    """Tag 0 shows its published bits, top row first with y up, inside two cells of black border."""
+    cell = 0.1 / 10
+    row, column = (each.ravel() for each in np.mgrid[0:10, 0:10])
+    seen = is_black(np.stack([(column + 0.5) * cell, 0.1 - (row + 0.5) * cell], -1)).reshape(10, 10)
+    bits = np.array([TAG_0 >> (35 - k) & 1 for k in range(36)]).reshape(6, 6)
+    expected = np.ones((10, 10), dtype=bool)
+    expected[2:8, 2:8] = bits == 0
+    np.testing.assert_array_equal(seen, expected)
+
+
+def test_squares_touch_every_corner() -> None:
+    """Round every corner of a tag the quadrants are black and white in turn, the tag and a square being black."""
+    points = aprilgrid_target((2, 2), 0.1, 0.3).points[:, :2]
+    around = [is_black(points + 0.004 * np.array(step)) for step in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    np.testing.assert_array_equal(around[0], around[2])
+    np.testing.assert_array_equal(around[1], around[3])
+    assert not np.any(around[0] == around[1])
+
+
+def upright(grid_middle: Array, turn: float, depth: float) -> SE3:
+    rotation = SE3.from_rpy((0.3, -0.2, turn), np.zeros(3)).rotation @ np.diag([1.0, -1.0, -1.0])
+    return SE3(rotation, np.array([0, 0, depth]) - rotation @ grid_middle)
+
+
+@pytest.mark.parametrize("spacing", [0.2, 0.3, 0.5])
+def test_found_whole_and_as_sure_as_it_says(spacing: float) -> None:
+    """Nearly all corners are found, none wrong, with errors as large as their sigmas say."""
+    grid = aprilgrid_target((6, 5), 0.03, spacing)
+    ratios, count = [], 0
+    for seed in range(4):
+        pose = upright(grid.points.mean(axis=0), 0.8 * seed, 0.45)
+        detection = find(render(WIDE, grid, pose, RenderSettings(noise=2.0, blur_px=0.8), seed), grid)
+        assert detection is not None
+        assert detection.ids is not None
+        error = detection.pixels - WIDE.project(pose @ grid.points)[grid.rows(detection.ids)]
+        ratios.append((error / detection.sigma_px[:, None]).ravel())
+        count += len(detection.ids)
+    assert count > 0.95 * 4 * len(grid.ids)
+    assert np.abs(np.concatenate(ratios)).max() < 6
+    assert 0.8 < np.concatenate(ratios).std() < 1.25
+
+
+def test_found_in_part() -> None:
+    """Of a grid that leaves the image, the corners inside are found under their own ids."""
+    grid = aprilgrid_target((8, 8), 0.04, 0.3)
+    pose = upright(grid.points.max(axis=0), 0.1, 0.5)
+    true = WIDE.project(pose @ grid.points)
+    inside = ((true > 0) & (true < [1280, 720])).all(axis=1)
+    assert 0.3 < inside.mean() < 0.9
+    detection = find(render(WIDE, grid, pose), grid)
+    assert detection is not None
+    assert detection.ids is not None
+    assert len(detection.ids) > 0.7 * inside.sum()
+    np.testing.assert_allclose(detection.pixels, true[grid.rows(detection.ids)], atol=0.15)
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("tags", [0, 6], "tags"),
+        ("spacing", 0, "spacing"),
+        ("spacing", 30, "spacing"),
+        ("family", "tag36h12", "tag36h11"),
+    ],
+)
+def test_what_is_no_grid(field: str, value: object, message: str) -> None:
+    """No tags, a gap of zero or in percent, and an unknown family are errors that name the field."""
+    target = {"on": "world", "kind": "aprilgrid", "tags": [6, 6], "tag_m": 0.088, "spacing": 0.3, field: value}
+    with pytest.raises(DatasetError, match=message):
+        cell_from_dict({"schema": "basecal/cell/1", "reference": "a", "robots": {"a": {}}, "targets": {"t": target}})
