@@ -106,7 +106,8 @@ def _described(kind: str, fields: dict[str, Any]) -> tuple[str, Target]:
         path="options",
     )
     shape = described.targets["target"].target
-    assert shape is not None
+    if shape is None:
+        raise InputError(f"a target of kind {kind!r} has no points to print")
     told = ", ".join(f"{key} {value}" for key, value in fields.items())
     return f"{kind}: {told}" if told else kind, shape
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +15,9 @@ from basecal.cell.sheet import Sheet
 from basecal.errors import InputError
 from basecal.geometry import Array
 from basecal.vision.draw.drawing import target_drawing
+
+if TYPE_CHECKING:
+    from reportlab.pdfgen.canvas import Canvas
 
 _PAPERS = {
     "A4": (210.0, 297.0),
@@ -177,10 +181,7 @@ def _pdf(pages: Sequence[PrintedPage]) -> bytes:
     return out.getvalue()
 
 
-def _write_texts(canvas: object, page: PrintedPage) -> None:
-    from reportlab.pdfgen.canvas import Canvas
-
-    assert isinstance(canvas, Canvas)
+def _write_texts(canvas: Canvas, page: PrintedPage) -> None:
     canvas.setFont("Helvetica", 3.2)
     for x, y, text in page.texts:
         canvas.saveState()

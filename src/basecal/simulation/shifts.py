@@ -53,12 +53,15 @@ def simulate_shifts(
     """
     rng = np.random.default_rng(seed)
     samples: list[Sample] = []
+    flanges: dict[str, list[SE3]] = {"eye": [], "hand": []}
     for eye, light in zip(_each(eye_base_from_camera), _each(hand_base_from_light), strict=True):
         for direction in shift_directions(two_sided):
             hand = light @ SE3(np.eye(3), shift_m * direction)
             at = (eye.inverse() @ eye_base_from_hand_base @ hand).translation
             pixel = camera.project(at) + pixel_px * rng.normal(size=2)
             seen = PixelObservation("camera", "light", np.zeros(1, dtype=np.int64), pixel[None])
+            flanges["eye"].append(eye)
+            flanges["hand"].append(hand)
             samples.append(Sample(len(samples), None, {"eye": RobotState(eye), "hand": RobotState(hand)}, (seen,)))
     exactly = Unknown("fixed", SE3.identity())
     cell = Cell(
@@ -77,14 +80,8 @@ def simulate_shifts(
         "hand_flange_from_light": SE3.identity(),
     }
     recording = Recording(tuple(samples))
-    where = {name: SE3.stack([_flange(sample, name) for sample in samples]) for name in ("eye", "hand")}
+    where = {name: SE3.stack(poses) for name, poses in flanges.items()}
     return SimulatedCell(cell, recording, truth, {"camera": camera}, where)
-
-
-def _flange(sample: Sample, robot: str) -> SE3:
-    base_from_flange = sample.robots[robot].base_from_flange
-    assert base_from_flange is not None
-    return base_from_flange
 
 
 def _each(transforms: SE3) -> list[SE3]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from basecal.accuracy.input_check.loop_fit import trimmed
 from basecal.cell import Cell, Recording
-from basecal.errors import BasecalError
+from basecal.errors import BasecalError, InputError
 from basecal.estimation.least_squares.levenberg_marquardt import levenberg_marquardt
 from basecal.estimation.noise.estimate import degrees_of_freedom
 from basecal.estimation.problem.build import build_problem, canonical_order
@@ -177,7 +177,8 @@ def off_views(problem: Problem, group: ViewGroup, state: State) -> Array:
         off = (points[..., 0] + predicted.translation[:, None]) - measurement.points_in_camera
         distance = np.linalg.norm(measurement.points_in_camera, axis=-1)[measurement.seen]
         return _rms(off, measurement.seen) / max(float(np.median(distance)), 1e-12)
-    assert isinstance(measurement, PixelMeasurement)
+    if not isinstance(measurement, PixelMeasurement):
+        raise InputError(f"views of {group.target} are {type(measurement).__name__}s, expected pixels, poses or points")
     off = np.nan_to_num(measurement.residual_px(predicted, state.cameras[group.camera]), nan=np.inf)
     return PIXEL_SCALE * _rms(off, measurement.seen)
 

@@ -341,8 +341,8 @@ def _freed(name: str) -> Callable[[Cell, Recording], Told]:
     def apply(cell: Cell, recording: Recording) -> Told:
         """The cell and the recording so read."""
         camera = cell.cameras[name]
-        assert camera.intrinsics is not None
-        freed = replace(camera, intrinsics=replace(camera.intrinsics, status="free"))
+        lens = camera.intrinsics
+        freed = replace(camera, intrinsics=None if lens is None else replace(lens, status="free"))
         return replace(cell, cameras={**cell.cameras, name: freed}), recording
 
     return apply

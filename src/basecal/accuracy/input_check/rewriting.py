@@ -37,16 +37,15 @@ def with_robots(recording: Recording, maps: Mapping[str, PoseMap]) -> Recording:
     """The recording with the poses of robots mapped; joints stay as they are."""
     samples = list(recording.samples)
     for robot, of in maps.items():
-        rows = [i for i, s in enumerate(samples) if robot in s.robots and s.robots[robot].base_from_flange is not None]
-        told = of(SE3.stack([_flange(samples[i].robots[robot]) for i in rows]))
-        for k, i in enumerate(rows):
+        poses = {i: pose for i, s in enumerate(samples) if (pose := _recorded_pose(s, robot)) is not None}
+        told = of(SE3.stack(list(poses.values())))
+        for k, i in enumerate(poses):
             samples[i] = replace(samples[i], robots={**samples[i].robots, robot: RobotState(told[k])})
     return replace(recording, samples=tuple(samples))
 
 
-def _flange(state: RobotState) -> SE3:
-    assert state.base_from_flange is not None
-    return state.base_from_flange
+def _recorded_pose(sample: Sample, robot: str) -> SE3 | None:
+    return sample.robots[robot].base_from_flange if robot in sample.robots else None
 
 
 def with_joints(recording: Recording, robot: str, factor: float) -> Recording:
@@ -75,18 +74,15 @@ def exchanged(recording: Recording, first: str, second: str) -> Recording:
 
 def with_targets(recording: Recording, of: PoseMap) -> Recording:
     """The recording with every observed pose mapped."""
-    places = [
-        (i, j)
+    seen = [
+        (i, j, o)
         for i, s in enumerate(recording.samples)
         for j, o in enumerate(s.observations)
         if isinstance(o, PoseObservation)
     ]
-    seen = [recording.samples[i].observations[j] for i, j in places]
-    told = of(SE3.stack([o.camera_from_target for o in seen if isinstance(o, PoseObservation)]))
+    told = of(SE3.stack([o.camera_from_target for _, _, o in seen]))
     samples: list[list[Observation]] = [list(s.observations) for s in recording.samples]
-    for k, (i, j) in enumerate(places):
-        observation = samples[i][j]
-        assert isinstance(observation, PoseObservation)
+    for k, (i, j, observation) in enumerate(seen):
         samples[i][j] = replace(observation, camera_from_target=told[k])
     return _with_observations(recording, samples)
 

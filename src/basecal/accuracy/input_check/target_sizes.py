@@ -16,7 +16,7 @@ from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
 from basecal.estimation.start.pair_views import PairViews
 from basecal.estimation.view.measurement import PointMeasurement
-from basecal.geometry import Array, Camera
+from basecal.geometry import SE3, Array, Camera
 
 _VIEWS = 20
 _STEPS = 25
@@ -56,7 +56,7 @@ def _factor(problem: Problem, target: str, lenses: Mapping[str, Camera]) -> floa
     if sight.candidates is None:
         return None
     fit = fit_loops(sight, problem)
-    return _by_translations(sight, fit, problem, group)
+    return _by_translations(sight, sight.candidates, fit, problem)
 
 
 def _spread_ratio(measurement: PointMeasurement) -> float | None:
@@ -69,12 +69,12 @@ def _spread(points: Array) -> float:
     return float(np.sqrt(np.mean(np.sum((points - points.mean(0)) ** 2, -1))))
 
 
-def _by_translations(sight: PairViews, fit: LoopFit, problem: Problem, group: ViewGroup) -> float:
+def _by_translations(sight: PairViews, candidates: SE3, fit: LoopFit, problem: Problem) -> float:
     """The factor f of RA tX - tY - RY RC tZ + f RA RX tB == RY tC - tA, by least squares."""
-    assert sight.candidates is not None
-    a, c = sight.group.eye_base_from_eye_flange, sight.group.hand_base_from_hand_flange
+    group = sight.group
+    a, c = group.eye_base_from_eye_flange, group.hand_base_from_hand_flange
     x, y, _ = fit.triple
-    seen = (a.rotation @ x.rotation @ sight.candidates[:, 0].translation[..., None])[..., 0]
+    seen = (a.rotation @ x.rotation @ candidates[:, 0].translation[..., None])[..., 0]
     parts = (a.rotation, np.broadcast_to(-np.eye(3), a.rotation.shape), -(y.rotation @ c.rotation))
     fixed = (_fixed(problem, group.camera_mount), _fixed(problem, *_bases(group)), _fixed(problem, group.target_mount))
     right = (y.rotation @ c.translation.T).T - a.translation

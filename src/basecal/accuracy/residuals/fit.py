@@ -86,14 +86,15 @@ def view_alone(state: State, group: ViewGroup, predicted: SE3) -> tuple[SE3, Boo
     everywhere = np.ones(len(group), dtype=bool)
     if isinstance(measurement, PoseMeasurement):
         return measurement.measured_camera_from_target, everywhere
-    points = measurement.points_in_target if isinstance(measurement, PixelMeasurement | PointMeasurement) else None
-    if points is None or np.linalg.matrix_rank(points - points[0], tol=1e-9) < 2:
+    if not isinstance(measurement, PixelMeasurement | PointMeasurement):
+        return predicted, ~everywhere
+    points = measurement.points_in_target
+    if np.linalg.matrix_rank(points - points[0], tol=1e-9) < 2:
         return predicted, ~everywhere
     if isinstance(measurement, PointMeasurement):
         enough = measurement.seen.sum(-1) >= _FEWEST_3D_POINTS
         weight = np.where(enough[:, None], measurement.weight, 1.0) ** 2
         return umeyama(points, measurement.points_in_camera, weight), enough
-    assert isinstance(measurement, PixelMeasurement)
     camera = state.cameras[group.camera]
     alone = refined(measurement, predicted, camera, iterations=20).camera_from_target
     return alone, measurement.seen.sum(-1) >= FEWEST_POINTS

@@ -64,7 +64,11 @@ def point_residuals(cell: Cell, recording: Recording, calibration: Calibration) 
     problem, _ = choose_correspondence(problem, state)
     for _ in range(_STOP_ROUNDS if len(problem.stops) else 0):
         state = retract(problem, state, linearise(problem, state), np.zeros(0))
-    return tuple(_of_group(cell, problem, state, group) for group in problem.groups if _in_pixels(group))
+    return tuple(
+        _of_group(target.ids, group, group.measurement, state, problem)
+        for group in problem.groups
+        if isinstance(group.measurement, PixelMeasurement) and (target := cell.targets[group.target].target)
+    )
 
 
 def _estimated(problem: Problem, calibration: Calibration) -> dict[str, Array]:
@@ -100,12 +104,11 @@ def _has_lens(group: ViewGroup, cameras: dict[str, Camera]) -> bool:
     return not _in_pixels(group) or group.camera in cameras
 
 
-def _of_group(cell: Cell, problem: Problem, state: State, group: ViewGroup) -> PointResiduals:
-    measurement, target = group.measurement, cell.targets[group.target].target
-    assert isinstance(measurement, PixelMeasurement)
-    assert target is not None
+def _of_group(
+    ids: IntArray, group: ViewGroup, measurement: PixelMeasurement, state: State, problem: Problem
+) -> PointResiduals:
     predicted = state.camera_from_target(group, problem.stops)
     off = measurement.residual_px(predicted, state.cameras[group.camera])
     view, point = np.nonzero(np.isfinite(off).all(-1))
     pixels = measurement.pixels[view, point]
-    return PointResiduals(group.camera, group.target, group.sample[view], target.ids[point], pixels, off[view, point])
+    return PointResiduals(group.camera, group.target, group.sample[view], ids[point], pixels, off[view, point])

@@ -85,7 +85,7 @@ def find_stations(problem: Problem, cameras: dict[str, Camera]) -> list[Station]
         station
         for group in problem.groups
         if isinstance(group.measurement, PixelMeasurement) and len(group.measurement.points_in_target) == 1
-        for station in _of_group(problem, group, cameras[group.camera])
+        for station in _of_group(problem, group, group.measurement, cameras[group.camera])
     ]
     if not found:
         raise NotObservable(
@@ -112,11 +112,10 @@ def for_task(stations: Sequence[Station], task_in_eye_base: Array, nearest: bool
     return fused(bases, list(1 / np.maximum(distance, 1e-6) ** 2))
 
 
-def _of_group(problem: Problem, group: ViewGroup, camera: Camera) -> Iterator[Station]:
+def _of_group(problem: Problem, group: ViewGroup, measurement: PixelMeasurement, camera: Camera) -> Iterator[Station]:
     eye_flange_from_camera = _known(problem, group.camera_mount)
     hand_flange_from_light = _known(problem, group.target_mount)
-    assert isinstance(group.measurement, PixelMeasurement)
-    bearings, valid = camera.undistort(group.measurement.pixels[:, 0])
+    bearings, valid = camera.undistort(measurement.pixels[:, 0])
     px = camera.focal * bearings[:, :2] / bearings[:, 2:]
     for run in _runs(group):
         views = run[valid[run]]

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from basecal.errors import InputError
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
 from basecal.estimation.view.measurement import BearingMeasurement, PixelMeasurement, PointMeasurement, PoseMeasurement
 from basecal.estimation.view.view_pose import FEWEST_POINTS, refined, view_poses
@@ -57,7 +58,8 @@ def view_costs(problem: Problem, state: State, group: ViewGroup) -> ViewCosts:
         return _sure(measurement.measured_camera_from_target, np.zeros(len(least)), 4 * least**2)
     if isinstance(measurement, PointMeasurement):
         return _of_points(measurement)
-    assert isinstance(measurement, PixelMeasurement)
+    if not isinstance(measurement, PixelMeasurement):
+        raise InputError(f"views of {group.target} are {type(measurement).__name__}s, expected pixels, poses or points")
     return _of_pixels(measurement, state.camera_from_target(group, problem.stops), state.cameras[group.camera])
 
 
