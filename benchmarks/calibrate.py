@@ -15,6 +15,7 @@ from statistics import median
 from typing import Any
 
 import numpy as np
+from tests.shared.real_recordings import EXAMPLES, data_folder, example, moveit_cell, nao_cell
 
 from basecal.accuracy.verdict import calibrate
 from basecal.cell import Calibration, Cell, Recording
@@ -24,7 +25,6 @@ from basecal.estimation.settings import Settings
 from basecal.estimation.stages import Stages
 from basecal.vision.detect import detect
 from benchmarks.common import on_one_core, seconds, table, write
-from benchmarks.real import EXAMPLES, data_folder, example, moveit_cell, nao_cell
 
 PRODUCTS, ROWS, COLUMNS = 20, 200, 600
 UNITS_A_TIME = 7

@@ -16,6 +16,8 @@ from multiprocessing import get_context
 from typing import Any, NamedTuple
 
 import numpy as np
+from tests.shared.mutate import Mutation, lines_of, mutations, recording_of
+from tests.shared.real_recordings import ROOT, example, moveit_cell, nao_cell
 
 from basecal.accuracy.verdict import calibrate
 from basecal.cell import Calibration, Cell, Recording, RobotState, Target
@@ -25,8 +27,6 @@ from basecal.kinematics import read_chain
 from basecal.kinematics.inverse import inverse
 from basecal.simulation import Scenario, simulate
 from benchmarks.common import table, write
-from benchmarks.mutate import Mutation, lines_of, mutations, recording_of
-from benchmarks.real import ROOT, example, moveit_cell, nao_cell
 
 URDF = ROOT / "tests" / "data" / "urdf" / "six_axis.urdf"
 HOME = np.array([0.4, -1.2, 1.5, -0.6, 1.1, 0.3])

@@ -378,3 +378,14 @@ def test_no_addresses_in_the_lock() -> None:
     pins = [line for line in lines if line and not line.startswith("#")]
     assert all(re.fullmatch(r"[A-Za-z0-9_.-]+==[A-Za-z0-9_.+!-]+", pin) for pin in pins)
     assert len(pins) > 30
+
+
+TESTS = Path(__file__).parent
+OF_BENCHMARKS = {"test_benchmarks.py", "test_peers.py"}
+
+
+def test_tests_need_no_benchmarks() -> None:
+    """Only the tests of the benchmarks import them: what both need stands in `tests/shared`."""
+    sources = {path.name: path.read_text(encoding="utf-8") for path in TESTS.rglob("*.py")}
+    importing = {name for name, text in sources.items() if re.search(r"^\s*(from|import) benchmarks\b", text, re.M)}
+    assert importing == OF_BENCHMARKS

@@ -6,7 +6,14 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from benchmarks.real import (
+
+from basecal.accuracy.verdict import calibrate
+from basecal.cell.files import read_cell, read_recording
+from basecal.errors import DatasetError
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import solve
+from basecal.vision.detect import detect
+from tests.shared.real_recordings import (
     CORNERS,
     EXAMPLES,
     LIGHT_NEAR_MM_DEG,
@@ -19,13 +26,6 @@ from benchmarks.real import (
     ur5e,
     ur5e_images,
 )
-
-from basecal.accuracy.verdict import calibrate
-from basecal.cell.files import read_cell, read_recording
-from basecal.errors import DatasetError
-from basecal.estimation.settings import Settings
-from basecal.estimation.solve import solve
-from basecal.vision.detect import detect
 
 
 def short(measure: Callable[[], list[Figure]]) -> list[Figure]:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmarks.consistency import ESTIMATED, FREEDOMS, SCENARIOS, band, error_of
+from tests.shared.consistency_trial import ESTIMATED, FREEDOMS, SCENARIOS, band, error_of
 
 from basecal.estimation.settings import RobotNoise
 from basecal.simulation import Scenario

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks.real import data_folder
+from tests.shared.real_recordings import data_folder
 
 from basecal.accuracy.verdict import calibrate
 from basecal.cell import Cell, CellCamera, CellTarget, Intrinsics, Recording, Robot, RobotState, Sample, Unknown

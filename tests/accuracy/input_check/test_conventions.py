@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmarks.mutate import lines_of, mutations, recording_of
-from benchmarks.real import example, nao_cell
+from tests.shared.mutate import lines_of, mutations, recording_of
+from tests.shared.real_recordings import example, nao_cell
 
 from basecal.accuracy.input_check.hypotheses import resized
 from basecal.accuracy.input_check.rewriting import inverted, with_robots, with_targets

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmarks.certificate import adversarial, tried
+from tests.shared.deceivers import adversarial, tried
 
 from basecal.accuracy.certify import certified
 from basecal.accuracy.verdict import calibrate

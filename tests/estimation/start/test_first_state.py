@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from benchmarks.kinds import KINDS
-from benchmarks.starts import trial
+from tests.shared.kinds import KINDS
+from tests.shared.start_trial import trial
 
 from basecal.estimation.least_squares.levenberg_marquardt import levenberg_marquardt
 from basecal.estimation.least_squares.normal_equations import linearise

@@ -1,0 +1,1 @@
+"""Cells, recordings and trials that tests and benchmarks share."""
