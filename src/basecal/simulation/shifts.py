@@ -52,16 +52,14 @@ def simulate_shifts(
         seed: Of the noise.
     """
     rng = np.random.default_rng(seed)
-    samples: list[Sample] = []
-    flanges: dict[str, list[SE3]] = {"eye": [], "hand": []}
+    samples, flanges = list[Sample](), list[tuple[SE3, SE3]]()
     for eye, light in zip(_each(eye_base_from_camera), _each(hand_base_from_light), strict=True):
-        for direction in shift_directions(two_sided):
-            hand = light @ SE3(np.eye(3), shift_m * direction)
+        for shift in shift_m * shift_directions(two_sided):
+            hand = light @ SE3(np.eye(3), shift)
+            flanges.append((eye, hand))
             at = (eye.inverse() @ eye_base_from_hand_base @ hand).translation
             pixel = camera.project(at) + pixel_px * rng.normal(size=2)
             seen = PixelObservation("camera", "light", np.zeros(1, dtype=np.int64), pixel[None])
-            flanges["eye"].append(eye)
-            flanges["hand"].append(hand)
             samples.append(Sample(len(samples), None, {"eye": RobotState(eye), "hand": RobotState(hand)}, (seen,)))
     exactly = Unknown("fixed", SE3.identity())
     cell = Cell(
@@ -80,7 +78,7 @@ def simulate_shifts(
         "hand_flange_from_light": SE3.identity(),
     }
     recording = Recording(tuple(samples))
-    where = {name: SE3.stack(poses) for name, poses in flanges.items()}
+    where = {name: SE3.stack([each[k] for each in flanges]) for k, name in enumerate(("eye", "hand"))}
     return SimulatedCell(cell, recording, truth, {"camera": camera}, where)
 
 

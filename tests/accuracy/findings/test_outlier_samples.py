@@ -12,7 +12,7 @@ from tests.shared.real_recordings import data_folder
 
 from basecal.accuracy.verdict import calibrate
 from basecal.cell import Cell, CellCamera, CellTarget, Intrinsics, Recording, Robot, RobotState, Sample, Unknown
-from basecal.cell.target import charuco
+from basecal.cell.targets.charuco import charuco_target
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 from basecal.vision.detect import detect
@@ -120,7 +120,7 @@ def _abb(copy: Path) -> tuple[Cell, Recording]:
         )
         for k in range(20)
     )
-    board = charuco((10, 14), 0.0241, 0.0181, "DICT_4X4_250", legacy_pattern=True)
+    board = charuco_target((10, 14), 0.0241, 0.0181, "DICT_4X4_250", legacy_pattern=True)
     cell = Cell(
         "eye",
         robots={name: Robot(name) for name in ("eye", "hand")},
