@@ -21,10 +21,11 @@ from basecal.cell import Cell, Finding, Recording
 from basecal.cell.calibration import Severity
 from basecal.errors import BasecalError
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.problem.problem import Problem, State, ViewGroup
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution
 from basecal.estimation.start.lens import lens_from_views
+from basecal.estimation.start.pair_views import PairViews
 from basecal.estimation.view.measurement import PixelMeasurement
 from basecal.geometry import SE3, Camera
 
@@ -148,35 +149,52 @@ def _try(
 def _surviving(cell: Cell, recording: Recording, lenses: Lenses) -> list[tuple[ConventionHypothesis, Fits]]:
     """Readings that close the loops about as well as the one that closes them best."""
     moving = _moving(recording)
-    best, of_light, _ = _screened(cell, recording, lenses)
-    found = []
+    readings, told = [AS_DECLARED], [(cell, recording)]
     for reading in convention_hypotheses(cell, recording):
         if reading.nested or (reading.code == "pairing-shifted" and not set(reading.about) <= set(moving)):
             continue
-        told, rewritten = reading.apply(cell, recording)
-        if not impossible_input(told, rewritten):
-            score, _, fits = _screened(told, rewritten, lenses)
-            found.append((score, reading, fits))
-    found.sort(key=lambda each: each[0])
-    if min([best, *(score for score, *_ in found[:1])]) > (_LIGHT_HOPELESS_RAD if of_light else _HOPELESS_RAD):
+        rewritten = reading.apply(cell, recording)
+        if not impossible_input(*rewritten):
+            readings.append(reading)
+            told.append(rewritten)
+    fits = _screened(told, lenses)
+    scores = [max((trimmed(fit.off) for fit in of.values()), default=np.inf) for of in fits]
+    of_light = any(fit.of_light for fit in fits[0].values())
+    if min(scores) > (_LIGHT_HOPELESS_RAD if of_light else _HOPELESS_RAD):
         return []
-    limit = _NEAR * min([best, *(score for score, *_ in found[:1])]) + (_LIGHT_FLOOR_RAD if of_light else _FLOOR_RAD)
-    return [(reading, fits) for score, reading, fits in found[:_MOST_SOLVED] if score < limit]
+    limit = _NEAR * min(scores) + (_LIGHT_FLOOR_RAD if of_light else _FLOOR_RAD)
+    best = sorted(range(1, len(scores)), key=lambda k: scores[k])[:_MOST_SOLVED]
+    return [(readings[k], fits[k]) for k in best if scores[k] < limit]
 
 
-def _screened(cell: Cell, recording: Recording, lenses: Lenses) -> tuple[float, bool, Fits]:
-    """How nearly the loops of the pair that closes them worst can be closed [rad], whether it is a light; the fits."""
+def _screened(told: Sequence[tuple[Cell, Recording]], lenses: Lenses) -> list[Fits]:
+    """Of each reading how nearly the loops of its pairs of camera and target close, all fitted side by side.
+
+    A reading has no fits where one of its pairs cannot be fitted.
+    """
+    pairs = [_pairs(cell, recording, lenses) for cell, recording in told]
+    fits = iter(fit_loops([pair for of in pairs for pair in of]))
+    found: list[Fits] = []
+    for of in pairs:
+        named = {(sight.group.camera, sight.group.target): next(fits) for sight, _ in of}
+        whole = {key: fit for key, fit in named.items() if fit is not None}
+        found.append(whole if len(whole) == len(named) else {})
+    return found
+
+
+def _pairs(cell: Cell, recording: Recording, lenses: Lenses) -> list[tuple[PairViews, Problem]]:
+    """Some views of each pair of camera and target, as a reading has them; none where it makes no problem."""
     try:
         problem, _ = build_problem(cell, thinned(recording, _SCREENED))
-        fits = {}
-        for g in problem.groups:
-            sight = sight_for(g, lenses.get(g.camera), _SCREENED)
-            few = sight if sight.candidates is not None else sight_for(g, lenses.get(g.camera), _LIGHTS_SCREENED)
-            fits[g.camera, g.target] = fit_loops(few, problem)
+        return [(_thinned_views(g, lenses), problem) for g in problem.groups]
     except (BasecalError, np.linalg.LinAlgError):
-        return float("inf"), False, {}
-    score = max((trimmed(fit.off) for fit in fits.values()), default=float("inf"))
-    return score, any(fit.of_light for fit in fits.values()), fits
+        return []
+
+
+def _thinned_views(group: ViewGroup, lenses: Lenses) -> PairViews:
+    """Some views of a pair; fewer of a light, whose search is longer."""
+    some = sight_for(group, lenses.get(group.camera), _SCREENED)
+    return some if some.candidates is not None else sight_for(group, lenses.get(group.camera), _LIGHTS_SCREENED)
 
 
 def _moving(recording: Recording) -> list[str]:

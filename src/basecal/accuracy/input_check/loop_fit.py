@@ -6,7 +6,7 @@ loop here closes none in the whole cell either; one that does is solved in earne
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,15 +16,13 @@ from basecal.estimation.least_squares.levenberg_marquardt import levenberg_marqu
 from basecal.estimation.problem.problem import Problem, State, Stops, ViewGroup
 from basecal.estimation.start.closed_form import Loop, Rotations, solve_rotations, solve_translations
 from basecal.estimation.start.pair_views import PairViews, as_light, pair_views
-from basecal.estimation.start.rotation_grid import light_starts, pose_starts
+from basecal.estimation.start.rotation_grid import light_starts
+from basecal.estimation.start.rotation_search import angle_between, search_rotations
 from basecal.estimation.view.measurement import BearingMeasurement
 from basecal.geometry import SE3, Array, Camera, IntArray
-from basecal.geometry.se3 import nearest_rotation
 
 KEPT = 0.7
 _MOST_POINTS = 16
-_SEARCHED = 16
-_TRIED, _FIRST_ROUNDS, _MORE_ROUNDS = 6, 5, 40
 _LIGHT_STARTS = {0: 1, 1: 3, 2: 6}
 _LIGHT_STEPS = 12
 _PLAUSIBLE_SIGMAS = 4.0
@@ -61,19 +59,34 @@ def sight_for(group: ViewGroup, camera: Camera | None, views: int) -> PairViews:
     return pair_views(group, camera, views, _MOST_POINTS)
 
 
-def fit_loops(sight: PairViews, problem: Problem) -> LoopFit:
-    """The transforms that close a pair's loops best, with only what is fixed known."""
-    if sight.candidates is None:
-        return _fit_light(sight, problem)
-    loop = _loop(sight, problem, np.zeros(len(sight.group), dtype=np.int64))
-    fit = _fit_of(sight, loop)
-    chosen = _nearer(sight, fit.triple)
-    return _fit_of(sight, _loop(sight, problem, chosen)) if np.any(chosen) and trimmed(fit.off) < _HOPELESS_RAD else fit
+def fit_loops(pairs: Sequence[tuple[PairViews, Problem]]) -> list[LoopFit | None]:
+    """The transforms that close each pair's loops best, with only what is fixed known; None where numbers end.
+
+    All pairs are searched side by side, whatever readings of the input they come from.
+    """
+    first = _fits_of(pairs, [np.zeros(len(sight.group), dtype=np.int64) for sight, _ in pairs])
+    again = {}
+    for k, ((sight, _), fit) in enumerate(zip(pairs, first, strict=True)):
+        if fit is not None and not fit.of_light and trimmed(fit.off) < _HOPELESS_RAD:
+            chosen = _nearer(sight, fit.triple)
+            if np.any(chosen):
+                again[k] = chosen
+    second = dict(zip(again, _fits_of([pairs[k] for k in again], list(again.values())), strict=True))
+    return [second.get(k, fit) for k, fit in enumerate(first)]
 
 
-def _fit_of(sight: PairViews, loop: Loop) -> LoopFit:
-    triple = _triple(loop)
-    return LoopFit(triple, off_loops(sight, triple))
+def _fits_of(pairs: Sequence[tuple[PairViews, Problem]], chosen: Sequence[IntArray]) -> list[LoopFit | None]:
+    """Fits of pairs with the chosen (n,) candidate pose of each view; a light has none."""
+    fits: dict[int, LoopFit | None] = {}
+    loops: dict[int, Loop] = {}
+    for k, ((sight, problem), of) in enumerate(zip(pairs, chosen, strict=True)):
+        if sight.candidates is None:
+            fits[k] = _light(sight, problem)
+        else:
+            loops[k] = _loop(sight, problem, of)
+    for k, triple in zip(loops, _triples(list(loops.values())), strict=True):
+        fits[k] = None if triple is None else LoopFit(triple, off_loops(pairs[k][0], triple))
+    return [fits[k] for k in range(len(pairs))]
 
 
 def state_of(problem: Problem, fits: Mapping[tuple[str, str], LoopFit], cameras: Mapping[str, Camera]) -> State | None:
@@ -101,18 +114,11 @@ def off_loops(sight: PairViews, triple: Triple) -> Array:
     if sight.candidates is None:
         return _off_light(sight, predicted)
     seen = sight.candidates
-    angles = _angles(np.swapaxes(seen.rotation, -1, -2) @ predicted.rotation[:, None])
+    angles = angle_between(seen.rotation, predicted.rotation[:, None])
     lengths = np.linalg.norm(seen.translation - predicted.translation[:, None], axis=-1)
     distance = max(float(np.median(np.linalg.norm(seen.translation[:, 0], axis=-1))), 1e-12)
     both: Array = np.hypot(angles, lengths / distance).min(-1)
     return both
-
-
-def _angles(rotation: Array) -> Array:
-    cosine = (np.trace(rotation, axis1=-2, axis2=-1) - 1) / 2
-    sine = np.linalg.norm(rotation - np.swapaxes(rotation, -1, -2), axis=(-2, -1)) / np.sqrt(8)
-    angle: Array = np.arctan2(sine, cosine)
-    return angle
 
 
 def _predicted(sight: PairViews, triple: Triple) -> SE3:
@@ -144,55 +150,43 @@ def _loop(sight: PairViews, problem: Problem, chosen: IntArray) -> Loop:
     return sight.loop(x, _relation(problem, g), z, chosen)
 
 
-def _triple(loop: Loop) -> Triple:
-    """By closed form where the rotations are determined, else from the best of a grid, refined in turn."""
-    if not loop.unknown:
-        assert loop.x is not None
-        assert loop.y is not None
-        assert loop.z is not None
+def _triples(loops: Sequence[Loop]) -> list[Triple | None]:
+    """By closed form where the rotations are determined, else by a search of all loops of one structure at once."""
+    found = [_closed_form(loop) for loop in loops]
+    searched: dict[str, list[int]] = {}
+    for k, rotations in enumerate(found):
+        if rotations is not None and not rotations.clear:
+            searched.setdefault(loops[k].unknown, []).append(k)
+    for rows in searched.values():
+        for k, rotations in zip(rows, search_rotations([loops[k] for k in rows]), strict=True):
+            found[k] = rotations
+    return [_triple(loop, rotations) for loop, rotations in zip(loops, found, strict=True)]
+
+
+def _triple(loop: Loop, rotations: Rotations | None) -> Triple | None:
+    if loop.x is not None and loop.y is not None and loop.z is not None:
         return loop.x, loop.y, loop.z
-    found = solve_rotations(loop)
-    if not found.clear:
-        found = _searched(loop)
-    return solve_translations(loop, found)
+    try:
+        return None if rotations is None else solve_translations(loop, rotations)
+    except np.linalg.LinAlgError:
+        return None
 
 
-def _searched(loop: Loop) -> Rotations:
-    """Rotations by alternating means from the best cells of a grid, side by side; the best of them further."""
-    starts = pose_starts(loop, _SEARCHED)
-    at = {name: np.stack([start[k] for start in starts]) for k, name in enumerate("xyz")}
-    angle = _alternated(loop, at, _FIRST_ROUNDS)
-    best = np.argsort(angle, kind="stable")[:_TRIED]
-    at = {name: rotation[best] for name, rotation in at.items()}
-    if angle[best[0]] < _HOPELESS_RAD and len(loop.unknown) > 1:
-        angle = _alternated(loop, at, _MORE_ROUNDS)
-        best = np.argsort(angle, kind="stable")
-        return Rotations(at["x"][best[0]], at["y"][best[0]], at["z"][best[0]], True)
-    return Rotations(at["x"][0], at["y"][0], at["z"][0], True)
+def _closed_form(loop: Loop) -> Rotations | None:
+    """Rotations by the closed form, which may not be clear; None where there is nothing to find, or numbers end."""
+    if not loop.unknown:
+        return None
+    try:
+        return solve_rotations(loop)
+    except np.linalg.LinAlgError:
+        return None
 
 
-def _alternated(loop: Loop, at: dict[str, Array], rounds: int) -> Array:
-    """Take each unknown rotation of `at`, (m, 3, 3), as the mean that follows from the others; angles left, (m,)."""
-    a, b, c = loop.a.rotation, loop.b.rotation, loop.c.rotation
-    for _ in range(rounds):
-        for name in loop.unknown:
-            at[name] = _mean(name, at, a, b, c, loop.weight)
-    seen = a @ at["x"][:, None] @ b
-    told = at["y"][:, None] @ c @ at["z"][:, None]
-    return np.array([trimmed(row) for row in _angles(np.swapaxes(told, -1, -2) @ seen)])
-
-
-def _mean(name: str, at: dict[str, Array], a: Array, b: Array, c: Array, weight: Array) -> Array:
-    """The rotation that fits best with the other two as they are, (m, 3, 3), for m of each at once."""
-    share = (weight**2)[:, None, None]
-    x, y, z = at["x"][:, None], at["y"][:, None], at["z"][:, None]
-    if name == "x":
-        total = np.swapaxes(a, -1, -2) @ y @ c @ z @ np.swapaxes(share * b, -1, -2)
-    elif name == "y":
-        total = (share * a) @ x @ b @ np.swapaxes(c @ z, -1, -2)
-    else:
-        total = np.swapaxes(y @ c, -1, -2) @ (share * a) @ x @ b
-    return nearest_rotation(total.sum(1))
+def _light(sight: PairViews, problem: Problem) -> LoopFit | None:
+    try:
+        return _fit_light(sight, problem)
+    except np.linalg.LinAlgError:
+        return None
 
 
 def _fit_light(sight: PairViews, problem: Problem) -> LoopFit:

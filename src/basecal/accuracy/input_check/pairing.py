@@ -13,6 +13,7 @@ from basecal.accuracy.input_check.loop_fit import LoopFit, fit_loops, off_loops,
 from basecal.cell import Cell, Observation, PoseObservation, Recording
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.correspondence import half_turn
+from basecal.estimation.start.pair_views import PairViews
 from basecal.geometry import SE3, Array, BoolArray, Camera
 
 _VIEWS = 24
@@ -40,16 +41,17 @@ def pairing_errors(
     count = len(recording.samples)
     if count < 2 * _FEWEST:
         return []
-    first = _part(recording, 0, count // 2)
-    declared = _fits(cell, first, lenses)
+    slips = [(stream, by) for stream in streams for by in _SLIPS]
+    moved = [shift(stream, by).apply(cell, recording)[1] for stream, by in slips]
+    halves = [_part(recording, 0, count // 2), *(_part(each, count // 2, count) for each in moved)]
+    declared, *seconds = _fits(cell, halves, lenses)
+    as_recorded = _pairs(cell, recording, lenses)
     scored = []
-    for stream in streams:
-        for by in _SLIPS:
-            moved = shift(stream, by).apply(cell, recording)[1]
-            second = _fits(cell, _part(moved, count // 2, count), lenses)
-            for fits in (declared, second):
-                before, after = (_off(cell, told, recording, lenses, fits) for told in (recording, moved))
-                scored.append((*_change(before, after, max(by, 0)), stream, by))
+    for (stream, by), slipped, second in zip(slips, moved, seconds, strict=True):
+        as_slipped = _pairs(cell, slipped, lenses)
+        for fits in (declared, second):
+            before, after = (_off(pairs, recording, fits) for pairs in (as_recorded, as_slipped))
+            scored.append((*_change(before, after, max(by, 0)), stream, by))
     scored.sort(key=lambda each: each[0])
     samples = recording.samples
     return [shift(stream, by, k, samples[k].sample) for _, k, stream, by in scored[:_BEST]]
@@ -59,10 +61,25 @@ def _part(recording: Recording, start: int, stop: int) -> Recording:
     return replace(recording, samples=recording.samples[start:stop])
 
 
-def _fits(cell: Cell, recording: Recording, lenses: Lenses) -> Fits:
-    problem, _ = build_problem(cell, thinned(recording, _VIEWS))
-    sights = {(g.camera, g.target): sight_for(g, lenses.get(g.camera), _VIEWS) for g in problem.groups}
-    return {key: fit_loops(sight, problem) for key, sight in sights.items()}
+def _fits(cell: Cell, recordings: list[Recording], lenses: Lenses) -> list[Fits]:
+    """Of each recording the fits of its pairs of camera and target, all searched side by side."""
+    pairs = []
+    for k, recording in enumerate(recordings):
+        problem, _ = build_problem(cell, thinned(recording, _VIEWS))
+        for g in problem.groups:
+            pairs.append((k, (g.camera, g.target), sight_for(g, lenses.get(g.camera), _VIEWS), problem))
+    found: list[dict[tuple[str, str], LoopFit]] = [{} for _ in recordings]
+    fits = fit_loops([(sight, problem) for *_, sight, problem in pairs])
+    for (k, key, *_), fit in zip(pairs, fits, strict=True):
+        if fit is not None:
+            found[k][key] = fit
+    return [*found]
+
+
+def _pairs(cell: Cell, recording: Recording, lenses: Lenses) -> list[PairViews]:
+    """All views of each pair of camera and target."""
+    problem, _ = build_problem(cell, recording)
+    return [sight_for(g, lenses.get(g.camera), _ALL_VIEWS) for g in problem.groups]
 
 
 def _change(before: Array, after: Array, lost: int) -> tuple[float, int]:
@@ -79,14 +96,12 @@ def _change(before: Array, after: Array, lost: int) -> tuple[float, int]:
     return float(np.sqrt(total[k] / len(before))), k
 
 
-def _off(cell: Cell, recording: Recording, order: Recording, lenses: Lenses, fits: Fits) -> Array:
+def _off(pairs: list[PairViews], order: Recording, fits: Fits) -> Array:
     """Of each sample of `order`, how far its views are off; NaN where it has none."""
-    problem, _ = build_problem(cell, recording)
     squares: dict[int, list[float]] = {}
-    for group in problem.groups:
-        fit = fits.get((group.camera, group.target))
+    for sight in pairs:
+        fit = fits.get((sight.group.camera, sight.group.target))
         if fit is not None:
-            sight = sight_for(group, lenses.get(group.camera), _ALL_VIEWS)
             for number, off in zip(sight.group.sample.tolist(), off_loops(sight, fit.triple).tolist(), strict=True):
                 squares.setdefault(number, []).append(off**2)
     return np.array([np.sqrt(np.mean(squares.get(s.sample, [np.nan]))) for s in order.samples])

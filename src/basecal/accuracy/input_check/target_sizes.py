@@ -55,8 +55,8 @@ def _factor(problem: Problem, target: str, lenses: Mapping[str, Camera]) -> floa
     sight = sight_for(group, lenses.get(group.camera), _VIEWS)
     if sight.candidates is None:
         return None
-    fit = fit_loops(sight, problem)
-    return _by_translations(sight, sight.candidates, fit, problem)
+    (fit,) = fit_loops([(sight, problem)])
+    return None if fit is None else _by_translations(sight, sight.candidates, fit, problem)
 
 
 def _spread_ratio(measurement: PointMeasurement) -> float | None:

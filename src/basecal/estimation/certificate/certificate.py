@@ -25,7 +25,7 @@ from basecal.estimation.noise.estimate import degrees_of_freedom
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.solve import Solution
 from basecal.estimation.start.closed_form import solve_rotations, solve_translations
-from basecal.estimation.start.rotation_grid import pose_starts
+from basecal.estimation.start.rotation_search import pose_starts
 from basecal.estimation.view.measurement import PixelMeasurement
 from basecal.geometry import SE3, Array
 

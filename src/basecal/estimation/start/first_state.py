@@ -19,7 +19,8 @@ from basecal.estimation.problem.problem import Problem, State, Stops
 from basecal.estimation.start.closed_form import Loop, Rotations, solve_rotations, solve_translations
 from basecal.estimation.start.lens import lens_from_views
 from basecal.estimation.start.pair_views import PairViews, as_light, pair_views, umeyama
-from basecal.estimation.start.rotation_grid import light_starts, pose_starts
+from basecal.estimation.start.rotation_grid import light_starts
+from basecal.estimation.start.rotation_search import pose_starts
 from basecal.estimation.view.measurement import PixelMeasurement
 from basecal.geometry import SE3, Camera, IntArray
 

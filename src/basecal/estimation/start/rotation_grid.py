@@ -12,7 +12,7 @@ import numpy as np
 
 from basecal.estimation.start.closed_form import Loop
 from basecal.geometry import SE3, Array
-from basecal.geometry.se3 import nearest_rotation, rotation_from_quaternion
+from basecal.geometry.se3 import rotation_from_quaternion
 
 _RIDGE = 1e-6
 _MOST_VIEWS = 40
@@ -98,45 +98,3 @@ def _least_squares(across: Array, rows: Array, constant: Array) -> Array:
     ridge = _RIDGE * len(across) * np.eye(rows.shape[-1])
     normal = np.swapaxes(flat, -1, -2) @ flat + ridge
     return -np.asarray(np.linalg.solve(normal, np.swapaxes(flat, -1, -2) @ right)[..., 0], dtype=np.float64)
-
-
-def pose_starts(loop: Loop, most: int) -> list[tuple[Array, Array, Array]]:
-    """The most promising rotations of X, Y and Z where views give whole poses, (3, 3) each, best first."""
-    grid = icosahedral_rotations()
-    averaged = loop.unknown[-1]
-    xs = grid if loop.x is None and averaged != "x" else _known(loop.x)
-    ys = grid if loop.y is None and averaged != "y" else _known(loop.y)
-    means = _means(loop, averaged, xs, ys)
-    score = np.linalg.svd(means, compute_uv=False).sum(-1)
-    order = np.argsort(-score, axis=None, kind="stable")[:most]
-    at_x, at_y = np.unravel_index(order, score.shape)
-    found = {"x": xs[at_x], "y": ys[at_y], "z": np.broadcast_to(_known(loop.z), (len(order), 3, 3))}
-    found[averaged] = nearest_rotation(means[at_x, at_y])
-    return list(zip(found["x"], found["y"], found["z"], strict=True))
-
-
-def _known(transform: SE3 | None) -> Array:
-    return np.eye(3)[None] if transform is None else transform.rotation[None]
-
-
-def _means(loop: Loop, averaged: str, xs: Array, ys: Array) -> Array:
-    """Weighted means over samples of the one rotation that follows from the others, (k, m, 3, 3) for k X and m Y."""
-    step = max(1, -(-len(loop.a) // _MOST_VIEWS))
-    a, b, c, w = (t[::step] for t in (loop.a.rotation, loop.b.rotation, loop.c.rotation, loop.weight))
-    share = (w**2 / np.sum(w**2))[:, None, None]
-    if averaged == "x":
-        return _summed_products(np.swapaxes(a, -1, -2), ys[:, None] @ (share * c @ _known(loop.z)), b)[None]
-    seen = a @ xs[:, None] @ b
-    if averaged == "y":
-        of_y: Array = np.einsum("xnij,nkj->xik", seen, share * c @ _known(loop.z))[:, None]
-        return of_y
-    # Of C' Y' S only Y varies with the grid: what it is multiplied by is summed over samples first.
-    around = np.einsum("nji,xnkl->xiljk", share * c, seen, optimize=True)
-    of_z: Array = np.einsum("xiljk,ykj->xyil", around, ys, optimize=True)
-    return of_z
-
-
-def _summed_products(left: Array, middle: Array, right: Array) -> Array:
-    """Sums over n of left, (n, 3, 3), times middle, (m, n, 3, 3), times the transpose of right, (n, 3, 3)."""
-    total: Array = (left @ middle @ np.swapaxes(right, -1, -2)).sum(1)
-    return total

@@ -1,0 +1,223 @@
+"""Rotations of A X B = Y C Z where no closed form determines them: the best cells of a grid, refined in turn.
+
+Of two of the three rotations the third that fits best is the one nearest to a weighted mean over the samples:
+X to that of A'YCZB', Y of AXBZ'C', Z of C'Y'AXB. All three are sums over products of entries of A, C and B, so that the
+moments sum w^2 A (x) C (x) B, (9, 9, 9) of one loop, stand for its samples. Loops with the same unknowns go side by
+side. The sixty rotations of the icosahedron cover all rotations within 45 degrees.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from basecal.estimation.start.closed_form import Loop, Rotations
+from basecal.estimation.start.rotation_grid import icosahedral_rotations
+from basecal.geometry import Array, IntArray
+from basecal.geometry.se3 import nearest_rotation
+
+# Cells of the grid that are refined, rounds of each, how many of the best go on, and for how many rounds at most.
+_CELLS, _FIRST_ROUNDS, _BEST, _MORE_ROUNDS = 16, 5, 6, 40
+# Rotations whose entries change by less in a round have settled.
+_SETTLED = 1e-6
+# Each round of the sum of singular values leaves at most a ninth of the error: enough to rank by.
+_SUM_ROUNDS = 8
+# A third of the samples may be wrong: the rest ranks the cells.
+_KEPT = 0.7
+# Where the better part of the samples is still further off than this after the first rounds, more do not help [rad].
+_HOPELESS_RAD = 0.5
+
+Turns = Mapping[str, Array]
+"""By letter of X, Y and Z: (h, m, 3, 3) rotations of h loops, m of each."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Loops:
+    """Loops with the same unknowns, h of them, of at most n samples.
+
+    Attributes:
+        a: (h, n, 3, 3), rotations of A.
+        b: (h, n, 3, 3), likewise.
+        c: (h, n, 3, 3), likewise.
+        weight: (h, n), 0 where a loop has fewer samples.
+        count: (h,) how many samples a loop has.
+        known: (h, 1, 3, 3) by the letters that are known.
+        unknown: The other letters.
+        moments: (h, 9, 9, 9) by entries of X, Y and Z.
+    """
+
+    a: Array
+    b: Array
+    c: Array
+    weight: Array
+    count: IntArray
+    known: Turns
+    unknown: str
+    moments: Array
+
+    def take(self, rows: IntArray) -> _Loops:
+        """The loops at these indices."""
+        known = {letter: turn[rows] for letter, turn in self.known.items()}
+        a, b, c, weight, moments = (m[rows] for m in (self.a, self.b, self.c, self.weight, self.moments))
+        return _Loops(a, b, c, weight, self.count[rows], known, self.unknown, moments)
+
+    def means(self, letter: str, at: Turns, each: bool = False) -> Array:
+        """Weighted sums whose nearest rotation is the one of `letter`, (h, m, 3, 3); `each` first with each second one.
+
+        Then they are (h, p, q, 3, 3) of p of the first and q of the second other letter.
+        """
+        first, second = (other for other in "xyz" if other != letter)
+        h = len(self.moments)
+        by = np.moveaxis(self.moments, 1 + "xyz".index(letter), -1).reshape(h, 9, 81)
+        p, q = (at[other].reshape(*at[other].shape[:2], 9) for other in (first, second))
+        half = (p @ by).reshape(h, p.shape[1], 9, 9)
+        if each:
+            return np.asarray((q[:, None] @ half).reshape(h, p.shape[1], q.shape[1], 3, 3))
+        return np.asarray((q[:, :, None] @ half).reshape(h, p.shape[1], 3, 3))
+
+
+def pose_starts(loop: Loop, most: int) -> list[tuple[Array, Array, Array]]:
+    """The most promising rotations of X, Y and Z where views give whole poses, (3, 3) each, best first."""
+    at = _grid_starts(_loops([loop]), most)
+    return list(zip(at["x"][0], at["y"][0], at["z"][0], strict=True))
+
+
+def search_rotations(loops: Sequence[Loop]) -> list[Rotations]:
+    """Rotations of loops with the same unknowns, two or three, that close most samples of each."""
+    every = _loops(loops)
+    at = _alternated(every, _grid_starts(every, _CELLS), _FIRST_ROUNDS)
+    at, angle = _ranked(every, at, _BEST)
+    near = np.flatnonzero(angle[:, 0] < _HOPELESS_RAD)
+    some = every.take(near)
+    refined, _ = _ranked(some, _alternated(some, {k: turn[near] for k, turn in at.items()}, _MORE_ROUNDS), 1)
+    found = {k: turn[:, 0].copy() for k, turn in at.items()}
+    for letter, turn in refined.items():
+        found[letter][near] = turn[:, 0]
+    return [Rotations(*triple, True) for triple in zip(found["x"], found["y"], found["z"], strict=True)]
+
+
+def angle_between(first: Array, second: Array) -> Array:
+    """Angles between rotations, (..., 3, 3) each to (...,) [rad]: exact near zero, to 1e-8 near half a turn."""
+    off = first - second
+    chord = np.sqrt(np.einsum("...ij,...ij->...", off, off) / 8)
+    angle: Array = 2 * np.arcsin(np.minimum(chord, 1.0))
+    return angle
+
+
+def _loops(loops: Sequence[Loop]) -> _Loops:
+    n = max(len(loop.weight) for loop in loops)
+    a, b, c = (np.stack([_padded(getattr(loop, k).rotation, n) for loop in loops]) for k in "abc")
+    weight = np.stack([np.append(loop.weight, np.zeros(n - len(loop.weight))) for loop in loops])
+    unknown = loops[0].unknown
+    known = {k: np.stack([getattr(loop, k).rotation[None] for loop in loops]) for k in "xyz" if k not in unknown}
+    count = np.array([len(loop.weight) for loop in loops])
+    return _Loops(a, b, c, weight, count, known, unknown, _moments(a, b, c, weight))
+
+
+def _padded(rotations: Array, n: int) -> Array:
+    return np.concatenate([rotations, np.broadcast_to(np.eye(3), (n - len(rotations), 3, 3))])
+
+
+def _moments(a: Array, b: Array, c: Array, weight: Array) -> Array:
+    """Sums over samples of w^2 A_ji C_km B_lp, (h, 9, 9, 9) by (i, l), (j, k) and (m, p)."""
+    h, n = weight.shape
+    share = weight**2 / np.sum(weight**2, -1, keepdims=True)
+    left = (share[..., None, None] * a).reshape(h, n, 9)
+    right = (c[..., :, :, None, None] * b[..., None, None, :, :]).reshape(h, n, 81)
+    total = (np.swapaxes(left, -1, -2) @ right).reshape(h, 3, 3, 3, 3, 3, 3)
+    # The axes are j, i, k, m, l, p.
+    return np.asarray(total.transpose(0, 2, 5, 1, 3, 4, 6).reshape(h, 9, 9, 9))
+
+
+@cache
+def _grid() -> Array:
+    return icosahedral_rotations()
+
+
+def _grid_starts(loops: _Loops, most: int) -> dict[str, Array]:
+    """The most promising rotations, (h, m, 3, 3) by letter, best first."""
+    h = len(loops.moments)
+    averaged = loops.unknown[-1]
+    tried = {
+        k: np.broadcast_to(_grid(), (h, len(_grid()), 3, 3)) if k in loops.unknown else loops.known[k]
+        for k in "xyz"
+        if k != averaged
+    }
+    first, second = tried
+    means = loops.means(averaged, tried, each=True)
+    score = _sum_of_singular_values(means).reshape(h, -1)
+    most = min(most, score.shape[1])
+    best = np.argpartition(-score, most - 1, axis=-1)[:, :most]
+    row = np.arange(h)[:, None]
+    best = best[row, np.argsort(-score[row, best], axis=-1, kind="stable")]
+    at_first, at_second = np.unravel_index(best, means.shape[1:3])
+    return {
+        first: tried[first][row, at_first],
+        second: tried[second][row, at_second],
+        averaged: nearest_rotation(means[row, at_first, at_second]),
+    }
+
+
+def _sum_of_singular_values(matrix: Array) -> Array:
+    """Nuclear norms of (..., 3, 3), tenfold faster than by their singular values s, t and u.
+
+    (s + t + u)^2 == s^2 + t^2 + u^2 + 2 p and p^2 == (st)^2 + (tu)^2 + (us)^2 + 2 stu (s + t + u), p = st + tu + us:
+    the entries' squares give the first sum of squares, those of the cofactors the second, the determinant stu.
+    """
+    rows = np.moveaxis(matrix, (-2, -1), (0, 1)).copy()
+    cofactors = [_cross(rows[i - 2], rows[i - 1]) for i in range(3)]
+    twice_determinant = 2 * np.abs(_dot(rows[0], cofactors[0]))
+    squares, squared_products = (sum(_dot(r, r) for r in of) for of in (rows, cofactors))
+    total: Array = np.sqrt(3 * squares)
+    for _ in range(_SUM_ROUNDS):
+        total = np.sqrt(squares + 2 * np.sqrt(squared_products + twice_determinant * total))
+    return total
+
+
+def _dot(first: Sequence[Array], second: Sequence[Array]) -> Array:
+    return first[0] * second[0] + first[1] * second[1] + first[2] * second[2]
+
+
+def _cross(first: Array, second: Array) -> list[Array]:
+    return [first[i - 2] * second[i - 1] - first[i - 1] * second[i - 2] for i in range(3)]
+
+
+def _alternated(loops: _Loops, at: Turns, rounds: int) -> dict[str, Array]:
+    """Each unknown rotation in turn as the mean that follows from the others, until those of a loop settle."""
+    found = {k: turn.copy() for k, turn in at.items()}
+    moving = np.arange(len(loops.moments))
+    for _ in range(rounds):
+        if not len(moving):
+            break
+        some, now = loops.take(moving), {k: turn[moving] for k, turn in found.items()}
+        for letter in loops.unknown:
+            now[letter] = nearest_rotation(some.means(letter, now))
+        change = [np.abs(now[k] - found[k][moving]).max((1, 2, 3)) for k in loops.unknown]
+        for letter in loops.unknown:
+            found[letter][moving] = now[letter]
+        moving = moving[np.max(change, axis=0) > _SETTLED]
+    return found
+
+
+def _ranked(loops: _Loops, at: Turns, most: int) -> tuple[dict[str, Array], Array]:
+    """The best rotations of each loop, (h, most, 3, 3) by letter, and the angles that they leave, (h, most) [rad]."""
+    x, y, z = (at[k][:, :, None] for k in "xyz")
+    seen = loops.a[:, None] @ x @ loops.b[:, None]
+    told = y @ loops.c[:, None] @ z
+    angle = _trimmed_rms(angle_between(told, seen), loops.count)
+    best = np.argsort(angle, axis=-1, kind="stable")[:, :most]
+    row = np.arange(len(best))[:, None]
+    return {k: turn[row, best] for k, turn in at.items()}, angle[row, best]
+
+
+def _trimmed_rms(angle: Array, count: IntArray) -> Array:
+    """Rms over the least of the first `count` values, (h, m, n) to (h, m)."""
+    among = np.arange(angle.shape[-1]) < count[:, None]
+    ordered = np.sort(np.where(among[:, None], angle, np.inf), axis=-1)
+    kept = np.maximum(1, np.ceil(_KEPT * count).astype(np.int64))
+    used = np.arange(angle.shape[-1]) < kept[:, None]
+    total: Array = np.sqrt(np.sum(np.where(used[:, None], ordered, 0.0) ** 2, -1) / kept[:, None])
+    return total
