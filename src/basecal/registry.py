@@ -17,3 +17,9 @@ TargetKindName = Literal[
     "led",
 ]
 """Kinds of targets: modules of `basecal.cell.targets`."""
+
+LENSES = (
+    "pinhole",
+    "fisheye",
+)
+"""Lenses: modules of `basecal.geometry.lenses`; several may be one model with other numbers of terms."""

@@ -9,6 +9,7 @@ from typing import Literal
 from basecal.cell.target import Target
 from basecal.errors import FrameNotFound
 from basecal.geometry import SE3, Array, Camera
+from basecal.geometry.lens import lenses_of
 from basecal.kinematics import SerialChain
 
 Status = Literal["fixed", "prior", "free"]
@@ -91,13 +92,14 @@ class Intrinsics:
         status: `fixed`, `prior` or `free`.
         camera: Its value, prior mean or guess; None where free and nothing is stated.
         sigma: (4 + terms,) sigmas of fx, fy, cx, cy [px] and the distortion; with `prior` only.
-        distortion_terms: How many distortion coefficients are estimated where `camera` is None.
+        distortion_terms: How many distortion coefficients are estimated where `camera` is None; the model's usual
+            number where None.
     """
 
     status: Status = "fixed"
     camera: Camera | None = None
     sigma: Array | None = None
-    distortion_terms: int = 5
+    distortion_terms: int | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +110,7 @@ class CellCamera:
         name: Its name in the cell.
         on: The robot whose flange carries it, or `world`.
         mount: `<robot>_flange_from_<camera>`, or `<reference>_base_from_<camera>`.
-        model: `pinhole` or `fisheye`.
+        model: Name of its lens model.
         size_px: Width and height of its images; None where it gives only poses or 3-D points.
         intrinsics: None where it gives only poses or 3-D points.
     """
@@ -116,9 +118,19 @@ class CellCamera:
     name: str
     on: str
     mount: Unknown = Unknown()
-    model: Literal["pinhole", "fisheye"] = "pinhole"
+    model: str = "pinhole"
     size_px: tuple[int, int] | None = None
     intrinsics: Intrinsics | None = None
+
+    @property
+    def distortion_terms(self) -> int:
+        """How many distortion terms its lens has, or is to have; 0 where it gives only poses or 3-D points."""
+        if self.intrinsics is None:
+            return 0
+        if self.intrinsics.camera is not None:
+            return len(self.intrinsics.camera.distortion)
+        asked = self.intrinsics.distortion_terms
+        return lenses_of(self.model)[0].USUAL_TERMS if asked is None else asked
 
 
 @dataclass(frozen=True, eq=False)

@@ -77,10 +77,12 @@ def _mount(on: str, reference: str, name: str) -> str:
 
 
 def _camera(name: str, on: str, reference: str, kind: Kind) -> str:
+    from basecal.geometry.lens import lens_models, terms_text
+
     text = f"  {name}:\n{_mount(on, reference, name)}"
     if kind == "pose":
         return text
-    text += "    model: pinhole                   # pinhole (k1 k2 p1 p2 [k3 [k4 k5 k6]]) or fisheye (k1 k2 k3 k4)\n"
+    text += f"    model: pinhole                   # {' or '.join(f'{m} ({terms_text(m)})' for m in lens_models())}\n"
     text += "    size_px: [1280, 720]             # width, height of its images\n"
     if not _is_light(kind):
         return text + "    intrinsics: {status: free}       # or fixed / prior with fx, fy, cx, cy, distortion\n"

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from basecal.errors import InputError, nearest
-from basecal.geometry import fisheye, pinhole
+from basecal.errors import InputError
 from basecal.geometry.array import Array, read_only
-from basecal.geometry.lens import BoolArray, Lens, Number
-
-Model = Literal["pinhole", "fisheye"]
-_LENSES: dict[str, Lens] = {"pinhole": pinhole, "fisheye": fisheye}
+from basecal.geometry.lens import BoolArray, Lens, Number, lens_of, term_counts
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,9 +18,9 @@ class Camera:
     """A lens and the size of its images; x right, y down, z forward; the centre of the top-left pixel is (0, 0).
 
     Attributes:
-        model: `pinhole` (Brown-Conrady, k1 k2 p1 p2 [k3 [k4 k5 k6]]) or `fisheye` (Kannala-Brandt, k1 k2 k3 k4).
-        parameters: (..., 4 + k) fx, fy, cx, cy [px] and k distortion terms: 0, 4, 5 or 8; fisheye 4. Leading axes are
-            a batch of lenses, which lines up with the leading axes of what is projected.
+        model: Name of a lens model, such as `pinhole` (Brown-Conrady) or `fisheye` (Kannala-Brandt).
+        parameters: (..., 4 + k) fx, fy, cx, cy [px] and k distortion terms of the model. Leading axes are a batch of
+            lenses, which lines up with the leading axes of what is projected.
         size_px: Width and height; None where not known.
 
     Raises:
@@ -32,18 +28,19 @@ class Camera:
             number of distortion terms none of the model's.
     """
 
-    model: Model
+    model: str
     parameters: Array
     size_px: tuple[int, int] | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "parameters", read_only(self.parameters, (None,), "camera parameters"))
-        if self.model not in _LENSES:
-            known = ", ".join(_LENSES)
-            raise InputError(f"no lens model {self.model!r}{nearest(self.model, _LENSES)}; there are: {known}")
         _check_parameters(self.model, self.parameters)
         if self.size_px is not None and not (len(self.size_px) == 2 and min(self.size_px) > 0):
             raise InputError(f"size_px is {self.size_px}, expected a positive width and height")
+
+    @property
+    def _lens(self) -> Lens:
+        return lens_of(self.model, self.parameters.shape[-1] - 4)
 
     @property
     def focal(self) -> Array:
@@ -85,12 +82,12 @@ class Camera:
         Raises:
             InputError: if the last axis is not 3.
 
-        Source: geometry/pinhole.py, geometry/fisheye.py; docs/mathematics.md.
+        Source: geometry/lenses; docs/mathematics.md.
         """
         points = _last_axis(points_in_camera, 3, "points_in_camera")
         with np.errstate(all="ignore"):
             beside = _beside(self.parameters, points)
-            return _pixels(*_LENSES[self.model].project(points, beside[4:]), beside)
+            return _pixels(*self._lens.project(points, beside[4:]), beside)
 
     def project_with_derivatives(
         self, points_in_camera: Array, intrinsics: bool = False
@@ -112,7 +109,7 @@ class Camera:
         points = _last_axis(points_in_camera, 3, "points_in_camera")
         beside = _beside(self.parameters, points)
         with np.errstate(all="ignore"):
-            u, v, d_points, d_terms = _LENSES[self.model].project_with_derivatives(
+            u, v, d_points, d_terms = self._lens.project_with_derivatives(
                 points, (beside[0], beside[1]), beside[4:], intrinsics
             )
             d_parameters = None if d_terms is None else _by_parameters(u, v, d_terms)
@@ -133,7 +130,7 @@ class Camera:
         """
         plane = (_last_axis(pixels, 2, "pixels") - self.center) / self.focal
         with np.errstate(all="ignore"):
-            rays, valid = _LENSES[self.model].unproject(plane[..., 0], plane[..., 1], self.distortion.tolist())
+            rays, valid = self._lens.unproject(plane[..., 0], plane[..., 1], self.distortion.tolist())
             unit = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
         return np.where(valid[..., None], unit, np.nan), valid
 
@@ -145,7 +142,7 @@ class Camera:
         """
         points = _last_axis(points_in_camera, 3, "points_in_camera")
         with np.errstate(all="ignore"):
-            seen = _LENSES[self.model].within(points, self.distortion.tolist())
+            seen = self._lens.within(points, self.distortion.tolist())
         if self.size_px is None:
             return seen
         pixels = self.project(points)
@@ -186,8 +183,8 @@ def _last_axis(values: Array, length: int, name: str) -> Array:
     return array
 
 
-def _check_parameters(model: Model, parameters: Array) -> None:
-    terms = _LENSES[model].TERMS
+def _check_parameters(model: str, parameters: Array) -> None:
+    terms = term_counts(model)
     if parameters.shape[-1] - 4 not in terms:
         expected = " or ".join(map(str, terms))
         raise InputError(

@@ -2,25 +2,63 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Protocol
+from collections.abc import Callable, Sequence
+from functools import cache
+from importlib import import_module
+from itertools import pairwise
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from basecal.errors import InputError, nearest
 from basecal.geometry.array import Array
+from basecal.registry import LENSES
 
 BoolArray = NDArray[np.bool_]
 Number = float | Array
 
 
+class Image(NamedTuple):
+    """Where directions (a, b, 1) are on the plane at unit distance, and the derivatives of that, (...,) each."""
+
+    u: Array
+    v: Array
+    du_da: Array
+    du_db: Array
+    dv_da: Array
+    dv_db: Array
+
+
+Mapped = Callable[[Array, Array], Image]
+
+# Newton's method doubles its digits; a start near the fold takes longer, and one that has not come by then does not.
+_MOST_STEPS = 60
+_TOLERANCE = 1e-12  # of the image [focal lengths]: 1e-9 px, above the rounding of the polynomials
+_REAL = 1e-9  # imaginary parts of a root below this share of it are rounding
+
+
 class Lens(Protocol):
-    """The face of a lens model, a module; camera.py keeps the list of them.
+    """The face of a lens, a module of `basecal.geometry.lenses`.
 
     A lens's numbers are floats, or over a batch of lenses arrays that broadcast against the coordinates of the points.
+
+    Attributes:
+        MODEL: What its model is called in files; two lenses of one model differ in their numbers of terms.
+        TERM_NAMES: Of its distortion terms, in their order.
+        TERMS: How many of them it may have.
+        USUAL_TERMS: How many it has where nothing is said.
+        USUAL_FOCAL_PX: Least and greatest focal length, in an image 1280 px wide, of one that a simulation draws.
     """
 
+    MODEL: str
+    TERM_NAMES: tuple[str, ...]
     TERMS: tuple[int, ...]
+    USUAL_TERMS: int
+    USUAL_FOCAL_PX: tuple[float, float]
+
+    def usual_distortion(self, rng: np.random.Generator) -> Array:
+        """Distortion terms as a simulation draws them, (USUAL_TERMS,)."""
 
     def project(self, points: Array, distortion: Sequence[Number]) -> tuple[Array, Array]:
         """Image u and v, (...,) each, of points (..., 3); NaN where the lens is not defined."""
@@ -40,13 +78,103 @@ class Lens(Protocol):
         """Directions of any length, (..., 3), and whether each has the image (u, v) where the model is one to one."""
 
 
+@cache
+def lens_of(model: str, terms: int) -> Lens:
+    """The lens of a model with so many distortion terms.
+
+    Raises:
+        InputError: if there is no such model, or none with so many terms.
+    """
+    for lens in lenses_of(model):
+        if terms in lens.TERMS:
+            return lens
+    raise InputError(f"a {model} lens has {' or '.join(map(str, term_counts(model)))} distortion terms, not {terms}")
+
+
+@cache
+def lenses_of(model: str) -> tuple[Lens, ...]:
+    """The lenses of a model, the usual one first.
+
+    Raises:
+        InputError: if there is no such model.
+    """
+    found = tuple(lens for lens in _lenses() if model == lens.MODEL)
+    if not found:
+        known = lens_models()
+        raise InputError(f"no lens model {model!r}{nearest(model, known)}; there are: {', '.join(known)}")
+    return found
+
+
+@cache
+def lens_models() -> tuple[str, ...]:
+    """Names of the models there are."""
+    return tuple(dict.fromkeys(lens.MODEL for lens in _lenses()))
+
+
+def term_counts(model: str) -> tuple[int, ...]:
+    """How many distortion terms a lens of the model may have, rising."""
+    return tuple(sorted({count for lens in lenses_of(model) for count in lens.TERMS}))
+
+
+def terms_text(model: str) -> str:
+    """The distortion terms of a model, those that may be left out in brackets: `k1 k2 p1 p2 [k3 [k4 k5 k6]]`."""
+    names = max((lens.TERM_NAMES for lens in lenses_of(model)), key=len)
+    text = ""
+    for start, end in reversed(list(pairwise([0, *filter(None, term_counts(model))]))):
+        text = " ".join(names[start:end]) + (f" [{text}]" if text else "")
+    return text
+
+
+@cache
+def _lenses() -> tuple[Lens, ...]:
+    return tuple(_lens(name) for name in LENSES)
+
+
+def _lens(name: str) -> Lens:
+    lens: Any = import_module(f"basecal.geometry.lenses.{name}")
+    found: Lens = lens
+    return found
+
+
+def inverted(mapped: Mapped, u: Array, v: Array, limit: float) -> tuple[Array, BoolArray]:
+    """Directions (a, b, 1), (..., 3), and whether each has the image (u, v) where a^2 + b^2 < limit, (...,).
+
+    Newton's method from the image itself, kept inside the limit.
+
+    Args:
+        mapped: From a and b, (...,) each, to their image and its derivative.
+        u: Of the image, (...,).
+        v: Likewise.
+        limit: How far out the map is one to one.
+    """
+    a, b = _clipped(u, v, limit)
+    for _ in range(_MOST_STEPS):
+        at = mapped(a, b)
+        here, miss_u, miss_v = (a, b), u - at.u, v - at.v
+        determinant = at.du_da * at.dv_db - at.du_db * at.dv_da
+        near = np.hypot(miss_u, miss_v) <= _TOLERANCE * (1 + np.hypot(u, v))
+        if not np.any(np.isfinite(determinant) & ~near):
+            break
+        step_a = (at.dv_db * miss_u - at.du_db * miss_v) / determinant
+        step_b = (at.du_da * miss_v - at.dv_da * miss_u) / determinant
+        a, b = _clipped(a + step_a, b + step_b, limit)
+    valid = near & (determinant > 0) & (at.du_da + at.dv_db > 0)
+    return np.stack([*here, np.ones_like(here[0])], -1), valid
+
+
+def _clipped(a: Array, b: Array, limit: float) -> tuple[Array, Array]:
+    s = a * a + b * b
+    shrink = np.where(s > limit, np.sqrt(limit / s), 1.0)
+    return a * shrink, b * shrink
+
+
 def first_root(rising: Array) -> float:
     """Smallest positive root of 1 + c1 s + c2 s^2 + ..., or infinity.
 
     Its mirror image in 1 / s is monic, so that no coefficient, however small, overflows.
     """
     mirrored = np.roots(rising)
-    real = mirrored.real[np.abs(mirrored.imag) <= 1e-9 * np.abs(mirrored)]
+    real = mirrored.real[np.abs(mirrored.imag) <= _REAL * np.abs(mirrored)]
     largest = float(real.max(initial=0.0))
     return 1.0 / largest if largest > 0 else float("inf")
 

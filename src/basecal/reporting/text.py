@@ -10,10 +10,10 @@ from basecal.cell import Calibration, Cell, Certificate, Finding, Validation
 from basecal.exchange.ros2 import static_transform_publisher
 from basecal.exchange.urdf import origin_line
 from basecal.geometry import Array, Camera, PoseEstimate
+from basecal.geometry.lens import lens_of
 from basecal.reporting.robots import robot_blocks
 
 _INTRINSICS = ("fx", "fy", "cx", "cy")
-_DISTORTION = {"pinhole": ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"), "fisheye": ("k1", "k2", "k3", "k4")}
 _READ_IN = {"px": (1.0, "px"), "m": (1e3, "mm"), "rad": (1e3, "mrad")}
 _RANK = {"error": 0, "warning": 1, "info": 2}
 # What follows from something else is told after it.
@@ -145,7 +145,8 @@ def _intrinsics(name: str, calibration: Calibration) -> list[str]:
 def lens_parameters(camera: Camera, covariance: Array) -> list[tuple[str, float, float, str]]:
     """Name, value, sigma and unit of each parameter of a lens."""
     sigmas = np.sqrt(np.diag(covariance))
-    names = [*_INTRINSICS, *_DISTORTION[camera.model]][: len(sigmas)]
+    distortion = lens_of(camera.model, len(camera.distortion)).TERM_NAMES
+    names = [*_INTRINSICS, *distortion][: len(sigmas)]
     units = ["px" if name in _INTRINSICS else "" for name in names]
     return list(zip(names, camera.parameters.tolist(), sigmas.tolist(), units, strict=True))
 

@@ -7,6 +7,7 @@ import numpy as np
 from basecal.cell.target import Target
 from basecal.cell.targets.all_kinds import target_kind
 from basecal.geometry import SE3, Array, Camera
+from basecal.geometry.lens import lenses_of
 from basecal.geometry.se3 import rotation_from_quaternion
 from basecal.simulation.scenario import Scenario
 
@@ -41,16 +42,14 @@ def mount(rng: Generator, point: bool) -> SE3:
 
 
 def lens(rng: Generator, scenario: Scenario) -> Camera:
-    """The scenario's lens, or one of its model: a field of view of about 70 deg, or 120 deg for a fisheye."""
+    """The scenario's lens, or a usual one of its model."""
     if scenario.camera is not None:
         return scenario.camera
-    fisheye = scenario.lens == "fisheye"
-    fx = rng.uniform(480, 560) if fisheye else rng.uniform(860, 940)
+    model = lenses_of(scenario.lens)[0]
+    fx = rng.uniform(*model.USUAL_FOCAL_PX)
     fy = fx * rng.uniform(0.995, 1.005)
     cx, cy = np.array(SIZE_PX) / 2 - 0.5 + rng.uniform(-15, 15, 2)
-    distortion = np.array([-0.08, 0.02, 0, 0, 0]) + rng.uniform(-1, 1, 5) * (0.05, 0.02, 1e-3, 1e-3, 0.005)
-    if fisheye:
-        distortion = rng.uniform(-1, 1, 4) * (0.03, 0.01, 0.003, 0.001)
+    distortion = model.usual_distortion(rng)
     return Camera(scenario.lens, np.array([fx, fy, cx, cy, *distortion]), SIZE_PX)
 
 

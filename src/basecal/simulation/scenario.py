@@ -12,18 +12,18 @@ from basecal.cell.target import Target
 from basecal.errors import InputError
 from basecal.estimation.problem.robot_parameters import Kinematics
 from basecal.geometry import SE3, Camera
+from basecal.geometry.lens import lens_models
 from basecal.registry import TargetKindName
 
 Seen = Literal[TargetKindName, "pose", "points3d"]
 Arms = Literal["both", "eye_still", "hand_still", "halves", "stations"]
 LayoutName = Literal["dual", "eye_in_hand", "eye_to_hand", "two_cameras", "two_world_cameras", "chain"]
-Lens = Literal["pinhole", "fisheye"]
 
 _CHOICES = {
     "target": get_args(Seen),
     "arms": get_args(Arms),
     "layout": get_args(LayoutName),
-    "lens": get_args(Lens),
+    "lens": lens_models(),
     **dict.fromkeys(("base", "camera_mount", "target_mount", "intrinsics"), get_args(Status)),
     **dict.fromkeys(("joint_offsets", "link_parameters", "deflection"), get_args(Status)),
 }
@@ -90,7 +90,7 @@ class Scenario:
     base_prior: tuple[float, float] = (0.01, 0.02)
     mount_prior: tuple[float, float] = (0.005, 0.05)
     intrinsics_prior: tuple[float, float, float] = (5.0, 5.0, 0.01)
-    lens: Lens = "pinhole"
+    lens: str = "pinhole"
     camera: Camera | None = None
     board: Target | None = None
     pixel_px: float = 0.2

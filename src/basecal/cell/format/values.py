@@ -13,6 +13,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from pydantic import field_validator as checks
 
 from basecal.cell.format.problems import short
+from basecal.errors import nearest
 from basecal.geometry import SE3
 
 LARGEST = 1e6
@@ -43,6 +44,18 @@ def _sigma(value: Any) -> Any:
 
 def _is_sigma(value: Any) -> bool:
     return isinstance(value, int | float) and value is not True and SMALLEST_SIGMA <= value <= LARGEST
+
+
+def known_names(what: str, names: tuple[str, ...]) -> AfterValidator:
+    """A check that a name is one of those known."""
+
+    def check(name: str) -> str:
+        """The name, if it is known."""
+        if name not in names:
+            raise ValueError(f"no {what} {name[:60]!r}{nearest(name[:60], names)}; there are: {', '.join(names)}")
+        return name
+
+    return AfterValidator(check)
 
 
 def empty(value: Any) -> Any:

@@ -60,14 +60,14 @@ def _camera(camera: CellCamera) -> dict[str, Any]:
     if camera.size_px is not None:
         data["size_px"] = [int(side) for side in camera.size_px]
     if camera.intrinsics is not None:
-        data["intrinsics"] = _intrinsics(camera.intrinsics)
+        data["intrinsics"] = _intrinsics(camera.intrinsics, camera.distortion_terms)
     return data
 
 
-def _intrinsics(lens: Intrinsics) -> dict[str, Any]:
+def _intrinsics(lens: Intrinsics, terms: int) -> dict[str, Any]:
     data: dict[str, Any] = {"status": lens.status}
     if lens.camera is None:
-        return data | {"distortion_terms": int(lens.distortion_terms)}
+        return data | {"distortion_terms": terms}
     data |= dict(zip(("fx", "fy", "cx", "cy"), numbers(lens.camera.parameters[:4]), strict=True))
     data["distortion"] = numbers(lens.camera.distortion)
     if lens.sigma is not None:

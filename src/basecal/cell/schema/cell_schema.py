@@ -8,9 +8,21 @@ from pydantic import BeforeValidator, Field
 from pydantic import field_validator as checks
 from pydantic import model_validator as checks_whole
 
-from basecal.cell.format.values import Entry, ImageSize, Mount, Sigma, Sigma3, Status, UnknownEntry, Vector, empty
+from basecal.cell.format.values import (
+    Entry,
+    ImageSize,
+    Mount,
+    Sigma,
+    Sigma3,
+    Status,
+    UnknownEntry,
+    Vector,
+    empty,
+    known_names,
+)
 from basecal.cell.schema.lens import IntrinsicsEntry, check_lens
 from basecal.cell.targets.all_kinds import AnyTargetEntry
+from basecal.geometry.lens import lens_models
 
 SCHEMA = "basecal/cell/1"
 
@@ -92,7 +104,7 @@ class CameraEntry(Entry):
 
     on: str
     mount: Mount = UnknownEntry()
-    model: Literal["pinhole", "fisheye"] = "pinhole"
+    model: Annotated[str, known_names("lens model", lens_models())] = "pinhole"
     size_px: ImageSize | None = None
     intrinsics: IntrinsicsEntry | None = None
 

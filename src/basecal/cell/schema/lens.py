@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from basecal.cell.format.values import Entry, Length, Number, Sigma2, Sigmas, Status
-
-_TERMS = {"pinhole": (0, 4, 5, 8), "fisheye": (4,)}
+from basecal.geometry.lens import lenses_of, term_counts
 
 
 class IntrinsicsEntry(Entry):
@@ -28,8 +27,7 @@ def distortion_terms(entry: IntrinsicsEntry, model: str) -> int:
         return len(entry.distortion)
     if entry.status != "free":
         return 0
-    default = 5 if model == "pinhole" else 4
-    return default if entry.distortion_terms is None else entry.distortion_terms
+    return lenses_of(model)[0].USUAL_TERMS if entry.distortion_terms is None else entry.distortion_terms
 
 
 def check_lens(entry: IntrinsicsEntry, model: str) -> None:
@@ -47,7 +45,7 @@ def check_lens(entry: IntrinsicsEntry, model: str) -> None:
         raise ValueError("distortion needs fx, fy, cx, cy beside it")
     if entry.distortion_terms is not None and entry.status != "free":
         raise ValueError(f"distortion_terms is for status free; with {entry.status} the length of distortion tells it")
-    terms, known = distortion_terms(entry, model), _TERMS[model]
+    terms, known = distortion_terms(entry, model), term_counts(model)
     if terms not in known or entry.distortion_terms not in (None, terms):
         allowed = " or ".join(map(str, known))
         raise ValueError(f"distortion of a {model} camera has {allowed} terms (distortion_terms alike), got {terms}")

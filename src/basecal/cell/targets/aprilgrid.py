@@ -13,10 +13,10 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from basecal.cell.format.values import MOST_POINTS, Length
+from basecal.cell.format.values import MOST_POINTS, Length, known_names
 from basecal.cell.sheet import Marker, Sheet
 from basecal.cell.target import Tags, Target
-from basecal.cell.targets.fiducials import FAMILIES, known_names
+from basecal.cell.targets.fiducials import FAMILIES
 from basecal.cell.targets.kind import Described, TargetEntry, TargetKind, plane_grid
 from basecal.geometry import SE3
 

@@ -7,10 +7,10 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import model_validator as checks_whole
 
-from basecal.cell.format.values import Length, Squares
+from basecal.cell.format.values import Length, Squares, known_names
 from basecal.cell.sheet import Marker, Sheet, black_squares
 from basecal.cell.target import Target
-from basecal.cell.targets.fiducials import DICTIONARIES, known_names
+from basecal.cell.targets.fiducials import DICTIONARIES
 from basecal.cell.targets.kind import Described, TargetEntry, TargetKind, plane_grid
 
 # In squares: keeps what is beside the paper out of the outer squares.

@@ -5,10 +5,6 @@ from __future__ import annotations
 import re
 from math import isqrt
 
-from pydantic import AfterValidator
-
-from basecal.errors import nearest
-
 _ORIGINAL = 5  # cells of the first ArUco dictionary, whose name does not say
 
 DICTIONARIES = (
@@ -30,18 +26,6 @@ FAMILIES = (
     "tagStandard41h12",
     "tagStandard52h13",
 )
-
-
-def known_names(what: str, names: tuple[str, ...]) -> AfterValidator:
-    """A check that a name is one of those known."""
-
-    def check(name: str) -> str:
-        """The name, if it is known."""
-        if name not in names:
-            raise ValueError(f"no {what} {name[:60]!r}{nearest(name[:60], names)}; there are: {', '.join(names)}")
-        return name
-
-    return AfterValidator(check)
 
 
 def cells_across(name: str) -> int:

@@ -350,8 +350,7 @@ def _problem(cell: Cell, groups: tuple[ViewGroup, ...], stops: Stops) -> Problem
         assert intrinsics is not None
         lenses[name] = intrinsics
         if intrinsics.status != "fixed":
-            terms = intrinsics.distortion_terms if intrinsics.camera is None else len(intrinsics.camera.distortion)
-            widths[name] = 4 + terms
+            widths[name] = 4 + cell.cameras[name].distortion_terms
     ends = np.cumsum([0, *widths.values()])
     columns = {name: slice(int(a), int(b)) for name, a, b in zip(widths, ends[:-1], ends[1:], strict=True)}
     chains = {name: robot.chain for name, robot in cell.robots.items() if robot.chain is not None}

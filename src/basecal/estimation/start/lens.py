@@ -30,8 +30,7 @@ def guessed_lens(camera: CellCamera, focal: float = 1.0) -> Camera:
     """A lens without distortion, centred, with a focal length of `focal` image widths."""
     assert camera.intrinsics is not None
     width, height = camera.size_px or (1280, 720)
-    terms = 4 if camera.model == "fisheye" else camera.intrinsics.distortion_terms
-    parameters = [focal * width, focal * width, (width - 1) / 2, (height - 1) / 2, *[0.0] * terms]
+    parameters = [focal * width, focal * width, (width - 1) / 2, (height - 1) / 2, *[0.0] * camera.distortion_terms]
     return Camera(camera.model, np.array(parameters), camera.size_px)
 
 

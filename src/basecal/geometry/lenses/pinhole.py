@@ -13,11 +13,13 @@ from typing import NamedTuple
 import numpy as np
 
 from basecal.geometry.array import Array
-from basecal.geometry.lens import BoolArray, Number, any_nonzero, first_root
+from basecal.geometry.lens import BoolArray, Image, Number, any_nonzero, first_root, inverted
 
+MODEL = "pinhole"
+TERM_NAMES: tuple[str, ...] = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 TERMS: tuple[int, ...] = (0, 4, 5, 8)
-_ITERATIONS = 60
-_TOLERANCE = 1e-12
+USUAL_TERMS = 5
+USUAL_FOCAL_PX = (860.0, 940.0)  # a field of view of about 70 deg
 
 
 class _Rays(NamedTuple):
@@ -59,7 +61,7 @@ def _polynomial(s: Array, coefficients: tuple[Number, ...]) -> Array:
     return total
 
 
-def _ahead(points: Array) -> tuple[Array, Array, Array]:
+def ahead(points: Array) -> tuple[Array, Array, Array]:
     """a, b and 1 / z; NaN where z <= 0."""
     z = points[..., 2]
     ahead = z > 0
@@ -103,7 +105,7 @@ def _own(slope_at: Array, p: Number, at: Array, stretch: Array) -> Array:
 
 def project(points: Array, distortion: Sequence[Number]) -> tuple[Array, Array]:
     """Image on the plane at unit distance, (...,) each, of points (..., 3); NaN where z <= 0."""
-    a, b, _ = _ahead(points)
+    a, b, _ = ahead(points)
     if not any_nonzero(distortion):
         return a, b
     k = _padded(distortion)
@@ -118,8 +120,8 @@ def project_with_derivatives(
     Returns:
         u and v, (...,) each; to the points, (..., 2, 3) [px/m]; to the distortion, (..., 2, k) [px], if `terms`.
     """
-    a, b, inverse = _ahead(points)
-    d_points = _room(2, 3, points.shape[:-1])
+    a, b, inverse = ahead(points)
+    d_points = room(2, 3, points.shape[:-1])
     if not (any_nonzero(distortion) or (terms and distortion)):
         _undistorted_rows(d_points, a, b, inverse, focal)
         return a, b, d_points, np.empty((*points.shape[:-1], 2, 0)) if terms else None
@@ -135,7 +137,7 @@ def project_with_derivatives(
     return u, v, d_points, _by_terms(rays, focal, len(distortion)) if terms else None
 
 
-def _room(rows: int, columns: int, shape: tuple[int, ...]) -> Array:
+def room(rows: int, columns: int, shape: tuple[int, ...]) -> Array:
     """Room for (*shape, rows, columns) numbers, those of one entry side by side in memory: fast to work on."""
     return np.moveaxis(np.empty((rows, columns, *shape)), (0, 1), (-2, -1))
 
@@ -150,7 +152,7 @@ def _undistorted_rows(out: Array, a: Array, b: Array, inverse: Array, focal: tup
 
 def _by_terms(rays: _Rays, focal: tuple[Number, Number], count: int) -> Array:
     """Derivative of the pixels to the first `count` distortion terms, (..., 2, count)."""
-    out = _room(2, count, rays.s.shape)
+    out = room(2, count, rays.s.shape)
     power = rays.s * rays.inverse_denominator
     squared, cubed = power * rays.s, power * rays.s * rays.s
     powers = {0: power, 1: squared, 4: cubed}
@@ -176,34 +178,24 @@ def fold(distortion: list[float]) -> float:
 
 def within(points: Array, distortion: list[float]) -> BoolArray:
     """Whether points lie ahead and inside the fold, (...,)."""
-    a, b, _ = _ahead(points)
+    a, b, _ = ahead(points)
     inside: BoolArray = a * a + b * b < fold(distortion)
     return inside
 
 
 def unproject(u: Array, v: Array, distortion: list[float]) -> tuple[Array, BoolArray]:
-    """Directions (a, b, 1), (..., 3), and whether each has the image (u, v) inside the fold, (...,).
-
-    Newton's method from the image itself, kept inside the fold.
-    """
-    k, limit = _padded(distortion), fold(distortion)
-    a, b = _clipped(u, v, limit)
-    for _ in range(_ITERATIONS):
-        rays = _rays(a, b, k)
-        at_u, at_v = _image(rays, k)
-        miss_u, miss_v = u - at_u, v - at_v
-        uu, uv, vv = _derivative(rays, k)
-        determinant = uu * vv - uv * uv
-        near = np.hypot(miss_u, miss_v) <= _TOLERANCE * (1 + np.hypot(u, v))
-        if not np.any(np.isfinite(determinant) & ~near):
-            break
-        step_a, step_b = (vv * miss_u - uv * miss_v) / determinant, (uu * miss_v - uv * miss_u) / determinant
-        a, b = _clipped(a + step_a, b + step_b, limit)
-    valid = near & (determinant > 0) & (uu + vv > 0)
-    return np.stack([rays.a, rays.b, np.ones_like(rays.a)], -1), valid
+    """Directions (a, b, 1), (..., 3), and whether each has the image (u, v) inside the fold, (...,)."""
+    k = _padded(distortion)
+    return inverted(lambda a, b: image_of(a, b, k), u, v, fold(distortion))
 
 
-def _clipped(a: Array, b: Array, limit: float) -> tuple[Array, Array]:
-    s = a * a + b * b
-    shrink = np.where(s > limit, np.sqrt(limit / s), 1.0)
-    return a * shrink, b * shrink
+def image_of(a: Array, b: Array, k: Sequence[Number]) -> Image:
+    """The image of directions (a, b, 1), (...,) each, and its derivative, by all eight terms."""
+    rays = _rays(a, b, k)
+    uu, uv, vv = _derivative(rays, k)
+    return Image(*_image(rays, k), uu, uv, uv, vv)
+
+
+def usual_distortion(rng: np.random.Generator) -> Array:
+    """Terms as a simulation draws them, (5,): a slight barrel."""
+    return np.array([-0.08, 0.02, 0, 0, 0]) + rng.uniform(-1, 1, 5) * (0.05, 0.02, 1e-3, 1e-3, 0.005)

@@ -14,9 +14,14 @@ import numpy as np
 from basecal.geometry.array import Array
 from basecal.geometry.lens import BoolArray, Number, first_root
 
+MODEL = "fisheye"
+TERM_NAMES: tuple[str, ...] = ("k1", "k2", "k3", "k4")
 TERMS: tuple[int, ...] = (4,)
-_ITERATIONS = 80
-_TOLERANCE = 1e-14
+USUAL_TERMS = 4
+USUAL_FOCAL_PX = (480.0, 560.0)  # a field of view of about 120 deg
+# Halving the bracket alone comes below the tolerance from pi in 48 steps; steps of Newton's method may lie between.
+_MOST_STEPS = 80
+_TOLERANCE = 1e-14  # of the angle [rad], some roundings
 
 
 def _polar(points: Array) -> tuple[Array, Array, Array, Array]:
@@ -101,7 +106,7 @@ def unproject(u: Array, v: Array, distortion: list[float]) -> tuple[Array, BoolA
     low, high = np.zeros_like(wanted), np.full_like(wanted, fold(distortion))
     valid = wanted < _distance(high, distortion)
     angle = np.minimum(wanted, 0.5 * high)
-    for _ in range(_ITERATIONS):
+    for _ in range(_MOST_STEPS):
         miss = wanted - _distance(angle, distortion)
         low, high = np.where(miss > 0, angle, low), np.where(miss > 0, high, angle)
         newton = angle + miss / _growth(angle, distortion)
@@ -113,3 +118,8 @@ def unproject(u: Array, v: Array, distortion: list[float]) -> tuple[Array, BoolA
     safe = np.where(wanted > 0, wanted, 1.0)
     sideways = np.sin(angle) / safe
     return np.stack([u * sideways, v * sideways, np.cos(angle)], -1), valid
+
+
+def usual_distortion(rng: np.random.Generator) -> Array:
+    """Terms as a simulation draws them, (4,)."""
+    return rng.uniform(-1, 1, 4) * (0.03, 0.01, 0.003, 0.001)

@@ -1,0 +1,65 @@
+"""What holds of every lens, and how a lens is found."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from basecal.errors import InputError
+from basecal.geometry import Camera
+from basecal.geometry.lens import first_root, lens_models, lens_of, lenses_of, term_counts, terms_text
+
+DOCUMENT = Path(__file__).parents[2] / "docs" / "data_format.md"
+
+
+@pytest.mark.parametrize("model", lens_models())
+def test_every_number_of_terms_has_one_lens(model: str) -> None:
+    """No two lenses of a model have the same number of terms, and each names as many as it may have."""
+    counts = [count for lens in lenses_of(model) for count in lens.TERMS]
+    assert sorted(counts) == list(term_counts(model))
+    assert all(max(lens.TERMS) == len(lens.TERM_NAMES) for lens in lenses_of(model))
+    assert all(lens.USUAL_TERMS in lens.TERMS for lens in lenses_of(model))
+
+
+@pytest.mark.parametrize("model", lens_models())
+def test_a_usual_lens_fills_its_image(model: str) -> None:
+    """Of lenses as simulations draw them nearly every pixel has a direction, and that direction the pixel."""
+    for seed, lens in enumerate(lenses_of(model)):
+        rng = np.random.default_rng(seed)
+        distortion = lens.usual_distortion(rng)
+        assert len(distortion) == lens.USUAL_TERMS
+        for focal in lens.USUAL_FOCAL_PX:
+            camera = Camera(model, np.array([focal, focal, 639.5, 359.5, *distortion]), (1280, 720))
+            pixels = np.stack(np.meshgrid(np.arange(0, 1280, 64.0), np.arange(0, 720, 48.0)), -1)
+            rays, valid = camera.undistort(pixels)
+            assert valid.mean() > 0.95
+            np.testing.assert_allclose(camera.project(rays[valid]), pixels[valid], rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("model", lens_models())
+def test_terms_stand_in_the_documents(model: str) -> None:
+    """The terms of every model are written in docs/data_format.md as they are told."""
+    assert terms_text(model) in DOCUMENT.read_text(encoding="utf-8")
+
+
+def test_terms_are_told() -> None:
+    """What may be left out stands in brackets, and brackets in brackets."""
+    assert terms_text("fisheye") == "k1 k2 k3 k4"
+    assert terms_text("pinhole").startswith("k1 k2 p1 p2 [k3 [k4 k5 k6")
+
+
+def test_an_unknown_lens() -> None:
+    """An unknown model, and a number of terms that none has, are errors that name what there is."""
+    with pytest.raises(InputError, match="did you mean 'fisheye'"):
+        lens_of("fisheyes", 4)
+    with pytest.raises(InputError, match="4 distortion terms, not 5"):
+        lens_of("fisheye", 5)
+
+
+def test_first_root() -> None:
+    """The smallest positive root of a polynomial by rising powers, infinity where there is none."""
+    assert first_root(np.array([1.0, -1.5, 0.5])) == pytest.approx(1.0)
+    assert first_root(np.array([1.0, 0.0, 1.0])) == np.inf
+    assert first_root(np.array([1.0, 1.0])) == np.inf
