@@ -24,7 +24,10 @@ from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.correspondence import half_turned
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
 from basecal.estimation.solve import solve_packed
-from basecal.estimation.view.measurement import Measurement, PixelMeasurement, PointMeasurement, PoseMeasurement
+from basecal.estimation.view.measurement import Measurement
+from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.estimation.view.points import PointMeasurement
+from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array, BoolArray, IntArray
 from basecal.simulation import Scenario, SimulatedCell, simulate
 from basecal.simulation.draw import SIZE_PX

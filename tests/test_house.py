@@ -17,6 +17,7 @@ FILES = sorted(SOURCE.rglob("*.py"))
 LAYERS = [
     {"errors", "registry"},
     {"geometry"},
+    {"numerics"},
     {"kinematics"},
     {"cell"},
     {"vision", "estimation", "exchange"},

@@ -11,7 +11,7 @@ from basecal.estimation.certificate.certificate import certify, proven_loops
 from basecal.estimation.problem.problem import Problem, State, Stops, ViewGroup
 from basecal.estimation.solve import Solution, solve_from
 from basecal.estimation.start.closed_form import Loop
-from basecal.estimation.view.measurement import PoseMeasurement
+from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array
 from basecal.geometry.se3 import rotation_exp
 from basecal.simulation.draw import in_ball

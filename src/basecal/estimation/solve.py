@@ -9,7 +9,7 @@ import numpy as np
 from basecal.cell import Cell, Finding, Recording
 from basecal.errors import InputError
 from basecal.estimation.axis_shift.stations import find_stations, fused
-from basecal.estimation.least_squares.levenberg_marquardt import levenberg_marquardt
+from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.noise.estimate import NoiseEstimate, degrees_of_freedom, estimate_noise, residual_counts
 from basecal.estimation.noise.model_selection import estimate_robot_noise
 from basecal.estimation.observability.observability import Observability, observability_of
@@ -119,7 +119,7 @@ def solve_from(
     """Maximum likelihood and covariance downhill of a start."""
     dof = degrees_of_freedom(problem)
     with settings.stage("descent"):
-        end = levenberg_marquardt(problem, start, dof, settings.iterations)
+        end = bundle_adjust(problem, start, dof, settings.iterations)
     with settings.stage("noise"):
         problem, end, noise = estimate_noise(problem, end, settings.iterations)
         if settings.robot_noise == "estimated":
@@ -128,7 +128,7 @@ def solve_from(
     with settings.stage("observability"):
         seen = observability_of(problem, end.state, end.normal.hessian, noise.factor)
     covariance = seen.inverse * min(noise.factor, _LARGEST_FACTOR)
-    return Solution(problem, end.state, covariance, seen, noise, end.normal.cost, dof, end.converged, findings)
+    return Solution(problem, end.state, covariance, seen, noise, end.cost, dof, end.converged, findings)
 
 
 def _start(problem: Problem, cell: Cell, settings: Settings) -> tuple[Problem, State, bool]:
@@ -154,12 +154,12 @@ def _settled(problem: Problem, state: State, settings: Settings) -> tuple[Proble
     dof = degrees_of_freedom(problem)
     problem, _ = choose_correspondence(problem, state)
     for _ in range(_READINGS):
-        end = levenberg_marquardt(problem, state, dof, settings.iterations)
+        end = bundle_adjust(problem, state, dof, settings.iterations)
         state = end.state
         problem, changed = choose_correspondence(problem, state)
         if not changed:
             break
-    return problem, state, end.normal.cost
+    return problem, state, end.cost
 
 
 def shifted_state(problem: Problem, cell: Cell) -> State:

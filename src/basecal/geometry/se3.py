@@ -159,6 +159,9 @@ def _product(left: Array, right: Array) -> Array:
     """Products of matrices; many by one as a single product, which is fivefold faster."""
     if right.ndim == 2 and left.ndim > 2:
         return (left.reshape(-1, 3) @ right).reshape(left.shape)
+    if right.ndim > 2 and right.shape[-3] == 1 and left.ndim > 2:
+        of_many: Array = left.reshape(*left.shape[:-3], -1, 3) @ right[..., 0, :, :]
+        return of_many.reshape(*of_many.shape[:-2], -1, 3, 3)
     product: Array = left @ right
     return product
 
@@ -167,6 +170,8 @@ def _turned(rotation: Array, vectors: Array) -> Array:
     """Rotated vectors, likewise."""
     if rotation.ndim == 2:
         return np.asarray(vectors @ rotation.T, dtype=np.float64)
+    if rotation.shape[-3] == 1 and vectors.ndim > 1:
+        return np.asarray(vectors @ np.swapaxes(rotation[..., 0, :, :], -1, -2), dtype=np.float64)
     turned: Array = (rotation @ vectors[..., None])[..., 0]
     return turned
 
@@ -328,6 +333,15 @@ class SE3:
 
     def __len__(self) -> int:
         return len(self.translation)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """The batch's shape, () of a single transform."""
+        return self.translation.shape[:-1]
+
+    def spread(self) -> SE3:
+        """(..., 1): with a last axis more, over which it broadcasts."""
+        return SE3(self.rotation[..., None, :, :], self.translation[..., None, :])
 
     @property
     def matrix(self) -> Array:

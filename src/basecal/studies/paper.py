@@ -20,7 +20,7 @@ from basecal.estimation.axis_shift.closed_form import (
     image_gradient,
     orthonormalised,
 )
-from basecal.estimation.view.measurement import PixelMeasurement
+from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.view_pose import refined
 from basecal.geometry import SE3, Array, Camera
 from basecal.geometry.se3 import nearest_rotation, rotation_log

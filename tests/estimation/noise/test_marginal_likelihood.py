@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.least_squares.jacobians import by_stop_errors, by_unknowns
-from basecal.estimation.least_squares.levenberg_marquardt import levenberg_marquardt
 from basecal.estimation.noise.estimate import NoiseEstimate, degrees_of_freedom
 from basecal.estimation.noise.marginal_likelihood import (
     VarianceModel,
@@ -38,7 +38,7 @@ def posed(arms="halves", **more):
     )
     problem, _ = build_problem(s.cell, s.recording)
     start = State(s.truth, {}, np.zeros((0, 6)))
-    return problem, levenberg_marquardt(problem, start, degrees_of_freedom(problem)).state
+    return problem, bundle_adjust(problem, start, degrees_of_freedom(problem)).state
 
 
 def dense_surprise(problem, state, pair):
@@ -95,7 +95,7 @@ def test_factor_alone_is_the_reduced_chi_square():
     """With all sigmas stated and one factor asked for, it is the cost over the degrees of freedom."""
     problem, state = posed()
     found = most_likely(marginal_likelihood(problem, state), VarianceModel(factored=True), np.zeros(1))
-    cost = levenberg_marquardt(problem, state, 10).normal.cost
+    cost = bundle_adjust(problem, state, 10).cost
     assert found.sigmas.factor == pytest.approx(cost / degrees_of_freedom(problem), rel=1e-3)
 
 
@@ -119,7 +119,7 @@ def test_freedoms_of_robots_alone_grow_with_the_stops():
         noise = NoiseEstimate(Noise(), 1.0, (), True, dict.fromkeys(POOL, np.repeat([3e-4, 5e-4], 3)))
         problem = with_robot_noise(problem, noise.robots)
         state = without_errors(problem, State(s.truth, s.cameras, np.zeros((0, 6))))
-        state = levenberg_marquardt(problem, state, degrees_of_freedom(problem)).state
+        state = bundle_adjust(problem, state, degrees_of_freedom(problem)).state
         found.append(freedoms_of(problem, state, noise, "eye_base_from_hand_base"))
     # 10 samples of 6 residuals a view leave 42 for 18 unknowns, 40 leave 222; no direction rests on more than these.
     assert 5 < found[0] < 60

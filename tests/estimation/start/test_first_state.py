@@ -7,7 +7,7 @@ import pytest
 from tests.shared.kinds import KINDS
 from tests.shared.start_trial import trial
 
-from basecal.estimation.least_squares.levenberg_marquardt import levenberg_marquardt
+from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.start.first_state import first_state, light_states
@@ -36,8 +36,8 @@ def test_ends_of_a_search_for_a_light() -> None:
     problem, _ = build_problem(made.cell, made.recording)
     states = list(light_states(problem, made.cell, 12))
     costs = np.array([linearise(problem, state).cost for state in states])
-    first = levenberg_marquardt(problem, first_state(problem, made.cell, thorough=False), 1).normal.cost
-    best = levenberg_marquardt(problem, states[int(np.argmin(costs))], 1).normal.cost
+    first = bundle_adjust(problem, first_state(problem, made.cell, thorough=False), 1).cost
+    best = bundle_adjust(problem, states[int(np.argmin(costs))], 1).cost
     assert best == pytest.approx(first, rel=1e-6)
     assert len(states) == 12
     board = simulate(Scenario(samples=10), 0)

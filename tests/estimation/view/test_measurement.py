@@ -9,13 +9,11 @@ import pytest
 from tests.derivatives import check_derivative
 
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.view.measurement import (
-    BearingMeasurement,
-    Measurement,
-    PixelMeasurement,
-    PointMeasurement,
-    PoseMeasurement,
-)
+from basecal.estimation.view.bearings import BearingMeasurement
+from basecal.estimation.view.measurement import Measurement
+from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.estimation.view.points import PointMeasurement
+from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Camera
 from basecal.simulation import Scenario, simulate
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.estimation.view.measurement import BearingMeasurement
+from basecal.estimation.view.bearings import BearingMeasurement
 from basecal.estimation.view.view_pose import ViewPoses, refined, view_poses
 from basecal.geometry import SE3, Array
 

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
+from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.least_squares.jacobians import by_stop_errors
-from basecal.estimation.least_squares.levenberg_marquardt import levenberg_marquardt
 from basecal.estimation.noise.estimate import degrees_of_freedom
 from basecal.estimation.problem.problem import Problem, State, ViewGroup, chain
 from basecal.geometry import Array, IntArray
@@ -50,7 +50,7 @@ def predict_left_out(problem: Problem, state: State, iterations: int) -> Predict
     for fold in range(FOLDS):
         out = [np.isin(g.sample, samples[station % FOLDS == fold]) for g in problem.groups]
         kept = problem.with_groups(g.take(np.flatnonzero(~o)) for g, o in zip(problem.groups, out, strict=True))
-        end = levenberg_marquardt(kept, fresh, degrees_of_freedom(kept), iterations).state
+        end = bundle_adjust(kept, fresh, degrees_of_freedom(kept), iterations).state
         for group in (g.take(np.flatnonzero(o)) for g, o in zip(problem.groups, out, strict=True)):
             if len(group):
                 views = _predicted(problem, group, end)

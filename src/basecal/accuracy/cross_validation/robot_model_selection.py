@@ -15,7 +15,7 @@ from scipy.stats import t as student
 
 from basecal.accuracy.cross_validation.left_out import predict_left_out
 from basecal.cell import Parameters
-from basecal.estimation.least_squares.levenberg_marquardt import levenberg_marquardt
+from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.noise.estimate import degrees_of_freedom
 from basecal.estimation.problem.build import free_ends, recorded_by_joints
 from basecal.estimation.problem.problem import Problem, State
@@ -124,7 +124,7 @@ def _chains(problem: Problem) -> dict[str, SerialChain]:
 def _worth_a_look(problem: Problem, solution: Solution, richest: Solution, settings: Settings) -> bool:
     """Whether the richest model lowers the cost by more than chance would let its columns."""
     dof = degrees_of_freedom(problem)
-    before = levenberg_marquardt(problem, solution.state, dof, settings.iterations).normal.cost
+    before = bundle_adjust(problem, solution.state, dof, settings.iterations).cost
     columns = richest.problem.width - problem.width
     scale = max(richest.cost / max(richest.dof, 1), 1e-12)
     return bool(before - richest.cost > (columns + _WORTH_A_LOOK * np.sqrt(2 * columns)) * scale)

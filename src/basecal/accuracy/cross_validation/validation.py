@@ -17,14 +17,14 @@ from scipy.special import chdtrc, fdtrc
 from basecal.accuracy.cross_validation.folds import Samples, folds
 from basecal.accuracy.residuals.fit import view_alone
 from basecal.cell import Validation
-from basecal.estimation.least_squares.levenberg_marquardt import levenberg_marquardt
+from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.noise.estimate import degrees_of_freedom
 from basecal.estimation.observability.observability import observability_of
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
 from basecal.estimation.settings import DEFAULT, Settings
 from basecal.estimation.solve import Solution
-from basecal.estimation.view.measurement import PixelMeasurement
+from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Array, BoolArray
 
 _LEAST_GAIN = 0.01
@@ -133,7 +133,7 @@ def _fold(solution: Solution, asked: Sequence[str], held: Samples, iterations: i
     used, views = _split(solution.problem, held)
     known = _stops_of(used)
     state = _with_errors(solution.state, known)
-    end = levenberg_marquardt(used, state, degrees_of_freedom(used), iterations)
+    end = bundle_adjust(used, state, degrees_of_freedom(used), iterations)
     observability = observability_of(used, end.state, end.normal.hessian, solution.noise.factor)
     if not end.converged or observability.unobservable.intersection(asked):
         return None

@@ -9,13 +9,15 @@ import numpy as np
 from basecal.accuracy.input_check.loop_fit import trimmed
 from basecal.cell import Cell, Recording
 from basecal.errors import BasecalError, InputError
-from basecal.estimation.least_squares.levenberg_marquardt import levenberg_marquardt
+from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.noise.estimate import degrees_of_freedom
 from basecal.estimation.problem.build import build_problem, canonical_order
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_from, solve_packed
-from basecal.estimation.view.measurement import PixelMeasurement, PointMeasurement, PoseMeasurement
+from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.estimation.view.points import PointMeasurement
+from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array, BoolArray, IntArray
 
 FOLDS = 3
@@ -152,7 +154,7 @@ def _predicted_off(problem: Problem, solution: Solution) -> Array:
     found = []
     for k in range(FOLDS):
         train = solution.problem.with_groups(g.take(_rows(g, fold, k, False)) for g in solution.problem.groups)
-        end = levenberg_marquardt(train, solution.state, max(degrees_of_freedom(train), 1), _STEPS)
+        end = bundle_adjust(train, solution.state, max(degrees_of_freedom(train), 1), _STEPS)
         for group in problem.groups:
             test = group.take(_rows(group, fold, k, True))
             if len(test):

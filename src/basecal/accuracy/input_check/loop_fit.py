@@ -12,13 +12,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from basecal.cell import Unknown
-from basecal.estimation.least_squares.levenberg_marquardt import levenberg_marquardt
+from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.problem.problem import Problem, State, Stops, ViewGroup
 from basecal.estimation.start.closed_form import Loop, Rotations, solve_rotations, solve_translations
 from basecal.estimation.start.pair_views import PairViews, as_light, pair_views
 from basecal.estimation.start.rotation_grid import light_starts
 from basecal.estimation.start.rotation_search import angle_between, search_rotations
-from basecal.estimation.view.measurement import BearingMeasurement
+from basecal.estimation.view.bearings import BearingMeasurement
+from basecal.estimation.start.rotation_grid import light_starts
+from basecal.estimation.view.bearings import BearingMeasurement
 from basecal.geometry import SE3, Array, Camera, IntArray
 
 KEPT = 0.7
@@ -200,9 +202,9 @@ def _fit_light(sight: PairViews, problem: Problem) -> LoopFit:
     pair = _pair_problem(one.group, light)
     best, lowest = starts[0], np.inf
     for start in starts if light.unknown else []:
-        end = levenberg_marquardt(pair, _state(start), 1, _LIGHT_STEPS)
-        if end.normal.cost < lowest:
-            lowest, found = end.normal.cost, end.state.transforms
+        end = bundle_adjust(pair, _state(start), 1, _LIGHT_STEPS)
+        if end.cost < lowest:
+            lowest, found = end.cost, end.state.transforms
             best = (found["x"], found["y"], found["z"])
         if lowest < plausible:
             break

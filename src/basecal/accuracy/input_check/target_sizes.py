@@ -11,11 +11,11 @@ from basecal.accuracy.input_check.hypotheses import ConventionHypothesis, target
 from basecal.accuracy.input_check.loop_fit import LoopFit, fit_loops, sight_for
 from basecal.cell import Cell, Recording
 from basecal.errors import BasecalError
-from basecal.estimation.least_squares.levenberg_marquardt import levenberg_marquardt
+from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
 from basecal.estimation.start.pair_views import PairViews
-from basecal.estimation.view.measurement import PointMeasurement
+from basecal.estimation.view.points import PointMeasurement
 from basecal.geometry import SE3, Array, Camera
 
 _VIEWS = 20
@@ -120,5 +120,5 @@ def _refined(cell: Cell, recording: Recording, name: str, linear: float, state: 
 def _cost(cell: Cell, recording: Recording, name: str, log: float, state: State) -> tuple[State, float]:
     problem, _ = build_problem(*target_size(name, float(np.exp(log)), cell).apply(cell, recording))
     start = replace(state, stop_errors=np.zeros((len(problem.stops), 6)))
-    end = levenberg_marquardt(problem, start, 1, _STEPS)
-    return end.state, end.normal.cost
+    end = bundle_adjust(problem, start, 1, _STEPS)
+    return end.state, end.cost

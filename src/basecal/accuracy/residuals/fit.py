@@ -12,7 +12,9 @@ from basecal.cell import Residuals, SampleResidual
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
 from basecal.estimation.solve import Solution
 from basecal.estimation.start.pair_views import umeyama
-from basecal.estimation.view.measurement import PixelMeasurement, PointMeasurement, PoseMeasurement
+from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.estimation.view.points import PointMeasurement
+from basecal.estimation.view.poses import PoseMeasurement
 from basecal.estimation.view.view_pose import FEWEST_POINTS, refined
 from basecal.geometry import SE3, Array, BoolArray
 

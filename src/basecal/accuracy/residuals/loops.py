@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from basecal.cell import Loop, SampleResidual, Unknown
-from basecal.estimation.least_squares.levenberg_marquardt import levenberg_marquardt
+from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.noise.estimate import degrees_of_freedom
 from basecal.estimation.observability.observability import observability_of
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
@@ -132,7 +132,7 @@ def _alone(solution: Solution, group: ViewGroup, base: str, mounts: Sequence[str
     ends = np.cumsum([0, *widths.values()])
     columns = {name: slice(int(i), int(j)) for name, i, j in zip(widths, ends[:-1], ends[1:], strict=True)}
     problem = replace(whole, groups=(group,), columns=columns, unknowns={**whole.unknowns, base: Unknown()}, models={})
-    end = levenberg_marquardt(problem, solution.state, degrees_of_freedom(problem), _STEPS)
+    end = bundle_adjust(problem, solution.state, degrees_of_freedom(problem), _STEPS)
     observability = observability_of(problem, end.state, end.normal.hessian, solution.noise.factor)
     return end.state if end.converged and base not in observability.unobservable else None
 

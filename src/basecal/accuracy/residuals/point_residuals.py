@@ -13,7 +13,8 @@ from basecal.estimation.noise.robot_noise import with_robot_noise
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.correspondence import choose_correspondence
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
-from basecal.estimation.view.measurement import Noise, PixelMeasurement
+from basecal.estimation.view.measurement import Noise
+from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Array, Camera, IntArray
 
 _STOP_ROUNDS = 4

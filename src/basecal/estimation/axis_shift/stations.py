@@ -14,7 +14,7 @@ import numpy as np
 from basecal.errors import NotObservable
 from basecal.estimation.axis_shift.closed_form import base_of_station, estimate, image_gradient
 from basecal.estimation.problem.problem import Problem, ViewGroup
-from basecal.estimation.view.measurement import PixelMeasurement
+from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Array, Camera, IntArray
 from basecal.geometry.se3 import nearest_rotation
 

@@ -20,13 +20,14 @@ from basecal.cell import Certificate
 from basecal.estimation.certificate.relaxation import Bound, Factors, bound, local_minimum
 from basecal.estimation.certificate.rotation_cost import LoopForm, factors_of, loop_form, present, rotations_of
 from basecal.estimation.certificate.view_rotation import view_costs
-from basecal.estimation.least_squares.levenberg_marquardt import Optimum, levenberg_marquardt
+from basecal.estimation.least_squares.bundle_adjustment import Optimum, bundle_adjust
 from basecal.estimation.noise.estimate import degrees_of_freedom
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.solve import Solution
 from basecal.estimation.start.closed_form import solve_rotations, solve_translations
 from basecal.estimation.start.rotation_search import pose_starts
-from basecal.estimation.view.measurement import PixelMeasurement
+from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Array
 
 _TIGHT = 1e-3
@@ -181,8 +182,8 @@ def _from_proven(solution: Solution, loops: list[ProvenLoop]) -> State | None:
 def _better(solution: Solution, start: State) -> State | None:
     """The end of a descent on everything, if it is lower than the solution."""
     dof = degrees_of_freedom(solution.problem)
-    end = levenberg_marquardt(solution.problem, _undisturbed(start), dof, 2 * _ITERATIONS)
-    return end.state if end.normal.cost < solution.cost * (1 - _SAME_COST) - _SAME_COST else None
+    end = bundle_adjust(solution.problem, _undisturbed(start), dof, 2 * _ITERATIONS)
+    return end.state if end.cost < solution.cost * (1 - _SAME_COST) - _SAME_COST else None
 
 
 def _undisturbed(state: State) -> State:
@@ -193,12 +194,12 @@ def _explored(solution: Solution, share: float, gap: float) -> Certified:
     """Descents from all about the solution, as far away as a better state may be."""
     few = _thinned(solution.problem)
     dof = degrees_of_freedom(few)
-    reference = levenberg_marquardt(few, _undisturbed(solution.state), dof, _ITERATIONS)
+    reference = bundle_adjust(few, _undisturbed(solution.state), dof, _ITERATIONS)
     angle = 2 * float(np.arcsin(np.sqrt(share)))
     for start in _about(solution, angle):
-        end = levenberg_marquardt(few, start, dof, _ITERATIONS)
+        end = bundle_adjust(few, start, dof, _ITERATIONS)
         if not _alike(end, reference):
-            better = _better(solution, end.state) if end.normal.cost < reference.normal.cost else None
+            better = _better(solution, end.state) if end.cost < reference.cost else None
             reason = f"within the {np.degrees(angle):.2g} deg in which a better fit could be there are several optima"
             return Certified(Certificate(gap, None, reason), better)
     return Certified(Certificate(gap, True), None)
@@ -206,7 +207,7 @@ def _explored(solution: Solution, share: float, gap: float) -> Certified:
 
 def _alike(first: Optimum, second: Optimum) -> bool:
     """Whether two descents ended in one optimum."""
-    if abs(first.normal.cost - second.normal.cost) <= _SAME_COST * second.normal.cost:
+    if abs(first.cost - second.cost) <= _SAME_COST * second.cost:
         return True
     ours, theirs = first.state.transforms, second.state.transforms
     return all(float(np.abs((ours[n].inverse() @ theirs[n]).log()).max()) < _SAME_M_RAD for n in ours)

@@ -14,7 +14,10 @@ import numpy as np
 
 from basecal.errors import InputError
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
-from basecal.estimation.view.measurement import BearingMeasurement, PixelMeasurement, PointMeasurement, PoseMeasurement
+from basecal.estimation.view.bearings import BearingMeasurement
+from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.estimation.view.points import PointMeasurement
+from basecal.estimation.view.poses import PoseMeasurement
 from basecal.estimation.view.view_pose import FEWEST_POINTS, refined, view_poses
 from basecal.geometry import SE3, Array, Camera
 from basecal.geometry.se3 import rotation_log

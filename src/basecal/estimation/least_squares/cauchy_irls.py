@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from basecal.estimation.least_squares.levenberg_marquardt import levenberg_marquardt
+from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.least_squares.studentized import studentized
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import Array
@@ -22,7 +22,7 @@ def cauchy_irls(problem: Problem, state: State) -> State:
     weights: list[Array] | None = None
     for _ in range(_HEAVY_ROUNDS):
         try:
-            state = levenberg_marquardt(problem, state, 1, _FIRST_STEPS if weights is None else 1, weights).state
+            state = bundle_adjust(problem, state, 1, _FIRST_STEPS if weights is None else 1, weights).state
             ratios = [np.minimum(s.value, 1e30) / np.maximum(s.freedoms, 1) for s in studentized(problem, state)]
         except np.linalg.LinAlgError:
             break

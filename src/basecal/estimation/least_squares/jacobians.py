@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from basecal.estimation.problem.problem import Chain, Problem, State, Stops, ViewGroup
+from basecal.estimation.problem.problem import Chain, Problem, State, Stops, ViewGroup, has_noise
 from basecal.estimation.problem.robot_parameters import by_columns
 from basecal.geometry import SE3, Array, IntArray
 from basecal.geometry.se3 import right_jacobian
@@ -24,7 +24,7 @@ def by_unknowns(problem: Problem, group: ViewGroup, links: Chain, rows: int) -> 
         rows: 6, or 6 + k with the lens's k parameters.
 
     Returns:
-        (n, rows, m), and the m columns of the problem they belong to.
+        (..., n, rows, m), and the m columns of the problem they belong to.
     """
     parts = [
         (group.camera_mount, -1.0, links.target_from_camera),
@@ -36,14 +36,14 @@ def by_unknowns(problem: Problem, group: ViewGroup, links: Chain, rows: int) -> 
     lens = problem.columns.get(group.camera) if rows > 6 else None
     columns = [np.arange(c.start, c.stop) for _, _, c in present] + ([np.arange(lens.start, lens.stop)] if lens else [])
     width = sum(map(len, columns))
-    out = np.zeros((len(group), rows, width))
+    out = np.zeros((*links.target_from_camera.shape, rows, width))
     at = 0
     for (sign, link, _), where in zip(present, columns, strict=False):
         block = np.eye(6) if link is None else link.adjoint()
-        np.multiply(block[..., : len(where)], sign, out=out[:, :6, at : at + len(where)])
+        np.multiply(block[..., : len(where)], sign, out=out[..., :6, at : at + len(where)])
         at += len(where)
     if lens:
-        out[:, 6:, at:] = np.eye(rows - 6)
+        out[..., 6:, at:] = np.eye(rows - 6)
     return out, np.concatenate(columns) if columns else np.zeros(0, dtype=np.int64)
 
 
@@ -53,9 +53,10 @@ def by_robot_models(
     """Derivative of views to the kinematics of the robots of their group.
 
     Returns:
-        (n, rows, m), and the m columns of the problem they belong to.
+        (..., n, rows, m), and the m columns of the problem they belong to.
     """
-    blocks, columns = [np.zeros((len(group), rows, 0))], [np.zeros(0, dtype=np.int64)]
+    shape = links.target_from_camera.shape
+    blocks, columns = [np.zeros((*shape, rows, 0))], [np.zeros(0, dtype=np.int64)]
     for robot, sign, joints, link, stop in (
         (group.eye, -1.0, group.eye_joints, links.target_from_eye_flange, group.eye_stop),
         (group.hand, 1.0, group.hand_joints, links.target_from_hand_flange, group.hand_stop),
@@ -63,11 +64,11 @@ def by_robot_models(
         model = problem.modelled(robot)
         if model is None or joints is None:
             continue
-        if len(stop) and stop[0] >= 0:  # the flange as modelled comes before the error of its stop
-            link = link @ SE3.exp(-state.stop_errors[stop] * problem.stops.sigma[stop])
+        if has_noise(stop):  # the flange as modelled comes before the error of its stop
+            link = link @ SE3.exp(-state.stop_errors[..., stop, :] * problem.stops.sigma[stop])
         moved = sign * link.adjoint() @ by_columns(model, state.kinematics(model), joints)
-        block = np.zeros((len(group), rows, moved.shape[-1]))
-        block[:, :6] = moved
+        block = np.zeros((*shape, rows, moved.shape[-1]))
+        block[..., :6, :] = moved
         blocks.append(block)
         columns += [np.arange(problem.columns[n].start, problem.columns[n].stop) for n in model.widths]
     return np.concatenate(blocks, -1), np.concatenate(columns)
@@ -79,16 +80,17 @@ def by_stop_errors(
     """Derivative of views to the errors, in sigmas, of the stops they stand in.
 
     Returns:
-        For each of the two robots with stated noise: the stop of each view, (n,), and the derivative, (n, rows, 6).
+        For each of the two robots with noise: the stop of each view, (n,), and the derivative, (..., n, rows, 6).
     """
     parts = []
     for stop, sign, link in (
         (group.eye_stop, -1.0, links.target_from_eye_flange),
         (group.hand_stop, 1.0, links.target_from_hand_flange),
     ):
-        if len(stop) and stop[0] >= 0:
+        if has_noise(stop):
             sigma = stops.sigma[stop]
-            out = np.zeros((len(stop), rows, 6))
-            out[:, :6] = sign * link.adjoint() @ right_jacobian(state.stop_errors[stop] * sigma) * sigma[:, None, :]
+            moved = right_jacobian(state.stop_errors[..., stop, :] * sigma) * sigma[:, None, :]
+            out = np.zeros((*moved.shape[:-2], rows, 6))
+            out[..., :6, :] = sign * link.adjoint() @ moved
             parts.append((stop, out))
     return parts

@@ -9,7 +9,7 @@ Schur complement. Source: docs/mathematics.md, "Robot noise".
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from basecal.estimation.problem.problem import Problem, State, ViewGroup, chain
 from basecal.estimation.problem.robot_parameters import after_step, column_values
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 from basecal.geometry.se3 import right_jacobian_inverse
+from basecal.numerics.batch import SHARED
 
 _ROUNDS_ONE = 1e14
 _ROUNDING = 1e-15
@@ -26,41 +27,41 @@ _ROUNDING = 1e-15
 
 @dataclass(frozen=True, eq=False)
 class LinearisedViews:
-    """A group's views to second order, private stops eliminated."""
+    """A group's views to second order, private stops eliminated: (..., n, q), (..., n, q, q), (..., n, q, m)."""
 
     gradient: Array
     information: Array
     by_unknowns: Array
-    columns: IntArray
+    columns: IntArray = field(metadata=SHARED)
     private: tuple[SharedView, ...]
     shared: tuple[SharedView, ...]
 
     def weighted(self, weight: Array) -> LinearisedViews:
-        """The views as if each were seen with its information times a weight (n,)."""
+        """The views as if each were seen with its information times a weight (..., n)."""
         return replace(
             self,
-            gradient=self.gradient * weight[:, None],
-            information=self.information * weight[:, None, None],
+            gradient=self.gradient * weight[..., None],
+            information=self.information * weight[..., None, None],
         )
 
 
 @dataclass(frozen=True, eq=False)
 class NormalEquations:
-    """The problem to second order about a state.
+    """The problem to second order about a state, or a batch of them.
 
     Attributes:
-        cost: Sum of squared residuals over sigmas, those of priors and of stop errors included.
-        gradient: (p,) half the derivative of the cost, the stop errors at their best.
-        hessian: (p, p) half the second derivative, likewise.
-        stop_log_det: Log determinant of the information of the eliminated stop errors.
-        views: What `stop_step` needs, by group.
+        cost: (...) sum of squared residuals over sigmas, those of priors and of stop errors included.
+        gradient: (..., p) half the derivative of the cost, the stop errors at their best.
+        hessian: (..., p, p) half the second derivative, likewise.
+        stop_log_det: (...) log determinant of the information of the eliminated stop errors.
+        views: What `retract` needs, by group.
         system: The shared stops, solved; None without any.
     """
 
-    cost: float
+    cost: Array
     gradient: Array
     hessian: Array
-    stop_log_det: float
+    stop_log_det: Array
     views: tuple[LinearisedViews, ...]
     system: SchurComplement | None
 
@@ -71,13 +72,13 @@ def linearise(problem: Problem, state: State, weights: Sequence[Array] | None = 
     Args:
         problem: The problem.
         state: Where.
-        weights: For each group (n,): what each view counts, its private stops' errors included; 1 where None.
+        weights: For each group (..., n): what each view counts, its private stops' errors included; 1 where None.
     """
     hessian, gradient, cost = _priors(problem, state)
-    cost += float(np.sum(state.stop_errors**2))
-    log_det, views = 0.0, []
+    cost += np.sum(state.stop_errors**2, axis=(-1, -2))
+    log_det, views = np.zeros(state.batch), []
     shared = shared_stops(problem)
-    sums = SchurAccumulator(state.stop_errors[shared >= 0], problem.width)
+    sums = SchurAccumulator(state.stop_errors[..., shared >= 0, :], problem.width)
     for number, group in enumerate(problem.groups):
         view_costs, lost, of = _linearise_group(problem, group, state, shared)
         log_det += lost
@@ -86,32 +87,37 @@ def linearise(problem: Problem, state: State, weights: Sequence[Array] | None = 
             cost += _private_cost(of, state, weights[number])
             view_costs = np.where(weights[number] > 0, view_costs, 0.0) * weights[number]
             of = of.weighted(weights[number])
-        cost += float(view_costs.sum())
+        cost += view_costs.sum(-1)
         if np.any(shared >= 0):
             sums.add(of.shared, of.gradient, of.information, of.by_unknowns, of.columns)
-        flat = of.by_unknowns.reshape(of.gradient.size, len(of.columns))
+        flat = of.by_unknowns.reshape(*of.by_unknowns.shape[:-3], -1, len(of.columns))
         weighted = (of.information @ of.by_unknowns).reshape(flat.shape)
-        hessian[np.ix_(of.columns, of.columns)] += flat.T @ weighted
-        gradient[of.columns] += flat.T @ of.gradient.reshape(-1)
+        transposed = np.swapaxes(flat, -1, -2)
+        hessian[..., of.columns[:, None], of.columns] += transposed @ weighted
+        gradient[..., of.columns] += (transposed @ of.gradient.reshape(*flat.shape[:-1], 1))[..., 0]
     system = sums.solve() if np.any(shared >= 0) else None
     if system is not None:
         hessian, gradient = system.reduce(hessian, gradient)
         log_det += system.log_det
-    return NormalEquations(cost, gradient, 0.5 * (hessian + hessian.T), log_det, tuple(views), system)
+    symmetric = 0.5 * (hessian + np.swapaxes(hessian, -1, -2))
+    return NormalEquations(cost, gradient, symmetric, log_det, tuple(views), system)
 
 
 def retract(problem: Problem, state: State, normal: NormalEquations, step: Array) -> State:
-    """The state after a step of the unknowns, (p,), with the stop errors that are best to first order then."""
+    """The state after a step of the unknowns, (..., p), with the stop errors that are best to first order then."""
     columns = problem.columns
     names = [name for name in columns if name in state.transforms]
-    tangents = np.zeros((len(names), 6))
+    tangents = np.zeros((len(names), *state.batch, 6))
     for k, name in enumerate(names):
-        tangents[k, : columns[name].stop - columns[name].start] = step[columns[name]]
+        tangents[k, ..., : columns[name].stop - columns[name].start] = step[..., columns[name]]
     after = SE3.stack([state.transforms[name] for name in names]) @ SE3.exp(tangents)
     transforms = {**state.transforms, **{name: after[k] for k, name in enumerate(names)}}
-    lenses = {name: retract_lens(lens, step[columns[name]]) for name, lens in state.cameras.items() if name in columns}
+    lenses = {
+        name: retract_lens(lens, step[..., columns[name]]) for name, lens in state.cameras.items() if name in columns
+    }
+    first = step[(0,) * (step.ndim - 1)]  # kinematics have no batch axis
     robots = {
-        robot: after_step(model, state.kinematics(model), {name: step[columns[name]] for name in model.widths})
+        robot: after_step(model, state.kinematics(model), {name: first[columns[name]] for name in model.widths})
         for robot, model in problem.models.items()
         if problem.modelled(robot)
     }
@@ -121,9 +127,9 @@ def retract(problem: Problem, state: State, normal: NormalEquations, step: Array
 
 
 def retract_lens(camera: Camera, step: Array) -> Camera:
-    """A lens after a step of its parameters, (4 + k,), the focal lengths at least a fifth of what they were."""
+    """A lens after a step of its parameters, (..., 4 + k), the focal lengths at least a fifth of what they were."""
     parameters = camera.parameters + step
-    parameters[:2] = np.maximum(parameters[:2], 0.2 * camera.parameters[:2])
+    parameters[..., :2] = np.maximum(parameters[..., :2], 0.2 * camera.focal)
     return camera.with_parameters(parameters)
 
 
@@ -139,14 +145,18 @@ def shared_stops(problem: Problem) -> IntArray:
     return np.where(several, np.cumsum(several) - 1, -1)
 
 
-def _private_cost(views: LinearisedViews, state: State, weight: Array) -> float:
-    """What weights (n,) change of the cost of the private stops' errors."""
-    return sum(float((weight[of.view] - 1) @ np.sum(state.stop_errors[of.stop] ** 2, axis=-1)) for of in views.private)
+def _private_cost(views: LinearisedViews, state: State, weight: Array) -> Array:
+    """What weights (..., n) change of the cost of the private stops' errors, (...)."""
+    total = np.zeros(state.batch)
+    for of in views.private:
+        squares = np.sum(state.stop_errors[..., of.stop, :] ** 2, axis=-1)
+        total += ((weight[..., of.view] - 1) * squares).sum(-1)
+    return total
 
 
 def _linearise_group(
     problem: Problem, group: ViewGroup, state: State, shared: IntArray
-) -> tuple[Array, float, LinearisedViews]:
+) -> tuple[Array, Array, LinearisedViews]:
     links = chain(group, state, problem.stops)
     lens = group.camera in problem.columns
     view = group.measurement.linearise(links.camera_from_target, state.cameras.get(group.camera), lens)
@@ -166,60 +176,62 @@ def _linearise_group(
 def _select(stop: IntArray, by_error: Array, mask: BoolArray, number: IntArray | None) -> SharedView:
     view = np.flatnonzero(mask)
     chosen = stop[view]
-    return SharedView(view, chosen if number is None else number[chosen], by_error[view])
+    return SharedView(view, chosen if number is None else number[chosen], by_error[..., view, :, :])
 
 
 def _marginalised(
     gradient: Array, information: Array, private: tuple[SharedView, ...], errors: Array
-) -> tuple[Array, Array, float]:
+) -> tuple[Array, Array, Array]:
     """Views with their private stops eliminated, and the log determinant of I + J'HJ.
 
     (I + H S)^-1 H == H - H J (I + J'HJ)^-1 J'H, whose inner matrix is positive definite however large H is.
     """
     if not any(len(of.view) for of in private):
-        return gradient, information, 0.0
-    n, rows = gradient.shape
-    by_error = np.zeros((n, rows, 6 * len(private)))
+        return gradient, information, np.zeros(gradient.shape[:-2])
+    by_error = np.zeros((*gradient.shape, 6 * len(private)))
     present = np.zeros_like(gradient)
     for i, of in enumerate(private):
-        by_error[of.view, :, 6 * i : 6 * i + 6] = of.by_error
-        present[of.view] += (of.by_error @ errors[of.stop][..., None])[..., 0]
+        by_error[..., of.view, :, 6 * i : 6 * i + 6] = of.by_error
+        present[..., of.view, :] += (of.by_error @ errors[..., of.stop, :, None])[..., 0]
     carried = information @ by_error
     inner = np.eye(by_error.shape[-1]) + np.swapaxes(by_error, -1, -2) @ carried
     # Where a lens's polynomial runs away the identity is lost in rounding: as much again as rounding keeps it regular.
     size = np.abs(inner).max(axis=(-1, -2))
-    inner += np.where(size > _ROUNDS_ONE, _ROUNDING * size, 0.0)[:, None, None] * np.eye(inner.shape[-1])
+    inner += np.where(size > _ROUNDS_ONE, _ROUNDING * size, 0.0)[..., None, None] * np.eye(inner.shape[-1])
     about_zero = gradient - (information @ present[..., None])[..., 0]
     right = np.concatenate([information, about_zero[..., None]], -1)
     reduced = right - carried @ np.linalg.solve(inner, np.swapaxes(by_error, -1, -2) @ right)
     symmetric = 0.5 * (reduced[..., :-1] + np.swapaxes(reduced[..., :-1], -1, -2))
-    return reduced[..., -1], symmetric, float(np.linalg.slogdet(inner)[1].sum())
+    return reduced[..., -1], symmetric, np.asarray(np.linalg.slogdet(inner)[1].sum(-1))
 
 
 def _stop_errors(problem: Problem, state: State, normal: NormalEquations, step: Array) -> Array:
+    if not len(problem.stops):
+        return state.stop_errors
     errors = state.stop_errors.copy()
-    if not len(errors):
-        return errors
     shared_step = np.zeros((0, 6)) if normal.system is None else normal.system.step(step)
-    errors[shared_stops(problem) >= 0] += shared_step
+    errors[..., shared_stops(problem) >= 0, :] += shared_step
     for of in normal.views:
-        rest = (of.by_unknowns @ step[of.columns][:, None])[..., 0]
+        rest = (of.by_unknowns @ step[..., None, of.columns, None])[..., 0]
         for part in of.shared:
-            rest[part.view] += (part.by_error @ shared_step[part.stop][..., None])[..., 0]
+            rest[..., part.view, :] += (part.by_error @ shared_step[..., part.stop, :, None])[..., 0]
         force = of.gradient + (of.information @ rest[..., None])[..., 0]
         for part in of.private:
-            errors[part.stop] = -(np.swapaxes(part.by_error, -1, -2) @ force[part.view][..., None])[..., 0]
+            pull = np.swapaxes(part.by_error, -1, -2) @ force[..., part.view, :, None]
+            errors[..., part.stop, :] = -pull[..., 0]
     return errors
 
 
-def _priors(problem: Problem, state: State) -> tuple[Array, Array, float]:
+def _priors(problem: Problem, state: State) -> tuple[Array, Array, Array]:
     """What is known beforehand: Hessian, gradient and cost of the priors."""
-    hessian, gradient = np.zeros((problem.width, problem.width)), np.zeros(problem.width)
-    cost = 0.0
+    width = problem.width
+    hessian, gradient = np.zeros((*state.batch, width, width)), np.zeros((*state.batch, width))
+    cost = np.zeros(state.batch)
     for residual, jacobian, where in prior_residuals(problem, state):
-        cost += float(residual @ residual)
-        hessian[where, where] += jacobian.T @ jacobian
-        gradient[where] += jacobian.T @ residual
+        transposed = np.swapaxes(jacobian, -1, -2)
+        cost += np.sum(residual**2, -1)
+        hessian[..., where, where] += transposed @ jacobian
+        gradient[..., where] += (transposed @ residual[..., None])[..., 0]
     return hessian, gradient, cost
 
 
@@ -232,8 +244,8 @@ def prior_residuals(problem: Problem, state: State) -> list[tuple[Array, Array, 
             if unknown.status == "prior" and unknown.mean is not None and unknown.sigma is not None:
                 width = where.stop - where.start
                 error = (unknown.mean.inverse() @ state.transforms[name]).log()
-                jacobian = right_jacobian_inverse(error)[:width, :width] / unknown.sigma[:width, None]
-                out.append((error[:width] / unknown.sigma[:width], jacobian, where))
+                jacobian = right_jacobian_inverse(error)[..., :width, :width] / unknown.sigma[:width, None]
+                out.append((error[..., :width] / unknown.sigma[:width], jacobian, where))
         elif name in problem.lenses:
             lens = problem.lenses[name]
             if lens.status == "prior" and lens.camera is not None and lens.sigma is not None:

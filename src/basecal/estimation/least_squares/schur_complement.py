@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -11,6 +11,7 @@ from scipy.sparse import csc_array, csr_array
 from scipy.sparse.linalg import SuperLU, splu
 
 from basecal.geometry import Array, IntArray
+from basecal.numerics.batch import SHARED
 
 _MOST_INVERTED = 400
 
@@ -22,11 +23,11 @@ class SharedView:
     Attributes:
         view: (n,) rows in the group.
         stop: (n,) number among the shared stops.
-        by_error: (n, q, 6) derivative of the views to the errors.
+        by_error: (..., n, q, 6) derivative of the views to the errors.
     """
 
-    view: IntArray
-    stop: IntArray
+    view: IntArray = field(metadata=SHARED)
+    stop: IntArray = field(metadata=SHARED)
     by_error: Array
 
 
@@ -35,16 +36,16 @@ class SchurComplement:
     """The shared stops' errors, to be solved for given the unknowns' step.
 
     Attributes:
-        by_unknowns: (k, 6, p) mixed second derivative.
-        solution: (6 k, p + 1): the inverse applied to `by_unknowns` and, last, to the gradient.
-        log_det: Log determinant of the errors' information.
-        precision: (k, 6, 6) diagonal blocks of the errors' information.
-        factor: That information, factorised; None where it has no other blocks.
+        by_unknowns: (..., k, 6, p) mixed second derivative.
+        solution: (..., 6 k, p + 1): the inverse applied to `by_unknowns` and, last, to the gradient.
+        log_det: (...) log determinant of the errors' information.
+        precision: (..., k, 6, 6) diagonal blocks of the errors' information.
+        factor: That information, factorised; None where it has no other blocks, and of a batch.
     """
 
     by_unknowns: Array
     solution: Array
-    log_det: float
+    log_det: Array
     precision: Array
     factor: SuperLU | None
 
@@ -66,12 +67,15 @@ class SchurComplement:
 
     def reduce(self, hessian: Array, gradient: Array) -> tuple[Array, Array]:
         """The unknowns' normal equations with the errors eliminated."""
-        mixed = self.by_unknowns.reshape(len(self.solution), hessian.shape[0])
-        return hessian - mixed.T @ self.solution[:, :-1], gradient - mixed.T @ self.solution[:, -1]
+        shape = self.solution.shape
+        transposed = np.swapaxes(self.by_unknowns.reshape(*shape[:-1], shape[-1] - 1), -1, -2)
+        reduced = transposed @ self.solution
+        return hessian - reduced[..., :-1], gradient - reduced[..., -1]
 
     def step(self, unknowns_step: Array) -> Array:
-        """The errors' best step, (k, 6), given that of the unknowns, (p,)."""
-        return -(self.solution[:, :-1] @ unknowns_step + self.solution[:, -1]).reshape(-1, 6)
+        """The errors' best step, (..., k, 6), given that of the unknowns, (..., p)."""
+        step = -(self.solution[..., :-1] @ unknowns_step[..., None])[..., 0] - self.solution[..., -1]
+        return step.reshape(*step.shape[:-1], -1, 6)
 
 
 class SchurAccumulator:
@@ -81,27 +85,24 @@ class SchurAccumulator:
     """
 
     def __init__(self, errors: Array, width: int) -> None:
-        k = len(errors)
-        self.diagonal = np.broadcast_to(np.eye(6), (k, 6, 6)).copy()
+        self.diagonal = np.broadcast_to(np.eye(6), (*errors.shape, 6)).copy()
         self.gradient = errors.copy()
-        self.by_unknowns = np.zeros((k, 6, width))
+        self.by_unknowns = np.zeros((*errors.shape, width))
         self.pairs: list[tuple[IntArray, IntArray, Array]] = []
 
     def add(
         self, shared: Sequence[SharedView], gradient: Array, information: Array, by_unknowns: Array, columns: IntArray
     ) -> None:
-        """Add a group's views: gradient (n, q), information (n, q, q), derivative to the unknowns (n, q, m)."""
+        """Add a group's views: gradient (..., n, q), information (..., n, q, q), derivative (..., n, q, m)."""
         for of in shared:
             if not len(of.view):
                 continue
-            sum_over = _summation(of.stop, len(self.diagonal))
-            carried = np.swapaxes(of.by_error, -1, -2) @ information[of.view]
-            self.diagonal += _summed(sum_over, carried @ of.by_error)
-            self.gradient += _summed(
-                sum_over, (np.swapaxes(of.by_error, -1, -2) @ gradient[of.view][..., None])[..., 0]
-            )
-            mixed = _summed(sum_over, carried @ by_unknowns[of.view])
-            self.by_unknowns[:, :, columns] += mixed
+            sum_over = _summation(of.stop, self.diagonal.shape[-3])
+            transposed = np.swapaxes(of.by_error, -1, -2)
+            carried = transposed @ information[..., of.view, :, :]
+            self.diagonal += _summed(sum_over, carried @ of.by_error, 2)
+            self.gradient += _summed(sum_over, (transposed @ gradient[..., of.view, :, None])[..., 0], 1)
+            self.by_unknowns[..., columns] += _summed(sum_over, carried @ by_unknowns[..., of.view, :, :], 2)
         if len(shared) == 2:
             self._add_pairs(shared[0], shared[1], information)
 
@@ -109,27 +110,33 @@ class SchurAccumulator:
         both, a, b = np.intersect1d(eye.view, hand.view, assume_unique=True, return_indices=True)
         if not len(both):
             return
-        block = np.swapaxes(eye.by_error[a], -1, -2) @ information[both] @ hand.by_error[b]
+        transposed = np.swapaxes(eye.by_error[..., a, :, :], -1, -2)
+        block = transposed @ information[..., both, :, :] @ hand.by_error[..., b, :, :]
         self.pairs.append((eye.stop[a], hand.stop[b], block))
 
     def solve(self) -> SchurComplement:
         """Eliminate them."""
-        k, _, width = self.by_unknowns.shape
+        *batch, k, _, width = self.by_unknowns.shape
         right = np.concatenate([self.by_unknowns, self.gradient[..., None]], -1)
         if not self.pairs:
-            solution = np.linalg.solve(self.diagonal, right).reshape(-1, width + 1)
-            log_det = float(np.linalg.slogdet(self.diagonal)[1].sum())
+            solution = np.linalg.solve(self.diagonal, right).reshape(*batch, -1, width + 1)
+            log_det = np.asarray(np.linalg.slogdet(self.diagonal)[1].sum(-1))
             return SchurComplement(self.by_unknowns, solution, log_det, self.diagonal, None)
-        factor = splu(self._matrix(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
-        solution = factor.solve(right.reshape(6 * k, width + 1))
-        log_det = float(np.log(np.abs(factor.U.diagonal())).sum())
-        return SchurComplement(self.by_unknowns, solution, log_det, self.diagonal, factor)
+        right = right.reshape(*batch, 6 * k, width + 1)
+        solution, log_det = np.empty_like(right), np.empty(tuple(batch))
+        for entry in np.ndindex(*batch):
+            factor = splu(self._matrix(entry), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+            solution[entry] = factor.solve(right[entry])
+            log_det[entry] = np.log(np.abs(factor.U.diagonal())).sum()
+        return SchurComplement(self.by_unknowns, solution, log_det, self.diagonal, None if batch else factor)
 
-    def _matrix(self) -> csc_array:
-        k = len(self.diagonal)
-        row = [np.arange(k), *(a for a, _, _ in self.pairs), *(b for _, b, _ in self.pairs)]
-        column = [np.arange(k), *(b for _, b, _ in self.pairs), *(a for a, _, _ in self.pairs)]
-        blocks = [self.diagonal, *(m for _, _, m in self.pairs), *(np.swapaxes(m, -1, -2) for _, _, m in self.pairs)]
+    def _matrix(self, entry: tuple[int, ...]) -> csc_array:
+        """The errors' information of one entry of the batch."""
+        k = self.diagonal.shape[-3]
+        pairs = [(a, b, block[entry]) for a, b, block in self.pairs]
+        row = [np.arange(k), *(a for a, _, _ in pairs), *(b for _, b, _ in pairs)]
+        column = [np.arange(k), *(b for _, b, _ in pairs), *(a for a, _, _ in pairs)]
+        blocks = [self.diagonal[entry], *(m for _, _, m in pairs), *(np.swapaxes(m, -1, -2) for _, _, m in pairs)]
         at_row = 6 * np.concatenate(row)[:, None, None] + np.arange(6)[:, None]
         at_column = 6 * np.concatenate(column)[:, None, None] + np.arange(6)
         values = np.concatenate(blocks)
@@ -142,6 +149,8 @@ def _summation(stop: IntArray, count: int) -> csr_array:
     return csr_array((np.ones(len(stop)), (stop, np.arange(len(stop)))), shape=(count, len(stop)))
 
 
-def _summed(sum_over: csr_array, rows: Array) -> Array:
-    flat: Array = sum_over @ rows.reshape(len(rows), -1)
-    return flat.reshape(flat.shape[0], *rows.shape[1:])
+def _summed(sum_over: csr_array, rows: Array, axes: int) -> Array:
+    """Sums over rows (..., n, *), with so many axes behind n."""
+    first = np.moveaxis(rows, -1 - axes, 0)
+    flat: Array = sum_over @ first.reshape(len(first), -1)
+    return np.moveaxis(flat.reshape(-1, *first.shape[1:]), 0, -1 - axes)

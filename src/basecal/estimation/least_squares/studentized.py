@@ -15,8 +15,10 @@ import numpy as np
 
 from basecal.estimation.least_squares.normal_equations import LinearisedViews, NormalEquations, linearise, shared_stops
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
-from basecal.estimation.view.measurement import Measurement, PixelMeasurement, PointMeasurement
+from basecal.estimation.view.measurement import Measurement
+from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.point_jacobians import PointJacobians, point_jacobians
+from basecal.estimation.view.points import PointMeasurement
 from basecal.geometry import Array, BoolArray, IntArray
 
 _ROUNDING = 1e-9

@@ -41,8 +41,8 @@ class CompressedMeasurement:
         """See `Measurement`."""
         moved = (self.camera_from_target.inverse() @ camera_from_target).log()
         if lens and camera is not None and self.lens is not None:
-            by_lens = np.broadcast_to(camera.parameters - self.lens, (len(moved), len(camera.parameters)))
-            moved = np.concatenate([moved, by_lens], -1)
+            by_lens = (camera.parameters - self.lens)[..., None, :]
+            moved = np.concatenate([moved, np.broadcast_to(by_lens, (*moved.shape[:-1], by_lens.shape[-1]))], -1)
         names = list(self.parts)
         cost, gradient, information = (
             sum(self.weight[name] * getattr(self.parts[name], field) for name in names)
@@ -50,7 +50,9 @@ class CompressedMeasurement:
         )
         carried = (information @ moved[..., None])[..., 0]
         return ViewInformation(
-            cost + np.einsum("ni,ni->n", moved, 2 * gradient + carried), gradient + carried, information
+            cost + np.einsum("...i,...i->...", moved, 2 * gradient + carried),
+            gradient + carried,
+            np.broadcast_to(information, (*moved.shape, moved.shape[-1])),
         )
 
     def squares(self, camera_from_target: SE3, camera: Camera | None, lens: bool = False) -> dict[str, float]:
@@ -73,6 +75,10 @@ class CompressedMeasurement:
         """See `Measurement`."""
         parts = {name: ViewInformation(*(of[views] for of in part)) for name, part in self.parts.items()}
         return replace(self, camera_from_target=self.camera_from_target[views], parts=parts, held=self.held[views])
+
+    def of_batch(self, rows: Rows) -> CompressedMeasurement:
+        """See `Measurement`: all rows of a batch saw the same."""
+        return self
 
     def equations(self) -> IntArray:
         """See `Measurement`."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from basecal.estimation.least_squares.levenberg_marquardt import Optimum, levenberg_marquardt
+from basecal.estimation.least_squares.bundle_adjustment import Optimum, bundle_adjust
 from basecal.estimation.least_squares.normal_equations import NormalEquations, linearise
 from basecal.estimation.problem.problem import Problem
 from basecal.estimation.view.measurement import Noise
@@ -73,17 +73,17 @@ def estimate_noise(problem: Problem, end: Optimum, iterations: int) -> tuple[Pro
     noise = Noise()
     dof = degrees_of_freedom(problem)
     if not fields:
-        return problem, end, NoiseEstimate(noise, birge_ratio(end.normal.cost, dof), (), True)
+        return problem, end, NoiseEstimate(noise, birge_ratio(end.cost, dof), (), True)
     has_priors = "prior" in _statuses(problem).values()
     if len(fields) == 1 and not counts.get("stated") and not has_priors and not len(problem.stops):
-        factor = max(end.normal.cost, 0.0) / max(dof, 1)
+        factor = max(end.cost, 0.0) / max(dof, 1)
         scaled = noise._replace(**{fields[0]: getattr(noise, fields[0]) * np.sqrt(factor)})
         return problem, end, NoiseEstimate(scaled, factor, fields, True)
     for _ in range(_ROUNDS):
         ratios = {f: _ratio(problem, end, noise, f, counts[f]) for f in fields}
         noise = noise._replace(**{f: getattr(noise, f) * np.sqrt(r) for f, r in ratios.items()})
         problem = problem.with_noise(noise)
-        end = levenberg_marquardt(problem, end.state, dof, iterations)
+        end = bundle_adjust(problem, end.state, dof, iterations)
         if all(abs(r - 1) < _SETTLED for r in ratios.values()):
             return problem, end, NoiseEstimate(noise, 1.0, fields, True)
     return problem, end, NoiseEstimate(noise, 1.0, fields, False)
@@ -113,4 +113,4 @@ def _ratio(problem: Problem, end: Optimum, noise: Noise, field: str, count: int)
 def _log_det(normal: NormalEquations) -> float:
     diagonal = np.diag(normal.hessian)
     regular = normal.hessian + np.diag(1e-12 * diagonal + 1e-300)
-    return float(np.linalg.slogdet(regular)[1]) + normal.stop_log_det
+    return float(np.linalg.slogdet(regular)[1]) + float(normal.stop_log_det)

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import minimize
 
-from basecal.estimation.least_squares.levenberg_marquardt import Optimum, levenberg_marquardt
+from basecal.estimation.least_squares.bundle_adjustment import Optimum, bundle_adjust
 from basecal.estimation.least_squares.normal_equations import NormalEquations, linearise
 from basecal.estimation.noise.compressed_views import STATED, CompressedMeasurement, compressed
 from basecal.estimation.noise.robot_noise import with_robot_noise, without_errors
@@ -154,12 +154,12 @@ def information_of(evidence: MarginalLikelihood, model: VarianceModel, logs: Arr
 def _optimum(evidence: MarginalLikelihood, model: VarianceModel, logs: Array) -> tuple[Problem, Optimum]:
     problem = _with(evidence, sigmas_of(model, logs, evidence.noise))
     start = without_errors(problem, evidence.state)
-    return problem, levenberg_marquardt(problem, start, sum(evidence.counts.values()))
+    return problem, bundle_adjust(problem, start, sum(evidence.counts.values()))
 
 
 def _surprise(evidence: MarginalLikelihood, model: VarianceModel, logs: Array, normal: NormalEquations) -> float:
     held = sum(2 * n * np.log(getattr(evidence.noise, f)) for f, n in _unstated(evidence) if f not in model.fields)
-    return normal.cost + _log_det(evidence, normal) + float(2 * _weighed(evidence, model) @ logs + held)
+    return float(normal.cost) + _log_det(evidence, normal) + float(2 * _weighed(evidence, model) @ logs + held)
 
 
 def _unstated(evidence: MarginalLikelihood) -> list[tuple[str, int]]:
@@ -184,7 +184,7 @@ def _at(
 
 
 def _log_det(evidence: MarginalLikelihood, normal: NormalEquations) -> float:
-    return float(np.linalg.slogdet(normal.hessian + evidence.floor)[1]) + normal.stop_log_det
+    return float(np.linalg.slogdet(normal.hessian + evidence.floor)[1]) + float(normal.stop_log_det)
 
 
 def _weighed(evidence: MarginalLikelihood, model: VarianceModel) -> Array:

@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 from scipy.stats import chi2
 
 from basecal.cell import Finding
-from basecal.estimation.least_squares.levenberg_marquardt import Optimum, levenberg_marquardt
+from basecal.estimation.least_squares.bundle_adjustment import Optimum, bundle_adjust
 from basecal.estimation.noise.estimate import NoiseEstimate, birge_ratio, degrees_of_freedom
 from basecal.estimation.noise.marginal_likelihood import (
     MarginalLikelihood,
@@ -138,13 +138,13 @@ def _settled(
     for _ in range(_ROUNDS):
         sigmas = found.sigmas
         problem = with_robot_noise(problem.with_noise(sigmas.noise), sigmas.robots)
-        end = levenberg_marquardt(problem, without_errors(problem, end.state), dof, iterations)
+        end = bundle_adjust(problem, without_errors(problem, end.state), dof, iterations)
         after = most_likely(marginal_likelihood(problem, end.state, sigmas.noise), found.model, found.logs)
         change = _change(found.logs, after.logs)
         if change < _SETTLED:
             break
         found = after
-    factor = 1.0 if noise.estimated else birge_ratio(end.normal.cost, dof)
+    factor = 1.0 if noise.estimated else birge_ratio(end.cost, dof)
     settled = change < _SETTLED and end.converged
     return problem, end, NoiseEstimate(sigmas.noise, factor, noise.estimated, settled, sigmas.robots)
 

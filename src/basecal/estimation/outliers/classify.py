@@ -21,7 +21,8 @@ from basecal.estimation.outliers.inlier_mask import InlierMask, without_points
 from basecal.estimation.outliers.robust_scale import Scale, robust_scale
 from basecal.estimation.outliers.view_ransac import Points, Prior, RansacViews, explained, view_ransac
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
-from basecal.estimation.view.measurement import PixelMeasurement, PointMeasurement
+from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.estimation.view.points import PointMeasurement
 from basecal.estimation.view.view_pose import refined
 from basecal.geometry import BoolArray, Camera, IntArray
 

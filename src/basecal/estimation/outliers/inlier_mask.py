@@ -9,7 +9,9 @@ import numpy as np
 
 from basecal.estimation.problem.correspondence import half_turned
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
-from basecal.estimation.view.measurement import Measurement, Noise, PixelMeasurement, PointMeasurement
+from basecal.estimation.view.measurement import Measurement, Noise
+from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.estimation.view.points import PointMeasurement
 from basecal.geometry import Array, BoolArray, IntArray
 
 

@@ -15,7 +15,8 @@ from basecal.estimation.outliers.robust_scale import Scale, robust_scale
 from basecal.estimation.outliers.view_ransac import largest_agreement, subset_fits
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
 from basecal.estimation.start.first_state import lenses
-from basecal.estimation.view.measurement import PixelMeasurement, PointMeasurement
+from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.estimation.view.points import PointMeasurement
 from basecal.geometry import SE3, BoolArray, IntArray
 
 _SCALE_ROUNDS = 4

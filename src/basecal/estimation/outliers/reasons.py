@@ -10,8 +10,10 @@ from basecal.cell import Cell, Outlier
 from basecal.estimation.outliers.classify import Classification
 from basecal.estimation.outliers.inlier_mask import InlierMask, masked
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
-from basecal.estimation.view.measurement import PixelMeasurement, PointMeasurement, PoseMeasurement
+from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.point_jacobians import point_jacobians
+from basecal.estimation.view.points import PointMeasurement
+from basecal.estimation.view.poses import PoseMeasurement
 from basecal.estimation.view.view_pose import FEWEST_POINTS, refined
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 

@@ -13,12 +13,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from basecal.estimation.least_squares.levenberg_marquardt import levenberg_marquardt
+from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.least_squares.studentized import MahalanobisSquared, judged_by_view, studentized
 from basecal.estimation.outliers.robust_scale import Scale
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
-from basecal.estimation.view.measurement import Measurement, PixelMeasurement, PointMeasurement
+from basecal.estimation.view.measurement import Measurement
+from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.point_jacobians import point_jacobians
+from basecal.estimation.view.points import PointMeasurement
 from basecal.geometry import Array
 
 _GROWTH = 1.6
@@ -42,7 +44,7 @@ def graduated_truncation(problem: Problem, state: State, scale_of: ScaleOf) -> S
     control = 0.0
     for _ in range(_ROUNDS):
         weighted = problem.with_groups(_weighted(g, w) for g, w in zip(problem.groups, points, strict=True))
-        state = levenberg_marquardt(weighted, state, 1, _STEPS, views).state
+        state = bundle_adjust(weighted, state, 1, _STEPS, views).state
         of_views = list(studentized(weighted, state, views))
         of_points = [_point_misfits(problem, state, g) for g in problem.groups]
         ratios = [_over_limit(s, scale_of(of_views)) for s in of_views]

@@ -38,7 +38,9 @@ from basecal.estimation.problem.correspondence import choose_correspondence
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
 from basecal.estimation.settings import DEFAULT, Settings
 from basecal.estimation.solve import Solution, solve_from, solve_packed
-from basecal.estimation.view.measurement import Noise, PixelMeasurement, PointMeasurement
+from basecal.estimation.view.measurement import Noise
+from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.estimation.view.points import PointMeasurement
 from basecal.geometry import BoolArray, IntArray
 
 _ROUNDS = 12

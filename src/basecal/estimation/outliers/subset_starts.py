@@ -13,7 +13,7 @@ import numpy as np
 
 from basecal.cell import Cell, Intrinsics
 from basecal.errors import BasecalError
-from basecal.estimation.least_squares.levenberg_marquardt import levenberg_marquardt
+from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.least_squares.studentized import MahalanobisSquared, studentized
 from basecal.estimation.noise.estimate import degrees_of_freedom
 from basecal.estimation.outliers.inlier_mask import of_samples
@@ -102,10 +102,10 @@ def _state_of(problem: Problem, cell: Cell, numbers: IntArray) -> State | None:
     try:
         start = first_state(few, cell, thorough=False)
         few, _ = choose_correspondence(few, start)
-        end = levenberg_marquardt(few, start, max(degrees_of_freedom(few), 1), _STEPS)
+        end = bundle_adjust(few, start, max(degrees_of_freedom(few), 1), _STEPS)
     except (BasecalError, np.linalg.LinAlgError):
         return None
-    return _concentrated(problem, end.state) if np.isfinite(end.normal.cost) else None
+    return _concentrated(problem, end.state) if np.isfinite(end.cost) else None
 
 
 def _concentrated(problem: Problem, state: State) -> State | None:
@@ -119,5 +119,5 @@ def _concentrated(problem: Problem, state: State) -> State | None:
         ratio = [np.minimum(s.value, _FARTHEST) / np.maximum(s.freedoms, 1) for s in squares]
         limit = np.quantile(np.concatenate(ratio), _CONCENTRATED)
         weights = [(r <= limit).astype(np.float64) for r in ratio]
-        state = levenberg_marquardt(problem, state, 1, _FEW_STEPS, weights).state
+        state = bundle_adjust(problem, state, 1, _FEW_STEPS, weights).state
     return state

@@ -14,13 +14,10 @@ from itertools import combinations
 import numpy as np
 
 from basecal.estimation.outliers.inlier_mask import masked
-from basecal.estimation.view.measurement import (
-    BearingMeasurement,
-    Measurement,
-    PixelMeasurement,
-    PointMeasurement,
-    ViewInformation,
-)
+from basecal.estimation.view.bearings import BearingMeasurement
+from basecal.estimation.view.measurement import Measurement, ViewInformation
+from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.estimation.view.points import PointMeasurement
 from basecal.estimation.view.view_pose import refined, view_poses
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 

@@ -26,7 +26,10 @@ from basecal.errors import InputError
 from basecal.estimation.problem.correspondence import MOST_CANDIDATES, half_turn, half_turned
 from basecal.estimation.problem.problem import Problem, Stops, ViewGroup, carrier, check_carriers
 from basecal.estimation.problem.robot_parameters import RobotModel, robot_model
-from basecal.estimation.view.measurement import Measurement, Noise, PixelMeasurement, PointMeasurement, PoseMeasurement
+from basecal.estimation.view.measurement import Measurement, Noise
+from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.estimation.view.points import PointMeasurement
+from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array, BoolArray, IntArray
 
 Views = list[tuple[int, Observation]]

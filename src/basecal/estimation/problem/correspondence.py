@@ -12,7 +12,7 @@ import numpy as np
 
 from basecal.cell import Target
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
-from basecal.estimation.view.measurement import PixelMeasurement
+from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, IntArray
 
 MOST_CANDIDATES = 8

@@ -6,12 +6,16 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
+import numpy as np
+
 from basecal.cell import WORLD, Cell, Intrinsics, Unknown
 from basecal.errors import InputError
 from basecal.estimation.problem.robot_parameters import Kinematics, RobotModel, nominal
-from basecal.estimation.view.measurement import Measurement, Noise, PixelMeasurement
+from basecal.estimation.view.measurement import Measurement, Noise
+from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Array, Camera, IntArray, Rows
 from basecal.kinematics import SerialChain
+from basecal.numerics.batch import SHARED
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +31,8 @@ class ViewGroup:
         target_mount: Name of the target's mount.
         eye_base: Name of the base transform of `eye`; None where it is the reference or `world`.
         hand_base: Likewise of `hand`.
-        sample: (n,) sample numbers.
+        sample: (n,) sample numbers. With this and all else below goes a leading batch axis, (b, n), where each entry
+            of a batch has views of its own; then no stop has noise.
         eye_base_from_eye_flange: (n,) recorded poses; identity on `world`.
         hand_base_from_hand_flange: (n,) likewise.
         eye_stop: (n,) rows of the stops' errors; -1 where the robot's noise is not stated.
@@ -63,7 +68,7 @@ class ViewGroup:
     hand_joints: Array | None = None
 
     def __len__(self) -> int:
-        return len(self.sample)
+        return int(self.sample.shape[-1])
 
     @cached_property
     def hand_flange_from_hand_base(self) -> SE3:
@@ -86,6 +91,12 @@ class ViewGroup:
             eye_joints=None if self.eye_joints is None else self.eye_joints[views],
             hand_joints=None if self.hand_joints is None else self.hand_joints[views],
         )
+
+    def of_batch(self, rows: Rows) -> ViewGroup:
+        """What these rows of a batch saw."""
+        if self.sample.ndim == 1:
+            return replace(self, measurement=self.measurement.of_batch(rows))
+        return self.take(rows)
 
     def with_noise(self, noise: Noise) -> ViewGroup:
         """The same with sigmas for what states none."""
@@ -151,6 +162,10 @@ class Problem:
         """The same unknowns with other views."""
         return replace(self, groups=tuple(groups))
 
+    def of_batch(self, rows: Rows) -> Problem:
+        """The problems at these rows of a batch."""
+        return self.with_groups(g.of_batch(rows) for g in self.groups)
+
     def modelled(self, robot: str | None) -> RobotModel | None:
         """The model of a robot that has columns in the step; None where it has none."""
         model = self.models.get(robot or "")
@@ -170,32 +185,58 @@ class Problem:
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """A value for every unknown.
+    """A value for every unknown, or a batch of them.
 
     Attributes:
-        transforms: By name.
-        cameras: Lenses by camera.
-        stop_errors: (k, 6) in sigmas, one row a stop.
-        robots: Kinematics of the robots where they are not as stated.
+        transforms: By name, (...).
+        cameras: Lenses by camera, of parameters (..., k); one lens of parameters (k,) may serve a whole batch.
+        stop_errors: (..., k, 6) in sigmas, one row a stop.
+        robots: Kinematics of the robots where they are not as stated, the same for a whole batch.
     """
 
     transforms: Mapping[str, SE3]
     cameras: Mapping[str, Camera]
     stop_errors: Array
-    robots: Mapping[str, Kinematics] = field(default_factory=dict)
+    robots: Mapping[str, Kinematics] = field(default_factory=dict, metadata=SHARED)
+
+    @property
+    def batch(self) -> tuple[int, ...]:
+        """The shape of the batch, () of a single state."""
+        return self.stop_errors.shape[:-2]
+
+    def spread(self, problem: Problem, count: int) -> State:
+        """A single state, so many times; lenses that are not estimated serve all."""
+
+        def many(transform: SE3) -> SE3:
+            """One transform, so many times."""
+            rotation = np.broadcast_to(transform.rotation, (count, 3, 3))
+            return SE3(rotation, np.broadcast_to(transform.translation, (count, 3)))
+
+        transforms = {name: many(transform) for name, transform in self.transforms.items()}
+        cameras = dict(self.cameras)
+        for name in cameras.keys() & problem.columns.keys():
+            parameters = self.cameras[name].parameters
+            cameras[name] = cameras[name].with_parameters(np.broadcast_to(parameters, (count, len(parameters))))
+        errors = np.broadcast_to(self.stop_errors, (count, *self.stop_errors.shape))
+        return State(transforms, cameras, errors, self.robots)
+
+    def beside_views(self, name: str) -> SE3:
+        """A transform that broadcasts against views: of a batch (..., 1)."""
+        transform = self.transforms[name]
+        return transform.spread() if transform.shape else transform
 
     def kinematics(self, model: RobotModel) -> Kinematics:
         """Where a robot's kinematics are, as stated unless moved."""
         return self.robots.get(model.robot) or nominal(model.chain, model.down)
 
     def camera_from_target(self, group: ViewGroup, stops: Stops) -> SE3:
-        """Predicted poses of the target in the camera, (n,)."""
+        """Predicted poses of the target in the camera, (..., n)."""
         return chain(group, self, stops).camera_from_target
 
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """The factors of `camera_from_target` from its right end on, (n,) each; see `chain`."""
+    """The factors of `camera_from_target` from its right end on, (..., n) each; see `chain`."""
 
     target_from_hand_flange: SE3
     target_from_hand_base: SE3
@@ -205,7 +246,7 @@ class Chain:
 
     @property
     def camera_from_target(self) -> SE3:
-        """(n,)."""
+        """(..., n)."""
         return self.target_from_camera.inverse()
 
 
@@ -215,9 +256,9 @@ def chain(group: ViewGroup, state: State, stops: Stops) -> Chain:
     camera_from_target == (eye_base_from_eye_flange @ eye_flange_from_camera).inverse()
                           @ eye_base_from_hand_base @ hand_base_from_hand_flange @ hand_flange_from_target
     """
-    target_from_hand_flange = state.transforms[group.target_mount].inverse()
+    target_from_hand_flange = state.beside_views(group.target_mount).inverse()
     hand_flange_from_hand_base = group.hand_flange_from_hand_base
-    if _has_noise(group.hand_stop) or group.hand in state.robots:
+    if has_noise(group.hand_stop) or group.hand in state.robots:
         hand_flange = _modelled(group.hand, group.hand_joints, group.hand_base_from_hand_flange, state)
         hand_flange_from_hand_base = _disturbed(hand_flange, group.hand_stop, state, stops).inverse()
     eye_flange = _modelled(group.eye, group.eye_joints, group.eye_base_from_eye_flange, state)
@@ -225,7 +266,7 @@ def chain(group: ViewGroup, state: State, stops: Stops) -> Chain:
     target_from_hand_base = target_from_hand_flange @ hand_flange_from_hand_base
     target_from_eye_base = target_from_hand_base @ _relation(group, state).inverse()
     target_from_eye_flange = target_from_eye_base @ eye_base_from_eye_flange
-    target_from_camera = target_from_eye_flange @ state.transforms[group.camera_mount]
+    target_from_camera = target_from_eye_flange @ state.beside_views(group.camera_mount)
     return Chain(
         target_from_hand_flange, target_from_hand_base, target_from_eye_base, target_from_eye_flange, target_from_camera
     )
@@ -234,8 +275,8 @@ def chain(group: ViewGroup, state: State, stops: Stops) -> Chain:
 def _relation(group: ViewGroup, state: State) -> SE3:
     """`eye_base_from_hand_base`; either base is the reference's where it has no name."""
     identity = SE3.identity()
-    world_from_eye_base = identity if group.eye_base is None else state.transforms[group.eye_base]
-    world_from_hand_base = identity if group.hand_base is None else state.transforms[group.hand_base]
+    world_from_eye_base = identity if group.eye_base is None else state.beside_views(group.eye_base)
+    world_from_hand_base = identity if group.hand_base is None else state.beside_views(group.hand_base)
     return world_from_eye_base.inverse() @ world_from_hand_base
 
 
@@ -245,15 +286,16 @@ def _modelled(robot: str | None, joints: Array | None, recorded: SE3, state: Sta
     return recorded if kinematics is None or joints is None else kinematics.forward(joints)
 
 
-def _has_noise(stop: IntArray) -> bool:
-    return bool(len(stop) and stop[0] >= 0)
+def has_noise(stop: IntArray) -> bool:
+    """Whether the robot of views at these stops, (n,), has noise: -1 stands for none."""
+    return bool(stop.size and stop.flat[0] >= 0)
 
 
 def _disturbed(base_from_flange: SE3, stop: IntArray, state: State, stops: Stops) -> SE3:
     """True poses of a flange: recorded ones with the errors of their stops."""
-    if not _has_noise(stop):
+    if not has_noise(stop):
         return base_from_flange
-    return base_from_flange @ SE3.exp(state.stop_errors[stop] * stops.sigma[stop])
+    return base_from_flange @ SE3.exp(state.stop_errors[..., stop, :] * stops.sigma[stop])
 
 
 def carrier(cell: Cell, on: str) -> str | None:

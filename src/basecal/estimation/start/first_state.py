@@ -13,16 +13,19 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from basecal.cell import Cell, Unknown
+from basecal.estimation.least_squares.bundle_adjustment import batch_of, bundle_adjust_batch
 from basecal.estimation.least_squares.cauchy_irls import cauchy_irls
-from basecal.estimation.least_squares.levenberg_marquardt import levenberg_marquardt
 from basecal.estimation.problem.problem import Problem, State, Stops
 from basecal.estimation.start.closed_form import Loop, Rotations, solve_rotations, solve_translations
 from basecal.estimation.start.lens import lens_from_views
 from basecal.estimation.start.pair_views import PairViews, as_light, pair_views, umeyama
 from basecal.estimation.start.rotation_grid import light_starts
 from basecal.estimation.start.rotation_search import pose_starts
-from basecal.estimation.view.measurement import PixelMeasurement
+from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.estimation.start.rotation_grid import light_starts
+from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Camera, IntArray
+from basecal.numerics.batch import take
 
 Triple = tuple[SE3, SE3, SE3]
 
@@ -32,10 +35,7 @@ _LIGHT_STARTS = {0: 1, 1: 12, 2: 40}
 _POSE_STARTS = 16
 _TIGHT_RAD = 0.3
 _REFINE_STEPS = 30
-_SAME_COST = 1e-6
-_AGREEING = 3
 _FEW_CHANGES = 0.1
-_PLAUSIBLE_SIGMAS = 4.0
 
 
 @dataclass
@@ -257,24 +257,12 @@ def _mount_of_points(sight: PairViews, x: SE3, y: SE3, at: SE3) -> SE3:
 
 
 def _best_refined(sight: PairViews, loop: Loop, starts: list[Triple], is_point: bool) -> Triple:
-    """The start from which the pair alone is fitted best, refined.
-
-    Enough is once a few starts have come to one end that the data could have come from.
-    """
+    """The start from which the pair alone is fitted best, refined: all of them side by side."""
     problem, cameras = _pair_problem(sight, loop, is_point)
-    counts = sight.group.measurement.counts()
-    plausible = _PLAUSIBLE_SIGMAS**2 * max(sum(counts.values()) - problem.width, 1)
-    best, best_cost, agreeing = starts[0], np.inf, 0
-    for start in starts:
-        state = State(dict(zip("xyz", start, strict=True)), cameras, np.zeros((0, 6)))
-        end = levenberg_marquardt(problem, state, dof=1, iterations=_REFINE_STEPS)
-        agreeing += end.normal.cost < best_cost * (1 + _SAME_COST)
-        if end.normal.cost < best_cost * (1 - _SAME_COST):
-            best_cost, agreeing = end.normal.cost, 1
-            best = (end.state.transforms["x"], end.state.transforms["y"], end.state.transforms["z"])
-        if agreeing >= _AGREEING and best_cost < plausible:
-            break
-    return best
+    states = [State(dict(zip("xyz", start, strict=True)), cameras, np.zeros((0, 6))) for start in starts]
+    ends = bundle_adjust_batch(problem, batch_of(problem, states), dof=1, iterations=_REFINE_STEPS)
+    best = take(ends.state, int(np.argmin(ends.cost))).transforms
+    return best["x"], best["y"], best["z"]
 
 
 def _pair_problem(sight: PairViews, loop: Loop, is_point: bool) -> tuple[Problem, Mapping[str, Camera]]:

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from basecal.cell import CellCamera
 from basecal.estimation.least_squares.normal_equations import retract_lens
-from basecal.estimation.view.measurement import BearingMeasurement, PixelMeasurement, ViewInformation
+from basecal.estimation.view.bearings import BearingMeasurement
+from basecal.estimation.view.measurement import ViewInformation
+from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.view_pose import FEWEST_POINTS, view_poses
 from basecal.geometry import SE3, Array, Camera
 

@@ -8,13 +8,11 @@ import numpy as np
 
 from basecal.estimation.problem.problem import ViewGroup
 from basecal.estimation.start.closed_form import Loop
-from basecal.estimation.view.measurement import (
-    BearingMeasurement,
-    Measurement,
-    PixelMeasurement,
-    PointMeasurement,
-    PoseMeasurement,
-)
+from basecal.estimation.view.bearings import BearingMeasurement
+from basecal.estimation.view.measurement import Measurement
+from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.estimation.view.points import PointMeasurement
+from basecal.estimation.view.poses import PoseMeasurement
 from basecal.estimation.view.view_pose import view_poses
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 from basecal.geometry.se3 import nearest_rotation

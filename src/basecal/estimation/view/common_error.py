@@ -18,16 +18,16 @@ def without_common_shift(
 
     Args:
         view: The three as if there were none.
-        residual: (n, 2, p) over sigmas.
-        weight: (n, p) 1 / sigma [1/px].
-        by_shift: (n, 6 + k, 2) mixed second derivative to such an error [1/px].
+        residual: (..., n, 2, p) over sigmas.
+        weight: (..., n, p) 1 / sigma [1/px].
+        by_shift: (..., n, 6 + k, 2) mixed second derivative to such an error [1/px].
         common_px: Its sigma, tau, per coordinate [px].
     """
     cost, gradient, information = view
-    force = np.einsum("nip,np->ni", residual, weight)
-    share = 1 / (common_px**-2 + np.einsum("np,np->n", weight, weight))
+    force = np.einsum("...ip,...p->...i", residual, weight)
+    share = 1 / (common_px**-2 + np.einsum("...p,...p->...", weight, weight))
     return (
-        cost - share * np.einsum("ni,ni->n", force, force),
-        gradient - share[:, None] * (by_shift @ force[..., None])[..., 0],
-        information - share[:, None, None] * by_shift @ np.swapaxes(by_shift, -1, -2),
+        cost - share * np.einsum("...i,...i->...", force, force),
+        gradient - share[..., None] * (by_shift @ force[..., None])[..., 0],
+        information - share[..., None, None] * by_shift @ np.swapaxes(by_shift, -1, -2),
     )

@@ -36,19 +36,20 @@ def dot(left: Sequence[Array], right: Sequence[Array]) -> Array:
 def gradient_and_information(
     forces: Iterable[Array], squares: Iterable[Array], rotation: Array, of_points: Array
 ) -> tuple[Array, Array]:
-    """J'r, (n, 6), and J'J, (n, 6, 6), of n views.
+    """J'r, (..., 6), and J'J, (..., 6, 6), of views.
 
     Args:
-        forces: P'r, three arrays (n, p).
-        squares: The upper half of P'P by rows, six arrays (n, p), see `UPPER`.
-        rotation: Of camera_from_target, (n, 3, 3).
+        forces: P'r, three arrays (..., p).
+        squares: The upper half of P'P by rows, six arrays (..., p), see `UPPER`.
+        rotation: Of camera_from_target, (..., 3, 3).
         of_points: `monomials` of the points.
     """
-    first = np.swapaxes(rotation, -1, -2) @ _moments(forces, of_points[:, :4])
-    second = _carried(rotation) @ _moments(squares, of_points)
-    n = len(rotation)
-    information = second.reshape(n, len(_TO_INFORMATION)) @ _TO_INFORMATION
-    return first.reshape(n, len(_TO_GRADIENT)) @ _TO_GRADIENT, information.reshape(n, 6, 6)
+    shape, flat = rotation.shape[:-2], rotation.reshape(-1, 3, 3)
+    first = np.swapaxes(flat, -1, -2) @ _moments(forces, of_points[:, :4])
+    second = _carried(flat) @ _moments(squares, of_points)
+    gradient = first.reshape(-1, len(_TO_GRADIENT)) @ _TO_GRADIENT
+    information = second.reshape(-1, len(_TO_INFORMATION)) @ _TO_INFORMATION
+    return gradient.reshape(*shape, 6), information.reshape(*shape, 6, 6)
 
 
 def _carried(rotation: Array) -> Array:
@@ -61,8 +62,8 @@ def _carried(rotation: Array) -> Array:
 
 
 def _moments(planes: Iterable[Array], of_points: Array) -> Array:
-    """(n, k, m) sums over the points of k arrays (n, p) times (p, m)."""
-    return np.stack([plane @ of_points for plane in planes], 1)
+    """(n, k, m) sums over the points of k arrays (..., p), n views in all, times (p, m)."""
+    return np.stack([plane.reshape(-1, len(of_points)) @ of_points for plane in planes], 1)
 
 
 def _motion() -> Array:

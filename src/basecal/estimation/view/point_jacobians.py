@@ -6,7 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from basecal.estimation.view.measurement import Measurement, PixelMeasurement, PointMeasurement
+from basecal.estimation.view.measurement import Measurement
+from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.estimation.view.points import PointMeasurement
 from basecal.geometry import SE3, Array, BoolArray, Camera
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.estimation.least_squares.levenberg_marquardt import levenberg_marquardt
+from basecal.estimation.least_squares.bundle_adjustment import batch_of, bundle_adjust, bundle_adjust_batch
 from basecal.estimation.least_squares.normal_equations import linearise, retract
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem, State
@@ -32,9 +32,7 @@ def problem_and_start(scenario: Scenario, off: float, seed: int = 3) -> tuple[Pr
 def test_no_step_raises_the_cost(scenario, off):
     """Stopped after any number of steps, the cost at hand is not above that of fewer."""
     problem, start = problem_and_start(replace(scenario, samples=8), off)
-    costs = [linearise(problem, start).cost] + [
-        levenberg_marquardt(problem, start, 1, k).normal.cost for k in range(1, 12)
-    ]
+    costs = [linearise(problem, start).cost] + [bundle_adjust(problem, start, 1, k).cost for k in range(1, 12)]
     assert np.all(np.diff(costs) <= 1e-9 * costs[0])
     assert costs[-1] < 0.5 * costs[0]
 
@@ -42,12 +40,12 @@ def test_no_step_raises_the_cost(scenario, off):
 def test_the_end_is_an_optimum():
     """No gradient is left: one more step would be below 1e-5 sigma."""
     problem, start = problem_and_start(Scenario(samples=12, target="points"), 0.02)
-    end = levenberg_marquardt(problem, start, 100)
+    end = bundle_adjust(problem, start, 100)
     assert end.converged
     at_end = linearise(problem, end.state)
     step = np.linalg.solve(at_end.hessian, at_end.gradient)
     assert np.sqrt(step @ at_end.gradient) < 1e-5
-    assert at_end.cost == pytest.approx(end.normal.cost, rel=1e-9)
+    assert at_end.cost == pytest.approx(end.cost, rel=1e-9)
 
 
 @pytest.mark.parametrize("seed", [1, 3])
@@ -56,9 +54,9 @@ def test_the_end_does_not_depend_on_errors_of_stops_at_the_start(seed):
     noise = (2e-3, 0.03)
     scenario = Scenario(layout="eye_to_hand", target="pose", spread_rad=0.6, pose_noise=noise, robot_noise=noise)
     problem, start = problem_and_start(scenario, 1e-3, seed)
-    end = levenberg_marquardt(problem, start, 100)
-    again = levenberg_marquardt(problem, replace(end.state, stop_errors=np.zeros_like(end.state.stop_errors)), 100)
-    assert again.normal.cost == pytest.approx(end.normal.cost, rel=1e-8)
+    end = bundle_adjust(problem, start, 100)
+    again = bundle_adjust(problem, replace(end.state, stop_errors=np.zeros_like(end.state.stop_errors)), 100)
+    assert again.cost == pytest.approx(end.cost, rel=1e-8)
 
 
 def test_information_without_rank_is_no_error():
@@ -66,8 +64,8 @@ def test_information_without_rank_is_no_error():
     problem, start = problem_and_start(Scenario(samples=6, arms="eye_still", target="points"), 1e-3)
     problem = problem.with_groups(g.take(np.zeros(4, dtype=np.int64)) for g in problem.groups)
     assert np.linalg.matrix_rank(linearise(problem, start).hessian) < problem.width
-    end = levenberg_marquardt(problem, start, 1)
-    assert np.isfinite(end.normal.cost)
+    end = bundle_adjust(problem, start, 1)
+    assert np.isfinite(end.cost)
     assert all(np.isfinite(t.matrix).all() for t in end.state.transforms.values())
 
 
@@ -81,3 +79,45 @@ def test_a_step_moves_each_unknown_on_its_right():
         where = problem.columns.get(name, slice(0, 0))
         xi[: where.stop - where.start] = step[where]
         np.testing.assert_allclose((before.inverse() @ after.transforms[name]).log(), xi, atol=1e-12)
+
+
+SCENARIOS = [
+    Scenario(target="points", samples=8),
+    Scenario(target="pose", samples=8),
+    Scenario(target="points3d", samples=8),
+    Scenario(target="points", samples=8, robot_noise=(3e-4, 5e-4)),
+    Scenario(target="points", samples=12, arms="stations", stations=4, robot_noise=(3e-4, 5e-4)),
+    Scenario(target="points", samples=8, intrinsics="free"),
+]
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS, ids=str)
+def test_a_batch_is_each_state_by_itself(scenario):
+    """Three starts side by side end where each ends alone, to 1e-9 of cost and of transforms."""
+    problem, _ = problem_and_start(scenario, 0.0)
+    starts = [problem_and_start(scenario, off)[1] for off in (0.01, 0.03, 0.05)]
+    together = bundle_adjust_batch(problem, batch_of(problem, starts), 100)
+    for row, start in enumerate(starts):
+        alone = bundle_adjust(problem, start, 100)
+        assert together.cost[row] == pytest.approx(alone.cost, rel=1e-9)
+        assert together.iterations[row] == alone.iterations
+        for name, transform in alone.state.transforms.items():
+            np.testing.assert_allclose(together.state.transforms[name].matrix[row], transform.matrix, atol=1e-9)
+
+
+def test_views_and_weights_of_a_batch_are_its_own():
+    """Entries that hold other views, and entries that weigh views by zero, end where a problem of those views does."""
+    problem, start = problem_and_start(Scenario(target="points", samples=9), 0.02)
+    subsets = np.array([[0, 1, 2, 3, 4, 5], [3, 4, 5, 6, 7, 8]])
+    states = batch_of(problem, [start, start])
+    gathered = problem.with_groups(g.take(subsets) for g in problem.groups)
+    weights = np.zeros((2, 9))
+    np.put_along_axis(weights, subsets, 1.0, axis=1)
+    by_views = bundle_adjust_batch(gathered, states, 100)
+    by_weights = bundle_adjust_batch(problem, states, 100, weights=[weights])
+    for row, views in enumerate(subsets):
+        alone = bundle_adjust(problem.with_groups(g.take(views) for g in problem.groups), start, 100)
+        for ends in (by_views, by_weights):
+            assert ends.cost[row] == pytest.approx(alone.cost, rel=1e-9)
+            for name, transform in alone.state.transforms.items():
+                np.testing.assert_allclose(ends.state.transforms[name].matrix[row], transform.matrix, atol=1e-9)

@@ -1,0 +1,126 @@
+"""The maximum-likelihood state downhill of a start: one state, or a batch of them at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from basecal.estimation.least_squares.normal_equations import NormalEquations, linearise, retract
+from basecal.estimation.problem.problem import Problem, State
+from basecal.geometry import Array, BoolArray, IntArray
+from basecal.numerics.batch import concatenate, take
+from basecal.numerics.levenberg_marquardt import Optima, Stop, levenberg_marquardt
+
+
+@dataclass(frozen=True, eq=False)
+class Optimum:
+    """Where an iteration ended.
+
+    Attributes:
+        state: The state.
+        cost: There, after the last step.
+        normal: The problem as it stood before the last step, but for its cost.
+        converged: Whether it is an optimum.
+        iterations: Steps tried.
+    """
+
+    state: State
+    cost: float
+    normal: NormalEquations
+    converged: bool
+    iterations: int
+
+
+@dataclass(frozen=True, eq=False)
+class _Bundle:
+    """A problem as Levenberg-Marquardt knows it; see `System`."""
+
+    problem: Problem
+    weights: Sequence[Array] | None
+
+    def linearise(self, state: State) -> NormalEquations:
+        """See `System`."""
+        return linearise(self.problem, state, self.weights)
+
+    def retract(self, state: State, about: NormalEquations, step: Array) -> State:
+        """See `System`."""
+        return retract(self.problem, state, about, step)
+
+    def take(self, rows: IntArray) -> _Bundle:
+        """See `System`."""
+        weights = None if self.weights is None else [w[rows] if w.ndim > 1 else w for w in self.weights]
+        return _Bundle(self.problem.of_batch(rows), weights)
+
+
+@dataclass(frozen=True, eq=False)
+class OptimumBatch:
+    """Where the iterations of a batch ended: (b,) of each field of `Optimum`, without the problem about them."""
+
+    state: State
+    cost: Array
+    converged: BoolArray
+    iterations: IntArray
+
+
+def bundle_adjust(
+    problem: Problem, state: State, dof: float, iterations: int = 100, weights: Sequence[Array] | None = None
+) -> Optimum:
+    """The optimum downhill of `state`; see `numerics.levenberg_marquardt`.
+
+    Args:
+        problem: The problem.
+        state: Where to start.
+        dof: Residuals less unknowns, which scales the sigmas.
+        iterations: At most.
+        weights: What each view counts, (n,) by group; 1 where None.
+    """
+    optima = _run(problem, state.spread(problem, 1), dof, iterations, weights)
+    only = take(optima, 0)
+    normal = replace(only.about, cost=only.cost)
+    return Optimum(only.state, float(only.cost), normal, bool(only.converged), int(only.iterations))
+
+
+def bundle_adjust_batch(
+    problem: Problem,
+    states: State,
+    dof: float | Array,
+    iterations: int = 100,
+    weights: Sequence[Array] | None = None,
+) -> OptimumBatch:
+    """The optima downhill of a batch of states (b,), each by itself.
+
+    Args:
+        problem: The problem, whose views may be others for each entry of the batch; see `ViewGroup`.
+        states: Where to start; see `batch_of`.
+        dof: Residuals less unknowns, a number or (b,).
+        iterations: At most.
+        weights: What each view counts, (n,) or (b, n) by group; 1 where None.
+    """
+    if any(map(problem.modelled, problem.models)) and len(states.stop_errors) > 1:
+        # Kinematics have no batch axis: each entry has its own.
+        rows = [np.array([row]) for row in range(len(states.stop_errors))]
+        of = _Bundle(problem, weights)
+        each = []
+        for row in rows:
+            one, scale = of.take(row), np.broadcast_to(dof, len(rows))[row]
+            each.append(_without_problem(_run(one.problem, take(states, row), scale, iterations, one.weights)))
+        return concatenate(each)
+    return _without_problem(_run(problem, states, dof, iterations, weights))
+
+
+def batch_of(problem: Problem, states: Sequence[State]) -> State:
+    """Several states of one problem as a batch."""
+    return concatenate([state.spread(problem, 1) for state in states])
+
+
+def _without_problem(optima: Optima[State, NormalEquations]) -> OptimumBatch:
+    return OptimumBatch(optima.state, optima.cost, optima.converged, optima.iterations)
+
+
+def _run(
+    problem: Problem, states: State, dof: float | Array, iterations: int, weights: Sequence[Array] | None
+) -> Optima[State, NormalEquations]:
+    stop = Stop(iterations, dof, hidden=len(problem.stops) > 0)
+    return levenberg_marquardt(_Bundle(problem, weights), states, stop)

@@ -1,0 +1,179 @@
+"""Pixels of a target's points: what views of them say."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from basecal.estimation.view.common_error import without_common_shift
+from basecal.estimation.view.measurement import (
+    Noise,
+    ViewInformation,
+    at_most_six,
+    in_camera,
+    information_of,
+    of_batch_rows,
+    sums_of_squares,
+)
+from basecal.estimation.view.moments import UPPER, dot, gradient_and_information, monomials
+from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray, Rows
+
+_CHUNK_POINTS = 7200
+
+
+@dataclass(frozen=True, eq=False)
+class PixelMeasurement:
+    """Pixels of a target's points.
+
+    Attributes:
+        points_in_target: (p, 3) [m].
+        pixels: ([b,] n, p, 2) [px]; anything finite where not seen.
+        seen: (n, p).
+        stated: (n, p) 1 / sigma where a sigma was stated, else 0 [1/px].
+        weight: (n, p) 1 / sigma in use, 0 where not seen [1/px].
+        common_px: Sigma of an error that all points of a view have in common, per coordinate [px].
+    """
+
+    points_in_target: Array
+    pixels: Array
+    seen: BoolArray
+    stated: Array
+    weight: Array
+    common_px: float = 0.0
+
+    def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
+        """See `Measurement`; the cost is infinite where a seen point lies behind the camera.
+
+        Many views go in chunks that stay in the processor's cache, which halves the time.
+        """
+        assert camera is not None
+        *batch, count = camera_from_target.shape
+        points = max(len(self.points_in_target), 1) * (count if batch else 1)
+        size = max(1, _CHUNK_POINTS // max(points, 1))
+        if camera_from_target.shape[0] <= 1.5 * size:
+            return self._linearise(camera_from_target, camera, lens)
+        chunks = [slice(at, at + size) for at in range(0, camera_from_target.shape[0], size)]
+        if batch:
+            lenses = [camera[c] if camera.parameters.ndim > 1 else camera for c in chunks]
+            of_chunks = [self.of_batch(c) for c in chunks]
+        else:
+            lenses, of_chunks = [camera] * len(chunks), [self.take(c) for c in chunks]
+        parts = [
+            of._linearise(camera_from_target[c], one, lens)
+            for of, c, one in zip(of_chunks, chunks, lenses, strict=True)
+        ]
+        return ViewInformation(*(np.concatenate(field) for field in zip(*parts, strict=True)))
+
+    def _linearise(self, camera_from_target: SE3, camera: Camera, lens: bool) -> ViewInformation:
+        points = in_camera(camera_from_target, self.points_in_target)
+        pixels, by_point, by_lens = camera.project_with_derivatives(points, lens)
+        residual = [(pixels[..., i] - self.pixels[..., i]) * self.weight for i in range(2)]
+        cost = sums_of_squares(residual)
+        if by_lens is not None or self.common_px or not np.all(np.isfinite(cost)):
+            return self._with_jacobian(camera_from_target.rotation, pixels - self.pixels, by_point, by_lens)
+        columns = [[by_point[..., i, j] * self.weight for i in range(2)] for j in range(3)]
+        forces = (dot(column, residual) for column in columns)
+        squares = (dot(columns[i], columns[j]) for i, j in UPPER)
+        return ViewInformation(
+            cost, *gradient_and_information(forces, squares, camera_from_target.rotation, self._monomials)
+        )
+
+    @cached_property
+    def _monomials(self) -> Array:
+        return monomials(self.points_in_target)
+
+    def _with_jacobian(
+        self, rotation: Array, residual: Array, by_point: Array, by_lens: Array | None
+    ) -> ViewInformation:
+        """The long way, for a lens that is free, a common shift, and points that have no pixel."""
+        *shape, p, _ = residual.shape
+        lost = np.isnan(residual).any(-1)
+        weight = np.where(lost, 0.0, self.weight)
+        if lost.any():
+            residual, by_point = np.nan_to_num(residual), np.nan_to_num(by_point)
+        jacobian = _by_pose(by_point, rotation, self.points_in_target, _width(by_lens))
+        if by_lens is not None:
+            by_lens = np.nan_to_num(by_lens) if lost.any() else by_lens
+            jacobian[..., 6:, :, :] = np.moveaxis(by_lens, -3, -1).swapaxes(-3, -2)
+        jacobian *= weight[..., None, None, :]
+        weighted = np.moveaxis(residual, -1, -2) * weight[..., None, :]
+        view = information_of(weighted.reshape(*shape, 2 * p), jacobian.reshape(*shape, -1, 2 * p))
+        if self.common_px:
+            by_shift = np.einsum("...kip,...p->...ki", jacobian, weight)
+            view = ViewInformation(*without_common_shift(view, weighted, weight, by_shift, self.common_px))
+        return view._replace(cost=np.where((lost & self.seen).any(-1), np.inf, view.cost))
+
+    def residual_px(self, camera_from_target: SE3, camera: Camera) -> Array:
+        """Predicted minus seen pixels, (n, p, 2) [px]; NaN where not seen."""
+        residual = camera.project(in_camera(camera_from_target, self.points_in_target)) - self.pixels
+        return np.where(self.seen[..., None], residual, np.nan)
+
+    def squares(self, camera_from_target: SE3, camera: Camera | None) -> dict[str, float]:
+        """See `Measurement`."""
+        assert camera is not None
+        unstated = self.weight * (self.stated == 0)
+        residual = np.nan_to_num(self.residual_px(camera_from_target, camera)) * unstated[..., None]
+        return {"pixel_px": float(np.sum(residual**2))}
+
+    def thinned(self, most: int) -> PixelMeasurement:
+        """The same views of at most `most` of the points, evenly chosen."""
+        rows = slice(None, None, -(-len(self.points_in_target) // most))
+        of_points = {name: getattr(self, name)[:, rows] for name in ("pixels", "seen", "stated", "weight")}
+        return replace(self, points_in_target=self.points_in_target[rows], **of_points)
+
+    def with_noise(self, noise: Noise) -> PixelMeasurement:
+        """See `Measurement`."""
+        unstated = self.seen & (self.stated == 0)
+        return replace(self, weight=self.stated + unstated / noise.pixel_px)
+
+    def take(self, views: Rows) -> PixelMeasurement:
+        """See `Measurement`."""
+        return replace(
+            self, pixels=self.pixels[views], seen=self.seen[views], stated=self.stated[views], weight=self.weight[views]
+        )
+
+    def of_batch(self, rows: Rows) -> PixelMeasurement:
+        """See `Measurement`."""
+        seen = self.seen[rows] if self.seen.ndim > 2 else self.seen
+        pixels, stated, weight = (
+            of_batch_rows(self.pixels, rows, 3),
+            of_batch_rows(self.stated, rows, 2),
+            of_batch_rows(self.weight, rows, 2),
+        )
+        return replace(self, pixels=pixels, seen=seen, stated=stated, weight=weight)
+
+    def equations(self) -> IntArray:
+        """See `Measurement`."""
+        return at_most_six(2 * np.count_nonzero(self.seen, axis=-1))
+
+    def counts(self) -> dict[str, int]:
+        """See `Measurement`."""
+        stated = int(np.count_nonzero(self.stated))
+        return {"stated": 2 * stated, "pixel_px": 2 * (int(np.count_nonzero(self.seen)) - stated)}
+
+
+def _width(by_lens: Array | None) -> int:
+    return 0 if by_lens is None else int(by_lens.shape[-1])
+
+
+def _by_pose(by_point: Array, rotation: Array, points: Array, more: int) -> Array:
+    """Derivative of f(camera_from_target @ p), (..., 6 + more, d, p), the last `more` rows not filled.
+
+    Args:
+        by_point: df/dp, (..., p, d, 3).
+        rotation: Of camera_from_target, (..., 3, 3).
+        points: p in the target, (p, 3).
+        more: Rows for other unknowns.
+    """
+    *shape, p, d, _ = by_point.shape
+    out = np.empty((*shape, 6 + more, d, p))
+    for i in range(d):
+        out[..., :3, i, :] = np.swapaxes(rotation, -1, -2) @ np.swapaxes(by_point[..., i, :], -1, -2)
+    x, y, z = points.T
+    u, v, w = (out[..., i, :, :] for i in range(3))
+    out[..., 3, :, :] = y * w - z * v
+    out[..., 4, :, :] = z * u - x * w
+    out[..., 5, :, :] = x * v - y * u
+    return out

@@ -1,0 +1,70 @@
+"""Poses of a target that another program measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from basecal.estimation.view.measurement import (
+    Noise,
+    ViewInformation,
+    information_of,
+    of_batch_rows,
+)
+from basecal.geometry import SE3, Array, Camera, IntArray, Rows
+from basecal.geometry.se3 import right_jacobian_inverse
+
+
+@dataclass(frozen=True, eq=False)
+class PoseMeasurement:
+    """Poses of a target as another program measured them.
+
+    Attributes:
+        measured_camera_from_target: (n,).
+        stated: (n, 6) 1 / sigma, or 0 where none was stated [1/m, 1/rad].
+        weight: (n, 6) 1 / sigma in use [1/m, 1/rad].
+    """
+
+    measured_camera_from_target: SE3
+    stated: Array
+    weight: Array
+
+    def _error(self, camera_from_target: SE3) -> Array:
+        return (self.measured_camera_from_target.inverse() @ camera_from_target).log()
+
+    def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
+        """See `Measurement`."""
+        error = self._error(camera_from_target)
+        jacobian = right_jacobian_inverse(error) * self.weight[..., None]
+        return information_of(error * self.weight, np.swapaxes(jacobian, -1, -2))
+
+    def squares(self, camera_from_target: SE3, camera: Camera | None) -> dict[str, float]:
+        """See `Measurement`."""
+        squared = (self._error(camera_from_target) * self.weight * (self.stated == 0)) ** 2
+        return {"pose_m": float(squared[:, :3].sum()), "pose_rad": float(squared[:, 3:].sum())}
+
+    def with_noise(self, noise: Noise) -> PoseMeasurement:
+        """See `Measurement`."""
+        default = 1 / np.array([noise.pose_m] * 3 + [noise.pose_rad] * 3)
+        return replace(self, weight=np.where(self.stated == 0, default, self.stated))
+
+    def take(self, views: Rows) -> PoseMeasurement:
+        """See `Measurement`."""
+        return PoseMeasurement(self.measured_camera_from_target[views], self.stated[views], self.weight[views])
+
+    def of_batch(self, rows: Rows) -> PoseMeasurement:
+        """See `Measurement`."""
+        measured = self.measured_camera_from_target
+        measured = measured[rows] if len(measured.shape) > 1 else measured
+        return PoseMeasurement(measured, of_batch_rows(self.stated, rows, 2), of_batch_rows(self.weight, rows, 2))
+
+    def equations(self) -> IntArray:
+        """See `Measurement`."""
+        return np.full(len(self.weight), 6, dtype=np.int64)
+
+    def counts(self) -> dict[str, int]:
+        """See `Measurement`."""
+        free = self.stated == 0
+        t, r = int(np.count_nonzero(free[:, :3])), int(np.count_nonzero(free[:, 3:]))
+        return {"stated": free.size - t - r, "pose_m": t, "pose_rad": r}

@@ -1,0 +1,1 @@
+"""Numerical ideas that know nothing of robots: batches of nouns, Levenberg-Marquardt."""

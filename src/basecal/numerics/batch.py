@@ -1,0 +1,72 @@
+"""Nouns of arrays with a leading batch axis, taken apart and put together as one.
+
+A noun is a dataclass, a tuple or a mapping of arrays and further nouns. Every array of it carries the batch, but for a
+`Camera` of a single lens, which all entries share, and fields of metadata `SHARED`. What is no array is shared, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields, is_dataclass, replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from basecal.geometry import Array, BoolArray, Camera, Rows
+
+T = TypeVar("T")
+SHARED = {"shared": True}
+
+
+def take(noun: T, rows: Rows | BoolArray | int) -> T:
+    """The entries of a batch at these rows; without the batch axis where `rows` is a number."""
+    taken: T = _mapped(lambda arrays: arrays[0][rows], [noun])
+    return taken
+
+
+def where(mask: BoolArray, first: T, second: T) -> T:
+    """The entries of `first` where `mask`, (b,), holds, of `second` elsewhere."""
+    if mask.all():
+        return first
+    if not mask.any():
+        return second
+
+    def chosen(arrays: Sequence[Array]) -> Array:
+        """Entries of the two arrays."""
+        return np.where(mask.reshape(-1, *[1] * (arrays[0].ndim - 1)), *arrays)
+
+    mixed: T = _mapped(chosen, [first, second])
+    return mixed
+
+
+def concatenate(nouns: Sequence[T]) -> T:
+    """One batch of several."""
+    joined: T = nouns[0] if len(nouns) == 1 else _mapped(np.concatenate, nouns)
+    return joined
+
+
+def stack(nouns: Sequence[T]) -> T:
+    """A batch of nouns that have no batch axis, alike in all that is shared."""
+    stacked: T = _mapped(np.stack, nouns, of_batches=False)
+    return stacked
+
+
+def _mapped(change: Callable[[Sequence[Array]], Array], nouns: Sequence[Any], of_batches: bool = True) -> Any:
+    first = nouns[0]
+    if isinstance(first, np.ndarray):
+        return change(nouns)
+    if isinstance(first, Camera):
+        shared = of_batches and first.parameters.ndim == 1
+        return first if shared else first.with_parameters(change([n.parameters for n in nouns]))
+    if is_dataclass(first) and not isinstance(first, type):
+        changed = {
+            f.name: _mapped(change, [getattr(n, f.name) for n in nouns], of_batches)
+            for f in fields(first)
+            if not f.metadata.get("shared")
+        }
+        return replace(first, **changed)
+    if isinstance(first, Mapping):
+        return {key: _mapped(change, [n[key] for n in nouns], of_batches) for key in first}
+    if isinstance(first, tuple):
+        return tuple(_mapped(change, each, of_batches) for each in zip(*nouns, strict=True))
+    return first

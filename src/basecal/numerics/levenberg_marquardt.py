@@ -1,0 +1,263 @@
+"""Levenberg-Marquardt on a batch of least-squares problems of one structure, each with its own damping and its own end.
+
+Source: Marquardt 1963, with the damping of Nielsen 1999. No problem ever takes a step uphill.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Generic, Protocol, TypeVar
+
+import numpy as np
+
+from basecal.geometry import Array, BoolArray, IntArray
+from basecal.numerics.batch import concatenate, take, where
+
+SETTLED_SIGMAS = 1e-5  # what is left to go, in sigmas of the unknowns: no statistic of a result shows it
+STRAIGHT_SIGMAS = 1e-3  # how far the cost may miss its prediction where steps do not show all that moves [sigma]
+_SMALLEST_STEP = 1e-13  # [m, rad]: rounding of poses a metre away
+_FIRST_DAMPING = 1e-9  # of the scaled diagonal: Gauss-Newton, yet regular where a direction is not observable
+_UNDAMPED = 1e-3  # below this a step is a Gauss-Newton step to three digits
+_LARGEST_DAMPING = 1e12  # beyond it steps are rounding
+_LARGEST_GAIN = 10.0  # clips the ratio of gain to prediction, whose cube sets the damping
+_UPHILL = 1e-12  # relative rounding of a cost
+
+S = TypeVar("S")
+
+
+class Linearised(Protocol):
+    """Problems to second order: cost (b,), gradient (b, p) and hessian (b, p, p), halves of the cost's derivatives."""
+
+    @property
+    def cost(self) -> Array:
+        """(b,) infinite or NaN where a state cannot be."""
+
+    @property
+    def gradient(self) -> Array:
+        """(b, p)."""
+
+    @property
+    def hessian(self) -> Array:
+        """(b, p, p)."""
+
+
+L = TypeVar("L", bound=Linearised)
+
+
+class System(Protocol[S, L]):
+    """Problems of one structure: all that Levenberg-Marquardt needs to know of them."""
+
+    def linearise(self, state: S) -> L:
+        """The problems to second order about their states."""
+
+    def retract(self, state: S, about: L, step: Array) -> S:
+        """The states after steps (b, p)."""
+
+    def take(self, rows: IntArray) -> System[S, L]:
+        """The problems at these rows of the batch."""
+
+
+@dataclass(frozen=True)
+class Stop:
+    """When a problem has ended.
+
+    Attributes:
+        iterations: Steps at most.
+        dof: Residuals less unknowns, a number or (b,), which scales the sigmas.
+        hidden: Whether more moves than steps show, as errors that are eliminated do: then the cost must besides have
+            fallen as predicted, to `STRAIGHT_SIGMAS`.
+    """
+
+    iterations: int = 100
+    dof: float | Array = 1.0
+    hidden: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Optima(Generic[S, L]):
+    """Where the problems ended.
+
+    Attributes:
+        state: Of each.
+        cost: (b,) after the last step.
+        about: The problems as they stood before their last step.
+        converged: (b,) whether each is an optimum.
+        iterations: (b,) steps tried.
+    """
+
+    state: S
+    cost: Array
+    about: L
+    converged: BoolArray
+    iterations: IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class _Flight(Generic[S, L]):
+    """The problems that have not ended; `row` tells which they were."""
+
+    row: IntArray
+    state: S
+    cost: Array
+    about: L
+    dof: Array
+    damping: Array
+    growth: Array
+    expected: Array  # decrease of the cost that the last step taken promised; 0 before the first
+    bent: Array  # by how much it broke that promise
+
+
+@dataclass(eq=False)
+class _Ends(Generic[S, L]):
+    """What has ended so far, in the order in which it did: a builder, no noun."""
+
+    row: list[IntArray] = field(default_factory=list)
+    state: list[S] = field(default_factory=list)
+    cost: list[Array] = field(default_factory=list)
+    about: list[L] = field(default_factory=list)
+    converged: list[BoolArray] = field(default_factory=list)
+    iterations: list[IntArray] = field(default_factory=list)
+
+    def add(self, row: IntArray, state: S, cost: Array, about: L, converged: bool, iterations: int) -> None:
+        """Note problems that have ended alike."""
+        self.row.append(row)
+        self.state.append(state)
+        self.cost.append(cost)
+        self.about.append(about)
+        self.converged.append(np.full(len(row), converged))
+        self.iterations.append(np.full(len(row), iterations, dtype=np.int64))
+
+    def in_order(self) -> Optima[S, L]:
+        """All ends by their rows."""
+        optima = Optima(
+            concatenate(self.state),
+            np.concatenate(self.cost),
+            concatenate(self.about),
+            np.concatenate(self.converged),
+            np.concatenate(self.iterations),
+        )
+        row = np.concatenate(self.row)
+        return optima if np.all(row[1:] > row[:-1]) else take(optima, np.argsort(row))
+
+
+def levenberg_marquardt(system: System[S, L], state: S, stop: Stop) -> Optima[S, L]:
+    """The optima downhill of a batch of states.
+
+    A problem has converged when what is left after a step, by the rate at which steps shrink, is below 1e-5 of the
+    sigmas that the data have left, or below 1e-13 [m, rad].
+
+    Args:
+        system: The problems.
+        state: Where each starts.
+        stop: When each has ended.
+    """
+    about = system.linearise(state)
+    count = len(about.cost)
+    flight = _Flight(
+        np.arange(count),
+        state,
+        about.cost,
+        about,
+        np.broadcast_to(np.maximum(np.asarray(stop.dof, dtype=np.float64), 1.0), (count,)),
+        np.full(count, _FIRST_DAMPING),
+        np.full(count, 2.0),
+        np.zeros(count),
+        np.full(count, np.inf if stop.hidden else 0.0),
+    )
+    ends: _Ends[S, L] = _Ends()
+    for k in range(stop.iterations):
+        flight, system = _iterated(flight, system, ends, k + 1, stop.hidden)
+        if not len(flight.row):
+            break
+    if len(flight.row):
+        ends.add(flight.row, flight.state, flight.cost, flight.about, False, stop.iterations)
+    return ends.in_order()
+
+
+def _iterated(
+    flight: _Flight[S, L], system: System[S, L], ends: _Ends[S, L], number: int, hidden: bool
+) -> tuple[_Flight[S, L], System[S, L]]:
+    """One step of every problem; those that end with it leave the flight."""
+    about = flight.about
+    step = _damped_step(about, flight.damping)
+    expected = np.einsum("bi,bij,bj->b", step, about.hessian, step)
+    settled = _settled(flight, step, expected)
+    candidate = system.retract(flight.state, about, step)
+    done = settled & (flight.damping <= _UNDAMPED)
+    if done.any():
+        cost = np.maximum(flight.cost[done] - expected[done], 0.0)
+        ends.add(flight.row[done], take(candidate, done), cost, take(about, done), True, number)
+        kept = np.flatnonzero(~done)
+        flight, candidate, system = take(flight, kept), take(candidate, kept), system.take(kept)
+        expected, settled = expected[kept], settled[kept]
+        if not len(kept):
+            return flight, system
+    after, cost = _linearised(system, candidate, flight.about)
+    better = cost <= flight.cost * (1 + _UPHILL)
+    flight = _moved(flight, candidate, after, cost, better, np.maximum(expected, 1e-300), hidden)
+    stuck, lost = ~better & settled, ~better & (flight.damping > _LARGEST_DAMPING)
+    for ended, converged in ((stuck, True), (lost & ~stuck, False)):
+        if ended.any():
+            left = take(flight, ended)
+            ends.add(left.row, left.state, left.cost, left.about, converged, number)
+    going = np.flatnonzero(~(stuck | lost))
+    return (flight, system) if len(going) == len(stuck) else (take(flight, going), system.take(going))
+
+
+def _settled(flight: _Flight[S, L], step: Array, expected: Array) -> BoolArray:
+    """Whether what is left to go after a step is nothing that the data could show, (b,)."""
+    scale = np.where(np.isfinite(flight.cost), flight.cost / flight.dof, 1.0)
+    shrinks = (flight.expected > 0) & (flight.damping <= _UNDAMPED)
+    rate = np.where(shrinks, np.minimum(1.0, expected / np.where(shrinks, flight.expected, 1.0)), 1.0)
+    near = (expected * rate <= SETTLED_SIGMAS**2 * scale) & (flight.bent <= STRAIGHT_SIGMAS**2 * scale)
+    settled: BoolArray = near | (np.abs(step).max(-1, initial=0.0) < _SMALLEST_STEP)
+    return settled
+
+
+def _moved(
+    flight: _Flight[S, L], candidate: S, after: L, cost: Array, better: BoolArray, expected: Array, hidden: bool
+) -> _Flight[S, L]:
+    """The flight after a step, taken where it is `better`; elsewhere the damping grows."""
+    drop = np.where(better, flight.cost - cost, 0.0)
+    gain = np.clip(drop / expected, -_LARGEST_GAIN, _LARGEST_GAIN)
+    eased = np.maximum(flight.damping * np.maximum(0.1, 1 - (2 * gain - 1) ** 3), _FIRST_DAMPING)
+    stiffened = np.maximum(flight.damping, 1e-6) * flight.growth
+    bent = np.abs(drop - expected) if hidden else flight.bent
+    return _Flight(
+        flight.row,
+        where(better, candidate, flight.state),
+        np.where(better, cost, flight.cost),
+        where(better, after, flight.about),
+        flight.dof,
+        np.where(better, eased, stiffened),
+        np.where(better, 2.0, flight.growth * 2),
+        np.where(better, expected, flight.expected),
+        np.where(better, bent, flight.bent),
+    )
+
+
+def _damped_step(about: Linearised, damping: Array) -> Array:
+    diagonal = np.diagonal(about.hessian, axis1=-2, axis2=-1)
+    scale = 1 / np.sqrt(np.maximum(diagonal, 1e-12 * diagonal.max(-1, initial=1e-300, keepdims=True)))
+    scaled = about.hessian * scale[..., None, :] * scale[..., :, None]
+    scaled += damping[:, None, None] * np.eye(diagonal.shape[-1])
+    step: Array = -scale * np.linalg.solve(scaled, (scale * about.gradient)[..., None])[..., 0]
+    return step
+
+
+def _linearised(system: System[S, L], state: S, before: L) -> tuple[L, Array]:
+    """The problems about their states, and their costs: infinite where a state is beyond numbers."""
+    try:
+        after = system.linearise(state)
+    except np.linalg.LinAlgError:
+        alone = [_alone(system, state, before, np.array([row])) for row in range(len(before.cost))]
+        return concatenate([after for after, _ in alone]), np.concatenate([cost for _, cost in alone])
+    return after, after.cost
+
+
+def _alone(system: System[S, L], state: S, before: L, row: IntArray) -> tuple[L, Array]:
+    try:
+        after = system.take(row).linearise(take(state, row))
+    except np.linalg.LinAlgError:
+        return take(before, row), np.full(1, np.inf)
+    return after, after.cost

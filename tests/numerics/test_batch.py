@@ -1,0 +1,61 @@
+"""Batches of nouns taken apart and put together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from basecal.geometry import SE3, Array, Camera
+from basecal.numerics.batch import SHARED, concatenate, stack, take, where
+
+
+@dataclass(frozen=True, eq=False)
+class Noun:
+    """What a batch may hold."""
+
+    poses: dict[str, SE3]
+    lens: Camera
+    parts: tuple[Array, ...]
+    table: Array = field(metadata=SHARED)
+    nothing: None = None
+
+
+def noun(rng: np.random.Generator, count: int, table: Array) -> Noun:
+    pose = SE3.exp(rng.standard_normal((count, 6)))
+    return Noun({"a": pose}, Camera("pinhole", [9.0, 9.0, 1.0, 1.0]), (rng.standard_normal((count, 2, 3)),), table)
+
+
+def test_take_and_concatenate_are_inverse(rng):
+    """A batch taken apart row by row and put together again is the same, and what is shared is kept as it is."""
+    table = np.arange(7.0)
+    whole = noun(rng, 5, table)
+    again = concatenate([take(whole, np.array([row])) for row in range(5)])
+    np.testing.assert_array_equal(again.poses["a"].matrix, whole.poses["a"].matrix)
+    np.testing.assert_array_equal(again.parts[0], whole.parts[0])
+    assert again.table is table
+    assert again.lens is whole.lens
+
+
+def test_stack_gives_single_nouns_an_axis(rng):
+    """Single nouns stacked and taken at a number are themselves, their lenses too."""
+    whole = noun(rng, 3, np.zeros(1))
+    singles = [take(whole, row) for row in range(3)]
+    assert singles[0].poses["a"].shape == ()
+    stacked = stack(singles)
+    assert stacked.lens.parameters.shape == (3, 4)
+    np.testing.assert_array_equal(take(stacked, 2).poses["a"].matrix, singles[2].poses["a"].matrix)
+    np.testing.assert_array_equal(take(stacked, 2).lens.parameters, singles[2].lens.parameters)
+
+
+def test_where_chooses_row_by_row(rng):
+    """Each row is that of the first where the mask holds, else that of the second."""
+    first, second = (noun(rng, 4, np.zeros(1)) for _ in range(2))
+    mask = np.array([True, False, False, True])
+    mixed = where(mask, first, second)
+    for row in range(4):
+        chosen = first if mask[row] else second
+        np.testing.assert_array_equal(mixed.poses["a"].matrix[row], chosen.poses["a"].matrix[row])
+        np.testing.assert_array_equal(mixed.parts[0][row], chosen.parts[0][row])
+    assert where(np.ones(4, dtype=bool), first, second) is first
+    assert where(np.zeros(4, dtype=bool), first, second) is second
