@@ -341,7 +341,7 @@ class SE3:
 
     def spread(self) -> SE3:
         """(..., 1): with a last axis more, over which it broadcasts."""
-        return SE3(self.rotation[..., None, :, :], self.translation[..., None, :])
+        return SE3.adopt(self.rotation[..., None, :, :], self.translation[..., None, :])
 
     @property
     def matrix(self) -> Array:

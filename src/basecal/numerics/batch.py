@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from basecal.geometry import Array, BoolArray, Camera, Rows
+from basecal.geometry import SE3, Array, BoolArray, Camera, Rows
 
 T = TypeVar("T")
 SHARED = {"shared": True}
@@ -55,6 +55,8 @@ def _mapped(change: Callable[[Sequence[Array]], Array], nouns: Sequence[Any], of
     first = nouns[0]
     if isinstance(first, np.ndarray):
         return change(nouns)
+    if isinstance(first, SE3):
+        return SE3.adopt(change([n.rotation for n in nouns]), change([n.translation for n in nouns]))
     if isinstance(first, Camera):
         shared = of_batches and first.parameters.ndim == 1
         return first if shared else first.with_parameters(change([n.parameters for n in nouns]))

@@ -210,7 +210,7 @@ class State:
         def many(transform: SE3) -> SE3:
             """One transform, so many times."""
             rotation = np.broadcast_to(transform.rotation, (count, 3, 3))
-            return SE3(rotation, np.broadcast_to(transform.translation, (count, 3)))
+            return SE3.adopt(rotation, np.broadcast_to(transform.translation, (count, 3)))
 
         transforms = {name: many(transform) for name, transform in self.transforms.items()}
         cameras = dict(self.cameras)
