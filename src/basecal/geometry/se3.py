@@ -160,8 +160,9 @@ def _product(left: Array, right: Array) -> Array:
     if right.ndim == 2 and left.ndim > 2:
         return (left.reshape(-1, 3) @ right).reshape(left.shape)
     if right.ndim > 2 and right.shape[-3] == 1 and left.ndim > 2:
-        of_many: Array = left.reshape(*left.shape[:-3], -1, 3) @ right[..., 0, :, :]
-        return of_many.reshape(*of_many.shape[:-2], -1, 3, 3)
+        *batch, count, _, _ = left.shape
+        of_many: Array = left.reshape(*batch, 3 * count, 3) @ right[..., 0, :, :]
+        return of_many.reshape(*of_many.shape[:-2], count, 3, 3)
     product: Array = left @ right
     return product
 

@@ -218,7 +218,8 @@ def _moved(
     flight: _Flight[S, L], candidate: S, after: L, cost: Array, better: BoolArray, expected: Array, hidden: bool
 ) -> _Flight[S, L]:
     """The flight after a step, taken where it is `better`; elsewhere the damping grows."""
-    drop = np.where(better, flight.cost - cost, 0.0)
+    both = np.isfinite(flight.cost) & np.isfinite(cost)  # from one infinite cost to another a step is taken, undamped
+    drop = np.where(both, np.where(both, flight.cost, 0.0) - np.where(both, cost, 0.0), expected)
     gain = np.clip(drop / expected, -_LARGEST_GAIN, _LARGEST_GAIN)
     eased = np.maximum(flight.damping * np.maximum(0.1, 1 - (2 * gain - 1) ** 3), _FIRST_DAMPING)
     stiffened = np.maximum(flight.damping, 1e-6) * flight.growth

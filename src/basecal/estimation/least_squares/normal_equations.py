@@ -90,7 +90,8 @@ def linearise(problem: Problem, state: State, weights: Sequence[Array] | None = 
         cost += view_costs.sum(-1)
         if np.any(shared >= 0):
             sums.add(of.shared, of.gradient, of.information, of.by_unknowns, of.columns)
-        flat = of.by_unknowns.reshape(*of.by_unknowns.shape[:-3], -1, len(of.columns))
+        *batch, count, rows, width = of.by_unknowns.shape
+        flat = of.by_unknowns.reshape(*batch, count * rows, width)
         weighted = (of.information @ of.by_unknowns).reshape(flat.shape)
         transposed = np.swapaxes(flat, -1, -2)
         hessian[..., of.columns[:, None], of.columns] += transposed @ weighted

@@ -75,7 +75,7 @@ class SchurComplement:
     def step(self, unknowns_step: Array) -> Array:
         """The errors' best step, (..., k, 6), given that of the unknowns, (..., p)."""
         step = -(self.solution[..., :-1] @ unknowns_step[..., None])[..., 0] - self.solution[..., -1]
-        return step.reshape(*step.shape[:-1], -1, 6)
+        return step.reshape(*step.shape[:-1], step.shape[-1] // 6, 6)
 
 
 class SchurAccumulator:
@@ -119,7 +119,7 @@ class SchurAccumulator:
         *batch, k, _, width = self.by_unknowns.shape
         right = np.concatenate([self.by_unknowns, self.gradient[..., None]], -1)
         if not self.pairs:
-            solution = np.linalg.solve(self.diagonal, right).reshape(*batch, -1, width + 1)
+            solution = np.linalg.solve(self.diagonal, right).reshape(*batch, 6 * k, width + 1)
             log_det = np.asarray(np.linalg.slogdet(self.diagonal)[1].sum(-1))
             return SchurComplement(self.by_unknowns, solution, log_det, self.diagonal, None)
         right = right.reshape(*batch, 6 * k, width + 1)
