@@ -27,7 +27,6 @@ from basecal.estimation.solve import Solution
 from basecal.estimation.start.lens import lens_from_views
 from basecal.estimation.start.pair_views import PairViews
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Camera
 
 _SCREENED = 25

@@ -19,8 +19,6 @@ from basecal.estimation.start.pair_views import PairViews, as_light, pair_views
 from basecal.estimation.start.rotation_grid import light_starts
 from basecal.estimation.start.rotation_search import angle_between, search_rotations
 from basecal.estimation.view.bearings import BearingMeasurement
-from basecal.estimation.start.rotation_grid import light_starts
-from basecal.estimation.view.bearings import BearingMeasurement
 from basecal.geometry import SE3, Array, Camera, IntArray
 
 KEPT = 0.7

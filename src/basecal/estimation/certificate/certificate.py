@@ -27,7 +27,6 @@ from basecal.estimation.solve import Solution
 from basecal.estimation.start.closed_form import solve_rotations, solve_translations
 from basecal.estimation.start.rotation_search import pose_starts
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Array
 
 _TIGHT = 1e-3

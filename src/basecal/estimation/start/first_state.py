@@ -22,8 +22,6 @@ from basecal.estimation.start.pair_views import PairViews, as_light, pair_views,
 from basecal.estimation.start.rotation_grid import light_starts
 from basecal.estimation.start.rotation_search import pose_starts
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.estimation.start.rotation_grid import light_starts
-from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Camera, IntArray
 from basecal.numerics.batch import take
 
