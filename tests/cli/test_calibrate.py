@@ -11,6 +11,8 @@ import pytest
 
 from basecal.cell.files import latest_run, read_calibration, read_cell
 from basecal.cli import main
+from basecal.cli.calibrate import calibrate_folder
+from basecal.estimation.settings import Settings
 from basecal.geometry import SE3
 
 BASE = "eye_base_from_hand_base"
@@ -35,6 +37,20 @@ def test_calibrate_prints_the_report_it_writes(simulated: Path, capsys: pytest.C
     assert main(["report", str(simulated)]) == 0
     assert capsys.readouterr().out == printed
     assert printed.startswith(f"GOOD: {BASE} to ")
+
+
+def test_a_run_that_did_not_converge_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """One step from a closed form is no optimum: no transform, no lens, no joint covariance, and `report` says so."""
+    assert main(["simulate", str(tmp_path), "--samples", "15"]) == 0
+    calibration = calibrate_folder(tmp_path, read_cell(tmp_path), Settings(iterations=1))
+    assert "not-converged" in {finding.code for finding in calibration.findings}
+    run = latest_run(tmp_path)
+    assert run is not None
+    answer = json.loads((run / "calibration.json").read_text())
+    assert (answer["transforms"], answer["intrinsics"], answer["joint"]) == ({}, {}, None)
+    capsys.readouterr()
+    assert main(["report", str(tmp_path)]) == 1
+    assert capsys.readouterr().out.startswith("REFUSED: the solver did not converge")
 
 
 def test_json_is_one_object(simulated: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -162,13 +178,13 @@ def test_frames_of_the_cell_reach_the_report(
 
 
 def test_certificate_is_told_where_asked(simulated: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """With `--certify` the JSON says that the optimum is proven and the report that no other answer fits better."""
+    """With `--certify` the JSON says that the optimum is proven and so does the report."""
     assert main(["calibrate", str(simulated), "--certify", "--json"]) == 0
     certificate = json.loads(capsys.readouterr().out)["certificate"]
     assert certificate["global"] is True
     assert 0 <= certificate["gap"] < 1e-3
     assert certificate["reason"] == ""
     assert main(["report", str(simulated)]) == 0
-    assert "certificate: no other answer fits better" in capsys.readouterr().out
+    assert "certificate: global optimum proven" in capsys.readouterr().out
     assert main(["calibrate", str(simulated), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["certificate"] is None

@@ -108,7 +108,7 @@ def test_refusal_has_a_page() -> None:
     walker = Walker(page(cell, recording, calibration))
     text = text_report(cell, calibration)
     assert walker.faults == []
-    assert walker.text.replace(" : ", ": ").index(text.splitlines()[0]) < walker.text.index("Not found")
+    assert walker.text.replace(" : ", ": ").index(text.splitlines()[0]) < walker.text.index("Not estimated")
     assert all(name in walker.text for name in cell.asked)
     assert 'class="plot' not in page(cell, recording, calibration)
 
@@ -120,17 +120,17 @@ def test_what_was_left_out_is_on_the_page(made: tuple[Cell, Recording, Calibrati
     walker = Walker(page(cell, recording, replace(calibration, outliers=left_out)))
     assert walker.faults == []
     assert f"sample 3, board by wrist, points 4, 5: {HOSTILE}" in walker.text
-    assert "held-out samples (k-fold, 5 folds) are predicted to" in walker.text
+    assert "cross-validation error (k-fold, 5 folds): " in walker.text
     bare = Walker(page(cell, recording, replace(calibration, validation=None, outliers=()))).text
-    assert "Held out" not in bare
-    assert "Not used" not in bare
+    assert "Cross-validation" not in bare
+    assert "Outliers" not in bare
 
 
 def test_refused_number_is_behind_a_warning(made: tuple[Cell, Recording, Calibration]) -> None:
     """Where a refused answer has numbers, what can be copied is folded away, and findings come before it."""
     cell, recording, calibration = made
     shown = page(cell, recording, replace(calibration, verdict="refused"))
-    assert shown.index("though it is refused") < shown.index("static_transform_publisher")
+    assert shown.index("though the calibration is refused") < shown.index("static_transform_publisher")
     assert shown.index("<h2>Findings</h2>") < shown.index('class="card answer"')
 
 

@@ -34,17 +34,17 @@ def test_every_joint_is_told_with_how_it_is_known() -> None:
         [" ".join(line.split()) for line in block] for block in robot_blocks(a_calibration())
     )
     assert offsets == [
-        "joint offsets of hand, to be added to what it records",
-        "1 pan +0.0000 deg sigma 0.2000 deg by its prior alone",
+        "joint offsets of hand, to be added to its recorded joints",
+        "1 pan +0.0000 deg sigma 0.2000 deg prior-dominated",
         "2 lift +0.3100 deg sigma 0.0200 deg",
-        "3 elbow not seen",
+        "3 elbow unobservable",
     ]
     assert links[-1] == "4 t 1.0000 0.0000 0.0000 mm r 0.0000 0.5000 0.0000 deg"
     assert len(links) == 5
     assert compliances[1:] == [
-        "1 pan +0.00 urad/Nm sigma 100.00 urad/Nm by its prior alone",
+        "1 pan +0.00 urad/Nm sigma 100.00 urad/Nm prior-dominated",
         "2 lift +20.00 urad/Nm sigma 1.00 urad/Nm",
-        "3 elbow not seen",
+        "3 elbow unobservable",
     ]
 
 

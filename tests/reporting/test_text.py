@@ -53,7 +53,7 @@ def a_calibration() -> Calibration:
 def test_verdict_comes_first() -> None:
     """The first line says the verdict and how well what was asked is known, from the covariance's traces."""
     first = text_report(a_cell(), a_calibration()).splitlines()[0]
-    assert first == f"GOOD: {BASE} to 0.5 mm and 0.29 deg (one sigma)."
+    assert first == f"GOOD: {BASE} to 0.5 mm and 0.29 deg (1 sigma)."
 
 
 def test_numbers_are_those_of_the_calibration() -> None:
@@ -63,11 +63,11 @@ def test_numbers_are_those_of_the_calibration() -> None:
         "t 1250.0000 -500.0000 0.0000 mm sigma 0.3000 0.4000 0.0000 mm norm 0.5000 mm",
         "rpy 0.0000 0.0000 90.0000 deg sigma 0.1719 0.0000 0.2292 deg norm 0.2865 deg",
         "fx 900.00000 sigma 2.00000 px",
-        "rms 0.200 px per coordinate, median 0.100 px",
-        "loop closes to 0.400 mm and 0.050 deg rms over 1 views",
-        "worst view: sample 3 by wrist, 0.400 px",
-        "noise of what was seen, per axis: 0.21 px",
-        "noise of eye per stop and axis: 0.3 0.1 0.3 mm, 0.5 mrad",
+        "reprojection error 0.200 px rms per coordinate, median 0.100 px",
+        "loop-closure error 0.400 mm and 0.050 deg rms over 1 views",
+        "worst view: sample 3 by wrist, 0.400 px rms",
+        "measurement noise, 1 sigma per axis: 0.21 px",
+        "pose noise of robot eye, 1 sigma per axis: 0.3 0.1 0.3 mm, 0.5 mrad",
     ):
         assert said in text
 
@@ -95,7 +95,7 @@ def test_doubt_says_number_and_reason() -> None:
     warning = Finding("intrinsics", "warning", ("wrist",), "the lens moved far from its prior.")
     doubtful = replace(a_calibration(), verdict="doubtful", findings=(warning,))
     assert verdict_sentence(a_cell(), doubtful) == (
-        f"DOUBTFUL: {BASE} to 0.5 mm and 0.29 deg (one sigma), but: {warning.message}"
+        f"DOUBTFUL: {BASE} to 0.5 mm and 0.29 deg (1 sigma), but: {warning.message}"
     )
 
 
@@ -121,14 +121,14 @@ def test_fixed_transforms_have_no_sigma() -> None:
 
 
 def test_good_says_what_it_predicts() -> None:
-    """The verdict tells how well unseen samples are predicted: at the target, or in pixels where there is no pose."""
+    """The verdict tells the cross-validation error: at the target, or in pixels where there is no pose."""
     at_target = Validation("k-fold", 5, 0.25, 4.1e-4, np.radians(0.052), 1.0)
     good = replace(a_calibration(), validation=at_target)
     assert verdict_sentence(a_cell(), good) == (
-        f"GOOD: {BASE} to 0.5 mm and 0.29 deg (one sigma); unseen samples are predicted to 0.41 mm and 0.052 deg."
+        f"GOOD: {BASE} to 0.5 mm and 0.29 deg (1 sigma); cross-validation error 0.41 mm and 0.052 deg rms."
     )
     in_pixels = replace(good, validation=Validation("k-fold", 5, 0.25))
-    assert verdict_sentence(a_cell(), in_pixels).endswith("; unseen samples are predicted to 0.25 px.")
+    assert verdict_sentence(a_cell(), in_pixels).endswith("; cross-validation error 0.25 px rms.")
 
 
 def test_the_cause_comes_before_what_follows_from_it() -> None:
@@ -153,10 +153,10 @@ def test_validation_and_outliers_are_told() -> None:
     validation = Validation("k-fold", 5, 0.25, 4.1e-4, np.radians(0.052), 6.25)
     text = text_report(a_cell(), replace(a_calibration(), validation=validation, outliers=left_out))
     for said in (
-        "held-out samples (k-fold, 5 folds) are predicted to 0.250 px per coordinate, 0.410 mm and 0.052 deg at the",
-        "between folds the answer moves 2.50 times as much as its sigmas say",
-        "not used: sample 3, led by wrist, points 4, 5: 8 px off",
-        "not used: sample 7, led by wrist, the whole view: the arm was 12 sigmas off",
+        "cross-validation error (k-fold, 5 folds): 0.250 px per coordinate, 0.410 mm and 0.052 deg at the",
+        "fold spread over predicted sigma: 2.50",
+        "outlier: sample 3, led by wrist, points 4, 5: 8 px off",
+        "outlier: sample 7, led by wrist, the whole view: the arm was 12 sigmas off",
     ):
         assert said in text
 
@@ -164,5 +164,5 @@ def test_validation_and_outliers_are_told() -> None:
 def test_what_was_not_computed_is_not_told() -> None:
     """Without validation and outliers the text has no word of them."""
     text = text_report(a_cell(), a_calibration())
-    assert "held-out" not in text
-    assert "not used" not in text
+    assert "cross-validation" not in text
+    assert "outlier" not in text

@@ -126,8 +126,8 @@ def _refused(solution: Solution, settings: Settings, findings: list[Finding]) ->
 def _calibration(
     cell: Cell, solution: Solution, fit: Residuals, settings: Settings, findings: list[Finding]
 ) -> Calibration:
-    kept = solution.transforms if solution.converged else {}
-    estimates = {n: e for n, e in kept.items() if n not in solution.observability.unobservable}
+    found = solution.transforms if solution.converged else {}
+    estimates = {n: e for n, e in found.items() if n not in solution.observability.unobservable}
     order = tuple(n for n in estimates if solution.problem.unknowns[n].status != "fixed")
     return Calibration(
         verdict=verdict_of(findings),
@@ -140,7 +140,7 @@ def _calibration(
         deflection=deflection(solution) if solution.converged else {},
         noise=_noise(cell, solution),
         order=order,
-        joint_covariance=solution.covariance_of(list(order)),
+        joint_covariance=solution.covariance_of(list(order)) if order else None,
         residuals=fit,
         condition=solution.observability.condition if np.isfinite(solution.observability.condition) else None,
         unobservable=tuple(map(describe_null_space, solution.observability.null_space)),
@@ -153,7 +153,7 @@ def _estimated_lenses(solution: Solution) -> list[tuple[str, Any]]:
     return [
         (n, c)
         for n, c in solution.state.cameras.items()
-        if n in solution.problem.columns and n not in solution.observability.unobservable
+        if solution.converged and n in solution.problem.columns and n not in solution.observability.unobservable
     ]
 
 

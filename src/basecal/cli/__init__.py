@@ -17,7 +17,7 @@ _STUDIES = ("paper",)
 _HELP = """Where robot bases stand relative to each other, from what a camera sees, and
 how sure that is.
 
-Start with `basecal demo`, or with `basecal new mycell`. Each verb tells more:
+Start with `basecal demo`, or with `basecal new mycell`. Each verb has a page of its own:
 `basecal VERB --help`.
 
 Exit codes: 0 good, 1 doubtful or refused, 2 wrong usage, 3 unreadable input."""

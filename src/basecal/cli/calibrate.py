@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from basecal.cli.page import tell_page, write_page
-from basecal.cli.seen import seen_recording
+from basecal.cli.detected import detected_recording
+from basecal.cli.page import print_page_path, write_page
 from basecal.cli.terminal import print_json, print_stages, progress
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def calibrate(
     json: bool = False,
     verbose: bool = False,
 ) -> int:
-    """Find the transforms asked for, with their covariance.
+    """Estimate the transforms asked for, with their covariance.
 
     Reads CELL/cell.yaml and CELL/recording/samples.jsonl, writes the answer
     and its report, as text and as a page to look at, to CELL/runs. Ends with 0 where the answer is good, with 1
@@ -71,7 +71,7 @@ def calibrate(
         print_json(calibration_to_dict(calibration))
     else:
         show(described, calibration)
-        tell_page(cell)
+        print_page_path(cell)
     return exit_code(calibration)
 
 
@@ -85,7 +85,7 @@ def calibrate_folder(folder: Path, cell: Cell, settings: Settings | None = None,
     from basecal.estimation.stages import Stages
     from basecal.reporting.text import text_report
 
-    recording = seen_recording(folder, cell)
+    recording = detected_recording(folder, cell)
     with progress("calibrating") as tell:
         stages = Stages(tell)
         calibration = calibrated(cell, recording, replace(settings or Settings(), stages=stages))

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from basecal.cli.calibrate import calibrate_folder, exit_code, show
-from basecal.cli.page import tell_page
+from basecal.cli.page import print_page_path
 from basecal.cli.simulate import refuse_existing, with_images, write_simulated
 from basecal.cli.terminal import print_json
 
@@ -46,11 +46,11 @@ def demo(folder: Path = Path("demo_cell"), /, *, json: bool = False) -> int:
     estimate = calibration.transforms.get(_BASE)
     error = true_error(estimate, made.truth[_BASE]) if estimate else None
     if json:
-        told = calibration_to_dict(calibration)
-        print_json({"folder": str(folder), "calibration": told, "true_error": {_BASE: error}})
+        answer = calibration_to_dict(calibration)
+        print_json({"folder": str(folder), "calibration": answer, "true_error": {_BASE: error}})
     else:
         show(made.cell, calibration)
-        tell_page(folder)
+        print_page_path(folder)
         print(_compared(estimate, error, folder) if estimate and error else "")
     return exit_code(calibration)
 

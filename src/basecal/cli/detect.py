@@ -6,7 +6,7 @@ from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from basecal.cli.seen import seen_recording
+from basecal.cli.detected import detected_recording
 from basecal.cli.terminal import print_json
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ def detect(cell: Path, /, *, json: bool = False) -> int:
 
     What is found is kept in CELL/derived and taken by `basecal calibrate`,
     which detects by itself where it has to. Images without a target and
-    images that cannot be used are told.
+    images that cannot be used are listed.
 
     Ends with 0 where every image shows what it should, else with 1.
 
@@ -34,15 +34,15 @@ def detect(cell: Path, /, *, json: bool = False) -> int:
     from basecal.cell.files import read_cell
 
     described = read_cell(cell)
-    recording = seen_recording(cell, described)
+    recording = detected_recording(cell, described)
     if json:
         print_json(_as_dict(cell, described, recording))
     else:
-        _tell(recording)
+        _print_summary(recording)
     return 1 if recording.findings else 0
 
 
-def _tell(recording: Recording) -> None:
+def _print_summary(recording: Recording) -> None:
     from basecal.cell import CandidateObservation, PixelObservation
 
     images, found, points = Counter[str](), Counter[tuple[str, str]](), Counter[tuple[str, str]]()

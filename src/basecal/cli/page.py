@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from basecal.cli.seen import seen_recording
+from basecal.cli.detected import detected_recording
 from basecal.errors import DatasetError
 
 if TYPE_CHECKING:
@@ -39,18 +39,18 @@ def rewrite_page(folder: Path, run: Path, cell: Cell, calibration: Calibration) 
     now = input_hashes(folder, cell)
     changed = [name for name, hashed in calibration.inputs.items() if now.get(name) != hashed]
     if not changed:
-        return write_page(run, cell, seen_recording(folder, cell), calibration)
+        return write_page(run, cell, detected_recording(folder, cell), calibration)
     note = f"{', '.join(changed)} changed since this run: names and picture are as of now. Calibrate again."
     try:
-        recording = seen_recording(folder, cell)
+        recording = detected_recording(folder, cell)
     except DatasetError:
         recording = Recording()
     write_whole(run / FILE, page(cell, recording, calibration, title=_title(run), notes=[note]))
     return run / FILE
 
 
-def tell_page(folder: Path) -> None:
-    """Say on stderr where the page of the latest run of a cell is."""
+def print_page_path(folder: Path) -> None:
+    """Print to stderr where the page of the latest run of a cell is."""
     from basecal.cell.files import latest_run
 
     run = latest_run(folder)

@@ -6,7 +6,7 @@ from json import loads
 from pathlib import Path
 
 from basecal.cli.calibrate import exit_code, show
-from basecal.cli.page import rewrite_page, tell_page
+from basecal.cli.page import print_page_path, rewrite_page
 from basecal.cli.terminal import print_json
 from basecal.errors import InputError
 
@@ -41,5 +41,5 @@ def report(cell: Path, /, *, json: bool = False) -> int:
     else:
         show(described, calibration)
         rewrite_page(cell, run, described, calibration)
-        tell_page(cell)
+        print_page_path(cell)
     return exit_code(calibration)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter, validators
 
-from basecal.cli.seen import counting
+from basecal.cli.detected import counting
 from basecal.cli.terminal import print_json, progress
 from basecal.errors import InputError
 from basecal.registry import TargetKindName
@@ -53,12 +53,12 @@ def simulate(
         robots: One looks at a target on the world; of two, the first looks at the second's target; more are a chain.
         target: What the camera sees: points of a target, or by pose and points3d what a depth camera gives.
         samples: How many instants.
-        mounts: What the cell tells of the mounts of cameras and targets.
+        mounts: What the cell states of the mounts of cameras and targets.
         pixel_px: Noise of pixels, per coordinate.
         robot_noise_mm: Noise of recorded flange poses, per axis and stop.
         robot_noise_mrad: The same of their rotation.
         joints: Robots are arms of six axes that record joints, each with a URDF; for one or two robots.
-        joint_offset_deg: How far the zero of each joint is off, one sigma; the cell does not tell.
+        joint_offset_deg: How far the zero of each joint is off, one sigma; the cell does not state it.
         seed: Another number makes another cell.
         images: Render what the cameras see, instead of giving the points' pixels; pixel-px then says nothing.
         json: Print what was written as JSON.
@@ -84,11 +84,11 @@ def simulate(
         made = simulated(scenario, seed)
     made = with_images(made, cell, seed) if images else made
     write_simulated(cell, made)
-    _tell(cell, len(made.recording.samples), seed, json)
+    _print_summary(cell, len(made.recording.samples), seed, json)
     return 0
 
 
-def _tell(cell: Path, samples: int, seed: int, json: bool) -> None:
+def _print_summary(cell: Path, samples: int, seed: int, json: bool) -> None:
     if json:
         print_json({"cell": str(cell), "samples": samples, "seed": seed})
     else:

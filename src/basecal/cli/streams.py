@@ -105,15 +105,13 @@ def _known_places(folder: Path, files: Streams, camera: str | None, target: str 
     from basecal.cell.files import read_cell
 
     cell = read_cell(folder)
-    seen_by = _chosen("camera", camera, cell.cameras)
-    carried_by = _chosen("target", target, cell.targets)
-    eye = _carrier(cell, seen_by, "--eye-base-from-flange", files.eye)
-    hand = _carrier(cell, carried_by, "--hand-base-from-flange", files.hand)
+    seeing = _chosen("camera", camera, cell.cameras)
+    seen = _chosen("target", target, cell.targets)
+    eye = _carrier(cell, seeing, "--eye-base-from-flange", files.eye)
+    hand = _carrier(cell, seen, "--hand-base-from-flange", files.hand)
     if eye is not None and eye == hand:
-        raise InputError(
-            f"camera {seen_by.name!r} and target {carried_by.name!r} are both on {eye!r}: nothing can be learnt"
-        )
-    return Places(seen_by.name, carried_by.name, eye, hand)
+        raise InputError(f"camera {seeing.name!r} and target {seen.name!r} are both on {eye!r}: nothing can be learnt")
+    return Places(seeing.name, seen.name, eye, hand)
 
 
 def _chosen(kind: str, name: str | None, known: Mapping[str, Thing]) -> Thing:
@@ -121,8 +119,8 @@ def _chosen(kind: str, name: str | None, known: Mapping[str, Thing]) -> Thing:
         return known[name]
     if name is None and len(known) == 1:
         return next(iter(known.values()))
-    told = "which one" if name is None else f"no {kind} {name!r}"
-    raise InputError(f"{told}? --{kind} is one of: {', '.join(known) or 'none in this cell'}")
+    question = "which one" if name is None else f"no {kind} {name!r}"
+    raise InputError(f"{question}? --{kind} is one of: {', '.join(known) or 'none in this cell'}")
 
 
 def _carrier(cell: Cell, thing: CellCamera | CellTarget, option: str, file: str | None) -> str | None:

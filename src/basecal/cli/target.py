@@ -108,8 +108,8 @@ def _described(kind: str, fields: dict[str, Any]) -> tuple[str, Target]:
     shape = described.targets["target"].target
     if shape is None:
         raise InputError(f"a target of kind {kind!r} has no points to print")
-    told = ", ".join(f"{key} {value}" for key, value in fields.items())
-    return f"{kind}: {told}" if told else kind, shape
+    options = ", ".join(f"{key} {value}" for key, value in fields.items())
+    return f"{kind}: {options}" if options else kind, shape
 
 
 def _of_cell(folder: Path, name: str | None) -> tuple[str, Target]:
@@ -123,8 +123,8 @@ def _of_cell(folder: Path, name: str | None) -> tuple[str, Target]:
     if chosen not in targets:
         raise FrameNotFound(chosen, list(targets))
     shape = targets[chosen]
-    told = ", ".join(f"{k} {v}" for k, v in shape.options.items() if not isinstance(v, list) or len(v) == 2)
-    return f"{chosen}: {shape.kind}, {told}", shape
+    options = ", ".join(f"{k} {v}" for k, v in shape.options.items() if not isinstance(v, list) or len(v) == 2)
+    return f"{chosen}: {shape.kind}, {options}", shape
 
 
 def _lines(kind: str, fields: dict[str, Any]) -> str:

@@ -87,11 +87,12 @@ def _camera(name: str, on: str, reference: str, kind: Kind) -> str:
     if not _is_light(kind):
         return text + "    intrinsics: {status: free}       # or fixed / prior with fx, fy, cx, cy, distortion\n"
     known = "{status: fixed, fx: 1000, fy: 1000, cx: 639.5, cy: 359.5, distortion: [0, 0, 0, 0, 0]}"
-    return text + f"    # Put your camera's numbers here: one light does not tell the lens.\n    intrinsics: {known}\n"
+    advice = "# Put your camera's numbers here: a single light does not determine them."
+    return text + f"    {advice}\n    intrinsics: {known}\n"
 
 
 def _is_light(kind: TargetKindName) -> bool:
-    """Whether a target of the kind usually is one point, which tells nothing of the lens."""
+    """Whether a target of the kind usually is one point, which does not determine the intrinsics."""
     import numpy as np
 
     from basecal.cell.targets.all_kinds import target_kind

@@ -65,7 +65,7 @@ def arrow_figure(camera: str, size_px: tuple[int, int] | None, seen: Sequence[Po
     svg = drawing(
         _IMAGE_WIDTH,
         height,
-        f"residuals in the image of {camera}",
+        f"reprojection errors in the image of {camera}",
         element("rect", class_="frame", width=f"{_IMAGE_WIDTH:g}", height=f"{height:.1f}"),
         element("path", class_="arrows", d=segments(np.stack([foot, tip], 1)) + _heads(foot, tip)),
         element("path", class_="ruler", d=segments([ruler])),
@@ -147,15 +147,15 @@ def _normal(edges: Array, rms: float) -> Array:
     return share
 
 
-def _bar(left: float, width: float, share: float, told: str, sample: int | None = None) -> str:
+def _bar(left: float, width: float, share: float, label: str, sample: int | None = None) -> str:
     height = max(_HEIGHT * share, 0.5)
-    told_element = element("title", text(told))
+    title = element("title", text(label))
     place = {"x": f"{left + 0.05 * width:.2f}", "width": f"{0.9 * width:.2f}"}
     shown = element("rect", class_="bar", y=f"{_HEIGHT - height:.2f}", height=f"{height:.2f}", **place)
     if sample is None:
-        return element("g", told_element, shown)
+        return element("g", title, shown)
     whole = element("rect", class_="hit", x=f"{left:.2f}", y=0, width=f"{width:.2f}", height=f"{_HEIGHT:g}")
-    return element("g", told_element, whole, shown, class_="view", data_sample=sample)
+    return element("g", title, whole, shown, class_="view", data_sample=sample)
 
 
 @dataclass(frozen=True)
@@ -169,9 +169,9 @@ class Quantity:
 
 
 QUANTITIES = (
-    Quantity("rms of pixels", "rms_px", 1.0, "px"),
-    Quantity("loop, length", "loop_m", 1e3, "mm"),
-    Quantity("loop, angle", "loop_rad", float(np.degrees(1)), "deg"),
+    Quantity("reprojection error, rms", "rms_px", 1.0, "px"),
+    Quantity("loop-closure error, length", "loop_m", 1e3, "mm"),
+    Quantity("loop-closure error, angle", "loop_rad", float(np.degrees(1)), "deg"),
 )
 
 

@@ -130,16 +130,16 @@ def _version() -> str:
 
 def _legend(drawn: Scene) -> list[str]:
     """What the picture shows and what it cannot, a sentence each."""
-    told = ["Axes: x red, y green, z blue. Dots: flanges at each sample, as recorded."]
+    sentences = ["Axes: x red, y green, z blue. Dots: flanges at each sample, as recorded."]
     ellipsoids = [*(arm.ellipsoid for arm in drawn.arms), *(body.ellipsoid for body in drawn.bodies)]
     if any(each is not None for each in ellipsoids):
         scale = f", drawn {drawn.ellipsoid_scale:g} times as large" if drawn.ellipsoid_scale != 1 else ""
-        told.append(f"Ellipsoid: one sigma of the position of what was asked{scale}.")
+        sentences.append(f"Ellipsoid: 1 sigma of the position of the transforms asked for{scale}.")
     if len(drawn.samples) < drawn.total:
-        told.append(f"{len(drawn.samples)} of {drawn.total} samples are shown.")
+        sentences.append(f"{len(drawn.samples)} of {drawn.total} samples are shown.")
     if drawn.missing:
-        told.append(f"Not drawn, as their place is not known: {', '.join(drawn.missing)}.")
-    return told
+        sentences.append(f"Not drawn, as their place is not known: {', '.join(drawn.missing)}.")
+    return sentences
 
 
 def _answer(cell: Cell, calibration: Calibration) -> dict[str, Any]:
@@ -174,7 +174,7 @@ def _fit(cell: Cell, calibration: Calibration, points: Sequence[PointResiduals])
     views = calibration.residuals.per_sample
     return {
         "fit": [*fit_sentences(calibration), *noise_sentences(calibration)],
-        "held_out": list(validation_sentences(calibration)),
+        "cross_validation": list(validation_sentences(calibration)),
         "outliers": list(outlier_sentences(calibration)),
         "arrows": [
             arrow_figure(name, cell.cameras[name].size_px, [each for each in seen if each.camera == name], most)
@@ -195,12 +195,12 @@ def _share(most: int, together: int, figures: int) -> int:
 def _views(views: Sequence[SampleResidual]) -> list[Views]:
     pairs = dict.fromkeys((view.camera, view.target) for view in views)
     most = _share(_MOST_BARS, _MOST_BARS_TOGETHER, len(pairs) * len(QUANTITIES))
-    told = []
+    shown = []
     for camera, target in pairs:
         own = [view for view in views if (view.camera, view.target) == (camera, target)]
         figures = [bar_figure(own, quantity, most) for quantity in QUANTITIES]
-        told.append(Views(f"{target} seen by {camera}", tuple(f for f in figures if f is not None)))
-    return [each for each in told if each.figures]
+        shown.append(Views(f"{target} seen by {camera}", tuple(f for f in figures if f is not None)))
+    return [each for each in shown if each.figures]
 
 
 def _worst_rows(views: Sequence[SampleResidual]) -> list[tuple[str, ...]]:

@@ -130,8 +130,8 @@ def _ruler(size: tuple[float, float], title: str) -> tuple[Array, tuple[tuple[fl
     y, x = size[1] - _MARGIN_MM - 6, _MARGIN_MM + 4
     ticks = [[x + t, y, x + t, y - (4 if t % 50 == 0 else 2.5)] for t in np.arange(0, _RULER_MM + 1, 10)]
     lines = np.array([[x, y, x + _RULER_MM, y], *ticks])
-    told = f"{_RULER_MM:g} mm: measure it; print at 100 %, do not fit to the page"
-    return lines, ((x, y + 4, told), (x, y - 8, title))
+    advice = f"{_RULER_MM:g} mm: measure it; print at 100 %, do not fit to the page"
+    return lines, ((x, y + 4, advice), (x, y - 8, title))
 
 
 def page_svg(page: PrintedPage) -> str:

@@ -18,8 +18,8 @@ def element(name: str, *inside: str, **attributes: object) -> str:
         attributes: Their values are escaped.
     """
     given = {key.rstrip("_").replace("_", "-"): value for key, value in attributes.items() if value is not None}
-    told = "".join(f' {key}="{escape(str(value))}"' for key, value in given.items())
-    return f"<{name}{told}>{''.join(inside)}</{name}>"
+    pairs = "".join(f' {key}="{escape(str(value))}"' for key, value in given.items())
+    return f"<{name}{pairs}>{''.join(inside)}</{name}>"
 
 
 def text(said: str) -> str:

@@ -1,4 +1,4 @@
-"""A calibration told in plain text: the verdict first, then numbers to read and lines to paste."""
+"""A calibration in plain text: the verdict first, then numbers to read and lines to paste."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from basecal.reporting.robots import robot_blocks
 _INTRINSICS = ("fx", "fy", "cx", "cy")
 _READ_IN = {"px": (1.0, "px"), "m": (1e3, "mm"), "rad": (1e3, "mrad")}
 _RANK = {"error": 0, "warning": 1, "info": 2}
-# What follows from something else is told after it.
+# What follows from something else is listed after it.
 _CONSEQUENCES = ("poor-fit", "inconsistent-folds", "overfit", "weak-direction", "not-converged")
 _SHOWN_IDS = 10
 
@@ -25,7 +25,7 @@ def text_report(cell: Cell, calibration: Calibration) -> str:
     """The report of a calibration, lines joined by newlines.
 
     Args:
-        cell: What was calibrated: it says what was asked, and names frames for other programs.
+        cell: What was calibrated: it says which transforms are asked for, and names frames for other programs.
         calibration: What came out.
     """
     asked = [name for name in cell.asked if name in calibration.transforms]
@@ -38,7 +38,7 @@ def text_report(cell: Cell, calibration: Calibration) -> str:
         *robot_blocks(calibration),
         list(fit_sentences(calibration)),
         list(validation_sentences(calibration)),
-        [f"not used: {sentence}" for sentence in outlier_sentences(calibration)],
+        [f"outlier: {sentence}" for sentence in outlier_sentences(calibration)],
         list(noise_sentences(calibration)),
         list(_findings(calibration.findings)),
     ]
@@ -46,20 +46,20 @@ def text_report(cell: Cell, calibration: Calibration) -> str:
 
 
 def verdict_sentence(cell: Cell, calibration: Calibration) -> str:
-    """The verdict in one sentence: how well what was asked is known, or why it is not and what to do."""
+    """The verdict in one sentence: how well the transforms asked for are known, or why they are not and what to do."""
     asked = [name for name in cell.asked if name in calibration.transforms]
     known = "; ".join(f"{name} to {_known_to(name, calibration)}" for name in asked)
     reason = _first_reason(calibration.findings)
     if calibration.verdict == "refused":
-        return f"REFUSED: {reason or 'the data do not determine what was asked.'}"
-    told = f"{known} (one sigma)" if known else "nothing was asked, everything is fixed"
-    predicted = _predicted_to(calibration.validation)
-    told = f"{told}; unseen samples are predicted to {predicted}" if predicted else told
-    return f"DOUBTFUL: {told}, but: {reason}" if calibration.verdict == "doubtful" else f"GOOD: {told}."
+        return f"REFUSED: {reason or 'the transforms asked for are unobservable.'}"
+    answer = f"{known} (1 sigma)" if known else "no transform is asked for, all are fixed"
+    error = _cross_validation_error(calibration.validation)
+    answer = f"{answer}; cross-validation error {error} rms" if error else answer
+    return f"DOUBTFUL: {answer}, but: {reason}" if calibration.verdict == "doubtful" else f"GOOD: {answer}."
 
 
-def _predicted_to(validation: Validation | None) -> str:
-    """How well held-out samples are predicted at the target, or else in the image; empty where it is not known."""
+def _cross_validation_error(validation: Validation | None) -> str:
+    """How far off held-out samples are predicted at the target, or else in the image; empty where it is not known."""
     if validation is None:
         return ""
     if validation.target_m is None or validation.target_rad is None:
@@ -69,8 +69,8 @@ def _predicted_to(validation: Validation | None) -> str:
 
 def _known_to(name: str, calibration: Calibration) -> str:
     sigma_mm, sigma_deg = sigma_norms(calibration[name])
-    told = f"{sigma_mm:.3g} mm"
-    return told if name in calibration.points else f"{told} and {sigma_deg:.2g} deg"
+    position = f"{sigma_mm:.3g} mm"
+    return position if name in calibration.points else f"{position} and {sigma_deg:.2g} deg"
 
 
 def sigma_norms(estimate: PoseEstimate) -> tuple[float, float]:
@@ -100,8 +100,9 @@ def _transform(name: str, calibration: Calibration) -> list[str]:
     estimate, status = calibration[name], calibration.status.get(name, "free")
     is_point = name in calibration.points
     sigma_mm, sigma_deg = sigma_norms(estimate)
+    heading = f"{'fixed' if status == 'fixed' else 'estimated'} transform {name}"
     lines = [
-        f"{name}  ({status}{', a point' if is_point else ''})",
+        f"{heading}  ({status}{', a point' if is_point else ''})",
         f"  t      {_row(estimate.mean.translation * 1e3, 4)} mm",
     ]
     if status != "fixed":
@@ -135,11 +136,11 @@ def frame_names(cell: Cell, name: str) -> tuple[str, str]:
 
 def _intrinsics(name: str, calibration: Calibration) -> list[str]:
     camera, covariance = calibration.cameras[name]
-    told = [
+    parameters = [
         f"  {key:<3}{value:13.5f}    sigma {sigma:.5f} {unit}".rstrip()
         for key, value, sigma, unit in lens_parameters(camera, covariance)
     ]
-    return [f"intrinsics of {name}  ({camera.model})", *told]
+    return [f"camera intrinsics of {name}  ({camera.model})", *parameters]
 
 
 def lens_parameters(camera: Camera, covariance: Array) -> list[tuple[str, float, float, str]]:
@@ -156,25 +157,26 @@ def fit_sentences(calibration: Calibration) -> Iterator[str]:
     residuals = calibration.residuals
     if residuals.rms_px is not None:
         median = "" if residuals.median_px is None else f", median {residuals.median_px:.3f} px"
-        yield f"residuals: rms {residuals.rms_px:.3f} px per coordinate{median}"
+        yield f"reprojection error {residuals.rms_px:.3f} px rms per coordinate{median}"
     if residuals.loop_rms_m is not None:
-        turned = "" if residuals.loop_rms_rad is None else f" and {np.degrees(residuals.loop_rms_rad):.3f} deg"
-        yield f"loop closes to {residuals.loop_rms_m * 1e3:.3f} mm{turned} rms over {len(residuals.per_sample)} views"
+        angle = "" if residuals.loop_rms_rad is None else f" and {np.degrees(residuals.loop_rms_rad):.3f} deg"
+        error = f"{residuals.loop_rms_m * 1e3:.3f} mm{angle}"
+        yield f"loop-closure error {error} rms over {len(residuals.per_sample)} views"
     if len(residuals.loops) > 1:
         for loop in residuals.loops:
-            closes = f"{loop.rms_m * 1e3:.3f} mm and {np.degrees(loop.rms_rad):.3f} deg over {loop.views} views"
-            yield f"loop {' - '.join(loop.path)}: {closes}"
-    seen = [view for view in residuals.per_sample if view.rms_px is not None]
-    if seen:
-        worst = max(seen, key=lambda view: view.rms_px or 0.0)
-        yield f"worst view: sample {worst.sample} by {worst.camera}, {worst.rms_px:.3f} px"
+            error = f"{loop.rms_m * 1e3:.3f} mm and {np.degrees(loop.rms_rad):.3f} deg over {loop.views} views"
+            yield f"loop-closure error of {' - '.join(loop.path)}: {error}"
+    in_pixels = [view for view in residuals.per_sample if view.rms_px is not None]
+    if in_pixels:
+        worst = max(in_pixels, key=lambda view: view.rms_px or 0.0)
+        yield f"worst view: sample {worst.sample} by {worst.camera}, {worst.rms_px:.3f} px rms"
     if calibration.certificate is not None:
         yield _certificate(calibration.certificate)
 
 
 def _certificate(of: Certificate) -> str:
     if of.is_global:
-        return f"certificate: no other answer fits better; gap of the proof of the rotations {of.gap or 0.0:.1g}"
+        return f"certificate: global optimum proven; relative duality gap of the rotations {of.gap or 0.0:.1g}"
     return f"certificate: not proven: {of.reason}"
 
 
@@ -184,43 +186,42 @@ def validation_sentences(calibration: Calibration) -> Iterator[str]:
     if validation is None:
         return
     target_m, target_rad = validation.target_m, validation.target_rad
-    told = [] if validation.rms_px is None else [f"{validation.rms_px:.3f} px per coordinate"]
+    errors = [] if validation.rms_px is None else [f"{validation.rms_px:.3f} px per coordinate"]
     if target_m is not None and target_rad is not None:
-        told.append(f"{target_m * 1e3:.3f} mm and {np.degrees(target_rad):.3f} deg at the target")
-    if told:
-        yield f"held-out samples ({validation.kind}, {validation.folds} folds) are predicted to {', '.join(told)} rms"
+        errors.append(f"{target_m * 1e3:.3f} mm and {np.degrees(target_rad):.3f} deg at the target")
+    if errors:
+        yield f"cross-validation error ({validation.kind}, {validation.folds} folds): {', '.join(errors)}, rms"
     if validation.base_change is not None:
-        times = float(np.sqrt(validation.base_change))
-        yield f"between folds the answer moves {times:.2f} times as much as its sigmas say"
+        yield f"fold spread over predicted sigma: {float(np.sqrt(validation.base_change)):.2f}"
 
 
 def outlier_sentences(calibration: Calibration) -> Iterator[str]:
-    """What was seen and not used, a line each."""
+    """What was left out, a line each."""
     for outlier in calibration.outliers or ():
-        told = f"points {', '.join(map(str, outlier.ids[:_SHOWN_IDS]))}" if outlier.ids else "the whole view"
+        part = f"points {', '.join(map(str, outlier.ids[:_SHOWN_IDS]))}" if outlier.ids else "the whole view"
         more = ", ..." if len(outlier.ids) > _SHOWN_IDS else ""
         place = f"sample {outlier.sample}, {outlier.target} by {outlier.camera}"
-        yield f"{place}, {told}{more}: {outlier.reason}"
+        yield f"{place}, {part}{more}: {outlier.reason}"
 
 
 def noise_sentences(calibration: Calibration) -> Iterator[str]:
     """The sigmas stated or estimated, a line each."""
     noise = dict(calibration.noise)
     robots = noise.pop("robots", None) or {}
-    told = [_sigma(key, value) for key, value in noise.items() if value is not None]
-    if told:
-        yield f"noise of what was seen, per axis: {', '.join(told)}"
+    measured = [_sigma(key, value) for key, value in noise.items() if value is not None]
+    if measured:
+        yield f"measurement noise, 1 sigma per axis: {', '.join(measured)}"
     for robot, sigmas in robots.items():
-        told = [_sigma(key, value) for key, value in sigmas.items() if value is not None]
-        yield f"noise of {robot} per stop and axis: {', '.join(told)}"
+        posed = [_sigma(key, value) for key, value in sigmas.items() if value is not None]
+        yield f"pose noise of robot {robot}, 1 sigma per axis: {', '.join(posed)}"
 
 
 def _sigma(key: str, value: float | Array) -> str:
     """One sigma or three in the unit to read of a key that ends in `_px`, `_m` or `_rad`."""
     scale, unit = _READ_IN[key.rpartition("_")[2]]
     sigmas = np.atleast_1d(value)
-    told = sigmas[:1] if np.all(sigmas == sigmas[0]) else sigmas
-    return f"{' '.join(f'{scale * each:.3g}' for each in told)} {unit}"
+    shown = sigmas[:1] if np.all(sigmas == sigmas[0]) else sigmas
+    return f"{' '.join(f'{scale * each:.3g}' for each in shown)} {unit}"
 
 
 def _findings(findings: Iterable[Finding]) -> Iterator[str]:

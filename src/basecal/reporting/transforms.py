@@ -37,7 +37,7 @@ class ToCopy:
 
 @dataclass(frozen=True)
 class TransformView:
-    """A transform as the page tells it.
+    """A transform as the page shows it.
 
     Attributes:
         name: Such as `eye_base_from_hand_base`.
@@ -59,7 +59,7 @@ class TransformView:
 
 
 def transform_view(name: str, cell: Cell, calibration: Calibration) -> TransformView:
-    """How the page tells a transform that the calibration has."""
+    """How the page shows a transform that the calibration has."""
     estimate, status = calibration[name], calibration.status.get(name, "free")
     is_point = name in calibration.points
     given = status == "fixed"
@@ -81,10 +81,10 @@ def transform_view(name: str, cell: Cell, calibration: Calibration) -> Transform
 
 
 def _row(name: str, unit: str, values: Array, sigma: tuple[Array, float] | None) -> Row:
-    told = tuple(numbers(values, _DIGITS).split())
+    shown = tuple(numbers(values, _DIGITS).split())
     if sigma is None:
-        return Row(name, unit, told, None, None)
-    return Row(name, unit, told, tuple(numbers(sigma[0], _DIGITS).split()), f"{sigma[1]:.{_DIGITS}f}")
+        return Row(name, unit, shown, None, None)
+    return Row(name, unit, shown, tuple(numbers(sigma[0], _DIGITS).split()), f"{sigma[1]:.{_DIGITS}f}")
 
 
 def _copies(name: str, cell: Cell, calibration: Calibration) -> tuple[ToCopy, ...]:

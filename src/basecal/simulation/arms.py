@@ -40,7 +40,7 @@ class Arm:
     """A robot given by joints.
 
     Attributes:
-        chain: Its kinematics as told.
+        chain: Its kinematics as stated.
         true: Its kinematics as they are.
         home: (n,) joints [rad] at its home pose.
     """

@@ -46,10 +46,10 @@ class Scenario:
             board), `chain` (a ring of robots r1, r2, ...: each sees the target of the next, one pair after another).
         robots: How many robots are in a `chain`.
         stations: How many stations.
-        base: What the cell tells of the bases.
-        camera_mount: What the cell tells of the cameras' mounts.
-        target_mount: What the cell tells of the targets' mounts.
-        intrinsics: What the cell tells of the lenses.
+        base: What the cell states of the bases.
+        camera_mount: What the cell states of the cameras' mounts.
+        target_mount: What the cell states of the targets' mounts.
+        intrinsics: What the cell states of the lenses.
         base_prior: Sigmas of a base's prior.
         mount_prior: Sigmas of a mount's prior.
         intrinsics_prior: Sigmas of focal lengths [px], centre [px] and distortion coefficients of a lens's prior.
@@ -58,12 +58,12 @@ class Scenario:
         board: The target's shape; one of the kind asked for where None. With `pose` it bounds what is in view.
         pixel_px: True sigma of a pixel coordinate [px].
         correlated_px: True sigma of an error that all points of a view have in common, per coordinate [px].
-        state_pixel_noise: Whether the cell tells both.
+        state_pixel_noise: Whether the cell states both.
         robot_noise: True sigmas of a recorded pose in flange axes, drawn once per robot and stop.
-        state_robot_noise: Whether the cell tells them.
+        state_robot_noise: Whether the cell states them.
         pose_noise: True sigmas of an observed pose in the target's axes.
         point_m: True sigma of a coordinate of an observed 3-D point [m].
-        state_observation_noise: Whether the recording tells the sigmas of poses and 3-D points.
+        state_observation_noise: Whether the recording states the sigmas of poses and 3-D points.
         spread_rad: Flanges turn from their home by at most this angle, uniformly in the ball of rotation vectors.
         position_m: Besides turning about the target, flanges shift by at most this, uniformly in a ball.
         distance_m: Least and greatest distance of target and camera at the home poses.
@@ -71,10 +71,10 @@ class Scenario:
         joints: Whether robots are arms of six axes that record joints; not for the layout `chain`.
         joint_offset_rad: Sigma of each joint's true offset [rad].
         link_error: True sigmas of the errors of each origin and the tip of an arm.
-        joint_offsets: What the cell tells of the offsets; a prior has the true sigma.
-        link_parameters: What the cell tells of the links; a prior has the true sigmas.
+        joint_offsets: What the cell states of the offsets; a prior has the true sigma.
+        link_parameters: What the cell states of the links; a prior has the true sigmas.
         compliance: Sigma of each joint's true compliance [rad/Nm].
-        deflection: What the cell tells of the compliances; a prior has the true sigma.
+        deflection: What the cell states of the compliances; a prior has the true sigma.
     """
 
     samples: int = 30
@@ -130,7 +130,7 @@ class SimulatedCell:
     """A cell, what was recorded in it, and the truth.
 
     Attributes:
-        cell: What a solver is told.
+        cell: What a solver is given.
         recording: What was seen, with noise.
         truth: Every transform of `cell.transforms`, by name.
         cameras: The true lenses, by name.

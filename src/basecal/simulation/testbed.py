@@ -12,7 +12,7 @@ from basecal.simulation.motion import Motion, draw_motions
 from basecal.simulation.observe import observe
 from basecal.simulation.scenario import Scenario, SimulatedCell
 from basecal.simulation.scene import Scene, draw_scene
-from basecal.simulation.told import told, truth
+from basecal.simulation.stated_cell import stated_cell, truth
 
 
 def _laid_end_to_end(motions: list[Motion], scene: Scene, recorded: bool) -> dict[str, SE3]:
@@ -57,7 +57,7 @@ def simulate(scenario: Scenario, seed: int) -> SimulatedCell:
         Sample(k, float(k), {robot: states[k] for robot, states in recorded.items()}, observations)
         for k, observations in enumerate(seen)
     )
-    cell = told(scene, scenario, for_priors, arms)
+    cell = stated_cell(scene, scenario, for_priors, arms)
     true = _laid_end_to_end(motions, scene, recorded=False)
     robots = {robot: arm.true for robot, arm in arms.items()}
     return SimulatedCell(cell, Recording(samples), truth(scene, cell), scene.lenses, true, robots)

@@ -18,7 +18,7 @@ def outlier_points(of: Evidence) -> list[Finding]:
     numbers, total = sorted({o.sample for o in outliers}), of.robust.points + count
     message = (
         f"{count} of {total} points were left out as outliers, in {list_samples(numbers)}; at sample "
-        f"{outliers[0].sample} {outliers[0].reason}; look for reflections, covered or blurred parts of the target, "
+        f"{outliers[0].sample}, {outliers[0].reason}; look for reflections, covered or blurred parts of the target, "
         "and ids of another target"
     )
     return [Finding("outlier-points", "warning" if count > _FEW * total else "info", tuple(map(str, numbers)), message)]

@@ -28,13 +28,13 @@
     slider.value = index;
     show(index);
     const chosen = String(samples[index]);
-    const told = [];
+    const values = [];
     for (const bar of bars) {
       const own = bar.dataset.sample === chosen;
       bar.classList.toggle("chosen", own);
-      if (own) told.push(bar.querySelector("title").textContent.split(": ").pop());
+      if (own) values.push(bar.querySelector("title").textContent.split(": ").pop());
     }
-    output.textContent = `${chosen}${told.length ? ": " + told.join(", ") : ""}`;
+    output.textContent = `${chosen}${values.length ? ": " + values.join(", ") : ""}`;
   };
   const nearest = (sample) => samples.reduce((best, s, i) => Math.abs(s - sample) < Math.abs(samples[best] - sample) ? i : best, 0);
   for (const bar of bars) bar.addEventListener("click", () => choose(nearest(Number(bar.dataset.sample))));

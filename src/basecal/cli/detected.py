@@ -1,4 +1,4 @@
-"""What was seen in a cell: its recording, and what its images show where it holds no detections yet."""
+"""The recording of a cell with its detections, made where it holds none yet."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 Step = Callable[[int, int], None]
 
 
-def seen_recording(folder: Path, cell: Cell) -> Recording:
-    """The recording of a cell's folder with what its images show; a bar tells how far the detection is."""
+def detected_recording(folder: Path, cell: Cell) -> Recording:
+    """The recording of a cell's folder with what is detected in its images; a bar shows how far the detection is."""
     from basecal.cell.files import read_recording
 
     recording = read_recording(folder, cell)

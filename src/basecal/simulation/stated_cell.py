@@ -1,4 +1,4 @@
-"""What a simulated cell tells of itself: statuses, and priors drawn about the truth."""
+"""What a simulated cell states: statuses, and priors drawn about the truth."""
 
 from __future__ import annotations
 
@@ -82,21 +82,21 @@ def _robot(name: str, noise: Array | None, scenario: Scenario, arm: Arm | None) 
     return Robot(name, noise, arm.chain, offsets, links, *urdf, deflection=deflection)
 
 
-def told(scene: Scene, scenario: Scenario, rng: Generator, arms: Mapping[str, Arm]) -> Cell:
-    """The cell as a solver is told of it."""
+def stated_cell(scene: Scene, scenario: Scenario, rng: Generator, arms: Mapping[str, Arm]) -> Cell:
+    """The cell as a solver is given it."""
     reference, *others = scene.layout.robots
-    stated = scenario.state_robot_noise and any(scenario.robot_noise)
-    noise = np.repeat(scenario.robot_noise, 3) if stated else None
-    seen_in_pixels = scenario.target not in ("pose", "points3d")
-    pixels_told = seen_in_pixels and scenario.state_pixel_noise and bool(scenario.pixel_px)
+    states_robots = scenario.state_robot_noise and any(scenario.robot_noise)
+    noise = np.repeat(scenario.robot_noise, 3) if states_robots else None
+    in_pixels = scenario.target not in ("pose", "points3d")
+    states_pixels = in_pixels and scenario.state_pixel_noise and bool(scenario.pixel_px)
     return Cell(
         reference,
         robots={name: _robot(name, noise, scenario, arms.get(name)) for name in scene.layout.robots},
         bases={name: _unknown(scenario.base, scene.bases[name], scenario.base_prior, rng) for name in others},
         cameras={name: _camera(name, scene, scenario, rng) for name in scene.layout.cameras},
         targets={name: _target(name, scene, scenario, rng) for name in scene.layout.targets},
-        pixel_px=scenario.pixel_px if pixels_told else None,
-        correlated_px=scenario.correlated_px if pixels_told and scenario.correlated_px else None,
+        pixel_px=scenario.pixel_px if states_pixels else None,
+        correlated_px=scenario.correlated_px if states_pixels and scenario.correlated_px else None,
     )
 
 
