@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from basecal.accuracy.input_check import rewriting
+from basecal.accuracy.input_check.loop_fit import trimmed
 from basecal.accuracy.input_check.pairing import half_turns, pairing_errors
 from basecal.cell import Recording
 from basecal.cell.targets.chessboard import chessboard_target
@@ -16,12 +17,14 @@ def test_the_sample_of_a_missed_detection_is_found():
     """Observations from sample 9 on one too early: the first guess moves them back from there."""
     made = simulate(Scenario(samples=24), 3)
     wrong = rewriting.shifted(made.recording, None, -1, start=9)
-    first = pairing_errors(made.cell, wrong, made.cameras, [None, "eye", "hand"])[0]
+    first, fits = pairing_errors(made.cell, wrong, made.cameras, [None, "eye", "hand"])[0]
     told = first.apply(made.cell, wrong)[1]
     true = {s.sample: s.observations for s in made.recording.samples}
     assert first.about == ()
     assert [s.observations for s in told.samples] == [true[s.sample] for s in told.samples]
     assert len(told.samples) == 22
+    (fit,) = fits.values()
+    assert trimmed(fit.off, 1.0) < 0.01
 
 
 def test_the_last_few_samples_are_no_slip():
@@ -29,7 +32,7 @@ def test_the_last_few_samples_are_no_slip():
     made = simulate(Scenario(samples=24), 3)
     wrong = rewriting.shifted(made.recording, None, -1, start=21)
     recorded = {s.sample: s.observations for s in wrong.samples}
-    for guess in pairing_errors(made.cell, wrong, made.cameras, [None]):
+    for guess, _ in pairing_errors(made.cell, wrong, made.cameras, [None]):
         told = guess.apply(made.cell, wrong)[1]
         assert min(s.sample for s in told.samples if s.observations != recorded[s.sample]) <= 20
 

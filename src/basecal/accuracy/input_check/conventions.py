@@ -122,10 +122,9 @@ def _tried(cell: Cell, recording: Recording, problem: Problem, declared: _Tried,
         for reading in [*wider, *size_hypotheses(cell, thinned(recording, _SOLVED), lenses, known)]:
             found += _try(cell, recording, reading, settings, known)
     if _has_tail(declared.fit) or not any(plausible(each.fit) and not each.impossible for each in (declared, *found)):
-        for reading in [
-            *pairing_errors(cell, recording, lenses, streams(_moving(recording))),
-            *half_turns(cell, recording),
-        ]:
+        for reading, fits in pairing_errors(cell, recording, lenses, streams(_moving(recording))):
+            found += _try(cell, recording, reading, settings, (fits, lenses))
+        for reading in half_turns(cell, recording):
             found += _try(cell, recording, reading, settings, None)
     return found
 

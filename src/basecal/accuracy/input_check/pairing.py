@@ -32,8 +32,8 @@ Fits = Mapping[tuple[str, str], LoopFit]
 
 def pairing_errors(
     cell: Cell, recording: Recording, lenses: Lenses, streams: list[str | None]
-) -> list[ConventionHypothesis]:
-    """The likeliest samples from which on one stream is paired one sample off, best first.
+) -> list[tuple[ConventionHypothesis, Fits]]:
+    """The likeliest samples from which on one stream is paired one sample off, best first, and what told them.
 
     One half of the recording is paired rightly throughout, as declared or as shifted: fitted to that half, every
     sample tells which of the two pairings it has.
@@ -46,15 +46,15 @@ def pairing_errors(
     halves = [_part(recording, 0, count // 2), *(_part(each, count // 2, count) for each in moved)]
     declared, *seconds = _fits(cell, halves, lenses)
     as_recorded = _pairs(cell, recording, lenses)
-    scored = []
+    scored: list[tuple[float, ConventionHypothesis, Fits]] = []
     for (stream, by), slipped, second in zip(slips, moved, seconds, strict=True):
         as_slipped = _pairs(cell, slipped, lenses)
         for fits in (declared, second):
             before, after = (_off(pairs, recording, fits) for pairs in (as_recorded, as_slipped))
-            scored.append((*_change(before, after, max(by, 0)), stream, by))
+            score, k = _change(before, after, max(by, 0))
+            scored.append((score, shift(stream, by, k, recording.samples[k].sample), fits))
     scored.sort(key=lambda each: each[0])
-    samples = recording.samples
-    return [shift(stream, by, k, samples[k].sample) for _, k, stream, by in scored[:_BEST]]
+    return [(guess, fits) for _, guess, fits in scored[:_BEST]]
 
 
 def _part(recording: Recording, start: int, stop: int) -> Recording:
