@@ -21,5 +21,6 @@ TargetKindName = Literal[
 LENSES = (
     "pinhole",
     "fisheye",
+    "thin_prism",
 )
 """Lenses: modules of `basecal.geometry.lenses`; several may be one model with other numbers of terms."""

@@ -1,0 +1,90 @@
+"""The pinhole's lens with four terms s1 s2 s3 s4 more, of a sensor or elements that stand askew: OpenCV's thin prism.
+
+With s = a^2 + b^2 the image of (a, b, 1) is the pinhole's plus (s1 s + s2 s^2, s3 s + s4 s^2); its derivative is not
+symmetric. Source: Weng, Cohen & Herniou 1992, doi:10.1109/34.159901, in OpenCV's order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from basecal.geometry.array import Array
+from basecal.geometry.lens import BoolArray, Image, Number, inverted
+from basecal.geometry.lenses import pinhole
+
+MODEL = "pinhole"
+TERM_NAMES = (*pinhole.TERM_NAMES, "s1", "s2", "s3", "s4")
+TERMS: tuple[int, ...] = (12,)
+USUAL_TERMS = 12
+USUAL_FOCAL_PX = pinhole.USUAL_FOCAL_PX
+_RADIAL = 8
+
+
+def project(points: Array, distortion: Sequence[Number]) -> tuple[Array, Array]:
+    """Image on the plane at unit distance, (...,) each, of points (..., 3); NaN where z <= 0."""
+    a, b, _ = pinhole.ahead(points)
+    u, v = pinhole.project(points, distortion[:_RADIAL])
+    s1, s2, s3, s4 = distortion[_RADIAL:]
+    s = a * a + b * b
+    return u + s * (s1 + s2 * s), v + s * (s3 + s4 * s)
+
+
+def project_with_derivatives(
+    points: Array, focal: tuple[Number, Number], distortion: Sequence[Number], terms: bool
+) -> tuple[Array, Array, Array, Array | None]:
+    """Image on the plane at unit distance, and the derivatives of the pixels.
+
+    Returns:
+        u and v, (...,) each; to the points, (..., 2, 3) [px/m]; to the distortion, (..., 2, 12) [px], if `terms`.
+    """
+    a, b, inverse = pinhole.ahead(points)
+    u, v, d_points, d_terms = pinhole.project_with_derivatives(points, focal, distortion[:_RADIAL], terms)
+    s1, s2, s3, s4 = distortion[_RADIAL:]
+    s = a * a + b * b
+    for row, (f, first, second) in enumerate(((focal[0], s1, s2), (focal[1], s3, s4))):
+        slope = 2 * f * (first + 2 * second * s) * inverse
+        d_points[..., row, 0] += slope * a
+        d_points[..., row, 1] += slope * b
+        d_points[..., row, 2] -= slope * s
+    u, v = u + s * (s1 + s2 * s), v + s * (s3 + s4 * s)
+    return u, v, d_points, None if d_terms is None else np.concatenate([d_terms, _by_terms(s, focal)], axis=-1)
+
+
+def _by_terms(s: Array, focal: tuple[Number, Number]) -> Array:
+    """Derivative of the pixels to the last four terms, (..., 2, 4)."""
+    out = pinhole.room(2, 4, s.shape)
+    out[...] = 0.0
+    for row in (0, 1):
+        out[..., row, 2 * row] = focal[row] * s
+        out[..., row, 2 * row + 1] = focal[row] * s * s
+    return out
+
+
+def within(points: Array, distortion: list[float]) -> BoolArray:
+    """Whether points lie ahead and inside the fold of the radial terms, (...,)."""
+    return pinhole.within(points, distortion[:_RADIAL])
+
+
+def unproject(u: Array, v: Array, distortion: list[float]) -> tuple[Array, BoolArray]:
+    """Directions (a, b, 1), (..., 3), and whether each has the image (u, v) inside the fold, (...,)."""
+    s1, s2, s3, s4 = distortion[_RADIAL:]
+
+    def image_of(a: Array, b: Array) -> Image:
+        """The pinhole's image and its derivative, with what the prism adds."""
+        at, s = pinhole.image_of(a, b, distortion[:_RADIAL]), a * a + b * b
+        for_u, for_v = 2 * (s1 + 2 * s2 * s), 2 * (s3 + 2 * s4 * s)
+        moved_u, moved_v = at.u + s * (s1 + s2 * s), at.v + s * (s3 + s4 * s)
+        return Image(
+            moved_u, moved_v, at.du_da + for_u * a, at.du_db + for_u * b, at.dv_da + for_v * a, at.dv_db + for_v * b
+        )
+
+    return inverted(image_of, u, v, pinhole.fold(distortion[:_RADIAL]))
+
+
+def usual_distortion(rng: np.random.Generator) -> Array:
+    """Terms as a simulation draws them, (12,): a pinhole's without rational ones, and a slight prism."""
+    return np.concatenate(
+        [pinhole.usual_distortion(rng), np.zeros(3), rng.uniform(-1, 1, 4) * (2e-3, 5e-4, 2e-3, 5e-4)]
+    )
