@@ -17,6 +17,7 @@ from basecal.accuracy.findings.noise_not_identifiable import robots_with_few_sto
 from basecal.accuracy.findings.registry import ANSWER_CHECKS, INPUT_CHECKS
 from basecal.accuracy.input_check.conventions import check_conventions
 from basecal.accuracy.phrases.null_space import describe_null_space
+from basecal.accuracy.phrases.outlier import described_outlier
 from basecal.accuracy.residuals.fit import residuals
 from basecal.accuracy.robot_parameters import deflection, joint_offsets, link_parameters
 from basecal.cell import Calibration, Cell, Finding, Recording, Residuals
@@ -106,7 +107,7 @@ def _judged(
         findings += [finding for check in ANSWER_CHECKS for finding in check(evidence)]
     return replace(
         _calibration(cell, solution, fit, settings, findings),
-        outliers=robust.outliers,
+        outliers=tuple(map(described_outlier, robust.outliers)),
         validation=None if validated is None else validated.summary,
         certificate=certificate,
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from basecal.accuracy.findings.evidence import Evidence
+from basecal.accuracy.phrases.outlier import outlier_reason
 from basecal.accuracy.phrases.sample_list import list_samples
 from basecal.cell import Finding
 
@@ -18,7 +19,7 @@ def outlier_points(of: Evidence) -> list[Finding]:
     numbers, total = sorted({o.sample for o in outliers}), of.robust.points + count
     message = (
         f"{count} of {total} points were left out as outliers, in {list_samples(numbers)}; at sample "
-        f"{outliers[0].sample}, {outliers[0].reason}; look for reflections, covered or blurred parts of the target, "
-        "and ids of another target"
+        f"{outliers[0].sample}, {outlier_reason(outliers[0])}; look for reflections, covered or blurred "
+        "parts of the target, and ids of another target"
     )
     return [Finding("outlier-points", "warning" if count > _FEW * total else "info", tuple(map(str, numbers)), message)]

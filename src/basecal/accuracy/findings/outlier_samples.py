@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from basecal.accuracy.findings.evidence import Evidence
+from basecal.accuracy.phrases.outlier import outlier_reason
 from basecal.accuracy.phrases.sample_list import list_samples
 from basecal.cell import Finding
 from basecal.cell.calibration import Severity
@@ -28,7 +29,7 @@ def outlier_samples(of: Evidence) -> list[Finding]:
     look = f"look at {'it' if one else 'them'}, and record with arms at rest"
     message = (
         f"{list_samples(numbers)} ({len(numbers)} of {total}) {'was' if one else 'were'} left out as "
-        f"{'an outlier' if one else 'outliers'}; at sample {outliers[0].sample}, {outliers[0].reason}; "
+        f"{'an outlier' if one else 'outliers'}; at sample {outliers[0].sample}, {outlier_reason(outliers[0])}; "
         f"{_moved(numbers, of.robust.solution.problem) or look}"
     )
     severity: Severity = "warning" if len(numbers) > _FEW * total else "info"

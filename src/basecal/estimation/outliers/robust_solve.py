@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from basecal.cell import Cell, Outlier
+from basecal.cell import Cell
 from basecal.errors import BasecalError
 from basecal.estimation.least_squares.studentized import judged_by_view, studentized
 from basecal.estimation.noise.estimate import CONTRADICTED
@@ -30,8 +30,8 @@ from basecal.estimation.outliers.inlier_mask import (
     inlier_problem,
     without_points,
 )
+from basecal.estimation.outliers.left_out import LeftOut, measure_left_out
 from basecal.estimation.outliers.point_inliers import PLAUSIBLE_PX, points_within
-from basecal.estimation.outliers.reasons import describe_outliers
 from basecal.estimation.outliers.reweighted import graduated_truncation
 from basecal.estimation.outliers.subset_starts import score, subset_states
 from basecal.estimation.problem.correspondence import choose_correspondence
@@ -66,7 +66,7 @@ class RobustSolution:
     """
 
     solution: Solution
-    outliers: tuple[Outlier, ...]
+    outliers: tuple[LeftOut, ...]
     left_out: Problem
     samples: int
     points: int
@@ -311,7 +311,7 @@ def _differs(old: ViewGroup, new: ViewGroup) -> BoolArray:
 def _told(cell: Cell, problem: Problem, end: _End) -> RobustSolution:
     rows = [np.flatnonzero(~v) for v in end.kept.views]
     groups = (replace(g, readings=()).take(r) for g, r in zip(end.problem.groups, rows, strict=True) if len(r))
-    found = describe_outliers(cell, problem, end.problem, end.solution.state, end.kept, end.judgement)
+    found = measure_left_out(cell, problem, end.problem, end.solution.state, end.kept, end.judgement)
     left_out = end.problem.with_groups(groups)
     return RobustSolution(end.solution, found, left_out, _sample_count(problem), _point_count(end.solution.problem))
 

@@ -1,12 +1,12 @@
-"""Why a view or a point was left out, in words."""
+"""What was left out of a solution, and how far it is from where the rest predicts it."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from basecal.cell import Cell, Outlier
+from basecal.cell import Cell
 from basecal.estimation.outliers.classify import Classification
 from basecal.estimation.outliers.inlier_mask import InlierMask, masked
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
@@ -19,12 +19,36 @@ from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 
 _STEPS = 20
 _FEWEST_3D_POINTS = 3
-_LARGEST = 1000.0
 
 
-def describe_outliers(
+@dataclass(frozen=True)
+class LeftOut:
+    """A view, or some points of one, that was left out, and how far it is from where the rest predicts it.
+
+    Attributes:
+        sample: Number of the sample.
+        camera: Name of the camera.
+        target: Name of the target.
+        ids: The points; empty where the whole view was left out.
+        sigmas: How far in sigmas: the view, or the worst of its points; not finite where that cannot be said.
+        off_m: Likewise [m], of a view that gives a pose by itself, or of 3-D points; None of others.
+        off_rad: Likewise [rad], of a view that gives a pose by itself; None of others.
+        off_px: Likewise [px], of points in pixels; infinite or NaN where they are predicted behind the camera.
+    """
+
+    sample: int
+    camera: str
+    target: str
+    ids: tuple[int, ...]
+    sigmas: float
+    off_m: float | None = None
+    off_rad: float | None = None
+    off_px: float | None = None
+
+
+def measure_left_out(
     cell: Cell, recorded: Problem, problem: Problem, state: State, kept: InlierMask, judgement: Classification
-) -> tuple[Outlier, ...]:
+) -> tuple[LeftOut, ...]:
     """What is not kept, by sample.
 
     Args:
@@ -41,34 +65,22 @@ def describe_outliers(
         expected = as_recorded.camera_from_target(group, problem.stops)
         sigmas = np.sqrt(judgement.views[k].value / judgement.view_scale.variance)
         for view in np.flatnonzero(~kept.views[k]):
-            reason = _of_view(group, state, expected, int(view), float(sigmas[view]))
-            found.append(Outlier(int(group.sample[view]), group.camera, group.target, (), reason))
+            found.append(_of_view(group, state, expected, int(view), float(sigmas[view])))
         shape = cell.targets[group.target].target
         if shape is not None:
             found += _of_points(shape.ids, recorded.groups[k], group, problem, state, kept, k)
     return tuple(sorted(found, key=lambda o: (o.sample, o.camera, o.target)))
 
 
-def _of_view(group: ViewGroup, state: State, expected: SE3, view: int, sigmas: float) -> str:
-    one = group.take(np.array([view]))
-    pose = _alone(one, state, expected[np.array([view])])
-    beyond = _sigmas(sigmas)
-    if pose is not None:
-        off = pose.inverse() @ expected[view]
-        length, angle = float(np.linalg.norm(off.translation)), float(np.degrees(np.linalg.norm(off.rotvec)))
-        return (
-            f"the robots' poses and what was seen disagree{beyond}, {1e3 * length:.1f} mm and {angle:.2f} deg: "
-            "a robot bumped or not settled, or poses and view of different instants"
-        )
-    distance = _pixels_off(one, state, expected[np.array([view])])
-    where = f"{distance:.0f} px" if np.isfinite(distance) else "far"
-    return f"seen {where} from where the rest predicts it{beyond}: a reflection, or a robot bumped or not settled"
-
-
-def _sigmas(sigmas: float) -> str:
-    if not np.isfinite(sigmas):
-        return ""
-    return f" by more than {_LARGEST:.0f} sigma" if sigmas > _LARGEST else f" by {sigmas:.0f} sigma"
+def _of_view(group: ViewGroup, state: State, expected: SE3, view: int, sigmas: float) -> LeftOut:
+    one, near = group.take(np.array([view])), expected[np.array([view])]
+    place = int(group.sample[view]), group.camera, group.target
+    pose = _alone(one, state, near)
+    if pose is None:
+        return LeftOut(*place, (), sigmas, off_px=_pixels_off(one, state, near))
+    off = pose.inverse() @ expected[view]
+    off_m, off_rad = float(np.linalg.norm(off.translation)), float(np.linalg.norm(off.rotvec))
+    return LeftOut(*place, (), sigmas, off_m, off_rad)
 
 
 def _alone(one: ViewGroup, state: State, near: SE3) -> SE3 | None:
@@ -92,7 +104,7 @@ def _pixels_off(one: ViewGroup, state: State, expected: SE3) -> float:
 
 def _of_points(
     ids: IntArray, recorded: ViewGroup, group: ViewGroup, problem: Problem, state: State, kept: InlierMask, k: int
-) -> list[Outlier]:
+) -> list[LeftOut]:
     measurement = group.measurement
     if not isinstance(measurement, PixelMeasurement | PointMeasurement):
         return []
@@ -101,15 +113,18 @@ def _of_points(
     if not len(views):
         return []
     predicted = state.camera_from_target(group, problem.stops)[views]
-    off = _distances(measurement.take(views), kept.points[k][views], predicted, state.cameras.get(group.camera))
-    unit = "px" if isinstance(measurement, PixelMeasurement) else "mm"
+    distances = _distances(measurement.take(views), kept.points[k][views], predicted, state.cameras.get(group.camera))
+    in_pixels = isinstance(measurement, PixelMeasurement)
     found = []
-    for v, distance in zip(views, off, strict=True):
+    for v, distance in zip(views, distances, strict=True):
         numbers = ids[::-1] if _is_turned(recorded, group, int(v)) else ids
         sigmas = distance[lost[v]] * measurement.weight[v][lost[v]]
-        reason = _point_reason(distance[lost[v]] * (1e3 if unit == "mm" else 1.0), sigmas, unit)
+        worst = int(np.argmax(sigmas))
+        off = float(distance[lost[v]][worst])
         which = tuple(sorted(int(i) for i in numbers[lost[v]]))
-        found.append(Outlier(int(group.sample[v]), group.camera, group.target, which, reason))
+        off_m, off_px = (None, off) if in_pixels else (off, None)
+        place = int(group.sample[v]), group.camera, group.target
+        found.append(LeftOut(*place, which, float(sigmas[worst]), off_m, None, off_px))
     return found
 
 
@@ -131,11 +146,3 @@ def _distances(
     assert rows is not None
     weight = np.where(measurement.weight > 0, measurement.weight, 1.0)
     return np.where(rows.seen, np.linalg.norm(rows.residual, axis=-1) / weight, np.inf)
-
-
-def _point_reason(off: Array, sigmas: Array, unit: str) -> str:
-    worst = int(np.argmax(sigmas))
-    where = f"{off[worst]:.3g} {unit}" if np.isfinite(off[worst]) else "far"
-    which = "point is" if len(off) == 1 else f"{len(off)} points are up to"
-    beyond = _sigmas(float(sigmas[worst])).replace(" by", "")
-    return f"{which} {where} ({beyond.strip()}) from where the rest predicts it: a reflection, a wrong id or occluded"

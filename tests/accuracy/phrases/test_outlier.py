@@ -1,0 +1,38 @@
+"""Reasons why something was left out, in words."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from basecal.accuracy.phrases.outlier import described_outlier, outlier_reason
+from basecal.estimation.outliers.left_out import LeftOut
+
+
+@pytest.mark.parametrize(
+    ("of", "words"),
+    [
+        (LeftOut(3, "wrist", "board", (), 12.3, 0.0161, 0.05), "disagree by 12 sigma, 16.1 mm and 2.86 deg: a robot"),
+        (
+            LeftOut(3, "wrist", "led", (), 2e4, off_px=40.4),
+            "seen 40 px from where the rest predicts it by more than 1000",
+        ),
+        (LeftOut(3, "wrist", "led", (), math.nan, off_px=math.nan), "seen far from where the rest predicts it: a"),
+        (LeftOut(3, "wrist", "board", (4,), 7.2, off_px=1.994), "point is 1.99 px (7 sigma) from where"),
+        (LeftOut(3, "wrist", "board", (4, 5), 7.2, off_m=0.0123), "2 points are up to 12.3 mm (7 sigma) from where"),
+        (
+            LeftOut(3, "wrist", "board", (4,), math.inf, off_px=math.inf),
+            "point is far from where the rest predicts it: a",
+        ),
+    ],
+)
+def test_reasons_name_how_far_and_why(of, words):
+    """Distances in px, mm and degrees, sigmas up to a thousand, and no number where there is none."""
+    assert words in outlier_reason(of)
+
+
+def test_the_place_is_kept():
+    """Sample, camera, target and points are those of what was left out."""
+    outlier = described_outlier(LeftOut(3, "wrist", "board", (4, 5), 7.0, off_px=2.0))
+    assert (outlier.sample, outlier.camera, outlier.target, outlier.ids) == (3, "wrist", "board", (4, 5))
