@@ -37,6 +37,7 @@ lint: $(VENV)/.lint
 
 docs: $(VENV)/.docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	@if grep -rlE '(src=|<link[^>]*href=)"?(https?:)?//' site --include='*.html'; then echo "these pages load from outside"; exit 1; fi
 
 bench: $(VENV)/.bench
 	for each in $(BENCHMARKS); do echo "benchmarks.$$each"; $(BIN)/python -m benchmarks.$$each || exit 1; done

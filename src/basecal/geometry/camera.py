@@ -82,7 +82,7 @@ class Camera:
         Raises:
             InputError: if the last axis is not 3.
 
-        Source: geometry/lenses; docs/mathematics.md.
+        Source: geometry/lenses; docs/mathematics.md (2.3)-(2.6).
         """
         points = _last_axis(points_in_camera, 3, "points_in_camera")
         with np.errstate(all="ignore"):

@@ -2,7 +2,7 @@
 
 `a_from_b @ b_from_c` composes, `a_from_b @ p_in_b` moves points. Tangents are (translation [m], rotation [rad]) and
 perturb on the right: `a_from_b @ SE3.exp(xi)`, so `xi` reads in the axes of b. Source: Sola et al. 2018,
-arXiv:1812.01537; docs/mathematics.md. Below 0.5 rad every coefficient is a series, since the closed
+arXiv:1812.01537. Below 0.5 rad every coefficient is a series, since the closed
 forms cancel.
 """
 

@@ -1,4 +1,4 @@
-"""How well a problem predicts stations that were left out of its fit."""
+"""How well a problem predicts stations that were left out of its fit. Source: docs/mathematics.md (9.3)."""
 
 from __future__ import annotations
 

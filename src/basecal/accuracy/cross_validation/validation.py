@@ -3,7 +3,7 @@
 Every fold is fitted anew from the full answer, with the noise of the full answer, without the samples it holds out. Of
 nested data the difference of two estimates has the difference of their covariances: Cov(fold - full) = C_fold - C_full,
 and between folds Cov(j - full, k - full) = C_j (H_j + H_k - H) C_k - C_full, with H the information of all samples.
-Source: Hausman 1978; docs/mathematics.md, "Held-out samples".
+Source: Hausman 1978; docs/mathematics.md (5.4).
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ equations. Image coordinates are undistorted pixels minus the principal point, v
 
 Source: "Base Calibration for Dual Robot System", section 2, eqs. (1)-(16). We differ: real shifts are neither equal nor
 along the axes, so the measured 3x3 matrix of shifts stands where the paper has L times the identity; with that matrix
-every formula is the paper's. docs/mathematics.md shows it.
+every formula is the paper's: docs/mathematics.md (1.1)-(1.7).
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@
    The proof says how fast the sum grows, so that such a state's rotations lie within a known angle of the proven ones.
 3. Within that angle descents from all about must end in the solution. This is checked, not proven.
 
-Source: docs/mathematics.md, "Certificate".
+Source: docs/mathematics.md (10.5), (10.6).
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ the smallest eigenvalue of M + D, with any such D, is a lower bound; where one D
 that value is the least. D is found by Newton's method on a barrier, its steps by conjugate gradients. The bound is
 then taken from the eigenvalues of M + D alone, whatever led to D.
 
-Source: Lasserre 2001 (duals of moment relaxations); docs/mathematics.md, "Certificate".
+Source: Lasserre 2001 (duals of moment relaxations); docs/mathematics.md (10.4).
 """
 
 from __future__ import annotations

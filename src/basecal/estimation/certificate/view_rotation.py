@@ -3,6 +3,7 @@
 A view whose own rotation is R costs at least `constant + weight * sin^2(angle / 2)` at R turned by an angle, whatever
 its translation. For measured poses and 3-D points this holds everywhere. For pixels it is the curvature at the view's
 own optimum, halved, and the view counts only where its second pose is out of the question.
+Source: docs/mathematics.md (10.1).
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """How `camera_from_target` moves with each unknown: every one through an adjoint.
 
 All are right tangents: `camera_from_target @ SE3.exp(D @ xi)` where an unknown is perturbed on its right by `xi`.
-Source: docs/mathematics.md, "Derivatives".
+Source: docs/mathematics.md (3.1)-(3.3).
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 With g, H of a view (its private stops eliminated) and P the covariance that the unknowns give to its tangent, the
 squared deviation from all other views is d^2 = g'(H - H P H)^+ g where the view is part of the fit and
 g'(H + H P H)^+ g where it is not: chi-square with rank(H) freedoms where the noise is true. Source: Cook & Weisberg
-1982 (studentised residuals); docs/mathematics.md, "Outliers".
+1982 (studentised residuals); docs/mathematics.md (8.1), (8.2).
 """
 
 from __future__ import annotations

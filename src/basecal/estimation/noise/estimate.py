@@ -3,7 +3,7 @@
 Where they are all there is, one common factor: cost / dof. Where priors or robots' noise are stated too, each sigma
 is the fixed point of sigma^2 = (sum of squares) / (n - gamma), with gamma the number of unknowns that its residuals
 determine: the derivative of the posterior's log determinant to the log of its weight. Source: MacKay 1992;
-docs/mathematics.md, "Noise".
+docs/mathematics.md (5.1).
 """
 
 from __future__ import annotations

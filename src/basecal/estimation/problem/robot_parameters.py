@@ -4,7 +4,7 @@ A robot given by joints stands where its chain with moved links stands at the re
 turned besides by its compliance times the torque of gravity. Two ends of an arm cannot be told from what they hang on:
 the first joint's offset turns the arm as its base does, the last one's as the mounts on its flange do. Where both sides
 of such a pair are free, the arm's side is held at zero, which defines the other.
-Source: docs/mathematics.md, "Robots given by joints".
+Source: docs/mathematics.md (9.1).
 """
 
 from __future__ import annotations

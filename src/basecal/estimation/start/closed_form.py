@@ -2,7 +2,7 @@
 
 Vectors of matrices are by columns: vec(P M Q) = kron(Q', P) vec(M). A homogeneous system's null vector is trusted only
 where the next singular value stands clear of it. Sources: Shah 2013, 10.1115/1.4024473 (two unknowns); Wang et al.
-2022 for three; docs/mathematics.md, "A start with no guess".
+2022 for three; docs/mathematics.md (6.1)-(6.4).
 """
 
 from __future__ import annotations

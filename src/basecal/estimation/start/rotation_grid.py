@@ -2,6 +2,7 @@
 
 Once the rotations of X and Y in A X B = Y C Z are fixed, the directions to a light leave the translations to linear
 least squares. The sixty rotations of the icosahedron cover all rotations within 45 degrees.
+Source: docs/mathematics.md (6.5).
 """
 
 from __future__ import annotations

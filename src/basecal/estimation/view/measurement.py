@@ -2,6 +2,7 @@
 
 With residuals r(delta) of `camera_from_target @ SE3.exp(delta)`, already divided by their sigmas, a view says
 `cost = r'r`, `gradient = J'r` and `information = J'J`; a few columns more stand for the lens where it is free.
+Source: docs/mathematics.md (2.1), (2.2), (2.7).
 """
 
 from __future__ import annotations

@@ -1,0 +1,101 @@
+"""The documents agree with the code: equations, reference, glossary; and load nothing from outside."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import basecal
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+SOURCES = sorted((ROOT / "src" / "basecal").rglob("*.py"))
+TAG = re.compile(r"\\tag\{(\d+\.\d+)\}")
+CITATION = re.compile(r'docs/mathematics\.md((?:(?:,? and|,|-)? ?\(\d+\.\d+\))+|, "[^"]+")?')
+
+
+def equations() -> list[str]:
+    """Numbers of the equations in docs/mathematics.md, in their order."""
+    return TAG.findall((DOCS / "mathematics.md").read_text(encoding="utf-8"))
+
+
+def cited(text: str, known: list[str]) -> Iterator[str]:
+    """Equations that a text cites: single ones, and those of a range such as (2.4)-(2.6)."""
+    for found in CITATION.finditer(" ".join(text.split())):
+        for first, last in re.findall(r"\((\d+\.\d+)\)(?:-\((\d+\.\d+)\))?", found[1] or ""):
+            yield first
+            if last:
+                yield last
+                inside = slice(known.index(first), known.index(last)) if {first, last} <= set(known) else slice(0)
+                yield from known[inside]
+
+
+def test_every_equation_has_its_own_number() -> None:
+    """No number stands at two equations, and those of a section count up from one."""
+    sections: dict[int, list[int]] = {}
+    for number in equations():
+        section, place = map(int, number.split("."))
+        sections.setdefault(section, []).append(place)
+    assert list(sections) == sorted(sections)
+    assert all(places == list(range(1, len(places) + 1)) for places in sections.values())
+
+
+def test_code_and_mathematics_cite_the_same_equations() -> None:
+    """Every equation that a docstring cites exists, and every equation is cited by the code that computes it."""
+    known = equations()
+    assert {number for path in SOURCES for number in cited(path.read_text(encoding="utf-8"), known)} == set(known)
+
+
+def test_every_citation_says_where() -> None:
+    """A citation of the mathematics names an equation, or a heading that exists."""
+    page = (DOCS / "mathematics.md").read_text(encoding="utf-8")
+    where = {(path.name, found[1]) for path in SOURCES for found in CITATION.finditer(path.read_text(encoding="utf-8"))}
+    assert {(name, place) for name, place in where if not place} == set()
+    named = {place[3:-1] for _, place in where if place.startswith(', "')}
+    assert {name for name in named if name not in page} == set()
+
+
+def test_citations_are_read_with_their_ranges() -> None:
+    """A list, a range and a line's end in between are all read."""
+    known = ["1.1", "1.2", "1.3", "2.1"]
+    text = "Source: docs/mathematics.md\n    (1.1)-(1.3), (2.1). Not (3.1)."
+    assert set(cited(text, known)) == set(known)
+
+
+def test_mentions_in_the_mathematics_exist() -> None:
+    """The page itself refers to equations that it has."""
+    page = (DOCS / "mathematics.md").read_text(encoding="utf-8")
+    assert set(re.findall(r"\((\d+\.\d+)\)", page)) <= set(equations())
+
+
+def test_reference_lists_every_public_name() -> None:
+    """The page of public names has each name of `basecal.__all__`, where it is defined, once."""
+    listed = re.findall(r"^::: (\S+)$", (DOCS / "api" / "index.md").read_text(encoding="utf-8"), re.MULTILINE)
+    at_home = [f"{getattr(basecal, name).__module__}.{name}" for name in basecal.__all__]
+    assert sorted(listed) == sorted(at_home)
+
+
+def test_reference_has_every_package() -> None:
+    """Every package but the command line has a page."""
+    packages = {path.parent.name for path in (ROOT / "src" / "basecal").glob("*/__init__.py")} - {"cli"}
+    assert {path.stem for path in (DOCS / "api").glob("*.md")} - {"index"} == packages
+
+
+def test_glossary_says_each_word_once() -> None:
+    """No word is explained twice, and the words of a table are in the order of the alphabet."""
+    page = (DOCS / "glossary.md").read_text(encoding="utf-8")
+    tables = [re.findall(r"^\| ([^|]+?) \|", part, re.MULTILINE)[1:] for part in page.split("\n## ")[1:]]
+    words = [word for table in tables for row in table if row != "---" for word in row.split(", ")]
+    assert len(set(words)) == len(words)
+    for table in tables:
+        rows = [row.lower() for row in table if row != "---"]
+        assert rows == sorted(rows)
+
+
+def test_documents_load_nothing_from_outside() -> None:
+    """No page, style or setting names a script, style, font or image of another server."""
+    loading = re.compile(r"""(?:src=|<link[^>]*href=|url\(|@import|!\[[^]]*\]\()\s*["']?(?:https?:)?//""")
+    files = [*DOCS.rglob("*.md"), *DOCS.rglob("*.css"), *DOCS.rglob("*.svg"), *DOCS.rglob("*.py"), ROOT / "mkdocs.yml"]
+    assert [str(path) for path in files if loading.search(path.read_text(encoding="utf-8"))] == []
+    assert "font: false" in (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
