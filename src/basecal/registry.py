@@ -24,3 +24,8 @@ LENSES = (
     "thin_prism",
 )
 """Lenses: modules of `basecal.geometry.lenses`; several may be one model with other numbers of terms."""
+
+EXPORTERS = {
+    "urdf": "ROBOT: its URDF with its joint offsets and link errors in the origins of its joints",
+}
+"""Options of `basecal export` with what each takes and gives: modules of `basecal.exchange.exporters`."""

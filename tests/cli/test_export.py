@@ -9,7 +9,9 @@ import pytest
 
 from basecal.cell.files import latest_run, read_calibration, read_cell
 from basecal.cli import main
+from basecal.exchange.exporters.exporter import exporter
 from basecal.kinematics import read_chain
+from basecal.registry import EXPORTERS
 
 
 @pytest.fixture
@@ -53,3 +55,19 @@ def test_it_says_what_is_missing(off: Path, tmp_path: Path, capsys: pytest.Captu
     assert main([*words, "foot"]) != 0
     assert "foot" in capsys.readouterr().err
     assert not (tmp_path / "x.urdf").exists()
+
+
+@pytest.mark.parametrize("words", [[], ["--sdf", "hand"], ["--urdf", "hand", "--sdf", "hand"]])
+def test_one_thing_is_exported(words: list[str], off: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Nothing said, something unknown and two things at once are wrong usage, and what there is is named."""
+    assert main(["export", str(off), "-o", str(tmp_path / "x"), *words]) == 2
+    told = capsys.readouterr().err
+    assert all(f"--{name}" in told for name in EXPORTERS)
+
+
+@pytest.mark.parametrize("name", EXPORTERS)
+def test_every_exporter_is_told(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """The help of the verb names every exporter, and each is there."""
+    main(["export", "--help"])
+    assert f"--{name}" in capsys.readouterr().out
+    assert callable(exporter(name).exported)

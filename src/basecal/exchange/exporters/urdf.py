@@ -1,0 +1,38 @@
+"""The URDF of a robot with its calibration in it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from basecal.cell import Calibration, Cell
+from basecal.errors import FrameNotFound, InputError
+from basecal.exchange.urdf import corrected_urdf
+
+
+def exported(cell: Cell, folder: Path, calibration: Calibration, of: str) -> str:
+    """The URDF of the robot `of`: at the joints that it records, its flange is where the calibrated one is.
+
+    Offsets that nothing is known of count as zero.
+
+    Raises:
+        FrameNotFound: if there is no such robot.
+        InputError: if it has no URDF, or was not calibrated.
+        DatasetError: if its URDF cannot be used.
+    """
+    if of not in cell.robots:
+        raise FrameNotFound(of, list(cell.robots))
+    robot = cell.robots[of]
+    if robot.urdf is None or robot.base_link is None or robot.flange_link is None:
+        raise InputError(f"robot {of!r} has no urdf in cell.yaml: there is nothing to correct")
+    offsets, links = calibration.joint_offsets.get(of), calibration.link_parameters.get(of)
+    if offsets is None and links is None:
+        raise InputError(
+            f"the latest calibration has no joint offsets of {of!r}: "
+            "write `joint_offsets: {status: prior, sigma_rad: 0.005}` there in cell.yaml and calibrate again"
+        )
+    turns = None if offsets is None else np.nan_to_num(offsets.rad)
+    moves = None if links is None else links.tangents
+    text = (folder / robot.urdf).read_bytes()
+    return corrected_urdf(text, robot.base_link, robot.flange_link, turns, moves)
