@@ -16,7 +16,7 @@ from basecal.simulation.layout import layout_of
 from basecal.simulation.motion import Motion, seen_points
 from basecal.simulation.observe import observe
 from basecal.simulation.scene import draw_scene
-from basecal.simulation.told import told, truth
+from basecal.simulation.stated_cell import stated_cell, truth
 
 # From a home pose, where the target is in the robot's base, and a generator: poses of the flange.
 Move = Callable[[SE3, np.ndarray, int, np.random.Generator], SE3]
@@ -98,7 +98,7 @@ def recorded(
         Sample(k, float(k), {robot: RobotState(poses[k]) for robot, poses in motion.recorded.items()}, observations)
         for k, observations in enumerate(observe(motion, scene, scenario, for_noise))
     )
-    cell = told(scene, scenario, for_priors, {})
+    cell = stated_cell(scene, scenario, for_priors, {})
     return SimulatedCell(cell, Recording(samples), truth(scene, cell), scene.lenses, motion.true)
 
 
