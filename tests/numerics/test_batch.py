@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -59,3 +60,18 @@ def test_where_chooses_row_by_row(rng):
         np.testing.assert_array_equal(mixed.parts[0][row], chosen.parts[0][row])
     assert where(np.ones(4, dtype=bool), first, second) is first
     assert where(np.zeros(4, dtype=bool), first, second) is second
+
+
+class Pair(NamedTuple):
+    """Two arrays by name."""
+
+    first: Array
+    second: Array
+
+
+def test_named_tuples_stay_what_they_are(rng):
+    """Rows of a named tuple are a named tuple of the same kind."""
+    pair = Pair(rng.standard_normal(4), rng.standard_normal((4, 2)))
+    few = take(pair, np.array([2, 0]))
+    assert isinstance(few, Pair)
+    np.testing.assert_array_equal(few.second, pair.second[[2, 0]])

@@ -101,3 +101,15 @@ def test_not_converged_is_said():
     optima = levenberg_marquardt(curves(0.1), np.tile([1.0, 1.0], (4, 1)), Stop(iterations=2))
     assert not optima.converged.any()
     assert np.all(optima.iterations == 2)
+
+
+def test_looser_ends_come_sooner_and_stay_within_what_is_allowed():
+    """A tenth of a sigma takes fewer steps than the default, and ends within two tenths of its optimum."""
+    start = np.tile([1.0, 1.0], (4, 1))
+    tight = levenberg_marquardt(curves(0.1), start, Stop(dof=18))
+    loose = levenberg_marquardt(curves(0.1), start, Stop(dof=18, sigmas=0.1))
+    assert loose.converged.all()
+    assert loose.iterations.sum() < tight.iterations.sum()
+    off, hessian = loose.state - tight.state, curves(0.1).linearise(tight.state).hessian
+    assert np.all(np.einsum("bi,bij,bj->b", off, hessian, off) <= 0.2**2 * tight.cost / 18)
+    assert np.any(np.abs(off) > 1e-9)

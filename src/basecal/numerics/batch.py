@@ -20,6 +20,8 @@ SHARED = {"shared": True}
 
 def take(noun: T, rows: Rows | BoolArray | int) -> T:
     """The entries of a batch at these rows; without the batch axis where `rows` is a number."""
+    if isinstance(rows, np.ndarray) and rows.dtype == np.bool_ and rows.all():
+        return noun
     taken: T = _mapped(lambda arrays: arrays[0][rows], [noun])
     return taken
 
@@ -70,5 +72,6 @@ def _mapped(change: Callable[[Sequence[Array]], Array], nouns: Sequence[Any], of
     if isinstance(first, Mapping):
         return {key: _mapped(change, [n[key] for n in nouns], of_batches) for key in first}
     if isinstance(first, tuple):
-        return tuple(_mapped(change, each, of_batches) for each in zip(*nouns, strict=True))
+        entries = [_mapped(change, each, of_batches) for each in zip(*nouns, strict=True)]
+        return type(first)(*entries) if hasattr(first, "_fields") else tuple(entries)
     return first

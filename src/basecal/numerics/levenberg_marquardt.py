@@ -13,7 +13,7 @@ import numpy as np
 from basecal.geometry import Array, BoolArray, IntArray
 from basecal.numerics.batch import concatenate, take, where
 
-SETTLED_SIGMAS = 1e-5  # what is left to go, in sigmas of the unknowns: no statistic of a result shows it
+SETTLED_SIGMAS = 1e-5  # what may be left to go, in sigmas of the unknowns: no statistic of a result shows it
 STRAIGHT_SIGMAS = 1e-3  # how far the cost may miss its prediction where steps do not show all that moves [sigma]
 _SMALLEST_STEP = 1e-13  # [m, rad]: rounding of poses a metre away
 _FIRST_DAMPING = 1e-9  # of the scaled diagonal: Gauss-Newton, yet regular where a direction is not observable
@@ -66,11 +66,13 @@ class Stop:
         dof: Residuals less unknowns, a number or (b,), which scales the sigmas.
         hidden: Whether more moves than steps show, as errors that are eliminated do: then the cost must besides have
             fallen as predicted, to `STRAIGHT_SIGMAS`.
+        sigmas: What may be left to go; where `dof` is 1 the square of it is a share of the cost.
     """
 
     iterations: int = 100
     dof: float | Array = 1.0
     hidden: bool = False
+    sigmas: float = SETTLED_SIGMAS
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,8 +145,8 @@ class _Ends(Generic[S, L]):
 def levenberg_marquardt(system: System[S, L], state: S, stop: Stop) -> Optima[S, L]:
     """The optima downhill of a batch of states.
 
-    A problem has converged when what is left after a step, by the rate at which steps shrink, is below 1e-5 of the
-    sigmas that the data have left, or below 1e-13 [m, rad].
+    A problem has converged when what is left after a step, by the rate at which steps shrink, is below a small share
+    of the sigmas that the data have left, or below 1e-13 [m, rad].
 
     Args:
         system: The problems.
@@ -166,50 +168,52 @@ def levenberg_marquardt(system: System[S, L], state: S, stop: Stop) -> Optima[S,
     )
     ends: _Ends[S, L] = _Ends()
     for k in range(stop.iterations):
-        flight, system = _iterated(flight, system, ends, k + 1, stop.hidden)
-        if not len(flight.row):
-            break
-    if len(flight.row):
-        ends.add(flight.row, flight.state, flight.cost, flight.about, False, stop.iterations)
+        left = _iterated(flight, system, ends, k + 1, stop)
+        if left is None:
+            return ends.in_order()
+        flight, system = left
+    ends.add(flight.row, flight.state, flight.cost, flight.about, False, stop.iterations)
     return ends.in_order()
 
 
 def _iterated(
-    flight: _Flight[S, L], system: System[S, L], ends: _Ends[S, L], number: int, hidden: bool
-) -> tuple[_Flight[S, L], System[S, L]]:
-    """One step of every problem; those that end with it leave the flight."""
+    flight: _Flight[S, L], system: System[S, L], ends: _Ends[S, L], number: int, stop: Stop
+) -> tuple[_Flight[S, L], System[S, L]] | None:
+    """One step of every problem; those that end with it leave the flight, and None is left where all do."""
     about = flight.about
     step = _damped_step(about, flight.damping)
     expected = np.einsum("bi,bij,bj->b", step, about.hessian, step)
-    settled = _settled(flight, step, expected)
+    settled = _settled(flight, step, expected, stop.sigmas)
     candidate = system.retract(flight.state, about, step)
     done = settled & (flight.damping <= _UNDAMPED)
     if done.any():
         cost = np.maximum(flight.cost[done] - expected[done], 0.0)
         ends.add(flight.row[done], take(candidate, done), cost, take(about, done), True, number)
+        if done.all():
+            return None
         kept = np.flatnonzero(~done)
         flight, candidate, system = take(flight, kept), take(candidate, kept), system.take(kept)
         expected, settled = expected[kept], settled[kept]
-        if not len(kept):
-            return flight, system
     after, cost = _linearised(system, candidate, flight.about)
     better = cost <= flight.cost * (1 + _UPHILL)
-    flight = _moved(flight, candidate, after, cost, better, np.maximum(expected, 1e-300), hidden)
+    flight = _moved(flight, candidate, after, cost, better, np.maximum(expected, 1e-300), stop.hidden)
     stuck, lost = ~better & settled, ~better & (flight.damping > _LARGEST_DAMPING)
     for ended, converged in ((stuck, True), (lost & ~stuck, False)):
         if ended.any():
             left = take(flight, ended)
             ends.add(left.row, left.state, left.cost, left.about, converged, number)
     going = np.flatnonzero(~(stuck | lost))
-    return (flight, system) if len(going) == len(stuck) else (take(flight, going), system.take(going))
+    if len(going) == len(stuck):
+        return flight, system
+    return (take(flight, going), system.take(going)) if len(going) else None
 
 
-def _settled(flight: _Flight[S, L], step: Array, expected: Array) -> BoolArray:
+def _settled(flight: _Flight[S, L], step: Array, expected: Array, sigmas: float) -> BoolArray:
     """Whether what is left to go after a step is nothing that the data could show, (b,)."""
     scale = np.where(np.isfinite(flight.cost), flight.cost / flight.dof, 1.0)
     shrinks = (flight.expected > 0) & (flight.damping <= _UNDAMPED)
     rate = np.where(shrinks, np.minimum(1.0, expected / np.where(shrinks, flight.expected, 1.0)), 1.0)
-    near = (expected * rate <= SETTLED_SIGMAS**2 * scale) & (flight.bent <= STRAIGHT_SIGMAS**2 * scale)
+    near = (expected * rate <= sigmas**2 * scale) & (flight.bent <= STRAIGHT_SIGMAS**2 * scale)
     settled: BoolArray = near | (np.abs(step).max(-1, initial=0.0) < _SMALLEST_STEP)
     return settled
 

@@ -104,6 +104,10 @@ class _WithPrior:
         tension, force = self.prior.tension(camera_from_target)
         return ViewInformation(view.cost + tension, view.gradient + force, view.information + self.prior.information)
 
+    def take(self, views: IntArray) -> _WithPrior:
+        """The views at these indices."""
+        return _WithPrior(self.measurement.take(views), self.prior.take(views))
+
 
 @dataclass(frozen=True, eq=False)
 class _Views:

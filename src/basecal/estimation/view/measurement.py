@@ -22,6 +22,11 @@ class ViewInformation(NamedTuple):
     gradient: Array
     information: Array
 
+    @property
+    def hessian(self) -> Array:
+        """Half the second derivative of the cost, as Levenberg-Marquardt calls it: the information."""
+        return self.information
+
 
 class Noise(NamedTuple):
     """Sigmas of what states none: a pixel coordinate [px], a measured pose [m, rad], a 3-D point [m]."""

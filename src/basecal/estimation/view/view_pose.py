@@ -12,13 +12,15 @@ from typing import Protocol
 import numpy as np
 
 from basecal.estimation.view.measurement import Measurement, ViewInformation
-from basecal.geometry import SE3, Array, BoolArray, Camera
+from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 from basecal.geometry.se3 import nearest_rotation, rotation_exp
+from basecal.numerics.levenberg_marquardt import Stop, levenberg_marquardt
 
 FEWEST_POINTS = 4
 _FEWEST_IN_SPACE = 6
 _ITERATIONS = 2
 _FLAT = 1e-6
+_SETTLED = 1e-3  # of the residuals' norm: a step that gains less than a millionth of the cost is the last
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,37 +152,42 @@ class _Refined:
         return _Refined(self.camera_from_target[views], self.cost[views], self.information[views])
 
 
-class Linearised(Protocol):
+class Views(Protocol):
     """What says how views fit at poses; see `Measurement`."""
 
     def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
         """See `Measurement`."""
         ...
 
+    def take(self, views: IntArray) -> Views:
+        """See `Measurement`."""
+        ...
 
-def refined(measurement: Linearised, start: SE3, camera: Camera | None = None, iterations: int = 8) -> _Refined:
-    """Each view's pose at its own optimum near `start`, (n,): damped Gauss-Newton on all views side by side."""
-    pose, view = start, measurement.linearise(start, camera, False)
-    damping = np.full(len(start), 1e-6)
-    for _ in range(iterations):
-        scale = np.maximum(np.diagonal(view.information, axis1=-2, axis2=-1), 1e-12)
-        matrix = view.information + np.eye(6) * (damping[:, None] * scale)[:, None, :]
-        step = -np.linalg.solve(matrix, view.gradient[..., None])[..., 0]
-        candidate = pose @ SE3.exp(np.where(np.isfinite(step), step, 0.0))
-        after = measurement.linearise(candidate, camera, False)
-        better = after.cost <= view.cost
-        pose = SE3(
-            np.where(better[:, None, None], candidate.rotation, pose.rotation),
-            np.where(better[:, None], candidate.translation, pose.translation),
-        )
-        settled = np.all(~better | (view.cost <= after.cost + 1e-6 * view.cost + 1e-12))
-        view = type(view)(
-            *(np.where(better.reshape(-1, *[1] * (a.ndim - 1)), a, b) for a, b in zip(after, view, strict=True))
-        )
-        damping = np.where(better, damping * 0.1, damping * 10)
-        if settled:
-            break
-    return _Refined(pose, view.cost, view.information)
+
+@dataclass(frozen=True, eq=False)
+class _Poses:
+    """The poses of views, each a problem of its own, as Levenberg-Marquardt knows them; see `System`."""
+
+    views: Views
+    camera: Camera | None
+
+    def linearise(self, camera_from_target: SE3) -> ViewInformation:
+        """See `System`."""
+        return self.views.linearise(camera_from_target, self.camera, False)
+
+    def retract(self, camera_from_target: SE3, about: ViewInformation, step: Array) -> SE3:
+        """See `System`."""
+        return camera_from_target @ SE3.exp(step)
+
+    def take(self, rows: IntArray) -> _Poses:
+        """See `System`."""
+        return _Poses(self.views.take(rows), self.camera)
+
+
+def refined(views: Views, start: SE3, camera: Camera | None = None, iterations: int = 8) -> _Refined:
+    """Each view's pose at its own optimum near `start`, (n,); see `numerics.levenberg_marquardt`."""
+    optima = levenberg_marquardt(_Poses(views, camera), start, Stop(iterations, sigmas=_SETTLED))
+    return _Refined(optima.state, optima.cost, optima.about.information)
 
 
 def _ranked(first: _Refined, second: _Refined, enough: BoolArray) -> ViewPoses:
