@@ -8,14 +8,17 @@ from contextlib import contextmanager
 
 
 class Stages:
-    """Wall time by stage, and word of each as it begins.
+    """Time by stage, and word of each as it begins.
 
     Attributes:
         seconds: By stage, in the order in which they first began [s].
     """
 
-    def __init__(self, tell: Callable[[str], None] | None = None) -> None:
+    def __init__(
+        self, tell: Callable[[str], None] | None = None, clock: Callable[[], float] = time.perf_counter
+    ) -> None:
         self.seconds: dict[str, float] = {}
+        self._clock = clock
         self._tell = tell
         self._running = False
 
@@ -28,9 +31,9 @@ class Stages:
         if self._tell is not None:
             self._tell(name)
         self._running = True
-        began = time.perf_counter()
+        began = self._clock()
         try:
             yield
         finally:
             self._running = False
-            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - began
+            self.seconds[name] = self.seconds.get(name, 0.0) + self._clock() - began
