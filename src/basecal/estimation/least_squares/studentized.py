@@ -65,12 +65,12 @@ def leave_one_out(problem: Problem, state: State, weights: Sequence[Array]) -> L
 def studentized(
     problem: Problem, state: State, weights: Sequence[Array] | None = None
 ) -> tuple[MahalanobisSquared, ...]:
-    """By group, (n,): how far each view is from a state itself, as if that were exact; infinite behind its camera.
+    """By group, (..., n): how far each view is from a state itself, as if that were exact; infinite behind its camera.
 
     Args:
         problem: The problem.
-        state: The state.
-        weights: By group, (n,): what each view counts towards shared stops; 1 where None.
+        state: The state, or a batch of them.
+        weights: By group, (..., n): what each view counts towards shared stops; 1 where None.
     """
     normal = linearise(problem, state, weights)
     return tuple(_misfits(g, of, state, problem) for g, of in zip(problem.groups, normal.views, strict=True))
@@ -78,12 +78,12 @@ def studentized(
 
 def _misfits(group: ViewGroup, of: LinearisedViews, state: State, problem: Problem) -> MahalanobisSquared:
     finite = np.asarray(np.isfinite(of.information).all((-1, -2)) & np.isfinite(of.gradient).all(-1))
-    root, inverse = _root(np.where(finite[:, None, None], of.information, 0.0))
-    gradient = np.where(finite[:, None], of.gradient, 0.0)
+    root, inverse = _root(np.where(finite[..., None, None], of.information, 0.0))
+    gradient = np.where(finite[..., None], of.gradient, 0.0)
     whitened = (np.swapaxes(inverse, -1, -2) @ gradient[..., None])[..., 0]
     lost = ~finite
     if isinstance(group.measurement, PixelMeasurement):
-        lost |= state.camera_from_target(group, problem.stops).translation[:, 2] <= 0
+        lost |= state.camera_from_target(group, problem.stops).translation[..., 2] <= 0
     equations = group.measurement.equations()
     return MahalanobisSquared(np.where(lost, np.inf, np.sum(whitened**2, -1)), np.where(lost, equations, _rank(root)))
 
@@ -257,17 +257,18 @@ def _shared_spread(normal: NormalEquations, k: int) -> Array:
 
 
 def _root(information: Array) -> tuple[Array, Array]:
-    """R and Q, (n, q, q), with `R @ R' == information` and `Q @ Q'` its pseudo-inverse; zero columns where it has none.
+    """R and Q, (..., q, q), with `R @ R' == information` and `Q @ Q'` its pseudo-inverse.
 
+    Columns are zero where there is no information.
     Scaled first, since metres, radians and pixels of a lens stand side by side.
     """
     diagonal = np.sqrt(np.maximum(np.diagonal(information, axis1=-2, axis2=-1), 0.0))
     scale = np.where(diagonal > 0, diagonal, 1.0)
-    values, vectors = np.linalg.eigh(information / scale[:, :, None] / scale[:, None, :])
-    positive = values > _ROUNDING * np.maximum(values[:, -1:], 1e-300)
-    root = np.where(positive, np.sqrt(np.maximum(values, 0.0)), 0.0)[:, None, :]
+    values, vectors = np.linalg.eigh(information / scale[..., :, None] / scale[..., None, :])
+    positive = values > _ROUNDING * np.maximum(values[..., -1:], 1e-300)
+    root = np.where(positive, np.sqrt(np.maximum(values, 0.0)), 0.0)[..., None, :]
     inverse = np.where(root > 0, 1 / np.where(root > 0, root, 1.0), 0.0)
-    return vectors * scale[:, :, None] * root, vectors / scale[:, :, None] * inverse
+    return vectors * scale[..., :, None] * root, vectors / scale[..., :, None] * inverse
 
 
 def _rank(root: Array) -> IntArray:

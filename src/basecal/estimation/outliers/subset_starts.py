@@ -6,24 +6,29 @@ that it explains best. Source: Fischler & Bolles 1981; Rousseeuw & Van Driessen 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
+from typing import TypeVar
 
 import numpy as np
 
 from basecal.cell import Cell, Intrinsics
 from basecal.errors import BasecalError
-from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
+from basecal.estimation.least_squares.bundle_adjustment import batch_of, bundle_adjust_batch
 from basecal.estimation.least_squares.studentized import MahalanobisSquared, studentized
 from basecal.estimation.noise.estimate import degrees_of_freedom
 from basecal.estimation.outliers.inlier_mask import of_samples
 from basecal.estimation.problem.correspondence import choose_correspondence
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.start.first_state import first_state, lenses, light_states
-from basecal.geometry import Camera, IntArray
+from basecal.geometry import BoolArray, Camera, IntArray
+from basecal.numerics.batch import take
 
 _BLOCKS = (2, 3)
 _DRAWS = 24
+# So many subsets side by side: more may be in vain where one of the first convinces.
+_AT_ONCE = 8
 _LIGHT_STARTS = 40
 _SPARE = 1.3
 _CONCENTRATIONS = 3
@@ -33,19 +38,20 @@ _FARTHEST = 1e30
 _FEW_STEPS = 4
 _SEED = 20240301
 
+T = TypeVar("T")
+
 
 def subset_states(problem: Problem, cell: Cell, first: State) -> Iterator[State]:
     """States that some samples alone lead to, after that which `first` leads to, as many as are worth their time."""
     problem = _with_lenses(problem, lenses(problem, cell))
-    concentrated = _concentrated(problem, first)
-    if concentrated is not None:
-        yield concentrated
+    yield from _side_by_side(lambda states: _concentrated(problem, states), [first])
     yield from light_states(problem, cell, _LIGHT_STARTS)
     numbers = np.unique(np.concatenate([g.sample for g in problem.groups]))
-    for few in _subsets(problem, numbers):
-        state = _state_of(problem, cell, few)
-        if state is not None:
-            yield state
+    # Kinematics have no batch axis.
+    at_once = 1 if any(map(problem.modelled, problem.models)) else _AT_ONCE
+    subsets = _subsets(problem, numbers)
+    while few := list(islice(subsets, at_once)):
+        yield from _states_of(problem, cell, few)
 
 
 def score(problem: Problem, state: State, stated: bool) -> float:
@@ -95,29 +101,72 @@ def _size(problem: Problem, numbers: IntArray) -> int:
     return int(min(max(np.ceil(needed), 3), len(numbers)))
 
 
-def _state_of(problem: Problem, cell: Cell, numbers: IntArray) -> State | None:
+@dataclass(frozen=True, eq=False)
+class _Subset:
+    """Some samples, by number; their residuals less unknowns; and the state that they start from."""
+
+    numbers: IntArray
+    dof: int
+    start: State
+
+
+def _states_of(problem: Problem, cell: Cell, numbers: Iterable[IntArray]) -> list[State]:
+    """Where subsets of the samples lead, each fitted to its own samples and drawn on to the views that fit best."""
+    subsets = [subset for few in numbers if (subset := _subset(problem, cell, few)) is not None]
+    fitted = _side_by_side(lambda some: _fitted(problem, some), subsets)
+    return _side_by_side(lambda states: _concentrated(problem, states), fitted)
+
+
+def _side_by_side(work: Callable[[Sequence[T]], list[State]], items: Sequence[T]) -> list[State]:
+    """What becomes of all items at once; where numbers end for some of them, of each of the others."""
+    if not items:
+        return []
+    try:
+        return work(items)
+    except np.linalg.LinAlgError:
+        half = len(items) // 2
+        return [*_side_by_side(work, items[:half]), *_side_by_side(work, items[half:])] if half else []
+
+
+def _subset(problem: Problem, cell: Cell, numbers: IntArray) -> _Subset | None:
     few = of_samples(problem, numbers)
-    if not few.groups or degrees_of_freedom(few) < 0:
+    dof = degrees_of_freedom(few)
+    if not few.groups or dof < 0:
         return None
     try:
-        start = first_state(few, cell, thorough=False)
-        few, _ = choose_correspondence(few, start)
-        end = bundle_adjust(few, start, max(degrees_of_freedom(few), 1), _STEPS)
+        return _Subset(numbers, max(dof, 1), first_state(few, cell, thorough=False))
     except (BasecalError, np.linalg.LinAlgError):
         return None
-    return _concentrated(problem, end.state) if np.isfinite(end.cost) else None
 
 
-def _concentrated(problem: Problem, state: State) -> State | None:
-    """Drawn on to the views that fit best."""
+def _fitted(problem: Problem, subsets: Sequence[_Subset]) -> list[State]:
+    """Each start fitted to its own samples, all side by side; those without an end are left out."""
+    inside = [np.stack([np.isin(g.sample, subset.numbers) for subset in subsets]) for g in problem.groups]
+    if not len(problem.stops):
+        problem, inside = _gathered(problem, inside)
+    states = batch_of(problem, [subset.start for subset in subsets])
+    problem, _ = choose_correspondence(problem, states)
+    dof, weights = np.array([subset.dof for subset in subsets]), [of.astype(np.float64) for of in inside]
+    ends = bundle_adjust_batch(problem, states, dof, _STEPS, weights)
+    return [take(ends.state, int(k)) for k in np.flatnonzero(np.isfinite(ends.cost))]
+
+
+def _gathered(problem: Problem, inside: Sequence[BoolArray]) -> tuple[Problem, list[BoolArray]]:
+    """For each of a batch the views that are inside, (b, n), and as many of others as make their number even."""
+    rows = [np.argsort(~of, axis=-1, kind="stable")[:, : max(int(of.sum(-1).max()), 1)] for of in inside]
+    groups = [g.take(row) for g, row in zip(problem.groups, rows, strict=True)]
+    taken = [np.take_along_axis(of, row, axis=-1) for of, row in zip(inside, rows, strict=True)]
+    return problem.with_groups(groups), taken
+
+
+def _concentrated(problem: Problem, states: Sequence[State]) -> list[State]:
+    """Drawn on to the views that fit best, all side by side."""
+    drawn = batch_of(problem, states)
     for _ in range(_CONCENTRATIONS):
-        problem, _ = choose_correspondence(problem, state)
-        try:
-            squares = studentized(problem, state)
-        except np.linalg.LinAlgError:
-            return None
+        read, _ = choose_correspondence(problem, drawn)
+        squares = studentized(read, drawn)
         ratio = [np.minimum(s.value, _FARTHEST) / np.maximum(s.freedoms, 1) for s in squares]
-        limit = np.quantile(np.concatenate(ratio), _CONCENTRATED)
-        weights = [(r <= limit).astype(np.float64) for r in ratio]
-        state = bundle_adjust(problem, state, 1, _FEW_STEPS, weights).state
-    return state
+        limit = np.quantile(np.concatenate(ratio, axis=-1), _CONCENTRATED, axis=-1)
+        weights = [(r <= limit[:, None]).astype(np.float64) for r in ratio]
+        drawn = bundle_adjust_batch(read, drawn, 1, _FEW_STEPS, weights).state
+    return [take(drawn, k) for k in range(len(states))]

@@ -40,7 +40,10 @@ def half_turned(measurement: PixelMeasurement) -> PixelMeasurement:
 
 
 def choose_correspondence(problem: Problem, state: State) -> tuple[Problem, bool]:
-    """The problem with every view read as the state predicts best, and whether any reading changed."""
+    """The problem with every view read as the state predicts best, and whether any reading changed.
+
+    Of a batch of states the views are read for each; their measurements have the batch axis then.
+    """
     groups, changed = [], False
     for group in problem.groups:
         if len(group.readings) < 2:
@@ -49,7 +52,7 @@ def choose_correspondence(problem: Problem, state: State) -> tuple[Problem, bool
         best = _best(problem, group, state)
         measurement = _selected(group.readings, best)
         assert isinstance(group.measurement, PixelMeasurement)
-        changed |= not np.array_equal(measurement.pixels, group.measurement.pixels)
+        changed |= bool(np.any(measurement.pixels != group.measurement.pixels))
         groups.append(replace(group, measurement=measurement))
     return (problem.with_groups(groups), True) if changed else (problem, False)
 
@@ -61,11 +64,15 @@ def _best(problem: Problem, group: ViewGroup, state: State) -> IntArray:
 
 
 def _selected(readings: tuple[PixelMeasurement, ...], best: IntArray) -> PixelMeasurement:
-    rows = np.arange(len(best))
-    return replace(
-        readings[0],
-        pixels=np.stack([r.pixels for r in readings])[best, rows],
-        seen=np.stack([r.seen for r in readings])[best, rows],
-        stated=np.stack([r.stated for r in readings])[best, rows],
-        weight=np.stack([r.weight for r in readings])[best, rows],
-    )
+    """The reading of each view that is best, ([b,] n)."""
+    chosen = readings[0]
+    for k, reading in enumerate(readings[1:], start=1):
+        take = (best == k)[..., None]
+        chosen = replace(
+            chosen,
+            pixels=np.where(take[..., None], reading.pixels, chosen.pixels),
+            seen=np.where(take, reading.seen, chosen.seen),
+            stated=np.where(take, reading.stated, chosen.stated),
+            weight=np.where(take, reading.weight, chosen.weight),
+        )
+    return chosen
