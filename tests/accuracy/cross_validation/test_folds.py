@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from basecal.accuracy.cross_validation.folds import folds
+from basecal.accuracy.cross_validation.folds import instant_split, splits
 from basecal.cell import Recording
 from basecal.estimation.problem.build import build_problem
 from basecal.simulation import Scenario, simulate
@@ -19,18 +21,19 @@ def packed(scenario: Scenario, seed: int = 0):
 @pytest.mark.parametrize("arms", ["both", "stations", "halves", "eye_still"])
 def test_every_sample_is_held_out_once(arms):
     """Each way to split holds out every sample exactly once, in five folds of six of the thirty samples."""
-    ways = folds(packed(Scenario(arms=arms)))
+    ways = splits(packed(Scenario(arms=arms)))
     assert ways
     for way in ways:
-        assert sorted(number for fold in way for number in fold) == list(range(30))
-    assert sorted(map(len, ways[0])) == [6] * 5
+        assert sorted(number for fold in way.folds for number in fold) == list(range(30))
+        assert sorted(number for part in way.parts for number in part) == list(range(30))
+    assert sorted(map(len, ways[0].folds)) == [6] * 5
 
 
 def test_stations_stay_together():
     """Where the eye stands at five places, each place is a fold, though hand poses are all different."""
     problem = packed(Scenario(arms="stations", stations=5))
     eye = problem.groups[0].eye_base_from_eye_flange.translation
-    for fold in folds(problem)[0]:
+    for fold in splits(problem)[0].folds:
         assert np.ptp(eye[sorted(fold)], axis=0).max() == 0.0
 
 
@@ -47,16 +50,29 @@ def test_repeated_instants_stay_together():
         )
         for k, s in enumerate(samples)
     )
-    ways = folds(build_problem(made.cell, Recording(crossed))[0])
-    assert {frozenset(range(6 * k, 6 * k + 6)) for k in range(5)} == set(ways[0])
+    ways = splits(build_problem(made.cell, Recording(crossed))[0])
+    assert {frozenset(range(6 * k, 6 * k + 6)) for k in range(5)} == set(ways[0].parts)
 
 
 def test_a_half_that_stands_still_is_not_held_out_whole():
     """A robot that stands still for half of the samples does not make them one part."""
-    assert max(map(len, folds(packed(Scenario(arms="halves")))[0])) <= 6
+    assert max(map(len, splits(packed(Scenario(arms="halves")))[0].folds)) <= 6
 
 
 def test_few_samples_are_held_out_one_by_one():
     """Four samples make four folds; two make none."""
-    assert folds(packed(Scenario(samples=4)))[0] == [frozenset({k}) for k in range(4)]
-    assert folds(packed(Scenario(samples=2))) == []
+    assert splits(packed(Scenario(samples=4)))[0].folds == tuple(frozenset({k}) for k in range(4))
+    assert splits(packed(Scenario(samples=2))) == []
+
+
+def test_instants_alone_may_be_parted():
+    """The mildest way deals the samples of a still eye's stations out one by one, but for those that repeat another."""
+    made = simulate(Scenario(samples=12, arms="stations", stations=3), 0)
+    samples = list(made.recording.samples)
+    samples[7] = replace(samples[7], robots=samples[2].robots)
+    problem = build_problem(made.cell, Recording(tuple(samples)))[0]
+    mild = instant_split(problem, 3)
+    assert mild is not None
+    assert frozenset({2, 7}) in mild.parts
+    assert len(mild.parts) == 11
+    assert sorted(map(len, mild.folds)) == [4, 4, 4]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,30 +18,53 @@ from basecal.geometry import SE3
 Samples = frozenset[int]
 
 FOLDS = 5
-_FEWEST_PARTS = 3
-_LARGEST_SHARE = 0.4
+_FEWEST_PARTS = 3  # with two, each would be predicted from half of the recording
+_LARGEST_SHARE = 0.4  # of the samples in one part: without it three fifths are left, a fifth less than of five folds
 
 
-def folds(problem: Problem, count: int = FOLDS) -> list[list[Samples]]:
+@dataclass(frozen=True)
+class Split:
+    """A way to hold out every sample once.
+
+    Attributes:
+        parts: Samples that stay together, such as those at one station.
+        folds: The parts dealt out.
+    """
+
+    parts: tuple[Samples, ...]
+    folds: tuple[Samples, ...]
+
+
+def splits(problem: Problem, count: int = FOLDS) -> list[Split]:
     """Ways to split the samples into at most `count` folds to be held out one after another, the most severe first.
 
     Each keeps together what stands in one place: of every robot that moves, of one robot, or of nothing but repeated
     instants. A way whose largest part is more than two fifths of the samples is left out.
     """
-    places = _places(problem)
-    samples = sorted({number for of_robot in places.values() for number in of_robot} | _all_samples(problem))
-    ways = [_joined(samples, places), *_by_robot(samples, places), _instants(samples, places)]
-    found: list[list[Samples]] = []
-    for parts in ways:
-        largest = max((len(part) for part in parts), default=0)
-        if len(parts) >= _FEWEST_PARTS and largest <= max(_LARGEST_SHARE * len(samples), 1):
-            dealt = _dealt(parts, count)
-            found += [dealt] if dealt not in found else []
+    places, samples = _places(problem), _samples(problem)
+    found: list[Split] = []
+    for parts in [_joined(samples, places), *_by_robot(samples, places), _instants(samples, places)]:
+        split = _split(parts, len(samples), count)
+        if split is not None and all(split.folds != other.folds for other in found):
+            found.append(split)
     return found
 
 
-def _all_samples(problem: Problem) -> set[int]:
-    return {int(number) for group in problem.groups for number in group.sample}
+def instant_split(problem: Problem, count: int) -> Split | None:
+    """The mildest way, which keeps together nothing but repeated instants; None where these are too few."""
+    samples = _samples(problem)
+    return _split(_instants(samples, _places(problem)), len(samples), count)
+
+
+def _split(parts: list[Samples], total: int, count: int) -> Split | None:
+    largest = max(map(len, parts), default=0)
+    if len(parts) < _FEWEST_PARTS or largest > max(_LARGEST_SHARE * total, 1):
+        return None
+    return Split(tuple(parts), tuple(_dealt(parts, count)))
+
+
+def _samples(problem: Problem) -> list[int]:
+    return sorted({int(number) for group in problem.groups for number in group.sample})
 
 
 def _places(problem: Problem) -> dict[str, dict[int, Hashable]]:

@@ -1,6 +1,6 @@
-"""Whether a robot's own kinematics are off, decided on samples that were left out.
+"""Whether a robot's own kinematics are off, decided on held-out samples.
 
-A model is taken where it predicts left-out stations better than every simpler one by three standard errors of the mean
+A model is taken where it predicts held-out stations better than every simpler one by three standard errors of the mean
 difference; between two and three the choice is undecided. Robots' noise is marginalised view by view.
 """
 
@@ -13,7 +13,8 @@ import numpy as np
 from scipy.stats import norm
 from scipy.stats import t as student
 
-from basecal.accuracy.cross_validation.left_out import predict_left_out
+from basecal.accuracy.cross_validation.folds import FOLDS, Split, splits
+from basecal.accuracy.cross_validation.station_scores import score_stations
 from basecal.cell import Parameters
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.noise.estimate import degrees_of_freedom
@@ -25,11 +26,11 @@ from basecal.estimation.solve import Solution, solve_from
 from basecal.geometry import Array
 from basecal.kinematics import SerialChain
 
-SIGMA_RAD = 0.005
-LINK_SIGMA_M, LINK_SIGMA_RAD = 1e-3, 2e-3
-_FEWEST_VIEWS = 15
-_MOST_SAMPLES = 200
-_CERTAIN, _DOUBTED = 3.0, 2.0
+SIGMA_RAD = 0.005  # [rad] of a joint's offset: 0.3 deg, what a mastering by eye is off by
+LINK_SIGMA_M, LINK_SIGMA_RAD = 1e-3, 2e-3  # [m], [rad] of a link: tolerances of castings
+_FEWEST_VIEWS = 15  # of fewer, a fifth held out is two views
+_MOST_SAMPLES = 200  # enough to tell models apart, and a second's work
+_CERTAIN, _DOUBTED = 3.0, 2.0  # standard errors: chances of 1 and 23 in 1,000
 _WORTH_A_LOOK = 6.0  # what a parameter more lowers the cost by, in units of its expectation by chance
 
 _FIXED = Parameters()
@@ -47,7 +48,7 @@ class Candidate:
         kind: `none`, `joint`, `offsets` or `links`.
         robots: The robots whose kinematics are freed.
         joint: Number of the only joint freed, from 0; None unless `kind` is `joint`.
-        scores: (n,) of every station, left out: see `Prediction`.
+        scores: (n,) of every station, held out: see `StationScores`.
         error_m: Rms distance of the predicted from the seen target [m]; None where views have no whole pose.
         rms: Root of the mean square of residuals over sigmas.
     """
@@ -62,7 +63,7 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class RobotModelChoice:
-    """The model of the robots that left-out samples call for.
+    """The model of the robots that held-out samples call for.
 
     Attributes:
         chosen: The simplest that none predicts better than by three standard errors.
@@ -78,10 +79,10 @@ class RobotModelChoice:
 
 
 def choose_robot_model(solution: Solution, settings: Settings = DEFAULT) -> RobotModelChoice | None:
-    """The model of the robots that left-out samples call for; None where there is nothing to choose.
+    """The model of the robots that held-out samples call for; None where there is nothing to choose.
 
     There is nothing to choose where no robot is given by joints, where kinematics are being estimated already, where
-    there are fewer than 15 views, or where freeing all offsets and links hardly lowers the cost.
+    there are fewer than 15 views or five stations, or where freeing all offsets and links hardly lowers the cost.
 
     Args:
         solution: The cell solved with its robots as stated.
@@ -95,10 +96,11 @@ def choose_robot_model(solution: Solution, settings: Settings = DEFAULT) -> Robo
     every = _models(problem, chains, tuple(chains), _OFFSETS, _LINKS)
     richest = solve_from(problem.with_models(every), solution.state, settings)
     problem = problem.with_noise(richest.noise.noise)
-    if not _worth_a_look(problem, solution, richest, settings):
+    split = next((split for split in splits(problem) if len(split.parts) >= FOLDS), None)
+    if split is None or not _worth_a_look(problem, solution, richest, settings):
         return None
-    found = _candidates(problem, chains, solution.state, settings)
-    best = min(found, key=lambda each: float(each.scores.mean()))
+    found = _Trials(problem, chains, solution.state, split, settings.iterations).candidates()
+    best = min(found, key=_mean_score)
     behind = [_standard_errors(each.scores - best.scores) for each in found]
     place = next(k for k, errors in enumerate(behind) if errors < _CERTAIN)
     chosen = found[place]
@@ -147,43 +149,44 @@ def _of(problem: Problem, chains: Mapping[str, SerialChain], candidate: Candidat
     return _models(problem, chains, candidate.robots, _OFFSETS, links, candidate.joint)
 
 
-def _candidates(
-    problem: Problem, chains: Mapping[str, SerialChain], state: State, settings: Settings
-) -> list[Candidate]:
-    """None, single joints, offsets of one robot, of all, links: the later ones only where offsets or links help."""
-    robots = tuple(chains)
-    none = _tried(problem, chains, state, settings, "none", ())
-    offsets = _tried(problem, chains, state, settings, "offsets", robots)
-    links = _tried(problem, chains, state, settings, "links", robots)
-    least = min(offsets, links, key=lambda each: float(each.scores.mean()))
-    found = [none]
-    if _standard_errors(none.scores - least.scores) > _DOUBTED:
-        for robot in robots:
-            first, last = free_ends(problem, robot)
-            seen = range(first, chains[robot].n - last)
-            found += [_tried(problem, chains, state, settings, "joint", (robot,), joint) for joint in seen]
-        found[1:] = sorted(found[1:], key=lambda each: float(each.scores.mean()))
-        if len(robots) > 1:
-            alone = [_tried(problem, chains, state, settings, "offsets", (robot,)) for robot in robots]
-            found += sorted(alone, key=lambda each: float(each.scores.mean()))
-    return [*found, offsets, links]
+@dataclass(frozen=True, eq=False)
+class _Trials:
+    """What every model is tried on: the problem without models, its chains, a start, and the folds."""
+
+    problem: Problem
+    chains: Mapping[str, SerialChain]
+    state: State
+    split: Split
+    iterations: int
+
+    def candidates(self) -> list[Candidate]:
+        """None, single joints, offsets of one robot, of all, links: the later ones only where offsets or links help."""
+        robots = tuple(self.chains)
+        none, offsets, links = self.scored("none", ()), self.scored("offsets", robots), self.scored("links", robots)
+        least = min(offsets, links, key=_mean_score)
+        found = [none]
+        if _standard_errors(none.scores - least.scores) > _DOUBTED:
+            for robot in robots:
+                first, last = free_ends(self.problem, robot)
+                observable = range(first, self.chains[robot].n - last)
+                found += [self.scored("joint", (robot,), joint) for joint in observable]
+            found[1:] = sorted(found[1:], key=_mean_score)
+            if len(robots) > 1:
+                found += sorted((self.scored("offsets", (robot,)) for robot in robots), key=_mean_score)
+        return [*found, offsets, links]
+
+    def scored(self, kind: str, robots: tuple[str, ...], joint: int | None = None) -> Candidate:
+        """A model, and how it predicts held-out stations."""
+        candidate = Candidate(kind, robots, joint, np.zeros(0), None, 0.0)
+        modelled = self.problem.with_models(_of(self.problem, self.chains, candidate))
+        of = score_stations(modelled, self.state, self.split, self.iterations)
+        has_error = len(of.off_m) and np.all(np.isfinite(of.off_m))
+        error_m = float(np.sqrt(np.mean(of.off_m**2))) if has_error else None
+        return replace(candidate, scores=of.scores, error_m=error_m, rms=float(np.sqrt(max(of.mean_square, 0.0))))
 
 
-def _tried(
-    problem: Problem,
-    chains: Mapping[str, SerialChain],
-    state: State,
-    settings: Settings,
-    kind: str,
-    robots: tuple[str, ...],
-    joint: int | None = None,
-) -> Candidate:
-    """A model, and how it predicts stations left out."""
-    candidate = Candidate(kind, robots, joint, np.zeros(0), None, 0.0)
-    modelled = problem.with_models(_of(problem, chains, candidate))
-    scores, mean_square, off = predict_left_out(modelled, state, settings.iterations)
-    error = float(np.sqrt(np.mean(off**2))) if len(off) and np.all(np.isfinite(off)) else None
-    return replace(candidate, scores=scores, error_m=error, rms=float(np.sqrt(max(mean_square, 0.0))))
+def _mean_score(candidate: Candidate) -> float:
+    return float(candidate.scores.mean())
 
 
 def _standard_errors(difference: Array) -> float:

@@ -9,23 +9,22 @@ Source: Hausman 1978; docs/mathematics.md (5.4).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import chdtrc, fdtrc
 
-from basecal.accuracy.cross_validation.folds import Samples, folds
+from basecal.accuracy.cross_validation.folds import Samples, splits
+from basecal.accuracy.cross_validation.refit import Refit, refit_folds, with_known_stops
 from basecal.accuracy.residuals.fit import view_alone
 from basecal.cell import Validation
-from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.least_squares.normal_equations import linearise
-from basecal.estimation.noise.estimate import degrees_of_freedom
 from basecal.estimation.observability.observability import observability_of
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
 from basecal.estimation.settings import DEFAULT, Settings
 from basecal.estimation.solve import Solution
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.geometry import SE3, Array, BoolArray
+from basecal.geometry import SE3, Array
 
 _LEAST_GAIN = 0.01
 _MOST_GAIN = 10.0
@@ -35,23 +34,20 @@ _ROUNDING = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class _Fold:
-    """A fit without some samples.
+    """A fit without some samples, and the inverse (p, p) of its information where it is observable."""
 
-    Attributes:
-        held: The samples it did not use.
-        views: The views of these samples.
-        state: The fit.
-        known: (k,) which stops' errors the fit knows; those of the others stand at zero.
-        hessian: (p, p) information of the samples used.
-        inverse: (p, p) inverse of it where it is seen.
-    """
-
-    held: Samples
-    views: Problem
-    state: State
-    known: BoolArray
-    hessian: Array
+    fit: Refit
     inverse: Array
+
+    @property
+    def state(self) -> State:
+        """The fit."""
+        return self.fit.optimum.state
+
+    @property
+    def hessian(self) -> Array:
+        """(p, p) information of the samples used."""
+        return self.fit.optimum.normal.hessian
 
 
 @dataclass(frozen=True)
@@ -115,11 +111,12 @@ def cross_validate(solution: Solution, asked: Sequence[str], settings: Settings 
         return None
     fitted: list[_Fold] = []
     skipped: Samples = frozenset()
-    for held in folds(solution.problem):
-        tried = [_fold(solution, free, samples, settings.iterations) for samples in held]
+    for split in splits(solution.problem):
+        refits = refit_folds(solution.problem, solution.state, split.folds, settings.iterations)
+        tried = [_fold(solution, free, fit) for fit in refits]
         fitted = [fold for fold in tried if fold is not None]
-        skipped = frozenset().union(*(samples for samples, fold in zip(held, tried, strict=True) if fold is None))
-        if 2 * len(fitted) > len(held):
+        skipped = frozenset().union(*(fit.held for fit, fold in zip(refits, tried, strict=True) if fold is None))
+        if 2 * len(fitted) > len(refits):
             break
     if not fitted:
         return CrossValidation(None, None, HeldOutErrors(), HeldOutErrors(), skipped)
@@ -128,49 +125,24 @@ def cross_validate(solution: Solution, asked: Sequence[str], settings: Settings 
     return CrossValidation(_summary(fitted, predicted, spread), spread, used, predicted, skipped)
 
 
-def _fold(solution: Solution, asked: Sequence[str], held: Samples, iterations: int) -> _Fold | None:
-    """The fit without some samples; None where it has no optimum, or does not see what was asked."""
-    used, views = _split(solution.problem, held)
-    known = _stops_of(used)
-    state = _with_errors(solution.state, known)
-    end = bundle_adjust(used, state, degrees_of_freedom(used), iterations)
-    observability = observability_of(used, end.state, end.normal.hessian, solution.noise.factor)
+def _fold(solution: Solution, asked: Sequence[str], fit: Refit) -> _Fold | None:
+    """A fold with what it determines; None where it has no optimum, or what was asked is unobservable."""
+    end = fit.optimum
+    observability = observability_of(fit.used, end.state, end.normal.hessian, solution.noise.factor)
     if not end.converged or observability.unobservable.intersection(asked):
         return None
-    return _Fold(held, views, end.state, known, end.normal.hessian, observability.inverse)
-
-
-def _split(problem: Problem, held: Samples) -> tuple[Problem, Problem]:
-    used, views = [], []
-    for group in problem.groups:
-        out = np.isin(group.sample, list(held))
-        used += [group.take(np.flatnonzero(~out))] if not np.all(out) else []
-        views += [group.take(np.flatnonzero(out))] if np.any(out) else []
-    return problem.with_groups(used), problem.with_groups(views)
-
-
-def _stops_of(problem: Problem) -> BoolArray:
-    known = np.zeros(len(problem.stops) + 1, dtype=bool)
-    for group in problem.groups:
-        known[group.eye_stop] = True
-        known[group.hand_stop] = True
-    return known[:-1]
-
-
-def _with_errors(state: State, known: BoolArray) -> State:
-    """The state with the errors of the other stops at zero."""
-    return replace(state, stop_errors=np.where(known[:, None], state.stop_errors, 0.0))
+    return _Fold(fit, observability.inverse)
 
 
 def _errors(solution: Solution, fitted: Sequence[_Fold]) -> tuple[HeldOutErrors, HeldOutErrors]:
     """Of the held-out views: as the full answer has them, and as the folds predict them."""
     used, predicted = HeldOutErrors(), HeldOutErrors()
     for fold in fitted:
-        full = _with_errors(solution.state, fold.known)
-        for group in fold.views.groups:
+        full, views = with_known_stops(solution.state, fold.fit.known), fold.fit.views
+        for group in views.groups:
             in_pixels = isinstance(group.measurement, PixelMeasurement)
-            used += _of_group(fold.views, group, full, posed=not in_pixels)
-            predicted += _of_group(fold.views, group, fold.state, posed=True)
+            used += _of_group(views, group, full, posed=not in_pixels)
+            predicted += _of_group(views, group, fold.state, posed=True)
     return used, predicted
 
 
@@ -260,7 +232,7 @@ def _chance(solution: Solution, mean: float, freedoms: float) -> float:
 
 def _summary(fitted: Sequence[_Fold], predicted: HeldOutErrors, spread: FoldSpread | None) -> Validation:
     return Validation(
-        kind="k-fold" if any(len(fold.held) > 1 for fold in fitted) else "leave-one-out",
+        kind="k-fold" if any(len(fold.fit.held) > 1 for fold in fitted) else "leave-one-out",
         folds=len(fitted),
         rms_px=root_mean(predicted.square_px, predicted.count_px),
         target_m=root_mean(predicted.square_m, predicted.count_poses),

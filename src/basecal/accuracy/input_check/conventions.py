@@ -11,8 +11,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from basecal.accuracy.input_check.held_out import FOLDS, HeldOut, held_out, in_order, plausible, ratio, thinned
 from basecal.accuracy.input_check.hypotheses import AS_DECLARED, ConventionHypothesis, convention_hypotheses, streams
+from basecal.accuracy.input_check.hypothesis_fit import (
+    FOLDS,
+    HypothesisFit,
+    fit_hypothesis,
+    in_order,
+    plausible,
+    ratio,
+    thinned,
+)
 from basecal.accuracy.input_check.loop_fit import LoopFit, fit_loops, sight_for, state_of, trimmed
 from basecal.accuracy.input_check.pairing import half_turns, pairing_errors
 from basecal.accuracy.input_check.plausibility import impossible_answer, impossible_input
@@ -57,7 +65,7 @@ class _Tried:
     """A reading and how it predicts; `impossible` tells the facts that it contradicts."""
 
     reading: ConventionHypothesis
-    fit: HeldOut
+    fit: HypothesisFit
     impossible: tuple[str, ...]
 
 
@@ -97,13 +105,13 @@ def _can_hold_out(problem: Problem) -> bool:
     return equations * (FOLDS - 1) / FOLDS > _MARGIN * problem.width
 
 
-def _as_declared(cell: Cell, recording: Recording, settings: Settings, solution: Solution) -> HeldOut | None:
+def _as_declared(cell: Cell, recording: Recording, settings: Settings, solution: Solution) -> HypothesisFit | None:
     """The fit of the declared reading; a start that misled it, such as a wrong guess, is no mix-up."""
     few = thinned(recording, _SOLVED)
-    fit = held_out(cell, few, settings, solution.state)
+    fit = fit_hypothesis(cell, few, settings, solution.state)
     if settings.start == "closed" or (fit is not None and plausible(fit)):
         return fit
-    anew = held_out(cell, few, replace(settings, start="closed"))
+    anew = fit_hypothesis(cell, few, replace(settings, start="closed"))
     found = [each for each in (fit, anew) if each is not None]
     return min(found, key=lambda each: each.core, default=None)
 
@@ -141,7 +149,7 @@ def _try(
         return []
     few = thinned(rewritten, _SOLVED)
     state = state_of(build_problem(told, few)[0], *start) if isinstance(start, tuple) else start
-    fit = held_out(told, few, settings, state)
+    fit = fit_hypothesis(told, few, settings, state)
     return [] if fit is None else [_Tried(reading, fit, impossible_answer(told, fit))]
 
 
@@ -207,7 +215,7 @@ def _moving(recording: Recording) -> list[str]:
     return [name for name, different in states.items() if len(different) > 1]
 
 
-def _lenses(cell: Cell, problem: Problem, declared: HeldOut) -> dict[str, Camera]:
+def _lenses(cell: Cell, problem: Problem, declared: HypothesisFit) -> dict[str, Camera]:
     """A lens for each camera with pixels: stated, of a good fit, or from its views, which no robot misleads."""
     found = {}
     for name, lens in problem.lenses.items():
@@ -218,25 +226,25 @@ def _lenses(cell: Cell, problem: Problem, declared: HeldOut) -> dict[str, Camera
     return found
 
 
-def _explained(fit: HeldOut) -> bool:
+def _explained(fit: HypothesisFit) -> bool:
     """Whether stated sigmas explain every residual, so that no wider model can gain a tenth."""
     return not fit.solution.noise.estimated and ratio(fit.solution) < _EXPLAINED and not _has_tail(fit)
 
 
-def _has_tail(fit: HeldOut) -> bool:
+def _has_tail(fit: HypothesisFit) -> bool:
     return bool(np.isfinite(fit.core) and fit.whole > _FAR_WORSE * fit.core)
 
 
-def _is_seen(cell: Cell, fit: HeldOut) -> bool:
+def _is_seen(cell: Cell, fit: HypothesisFit) -> bool:
     return not any(name in fit.solution.observability.unobservable for name in cell.asked)
 
 
-def _alike(fit: HeldOut, other: HeldOut) -> bool:
+def _alike(fit: HypothesisFit, other: HypothesisFit) -> bool:
     """Whether a fit predicts at least about as well as another."""
     return fit.core <= _ALIKE * other.core and fit.whole <= _ALIKE * other.whole
 
 
-def _better(fit: HeldOut, other: HeldOut, times: float = _ALIKE) -> bool:
+def _better(fit: HypothesisFit, other: HypothesisFit, times: float = _ALIKE) -> bool:
     """Whether a fit predicts most samples or all of them so many times better, and neither worse."""
     return _alike(fit, other) and (times * fit.core < other.core or times * fit.whole < other.whole)
 
@@ -270,7 +278,7 @@ def _wins(cell: Cell, tried: _Tried, declared: _Tried) -> bool:
     return _better(tried.fit, declared.fit, _FAR_WORSE) or _moved(cell, tried, declared.fit, tried.fit)
 
 
-def _moved(cell: Cell, tried: _Tried, declared: HeldOut, scale: HeldOut) -> bool:
+def _moved(cell: Cell, tried: _Tried, declared: HypothesisFit, scale: HypothesisFit) -> bool:
     """Whether a reading moves what is asked by more than three sigmas of `scale`."""
     ignored = cell.mount_name(tried.reading.about[0]) if tried.reading.code == "board-symmetry" else None
     for name in cell.asked:
@@ -283,7 +291,7 @@ def _moved(cell: Cell, tried: _Tried, declared: HeldOut, scale: HeldOut) -> bool
     return False
 
 
-def _step(fit: HeldOut, other: HeldOut, name: str) -> SE3:
+def _step(fit: HypothesisFit, other: HypothesisFit, name: str) -> SE3:
     return fit.solution.state.transforms[name].inverse() @ other.solution.state.transforms[name]
 
 
@@ -293,7 +301,8 @@ def _named(tried: _Tried, declared: _Tried) -> Finding:
     if reading.nested and plausible(declared.fit) and not _better(tried.fit, declared.fit, _FAR_WORSE):
         severity = "warning"
     if _better(tried.fit, declared.fit):
-        why = f"so read, unseen samples are predicted to {tried.fit.told()} instead of {declared.fit.told()}"
+        errors = f"{tried.fit.error_in_words()} instead of {declared.fit.error_in_words()}"
+        why = f"so read, the cross-validation error is {errors}"
     else:
         why = f"as declared it fits as well, but {' and '.join(declared.impossible)} cannot be"
     return Finding(reading.code, severity, reading.about, f"{reading.words}: {why}; {reading.fix}")
@@ -301,8 +310,8 @@ def _named(tried: _Tried, declared: _Tried) -> Finding:
 
 def _poor(declared: _Tried) -> Finding:
     message = (
-        f"loops are off by {declared.fit.told()}, and no other reading of the input that was tried closes them: "
-        "look at the samples with the largest residuals, and at what the frames mean"
+        f"the loop-closure error is {declared.fit.error_in_words()}, and no other convention of the input that was "
+        "tried closes the loops: look at the samples with the largest residuals, and at what the frames mean"
     )
     return Finding("poor-fit", "warning", (), message)
 
@@ -312,13 +321,13 @@ def _ambiguous(cell: Cell, declared: _Tried, rivals: Sequence[_Tried]) -> Findin
     name = cell.asked[0]
     moves = [1e3 * float(np.linalg.norm(_step(declared.fit, t.fit, name).translation)) for t in rivals]
     listed = " or ".join(
-        f"{t.reading.words} ({t.reading.code}: {t.fit.told()}, {name} {mm:.3g} mm away)"
+        f"{t.reading.words} ({t.reading.code}: {t.fit.error_in_words()}, {name} {mm:.3g} mm away)"
         for t, mm in zip(rivals, moves, strict=True)
     )
     about = tuple(dict.fromkeys(each for t in rivals for each in t.reading.about))
     tell = "; ".join(dict.fromkeys(t.reading.tell for t in rivals))
     message = (
-        f"unseen samples are predicted as well ({declared.fit.told()} as declared) if {listed}: check which is so; "
-        f"to tell them apart, {tell}"
+        f"held-out samples are predicted as well ({declared.fit.error_in_words()} as declared) if {listed}: check "
+        f"which is so; to tell them apart, {tell}"
     )
     return Finding("ambiguous-convention", "warning", about, message)

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from basecal.accuracy.input_check.held_out import thinned
 from basecal.accuracy.input_check.hypotheses import ConventionHypothesis, Told, shift
+from basecal.accuracy.input_check.hypothesis_fit import thinned
 from basecal.accuracy.input_check.loop_fit import LoopFit, fit_loops, off_loops, sight_for, trimmed
 from basecal.cell import Cell, Observation, PoseObservation, Recording
 from basecal.estimation.problem.build import build_problem

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from basecal.accuracy.input_check.held_out import HeldOut
+from basecal.accuracy.input_check.hypothesis_fit import HypothesisFit
 from basecal.cell import (
     WORLD,
     Cell,
@@ -91,7 +91,7 @@ def _outside(what: str, value: float, limits: tuple[float, float]) -> list[str]:
     return [] if low <= value <= high else [f"{what} {value:.3g} m"]
 
 
-def impossible_answer(cell: Cell, fit: HeldOut) -> tuple[str, ...]:
+def impossible_answer(cell: Cell, fit: HypothesisFit) -> tuple[str, ...]:
     """What cannot be in what came out: bases, mounts, and how far targets are from cameras."""
     transforms, found = fit.solution.state.transforms, []
     for robot in cell.robots:
@@ -111,6 +111,6 @@ def _length(transform: SE3) -> float:
     return float(np.linalg.norm(transform.translation))
 
 
-def _of_distances(problem: Problem, fit: HeldOut) -> list[str]:
+def _of_distances(problem: Problem, fit: HypothesisFit) -> list[str]:
     views = [fit.solution.state.camera_from_target(g, problem.stops).translation for g in problem.groups if len(g)]
     return _of_places(np.concatenate(views))

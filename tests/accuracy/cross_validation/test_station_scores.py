@@ -1,4 +1,4 @@
-"""What is left out is predicted by the rest alone, and scored by its own noise."""
+"""Held-out stations are predicted by the rest alone, and scored by its own noise."""
 
 from __future__ import annotations
 
@@ -7,20 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.accuracy.cross_validation.left_out import FOLDS, predict_left_out, stations
-from basecal.estimation.problem.problem import State
+from basecal.accuracy.cross_validation.folds import splits
+from basecal.accuracy.cross_validation.station_scores import StationScores, score_stations
+from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.solve import solve
 from basecal.simulation import Scenario, simulate
 
 
-def test_samples_that_share_a_stop_are_one_station():
-    """Three stops of the eye are too few to leave out: each sample by itself; seven are seven stations."""
-    for count, wanted in ((3, 30), (7, 7)):
-        made = simulate(Scenario(samples=30, arms="stations", stations=count), 0)
-        _, station = stations(solve(made.cell, made.recording).problem)
-        assert len(station) == 30
-        assert len(np.unique(station)) == wanted
-        assert (wanted == 30) == (count < FOLDS)
+def scored(problem: Problem, state: State) -> StationScores:
+    return score_stations(problem, state, splits(problem)[0], 100)
 
 
 @pytest.mark.parametrize("target", ["charuco", "led", "pose"])
@@ -33,17 +28,17 @@ def test_true_models_score_by_their_noise(target, noise):
     """
     made = simulate(Scenario(samples=40, target=target, robot_noise=noise), 2)
     solution = solve(made.cell, made.recording)
-    scores = predict_left_out(solution.problem, solution.state, 100).scores
+    scores = scored(solution.problem, solution.state).scores
     assert 0.5 < np.mean(np.expm1(scores)) < 2.0
 
 
-def test_what_is_left_out_has_told_nothing():
+def test_held_out_views_have_no_part_in_the_prediction():
     """The prediction does not depend on the state it starts from, its stops' errors least of all."""
     made = simulate(Scenario(samples=30, robot_noise=(3e-4, 5e-4)), 1)
     solution = solve(made.cell, made.recording)
     problem, state = solution.problem, solution.state
     elsewhere = State(made.truth, state.cameras, 3 * np.ones_like(state.stop_errors))
-    one, other = (predict_left_out(problem, start, 100).scores for start in (state, elsewhere))
+    one, other = (scored(problem, start).scores for start in (state, elsewhere))
     np.testing.assert_allclose(one, other, rtol=1e-4)
     assert np.all(one > 0)
 
@@ -57,7 +52,7 @@ def test_a_sample_that_is_wrong_scores_badly():
     bad = replace(first, robots={**first.robots, "eye": replace(eye, base_from_flange=wrong)})
     recording = replace(made.recording, samples=(bad, *made.recording.samples[1:]))
     solution = solve(made.cell, recording)
-    found = predict_left_out(solution.problem, solution.state, 100)
+    found = scored(solution.problem, solution.state)
     assert np.argmax(found.scores) == 0
     assert found.scores[0] > np.sort(found.scores)[-2] + 2
     assert np.max(found.off_m) > 3e-3

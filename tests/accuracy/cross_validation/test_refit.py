@@ -1,0 +1,32 @@
+"""Fits without some samples: they know nothing of what was held out, and hold out what is asked."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.accuracy.cross_validation.refit import refit_folds
+from basecal.estimation.solve import solve
+from basecal.simulation import Scenario, simulate
+
+
+def test_a_refit_uses_the_other_samples_alone():
+    """Samples are used or held out, never both; stops that no used sample shares stand at zero, known ones do not."""
+    made = simulate(Scenario(samples=12, arms="stations", stations=4, robot_noise=(3e-4, 5e-4)), 0)
+    solution = solve(made.cell, made.recording)
+    held = frozenset({0, 1, 2})
+    (fit,) = refit_folds(solution.problem, solution.state, [held], 100)
+    assert {int(n) for g in fit.views.groups for n in g.sample} == held
+    assert {int(n) for g in fit.used.groups for n in g.sample} == set(range(3, 12))
+    assert 0 < fit.known.sum() < len(fit.known)
+    assert not np.any(fit.optimum.state.stop_errors[~fit.known])
+    assert np.all(np.any(fit.optimum.state.stop_errors[fit.known] != 0, axis=-1))
+
+
+def test_more_may_be_predicted_than_is_fitted():
+    """Views that the fitted problem lacks are predicted where the wider problem holds them."""
+    made = simulate(Scenario(samples=12), 0)
+    solution = solve(made.cell, made.recording)
+    fewer = solution.problem.with_groups(g.take(np.flatnonzero(g.sample != 3)) for g in solution.problem.groups)
+    (fit,) = refit_folds(fewer, solution.state, [frozenset({3, 4})], 100, predicted=solution.problem)
+    assert {int(n) for g in fit.views.groups for n in g.sample} == {3, 4}
+    assert {int(n) for g in fit.used.groups for n in g.sample} == set(range(12)) - {3, 4}
