@@ -9,7 +9,7 @@ BENCHMARKS := real calibrate mutations starts consistency outliers robot_model s
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help setup demo test test-slow lint docs bench clean
+.PHONY: help setup demo test test-slow lint docs bench mutants clean
 .NOTPARALLEL:
 
 help:
@@ -17,6 +17,7 @@ help:
 	@echo "make demo       simulate a cell, calibrate it, compare with the truth; installs the core alone"
 	@echo "make test       the fast tests;   make test-slow   the statistics"
 	@echo "make lint       ruff and mypy;    make docs        the documents, in site/"
+	@echo "make mutants    which small faults in the sources the tests of their room miss"
 	@echo "make bench      benchmarks;       make clean       remove what was made"
 
 setup: $(VENV)/.test
@@ -41,6 +42,9 @@ docs: $(VENV)/.docs
 
 bench: $(VENV)/.bench
 	for each in $(BENCHMARKS); do echo "benchmarks.$$each"; $(BIN)/python -m benchmarks.$$each || exit 1; done
+
+mutants: $(VENV)/.test
+	$(BIN)/python -m benchmarks.mutants
 
 clean:
 	rm -rf $(VENV) site dist demo_cell .pytest_cache .ruff_cache .mypy_cache .hypothesis

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from tests.shared.mutate import lines_of, mutations, recording_of
 from tests.shared.real_recordings import example, nao_cell
 
-from basecal.accuracy.input_check.hypotheses import resized
+from basecal.accuracy.input_check import conventions
+from basecal.accuracy.input_check.hypotheses import AS_DECLARED, ConventionHypothesis, resized
+from basecal.accuracy.input_check.hypothesis_fit import HypothesisFit
 from basecal.accuracy.input_check.rewriting import inverted, with_robots, with_targets
 from basecal.accuracy.verdict import calibrate
 from basecal.errors import DatasetError
@@ -140,3 +143,72 @@ def test_poses_that_fit_nothing_are_not_good():
     found = calibrate(made.cell, wild)
     assert found.verdict != "good"
     assert {f.code for f in found.findings} <= {"poor-fit", "unobservable-direction", "not-converged"}
+
+
+ASKED = "eye_base_from_hand_base"
+
+
+def predicted(core, whole=None, sigma=1e-3, moved=0.0, unobservable=()):
+    """A fit whose views are off by so much [rad], with what is asked moved by so many of its sigmas."""
+    off = np.full(10, core)
+    off[7:] = np.sqrt((10 * (whole or core) ** 2 - 7 * core**2) / 3)
+    solution = SimpleNamespace(
+        state=SimpleNamespace(transforms={ASKED: SE3.exp([moved * sigma, 0, 0, 0, 0, 0])}),
+        covariance_of=lambda names: sigma**2 * np.eye(6),
+        observability=SimpleNamespace(unobservable=frozenset(unobservable)),
+        noise=SimpleNamespace(estimated=("pose_m",)),
+        converged=True,
+        cost=1.0,
+    )
+    return HypothesisFit(solution, off, False)
+
+
+def decided(declared, other, impossible=(), nested=False, code="inverted"):
+    """Codes of the findings about one other reading."""
+    cell = SimpleNamespace(asked=(ASKED,), mount_name=lambda name: "mount")
+    reading = ConventionHypothesis(code, ("eye",), "words", "fix", "", lambda c, r: (c, r), nested=nested)
+    tried = conventions._Tried(reading, other, ())
+    found = conventions._decided(cell, conventions._Tried(AS_DECLARED, declared, impossible), [tried])
+    return [f.code for f in found]
+
+
+@pytest.mark.parametrize(("moved", "found"), [(2.9, []), (3.1, ["ambiguous-convention"])])
+def test_a_reading_that_fits_as_well_must_move_what_is_asked(moved, found):
+    """Readings that predict as well are told from three sigmas on."""
+    assert decided(predicted(1e-3), predicted(1e-3, moved=moved)) == found
+
+
+@pytest.mark.parametrize(("core", "found"), [(0.92e-3, []), (0.9e-3, ["inverted"])])
+def test_a_better_reading_is_a_tenth_better(core, found):
+    """What moves the answer is believed where it predicts a tenth better; what does not, twice better."""
+    assert decided(predicted(1e-3), predicted(core, moved=5), code="inverted")[:1] == (
+        found or ["ambiguous-convention"]
+    )
+    assert decided(predicted(1e-3), predicted(core)) == []
+
+
+@pytest.mark.parametrize(("core", "found"), [(0.51e-3, []), (0.49e-3, ["inverted"])])
+def test_what_moves_nothing_must_be_twice_as_good(core, found):
+    """A reading that leaves what is asked alone is named from a factor of two on."""
+    assert decided(predicted(1e-3), predicted(core)) == found
+
+
+@pytest.mark.parametrize(("core", "found"), [(0.68e-3, []), (0.66e-3, ["inverted"])])
+def test_a_wider_model_must_be_half_better(core, found):
+    """A reading with more freedoms is named from a factor of 1.5 on, and never as ambiguous."""
+    assert decided(predicted(1e-3), predicted(core, moved=50), nested=True) == found
+
+
+def test_facts_decide_between_equals():
+    """Where the declared reading contradicts a fact, one that predicts as well is named, a wider one is not."""
+    assert decided(predicted(1e-3), predicted(1.09e-3), impossible=("reach 9 m",)) == ["inverted"]
+    assert decided(predicted(1e-3), predicted(1.11e-3), impossible=("reach 9 m",)) == []
+    assert decided(predicted(1e-3), predicted(1e-3), impossible=("reach 9 m",), nested=True) == []
+
+
+def test_loops_that_nothing_closes_are_told():
+    """A declared reading beyond 0.03 rad with no better one is a poor fit; so is no reading that is not seen."""
+    assert decided(predicted(0.029), predicted(0.05)) == []
+    assert decided(predicted(0.031), predicted(0.05)) == ["poor-fit"]
+    assert decided(predicted(0.031), predicted(1e-3, unobservable=[ASKED])) == ["poor-fit"]
+    assert decided(predicted(1e-3, unobservable=[ASKED]), predicted(1e-3, moved=5)) == []

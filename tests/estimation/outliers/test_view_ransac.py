@@ -107,3 +107,26 @@ def test_a_view_of_a_single_point_agrees_with_its_prior_alone():
     prior = Prior(true, np.tile(1e10 * np.eye(6), (6, 1, 1)))
     found = view_ransac(replace(measurement, pixels=pixels), true, state.cameras["wrist"], LIMIT, prior)
     np.testing.assert_array_equal(found.points[:, 0], ~aside)
+
+
+@pytest.mark.parametrize(("points", "subsets"), [(4, 4 + 6), (5, 5 + 10), (8, 8 + 28)])
+def test_of_few_points_all_but_one_or_two(points, subsets):
+    """Up to eight points every subset without one or two of them is tried, each once."""
+    found = ransac._subsets(np.ones((1, points), dtype=bool))[:, 0]
+    assert len(found) == subsets
+    assert len(np.unique(found, axis=0)) == subsets
+    assert set(found.sum(1).tolist()) == {points - 1, points - 2}
+
+
+def test_of_many_points_random_fives(rng):
+    """Of nine points and more forty subsets of five that a view sees, in each view others; of four seen all four."""
+    seen = np.ones((3, 30), dtype=bool)
+    seen[1, ::2] = False
+    seen[2, 4:] = False
+    found = ransac._subsets(seen)
+    assert found.shape == (40, 3, 30)
+    assert np.all(found[:, :2].sum(-1) == 5)
+    np.testing.assert_array_equal(found[:, 2], np.tile(seen[2], (40, 1)))
+    assert not np.any(found & ~seen)
+    assert len(np.unique(found[:, 0], axis=0)) > 35
+    assert ransac._subsets(np.ones((1, 9), dtype=bool)).shape == (40, 1, 9)

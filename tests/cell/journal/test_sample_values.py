@@ -1,0 +1,146 @@
+"""Numbers and poses of a recorded line: exactly what is written, or an error that names the field."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.cell.journal.sample_values import Where, number, numbers, pose, sigmas, vector, whole_numbers
+from basecal.errors import DatasetError
+from basecal.geometry import SE3
+
+HERE = Where("samples.jsonl", 7)
+
+
+def test_an_error_says_where():
+    """Path, line and field stand before the message; without a field the line alone."""
+    assert str(HERE.error("robots.eye", "is wrong")) == "samples.jsonl:7: robots.eye: is wrong"
+    assert str(HERE.error("", "is wrong")) == "samples.jsonl:7: is wrong"
+
+
+def test_rotation_is_that_of_the_quaternion(rng):
+    """A recorded quaternion turns as `SE3.from_quaternion` says, in all four of its components and signs."""
+    q = rng.normal(size=(50, 4))
+    q /= np.linalg.norm(q, axis=1)[:, None]
+    for each in [*q, *np.eye(4), *-np.eye(4)]:
+        t = rng.normal(size=3)
+        found, sigma = pose(HERE, "p", {"t_m": t.tolist(), "q_xyzw": each.tolist()})
+        expected = SE3.from_quaternion(each, t)
+        np.testing.assert_allclose(found.rotation, expected.rotation, atol=1e-15)
+        np.testing.assert_array_equal(found.translation, t)
+        assert sigma is None
+
+
+def test_a_rounded_quaternion_is_normalised():
+    """A norm off by less than 1e-3 is a rounding, and the rotation is orthonormal all the same."""
+    found, _ = pose(HERE, "p", {"t_m": [0, 0, 0], "q_xyzw": [0, 0, 0.7075, 0.7075]})
+    np.testing.assert_allclose(found.rotation @ found.rotation.T, np.eye(3), atol=1e-15)
+    np.testing.assert_allclose(found.rotation[:, 0], [0, 1, 0], atol=1e-15)
+    for z in (0.7082, 0.706):
+        with pytest.raises(DatasetError, match=r"p\.q_xyzw: has norm .*, expected 1 within 0\.001"):
+            pose(HERE, "p", {"t_m": [0, 0, 0], "q_xyzw": [0, 0, z, z]})
+
+
+def test_rarer_notations_are_poses_too():
+    """A rotation vector, or angles in degrees, stand for the same rotation."""
+    quarter = SE3.from_rotvec([0, 0, np.pi / 2], [1, 2, 3])
+    for rotation in ({"rotvec_rad": [0, 0, np.pi / 2]}, {"rpy_deg": [0, 0, 90]}):
+        found, _ = pose(HERE, "p", {"t_m": [1, 2, 3], **rotation})
+        np.testing.assert_allclose(found.matrix, quarter.matrix, atol=1e-12)
+
+
+def test_sigmas_of_a_pose_are_six_numbers():
+    """One or three sigmas of translation and of rotation, both or neither; without asking they are unknown fields."""
+    written = {"t_m": [0, 0, 0], "q_xyzw": [0, 0, 0, 1], "sigma_t_m": 0.001, "sigma_r_rad": [0.1, 0.2, 0.3]}
+    _, sigma = pose(HERE, "p", written, with_sigmas=True)
+    np.testing.assert_array_equal(sigma, [0.001, 0.001, 0.001, 0.1, 0.2, 0.3])
+    assert not sigma.flags.writeable
+    with pytest.raises(DatasetError, match="go together"):
+        pose(HERE, "p", {k: v for k, v in written.items() if k != "sigma_t_m"}, with_sigmas=True)
+    with pytest.raises(DatasetError, match="got null"):
+        pose(HERE, "p", {**written, "sigma_t_m": None}, with_sigmas=True)
+    with pytest.raises(DatasetError, match="sigma_"):
+        pose(HERE, "p", written)
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -10.5, 10.5, "1", None, [1.0]])
+def test_a_number_is_finite_and_within_its_limit(value):
+    """Anything else is refused with the limit and what was found."""
+    with pytest.raises(DatasetError, match="expected a finite number within 10, got"):
+        number(HERE, "x", value, 10.0)
+    assert number(HERE, "x", -10, 10.0) == -10.0
+
+
+@pytest.mark.parametrize(
+    ("value", "columns"),
+    [([1, "a"], None), ([[1, 2]], None), ([[1, 2]], 3), ([[1, 2], [1]], 2), (3.0, None), ([True, False], None)],
+)
+def test_lists_have_their_shape(value, columns):
+    """A list of numbers, or of rows of so many, and nothing else."""
+    expected = "a list of numbers" if columns is None else f"a list of rows of {columns} numbers"
+    with pytest.raises(DatasetError, match=f"x: expected {expected}, got"):
+        numbers(HERE, "x", value, columns)
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), 1.1e6, -1.1e6])
+def test_numbers_of_a_list_are_finite(value):
+    """NaN, infinity and what is beyond a million are refused."""
+    with pytest.raises(DatasetError, match="holds NaN, infinity or a number beyond 1e"):
+        numbers(HERE, "x", [0.0, value])
+
+
+def test_numbers_are_read_only_floats():
+    """Whole numbers become floats; an empty list of rows keeps its columns."""
+    found = numbers(HERE, "x", [1, 2, 1_000_000])
+    assert found.dtype == np.float64
+    assert not found.flags.writeable
+    assert numbers(HERE, "x", [], 2).shape == (0, 2)
+    assert numbers(HERE, "x", [[1, 2, 3], [4, 5, 6]], 3).shape == (2, 3)
+
+
+def test_ids_are_whole_numbers():
+    """A list of them, which may be empty; a half, a list of lists or no list is refused."""
+    assert whole_numbers(HERE, "ids", [3, 1]).tolist() == [3, 1]
+    assert whole_numbers(HERE, "ids", []).dtype == np.int64
+    assert not whole_numbers(HERE, "ids", [1]).flags.writeable
+    for wrong in ([0.5], [[1]], 1, ["a"], [[1], [2, 3]]):
+        with pytest.raises(DatasetError, match="ids: expected a list of whole numbers, got"):
+            whole_numbers(HERE, "ids", wrong)
+
+
+def test_sigmas_are_one_for_all_or_one_for_each():
+    """A single sigma is meant for all; none at all is not stated; the wrong number of them or zero is refused."""
+    assert sigmas(HERE, "s", None, 3) is None
+    np.testing.assert_array_equal(sigmas(HERE, "s", 0.5, 3), [0.5, 0.5, 0.5])
+    np.testing.assert_array_equal(sigmas(HERE, "s", [1, 2], 2), [1.0, 2.0])
+    with pytest.raises(DatasetError, match="expected one positive number or 3, got 2"):
+        sigmas(HERE, "s", [1, 2], 3)
+    for zero in (0.0, [1.0, 0.0, 1.0], -1.0):
+        with pytest.raises(DatasetError, match="expected positive numbers"):
+            sigmas(HERE, "s", zero, 3)
+
+
+@pytest.mark.parametrize("value", [[1, 2], [1, 2, 3, 4], "abc", [1, 2, None], [1, 2, float("nan")], [1, 2, -1.1e6]])
+def test_a_vector_has_its_length(value):
+    """Exactly so many finite numbers within a million."""
+    with pytest.raises(DatasetError, match=r"v: expected 3 (finite )?numbers"):
+        vector(HERE, "v", value, 3)
+    assert vector(HERE, "v", [1, -1e6, 1e6], 3) == [1, -1e6, 1e6]
+
+
+def test_names_are_known_ones():
+    """An unknown robot, camera or field is refused with those that exist, and the nearest of them."""
+    assert HERE.name("eye", "robots", "robot", {"eye": 1}) == "eye"
+    with pytest.raises(DatasetError, match=r"no robot .*eve.*did you mean 'eye'.*cell\.yaml has: eye, hand"):
+        HERE.name("eve", "robots", "robot", {"eye": 1, "hand": 2})
+    with pytest.raises(DatasetError, match=r"cell\.yaml has: none"):
+        HERE.name(3, "robots", "robot", {})
+    with pytest.raises(
+        DatasetError, match=r"robots\.pos: unknown field \(did you mean 'pose'\?\); known: pose, joints"
+    ):
+        HERE.mapping({"pos": 1}, "robots", ("pose", "joints"))
+    with pytest.raises(DatasetError, match=r"7: pos: unknown field"):
+        HERE.mapping({"pos": 1}, "", ("pose",))
+    with pytest.raises(DatasetError, match="expected an object"):
+        HERE.mapping([1], "robots")
+    assert HERE.mapping({"any": 1}, "robots") == {"any": 1}

@@ -1,0 +1,108 @@
+"""Where a direction counts as observable, and where it has no number at all."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.pose_problem import MOUNT, pose_problem
+
+from basecal.cell import Intrinsics, Unknown
+from basecal.estimation.observability.observability import observability_of, without_priors
+from basecal.geometry import SE3, Camera
+
+DISTANCE_M = 2.0
+LENS = Camera("pinhole", np.array([800.0, 1200.0, 640.0, 360.0, *[0.0] * 4]), (1280, 720))
+
+
+def seen_with(sigmas, factor=1.0, lens=()):
+    """What is said of a mount whose tangent is known with these sigmas [m, rad], targets 2 m away; and of a lens."""
+    problem, state = pose_problem(np.zeros((4, 6)), np.ones(6), Unknown("prior", SE3.identity(), np.ones(6)))
+    mount = SE3.from_rotvec([0, 0, 0], [0, 0, -DISTANCE_M])
+    state = replace(state, transforms={**state.transforms, MOUNT: mount}, cameras={"camera": LENS})
+    # The four poses of the arm are turned about three axes: they leave nothing open by themselves.
+    turned = SE3.from_rotvec(np.concatenate([np.zeros((1, 3)), np.eye(3)]), np.zeros((4, 3)))
+    group = replace(problem.groups[0], eye_base_from_eye_flange=turned)
+    problem = problem.with_groups([group])
+    if len(lens):
+        columns = {**problem.columns, "camera": slice(6, 14)}
+        problem = replace(problem, columns=columns, lenses={"camera": Intrinsics("free", LENS)})
+    return observability_of(problem, state, np.diag(1.0 / np.array([*sigmas, *lens]) ** 2), factor)
+
+
+GOOD = np.array([1e-3] * 6)
+
+
+@pytest.mark.parametrize("k", range(6))
+def test_a_direction_is_observable_below_three_tenths(k):
+    """A sigma of 0.29 rad, or of 0.29 of the distance, is observable; one of 0.31 is not, and keeps its number."""
+    unit = distances(k)
+    below, above = GOOD.copy(), GOOD.copy()
+    below[k], above[k] = 0.29 * unit, 0.31 * unit
+    assert seen_with(below).unobservable == frozenset()
+    assert seen_with(below).null_space == ()
+    found = seen_with(above)
+    assert found.unobservable == {MOUNT}
+    assert len(found.null_space) == 1
+    assert found.inverse[k, k] == pytest.approx(above[k] ** 2)
+
+
+def distances(k):
+    return DISTANCE_M if k < 3 else 1.0
+
+
+@pytest.mark.parametrize("k", [0, 5])
+def test_without_information_there_is_no_number(k):
+    """Beyond a sigma of 30 a direction has none: zero in the inverse, an infinite condition."""
+    sigmas = GOOD.copy()
+    sigmas[k] = 29 * distances(k)
+    assert seen_with(sigmas).inverse[k, k] == pytest.approx(sigmas[k] ** 2)
+    assert np.isfinite(seen_with(sigmas).condition)
+    sigmas[k] = 31 * distances(k)
+    found = seen_with(sigmas)
+    assert found.inverse[k, k] == 0.0
+    assert found.condition == np.inf
+    assert found.unobservable == {MOUNT}
+
+
+def test_noise_counts():
+    """The same information with a factor of a hundred on the noise is ten times less observable."""
+    sigmas = np.full(6, 0.05)
+    assert seen_with(sigmas).unobservable == frozenset()
+    assert seen_with(sigmas, factor=100.0).unobservable == {MOUNT}
+
+
+def test_condition_is_largest_over_smallest_sigma():
+    """In lengths of the scene and radians."""
+    assert seen_with([0.02, 0.02, 0.02, 0.01, 0.01, 0.1]).condition == pytest.approx(10.0)
+    assert seen_with(GOOD).length_m == pytest.approx(DISTANCE_M)
+
+
+@pytest.mark.parametrize(("k", "gated"), [(0, True), (1, True), (2, True), (3, True), (4, False)])
+def test_a_lens_must_have_its_focal_lengths_and_centre(k, gated):
+    """Focal lengths and centre count against the mean focal length of 1000 px; distortion may be anything."""
+    lens = np.array([1.0] * 4 + [0.01] * 4)
+    lens[k] = 290.0 if gated else 5.0
+    assert seen_with(GOOD, lens=lens).unobservable == frozenset()
+    lens[k] = 310.0 if gated else 200.0
+    found = seen_with(GOOD, lens=lens)
+    assert found.unobservable == ({"camera"} if gated else frozenset())
+    assert len(found.null_space) == (1 if gated else 0)
+
+
+def test_without_unknowns_everything_is_observable():
+    """An empty information has the condition one and no null space."""
+    problem, state = pose_problem(np.zeros((4, 6)), np.ones(6))
+    found = observability_of(replace(problem, columns={}), state, np.zeros((0, 0)), 1.0)
+    assert found.condition == 1.0
+    assert found.unobservable == frozenset()
+
+
+def test_priors_are_forgotten_and_what_is_fixed_is_not():
+    """A problem without its priors has their transforms free, the fixed ones fixed."""
+    problem, _ = pose_problem(np.zeros((4, 6)), np.ones(6), Unknown("prior", SE3.identity(), np.ones(6)))
+    alone = without_priors(problem)
+    assert {name: u.status for name, u in alone.unknowns.items()} == {
+        name: "free" if name == MOUNT else "fixed" for name in problem.unknowns
+    }

@@ -1,0 +1,72 @@
+"""The scale of squared deviations of which some are gross."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import chi2, f
+
+from basecal.estimation.least_squares.studentized import MahalanobisSquared
+from basecal.estimation.outliers.robust_scale import Scale, robust_scale
+
+CHANCE = 1e-4
+
+
+def squares(value, freedoms=6):
+    value = np.asarray(value, dtype=np.float64)
+    return MahalanobisSquared(value, np.full(len(value), freedoms, dtype=np.int64))
+
+
+def test_stated_sigmas_are_taken_at_their_word(rng):
+    """Deviations as large as stated, or smaller, or up to 1.5 times larger leave the scale at one."""
+    clean = rng.chisquare(6, 200)
+    for factor in (0.01, 1.0, 1.3**2):
+        found = robust_scale([squares(factor * clean)], 6, True, CHANCE)
+        assert (found.variance, found.freedoms) == (1.0, np.inf)
+    found = robust_scale([squares(1.8**2 * clean)], 6, True, CHANCE)
+    assert found.variance == pytest.approx(1.8**2, rel=0.2)
+    assert robust_scale([squares(0.01 * clean)], 6, False, CHANCE).variance == pytest.approx(0.01, rel=0.2)
+
+
+def test_gross_deviations_do_not_widen_the_scale(rng):
+    """With a third of the deviations a thousand times too large, unstated, the scale is that of the others."""
+    value = rng.chisquare(6, 300)
+    value[:100] *= 1e3
+    found = robust_scale([squares(value[:150]), squares(value[150:])], 6, False, CHANCE)
+    assert found.variance == pytest.approx(1.0, rel=0.25)
+    gross = found.beyond(squares(value))
+    assert gross[:100].mean() > 0.95
+    assert gross[100:].mean() < 0.02
+    assert found.freedoms == pytest.approx(0.4 * (200 * 6 - 6), rel=0.1)
+
+
+@pytest.mark.parametrize("freedoms", [1, 2, 6])
+def test_a_stated_limit_is_the_chi_squares(freedoms):
+    """What a clean deviation exceeds once in ten thousand times; nothing does where nothing checks it."""
+    limit = Scale(4.0, np.inf, np.inf, CHANCE).limit(np.array([freedoms, 0]))
+    np.testing.assert_allclose(limit, [4.0 * chi2.isf(CHANCE, freedoms), np.inf])
+
+
+def test_an_estimated_limit_is_fishers():
+    """Over a scale of so many freedoms the limit is that of F, and wider the fewer there are."""
+    limit = Scale(2.0, 30.0, np.inf, CHANCE).limit(np.array([6]))
+    assert limit[0] == pytest.approx(2.0 * 6 * f.isf(CHANCE, 6, 30))
+    uneven = Scale(2.0, 30.0, 2.0, CHANCE).limit(np.array([6]))
+    assert uneven[0] == pytest.approx(2.0 * chi2.median(6) * 2 * f.isf(CHANCE, 2, 30) / chi2.median(2))
+
+
+def test_uneven_noise_has_fewer_freedoms(rng):
+    """Six numbers of which two carry all the noise scatter like two; even ones like six."""
+    assert robust_scale([squares(3.0 * rng.chisquare(2, 5000))], 6, False, CHANCE).shape == pytest.approx(2.0, abs=0.3)
+    assert robust_scale([squares(rng.chisquare(6, 5000))], 6, False, CHANCE).shape == pytest.approx(6.0, abs=0.8)
+
+
+def test_without_deviations_there_is_the_stated_scale():
+    """Nothing, infinities or deviations that nothing checks leave one."""
+    for none in ([], [squares([np.inf, np.nan])], [squares([1.0, 2.0], 0)]):
+        assert robust_scale(none, 6, False, CHANCE).variance == 1.0
+
+
+def test_what_is_not_a_number_is_not_gross():
+    """A deviation that cannot be told is left where it is."""
+    assert Scale(1.0, np.inf, np.inf, CHANCE).beyond(squares([np.nan, 1.0, 1e6])).tolist() == [False, False, True]
