@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,7 +11,8 @@ from basecal.accuracy.input_check.hypotheses import ConventionHypothesis, target
 from basecal.accuracy.input_check.loop_fit import LoopFit, fit_loops, sight_for
 from basecal.cell import Cell, Recording
 from basecal.errors import BasecalError
-from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
+from basecal.estimation.least_squares.bundle_adjustment import Optimum, bundle_adjust
+from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
 from basecal.estimation.start.pair_views import PairViews
@@ -19,11 +20,12 @@ from basecal.estimation.view.points import PointMeasurement
 from basecal.geometry import SE3, Array, Camera
 
 _VIEWS = 20
-_STEPS = 25
-_LOG_STEP = 4e-3
-_LARGEST_LOG_STEP = 0.1
-_SETTLED_LOG = 1e-5
-_ROUNDS = 4
+# Steps of a descent: enough to rank factors by, and to an optimum.
+_FEW_STEPS, _STEPS = 8, 25
+# Steps of the factor's logarithm: of the first secant, at most, and when it has settled.
+_LOG_STEP, _LARGEST_LOG_STEP, _SETTLED_LOG = 4e-3, 0.1, 1e-5
+_NUDGE = 1e-4
+_ROUNDS = 8
 _TRIED = (0.8, 0.9, 0.95, 1.05, 1.1, 1.25)
 
 
@@ -43,7 +45,7 @@ def size_hypotheses(
     for name in dict.fromkeys(g.target for g in problem.groups):
         linear = _factor(problem, name, lenses)
         if linear is not None:
-            found.append(target_size(name, _refined(cell, recording, name, linear, state), cell))
+            found.append(target_size(name, _refined(_Sized(cell, recording, name), linear, state), cell))
     return found
 
 
@@ -96,29 +98,46 @@ def _fixed(problem: Problem, *names: str) -> bool:
     return all(problem.unknowns[name].status == "fixed" for name in names)
 
 
-def _refined(cell: Cell, recording: Recording, name: str, linear: float, state: State) -> float:
-    """The factor of least cost: the best of a few, one of them by `linear` equations, refined by parabolas."""
+@dataclass(frozen=True, eq=False)
+class _Sized:
+    """A cell and its recording with one target's points times a factor, by the factor's logarithm."""
+
+    cell: Cell
+    recording: Recording
+    target: str
+
+    def problem(self, log: float) -> Problem:
+        """All that was seen, the target so large."""
+        sized = target_size(self.target, float(np.exp(log)), self.cell)
+        return build_problem(*sized.apply(self.cell, self.recording))[0]
+
+    def optimum(self, log: float, state: State, steps: int) -> Optimum:
+        """Downhill of a state."""
+        problem = self.problem(log)
+        return bundle_adjust(problem, replace(state, stop_errors=np.zeros((len(problem.stops), 6))), 1, steps)
+
+    def slope(self, log: float, state: State) -> float:
+        """The derivative of the least cost, at the state where it is least: there the state's own change adds none."""
+        less, more = (float(linearise(self.problem(log + d), state).cost) for d in (-_NUDGE, _NUDGE))
+        return (more - less) / (2 * _NUDGE)
+
+
+def _refined(sized: _Sized, linear: float, state: State) -> float:
+    """The factor of least cost: the best of a few, one of them by `linear` equations, refined by the secant rule."""
     tried = [linear, *_TRIED] if _TRIED[0] / 2 < linear < 2 * _TRIED[-1] else _TRIED
     try:
-        ends = [(_cost(cell, recording, name, float(np.log(factor)), state), float(np.log(factor))) for factor in tried]
-        ((state, _), log) = min(ends, key=lambda end: end[0][1])
+        ends = [(sized.optimum(log, state, _FEW_STEPS), log) for log in map(float, np.log(tried))]
+        best, log = min(ends, key=lambda end: end[0].cost)
+        state, before, slope_before = best.state, log, np.nan
         for _ in range(_ROUNDS):
-            state, cost = _cost(cell, recording, name, log, state)
-            less, more = (_cost(cell, recording, name, log + d, state)[1] for d in (-_LOG_STEP, _LOG_STEP))
-            bend = less + more - 2 * cost
-            if not bend > 0:
-                break
-            step = float(np.clip(_LOG_STEP * (less - more) / (2 * bend), -_LARGEST_LOG_STEP, _LARGEST_LOG_STEP))
-            log += step
+            state = sized.optimum(log, state, _STEPS).state
+            slope = sized.slope(log, state)
+            bend = (slope - slope_before) / (log - before) if log != before else np.nan
+            step = _LOG_STEP if np.isnan(bend) else -slope / bend if bend > 0 else 0.0
             if abs(step) < _SETTLED_LOG:
                 break
+            before, slope_before = log, slope
+            log += float(np.clip(step, -_LARGEST_LOG_STEP, _LARGEST_LOG_STEP))
     except (BasecalError, np.linalg.LinAlgError):
         return linear
     return float(np.exp(log))
-
-
-def _cost(cell: Cell, recording: Recording, name: str, log: float, state: State) -> tuple[State, float]:
-    problem, _ = build_problem(*target_size(name, float(np.exp(log)), cell).apply(cell, recording))
-    start = replace(state, stop_errors=np.zeros((len(problem.stops), 6)))
-    end = bundle_adjust(problem, start, 1, _STEPS)
-    return end.state, end.cost
