@@ -14,9 +14,9 @@ from basecal.estimation.settings import Settings
 from basecal.estimation.start.first_state import lenses
 from basecal.geometry import SE3, Array, PoseEstimate
 
-_ASSUMED_PX = 0.3
-_STEP_PX = 1e-3
-_SYSTEMATIC = 2.0
+_ASSUMED_PX = 0.3  # [px] of a light's centre where no noise is stated: that of a plain centroid
+_STEP_PX = 1e-3  # [px] of the central difference, whose error is of its square
+_SYSTEMATIC = 2.0  # sigmas of the noise, above which the neglected depth is worth a warning
 
 
 def stations_of(problem: Problem, cell: Cell) -> list[Station]:
@@ -47,18 +47,18 @@ def calibrate_axis_shift(cell: Cell, problem: Problem, settings: Settings, findi
     sigma = cell.pixel_px or _ASSUMED_PX
     base, weights = _chosen(stations, settings)
     random, systematic = _errors(stations, weights, sigma)
-    told = [*findings, *_stations_told(stations), *_sigma_told(cell), *_systematic_told(random, systematic)]
+    found = [*findings, *_of_stations(stations), *_of_sigma(cell), *_of_neglected_depth(random, systematic)]
     covariance = random + np.outer(systematic, systematic)
     inverted = problem.groups[0].hand == cell.reference
     estimate = PoseEstimate(base, covariance)
     return Calibration(
-        verdict="doubtful" if any(f.severity == "warning" for f in told) else "good",
+        verdict="doubtful" if any(f.severity == "warning" for f in found) else "good",
         transforms={names[0]: estimate.inverse() if inverted else estimate},
         status={names[0]: "free"},
         noise={"pixel_px": sigma, "robots": {}},
         order=(names[0],),
         joint_covariance=(estimate.inverse() if inverted else estimate).covariance,
-        findings=tuple(told),
+        findings=tuple(found),
         settings=settings.as_dict(),
     )
 
@@ -100,26 +100,26 @@ def _by_pixels(station: Station, base: SE3) -> Array:
     return derivative
 
 
-def _stations_told(stations: Sequence[Station]) -> list[Finding]:
-    told = []
+def _of_stations(stations: Sequence[Station]) -> list[Finding]:
+    found = []
     for station in stations:
         base = station.base()
         light = (base @ station.hand_base_from_light).translation
-        at, found = (", ".join(f"{1e3 * v:.1f}" for v in p) for p in (light, base.translation))
+        light_mm, base_mm = (", ".join(f"{1e3 * v:.1f}" for v in p) for p in (light, base.translation))
         numbers = tuple(str(int(n)) for n in station.samples)
-        message = f"station at samples {', '.join(numbers)}: light at ({at}) mm, base at ({found}) mm"
-        told.append(Finding("axis-shift-station", "info", numbers, message))
-    return told
+        message = f"station at samples {', '.join(numbers)}: light at ({light_mm}) mm, base at ({base_mm}) mm"
+        found.append(Finding("axis-shift-station", "info", numbers, message))
+    return found
 
 
-def _sigma_told(cell: Cell) -> list[Finding]:
+def _of_sigma(cell: Cell) -> list[Finding]:
     if cell.pixel_px is not None:
         return []
     message = f"noise.pixel_px is not stated: {_ASSUMED_PX} px assumed for the covariance"
     return [Finding("axis-shift-station", "info", (), message)]
 
 
-def _systematic_told(random: Array, systematic: Array) -> list[Finding]:
+def _of_neglected_depth(random: Array, systematic: Array) -> list[Finding]:
     sigma = np.sqrt(np.diag(random))
     if np.all(np.abs(systematic) <= _SYSTEMATIC * sigma):
         return []

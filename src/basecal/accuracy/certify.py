@@ -9,7 +9,7 @@ from basecal.estimation.certificate.certificate import certify
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_from
 
-_ROUNDS = 3
+_ROUNDS = 3  # better optima to go to, one after another: each lowers the cost
 
 
 def certified(solution: Solution, settings: Settings) -> tuple[Solution, Certificate | None]:

@@ -27,8 +27,8 @@ from basecal.geometry import Array, BoolArray, IntArray
 
 _LARGEST_SIGMA = 0.3  # [rad] of a free offset that still counts as seen
 _LARGEST_COMPLIANCE_SIGMA = 3e-3  # [rad/Nm] likewise
-_NO_INFORMATION = 1e-9
-_TOUCHES = 1e-3
+_NO_INFORMATION = 1e-9  # eigenvalue over the largest of the information scaled to a unit diagonal: rounding is 1e-13
+_TOUCHES = 1e-3  # component of a null vector, above which a column has a part in it
 
 
 def joint_offsets(solution: Solution) -> dict[str, JointOffsets]:

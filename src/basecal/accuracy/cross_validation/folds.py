@@ -17,7 +17,7 @@ from basecal.geometry import SE3
 
 Samples = frozenset[int]
 
-FOLDS = 5
+FOLDS = 5  # the usual compromise: each fit has four fifths of the samples, at five times the work
 _FEWEST_PARTS = 3  # with two, each would be predicted from half of the recording
 _LARGEST_SHARE = 0.4  # of the samples in one part: without it three fifths are left, a fifth less than of five folds
 

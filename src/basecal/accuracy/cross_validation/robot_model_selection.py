@@ -26,10 +26,10 @@ from basecal.estimation.solve import Solution, solve_from
 from basecal.geometry import Array
 from basecal.kinematics import SerialChain
 
-SIGMA_RAD = 0.005  # [rad] of a joint's offset: 0.3 deg, what a mastering by eye is off by
-LINK_SIGMA_M, LINK_SIGMA_RAD = 1e-3, 2e-3  # [m], [rad] of a link: tolerances of castings
+SIGMA_RAD = 0.005  # [rad] of a joint's offset: 0.3 deg, wider than a mastered arm's zeros are off
+LINK_SIGMA_M, LINK_SIGMA_RAD = 1e-3, 2e-3  # [m], [rad] of a link: wider than arms are made to
 _FEWEST_VIEWS = 15  # of fewer, a fifth held out is two views
-_MOST_SAMPLES = 200  # enough to tell models apart, and a second's work
+_MOST_SAMPLES = 200  # enough to tell models apart; bounds the time
 _CERTAIN, _DOUBTED = 3.0, 2.0  # standard errors: chances of 1 and 23 in 1,000
 _WORTH_A_LOOK = 6.0  # what a parameter more lowers the cost by, in units of its expectation by chance
 

@@ -26,10 +26,11 @@ from basecal.estimation.solve import Solution
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Array
 
-_LEAST_GAIN = 0.01
-_MOST_GAIN = 10.0
-_FEWEST_FREEDOMS = 5.0
-_ROUNDING = 1e-12
+# Of a fold's variance over that of the full answer, less one: along a direction with less the fold has lost nothing
+# that rounding does not cover, along one with more it is too far from the full answer to be compared to first order.
+_LEAST_GAIN, _MOST_GAIN = 0.01, 10.0
+_FEWEST_FREEDOMS = 5.0  # of the spread: with fewer its square is known to worse than two thirds
+_ROUNDING = 1e-12  # eigenvalue over the largest of a covariance
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from basecal.accuracy.findings.evidence import Input
 from basecal.cell import Finding
 
-_MANY = 0.1  # share of the samples: a single bad one is told as an info by whoever dropped it
+_MANY = 0.1  # share of the samples: whoever dropped a single one says so by an info
 
 
 def many_dropped_samples(given: Input) -> list[Finding]:

@@ -1,7 +1,7 @@
-"""An automatic test of conventions: does another reading of the input explain it better, or as well.
+"""An automatic test of conventions: does another hypothesis of the input explain it better, or as well.
 
-A reading is named only where it predicts held-out samples, contradicts no hard fact and moves what is asked. Nothing
-is ever applied. docs/conventions_test.md tells which mix-ups can be told apart by which data.
+A hypothesis is named only where it predicts held-out samples, contradicts no hard fact and moves the transforms asked
+for. Nothing is ever applied. docs/conventions_test.md says which mix-ups can be told apart by which data.
 """
 
 from __future__ import annotations
@@ -37,24 +37,24 @@ from basecal.estimation.start.pair_views import PairViews
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Camera
 
-_SCREENED = 25
-_SOLVED = 40
-_LIGHTS_SCREENED = 14
-_FEWEST = 5
-_MARGIN = 1.25
-_ALIKE = 1.1
-_FAR_WORSE = 2.0
+_SCREENED = 25  # samples of the quick look, of which a closed form of poses needs three
+_SOLVED = 40  # samples of a fit in earnest: enough to tell hypotheses apart; bounds the time
+_LIGHTS_SCREENED = 14  # views of a light, each two equations: twice as many as there are unknowns
+_FEWEST = 5  # samples, of which three folds leave three to fit
+_MARGIN = 1.25  # equations over unknowns without the largest fold
+_ALIKE = 1.1  # cross-validation errors that differ by less are alike: that of 40 samples is known to a tenth
+_FAR_WORSE = 2.0  # ratio of such errors that no choice of samples makes
 # A wider model takes up some of the errors of arms and lenses: below this it is no mix-up that it found.
 _WIDER = 1.5
-_NEAR = 3.0
-_FLOOR_RAD = 0.01
-_LIGHT_FLOOR_RAD = 0.002
-_HOPELESS_RAD = 0.25
-_LIGHT_HOPELESS_RAD = 0.05
-_MOST_SOLVED = 8
-_SIGMAS = 3.0
-_SMALLEST_SIGMA = 1e-9
-_EXPLAINED = 1.15
+_NEAR = 3.0  # how many times worse than the best a hypothesis may close its loops and still be fitted
+_FLOOR_RAD = 0.01  # [rad] of loops of poses, within which the quick look of few samples does not rank
+_LIGHT_FLOOR_RAD = 0.002  # [rad] likewise of directions to a light, which have no rotation of their own
+_HOPELESS_RAD = 0.25  # [rad] of loops that even the best hypothesis does not close: none of them is so
+_LIGHT_HOPELESS_RAD = 0.05  # [rad] likewise of directions
+_MOST_SOLVED = 8  # hypotheses to fit, which bounds the time
+_SIGMAS = 3.0  # by which an answer has to move to count as another
+_SMALLEST_SIGMA = 1e-9  # [m, rad] below which a difference is rounding
+_EXPLAINED = 1.15  # residuals over stated sigmas: nothing is left that a better hypothesis could explain
 
 Lenses = Mapping[str, Camera]
 Fits = Mapping[tuple[str, str], LoopFit]
@@ -62,9 +62,9 @@ Fits = Mapping[tuple[str, str], LoopFit]
 
 @dataclass(frozen=True, eq=False)
 class _Tried:
-    """A reading and how it predicts; `impossible` tells the facts that it contradicts."""
+    """A hypothesis and how it predicts; `impossible` holds the facts that it contradicts."""
 
-    reading: ConventionHypothesis
+    hypothesis: ConventionHypothesis
     fit: HypothesisFit
     impossible: tuple[str, ...]
 
@@ -82,8 +82,8 @@ def check_conventions(
         settings: How they were solved.
 
     Returns:
-        An error for each reading that explains the data better than the declared one, or as well where the declared
-        one cannot be; one `ambiguous-convention` for those that explain it as well. Nothing where no reading does.
+        An error for each hypothesis that explains the data better than the declared one, or as well where the declared
+        one cannot be; one `ambiguous-convention` for those that explain it as well. Nothing where no hypothesis does.
     """
     recording = in_order(recording)
     if len(recording.samples) < _FEWEST or not _can_hold_out(problem):
@@ -92,9 +92,9 @@ def check_conventions(
     if whole is None:
         return ()
     declared = _Tried(AS_DECLARED, whole, (*impossible_input(cell, recording), *impossible_answer(cell, whole)))
-    if plausible(whole) and not declared.impossible and not _is_seen(cell, whole):
+    if plausible(whole) and not declared.impossible and not _is_observable(cell, whole):
         return ()
-    # A guess or the axis-shift start belongs to the declared reading alone.
+    # A guess or the axis-shift start belongs to the declared hypothesis alone.
     tried = _tried(cell, recording, problem, declared, replace(settings, start="closed"))
     return _decided(cell, declared, tried)
 
@@ -106,7 +106,7 @@ def _can_hold_out(problem: Problem) -> bool:
 
 
 def _as_declared(cell: Cell, recording: Recording, settings: Settings, solution: Solution) -> HypothesisFit | None:
-    """The fit of the declared reading; a start that misled it, such as a wrong guess, is no mix-up."""
+    """The fit of the declared hypothesis; a start that misled it, such as a wrong guess, is no mix-up."""
     few = thinned(recording, _SOLVED)
     fit = fit_hypothesis(cell, few, settings, solution.state)
     if settings.start == "closed" or (fit is not None and plausible(fit)):
@@ -117,69 +117,69 @@ def _as_declared(cell: Cell, recording: Recording, settings: Settings, solution:
 
 
 def _tried(cell: Cell, recording: Recording, problem: Problem, declared: _Tried, settings: Settings) -> list[_Tried]:
-    """Readings that survive a quick look, fitted in earnest."""
+    """Hypotheses that survive a quick look, fitted in earnest."""
     lenses = _lenses(cell, problem, declared.fit)
     known = declared.fit.solution.state
     found: list[_Tried] = []
-    for reading, fits in _surviving(cell, recording, lenses):
-        found += _try(cell, recording, reading, settings, (fits, lenses))
+    for hypothesis, fits in _surviving(cell, recording, lenses):
+        found += _try(cell, recording, hypothesis, settings, (fits, lenses))
     if any(plausible(each.fit) and not each.impossible and _better(each.fit, declared.fit, _WIDER) for each in found):
         return found
     if not _explained(declared.fit):
         wider = [r for r in convention_hypotheses(cell, recording) if r.nested]
-        for reading in [*wider, *size_hypotheses(cell, thinned(recording, _SOLVED), lenses, known)]:
-            found += _try(cell, recording, reading, settings, known)
+        for hypothesis in [*wider, *size_hypotheses(cell, thinned(recording, _SOLVED), lenses, known)]:
+            found += _try(cell, recording, hypothesis, settings, known)
     if _has_tail(declared.fit) or not any(plausible(each.fit) and not each.impossible for each in (declared, *found)):
-        for reading, fits in pairing_errors(cell, recording, lenses, streams(_moving(recording))):
-            found += _try(cell, recording, reading, settings, (fits, lenses))
-        for reading in half_turns(cell, recording):
-            found += _try(cell, recording, reading, settings, None)
+        for hypothesis, fits in pairing_errors(cell, recording, lenses, streams(_moving(recording))):
+            found += _try(cell, recording, hypothesis, settings, (fits, lenses))
+        for hypothesis in half_turns(cell, recording):
+            found += _try(cell, recording, hypothesis, settings, None)
     return found
 
 
 def _try(
     cell: Cell,
     recording: Recording,
-    reading: ConventionHypothesis,
+    hypothesis: ConventionHypothesis,
     settings: Settings,
     start: State | tuple[Fits, Lenses] | None,
 ) -> list[_Tried]:
-    told, rewritten = reading.apply(cell, recording)
-    if impossible_input(told, rewritten):
+    other_cell, rewritten = hypothesis.apply(cell, recording)
+    if impossible_input(other_cell, rewritten):
         return []
     few = thinned(rewritten, _SOLVED)
-    state = state_of(build_problem(told, few)[0], *start) if isinstance(start, tuple) else start
-    fit = fit_hypothesis(told, few, settings, state)
-    return [] if fit is None else [_Tried(reading, fit, impossible_answer(told, fit))]
+    state = state_of(build_problem(other_cell, few)[0], *start) if isinstance(start, tuple) else start
+    fit = fit_hypothesis(other_cell, few, settings, state)
+    return [] if fit is None else [_Tried(hypothesis, fit, impossible_answer(other_cell, fit))]
 
 
 def _surviving(cell: Cell, recording: Recording, lenses: Lenses) -> list[tuple[ConventionHypothesis, Fits]]:
-    """Readings that close the loops about as well as the one that closes them best."""
+    """Hypotheses that close the loops about as well as the one that closes them best."""
     moving = _moving(recording)
-    readings, told = [AS_DECLARED], [(cell, recording)]
-    for reading in convention_hypotheses(cell, recording):
-        if reading.nested or (reading.code == "pairing-shifted" and not set(reading.about) <= set(moving)):
+    hypotheses, inputs = [AS_DECLARED], [(cell, recording)]
+    for hypothesis in convention_hypotheses(cell, recording):
+        if hypothesis.nested or (hypothesis.code == "pairing-shifted" and not set(hypothesis.about) <= set(moving)):
             continue
-        rewritten = reading.apply(cell, recording)
+        rewritten = hypothesis.apply(cell, recording)
         if not impossible_input(*rewritten):
-            readings.append(reading)
-            told.append(rewritten)
-    fits = _screened(told, lenses)
+            hypotheses.append(hypothesis)
+            inputs.append(rewritten)
+    fits = _screened(inputs, lenses)
     scores = [max((trimmed(fit.off) for fit in of.values()), default=np.inf) for of in fits]
     of_light = any(fit.of_light for fit in fits[0].values())
     if min(scores) > (_LIGHT_HOPELESS_RAD if of_light else _HOPELESS_RAD):
         return []
     limit = _NEAR * min(scores) + (_LIGHT_FLOOR_RAD if of_light else _FLOOR_RAD)
     best = sorted(range(1, len(scores)), key=lambda k: scores[k])[:_MOST_SOLVED]
-    return [(readings[k], fits[k]) for k in best if scores[k] < limit]
+    return [(hypotheses[k], fits[k]) for k in best if scores[k] < limit]
 
 
-def _screened(told: Sequence[tuple[Cell, Recording]], lenses: Lenses) -> list[Fits]:
-    """Of each reading how nearly the loops of its pairs of camera and target close, all fitted side by side.
+def _screened(inputs: Sequence[tuple[Cell, Recording]], lenses: Lenses) -> list[Fits]:
+    """Of each hypothesis how nearly the loops of its pairs of camera and target close, all fitted side by side.
 
-    A reading has no fits where one of its pairs cannot be fitted.
+    A hypothesis has no fits where one of its pairs cannot be fitted.
     """
-    pairs = [_pairs(cell, recording, lenses) for cell, recording in told]
+    pairs = [_pairs(cell, recording, lenses) for cell, recording in inputs]
     fits = iter(fit_loops([pair for of in pairs for pair in of]))
     found: list[Fits] = []
     for of in pairs:
@@ -190,7 +190,7 @@ def _screened(told: Sequence[tuple[Cell, Recording]], lenses: Lenses) -> list[Fi
 
 
 def _pairs(cell: Cell, recording: Recording, lenses: Lenses) -> list[tuple[PairViews, Problem]]:
-    """Some views of each pair of camera and target, as a reading has them; none where it makes no problem."""
+    """Some views of each pair of camera and target, as a hypothesis has them; none where it makes no problem."""
     try:
         problem, _ = build_problem(cell, thinned(recording, _SCREENED))
         return [(_thinned_views(g, lenses), problem) for g in problem.groups]
@@ -235,7 +235,7 @@ def _has_tail(fit: HypothesisFit) -> bool:
     return bool(np.isfinite(fit.core) and fit.whole > _FAR_WORSE * fit.core)
 
 
-def _is_seen(cell: Cell, fit: HypothesisFit) -> bool:
+def _is_observable(cell: Cell, fit: HypothesisFit) -> bool:
     return not any(name in fit.solution.observability.unobservable for name in cell.asked)
 
 
@@ -250,28 +250,28 @@ def _better(fit: HypothesisFit, other: HypothesisFit, times: float = _ALIKE) -> 
 
 
 def _decided(cell: Cell, declared: _Tried, tried: Sequence[_Tried]) -> tuple[Finding, ...]:
-    possible = [t for t in tried if not t.impossible and _is_seen(cell, t.fit) and plausible(t.fit)]
+    possible = [t for t in tried if not t.impossible and _is_observable(cell, t.fit) and plausible(t.fit)]
     winning = [t for t in possible if _wins(cell, t, declared)]
     if winning:
         best = min(winning, key=lambda t: t.fit.core * t.fit.whole)
         return tuple(_named(t, declared) for t in winning if _alike(t.fit, best.fit))
     if not plausible(declared.fit):
         return () if declared.fit.in_pixels else (_poor(declared),)
-    if not _is_seen(cell, declared.fit):
+    if not _is_observable(cell, declared.fit):
         return ()
     rivals = [
         t
         for t in possible
-        if not t.reading.nested and _alike(t.fit, declared.fit) and _moved(cell, t, declared.fit, declared.fit)
+        if not t.hypothesis.nested and _alike(t.fit, declared.fit) and _moved(cell, t, declared.fit, declared.fit)
     ]
     return (_ambiguous(cell, declared, rivals),) if rivals else ()
 
 
 def _wins(cell: Cell, tried: _Tried, declared: _Tried) -> bool:
-    """Whether a reading is to be believed rather than the declared one."""
-    if declared.impossible and _alike(tried.fit, declared.fit) and not tried.reading.nested:
+    """Whether a hypothesis is to be believed rather than the declared one."""
+    if declared.impossible and _alike(tried.fit, declared.fit) and not tried.hypothesis.nested:
         return True
-    if tried.reading.nested:
+    if tried.hypothesis.nested:
         return _better(tried.fit, declared.fit, _WIDER)
     if not _better(tried.fit, declared.fit):
         return False
@@ -279,8 +279,8 @@ def _wins(cell: Cell, tried: _Tried, declared: _Tried) -> bool:
 
 
 def _moved(cell: Cell, tried: _Tried, declared: HypothesisFit, scale: HypothesisFit) -> bool:
-    """Whether a reading moves what is asked by more than three sigmas of `scale`."""
-    ignored = cell.mount_name(tried.reading.about[0]) if tried.reading.code == "board-symmetry" else None
+    """Whether a hypothesis moves the transforms asked for by more than three sigmas of `scale`."""
+    ignored = cell.mount_name(tried.hypothesis.about[0]) if tried.hypothesis.code == "board-symmetry" else None
     for name in cell.asked:
         if name == ignored and cell.transforms[name].status == "free":
             continue
@@ -296,16 +296,16 @@ def _step(fit: HypothesisFit, other: HypothesisFit, name: str) -> SE3:
 
 
 def _named(tried: _Tried, declared: _Tried) -> Finding:
-    reading = tried.reading
+    hypothesis = tried.hypothesis
     severity: Severity = "error"
-    if reading.nested and plausible(declared.fit) and not _better(tried.fit, declared.fit, _FAR_WORSE):
+    if hypothesis.nested and plausible(declared.fit) and not _better(tried.fit, declared.fit, _FAR_WORSE):
         severity = "warning"
     if _better(tried.fit, declared.fit):
         errors = f"{tried.fit.error_in_words()} instead of {declared.fit.error_in_words()}"
         why = f"so read, the cross-validation error is {errors}"
     else:
         why = f"as declared it fits as well, but {' and '.join(declared.impossible)} cannot be"
-    return Finding(reading.code, severity, reading.about, f"{reading.words}: {why}; {reading.fix}")
+    return Finding(hypothesis.code, severity, hypothesis.about, f"{hypothesis.words}: {why}; {hypothesis.fix}")
 
 
 def _poor(declared: _Tried) -> Finding:
@@ -317,15 +317,15 @@ def _poor(declared: _Tried) -> Finding:
 
 
 def _ambiguous(cell: Cell, declared: _Tried, rivals: Sequence[_Tried]) -> Finding:
-    """One finding for all readings that fit as well as the declared one."""
+    """One finding for all hypotheses that fit as well as the declared one."""
     name = cell.asked[0]
     moves = [1e3 * float(np.linalg.norm(_step(declared.fit, t.fit, name).translation)) for t in rivals]
     listed = " or ".join(
-        f"{t.reading.words} ({t.reading.code}: {t.fit.error_in_words()}, {name} {mm:.3g} mm away)"
+        f"{t.hypothesis.words} ({t.hypothesis.code}: {t.fit.error_in_words()}, {name} {mm:.3g} mm away)"
         for t, mm in zip(rivals, moves, strict=True)
     )
-    about = tuple(dict.fromkeys(each for t in rivals for each in t.reading.about))
-    tell = "; ".join(dict.fromkeys(t.reading.tell for t in rivals))
+    about = tuple(dict.fromkeys(each for t in rivals for each in t.hypothesis.about))
+    tell = "; ".join(dict.fromkeys(t.hypothesis.tell for t in rivals))
     message = (
         f"held-out samples are predicted as well ({declared.fit.error_in_words()} as declared) if {listed}: check "
         f"which is so; to tell them apart, {tell}"

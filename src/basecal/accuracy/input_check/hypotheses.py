@@ -1,6 +1,6 @@
-"""Readings of a cell and its recording that people mix up, each undone by a rewriting of what was given.
+"""Hypotheses of a cell and its recording that people mix up, each undone by a rewriting of what was given.
 
-A reading holds where the input means something else than its format says: flange_from_base written as
+A hypothesis holds where the input means something else than its format says: flange_from_base written as
 base_from_flange, millimetres as metres. It is never applied to the answer; it is fitted beside the declared one.
 """
 
@@ -17,12 +17,12 @@ from basecal.cell import Cell, Observation, PixelObservation, PointObservation, 
 from basecal.estimation.problem.correspondence import half_turn
 from basecal.geometry import SE3
 
-_MILLI = 1e-3
-_SHIFTS = (1, -1, 2, -2)
+_MILLI = 1e-3  # metres in a millimetre
+_SHIFTS = (1, -1, 2, -2)  # samples that a stream is late: one dropped or doubled image, or two
 # What stands in a field q_xyzw: components written as w, x, y, z; and x, y, z, w turned round once too often.
 _ORDERS = {"w, x, y, z": (1, 2, 3, 0), "turned from w, x, y, z though they were x, y, z, w": (3, 0, 1, 2)}
 
-Told = tuple[Cell, Recording]
+Rewritten = tuple[Cell, Recording]
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,11 +32,11 @@ class ConventionHypothesis:
     Attributes:
         code: The finding's code.
         about: Names of robots, cameras and targets.
-        words: What is so under this reading, as the end of "It fits if ...".
+        words: What is so under this hypothesis, as the end of "It fits if ...".
         fix: What to do, in one line.
         tell: What would tell it from the declared one where both fit.
         apply: The cell and the recording that say so.
-        nested: Whether it has the declared reading as a special case and so never fits worse.
+        nested: Whether it has the declared hypothesis as a special case and so never fits worse.
     """
 
     code: str
@@ -44,7 +44,7 @@ class ConventionHypothesis:
     words: str
     fix: str
     tell: str
-    apply: Callable[[Cell, Recording], Told]
+    apply: Callable[[Cell, Recording], Rewritten]
     nested: bool = False
 
 
@@ -52,7 +52,7 @@ AS_DECLARED = ConventionHypothesis("", (), "it is as declared", "", "", lambda c
 
 
 def convention_hypotheses(cell: Cell, recording: Recording) -> list[ConventionHypothesis]:
-    """All readings that change this cell or recording, but for those with a number to be found."""
+    """All hypotheses that change this cell or recording, but for those with a number to be found."""
     kinds = {type(o) for s in recording.samples for o in s.observations}
     by_pose = _robots(cell, recording, "base_from_flange")
     by_joints = _robots(cell, recording, "joints_rad")
@@ -88,11 +88,11 @@ def _listed(names: tuple[str, ...]) -> str:
     return " and ".join(names)
 
 
-def _of_robots(names: tuple[str, ...], of: rewriting.PoseMap) -> Callable[[Cell, Recording], Told]:
+def _of_robots(names: tuple[str, ...], of: rewriting.PoseMap) -> Callable[[Cell, Recording], Rewritten]:
     return lambda cell, recording: (cell, rewriting.with_robots(recording, dict.fromkeys(names, of)))
 
 
-def _of_targets(of: rewriting.PoseMap) -> Callable[[Cell, Recording], Told]:
+def _of_targets(of: rewriting.PoseMap) -> Callable[[Cell, Recording], Rewritten]:
     return lambda cell, recording: (cell, rewriting.with_targets(recording, of))
 
 
@@ -137,7 +137,7 @@ def _of_units(
 
 
 def _unit(
-    about: tuple[str, ...], who: str, words: str, advice: str, apply: Callable[[Cell, Recording], Told]
+    about: tuple[str, ...], who: str, words: str, advice: str, apply: Callable[[Cell, Recording], Rewritten]
 ) -> ConventionHypothesis:
     return ConventionHypothesis(
         "length-unit",
@@ -164,23 +164,23 @@ def _of_size_units(cell: Cell, kinds: set[type[Observation]]) -> Iterator[Conven
             )
 
 
-def _resize(name: str, factor: float) -> Callable[[Cell, Recording], Told]:
+def _resize(name: str, factor: float) -> Callable[[Cell, Recording], Rewritten]:
     return lambda cell, recording: (resized(cell, {name: factor}), recording)
 
 
-def _of_points(factor: float) -> Callable[[Cell, Recording], Told]:
+def _of_points(factor: float) -> Callable[[Cell, Recording], Rewritten]:
     return lambda cell, recording: (cell, rewriting.with_points(recording, factor))
 
 
-def _of_all(robots: list[str], factor: float) -> Callable[[Cell, Recording], Told]:
-    def apply(cell: Cell, recording: Recording) -> Told:
+def _of_all(robots: list[str], factor: float) -> Callable[[Cell, Recording], Rewritten]:
+    def apply(cell: Cell, recording: Recording) -> Rewritten:
         """The cell and the recording so read."""
         of = rewriting.scaled(factor)
-        told = rewriting.with_robots(recording, dict.fromkeys(robots, of))
+        rewritten = rewriting.with_robots(recording, dict.fromkeys(robots, of))
         if _shows(recording, PoseObservation):
-            told = rewriting.with_targets(told, of)
-        told = rewriting.with_points(told, factor)
-        return resized(cell, dict.fromkeys(cell.targets, factor)), told
+            rewritten = rewriting.with_targets(rewritten, of)
+        rewritten = rewriting.with_points(rewritten, factor)
+        return resized(cell, dict.fromkeys(cell.targets, factor)), rewritten
 
     return apply
 
@@ -215,7 +215,7 @@ def _of_joints(robots: list[str]) -> Iterator[ConventionHypothesis]:
             )
 
 
-def _joints_times(robot: str, factor: float) -> Callable[[Cell, Recording], Told]:
+def _joints_times(robot: str, factor: float) -> Callable[[Cell, Recording], Rewritten]:
     return lambda cell, recording: (cell, rewriting.with_joints(recording, robot, factor))
 
 
@@ -229,7 +229,7 @@ def _of_quaternions(robots: list[str], poses: bool) -> Iterator[ConventionHypoth
 
 
 def _quaternion(
-    about: tuple[str, ...], who: str, words: str, apply: Callable[[Cell, Recording], Told]
+    about: tuple[str, ...], who: str, words: str, apply: Callable[[Cell, Recording], Rewritten]
 ) -> ConventionHypothesis:
     return ConventionHypothesis(
         "quaternion-order",
@@ -254,7 +254,7 @@ def _of_exchanges(cell: Cell, recording: Recording, robots: list[str]) -> Iterat
         )
 
 
-def _exchange(first: str, second: str) -> Callable[[Cell, Recording], Told]:
+def _exchange(first: str, second: str) -> Callable[[Cell, Recording], Rewritten]:
     return lambda cell, recording: (cell, rewriting.exchanged(recording, first, second))
 
 
@@ -300,16 +300,16 @@ def _of_symmetry(cell: Cell, poses: bool) -> Iterator[ConventionHypothesis]:
             )
 
 
-def _turned(target_from_turned: SE3) -> Callable[[Cell, Recording], Told]:
+def _turned(target_from_turned: SE3) -> Callable[[Cell, Recording], Rewritten]:
     return _of_targets(lambda poses: poses @ target_from_turned)
 
 
 def _of_mirrors(kinds: set[type[Observation]]) -> Iterator[ConventionHypothesis]:
-    told = {
+    mirrored = {
         "the observed poses": (PoseObservation, _of_targets(rewriting.through_the_camera)),
         "the observed 3-D points": (PointObservation, _of_points(-1.0)),
     }
-    for who, (kind, apply) in told.items():
+    for who, (kind, apply) in mirrored.items():
         if kind in kinds:
             yield ConventionHypothesis(
                 "mirrored",
@@ -337,8 +337,8 @@ def _of_lenses(cell: Cell, recording: Recording) -> Iterator[ConventionHypothesi
             )
 
 
-def _freed(name: str) -> Callable[[Cell, Recording], Told]:
-    def apply(cell: Cell, recording: Recording) -> Told:
+def _freed(name: str) -> Callable[[Cell, Recording], Rewritten]:
+    def apply(cell: Cell, recording: Recording) -> Rewritten:
         """The cell and the recording so read."""
         camera = cell.cameras[name]
         lens = camera.intrinsics

@@ -1,7 +1,7 @@
-"""How nearly the loops of one camera and one target can be closed at all: a quick look that discards readings.
+"""How nearly the loops of one camera and one target can be closed at all: a quick look that discards hypotheses.
 
-Only fixed transforms are taken as known, and each pair of camera and target stands alone. So a reading that closes no
-loop here closes none in the whole cell either; one that does is solved in earnest afterwards.
+Only fixed transforms are taken as known, and each pair of camera and target stands alone. So a hypothesis that closes
+no loop here closes none in the whole cell either; one that does is solved in earnest afterwards.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from basecal.estimation.start.rotation_search import angle_between, search_rotat
 from basecal.estimation.view.bearings import BearingMeasurement
 from basecal.geometry import SE3, Array, Camera, IntArray
 
-KEPT = 0.7
-_MOST_POINTS = 16
-_LIGHT_STARTS = {0: 1, 1: 3, 2: 6}
-_LIGHT_STEPS = 12
-_PLAUSIBLE_SIGMAS = 4.0
-_HOPELESS_RAD = 0.5
+KEPT = 0.7  # share of the views that counts: three in ten may be outliers
+_MOST_POINTS = 16  # of a view, spread: more make its pose no clearer
+_LIGHT_STARTS = {0: 1, 1: 3, 2: 6}  # by how many rotations are unknown: cells of the grid to refine
+_LIGHT_STEPS = 12  # of each, enough to rank them
+_PLAUSIBLE_SIGMAS = 4.0  # rms of a fit that no other start needs to better
+_HOPELESS_RAD = 0.5  # [rad] of loops that no choice between a view's two poses mends
 
 Triple = tuple[SE3, SE3, SE3]
 
@@ -62,7 +62,7 @@ def sight_for(group: ViewGroup, camera: Camera | None, views: int) -> PairViews:
 def fit_loops(pairs: Sequence[tuple[PairViews, Problem]]) -> list[LoopFit | None]:
     """The transforms that close each pair's loops best, with only what is fixed known; None where numbers end.
 
-    All pairs are searched side by side, whatever readings of the input they come from.
+    All pairs are searched side by side, whatever hypotheses of the input they come from.
     """
     first = _fits_of(pairs, [np.zeros(len(sight.group), dtype=np.int64) for sight, _ in pairs])
     again = {}

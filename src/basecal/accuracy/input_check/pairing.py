@@ -1,4 +1,4 @@
-"""Readings of which a sample is to be found: where the pairing slips, and which views are read upside down."""
+"""Hypotheses of which a sample is to be found: where the pairing slips, and which views are read upside down."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from basecal.accuracy.input_check.hypotheses import ConventionHypothesis, Told, shift
+from basecal.accuracy.input_check.hypotheses import ConventionHypothesis, Rewritten, shift
 from basecal.accuracy.input_check.hypothesis_fit import thinned
 from basecal.accuracy.input_check.loop_fit import LoopFit, fit_loops, off_loops, sight_for, trimmed
 from basecal.cell import Cell, Observation, PoseObservation, Recording
@@ -16,15 +16,15 @@ from basecal.estimation.problem.correspondence import half_turn
 from basecal.estimation.start.pair_views import PairViews
 from basecal.geometry import SE3, Array, BoolArray, Camera
 
-_VIEWS = 24
-_ALL_VIEWS = 400
-_SLIPS = (1, -1)
-_FEWEST = 6
-_FEWEST_SLIPPED = 4
-_LEAST_OFF = 0.005
-_FAR = 4.0
-_BEST = 2
-_ROUNDS = 4
+_VIEWS = 24  # of each half, to fit it to
+_ALL_VIEWS = 400  # that say which pairing they have
+_SLIPS = (1, -1)  # samples: one detection missed, or given twice
+_FEWEST = 6  # samples of a half, which a fit of three unknown transforms needs
+_FEWEST_SLIPPED = 4  # samples at an end: fewer may each be wrong for themselves
+_LEAST_OFF = 0.005  # [rad] of a loop, below which it counts as closed
+_FAR = 4.0  # times the best samples' loops, above which a sample is off, however far
+_BEST = 2  # candidates to fit, the second in case the first is a neighbour's
+_ROUNDS = 4  # of alternation between the mean and which views are turned
 
 Lenses = Mapping[str, Camera]
 Fits = Mapping[tuple[str, str], LoopFit]
@@ -33,7 +33,7 @@ Fits = Mapping[tuple[str, str], LoopFit]
 def pairing_errors(
     cell: Cell, recording: Recording, lenses: Lenses, streams: list[str | None]
 ) -> list[tuple[ConventionHypothesis, Fits]]:
-    """The likeliest samples from which on one stream is paired one sample off, best first, and what told them.
+    """The likeliest samples from which on one stream is paired one sample off, best first, and the fits that say so.
 
     One half of the recording is paired rightly throughout, as declared or as shifted: fitted to that half, every
     sample tells which of the two pairings it has.
@@ -149,13 +149,13 @@ def _half_turn(recording: Recording, name: str, turn: SE3, rows: list[int], mask
     shown = ", ".join(map(str, numbers[:10])) + (", ..." if len(numbers) > 10 else "")
     chosen = set(numbers)
 
-    def apply(cell: Cell, told: Recording) -> Told:
+    def apply(cell: Cell, given: Recording) -> Rewritten:
         """The chosen samples read from the target's other end."""
         samples = [
             replace(s, observations=tuple(_turned(o, name, turn) for o in s.observations)) if s.sample in chosen else s
-            for s in told.samples
+            for s in given.samples
         ]
-        return cell, replace(told, samples=tuple(samples))
+        return cell, replace(given, samples=tuple(samples))
 
     return ConventionHypothesis(
         "board-symmetry",

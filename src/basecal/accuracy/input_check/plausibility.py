@@ -18,14 +18,15 @@ from basecal.cell import (
 from basecal.estimation.problem.problem import Problem
 from basecal.geometry import SE3, Array
 
-_REACH_M = 0.02, 5.0
-_BASES_M = 0.02, 20.0
-_MOUNT_M = 2.0
-_DISTANCE_M = 0.02, 20.0
-_TARGET_M = 2e-3, 5.0
-_TURNS_RAD = 2.2 * np.pi
-_BEYOND_LIMIT_RAD = 0.1
-_MOST = 0.8
+# Wide enough for any arm, cell and target that people calibrate, and a factor of 1000 beyond which none is.
+_REACH_M = 0.02, 5.0  # [m] of the farthest flange from its base
+_BASES_M = 0.02, 20.0  # [m] between bases
+_MOUNT_M = 2.0  # [m] of a camera or target from the flange that carries it
+_DISTANCE_M = 0.02, 20.0  # [m] from camera to target, the median
+_TARGET_M = 2e-3, 5.0  # [m] of a target's longest side
+_TURNS_RAD = 2.2 * np.pi  # [rad] of a joint: a turn and a bit; degrees are 57 times as many
+_BEYOND_LIMIT_RAD = 0.1  # [rad] past the URDF's limits, which some leave out or round
+_MOST = 0.8  # share of the views behind the camera: a few may be outliers
 
 
 def impossible_input(cell: Cell, recording: Recording) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""A recording told otherwise: poses mapped, streams paired anew; pure functions on its nouns."""
+"""A recording rewritten: poses mapped, streams paired anew; pure functions on its nouns."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ def with_robots(recording: Recording, maps: Mapping[str, PoseMap]) -> Recording:
     samples = list(recording.samples)
     for robot, of in maps.items():
         poses = {i: pose for i, s in enumerate(samples) if (pose := _recorded_pose(s, robot)) is not None}
-        told = of(SE3.stack(list(poses.values())))
+        mapped = of(SE3.stack(list(poses.values())))
         for k, i in enumerate(poses):
-            samples[i] = replace(samples[i], robots={**samples[i].robots, robot: RobotState(told[k])})
+            samples[i] = replace(samples[i], robots={**samples[i].robots, robot: RobotState(mapped[k])})
     return replace(recording, samples=tuple(samples))
 
 
@@ -80,10 +80,10 @@ def with_targets(recording: Recording, of: PoseMap) -> Recording:
         for j, o in enumerate(s.observations)
         if isinstance(o, PoseObservation)
     ]
-    told = of(SE3.stack([o.camera_from_target for _, _, o in seen]))
+    mapped = of(SE3.stack([o.camera_from_target for _, _, o in seen]))
     samples: list[list[Observation]] = [list(s.observations) for s in recording.samples]
     for k, (i, j, observation) in enumerate(seen):
-        samples[i][j] = replace(observation, camera_from_target=told[k])
+        samples[i][j] = replace(observation, camera_from_target=mapped[k])
     return _with_observations(recording, samples)
 
 
@@ -122,9 +122,9 @@ def shifted(recording: Recording, stream: str | None, by: int, start: int = 0) -
         source = i if i < start else i - by
         if source >= len(old) or (i >= start and source < start):
             continue
-        told = _paired(sample, old[source], stream)
-        if told is not None:
-            out.append(told)
+        paired = _paired(sample, old[source], stream)
+        if paired is not None:
+            out.append(paired)
     return replace(recording, samples=tuple(out))
 
 

@@ -18,7 +18,7 @@ from basecal.estimation.view.poses import PoseMeasurement
 from basecal.estimation.view.view_pose import FEWEST_POINTS, refined
 from basecal.geometry import SE3, Array, BoolArray
 
-_FEWEST_3D_POINTS = 3
+_FEWEST_3D_POINTS = 3  # that hold a pose, unless they lie on a line
 
 
 def residuals(solution: Solution, left_out: Problem | None = None) -> Residuals:

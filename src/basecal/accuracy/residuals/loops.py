@@ -20,7 +20,7 @@ from basecal.estimation.problem.problem import Problem, State, ViewGroup
 from basecal.estimation.solve import Solution
 from basecal.geometry import SE3
 
-_STEPS = 50
+_STEPS = 50  # of a pair's own fit, which starts at the fit to all
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +111,7 @@ def _closed(steps: Sequence[_Relation]) -> Loop:
 
 def _relations(solution: Solution) -> list[_Relation]:
     """What each pair between two different bases says of them by its own views, where it says all of it."""
-    told = []
+    relations = []
     for group in solution.problem.groups:
         start, end = _bases(solution.problem, group)
         base = group.hand_base or group.eye_base
@@ -121,8 +121,8 @@ def _relations(solution: Solution) -> list[_Relation]:
         state = _alone(solution, group, base, mounts) or _alone(solution, group, base, [])
         if state is not None:
             path = (start, group.camera, group.target, end)
-            told.append(_Relation(start, end, path, _relation(group, state.transforms), len(group)))
-    return told
+            relations.append(_Relation(start, end, path, _relation(group, state.transforms), len(group)))
+    return relations
 
 
 def _alone(solution: Solution, group: ViewGroup, base: str, mounts: Sequence[str]) -> State | None:

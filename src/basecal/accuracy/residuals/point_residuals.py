@@ -17,7 +17,7 @@ from basecal.estimation.view.measurement import Noise
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Array, Camera, IntArray
 
-_STOP_ROUNDS = 4
+_STOP_ROUNDS = 4  # Gauss-Newton steps for the stops' errors, which converge quadratically from zero
 
 
 @dataclass(frozen=True, eq=False)
