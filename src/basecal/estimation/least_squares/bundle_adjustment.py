@@ -56,10 +56,11 @@ class _Bundle:
 
 @dataclass(frozen=True, eq=False)
 class OptimumBatch:
-    """Where the iterations of a batch ended: (b,) of each field of `Optimum`, without the problem about them."""
+    """Where the iterations of a batch ended: (b,) of each field of `Optimum`, of the problem the hessian alone."""
 
     state: State
     cost: Array
+    hessian: Array
     converged: BoolArray
     iterations: IntArray
 
@@ -105,9 +106,9 @@ def bundle_adjust_batch(
         each = []
         for row in rows:
             one, scale = of.take(row), np.broadcast_to(dof, len(rows))[row]
-            each.append(_without_problem(_run(one.problem, take(states, row), scale, iterations, one.weights)))
+            each.append(_outcome(_run(one.problem, take(states, row), scale, iterations, one.weights)))
         return concatenate(each)
-    return _without_problem(_run(problem, states, dof, iterations, weights))
+    return _outcome(_run(problem, states, dof, iterations, weights))
 
 
 def batch_of(problem: Problem, states: Sequence[State]) -> State:
@@ -115,8 +116,8 @@ def batch_of(problem: Problem, states: Sequence[State]) -> State:
     return concatenate([state.spread(problem, 1) for state in states])
 
 
-def _without_problem(optima: Optima[State, NormalEquations]) -> OptimumBatch:
-    return OptimumBatch(optima.state, optima.cost, optima.converged, optima.iterations)
+def _outcome(optima: Optima[State, NormalEquations]) -> OptimumBatch:
+    return OptimumBatch(optima.state, optima.cost, optima.about.hessian, optima.converged, optima.iterations)
 
 
 def _run(

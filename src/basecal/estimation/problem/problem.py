@@ -63,7 +63,7 @@ class ViewGroup:
     hand_stand: IntArray
     measurement: Measurement
     readings: tuple[PixelMeasurement, ...] = ()
-    half_turn: SE3 | None = None
+    half_turn: SE3 | None = field(default=None, metadata=SHARED)
     eye_joints: Array | None = None
     hand_joints: Array | None = None
 

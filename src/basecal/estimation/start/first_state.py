@@ -7,32 +7,34 @@ cells are each refined. Everything is deterministic.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 import numpy as np
 
 from basecal.cell import Cell, Unknown
-from basecal.estimation.least_squares.bundle_adjustment import batch_of, bundle_adjust_batch
+from basecal.errors import BasecalError
 from basecal.estimation.least_squares.cauchy_irls import cauchy_irls
-from basecal.estimation.problem.problem import Problem, State, Stops
+from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.start.closed_form import Loop, Rotations, solve_rotations, solve_translations
 from basecal.estimation.start.lens import lens_from_views
 from basecal.estimation.start.pair_views import PairViews, as_light, pair_views, umeyama
+from basecal.estimation.start.refinement import Refinement, Triple, pair_problem, refined_together
 from basecal.estimation.start.rotation_grid import light_starts
 from basecal.estimation.start.rotation_search import pose_starts
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Camera, IntArray
-from basecal.numerics.batch import take
 
-Triple = tuple[SE3, SE3, SE3]
+T = TypeVar("T")
+_Search = Generator[Refinement, Triple, T]
+Failure = BasecalError | np.linalg.LinAlgError
 
 _FEW = (20, 16)
 _MANY = (400, 1000)
 _LIGHT_STARTS = {0: 1, 1: 12, 2: 40}
 _POSE_STARTS = 16
 _TIGHT_RAD = 0.3
-_REFINE_STEPS = 30
 _FEW_CHANGES = 0.1
 
 
@@ -74,16 +76,47 @@ def first_state(problem: Problem, cell: Cell, thorough: bool) -> State:
         cell: Where the lenses and what is known of them stand.
         thorough: Use many views, and search even where a closed form seems clear.
     """
+    found = first_states([problem], cell, thorough)[0]
+    if isinstance(found, Exception):
+        raise found
+    return found
+
+
+def first_states(problems: Sequence[Problem], cell: Cell, thorough: bool) -> list[State | Failure]:
+    """A state to descend from for each of several problems of one cell, or the error that it ends in.
+
+    Their searches go in step: what they want refined at a time is refined side by side.
+    """
+    searches = [_search(problem, cell, thorough) for problem in problems]
+    answers: dict[int, Triple | None] = dict.fromkeys(range(len(searches)))
+    ended: dict[int, State | Failure] = {}
+    while answers:
+        wanted: dict[int, Refinement] = {}
+        for number, answer in answers.items():
+            try:
+                wanted[number] = next(searches[number]) if answer is None else searches[number].send(answer)
+            except StopIteration as end:
+                ended[number] = end.value
+            except (BasecalError, np.linalg.LinAlgError) as error:
+                ended[number] = error
+        answers = dict(zip(wanted, refined_together(list(wanted.values())), strict=True))
+    return [ended[number] for number in range(len(searches))]
+
+
+def _search(problem: Problem, cell: Cell, thorough: bool) -> _Search[State]:
+    """Pair after pair; it asks for the starts of a pair to be refined and is told the best."""
     cameras = lenses(problem, cell)
     most = _MANY if thorough else _FEW
     waiting = [pair_views(g, cameras.get(g.camera), *most) for g in problem.groups if len(g)]
     known = _Known(_given(problem))
     while waiting:
         waiting.sort(key=lambda s: (len(_loop(s, known).unknown), s.candidates is None, -s.total))
-        sight = next((s for s in waiting if _start(s, known, problem, thorough, forced=False)), None)
-        if sight is None:
+        for sight in waiting:
+            if (yield from _start(sight, known, problem, thorough, forced=False)):
+                break
+        else:
             sight = waiting[0]
-            _start(sight, known, problem, thorough, forced=True)
+            yield from _start(sight, known, problem, thorough, forced=True)
         waiting.remove(sight)
     transforms = {name: known.transforms.get(name) or _fallback(u) for name, u in problem.unknowns.items()}
     return State(transforms, cameras, np.zeros((len(problem.stops), 6)))
@@ -128,7 +161,7 @@ def _loop(sight: PairViews, known: _Known, chosen: IntArray | None = None) -> Lo
     return sight.loop(known.transforms.get(g.camera_mount), y, known.transforms.get(g.target_mount), pick)
 
 
-def _start(sight: PairViews, known: _Known, problem: Problem, thorough: bool, forced: bool) -> bool:
+def _start(sight: PairViews, known: _Known, problem: Problem, thorough: bool, forced: bool) -> _Search[bool]:
     """Start one pair if the data determine it, or in any case where `forced`; whether it was done."""
     loop = _loop(sight, known)
     found: Triple | None = None
@@ -136,11 +169,11 @@ def _start(sight: PairViews, known: _Known, problem: Problem, thorough: bool, fo
         return True
     is_point = sight.group.target_mount in problem.point_mounts
     if sight.candidates is None:
-        found = _light(sight, loop, is_point) if forced else None
+        found = (yield from _light(sight, loop, is_point)) if forced else None
     else:
         found = _closed(sight, known)
         if (found is None and forced) or (found is not None and thorough):
-            found = _searched(sight, loop, is_point, found)
+            found = yield from _searched(sight, loop, is_point, found)
     if found is None:
         return False
     g = sight.group
@@ -176,12 +209,12 @@ def _nearer(sight: PairViews, triple: Triple) -> IntArray:
     return np.asarray(np.argmax(agreement, axis=-1), dtype=np.int64)
 
 
-def _searched(sight: PairViews, loop: Loop, is_point: bool, closed: Triple | None) -> Triple:
+def _searched(sight: PairViews, loop: Loop, is_point: bool, closed: Triple | None) -> _Search[Triple]:
     """By a grid over rotations and the closed form if there is one, the best of them refined."""
     starts = [] if closed is None else [closed]
     for x, y, z in pose_starts(loop, _POSE_STARTS):
         starts.append(solve_translations(loop, Rotations(x, y, z, True)))
-    return _best_refined(sight, loop, starts, is_point)
+    return (yield Refinement(sight, loop, starts, is_point))
 
 
 def light_states(problem: Problem, cell: Cell, most: int) -> Iterator[State]:
@@ -202,9 +235,9 @@ def light_states(problem: Problem, cell: Cell, most: int) -> Iterator[State]:
     g = sight.group
     names = [name for name in (g.camera_mount, g.hand_base or g.eye_base, g.target_mount) if name is not None]
     fixed = {name: _fallback(unknown) for name, unknown in problem.unknowns.items()}
-    pair, lens = _pair_problem(as_point, light, True)
+    pair = pair_problem(as_point, light, True)
     for start in starts:
-        state = State(dict(zip("xyz", start, strict=True)), lens, np.zeros((0, 6)))
+        state = State(dict(zip("xyz", start, strict=True)), {}, np.zeros((0, 6)))
         end = cauchy_irls(pair, state)
         x, y, z = (end.transforms[name] for name in "xyz")
         relation = y if g.hand_base is not None else y.inverse()
@@ -225,12 +258,12 @@ def _light_search(sight: PairViews, loop: Loop, most: int) -> tuple[PairViews, L
     return as_point, light, light_starts(light, one.bearings_in_camera[:, 0], most)
 
 
-def _light(sight: PairViews, loop: Loop, is_point: bool) -> Triple:
+def _light(sight: PairViews, loop: Loop, is_point: bool) -> _Search[Triple]:
     """As a single light; the target's other points are placed afterwards."""
     chords, point = as_light(sight.group.measurement)
     turns = (loop.x is None) + (loop.y is None)
     as_point, light, starts = _light_search(sight, loop, _LIGHT_STARTS[turns])
-    x, y, at = _best_refined(as_point, light, starts, True)
+    x, y, at = yield Refinement(as_point, light, starts, True)
     if is_point or loop.z is not None:
         shift = SE3(np.eye(3), at.translation - chords.points_in_target[point]) if is_point else loop.z
         assert shift is not None
@@ -252,24 +285,3 @@ def _mount_of_points(sight: PairViews, x: SE3, y: SE3, at: SE3) -> SE3:
     right = (across @ origin_in_flange[:, None, :, None]).sum(0) + 1e-9 * at.translation[:, None]
     points_in_flange = np.linalg.solve(total, right)[..., 0]
     return umeyama(chords.points_in_target, points_in_flange[None], np.ones((1, len(points_in_flange))))[0]
-
-
-def _best_refined(sight: PairViews, loop: Loop, starts: list[Triple], is_point: bool) -> Triple:
-    """The start from which the pair alone is fitted best, refined: all of them side by side."""
-    problem, cameras = _pair_problem(sight, loop, is_point)
-    states = [State(dict(zip("xyz", start, strict=True)), cameras, np.zeros((0, 6))) for start in starts]
-    ends = bundle_adjust_batch(problem, batch_of(problem, states), dof=1, iterations=_REFINE_STEPS)
-    best = take(ends.state, int(np.argmin(ends.cost))).transforms
-    return best["x"], best["y"], best["z"]
-
-
-def _pair_problem(sight: PairViews, loop: Loop, is_point: bool) -> tuple[Problem, Mapping[str, Camera]]:
-    group = replace(sight.group, camera_mount="x", eye_base=None, hand_base="y", target_mount="z")
-    none = np.full(len(group), -1, dtype=np.int64)
-    group = replace(group, eye_stop=none, hand_stop=none)
-    widths = [(name, 3 if name == "z" and is_point else 6) for name in loop.unknown]
-    ends = np.cumsum([0, *(w for _, w in widths)])
-    columns = {name: slice(int(ends[i]), int(ends[i + 1])) for i, (name, _) in enumerate(widths)}
-    unknowns = {name: Unknown() for name in "xyz"}
-    stops = Stops(np.zeros((0, 6)))
-    return Problem("", (group,), unknowns, frozenset(), {}, stops, columns), {}

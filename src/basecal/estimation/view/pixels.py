@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,6 +19,7 @@ from basecal.estimation.view.measurement import (
 )
 from basecal.estimation.view.moments import UPPER, dot, gradient_and_information, monomials
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray, Rows
+from basecal.numerics.batch import SHARED
 
 _CHUNK_POINTS = 7200
 
@@ -36,7 +37,7 @@ class PixelMeasurement:
         common_px: Sigma of an error that all points of a view have in common, per coordinate [px].
     """
 
-    points_in_target: Array
+    points_in_target: Array = field(metadata=SHARED)
     pixels: Array
     seen: BoolArray
     stated: Array

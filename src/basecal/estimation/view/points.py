@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -17,6 +17,7 @@ from basecal.estimation.view.measurement import (
 )
 from basecal.estimation.view.moments import UPPER, gradient_and_information, monomials
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray, Rows
+from basecal.numerics.batch import SHARED
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +32,7 @@ class PointMeasurement:
         weight: (n, p) 1 / sigma in use, 0 where not seen [1/m].
     """
 
-    points_in_target: Array
+    points_in_target: Array = field(metadata=SHARED)
     points_in_camera: Array
     seen: BoolArray
     stated: Array

@@ -1,0 +1,55 @@
+"""Many recordings of one structure solved side by side: draws of a Monte Carlo study, folds, subsets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from basecal.errors import InputError
+from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust_batch
+from basecal.estimation.noise.estimate import degrees_of_freedom, residual_counts
+from basecal.estimation.problem.problem import Problem, State
+from basecal.geometry import Array, BoolArray
+
+
+@dataclass(frozen=True, eq=False)
+class SolutionBatch:
+    """The maximum-likelihood states of a batch.
+
+    Attributes:
+        state: The optima, (b,).
+        covariance: (b, p, p) of all columns of the problem.
+        cost: (b,) sums of squared residuals over sigmas.
+        dof: Scalar residuals less unknowns, of each.
+        converged: (b,) whether each is an optimum.
+    """
+
+    state: State
+    covariance: Array
+    cost: Array
+    dof: int
+    converged: BoolArray
+
+
+def solve_batch(problem: Problem, starts: State, iterations: int = 100) -> SolutionBatch:
+    """Maximum likelihood and covariance downhill of a batch of starts, each as `solve` gives it by itself.
+
+    Args:
+        problem: One structure, what was seen with a leading batch axis; all sigmas stated, or none of one kind of
+            measurement, whose variance is then cost / dof, in each entry its own.
+        starts: (b,), see `batch_of`.
+        iterations: At most.
+
+    Raises:
+        InputError: if sigmas of several kinds are to be estimated: that is done one problem at a time.
+    """
+    first = problem.of_batch(np.array([0]))
+    kinds = [kind for kind, count in residual_counts(first).items() if count]
+    if len(kinds) > 1:
+        raise InputError(f"a batch takes residuals of one kind, here are {' and '.join(kinds)}: solve them one by one")
+    dof = degrees_of_freedom(first)
+    ends = bundle_adjust_batch(problem, starts, dof, iterations)
+    factor = np.ones(len(ends.cost)) if kinds == ["stated"] else ends.cost / max(dof, 1)
+    covariance = np.linalg.inv(ends.hessian) * factor[:, None, None]
+    return SolutionBatch(ends.state, covariance, ends.cost, dof, ends.converged)

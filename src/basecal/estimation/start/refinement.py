@@ -1,0 +1,86 @@
+"""Starts of pairs of camera and target refined on directions, those of many searches side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from basecal.cell import Unknown
+from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust_batch
+from basecal.estimation.problem.problem import Problem, State, Stops
+from basecal.estimation.start.closed_form import Loop
+from basecal.estimation.start.pair_views import PairViews
+from basecal.geometry import SE3, Array, IntArray
+from basecal.numerics.batch import stack
+
+Triple = tuple[SE3, SE3, SE3]
+
+_STEPS = 30  # a start that needs more is in no basin; the best is refined again with all views
+
+
+@dataclass(frozen=True, eq=False)
+class Refinement:
+    """A wish: the start from which a pair alone is fitted best, refined.
+
+    Attributes:
+        views: Of the pair.
+        loop: What of X, Y and Z is known.
+        starts: Of X, Y and Z.
+        is_point: Whether the target is a single point, whose mount has no rotation.
+    """
+
+    views: PairViews
+    loop: Loop
+    starts: Sequence[Triple]
+    is_point: bool
+
+    @property
+    def structure(self) -> Hashable:
+        """Wishes of the same structure go side by side."""
+        group = self.views.group
+        points = getattr(group.measurement, "points_in_target", np.zeros((0, 3)))
+        return group.camera, group.target, type(group.measurement), points.tobytes(), self.loop.unknown, self.is_point
+
+
+def refined_together(wishes: Sequence[Refinement]) -> list[Triple]:
+    """The best of each wish's starts, refined."""
+    best: dict[int, Triple] = {}
+    for structure in dict.fromkeys(wish.structure for wish in wishes):
+        numbers = [k for k, wish in enumerate(wishes) if wish.structure == structure]
+        best |= dict(zip(numbers, _refined([wishes[k] for k in numbers]), strict=True))
+    return [best[k] for k in range(len(wishes))]
+
+
+def _refined(wishes: Sequence[Refinement]) -> list[Triple]:
+    """Of wishes of one structure; those of fewer views are filled up with views of no weight."""
+    most = max(len(wish.views.group) for wish in wishes)
+    problems = [pair_problem(wish.views, wish.loop, wish.is_point) for wish in wishes]
+    rows = [np.minimum(np.arange(most), len(wish.views.group) - 1) for wish in wishes]
+    group = stack([p.groups[0].take(r) for p, r in zip(problems, rows, strict=True)])
+    weight = np.stack([(np.arange(most) < len(wish.views.group)).astype(np.float64) for wish in wishes])
+    owner = np.repeat(np.arange(len(wishes)), [len(wish.starts) for wish in wishes])
+    starts = [dict(zip("xyz", start, strict=True)) for wish in wishes for start in wish.starts]
+    states = State({k: SE3.stack([start[k] for start in starts]) for k in "xyz"}, {}, np.zeros((len(starts), 0, 6)))
+    together = problems[0].with_groups([group.of_batch(owner)])
+    ends = bundle_adjust_batch(together, states, dof=1, iterations=_STEPS, weights=[weight[owner]])
+    return [_best(ends.state, ends.cost, np.flatnonzero(owner == k)) for k in range(len(wishes))]
+
+
+def _best(states: State, cost: Array, among: IntArray) -> Triple:
+    row = among[np.argmin(np.where(np.isnan(cost[among]), np.inf, cost[among]))]
+    x, y, z = (states.transforms[k][row] for k in "xyz")
+    return x, y, z
+
+
+def pair_problem(views: PairViews, loop: Loop, is_point: bool) -> Problem:
+    """The problem of one pair alone, whose unknowns are x, y and z."""
+    group = replace(views.group, camera_mount="x", eye_base=None, hand_base="y", target_mount="z")
+    none = np.full(len(group), -1, dtype=np.int64)
+    group = replace(group, eye_stop=none, hand_stop=none, readings=())
+    widths = [(name, 3 if name == "z" and is_point else 6) for name in loop.unknown]
+    ends = np.cumsum([0, *(w for _, w in widths)])
+    columns = {name: slice(int(ends[i]), int(ends[i + 1])) for i, (name, _) in enumerate(widths)}
+    unknowns = {name: Unknown() for name in "xyz"}
+    return Problem("", (group,), unknowns, frozenset(), {}, Stops(np.zeros((0, 6))), columns)
