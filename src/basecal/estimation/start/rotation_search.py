@@ -21,6 +21,10 @@ from basecal.geometry.se3 import nearest_rotation
 
 # Cells of the grid that are refined, rounds of each, how many of the best go on, and for how many rounds at most.
 _CELLS, _FIRST_ROUNDS, _BEST, _MORE_ROUNDS = 16, 5, 6, 40
+# Of starts that are refined as a whole later: enough to bring grid cells of one basin together.
+_START_ROUNDS = 12
+# Starts nearer to each other than this end in the same optimum: half of what a descent's basin spans [rad].
+_ALIKE_RAD = 0.15
 # Rotations whose entries change by less in a round have settled.
 _SETTLED = 1e-6
 # Each round of the sum of singular values leaves at most a ninth of the error: enough to rank by.
@@ -80,9 +84,19 @@ class _Loops:
 
 
 def pose_starts(loop: Loop, most: int) -> list[tuple[Array, Array, Array]]:
-    """The most promising rotations of X, Y and Z where views give whole poses, (3, 3) each, best first."""
-    at = _grid_starts(_loops([loop]), most)
-    return list(zip(at["x"][0], at["y"][0], at["z"][0], strict=True))
+    """The most promising rotations of X, Y and Z where views give whole poses, (3, 3) each, those alike once.
+
+    The best cells of the grid, refined: most of them end in the same few places.
+    """
+    loops = _loops([loop])
+    at = _alternated(loops, _grid_starts(loops, most), _START_ROUNDS)
+    turns = {k: np.broadcast_to(turn[0], (most, 3, 3)) if len(turn[0]) == 1 else turn[0] for k, turn in at.items()}
+    apart: list[int] = []
+    for i in range(len(turns[loops.unknown[0]])):
+        off = [max(float(angle_between(turns[k][i], turns[k][j])) for k in loops.unknown) for j in apart]
+        if min(off, default=np.inf) > _ALIKE_RAD:
+            apart.append(i)
+    return [(turns["x"][i], turns["y"][i], turns["z"][i]) for i in apart]
 
 
 def search_rotations(loops: Sequence[Loop]) -> list[Rotations]:
