@@ -14,14 +14,13 @@ from typing import TypeVar
 import numpy as np
 
 from basecal.cell import Cell, Intrinsics
-from basecal.errors import BasecalError
 from basecal.estimation.least_squares.bundle_adjustment import batch_of, bundle_adjust_batch
 from basecal.estimation.least_squares.studentized import MahalanobisSquared, studentized
 from basecal.estimation.noise.estimate import degrees_of_freedom
 from basecal.estimation.outliers.inlier_mask import of_samples
 from basecal.estimation.problem.correspondence import choose_correspondence
 from basecal.estimation.problem.problem import Problem, State
-from basecal.estimation.start.first_state import first_state, lenses, light_states
+from basecal.estimation.start.first_state import first_states, lenses, light_states
 from basecal.geometry import BoolArray, Camera, IntArray
 from basecal.numerics.batch import take
 
@@ -112,8 +111,7 @@ class _Subset:
 
 def _states_of(problem: Problem, cell: Cell, numbers: Iterable[IntArray]) -> list[State]:
     """Where subsets of the samples lead, each fitted to its own samples and drawn on to the views that fit best."""
-    subsets = [subset for few in numbers if (subset := _subset(problem, cell, few)) is not None]
-    fitted = _side_by_side(lambda some: _fitted(problem, some), subsets)
+    fitted = _side_by_side(lambda some: _fitted(problem, some), _begun(problem, cell, numbers))
     return _side_by_side(lambda states: _concentrated(problem, states), fitted)
 
 
@@ -128,15 +126,16 @@ def _side_by_side(work: Callable[[Sequence[T]], list[State]], items: Sequence[T]
         return [*_side_by_side(work, items[:half]), *_side_by_side(work, items[half:])] if half else []
 
 
-def _subset(problem: Problem, cell: Cell, numbers: IntArray) -> _Subset | None:
-    few = of_samples(problem, numbers)
-    dof = degrees_of_freedom(few)
-    if not few.groups or dof < 0:
-        return None
-    try:
-        return _Subset(numbers, max(dof, 1), first_state(few, cell, thorough=False))
-    except (BasecalError, np.linalg.LinAlgError):
-        return None
+def _begun(problem: Problem, cell: Cell, numbers: Iterable[IntArray]) -> list[_Subset]:
+    """Those subsets that determine every unknown and for which a start is found."""
+    parts = [(few, of_samples(problem, few)) for few in numbers]
+    parts = [(few, part) for few, part in parts if part.groups and degrees_of_freedom(part) >= 0]
+    starts = first_states([part for _, part in parts], cell, thorough=False)
+    return [
+        _Subset(few, max(degrees_of_freedom(part), 1), start)
+        for (few, part), start in zip(parts, starts, strict=True)
+        if isinstance(start, State)
+    ]
 
 
 def _fitted(problem: Problem, subsets: Sequence[_Subset]) -> list[State]:
