@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.input_check.hypotheses import convention_hypotheses
-from basecal.accuracy.input_check.loop_fit import fit_loops, sight_for, trimmed
+from basecal.accuracy.input_check.loop_fit import ReadyViews, fit_loops, sight_for, trimmed
 from basecal.estimation.problem.build import build_problem
 from basecal.simulation import Scenario, simulate
 
@@ -34,6 +34,24 @@ def test_readings_do_not_know_of_one_another(target):
     assert len(scores) == 4
     assert scores[0] < 0.01
     assert min(scores[1:]) > 0.05
+
+
+def test_views_are_made_ready_once_a_set_of_pixels():
+    """Every reading gets the views that it would get alone; those that change only robots share their poses."""
+    made = simulate(Scenario(samples=VIEWS, target="charuco"), 3)
+    codes = {"robot-pose-inverted", "pairing-shifted", "length-unit"}
+    readings = [r for r in convention_hypotheses(made.cell, made.recording) if r.code in codes]
+    ready = ReadyViews(made.cameras)
+    for reading in readings:
+        problem, _ = build_problem(*reading.apply(made.cell, made.recording))
+        (group,) = problem.groups
+        view, alone = ready.of(group, 12), sight_for(group, made.cameras[group.camera], 12)
+        np.testing.assert_array_equal(view.group.sample, alone.group.sample)
+        np.testing.assert_array_equal(view.candidates.rotation, alone.candidates.rotation)
+        for name in ("eye_base_from_eye_flange", "hand_base_from_hand_flange"):
+            mine, theirs = getattr(view.group, name), getattr(alone.group, name)
+            np.testing.assert_array_equal(mine.translation, theirs.translation)
+    assert len(ready.known) < len(readings) / 2
 
 
 def test_trimmed_counts_what_is_not_finite_as_the_largest():

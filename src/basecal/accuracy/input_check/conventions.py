@@ -21,7 +21,7 @@ from basecal.accuracy.input_check.hypothesis_fit import (
     ratio,
     thinned,
 )
-from basecal.accuracy.input_check.loop_fit import LoopFit, fit_loops, sight_for, state_of, trimmed
+from basecal.accuracy.input_check.loop_fit import LoopFit, ReadyViews, fit_loops, state_of, trimmed
 from basecal.accuracy.input_check.pairing import half_turns, pairing_errors
 from basecal.accuracy.input_check.plausibility import impossible_answer, impossible_input
 from basecal.accuracy.input_check.target_sizes import size_hypotheses
@@ -179,7 +179,8 @@ def _screened(inputs: Sequence[tuple[Cell, Recording]], lenses: Lenses) -> list[
 
     A hypothesis has no fits where one of its pairs cannot be fitted.
     """
-    pairs = [_pairs(cell, recording, lenses) for cell, recording in inputs]
+    views = ReadyViews(lenses)
+    pairs = [_pairs(cell, recording, views) for cell, recording in inputs]
     fits = iter(fit_loops([pair for of in pairs for pair in of]))
     found: list[Fits] = []
     for of in pairs:
@@ -189,19 +190,19 @@ def _screened(inputs: Sequence[tuple[Cell, Recording]], lenses: Lenses) -> list[
     return found
 
 
-def _pairs(cell: Cell, recording: Recording, lenses: Lenses) -> list[tuple[PairViews, Problem]]:
+def _pairs(cell: Cell, recording: Recording, views: ReadyViews) -> list[tuple[PairViews, Problem]]:
     """Some views of each pair of camera and target, as a hypothesis has them; none where it makes no problem."""
     try:
         problem, _ = build_problem(cell, thinned(recording, _SCREENED))
-        return [(_thinned_views(g, lenses), problem) for g in problem.groups]
+        return [(_thinned_views(g, views), problem) for g in problem.groups]
     except (BasecalError, np.linalg.LinAlgError):
         return []
 
 
-def _thinned_views(group: ViewGroup, lenses: Lenses) -> PairViews:
+def _thinned_views(group: ViewGroup, views: ReadyViews) -> PairViews:
     """Some views of a pair; fewer of a light, whose search is longer."""
-    some = sight_for(group, lenses.get(group.camera), _SCREENED)
-    return some if some.candidates is not None else sight_for(group, lenses.get(group.camera), _LIGHTS_SCREENED)
+    some = views.of(group, _SCREENED)
+    return some if some.candidates is not None else views.of(group, _LIGHTS_SCREENED)
 
 
 def _moving(recording: Recording) -> list[str]:

@@ -7,7 +7,7 @@ no loop here closes none in the whole cell either; one that does is solved in ea
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from basecal.estimation.start.pair_views import PairViews, as_light, pair_views
 from basecal.estimation.start.rotation_grid import light_starts
 from basecal.estimation.start.rotation_search import angle_between, search_rotations
 from basecal.estimation.view.bearings import BearingMeasurement
+from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Array, Camera, IntArray
 
 KEPT = 0.7  # share of the views that counts: three in ten may be outliers
@@ -57,6 +58,32 @@ def trimmed(off: Array, kept: float = KEPT) -> float:
 def sight_for(group: ViewGroup, camera: Camera | None, views: int) -> PairViews:
     """At most so many views, made ready."""
     return pair_views(group, camera, views, _MOST_POINTS)
+
+
+@dataclass(frozen=True, eq=False)
+class ReadyViews:
+    """Views made ready, those of the same pixels once: most hypotheses are about robots, not about what was seen.
+
+    Attributes:
+        lenses: By camera.
+        known: What was made ready, by all that it depends on.
+    """
+
+    lenses: Mapping[str, Camera]
+    known: dict[tuple[str, str, int, bytes], PairViews] = field(default_factory=dict)
+
+    def of(self, group: ViewGroup, views: int) -> PairViews:
+        """At most so many views of a group, made ready."""
+        measurement, camera = group.measurement, self.lenses.get(group.camera)
+        if not isinstance(measurement, PixelMeasurement):
+            return sight_for(group, camera, views)
+        seen = (group.sample, measurement.points_in_target, measurement.pixels, measurement.weight)
+        key = (group.camera, group.target, views, b"".join(array.tobytes() for array in seen))
+        if key not in self.known:
+            self.known[key] = sight_for(group, camera, views)
+        ready = self.known[key]
+        kept = np.flatnonzero(np.isin(group.sample, ready.group.sample))
+        return replace(ready, group=replace(group.take(kept), measurement=ready.group.measurement))
 
 
 def fit_loops(pairs: Sequence[tuple[PairViews, Problem]]) -> list[LoopFit | None]:
