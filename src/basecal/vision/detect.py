@@ -16,6 +16,8 @@ from basecal.vision.detection import Detection, Image
 from basecal.vision.detectors import LIGHT, find
 from basecal.vision.image_file import grey_image, read_bytes
 
+_SHOWN = 10  # samples in a sentence
+
 Progress = Callable[[int, int], None]
 """Told how many samples of how many are done."""
 
@@ -144,6 +146,6 @@ def _unusable(sample: Sample, camera: str, path: str, reason: str) -> Finding:
 
 
 def _not_found(camera: str, target: str, samples: list[int]) -> Finding:
-    few = ", ".join(map(str, samples[:10])) + (", ..." if len(samples) > 10 else "")
+    few = ", ".join(map(str, samples[:_SHOWN])) + (", ..." if len(samples) > _SHOWN else "")
     message = f"{target!r} is not found in {len(samples)} images of {camera!r}: samples {few}"
     return Finding("dropped-sample", "info", (camera, target), message)

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from basecal.errors import InputError
 from basecal.geometry import Array, IntArray, read_only, read_only_ids
 
+_FULL_EIGHT = 255.0  # the highest level of 8 bits
+
 Image = NDArray[np.integer[Any]]
 """Grey levels, (h, w), uint8 or uint16."""
 
@@ -42,8 +44,8 @@ def found(ids: IntArray, pixels: Array, sigma_px: Array) -> Detection | None:
 def full_scale(image: Image) -> float:
     """The highest level an image can hold: of 16 bits, those that are used, as cameras of 10 to 14 bits are stored."""
     if image.dtype == np.uint8:
-        return 255.0
-    return float(max(2 ** int(image.max(initial=0)).bit_length() - 1, 255))
+        return _FULL_EIGHT
+    return float(max(2 ** int(image.max(initial=0)).bit_length() - 1, _FULL_EIGHT))
 
 
 def checked(image: Image) -> None:
@@ -65,4 +67,4 @@ def eight_bit(image: Image) -> NDArray[np.uint8]:
     checked(image)
     if image.dtype == np.uint8:
         return np.asarray(image, dtype=np.uint8)
-    return np.asarray(cv2.convertScaleAbs(image, alpha=255.0 / full_scale(image)), dtype=np.uint8)
+    return np.asarray(cv2.convertScaleAbs(image, alpha=_FULL_EIGHT / full_scale(image)), dtype=np.uint8)

@@ -14,7 +14,8 @@ from basecal.vision.detection import Image
 
 _JPEG, _PNG, _BMP = b"\xff\xd8\xff", b"\x89PNG\r\n\x1a\n", b"BM"
 _TO_GREY = {3: cv2.COLOR_BGR2GRAY, 4: cv2.COLOR_BGRA2GRAY}
-_LARGEST_BYTES = 2**29
+_LARGEST_BYTES = 2**29  # 512 MiB: 16 bits and four channels of 64 megapixels
+_END_BYTES = 64  # in which a whole PNG names its end; some programs write a little after it
 
 
 def read_bytes(path: Path) -> bytes | str:
@@ -83,5 +84,5 @@ def _is_cut(data: bytes) -> bool:
     if data.startswith(_JPEG):
         return data.rfind(b"\xff\xd9") < data.rfind(b"\xff\xda")
     if data.startswith(_PNG):
-        return b"IEND" not in data[-64:] and b"IEND\xaeB`\x82" not in data
+        return b"IEND" not in data[-_END_BYTES:] and b"IEND\xaeB`\x82" not in data
     return data.startswith(_BMP) and len(data) < int.from_bytes(data[2:6], "little")

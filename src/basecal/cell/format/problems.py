@@ -8,7 +8,13 @@ from typing import Any, NamedTuple
 from basecal.errors import DatasetError
 
 Loc = tuple[str | int, ...]
-_SHORT = 60
+SHORT = 60
+"""Characters of a value in a message: what a line still has room for."""
+
+CAUSE = 200
+"""Characters of another library's message, of which the first say what is wrong."""
+
+_HUGE_BITS = 64  # of a whole number that is not written out
 
 
 class Problem(NamedTuple):
@@ -32,10 +38,10 @@ def short(value: Any) -> str:
         return "a mapping"
     if isinstance(value, list):
         return f"a list of {len(value)}"
-    if isinstance(value, int) and value.bit_length() > 64:
+    if isinstance(value, int) and value.bit_length() > _HUGE_BITS:
         return "a huge integer"
     text = repr(value)
-    return text if len(text) <= _SHORT else f"{text[:_SHORT]}..."
+    return text if len(text) <= SHORT else f"{text[:SHORT]}..."
 
 
 def line_of(loc: Loc, lines: Mapping[Loc, int]) -> int | None:

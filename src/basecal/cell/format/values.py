@@ -12,12 +12,17 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 from pydantic import field_validator as checks
 
-from basecal.cell.format.problems import short
+from basecal.cell.format.problems import SHORT, short
 from basecal.errors import nearest
 from basecal.geometry import SE3
 
 LARGEST = 1e6
+"""Of any number, [m, px, rad]: a thousand kilometres; its square times any number of samples is far from overflow."""
+
 SMALLEST_SIGMA = 1e-12
+"""[m, px, rad]: below what any instrument has; the inverse of its square is far from overflow."""
+
+_NO_TURN = 1e-9  # of a rotation matrix from the identity: beyond the digits in which it was written
 _ROTATIONS = ("q_xyzw", "rotvec_rad", "rpy_deg")
 
 
@@ -52,7 +57,7 @@ def known_names(what: str, names: tuple[str, ...]) -> AfterValidator:
     def check(name: str) -> str:
         """The name, if it is known."""
         if name not in names:
-            raise ValueError(f"no {what} {name[:60]!r}{nearest(name[:60], names)}; there are: {', '.join(names)}")
+            raise ValueError(f"no {what} {name[:SHORT]!r}{nearest(name[:SHORT], names)}; there are: {', '.join(names)}")
         return name
 
     return AfterValidator(check)
@@ -76,8 +81,11 @@ _Row = Annotated[list[Number], Field(min_length=4, max_length=4)]
 
 _TWO = Field(min_length=2, max_length=2)
 MOST_POINTS = 1000
+"""Squares along a side, or tags of a target: more than any detector finds."""
+
+_MOST_SIDE = 100_000  # [px] of an image, ten times what sensors have
 # Two whole numbers: the sides of an image [px], squares or corners along both sides of a board.
-ImageSize = Annotated[list[Annotated[int, Field(ge=1, le=100_000)]], _TWO]
+ImageSize = Annotated[list[Annotated[int, Field(ge=1, le=_MOST_SIDE)]], _TWO]
 Squares = Annotated[list[Annotated[int, Field(ge=3, le=MOST_POINTS)]], _TWO]
 Corners = Annotated[list[Annotated[int, Field(ge=2, le=MOST_POINTS)]], _TWO]
 
@@ -159,7 +167,7 @@ def _point_pose(pose: PoseEntry) -> PoseEntry:
         raise ValueError("expected t_m, the position of the point")
     if names != ["t_m"]:
         full_pose(pose)
-        if not np.allclose(pose_se3(pose).rotation, np.eye(3), atol=1e-9):
+        if not np.allclose(pose_se3(pose).rotation, np.eye(3), atol=_NO_TURN):
             raise ValueError("a single point has no rotation; give t_m alone")
     return pose
 

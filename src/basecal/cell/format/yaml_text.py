@@ -13,10 +13,11 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEvent
 from ruamel.yaml.nodes import MappingNode, ScalarNode, SequenceNode
 
-from basecal.cell.format.problems import Loc, Problem, dataset_error, short
+from basecal.cell.format.problems import CAUSE, Loc, Problem, dataset_error, short
 from basecal.errors import DatasetError
 
-_DEEPEST = 32
+_DEEPEST = 32  # levels: a cell has six, and recursion stays far from its limit
+_WIDTH = 4096  # characters before a line is broken: a matrix stays on one
 _CONVERTED = {f"tag:yaml.org,2002:{kind}" for kind in ("int", "float", "bool", "null")}
 
 
@@ -68,7 +69,7 @@ def parse_yaml(text: str, path: str) -> Document:
         reason = " ".join(str(error.problem or error.context).split())
         raise DatasetError(path, f"not YAML: {reason}", mark.line + 1 if mark else None) from None
     except (YAMLError, ValueError) as error:
-        raise DatasetError(path, f"not YAML: {' '.join(str(error).split())[:120]}") from None
+        raise DatasetError(path, f"not YAML: {' '.join(str(error).split())[:CAUSE]}") from None
     notes = _Notes()
     data = None if node is None else _plain(node, (), notes)
     if notes.problems:
@@ -82,7 +83,7 @@ def yaml_text(data: Any) -> str:
     yaml.default_flow_style = None
     yaml.sort_base_mapping_type_on_output = False
     yaml.allow_unicode = True
-    yaml.width = 4096
+    yaml.width = _WIDTH
     yaml.representer.ignore_aliases = lambda *_: True
     stream = io.StringIO()
     yaml.dump(data, stream)

@@ -9,15 +9,15 @@ from typing import Any
 
 from basecal.cell.calibration import Finding
 from basecal.cell.cell import Cell
-from basecal.cell.format.problems import short
+from basecal.cell.format.problems import CAUSE, short
 from basecal.cell.journal.observation_line import UnknownPoint, observation
 from basecal.cell.journal.sample_values import Where, number, numbers, pose
 from basecal.cell.recording import Observation, RobotState, Sample
 from basecal.errors import InputError
 
 _FIELDS = ("sample", "stamp_s", "robots", "images", "background", "observations")
-_LARGEST_NUMBER = 2**53
-_LARGEST_STAMP = 1e12
+_LARGEST_NUMBER = 2**53  # up to which other programs keep every whole number of JSON
+_LARGEST_STAMP = 1e12  # [s] either way: a double then still tells a tenth of a millisecond
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ def line_data(text: bytes, where: Where) -> Any:
     except json.JSONDecodeError as error:
         raise where.error("", f"not JSON ({error.msg}, column {error.colno}); expected one object a line") from None
     except (ValueError, RecursionError) as error:
-        reason = "nested too deeply" if isinstance(error, RecursionError) else str(error)[:200]
+        reason = "nested too deeply" if isinstance(error, RecursionError) else str(error)[:CAUSE]
         raise where.error("", f"{reason}; expected one JSON object a line (docs/data_format.md)") from None
 
 

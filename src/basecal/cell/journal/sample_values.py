@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from basecal.cell.format.problems import short
+from basecal.cell.format.problems import SHORT, short
 from basecal.cell.format.values import LARGEST, SMALLEST_SIGMA, PoseEntry, full_pose, pose_se3
 from basecal.cell.schema.errors import problems_of
 from basecal.errors import DatasetError, nearest
@@ -42,7 +42,7 @@ class Where:
             for name in value:
                 if name not in known:
                     at = f"{field}.{name}" if field else name
-                    raise self.error(at, f"unknown field{nearest(name[:60], known)}; known: {', '.join(known)}")
+                    raise self.error(at, f"unknown field{nearest(name[:SHORT], known)}; known: {', '.join(known)}")
         return value
 
     def name(self, value: Any, field: str, what: str, known: Any) -> str:
@@ -53,7 +53,7 @@ class Where:
         """
         if isinstance(value, str) and value in known:
             return value
-        hint = nearest(value[:60], known) if isinstance(value, str) else ""
+        hint = nearest(value[:SHORT], known) if isinstance(value, str) else ""
         there = ", ".join(known) or "none"
         raise self.error(field, f"no {what} {short(value)}{hint}; cell.yaml has: {there}")
 

@@ -21,6 +21,7 @@ from basecal.cell.calibration import (
     Validation,
 )
 from basecal.cell.format.plain import numbers
+from basecal.cell.format.problems import CAUSE, SHORT
 from basecal.cell.results.kinematics_dict import (
     deflection_from_dict,
     deflection_to_dict,
@@ -72,13 +73,15 @@ def calibration_from_dict(data: Any) -> Calibration:
     """
     if not isinstance(data, dict) or data.get("schema") != SCHEMA:
         got = data.get("schema") if isinstance(data, dict) else type(data).__name__
-        raise InputError(f"expected the schema {SCHEMA}, the one version this program reads, got {str(got)[:60]!r}")
+        raise InputError(f"expected the schema {SCHEMA}, the one version this program reads, got {str(got)[:SHORT]!r}")
     try:
         return _calibration(data)
     except KeyError as error:
         raise InputError(f"the field {error} is missing; calibrate again") from None
     except (TypeError, AttributeError, ValueError, OverflowError) as error:
-        raise InputError(f"not a calibration as this program writes it ({str(error)[:200]}); calibrate again") from None
+        raise InputError(
+            f"not a calibration as this program writes it ({str(error)[:CAUSE]}); calibrate again"
+        ) from None
 
 
 def _version() -> str:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from basecal.cell.cell import WORLD
-from basecal.cell.format.problems import Problem, short
+from basecal.cell.format.problems import SHORT, Problem, short
 from basecal.errors import nearest
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
@@ -69,4 +69,6 @@ def _bases(data: dict[str, Any]) -> Iterator[Problem]:
 
 
 def _no_robot(name: str, known: list[str]) -> str:
-    return f"no robot {short(name)}{nearest(str(name)[:60], known)}; there are: {', '.join(map(str, known)) or 'none'}"
+    return (
+        f"no robot {short(name)}{nearest(str(name)[:SHORT], known)}; there are: {', '.join(map(str, known)) or 'none'}"
+    )

@@ -11,7 +11,7 @@ from basecal.geometry import Array, Camera
 from basecal.vision.detection import Image
 from basecal.vision.draw.render import background, checked_size, quantised
 
-_REACH = 8.0
+_REACH = 8.0  # sigmas: beyond, a spot has less than a double can add to it
 
 
 @dataclass(frozen=True)

@@ -16,14 +16,20 @@ from numpy.typing import NDArray
 from basecal.geometry import Array, BoolArray
 from basecal.vision.fit.patch_fit import Fit, Patches, Shape, fit_shapes, packed
 
-_GUARD = 2.0
-_FIRST_SPREAD = 1.0
-_MODEL_PX = 0.0015
-_LEAST_WIDTH_PX = 1.6
-_LEAST_SPREAD, _MOST_SPREAD = 0.15, 6.0
+BOARD_ARM_PX = 7.0
+"""Arms along lines that go on both ways: at 12 px a lens of k1 = -0.35 makes errors a quarter larger than sigmas."""
+
+_GUARD = 2.0  # sigmas of the point spread; an edge further away changes a level by less than a fortieth of its step
+_FIRST_SPREAD = 1.0  # [px] where the fit of the point spread begins: a sharp camera has half of it, a soft one twice
+_MODEL_PX = 0.0015  # rms error of a corner in rendered images without noise
+_LEAST_WIDTH_PX = 1.6  # of a band that the guard leaves: pixels on both sides of a line, whatever its direction
+_LEAST_SPREAD, _MOST_SPREAD = 0.15, 6.0  # [px] of one corner: sharper is a pixel's own square, wider fills the window
 _LENS_LIMITS = (np.log(_LEAST_SPREAD), -0.5), (np.log(_MOST_SPREAD), 3.0)
-_LENS_CORNERS = 12
-_LEAST_CONTRAST = 2.0
+_LENS_CORNERS = 12  # that tell the point spread, at most: their median is as good as that of all, in less time
+_LEAST_CONTRAST = 2.0  # step of a line in sigmas of a pixel's noise: with less no detector sees a corner
+_DIAGONAL = 1.4  # of an arm: how far the cross reaches at an angle
+_LEAST_FREEDOM = 8  # pixels beyond the parameters: the noise they show is then known to a quarter
+_MOST_MOVED_PX = 3.0  # from the rough place: further away is another corner
 
 
 Levels = NDArray[Any]
@@ -110,7 +116,7 @@ class _Context:
 def _fitted(of: _Context, q: Array, held: int) -> Fit:
     """A fit whose covariance is in pixels, with the noise that the residuals show."""
     middle = np.rint(q[:, :2])
-    patches = patches_around(of.image, middle, int(np.ceil(1.4 * of.window.arm_px)))
+    patches = patches_around(of.image, middle, int(np.ceil(_DIAGONAL * of.window.arm_px)))
     mask = _mask(patches.xy - (q[:, :2] - middle)[:, None], of.axes, np.exp(q[:, 4]), of.window)
     used = packed(patches, patches.weights * mask)
     fit = fit_shapes(of.shape, np.column_stack([q[:, :2] - middle, q[:, 2:]]), used, sloped=True, held=held)
@@ -119,7 +125,7 @@ def _fitted(of: _Context, q: Array, held: int) -> Fit:
     noise = (weights * fit.residuals**2).sum(axis=1) / freedom
     moved = np.column_stack([fit.shape[:, :2] + middle, fit.shape[:, 2:]])
     covariance = fit.covariance * noise[:, None, None]
-    enough = fit.converged & (np.abs(fit.light[:, 0]) > _LEAST_CONTRAST * np.sqrt(noise)) & (freedom > 8)
+    enough = fit.converged & (np.abs(fit.light[:, 0]) > _LEAST_CONTRAST * np.sqrt(noise)) & (freedom > _LEAST_FREEDOM)
     return Fit(moved, fit.light, covariance, fit.residuals, fit.leverage, enough)
 
 
@@ -155,5 +161,5 @@ def _mask(offset: Array, axes: Array, spread: Array, window: Window) -> BoolArra
 def _sound(fit: Fit, start: Array) -> BoolArray:
     spread = np.exp(fit.shape[:, 4])
     moved = np.linalg.norm(fit.shape[:, :2] - start, axis=1)
-    sound: BoolArray = fit.converged & (moved < 3.0) & (spread > _LEAST_SPREAD) & (spread < _MOST_SPREAD)
+    sound: BoolArray = fit.converged & (moved < _MOST_MOVED_PX) & (spread > _LEAST_SPREAD) & (spread < _MOST_SPREAD)
     return sound

@@ -6,7 +6,10 @@ import numpy as np
 
 from basecal.geometry import Array
 
-_WIDE = 1.3
+_WIDE = 1.3  # pitches: eight neighbours on every side of a disc count, and hardly any more
+_FAR = 1e-4  # weight of points far away: keeps a map defined where too few are near
+_RIDGE = 1e-9  # in squared pitches of one point: only points in a line need it
+_CUBIC_RIDGE = 1e-6  # likewise: a grid of two rows has no second derivative across them
 
 
 def local_axes(at: Array, plane: Array, pixels: Array, pitch: float) -> Array:
@@ -22,11 +25,10 @@ def local_axes(at: Array, plane: Array, pixels: Array, pitch: float) -> Array:
         (n, 2, 2) [px], a row for each axis.
     """
     offset = (plane[None] - at[:, None]) / pitch
-    # A trace of weight for far points keeps the map defined where too few are near.
-    weight = np.exp(-0.5 * (offset**2).sum(axis=2)) + 1e-4
+    weight = np.exp(-0.5 * (offset**2).sum(axis=2)) + _FAR
     basis = np.concatenate([offset, np.ones((*offset.shape[:2], 1))], axis=2)
     weighted = np.swapaxes(basis * weight[..., None], 1, 2)
-    normal = weighted @ basis + 1e-9 * np.eye(3)
+    normal = weighted @ basis + _RIDGE * np.eye(3)
     return np.asarray(np.linalg.solve(normal, weighted @ pixels)[:, :2])
 
 
@@ -36,7 +38,7 @@ def local_homographies(plane: Array, pixels: Array, pitch: float) -> tuple[Array
     Args:
         plane: Points, (n, 2) [m], four or more and no three in a line.
         pixels: The same in the image, (n, 2) [px].
-        pitch: Length [m]; points count with exp(-(distance / pitch / 1.5)^2 / 2).
+        pitch: Length [m]; points count with exp(-(distance / pitch / 1.3)^2 / 2).
 
     Returns:
         From pitches away from the point to pixels, (n, 3, 3), the last element 1.
@@ -45,7 +47,7 @@ def local_homographies(plane: Array, pixels: Array, pitch: float) -> tuple[Array
     Source: Hartley & Zisserman 2004, section 4.1.
     """
     offset = (plane[None] - plane[:, None]) / pitch
-    weight = np.exp(-0.5 * (offset**2).sum(axis=2) / _WIDE**2) + 1e-4
+    weight = np.exp(-0.5 * (offset**2).sum(axis=2) / _WIDE**2) + _FAR
     x, y = np.moveaxis(offset, 2, 0)
     scale = np.ptp(pixels, axis=0).max()
     u, v = np.moveaxis((pixels[None] - pixels[:, None]) / scale, 2, 0)
@@ -68,8 +70,7 @@ def _second_derivatives(offset: Array, weight: Array, values: Array) -> Array:
     x, y = np.moveaxis(offset, 2, 0)
     basis = np.stack([np.ones_like(x), x, y, x * x / 2, x * y, y * y / 2, x**3, x * x * y, x * y * y, y**3], axis=2)
     weighted = np.swapaxes(basis * weight[..., None] ** 2, 1, 2)
-    # The ridge stands in where a grid of two rows has no second derivative across them.
-    normal = weighted @ basis + 1e-6 * np.eye(10)
+    normal = weighted @ basis + _CUBIC_RIDGE * np.eye(10)
     return np.asarray(np.linalg.solve(normal, weighted @ values)[:, 3:6])
 
 

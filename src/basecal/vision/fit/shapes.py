@@ -14,8 +14,9 @@ from scipy.special import ndtr
 
 from basecal.geometry import Array
 
-_MOST_LOG = 4.0
-_MASK_PX = 1.2
+_MOST_LOG = 4.0  # of a width in pixels: 55 px is beyond every window, and no exponential overflows on the way
+_MASK_PX = 1.2  # sigma of the blur that cameras sharpen with, in the middle of what is usual
+_TINY = 1e-9  # [px, or 1] below which a quotient takes its limit: rounding of it is 1e-16 / 1e-9
 _NODES, _WEIGHTS = (0.5 * each for each in np.polynomial.legendre.leggauss(4))
 
 
@@ -62,8 +63,8 @@ def ellipse(q: Array, xy: Array) -> Array:
     mapped = offset @ matrix
     radius = np.hypot(mapped[..., 0], mapped[..., 1])
     outward = mapped @ matrix
-    slope = np.hypot(outward[..., 0], outward[..., 1]) / np.maximum(radius, 1e-9)
-    distance = (1 - radius) / np.maximum(slope, 1e-9)
+    slope = np.hypot(outward[..., 0], outward[..., 1]) / np.maximum(radius, _TINY)
+    distance = (1 - radius) / np.maximum(slope, _TINY)
     return np.asarray(ndtr(distance * np.exp(-np.clip(q[:, 5:6], -_MOST_LOG, _MOST_LOG))))
 
 
@@ -95,7 +96,7 @@ def _symmetric_exp(a: Array, b: Array, c: Array) -> Array:
     a, b, c = (np.clip(each, -2 * _MOST_LOG, 2 * _MOST_LOG) for each in (a, b, c))
     mean, half = (a + c) / 2, (a - c) / 2
     radius = np.hypot(half, b)
-    ratio = np.where(radius > 1e-9, np.sinh(radius) / np.maximum(radius, 1e-9), 1.0)
+    ratio = np.where(radius > _TINY, np.sinh(radius) / np.maximum(radius, _TINY), 1.0)
     scale, cosh = np.exp(mean), np.cosh(radius)
     return np.stack(
         [scale * (cosh + ratio * half), scale * ratio * b, scale * ratio * b, scale * (cosh - ratio * half)], -1

@@ -10,10 +10,12 @@ import numpy as np
 from basecal.cell.target import Target
 from basecal.geometry import Array
 from basecal.vision.detection import Detection, Image, eight_bit, found
-from basecal.vision.fit.corners import Window, refined
+from basecal.vision.fit.corners import BOARD_ARM_PX, Window, refined
 from basecal.vision.fit.local_map import local_axes
 from basecal.vision.fit.shapes import saddle
 from basecal.vision.kinds.fiducial import charuco_board, marker_corners
+
+_ARM = 0.7  # squares: the next corner and its blur stay outside
 
 
 def detect(image: Image, target: Target) -> Detection | None:
@@ -35,7 +37,7 @@ def detect(image: Image, target: Target) -> Detection | None:
     plane, pixels = _known(target, at, start, markers, marker_ids)
     pitch = float(target.options["square_m"])
     gap = (1 - target.options["marker_m"] / pitch) / 2
-    window = Window(arm_px=7.0, arm=0.7, inside=gap, outside=gap, before=1.0)
+    window = Window(arm_px=BOARD_ARM_PX, arm=_ARM, inside=gap, outside=gap, before=1.0)
     fitted = refined(image, saddle, start, local_axes(at, plane, pixels, pitch), window)
     kept = fitted.trusted
     return found(ids[kept].astype(np.int64), fitted.pixels[kept], fitted.sigma_px[kept])

@@ -14,12 +14,13 @@ from basecal.cell.target import Target
 from basecal.errors import InputError
 from basecal.geometry import Array
 from basecal.vision.detection import Detection, Image, eight_bit, found
-from basecal.vision.fit.corners import Corners, Window, refined
+from basecal.vision.fit.corners import BOARD_ARM_PX, Corners, Window, refined
 from basecal.vision.fit.local_map import grid_axes, right_handed
 from basecal.vision.fit.shapes import saddle
 
-_FEWEST = 3
-_WINDOW = Window(arm_px=7.0, arm=0.7, inside=0.7, outside=0.7, before=0.7)
+_FEWEST = 3  # corners each way: OpenCV looks for no smaller board
+_ARM = 0.7  # squares: the next corner and its blur stay outside
+_WINDOW = Window(arm_px=BOARD_ARM_PX, arm=_ARM, inside=_ARM, outside=_ARM, before=_ARM)
 
 
 def detect(image: Image, target: Target) -> Detection | None:
@@ -35,7 +36,7 @@ def detect(image: Image, target: Target) -> Detection | None:
     columns, rows = target.options["corners"]
     if min(columns, rows) < _FEWEST:
         raise InputError(
-            f"a chessboard of {columns} x {rows} inner corners cannot be found; expected 3 or more each way"
+            f"a chessboard of {columns} x {rows} inner corners cannot be found; expected {_FEWEST} or more each way"
         )
     seen, corners = cv2.findChessboardCornersSB(eight_bit(image), (columns, rows), flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
     if not seen:

@@ -20,13 +20,16 @@ from basecal.vision.fit.local_map import local_axes, local_homographies
 from basecal.vision.fit.patch_fit import Patches, fit_shapes, packed
 from basecal.vision.fit.shapes import ellipse
 
-_MODEL_PX = 0.0007
+_MODEL_PX = 0.0007  # of a centre in rendered images without noise, besides what the lens bends
 _BENT_SHARE = 0.05  # of what a lens bends, as uncertain
-_MOST_REACH = 40
-_MOST_MOVED = 3.0
-_FEWEST = 4
-_LEAST_AREA = 12.0
-_LEAST_CONTRAST = 3.0
+_LEAST_REACH_PX, _MOST_REACH_PX = 4, 40  # of a window from its disc's middle: an outline needs some, time bounds it
+_MOST_MOVED_PX = 3.0  # from OpenCV's centre: further away is not the disc
+_FEWEST = 4  # discs: a homography needs them
+_LEAST_AREA_PX2 = 12.0  # of a disc: four pixels across, less has no outline to fit
+_LARGEST_SHARE = 0.05  # of the image, for a disc of a grid of at least four
+_LEAST_APART_PX = 3.0  # between middles of discs: below the least that two such discs can stand apart
+_LEAST_CONTRAST = 3.0  # of a disc to the paper, in sigmas of a pixel's noise
+_DARK_BRIGHT_PERCENT = (3, 97)  # levels of print and paper in a window, past a pixel or two that are neither
 
 
 def detect(image: Image, target: Target) -> Detection | None:
@@ -57,8 +60,8 @@ def detect(image: Image, target: Target) -> Detection | None:
 def _blobs(shape: tuple[int, ...]) -> cv2.SimpleBlobDetector:
     """OpenCV's finder of dark blobs, for discs of any size that a grid can have in the image."""
     of = cv2.SimpleBlobDetector.Params()
-    of.minArea, of.maxArea = _LEAST_AREA, max(shape[0] * shape[1] / 20.0, _LEAST_AREA)
-    of.minDistBetweenBlobs = 3.0
+    of.minArea, of.maxArea = _LEAST_AREA_PX2, max(shape[0] * shape[1] * _LARGEST_SHARE, _LEAST_AREA_PX2)
+    of.minDistBetweenBlobs = _LEAST_APART_PX
     return cv2.SimpleBlobDetector.create(of)
 
 
@@ -88,7 +91,7 @@ def _fitted(image: Image, target: Target, start: Array) -> _Outlines:
     noise = (used.weights * fit.residuals**2).sum(axis=1) / freedom
     variance = noise * np.trace(fit.covariance[:, :2, :2], axis1=1, axis2=2) / 2
     shape = np.column_stack([fit.shape[:, :2] + middle, fit.shape[:, 2:]])
-    near = np.linalg.norm(shape[:, :2] - start, axis=1) < _MOST_MOVED
+    near = np.linalg.norm(shape[:, :2] - start, axis=1) < _MOST_MOVED_PX
     return _Outlines(
         shape, variance, fit.converged & near & (np.abs(fit.light[:, 0]) > _LEAST_CONTRAST * np.sqrt(noise))
     )
@@ -97,7 +100,7 @@ def _fitted(image: Image, target: Target, start: Array) -> _Outlines:
 def _windows(image: Image, start: Array, axes: Array, target: Target) -> tuple[Array, Patches]:
     """Whole pixels, (n, 2), and pieces around them, up to half the way to the next disc."""
     room = 0.5 * (np.sqrt(2) if target.options["asymmetric"] else 1.0)
-    reach = int(np.clip(np.ceil(room * np.linalg.norm(axes, axis=2).max()), 4, _MOST_REACH))
+    reach = int(np.clip(np.ceil(room * np.linalg.norm(axes, axis=2).max()), _LEAST_REACH_PX, _MOST_REACH_PX))
     middle = np.rint(start)
     patches = patches_around(image, middle, reach)
     pitches = (patches.xy - (start - middle)[:, None]) @ np.linalg.inv(axes)
@@ -108,7 +111,7 @@ def _windows(image: Image, start: Array, axes: Array, target: Target) -> tuple[A
 def _outlines(patches: Patches, axes: Array) -> Array:
     """Rough outlines of the discs, as `ellipse` takes them, (n, 3): as the grid lies, as large as what is dark."""
     seen = np.where(patches.weights > 0, patches.values, np.nan)
-    low, high = np.nanpercentile(seen, [3, 97], axis=1)
+    low, high = np.nanpercentile(seen, _DARK_BRIGHT_PERCENT, axis=1)
     dark = np.maximum((seen < ((low + high) / 2)[:, None]).sum(axis=1), 1)
     radius = np.sqrt(dark / np.pi / np.abs(np.linalg.det(axes)))
     squared = np.swapaxes(axes, 1, 2) @ axes * (radius**2)[:, None, None]

@@ -14,13 +14,20 @@ from basecal.geometry import read_only, read_only_ids
 from basecal.vision.detection import Detection, Image, checked, full_scale
 from basecal.vision.fit.spot_fit import Spot, fit_spot
 
-_MOST = 8
-_SHARE = 0.25
-_ABOVE_NOISE = 6.0
-_LARGEST_PX = 48
-_LEAST_WIDTH, _MOST_WIDTH = 0.2, 16.0
-_MOST_SIGMA_PX = 1.0
-_APART_PX = 1.0
+_MOST = 8  # candidates: what the choice among them by all views takes
+_SHARE = 0.25  # of the brightest spot's height, that others must reach: reflections of a lamp are often above half
+_ABOVE_NOISE = 6.0  # sigmas above the middle: normal noise passes it once in 1e9 pixels
+_LEAST_STEP = 0.5  # levels above the middle, where an image has no noise at all
+_SAMPLED = 6  # pixels of the image at half its size between those that tell its middle and noise
+_MAD_SIGMAS = 1.4826  # sigma of a normal distribution over its median absolute deviation
+_LARGEST_PX = 48  # of a spot: larger bright areas are windows and walls
+_LEAST_WIDTH_PX, _MOST_WIDTH_PX = 0.2, 16.0  # sigma of a spot: narrower is a hot pixel, wider a third of the largest
+_MOST_SIGMA_PX = 1.0  # of its place: beyond, it is no measurement
+_APART_PX = 1.0  # between two spots: nearer they are one, found twice
+# A Gaussian is 3.3 sigmas wide at a quarter of its height; five on either side hold all of it and some round it.
+_EXTENT_SIGMAS = 3.3
+_REACH_EXTENTS, _REACH_MORE_PX = 1.4, 3
+_FIRST_WIDTH_PX = 0.6  # a pixel's square seen as a Gaussian has half of it
 
 
 def detect(image: Image, target: Target, background: Image | None = None) -> Detection | None:
@@ -61,11 +68,11 @@ class _Place(NamedTuple):
 def _bright(levels: Image) -> list[_Place]:
     """The brightest spots, roughly, in the image at half its size."""
     half = cv2.resize(levels, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
-    some = half[::6, ::6]
+    some = half[::_SAMPLED, ::_SAMPLED]
     middle = float(np.median(some))
-    noise = 1.4826 * float(np.median(np.abs(some - middle)))
+    noise = _MAD_SIGMAS * float(np.median(np.abs(some - middle)))
     top = float(cv2.minMaxLoc(half)[1])
-    threshold = middle + max(_SHARE * (top - middle), _ABOVE_NOISE * noise, 0.5)
+    threshold = middle + max(_SHARE * (top - middle), _ABOVE_NOISE * noise, _LEAST_STEP)
     if top <= threshold:
         return []
     outlines, _ = cv2.findContours((half > threshold).view(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
@@ -87,8 +94,7 @@ def _peak(half: Any, box: Sequence[int]) -> float:
 
 def _fitted(image: Image, background: Image | None, full: float, place: _Place) -> Spot | None:
     """The spot at a place; None where it is none."""
-    # A Gaussian is 3.3 sigmas wide at a quarter of its height; five on either side hold all of it and some round it.
-    reach = int(np.ceil(1.4 * place.extent)) + 3
+    reach = int(np.ceil(_REACH_EXTENTS * place.extent)) + _REACH_MORE_PX
     column, row = round(place.x), round(place.y)
     left, top = max(column - reach, 0), max(row - reach, 0)
     window = slice(top, row + reach + 1), slice(left, column + reach + 1)
@@ -96,7 +102,9 @@ def _fitted(image: Image, background: Image | None, full: float, place: _Place) 
     usable = levels < full
     if background is not None:
         levels -= background[window]
-    spot = fit_spot(levels, usable, (place.x - left, place.y - top, max(place.extent / 3.3, 0.6)))
+    spot = fit_spot(
+        levels, usable, (place.x - left, place.y - top, max(place.extent / _EXTENT_SIGMAS, _FIRST_WIDTH_PX))
+    )
     if spot is None or not _is_spot(spot, reach, place.x - left, place.y - top):
         return None
     return spot._replace(x=spot.x + left, y=spot.y + top)
@@ -104,7 +112,7 @@ def _fitted(image: Image, background: Image | None, full: float, place: _Place) 
 
 def _is_spot(spot: Spot, reach: int, x: float, y: float) -> bool:
     near = abs(spot.x - x) < reach / 2 and abs(spot.y - y) < reach / 2
-    wide = [_LEAST_WIDTH < width < _MOST_WIDTH for width in (spot.width_x, spot.width_y)]
+    wide = [_LEAST_WIDTH_PX < width < _MOST_WIDTH_PX for width in (spot.width_x, spot.width_y)]
     return near and all(wide) and spot.brightness > 0 and 0 < spot.sigma_px < _MOST_SIGMA_PX
 
 

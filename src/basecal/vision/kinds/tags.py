@@ -16,12 +16,12 @@ import numpy as np
 from basecal.cell.target import Tags, Target
 from basecal.geometry import Array, BoolArray, IntArray
 from basecal.vision.detection import Detection, Image, eight_bit, found
-from basecal.vision.fit.corners import Corners, Window, refined
+from basecal.vision.fit.corners import BOARD_ARM_PX, Corners, Window, refined
 from basecal.vision.fit.shapes import saddle, wedge
 from basecal.vision.kinds.fiducial import dictionary
 
 _CORNERS = 4
-_ARM_PX, _BOARD_ARM_PX = 12.0, 7.0  # along a line on one side and on both sides of its end: what a lens hardly bends
+_ARM_PX = 12.0  # along a tag's edges, which end at its corner: half as much bends as of lines that go on both ways
 _ARM = 0.5  # of a tag's side: the other half of an edge belongs to its other corner
 _NEIGHBOUR = 1.5  # pitches between tags that stand side by side or corner to corner
 _GUIDES = 3  # nearest tags that say where one is: the fewer, the less a lens bends what they say
@@ -121,7 +121,7 @@ def _as_tag(of: _Look, quads: Array, axes: Array) -> Corners:
 def _as_board(of: _Look, quads: Array, axes: Array) -> Corners:
     """Corners that black squares touch, dark inside the tag and across; where that is bright it is another place."""
     square = of.tags.squares
-    window = Window(arm_px=_BOARD_ARM_PX, arm=_ARM, inside=of.border / of.cells, outside=square, before=square)
+    window = Window(arm_px=BOARD_ARM_PX, arm=_ARM, inside=of.border / of.cells, outside=square, before=square)
     corners = refined(of.image, saddle, quads.reshape(-1, 2), axes, window)
     return Corners(corners.pixels, corners.sigma_px, corners.trusted & (corners.gain < 0), corners.gain)
 
