@@ -21,13 +21,13 @@ from basecal.estimation.start.first_state import first_state, guessed_state, len
 from basecal.estimation.view.measurement import Noise
 from basecal.geometry import SE3, Array, PoseEstimate
 
-_READINGS = 6
-_LARGEST_FACTOR = 1e30
-_SAME_COST = 1e-6
-_PLAUSIBLE_PX = 3.0
-_PLAUSIBLE_SIGMAS = 4.0
-_PLAUSIBLE_M = 0.02
-_PLAUSIBLE_RAD = 0.05
+_READINGS = 6  # rounds of choosing correspondences at most
+_LARGEST_FACTOR = 1e30  # keeps covariances finite where exact robots cannot explain the data at all
+_SAME_COST = 1e-6  # relative difference of costs that descents to one optimum may leave
+_PLAUSIBLE_PX = 3.0  # residual that a detector may have before another start is tried [px]
+_PLAUSIBLE_SIGMAS = 4.0  # likewise of stated sigmas
+_PLAUSIBLE_M = 0.02  # likewise of measured poses and points, which state none [m]
+_PLAUSIBLE_RAD = 0.05  # likewise of measured poses [rad]
 
 
 @dataclass(frozen=True, eq=False)

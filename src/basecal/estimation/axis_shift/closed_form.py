@@ -19,9 +19,9 @@ from basecal.errors import NotConverged, NotObservable
 from basecal.geometry import SE3, Array
 from basecal.geometry.se3 import hat, nearest_rotation
 
-_FLAT_SHIFTS = 1e-3
-_NEWTON_STEPS = 100
-_NEWTON_SETTLED = 1e-14
+_FLAT_SHIFTS = 1e-3  # third singular value of the shifts over the first: below, they lie in a plane
+_NEWTON_STEPS = 100  # at most
+_NEWTON_SETTLED = 1e-14  # rounding of a rotation
 
 
 @dataclass(frozen=True, eq=False)

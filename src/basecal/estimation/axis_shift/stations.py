@@ -18,10 +18,10 @@ from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Array, Camera, IntArray
 from basecal.geometry.se3 import nearest_rotation
 
-_STILL_M = 2e-4
-_STILL_RAD = 1e-3
-_FEWEST_VIEWS = 4
-_SPREAD = 0.1
+_STILL_M = 2e-4  # travel of a camera that stands still: twice the repeatability of an arm [m]
+_STILL_RAD = 1e-3  # turn of a light that is shifted [rad]
+_FEWEST_VIEWS = 4  # of a station: the paper's three shifts and their origin
+_SPREAD = 0.1  # third singular value of the shifts over the first: they span the space
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,17 +29,17 @@ from basecal.estimation.start.rotation_search import pose_starts
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Array
 
-_TIGHT = 1e-3
-_SMALLEST_COST = 1e-10
-_WIDEST = 0.5
-_SEARCHED = 8
-_SHORT = 30
-_FEWEST_VIEWS = 3
-_DESCENTS = 8
-_MOST_VIEWS = 30
-_ITERATIONS = 60
-_SAME_COST = 1e-6
-_SAME_M_RAD = 1e-6
+_TIGHT = 1e-3  # relative gap up to which a bound counts as tight: what is left is far below the noise
+_SMALLEST_COST = 1e-10  # of exact data, whose gap is rounding over rounding
+_WIDEST = 0.5  # sin^2 of half the turn within which any better fit lies: beyond 90 deg nothing is proven
+_SEARCHED = 8  # second starts where the first bound is not tight
+_SHORT = 30  # alternations that rank starts
+_FEWEST_VIEWS = 3  # views that determine the rotations of a loop
+_DESCENTS = 8  # random starts that look for what the proof leaves open
+_MOST_VIEWS = 30  # views of a group that such a search uses
+_ITERATIONS = 60  # steps of each descent, at most
+_SAME_COST = 1e-6  # relative difference of costs that descents to one optimum may leave
+_SAME_M_RAD = 1e-6  # difference of transforms that descents to one optimum may leave [m, rad]
 _SEED = 20
 
 

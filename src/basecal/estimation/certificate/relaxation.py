@@ -23,15 +23,15 @@ from basecal.geometry import Array, IntArray
 Factors = tuple[Array, ...]
 Operator = Callable[[Array], Array]
 
-_SWEEPS = 300
-_STANDSTILL = 1e-15
-_STEPS = 25
-_BARRIER = 4.0
-_NEAR_BEST = 0.1
-_RESOLVED = 1e-9
-_TO_THE_EDGE = 0.9
-_MOST_GRADIENTS = 150
-_GRADIENT_LEFT = 1e-2
+_SWEEPS = 300  # alternations at most: each lowers the form, and most stand still after tens
+_STANDSTILL = 1e-15  # change of a form of unit scale that is rounding
+_STEPS = 25  # Newton steps of the dual at most; where it is tight they converge quadratically
+_BARRIER = 4.0  # gaps wide the barrier pulls: the bound rises fast and stays inside
+_NEAR_BEST = 0.1  # of the least value: the gap at which the dual may stop
+_RESOLVED = 1e-9  # of a form of unit scale: smaller gaps are rounding
+_TO_THE_EDGE = 0.9  # of the way to where the matrix stops being positive: inside with room for rounding
+_MOST_GRADIENTS = 150  # conjugate gradients on at most 256 unknowns
+_GRADIENT_LEFT = 1e-2  # of the first gradient: an inexact Newton step is as good from here
 
 
 class Bound(NamedTuple):

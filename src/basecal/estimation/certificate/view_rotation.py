@@ -23,9 +23,9 @@ from basecal.estimation.view.view_pose import FEWEST_POINTS, refined, view_poses
 from basecal.geometry import SE3, Array, Camera
 from basecal.geometry.se3 import rotation_log
 
-_ITERATIONS = 15
-_SAME_RAD = 1e-3
-_OF_CURVATURE = 0.5
+_ITERATIONS = 15  # steps of a view's pose: at most
+_SAME_RAD = 1e-3  # poses of one optimum differ by rounding, two optima by far more [rad]
+_OF_CURVATURE = 0.5  # of the curvature at the optimum, taken as the growth of the cost further off
 
 
 class ViewCosts(NamedTuple):

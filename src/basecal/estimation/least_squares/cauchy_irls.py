@@ -12,9 +12,9 @@ from basecal.estimation.least_squares.studentized import studentized
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import Array
 
-_HEAVY_ROUNDS = 25
-_FIRST_STEPS = 3
-_MOST = 0.6
+_HEAVY_ROUNDS = 25  # rounds at most
+_FIRST_STEPS = 3  # steps before the first weights: the start is rough
+_MOST = 0.6  # of the views set the scale: three tenths may be reflections and still be outvoted
 
 
 def cauchy_irls(problem: Problem, state: State) -> State:

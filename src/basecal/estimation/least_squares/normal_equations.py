@@ -21,8 +21,8 @@ from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 from basecal.geometry.se3 import right_jacobian_inverse
 from basecal.numerics.batch import SHARED
 
-_ROUNDS_ONE = 1e14
-_ROUNDING = 1e-15
+_ROUNDS_ONE = 1e14  # an entry of this size rounds the identity beside it away
+_ROUNDING = 1e-15  # of such entries, which restores it
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from scipy.sparse.linalg import SuperLU, splu
 from basecal.geometry import Array, IntArray
 from basecal.numerics.batch import SHARED
 
-_MOST_INVERTED = 400
+_MOST_INVERTED = 400  # stops whose joint covariance is inverted as a whole: 2,400 columns, 46 MB
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,13 +15,13 @@ import numpy as np
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import SE3, Array
 
-HARDLY_RAD = 0.01
-_HARDLY_M = 1e-3
-_LENGTH_M = 0.5
+HARDLY_RAD = 0.01  # turns below this say nothing of a rotation: their noise is as large [rad]
+_HARDLY_M = 1e-3  # travel below this is standing still [m]
+_LENGTH_M = 0.5  # length that counts as much as a radian: a lever arm of an arm's hand [m]
 _SCALE = np.array([_LENGTH_M] * 3 + [1.0] * 3)
-_LEAST_RMS = 3e-3
-_NOISE_SIGMAS = 5.0
-_FEW = 3
+_LEAST_RMS = 3e-3  # of the motions, scaled: below it lies what a robot's noise may make [rad]
+_NOISE_SIGMAS = 5.0  # a motion is one beyond five sigmas of the pose's noise
+_FEW = 3  # orientations that determine a hand-eye rotation: two turns about different axes
 
 
 @dataclass(frozen=True, eq=False)

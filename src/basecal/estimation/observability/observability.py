@@ -17,13 +17,13 @@ from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.robot_parameters import DEFLECTION
 from basecal.geometry import Array
 
-_UNOBSERVABLE_SIGMA = 0.3
-_NO_INFORMATION_SIGMA = 30.0
+_UNOBSERVABLE_SIGMA = 0.3  # [m, rad] of a direction: larger, no linear theory of it holds
+_NO_INFORMATION_SIGMA = 30.0  # [m, rad]: so wide a direction has no information but rounding
 _ROUNDING = 1e-13
-_TOUCHES = 1e-3
-_SMALLEST_FACTOR = 1e-4
-_DISTORTION_SCALE = 10.0
-_ENOUGH_VIEWS = 40
+_TOUCHES = 1e-3  # share of a null direction in an unknown above which it belongs to it
+_SMALLEST_FACTOR = 1e-4  # noise estimated from exact data counts as a hundredth of a sigma at least
+_DISTORTION_SCALE = 10.0  # a distortion term of 10 is as far off as a radian
+_ENOUGH_VIEWS = 40  # views by which the shape of null directions is found
 _COMPLIANCE_SCALE = 0.01  # [rad/Nm]: 1 rad under 100 Nm
 
 

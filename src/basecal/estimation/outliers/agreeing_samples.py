@@ -10,9 +10,9 @@ from basecal.estimation.least_squares.studentized import studentized
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import Array, IntArray
 
-_FEWEST, _MOST = 0.3, 0.8
-_CLEAR_GAP = 5.0
-_FARTHEST = 1e15
+_FEWEST, _MOST = 0.3, 0.8  # of the samples: a gap outside the middle is the tail of noise
+_CLEAR_GAP = 5.0  # in sigmas, between neighbours: noise leaves no such gap
+_FARTHEST = 1e15  # misfits beyond are alike [sigma]
 
 
 def agreeing_samples(problem: Problem, states: Iterable[State]) -> tuple[int, ...]:

@@ -26,13 +26,13 @@ from basecal.estimation.view.points import PointMeasurement
 from basecal.estimation.view.view_pose import refined
 from basecal.geometry import BoolArray, Camera, IntArray
 
-CHANCE_OF_VIEW = 1e-4
-CHANCE_OF_POINT = 1e-6
-_CHANCE_AMONG_OUTLIERS = 1e-3
-_MANY_OUT = 0.1
-_LEAST_SHARE = 0.5
-_LEAST_STRAYED = 0.25
-_EXACT = 1e-14
+CHANCE_OF_VIEW = 1e-4  # that a good view is left out: one recording of a hundred views in a hundred
+CHANCE_OF_POINT = 1e-6  # that a good point is left out: there are a hundred times as many points
+_CHANCE_AMONG_OUTLIERS = 1e-3  # that a good view is left out where many are bad: near outliers are likely there
+_MANY_OUT = 0.1  # share of views beyond which outliers are common
+_LEAST_SHARE = 0.5  # of its points that a view keeps, or it is left out whole
+_LEAST_STRAYED = 0.25  # of a view's points that agree on another pose: they moved together
+_EXACT = 1e-14  # variance of a pose's rounding [m^2, rad^2]
 
 
 @dataclass(frozen=True, eq=False)

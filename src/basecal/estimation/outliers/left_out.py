@@ -17,7 +17,7 @@ from basecal.estimation.view.poses import PoseMeasurement
 from basecal.estimation.view.view_pose import FEWEST_POINTS, refined
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 
-_STEPS = 20
+_STEPS = 20  # of the pose of one view, at most
 _FEWEST_3D_POINTS = 3
 
 

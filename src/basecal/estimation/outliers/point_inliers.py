@@ -19,9 +19,9 @@ from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement
 from basecal.geometry import SE3, BoolArray, IntArray
 
-_SCALE_ROUNDS = 4
+_SCALE_ROUNDS = 4  # rounds of scale and inliers in turn, at most
 # What a detector may be off by, where nobody stated it [px].
-PLAUSIBLE_PX = 3.0
+PLAUSIBLE_PX = 3.0  # residual that a detector may have [px]
 
 
 def points_within(problem: Problem, state: State, suspects: list[IntArray], cell: Cell) -> tuple[BoolArray, ...]:

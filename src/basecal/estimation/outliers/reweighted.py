@@ -23,10 +23,10 @@ from basecal.estimation.view.point_jacobians import point_jacobians
 from basecal.estimation.view.points import PointMeasurement
 from basecal.geometry import Array
 
-_GROWTH = 1.6
-_ROUNDS = 60
-_STEPS = 2
-_CERTAIN = 1e-3
+_GROWTH = 1.6  # of the control parameter in each round
+_ROUNDS = 60  # 1.6^60 is beyond any square over its limit
+_STEPS = 2  # steps between two sets of weights
+_CERTAIN = 1e-3  # weights this near to zero or one have decided
 
 ScaleOf = Callable[[list[MahalanobisSquared]], Scale]
 

@@ -43,13 +43,13 @@ from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement
 from basecal.geometry import BoolArray, IntArray
 
-_ROUNDS = 12
-_FREE_ROUNDS = 6
-_LARGEST_UNSUSPECTED_PX = 1.0
-_LEAST_KEPT = 0.5
-_CLEAR_SHARE = 0.6
-_QUIETER = 4.0
-_PLAUSIBLE_SIGMAS = 10.0
+_ROUNDS = 12  # of leaving out and taking back, at most
+_FREE_ROUNDS = 6  # after these nothing is taken back: no circle
+_LARGEST_UNSUSPECTED_PX = 1.0  # noise a detector has without outliers hiding in it [px]
+_LEAST_KEPT = 0.5  # of the views an answer rests on: fewer may agree by chance
+_CLEAR_SHARE = 0.6  # of the views that agree convince, so that no further start is tried
+_QUIETER = 4.0  # times less variance: unstated noise spreads over all views alike
+_PLAUSIBLE_SIGMAS = 10.0  # residual of poses and points that an answer may have
 
 
 @dataclass(frozen=True, eq=False)

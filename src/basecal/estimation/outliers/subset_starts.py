@@ -24,17 +24,17 @@ from basecal.estimation.start.first_state import first_states, lenses, light_sta
 from basecal.geometry import BoolArray, Camera, IntArray
 from basecal.numerics.batch import take
 
-_BLOCKS = (2, 3)
-_DRAWS = 24
+_BLOCKS = (2, 3)  # halves and thirds: what is bumped stays so
+_DRAWS = 24  # random subsets: of four samples each, one is clean with 99 % where a third of the samples is bad
 # So many subsets side by side: more may be in vain where one of the first convinces.
 _AT_ONCE = 8
-_LIGHT_STARTS = 40
-_SPARE = 1.3
-_CONCENTRATIONS = 3
-_CONCENTRATED = 0.5
-_STEPS = 30
-_FARTHEST = 1e30
-_FEW_STEPS = 4
+_LIGHT_STARTS = 40  # starts of a light among reflections; judged by benchmarks.outliers
+_SPARE = 1.3  # samples over those that could hold every unknown
+_CONCENTRATIONS = 3  # rounds, as in Rousseeuw & Van Driessen: further ones go on with the best alone
+_CONCENTRATED = 0.5  # of the views draw the state: most of them are good
+_STEPS = 30  # of a descent from a start
+_FARTHEST = 1e30  # squares beyond are alike
+_FEW_STEPS = 4  # steps between two choices of views
 _SEED = 20240301
 
 T = TypeVar("T")

@@ -15,7 +15,7 @@ from basecal.estimation.problem.problem import Problem, State, ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, IntArray
 
-MOST_CANDIDATES = 8
+MOST_CANDIDATES = 8  # bright spots of a light that are tried
 
 
 def half_turn(target: Target) -> SE3 | None:

@@ -15,8 +15,8 @@ from scipy.linalg import eigh
 from basecal.geometry import SE3, Array
 from basecal.geometry.se3 import nearest_rotation
 
-_CLEAR = 0.35
-_SEEN = 1e-3
+_CLEAR = 0.35  # share of the second singular value that the first may reach where a null vector is unique
+_SEEN = 1e-3  # of a unit system's second singular value: below, more than one direction is null
 
 
 class Loop(NamedTuple):

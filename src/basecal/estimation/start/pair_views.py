@@ -17,8 +17,8 @@ from basecal.estimation.view.view_pose import view_poses
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 from basecal.geometry.se3 import nearest_rotation
 
-_LOOKS_ALIKE = 25.0
-_START_PIXEL = 0.5
+_LOOKS_ALIKE = 25.0  # five sigmas: below, a plane's second pose fits as well
+_START_PIXEL = 0.5  # sigma of a pixel where none is stated [px]
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,10 +16,10 @@ from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 from basecal.geometry.se3 import nearest_rotation, rotation_exp
 from basecal.numerics.levenberg_marquardt import Stop, levenberg_marquardt
 
-FEWEST_POINTS = 4
-_FEWEST_IN_SPACE = 6
+FEWEST_POINTS = 4  # points that determine the pose of a plane up to two
+_FEWEST_IN_SPACE = 6  # points of the direct linear transform
 _ITERATIONS = 2
-_FLAT = 1e-6
+_FLAT = 1e-6  # third singular value over the first of a plane
 _SETTLED = 1e-3  # of the residuals' norm: a step that gains less than a millionth of the cost is the last
 
 
