@@ -19,8 +19,9 @@ from basecal.estimation.start.rotation_grid import icosahedral_rotations
 from basecal.geometry import Array, IntArray
 from basecal.geometry.se3 import nearest_rotation
 
-# Cells of the grid that are refined, rounds of each, how many of the best go on, and for how many rounds at most.
-_CELLS, _FIRST_ROUNDS, _BEST, _MORE_ROUNDS = 16, 5, 6, 40
+# Cells of the grid that are refined; for how many rounds, and how many of the best go on then.
+_CELLS = 16
+_SCHEDULE = ((5, 6), (10, 2), (25, 1))
 # Of starts that are refined as a whole later: enough to bring grid cells of one basin together.
 _START_ROUNDS = 12
 # Starts nearer to each other than this end in the same optimum: half of what a descent's basin spans [rad].
@@ -102,14 +103,18 @@ def pose_starts(loop: Loop, most: int) -> list[tuple[Array, Array, Array]]:
 def search_rotations(loops: Sequence[Loop]) -> list[Rotations]:
     """Rotations of loops with the same unknowns, two or three, that close most samples of each."""
     every = _loops(loops)
-    at = _alternated(every, _grid_starts(every, _CELLS), _FIRST_ROUNDS)
-    at, angle = _ranked(every, at, _BEST)
-    near = np.flatnonzero(angle[:, 0] < _HOPELESS_RAD)
-    some = every.take(near)
-    refined, _ = _ranked(some, _alternated(some, {k: turn[near] for k, turn in at.items()}, _MORE_ROUNDS), 1)
+    at = _grid_starts(every, _CELLS)
     found = {k: turn[:, 0].copy() for k, turn in at.items()}
-    for letter, turn in refined.items():
-        found[letter][near] = turn[:, 0]
+    going = np.arange(len(loops))
+    for rounds, best in _SCHEDULE:
+        some = every.take(going)
+        at, angle = _ranked(some, _alternated(some, at, rounds), best)
+        for letter, turn in at.items():
+            found[letter][going] = turn[:, 0]
+        near = angle[:, 0] < _HOPELESS_RAD
+        going, at = going[near], {k: turn[near] for k, turn in at.items()}
+        if not len(going):
+            break
     return [Rotations(*triple, True) for triple in zip(found["x"], found["y"], found["z"], strict=True)]
 
 
