@@ -127,13 +127,8 @@ def terms_text(model: str) -> str:
 
 @cache
 def _lenses() -> tuple[Lens, ...]:
-    return tuple(_lens(name) for name in LENSES)
-
-
-def _lens(name: str) -> Lens:
-    lens: Any = import_module(f"basecal.geometry.lenses.{name}")
-    found: Lens = lens
-    return found
+    modules: list[Any] = [import_module(f"basecal.geometry.lenses.{name}") for name in LENSES]
+    return tuple(modules)
 
 
 def inverted(mapped: Mapped, u: Array, v: Array, limit: float) -> tuple[Array, BoolArray]:

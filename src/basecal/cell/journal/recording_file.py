@@ -110,17 +110,13 @@ def _recording(text: bytes, path: str, known: Context) -> Recording:
         number = str(read.sample) if isinstance(read, Sample) else read.about[0]
         earlier = first_lines.setdefault(number, line)
         if earlier != line:
-            findings.append(_twice_finding(path, line, number, earlier))
+            message = f"sample {number} is dropped: line {earlier} has the same number; give it a new one"
+            findings.append(Finding("dropped-sample", "info", (number,), f"{path}:{line}: {message}"))
         elif isinstance(read, Finding):
             findings.append(read)
         else:
             samples.append(read)
     return Recording(tuple(samples), tuple(findings if cut is None else [*findings, cut]))
-
-
-def _twice_finding(path: str, line: int, number: str, earlier: int) -> Finding:
-    message = f"{path}:{line}: sample {number} is dropped: line {earlier} has the same number; give it a new one"
-    return Finding("dropped-sample", "info", (number,), message)
 
 
 def _cut_finding(path: str, line: int, done: str) -> Finding:

@@ -21,12 +21,8 @@ def target_drawing(target: Target) -> tuple[Sheet, ...]:
     """
     if not target.sheets:
         raise InputError(f"a target of kind {target.kind!r} is not printed")
-    return tuple(_with_cells(sheet) for sheet in target.sheets)
-
-
-def _with_cells(sheet: Sheet) -> Sheet:
-    cells = [_cells(marker) for marker in sheet.markers]
-    return replace(sheet, rectangles=np.concatenate([sheet.rectangles, *cells]), markers=())
+    black = [np.concatenate([sheet.rectangles, *map(_cells, sheet.markers)]) for sheet in target.sheets]
+    return tuple(replace(sheet, rectangles=each, markers=()) for sheet, each in zip(target.sheets, black, strict=True))
 
 
 def _cells(marker: Marker) -> Array:

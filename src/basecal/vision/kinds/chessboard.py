@@ -43,7 +43,10 @@ def detect(image: Image, target: Target) -> Detection | None:
         return None
     grid = right_handed(np.reshape(corners, (rows, columns, 2)).astype(np.float64))
     fitted = _fitted(image, grid)
-    if (columns + rows) % 2 and np.median(_outward(fitted.gain.reshape(rows, columns))) > 0:
+    row, column = np.indices((rows, columns))
+    # Gains as the first corner has them: positive where its outer square is bright.
+    outward = fitted.gain.reshape(rows, columns) * (-1.0) ** (row + column)
+    if (columns + rows) % 2 and np.median(outward) > 0:
         grid = grid[::-1, ::-1]
         fitted = _fitted(image, grid)
     kept = fitted.trusted
@@ -52,10 +55,3 @@ def detect(image: Image, target: Target) -> Detection | None:
 
 def _fitted(image: Image, grid: Array) -> Corners:
     return refined(image, saddle, grid.reshape(-1, 2), grid_axes(grid), _WINDOW)
-
-
-def _outward(gain: Array) -> Array:
-    """Gains as corner (0, 0) has them: positive where the square towards the first corner is bright."""
-    row, column = np.indices(gain.shape)
-    outward: Array = gain * (-1.0) ** (row + column)
-    return outward

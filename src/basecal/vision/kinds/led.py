@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -15,7 +14,7 @@ from basecal.vision.detection import Detection, Image, checked, full_scale
 from basecal.vision.fit.spot_fit import Spot, fit_spot
 
 _MOST = 8  # candidates: what the choice among them by all views takes
-_SHARE = 0.25  # of the brightest spot's height, that others must reach: reflections of a lamp are often above half
+_SHARE = 0.25  # of the brightest spot's height, that another must reach to be taken for the light as well
 _ABOVE_NOISE = 6.0  # sigmas above the middle: normal noise passes it once in 1e9 pixels
 _LEAST_STEP = 0.5  # levels above the middle, where an image has no noise at all
 _SAMPLED = 6  # pixels of the image at half its size between those that tell its middle and noise
@@ -78,18 +77,12 @@ def _bright(levels: Image) -> list[_Place]:
     outlines, _ = cv2.findContours((half > threshold).view(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
     boxes = [cv2.boundingRect(outline) for outline in outlines]
     small = [box for box in boxes if 2 * max(box[2:]) <= _LARGEST_PX]
-    best = small if len(small) <= _MOST else sorted(small, key=lambda box: -_peak(half, box))[:_MOST]
-    return [_place(*box) for box in best]
-
-
-def _place(left: int, top: int, width: int, height: int) -> _Place:
-    """The place of a box in the image at half its size."""
-    return _Place(2 * left + width - 0.5, 2 * top + height - 0.5, 2.0 * max(width, height))
-
-
-def _peak(half: Any, box: Sequence[int]) -> float:
-    left, top, width, height = box
-    return float(half[top : top + height, left : left + width].max())
+    if len(small) > _MOST:
+        small = sorted(small, key=lambda box: -float(half[box[1] : box[1] + box[3], box[0] : box[0] + box[2]].max()))
+    return [
+        _Place(2 * left + width - 0.5, 2 * top + height - 0.5, 2.0 * max(width, height))
+        for left, top, width, height in small[:_MOST]
+    ]
 
 
 def _fitted(image: Image, background: Image | None, full: float, place: _Place) -> Spot | None:
