@@ -9,8 +9,10 @@ import pytest
 from basecal.cell.files import cell_from_dict, cell_to_dict
 from basecal.estimation.solve import solve
 from basecal.geometry import Array, Camera
+from basecal.geometry.lenses import thin_prism
 from basecal.simulation import Scenario, simulate
 from derivatives import check_derivative
+from lens_checks import check_inverse, check_projection, points_before
 
 TERMS = [-0.2, 0.05, 1e-3, -2e-3, 0.02, 0.1, 0.02, 0.01, 4e-3, -2e-3, -3e-3, 1e-3]
 CAMERA = Camera("pinhole", np.array([766.5, 765.4, 640.9, 358.8, *TERMS]), (1280, 720))
@@ -115,3 +117,25 @@ def test_found_from_views() -> None:
     assert len(error) == 16
     assert np.abs(error / sigma).max() < 4
     assert sigma[12:].max() < 0.7 * Scenario().intrinsics_prior[2]
+
+
+def test_images_and_derivatives(rng: np.random.Generator) -> None:
+    """On the plane at unit distance images are OpenCV's, and their derivatives those of differences."""
+    check_projection(thin_prism, TERMS, points_before(rng), cv2.projectPoints)
+
+
+def test_every_image_leads_back(rng: np.random.Generator) -> None:
+    """Every image inside the fold leads back to its point, by a prism far stronger than any lens has."""
+    check_inverse(thin_prism, TERMS, points_before(rng))
+    check_inverse(thin_prism, [*TERMS[:8], *(10 * np.array(TERMS[8:])).tolist()], points_before(rng))
+
+
+def test_usual_distortion_is_a_pinholes_with_a_slight_prism(rng: np.random.Generator) -> None:
+    """Twelve terms: five as a pinhole's, none of the rational ones, four of a prism in their usual range."""
+    drawn = np.array([thin_prism.usual_distortion(rng) for _ in range(200)])
+    spread = np.array([2e-3, 5e-4, 2e-3, 5e-4])
+    assert drawn.shape == (200, thin_prism.USUAL_TERMS)
+    np.testing.assert_array_equal(drawn[:, 5:8], 0.0)
+    assert np.all(np.abs(drawn[:, 0] + 0.08) <= 0.05)
+    assert np.all(np.abs(drawn[:, 8:]) <= spread)
+    assert np.all(np.ptp(drawn[:, 8:], axis=0) > 1.5 * spread)

@@ -1,0 +1,79 @@
+"""The lens of Kannala and Brandt."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from basecal.geometry.lenses import fisheye
+from derivatives import check_derivative
+from lens_checks import FOCAL, check_inverse, check_projection, points_before
+
+DISTORTION = [0.08, -0.01, 0.004, -0.001]
+STRAIGHT = [0.0] * 4
+
+
+def test_images_and_derivatives(rng):
+    """Images are OpenCV's, and their derivatives those of differences."""
+    check_projection(fisheye, DISTORTION, points_before(rng, widest=1.5), cv2.fisheye.projectPoints)
+
+
+def behind(rng):
+    angle, turn = rng.uniform(1.6, 2.6, 20), rng.uniform(-3, 3, 20)
+    return np.column_stack([np.sin(angle) * np.cos(turn), np.sin(angle) * np.sin(turn), np.cos(angle)])
+
+
+def test_derivative_past_a_right_angle(rng):
+    """Points behind the lens have an image and its derivative as well."""
+    points = behind(rng)
+    _, _, d_points, _ = fisheye.project_with_derivatives(points, FOCAL, DISTORTION, False)
+    check_derivative(
+        lambda d: np.stack(fisheye.project(points + d, DISTORTION), -1) * FOCAL, d_points, step=3e-3, tolerance=1e-7
+    )
+
+
+def test_inverse(rng):
+    """Every image inside the fold leads back to its point, behind the lens too."""
+    check_inverse(fisheye, DISTORTION, points_before(rng, widest=2.0))
+    check_inverse(fisheye, STRAIGHT, behind(rng))
+    check_inverse(fisheye, [-0.05, 0.0, 0.0, 0.0], points_before(rng, widest=2.0))
+
+
+def test_without_terms_the_image_is_the_angle():
+    """The image lies at the angle from the axis, in the point's direction; right behind there is none."""
+    points = np.array([[0.3, 0.4, 0.5], [-1.0, 0.0, 0.0], [0.0, 0.0, 2.0], [0.0, 0.0, -1.0]])
+    u, v = fisheye.project(points, STRAIGHT)
+    np.testing.assert_allclose([u[0], v[0]], np.pi / 4 * np.array([0.6, 0.8]))
+    np.testing.assert_allclose([u[1], v[1]], [-np.pi / 2, 0.0], atol=1e-15)
+    assert (u[2], v[2]) == (0.0, 0.0)
+    assert np.isnan(u[3])
+
+
+def test_fold_is_where_the_image_turns_back():
+    """At the fold the distance from the centre has its first maximum; it is pi at most."""
+    assert fisheye.fold(STRAIGHT) == np.pi
+    # t (1 - t^2 / 3) turns back at t = 1.
+    assert fisheye.fold([-1 / 3, 0.0, 0.0, 0.0]) == pytest.approx(1.0)
+    for distortion in ([-0.2, 0.01, 0.0, 0.0], [-0.1, -0.02, 0.001, 0.0], [0.0, 0.0, -0.01, 0.0005], [0, 0, 0, -0.01]):
+        t = fisheye.fold(distortion) * np.array([0.99, 1.0, 1.01])
+        image, _ = fisheye.project(np.column_stack([np.sin(t), 0 * t, np.cos(t)]), distortion)
+        assert image[1] > max(image[0], image[2])
+
+
+def test_images_beyond_the_fold_have_no_direction():
+    """What lies past the largest image is not valid, what lies short of it is; so for points."""
+    barrel = [-1 / 3, 0.0, 0.0, 0.0]
+    _, valid = fisheye.unproject(np.array([0.66, 0.67]), np.zeros(2), barrel)
+    assert valid.tolist() == [True, False]
+    t = np.array([0.99, 1.01])
+    assert fisheye.within(np.column_stack([np.sin(t), 0 * t, np.cos(t)]), barrel).tolist() == [True, False]
+
+
+def test_usual_distortion_is_slight(rng):
+    """Lenses that simulations draw have four terms in their usual range."""
+    drawn = np.array([fisheye.usual_distortion(rng) for _ in range(200)])
+    spread = np.array([0.03, 0.01, 0.003, 0.001])
+    assert drawn.shape == (200, fisheye.USUAL_TERMS)
+    assert np.all(np.abs(drawn) <= spread)
+    assert np.all(np.ptp(drawn, axis=0) > 1.5 * spread)

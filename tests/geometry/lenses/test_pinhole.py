@@ -1,0 +1,82 @@
+"""The lens of Brown and Conrady."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from basecal.geometry.lenses import pinhole
+from lens_checks import check_inverse, check_projection, points_before
+
+DISTORTIONS = {
+    4: [-0.2, 0.05, 1e-3, -2e-3],
+    5: [0.11, -0.03, 1.3e-3, 2e-3, 0.02],
+    8: [0.4, 0.1, -1e-3, 5e-4, 0.02, 0.6, 0.2, 0.05],
+}
+
+
+@pytest.mark.parametrize("terms", DISTORTIONS)
+def test_images_and_derivatives(terms, rng):
+    """Images are OpenCV's with four, five and eight terms, and their derivatives those of differences."""
+    check_projection(pinhole, DISTORTIONS[terms], points_before(rng), cv2.projectPoints)
+
+
+@pytest.mark.parametrize("terms", DISTORTIONS)
+def test_inverse(terms, rng):
+    """Every image inside the fold leads back to its point."""
+    check_inverse(pinhole, DISTORTIONS[terms], points_before(rng))
+
+
+def test_without_distortion_it_is_a_division(rng):
+    """Without terms, or with zeros, the image is (x / z, y / z), with its derivative."""
+    points = points_before(rng)
+    for none in ([], [0.0] * 5):
+        np.testing.assert_allclose(np.stack(pinhole.project(points, none), -1), points[:, :2] / points[:, 2:])
+        u, v, d_points, _ = pinhole.project_with_derivatives(points, (2.0, 3.0), none, False)
+        np.testing.assert_allclose(d_points[:, 0, 0], 2.0 / points[:, 2])
+        np.testing.assert_allclose(d_points[:, 1, 1], 3.0 / points[:, 2])
+        np.testing.assert_allclose(d_points[:, 0, 2], -2.0 * u / points[:, 2])
+        np.testing.assert_allclose(d_points[:, 1, 2], -3.0 * v / points[:, 2])
+        np.testing.assert_array_equal(d_points[:, [0, 1], [1, 0]], 0.0)
+    assert pinhole.project_with_derivatives(points, (2.0, 3.0), [], True)[3].shape == (30, 2, 0)
+
+
+def test_behind_the_camera_there_is_no_image():
+    """At z = 0 and behind, and there alone, images and derivatives are NaN, and no point is within."""
+    points = np.array([[0.1, 0.1, -1.0], [0.1, 0.1, 0.0], [0.1, 0.1, 1.0]])
+    for distortion in ([], DISTORTIONS[5]):
+        u, v, d_points, _ = pinhole.project_with_derivatives(points, (1.0, 1.0), distortion, False)
+        for array in (u, v, d_points, pinhole.project(points, distortion)[0]):
+            np.testing.assert_array_equal(np.isnan(array).reshape(3, -1).all(1), [True, True, False])
+        assert pinhole.within(points, distortion).tolist() == [False, False, True]
+
+
+def test_fold_is_where_the_image_turns_back():
+    """At the fold the radius of the image has its first maximum; without one it is infinite."""
+    assert pinhole.fold([]) == float("inf")
+    assert pinhole.fold([0.1, 0.1, 0.0, 0.0]) == float("inf")
+    # r (1 - r^2 / 3) turns back at r = 1; a zero of the rational terms' denominator is a fold as well.
+    assert pinhole.fold([-1 / 3, 0.0, 0.0, 0.0]) == pytest.approx(1.0)
+    assert pinhole.fold([0, 0, 0, 0, 0, -0.25, 0, 0]) == pytest.approx(4.0)
+    for terms, distortion in {8: [-0.3, 0.02, 0, 0, 0.001, 0.1, 0.01, 0.0], 5: [-0.35, 0.1, 0, 0, -0.02]}.items():
+        edge = np.sqrt(pinhole.fold(distortion))
+        r = edge * np.array([0.999, 1.0, 1.001])
+        image, _ = pinhole.project(np.column_stack([r, 0 * r, 1 + 0 * r]), distortion)
+        assert image[1] > max(image[0], image[2]), terms
+
+
+def test_images_beyond_the_fold_have_no_direction():
+    """What lies past the largest image is not valid, what lies short of it is."""
+    _, valid = pinhole.unproject(np.array([0.66, 0.67]), np.zeros(2), [-1 / 3, 0.0, 0.0, 0.0])
+    assert valid.tolist() == [True, False]
+
+
+def test_usual_distortion_is_a_slight_barrel(rng):
+    """Lenses that simulations draw have five terms in their usual range, and no fold within 45 deg."""
+    drawn = np.array([pinhole.usual_distortion(rng) for _ in range(200)])
+    assert drawn.shape == (200, pinhole.USUAL_TERMS)
+    middle, spread = np.array([-0.08, 0.02, 0, 0, 0]), np.array([0.05, 0.02, 1e-3, 1e-3, 0.005])
+    assert np.all(np.abs(drawn - middle) <= spread)
+    assert np.all(np.ptp(drawn, axis=0) > 1.5 * spread)
+    assert all(pinhole.fold(each.tolist()) > 1.0 for each in drawn)

@@ -1,0 +1,45 @@
+"""Read-only copies."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.errors import InputError
+from basecal.geometry.array import read_only, read_only_ids
+
+
+def test_copies_are_read_only_and_apart():
+    """A copy cannot be written, and what is written into the original later does not reach it."""
+    for make, kind in ((read_only, np.float64), (read_only_ids, np.int64)):
+        given = np.array([1, 2, 3], dtype=kind)
+        made = make(given)
+        given[0] = 9
+        assert made.tolist() == [1, 2, 3]
+        assert made.dtype == kind
+        with pytest.raises(ValueError, match="read-only"):
+            made[0] = 0
+
+
+@pytest.mark.parametrize(
+    ("values", "shape", "fits"),
+    [
+        (np.zeros((4, 3)), (None, 3), True),
+        (np.zeros((2, 4, 3)), (None, 3), True),
+        (np.zeros((3, 4)), (None, 3), False),
+        (np.zeros(3), (None, 3), False),
+        (np.zeros(3), (3,), True),
+        (np.zeros((3, 3)), (3, 3), True),
+        (np.zeros((3, 2)), (3, 3), False),
+        (0.0, (), True),
+    ],
+)
+def test_last_axes_have_their_shape(values, shape, fits):
+    """Leading axes are free, the last ones as asked; an error names the array and both shapes."""
+    if fits:
+        assert read_only(values, shape).shape == np.shape(values)
+        return
+    wanted = ", ".join(map(str, shape))
+    with pytest.raises(InputError) as caught:
+        read_only(values, shape, "points")
+    assert str(caught.value) == f"points has shape {np.shape(values)}, expected (..., {wanted})"
