@@ -1,0 +1,71 @@
+"""YAML as it is written by hand."""
+
+from __future__ import annotations
+
+import pytest
+
+from basecal.cell.format.yaml_text import parse_yaml, read_text, yaml_text
+from basecal.errors import DatasetError
+
+
+def test_data_and_the_lines_of_its_keys():
+    """Numbers, truth and nothing are read as such, all else is text; every place knows its line."""
+    document = parse_yaml("a: 1\nb:\n  c: [1.5, yes, 'x']\n  d: true\ne: ~\nf: 2020-01-01\n", "f")
+    assert document.data == {"a": 1, "b": {"c": [1.5, "yes", "x"], "d": True}, "e": None, "f": "2020-01-01"}
+    assert document.lines[("a",)] == 1
+    assert document.lines[("b", "c")] == 3
+    assert document.lines[("b", "c", 2)] == 3
+    assert document.lines[("e",)] == 5
+    assert parse_yaml("", "f").data is None
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("a: 1\nb: [1", "f:2: not YAML"),
+        ("a: 1\nb: &x 2\n", "f:2: aliases and anchors"),
+        ("a: [1, *x]\n", "aliases and anchors"),
+        ("a: 1\nb: !!python/name:os.system 1\n", "f:2: tags"),
+        ("a: 1\nb: 2\na: 3\n", "f:3: a: given twice, first on line 1; keep one"),
+        ("a: {b: 1, b: 2}\n", "f:1: a.b: given twice"),
+        ("{[1]: 2}", "f:1: a key on line 1 is not a name"),
+        ("a: 0x\nb: 1__2__\n c: 3", "not YAML"),
+        ("[" * 33 + "]" * 33, "nested deeper than 32 levels"),
+        ("a: \x00", "not YAML"),
+    ],
+)
+def test_what_no_cell_needs_is_refused(text, message):
+    """Half documents, references, tags, keys given twice, deep nests."""
+    with pytest.raises(DatasetError) as caught:
+        parse_yaml(text, "f")
+    assert message in str(caught.value)
+
+
+def test_thirty_two_levels_are_read():
+    """The deepest nest that is read."""
+    assert parse_yaml("[" * 32 + "]" * 32, "f").data is not None
+
+
+def test_what_is_written_is_read_back():
+    """Keys in their order, text that looks like something else, the same list twice, umlauts; a line per inner list."""
+    inner = [1.0, 2]
+    data = {"z": {"t": "1", "n": None, "f": "no"}, "a": [inner, inner], "ü": "ß", "e": {}, "l": [1e-12, 1e22]}
+    text = yaml_text(data)
+    assert parse_yaml(text, "f").data == data
+    assert list(parse_yaml(text, "f").data) == list(data)
+    assert "- [1.0, 2]\n- [1.0, 2]" in text
+    assert "ü: ß" in text
+
+
+def test_files_are_utf_8(tmp_path):
+    """With or without a mark at their start; else an error says from which byte on, or what to do."""
+    path = tmp_path / "a.yaml"
+    path.write_bytes(b"\xef\xbb\xbfa: \xc3\xbc")
+    assert read_text(path, "") == "a: ü"
+    path.write_bytes(b"a: \xfc")
+    with pytest.raises(DatasetError, match=r"not UTF-8 text \(byte 3\); save it as UTF-8"):
+        read_text(path, "")
+    with pytest.raises(DatasetError, match="there is no such file; make one"):
+        read_text(tmp_path / "none", "make one")
+    with pytest.raises(DatasetError, match="cannot be read"):
+        read_text(tmp_path, "")
