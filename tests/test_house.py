@@ -390,3 +390,18 @@ def test_tests_need_no_benchmarks() -> None:
     sources = {path.name: path.read_text(encoding="utf-8") for path in TESTS.rglob("*.py")}
     importing = {name for name, text in sources.items() if re.search(r"^\s*(from|import) benchmarks\b", text, re.M)}
     assert importing == OF_BENCHMARKS
+
+
+MIRRORED = ("geometry", "kinematics", "cell")
+NOTHING_TO_TEST = {
+    "cell/files.py": "names of other modules",
+    "cell/recording.py": "values without behaviour",
+}
+
+
+def test_every_source_has_tests_under_its_own_name() -> None:
+    """What stands in `src/basecal/cell/cell.py` is tested by `tests/cell/test_cell.py`, but for a few with reasons."""
+    sources = [path.relative_to(SOURCE) for path in FILES if path.stem not in ENTRIES]
+    held = [path for path in sources if path.parts[0] in MIRRORED]
+    bare = {str(path) for path in held if not (TESTS / path.parent / f"test_{path.name}").exists()}
+    assert bare == NOTHING_TO_TEST.keys()

@@ -1,0 +1,118 @@
+"""An observation of a line, checked against the cell."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.cell.cell import Cell
+from basecal.cell.files import cell_from_dict
+from basecal.cell.journal.observation_line import UnknownPoint, observation
+from basecal.cell.journal.sample_values import Where
+from basecal.cell.recording import CandidateObservation, PixelObservation, PointObservation, PoseObservation
+from basecal.errors import DatasetError
+
+HERE = Where("samples.jsonl", 4)
+LENS = {"status": "fixed", "fx": 500.0, "fy": 500.0, "cx": 320.0, "cy": 240.0}
+CORNERS = {"kind": "chessboard", "corners": [3, 2], "square_m": 0.03}
+CELL = cell_from_dict(
+    {
+        "schema": "basecal/cell/1",
+        "reference": "arm",
+        "robots": {"arm": {}},
+        "cameras": {"eye": {"on": "arm", "size_px": [640, 480], "intrinsics": LENS}, "depth": {"on": "arm"}},
+        "targets": {
+            "board": {"on": "world", **CORNERS},
+            "light": {"on": "world", "kind": "led"},
+            "object": {"on": "world"},
+        },
+    }
+)
+IDS = {"board": frozenset(range(6)), "light": frozenset({0})}
+
+
+def read(cell: Cell = CELL, **written):
+    return observation({"camera": "eye", **written}, "observations[0]", HERE, cell, IDS)
+
+
+def test_each_kind_of_observation_is_read():
+    """Pixels, candidates, a pose and points, with camera and target beside them."""
+    names, pixels = read(target="board", ids=[4, 1], pixels=[[1, 2], [3, 4]], sigma_px=0.5)
+    assert names == ("eye", "board")
+    assert isinstance(pixels, PixelObservation)
+    assert pixels.ids.tolist() == [4, 1]
+    assert pixels.pixels.tolist() == [[1, 2], [3, 4]]
+    assert pixels.sigma_px.tolist() == [0.5, 0.5]
+    _, spots = read(target="light", candidates=[[1, 2], [3, 4]], sigma_px=[0.1, 0.2])
+    assert isinstance(spots, CandidateObservation)
+    assert spots.sigma_px.tolist() == [0.1, 0.2]
+    pose = {"t_m": [0, 0, 1], "q_xyzw": [0, 0, 0, 1], "sigma_t_m": 0.1, "sigma_r_rad": 0.2}
+    _, seen = read(camera="depth", target="object", camera_from_target=pose)
+    assert isinstance(seen, PoseObservation)
+    assert seen.sigma.tolist() == [0.1] * 3 + [0.2] * 3
+    _, points = read(camera="depth", target="board", ids=[5], points_in_camera_m=[[0, 0, 1]], sigma_m=0.3)
+    assert isinstance(points, PointObservation)
+    assert points.sigma_m.tolist() == [0.3]
+
+
+@pytest.mark.parametrize(
+    "written",
+    [
+        {"target": "board", "ids": [], "pixels": []},
+        {"target": "light", "candidates": []},
+        {"target": "board", "ids": [], "points_in_camera_m": []},
+    ],
+)
+def test_nothing_seen_is_nothing(written):
+    """Empty lists are no observation, and no error."""
+    assert read(**written) == (("eye", written["target"]), None)
+
+
+def test_a_light_needs_no_ids():
+    """Of a single point the id is its only one."""
+    assert read(target="light", pixels=[[1, 2]])[1].ids.tolist() == [0]
+    assert read(target="light", pixels=[])[1] is None
+    assert np.array_equal(read(target="light", ids=[0], pixels=[[1, 2]])[1].ids, [0])
+
+
+@pytest.mark.parametrize(
+    ("written", "field", "message"),
+    [
+        ({"target": "board"}, "observations[0]", "expected exactly one of pixels, candidates, camera_from_target"),
+        ({"target": "light", "pixels": [], "candidates": []}, "observations[0]", "got pixels and candidates"),
+        ({"target": "light", "candidates": [], "ids": []}, "observations[0].ids", "unknown field"),
+        ({"target": "bord", "pixels": []}, "observations[0].target", "did you mean 'board'"),
+        ({"camera": "ear", "target": "board", "pixels": []}, "observations[0].camera", "no camera 'ear'"),
+        ({"target": "object", "ids": [0], "pixels": [[1, 2]]}, "observations[0].target", "need its `kind` and shape"),
+        ({"target": "board", "candidates": [[1, 2]]}, "observations[0].candidates", "for a single light"),
+        ({"camera": "depth", "target": "light", "pixels": [[1, 2]]}, "observations[0].camera", "need its size_px"),
+        ({"target": "board", "pixels": [[1, 2]]}, "observations[0].ids", "missing; 'board' has several points"),
+        ({"target": "board", "ids": [1], "pixels": [[1, 2], [3, 4]]}, "observations[0].ids", "1 ids for 2 points"),
+        ({"target": "light", "pixels": [[1, 2], [3, 4]]}, "observations[0].ids", "1 ids for 2 points"),
+    ],
+)
+def test_what_does_not_suit_the_cell_is_refused(written, field, message):
+    """With the field and what was expected there."""
+    with pytest.raises(DatasetError) as caught:
+        read(**written)
+    assert caught.value.field == field
+    assert message in caught.value.reason
+
+
+@pytest.mark.parametrize(
+    ("ids", "message"),
+    [
+        ([6], "id 6 is not on 'board', whose ids are 0 to 5"),
+        ([8, 7, 1], "id 7 is not on"),
+        ([3, 1, 3], "id 3 of 'board'"),
+    ],
+)
+def test_points_that_cannot_be_are_told_apart(ids, message):
+    """Ids that are not on the target, or twice in one observation, drop the sample and not the file."""
+    with pytest.raises(UnknownPoint, match=message):
+        read(target="board", ids=ids, pixels=[[1, 2]] * len(ids))
+
+
+def test_points_in_three_dimensions_need_no_lens():
+    """A depth camera may see points of a board, and of a light."""
+    assert read(camera="depth", target="light", points_in_camera_m=[[0, 0, 1]])[1].ids.tolist() == [0]

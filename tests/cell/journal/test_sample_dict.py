@@ -1,0 +1,64 @@
+"""A sample as the data of a line."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.cell.journal.sample_dict import sample_to_dict
+from basecal.cell.recording import (
+    CandidateObservation,
+    PixelObservation,
+    PointObservation,
+    PoseObservation,
+    RobotState,
+    Sample,
+)
+from basecal.geometry import SE3
+
+AT = SE3.from_rotvec([0, 0, np.pi], [1, 2, 3])
+POSE = {"t_m": [1.0, 2.0, 3.0], "q_xyzw": [0.0, 0.0, 1.0, 0.0]}
+
+
+def test_an_empty_sample_is_its_number():
+    """What there is nothing of is not written."""
+    assert sample_to_dict(Sample(3), "recording") == {"sample": 3}
+
+
+def test_stamps_and_robots():
+    """A time where there is one, and of each robot its pose or its joints."""
+    robots = {"eye": RobotState(AT), "hand": RobotState(joints_rad=np.array([0.5, -0.0])), "still": RobotState()}
+    assert sample_to_dict(Sample(0, 0.0, robots), "recording") == {
+        "sample": 0,
+        "stamp_s": 0.0,
+        "robots": {"eye": {"base_from_flange": POSE}, "hand": {"joints_rad": [0.5, 0.0]}, "still": {}},
+    }
+
+
+def test_paths_start_from_the_recording():
+    """Images are named from the folder that the line stands in."""
+    sample = Sample(0, images={"eye": "recording/images/a.png"}, background={"eye": "other/b.png"})
+    written = sample_to_dict(sample, "recording")
+    assert written["images"] == {"eye": "images/a.png"}
+    assert written["background"] == {"eye": "../other/b.png"}
+
+
+def test_observations():
+    """Pixels and points with their ids, candidates without, poses with their sigmas; equal sigmas once."""
+    one, two = np.array([7]), np.array([[1.0, 2.0]])
+    seen = (
+        PixelObservation("eye", "a", one, two, np.array([0.5])),
+        PixelObservation("eye", "b", one, two),
+        CandidateObservation("eye", "c", np.array([[1.0, 2.0], [3.0, 4.0]]), np.array([0.1, 0.2])),
+        PoseObservation("eye", "d", AT, np.array([1, 1, 1, 2, 2, 3.0])),
+        PoseObservation("eye", "e", AT),
+        PointObservation("eye", "f", one, np.array([[1.0, 2.0, 3.0]]), np.array([0.3])),
+    )
+    of = [{"camera": "eye", "target": name} for name in "abcdef"]
+    assert sample_to_dict(Sample(0, observations=seen), "")["observations"] == [
+        of[0] | {"ids": [7], "pixels": [[1.0, 2.0]], "sigma_px": 0.5},
+        of[1] | {"ids": [7], "pixels": [[1.0, 2.0]]},
+        of[2] | {"candidates": [[1.0, 2.0], [3.0, 4.0]], "sigma_px": [0.1, 0.2]},
+        of[3] | {"camera_from_target": {**POSE, "sigma_t_m": 1.0, "sigma_r_rad": [2.0, 2.0, 3.0]}},
+        of[4] | {"camera_from_target": POSE},
+        of[5] | {"ids": [7], "points_in_camera_m": [[1.0, 2.0, 3.0]], "sigma_m": 0.3},
+    ]

@@ -1,0 +1,140 @@
+"""A calibration as the data of `calibration.json`: units, nulls, and back."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from basecal.cell.calibration import (
+    Calibration,
+    Certificate,
+    Finding,
+    Loop,
+    Outlier,
+    Residuals,
+    SampleResidual,
+    Validation,
+)
+from basecal.cell.results.calibration_dict import calibration_from_dict, calibration_to_dict, finding_to_dict
+from basecal.errors import InputError
+from basecal.geometry import SE3, Camera, PoseEstimate
+
+EMPTY = calibration_to_dict(Calibration("refused"))
+DEGREE = math.radians(1)
+FIT = Residuals(
+    0.5,
+    0.4,
+    2e-3,
+    3 * DEGREE,
+    (SampleResidual(7, "eye", "board", 0.6, 4e-3, 5 * DEGREE),),
+    (Loop(("a", "b"), 9, 6e-3, 7 * DEGREE),),
+)
+TESTED = Validation("k-fold", 5, 0.5, 8e-3, 9 * DEGREE, 1.5)
+
+
+def test_units_are_those_of_the_file():
+    """Millimetres and degrees for people, each in its own field."""
+    data = calibration_to_dict(Calibration("good", residuals=FIT, validation=TESTED))
+    fit, tested = data["residuals"], data["validation"]
+    assert (fit["rms_px"], fit["median_px"]) == (0.5, 0.4)
+    assert (fit["loop_rms_mm"], fit["loop_rms_deg"]) == pytest.approx((2.0, 3.0))
+    one, loop = fit["per_sample"][0], fit["loops"][0]
+    assert (one["sample"], one["camera"], one["target"], one["rms_px"]) == (7, "eye", "board", 0.6)
+    assert (one["loop_mm"], one["loop_deg"]) == pytest.approx((4.0, 5.0))
+    assert (loop["path"], loop["views"]) == (["a", "b"], 9)
+    assert (loop["rms_mm"], loop["rms_deg"]) == pytest.approx((6.0, 7.0))
+    assert (tested["target_mm"], tested["target_deg"], tested["base_change"]) == pytest.approx((8.0, 9.0, 1.5))
+
+
+def test_units_are_read_back():
+    """Metres and radians again."""
+    back = calibration_from_dict(calibration_to_dict(Calibration("good", residuals=FIT, validation=TESTED)))
+    assert back.residuals.loop_rms_m == pytest.approx(2e-3)
+    assert back.residuals.loop_rms_rad == pytest.approx(3 * DEGREE)
+    assert back.residuals.per_sample[0].loop_m == pytest.approx(4e-3)
+    assert back.residuals.per_sample[0].loop_rad == pytest.approx(5 * DEGREE)
+    assert back.residuals.loops[0].rms_m == pytest.approx(6e-3)
+    assert back.residuals.loops[0].rms_rad == pytest.approx(7 * DEGREE)
+    assert back.validation.target_m == pytest.approx(8e-3)
+    assert back.validation.target_rad == pytest.approx(9 * DEGREE)
+
+
+def test_what_is_not_known_is_null():
+    """What was not computed or is not finite; the data are plain JSON."""
+    assert EMPTY["verdict"] == "refused"
+    for key in ("joint", "outliers", "validation", "certificate", "link_parameters", "clock_offset_s"):
+        assert EMPTY[key] is None
+    noise = {"a": np.float64(0.5), "b": float("inf"), "c": np.array([1, np.nan]), "d": (True, {"e": None})}
+    data = calibration_to_dict(Calibration("good", noise=noise, condition=np.inf))
+    assert data["noise"] == {"a": 0.5, "b": None, "c": [1.0, None], "d": [True, {"e": None}]}
+    assert data["observability"]["condition"] is None
+    assert json.loads(json.dumps(data, allow_nan=False)) == data
+
+
+def test_transforms_and_lenses():
+    """A point's covariance is of its position; everything is read back alike."""
+    covariance = np.diag(np.arange(1.0, 7.0))
+    estimates = {
+        name: PoseEstimate(SE3.from_rotvec([0, 0, 0.5], [1, 2, 3]), covariance) for name in ("a_from_b", "c_from_p")
+    }
+    lens = Camera("pinhole", np.array([500.0, 510, 320, 240, 0.1, 0, 0, 0]), (640, 480))
+    given = Calibration(
+        "doubtful",
+        estimates,
+        status={"a_from_b": "prior", "c_from_p": "free", "eye": "free"},
+        points=frozenset({"c_from_p"}),
+        cameras={"eye": (lens, np.eye(8))},
+        order=("a_from_b",),
+        joint_covariance=covariance,
+        outliers=(Outlier(3, "eye", "board", (1, 2), "far off"),),
+        certificate=Certificate(1e-5, True),
+        unobservable=("a direction",),
+        findings=(Finding("poor-fit", "warning", ("eye",), "words"),),
+    )
+    data = calibration_to_dict(given)
+    assert np.shape(data["transforms"]["c_from_p"]["covariance"]) == (3, 3)
+    back = calibration_from_dict(data)
+    np.testing.assert_array_equal(back["a_from_b"].covariance, covariance)
+    np.testing.assert_array_equal(back["c_from_p"].covariance, np.diag([1.0, 2, 3, 0, 0, 0]))
+    np.testing.assert_allclose(back["a_from_b"].mean.matrix, estimates["a_from_b"].mean.matrix, atol=1e-15)
+    np.testing.assert_array_equal(back.joint_covariance, covariance)
+    np.testing.assert_array_equal(back.cameras["eye"][0].parameters, lens.parameters)
+    assert back.cameras["eye"][0].size_px == (640, 480)
+    assert back.status == given.status
+    for name in ("verdict", "points", "order", "outliers", "certificate", "unobservable", "findings"):
+        assert getattr(back, name) == getattr(given, name)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"schema": "basecal/calibration/2"}, "expected the schema basecal/calibration/1.*got 'basecal/calibration/2'"),
+        ({"verdict": "fine"}, "expected good or doubtful or refused, got 'fine'"),
+        ({"joint": {"order": [], "covariance": [[1.0, 2.0]]}}, "expected a square"),
+        ({"residuals": None}, "not a calibration as this program writes it"),
+        ({"observability": {}}, "the field 'condition' is missing; calibrate again"),
+    ],
+)
+def test_what_is_no_calibration_is_refused(change, message):
+    """With what is wrong and what to do."""
+    with pytest.raises(InputError, match=message):
+        calibration_from_dict(EMPTY | change)
+
+
+def test_no_mapping_is_refused():
+    """A list has no schema."""
+    with pytest.raises(InputError, match="got 'list'"):
+        calibration_from_dict([])
+
+
+def test_findings():
+    """A code, a severity, what it is about, and words."""
+    assert finding_to_dict(Finding("a", "info", ("b", "c"), "d")) == {
+        "code": "a",
+        "severity": "info",
+        "about": ["b", "c"],
+        "message": "d",
+    }

@@ -1,0 +1,99 @@
+"""From entries of `cell.yaml` to nouns."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.cell.schema.cell_nouns import cell_noun
+from basecal.cell.schema.cell_schema import CellEntry
+
+POSE = {"t_m": [1.0, 2.0, 3.0], "q_xyzw": [0.0, 0.0, 0.0, 1.0]}
+LENS = {"fx": 500.0, "fy": 510.0, "cx": 320.0, "cy": 240.0}
+SIGMAS = {"sigma_focal_px": [1.0, 2.0], "sigma_center_px": [3.0, 4.0]}
+
+
+def noun(**sections):
+    data = {"schema": "basecal/cell/1", "reference": "eye", "robots": {"eye": {}, "hand": {}}}
+    return cell_noun(CellEntry.model_validate(data | sections), {})
+
+
+def lens(status, **fields):
+    camera = {"on": "eye", "size_px": [640, 480], "intrinsics": {"status": status, **fields}}
+    return noun(cameras={"wrist": camera}).cameras["wrist"].intrinsics
+
+
+def test_bases_and_mounts():
+    """A guess is the mean of what is free, sigmas stand translation first, and what is not stated is free."""
+    sigmas = {"sigma_t_m": 0.1, "sigma_r_rad": [0.2, 0.3, 0.4]}
+    cell = noun(
+        bases={"hand": {"status": "prior", **POSE, **sigmas}},
+        cameras={"wrist": {"on": "eye"}, "hall": {"on": "world", "mount": {"guess": POSE}}},
+        targets={"board": {"on": "hand", "mount": {"status": "fixed", **POSE}}},
+    )
+    assert cell.bases["hand"].sigma.tolist() == [0.1, 0.1, 0.1, 0.2, 0.3, 0.4]
+    assert cell.cameras["wrist"].mount.mean is None
+    hall, board = cell.cameras["hall"].mount, cell.targets["board"].mount
+    assert (hall.status, hall.mean.translation.tolist(), hall.sigma) == ("free", [1, 2, 3], None)
+    assert (board.status, board.mean.translation.tolist(), board.sigma) == ("fixed", [1, 2, 3], None)
+    assert noun().bases["hand"].status == "free"
+
+
+def test_the_rotation_of_a_point_is_known():
+    """A light's mount with a prior has sigmas of three numbers, and none of rotation."""
+    mount = {"status": "prior", "t_m": [0, 0, 1], "sigma_t_m": [0.1, 0.2, 0.3]}
+    light = noun(targets={"light": {"on": "hand", "kind": "led", "mount": mount}}).targets["light"]
+    assert light.mount.sigma.tolist() == [0.1, 0.2, 0.3, 0.0, 0.0, 0.0]
+
+
+def test_robots():
+    """Noise translation first, frames that are named, gravity and offsets as stated."""
+    robot = {"noise": {"sigma_t_m": [1, 2, 3], "sigma_r_rad": 4.0}, "frames": {"base": "link_0"}}
+    found = noun(robots={"eye": robot}).robots["eye"]
+    assert found.noise.tolist() == [1, 2, 3, 4, 4, 4]
+    assert found.frames == {"base": "link_0"}
+    assert found.deflection.down == (0, 0, -1)
+    chain = {"urdf": "a.urdf", "base_link": "b", "flange_link": "f"}
+    links = {"status": "prior", "sigma_rad": 0.1, "sigma_m": 0.2}
+    found = noun(robots={"eye": {**chain, "link_parameters": links}}).robots["eye"]
+    assert (found.link_parameters.sigma_rad, found.link_parameters.sigma_m) == (0.1, 0.2)
+    assert (found.urdf, found.base_link, found.flange_link, found.noise) == ("a.urdf", "b", "f", None)
+
+
+@pytest.mark.parametrize(
+    ("found", "parameters", "sigma"),
+    [
+        (lens("fixed", **LENS), [500, 510, 320, 240], None),
+        (lens("free", **LENS), [500, 510, 320, 240, 0, 0, 0, 0, 0], None),
+        (lens("prior", **LENS, **SIGMAS), [500, 510, 320, 240], [1, 2, 3, 4]),
+        (
+            lens("prior", **LENS, **SIGMAS, distortion=[0.1, 0.2, 0.0, 0.0], sigma_distortion=0.5),
+            [500, 510, 320, 240, 0.1, 0.2, 0, 0],
+            [1, 2, 3, 4, 0.5, 0.5, 0.5, 0.5],
+        ),
+    ],
+)
+def test_lenses(found, parameters, sigma):
+    """Focal lengths, centre, distortion; a guess without distortion starts from zeros; one sigma stands for all."""
+    assert found.camera.parameters.tolist() == parameters
+    assert found.camera.size_px == (640, 480)
+    assert sigma is None if found.sigma is None else found.sigma.tolist() == sigma
+
+
+def test_a_lens_of_which_nothing_is_known():
+    """It has no value, and the terms that are asked for."""
+    assert lens("free").camera is None
+    assert lens("free", distortion_terms=8).distortion_terms == 8
+
+
+def test_noise():
+    """Of pixels, single and common."""
+    cell = noun(noise={"pixel_px": 0.3, "correlated_px": 0.1})
+    assert (cell.pixel_px, cell.correlated_px) == (0.3, 0.1)
+    assert (noun().pixel_px, noun().correlated_px) == (None, None)
+
+
+def test_the_array_of_sigmas_is_read_only():
+    """A noun is a value."""
+    with pytest.raises(ValueError, match="read-only"):
+        noun(robots={"eye": {"noise": {"sigma_t_m": 1.0, "sigma_r_rad": 1.0}}}).robots["eye"].noise[0] = np.inf

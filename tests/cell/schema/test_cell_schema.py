@@ -1,0 +1,85 @@
+"""What entries of `cell.yaml` may hold together."""
+
+from __future__ import annotations
+
+import pytest
+from pydantic import ValidationError
+
+from basecal.cell.schema.cell_schema import CameraEntry, CellEntry, DeflectionEntry, NoiseEntry, RobotEntry
+
+CHAIN = {"urdf": "a.urdf", "base_link": "base", "flange_link": "tool"}
+PRIOR = {"status": "prior", "sigma_rad": 0.01}
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {},
+        CHAIN,
+        {**CHAIN, "joint_offsets": PRIOR, "link_parameters": {**PRIOR, "sigma_m": 0.001}},
+        {**CHAIN, "joint_offsets": {"status": "free"}, "deflection": {"status": "prior", "sigma_rad_per_nm": 1e-5}},
+        {"noise": {"sigma_t_m": 1e-4, "sigma_r_rad": 1e-4}},
+    ],
+)
+def test_robots_that_are_read(fields):
+    """With a chain or without, offsets and links known, roughly known or free."""
+    RobotEntry.model_validate(fields)
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"urdf": "a.urdf", "base_link": "base"}, "urdf, base_link and flange_link go together; give all three"),
+        ({"flange_link": "tool"}, "go together"),
+        ({"joint_offsets": {"status": "free"}}, "joint_offsets, link_parameters and deflection need urdf"),
+        ({"deflection": {"status": "free"}}, "need urdf"),
+        ({**CHAIN, "joint_offsets": {"status": "prior"}}, "status prior takes sigma_rad, got none"),
+        ({**CHAIN, "joint_offsets": {**PRIOR, "sigma_m": 1.0}}, "takes sigma_rad, got sigma_m and sigma_rad"),
+        ({**CHAIN, "link_parameters": PRIOR}, "takes sigma_m and sigma_rad, got sigma_rad"),
+        ({**CHAIN, "link_parameters": {"status": "free", "sigma_m": 1.0}}, "status free takes no sigma, got sigma_m"),
+        ({"noise": {"sigma_t_m": 1e-4}}, "sigma_r_rad"),
+    ],
+)
+def test_robots_that_are_refused(fields, message):
+    """What is half or beside its status is named."""
+    with pytest.raises(ValidationError, match=message):
+        RobotEntry.model_validate(fields)
+
+
+def test_deflection():
+    """A prior has its sigma, nothing else has one, and gravity has a direction."""
+    assert DeflectionEntry.model_validate({}).down == [0, 0, -1]
+    for fields, message in (
+        ({"status": "prior"}, "status prior takes a sigma_rad_per_nm"),
+        ({"status": "free", "sigma_rad_per_nm": 1.0}, "status free takes no sigma_rad_per_nm"),
+        ({"down": [0, 0, 0]}, "not zero"),
+    ):
+        with pytest.raises(ValidationError, match=message):
+            DeflectionEntry.model_validate(fields)
+
+
+def test_a_free_lens_needs_a_size_or_a_guess():
+    """Something must tell how wide the image is."""
+    guess = {"fx": 1.0, "fy": 1.0, "cx": 1.0, "cy": 1.0}
+    for fields in ({"size_px": [4, 3], "intrinsics": {"status": "free"}}, {"intrinsics": {"status": "free", **guess}}):
+        CameraEntry.model_validate({"on": "arm", **fields})
+    with pytest.raises(ValidationError, match="a free lens needs size_px of the camera"):
+        CameraEntry.model_validate({"on": "arm", "intrinsics": {"status": "free"}})
+    with pytest.raises(ValidationError, match="did you mean 'fisheye'"):
+        CameraEntry.model_validate({"on": "arm", "model": "fish-eye"})
+
+
+def test_a_common_error_needs_the_noise_of_single_points():
+    """Stated beside it."""
+    assert NoiseEntry.model_validate({"pixel_px": 0.1, "correlated_px": 0.2}).correlated_px == 0.2
+    with pytest.raises(ValidationError, match="correlated_px needs pixel_px"):
+        NoiseEntry.model_validate({"correlated_px": 0.2})
+
+
+def test_sections_may_be_empty():
+    """Also with nothing after their colon; the schema's version is one that is known."""
+    data = {"schema": "basecal/cell/1", "reference": "arm", "robots": {"arm": None}}
+    entry = CellEntry.model_validate(data | dict.fromkeys(("bases", "cameras", "targets", "noise")))
+    assert (entry.bases, entry.cameras, entry.targets, entry.noise.pixel_px) == ({}, {}, {}, None)
+    with pytest.raises(ValidationError, match="basecal/cell/1"):
+        CellEntry.model_validate(data | {"schema": "basecal/cell/2"})

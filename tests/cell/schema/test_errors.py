@@ -1,0 +1,65 @@
+"""What is wrong with a file, in words for who wrote it."""
+
+from __future__ import annotations
+
+import pytest
+from pydantic import ValidationError
+
+from basecal.cell.format.problems import field_name
+from basecal.cell.schema.cell_schema import CellEntry
+from basecal.cell.schema.errors import problems_of
+
+DATA = {"schema": "basecal/cell/1", "reference": "arm", "robots": {"arm": {}}}
+
+
+def problems(**changed):
+    with pytest.raises(ValidationError) as caught:
+        CellEntry.model_validate(DATA | changed)
+    return {field_name(p.loc): p.message for p in problems_of(caught.value, CellEntry)}
+
+
+def target(**fields):
+    return {"targets": {"it": {"on": "arm", **fields}}}
+
+
+@pytest.mark.parametrize(
+    ("changed", "field", "message"),
+    [
+        (
+            {"robots": {"arm": {"noize": 1}}},
+            "robots.arm.noize",
+            "unknown field (did you mean 'noise'?); known: noise, urdf",
+        ),
+        ({"robot": {}}, "robot", "unknown field (did you mean 'robots'?); known: schema, reference, robots"),
+        (target(kind="led", poinst_m=[]), "targets.it.poinst_m", "unknown field (did you mean 'points_m'?); known: on"),
+        (target(kind="chesboard"), "targets.it.kind", "no kind 'chesboard' (did you mean 'chessboard'?); there are: "),
+        (target(kind=5), "targets.it.kind", "no kind 5; there are: charuco"),
+        (target(kind="chessboard", corners=[3, 3]), "targets.it.square_m", "missing; add it"),
+        ({"robots": []}, "robots", "expected a mapping `{name: ...}`, got a list of 0"),
+        ({"robots": {"arm": 5}}, "robots.arm", "expected a mapping `{field: value}`, got 5"),
+        ({"reference": 5}, "reference", "expected text, got 5"),
+        (
+            {"noise": {"correlated_px": 1.0}},
+            "noise",
+            "correlated_px needs pixel_px: state the noise of single points too",
+        ),
+        (target(kind="led", points_m=[["a", 0, 0]]), "targets.it.points_m[0][0]", "expected a number, got 'a'"),
+        (target(kind="chessboard", corners=[3.5, 3], square_m=1.0), "targets.it.corners[0]", "a whole number, got 3.5"),
+        (
+            target(kind="chessboard", corners=[1, 3], square_m=1.0),
+            "targets.it.corners[0]",
+            "greater than or equal to 2",
+        ),
+        ({"cameras": {"eye": {"on": "arm", "mount": {"guess": {"t": 1}}}}}, "cameras.eye.mount.guess.t", "known: t_m"),
+    ],
+)
+def test_words(changed, field, message):
+    """The place, what was expected there, what stands there, and the nearest name that is known."""
+    found = problems(**changed)
+    assert list(found) == [field]
+    assert message in found[field]
+
+
+def test_every_problem_is_told():
+    """All of a file at once."""
+    assert set(problems(reference=5, **target(kind="x"))) == {"reference", "targets.it.kind"}

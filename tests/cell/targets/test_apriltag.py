@@ -1,0 +1,60 @@
+"""Tags on one body."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from basecal.cell.targets.apriltag import KIND, apriltag_target
+from basecal.geometry import SE3
+
+UP = SE3.from_rotvec([0, -np.pi / 2, 0], [1.0, 0.0, 0.0])
+
+
+def test_corners_go_round_from_the_top_left():
+    """Ids are 4 tag + corner, in the order of the tags' numbers; corners stand half a size from the tag's centre."""
+    target = apriltag_target("tag36h11", [(7, 0.2, UP), (3, 0.1, SE3.identity())])
+    assert target.ids.tolist() == [12, 13, 14, 15, 28, 29, 30, 31]
+    np.testing.assert_allclose(target.points[:4], 0.05 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]))
+    np.testing.assert_allclose(target.points[5], UP @ np.array([0.1, -0.1, 0.0]))
+    np.testing.assert_array_equal(target.tags.numbers, [3, 7])
+    np.testing.assert_array_equal(target.tags.corner_ids, [[12, 13, 14, 15], [28, 29, 30, 31]])
+    assert [tag["id"] for tag in target.options["tags"]] == [3, 7]
+
+
+def test_each_tag_is_a_sheet():
+    """A marker of the tag's size about its centre, with two cells of paper around it."""
+    target = apriltag_target("tag36h11", [(3, 0.1, UP)])
+    (sheet,) = target.sheets
+    (marker,) = sheet.markers
+    assert (marker.left, marker.top, marker.size_m, marker.number) == (-0.05, -0.05, 0.1, 3)
+    # Six cells of code and two of border: a cell is an eighth.
+    np.testing.assert_allclose(sheet.paper, 0.05 * np.array([-1, -1, 1, 1]) * 1.5)
+    np.testing.assert_array_equal(sheet.target_from_sheet.matrix, UP.matrix)
+
+
+POSE = {"t_m": [0, 0, 0], "q_xyzw": [0, 0, 0, 1]}
+
+
+@pytest.mark.parametrize(
+    ("tags", "message"),
+    [
+        ([{"id": 1, "size_m": 0.1, **POSE}, {"id": 1, "size_m": 0.1, **POSE}], "tag 1 is given twice"),
+        ([{"id": 1, "size_m": 0.1, **POSE}, {"id": 2, "size_m": 0.1}], "tag 2 has no pose"),
+        ([{"id": 1, "size_m": 0.1, "t_m": [0, 0, 0]}], "exactly one of"),
+        ([{"id": -1, "size_m": 0.1}], "greater than or equal to 0"),
+        ([{"id": 1, "size_m": 0}], "greater than 0"),
+        ([], "at least 1"),
+    ],
+)
+def test_tags_are_distinct_and_posed(tags, message):
+    """Each number once; of several each has a pose."""
+    with pytest.raises(ValidationError, match=message):
+        KIND.entries[0].model_validate({"on": "hand", "kind": "apriltag", "family": "tag36h11", "tags": tags})
+
+
+def test_a_single_tag_may_leave_its_pose_out():
+    """It is at the target's origin then."""
+    entry = {"on": "hand", "kind": "apriltag", "family": "tag36h11", "tags": [{"id": 1, "size_m": 0.1}]}
+    np.testing.assert_allclose(KIND.entries[0].model_validate(entry).shape().points.mean(0), 0.0, atol=1e-17)

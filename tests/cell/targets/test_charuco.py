@@ -1,0 +1,51 @@
+"""ChArUco boards, as OpenCV lays them out."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from basecal.cell.targets.charuco import KIND, charuco_target
+
+ENTRY = {
+    "on": "hand",
+    "kind": "charuco",
+    "squares": [5, 4],
+    "square_m": 0.04,
+    "marker_m": 0.03,
+    "dictionary": "DICT_4X4_50",
+}
+
+
+@pytest.mark.parametrize("squares", [(5, 4), (6, 5), (4, 4)])
+@pytest.mark.parametrize("legacy", [False, True])
+def test_corners_and_markers_are_opencvs(squares, legacy):
+    """Ids and places of corners, and places of markers, of boards old and new."""
+    ours = charuco_target(squares, 0.04, 0.03, "DICT_4X4_50", legacy)
+    theirs = cv2.aruco.CharucoBoard(squares, 0.04, 0.03, cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50))
+    theirs.setLegacyPattern(legacy)
+    np.testing.assert_allclose(ours.points, theirs.getChessboardCorners(), atol=1e-7)
+    corners = np.array(theirs.getObjPoints())
+    (sheet,) = ours.sheets
+    assert [m.number for m in sheet.markers] == theirs.getIds().ravel().tolist()
+    np.testing.assert_allclose([(m.left, m.top) for m in sheet.markers], corners[:, 0, :2], atol=1e-7)
+    assert {m.size_m for m in sheet.markers} == {0.03}
+    side = 0.04 * np.array(squares)
+    np.testing.assert_allclose(sheet.paper, [-0.02, -0.02, *(side + 0.02)])
+    covered = np.sum((sheet.rectangles[:, 2:] - sheet.rectangles[:, :2]).prod(1)) + 0.04**2 * len(sheet.markers)
+    assert covered == pytest.approx(side.prod())
+
+
+def test_a_marker_is_smaller_than_its_square():
+    """A marker as large as its square is refused, one just below is taken."""
+    with pytest.raises(ValidationError, match=r"marker_m 0\.04 is not below square_m 0\.04"):
+        KIND.entries[0].model_validate({**ENTRY, "marker_m": 0.04})
+    assert KIND.entries[0].model_validate({**ENTRY, "marker_m": 0.0399}).shape().options["marker_m"] == 0.0399
+
+
+def test_dictionaries_are_known_ones():
+    """A name that OpenCV does not know is refused with the nearest."""
+    with pytest.raises(ValidationError, match="did you mean 'DICT_4X4_50'"):
+        KIND.entries[0].model_validate({**ENTRY, "dictionary": "DICT_4X4_5O"})

@@ -1,0 +1,28 @@
+"""Grids of circles."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.cell.targets.circles import circles_target
+
+
+def test_a_grid_runs_row_by_row():
+    """From the origin along x, then down y; circles of half a spacing across, and a spacing of paper around."""
+    grid = circles_target((4, 3), 0.1)
+    np.testing.assert_allclose(grid.points[[0, 1, 4, 11]], [[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0.3, 0.2, 0]])
+    (sheet,) = grid.sheets
+    np.testing.assert_allclose(sheet.discs, np.column_stack([grid.points[:, :2], np.full(12, 0.025)]))
+    np.testing.assert_allclose(sheet.paper, [-0.1, -0.1, 0.4, 0.3])
+    assert grid.alike_turned
+    assert grid.options == {"circles": [4, 3], "spacing_m": 0.1, "asymmetric": False}
+
+
+def test_every_second_row_of_an_asymmetric_grid_is_shifted():
+    """Columns are two spacings apart and odd rows shifted by one: every circle's neighbour is across the corner."""
+    grid = circles_target((3, 4), 0.1, asymmetric=True)
+    np.testing.assert_allclose(
+        grid.points[[0, 1, 3, 4, 6]], 0.1 * np.array([[0, 0, 0], [2, 0, 0], [1, 1, 0], [3, 1, 0], [0, 2, 0]])
+    )
+    np.testing.assert_allclose(grid.sheets[0].paper, [-0.1, -0.1, 0.6, 0.4])
+    assert not grid.alike_turned

@@ -1,0 +1,71 @@
+"""Names and statuses of a cell's transforms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.cell import WORLD, Cell, CellCamera, CellTarget, Intrinsics, Robot, Unknown
+from basecal.errors import FrameNotFound
+from basecal.geometry import SE3, Camera
+
+FIXED = Unknown("fixed", SE3.identity())
+
+
+def cell(base=FIXED, mount=FIXED):
+    return Cell(
+        "eye",
+        {"hand": Robot("hand"), "eye": Robot("eye"), "third": Robot("third")},
+        bases={"hand": base, "third": FIXED},
+        cameras={"wrist": CellCamera("wrist", "eye", FIXED), "hall": CellCamera("hall", WORLD, mount)},
+        targets={"board": CellTarget("board", "hand", FIXED)},
+    )
+
+
+def test_transforms_are_named_by_their_ends():
+    """Bases from the reference's, mounts from what carries them, in the order bases, cameras, targets."""
+    assert list(cell().transforms) == [
+        "eye_base_from_hand_base",
+        "eye_base_from_third_base",
+        "eye_flange_from_wrist",
+        "eye_base_from_hall",
+        "hand_flange_from_board",
+    ]
+    assert cell().base_name("hand") == "eye_base_from_hand_base"
+    assert cell().mount_name("board") == "hand_flange_from_board"
+    with pytest.raises(FrameNotFound, match=r"no 'bord' \(did you mean 'board'\?\); there are: wrist, hall, board"):
+        cell().mount_name("bord")
+
+
+def test_a_base_that_is_not_stated_is_free():
+    """Robots without a base in the cell have a free one; the reference has none."""
+    bare = Cell("eye", {"eye": Robot("eye"), "hand": Robot("hand")})
+    assert {name: u.status for name, u in bare.transforms.items()} == {"eye_base_from_hand_base": "free"}
+
+
+@pytest.mark.parametrize(
+    ("base", "mount", "asked"),
+    [
+        (Unknown(), Unknown(), ["eye_base_from_hand_base"]),
+        (Unknown("prior", SE3.identity(), np.ones(6)), Unknown(), ["eye_base_from_hand_base"]),
+        (FIXED, Unknown(), ["eye_base_from_hall"]),
+        (FIXED, FIXED, []),
+    ],
+)
+def test_what_is_asked(base, mount, asked):
+    """The bases that are not fixed; where all are, the mounts that are not."""
+    assert cell(base, mount).asked == asked
+
+
+def test_distortion_terms_of_a_camera():
+    """Those of its lens, those asked for, those usual for the model, none where it has no lens."""
+    lens = Camera("pinhole", np.array([500.0, 500, 320, 240, 0.1, 0, 0, 0]), (640, 480))
+    for intrinsics, terms in (
+        (None, 0),
+        (Intrinsics("fixed", lens), 4),
+        (Intrinsics("free", None, None, 8), 8),
+        (Intrinsics("free", None, None, 0), 0),
+        (Intrinsics("free"), 5),
+    ):
+        assert CellCamera("wrist", "eye", intrinsics=intrinsics).distortion_terms == terms
+    assert CellCamera("wrist", "eye", model="fisheye", intrinsics=Intrinsics("free")).distortion_terms == 4
