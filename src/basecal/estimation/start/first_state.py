@@ -33,6 +33,7 @@ Failure = BasecalError | np.linalg.LinAlgError
 _FEW = (20, 16)  # views and points of a start: 320 points determine 18 unknowns ten times over
 _MANY = (400, 1000)  # views and points of a thorough start
 _LIGHT_STARTS = {0: 1, 1: 12, 2: 40}  # by unknown rotations; judged by benchmarks.starts
+_LIGHTS_AT_ONCE = 5  # starts of a light side by side: more may be in vain where one of the first convinces
 _POSE_STARTS = 16  # cells of the grid that are refined; judged by benchmarks.starts
 _TIGHT_RAD = 0.3  # a prior this narrow is a start by itself [rad]
 _FEW_CHANGES = 0.1  # share of views whose pose changes that no longer moves the closed form
@@ -236,13 +237,15 @@ def light_states(problem: Problem, cell: Cell, most: int) -> Iterator[State]:
     names = [name for name in (g.camera_mount, g.hand_base or g.eye_base, g.target_mount) if name is not None]
     fixed = {name: _fallback(unknown) for name, unknown in problem.unknowns.items()}
     pair = pair_problem(as_point, light, True)
-    for start in starts:
-        state = State(dict(zip("xyz", start, strict=True)), {}, np.zeros((0, 6)))
-        end = cauchy_irls(pair, state)
-        x, y, z = (end.transforms[name] for name in "xyz")
-        relation = y if g.hand_base is not None else y.inverse()
-        moved = dict(zip(names, (x, relation, z) if len(names) == 3 else (x, z), strict=True))
-        yield State({**fixed, **moved}, cameras, np.zeros((len(problem.stops), 6)))
+    for at in range(0, len(starts), _LIGHTS_AT_ONCE):
+        some = starts[at : at + _LIGHTS_AT_ONCE]
+        begun = {name: SE3.stack(list(of)) for name, of in zip("xyz", zip(*some, strict=True), strict=True)}
+        ends = cauchy_irls(pair, State(begun, {}, np.zeros((len(some), 0, 6)))).transforms
+        for k in range(len(some)):
+            x, y, z = (ends[name][k] for name in "xyz")
+            relation = y if g.hand_base is not None else y.inverse()
+            moved = dict(zip(names, (x, relation, z) if len(names) == 3 else (x, z), strict=True))
+            yield State({**fixed, **moved}, cameras, np.zeros((len(problem.stops), 6)))
 
 
 def _light_search(sight: PairViews, loop: Loop, most: int) -> tuple[PairViews, Loop, list[Triple]]:
