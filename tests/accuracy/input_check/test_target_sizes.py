@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.accuracy.input_check.hypotheses import resized
+from basecal.accuracy.input_check.hypotheses import resized, target_size
 from basecal.accuracy.input_check.rewriting import scaled, with_targets
 from basecal.accuracy.input_check.target_sizes import size_hypotheses
 from basecal.estimation.solve import solve
@@ -43,3 +43,18 @@ def test_resizing_keeps_what_it_is_not_about():
     told = resized(cell, {"board": 2.0})
     np.testing.assert_array_equal(told.targets["board"].target.points, 2 * cell.targets["board"].target.points)
     assert told.targets["other"] is other
+
+
+@pytest.mark.parametrize(
+    ("target", "said"),
+    [
+        ("charuco", "square_m would be 0.06"),
+        ("aprilgrid", "tag_m would be 0.084"),
+        ("circles", "spacing_m would be 0.06"),
+    ],
+)
+def test_the_true_size_is_said_in_the_targets_own_field(target, said):
+    """What to do names the field of cell.yaml that gives a board its size, of whatever kind it is."""
+    cell = simulate(Scenario(target=target, samples=1, pixel_px=0.0), 0).cell
+    (name,) = cell.targets
+    assert said in target_size(name, 2.0, cell).fix

@@ -362,10 +362,11 @@ def target_size(name: str, factor: float, cell: Cell) -> ConventionHypothesis:
 
 
 def _of_square(cell: Cell, name: str, factor: float) -> str:
+    """What the first length among a target's fields would be; nothing where it has none, such as points."""
     shape = cell.targets[name].target
-    for field in ("square_m", "spacing_m"):
-        if shape is not None and field in shape.options:
-            return f": {field} would be {shape.options[field] * factor:.5g}"
+    for field, value in ({} if shape is None else shape.options).items():
+        if field.endswith("_m") and isinstance(value, float):
+            return f": {field} would be {value * factor:.5g}"
     return ""
 
 
