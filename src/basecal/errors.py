@@ -46,7 +46,7 @@ class FrameNotFound(BasecalError, KeyError):
 
 
 class NotObservable(BasecalError):
-    """The data cannot see what was asked for; the message names the unseen directions in words."""
+    """A transform asked for is unobservable; the message names the null directions in words."""
 
     exit_code = 1
 

@@ -7,6 +7,7 @@ of the data alone is 1 / v - 1 / s^2, with v its variance and s the prior's sigm
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -58,8 +59,8 @@ def deflection(solution: Solution) -> dict[str, Compliances]:
             compliance = solution.state.kinematics(model).compliance
             name = f"{model.robot}_{DEFLECTION}"
             limit = model.compliance_sigma, _LARGEST_COMPLIANCE_SIGMA
-            values, covariance, seen = _by_joint(solution, name, model.elastic, compliance, *limit)
-            out[model.robot] = Compliances(model.chain.joint_names, values, np.sqrt(np.diag(covariance)), seen)
+            of = _by_joint(solution, name, model.elastic, compliance, *limit)
+            out[model.robot] = Compliances(model.chain.joint_names, of.values, np.sqrt(np.diag(of.covariance)), of.seen)
     return out
 
 
@@ -90,9 +91,17 @@ def _offsets(solution: Solution, model: RobotModel) -> JointOffsets:
     return JointOffsets(model.chain.joint_names, *found)
 
 
+class _ByJoint(NamedTuple):
+    """An unknown of each joint: its value, (n,), covariance, (n, n), and whether the data say as much as the prior."""
+
+    values: Array
+    covariance: Array
+    seen: BoolArray
+
+
 def _by_joint(
     solution: Solution, name: str, columns: IntArray, at: Array, prior: float | None, largest: float
-) -> tuple[Array, Array, BoolArray]:
+) -> _ByJoint:
     """Values of an unknown of each joint, their covariance, and which are seen; NaN where nothing is known.
 
     Args:
@@ -113,7 +122,7 @@ def _by_joint(
     seen[joints] = variance < (largest**2 if prior is None else prior**2 / 2)
     if prior is None:
         values[~seen] = covariance[~seen] = covariance[:, ~seen] = np.nan
-    return values, covariance, seen
+    return _ByJoint(values, covariance, seen)
 
 
 def _touched_by_null_space(solution: Solution) -> BoolArray:

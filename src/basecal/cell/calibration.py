@@ -95,7 +95,7 @@ class Outlier:
 
 @dataclass(frozen=True)
 class Validation:
-    """How well samples are predicted that the solution had not seen.
+    """How well held-out samples are predicted.
 
     Attributes:
         kind: `k-fold`.
@@ -103,8 +103,8 @@ class Validation:
         rms_px: Of a coordinate, held out [px]; None without pixels.
         target_m: Rms distance of `camera_from_target` from where the view alone has it [m]; None where it has none.
         target_rad: Likewise its rms angle [rad].
-        base_change: Mean over folds of the squared change of what was asked, in units of its expectation by the
-            covariance: 1 where the covariance is true; None where nothing asked is free.
+        base_change: Mean over folds of the squared change of the transforms asked for, in units of its expectation by
+            the covariance: 1 where that is true; None where nothing asked is free.
     """
 
     kind: str
@@ -184,7 +184,7 @@ class Calibration:
 
     Attributes:
         verdict: `good`, `doubtful` or `refused`.
-        transforms: Estimates by name; a transform with an unseen direction is left out.
+        transforms: Estimates by name; a transform with an unobservable direction is left out.
         status: `fixed`, `prior` or `free` of each of `transforms`.
         points: Names of the transforms whose rotation is not defined (mounts of a single point).
         cameras: Lenses with the covariance of their parameters, by camera; those not fixed.
@@ -196,7 +196,7 @@ class Calibration:
         joint_covariance: (6 n, 6 n) [m, rad].
         residuals: How everything fits.
         outliers: What was not used, and why; None where it was not looked for.
-        validation: How well unseen samples are predicted; None where it was not computed.
+        validation: How well held-out samples are predicted; None where it was not computed.
         certificate: Whether the optimum is proven; None where it was not asked.
         condition: Condition number of the whitened, scaled information.
         unobservable: Directions that the data leave open, in words.

@@ -152,7 +152,7 @@ class CellTarget:
 
 @dataclass(frozen=True, eq=False)
 class Cell:
-    """Everything that exists, and what is asked.
+    """Everything that exists, and what is asked for.
 
     Attributes:
         reference: The robot whose base is `world`.

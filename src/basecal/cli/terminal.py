@@ -16,7 +16,7 @@ def print_json(answer: Mapping[str, Any]) -> None:
 
 @contextmanager
 def progress(message: str) -> Iterator[Callable[[str], None]]:
-    """A spinner on stderr while something takes long, told what is done now; nothing where stderr is not a terminal."""
+    """A spinner on stderr that names what is done now, while it takes long; nothing where stderr is no terminal."""
     if not sys.stderr.isatty():
         yield lambda now: None
         return

@@ -64,6 +64,6 @@ def _common_length(streams: list[PoseStream]) -> int:
     if not lengths:
         raise InputError("no pose file: at least one robot's poses are needed")
     if len(set(lengths.values())) != 1:
-        told = ", ".join(f"{path} holds {length}" for path, length in lengths.items())
-        raise InputError(f"the pose files differ in length: {told}; pose i of each must belong to the same instant")
+        found = ", ".join(f"{path} holds {length}" for path, length in lengths.items())
+        raise InputError(f"the pose files differ in length: {found}; pose i of each must belong to the same instant")
     return next(iter(lengths.values()))

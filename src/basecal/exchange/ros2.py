@@ -15,5 +15,5 @@ def static_transform_publisher(parent_from_child: SE3, frame_id: str, child_fram
     """
     values = [*parent_from_child.translation, *parent_from_child.quaternion]
     flags = ("x", "y", "z", "qx", "qy", "qz", "qw")
-    told = " ".join(f"--{flag} {round(float(value), 9) + 0.0:.9f}" for flag, value in zip(flags, values, strict=True))
-    return f"ros2 run tf2_ros static_transform_publisher {told} --frame-id {frame_id} --child-frame-id {child_frame_id}"
+    pose = " ".join(f"--{flag} {round(float(value), 9) + 0.0:.9f}" for flag, value in zip(flags, values, strict=True))
+    return f"ros2 run tf2_ros static_transform_publisher {pose} --frame-id {frame_id} --child-frame-id {child_frame_id}"

@@ -1,1 +1,1 @@
-"""Calibrations told to people; nothing is computed here."""
+"""Calibrations for people to read; nothing is computed here."""

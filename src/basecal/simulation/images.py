@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from basecal.cell import WORLD, Cell, Recording, Sample, Target
+from basecal.cell import WORLD, Recording, Sample, Target
 from basecal.errors import InputError
 from basecal.geometry import SE3, Camera
 from basecal.simulation.scenario import SimulatedCell
@@ -98,9 +98,6 @@ def _carrier(simulated: SimulatedCell, on: str, index: int) -> SE3:
     """Where what carries a camera or target truly was in the world: a flange, or the world itself."""
     if on == WORLD:
         return SE3.identity()
-    world_from_base = _base(simulated.cell, simulated.truth, on)
+    is_world = on == simulated.cell.reference
+    world_from_base = SE3.identity() if is_world else simulated.truth[simulated.cell.base_name(on)]
     return world_from_base @ simulated.true_base_from_flange[on][index]
-
-
-def _base(cell: Cell, truth: Mapping[str, SE3], robot: str) -> SE3:
-    return SE3.identity() if robot == cell.reference else truth[cell.base_name(robot)]

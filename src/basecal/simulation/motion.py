@@ -149,7 +149,11 @@ def _draw(
                 reached &= within
         kept = _enough(scene, scenario, group, true) & reached
         batches.append(
-            ({r: p[kept] for r, p in recorded.items()}, {r: p[kept] for r, p in true.items()}, _kept(joints, kept))
+            (
+                {robot: poses[kept] for robot, poses in recorded.items()},
+                {robot: poses[kept] for robot, poses in true.items()},
+                {robot: q[kept] for robot, q in joints.items()},
+            )
         )
         found += int(kept.sum())
         if found >= n:
@@ -159,10 +163,6 @@ def _draw(
         f"only {found} of {n} samples see the target after {_ROUNDS * size} tries: "
         "make spread_rad, position_m or robot_noise smaller, or distance_m greater"
     )
-
-
-def _kept(joints: Mapping[str, Array], kept: Mask) -> dict[str, Array]:
-    return {robot: q[kept] for robot, q in joints.items()}
 
 
 def _still(scene: Scene, group: int, robots: tuple[str, ...]) -> States:

@@ -42,7 +42,7 @@ Models = Mapping[str, RobotModel]
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A model of the robots, and how well it predicts what it has not seen.
+    """A model of the robots, and how well it predicts held-out stations.
 
     Attributes:
         kind: `none`, `joint`, `offsets` or `links`.

@@ -84,7 +84,7 @@ class CrossValidation:
         spread: How far the folds' answers are from the full one; None where they cannot be compared.
         fitted: Errors of the held-out views by the full answer.
         predicted: Errors of the same views by the folds that did not use them.
-        skipped: Numbers of the samples without which what was asked is unobservable.
+        skipped: Numbers of the samples without which a transform asked for is unobservable.
     """
 
     summary: Validation | None
@@ -127,7 +127,7 @@ def cross_validate(solution: Solution, asked: Sequence[str], settings: Settings 
 
 
 def _fold(solution: Solution, asked: Sequence[str], fit: Refit) -> _Fold | None:
-    """A fold with what it determines; None where it has no optimum, or what was asked is unobservable."""
+    """A fold with what it determines; None where it has no optimum, or a transform asked for is unobservable."""
     end = fit.optimum
     observability = observability_of(fit.used, end.state, end.normal.hessian, solution.noise.factor)
     if not end.converged or observability.unobservable.intersection(asked):
@@ -169,7 +169,7 @@ def _pixels(group: ViewGroup, state: State, predicted: SE3) -> tuple[float, int]
 
 
 def _spread(solution: Solution, fitted: Sequence[_Fold], asked: Sequence[str]) -> FoldSpread | None:
-    """How far what was asked moves between the folds and the full answer, by what its covariance expects."""
+    """How far the transforms asked for move between the folds and the full answer, by what its covariance expects."""
     columns = solution.problem.columns
     chosen = np.array([k for name in asked for k in range(columns[name].start, columns[name].stop)], dtype=np.int64)
     if not len(chosen):

@@ -32,7 +32,7 @@ class Evidence:
     """An answer, and what was computed to judge it.
 
     Attributes:
-        cell: What exists, and what was asked.
+        cell: What exists, and what is asked for.
         settings: How it was solved.
         recorded: The problem as it was recorded, outliers among it.
         robust: The solution without outliers, and these.

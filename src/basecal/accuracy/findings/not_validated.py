@@ -9,7 +9,7 @@ _SHOWN = 10  # samples, the rest as an ellipsis
 
 
 def not_validated(of: Evidence) -> list[Finding]:
-    """An info about samples without which what was asked is unobservable, or where nothing can be held out at all."""
+    """An info about samples that cannot be held out, as a transform asked for were unobservable, or where none can."""
     found = of.cross_validation
     if found is None or not (found.skipped or not found.summary):
         return []

@@ -18,7 +18,7 @@ _DOMINATED = 0.95  # posterior over prior sigma: the data tell a tenth of what t
 
 
 def prior_dominated(of: Evidence) -> list[Finding]:
-    """Infos: which directions of a prior the data hardly add to, and what was asked that nothing but priors holds."""
+    """Infos: directions of a prior that the data hardly add to, and transforms asked for that priors alone hold."""
     problem, unknowns = of.solution.problem, of.solution.problem.unknowns
     priors = [n for n in problem.columns if n in unknowns and unknowns[n].status == "prior"]
     priors = [name for name in priors if unknowns[name].sigma is not None]

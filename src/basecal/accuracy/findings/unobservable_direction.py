@@ -19,7 +19,7 @@ def unobservable_directions(of: Evidence) -> list[Finding]:
 
 
 def _by_solution(cell: Cell, solution: Solution) -> list[Finding]:
-    """Errors where a direction of what was asked is open, else warnings."""
+    """Errors where a direction of a transform asked for is open, else warnings."""
     observability = solution.observability
     severity: Severity = "error" if observability.unobservable.intersection(cell.asked) else "warning"
     moved = motions(solution.problem) if observability.null_space else {}

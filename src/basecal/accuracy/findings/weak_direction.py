@@ -1,4 +1,4 @@
-"""`weak-direction`: what was asked is observable, but poorly known."""
+"""`weak-direction`: a transform asked for is observable, but poorly known."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _WEAK = 0.15  # [rad], or share of the viewing distance, of one sigma: half of w
 
 
 def weak_directions(of: Evidence) -> list[Finding]:
-    """A warning where one sigma of what was asked is above 0.15 rad or 0.15 of the viewing distance along an axis."""
+    """A warning where 1 sigma of a transform asked for is above 0.15 rad or 0.15 of the viewing distance on an axis."""
     found, solution = [], of.solution
     for name in of.cell.asked if solution.converged else ():
         if name in solution.observability.unobservable or name not in solution.problem.columns:

@@ -177,16 +177,12 @@ def _of_all(robots: list[str], factor: float) -> Callable[[Cell, Recording], Rew
         """The cell and the recording so read."""
         of = rewriting.scaled(factor)
         rewritten = rewriting.with_robots(recording, dict.fromkeys(robots, of))
-        if _shows(recording, PoseObservation):
+        if any(isinstance(o, PoseObservation) for s in recording.samples for o in s.observations):
             rewritten = rewriting.with_targets(rewritten, of)
         rewritten = rewriting.with_points(rewritten, factor)
         return resized(cell, dict.fromkeys(cell.targets, factor)), rewritten
 
     return apply
-
-
-def _shows(recording: Recording, kind: type[Observation]) -> bool:
-    return any(isinstance(o, kind) for s in recording.samples for o in s.observations)
 
 
 def resized(cell: Cell, factors: dict[str, float]) -> Cell:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -57,7 +58,7 @@ def point_residuals(cell: Cell, recording: Recording, calibration: Calibration) 
     """
     problem, _ = build_problem(cell, recording)
     transforms, cameras = _known_transforms(cell, calibration), _known_lenses(problem, calibration)
-    groups = [g for g in problem.groups if _needed(g) <= transforms.keys() and _has_lens(g, cameras)]
+    groups = [g for g in problem.groups if _is_known(g, transforms, cameras)]
     noise = Noise(**{field: calibration.noise[field] for field in Noise._fields if calibration.noise.get(field)})
     problem = replace(problem, columns={}, groups=tuple(groups)).with_noise(noise)
     problem = with_robot_noise(problem, _estimated(problem, calibration))
@@ -93,16 +94,11 @@ def _known_lenses(problem: Problem, calibration: Calibration) -> dict[str, Camer
     return fixed | {name: camera for name, (camera, _) in calibration.cameras.items()}
 
 
-def _needed(group: ViewGroup) -> set[str]:
-    return {n for n in (group.camera_mount, group.target_mount, group.eye_base, group.hand_base) if n is not None}
-
-
-def _in_pixels(group: ViewGroup) -> bool:
-    return isinstance(group.measurement, PixelMeasurement)
-
-
-def _has_lens(group: ViewGroup, cameras: dict[str, Camera]) -> bool:
-    return not _in_pixels(group) or group.camera in cameras
+def _is_known(group: ViewGroup, transforms: Mapping[str, SE3], cameras: Mapping[str, Camera]) -> bool:
+    """Whether every transform of a group is known, and where its views are in pixels the lens too."""
+    named = (group.camera_mount, group.target_mount, group.eye_base, group.hand_base)
+    has_lens = group.camera in cameras or not isinstance(group.measurement, PixelMeasurement)
+    return has_lens and all(name in transforms for name in named if name is not None)
 
 
 def _of_group(

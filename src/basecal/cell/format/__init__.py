@@ -1,1 +1,1 @@
-"""Text as people write it: YAML with lines, problems told at once, paths inside a cell."""
+"""Text as people write it: YAML with lines, problems listed at once, paths inside a cell."""

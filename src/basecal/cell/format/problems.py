@@ -1,4 +1,4 @@
-"""Everything wrong with a file, told at once, each with its line and field."""
+"""Everything wrong with a file, listed at once, each with its line and field."""
 
 from __future__ import annotations
 
@@ -54,10 +54,10 @@ def line_of(loc: Loc, lines: Mapping[Loc, int]) -> int | None:
 
 def dataset_error(path: str, problems: Iterable[Problem], lines: Mapping[Loc, int]) -> DatasetError:
     """One error that tells every problem on a line of its own, in the order of the file."""
-    told = {(line_of(p.loc, lines) or 0, field_name(p.loc), p.message): p for p in problems}
+    distinct = {(line_of(p.loc, lines) or 0, field_name(p.loc), p.message): p for p in problems}
     errors = [
         DatasetError(path, problem.message, line or None, field or None)
-        for (line, field, _), problem in sorted(told.items(), key=lambda item: item[0])
+        for (line, field, _), problem in sorted(distinct.items(), key=lambda item: item[0])
     ]
     first, rest = errors[0], errors[1:]
     return DatasetError(path, "\n".join([first.reason, *map(str, rest)]), first.line, first.field)

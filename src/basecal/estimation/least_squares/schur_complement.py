@@ -153,4 +153,4 @@ def _summed(sum_over: csr_array, rows: Array, axes: int) -> Array:
     """Sums over rows (..., n, *), with so many axes behind n."""
     first = np.moveaxis(rows, -1 - axes, 0)
     flat: Array = sum_over @ first.reshape(len(first), -1)
-    return np.moveaxis(flat.reshape(-1, *first.shape[1:]), 0, -1 - axes)
+    return np.moveaxis(flat.reshape(len(flat), *first.shape[1:]), 0, -1 - axes)
