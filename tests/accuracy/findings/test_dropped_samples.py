@@ -1,0 +1,23 @@
+"""`dropped-sample` as a warning."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from basecal.accuracy.findings.dropped_samples import many_dropped_samples
+from basecal.cell import Finding
+
+
+def given(kept, dropped):
+    groups = (SimpleNamespace(sample=range(kept)), SimpleNamespace(sample=range(kept)))
+    findings = tuple(Finding("dropped-sample", "info", (str(100 + k),), "") for k in range(dropped))
+    others = (Finding("dropped-sample", "info", ("last line",), ""), Finding("other", "info", ("7",), ""))
+    return SimpleNamespace(problem=SimpleNamespace(groups=groups), findings=(*findings, *findings[:1], *others))
+
+
+@pytest.mark.parametrize(("kept", "dropped", "found"), [(9, 1, False), (8, 1, True), (18, 2, False), (17, 2, True)])
+def test_more_than_a_tenth(kept, dropped, found):
+    """Each sample counts once, however often it is told or seen."""
+    made = many_dropped_samples(given(kept, dropped))
+    assert [f.severity for f in made] == (["warning"] if found else [])
+    assert not found or made[0].message.startswith(f"{dropped} of {kept + dropped} samples could not be used")

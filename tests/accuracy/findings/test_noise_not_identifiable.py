@@ -1,0 +1,32 @@
+"""`noise-not-identifiable`: noise of robots that the data cannot tell."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from tests.pose_problem import pose_problem
+
+from basecal.accuracy.findings.noise_not_identifiable import noise_not_identifiable, robots_with_few_stops
+
+
+def recorded(stops, unstated=("eye",)):
+    problem, _ = pose_problem(np.zeros((stops, 6)), np.ones(6))
+    return replace(problem, unstated=frozenset(unstated))
+
+
+@pytest.mark.parametrize(("stops", "few"), [(1, {}), (2, {"eye": 2}), (11, {"eye": 11}), (12, {})])
+def test_two_to_eleven_stops_are_few(stops, few):
+    """A single stop is no noise of its own, twelve are enough."""
+    assert robots_with_few_stops(recorded(stops)) == few
+
+
+def test_robots_are_named_with_their_stops(evidence):
+    """Where nothing was asked about noise; what the solver found follows."""
+    made = evidence({"findings": ("of the solver",)}, recorded=recorded(5))
+    few, other = noise_not_identifiable(made)
+    assert (few.severity, few.about, other) == ("info", ("eye",), "of the solver")
+    assert few.message.startswith("eye made 5 stops, too few to estimate noise")
+    made.settings = SimpleNamespace(robot_noise="estimated")
+    assert noise_not_identifiable(made) == ["of the solver"]
+    assert noise_not_identifiable(evidence(recorded=recorded(5, unstated=()))) == []

@@ -1,0 +1,32 @@
+"""`not-validated`: samples that could not be held out."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from basecal.accuracy.findings.not_validated import not_validated
+
+
+def test_samples_without_which_nothing_is_observable(evidence):
+    """They are named, the first ten of them in words, with what is asked."""
+    assert not_validated(evidence()) == []
+    assert not_validated(evidence(cross_validation=SimpleNamespace(skipped=(), summary="any"))) == []
+    (found,) = not_validated(evidence(cross_validation=SimpleNamespace(skipped=(11, 2), summary="any")))
+    assert (found.severity, found.about) == ("info", ("2", "11"))
+    assert found.message.startswith("samples 2, 11 could not be held out")
+    assert "without them base is unobservable" in found.message
+
+
+@pytest.mark.parametrize(("count", "ending"), [(10, "8, 9 could"), (11, "8, 9, ... could")])
+def test_many_are_cut_short(evidence, count, ending):
+    """Ten are written out."""
+    (found,) = not_validated(evidence(cross_validation=SimpleNamespace(skipped=range(count), summary=None)))
+    assert ending in found.message
+    assert len(found.about) == count
+
+
+def test_no_folds_at_all(evidence):
+    """Then that is said, about no sample."""
+    (found,) = not_validated(evidence(cross_validation=SimpleNamespace(skipped=(), summary=None)))
+    assert found.about == ()
+    assert "cannot be split into folds" in found.message

@@ -1,0 +1,46 @@
+"""`overfit`: held-out samples predicted much worse than used ones fit."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.findings.overfit import overfit
+
+
+def errors(cost, px=None, metres=None):
+    count_px, count_poses = (0 if px is None else 10), (0 if metres is None else 10)
+    squares = {"square_px": 10 * (px or 0) ** 2, "square_m": 10 * (metres or 0) ** 2}
+    return SimpleNamespace(cost=cost, count_px=count_px, count_poses=count_poses, **squares)
+
+
+def compared(used, predicted, summary=True):
+    return SimpleNamespace(summary=summary, fitted=used, predicted=predicted)
+
+
+@pytest.mark.parametrize(("ratio", "found"), [(1.0, False), (3.9, False), (4.1, True), (np.inf, True)])
+def test_four_times_worse(evidence, ratio, found):
+    """From four times on, in sigmas; both errors are told."""
+    validated = compared(errors(1.0, px=0.25), errors(ratio**2, px=1.0))
+    made = overfit(evidence(cross_validation=validated))
+    assert [f.severity for f in made] == (["warning"] if found else [])
+    assert not found or f"is {ratio:.1f} times" in made[0].message
+    assert not found or "(1.00 px against 0.25 px)" in made[0].message
+
+
+def test_lengths_where_there_are_no_pixels(evidence):
+    """Then the errors are told in millimetres."""
+    (made,) = overfit(evidence(cross_validation=compared(errors(1.0, metres=1e-3), errors(25.0, metres=5e-3))))
+    assert "(5.00 mm against 1.00 mm)" in made.message
+
+
+def test_rounding_is_no_error(evidence):
+    """A cell that fits to rounding is not overfitted; one that fits exactly and predicts badly is."""
+    assert overfit(evidence(cross_validation=compared(errors(0.0, px=0.0), errors(9e-12, px=0.0)))) == []
+    assert len(overfit(evidence(cross_validation=compared(errors(0.0, px=0.0), errors(1.1e-11, px=0.0))))) == 1
+
+
+def test_without_cross_validation_nothing_is_said(evidence):
+    """Nor where nothing could be held out."""
+    assert overfit(evidence()) == []
+    assert overfit(evidence(cross_validation=compared(errors(1.0), errors(100.0), summary=None))) == []

@@ -1,0 +1,47 @@
+"""`too-few-samples`: no view left to check the others by."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from tests.pose_problem import MOUNT, TARGET, pose_problem
+
+from basecal.accuracy.findings.too_few_samples import too_few_samples
+from basecal.cell import Unknown
+from basecal.geometry import SE3
+
+
+def messages(problem):
+    found = too_few_samples(SimpleNamespace(problem=problem, findings=()))
+    assert {f.severity for f in found} <= {"error"}
+    return [f.message for f in found]
+
+
+@pytest.mark.parametrize(("views", "found"), [(2, False), (3, False)])
+def test_one_unknown_pose_needs_two_views(views, found):
+    """Six unknowns and views of six equations: without the largest there are enough from two on."""
+    assert bool(messages(pose_problem(np.zeros((views, 6)), np.ones(6))[0])) == found
+
+
+@pytest.mark.parametrize(("views", "found"), [(2, True), (3, False)])
+def test_two_unknown_poses_need_three(views, found):
+    """Equations and unknowns are told; what a prior holds is no unknown."""
+    problem, _ = pose_problem(np.zeros((views, 6)), np.ones(6))
+    columns = {MOUNT: slice(0, 6), TARGET: slice(6, 12)}
+    free = replace(problem, columns=columns, unknowns={MOUNT: Unknown(), TARGET: Unknown()})
+    told = messages(free)
+    assert bool(told) == found
+    assert not found or told[0].startswith("2 samples give 12 equations for 12 unknowns: none is left to check them")
+    held = {MOUNT: Unknown(), TARGET: Unknown("prior", SE3.identity(), np.ones(6))}
+    assert messages(replace(free, unknowns=held)) == []
+
+
+def test_one_sample_is_too_few():
+    """And so is none, however little is unknown."""
+    one, _ = pose_problem(np.zeros((1, 6)), np.ones(6))
+    fixed = replace(one, columns={})
+    assert messages(fixed)[0].startswith("a single sample shows a target")
+    assert messages(fixed.with_groups([]))[0].startswith("no sample shows a target")

@@ -1,0 +1,41 @@
+"""`weak-direction`: observable, but poorly known."""
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.findings import weak_direction
+from basecal.accuracy.findings.weak_direction import weak_directions
+
+
+@pytest.fixture(autouse=True)
+def cause(monkeypatch):
+    """The words about motions have tests of their own."""
+    monkeypatch.setattr(weak_direction, "describe_cause", lambda *_: "the cause")
+    monkeypatch.setattr(weak_direction, "motions", lambda _: [])
+
+
+@pytest.mark.parametrize(
+    ("k", "sigma", "found"), [(0, 0.29, False), (2, 0.31, True), (3, 0.149, False), (5, 0.151, True)]
+)
+def test_above_fifteen_hundredths(evidence, k, sigma, found):
+    """Of a radian, or of the viewing distance of 2 m; the worst axis of each is told."""
+    covariance = 1e-8 * np.eye(6)
+    covariance[k, k] = sigma**2
+    made = evidence({"covariance_of": lambda names: covariance})
+    made.solution.observability.length_m = 2.0
+    told = weak_directions(made)
+    assert [f.about for f in told] == ([("base",)] if found else [])
+    if found:
+        metres, radians = (sigma, 1e-4) if k < 3 else (1e-4, sigma)
+        assert f"{1e3 * metres:.0f} mm and {np.degrees(radians):.1f} deg along an axis: the cause" in told[0].message
+
+
+def test_what_has_no_number_is_not_weak(evidence):
+    """Unobservable or fixed transforms, and answers that are none, are told elsewhere."""
+    weak = {"covariance_of": lambda names: np.eye(6)}
+    assert len(weak_directions(evidence(weak))) == 1
+    assert weak_directions(evidence({**weak, "converged": False})) == []
+    unobservable, fixed = evidence(weak), evidence(weak)
+    unobservable.solution.observability.unobservable = {"base"}
+    fixed.solution.problem.columns = {}
+    assert weak_directions(unobservable) == weak_directions(fixed) == []
