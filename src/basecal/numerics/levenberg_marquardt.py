@@ -6,7 +6,7 @@ Source: Marquardt 1963, with the damping of Nielsen 1999. No problem ever takes 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -39,6 +39,14 @@ class Linearised(Protocol):
     @property
     def hessian(self) -> Array:
         """(b, p, p)."""
+
+
+class Quadratic(NamedTuple):
+    """Problems to second order by their numbers alone; see `Linearised`."""
+
+    cost: Array
+    gradient: Array
+    hessian: Array
 
 
 L = TypeVar("L", bound=Linearised)
@@ -145,8 +153,8 @@ class _Ends(Generic[S, L]):
 def levenberg_marquardt(system: System[S, L], state: S, stop: Stop) -> Optima[S, L]:
     """The optima downhill of a batch of states.
 
-    A problem has converged when what is left after a step, by the rate at which steps shrink, is below a small share
-    of the sigmas that the data have left, or below 1e-13 [m, rad].
+    A problem has converged when what is left after a step, by the rate at which steps shrink, is a small share of the
+    sigmas that the data have left, or the step itself below 1e-13 [m, rad].
 
     Args:
         system: The problems.
@@ -183,7 +191,7 @@ def _iterated(
     about = flight.about
     step = _damped_step(about, flight.damping)
     expected = np.einsum("bi,bij,bj->b", step, about.hessian, step)
-    settled = _settled(flight, step, expected, stop.sigmas)
+    settled = _settled(flight, step, expected, stop)
     candidate = system.retract(flight.state, about, step)
     done = settled & (flight.damping <= _UNDAMPED)
     if done.any():
@@ -208,12 +216,12 @@ def _iterated(
     return (take(flight, going), system.take(going)) if len(going) else None
 
 
-def _settled(flight: _Flight[S, L], step: Array, expected: Array, sigmas: float) -> BoolArray:
+def _settled(flight: _Flight[S, L], step: Array, expected: Array, stop: Stop) -> BoolArray:
     """Whether what is left to go after a step is nothing that the data could show, (b,)."""
     scale = np.where(np.isfinite(flight.cost), flight.cost / flight.dof, 1.0)
     shrinks = (flight.expected > 0) & (flight.damping <= _UNDAMPED)
     rate = np.where(shrinks, np.minimum(1.0, expected / np.where(shrinks, flight.expected, 1.0)), 1.0)
-    near = (expected * rate <= sigmas**2 * scale) & (flight.bent <= STRAIGHT_SIGMAS**2 * scale)
+    near = (expected * rate <= stop.sigmas**2 * scale) & (flight.bent <= STRAIGHT_SIGMAS**2 * scale)
     settled: BoolArray = near | (np.abs(step).max(-1, initial=0.0) < _SMALLEST_STEP)
     return settled
 
@@ -226,7 +234,7 @@ def _moved(
     drop = np.where(both, np.where(both, flight.cost, 0.0) - np.where(both, cost, 0.0), expected)
     gain = np.clip(drop / expected, -_LARGEST_GAIN, _LARGEST_GAIN)
     eased = np.maximum(flight.damping * np.maximum(0.1, 1 - (2 * gain - 1) ** 3), _FIRST_DAMPING)
-    stiffened = np.maximum(flight.damping, 1e-6) * flight.growth
+    stiffened = np.maximum(flight.damping, _UNDAMPED) * flight.growth  # less would try nearly the same step again
     bent = np.abs(drop - expected) if hidden else flight.bent
     return _Flight(
         flight.row,

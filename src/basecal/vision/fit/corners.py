@@ -126,7 +126,7 @@ def _fitted(of: _Context, q: Array, held: int) -> Fit:
     moved = np.column_stack([fit.shape[:, :2] + middle, fit.shape[:, 2:]])
     covariance = fit.covariance * noise[:, None, None]
     enough = fit.converged & (np.abs(fit.light[:, 0]) > _LEAST_CONTRAST * np.sqrt(noise)) & (freedom > _LEAST_FREEDOM)
-    return Fit(moved, fit.light, covariance, fit.residuals, fit.leverage, enough)
+    return Fit(moved, fit.light, covariance, fit.residuals, enough)
 
 
 def patches_around(image: Levels, middle: Array, reach: int) -> Patches:

@@ -1,7 +1,7 @@
 """Least squares of a shape to many small pieces of an image at once.
 
 A piece is `gain * shape(q, xy) + offset (+ slope . xy)`: the shape's own parameters q are what is sought, gain,
-offset and slope are the light's and solved for along the way. Each piece takes its own damped Gauss-Newton steps.
+offset and slope are the light's and solved for along the way. Each piece is a problem of its own.
 Source: Golub & Pereyra 1973 (variable projection), in Kaufman's form.
 """
 
@@ -14,13 +14,12 @@ from typing import NamedTuple
 import numpy as np
 
 from basecal.geometry import Array, BoolArray, IntArray
+from basecal.numerics.levenberg_marquardt import Quadratic, Stop, levenberg_marquardt
 
-_DIFFERENCE = 1e-5
-_ROUNDS = 25
-_SETTLED = 1e-4
-_LEVEL = 1e-6
-_LEAST_DAMPING = 1e-5
-_RIDGE = 1e-9
+_DIFFERENCE = 1e-5  # [px, rad, log]: the derivative's curvature and the values' rounding are both far below noise
+_ROUNDS = 30  # half of the pieces need five, one in thirty more than these
+_SETTLED = 1e-3  # of the residuals' norm: a step that gains less than a millionth of the cost is the last
+_RIDGE = 1e-9  # of the diagonal: what one grey level of noise leaves undetermined stays finite
 
 Shape = Callable[[Array, Array], Array]
 """From parameters, (n, k), and places, (n, p, 2) [px], to values, (n, p)."""
@@ -53,7 +52,6 @@ class Fit:
         light: Gain and offset, and slopes if asked for, (n, 2) or (n, 4).
         covariance: Of what is free in `shape`, if 1 / weight is the variance of a pixel, (n, k, k).
         residuals: Levels beyond the fit, (n, p).
-        leverage: Share of a pixel's own noise that the fit follows, (n, p), in [0, 1].
         converged: (n,).
     """
 
@@ -61,17 +59,7 @@ class Fit:
     light: Array
     covariance: Array
     residuals: Array
-    leverage: Array
     converged: BoolArray
-
-
-class _At(NamedTuple):
-    """A linearisation: residuals (n, p), their negative Jacobian to shape and light (n, p, k + l), light (n, l)."""
-
-    residuals: Array
-    jacobian: Array
-    light: Array
-    cost: Array
 
 
 def packed(patches: Patches, weights: Array) -> Patches:
@@ -92,66 +80,71 @@ def fit_shapes(shape: Shape, start: Array, patches: Patches, sloped: bool = Fals
         sloped: Whether the light may change linearly across a piece.
         held: How many of the last parameters stay as they are.
     """
-    free = start.shape[1] - held
-    q, damping = start.copy(), np.full(len(start), 1e-3)
-    settled = np.zeros(len(start), dtype=bool)
-    at = _linearised(shape, q, patches, sloped, free)
-    for _ in range(_ROUNDS):
-        rows = np.flatnonzero(~settled)
-        if not len(rows):
-            break
-        here = _At(*(part[rows] for part in at))
-        step = _step(here, patches[rows].weights, damping[rows], free)
-        there = _linearised(shape, _stepped(q[rows], step), patches[rows], sloped, free)
-        better = there.cost <= here.cost
-        damping[rows] = np.where(better, np.maximum(damping[rows] / 10, _LEAST_DAMPING), damping[rows] * 10)
-        level = better & (here.cost - there.cost < _LEVEL * here.cost)
-        settled[rows] = level | (np.abs(step).max(axis=1) < _SETTLED)
-        q[rows[better]] = _stepped(q[rows[better]], step[better])
-        for part, new in zip(at, there, strict=True):
-            part[rows[better]] = new[better]
-    return _fit(q, at, patches.weights, settled, free)
+    pieces = _Pieces(shape, patches, sloped, start.shape[1] - held)
+    optima = levenberg_marquardt(pieces, start, Stop(_ROUNDS, sigmas=_SETTLED))
+    lit = pieces.lit(optima.state)
+    covariance = np.asarray(np.linalg.inv(_ridged(optima.about.hessian)), dtype=np.float64)
+    return Fit(optima.state, lit.light, covariance, lit.residuals, optima.converged)
 
 
-def _stepped(q: Array, step: Array) -> Array:
-    return q + np.pad(step, ((0, 0), (0, q.shape[1] - step.shape[1])))
+class _Lit(NamedTuple):
+    """Pieces in their best light: values of the shape and residuals (n, p), of the light its columns and itself."""
+
+    values: Array
+    basis: Array
+    light: Array
+    residuals: Array
 
 
-def _linearised(shape: Shape, q: Array, patches: Patches, sloped: bool, free: int) -> _At:
-    values = shape(q, patches.xy)
-    ones = np.ones_like(values)
-    slopes = [patches.xy[..., 0], patches.xy[..., 1]] if sloped else []
-    basis = np.stack([values, ones, *slopes], axis=-1)
-    weighted = np.swapaxes(basis * patches.weights[..., None], 1, 2)
-    light = _solved(weighted @ basis, (weighted @ patches.values[..., None])[..., 0])
-    residuals = patches.values - (basis @ light[..., None])[..., 0]
-    moved = (shape(q + _DIFFERENCE * unit, patches.xy) - values for unit in np.eye(free, q.shape[1]))
-    gain = light[:, :1] / _DIFFERENCE
-    jacobian = np.concatenate([np.stack([gain * each for each in moved], axis=-1), basis], axis=-1)
-    return _At(residuals, jacobian, light, (patches.weights * residuals**2).sum(axis=1))
+@dataclass(frozen=True, eq=False)
+class _Pieces:
+    """Pieces and the first `free` parameters of their shapes, as Levenberg-Marquardt knows them; see `System`."""
+
+    shape: Shape
+    patches: Patches
+    sloped: bool
+    free: int
+
+    def linearise(self, q: Array) -> Quadratic:
+        """See `System`; the light is eliminated."""
+        lit, free = self.lit(q), self.free
+        moved = (self.shape(q + _DIFFERENCE * unit, self.patches.xy) - lit.values for unit in np.eye(free, q.shape[1]))
+        gain = lit.light[:, :1] / _DIFFERENCE
+        jacobian = np.concatenate([np.stack([gain * each for each in moved], axis=-1), lit.basis], axis=-1)
+        weighted = np.swapaxes(jacobian * self.patches.weights[..., None], 1, 2)
+        normal = weighted @ jacobian
+        mixed = normal[:, free:, :free]
+        hessian = normal[:, :free, :free] - np.swapaxes(mixed, 1, 2) @ _solved(normal[:, free:, free:], mixed)
+        gradient = -(weighted[:, :free] @ lit.residuals[..., None])[..., 0]
+        return Quadratic((self.patches.weights * lit.residuals**2).sum(axis=1), gradient, hessian)
+
+    def retract(self, q: Array, about: Quadratic, step: Array) -> Array:
+        """See `System`."""
+        return q + np.pad(step, ((0, 0), (0, q.shape[1] - step.shape[1])))
+
+    def take(self, rows: IntArray) -> _Pieces:
+        """See `System`."""
+        return _Pieces(self.shape, self.patches[rows], self.sloped, self.free)
+
+    def lit(self, q: Array) -> _Lit:
+        """The pieces about shapes (n, k), in the light that suits them best."""
+        patches = self.patches
+        values = self.shape(q, patches.xy)
+        ones = np.ones_like(values)
+        slopes = [patches.xy[..., 0], patches.xy[..., 1]] if self.sloped else []
+        basis = np.stack([values, ones, *slopes], axis=-1)
+        weighted = np.swapaxes(basis * patches.weights[..., None], 1, 2)
+        light = _solved(weighted @ basis, weighted @ patches.values[..., None])[..., 0]
+        return _Lit(values, basis, light, patches.values - (basis @ light[..., None])[..., 0])
 
 
 def _solved(matrix: Array, right: Array) -> Array:
-    """Solutions of positive semidefinite systems, (n, k), barely regularised in their own units."""
-    return np.asarray(np.linalg.solve(_ridged(matrix, _RIDGE), right[..., None])[..., 0])
+    """Solutions of positive semidefinite systems, (n, k, m), barely regularised in their own units."""
+    return np.asarray(np.linalg.solve(_ridged(matrix), right))
 
 
-def _ridged(matrix: Array, ridge: float | Array) -> Array:
-    """Matrices with their diagonals raised by a share of themselves."""
+def _ridged(matrix: Array) -> Array:
+    """Matrices with their diagonals raised by a trace of themselves."""
     diagonal = np.diagonal(matrix, axis1=1, axis2=2)
-    raised = np.asarray(ridge)[..., None] * diagonal + 1e-12 * diagonal.max(axis=1, keepdims=True) + 1e-300
+    raised = _RIDGE * diagonal + 1e-12 * diagonal.max(axis=1, keepdims=True) + 1e-300
     return np.asarray(matrix + raised[..., None] * np.eye(matrix.shape[1]))
-
-
-def _step(at: _At, weights: Array, damping: Array, shape_size: int) -> Array:
-    weighted = np.swapaxes(at.jacobian * weights[..., None], 1, 2)
-    normal = _ridged(weighted @ at.jacobian, damping)
-    right = (weighted @ at.residuals[..., None])[..., 0]
-    return np.asarray(np.linalg.solve(normal, right[..., None])[:, :shape_size, 0])
-
-
-def _fit(q: Array, at: _At, weights: Array, settled: BoolArray, free: int) -> Fit:
-    weighted = at.jacobian * weights[..., None]
-    covariance = np.asarray(np.linalg.inv(_ridged(np.swapaxes(weighted, 1, 2) @ at.jacobian, _RIDGE)), dtype=np.float64)
-    leverage = np.einsum("npi,nij,npj->np", weighted, covariance, at.jacobian, optimize=True)
-    return Fit(q, at.light, covariance[:, :free, :free], at.residuals, leverage.clip(0, 1), settled)
