@@ -365,3 +365,10 @@ def test_a_rounded_quaternion_is_normalised():
     """A quaternion off norm 1 by less than 1e-3 is projected onto it."""
     exact, rounded = [0.5, 0.5, 0.5, 0.5], [0.5004, 0.5004, 0.5004, 0.5004]
     assert_same(SE3.from_quaternion(rounded, [1, 2, 3]), SE3.from_quaternion(exact, [1, 2, 3]))
+
+
+def test_the_worst_of_many_quaternions_is_told():
+    """Of a batch the norm that is furthest from one stands in the error."""
+    q = np.eye(4)[[3, 3, 3]] * [[1.0], [0.5], [1.2]]
+    with pytest.raises(InputError, match=r"has norm 0\.5, expected 1 within 0\.001"):
+        SE3.from_quaternion(q, np.zeros((3, 3)))

@@ -77,3 +77,9 @@ def test_usual_distortion_is_slight(rng):
     assert drawn.shape == (200, fisheye.USUAL_TERMS)
     assert np.all(np.abs(drawn) <= spread)
     assert np.all(np.ptp(drawn, axis=0) > 1.5 * spread)
+
+
+def test_every_term_has_a_name():
+    """As many names as the longest distortion has terms; what is usual is allowed."""
+    assert len(fisheye.TERM_NAMES) == max(fisheye.TERMS)
+    assert fisheye.USUAL_TERMS in fisheye.TERMS

@@ -80,3 +80,9 @@ def test_usual_distortion_is_a_slight_barrel(rng):
     assert np.all(np.abs(drawn - middle) <= spread)
     assert np.all(np.ptp(drawn, axis=0) > 1.5 * spread)
     assert all(pinhole.fold(each.tolist()) > 1.0 for each in drawn)
+
+
+def test_every_term_has_a_name():
+    """As many names as the longest distortion has terms; what is usual is allowed."""
+    assert len(pinhole.TERM_NAMES) == max(pinhole.TERMS)
+    assert pinhole.USUAL_TERMS in pinhole.TERMS

@@ -1,0 +1,127 @@
+"""What cannot be, at its limits."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from tests.pose_problem import pose_problem
+
+from basecal.accuracy.input_check.plausibility import impossible_answer, impossible_input
+from basecal.cell import (
+    Cell,
+    CellCamera,
+    CellTarget,
+    PointObservation,
+    PoseObservation,
+    Recording,
+    Robot,
+    RobotState,
+    Sample,
+    Unknown,
+)
+from basecal.cell.targets.points import points_target
+from basecal.geometry import SE3
+
+BASE, CAMERA, BOARD = "eye_base_from_hand_base", "eye_flange_from_wrist", "eye_base_from_board"
+
+
+def at(x=0.0, z=0.0):
+    return SE3(np.eye(3), np.array([x, 0.0, z]))
+
+
+def told(robots=(), observations=((),), size=0.2, chain=None):
+    cell = Cell(
+        "eye",
+        {"eye": Robot("eye", chain=chain)},
+        cameras={"wrist": CellCamera("wrist", "eye")},
+        targets={"board": CellTarget("board", "world", target=points_target([[0, 0, 0], [size, 0, 0]]))},
+    )
+    samples = [Sample(k, robots={"eye": state}) for k, state in enumerate(robots)]
+    samples += [Sample(100 + k, observations=tuple(seen)) for k, seen in enumerate(observations)]
+    return impossible_input(cell, Recording(tuple(samples)))
+
+
+@pytest.mark.parametrize(("far", "found"), [(0.019, True), (0.021, False), (4.9, False), (5.1, True)])
+def test_reach_of_the_farthest_flange(far, found):
+    """From 2 cm to 5 m; nearer poses do not matter."""
+    assert told([RobotState(at(0.01)), RobotState(at(far))]) == ((f"flange of eye {far:.3g} m",) if found else ())
+
+
+@pytest.mark.parametrize(
+    ("joints", "words"),
+    [
+        ([0.0, 1.09], ""),
+        ([0.0, 1.11], "a joint of eye 0.11 rad beyond its limit"),
+        ([-1.09, 0.0], ""),
+        ([-1.11, 0.0], "a joint of eye 0.11 rad beyond its limit"),
+        ([0.0, -6.9], "a joint of eye 5.9 rad beyond its limit"),
+        ([0.0, -7.0], "a joint of eye at 7 rad"),
+    ],
+)
+def test_joints_stay_near_their_limits(joints, words):
+    """Within 0.1 rad of limits of 1 rad, and within 2.2 half turns whatever the limits are."""
+    chain = SimpleNamespace(lower=-np.ones(2), upper=np.ones(2))
+    states = [RobotState(joints_rad=np.zeros(2)), RobotState(joints_rad=np.array(joints))]
+    assert told(states, chain=chain) == ((words,) if words else ())
+    assert told(states) == ()
+
+
+def seen_points(z=1.0):
+    return PointObservation("wrist", "board", np.array([0]), np.array([[0.0, 0.0, z]]))
+
+
+@pytest.mark.parametrize(("size", "found"), [(1.9e-3, True), (2.1e-3, False), (4.9, False), (5.1, True)])
+def test_sizes_of_targets(size, found):
+    """From 2 mm to 5 m, of targets of which points are seen."""
+    assert told(observations=[[seen_points()]], size=size) == ((f"size of board {size:.3g} m",) if found else ())
+    assert told(observations=[[PoseObservation("wrist", "board", at(z=1.0))]], size=size) == ()
+
+
+@pytest.mark.parametrize(("distance", "found"), [(0.019, True), (0.021, False), (19.9, False), (20.1, True)])
+@pytest.mark.parametrize("kind", ["pose", "points"])
+def test_distances(kind, distance, found):
+    """From 2 cm to 20 m, the median over the views."""
+    one = [PoseObservation("wrist", "board", at(z=distance))] if kind == "pose" else [seen_points(distance)]
+    far = [seen_points(1e3)]
+    words = (f"distance to the target {distance:.3g} m",) if found else ()
+    assert told(observations=[one, one, far]) == words
+
+
+@pytest.mark.parametrize(("behind", "found"), [(4, False), (5, True)])
+def test_views_behind_the_camera(behind, found):
+    """More than four fifths of them."""
+    views = [[seen_points(-1.0 if k < behind else 1.0)] for k in range(5)]
+    assert told(observations=views) == (("targets behind the camera",) if found else ())
+
+
+def answered(status="free", on="hand", **places):
+    cell = Cell(
+        "eye",
+        {"eye": Robot("eye"), "hand": Robot("hand")},
+        bases={"hand": Unknown(status)},
+        cameras={"wrist": CellCamera("wrist", "eye")},
+        targets={"board": CellTarget("board", on)},
+    )
+    usual = {BASE: at(1.0), CAMERA: at(0.1), cell.mount_name("board"): at(0.1)}
+    problem, state = pose_problem(np.zeros((2, 6)), np.ones(6))
+    state.transforms["eye_base_from_target"] = at(z=1.0)
+    transforms = {**usual, **places}
+    views = SimpleNamespace(transforms=transforms, camera_from_target=state.camera_from_target)
+    solved = SimpleNamespace(groups=problem.groups, stops=problem.stops, columns=dict.fromkeys(transforms))
+    return impossible_answer(cell, SimpleNamespace(solution=SimpleNamespace(state=views, problem=solved)))
+
+
+@pytest.mark.parametrize(("far", "found"), [(0.019, True), (0.021, False), (19.9, False), (20.1, True)])
+def test_bases(far, found):
+    """From 2 cm to 20 m apart, where they are not fixed."""
+    assert answered(**{BASE: at(far)}) == ((f"{BASE} {far:.3g} m",) if found else ())
+    assert answered("fixed", **{BASE: at(far)}) == ()
+
+
+@pytest.mark.parametrize(("far", "found"), [(0.0, False), (1.9, False), (2.1, True)])
+def test_mounts(far, found):
+    """On a flange up to 2 m, on the world up to 20."""
+    assert answered(**{CAMERA: at(far)}) == ((f"{CAMERA} {far:.3g} m",) if found else ())
+    assert answered(on="world", **{BOARD: at(10 * far)}) == ((f"{BOARD} {10 * far:.3g} m",) if found else ())
