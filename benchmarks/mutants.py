@@ -136,9 +136,9 @@ def _places(tree: ast.AST) -> Iterator[tuple[ast.AST, str, int | None]]:
 
 
 def _is_declaration(node: ast.AST) -> bool:
-    """Whether a node is for type checkers alone, or is text."""
+    """Whether a node is for type checkers alone, is text, or asserts what holds by construction."""
     match node:
-        case ast.If(test=ast.Name(id="TYPE_CHECKING")) | ast.JoinedStr():
+        case ast.If(test=ast.Name(id="TYPE_CHECKING")) | ast.JoinedStr() | ast.keyword(arg="strict"):
             return True
         case ast.Assign(targets=[ast.Name(id=name)], value=ast.Subscript(value=ast.Name(id=kind))):
             return name[:1].isupper() and kind in {"Literal", "Callable", "Mapping", "NDArray", "tuple", "dict"}

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import ast
 import json
 from pathlib import Path
 from xml.etree import ElementTree
 
 from benchmarks.common import RESULTS
 from benchmarks.figure import Panel, svg
+from benchmarks.mutants import SOURCE, changed, mutants_of, room_tests
 from benchmarks.peers.tables import brief
 from benchmarks.report import PAGE, page
 
@@ -35,3 +37,38 @@ def test_figure_puts_points_where_they_are() -> None:
     assert abs(y2 - 2 * y1 + y0) <= 0.2
     assert x2 > x1 > x0
     assert y2 < y1 < y0
+
+
+def test_mutants_change_one_expression() -> None:
+    """Each mutant of a file is a file that parses and differs from the original, at the line it names."""
+    path = SOURCE / "kinematics" / "inverse.py"
+    original = ast.unparse(ast.parse(path.read_text(encoding="utf-8")))
+    mutants = list(mutants_of(path))
+    assert len(mutants) > 30
+    for mutant in mutants:
+        assert ast.unparse(ast.parse(mutant.source)) == mutant.source != original
+        assert mutant.file == "kinematics/inverse.py"
+
+
+def test_mutants_are_faults() -> None:
+    """Comparisons turn round, counts shift by one, operators change, numbers grow; borders of real numbers stay."""
+
+    def of(text: str) -> list[str]:
+        return [ast.unparse(node) for node in changed(ast.parse(text, mode="eval").body)]
+
+    assert of("a < b") == ["a >= b"]
+    assert of("len(a) < 2") == ["len(a) >= 2", "len(a) <= 2"]
+    assert of("a @ b") == []
+    assert of("a * b") == ["a / b"]
+    assert of("'a' + b") == []
+    assert of("-a") == ["a"]
+    assert of("0.5") == ["5.0"]
+    assert of("3") == ["4"]
+    assert of("a and b") == ["a or b"]
+
+
+def test_mutants_are_judged_by_their_room() -> None:
+    """By the tests of the folder that mirrors theirs, those under the file's name first."""
+    tests = [str(path.relative_to(ROOT)) for path in room_tests("cell/format/plain.py")]
+    assert tests[0] == "tests/cell/format/test_plain.py"
+    assert {str(Path(each).parent) for each in tests} == {"tests/cell/format"}

@@ -1,0 +1,118 @@
+"""Where in a recording a camera stood still before a light that was shifted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.cell import Unknown
+from basecal.errors import NotObservable
+from basecal.estimation.axis_shift.stations import find_stations, for_task, fused
+from basecal.estimation.problem.build import build_problem
+from basecal.geometry import SE3, Camera
+from basecal.simulation.shifts import simulate_shifts
+
+LENS = Camera("pinhole", np.array([800.0, 810.0, 640.0, 360.0]), (1280, 720))
+BASE = SE3.from_rotvec([0.1, -0.2, 0.3], [1.2, 0.1, -0.05])
+EYE = SE3.from_rotvec([[0.0, 0.0, 0.1], [0.05, 0.0, 0.2]], [[0.1, 0.0, 0.0], [0.1, 0.05, 0.0]])
+SEEN = SE3.from_rotvec([[0.1, 0.2, 0.0], [0.0, 0.1, -0.1]], [[0.0, 0.0, 0.8], [0.0, 0.0, 0.9]])
+
+
+def recorded(shift_m=0.01, two_sided=True):
+    """A problem of two stations, and their cameras."""
+    made = simulate_shifts(BASE, EYE, BASE.inverse() @ EYE @ SEEN, LENS, shift_m, two_sided)
+    problem, _ = build_problem(made.cell, made.recording)
+    return problem, made.cameras
+
+
+def moved(problem, view, camera=(0.0,) * 6, light=(0.0,) * 6):
+    """The problem with the poses of one view changed."""
+    (group,) = problem.groups
+    change = np.zeros((2, len(group), 6))
+    change[0, view], change[1, view] = camera, light
+    eye, hand = group.eye_base_from_eye_flange, group.hand_base_from_hand_flange
+    poses = {
+        "eye_base_from_eye_flange": eye @ SE3.exp(change[0]),
+        "hand_base_from_hand_flange": hand @ SE3.exp(change[1]),
+    }
+    return problem.with_groups([replace(group, **poses)])
+
+
+def test_each_place_of_the_camera_is_a_station():
+    """Two of them, each with its samples, its shifts from the middle, and nearly the true base."""
+    problem, cameras = recorded(shift_m=1e-3)
+    found = find_stations(problem, cameras)
+    assert [sorted(s.samples.tolist()) for s in found] == [list(range(7)), list(range(7, 14))]
+    for station, eye in zip(found, (EYE[0], EYE[1]), strict=True):
+        np.testing.assert_allclose(station.shifts_in_light[0], 0.0)
+        np.testing.assert_allclose(station.length, 1e-3)
+        np.testing.assert_allclose(station.eye_base_from_camera.matrix, eye.matrix, atol=1e-12)
+        off = (BASE.inverse() @ station.base()).log()
+        assert np.abs(off).max() < 2e-3
+        np.testing.assert_allclose(station.predicted_px(BASE), station.light_px, atol=1e-9)
+
+
+@pytest.mark.parametrize(("shift", "views"), [(1.9e-4, [7, 7]), (2.1e-4, [4, 7])])
+def test_a_camera_stands_still_within_an_arms_repeatability(shift, views):
+    """Travel of 0.2 mm ends a station: three views behind it are none of their own."""
+    problem, cameras = recorded()
+    found = find_stations(moved(problem, [4, 5, 6], camera=[shift, 0, 0, 0, 0, 0]), cameras)
+    assert [len(station.samples) for station in found] == views
+
+
+@pytest.mark.parametrize(("turn", "whole"), [(0.9e-3, True), (1.1e-3, False)])
+@pytest.mark.parametrize("who", ["camera", "light"])
+def test_neither_is_turned(turn, whole, who):
+    """A turn of 1 mrad of camera or light ends a station."""
+    problem, cameras = recorded()
+    found = find_stations(moved(problem, [5, 6], **{who: [0, 0, 0, turn, 0, 0]}), cameras)
+    assert (len(found[0].samples) == 7) == whole
+
+
+def test_a_station_needs_three_directions():
+    """Three views, or shifts in a plane, are none; what to do is said."""
+    problem, cameras = recorded(two_sided=False)
+    (group,) = problem.groups
+    three = problem.with_groups([group.take(np.array([0, 1, 2]))])
+    (flat,) = moved(problem, [3], light=[0.0, 0.0, -0.01, 0, 0, 0]).groups
+    for none in (three, problem.with_groups([flat.take(np.arange(4))])):
+        with pytest.raises(NotObservable, match="no station found"):
+            find_stations(none, cameras)
+
+
+def test_mounts_must_be_known():
+    """Of camera and light, exactly or roughly."""
+    problem, cameras = recorded()
+    (group,) = problem.groups
+    for name in (group.camera_mount, group.target_mount):
+        unknown = replace(problem, unknowns={**problem.unknowns, name: Unknown("free", SE3.identity())})
+        with pytest.raises(NotObservable, match=f"needs {name}: state it as fixed or prior"):
+            find_stations(unknown, cameras)
+        roughly = Unknown("prior", SE3.identity(), np.ones(6))
+        assert len(find_stations(replace(problem, unknowns={**problem.unknowns, name: roughly}), cameras)) == 2
+
+
+def test_several_bases_are_fused_by_their_weights():
+    """Translations are averaged, rotations to the nearest; a weight of zero counts for nothing."""
+    one, two = SE3.from_rotvec([0, 0, 0.1], [0, 0, 0]), SE3.from_rotvec([0, 0, 0.3], [1, 0, 0])
+    middle = fused([one, two], [2.0, 2.0])
+    np.testing.assert_allclose(middle.rotvec, [0, 0, 0.2], atol=1e-12)
+    np.testing.assert_allclose(middle.translation, [0.5, 0, 0])
+    np.testing.assert_allclose(fused([one, two], [3.0, 1.0]).translation, [0.25, 0, 0])
+    np.testing.assert_allclose(fused([one, two], [0.0, 1.0]).matrix, two.matrix, atol=1e-12)
+
+
+def test_the_base_for_a_task():
+    """Of the nearest station, or the mean by the squared inverse of the distance."""
+    problem, cameras = recorded()
+    first, second = find_stations(problem, cameras)
+    bases = [first.base(), second.base()]
+    lights = [(b @ s.hand_base_from_light).translation for b, s in zip(bases, (first, second), strict=True)]
+    task = lights[1] + [0.0, 0.0, 0.01]
+    np.testing.assert_array_equal(for_task([first, second], task, nearest=True).matrix, bases[1].matrix)
+    weights = [np.linalg.norm(light - task) ** -2 for light in lights]
+    expected = fused(bases, weights)
+    np.testing.assert_allclose(for_task([first, second], task, nearest=False).matrix, expected.matrix, atol=1e-12)
+    np.testing.assert_allclose(for_task([first, second], lights[0], nearest=False).matrix, bases[0].matrix, atol=1e-9)
