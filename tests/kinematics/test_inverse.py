@@ -91,11 +91,26 @@ def test_any_start_ends_in_an_answer_or_a_refusal():
     assert reached >= 10
 
 
+def test_a_batch_is_each_pose_by_itself(chain):
+    """Poses side by side end at the joints that each ends at alone; one out of reach is told with all the others."""
+    rng = np.random.default_rng(3)
+    lower, upper = chain.lower.clip(min=-np.pi) + 0.3, chain.upper.clip(max=np.pi) - 0.3
+    wanted = rng.uniform(lower, upper, (20, chain.n))
+    start, poses = wanted + rng.uniform(-0.2, 0.2, wanted.shape), chain.forward(wanted)
+    together = inverse(chain, poses, start)
+    alone = [inverse(chain, pose, near) for pose, near in zip(poses, start, strict=True)]
+    np.testing.assert_allclose(together, alone, rtol=0, atol=1e-6)  # seven joints end anywhere along their freedom
+    far = SE3.stack([poses[0], SE3.from_rotvec([0, 0, 0], [30.0, 0.0, 0.0])])
+    with pytest.raises(NotConverged, match="check the reach") as caught:
+        inverse(chain, far, start[:2])
+    np.testing.assert_allclose(caught.value.state[0], together[0], rtol=0, atol=1e-6)
+
+
 def test_bad_input_is_refused(chain):
-    """A start of another length or not finite, and a batch of poses, are InputErrors."""
+    """Starts of another length or another count than the poses, or not finite, are InputErrors."""
     pose = chain.forward(np.zeros(chain.n))
     for start in (np.zeros(chain.n - 1), np.full(chain.n, np.nan), np.zeros((1, chain.n))):
         with pytest.raises(InputError, match="start has shape"):
             inverse(chain, pose, start)
-    with pytest.raises(InputError, match="one pose"):
-        inverse(chain, chain.forward(np.zeros((2, chain.n))), np.zeros(chain.n))
+    with pytest.raises(InputError, match="start has shape"):
+        inverse(chain, chain.forward(np.zeros((2, chain.n))), np.zeros((3, chain.n)))

@@ -83,13 +83,17 @@ class SerialChain:
 
         Source: Lynch & Park 2017, "Modern Robotics", 5.1.4 (the body Jacobian).
         """
+        return self.forward_and_jacobian(joints)[1]
+
+    def forward_and_jacobian(self, joints: Array) -> tuple[SE3, Array]:
+        """What `forward` and `jacobian` give, by one way through the chain."""
         tails = self._tails(joints)
         axes = self._axes_over(tails.base_from_flange.translation.shape[:-1])
         flange_from_joint = np.swapaxes(tails.joint_from_flange.rotation, -1, -2)
         lever = np.cross(axes, tails.joint_from_flange.translation)
         columns = flange_from_joint @ np.stack([lever, axes], -1)
         over_joints = np.concatenate([columns[..., 0], columns[..., 1]], -1)
-        return np.ascontiguousarray(np.moveaxis(over_joints, 0, -1))
+        return tails.base_from_flange, np.ascontiguousarray(np.moveaxis(over_joints, 0, -1))
 
     def link_jacobian(self, joints: Array) -> Array:
         """Derivative of `base_from_flange` to right perturbations of each origin, then of the tip, (..., 6, 6 (n + 1)).
