@@ -1,0 +1,52 @@
+"""A target's points measured in 3-D: sigmas, counts and views."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.estimation.view.measurement import Noise
+from basecal.estimation.view.points import PointMeasurement
+from basecal.geometry import SE3
+
+SEEN = np.array([[True, True, True, True], [True, False, False, True], [False, False, True, False]])
+STATED = SEEN * np.array([4.0, 0.0, 0.0, 0.0])
+
+
+@pytest.fixture
+def measurement(rng):
+    points = rng.normal(size=(4, 3))
+    return PointMeasurement(points, points + np.array([0.0, 0.0, 0.5]) * SEEN[..., None], SEEN, STATED, 1.0 * SEEN)
+
+
+def test_what_states_no_sigma_gets_that_of_the_noise(measurement):
+    """Stated sigmas stay, points that were not seen weigh nothing."""
+    weight = measurement.with_noise(Noise(point_m=0.5)).weight
+    np.testing.assert_array_equal(weight, [[4, 2, 2, 2], [4, 0, 0, 2], [0, 0, 2, 0]])
+
+
+def test_counts_and_equations(measurement):
+    """Three residuals a point, those with a sigma apart; six freedoms at most a view."""
+    assert measurement.counts() == {"stated": 6, "point_m": 15}
+    assert measurement.equations().tolist() == [6, 6, 3]
+
+
+def test_squares_are_those_without_a_sigma(measurement):
+    """Each point is 0.5 m off: at a sigma of 0.5 m its square is one, and stated ones do not count."""
+    squares = measurement.with_noise(Noise(point_m=0.5)).squares(SE3.identity((3,)), None)
+    assert squares == {"point_m": pytest.approx(5.0)}
+
+
+def test_cost_is_the_weighted_square(measurement):
+    """Of all points that were seen, view by view."""
+    view = measurement.with_noise(Noise(point_m=0.5)).linearise(SE3.identity((3,)), None, False)
+    np.testing.assert_allclose(view.cost, [4 + 3, 4 + 1, 1])
+
+
+def test_views_are_taken_with_all_that_is_theirs(measurement):
+    """In the order asked for."""
+    taken = measurement.take(np.array([2, 0]))
+    np.testing.assert_array_equal(taken.seen, SEEN[[2, 0]])
+    np.testing.assert_array_equal(taken.stated, STATED[[2, 0]])
+    np.testing.assert_array_equal(taken.points_in_camera, measurement.points_in_camera[[2, 0]])
+    np.testing.assert_array_equal(taken.weight, measurement.weight[[2, 0]])

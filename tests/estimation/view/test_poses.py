@@ -1,0 +1,51 @@
+"""Measured poses: sigmas, counts and views."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.estimation.view.measurement import Noise
+from basecal.estimation.view.poses import PoseMeasurement
+from basecal.geometry import SE3
+
+STATED = np.array([[4.0] * 6, [0.0] * 6, [0.0, 0.0, 0.0, 8.0, 8.0, 8.0]])
+
+
+@pytest.fixture
+def measurement():
+    return PoseMeasurement(SE3.identity((3,)), STATED, np.where(STATED > 0, STATED, 1.0))
+
+
+def test_what_states_no_sigma_gets_that_of_the_noise(measurement):
+    """Translations and rotations each have their own; stated ones stay."""
+    weight = measurement.with_noise(Noise(pose_m=0.5, pose_rad=0.1)).weight
+    np.testing.assert_allclose(weight, [[4] * 6, [2, 2, 2, 10, 10, 10], [2, 2, 2, 8, 8, 8]])
+
+
+def test_counts_and_equations(measurement):
+    """Six residuals a pose, by what their sigma is; each pose holds all six freedoms."""
+    assert measurement.counts() == {"stated": 9, "pose_m": 6, "pose_rad": 3}
+    assert measurement.equations().tolist() == [6, 6, 6]
+
+
+def test_squares_are_those_without_a_sigma(measurement):
+    """Off by 1 m and by 0.1 rad along an axis each."""
+    shifted = SE3.exp(np.tile([1.0, 0, 0, 0, 0, 0], (3, 1)))
+    turned = SE3.exp(np.tile([0, 0, 0, 0, 0.1, 0], (3, 1)))
+    noisy = measurement.with_noise(Noise(pose_m=0.5, pose_rad=0.1))
+    assert noisy.squares(shifted, None) == {"pose_m": pytest.approx(8.0), "pose_rad": pytest.approx(0.0)}
+    assert noisy.squares(turned, None) == {"pose_m": pytest.approx(0.0), "pose_rad": pytest.approx(1.0)}
+
+
+def test_cost_is_the_weighted_square(measurement):
+    """View by view; at its own pose a view costs nothing."""
+    shifted = SE3.exp(np.tile([1.0, 0, 0, 0, 0, 0], (3, 1)))
+    np.testing.assert_allclose(measurement.linearise(shifted, None, False).cost, [16, 1, 1])
+    np.testing.assert_array_equal(measurement.linearise(SE3.identity((3,)), None, False).cost, 0.0)
+
+
+def test_views_are_taken_with_all_that_is_theirs(measurement):
+    """In the order asked for."""
+    np.testing.assert_array_equal(measurement.take(np.array([2, 0])).stated, STATED[[2, 0]])
+    np.testing.assert_array_equal(measurement.take(np.array([2, 0])).weight, measurement.weight[[2, 0]])
