@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from basecal.cell.files import cell_from_dict
-from basecal.cell.targets.aprilgrid import aprilgrid_target
+from basecal.cell.targets.aprilgrid import KIND, aprilgrid_target
+from basecal.cell.targets.kind import PrintSizes
 from basecal.errors import DatasetError
 from basecal.geometry import SE3, Array
 from basecal.vision.detectors import find
@@ -109,3 +110,28 @@ def test_what_is_no_grid(field: str, value: object, message: str) -> None:
     target = {"on": "world", "kind": "aprilgrid", "tags": [6, 6], "tag_m": 0.088, "spacing": 0.3, field: value}
     with pytest.raises(DatasetError, match=message):
         cell_from_dict({"schema": "basecal/cell/1", "reference": "a", "robots": {"a": {}}, "targets": {"t": target}})
+
+
+@pytest.mark.parametrize(("columns", "rows"), [(2, 3), (4, 2)])
+def test_squares_stand_round_the_tags_and_no_further(columns: int, rows: int) -> None:
+    """One at every crossing of the gaps, at the outer corners too, each as large as a gap; all lie on the paper."""
+    (sheet,) = aprilgrid_target((columns, rows), 0.1, 0.3).sheets
+    low, high = sheet.rectangles[:, :2], sheet.rectangles[:, 2:]
+    assert len(low) == (columns + 1) * (rows + 1)
+    np.testing.assert_allclose(high - low, 0.03)
+    np.testing.assert_allclose(np.ptp(low, axis=0), [0.13 * columns, 0.13 * rows])
+    assert np.all(low.min(0) > sheet.paper[:2])
+    assert np.all(high.max(0) < sheet.paper[2:])
+    assert len(sheet.markers) == columns * rows
+
+
+def test_a_printed_grid_has_kalibrs_spacing() -> None:
+    """Three tenths of a tag, as in Kalibr's own grids."""
+    printed = KIND.printed
+    assert printed is not None
+    assert printed(PrintSizes(4, 3, 0.05, 0.03, "", "tag36h11", 0)) == {
+        "tags": [4, 3],
+        "tag_m": 0.05,
+        "spacing": 0.3,
+        "family": "tag36h11",
+    }

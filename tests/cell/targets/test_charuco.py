@@ -49,3 +49,9 @@ def test_dictionaries_are_known_ones():
     """A name that OpenCV does not know is refused with the nearest."""
     with pytest.raises(ValidationError, match="did you mean 'DICT_4X4_50'"):
         KIND.entries[0].model_validate({**ENTRY, "dictionary": "DICT_4X4_5O"})
+
+
+def test_boards_are_of_the_new_pattern_unless_stated():
+    """The old one only where it is asked for."""
+    assert KIND.entries[0].model_validate(ENTRY).shape().options["legacy_pattern"] is False
+    assert KIND.entries[0].model_validate({**ENTRY, "legacy_pattern": True}).shape().options["legacy_pattern"] is True

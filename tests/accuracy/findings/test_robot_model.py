@@ -1,0 +1,86 @@
+"""`robot-model`: what to free of the robots, and by how much it helps."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.cross_validation.robot_model_selection import Candidate
+from basecal.accuracy.findings import robot_model as module
+from basecal.accuracy.findings.robot_model import robot_model, robot_model_findings
+
+
+def candidate(kind="none", robots=("arm",), joint=None, error_m=None, rms=1.0):
+    return Candidate(kind, robots, joint, np.zeros(0), error_m, rms)
+
+
+NONE = candidate(error_m=4e-3, rms=2.5)
+
+
+def choice(chosen, better=None, none=NONE, robots=()):
+    state = SimpleNamespace(robots=dict(enumerate(robots)))
+    return SimpleNamespace(
+        chosen=chosen, better=better, candidates=(none, chosen), solution=SimpleNamespace(state=state)
+    )
+
+
+@pytest.fixture(autouse=True)
+def offsets(monkeypatch):
+    """Offsets of two robots: joint 2 of `hand` stands out most from its sigma, what is not seen does not count."""
+    found = {
+        "arm": SimpleNamespace(
+            rad=np.array([0.02, 9.0]), sigma_rad=np.array([0.01, 1e-3]), seen=np.array([True, False])
+        ),
+        "hand": SimpleNamespace(
+            rad=np.array([0.01, -0.01]), sigma_rad=np.full(2, [0.01, 0.002]), seen=np.ones(2, bool)
+        ),
+    }
+    monkeypatch.setattr(module, "joint_offsets", lambda _: found)
+    return found
+
+
+def test_robots_as_stated_are_no_finding(evidence):
+    """Nor is nothing to choose."""
+    assert robot_model(evidence()) == []
+    assert robot_model(evidence(robot_model=choice(NONE))) == []
+
+
+def test_too_few_samples_to_decide():
+    """A better model that is not sure is an info about its robots."""
+    (found,) = robot_model_findings(choice(NONE, candidate("joint", joint=2, error_m=1e-3)))
+    assert (found.severity, found.about) == ("info", ("arm",))
+    words = "freeing joint 3 of arm may lower the cross-validation error from 4 to 1 mm rms: too few samples to decide"
+    assert found.message.startswith(words)
+
+
+def test_offsets_that_help():
+    """A warning with the clearest offset, and what to write."""
+    (found,) = robot_model_findings(choice(candidate("offsets", ("arm", "hand"), error_m=2e-3)))
+    assert (found.severity, found.about) == ("warning", ("arm", "hand"))
+    gain, entry = found.message.split("; ")
+    assert gain.startswith("freeing the joint offsets of arm and hand lowers the cross-validation error from 4 to 2 mm")
+    assert gain.endswith("the clearest, of joint 2 of hand, is -0.57 +/- 0.11 deg")
+    assert entry == "write `joint_offsets: {status: prior, sigma_rad: 0.005}` at arm and hand in cell.yaml"
+
+
+def test_a_single_joint(offsets):
+    """Its offset is told as such; where none is seen, that."""
+    (found,) = robot_model_findings(choice(candidate("joint", joint=1), none=candidate(rms=2.5)))
+    assert "from 2.5 to 1 sigmas rms: its offset is -0.57 +/- 0.11 deg" in found.message
+    for each in offsets.values():
+        each.seen[:] = False
+    (found,) = robot_model_findings(choice(candidate("joint", joint=1)))
+    assert "no single offset stands out" in found.message
+
+
+def test_links_that_help():
+    """How far the worst link of any robot is off, and both entries to write; a better model beside is named."""
+    links = np.zeros((3, 6))
+    links[1], links[2] = [3e-3, 4e-3, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0.01]
+    robots = [SimpleNamespace(links=np.zeros((2, 6))), SimpleNamespace(links=links)]
+    (found,) = robot_model_findings(choice(candidate("links"), candidate("offsets", ("hand",)), robots=robots))
+    assert "links are off by up to 5 mm and 0.57 deg" in found.message
+    assert "whether freeing the joint offsets of hand helps more is undecided" in found.message
+    assert "and `link_parameters: {status: prior, sigma_rad: 0.002, sigma_m: 0.001}` at arm in" in found.message
