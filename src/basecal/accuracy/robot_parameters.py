@@ -25,6 +25,7 @@ from basecal.estimation.problem.robot_parameters import (
 )
 from basecal.estimation.solve import Solution
 from basecal.geometry import Array, BoolArray, IntArray
+from basecal.numerics.spectral import spectrum
 
 _LARGEST_SIGMA = 0.3  # [rad] of a free offset that still counts as seen
 _LARGEST_COMPLIANCE_SIGMA = 3e-3  # [rad/Nm] likewise
@@ -130,8 +131,5 @@ def _touched_by_null_space(solution: Solution) -> BoolArray:
     if not solution.observability.unobservable:
         return np.zeros(solution.problem.width, dtype=bool)
     hessian = linearise(solution.problem, solution.state).hessian
-    diagonal = np.diag(hessian)
-    scale = np.where(diagonal > 0, 1 / np.sqrt(np.maximum(diagonal, 1e-300)), 0.0)
-    values, vectors = np.linalg.eigh(hessian * scale * scale[:, None])
-    touched: Array = np.abs(vectors[:, values < _NO_INFORMATION * values[-1]]).max(axis=-1, initial=0.0)
-    return (touched > _TOUCHES) | (diagonal <= 0)
+    of = spectrum(hessian, _NO_INFORMATION)
+    return np.asarray(np.abs(of.vectors[:, ~of.held]).max(axis=-1, initial=0.0) > _TOUCHES)

@@ -12,8 +12,7 @@ from basecal.accuracy.cross_validation.refit import refit_folds
 from basecal.estimation.least_squares.jacobians import by_stop_errors
 from basecal.estimation.problem.problem import Problem, State, ViewGroup, chain
 from basecal.geometry import Array
-
-_HELD = 1e-9  # eigenvalue over the largest of a view's information, below which it holds nothing but rounding
+from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
 
 
 class StationScores(NamedTuple):
@@ -74,9 +73,8 @@ def _predicted(problem: Problem, group: ViewGroup, state: State) -> _Views:
         spread += by_error @ np.swapaxes(by_error, -1, -2)
     shared = np.linalg.solve(np.eye(6) + information @ spread, gradient[..., None])[..., 0]
     cost = view.cost - np.einsum("ni,nij,nj->n", gradient, spread, shared)
-    values, vectors = np.linalg.eigh(information)
-    held = values > _HELD * values[:, -1:]
-    step = np.einsum("nij,nj,nkj,nk->ni", vectors, held / np.where(held, values, 1.0), vectors, gradient)
+    of = spectrum(information, VIEW_ROUNDING)
+    step = (of.inverse @ gradient[..., None])[..., 0]
     alone = view.cost - np.einsum("ni,ni->n", gradient, step)
-    off_m = np.where(held.all(-1), np.linalg.norm(step[:, :3], axis=-1), np.nan)
-    return _Views(cost, np.maximum(cost - alone, 0.0), held.sum(-1), off_m)
+    off_m = np.where(of.held.all(-1), np.linalg.norm(step[:, :3], axis=-1), np.nan)
+    return _Views(cost, np.maximum(cost - alone, 0.0), of.rank.astype(np.float64), off_m)

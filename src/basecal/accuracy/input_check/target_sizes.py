@@ -18,6 +18,7 @@ from basecal.estimation.problem.problem import Problem, State, ViewGroup
 from basecal.estimation.start.pair_views import PairViews
 from basecal.estimation.view.points import PointMeasurement
 from basecal.geometry import SE3, Array, Camera
+from basecal.numerics.spectral import least_norm
 
 _VIEWS = 20
 # Steps of a descent: enough to rank factors by, and to an optimum.
@@ -87,7 +88,7 @@ def _by_translations(sight: PairViews, candidates: SE3, fit: LoopFit, problem: P
         else:
             columns.append(part)
     rows = np.concatenate(columns, -1)
-    return float(np.linalg.lstsq(rows.reshape(-1, rows.shape[-1]), right.reshape(-1), rcond=1e-9)[0][0])
+    return float(least_norm(rows.reshape(-1, rows.shape[-1]), right.reshape(-1))[0])
 
 
 def _bases(group: ViewGroup) -> list[str]:

@@ -17,6 +17,7 @@ from basecal.estimation.view.points import PointMeasurement
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.estimation.view.view_pose import FEWEST_POINTS, refined
 from basecal.geometry import SE3, Array, BoolArray
+from basecal.numerics.spectral import dimension
 
 _FEWEST_3D_POINTS = 3  # that hold a pose, unless they lie on a line
 
@@ -91,7 +92,7 @@ def view_alone(state: State, group: ViewGroup, predicted: SE3) -> tuple[SE3, Boo
     if not isinstance(measurement, PixelMeasurement | PointMeasurement):
         return predicted, ~everywhere
     points = measurement.points_in_target
-    if np.linalg.matrix_rank(points - points[0], tol=1e-9) < 2:
+    if dimension(points) < 2:
         return predicted, ~everywhere
     if isinstance(measurement, PointMeasurement):
         enough = measurement.seen.sum(-1) >= _FEWEST_3D_POINTS

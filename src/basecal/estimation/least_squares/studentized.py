@@ -20,8 +20,9 @@ from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.point_jacobians import PointJacobians, point_jacobians
 from basecal.estimation.view.points import PointMeasurement
 from basecal.geometry import Array, BoolArray, IntArray
+from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
 
-_ROUNDING = 1e-9
+_LEAST_LEARNT = 1e-9  # share of a stop's own variance that the views take away, below which it is rounding
 _ALONE = 1.0 - 1e-4
 _OWN_POINTS = 12
 _LEAST_LEFT = 1e-3
@@ -57,7 +58,7 @@ class LeaveOneOut:
 def leave_one_out(problem: Problem, state: State, weights: Sequence[Array]) -> LeaveOneOut:
     """What is known about a state by the views whose weight is 1."""
     normal = linearise(problem, state, weights)
-    covariance = _inverse(normal.hessian)
+    covariance = spectrum(normal.hessian).inverse
     spread = tuple(_spread(normal, covariance, k) for k in range(len(problem.groups)))
     return LeaveOneOut(problem, state, tuple(weights), normal, spread)
 
@@ -78,14 +79,16 @@ def studentized(
 
 def _misfits(group: ViewGroup, of: LinearisedViews, state: State, problem: Problem) -> MahalanobisSquared:
     finite = np.asarray(np.isfinite(of.information).all((-1, -2)) & np.isfinite(of.gradient).all(-1))
-    root, inverse = _root(np.where(finite[..., None, None], of.information, 0.0))
+    information = spectrum(np.where(finite[..., None, None], of.information, 0.0), VIEW_ROUNDING)
     gradient = np.where(finite[..., None], of.gradient, 0.0)
-    whitened = (np.swapaxes(inverse, -1, -2) @ gradient[..., None])[..., 0]
+    whitened = (np.swapaxes(information.inverse_root, -1, -2) @ gradient[..., None])[..., 0]
     lost = ~finite
     if isinstance(group.measurement, PixelMeasurement):
         lost |= state.camera_from_target(group, problem.stops).translation[..., 2] <= 0
     equations = group.measurement.equations()
-    return MahalanobisSquared(np.where(lost, np.inf, np.sum(whitened**2, -1)), np.where(lost, equations, _rank(root)))
+    return MahalanobisSquared(
+        np.where(lost, np.inf, np.sum(whitened**2, -1)), np.where(lost, equations, information.rank)
+    )
 
 
 def studentized_views(about: LeaveOneOut) -> tuple[MahalanobisSquared, ...]:
@@ -95,16 +98,16 @@ def studentized_views(about: LeaveOneOut) -> tuple[MahalanobisSquared, ...]:
 
 def _view_squares(about: LeaveOneOut, k: int) -> MahalanobisSquared:
     of, weight = about.normal.views[k], about.weights[k]
-    root, inverse = _root(of.information)
-    whitened = (np.swapaxes(inverse, -1, -2) @ of.gradient[..., None])[..., 0]
-    leverage = np.swapaxes(root, -1, -2) @ about.spread[k] @ root
+    information = spectrum(of.information, VIEW_ROUNDING)
+    whitened = (np.swapaxes(information.inverse_root, -1, -2) @ of.gradient[..., None])[..., 0]
+    leverage = np.swapaxes(information.root, -1, -2) @ about.spread[k] @ information.root
     share, axes = np.linalg.eigh(leverage)
     part = np.where(weight[:, None] > 0, 1 - share, 1 + share)
     along = (np.swapaxes(axes, -1, -2) @ whitened[..., None])[..., 0]
     # Directions in which the view has no information stand as zeros with a share of nothing.
     checked = part > 1 - _ALONE
     value = np.sum(np.where(checked, along**2 / np.where(checked, part, 1.0), 0.0), -1)
-    freedoms = _rank(root) - np.count_nonzero(~checked, axis=-1)
+    freedoms = information.rank - np.count_nonzero(~checked, axis=-1)
     return MahalanobisSquared(np.where(freedoms > 0, value, np.nan), np.maximum(freedoms, 0))
 
 
@@ -118,12 +121,12 @@ def studentized_stops(about: LeaveOneOut) -> MahalanobisSquared:
     which = np.flatnonzero(shared_stops(about.problem) >= 0)
     number = np.arange(len(which))
     by_unknowns = system.solution[:, :-1].reshape(len(which), 6, about.problem.width)
-    covariance = _inverse(about.normal.hessian)
+    covariance = spectrum(about.normal.hessian).inverse
     spread = system.covariance(number, number) + by_unknowns @ covariance @ np.swapaxes(by_unknowns, -1, -2)
     kept, axes = np.linalg.eigh(spread)
     part = 1 - kept
     along = (np.swapaxes(axes, -1, -2) @ about.state.stop_errors[which][..., None])[..., 0]
-    checked = part > _ROUNDING
+    checked = part > _LEAST_LEARNT
     value[which] = np.sum(np.where(checked, along**2 / np.where(checked, part, 1.0), 0.0), -1)
     freedoms[which] = np.count_nonzero(checked, axis=-1)
     return MahalanobisSquared(np.where(freedoms > 0, value, np.nan), freedoms)
@@ -177,8 +180,7 @@ def _by_own_view(rows: PointJacobians) -> MahalanobisSquared:
     jacobian = rows.jacobian[..., :6]
     n, p, d, _ = jacobian.shape
     flat = jacobian.reshape(n, p * d, 6)
-    _, inverse = _root(np.swapaxes(flat, -1, -2) @ flat)
-    pose_spread = inverse @ np.swapaxes(inverse, -1, -2)
+    pose_spread = spectrum(np.swapaxes(flat, -1, -2) @ flat, VIEW_ROUNDING).inverse
     gradient = np.swapaxes(flat, -1, -2) @ rows.residual.reshape(n, p * d, 1)
     moved = rows.residual - (flat @ (pose_spread @ gradient)).reshape(n, p, d)
     return _studentised(moved, jacobian, pose_spread, rows.seen)
@@ -254,36 +256,3 @@ def _shared_spread(normal: NormalEquations, k: int) -> Array:
             block = system.covariance(a.stop[i], b.stop[j])
             out[both] += a.by_error[i] @ block @ np.swapaxes(b.by_error[j], -1, -2)
     return out
-
-
-def _root(information: Array) -> tuple[Array, Array]:
-    """R and Q, (..., q, q), with `R @ R' == information` and `Q @ Q'` its pseudo-inverse.
-
-    Columns are zero where there is no information.
-    Scaled first, since metres, radians and pixels of a lens stand side by side.
-    """
-    diagonal = np.sqrt(np.maximum(np.diagonal(information, axis1=-2, axis2=-1), 0.0))
-    scale = np.where(diagonal > 0, diagonal, 1.0)
-    values, vectors = np.linalg.eigh(information / scale[..., :, None] / scale[..., None, :])
-    positive = values > _ROUNDING * np.maximum(values[..., -1:], 1e-300)
-    root = np.where(positive, np.sqrt(np.maximum(values, 0.0)), 0.0)[..., None, :]
-    inverse = np.where(root > 0, 1 / np.where(root > 0, root, 1.0), 0.0)
-    return vectors * scale[..., :, None] * root, vectors / scale[..., :, None] * inverse
-
-
-def _rank(root: Array) -> IntArray:
-    rank: IntArray = np.any(root != 0, axis=-2).sum(-1)
-    return rank
-
-
-def _inverse(hessian: Array) -> Array:
-    """The inverse of an information matrix, zero along directions without any."""
-    if not len(hessian):
-        return np.zeros((0, 0))
-    diagonal = np.sqrt(np.maximum(np.diag(hessian), 0.0))
-    scale = np.where(diagonal > 0, diagonal, 1.0)
-    values, vectors = np.linalg.eigh(hessian / scale / scale[:, None])
-    kept = values > 1e-12 * max(float(values[-1]), 1e-300)
-    back = vectors[:, kept] / scale[:, None]
-    inverse: Array = (back / values[kept]) @ back.T
-    return inverse

@@ -16,10 +16,10 @@ from basecal.estimation.observability.null_space import NullDirection, separate_
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.robot_parameters import DEFLECTION
 from basecal.geometry import Array
+from basecal.numerics.spectral import holds_information, spectrum
 
 _UNOBSERVABLE_SIGMA = 0.3  # [m, rad] of a direction: larger, no linear theory of it holds
 _NO_INFORMATION_SIGMA = 30.0  # [m, rad]: so wide a direction has no information but rounding
-_ROUNDING = 1e-13
 _TOUCHES = 1e-3  # share of a null direction in an unknown above which it belongs to it
 _SMALLEST_FACTOR = 1e-4  # noise estimated from exact data counts as a hundredth of a sigma at least
 _DISTORTION_SCALE = 10.0  # a distortion term of 10 is as far off as a radian
@@ -55,7 +55,7 @@ def observability_of(problem: Problem, state: State, hessian: Array, factor: flo
     values, vectors = np.linalg.eigh(_without_null_directions(problem, state, hessian, scale))
     noise = max(factor, _SMALLEST_FACTOR)
     sigma = np.sqrt(noise / np.maximum(values, 1e-300))
-    singular = (sigma > _NO_INFORMATION_SIGMA) | (values < _ROUNDING * values[-1])
+    singular = (sigma > _NO_INFORMATION_SIGMA) | ~holds_information(values)
     kept = vectors[:, ~singular] * scale[:, None]
     inverse = (kept / values[~singular]) @ kept.T
     shaping = np.linalg.norm(vectors[_distortion_columns(problem)], axis=0) ** 2 > 0.5
@@ -81,7 +81,7 @@ def _without_null_directions(problem: Problem, state: State, hessian: Array, sca
     data = linearise(without_priors(problem), state).hessian * scale * scale[:, None]
     basis = np.linalg.qr(loose / scale[:, None])[0]
     carried = data @ basis
-    told: Array = carried @ np.linalg.pinv(basis.T @ carried, rcond=_ROUNDING, hermitian=True) @ carried.T
+    told: Array = carried @ spectrum(basis.T @ carried).inverse @ carried.T
     return scaled - 0.5 * (told + told.T)
 
 

@@ -20,6 +20,7 @@ from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement
 from basecal.estimation.view.view_pose import refined, view_poses
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
+from basecal.numerics.spectral import dimension
 
 # Of many points, so many random subsets of so few: with a third of the points wrong one in eight is clean.
 _DRAWS = 40
@@ -33,7 +34,6 @@ _SEED = 20240229
 # So many points at once: arrays of a few megabytes.
 _CHUNK_POINTS = 50_000
 # A target whose third extent is this part of the first is flat.
-_FLAT = 1e-6
 
 Points = PixelMeasurement | PointMeasurement
 
@@ -234,8 +234,7 @@ def _squares(measurement: Points, camera_from_target: SE3, camera: Camera | None
 
 
 def _is_flat(measurement: PixelMeasurement) -> bool:
-    points = measurement.points_in_target
-    return bool(np.linalg.matrix_rank(points - points.mean(0), _FLAT) < 3)
+    return dimension(measurement.points_in_target) < 3
 
 
 def _subsets(seen: BoolArray) -> BoolArray:

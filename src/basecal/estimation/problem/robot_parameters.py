@@ -20,10 +20,10 @@ from basecal.errors import InputError
 from basecal.geometry import SE3, Array, IntArray
 from basecal.geometry.se3 import right_jacobian
 from basecal.kinematics import SerialChain, gravity_torques
+from basecal.numerics.spectral import independent
 
 OFFSETS, LINKS, DEFLECTION = "joint_offsets", "link_parameters", "deflection"
 _METRES_PER_RADIAN = 0.5  # of link errors that explain the data alike, the smallest counts so
-_INDEPENDENT = 1e-9
 _RIGID = Deflection()
 
 
@@ -204,7 +204,7 @@ def _without_gauge(chain: SerialChain, free_ends: tuple[bool, bool], with_offset
     """Columns that span all link tangents but the gauges, and are the smallest of those that do the same."""
     scale = np.tile(np.repeat([_METRES_PER_RADIAN, 1.0], 3), chain.n + 1)
     left, values, _ = np.linalg.svd(link_gauges(chain, free_ends, with_offsets) / scale[:, None])
-    rank = int(np.sum(values > _INDEPENDENT * values[0]))
+    rank = independent(values)
     return np.asarray(scale[:, None] * left[:, rank:])
 
 

@@ -14,6 +14,7 @@ from scipy.linalg import eigh
 
 from basecal.geometry import SE3, Array
 from basecal.geometry.se3 import nearest_rotation
+from basecal.numerics.spectral import least_norm
 
 _CLEAR = 0.35  # share of the second singular value that the first may reach where a null vector is unique
 _SEEN = 1e-3  # of a unit system's second singular value: below, more than one direction is null
@@ -140,7 +141,7 @@ def solve_translations(loop: Loop, found: Rotations) -> tuple[SE3, SE3, SE3]:
     free = [name for name in "xyz" if known[name] is None]
     w = loop.weight[:, None, None]
     rows = np.concatenate([columns[name] for name in free], -1) * w
-    solution = np.linalg.lstsq(rows.reshape(-1, 3 * len(free)), (right * w[..., 0]).reshape(-1), rcond=1e-9)[0]
+    solution = least_norm(rows.reshape(-1, 3 * len(free)), (right * w[..., 0]).reshape(-1))
     at = {name: solution[3 * i : 3 * i + 3] for i, name in enumerate(free)}
 
     def whole(name: str, rotation: Array) -> SE3:

@@ -16,6 +16,7 @@ from basecal.estimation.view.poses import PoseMeasurement
 from basecal.estimation.view.view_pose import view_poses
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 from basecal.geometry.se3 import nearest_rotation
+from basecal.numerics.spectral import dimension
 
 _LOOKS_ALIKE = 25.0  # five sigmas: below, a plane's second pose fits as well
 _START_PIXEL = 0.5  # sigma of a pixel where none is stated [px]
@@ -116,10 +117,7 @@ def _where(mask: BoolArray, first: SE3, second: SE3) -> SE3:
 
 def _of_points(group: ViewGroup, measurement: PointMeasurement, total: int) -> PairViews:
     enough = np.flatnonzero(measurement.seen.sum(-1) >= 3)
-    if (
-        len(enough) < 3
-        or np.linalg.matrix_rank(measurement.points_in_target - measurement.points_in_target[0], 1e-6) < 2
-    ):
+    if len(enough) < 3 or dimension(measurement.points_in_target) < 2:
         p = measurement.points_in_camera
         unit = p / np.maximum(np.linalg.norm(p, axis=-1, keepdims=True), 1e-12)
         chords = BearingMeasurement(measurement.points_in_target, unit, measurement.seen / 1e-3)

@@ -15,11 +15,11 @@ from basecal.estimation.view.measurement import Measurement, ViewInformation
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 from basecal.geometry.se3 import nearest_rotation, rotation_exp
 from basecal.numerics.levenberg_marquardt import Stop, levenberg_marquardt
+from basecal.numerics.spectral import FLAT
 
 FEWEST_POINTS = 4  # points that determine the pose of a plane up to two
 _FEWEST_IN_SPACE = 6  # points of the direct linear transform
 _ITERATIONS = 2
-_FLAT = 1e-6  # third singular value over the first of a plane
 _SETTLED = 1e-3  # of the residuals' norm: a step that gains less than a millionth of the cost is the last
 
 
@@ -82,7 +82,7 @@ def _shape(centred: Array) -> tuple[bool, Array, float]:
     _, values, vt = np.linalg.svd(centred, full_matrices=True)
     axes = vt.T * np.array([1.0, 1.0, np.linalg.det(vt)])
     size = float(np.sqrt(np.mean(np.sum(centred**2, -1))))
-    return bool(len(values) < 3 or values[2] < _FLAT * values[0]), axes, size
+    return bool(len(values) < 3 or values[2] <= FLAT * values[0]), axes, size
 
 
 def _null_vectors(rows: Array) -> Array:

@@ -1,0 +1,109 @@
+"""What of a matrix is information and what is rounding."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.estimation.view.bearings import BearingMeasurement
+from basecal.geometry import SE3
+from basecal.numerics.spectral import (
+    INDEPENDENT,
+    ROUNDING,
+    VIEW_ROUNDING,
+    dimension,
+    holds_information,
+    independent,
+    least_norm,
+    spectrum,
+)
+
+UNITS = np.array([1e-4, 1.0, 1e3, 1e6, 1e-2])
+
+
+def information(rng: np.random.Generator, rank: int, units: np.ndarray = UNITS) -> np.ndarray:
+    rows = rng.standard_normal((40, rank)) @ rng.standard_normal((rank, len(units))) * units
+    return rows.T @ rows
+
+
+@pytest.mark.parametrize("rank", range(1, 6))
+def test_rank_does_not_depend_on_units(rng, rank):
+    """Information of any rank is told as such, with unknowns in units ten orders apart."""
+    assert spectrum(information(rng, rank)).rank == rank
+
+
+@pytest.mark.parametrize("rank", [2, 5])
+def test_roots_and_inverse_are_those_of_the_matrix(rng, rank):
+    """The root squared is the matrix, the inverse root squared the inverse; both vanish where nothing is held."""
+    matrix = information(rng, rank)
+    of = spectrum(matrix)
+    back = np.outer(UNITS, UNITS)
+    np.testing.assert_allclose((of.root @ of.root.T) / back, matrix / back, atol=1e-9)
+    np.testing.assert_allclose(matrix @ of.inverse @ matrix / back, matrix / back, atol=1e-6)
+    assert np.count_nonzero(of.root.any(0)) == np.count_nonzero(of.inverse_root.any(0)) == rank
+
+
+def test_a_batch_is_each_matrix_by_itself(rng):
+    """Ranks and inverses of matrices side by side are those of each alone, one of nothing among them."""
+    matrices = np.stack([information(rng, 3), np.zeros((5, 5)), information(rng, 5)])
+    together = spectrum(matrices)
+    assert together.rank.tolist() == [3, 0, 5]
+    assert not together.inverse[1].any()
+    np.testing.assert_allclose(together.inverse[2], spectrum(matrices[2]).inverse, rtol=1e-9)
+
+
+def test_no_unknowns_have_no_rank():
+    """A matrix without rows has rank zero and an inverse without rows."""
+    assert spectrum(np.zeros((0, 0))).rank == 0
+    assert spectrum(np.zeros((0, 0))).inverse.shape == (0, 0)
+
+
+def test_thresholds_divide_at_their_share_of_the_largest():
+    """Just below the threshold is rounding, just above information; likewise of singular values."""
+    values = np.array([0.5 * ROUNDING, 2 * ROUNDING, 1.0]) * 7
+    assert holds_information(values).tolist() == [False, True, True]
+    assert independent(np.array([1.0, 2 * INDEPENDENT, 0.5 * INDEPENDENT]) * 7) == 2
+    assert independent(np.zeros(3)) == 0
+
+
+def test_rounding_of_sums_stays_below_the_threshold(rng):
+    """Null directions of products of 3,000 rows keep a tenth of the threshold clear, and full ranks do not vanish."""
+    rows = rng.standard_normal((3000, 20)) @ rng.standard_normal((20, 30))
+    values = np.abs(spectrum(rows.T @ rows).values)
+    assert values[9] < 0.1 * ROUNDING * values[-1]
+    assert values[10] > 1e3 * ROUNDING * values[-1]
+
+
+@pytest.mark.parametrize("away", [0.0, 2.0])
+def test_rounding_of_a_view_stays_below_the_threshold(rng, away):
+    """Two points hold four freedoms of a pose, also where the target's origin is ten targets away from them."""
+    points = rng.uniform(-0.1, 0.1, (2, 3)) + away
+    poses = SE3.from_rotvec(rng.uniform(-1, 1, (50, 3)), rng.uniform(-0.2, 0.2, (50, 3)) + np.array([0, 0, 1.0]))
+    poses = poses @ SE3(np.eye(3), -points.mean(0))
+    seen = poses.rotation @ points.T + poses.translation[..., None]
+    bearings = np.swapaxes(seen / np.linalg.norm(seen, axis=1, keepdims=True), 1, 2)
+    view = BearingMeasurement(points, bearings, np.full((50, 2), 1e3)).linearise(poses, None, False)
+    assert spectrum(view.information, VIEW_ROUNDING).rank.tolist() == [4] * 50
+
+
+def test_least_norm_leaves_nothing_that_rows_do_not_ask_for(rng):
+    """Of the solutions of rows short of rank the one across their null space is given."""
+    rows = rng.standard_normal((10, 2)) @ rng.standard_normal((2, 4))
+    right = rows @ rng.standard_normal(4)
+    found = least_norm(rows, right)
+    np.testing.assert_allclose(rows @ found, right, atol=1e-9)
+    np.testing.assert_allclose(np.linalg.svd(rows)[2][2:] @ found, 0, atol=1e-9)
+
+
+@pytest.mark.parametrize("spans", range(4))
+def test_dimension_is_that_of_the_space_points_span(rng, spans):
+    """Points far from the origin span what they were drawn in, rounding of their place not counted."""
+    points = rng.standard_normal((8, spans)) @ rng.standard_normal((spans, 3)) * 0.1 + 3.0
+    assert dimension(points if spans else np.full((8, 3), 3.0)) == spans
+
+
+def test_a_micrometre_on_a_metre_is_no_depth():
+    """A board with corners off its plane by half a micrometre is flat, one off by ten is not."""
+    board = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 1.0]])
+    assert dimension(board * [1, 1, 5e-7]) == 2
+    assert dimension(board * [1, 1, 1e-5]) == 3
