@@ -32,7 +32,7 @@ def test_the_truth_is_first_where_it_lies_on_the_grid(unknown):
     rng = np.random.default_rng(6)
     grid = icosahedral_rotations()
     truth = {name: SE3(grid[k], rng.standard_normal(3)) for name, k in zip("xyz", (7, 31, 52), strict=True)}
-    starts = pose_starts(loop(truth, unknown, 15, 6), 5)
+    starts = pose_starts([loop(truth, unknown, 15, 6)], 5)[0]
     for name, rotation in zip("xyz", starts[0], strict=True):
         np.testing.assert_allclose(rotation, truth[name].rotation, atol=1e-9)
 

@@ -142,7 +142,7 @@ def _least(form: LoopForm, now: tuple[Array, Array, Array]) -> Bound:
     found = bound(form.form, first[0])
     if ProvenLoop(form, found).gap <= _TIGHT:
         return found
-    second = _lowest(form, pose_starts(loop, _SEARCHED))
+    second = _lowest(form, pose_starts([loop], _SEARCHED)[0])
     return bound(form.form, second[0]) if second[1] < first[1] * (1 - _SAME_COST) else found
 
 

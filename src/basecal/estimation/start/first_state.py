@@ -17,12 +17,11 @@ from basecal.cell import Cell, Unknown
 from basecal.errors import BasecalError
 from basecal.estimation.least_squares.cauchy_irls import cauchy_irls
 from basecal.estimation.problem.problem import Problem, State
-from basecal.estimation.start.closed_form import Loop, Rotations, solve_rotations, solve_translations
+from basecal.estimation.start.closed_form import Loop, solve_rotations, solve_translations
 from basecal.estimation.start.lens import lens_from_views
 from basecal.estimation.start.pair_views import PairViews, as_light, pair_views, umeyama
 from basecal.estimation.start.refinement import Refinement, Triple, pair_problem, refined_together
 from basecal.estimation.start.rotation_grid import light_starts
-from basecal.estimation.start.rotation_search import pose_starts
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Camera, IntArray
 
@@ -34,7 +33,6 @@ _FEW = (20, 16)  # views and points of a start: 320 points determine 18 unknowns
 _MANY = (400, 1000)  # views and points of a thorough start
 _LIGHT_STARTS = {0: 1, 1: 12, 2: 40}  # by unknown rotations; judged by benchmarks.starts
 _LIGHTS_AT_ONCE = 5  # starts of a light side by side: more may be in vain where one of the first convinces
-_POSE_STARTS = 16  # cells of the grid that are refined; judged by benchmarks.starts
 _TIGHT_RAD = 0.3  # a prior this narrow is a start by itself [rad]
 _FEW_CHANGES = 0.1  # share of views whose pose changes that no longer moves the closed form
 
@@ -212,10 +210,7 @@ def _nearer(sight: PairViews, triple: Triple) -> IntArray:
 
 def _searched(sight: PairViews, loop: Loop, is_point: bool, closed: Triple | None) -> _Search[Triple]:
     """By a grid over rotations and the closed form if there is one, the best of them refined."""
-    starts = [] if closed is None else [closed]
-    for x, y, z in pose_starts(loop, _POSE_STARTS):
-        starts.append(solve_translations(loop, Rotations(x, y, z, True)))
-    return (yield Refinement(sight, loop, starts, is_point))
+    return (yield Refinement(sight, loop, [] if closed is None else [closed], is_point, searched=True))
 
 
 def light_states(problem: Problem, cell: Cell, most: int) -> Iterator[State]:

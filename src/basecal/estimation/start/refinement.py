@@ -10,13 +10,15 @@ import numpy as np
 from basecal.cell import Unknown
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust_batch
 from basecal.estimation.problem.problem import Problem, State, Stops
-from basecal.estimation.start.closed_form import Loop
+from basecal.estimation.start.closed_form import Loop, Rotations, solve_translations
 from basecal.estimation.start.pair_views import PairViews
+from basecal.estimation.start.rotation_search import pose_starts
 from basecal.geometry import SE3, Array, IntArray
 from basecal.numerics.batch import stack
 
 Triple = tuple[SE3, SE3, SE3]
 
+_CELLS = 16  # of the grid of rotations that are refined; judged by benchmarks.starts
 _STEPS = 30  # a start that needs more is in no basin; the best is refined again with all views
 
 
@@ -29,19 +31,22 @@ class Refinement:
         loop: What of X, Y and Z is known.
         starts: Of X, Y and Z.
         is_point: Whether the target is a single point, whose mount has no rotation.
+        searched: Whether rotations are searched for further starts, which views that give whole poses allow.
     """
 
     views: PairViews
     loop: Loop
     starts: Sequence[Triple]
     is_point: bool
+    searched: bool = False
 
     @property
     def structure(self) -> Hashable:
         """Wishes of the same structure go side by side."""
         group = self.views.group
         points = getattr(group.measurement, "points_in_target", np.zeros((0, 3)))
-        return group.camera, group.target, type(group.measurement), points.tobytes(), self.loop.unknown, self.is_point
+        kind = type(group.measurement), points.tobytes()
+        return group.camera, group.target, *kind, self.loop.unknown, self.is_point, self.searched
 
 
 def refined_together(wishes: Sequence[Refinement]) -> list[Triple]:
@@ -55,6 +60,11 @@ def refined_together(wishes: Sequence[Refinement]) -> list[Triple]:
 
 def _refined(wishes: Sequence[Refinement]) -> list[Triple]:
     """Of wishes of one structure; those of fewer views are filled up with views of no weight."""
+    if wishes[0].searched:
+        found = pose_starts([wish.loop for wish in wishes], _CELLS)
+        turns = [[Rotations(*turn, True) for turn in of] for of in found]
+        more = [[solve_translations(w.loop, turn) for turn in of] for w, of in zip(wishes, turns, strict=True)]
+        wishes = [replace(w, starts=[*w.starts, *of]) for w, of in zip(wishes, more, strict=True)]
     most = max(len(wish.views.group) for wish in wishes)
     problems = [pair_problem(wish.views, wish.loop, wish.is_point) for wish in wishes]
     rows = [np.minimum(np.arange(most), len(wish.views.group) - 1) for wish in wishes]

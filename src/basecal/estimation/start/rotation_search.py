@@ -84,20 +84,30 @@ class _Loops:
         return np.asarray((q[:, :, None] @ half).reshape(h, p.shape[1], 3, 3))
 
 
-def pose_starts(loop: Loop, most: int) -> list[tuple[Array, Array, Array]]:
-    """The most promising rotations of X, Y and Z where views give whole poses, (3, 3) each, those alike once.
+def pose_starts(loops: Sequence[Loop], most: int) -> list[list[tuple[Array, Array, Array]]]:
+    """For each loop the most promising rotations of X, Y and Z where views give whole poses, those alike once.
 
-    The best cells of the grid, refined: most of them end in the same few places.
+    The best cells of the grid, refined: most of them end in the same few places. Rotations are (3, 3).
+
+    Args:
+        loops: With the same unknowns.
+        most: How many cells of the grid.
     """
-    loops = _loops([loop])
-    at = _alternated(loops, _grid_starts(loops, most), _START_ROUNDS)
-    turns = {k: np.broadcast_to(turn[0], (most, 3, 3)) if len(turn[0]) == 1 else turn[0] for k, turn in at.items()}
+    every = _loops(loops)
+    at = _alternated(every, _grid_starts(every, most), _START_ROUNDS)
+    count = at[every.unknown[0]].shape[1]
+    turns = {k: np.broadcast_to(turn, (len(loops), count, 3, 3)) for k, turn in at.items()}
+    off = np.max([angle_between(turns[k][:, :, None], turns[k][:, None]) for k in every.unknown], axis=0)
+    return [[(turns["x"][h, i], turns["y"][h, i], turns["z"][h, i]) for i in _apart(off[h])] for h in range(len(loops))]
+
+
+def _apart(off: Array) -> list[int]:
+    """Those that are off from all before them, by angles (m, m)."""
     apart: list[int] = []
-    for i in range(len(turns[loops.unknown[0]])):
-        off = [max(float(angle_between(turns[k][i], turns[k][j])) for k in loops.unknown) for j in apart]
-        if min(off, default=np.inf) > _ALIKE_RAD:
+    for i in range(len(off)):
+        if np.all(off[i, apart] > _ALIKE_RAD):
             apart.append(i)
-    return [(turns["x"][i], turns["y"][i], turns["z"][i]) for i in apart]
+    return apart
 
 
 def search_rotations(loops: Sequence[Loop]) -> list[Rotations]:
