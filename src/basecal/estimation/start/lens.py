@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,21 +11,24 @@ from numpy.typing import NDArray
 from basecal.cell import CellCamera
 from basecal.estimation.least_squares.normal_equations import retract_lens
 from basecal.estimation.view.bearings import BearingMeasurement
-from basecal.estimation.view.measurement import ViewInformation
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.view_pose import FEWEST_POINTS, view_poses
-from basecal.geometry import SE3, Array, Camera
+from basecal.geometry import SE3, Array, Camera, IntArray
+from basecal.numerics.batch import stack, take
+from basecal.numerics.levenberg_marquardt import Optima, Stop, levenberg_marquardt
 
 _FOCAL_GUESSES = (0.5, 0.7, 1.0, 1.4, 2.0, 3.0)
 _MOST_VIEWS = 30
-_PIXEL_SCALE = 1e-3
+_SETTLED = 0.01  # of the residuals' norm: a step that gains less than 1e-4 of the cost is the last of a start
+_RIDGE = 1e-9  # [1/m^2, 1/rad^2] for boards that hold no pose: nothing beside what a pixel tells of one that does
 
 
 @dataclass(frozen=True, eq=False)
-class _Fit:
+class _Lenses:
+    """Lenses, (b,), and with each the boards' poses by target, (b, n)."""
+
     camera: Camera
-    poses: list[SE3]
-    cost: float
+    poses: tuple[SE3, ...]
 
 
 def guessed_lens(camera: CellCamera, focal: float = 1.0) -> Camera:
@@ -46,9 +49,10 @@ def lens_from_views(camera: CellCamera, measurements: Sequence[PixelMeasurement]
     usable = [m for m in usable if len(m.seen)]
     if not usable:
         return guessed_lens(camera)
-    rough = [_fit(guessed_lens(camera, f), usable, 8, _without_distortion) for f in _FOCAL_GUESSES]
-    best = min(rough, key=lambda fit: fit.cost)
-    return _refine(_refine(best, usable, 12, _radial), usable, 12, _everything).camera
+    rough = _refined(_guesses(camera, usable), usable, 8, _without_distortion)
+    best = take(rough.state, np.array([np.nan_to_num(rough.cost, nan=np.inf).argmin()]))
+    radial = _refined(best, usable, 12, _radial).state
+    return take(_refined(radial, usable, 12, _everything).state.camera, 0)
 
 
 def _thinned(measurement: PixelMeasurement) -> PixelMeasurement:
@@ -70,61 +74,78 @@ def _everything(terms: int) -> Array:
     return np.ones(4 + terms)
 
 
-def _fit(camera: Camera, measurements: list[PixelMeasurement], iterations: int, mask: object) -> _Fit:
-    poses = []
-    for m in measurements:
-        bearings, valid = camera.undistort(m.pixels)
-        weight = m.weight * valid * float(camera.focal[0])
-        chords = BearingMeasurement(m.points_in_target, np.where(valid[..., None], bearings, 0.0), weight)
-        poses.append(
-            view_poses(m.points_in_target, chords.bearings_in_camera, m.seen & valid, chords).camera_from_target[:, 0]
-        )
-    return _refine(_Fit(camera, poses, np.inf), measurements, iterations, mask)
+def _guesses(camera: CellCamera, measurements: Sequence[PixelMeasurement]) -> _Lenses:
+    """Every guess of the focal length, with the poses that suit it."""
+    guesses = []
+    for focal in _FOCAL_GUESSES:
+        lens = guessed_lens(camera, focal)
+        guesses.append(_Lenses(lens, tuple(_poses(lens, m) for m in measurements)))
+    return stack(guesses)
 
 
-def _refine(fit: _Fit, measurements: list[PixelMeasurement], iterations: int, mask: object) -> _Fit:
-    """Damped Gauss-Newton on the lens and every view's pose, the poses eliminated view by view."""
-    assert callable(mask)
-    kept = np.flatnonzero(mask(len(fit.camera.distortion)))
-    views = _linearised(fit.camera, fit.poses, measurements)
-    cost, damping = _cost(views), 1e-3
-    for _ in range(iterations):
-        lens_step, pose_steps = _step(views, kept, damping)
-        camera = retract_lens(fit.camera, lens_step)
-        poses = [p @ SE3.exp(step) for p, step in zip(fit.poses, pose_steps, strict=True)]
-        candidate = _linearised(camera, poses, measurements)
-        if _cost(candidate) <= cost:
-            done = cost - _cost(candidate) < _PIXEL_SCALE * cost
-            fit, views, cost, damping = _Fit(camera, poses, _cost(candidate)), candidate, _cost(candidate), damping / 10
-            if done:
-                break
-        else:
-            damping *= 10
-    return _Fit(fit.camera, fit.poses, cost)
+def _poses(lens: Camera, measurement: PixelMeasurement) -> SE3:
+    bearings, valid = lens.undistort(measurement.pixels)
+    weight = measurement.weight * valid * float(lens.focal[0])
+    chords = BearingMeasurement(measurement.points_in_target, np.where(valid[..., None], bearings, 0.0), weight)
+    found = view_poses(chords.points_in_target, chords.bearings_in_camera, measurement.seen & valid, chords)
+    return found.camera_from_target[:, 0]
 
 
-def _linearised(camera: Camera, poses: list[SE3], measurements: list[PixelMeasurement]) -> list[ViewInformation]:
-    return [m.linearise(p, camera, True) for m, p in zip(measurements, poses, strict=True)]
+def _refined(
+    start: _Lenses, measurements: Sequence[PixelMeasurement], iterations: int, mask: Callable[[int], Array]
+) -> Optima[_Lenses, _About]:
+    """The lenses and every view's pose at their optima; see `numerics.levenberg_marquardt`."""
+    kept = np.flatnonzero(mask(start.camera.distortion.shape[-1]))
+    return levenberg_marquardt(_Views(measurements, kept), start, Stop(iterations, sigmas=_SETTLED))
 
 
-def _cost(views: list[ViewInformation]) -> float:
-    return float(sum(v.cost.sum() for v in views))
+@dataclass(frozen=True, eq=False)
+class _About:
+    """The terms of lenses that are free, (k,), to second order, with the views' poses eliminated.
+
+    Attributes:
+        cost: (b,).
+        gradient: (b, k).
+        hessian: (b, k, k).
+        back: By target, (b, n, 6, k + 1): the poses' steps are minus its last column, and minus the others times those
+            of the lens.
+    """
+
+    cost: Array
+    gradient: Array
+    hessian: Array
+    back: tuple[Array, ...]
 
 
-def _step(views: list[ViewInformation], kept: NDArray[np.intp], damping: float) -> tuple[Array, list[Array]]:
-    width = views[0].gradient.shape[-1] - 6
-    hessian, gradient = np.zeros((width, width)), np.zeros(width)
-    solved = []
-    for view in views:
-        pose = view.information[:, :6, :6]
-        pose = pose * (1 + damping * np.eye(6)) + 1e-9 * np.eye(6)
-        mixed = view.information[:, :6, 6:]
-        back = np.linalg.solve(pose, np.concatenate([mixed, view.gradient[:, :6, None]], -1))
-        solved.append(back)
-        hessian += (view.information[:, 6:, 6:] - np.swapaxes(mixed, -1, -2) @ back[..., :-1]).sum(0)
-        gradient += (view.gradient[:, 6:] - (np.swapaxes(mixed, -1, -2) @ back[..., -1:])[..., 0]).sum(0)
-    lens = np.zeros(width)
-    reduced = hessian[np.ix_(kept, kept)]
-    reduced = reduced + np.diag(damping * np.diag(reduced) + 1e-12)
-    lens[kept] = -np.linalg.solve(reduced, gradient[kept])
-    return lens, [-(back[..., -1] + back[..., :-1] @ lens) for back in solved]
+@dataclass(frozen=True, eq=False)
+class _Views:
+    """Views of boards, and which terms of the lens are free, as Levenberg-Marquardt knows them; see `System`."""
+
+    measurements: Sequence[PixelMeasurement]
+    kept: NDArray[np.intp]
+
+    def linearise(self, state: _Lenses) -> _About:
+        """See `System`."""
+        views = [m.linearise(p, state.camera, True) for m, p in zip(self.measurements, state.poses, strict=True)]
+        columns, b, k = 6 + self.kept, len(state.camera.parameters), len(self.kept)
+        gradient, hessian, back = np.zeros((b, k)), np.zeros((b, k, k)), []
+        for view in views:
+            mixed = view.information[..., :6, columns]
+            right = np.concatenate([mixed, view.gradient[..., :6, None]], -1)
+            back.append(np.linalg.solve(view.information[..., :6, :6] + _RIDGE * np.eye(6), right))
+            carried = np.swapaxes(mixed, -1, -2) @ back[-1]
+            hessian += (view.information[..., columns[:, None], columns] - carried[..., :-1]).sum(1)
+            gradient += (view.gradient[..., columns] - carried[..., -1]).sum(1)
+        return _About(np.sum([view.cost.sum(-1) for view in views], axis=0), gradient, hessian, tuple(back))
+
+    def retract(self, state: _Lenses, about: _About, step: Array) -> _Lenses:
+        """See `System`."""
+        of_lens = np.zeros(state.camera.parameters.shape)
+        of_lens[:, self.kept] = step
+        steps = [-(back[..., -1] + (back[..., :-1] @ step[:, None, :, None])[..., 0]) for back in about.back]
+        poses = tuple(pose @ SE3.exp(each) for pose, each in zip(state.poses, steps, strict=True))
+        return _Lenses(retract_lens(state.camera, of_lens), poses)
+
+    def take(self, rows: IntArray) -> _Views:
+        """See `System`; all lenses are tried on the same views."""
+        return self
