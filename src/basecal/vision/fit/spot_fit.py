@@ -7,17 +7,19 @@ fit leaves over. The spot is summed over each pixel's square, which is a product
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg.lapack import dposv
 from scipy.special import ndtr
 
-from basecal.geometry import Array, BoolArray
+from basecal.geometry import Array, BoolArray, IntArray
+from basecal.numerics.levenberg_marquardt import Quadratic, Stop, levenberg_marquardt
 
 _QUANTUM = 1 / 12
-_DAMPED_ROUNDS = 12
-_NEAR_PX = 0.03
+_ROUGH_ROUNDS = 12  # twice what starts a pixel off need
+_NEAR_SIGMAS = 1.0  # what may be left to the weighted rounds, which end within 1e-6 px from there
 _WEIGHTED_ROUNDS = 3
 _DENSITY = 1 / math.sqrt(2 * math.pi)
 _EYE = np.eye(6)
@@ -56,7 +58,9 @@ def fit_spot(levels: Array, usable: BoolArray, start: tuple[float, float, float]
     weights = usable.ravel().astype(np.float64)
     if weights.sum() < 2 * len(q):
         return None
-    q, at = _rough(q, levels, weights)
+    near = Stop(_ROUGH_ROUNDS, max(float(weights.sum()) - len(q), 1.0), sigmas=_NEAR_SIGMAS)
+    q = levenberg_marquardt(_Piece(levels, weights), q[None], near).state[0]
+    at = _linearised(q, levels)
     covariance = _inverse((at.jacobian * weights) @ at.jacobian.T)
     for _ in range(_WEIGHTED_ROUNDS):
         if covariance is None:
@@ -90,22 +94,27 @@ def _inverse(matrix: Array) -> Array | None:
     return None if failed else np.asarray(inverse)
 
 
-def _rough(q: Array, levels: Array, weights: Array) -> tuple[Array, _At]:
-    """Near the least squares with equal weights, by damped Gauss-Newton steps."""
-    damping, at = 1e-2, _linearised(q, levels)
-    for _ in range(_DAMPED_ROUNDS):
-        weighted = at.jacobian * weights
-        normal = weighted @ at.jacobian.T
-        normal.flat[::7] *= 1 + damping
-        _, step, failed = dposv(normal, weighted @ at.residuals)
-        there = _linearised(q + step, levels)
-        if not failed and weights @ there.residuals**2 < weights @ at.residuals**2:
-            q, at, damping = q + step, there, damping / 10
-        else:
-            damping *= 10
-        if np.abs(step[:4]).max() < _NEAR_PX:
-            break
-    return q, at
+@dataclass(frozen=True, eq=False)
+class _Piece:
+    """A piece whose usable pixels weigh alike, a batch of one, as Levenberg-Marquardt knows it; see `System`."""
+
+    levels: Array
+    weights: Array
+
+    def linearise(self, q: Array) -> Quadratic:
+        """See `System`."""
+        at = _linearised(q[0], self.levels)
+        weighted = at.jacobian * self.weights
+        cost = self.weights @ at.residuals**2
+        return Quadratic(cost[None], -(weighted @ at.residuals)[None], (weighted @ at.jacobian.T)[None])
+
+    def retract(self, q: Array, about: Quadratic, step: Array) -> Array:
+        """See `System`."""
+        return q + step
+
+    def take(self, rows: IntArray) -> _Piece:
+        """See `System`."""
+        return self
 
 
 def _linearised(q: Array, levels: Array) -> _At:
