@@ -39,7 +39,7 @@ def short(measure: Callable[[], list[Figure]]) -> list[Figure]:
 
 
 def test_two_ur5e() -> None:
-    """Nothing known but the board: the base is within 10 mm and 0.3 deg of the published one, at 0.52 px."""
+    """Nothing known but the board: the base is within 10 mm and 0.4 deg of the published one, at 0.52 px."""
     assert short(ur5e) == []
 
 

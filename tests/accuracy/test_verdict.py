@@ -115,14 +115,15 @@ def test_a_bumped_arm_is_named():
     assert "12" in finding.about
 
 
-def test_sigmas_contradicted_by_the_residuals_are_scaled_up():
-    """Pixels four times noisier than stated: doubtful, and sigmas are those of the true noise within 10 %."""
+def test_sigmas_contradicted_by_the_residuals_are_told():
+    """Pixels four times noisier than stated: a poor fit, doubtful, and no sigma below those of the true noise."""
     s = simulate(Scenario(pixel_px=0.8), seed=0)
     told = calibrate(replace(s.cell, pixel_px=0.2), s.recording)
     true = calibrate(s.cell, s.recording)
     assert told.verdict == "doubtful"
     name = "eye_base_from_hand_base"
-    np.testing.assert_allclose(told[name].sigma_t, true[name].sigma_t, rtol=0.1)
+    assert "poor-fit" in codes(told)
+    assert np.all(told[name].sigma_t > 0.9 * true[name].sigma_t)
 
 
 def test_loops_are_those_of_the_recorded_poses():
@@ -159,13 +160,11 @@ def test_noise_that_no_arm_has_is_a_poor_fit():
     assert "poor-fit" in codes(calibration)
 
 
-def test_noise_of_robots_is_not_estimated_unasked_from_few_stops():
-    """Eleven stops: the robots are taken for exact and it is said; asked for, their noise is estimated all the same."""
+def test_few_stops_hardly_tell_noise_of_robots_and_that_is_said():
+    """Eleven stops: the robots are not taken for exact, and it is said that their noise is a guess in part."""
     s = simulate(Scenario(robot_noise=(3e-4, 5e-4), state_robot_noise=False, samples=11), seed=0)
     found = calibrate(s.cell, s.recording)
-    assert found.noise["robots"] == {}
+    assert set(found.noise["robots"]) == {"eye", "hand"}
     (told,) = [f for f in found.findings if f.code == "noise-not-identifiable"]
     assert told.about == ("eye", "hand")
     assert "eye made 11 stops" in told.message
-    asked = calibrate(s.cell, s.recording, Settings(robot_noise="estimated"))
-    assert set(asked.noise["robots"]) == {"eye", "hand"}

@@ -12,8 +12,8 @@ from scipy.stats import chi2
 from basecal.cell.cell import Status
 from basecal.cell.targets.points import points_target
 from basecal.estimation.least_squares.normal_equations import linearise
+from basecal.estimation.noise.estimate import degrees_of_freedom
 from basecal.estimation.noise.robot_noise import with_robot_noise
-from basecal.estimation.noise.satterthwaite import freedoms_of
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.settings import RobotNoise, Settings
@@ -138,7 +138,9 @@ def error_of(scenario: Scenario, seed: int, robot_noise: RobotNoise | None = Non
     xi = (estimate.mean.inverse() @ made.truth[BASE]).log()
     seen = BASE not in found.observability.unobservable
     bound = bound_of(scenario, made, problem)
-    freedoms = freedoms_of(found.problem, found.state, found.noise, BASE)
+    # Sigmas that are integrated over are in the covariance; one common factor makes it that of an F.
+    factor = found.noise.covariance is None and found.noise.estimated
+    freedoms = float(degrees_of_freedom(found.problem)) if factor else float("inf")
     sigma = next(iter(found.noise.robots.values()), None)
     return Error(
         float(xi @ np.linalg.solve(estimate.covariance, xi)) if seen else float("nan"),

@@ -13,7 +13,6 @@ from basecal.accuracy.certify import certified
 from basecal.accuracy.cross_validation.robot_model_selection import RobotModelChoice, choose_robot_model
 from basecal.accuracy.cross_validation.validation import cross_validate
 from basecal.accuracy.findings.evidence import Evidence, Input
-from basecal.accuracy.findings.noise_not_identifiable import robots_with_few_stops
 from basecal.accuracy.findings.registry import ANSWER_CHECKS, INPUT_CHECKS
 from basecal.accuracy.input_check.conventions import check_conventions
 from basecal.accuracy.phrases.null_space import describe_null_space
@@ -22,12 +21,12 @@ from basecal.accuracy.residuals.fit import residuals
 from basecal.accuracy.robot_parameters import deflection, joint_offsets, link_parameters
 from basecal.cell import Calibration, Cell, Finding, Recording, Residuals
 from basecal.cell.calibration import Verdict
-from basecal.estimation.noise.robot_noise import with_robot_noise
+from basecal.estimation.outliers.noise_and_outliers import is_as_of_arms, solve_with_noise, with_noise
 from basecal.estimation.outliers.robust_solve import RobustSolution, solve_robustly
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem
 from basecal.estimation.settings import DEFAULT, Settings
-from basecal.estimation.solve import Solution, solve_from, solve_packed
+from basecal.estimation.solve import Solution, solve_packed
 
 
 def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) -> Calibration:
@@ -55,35 +54,21 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
         return calibrate_axis_shift(cell, problem, settings, findings)
     stated = replace(settings, robot_noise="stated")
     plain = solve_packed(problem, cell, stated)
+    noisy = None if settings.robot_noise == "stated" else with_noise(plain, settings)
     with settings.stage("conventions"):
-        misread = check_conventions(cell, recording, problem, plain, stated)
+        explained = noisy is not None and is_as_of_arms(noisy)
+        misread = check_conventions(cell, recording, problem, plain, stated, explained)
     findings += misread
     if verdict_of(misread) == "refused":
         return _refused(plain, settings, findings)
-    with settings.stage("outliers"):
-        robust = solve_robustly(problem, cell, stated, plain)
+    if noisy is None:
+        with settings.stage("outliers"):
+            robust = solve_robustly(problem, cell, stated, plain)
+    else:
+        robust = solve_with_noise(cell, settings, plain, noisy)
     with settings.stage("robot model"):
         model = choose_robot_model(robust.solution, stated)
-    few = settings.robot_noise is None and robots_with_few_stops(problem)
-    if settings.robot_noise != "stated" and not few and not robust.solution.observability.unobservable:
-        robust = _with_robots_noise(robust, problem, cell, settings)
     return _judged(cell, problem, robust, model, settings, findings)
-
-
-def _with_robots_noise(robust: RobustSolution, problem: Problem, cell: Cell, settings: Settings) -> RobustSolution:
-    """The same with noise of the robots that state none, where the data call for it.
-
-    Outliers are then judged anew: what was far off for exact robots may be within the noise of these.
-    """
-    estimated = replace(settings, robot_noise="estimated")
-    first = solve_from(robust.solution.problem, robust.solution.state, estimated, robust.solution.findings)
-    if not first.noise.robots:
-        return replace(robust, solution=replace(first, disputed=robust.solution.disputed))
-    stated = replace(settings, robot_noise="stated")
-    with settings.stage("outliers"):
-        again = solve_robustly(with_robot_noise(problem, first.noise.robots), cell, stated)
-    noise = replace(again.solution.noise, robots=first.noise.robots)
-    return replace(again, solution=replace(again.solution, noise=noise, findings=first.findings))
 
 
 def _judged(

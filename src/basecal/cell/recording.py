@@ -27,6 +27,7 @@ class PixelObservation:
         ids: (n,) which points.
         pixels: (n, 2) [px], the centre of the top-left pixel is (0, 0).
         sigma_px: (n,) per coordinate [px]; None where not stated.
+        detected: Whether `sigma_px` is a detector's own, which weighs points against one another and states nothing.
     """
 
     camera: str
@@ -34,16 +35,18 @@ class PixelObservation:
     ids: IntArray
     pixels: Array
     sigma_px: Array | None = None
+    detected: bool = False
 
 
 @dataclass(frozen=True, eq=False)
 class CandidateObservation:
-    """Bright spots of which at most one is the light: `pixels` (n, 2) [px], `sigma_px` (n,) or None."""
+    """Bright spots of which at most one is the light: `pixels` (n, 2) [px], `sigma_px` (n,) or None, and `detected`."""
 
     camera: str
     target: str
     pixels: Array
     sigma_px: Array | None = None
+    detected: bool = False
 
 
 @dataclass(frozen=True, eq=False)

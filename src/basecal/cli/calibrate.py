@@ -23,7 +23,7 @@ def calibrate(
     task_point: tuple[float, float, float] | None = None,
     station_choice: Literal["nearest", "weighted"] = "nearest",
     certify: bool = False,
-    robot_noise: Literal["auto", "estimated", "stated"] = "auto",
+    robot_noise: Literal["estimated", "stated"] = "estimated",
     json: bool = False,
     verbose: bool = False,
 ) -> int:
@@ -48,8 +48,7 @@ def calibrate(
         task_point: Where the axis-shift method should fit best, x y z [m] in the eye robot's base.
         station_choice: With a task point, its nearest station, or all of them weighted by distance.
         certify: Prove that no other answer fits better, or say why that cannot be proven.
-        robot_noise: Whether noise of robots that state none is estimated where the data call for it: auto
-            does so from 12 stops of a robot on.
+        robot_noise: Whether noise of robots that state none is estimated, or these robots are taken for exact.
         json: Print calibration.json instead of the report.
         verbose: Tell how long each stage took, on stderr.
     """
@@ -57,14 +56,13 @@ def calibrate(
     from basecal.estimation.settings import Settings
 
     described = read_cell(cell)
-    noise = None if robot_noise == "auto" else robot_noise
     settings = Settings(
         method=method,
         start=start,
         task_point=task_point,
         station_choice=station_choice,
         certify=certify,
-        robot_noise=noise,
+        robot_noise=robot_noise,
     )
     calibration = calibrate_folder(cell, described, settings, verbose)
     if json:

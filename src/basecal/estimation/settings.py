@@ -25,8 +25,8 @@ class Settings:
             cell's means and guesses) or `axis-shift` (the paper's closed form).
         task_point: (x, y, z) [m] in the eye robot's base where the axis-shift method should fit best; None for a mean
             of all stations.
-        robot_noise: `stated` (only where a robot states it) or `estimated` too, where the data call for it; None for
-            `stated` by `solve`, and by `calibrate` for `estimated` where robots made enough stops for it.
+        robot_noise: `stated` (robots that state none are exact) or `estimated` where none is stated, together with all
+            other noise; None for `stated` by `solve`, and for `estimated` by `calibrate`.
         station_choice: With a task point: the `nearest` station, or all of them `weighted` by distance.
         certify: Prove that no other state fits better, or say why that cannot be proven.
         stages: Where the time of each stage is counted; no part of what is asked.

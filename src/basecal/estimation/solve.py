@@ -11,7 +11,7 @@ from basecal.errors import InputError
 from basecal.estimation.axis_shift.stations import find_stations, fused
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.noise.estimate import NoiseEstimate, degrees_of_freedom, estimate_noise, residual_counts
-from basecal.estimation.noise.model_selection import estimate_robot_noise
+from basecal.estimation.noise.joint_estimate import estimate_jointly
 from basecal.estimation.observability.observability import Observability, observability_of
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.correspondence import choose_correspondence
@@ -118,16 +118,20 @@ def solve_from(
 ) -> Solution:
     """Maximum likelihood and covariance downhill of a start."""
     dof = degrees_of_freedom(problem)
-    with settings.stage("descent"):
-        end = bundle_adjust(problem, start, dof, settings.iterations)
-    with settings.stage("noise"):
-        problem, end, noise = estimate_noise(problem, end, settings.iterations)
-        if settings.robot_noise == "estimated":
-            problem, end, noise, told = estimate_robot_noise(problem, end, noise, settings.iterations)
-            findings = (*findings, *told)
+    if settings.robot_noise == "estimated":
+        with settings.stage("noise"):
+            problem, end, noise = estimate_jointly(problem, start, settings.iterations)
+    else:
+        with settings.stage("descent"):
+            end = bundle_adjust(problem, start, dof, settings.iterations)
+        with settings.stage("noise"):
+            problem, end, noise = estimate_noise(problem, end, settings.iterations)
     with settings.stage("observability"):
         seen = observability_of(problem, end.state, end.normal.hessian, noise.factor)
     covariance = seen.inverse * min(noise.factor, _LARGEST_FACTOR)
+    if noise.covariance is not None:
+        onto_seen = seen.inverse @ end.normal.hessian
+        covariance = onto_seen @ noise.covariance @ onto_seen.T
     return Solution(problem, end.state, covariance, seen, noise, end.cost, dof, end.converged, findings)
 
 

@@ -57,6 +57,12 @@ class Camera:
         """Distortion terms in the order of the model, (..., k)."""
         return self.parameters[..., 4:]
 
+    @property
+    def term_sigmas(self) -> Array:
+        """How large the distortion terms of real lenses are, (k,): 1 sigma about zero, infinite where not known."""
+        sigmas, count = self._lens.TERM_SIGMAS, self.distortion.shape[-1]
+        return np.array(sigmas[:count]) if count <= len(sigmas) else np.full(count, np.inf)
+
     def __getitem__(self, index: Any) -> Camera:
         """Lenses of the batch."""
         return self.with_parameters(self.parameters[index])

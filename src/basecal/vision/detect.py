@@ -136,8 +136,8 @@ def _detection(
 
 def _observation(camera: str, target: str, detection: Detection) -> Observation:
     if detection.ids is None:
-        return CandidateObservation(camera, target, detection.pixels, detection.sigma_px)
-    return PixelObservation(camera, target, detection.ids, detection.pixels, detection.sigma_px)
+        return CandidateObservation(camera, target, detection.pixels, detection.sigma_px, detected=True)
+    return PixelObservation(camera, target, detection.ids, detection.pixels, detection.sigma_px, detected=True)
 
 
 def _unusable(sample: Sample, camera: str, path: str, reason: str) -> Finding:

@@ -22,11 +22,11 @@ def test_two_to_eleven_stops_are_few(stops, few):
 
 
 def test_robots_are_named_with_their_stops(evidence):
-    """Where nothing was asked about noise; what the solver found follows."""
+    """Where their noise is estimated; what the solver found follows."""
     made = evidence({"findings": ("of the solver",)}, recorded=recorded(5))
     few, other = noise_not_identifiable(made)
     assert (few.severity, few.about, other) == ("info", ("eye",), "of the solver")
     assert few.message.startswith("eye made 5 stops, too few to estimate noise")
-    made.settings = SimpleNamespace(robot_noise="estimated")
+    made.settings = SimpleNamespace(robot_noise="stated")
     assert noise_not_identifiable(made) == ["of the solver"]
     assert noise_not_identifiable(evidence(recorded=recorded(5, unstated=()))) == []

@@ -7,25 +7,39 @@ from basecal.cell import Finding
 from basecal.estimation.noise.robot_noise import stops_made
 from basecal.estimation.problem.problem import Problem
 
-FEWEST_STOPS = 12  # estimated sigmas scatter by a quarter from 15 boards (benchmarks.consistency), hardly count below
+FEWEST_STOPS = 12  # estimated sigmas scatter by a quarter from 15 boards (benchmarks.consistency), by more below
 
 
 def robots_with_few_stops(problem: Problem) -> dict[str, int]:
-    """Stops of each robot that states no noise and moved, but too seldom to estimate it."""
+    """Stops of each robot that states no noise and moved, but too seldom to tell it."""
     counts = {name: stops_made(problem, name) for name in sorted(problem.unstated)}
     return {name: count for name, count in counts.items() if 1 < count < FEWEST_STOPS}
 
 
+def robots_with_one_stop(problem: Problem) -> list[str]:
+    """Robots that state no noise and never moved."""
+    return [name for name in sorted(problem.unstated) if stops_made(problem, name) == 1]
+
+
 def noise_not_identifiable(of: Evidence) -> list[Finding]:
-    """Infos about robots whose noise was not estimated, or is one with something else."""
-    few = robots_with_few_stops(of.recorded) if of.settings.robot_noise is None else {}
-    return [*([_few_stops(few)] if few else []), *of.solution.findings]
+    """Infos about robots whose noise the recording hardly tells."""
+    few = robots_with_few_stops(of.recorded) if of.settings.robot_noise != "stated" else {}
+    single = robots_with_one_stop(of.recorded) if of.settings.robot_noise != "stated" else []
+    return [*([_few_stops(few)] if few else []), *map(_single_stop, single), *of.solution.findings]
 
 
 def _few_stops(few: dict[str, int]) -> Finding:
     made = " and ".join(f"{name} made {count} stops" for name, count in few.items())
     message = (
-        f"{made}, too few to estimate noise that is not stated: the robots are taken for exact; state their noise, "
-        f"record at least {FEWEST_STOPS} stops, or estimate it all the same (`--robot-noise estimated`)"
+        f"{made}, too few to estimate noise that is not stated by them alone: what arms have in general tells it as "
+        f"much, and the covariance is the wider for it; state their noise, or record at least {FEWEST_STOPS} stops"
     )
     return Finding("noise-not-identifiable", "info", tuple(few), message)
+
+
+def _single_stop(robot: str) -> Finding:
+    message = (
+        f"{robot} made a single stop, where an error of its recorded pose shows in no residual; it is taken to be as "
+        "noisy as the others, or as arms in general: state its noise, or move it"
+    )
+    return Finding("noise-not-identifiable", "info", (robot,), message)

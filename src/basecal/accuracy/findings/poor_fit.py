@@ -19,7 +19,8 @@ def poor_fit(of: Evidence) -> list[Finding]:
     solution, rms_px = of.solution, of.residuals.rms_px
     birge_ratio = float(np.sqrt(solution.cost / max(solution.dof, 1)))
     if not solution.noise.estimated and birge_ratio > CONTRADICTED:
-        message = f"residuals are {birge_ratio:.1f} times what the stated sigmas explain; sigmas are scaled up by it"
+        scaled = "" if solution.noise.robots else "; sigmas are scaled up by it"
+        message = f"residuals are {birge_ratio:.1f} times what the stated sigmas explain{scaled}"
     elif "pixel_px" in solution.noise.estimated and rms_px is not None and rms_px > _DETECTOR_PX:
         message = f"residuals are {rms_px:.1f} px rms, more than any detector's noise: something in the input is wrong"
     elif (worst := _beyond_an_arm(solution)) is not None:

@@ -31,7 +31,7 @@ from basecal.errors import BasecalError
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
 from basecal.estimation.settings import Settings
-from basecal.estimation.solve import Solution
+from basecal.estimation.solve import Solution, solve_from
 from basecal.estimation.start.lens import lens_from_views
 from basecal.estimation.start.pair_views import PairViews
 from basecal.estimation.view.pixels import PixelMeasurement
@@ -42,6 +42,7 @@ _SOLVED = 40  # samples of a fit in earnest: enough to tell hypotheses apart; bo
 _LIGHTS_SCREENED = 14  # views of a light, each two equations: twice as many as there are unknowns
 _FEWEST = 5  # samples, of which three folds leave three to fit
 _MARGIN = 1.25  # equations over unknowns without the largest fold
+_CERTAIN = 100.0  # twice the log ratio of likelihoods: true sizes gain up to 40 where arms have errors of their own
 _ALIKE = 1.1  # cross-validation errors that differ by less are alike: that of 40 samples is known to a tenth
 _FAR_WORSE = 2.0  # ratio of such errors that no choice of samples makes
 # A wider model takes up some of the errors of arms and lenses: below this it is no mix-up that it found.
@@ -70,7 +71,7 @@ class _Tried:
 
 
 def check_conventions(
-    cell: Cell, recording: Recording, problem: Problem, solution: Solution, settings: Settings
+    cell: Cell, recording: Recording, problem: Problem, solution: Solution, settings: Settings, explained: bool = False
 ) -> tuple[Finding, ...]:
     """Findings about conventions that the input seems to break, or that it leaves open.
 
@@ -80,6 +81,7 @@ def check_conventions(
         problem: What was packed of both.
         solution: What they gave.
         settings: How they were solved.
+        explained: Whether noise such as arms have explains what robots taken for exact leave over.
 
     Returns:
         An error for each hypothesis that explains the data better than the declared one, or as well where the declared
@@ -96,7 +98,7 @@ def check_conventions(
         return ()
     # A guess or the axis-shift start belongs to the declared hypothesis alone.
     tried = _tried(cell, recording, problem, declared, replace(settings, start="closed"))
-    return _decided(cell, declared, tried)
+    return _decided(cell, declared, tried, explained)
 
 
 def _can_hold_out(problem: Problem) -> bool:
@@ -250,12 +252,12 @@ def _better(fit: HypothesisFit, other: HypothesisFit, times: float = _ALIKE) -> 
     return _alike(fit, other) and (times * fit.core < other.core or times * fit.whole < other.whole)
 
 
-def _decided(cell: Cell, declared: _Tried, tried: Sequence[_Tried]) -> tuple[Finding, ...]:
+def _decided(cell: Cell, declared: _Tried, tried: Sequence[_Tried], explained: bool = False) -> tuple[Finding, ...]:
     possible = [t for t in tried if not t.impossible and _is_observable(cell, t.fit) and plausible(t.fit)]
     winning = [t for t in possible if _wins(cell, t, declared)]
     if winning:
         best = min(winning, key=lambda t: t.fit.core * t.fit.whole)
-        return tuple(_named(t, declared) for t in winning if _alike(t.fit, best.fit))
+        return tuple(_named(t, declared, explained) for t in winning if _alike(t.fit, best.fit))
     if not plausible(declared.fit):
         return () if declared.fit.in_pixels else (_poor(declared),)
     if not _is_observable(cell, declared.fit):
@@ -296,17 +298,28 @@ def _step(fit: HypothesisFit, other: HypothesisFit, name: str) -> SE3:
     return fit.solution.state.transforms[name].inverse() @ other.solution.state.transforms[name]
 
 
-def _named(tried: _Tried, declared: _Tried) -> Finding:
+def _named(tried: _Tried, declared: _Tried, explained: bool) -> Finding:
     hypothesis = tried.hypothesis
     severity: Severity = "error"
-    if hypothesis.nested and plausible(declared.fit) and not _better(tried.fit, declared.fit, _FAR_WORSE):
-        severity = "warning"
+    if hypothesis.nested and (explained or plausible(declared.fit)):
+        certain = _beyond_noise(tried.fit, declared.fit) if explained else _better(tried.fit, declared.fit, _FAR_WORSE)
+        severity = "error" if certain else "warning"
     if _better(tried.fit, declared.fit):
         errors = f"{tried.fit.error_in_words()} instead of {declared.fit.error_in_words()}"
         why = f"so read, the cross-validation error is {errors}"
     else:
         why = f"as declared it fits as well, but {' and '.join(declared.impossible)} cannot be"
     return Finding(hypothesis.code, severity, hypothesis.about, f"{hypothesis.words}: {why}; {hypothesis.fix}")
+
+
+def _beyond_noise(fit: HypothesisFit, declared: HypothesisFit) -> bool:
+    """Whether noise that arms and cameras may have explains the data far worse as declared than by a fit."""
+    both = [f.solution for f in (fit, declared)]
+    if len({sum(map(len, s.problem.groups)) for s in both}) > 1:
+        return _better(fit, declared, _FAR_WORSE)
+    estimated = Settings(robot_noise="estimated")
+    first, second = (solve_from(s.problem, s.state, estimated).noise.surprise for s in both)
+    return second - first > _CERTAIN
 
 
 def _poor(declared: _Tried) -> Finding:

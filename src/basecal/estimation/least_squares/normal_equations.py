@@ -128,8 +128,11 @@ def retract(problem: Problem, state: State, normal: NormalEquations, step: Array
 
 
 def retract_lens(camera: Camera, step: Array) -> Camera:
-    """A lens after a step of its parameters, (..., 4 + k), the focal lengths at least a fifth of what they were."""
-    parameters = camera.parameters + step
+    """A lens after a step of its parameters, (..., 4 + k), the focal lengths at least a fifth of what they were.
+
+    Where a step is beyond numbers the lens stays: the rest of the state tells that the step is none.
+    """
+    parameters = np.where(np.isfinite(step), camera.parameters + step, camera.parameters)
     parameters[..., :2] = np.maximum(parameters[..., :2], 0.2 * camera.focal)
     return camera.with_parameters(parameters)
 
@@ -252,7 +255,20 @@ def prior_residuals(problem: Problem, state: State) -> list[tuple[Array, Array, 
             if lens.status == "prior" and lens.camera is not None and lens.sigma is not None:
                 error = state.cameras[name].parameters - lens.camera.parameters
                 out.append((error / lens.sigma, np.diag(1 / lens.sigma), where))
+            elif lens.status == "free":
+                out += _of_real_lenses(state.cameras[name], where)
     return out + _robot_residuals(problem, state)
+
+
+def _of_real_lenses(camera: Camera, where: slice) -> list[tuple[Array, Array, slice]]:
+    """What real lenses have of the terms of one of which nothing is stated, as priors of these terms."""
+    sigmas = camera.term_sigmas
+    held = np.flatnonzero(np.isfinite(sigmas))
+    if not len(held):
+        return []
+    jacobian = np.zeros((len(held), 4 + len(sigmas)))
+    jacobian[np.arange(len(held)), 4 + held] = 1 / sigmas[held]
+    return [(camera.distortion[..., held] / sigmas[held], jacobian, where)]
 
 
 def _robot_residuals(problem: Problem, state: State) -> list[tuple[Array, Array, slice]]:

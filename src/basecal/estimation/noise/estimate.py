@@ -9,12 +9,13 @@ docs/mathematics.md (5.1).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from basecal.estimation.least_squares.bundle_adjustment import Optimum, bundle_adjust
 from basecal.estimation.least_squares.normal_equations import NormalEquations, linearise
+from basecal.estimation.noise.robot_noise import with_robot_noise
 from basecal.estimation.problem.problem import Problem
 from basecal.estimation.view.measurement import Noise
 from basecal.geometry import Array
@@ -35,6 +36,10 @@ class NoiseEstimate:
         estimated: Fields of `noise` that were estimated.
         settled: Whether the estimation came to rest.
         robots: Estimated sigmas of robots that state none, (6,) [m, rad], by name.
+        cameras: Sigmas by camera; those of `noise` where none is named.
+        smooth: Sigmas of what is smooth in robots' poses, likewise, where the data make it likely.
+        covariance: (p, p) of all columns, the sigmas integrated over; None where it is the information's inverse.
+        surprise: Minus twice the log of the evidence, the sigmas integrated over, but for a constant.
     """
 
     noise: Noise
@@ -42,6 +47,15 @@ class NoiseEstimate:
     estimated: tuple[str, ...]
     settled: bool
     robots: Mapping[str, Array] = field(default_factory=dict)
+    cameras: Mapping[str, Noise] = field(default_factory=dict)
+    smooth: Mapping[str, Array] = field(default_factory=dict)
+    covariance: Array | None = None
+    surprise: float = 0.0
+
+    def held_by(self, problem: Problem) -> Problem:
+        """The problem with these sigmas, held."""
+        groups = (g.with_noise(self.cameras.get(g.camera, self.noise)) for g in problem.groups)
+        return replace(with_robot_noise(problem.with_groups(groups), self.robots), held=True)
 
 
 def residual_counts(problem: Problem) -> dict[str, int]:
@@ -68,6 +82,8 @@ def _statuses(problem: Problem) -> dict[str, str]:
 
 def estimate_noise(problem: Problem, end: Optimum, iterations: int) -> tuple[Problem, Optimum, NoiseEstimate]:
     """The problem and its optimum with sigmas for what states none, and these sigmas."""
+    if problem.held:
+        return problem, end, NoiseEstimate(Noise(), 1.0, (), True)
     counts = residual_counts(problem)
     fields = tuple(f for f in Noise._fields if counts.get(f))
     noise = Noise()

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from basecal.estimation.problem.problem import Problem, State, Stops, ViewGroup
-from basecal.geometry import Array, IntArray
+from basecal.geometry import SE3, Array, BoolArray, IntArray
 
 
 def stops_made(problem: Problem, robot: str) -> int:
@@ -16,6 +16,22 @@ def stops_made(problem: Problem, robot: str) -> int:
     stands = [g.eye_stand for g in problem.groups if g.eye == robot]
     stands += [g.hand_stand for g in problem.groups if g.hand == robot]
     return len(np.unique(np.concatenate(stands))) if stands else 0
+
+
+def stands(problem: Problem, robot: str) -> tuple[SE3, BoolArray]:
+    """Recorded poses of a robot's flange at each of its stops, by number, and at which something was seen, (stops,)."""
+    count = _highest_stand(problem, robot) + 1
+    rotation, translation = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
+    seen = np.zeros(count, dtype=bool)
+    for group in problem.groups:
+        for name, stand, poses in (
+            (group.eye, group.eye_stand, group.eye_base_from_eye_flange),
+            (group.hand, group.hand_stand, group.hand_base_from_hand_flange),
+        ):
+            if name == robot:
+                rotation[stand], translation[stand] = poses.rotation, poses.translation
+                seen[stand] = True
+    return SE3(rotation, translation), seen
 
 
 def with_robot_noise(problem: Problem, sigmas: Mapping[str, Array]) -> Problem:

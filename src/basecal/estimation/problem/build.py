@@ -281,7 +281,7 @@ def _as_pixels(observation: PixelObservation | CandidateObservation, which: int 
         return observation
     o, k = observation, which if which < len(observation.pixels) else 0
     sigma = None if o.sigma_px is None else o.sigma_px[k : k + 1]
-    return PixelObservation(o.camera, o.target, np.zeros(1, dtype=np.int64), o.pixels[k : k + 1], sigma)
+    return PixelObservation(o.camera, o.target, np.zeros(1, dtype=np.int64), o.pixels[k : k + 1], sigma, o.detected)
 
 
 def _readings(
@@ -330,9 +330,22 @@ def _pixel_measurement(
     target: Target, observations: list[PixelObservation], pixel_px: float | None
 ) -> PixelMeasurement:
     default = 0.0 if pixel_px is None else 1 / pixel_px
-    inverse = [np.full(len(o.ids), default) if o.sigma_px is None else 1 / o.sigma_px for o in observations]
-    values = _scatter(target, [o.ids for o in observations], [o.pixels for o in observations], inverse)
-    return PixelMeasurement(target.points, *values, weight=values[2]).with_noise(Noise())
+    relative = _relative_precision(observations)
+    inverse = [
+        default * share if o.sigma_px is None or o.detected else 1 / o.sigma_px
+        for o, share in zip(observations, relative, strict=True)
+    ]
+    ids, pixels = [o.ids for o in observations], [o.pixels for o in observations]
+    values = _scatter(target, ids, pixels, inverse)
+    shares = _scatter(target, ids, pixels, relative)[2] if any(o.detected for o in observations) else None
+    return PixelMeasurement(target.points, *values, weight=values[2], relative=shares).with_noise(Noise())
+
+
+def _relative_precision(observations: list[PixelObservation]) -> list[Array]:
+    """1 / sigma of each point as its detector has it, over that of the median point; 1 where none has it."""
+    sigmas = [o.sigma_px for o in observations if o.detected and o.sigma_px is not None]
+    middle = float(np.median(np.concatenate(sigmas))) if sigmas else 1.0
+    return [middle / o.sigma_px if o.detected and o.sigma_px is not None else np.ones(len(o.ids)) for o in observations]
 
 
 def _point_measurement(target: Target, observations: list[PointObservation]) -> Measurement:

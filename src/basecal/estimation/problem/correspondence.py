@@ -36,6 +36,7 @@ def half_turned(measurement: PixelMeasurement) -> PixelMeasurement:
         seen=measurement.seen[:, backwards],
         stated=measurement.stated[:, backwards],
         weight=measurement.weight[:, backwards],
+        relative=None if measurement.relative is None else measurement.relative[:, backwards],
     )
 
 
@@ -68,11 +69,13 @@ def _selected(readings: tuple[PixelMeasurement, ...], best: IntArray) -> PixelMe
     chosen = readings[0]
     for k, reading in enumerate(readings[1:], start=1):
         take = (best == k)[..., None]
+        both = None if chosen.relative is None or reading.relative is None else (reading.relative, chosen.relative)
         chosen = replace(
             chosen,
             pixels=np.where(take[..., None], reading.pixels, chosen.pixels),
             seen=np.where(take, reading.seen, chosen.seen),
             stated=np.where(take, reading.stated, chosen.stated),
             weight=np.where(take, reading.weight, chosen.weight),
+            relative=None if both is None else np.where(take, *both),
         )
     return chosen

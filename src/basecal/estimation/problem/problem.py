@@ -136,6 +136,7 @@ class Problem:
         models: What is estimated of the robots' own kinematics, by robot.
         chains: Kinematics as stated of the robots that have some, by robot.
         unstated: Names of the robots that state no noise.
+        held: Whether sigmas that nobody stated are held at what they are.
     """
 
     reference: str
@@ -148,6 +149,7 @@ class Problem:
     unstated: frozenset[str] = frozenset()
     models: Mapping[str, RobotModel] = field(default_factory=dict)
     chains: Mapping[str, SerialChain] = field(default_factory=dict)
+    held: bool = False
 
     @property
     def width(self) -> int:
@@ -155,8 +157,8 @@ class Problem:
         return max((c.stop for c in self.columns.values()), default=0)
 
     def with_noise(self, noise: Noise) -> Problem:
-        """The same with sigmas for what states none."""
-        return self.with_groups(g.with_noise(noise) for g in self.groups)
+        """The same with sigmas for what states none, unless these are held."""
+        return self if self.held else self.with_groups(g.with_noise(noise) for g in self.groups)
 
     def with_groups(self, groups: Iterable[ViewGroup]) -> Problem:
         """The same unknowns with other views."""

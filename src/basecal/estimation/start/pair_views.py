@@ -8,6 +8,7 @@ import numpy as np
 
 from basecal.estimation.problem.problem import ViewGroup
 from basecal.estimation.start.closed_form import Loop
+from basecal.estimation.start.half_turns import turned_views
 from basecal.estimation.view.bearings import BearingMeasurement
 from basecal.estimation.view.measurement import Measurement
 from basecal.estimation.view.pixels import PixelMeasurement
@@ -87,14 +88,12 @@ def _of_pixels(group: ViewGroup, measurement: PixelMeasurement, camera: Camera, 
 
 
 def _with_half_turns(sight: PairViews, target_from_turned: SE3) -> PairViews:
-    """Every view read from the end that turns it least against the first; the other end's poses stay candidates."""
+    """Every view read from the end that its robots' motions agree with; the other end's poses stay candidates."""
     assert sight.candidates is not None
     measurement = sight.group.measurement
     assert isinstance(measurement, BearingMeasurement)
     other = sight.candidates @ target_from_turned
-    best = sight.candidates.rotation[:, 0]
-    alike = np.einsum("nij,ij->n", best, best[0])
-    flip = np.einsum("nij,ij->n", other.rotation[:, 0], best[0]) > alike
+    flip = turned_views(sight.group, sight.candidates.rotation[:, 0], other.rotation[:, 0])
     bearings = np.where(flip[:, None, None], measurement.bearings_in_camera[:, ::-1], measurement.bearings_in_camera)
     weight = np.where(flip[:, None], measurement.weight[:, ::-1], measurement.weight)
     group = replace(sight.group, measurement=replace(measurement, bearings_in_camera=bearings, weight=weight))

@@ -35,6 +35,7 @@ class PixelMeasurement:
         stated: (n, p) 1 / sigma where a sigma was stated, else 0 [1/px].
         weight: (n, p) 1 / sigma in use, 0 where not seen [1/px].
         common_px: Sigma of an error that all points of a view have in common, per coordinate [px].
+        relative: (n, p) 1 / sigma of points without a stated one over that of `Noise.pixel_px`; None for 1 everywhere.
     """
 
     points_in_target: Array = field(metadata=SHARED)
@@ -43,6 +44,7 @@ class PixelMeasurement:
     stated: Array
     weight: Array
     common_px: float = 0.0
+    relative: Array | None = None
 
     def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
         """See `Measurement`; the cost is infinite where a seen point lies behind the camera.
@@ -122,17 +124,24 @@ class PixelMeasurement:
         """The same views of at most `most` of the points, evenly chosen."""
         rows = slice(None, None, -(-len(self.points_in_target) // most))
         of_points = {name: getattr(self, name)[:, rows] for name in ("pixels", "seen", "stated", "weight")}
-        return replace(self, points_in_target=self.points_in_target[rows], **of_points)
+        relative = None if self.relative is None else self.relative[:, rows]
+        return replace(self, points_in_target=self.points_in_target[rows], relative=relative, **of_points)
 
     def with_noise(self, noise: Noise) -> PixelMeasurement:
         """See `Measurement`."""
         unstated = self.seen & (self.stated == 0)
-        return replace(self, weight=self.stated + unstated / noise.pixel_px)
+        relative = 1.0 if self.relative is None else self.relative
+        return replace(self, weight=self.stated + unstated * relative / noise.pixel_px)
 
     def take(self, views: Rows) -> PixelMeasurement:
         """See `Measurement`."""
         return replace(
-            self, pixels=self.pixels[views], seen=self.seen[views], stated=self.stated[views], weight=self.weight[views]
+            self,
+            pixels=self.pixels[views],
+            seen=self.seen[views],
+            stated=self.stated[views],
+            weight=self.weight[views],
+            relative=None if self.relative is None else self.relative[views],
         )
 
     def of_batch(self, rows: Rows) -> PixelMeasurement:
@@ -143,7 +152,8 @@ class PixelMeasurement:
             of_batch_rows(self.stated, rows, 2),
             of_batch_rows(self.weight, rows, 2),
         )
-        return replace(self, pixels=pixels, seen=seen, stated=stated, weight=weight)
+        relative = None if self.relative is None else of_batch_rows(self.relative, rows, 2)
+        return replace(self, pixels=pixels, seen=seen, stated=stated, weight=weight, relative=relative)
 
     def equations(self) -> IntArray:
         """See `Measurement`."""

@@ -8,6 +8,7 @@ docs/mathematics.md (2.3), (2.4), (2.6).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -19,6 +20,8 @@ from basecal.geometry.lens import BoolArray, Image, Number, any_nonzero, first_r
 MODEL = "pinhole"
 TERM_NAMES: tuple[str, ...] = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 TERMS: tuple[int, ...] = (0, 4, 5, 8)
+# Of lenses that were calibrated. Without it a few views trade tilt and centre against p1, p2, and k1, k2 against k3.
+TERM_SIGMAS: tuple[float, ...] = (math.inf, math.inf, 1e-3, 1e-3, 0.1)
 USUAL_TERMS = 5
 USUAL_FOCAL_PX = (860.0, 940.0)  # a field of view of about 70 deg
 

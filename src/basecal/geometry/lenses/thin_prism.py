@@ -17,6 +17,7 @@ from basecal.geometry.lenses import pinhole
 MODEL = "pinhole"
 TERM_NAMES = (*pinhole.TERM_NAMES, "s1", "s2", "s3", "s4")
 TERMS: tuple[int, ...] = (12,)
+TERM_SIGMAS: tuple[float, ...] = ()
 USUAL_TERMS = 12
 USUAL_FOCAL_PX = pinhole.USUAL_FOCAL_PX
 _RADIAL = 8

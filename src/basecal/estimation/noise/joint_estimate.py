@@ -1,0 +1,169 @@
+"""Sigmas of what states none, all together: views, robots' stops and what is smooth in a robot's pose.
+
+The optimum at some sigmas, the most likely sigmas about it, and again until they rest. Whether errors of arms are
+smooth in pose is a second model beside the first: both count by their evidence in how well the answer is known. The
+answer itself is that of the first, which predicts as well and lets no smooth error take up what belongs to a mount.
+Source: docs/mathematics.md (5.2), (5.3).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from basecal.estimation.least_squares.bundle_adjustment import Optimum, bundle_adjust
+from basecal.estimation.noise.estimate import NoiseEstimate, degrees_of_freedom, estimate_noise, residual_counts
+from basecal.estimation.noise.hyperpriors import hyperpriors
+from basecal.estimation.noise.laplace import (
+    SigmaPosterior,
+    integrated_covariance,
+    most_likely_sigmas,
+    sigma_posterior,
+)
+from basecal.estimation.noise.mixed_model import mixed_model
+from basecal.estimation.noise.reml import open_parts
+from basecal.estimation.noise.robot_noise import stands, stops_made, with_robot_noise, without_errors
+from basecal.estimation.noise.smooth_error import smooth_modes
+from basecal.estimation.noise.view_estimates import STATED
+from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.view.measurement import Noise
+from basecal.geometry import Array
+
+_ROUNDS = 6
+_SETTLED = 0.02
+# Fewer stops show nothing of how errors change over poses.
+_FEWEST_SMOOTH = 4
+_NOMINAL = (5e-4, 1e-3)
+
+
+@dataclass(frozen=True, eq=False)
+class _Sigmas:
+    """Sigmas by name: noise by camera, and of robots those of single stops and smooth ones, (6,) [m, rad]."""
+
+    cameras: Mapping[str, Noise]
+    robots: Mapping[str, Array]
+    smooth: Mapping[str, Array]
+
+    def applied(self, problem: Problem) -> Problem:
+        """The problem with them."""
+        groups = (g.with_noise(self.cameras[g.camera]) if g.camera in self.cameras else g for g in problem.groups)
+        return with_robot_noise(problem.with_groups(groups), self.robots)
+
+
+def open_robots(problem: Problem) -> list[str]:
+    """Robots that state no noise and were seen."""
+    return sorted(name for name in problem.unstated if stops_made(problem, name))
+
+
+def estimate_jointly(problem: Problem, start: State, iterations: int) -> tuple[Problem, Optimum, NoiseEstimate]:
+    """The problem with sigmas for what states none, its optimum, and these sigmas.
+
+    Args:
+        problem: The problem.
+        start: Where to start.
+        iterations: Steps of a descent, at most.
+    """
+    # States far from any optimum meet points at the camera's centre: infinities there are no error of the user's.
+    with np.errstate(all="ignore"):
+        return _estimated(problem, start, iterations)
+
+
+def _estimated(problem: Problem, start: State, iterations: int) -> tuple[Problem, Optimum, NoiseEstimate]:
+    robots, dof = open_robots(problem), degrees_of_freedom(problem)
+    if not robots and not any(count for name, count in residual_counts(problem).items() if name != STATED):
+        return estimate_noise(problem, bundle_adjust(problem, start, dof, iterations), iterations)
+    used = with_robot_noise(problem, dict.fromkeys(robots, np.repeat(_NOMINAL, 3)))
+    end = bundle_adjust(used, without_errors(used, start), dof, iterations)
+    plain, settled = _sigma_posterior(used, end.state, robots, {}), False
+    for _ in range(_ROUNDS):
+        used, end = _readjusted(used, end, plain, dof, iterations)
+        before, plain = plain.logs, _sigma_posterior(used, end.state, robots, {}, plain.logs)
+        settled = bool(np.abs(plain.logs - before).max(initial=0.0) < _SETTLED)
+        if settled:
+            break
+    used, end = _readjusted(used, end, plain, dof, iterations)
+    modes = {name: smooth_modes(problem, name) for name in robots if stops_made(problem, name) >= _FEWEST_SMOOTH}
+    models = [plain]
+    if modes:
+        models.append(_sigma_posterior(used, end.state, robots, modes))
+    return used, end, _estimate(models, settled)
+
+
+def _readjusted(
+    used: Problem, end: Optimum, found: SigmaPosterior, dof: int, iterations: int
+) -> tuple[Problem, Optimum]:
+    """The problem with the most likely sigmas, and its optimum near the last."""
+    used, state = _rescaled(used, end.state, found)
+    return used, bundle_adjust(used, state, dof, iterations)
+
+
+def _rescaled(used: Problem, state: State, found: SigmaPosterior) -> tuple[Problem, State]:
+    """The problem with the most likely sigmas, and the state with the same errors of stops in metres and radians."""
+    physical = state.stop_errors * _units(used, found.model.robots)
+    used = _sigmas(found).applied(used)
+    return used, replace(state, stop_errors=physical / _units(used, found.model.robots))
+
+
+def _sigma_posterior(
+    used: Problem,
+    state: State,
+    robots: Sequence[str],
+    modes: Mapping[str, Array],
+    logs: Array | None = None,
+) -> SigmaPosterior:
+    """The sigmas about a state, the most likely ones looked for from `logs`."""
+    unit = with_robot_noise(used, {name: np.ones(6) for name in robots})
+    physical = replace(state, stop_errors=state.stop_errors * _units(used, robots))
+    model = mixed_model(unit, physical, robots, modes)
+    prior = hyperpriors(model, {name: _reach(used, name) for name in robots})
+    return sigma_posterior(model, prior, most_likely_sigmas(model, prior, logs))
+
+
+def _units(used: Problem, robots: Sequence[str]) -> Array:
+    """What turns errors of stops into metres and radians where the robot's sigma is open, (k, 6); 1 elsewhere."""
+    mine = np.isin(np.array(used.stops.robot, dtype=object), list(robots))
+    return np.where(mine[:, None], used.stops.sigma, 1.0)
+
+
+def _reach(problem: Problem, robot: str) -> float:
+    """How far a robot's flange is from its base, root of the mean square over stops [m]."""
+    poses, seen = stands(problem, robot)
+    return float(np.sqrt(np.mean(np.sum(poses.translation[seen] ** 2, -1))))
+
+
+def _sigmas(of: SigmaPosterior) -> _Sigmas:
+    """The most likely sigmas by name."""
+    model, values = of.model, np.exp(of.logs)
+    keys = open_parts(model)
+    cameras: dict[str, Noise] = {}
+    for (camera, name), value in zip(keys, values, strict=False):
+        cameras[camera] = cameras.get(camera, Noise())._replace(**{name: float(value)})
+    pairs = values[len(keys) :].reshape(-1, 2)
+    single, smooth = pairs[: len(model.robots)], pairs[len(model.robots) :]
+    return _Sigmas(
+        cameras,
+        {name: np.repeat(pair, 3) for name, pair in zip(model.robots, single, strict=True)},
+        {n: np.repeat(pair, 3) for n, pair in zip(model.robots, smooth, strict=False) if n in model.layout.smooth},
+    )
+
+
+def _estimate(models: Sequence[SigmaPosterior], settled: bool) -> NoiseEstimate:
+    """What is said of the noise: the first model's sigmas, which are in use, and the covariance by all models."""
+    sigmas = _sigmas(models[0])
+    likeliest = min(models, key=lambda of: of.surprise)
+    covariance = integrated_covariance(models, np.zeros(models[0].model.width))
+    estimated = tuple(f for f in Noise._fields if any(name == f for _, name in open_parts(models[0].model)))
+    noise = next(iter(sigmas.cameras.values()), Noise())
+    return NoiseEstimate(
+        noise,
+        1.0,
+        estimated,
+        settled,
+        sigmas.robots,
+        sigmas.cameras,
+        _sigmas(likeliest).smooth,
+        covariance,
+        likeliest.surprise,
+    )

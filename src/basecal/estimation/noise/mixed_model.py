@@ -1,0 +1,272 @@
+"""A problem to second order about a state, as a linear mixed model whose variances are open.
+
+Of each view and each sigma there is a cost, a gradient and an information about `camera_from_target` and the lens. The
+unknowns move these through their adjoints, the errors of stops through theirs, so that all that the sigmas need are
+sums over views, which do not grow with the number of points. Stops that no view ties to others, or only in pairs, stand
+in blocks; those that tie many together stand among the unknowns. Source: Harville 1977; docs/mathematics.md (5.2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from basecal.estimation.least_squares.jacobians import by_robot_models, by_stop_errors, by_unknowns
+from basecal.estimation.least_squares.normal_equations import prior_residuals
+from basecal.estimation.noise.view_estimates import ViewEstimates, view_estimates
+from basecal.estimation.problem.problem import Problem, State, ViewGroup, chain
+from basecal.geometry import Array, IntArray
+
+_PINNED = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Moments:
+    """What goes by one sigma, summed over views, at unit sigmas.
+
+    Attributes:
+        count: How many freedoms.
+        cost: At the state, without errors of stops.
+        fixed: (m,) gradient to the columns.
+        errors: (b, q) gradient to the blocks of errors.
+        fixed_fixed: (m, m) information.
+        errors_fixed: (b, q, m) likewise.
+        errors_errors: (b, q, q) likewise.
+    """
+
+    count: int
+    cost: float
+    fixed: Array
+    errors: Array
+    fixed_fixed: Array
+    errors_fixed: Array
+    errors_errors: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Where the errors of stops stand: by stop its block and first row there, or its first column; -1 elsewhere."""
+
+    block: IntArray
+    row: IntArray
+    column: IntArray
+    blocks: int
+    rows: int
+    width: int
+    smooth: Mapping[str, tuple[int, Array]]
+
+
+@dataclass(frozen=True, eq=False)
+class MixedModel:
+    """A problem about a state.
+
+    Attributes:
+        parts: What goes by each open sigma, by camera and field of `Noise`; `STATED` as the camera's name where stated.
+        width: How many columns are unknowns of the problem; the others are errors of stops, and smooth ones.
+        prior: (m, m) information known beforehand, that of errors at unit sigmas.
+        prior_gradient: (m,) its gradient.
+        prior_cost: Its cost.
+        column_robot: (m,) number of the robot whose sigma scales a column, times two, one more for rotations; -1.
+        error_robot: (b, q) likewise of errors in blocks.
+        smooth: (m,) whether a column is one of a smooth error.
+        white: Sum of squares of points about their view's own estimate at unit sigma, and its freedoms, as `parts`.
+        robots: Names of the robots whose sigmas are open.
+        layout: Where the errors of stops stand.
+        robot_of_stop: The robot of each stop.
+    """
+
+    parts: Mapping[tuple[str, str], Moments]
+    width: int
+    prior: Array
+    prior_gradient: Array
+    prior_cost: float
+    column_robot: IntArray
+    error_robot: IntArray
+    smooth: Array
+    white: Mapping[tuple[str, str], tuple[float, int]]
+    robots: tuple[str, ...]
+    layout: Layout
+    robot_of_stop: tuple[str, ...]
+
+    def stop_errors(self, errors: Array, columns: Array) -> Array:
+        """Errors of every stop, (k, 6), from those in blocks, (b, q), and the columns' values, (m,)."""
+        of, count = self.layout, len(self.robot_of_stop)
+        out = np.zeros((count, 6))
+        for stop in range(count):
+            if of.block[stop] >= 0:
+                out[stop] = errors[of.block[stop], of.row[stop] : of.row[stop] + 6]
+            else:
+                out[stop] = columns[of.column[stop] : of.column[stop] + 6]
+        for robot, (at, modes) in of.smooth.items():
+            mine = [k for k, name in enumerate(self.robot_of_stop) if name == robot]
+            out[mine] += modes @ columns[at : at + 6 * modes.shape[1]].reshape(-1, 6)
+        return out
+
+
+def mixed_model(
+    problem: Problem, state: State, robots: Sequence[str], modes: Mapping[str, Array] | None = None
+) -> MixedModel:
+    """The problem about a state.
+
+    Args:
+        problem: The problem; stops of `robots` have unit sigmas, so that their errors are in metres and radians.
+        state: The state.
+        robots: Whose sigmas are open.
+        modes: Of robots with smooth errors, what unit errors of each mode are at each of their stops, (stops, modes).
+    """
+    layout = _layout(problem, modes or {})
+    parts: dict[tuple[str, str], Moments] = {}
+    white: dict[tuple[str, str], tuple[float, int]] = {}
+    for group in problem.groups:
+        for name, view in view_estimates(problem, group, state).items():
+            key = (group.camera, name)
+            of = _moments(problem, group, state, view, layout)
+            parts[key] = of if key not in parts else _sum(parts[key], of)
+            before = white.get(key, (0.0, 0))
+            white[key] = (before[0] + view.white, before[1] + view.white_count)
+    prior, gradient, cost = _prior(problem, state, layout)
+    scaled = _scaled_by(problem, layout, tuple(robots))
+    return MixedModel(
+        parts, problem.width, prior, gradient, cost, *scaled, white, tuple(robots), layout, problem.stops.robot
+    )
+
+
+def _layout(problem: Problem, modes: Mapping[str, Array]) -> Layout:
+    count = len(problem.stops)
+    partners: list[set[int]] = [set() for _ in range(count)]
+    for group in problem.groups:
+        for a, b in set(zip(group.eye_stop.tolist(), group.hand_stop.tolist(), strict=True)):
+            if a >= 0 and b >= 0:
+                partners[a].add(b)
+                partners[b].add(a)
+    hubs = _hubs(partners)
+    block, row, column = (np.full(count, -1, dtype=np.int64) for _ in range(3))
+    blocks, rows = 0, 6
+    for stop in range(count):
+        if stop in hubs or block[stop] >= 0:
+            continue
+        block[stop], row[stop] = blocks, 0
+        for other in partners[stop]:
+            block[other], row[other], rows = blocks, 6, 12
+        blocks += 1
+    width = problem.width
+    for stop in sorted(hubs):
+        column[stop] = width
+        width += 6
+    smooth = {}
+    for robot, shape in modes.items():
+        smooth[robot] = (width, shape)
+        width += 6 * shape.shape[1]
+    return Layout(block, row, column, blocks, rows, width, smooth)
+
+
+def _hubs(partners: list[set[int]]) -> set[int]:
+    """The stops without which no other has more than one partner; their partners forget them."""
+    hubs: set[int] = set()
+    while partners:
+        stop = max(range(len(partners)), key=lambda k: len(partners[k]))
+        if len(partners[stop]) < 2:
+            break
+        for other in partners[stop]:
+            partners[other].discard(stop)
+        partners[stop] = set()
+        hubs.add(stop)
+    return hubs
+
+
+def _moments(problem: Problem, group: ViewGroup, state: State, view: ViewEstimates, layout: Layout) -> Moments:
+    links = chain(group, state, problem.stops)
+    n, rows = view.gradient.shape
+    fixed = np.zeros((n, rows, layout.width))
+    of_unknowns, columns = by_unknowns(problem, group, links, rows)
+    fixed[:, :, columns] = of_unknowns
+    of_models, more = by_robot_models(problem, group, links, state, rows)
+    fixed[:, :, more] = of_models
+    errors, present = np.zeros((n, rows, layout.rows)), np.zeros((n, rows))
+    block = np.full(n, -1, dtype=np.int64)
+    for stop, by_error in by_stop_errors(group, links, state, problem.stops, rows):
+        present += (by_error @ state.stop_errors[stop][..., None])[..., 0]
+        _place(fixed, errors, block, stop, by_error, layout)
+        robot = problem.stops.robot[stop[0]]
+        if robot in layout.smooth:
+            at, shape = layout.smooth[robot]
+            stand = group.eye_stand if robot == group.eye else group.hand_stand
+            spread = by_error[:, :, None, :] * shape[stand][:, None, :, None]
+            fixed[:, :, at : at + 6 * shape.shape[1]] += spread.reshape(n, rows, -1)
+    carried = (view.information @ present[..., None])[..., 0]
+    gradient = view.gradient - carried
+    cost = float(np.sum(view.cost - 2 * np.sum(view.gradient * present, -1) + np.sum(present * carried, -1)))
+    return _summed(view, gradient, cost, fixed, errors, block, layout)
+
+
+def _place(fixed: Array, errors: Array, block: IntArray, stop: IntArray, by_error: Array, layout: Layout) -> None:
+    """Put a robot's derivative into its columns, or its rows of the views' blocks."""
+    for row in range(0, layout.rows, 6):
+        here = np.flatnonzero((layout.block[stop] >= 0) & (layout.row[stop] == row))
+        errors[here, :, row : row + 6] += by_error[here]
+        block[here] = layout.block[stop[here]]
+    for view in np.flatnonzero(layout.column[stop] >= 0):
+        at = layout.column[stop[view]]
+        fixed[view, :, at : at + 6] += by_error[view]
+
+
+def _summed(
+    view: ViewEstimates, gradient: Array, cost: float, fixed: Array, errors: Array, block: IntArray, layout: Layout
+) -> Moments:
+    carried = view.information @ fixed
+    n, rows = gradient.shape
+    flat = fixed.reshape(n * rows, layout.width)
+    blocks, q, m = layout.blocks, layout.rows, layout.width
+    e, ef, ee = np.zeros((blocks, q)), np.zeros((blocks, q, m)), np.zeros((blocks, q, q))
+    own = np.flatnonzero(block >= 0)
+    by_error = np.swapaxes(errors[own], -1, -2)
+    np.add.at(e, block[own], (by_error @ gradient[own][..., None])[..., 0])
+    np.add.at(ef, block[own], by_error @ carried[own])
+    np.add.at(ee, block[own], by_error @ view.information[own] @ errors[own])
+    return Moments(view.count, cost, flat.T @ gradient.reshape(-1), e, flat.T @ carried.reshape(n * rows, m), ef, ee)
+
+
+def _sum(a: Moments, b: Moments) -> Moments:
+    return Moments(
+        a.count + b.count,
+        a.cost + b.cost,
+        a.fixed + b.fixed,
+        a.errors + b.errors,
+        a.fixed_fixed + b.fixed_fixed,
+        a.errors_fixed + b.errors_fixed,
+        a.errors_errors + b.errors_errors,
+    )
+
+
+def _prior(problem: Problem, state: State, layout: Layout) -> tuple[Array, Array, float]:
+    prior, gradient, cost = np.zeros((layout.width, layout.width)), np.zeros(layout.width), 0.0
+    for residual, jacobian, where in prior_residuals(problem, state):
+        prior[where, where] += jacobian.T @ jacobian
+        gradient[where] += jacobian.T @ residual
+        cost += float(residual @ residual)
+    own = np.arange(problem.width, layout.width)
+    prior[own, own] = 1.0
+    return prior, gradient, cost
+
+
+def _scaled_by(problem: Problem, layout: Layout, robots: tuple[str, ...]) -> tuple[IntArray, IntArray, Array]:
+    """See `MixedModel`: of each column and each error its sigma, and which columns are smooth."""
+    column = np.full(layout.width, -1, dtype=np.int64)
+    error = np.full((layout.blocks, layout.rows), -1, dtype=np.int64)
+    smooth = np.zeros(layout.width, dtype=bool)
+    kind = np.repeat([0, 1], 3)
+    for stop, robot in enumerate(problem.stops.robot):
+        if robot not in robots:
+            continue
+        which = 2 * robots.index(robot) + kind
+        if layout.block[stop] >= 0:
+            error[layout.block[stop], layout.row[stop] : layout.row[stop] + 6] = which
+        else:
+            column[layout.column[stop] : layout.column[stop] + 6] = which
+    for robot, (at, shape) in layout.smooth.items():
+        width = 6 * shape.shape[1]
+        column[at : at + width] = np.tile(2 * robots.index(robot) + kind, shape.shape[1])
+        smooth[at : at + width] = True
+    return column, error, smooth

@@ -1,0 +1,82 @@
+"""What each view says by itself, by the sigma that it goes with, and how many freedoms that is.
+
+A view of many points holds its own estimate of its pose and, where that is free, of the lens. Only this counts: what
+is left of the points about it is noise of single points, of which hundreds say nothing about what they have in common
+(blur, print, lens). The estimate of a view counts as many freedoms as its information has.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.view.measurement import Measurement, Noise, ViewInformation
+from basecal.geometry import SE3, Array, BoolArray, Camera
+
+STATED = "stated"
+_NEVER = Noise(*(float("inf"),) * len(Noise._fields))
+# Below this share of the largest, an eigenvalue of a view's scaled information is rounding.
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class ViewEstimates:
+    """What n views say at unit sigma.
+
+    Attributes:
+        cost: (n,) above that of their own estimates.
+        gradient: (n, q) to pose and lens.
+        information: (n, q, q) likewise.
+        count: Freedoms of all estimates together.
+        white: Sum of squares of points about them.
+        white_count: Its freedoms.
+    """
+
+    cost: Array
+    gradient: Array
+    information: Array
+    count: int
+    white: float
+    white_count: int
+
+
+def view_estimates(problem: Problem, group: ViewGroup, state: State) -> dict[str, ViewEstimates]:
+    """What a group's views say about a state, by field of `Noise` at unit sigma, and what goes by stated sigmas."""
+    camera = state.cameras.get(group.camera)
+    at = state.camera_from_target(group, problem.stops)
+    lens = group.camera in problem.columns
+    counts = group.measurement.counts()
+    return {
+        name: _estimates(view, counts.get(name, 0))
+        for name, view in _parts(group.measurement, at, camera, lens).items()
+    }
+
+
+def _parts(measurement: Measurement, at: SE3, camera: Camera | None, lens: bool) -> dict[str, ViewInformation]:
+    stated = measurement.with_noise(_NEVER).linearise(at, camera, lens)
+    counts = measurement.counts()
+    parts = {STATED: stated} if counts.get(STATED) else {}
+    for name, count in counts.items():
+        if name != STATED and count:
+            both = measurement.with_noise(_NEVER._replace(**{name: 1.0})).linearise(at, camera, lens)
+            parts[name] = ViewInformation(*(b - s for b, s in zip(both, stated, strict=True)))
+    return parts
+
+
+def _estimates(view: ViewInformation, total: int) -> ViewEstimates:
+    own, rank = _explained(view.gradient, view.information)
+    count = int(rank.sum())
+    white = max(float(view.cost.sum() - own.sum()), 0.0)
+    return ViewEstimates(own, view.gradient, view.information, count, white, max(total - count, 0))
+
+
+def _explained(gradient: Array, information: Array) -> tuple[Array, Array]:
+    """G' H^+ g and the rank of H, (n,) each; scaled first, since metres, radians and pixels stand side by side."""
+    diagonal = np.sqrt(np.maximum(np.diagonal(information, axis1=-2, axis2=-1), 0.0))
+    scale = np.where(diagonal > 0, 1 / np.where(diagonal > 0, diagonal, 1.0), 0.0)
+    values, vectors = np.linalg.eigh(information * scale[:, :, None] * scale[:, None, :])
+    kept: BoolArray = values > _ROUNDING * np.maximum(values[:, -1:], 1e-300)
+    along = (np.swapaxes(vectors, -1, -2) @ (gradient * scale)[..., None])[..., 0]
+    return np.sum(np.where(kept, along**2 / np.where(kept, values, 1.0), 0.0), -1), kept.sum(-1)

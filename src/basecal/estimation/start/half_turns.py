@@ -1,0 +1,74 @@
+"""Which views of a grid that looks the same turned by half a turn were read from its other end.
+
+Where one robot alone moved between two views, it and the target turned by the same angle, whatever the mounts are:
+views are read so that angles agree over all pairs. Where no pair tells, each is read so that it turns least against
+the first.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.estimation.problem.problem import ViewGroup
+from basecal.geometry import Array, BoolArray, IntArray
+
+_ROUNDS = 20
+# What is further off than this [rad] is no better for being nearer: it is wrong in any case.
+_MOST_RAD = 0.5
+_GAIN_RAD = 1e-6
+
+
+def turned_views(group: ViewGroup, read: Array, turned: Array) -> BoolArray:
+    """Which views to read from the other end, (n,), given the target's rotations read both ways, (n, 3, 3) each."""
+    alike = np.einsum("nij,ij->n", read, read[0])
+    turn = np.einsum("nij,ij->n", turned, read[0]) > alike
+    angle, told = _motions(group)
+    if not told.any():
+        return np.asarray(turn)
+    misfit = _misfits(np.stack([read, turned], 1), angle, told)
+    turn = _descended(misfit, turn.astype(np.int64))
+    first = _descended(misfit, np.argmin(misfit[:, :, 0, 0], axis=1))
+    return min((turn, first), key=lambda t: _total(misfit, t)).astype(bool)
+
+
+def _motions(group: ViewGroup) -> tuple[Array, BoolArray]:
+    """Angle that one robot turned between views, (n, n) [rad], and where the other stood still."""
+    eye, hand = group.eye_base_from_eye_flange.rotation, group.hand_base_from_hand_flange.rotation
+    of_eye, of_hand = (_angle(np.swapaxes(r, -1, -2)[:, None] @ r[None]) for r in (eye, hand))
+    eye_still, hand_still = (_same(stand) for stand in (group.eye_stand, group.hand_stand))
+    told = (eye_still != hand_still) & ~np.eye(len(eye), dtype=bool)
+    return np.where(hand_still, of_eye, of_hand), told
+
+
+def _same(stand: IntArray) -> BoolArray:
+    return np.asarray(stand[:, None] == stand[None])
+
+
+def _misfits(rotations: Array, angle: Array, told: BoolArray) -> Array:
+    """How far angles are from each other, of view i read the way s and view j the way t, (i, s, j, t) [rad]."""
+    between = np.einsum("isab,jtcb->isjtac", rotations, rotations)
+    off = np.minimum(np.abs(_angle(between) - angle[:, None, :, None]), _MOST_RAD)
+    return off * told[:, None, :, None]
+
+
+def _descended(misfit: Array, turn: Array) -> Array:
+    """The readings, (n,), from which no single view gains by being read otherwise."""
+    turn, rows = turn.copy(), np.arange(len(turn))
+    for _ in range(_ROUNDS * len(turn)):
+        both = misfit[:, :, rows, turn].sum(-1)
+        gain = both[rows, turn] - both.min(-1)
+        most = int(np.argmax(gain))
+        if gain[most] < _GAIN_RAD:
+            break
+        turn[most] = 1 - turn[most]
+    return turn
+
+
+def _total(misfit: Array, turn: Array) -> float:
+    rows = np.arange(len(turn))
+    return float(misfit[rows, turn][:, rows, turn].sum())
+
+
+def _angle(rotation: Array) -> Array:
+    angle: Array = np.arccos(np.clip((np.trace(rotation, axis1=-2, axis2=-1) - 1) / 2, -1.0, 1.0))
+    return angle

@@ -1,0 +1,77 @@
+"""The restricted likelihood of sigmas, against the dense formula and against differences."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.estimation.least_squares.jacobians import by_stop_errors, by_unknowns
+from basecal.estimation.noise.mixed_model import mixed_model
+from basecal.estimation.noise.reml import posterior, sigma_count
+from basecal.estimation.noise.robot_noise import stops_made, with_robot_noise, without_errors
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import State, chain
+from basecal.geometry.se3 import right_jacobian_inverse
+from basecal.simulation import Scenario, simulate
+
+ROBOTS = ("eye", "hand")
+NOISY = Scenario(samples=8, robot_noise=(1e-3, 2e-3), state_robot_noise=False)
+
+
+def at_truth(scenario, seed=1):
+    """A problem whose stops have unit sigmas, and the truth, its stops without errors."""
+    s = simulate(scenario, seed)
+    problem, _ = build_problem(s.cell, s.recording)
+    unit = with_robot_noise(problem, dict.fromkeys(ROBOTS, np.ones(6)))
+    return unit, without_errors(unit, State(s.truth, s.cameras if problem.lenses else {}, np.zeros((0, 6))))
+
+
+def dense_surprise(problem, state, logs):
+    """log|V| + log|X'V^-1 X| + r'P r, with V of views and stops written out in full."""
+    (group,) = problem.groups
+    links = chain(group, state, problem.stops)
+    error = (group.measurement.measured_camera_from_target.inverse() @ links.camera_from_target).log()
+    inner = right_jacobian_inverse(error)
+    n = len(group)
+    by_x, columns = by_unknowns(problem, group, links, 6)
+    x = np.zeros((6 * n, problem.width))
+    x[:, columns] = (inner @ by_x).reshape(6 * n, -1)
+    z = np.zeros((n, 6, len(problem.stops), 6))
+    for stop, by_error in by_stop_errors(group, links, state, problem.stops, 6):
+        z[np.arange(n), :, stop] += inner @ by_error
+    sigma = {robot: np.repeat(np.exp(logs[2 * i : 2 + 2 * i]), 3) for i, robot in enumerate(ROBOTS)}
+    z = (z * np.array([sigma[robot] for robot in problem.stops.robot])).reshape(6 * n, -1)
+    v = np.diag(group.measurement.weight.ravel() ** -2.0) + z @ z.T
+    vx, vr = np.linalg.solve(v, x), np.linalg.solve(v, error.ravel())
+    information = x.T @ vx
+    explained = (x.T @ vr) @ np.linalg.solve(information, x.T @ vr)
+    return np.linalg.slogdet(v)[1] + np.linalg.slogdet(information)[1] + error.ravel() @ vr - explained
+
+
+@pytest.mark.parametrize("arms", ["both", "stations"])
+def test_value_is_that_of_the_dense_formula(arms):
+    """Between sigmas it changes as the restricted likelihood of all residuals and stops written out."""
+    problem, state = at_truth(replace(NOISY, target="pose", arms=arms, camera_mount="fixed"))
+    model = mixed_model(problem, state, ROBOTS)
+    rows = np.log([[1e-3, 2e-3, 1e-3, 2e-3], [3e-3, 1e-3, 5e-4, 4e-3]])
+    ours = [posterior(model, logs).value for logs in rows]
+    dense = [dense_surprise(problem, state, logs) for logs in rows]
+    assert ours[1] - ours[0] == pytest.approx(dense[1] - dense[0], abs=1e-3)
+    assert abs(dense[1] - dense[0]) > 1
+
+
+@pytest.mark.parametrize("arms", ["both", "halves", "stations"])
+@pytest.mark.parametrize("smooth", [False, True])
+def test_slope_is_the_derivative(arms, smooth):
+    """Of views, robots and smooth errors alike, the slope agrees with central differences to 1e-3."""
+    problem, state = at_truth(replace(NOISY, arms=arms, intrinsics="free", state_pixel_noise=False))
+    rng = np.random.default_rng(0)
+    state = replace(state, stop_errors=1e-3 * rng.standard_normal(state.stop_errors.shape))
+    modes = {robot: rng.standard_normal((stops_made(problem, robot), 2)) for robot in ROBOTS} if smooth else {}
+    model = mixed_model(problem, state, ROBOTS, modes)
+    logs = np.log([0.3, *[1e-3, 2e-3] * (4 if smooth else 2)]) + 0.2 * rng.standard_normal(sigma_count(model))
+    steps = 1e-4 * np.eye(len(logs))
+    differences = [(posterior(model, logs + h).value - posterior(model, logs - h).value) / 2e-4 for h in steps]
+    np.testing.assert_allclose(posterior(model, logs).slope(), differences, rtol=1e-3, atol=1e-3)

@@ -1,0 +1,28 @@
+"""Noise and outliers are told from one another."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from basecal.estimation.outliers.noise_and_outliers import is_as_of_arms, solve_with_noise, with_noise
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import solve
+from basecal.geometry import SE3
+from basecal.simulation import Scenario, simulate
+
+
+def test_one_bumped_arm_is_left_out_and_noise_is_that_of_the_others():
+    """Of 16 samples one is off by 50 mm: it alone goes, and the noise of the rest, 0.3 mm and 0.5 mrad, is found."""
+    s = simulate(Scenario(samples=16, robot_noise=(3e-4, 5e-4), state_robot_noise=False), seed=1)
+    samples = list(s.recording.samples)
+    eye = samples[5].robots["eye"]
+    off = replace(eye, base_from_flange=eye.base_from_flange @ SE3.exp([0.05, 0, 0, 0, 0, 0]))
+    samples[5] = replace(samples[5], robots={**samples[5].robots, "eye": off})
+    settings = Settings(robot_noise="estimated")
+    plain = solve(s.cell, replace(s.recording, samples=tuple(samples)))
+    found = solve_with_noise(s.cell, settings, plain, with_noise(plain, settings))
+    assert {o.sample for o in found.outliers} == {samples[5].sample}
+    assert is_as_of_arms(found.solution)
+    assert np.all(found.solution.noise.robots["eye"] < 1.5e-3)
