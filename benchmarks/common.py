@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import platform
+import subprocess
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
@@ -59,9 +60,19 @@ def _cpu() -> str:
     return next((line.split(":")[1].strip() for line in lines if line.startswith("model name")), platform.machine())
 
 
+def commit() -> str | None:
+    """The commit that is checked out, short; None outside a checkout."""
+    asked = ["git", "-C", str(RESULTS.parent), "rev-parse", "--short", "HEAD"]
+    try:
+        return subprocess.run(asked, capture_output=True, text=True, check=True).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return None
+
+
 def write(name: str, result: Mapping[str, Any]) -> Path:
-    """Write results/<name>.json, with the machine it was measured on."""
+    """Write results/<name>.json, with the machine it was measured on and the commit."""
     RESULTS.mkdir(exist_ok=True)
     path = RESULTS / f"{name}.json"
-    path.write_text(json.dumps({"machine": machine(), **result}, indent=1) + "\n", encoding="utf-8")
+    told = {"machine": machine(), "commit": commit(), **result}
+    path.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
     return path
