@@ -18,6 +18,7 @@ from tests.shared.real_recordings import (
     EXAMPLES,
     LIGHT_NEAR_MM_DEG,
     Figure,
+    data_folder,
     lights,
     lights_off,
     moveit,
@@ -104,3 +105,13 @@ def test_every_corner_as_a_light() -> None:
     """All 24: median 10 mm and 0.4 deg, at least 18 within 15 mm and 0.5 deg."""
     # 10 mm were asked: ten bearings of one point tell that much less where robots are not taken for exact.
     assert [f for f in short(lights) if "[mm]" not in f.what or f.measured > 12.0] == []
+
+
+@pytest.mark.slow
+def test_boards_of_even_light_are_found() -> None:
+    """A board of 28 x 17 corners in thirty pictures, of which normalised ones show six: at least 29 are found."""
+    folder = data_folder() / "kuka_1_chessboard"
+    if not folder.exists():
+        pytest.skip(f"{folder} is not there: set BASECAL_DATA to the folder of the published recordings")
+    seen = detect(read_cell(folder), read_recording(folder))
+    assert sum(bool(sample.observations) for sample in seen.samples) >= 29

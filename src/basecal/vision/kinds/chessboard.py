@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from basecal.cell.target import Target
 from basecal.errors import InputError
@@ -19,6 +20,8 @@ from basecal.vision.fit.local_map import grid_axes, right_handed
 from basecal.vision.fit.shapes import saddle
 
 _FEWEST = 3  # corners each way: OpenCV looks for no smaller board
+# Quickest first: normalised, pictures of even light lose boards that uneven ones need it for.
+_WAYS = (0, cv2.CALIB_CB_NORMALIZE_IMAGE)
 _ARM = 0.7  # squares: the next corner and its blur stay outside
 _WINDOW = Window(arm_px=BOARD_ARM_PX, arm=_ARM, inside=_ARM, outside=_ARM, before=_ARM)
 
@@ -38,8 +41,8 @@ def detect(image: Image, target: Target) -> Detection | None:
         raise InputError(
             f"a chessboard of {columns} x {rows} inner corners cannot be found; expected {_FEWEST} or more each way"
         )
-    seen, corners = cv2.findChessboardCornersSB(eight_bit(image), (columns, rows), flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
-    if not seen:
+    corners = _grid(eight_bit(image), (columns, rows))
+    if corners is None:
         return None
     grid = right_handed(np.reshape(corners, (rows, columns, 2)).astype(np.float64))
     fitted = _fitted(image, grid)
@@ -51,6 +54,15 @@ def detect(image: Image, target: Target) -> Detection | None:
         fitted = _fitted(image, grid)
     kept = fitted.trusted
     return found(target.ids[kept], fitted.pixels[kept], fitted.sigma_px[kept])
+
+
+def _grid(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.float32] | None:
+    """OpenCV's corners, by the first of its ways that finds all of them; None where none does."""
+    for flags in _WAYS:
+        seen, corners = cv2.findChessboardCornersSB(image, size, flags=flags)
+        if seen:
+            return np.asarray(corners, dtype=np.float32)
+    return None
 
 
 def _fitted(image: Image, grid: Array) -> Corners:
