@@ -1,0 +1,221 @@
+"""Normal equations with stops eliminated, against the dense ones of all unknowns and all stops' errors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.derivatives import check_derivative
+from tests.pose_problem import MOUNT, pose_problem
+
+from basecal.cell import Intrinsics, Unknown
+from basecal.estimation.least_squares.jacobians import by_stop_errors, by_unknowns
+from basecal.estimation.least_squares.normal_equations import (
+    linearise,
+    prior_residuals,
+    retract,
+    retract_lens,
+    shared_stops,
+)
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import Problem, State, chain
+from basecal.geometry import SE3, Camera
+from basecal.simulation import Scenario, simulate
+
+NOISY = (2e-3, 3e-3)
+# Views of a cell by their rows: repeated rows stand in the same stops of both robots.
+PRIVATE, PAIRS, MIXED = [0, 1, 2, 3], [0, 0, 1, 1, 2, 2, 3, 3], [0, 1, 1, 2, 2, 2, 3]
+CELLS = {
+    "each at its own stop": (Scenario(samples=4, target="points", robot_noise=NOISY), PRIVATE),
+    "all stops of two views": (Scenario(samples=4, target="points", robot_noise=NOISY), PAIRS),
+    "some stops of several": (Scenario(samples=4, target="points", robot_noise=NOISY), MIXED),
+    "eye still": (Scenario(samples=4, target="points", arms="eye_still", robot_noise=NOISY), PRIVATE),
+    "a light": (Scenario(samples=4, target="led", target_mount="prior", robot_noise=NOISY), MIXED),
+    "a lens": (Scenario(samples=4, target="points", intrinsics="free", robot_noise=NOISY), MIXED),
+    "no noise": (Scenario(samples=4, target="points", base="prior"), PRIVATE),
+}
+
+
+def near_truth(scenario: Scenario, rows: list[int]) -> tuple[Problem, State]:
+    """A problem of the views at these rows, and a state off by 1 mm and mrad with errors of stops of order one."""
+    made = simulate(scenario, seed=4)
+    problem, _ = build_problem(made.cell, made.recording)
+    rng = np.random.default_rng(1)
+    off = {name: t @ SE3.exp(1e-3 * rng.standard_normal(6)) for name, t in made.truth.items()}
+    state = State(off, made.cameras, rng.standard_normal((len(problem.stops), 6)))
+    return problem.with_groups(g.take(np.array(rows)) for g in problem.groups), state
+
+
+def dense(problem: Problem, state: State):
+    """Hessian and gradient of unknowns and, behind them, of all stops' errors."""
+    p, k = problem.width, len(problem.stops)
+    hessian, gradient = np.zeros((p + 6 * k,) * 2), np.zeros(p + 6 * k)
+    hessian[p:, p:], gradient[p:] = np.eye(6 * k), state.stop_errors.ravel()
+    for residual, jacobian, where in prior_residuals(problem, state):
+        hessian[where, where] += jacobian.T @ jacobian
+        gradient[where] += jacobian.T @ residual
+    for group in problem.groups:
+        links = chain(group, state, problem.stops)
+        lens = group.camera in problem.columns
+        view = group.measurement.linearise(links.camera_from_target, state.cameras.get(group.camera), lens)
+        rows = view.gradient.shape[-1]
+        derivative, columns = by_unknowns(problem, group, links, rows)
+        full = np.zeros((len(group), rows, p + 6 * k))
+        full[..., columns] = derivative
+        for stop, by_error in by_stop_errors(group, links, state, problem.stops, rows):
+            for row, number in enumerate(stop):
+                full[row, :, p + 6 * number : p + 6 * number + 6] += by_error[row]
+        hessian += np.einsum("nqi,nqr,nrj->ij", full, view.information, full)
+        gradient += np.einsum("nqi,nq->i", full, view.gradient)
+    return hessian, gradient
+
+
+@pytest.mark.parametrize("name", CELLS)
+def test_elimination_is_the_schur_complement_of_the_dense_problem(name):
+    """Hessian, gradient and log determinant, to 1e-9 of their size, whoever shares which stop."""
+    problem, state = near_truth(*CELLS[name])
+    hessian, gradient = dense(problem, state)
+    p, normal = problem.width, linearise(problem, state)
+    solved = np.linalg.solve(hessian[p:, p:], np.column_stack([hessian[p:, :p], gradient[p:]]))
+    reduced = np.column_stack([hessian[:p, :p], gradient[:p]]) - hessian[:p, p:] @ solved
+    scale = np.sqrt(np.diag(hessian)[:p])
+    np.testing.assert_allclose(
+        normal.hessian / np.outer(scale, scale), reduced[:, :-1] / np.outer(scale, scale), atol=1e-9
+    )
+    size = np.abs(gradient[:p] / scale).max()
+    np.testing.assert_allclose(normal.gradient / scale / size, reduced[:, -1] / scale / size, atol=1e-9)
+    assert normal.stop_log_det == pytest.approx(np.linalg.slogdet(hessian[p:, p:])[1], abs=1e-8)
+
+
+@pytest.mark.parametrize("name", CELLS)
+def test_after_a_step_the_errors_of_stops_are_the_best_there(name):
+    """Those that minimise the dense quadratic once the unknowns have moved."""
+    problem, state = near_truth(*CELLS[name])
+    hessian, gradient = dense(problem, state)
+    p = problem.width
+    step = 1e-3 * np.random.default_rng(2).standard_normal(p)
+    after = retract(problem, state, linearise(problem, state), step)
+    best = -np.linalg.solve(hessian[p:, p:], gradient[p:] + hessian[p:, :p] @ step)
+    used = np.unique(np.concatenate([s[s >= 0] for g in problem.groups for s in (g.eye_stop, g.hand_stop)]))
+    np.testing.assert_allclose(
+        (after.stop_errors - state.stop_errors)[used], best.reshape(-1, 6)[used], rtol=1e-7, atol=1e-7
+    )
+
+
+@pytest.mark.parametrize("name", ["some stops of several", "a light"])
+def test_gradient_is_half_the_slope_of_the_cost_where_stops_stand_at_their_best(name):
+    """Along some way of all unknowns, by differences; the errors of stops were brought to their best before."""
+    problem, state = near_truth(*CELLS[name])
+    for _ in range(4):
+        state = retract(problem, state, linearise(problem, state), np.zeros(problem.width))
+    normal = linearise(problem, state)
+    way = np.random.default_rng(3).standard_normal(problem.width) / np.sqrt(np.diag(normal.hessian))
+
+    def half_cost(size: np.ndarray) -> np.ndarray:
+        moved = retract(problem, state, normal, size[0] * way)
+        return np.array([0.5 * linearise(problem, replace(moved, stop_errors=state.stop_errors)).cost])
+
+    check_derivative(half_cost, (normal.gradient @ way)[None, None], 1e-2, 1e-6)
+
+
+@pytest.mark.parametrize("name", ["each at its own stop", "all stops of two views", "no noise"])
+def test_views_of_no_weight_are_not_there(name):
+    """Cost, Hessian and gradient of the other views alone, the private errors of their stops among them."""
+    problem, state = near_truth(*CELLS[name])
+    rows = np.arange(2, len(problem.groups[0]))
+    fewer = problem.with_groups(g.take(rows) for g in problem.groups)
+    used = np.unique(np.concatenate([s for g in fewer.groups for s in (g.eye_stop, g.hand_stop)]))
+    errors = state.stop_errors.copy()
+    if len(errors) and not np.any(shared_stops(problem) >= 0):
+        errors[np.setdiff1d(np.arange(len(errors)), used)] = 0.0
+    weighted = linearise(problem, state, [(np.arange(len(problem.groups[0])) >= 2).astype(float)])
+    alone = linearise(fewer, replace(state, stop_errors=errors))
+    assert weighted.cost == pytest.approx(alone.cost, rel=1e-12)
+    np.testing.assert_allclose(weighted.hessian, alone.hessian, rtol=1e-9, atol=1e-9 * np.abs(alone.hessian).max())
+    np.testing.assert_allclose(weighted.gradient, alone.gradient, rtol=1e-9, atol=1e-9 * np.abs(alone.gradient).max())
+
+
+def test_a_weight_of_two_is_the_view_twice():
+    """Where robots have no noise."""
+    problem, state = near_truth(*CELLS["no noise"])
+    twice = linearise(problem.with_groups(g.take(np.array([0, 1, 1, 2, 3])) for g in problem.groups), state)
+    weighted = linearise(problem, state, [np.array([1.0, 2.0, 1.0, 1.0])])
+    assert weighted.cost == pytest.approx(twice.cost, rel=1e-12)
+    np.testing.assert_allclose(weighted.hessian, twice.hessian, rtol=1e-12, atol=1e-12 * np.abs(twice.hessian).max())
+
+
+def test_private_errors_weigh_as_their_view():
+    """A pose off by a metre with the error of its stop at two sigmas: half the weight, half the cost of both."""
+    problem, state = pose_problem(np.eye(6)[:1], np.ones(6), stop_sigma=np.full(6, 1e-9))
+    state = replace(state, stop_errors=np.array([[2.0, 0, 0, 0, 0, 0]]))
+    assert linearise(problem, state).cost == pytest.approx(1.0 + 4.0)
+    assert linearise(problem, state, [np.array([0.5])]).cost == pytest.approx(0.5 + 2.0)
+
+
+def test_a_view_lost_behind_the_camera_costs_nothing_where_it_has_no_weight():
+    """And infinitely much where it has some."""
+    problem, state = near_truth(*CELLS["no noise"])
+    (group,) = problem.groups
+    far = group.measurement.points_in_target - 50 * state.camera_from_target(group, problem.stops)[0].rotation[2]
+    lost = problem.with_groups([replace(group, measurement=replace(group.measurement, points_in_target=far))])
+    assert linearise(lost, state).cost == np.inf
+    assert np.isfinite(linearise(lost, state, [np.zeros(4)]).cost)
+
+
+def test_shared_stops_are_numbered_in_their_order():
+    """Those of several views, of either robot and of all groups; -1 for the others; none without noise."""
+    problem, _ = near_truth(*CELLS["some stops of several"])
+    (group,) = problem.groups
+    numbers = shared_stops(problem)
+    several = np.unique(np.concatenate([group.eye_stop[[1, 3]], group.hand_stop[[1, 3]]]))
+    assert numbers[several].tolist() == [0, 1, 2, 3]
+    assert set(np.delete(numbers, several).tolist()) == {-1}
+    twice = problem.with_groups([group.take(np.array([0])), group.take(np.array([0]))])
+    assert np.count_nonzero(shared_stops(twice) >= 0) == 2
+    assert shared_stops(near_truth(*CELLS["no noise"])[0]).tolist() == []
+
+
+def test_priors_are_in_sigmas():
+    """A mount half a millimetre from its mean, known to 1 mm: half a sigma, and no more than its own columns."""
+    sigma = np.array([1e-3, 2e-3, 4e-3, 0.1, 0.2, 0.4])
+    problem, state = pose_problem(np.zeros((2, 6)), np.ones(6), Unknown("prior", SE3.identity(), sigma))
+    xi = np.array([5e-4, 0, 0, 0.02, 0, 0])
+    moved = replace(state, transforms={**state.transforms, MOUNT: SE3.exp(xi)})
+    ((residual, jacobian, where),) = prior_residuals(problem, moved)
+    np.testing.assert_allclose(residual, xi / sigma, atol=1e-12)
+    assert where == slice(0, 6)
+
+    def of(step: np.ndarray) -> np.ndarray:
+        after = replace(state, transforms={**state.transforms, MOUNT: SE3.exp(xi) @ SE3.exp(1e-3 * step)})
+        return prior_residuals(problem, after)[0][0]
+
+    check_derivative(of, 1e-3 * jacobian, 1e-2, 1e-9)
+    point = replace(problem, columns={MOUNT: slice(0, 3)})
+    assert [part.shape for part in prior_residuals(point, moved)[0][:2]] == [(3,), (3, 3)]
+    free = replace(problem, unknowns={**problem.unknowns, MOUNT: Unknown()})
+    assert prior_residuals(free, moved) == []
+
+
+def test_a_lens_known_beforehand_is_in_sigmas():
+    """A prior's parameters over their sigmas; of a free lens the terms that real lenses keep small, if any."""
+    lens = Camera("pinhole", np.array([800.0, 800, 320, 240]))
+    problem, state = pose_problem(np.zeros((2, 6)), np.ones(6))
+    sigma = np.array([1.0, 2.0, 4.0, 8.0])
+    known = replace(problem, columns={"camera": slice(0, 4)}, lenses={"camera": Intrinsics("prior", lens, sigma)})
+    moved = replace(state, cameras={"camera": lens.with_parameters(lens.parameters + 2.0)})
+    ((residual, jacobian, _),) = prior_residuals(known, moved)
+    np.testing.assert_allclose(residual, [2.0, 1.0, 0.5, 0.25])
+    np.testing.assert_allclose(jacobian, np.diag(1 / sigma))
+    free = replace(known, lenses={"camera": Intrinsics("free")})
+    assert prior_residuals(free, moved) == []
+    fixed = replace(known, lenses={"camera": Intrinsics("fixed", lens)})
+    assert prior_residuals(fixed, moved) == []
+
+
+def test_focal_lengths_stay_above_a_fifth_and_finite():
+    """A step to a tenth ends at a fifth, one beyond numbers nowhere; the others are added."""
+    lens = Camera("pinhole", np.array([800.0, 900, 320, 240, 0.1, 0, 0, 0, 0]))
+    step = np.array([-720.0, 10, np.nan, 5, 0.2, 0, np.inf, 0, 0])
+    np.testing.assert_allclose(retract_lens(lens, step).parameters, [160, 910, 320, 245, 0.3, 0, 0, 0, 0])
+    np.testing.assert_allclose(lens.parameters[:2], [800, 900])

@@ -1,0 +1,114 @@
+"""Shared stops eliminated, against the dense system of all of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.estimation.least_squares import schur_complement
+from basecal.estimation.least_squares.schur_complement import SchurAccumulator, SharedView
+
+STOPS, VIEWS, WIDTH = 4, 7, 5
+EYE = np.array([0, 0, 1, 1, 1, 0, 1])
+HAND = np.array([2, 3, 2, 3, 3, 2, 2])
+
+
+def drawn(rng, batch=()):
+    """Errors, and of views: gradient, information, derivative to the unknowns, to the eye's and the hand's stops."""
+    root = rng.standard_normal((*batch, VIEWS, 6, 6))
+    return (
+        rng.standard_normal((*batch, STOPS, 6)),
+        rng.standard_normal((*batch, VIEWS, 6)),
+        root @ np.swapaxes(root, -1, -2),
+        rng.standard_normal((*batch, VIEWS, 6, WIDTH - 1)),
+        rng.standard_normal((2, *batch, VIEWS, 6, 6)),
+    )
+
+
+def eliminated(values, robots):
+    """Ours, of views that stand in stops of the eye, the hand or both; the second column of the unknowns is no view's."""
+    errors, gradient, information, by_unknowns, by_error = values
+    sums = SchurAccumulator(errors, WIDTH)
+    rows = np.arange(VIEWS)
+    shared = [SharedView(rows, {0: EYE, 1: HAND}[r], by_error[r]) for r in robots]
+    sums.add(shared, gradient, information, by_unknowns, np.array([0, 2, 3, 4]))
+    return sums.solve()
+
+
+def dense(values, robots):
+    """Information of the errors, mixed with the unknowns, and their gradient."""
+    errors, gradient, information, by_unknowns, by_error = values
+    full = np.zeros((VIEWS, 6, STOPS, 6))
+    for r in robots:
+        full[np.arange(VIEWS), :, {0: EYE, 1: HAND}[r]] += by_error[r]
+    full = full.reshape(VIEWS, 6, 6 * STOPS)
+    derivative = np.insert(by_unknowns, 1, 0.0, axis=-1)
+    own = np.eye(6 * STOPS) + np.einsum("nqi,nqr,nrj->ij", full, information, full)
+    mixed = np.einsum("nqi,nqr,nrj->ij", full, information, derivative)
+    return own, mixed, errors.ravel() + np.einsum("nqi,nq->i", full, gradient)
+
+
+@pytest.mark.parametrize("robots", [(0,), (0, 1)])
+def test_reduction_is_that_of_the_dense_system(rng, robots):
+    """Hessian, gradient, log determinant and the errors' best step, whether one robot's stops are shared or both's."""
+    values = drawn(rng)
+    own, mixed, force = dense(values, robots)
+    ours = eliminated(values, robots)
+    hessian, gradient = ours.reduce(np.zeros((WIDTH, WIDTH)), np.zeros(WIDTH))
+    np.testing.assert_allclose(hessian, -mixed.T @ np.linalg.solve(own, mixed), atol=1e-9)
+    np.testing.assert_allclose(gradient, -mixed.T @ np.linalg.solve(own, force), atol=1e-9)
+    assert ours.log_det == pytest.approx(np.linalg.slogdet(own)[1])
+    step = rng.standard_normal(WIDTH)
+    np.testing.assert_allclose(ours.step(step).ravel(), -np.linalg.solve(own, force + mixed @ step), atol=1e-9)
+
+
+@pytest.mark.parametrize("robots", [(0,), (0, 1)])
+def test_covariance_is_the_inverse_of_the_errors_information(rng, robots):
+    """At any pair of stops, block by block."""
+    values = drawn(rng)
+    inverse = np.linalg.inv(dense(values, robots)[0]).reshape(STOPS, 6, STOPS, 6)
+    first, second = np.array([0, 0, 2, 3]), np.array([0, 3, 1, 3])
+    np.testing.assert_allclose(
+        eliminated(values, robots).covariance(first, second), inverse[first, :, second], atol=1e-9
+    )
+
+
+def test_of_many_stops_each_is_taken_by_itself(rng, monkeypatch):
+    """Beyond so many stops what they say of one another is left out: blocks of each, zeros between."""
+    values = drawn(rng)
+    ours = eliminated(values, (0, 1))
+    alone = np.linalg.inv(ours.precision)
+    monkeypatch.setattr(schur_complement, "_MOST_INVERTED", STOPS - 1)
+    found = ours.covariance(np.array([1, 1]), np.array([1, 3]))
+    np.testing.assert_allclose(found[0], alone[1], atol=1e-12)
+    np.testing.assert_array_equal(found[1], 0.0)
+    monkeypatch.setattr(schur_complement, "_MOST_INVERTED", STOPS)
+    assert np.abs(ours.covariance(np.array([1]), np.array([3]))).max() > 1e-6
+
+
+@pytest.mark.parametrize("robots", [(0,), (0, 1)])
+def test_a_batch_is_each_entry_by_itself(rng, robots):
+    """Reduction, log determinant and step of two entries side by side are those of each."""
+    values = drawn(rng, (2,))
+    together = eliminated(values, robots)
+    step = rng.standard_normal((2, WIDTH))
+    hessian, gradient = together.reduce(np.zeros((2, WIDTH, WIDTH)), np.zeros((2, WIDTH)))
+    for row in range(2):
+        alone = eliminated((*(v[row] for v in values[:-1]), values[-1][:, row]), robots)
+        of_one = alone.reduce(np.zeros((WIDTH, WIDTH)), np.zeros(WIDTH))
+        np.testing.assert_allclose(hessian[row], of_one[0], atol=1e-9)
+        np.testing.assert_allclose(gradient[row], of_one[1], atol=1e-9)
+        np.testing.assert_allclose(together.step(step)[row], alone.step(step[row]), atol=1e-9)
+        assert together.log_det[row] == pytest.approx(alone.log_det)
+
+
+def test_views_that_share_no_stop_change_nothing(rng):
+    """Without views the errors are known to one sigma each, and the unknowns are left as they are."""
+    values = drawn(rng)
+    sums = SchurAccumulator(values[0], WIDTH)
+    none = np.zeros(0, dtype=np.int64)
+    sums.add([SharedView(none, none, np.zeros((0, 6, 6)))] * 2, *values[1:4], np.arange(WIDTH - 1))
+    ours = sums.solve()
+    assert ours.log_det == 0.0
+    np.testing.assert_array_equal(ours.step(np.ones(WIDTH)), -values[0])
+    np.testing.assert_array_equal(ours.reduce(np.eye(WIDTH), np.ones(WIDTH))[0], np.eye(WIDTH))

@@ -1,0 +1,35 @@
+"""Gradient and information by moments, against the sums over points that they stand for."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.estimation.view.moments import UPPER, dot, gradient_and_information, monomials
+from basecal.geometry.se3 import hat, rotation_exp
+
+
+def test_monomials_are_all_products_of_one_and_the_coordinates():
+    """Of 1, x, y and z each with each, once, those with 1 first."""
+    (row,) = monomials(np.array([[2.0, 3.0, 5.0]]))
+    assert row.tolist() == [1, 2, 3, 5, 4, 6, 10, 9, 15, 25]
+
+
+def test_dot_is_the_sum_of_products():
+    """Term by term, of one pair and of several; what it is given stays as it was."""
+    a, b = np.array([1.0, 2.0]), np.array([3.0, 4.0])
+    np.testing.assert_array_equal(dot([a], [b]), [3, 8])
+    np.testing.assert_array_equal(dot([a, b, a], [b, b, a]), [3 + 9 + 1, 8 + 16 + 4])
+    np.testing.assert_array_equal(a, [1, 2])
+
+
+def test_moments_are_the_sums_over_points(rng):
+    """J'r and J'J with J = P R [I, -hat(p)], added up point by point: a batch of two with three views of five points."""
+    points, rotation = rng.standard_normal((5, 3)), rotation_exp(rng.standard_normal((2, 3, 3)))
+    by_point, residual = rng.standard_normal((2, 3, 5, 2, 3)), rng.standard_normal((2, 3, 5, 2))
+    forces = np.einsum("bnpki,bnpk->ibnp", by_point, residual)
+    squares = [np.einsum("bnpk,bnpk->bnp", by_point[..., i], by_point[..., j]) for i, j in UPPER]
+    motion = np.concatenate([np.broadcast_to(np.eye(3), (5, 3, 3)), -hat(points)], -1)
+    jacobian = by_point @ rotation[:, :, None] @ motion
+    gradient, information = gradient_and_information(forces, squares, rotation, monomials(points))
+    np.testing.assert_allclose(gradient, np.einsum("bnpki,bnpk->bni", jacobian, residual), atol=1e-12)
+    np.testing.assert_allclose(information, np.einsum("bnpki,bnpkj->bnij", jacobian, jacobian), atol=1e-12)

@@ -1,0 +1,121 @@
+"""Pixels of a target's points: sigmas, counts, points fewer, views and batches."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.estimation.view.measurement import Noise
+from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.geometry import SE3, Camera
+
+LENS = Camera("pinhole", [100.0, 100.0, 50.0, 40.0])
+POINTS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [2, 0, 0]])
+SEEN = np.array(
+    [[True, True, True, True, False], [True, False, False, True, False], [False, True, False, False, False]]
+)
+STATED = SEEN * np.array([4.0, 0.0, 0.0, 0.0, 0.0])
+AHEAD = SE3(np.broadcast_to(np.eye(3), (3, 3, 3)), np.tile([0.0, 0.0, 2.0], (3, 1)))
+
+
+@pytest.fixture
+def measurement():
+    """Every point is seen 3 px beside and 4 px above where the lens puts it at `AHEAD`."""
+    pixels = np.tile(LENS.project(POINTS + [0, 0, 2.0]) - [3.0, 4.0], (3, 1, 1))
+    return PixelMeasurement(POINTS, pixels, SEEN, STATED, np.where(STATED > 0, STATED, 1.0 * SEEN))
+
+
+def test_what_states_no_sigma_gets_that_of_the_noise(measurement):
+    """Stated sigmas stay, points that were not seen weigh nothing, detectors' own weigh points against one another."""
+    weight = measurement.with_noise(Noise(pixel_px=0.5)).weight
+    np.testing.assert_array_equal(weight, [[4, 2, 2, 2, 0], [4, 0, 0, 2, 0], [0, 2, 0, 0, 0]])
+    doubled = replace(measurement, relative=np.full(SEEN.shape, 2.0)).with_noise(Noise(pixel_px=0.5)).weight
+    np.testing.assert_array_equal(doubled, [[4, 4, 4, 4, 0], [4, 0, 0, 4, 0], [0, 4, 0, 0, 0]])
+
+
+def test_counts_and_equations(measurement):
+    """Two residuals a point, those with a sigma apart; six freedoms at most a view."""
+    assert measurement.counts() == {"stated": 4, "pixel_px": 10}
+    assert measurement.equations().tolist() == [6, 4, 2]
+
+
+def test_squares_are_those_without_a_sigma(measurement):
+    """Each point is 5 px off: at a sigma of 5 px its square is one, and stated ones do not count."""
+    squares = measurement.with_noise(Noise(pixel_px=5.0)).squares(AHEAD, LENS)
+    assert squares == {"pixel_px": pytest.approx(5.0)}
+
+
+def test_cost_is_the_weighted_square(measurement):
+    """Of all points that were seen, view by view."""
+    view = measurement.with_noise(Noise(pixel_px=5.0)).linearise(AHEAD, LENS, False)
+    np.testing.assert_allclose(view.cost, [25 * 16 + 3, 25 * 16 + 1, 1])
+
+
+def test_residuals_are_predicted_minus_seen(measurement):
+    """In pixels; NaN where nothing was seen."""
+    off = measurement.residual_px(AHEAD, LENS)
+    np.testing.assert_allclose(off[SEEN], np.tile([3.0, 4.0], (SEEN.sum(), 1)))
+    assert np.isnan(off[~SEEN]).all()
+
+
+def test_thinned_points_are_spread_and_keep_what_is_theirs(measurement):
+    """Of five points at most two are the first and the fourth, at most three every second; five stay all."""
+    with_relative = replace(measurement, relative=np.tile(np.arange(5.0), (3, 1)))
+    few = with_relative.thinned(2)
+    np.testing.assert_array_equal(few.points_in_target, POINTS[[0, 3]])
+    np.testing.assert_array_equal(few.seen, SEEN[:, [0, 3]])
+    np.testing.assert_array_equal(few.stated, STATED[:, [0, 3]])
+    np.testing.assert_array_equal(few.pixels, measurement.pixels[:, [0, 3]])
+    np.testing.assert_array_equal(few.weight, measurement.weight[:, [0, 3]])
+    np.testing.assert_array_equal(few.relative, [[0.0, 3.0]] * 3)
+    assert len(measurement.thinned(3).points_in_target) == 3
+    assert len(measurement.thinned(5).points_in_target) == 5
+    assert measurement.thinned(3).relative is None
+
+
+def test_views_are_taken_with_all_that_is_theirs(measurement):
+    """In the order asked for."""
+    taken = replace(measurement, relative=np.tile(np.arange(3.0)[:, None], (1, 5))).take(np.array([2, 0]))
+    np.testing.assert_array_equal(taken.seen, SEEN[[2, 0]])
+    np.testing.assert_array_equal(taken.stated, STATED[[2, 0]])
+    np.testing.assert_array_equal(taken.pixels, measurement.pixels[[2, 0]])
+    np.testing.assert_array_equal(taken.weight, measurement.weight[[2, 0]])
+    np.testing.assert_array_equal(taken.relative[:, 0], [2.0, 0.0])
+    assert measurement.take(np.array([0])).relative is None
+
+
+def test_rows_of_a_batch(measurement):
+    """What all entries saw is shared; what each saw for itself is taken by row, with weights of its own or shared."""
+    assert measurement.of_batch(np.array([1])).pixels.shape == (3, 5, 2)
+    twice = {
+        name: np.stack([value, 2 * value]) for name in ("pixels", "weight") for value in [getattr(measurement, name)]
+    }
+    own = replace(measurement, **twice).of_batch(np.array([1]))
+    np.testing.assert_array_equal(own.pixels, 2 * measurement.pixels[None])
+    np.testing.assert_array_equal(own.weight, 2 * measurement.weight[None])
+    np.testing.assert_array_equal(own.seen, SEEN)
+    np.testing.assert_array_equal(own.stated, STATED)
+    seen = np.stack([SEEN, ~SEEN])
+    masked = replace(measurement, seen=seen, stated=1.0 * seen, relative=2.0 * seen).of_batch(np.array([1]))
+    np.testing.assert_array_equal(masked.seen, [~SEEN])
+    np.testing.assert_array_equal(masked.stated, [1.0 * ~SEEN])
+    np.testing.assert_array_equal(masked.relative, [2.0 * ~SEEN])
+
+
+@pytest.mark.parametrize("lens_each", [False, True])
+def test_many_entries_of_a_batch_say_what_each_says_alone(measurement, lens_each):
+    """Chunks change nothing, whether all entries share one lens or each has its own."""
+    count = 1000
+    rng = np.random.default_rng(0)
+    away = SE3.exp(0.1 * rng.standard_normal((count, 3, 6)))
+    poses = SE3(AHEAD.rotation @ away.rotation, AHEAD.translation + away.translation)
+    lens = LENS
+    if lens_each:
+        lens = LENS.with_parameters(LENS.parameters + rng.standard_normal((count, 4)))
+    together = measurement.linearise(poses, lens, False)
+    for row in (0, 479, 480, 481, 960, 999):
+        alone = measurement.linearise(poses[row], lens[row] if lens_each else lens, False)
+        for part, each in zip(together, alone, strict=True):
+            np.testing.assert_allclose(part[row], each, rtol=1e-9, atol=1e-9 * np.abs(each).max())
