@@ -26,7 +26,7 @@ def drawn(rng, batch=()):
 
 
 def eliminated(values, robots):
-    """Ours, of views that stand in stops of the eye, the hand or both; the second column of the unknowns is no view's."""
+    """Ours, of views that stand in stops of the eye, the hand or both; no view moves with the second unknown."""
     errors, gradient, information, by_unknowns, by_error = values
     sums = SchurAccumulator(errors, WIDTH)
     rows = np.arange(VIEWS)

@@ -23,7 +23,7 @@ def test_dot_is_the_sum_of_products():
 
 
 def test_moments_are_the_sums_over_points(rng):
-    """J'r and J'J with J = P R [I, -hat(p)], added up point by point: a batch of two with three views of five points."""
+    """J'r and J'J with J = P R [I, -hat(p)], added up point by point, for a batch of two with three views each."""
     points, rotation = rng.standard_normal((5, 3)), rotation_exp(rng.standard_normal((2, 3, 3)))
     by_point, residual = rng.standard_normal((2, 3, 5, 2, 3)), rng.standard_normal((2, 3, 5, 2))
     forces = np.einsum("bnpki,bnpk->ibnp", by_point, residual)

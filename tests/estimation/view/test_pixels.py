@@ -23,7 +23,7 @@ AHEAD = SE3(np.broadcast_to(np.eye(3), (3, 3, 3)), np.tile([0.0, 0.0, 2.0], (3, 
 @pytest.fixture
 def measurement():
     """Every point is seen 3 px beside and 4 px above where the lens puts it at `AHEAD`."""
-    pixels = np.tile(LENS.project(POINTS + [0, 0, 2.0]) - [3.0, 4.0], (3, 1, 1))
+    pixels = np.tile(LENS.project(POINTS + np.array([0, 0, 2.0])) - [3.0, 4.0], (3, 1, 1))
     return PixelMeasurement(POINTS, pixels, SEEN, STATED, np.where(STATED > 0, STATED, 1.0 * SEEN))
 
 

@@ -18,7 +18,7 @@ LENS = Camera("pinhole", [500.0, 510.0, 320.0, 240.0, -0.1, 0.05, 1e-3, 0.0, 0.0
 
 def poses(rng, n):
     away = SE3.exp(0.2 * rng.standard_normal((n, 6)))
-    return SE3(away.rotation, away.translation + [0, 0, 1.5])
+    return SE3(away.rotation, away.translation + np.array([0, 0, 1.5]))
 
 
 def pixels(rng, n=3, p=6):
@@ -29,7 +29,7 @@ def pixels(rng, n=3, p=6):
 
 @pytest.mark.parametrize("lens", [False, True])
 def test_points_sum_up_to_their_view(rng, lens):
-    """Residuals' squares to the cost, J'r to the gradient and J'J to the information, with the lens's columns or not."""
+    """Squares to the cost, J'r to the gradient and J'J to the information, with the lens's columns or without."""
     measurement, at = pixels(rng), poses(rng, 3)
     rows, view = point_jacobians(measurement, at, LENS, lens), measurement.linearise(at, LENS, lens)
     np.testing.assert_allclose(np.sum(rows.residual**2, (1, 2)), view.cost)
@@ -53,7 +53,7 @@ def test_3d_points_sum_up_to_their_view(rng):
 def test_points_not_seen_say_nothing(rng):
     """Neither those without weight nor those behind the camera: no residual, no derivative, and they are told."""
     measurement, at = pixels(rng), poses(rng, 3)
-    behind = replace(measurement, points_in_target=measurement.points_in_target - [[0, 0, 9.0]] + np.zeros((6, 3)))
+    behind = replace(measurement, points_in_target=measurement.points_in_target - np.array([0, 0, 9.0]))
     rows = point_jacobians(behind, at, LENS, False)
     assert not rows.seen.any()
     assert not rows.residual.any()
