@@ -46,7 +46,7 @@ def test_samples_all_alike_are_refused():
     alike = tuple(replace(s.recording.samples[0], sample=i) for i in range(20))
     calibration = calibrate(s.cell, Recording(alike))
     assert calibration.verdict == "refused"
-    assert "unobservable-direction" in codes(calibration)
+    assert "too-few-samples" in codes(calibration)
 
 
 def test_a_still_eye_cannot_tell_camera_mount_from_base():

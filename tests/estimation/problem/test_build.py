@@ -11,6 +11,8 @@ import pytest
 from basecal.cell import PixelObservation, PointObservation, Recording, Robot, RobotState, Sample
 from basecal.errors import InputError
 from basecal.estimation.problem.build import build_problem, canonical_order
+from basecal.estimation.problem.problem import Problem
+from basecal.geometry import SE3
 from basecal.kinematics import read_chain
 from basecal.simulation import Scenario, simulate
 
@@ -38,22 +40,37 @@ def _with_hand(sample: Sample, state: RobotState) -> Sample:
     return replace(sample, robots={**sample.robots, "hand": state})
 
 
-def test_a_stop_is_a_run_of_unchanged_poses():
-    """Equal poses in a row are one stop; the same pose later is another."""
-    s = simulate(Scenario(samples=3, robot_noise=(1e-4, 1e-4)), seed=0)
-    poses = [x.robots["eye"] for x in s.recording.samples]
-    order = [0, 0, 1, 1, 0, 2]
-    samples = tuple(
-        replace(
-            s.recording.samples[0], sample=k, robots={"eye": poses[p], "hand": s.recording.samples[0].robots["hand"]}
-        )
-        for k, p in enumerate(order)
-    )
-    problem, _ = build_problem(s.cell, Recording(samples))
-    (group,) = problem.groups
-    assert (group.eye_stop - group.eye_stop[0]).tolist() == [0, 0, 1, 1, 2, 3]
+def _at_poses(order: list[int], jitter_m: float = 0.0) -> Problem:
+    """Three places of the eye, taken in an order and read back with jitter; a new view at each, the hand still."""
+    s = simulate(Scenario(samples=len(order), robot_noise=(5e-5, 5e-5), target="led", arms="hand_still"), seed=0)
+    rng = np.random.default_rng(0)
+    samples = []
+    for sample, place in zip(s.recording.samples, order, strict=True):
+        pose = s.recording.samples[place].robots["eye"].base_from_flange
+        assert pose is not None
+        read = SE3(pose.rotation, pose.translation + jitter_m * rng.uniform(-1, 1, 3))
+        samples.append(replace(sample, robots={**sample.robots, "eye": RobotState(read)}))
+    return build_problem(s.cell, Recording(tuple(samples)))[0]
+
+
+@pytest.mark.parametrize("jitter_m", [0.0, 5e-5])
+def test_a_stop_is_a_place(jitter_m):
+    """Poses that agree within what reading back makes of them are one stop, in a row or not, numbered in order."""
+    (group,) = _at_poses([0, 0, 1, 1, 0, 2], jitter_m).groups
+    assert (group.eye_stop - group.eye_stop[0]).tolist() == [0, 0, 1, 1, 0, 2]
     assert len(set(group.hand_stop.tolist())) == 1
     assert set(group.eye_stop.tolist()).isdisjoint(group.hand_stop.tolist())
+
+
+def test_copied_rows_count_once():
+    """A view that says the same as an earlier one in the same place is left out and named; other noise is not."""
+    s = simulate(Scenario(samples=6), seed=0)
+    first, second = s.recording.samples[:2]
+    again = replace(second, sample=7, robots=first.robots)
+    copies = (*s.recording.samples, replace(first, sample=6), again)
+    problem, findings = build_problem(s.cell, Recording(copies))
+    assert sorted(problem.groups[0].sample.tolist()) == [0, 1, 2, 3, 4, 5, 7]
+    assert [(f.code, f.about) for f in findings] == [("duplicate-samples", ("6",))]
 
 
 def test_a_view_without_a_robots_pose_is_left_out_and_said():

@@ -10,10 +10,7 @@ from collections import defaultdict
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from basecal.estimation.problem.problem import Problem
-from basecal.geometry import SE3
 
 Samples = frozenset[int]
 
@@ -68,21 +65,13 @@ def _samples(problem: Problem) -> list[int]:
 
 
 def _places(problem: Problem) -> dict[str, dict[int, Hashable]]:
-    """By robot that moves: where it stands at each sample, the same for poses that are equal."""
+    """By robot that moves: the stop where it stands at each sample."""
     places: dict[str, dict[int, Hashable]] = defaultdict(dict)
     for group in problem.groups:
-        for robot, poses in (
-            (group.eye, group.eye_base_from_eye_flange),
-            (group.hand, group.hand_base_from_hand_flange),
-        ):
+        for robot, stand in ((group.eye, group.eye_stand), (group.hand, group.hand_stand)):
             if robot is not None:
-                places[robot].update(zip(map(int, group.sample), _labels(poses), strict=True))
+                places[robot].update(zip(map(int, group.sample), map(int, stand), strict=True))
     return {robot: at for robot, at in places.items() if len(set(at.values())) > 1}
-
-
-def _labels(poses: SE3) -> list[bytes]:
-    flat = np.concatenate([poses.rotation.reshape(-1, 9), poses.translation], -1)
-    return [row.tobytes() for row in np.ascontiguousarray(flat)]
 
 
 def _joined(samples: Sequence[int], places: Mapping[str, Mapping[int, Hashable]]) -> list[Samples]:

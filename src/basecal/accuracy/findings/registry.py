@@ -17,11 +17,12 @@ from basecal.accuracy.findings.poor_fit import poor_fit
 from basecal.accuracy.findings.prior_contradicted import prior_contradicted
 from basecal.accuracy.findings.prior_dominated import prior_dominated
 from basecal.accuracy.findings.robot_model import robot_model
+from basecal.accuracy.findings.same_stop import same_stop
 from basecal.accuracy.findings.too_few_samples import too_few_samples
 from basecal.accuracy.findings.unobservable_direction import unobservable_directions
 from basecal.accuracy.findings.weak_direction import weak_directions
 
-INPUT_CHECKS: tuple[InputCheck, ...] = (many_dropped_samples, too_few_samples)
+INPUT_CHECKS: tuple[InputCheck, ...] = (many_dropped_samples, too_few_samples, same_stop)
 
 ANSWER_CHECKS: tuple[AnswerCheck, ...] = (
     robot_model,

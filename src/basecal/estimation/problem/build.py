@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -25,7 +25,9 @@ from basecal.cell import (
 from basecal.errors import InputError
 from basecal.estimation.problem.correspondence import MOST_CANDIDATES, half_turn, half_turned
 from basecal.estimation.problem.problem import Problem, Stops, ViewGroup, carrier, check_carriers
+from basecal.estimation.problem.repeated_views import repeated_views, view_content
 from basecal.estimation.problem.robot_parameters import RobotModel, robot_model
+from basecal.estimation.problem.same_stop import stop_numbers
 from basecal.estimation.view.measurement import Measurement, Noise
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement
@@ -125,11 +127,10 @@ def _poses_of(cell: Cell, robot: str, samples: tuple[Sample, ...]) -> _Poses:
         return _Poses()
     row = {i: k for k, (i, _) in enumerate(having)}
     base_from_flange = _flanges(cell, robot, [state for _, state in having])
-    flat = np.concatenate([base_from_flange.rotation.reshape(-1, 9), base_from_flange.translation], -1)
-    moved = np.any(flat[1:] != flat[:-1], axis=-1)
-    stand = np.concatenate([[0], np.cumsum(moved)]).astype(np.int64)
-    joints = [state.joints_rad for _, state in having if state.joints_rad is not None]
-    return _Poses(row, base_from_flange, stand, stand, np.stack(joints) if len(joints) == len(having) else None)
+    recorded = [state.joints_rad for _, state in having if state.joints_rad is not None]
+    joints = np.stack(recorded) if len(recorded) == len(having) else None
+    stand = stop_numbers(base_from_flange, joints, cell.robots[robot].noise)
+    return _Poses(row, base_from_flange, stand, stand, joints)
 
 
 def _flanges(cell: Cell, robot: str, states: list[RobotState]) -> SE3:
@@ -162,7 +163,7 @@ def _number_stops(cell: Cell, poses: Mapping[str, _Poses]) -> Stops:
         if noise is None or not np.any(noise) or not len(of.stop):
             of.stop = np.full(len(of.stop), -1, dtype=np.int64)
             continue
-        count = int(of.stop[-1]) + 1
+        count = int(of.stop.max()) + 1
         of.stop = of.stop + len(names)
         names += [name] * count
         sigmas.append(np.broadcast_to(noise, (count, 6)))
@@ -174,6 +175,8 @@ def _views(
 ) -> dict[tuple[str, str, str], Views]:
     views: dict[tuple[str, str, str], Views] = defaultdict(list)
     lacking: dict[str, list[int]] = defaultdict(list)
+    known: set[Hashable] = set()
+    repeated: list[int] = []
     for i, sample in enumerate(samples):
         for observation in sample.observations:
             camera, target = observation.camera, observation.target
@@ -184,7 +187,14 @@ def _views(
             elif _cannot_choose(cell, observation):
                 lacking["candidates for several lights, which cannot be told apart"].append(sample.sample)
             else:
-                views[camera, target, _kind(observation)].append((i, observation))
+                stops = [int(poses[r].stand[poses[r].row[i]]) for r in needed if r in cell.robots]
+                content = view_content(observation, stops)
+                if content in known:
+                    repeated.append(sample.sample)
+                else:
+                    known.add(content)
+                    views[camera, target, _kind(observation)].append((i, observation))
+    findings += repeated_views(repeated)
     findings += [_dropped(why, numbers) for why, numbers in lacking.items()]
     for camera, target, _ in views:
         check_carriers(cell, camera, target)

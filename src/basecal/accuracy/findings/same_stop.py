@@ -1,0 +1,42 @@
+"""`same-stop`: poses read back at one place differ a little, and are counted as one stop."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.accuracy.findings.evidence import Input
+from basecal.cell import Finding
+from basecal.estimation.problem.problem import Problem
+from basecal.geometry import SE3, IntArray
+
+_ROUNDING = 1e-9  # [m, rad] of numbers written with all their digits
+
+
+def same_stop(given: Input) -> list[Finding]:
+    """An info about each robot whose recorded poses vary within its stops."""
+    robots = sorted({robot for g in given.problem.groups for robot in (g.eye, g.hand) if robot is not None})
+    return [f for robot in robots for f in _of_robot(given.problem, robot)]
+
+
+def _of_robot(problem: Problem, robot: str) -> list[Finding]:
+    stand, poses = _poses(problem, robot)
+    first = np.unique(stand, return_index=True)[1]
+    off = (poses[first[np.searchsorted(stand[first], stand)]].inverse() @ poses).log()
+    # Rotations that were read back as quaternions differ by rounding alone.
+    far_m, far_rad = (float(np.linalg.norm(half, axis=-1).max()) for half in (off[:, :3], off[:, 3:]))
+    if far_m < _ROUNDING and far_rad < _ROUNDING:
+        return []
+    message = (
+        f"poses of {robot} differ by up to {1e3 * far_m:.2g} mm and {1e3 * far_rad:.2g} mrad within its "
+        f"{len(first)} stops: they are taken for one place read back anew, with one error of the arm"
+    )
+    return [Finding("same-stop", "info", (robot,), message)]
+
+
+def _poses(problem: Problem, robot: str) -> tuple[IntArray, SE3]:
+    """Stops and recorded poses of a robot in all views, (n,)."""
+    of_eye = [(g.eye_stand, g.eye_base_from_eye_flange) for g in problem.groups if g.eye == robot]
+    of_hand = [(g.hand_stand, g.hand_base_from_hand_flange) for g in problem.groups if g.hand == robot]
+    stands, poses = zip(*of_eye, *of_hand, strict=True)
+    rotation = np.concatenate([p.rotation for p in poses])
+    return np.concatenate(stands), SE3(rotation, np.concatenate([p.translation for p in poses]))

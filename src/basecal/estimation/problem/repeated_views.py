@@ -1,0 +1,40 @@
+"""Views that a recording holds twice, such as rows that were copied: noise does not repeat itself to the last bit."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Sequence
+
+import numpy as np
+
+from basecal.cell import Finding, Observation, PixelObservation, PointObservation, PoseObservation
+from basecal.geometry import Array
+
+_LISTED = 10
+
+
+def view_content(observation: Observation, stops: Sequence[int]) -> Hashable:
+    """All that a view says, and the stops of the robots that carry camera and target: equal for copies."""
+    return observation.camera, observation.target, *stops, *map(np.ndarray.tobytes, _numbers(observation))
+
+
+def _numbers(observation: Observation) -> list[Array]:
+    """What was seen, as arrays."""
+    if isinstance(observation, PoseObservation):
+        pose = observation.camera_from_target
+        return [pose.rotation, pose.translation]
+    if isinstance(observation, PointObservation):
+        return [observation.points_in_camera, observation.ids.astype(np.float64)]
+    ids = observation.ids if isinstance(observation, PixelObservation) else np.zeros(0)
+    return [observation.pixels, ids.astype(np.float64)]
+
+
+def repeated_views(numbers: Sequence[int]) -> list[Finding]:
+    """A finding about the samples, by number, whose views are counted with earlier ones; none without any."""
+    if not numbers:
+        return []
+    shown = ", ".join(map(str, numbers[:_LISTED])) + (", ..." if len(numbers) > _LISTED else "")
+    message = (
+        f"{len(numbers)} view(s) repeat one of an earlier sample to the last bit, which no camera does: each counts "
+        f"once: sample {shown}; look at how the recording was put together"
+    )
+    return [Finding("duplicate-samples", "info", tuple(map(str, numbers)), message)]
