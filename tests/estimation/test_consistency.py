@@ -12,16 +12,10 @@ from basecal.estimation.settings import RobotNoise
 from basecal.simulation import Scenario
 
 # A mean over n cells has 6 n degrees of freedom. The band is left by chance once in a million times: a failure is a
-# fault. A hundred cells show a covariance that is wrong by a third, 400 one by a seventh, and 2,000, by the narrower
+# fault. Eighty cells show a covariance that is wrong by a third, 400 one by a seventh, and 2,000, by the narrower
 # band of `benchmarks.consistency`, one by a twentieth.
 CHANCE = 1e-6
-QUICK = (
-    "board, mounts free",
-    "board, eye still, mounts fixed, robot noise",
-    "board, mounts free, halves, robot noise",
-    "light, mounts free, robot noise",
-    "tag, stations, mounts free, robot noise",
-)
+QUICK = ("board, mounts free, halves, robot noise", "light, mounts free, robot noise")
 CORRELATED = Scenario(samples=20, correlated_px=0.3)
 
 
@@ -34,9 +28,15 @@ def mean_of(scenario: Scenario, cells: int, robot_noise: RobotNoise | None = Non
 
 @pytest.mark.parametrize("name", QUICK)
 def test_covariance_is_true(name: str) -> None:
-    """Over 100 cells the mean of xi' C^-1 xi / 6 of the base is 1, within the band of 600 degrees of freedom."""
-    low, high = band(100, CHANCE)
-    assert low <= mean_of(SCENARIOS[name], 100) <= high
+    """Over 80 cells the mean of xi' C^-1 xi / 6 of the base is 1, within the band of 480 degrees of freedom.
+
+    Whitened by the Cramer-Rao bound at the truth in place of the covariance likewise: no estimate could do better.
+    """
+    low, high = band(80, CHANCE)
+    errors = [error_of(SCENARIOS[name], seed) for seed in range(10_000, 10_080)]
+    assert all(error.converged for error in errors)
+    assert low <= np.mean([e.nees for e in errors]) / FREEDOMS <= high
+    assert low <= np.mean([e.nees_by_bound for e in errors]) / FREEDOMS <= high
 
 
 def test_robot_noise_that_is_not_told_is_noticed() -> None:
@@ -46,24 +46,17 @@ def test_robot_noise_that_is_not_told_is_noticed() -> None:
     """
     told = SCENARIOS["board, eye still, mounts fixed, robot noise"]
     silent = replace(told, state_robot_noise=False)
-    assert mean_of(silent, 20, "stated") > band(20, CHANCE)[1]
-    assert mean_of(silent, 20, "estimated") < band(20, CHANCE)[1]
+    assert mean_of(silent, 10, "stated") > band(10, CHANCE)[1]
+    assert mean_of(silent, 10, "estimated") < band(10, CHANCE)[1]
 
 
 def test_common_error_of_a_view_is_in_the_covariance() -> None:
     """With an error that all points of a view share, and told so, likewise; 36 corners are not 36 witnesses of it."""
-    low, high = band(60, CHANCE)
-    assert low <= mean_of(CORRELATED, 60) <= high
-    assert low <= mean_of(replace(CORRELATED, camera_mount="fixed", intrinsics="prior"), 60) <= high
+    low, high = band(40, CHANCE)
+    assert low <= mean_of(CORRELATED, 40) <= high
 
 
-def test_errors_reach_the_bound() -> None:
-    """Whitened by the Cramer-Rao bound at the truth, errors of a well-posed scenario are 1 within the same band."""
-    errors = [error_of(SCENARIOS["board, mounts free, robot noise"], seed) for seed in range(100)]
-    low, high = band(100, CHANCE)
-    assert low <= np.mean([e.nees_by_bound for e in errors]) / FREEDOMS <= high
-
-
+@pytest.mark.slow
 def test_one_estimated_factor_inflates_as_an_f() -> None:
     """Ten degrees of freedom make the mean 10 / 8: 600 cells scatter by a twentieth of it (a mean of F(6, 10))."""
     errors = [error_of(ESTIMATED["light, mounts fixed, 8 samples, pixel sigma"], seed) for seed in range(600)]

@@ -24,9 +24,11 @@ def tangent_of(matrix):
 class DenseProblem:
     """Residuals of a cell with one camera and one target, all unknowns in one vector."""
 
-    def __init__(self, cell: Cell, recording: Recording, about) -> None:
+    def __init__(self, cell: Cell, recording: Recording, about, stop_errors) -> None:
+        """About these transforms and, of every stop in the order of robots and samples, errors in sigmas, (k, 6)."""
         self.cell, self.samples = cell, recording.samples
         self.about = {name: t.matrix for name, t in about.items()}
+        self.stop_errors, self.as_recorded = np.ravel(stop_errors), {}
         self.camera, self.target = next(iter(cell.cameras.values())), next(iter(cell.targets.values()))
         self.point_mount = (
             cell.mount_name(self.target.name) if self.target.target and self.target.target.is_point else None
@@ -60,7 +62,14 @@ class DenseProblem:
         return out
 
     def recorded(self, robot, index, x):
-        """The flange by what was recorded, joints with their offsets."""
+        """The flange by what was recorded, joints with their offsets; kept where nothing moves it."""
+        if robot in self.offsets:
+            return self._forward(robot, index, x)
+        if (robot, index) not in self.as_recorded:
+            self.as_recorded[robot, index] = self._forward(robot, index, x)
+        return self.as_recorded[robot, index]
+
+    def _forward(self, robot, index, x):
         state, chain = self.samples[index].robots[robot], self.cell.robots[robot].chain
         if state.joints_rad is None:
             return state.base_from_flange.matrix
@@ -118,10 +127,9 @@ class DenseProblem:
         return ((pixels - observation.pixels) / self.cell.pixel_px).ravel()
 
     def solve(self):
-        """Transforms, the covariance of their columns, and the cost."""
-        end = least_squares(
-            self.residual, np.zeros(self.total), jac="3-point", method="trf", xtol=1e-13, ftol=1e-14, gtol=1e-12
-        )
+        """Transforms, the covariance of their columns, and the cost; whoever starts at an optimum stays there."""
+        start = np.concatenate([np.zeros(self.width), self.stop_errors])
+        end = least_squares(self.residual, start, jac="3-point", method="trf", xtol=1e-10, ftol=1e-12, gtol=1e-10)
         j = end.jac
         covariance = np.linalg.inv(j.T @ j)[: self.width, : self.width]
         self.found_offsets = {name: end.x[where] for name, where in self.offsets.items()}
