@@ -8,8 +8,9 @@ from typing import Any, Literal
 
 import numpy as np
 
+from basecal.cell.cell import Cell
 from basecal.errors import FrameNotFound
-from basecal.geometry import Array, BoolArray, Camera, PoseEstimate
+from basecal.geometry import SE3, Array, BoolArray, Camera, PoseEstimate
 
 Severity = Literal["info", "warning", "error"]
 Verdict = Literal["good", "doubtful", "refused"]
@@ -225,6 +226,11 @@ class Calibration:
     findings: tuple[Finding, ...] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)
     inputs: Mapping[str, str] = field(default_factory=dict)
+
+    def known_transforms(self, cell: Cell) -> dict[str, SE3]:
+        """What is known of the transforms of the cell that was calibrated, by name: fixed there, or found here."""
+        fixed = {name: u.mean for name, u in cell.transforms.items() if u.status == "fixed" and u.mean is not None}
+        return fixed | {name: estimate.mean for name, estimate in self.transforms.items()}
 
     def __getitem__(self, name: str) -> PoseEstimate:
         """The estimate of a transform, such as `calibration["eye_base_from_hand_base"]`.

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from basecal.cli.detected import detected_recording
 from basecal.cli.terminal import print_json
 
 if TYPE_CHECKING:
-    from basecal.cell import Cell, Recording
+    from basecal.cell import Recording
 
 
 def detect(cell: Path, /, *, json: bool = False) -> int:
@@ -31,12 +31,13 @@ def detect(cell: Path, /, *, json: bool = False) -> int:
         cell: Folder of the cell.
         json: Print what was found as JSON, pixels and their sigmas among it.
     """
-    from basecal.cell.files import read_cell
+    from basecal.cell.files import finding_to_dict, read_cell, sample_to_dict
 
     described = read_cell(cell)
     recording = detected_recording(cell, described)
     if json:
-        print_json(_as_dict(cell, described, recording))
+        samples = [sample_to_dict(sample, "recording") for sample in recording.samples]
+        print_json({"samples": samples, "findings": [finding_to_dict(finding) for finding in recording.findings]})
     else:
         _print_summary(recording)
     return 1 if recording.findings else 0
@@ -59,12 +60,3 @@ def _print_summary(recording: Recording) -> None:
         print(f"nothing found in {sum(images.values())} images")
     for finding in recording.findings:
         print(f"{finding.severity}: {finding.code}: {finding.message}")
-
-
-def _as_dict(folder: Path, cell: Cell, recording: Recording) -> dict[str, Any]:
-    from basecal.cell.files import finding_to_dict, sample_to_dict
-
-    return {
-        "samples": [sample_to_dict(sample, "recording") for sample in recording.samples],
-        "findings": [finding_to_dict(finding) for finding in recording.findings],
-    }

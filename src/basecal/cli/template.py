@@ -84,20 +84,16 @@ def _camera(name: str, on: str, reference: str, kind: Kind) -> str:
         return text
     text += f"    model: pinhole                   # {' or '.join(f'{m} ({terms_text(m)})' for m in lens_models())}\n"
     text += "    size_px: [1280, 720]             # width, height of its images\n"
-    if not _is_light(kind):
-        return text + "    intrinsics: {status: free}       # or fixed / prior with fx, fy, cx, cy, distortion\n"
-    known = "{status: fixed, fx: 1000, fy: 1000, cx: 639.5, cy: 359.5, distortion: [0, 0, 0, 0, 0]}"
-    advice = "# Put your camera's numbers here: a single light does not determine them."
-    return text + f"    {advice}\n    intrinsics: {known}\n"
-
-
-def _is_light(kind: TargetKindName) -> bool:
-    """Whether a target of the kind usually is one point, which does not determine the intrinsics."""
+    # A target of one point does not determine the intrinsics.
     import numpy as np
 
     from basecal.cell.targets.all_kinds import target_kind
 
-    return target_kind(kind).usual(np.random.default_rng(0)).is_point
+    if not target_kind(kind).usual(np.random.default_rng(0)).is_point:
+        return text + "    intrinsics: {status: free}       # or fixed / prior with fx, fy, cx, cy, distortion\n"
+    known = "{status: fixed, fx: 1000, fy: 1000, cx: 639.5, cy: 359.5, distortion: [0, 0, 0, 0, 0]}"
+    advice = "# Put your camera's numbers here: a single light does not determine them."
+    return text + f"    {advice}\n    intrinsics: {known}\n"
 
 
 def _target(name: str, on: str, reference: str, kind: Kind) -> str:

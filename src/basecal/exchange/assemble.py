@@ -34,7 +34,13 @@ def recording_from_streams(
         InputError: if the streams differ in length, or pixels belong to a sample that is not there.
     """
     streams = [*robots.values(), *([camera_from_target] if camera_from_target else [])]
-    count = _common_length(streams)
+    lengths = {stream.path: len(stream.poses) for stream in streams}
+    if not lengths:
+        raise InputError("no pose file: at least one robot's poses are needed")
+    if len(set(lengths.values())) != 1:
+        found = ", ".join(f"{path} holds {length}" for path, length in lengths.items())
+        raise InputError(f"the pose files differ in length: {found}; pose i of each must belong to the same instant")
+    count = next(iter(lengths.values()))
     strangers = sorted(set(pixels or ()) - set(range(count)))
     if strangers:
         raise InputError(f"pixels of sample {strangers[0]}, but the poses end at sample {count - 1}")
@@ -57,13 +63,3 @@ def _pixel_observation(
 ) -> PixelObservation:
     sigmas = None if sigma_px is None else np.full(len(ids), sigma_px)
     return PixelObservation(camera, target, ids, pixels, sigmas)
-
-
-def _common_length(streams: list[PoseStream]) -> int:
-    lengths = {stream.path: len(stream.poses) for stream in streams}
-    if not lengths:
-        raise InputError("no pose file: at least one robot's poses are needed")
-    if len(set(lengths.values())) != 1:
-        found = ", ".join(f"{path} holds {length}" for path, length in lengths.items())
-        raise InputError(f"the pose files differ in length: {found}; pose i of each must belong to the same instant")
-    return next(iter(lengths.values()))

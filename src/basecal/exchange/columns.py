@@ -36,10 +36,19 @@ def read_columns(path: str | Path, aliases: Mapping[str, Sequence[str]]) -> Tabl
         DatasetError: naming the file and line, if a cell is not a finite number or a row has another length.
     """
     name = str(path)
-    numbered = _rows(name)
+    try:
+        text = Path(name).read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise DatasetError(name, "not text, expected comma-separated values") from None
+    except OSError as error:
+        raise DatasetError(name, f"cannot be read: {error.strerror}") from None
+    reader = csv.reader(text.splitlines(), skipinitialspace=True)
+    numbered = [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
     if not numbered:
         raise DatasetError(name, "is empty, expected a header that names the columns")
-    header = _header(numbered[0][1], aliases)
+    known = {alias: name for name, others in aliases.items() for alias in (name, *others)}
+    plain = [cell.lstrip("#").strip().lower() for cell in numbered[0][1]]
+    header = [known.get(cell, cell) for cell in plain]
     if len(set(header)) != len(header):
         raise DatasetError(name, f"names a column twice: {', '.join(header)}", numbered[0][0])
     rows = [_numbers(name, line, row, header) for line, row in numbered[1:]]
@@ -47,23 +56,6 @@ def read_columns(path: str | Path, aliases: Mapping[str, Sequence[str]]) -> Tabl
         raise DatasetError(name, "has a header and no rows")
     columns = np.array(rows).T
     return Table(dict(zip(header, columns, strict=True)), [line for line, _ in numbered[1:]])
-
-
-def _rows(path: str) -> list[tuple[int, list[str]]]:
-    try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        raise DatasetError(path, "not text, expected comma-separated values") from None
-    except OSError as error:
-        raise DatasetError(path, f"cannot be read: {error.strerror}") from None
-    reader = csv.reader(text.splitlines(), skipinitialspace=True)
-    return [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
-
-
-def _header(cells: Sequence[str], aliases: Mapping[str, Sequence[str]]) -> list[str]:
-    known = {alias: name for name, others in aliases.items() for alias in (name, *others)}
-    plain = [cell.lstrip("#").strip().lower() for cell in cells]
-    return [known.get(cell, cell) for cell in plain]
 
 
 def _numbers(path: str, line: int, row: Sequence[str], header: Sequence[str]) -> list[float]:

@@ -48,7 +48,11 @@ def corrected_urdf(
     from xml.etree.ElementTree import tostring
 
     chain = parse_chain(text, base_link, flange_link)
-    joint_moves, tip_move = _moves(chain, offsets, links)
+    # What each joint's origin, and the tip, is moved by on its right
+    tangents = np.zeros((chain.n + 1, 6)) if links is None else links
+    turns = chain.axes * (np.zeros(chain.n) if offsets is None else offsets)[:, None]
+    moved = [SE3.exp(tangents[i]) @ SE3.from_rotvec(turns[i], np.zeros(3)) for i in range(chain.n)]
+    joint_moves, tip_move = moved, SE3.exp(tangents[-1])
     root = _parsed(text)
     by_name = {str(element.get("name")): element for element in root.findall("joint")}
     for name, move in zip(chain.joint_names, joint_moves, strict=True):
@@ -99,14 +103,6 @@ def chain_urdf(chain: SerialChain, base_link: str, flange_link: str, name: str =
             SubElement(element, "limit", lower=lower, upper=upper, effort="100", velocity="3")
     indent(root)
     return tostring(root, encoding="unicode", xml_declaration=True) + "\n"
-
-
-def _moves(chain: SerialChain, offsets: Array | None, links: Array | None) -> tuple[list[SE3], SE3]:
-    """What each joint's origin, and the tip, is moved by on its right."""
-    tangents = np.zeros((chain.n + 1, 6)) if links is None else links
-    turns = chain.axes * (np.zeros(chain.n) if offsets is None else offsets)[:, None]
-    moved = [SE3.exp(tangents[i]) @ SE3.from_rotvec(turns[i], np.zeros(3)) for i in range(chain.n)]
-    return moved, SE3.exp(tangents[-1])
 
 
 def _parsed(text: str | bytes) -> Element:

@@ -34,7 +34,15 @@ class Camera:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "parameters", read_only(self.parameters, (None,), "camera parameters"))
-        _check_parameters(self.model, self.parameters)
+        terms = term_counts(self.model)
+        if self.parameters.shape[-1] - 4 not in terms:
+            expected = f"expected fx, fy, cx, cy and {' or '.join(map(str, terms))} distortion terms"
+            raise InputError(f"camera parameters have shape {self.parameters.shape}, {expected}")
+        if not np.all(np.isfinite(self.parameters)):
+            raise InputError("camera parameters hold NaN or infinity")
+        if not np.all(self.parameters[..., :2] > 0):
+            fx, fy = self.parameters[..., :2].reshape(-1, 2).min(0)
+            raise InputError(f"the focal lengths are {fx:g} and {fy:g} px, expected both above 0")
         if self.size_px is not None and not (len(self.size_px) == 2 and min(self.size_px) > 0):
             raise InputError(f"size_px is {self.size_px}, expected a positive width and height")
 
@@ -187,17 +195,3 @@ def _last_axis(values: Array, length: int, name: str) -> Array:
     if array.shape[-1:] != (length,):
         raise InputError(f"{name} has shape {array.shape}, expected (..., {length})")
     return array
-
-
-def _check_parameters(model: str, parameters: Array) -> None:
-    terms = term_counts(model)
-    if parameters.shape[-1] - 4 not in terms:
-        expected = " or ".join(map(str, terms))
-        raise InputError(
-            f"camera parameters have shape {parameters.shape}, expected fx, fy, cx, cy and {expected} distortion terms"
-        )
-    if not np.all(np.isfinite(parameters)):
-        raise InputError("camera parameters hold NaN or infinity")
-    if not np.all(parameters[..., :2] > 0):
-        fx, fy = parameters[..., :2].reshape(-1, 2).min(0)
-        raise InputError(f"the focal lengths are {fx:g} and {fy:g} px, expected both above 0")

@@ -65,7 +65,21 @@ def parse_chain(text: str | bytes, base_link: str, flange_link: str, path: str =
         FrameNotFound: if a link does not exist.
     """
     way, above, links = _way_in(text, base_link, flange_link, path)
-    chain = _assembled(way)
+    turning: list[_Joint] = []
+    origins: list[SE3] = []
+    since_last = SE3.identity()
+    for joint in way:
+        since_last = since_last @ _origin(joint)
+        if joint.kind in _TURNING:
+            turning.append(joint)
+            origins.append(since_last)
+            since_last = SE3.identity()
+        elif joint.kind != "fixed":
+            raise joint.error("type", f"{joint.kind!r} on the way, expected revolute, continuous or fixed")
+    limits = np.array([_limits(joint) for joint in turning])
+    axes = np.array([_axis(joint) for joint in turning])
+    names = tuple(joint.name for joint in turning)
+    chain = SerialChain(names, SE3.stack(origins), axes, since_last, limits[:, 0], limits[:, 1])
     return replace(chain, masses=_masses(chain.joint_names, above, links, path))
 
 
@@ -171,24 +185,6 @@ def _way(above: dict[str, _Joint], base_link: str, flange_link: str, path: str) 
     if not any(joint.kind in _TURNING for joint in way):
         raise DatasetError(path, f"no revolute joint between {base_link!r} and {flange_link!r}")
     return way
-
-
-def _assembled(way: list[_Joint]) -> SerialChain:
-    turning: list[_Joint] = []
-    origins: list[SE3] = []
-    since_last = SE3.identity()
-    for joint in way:
-        since_last = since_last @ _origin(joint)
-        if joint.kind in _TURNING:
-            turning.append(joint)
-            origins.append(since_last)
-            since_last = SE3.identity()
-        elif joint.kind != "fixed":
-            raise joint.error("type", f"{joint.kind!r} on the way, expected revolute, continuous or fixed")
-    limits = np.array([_limits(joint) for joint in turning])
-    axes = np.array([_axis(joint) for joint in turning])
-    names = tuple(joint.name for joint in turning)
-    return SerialChain(names, SE3.stack(origins), axes, since_last, limits[:, 0], limits[:, 1])
 
 
 def _numbers(joint: _Joint, tag: str, key: str, default: str, count: int) -> Array:

@@ -40,8 +40,12 @@ def _world_from_body(drawn: Scene, body: Body, sample: int) -> SE3 | None:
     return arm.world_from_base @ arm.base_from_flange[sample] @ body.mount
 
 
-def _points(drawn: Scene, sample: int) -> Array:
-    """Everything that must be in the picture, (n, 3) [m]."""
+def _projection(drawn: Scene, sample: int) -> Project:
+    """From points, (..., 3) [m], to the drawing, (..., 2)."""
+    right, up = drawn.across, np.array([0.0, 0.0, 1.0])
+    away = np.cross(up, right)
+    axes = np.stack([right, -(np.cos(_ELEVATION_RAD) * up + np.sin(_ELEVATION_RAD) * away)])
+    # Everything that must be in the picture, (n, 3) [m]
     reach = _AXIS_SHARE * drawn.size_m * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=np.float64)
     places = [arm.world_from_base @ reach for arm in drawn.arms]
     places += [(arm.world_from_base @ arm.base_from_flange).translation[arm.known] for arm in drawn.arms]
@@ -49,15 +53,7 @@ def _points(drawn: Scene, sample: int) -> Array:
         placed = _world_from_body(drawn, body, sample)
         if placed is not None:
             places.append(placed @ np.concatenate([body.lines.reshape(-1, 3), body.points]))
-    return np.concatenate(places)
-
-
-def _projection(drawn: Scene, sample: int) -> Project:
-    """From points, (..., 3) [m], to the drawing, (..., 2)."""
-    right, up = drawn.across, np.array([0.0, 0.0, 1.0])
-    away = np.cross(up, right)
-    axes = np.stack([right, -(np.cos(_ELEVATION_RAD) * up + np.sin(_ELEVATION_RAD) * away)])
-    flat = _points(drawn, sample) @ axes.T
+    flat = np.concatenate(places) @ axes.T
     low, high = flat.min(0), flat.max(0)
     room = np.array([_WIDTH, _HEIGHT]) - 2 * _MARGIN
     scale = float(np.min(room / np.maximum(high - low, 1e-9)))

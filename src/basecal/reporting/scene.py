@@ -93,7 +93,7 @@ class Scene:
 def scene(cell: Cell, samples: Sequence[Sample], calibration: Calibration) -> Scene:
     """The scene of a calibration: what it knows, or the cell states as fixed; of many samples some hundred."""
     shown = samples[:: max(1, -(-len(samples) // _MOST_SAMPLES))]
-    means = _means(cell, calibration)
+    means = {**calibration.known_transforms(cell), cell.base_name(cell.reference): SE3.identity()}
     robots = [robot for robot in cell.robots.values() if cell.base_name(robot.name) in means]
     sure = {name: _semi_axes(name, calibration) for name in cell.asked}
     arms = tuple(_arm(robot, cell.base_name(robot.name), means, shown, sure) for robot in robots)
@@ -113,12 +113,6 @@ def scene(cell: Cell, samples: Sequence[Sample], calibration: Calibration) -> Sc
         ellipsoid_scale=_ellipsoid_scale(sure.values(), size),
         missing=tuple(missing),
     )
-
-
-def _means(cell: Cell, calibration: Calibration) -> dict[str, SE3]:
-    known = {name: u.mean for name, u in cell.transforms.items() if u.status == "fixed" and u.mean is not None}
-    known |= {name: estimate.mean for name, estimate in calibration.transforms.items()}
-    return known | {cell.base_name(cell.reference): SE3.identity()}
 
 
 def _arm(robot: Robot, base: str, means: Mapping[str, SE3], shown: Sequence[Sample], sure: Ellipsoids) -> Arm:
@@ -219,7 +213,18 @@ def scene_data(drawn: Scene) -> dict[str, Any]:
     """A scene as plain data for the script of the page; lengths to 0.01 mm."""
     return {
         "arms": [_arm_data(arm) for arm in drawn.arms],
-        "bodies": [_body_data(body) for body in drawn.bodies],
+        "bodies": [
+            {
+                "name": body.name,
+                "kind": body.kind,
+                "on": body.on,
+                "mount": _rounded(_pose(body.mount)),
+                "lines": _rounded(body.lines),
+                "points": _rounded(body.points),
+                "ellipsoid": _ellipsoid_data(body.ellipsoid),
+            }
+            for body in drawn.bodies
+        ],
         "samples": list(drawn.samples),
         "size": _rounded(drawn.size_m),
         "across": _rounded(drawn.across),
@@ -248,15 +253,3 @@ def _arm_data(arm: Arm) -> dict[str, Any]:
 def _ellipsoid_data(ellipsoid: Array | None) -> Any:
     """Semi-axes unrounded: they are far smaller than what is rounded for drawing."""
     return None if ellipsoid is None else ellipsoid.tolist()
-
-
-def _body_data(body: Body) -> dict[str, Any]:
-    return {
-        "name": body.name,
-        "kind": body.kind,
-        "on": body.on,
-        "mount": _rounded(_pose(body.mount)),
-        "lines": _rounded(body.lines),
-        "points": _rounded(body.points),
-        "ellipsoid": _ellipsoid_data(body.ellipsoid),
-    }

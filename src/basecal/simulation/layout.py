@@ -37,18 +37,14 @@ class Layout:
         return tuple(dict.fromkeys(carrier for carrier in carriers if carrier != WORLD))
 
 
-def _chain(robots: int) -> Layout:
-    names = tuple(f"r{k + 1}" for k in range(robots))
-    cameras = {f"camera{k + 1}": name for k, name in enumerate(names)}
-    targets = {f"board{k + 1}": name for k, name in enumerate(names)}
-    groups = tuple(((f"camera{k + 1}", f"board{(k + 1) % robots + 1}"),) for k in range(robots))
-    return Layout(names, cameras, targets, groups)
-
-
 def layout_of(name: LayoutName, robots: int = 3) -> Layout:
     """The plan of that name; `robots` counts those of a `chain`."""
     if name == "chain":
-        return _chain(robots)
+        names = tuple(f"r{k + 1}" for k in range(robots))
+        cameras = {f"camera{k + 1}": name for k, name in enumerate(names)}
+        targets = {f"board{k + 1}": name for k, name in enumerate(names)}
+        groups = tuple(((f"camera{k + 1}", f"board{(k + 1) % robots + 1}"),) for k in range(robots))
+        return Layout(names, cameras, targets, groups)
     wrist, both = (("wrist", "board"),), (("left_camera", "board"), ("right_camera", "board"))
     return {
         "dual": Layout(("eye", "hand"), {"wrist": "eye"}, {"board": "hand"}, (wrist,)),

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array, Camera
 from basecal.geometry.se3 import rotation_exp
+from basecal.numerics.batch import concatenate, take
 from basecal.simulation import draw
 from basecal.simulation.arms import Arm, joints_near
 from basecal.simulation.draw import Generator
@@ -85,42 +86,15 @@ def _enough(scene: Scene, scenario: Scenario, group: int, states: States) -> Mas
     return enough
 
 
-def _pivot(scene: Scene, group: int) -> Array:
-    """Where the target of a group is while the robots are at home, (3,) in the world [m]."""
-    target = scene.layout.groups[group][0][1]
-    pivot: Array = scene.world_from(target, scene.homes[group]) @ scene.shapes[target].points.mean(0)
-    return pivot
-
-
 def _moved(scene: Scene, scenario: Scenario, group: int, robot: str, n: int, rng: Generator) -> SE3:
     """Poses about the home, (n,): turned about the target, so that it stays in view, and shifted."""
     turn = rotation_exp(draw.in_ball(rng, n, scenario.spread_rad))
-    pivot = _pivot(scene, group)
+    target = scene.layout.groups[group][0][1]
+    pivot: Array = scene.world_from(target, scene.homes[group]) @ scene.shapes[target].points.mean(0)
     shift = draw.in_ball(rng, n, scenario.position_m)
     moved = SE3(turn, pivot + shift - turn @ pivot)
     base = scene.bases[robot]
     return base.inverse() @ moved @ base @ scene.homes[group][robot]
-
-
-def _repeated(pose: SE3, n: int) -> SE3:
-    return SE3(np.repeat(pose.rotation[None], n, 0), np.repeat(pose.translation[None], n, 0))
-
-
-def _taken(states: list[States], n: int) -> States:
-    """The first `n` of batches laid end to end."""
-    return {
-        robot: SE3(
-            np.concatenate([batch[robot].rotation for batch in states])[:n],
-            np.concatenate([batch[robot].translation for batch in states])[:n],
-        )
-        for robot in states[0]
-    }
-
-
-def _of_arm(arm: Arm, place: SE3, noise: SE3) -> tuple[SE3, SE3, Array, Mask]:
-    """Recorded and true poses of an arm sent to places, its joints, and which it reaches."""
-    joints, reached = joints_near(arm.chain, place, arm.home)
-    return arm.chain.forward(joints), arm.true.forward(joints) @ noise, joints, reached
 
 
 def _draw(
@@ -137,28 +111,23 @@ def _draw(
     found = 0
     size = 2 * n + 16
     for _ in range(_ROUNDS):
-        recorded, true, joints = {}, {}, {}
+        recorded, true, joints = States(), States(), dict[str, Array]()
         reached = np.ones(size, dtype=bool)
         for robot in robots:
             moves = robot not in still
-            place = _moved(scene, scenario, group, robot, size, rng) if moves else _repeated(still[robot], size)
+            place = _moved(scene, scenario, group, robot, size, rng) if moves else SE3.stack([still[robot]] * size)
             noise = SE3.exp(draw.tangents(rng, size, scenario.robot_noise)) if moves else offset[robot]
             recorded[robot], true[robot] = place, place @ noise
             if robot in arms:
-                recorded[robot], true[robot], joints[robot], within = _of_arm(arms[robot], place, noise)
+                arm = arms[robot]
+                joints[robot], within = joints_near(arm.chain, place, arm.home)
+                recorded[robot], true[robot] = arm.chain.forward(joints[robot]), arm.true.forward(joints[robot]) @ noise
                 reached &= within
         kept = _enough(scene, scenario, group, true) & reached
-        batches.append(
-            (
-                {robot: poses[kept] for robot, poses in recorded.items()},
-                {robot: poses[kept] for robot, poses in true.items()},
-                {robot: q[kept] for robot, q in joints.items()},
-            )
-        )
+        batches.append(take((recorded, true, joints), kept))
         found += int(kept.sum())
         if found >= n:
-            all_joints = {r: np.concatenate([b[2][r] for b in batches])[:n] for r in joints}
-            return Motion(group, _taken([b[0] for b in batches], n), _taken([b[1] for b in batches], n), all_joints)
+            return Motion(group, *take(concatenate(batches), slice(0, n)))
     raise InputError(
         f"only {found} of {n} samples see the target after {_ROUNDS * size} tries: "
         "make spread_rad, position_m or robot_noise smaller, or distance_m greater"

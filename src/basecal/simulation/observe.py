@@ -38,15 +38,14 @@ def _points(
     ]
 
 
-def _poses(view: View, camera_from_target: SE3, scenario: Scenario, rng: Generator) -> list[Observation]:
-    noisy = camera_from_target @ SE3.exp(draw.tangents(rng, len(camera_from_target), scenario.pose_noise))
-    sigma = np.repeat(scenario.pose_noise, 3) if scenario.state_observation_noise and any(scenario.pose_noise) else None
-    return [PoseObservation(*view, noisy[k], sigma) for k in range(len(noisy))]
-
-
 def _of_view(view: View, motion: Motion, scene: Scene, scenario: Scenario, rng: Generator) -> list[Observation]:
     if scenario.target == "pose":
-        return _poses(view, scene.camera_from_target(view, motion.true), scenario, rng)
+        camera_from_target = scene.camera_from_target(view, motion.true)
+        noisy = camera_from_target @ SE3.exp(draw.tangents(rng, len(camera_from_target), scenario.pose_noise))
+        sigma = (
+            np.repeat(scenario.pose_noise, 3) if scenario.state_observation_noise and any(scenario.pose_noise) else None
+        )
+        return [PoseObservation(*view, noisy[k], sigma) for k in range(len(noisy))]
     points = points_in_camera(scene, view, motion.true)
     seen = seen_points(scene, scenario, view, motion.true)
     report = _points if scenario.target == "points3d" else _pixels

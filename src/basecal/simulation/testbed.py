@@ -26,18 +26,6 @@ def _laid_end_to_end(motions: list[Motion], scene: Scene, recorded: bool) -> dic
     return {robot: SE3.stack(found) for robot, found in poses.items()}
 
 
-def _recorded(motions: list[Motion], scene: Scene) -> dict[str, list[RobotState]]:
-    """What every robot says in every sample: its joints where it has any, else its pose."""
-    poses = _laid_end_to_end(motions, scene, recorded=True)
-    joints = {robot: np.concatenate([motion.joints[robot] for motion in motions]) for robot in motions[0].joints}
-    return {
-        robot: [RobotState(joints_rad=q) for q in joints[robot]]
-        if robot in joints
-        else [RobotState(found[k]) for k in range(len(found))]
-        for robot, found in poses.items()
-    }
-
-
 def simulate(scenario: Scenario, seed: int) -> SimulatedCell:
     """A cell of the scenario's kind, a recording of it, and the truth.
 
@@ -52,7 +40,15 @@ def simulate(scenario: Scenario, seed: int) -> SimulatedCell:
     scene, arms = with_arms(scene, scenario, for_arms) if scenario.joints else (scene, {})
     motions = draw_motions(scene, scenario, for_motion, arms)
     seen = [found for motion in motions for found in observe(motion, scene, scenario, for_noise)]
-    recorded = _recorded(motions, scene)
+    # What every robot says in every sample: its joints where it has any, else its pose
+    poses = _laid_end_to_end(motions, scene, recorded=True)
+    joints = {robot: np.concatenate([motion.joints[robot] for motion in motions]) for robot in motions[0].joints}
+    recorded = {
+        robot: [RobotState(joints_rad=q) for q in joints[robot]]
+        if robot in joints
+        else [RobotState(found[k]) for k in range(len(found))]
+        for robot, found in poses.items()
+    }
     samples = tuple(
         Sample(k, float(k), {robot: states[k] for robot, states in recorded.items()}, observations)
         for k, observations in enumerate(seen)

@@ -42,7 +42,9 @@ def detect(
     """
     shapes = {name: entry.target for name, entry in cell.targets.items() if entry.target is not None}
     sought = {name: target for name, target in shapes.items() if target.found_by is not None}
-    look = _Look(cell, sought, _home(recording, folder))
+    if folder is None and recording.folder is None and any(sample.images for sample in recording.samples):
+        raise InputError("it is not known where the images are; give the folder of the cell")
+    look = _Look(cell, sought, Path(folder or recording.folder or "."))
     samples, findings, missed = [], [*recording.findings], dict[tuple[str, str], list[int]]()
     for done, sample in enumerate(recording.samples, start=1):
         seen = [_camera(look, sample, camera) for camera in sample.images]
@@ -56,12 +58,6 @@ def detect(
             progress(done, len(recording.samples))
     findings += [_not_found(*pair, where) for pair, where in missed.items()]
     return replace(recording, samples=tuple(samples), findings=tuple(findings))
-
-
-def _home(recording: Recording, folder: Path | str | None) -> Path:
-    if folder is None and recording.folder is None and any(sample.images for sample in recording.samples):
-        raise InputError("it is not known where the images are; give the folder of the cell")
-    return Path(folder or recording.folder or ".")
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +85,8 @@ def _camera(look: _Look, sample: Sample, camera: str) -> _View:
     data = _bytes(look, sample, camera, sample.images[camera])
     if isinstance(data, Finding):
         return _View(findings=(data,))
-    off = _background(look, sample, camera, open_targets)
+    needs_dark = camera in sample.background and any(target.found_by == LIGHT for target in open_targets.values())
+    off = _bytes(look, sample, camera, sample.background[camera]) if needs_dark else None
     if isinstance(off, Finding):
         return _View(findings=(off,))
     detections: dict[str, Detection | None] = {}
@@ -100,12 +97,6 @@ def _camera(look: _Look, sample: Sample, camera: str) -> _View:
         detections[name] = one[0]
     found = tuple(_observation(camera, name, each) for name, each in detections.items() if each is not None)
     return _View(found, tuple((camera, name) for name, each in detections.items() if each is None))
-
-
-def _background(look: _Look, sample: Sample, camera: str, targets: Mapping[str, Target]) -> bytes | Finding | None:
-    if camera not in sample.background or all(target.found_by != LIGHT for target in targets.values()):
-        return None
-    return _bytes(look, sample, camera, sample.background[camera])
 
 
 def _bytes(look: _Look, sample: Sample, camera: str, path: str) -> bytes | Finding:

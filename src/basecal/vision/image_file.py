@@ -42,15 +42,22 @@ def grey_image(data: bytes, size_px: tuple[int, int] | None) -> Image | str:
     if _is_cut(data):
         return "is truncated"
     try:
-        pixels = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
+        decoded = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error:
-        pixels = None
-    if pixels is None:
+        decoded = None
+    if decoded is None:
         return "is not an image (PNG, JPEG, TIFF, BMP and the like)"
+    pixels: NDArray[Any] = decoded
     size = (pixels.shape[1], pixels.shape[0])
     if size_px is not None and size != tuple(size_px):
         return f"has {size[0]} x {size[1]} pixels, its camera {size_px[0]} x {size_px[1]}"
-    return _grey(pixels)
+    if pixels.dtype not in (np.uint8, np.uint16):
+        return f"has pixels of type {pixels.dtype}, expected 8 or 16 bits"
+    if pixels.ndim == 2:
+        return pixels
+    if pixels.shape[2] not in _TO_GREY:
+        return f"has {pixels.shape[2]} channels, expected grey or colour"
+    return np.asarray(cv2.cvtColor(pixels, _TO_GREY[pixels.shape[2]]))
 
 
 def write_png(path: Path, image: Image) -> None:
@@ -67,16 +74,6 @@ def write_png(path: Path, image: Image) -> None:
         raise InputError(f"{path} cannot be written: {error.strerror}") from None
     if not written:
         raise InputError(f"{path} cannot be written: the image has type {image.dtype}")
-
-
-def _grey(pixels: NDArray[Any]) -> Image | str:
-    if pixels.dtype not in (np.uint8, np.uint16):
-        return f"has pixels of type {pixels.dtype}, expected 8 or 16 bits"
-    if pixels.ndim == 2:
-        return pixels
-    if pixels.shape[2] not in _TO_GREY:
-        return f"has {pixels.shape[2]} channels, expected grey or colour"
-    return np.asarray(cv2.cvtColor(pixels, _TO_GREY[pixels.shape[2]]))
 
 
 def _is_cut(data: bytes) -> bool:

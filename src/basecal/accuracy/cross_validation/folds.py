@@ -40,7 +40,9 @@ def splits(problem: Problem, count: int = FOLDS) -> list[Split]:
     """
     places, samples = _places(problem), _samples(problem)
     found: list[Split] = []
-    for parts in [_joined(samples, places), *_by_robot(samples, places), _instants(samples, places)]:
+    fewest_first = sorted(places, key=lambda robot: (len(set(places[robot].values())), robot))
+    by_robot = [_parted(samples, {n: places[robot].get(n, n) for n in samples}) for robot in fewest_first]
+    for parts in [_joined(samples, places), *by_robot, _instants(samples, places)]:
         split = _split(parts, len(samples), count)
         if split is not None and all(split.folds != other.folds for other in found):
             found.append(split)
@@ -57,7 +59,10 @@ def _split(parts: list[Samples], total: int, count: int) -> Split | None:
     largest = max(map(len, parts), default=0)
     if len(parts) < _FEWEST_PARTS or largest > max(_LARGEST_SHARE * total, 1):
         return None
-    return Split(tuple(parts), tuple(_dealt(parts, count)))
+    dealt: list[set[int]] = [set() for _ in range(min(count, len(parts)))]
+    for part in parts:
+        min(dealt, key=len).update(part)  # the fold with the fewest samples so far
+    return Split(tuple(parts), tuple(map(frozenset, dealt)))
 
 
 def _samples(problem: Problem) -> list[int]:
@@ -91,12 +96,6 @@ def _joined(samples: Sequence[int], places: Mapping[str, Mapping[int, Hashable]]
     return _parted(samples, {number: root(number) for number in samples})
 
 
-def _by_robot(samples: Sequence[int], places: Mapping[str, Mapping[int, Hashable]]) -> list[list[Samples]]:
-    """Parts by the places of one robot, of the one with the fewest first."""
-    ordered = sorted(places, key=lambda robot: (len(set(places[robot].values())), robot))
-    return [_parted(samples, {n: places[robot].get(n, n) for n in samples}) for robot in ordered]
-
-
 def _instants(samples: Sequence[int], places: Mapping[str, Mapping[int, Hashable]]) -> list[Samples]:
     return _parted(samples, {n: tuple(places[robot].get(n) for robot in sorted(places)) for n in samples})
 
@@ -106,11 +105,3 @@ def _parted(samples: Sequence[int], label: Mapping[int, Hashable]) -> list[Sampl
     for number in samples:
         parts[label[number]].append(number)
     return [frozenset(part) for part in parts.values()]
-
-
-def _dealt(parts: list[Samples], count: int) -> list[Samples]:
-    """Parts dealt out one by one, each to the fold with the fewest samples so far."""
-    dealt: list[set[int]] = [set() for _ in range(min(count, len(parts)))]
-    for part in parts:
-        min(dealt, key=len).update(part)
-    return [frozenset(fold) for fold in dealt]

@@ -123,7 +123,22 @@ def cross_validate(solution: Solution, asked: Sequence[str], settings: Settings 
         return CrossValidation(None, None, HeldOutErrors(), HeldOutErrors(), skipped)
     used, predicted = _errors(solution, fitted)
     spread = _spread(solution, fitted, free)
-    return CrossValidation(_summary(fitted, predicted, spread), spread, used, predicted, skipped)
+    return CrossValidation(
+        (
+            Validation(
+                kind="k-fold" if any(len(fold.fit.held) > 1 for fold in fitted) else "leave-one-out",
+                folds=len(fitted),
+                rms_px=root_mean(predicted.square_px, predicted.count_px),
+                target_m=root_mean(predicted.square_m, predicted.count_poses),
+                target_rad=root_mean(predicted.square_rad, predicted.count_poses),
+                base_change=None if spread is None else spread.mean_square,
+            )
+        ),
+        spread,
+        used,
+        predicted,
+        skipped,
+    )
 
 
 def _fold(solution: Solution, asked: Sequence[str], fit: Refit) -> _Fold | None:
@@ -229,17 +244,6 @@ def _chance(solution: Solution, mean: float, freedoms: float) -> float:
     if solution.noise.estimated or solution.noise.factor != 1.0:
         return float(fdtrc(freedoms, max(solution.dof, 1), mean))
     return float(chdtrc(freedoms, freedoms * mean))
-
-
-def _summary(fitted: Sequence[_Fold], predicted: HeldOutErrors, spread: FoldSpread | None) -> Validation:
-    return Validation(
-        kind="k-fold" if any(len(fold.fit.held) > 1 for fold in fitted) else "leave-one-out",
-        folds=len(fitted),
-        rms_px=root_mean(predicted.square_px, predicted.count_px),
-        target_m=root_mean(predicted.square_m, predicted.count_poses),
-        target_rad=root_mean(predicted.square_rad, predicted.count_poses),
-        base_change=None if spread is None else spread.mean_square,
-    )
 
 
 def root_mean(squares: float, count: int) -> float | None:

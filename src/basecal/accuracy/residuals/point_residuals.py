@@ -57,11 +57,13 @@ def point_residuals(cell: Cell, recording: Recording, calibration: Calibration) 
         InputError: if the cell contradicts the recording.
     """
     problem, _ = build_problem(cell, recording)
-    transforms, cameras = _known_transforms(cell, calibration), _known_lenses(problem, calibration)
+    transforms, cameras = calibration.known_transforms(cell), _known_lenses(problem, calibration)
     groups = [g for g in problem.groups if _is_known(g, transforms, cameras)]
     noise = Noise(**{field: calibration.noise[field] for field in Noise._fields if calibration.noise.get(field)})
     problem = replace(problem, columns={}, groups=tuple(groups)).with_noise(noise)
-    problem = with_robot_noise(problem, _estimated(problem, calibration))
+    estimated = {name: of for name, of in calibration.noise.get("robots", {}).items() if name in problem.unstated}
+    sigmas = {name: np.array([*of["sigma_t_m"], *of["sigma_r_rad"]]) for name, of in estimated.items()}
+    problem = with_robot_noise(problem, sigmas)
     state = State(transforms, cameras, np.zeros((len(problem.stops), 6)), kinematics_of(cell, calibration))
     problem, _ = choose_correspondence(problem, state)
     for _ in range(_STOP_ROUNDS if len(problem.stops) else 0):
@@ -71,21 +73,6 @@ def point_residuals(cell: Cell, recording: Recording, calibration: Calibration) 
         for group in problem.groups
         if isinstance(group.measurement, PixelMeasurement) and (target := cell.targets[group.target].target)
     )
-
-
-def _estimated(problem: Problem, calibration: Calibration) -> dict[str, Array]:
-    """Sigmas that were estimated for robots that state none."""
-    robots = calibration.noise.get("robots", {})
-    return {
-        name: np.array([*sigma["sigma_t_m"], *sigma["sigma_r_rad"]])
-        for name, sigma in robots.items()
-        if name in problem.unstated
-    }
-
-
-def _known_transforms(cell: Cell, calibration: Calibration) -> dict[str, SE3]:
-    fixed = {name: u.mean for name, u in cell.transforms.items() if u.status == "fixed" and u.mean is not None}
-    return fixed | {name: estimate.mean for name, estimate in calibration.transforms.items()}
 
 
 def _known_lenses(problem: Problem, calibration: Calibration) -> dict[str, Camera]:

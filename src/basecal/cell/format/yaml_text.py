@@ -114,7 +114,13 @@ def _plain(node: Any, loc: Loc, notes: _Notes) -> Any:
         return _mapping(node, loc, notes)
     if isinstance(node, SequenceNode):
         return [_plain(item, (*loc, index), notes) for index, item in enumerate(node.value)]
-    return _scalar(node, loc, notes)
+    if node.tag not in _CONVERTED:
+        return node.value
+    try:
+        return _yaml().constructor.construct_object(node)
+    except (ValueError, OverflowError, YAMLError):
+        notes.problems.append(Problem(loc, f"{short(node.value)} is not a number that can be read"))
+        return None
 
 
 def _mapping(node: Any, loc: Loc, notes: _Notes) -> dict[str, Any]:
@@ -133,13 +139,3 @@ def _mapping(node: Any, loc: Loc, notes: _Notes) -> dict[str, Any]:
         notes.lines.setdefault(here, line)
         data[name] = _plain(value, here, notes)
     return data
-
-
-def _scalar(node: Any, loc: Loc, notes: _Notes) -> Any:
-    if node.tag not in _CONVERTED:
-        return node.value
-    try:
-        return _yaml().constructor.construct_object(node)
-    except (ValueError, OverflowError, YAMLError):
-        notes.problems.append(Problem(loc, f"{short(node.value)} is not a number that can be read"))
-        return None

@@ -47,16 +47,13 @@ def observation(
     if len(kinds) != 1:
         expected = f"expected exactly one of {', '.join(_FIELDS)}"
         raise where.error(field, f"{expected}, got {' and '.join(kinds) or 'none'}")
-    where.mapping(data, field, _FIELDS[kinds[0]])
+    kind = kinds[0]
+    where.mapping(data, field, _FIELDS[kind])
     camera = where.name(data.get("camera"), f"{field}.camera", "camera", cell.cameras)
     target = where.name(data.get("target"), f"{field}.target", "target", cell.targets)
-    _check_described(kinds[0], camera, target, field, where, cell)
-    return (camera, target), _READERS[kinds[0]](data, field, where, cell, ids)
-
-
-def _check_described(kind: str, camera: str, target: str, field: str, where: Where, cell: Cell) -> None:
     if kind == "camera_from_target":
-        return
+        mean, sigma = pose(where, f"{field}.camera_from_target", data[kind], with_sigmas=True)
+        return (camera, target), PoseObservation(camera, target, mean, sigma)
     shape = cell.targets[target].target
     if shape is None:
         raise where.error(f"{field}.target", f"points of {target!r} need its `kind` and shape in cell.yaml")
@@ -64,47 +61,24 @@ def _check_described(kind: str, camera: str, target: str, field: str, where: Whe
         raise where.error(f"{field}.candidates", f"candidates are for a single light; {target!r} has several points")
     if kind != "points_in_camera_m" and cell.cameras[camera].intrinsics is None:
         raise where.error(f"{field}.camera", f"pixels of {camera!r} need its size_px and intrinsics in cell.yaml")
-
-
-def _pixels(
-    data: dict[str, Any], field: str, where: Where, cell: Cell, ids: Mapping[str, frozenset[int]]
-) -> PixelObservation | None:
-    pixels = numbers(where, f"{field}.pixels", data["pixels"], 2)
-    numbered = _ids(data, field, where, ids[data["target"]], pixels)
-    sigma = sigmas(where, f"{field}.sigma_px", data.get("sigma_px"), len(pixels))
-    return PixelObservation(data["camera"], data["target"], numbered, pixels, sigma) if len(pixels) else None
-
-
-def _candidates(
-    data: dict[str, Any], field: str, where: Where, cell: Cell, ids: Mapping[str, frozenset[int]]
-) -> CandidateObservation | None:
-    pixels = numbers(where, f"{field}.candidates", data["candidates"], 2)
-    sigma = sigmas(where, f"{field}.sigma_px", data.get("sigma_px"), len(pixels))
-    return CandidateObservation(data["camera"], data["target"], pixels, sigma) if len(pixels) else None
-
-
-def _pose(
-    data: dict[str, Any], field: str, where: Where, cell: Cell, ids: Mapping[str, frozenset[int]]
-) -> PoseObservation:
-    mean, sigma = pose(where, f"{field}.camera_from_target", data["camera_from_target"], with_sigmas=True)
-    return PoseObservation(data["camera"], data["target"], mean, sigma)
+    return (camera, target), _points(kind, data, field, where, ids[target])
 
 
 def _points(
-    data: dict[str, Any], field: str, where: Where, cell: Cell, ids: Mapping[str, frozenset[int]]
-) -> PointObservation | None:
-    points = numbers(where, f"{field}.points_in_camera_m", data["points_in_camera_m"], 3)
-    numbered = _ids(data, field, where, ids[data["target"]], points)
-    sigma = sigmas(where, f"{field}.sigma_m", data.get("sigma_m"), len(points))
-    return PointObservation(data["camera"], data["target"], numbered, points, sigma) if len(points) else None
-
-
-_READERS = {
-    "pixels": _pixels,
-    "candidates": _candidates,
-    "camera_from_target": _pose,
-    "points_in_camera_m": _points,
-}
+    kind: str, data: dict[str, Any], field: str, where: Where, known: frozenset[int]
+) -> PixelObservation | CandidateObservation | PointObservation | None:
+    """What was seen of points, in pixels or in the camera's frame; None where that is nothing."""
+    in_space = kind == "points_in_camera_m"
+    points = numbers(where, f"{field}.{kind}", data[kind], 3 if in_space else 2)
+    ids = None if kind == "candidates" else _ids(data, field, where, known, points)
+    sigma_field = "sigma_m" if in_space else "sigma_px"
+    sigma = sigmas(where, f"{field}.{sigma_field}", data.get(sigma_field), len(points))
+    if not len(points):
+        return None
+    if ids is None:
+        return CandidateObservation(data["camera"], data["target"], points, sigma)
+    noun = PointObservation if in_space else PixelObservation
+    return noun(data["camera"], data["target"], ids, points, sigma)
 
 
 def _ids(data: dict[str, Any], field: str, where: Where, known: frozenset[int], points: Array) -> IntArray:

@@ -69,7 +69,20 @@ def sample_from_line(text: bytes, where: Where, known: Context) -> Sample | Find
         # No field of a line is true or false, and NumPy would take them for 1 and 0.
         if (b"true" in text or b"false" in text) and (field := _boolean(data, "")) is not None:
             raise where.error(field, "expected a number or text, got true or false")
-        return _sample(where.mapping(data, "", _FIELDS), where, known)
+        data = where.mapping(data, "", _FIELDS)
+        index = data.get("sample")
+        if not isinstance(index, int) or not 0 <= index < _LARGEST_NUMBER:
+            raise where.error("sample", f"expected the sample's number, 0 or more, got {short(index)}")
+        stamp = number(where, "stamp_s", data["stamp_s"], _LARGEST_STAMP) if "stamp_s" in data else None
+        robots = where.mapping(data.get("robots", {}), "robots")
+        states = {name: _state(value, f"robots.{name}", name, where, known.cell) for name, value in robots.items()}
+        images, background = (_paths(data.get(key, {}), key, where, known) for key in ("images", "background"))
+        try:
+            seen = _observations(data.get("observations", []), where, known)
+        except UnknownPoint as error:
+            message = f"{where.path}:{where.line}: sample {index} is dropped: {error}"
+            return Finding("dropped-sample", "info", (str(index),), message)
+        return Sample(index, stamp, states, seen, images, background)
     except RecursionError:
         raise where.error("", "nested too deeply; expected one JSON object a line") from None
 
@@ -93,22 +106,6 @@ def _boolean(value: Any, field: str) -> str | None:
     items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     found = (_boolean(item, f"{field}.{key}".removeprefix(".")) for key, item in items)
     return next((place for place in found if place is not None), None)
-
-
-def _sample(data: dict[str, Any], where: Where, known: Context) -> Sample | Finding:
-    index = data.get("sample")
-    if not isinstance(index, int) or not 0 <= index < _LARGEST_NUMBER:
-        raise where.error("sample", f"expected the sample's number, 0 or more, got {short(index)}")
-    stamp = number(where, "stamp_s", data["stamp_s"], _LARGEST_STAMP) if "stamp_s" in data else None
-    robots = where.mapping(data.get("robots", {}), "robots")
-    states = {name: _state(value, f"robots.{name}", name, where, known.cell) for name, value in robots.items()}
-    images, background = (_paths(data.get(key, {}), key, where, known) for key in ("images", "background"))
-    try:
-        seen = _observations(data.get("observations", []), where, known)
-    except UnknownPoint as error:
-        message = f"{where.path}:{where.line}: sample {index} is dropped: {error}"
-        return Finding("dropped-sample", "info", (str(index),), message)
-    return Sample(index, stamp, states, seen, images, background)
 
 
 def _state(value: Any, field: str, name: str, where: Where, cell: Cell) -> RobotState:

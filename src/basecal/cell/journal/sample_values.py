@@ -154,7 +154,13 @@ def pose(where: Where, field: str, value: Any, with_sigmas: bool = False) -> tup
     fields = where.mapping(value, field)
     sigma = None
     if with_sigmas and fields.keys() & _SIGMAS:
-        sigma = _pose_sigma(where, field, fields)
+        if not fields.keys() >= _SIGMAS:
+            raise where.error(field, "sigma_t_m and sigma_r_rad go together; give both or neither")
+        parts = [sigmas(where, f"{field}.{name}", fields[name], 3) for name in ("sigma_t_m", "sigma_r_rad")]
+        if any(part is None for part in parts):
+            raise where.error(field, "expected positive sigma_t_m and sigma_r_rad, got null")
+        sigma = np.concatenate([part for part in parts if part is not None])
+        sigma.setflags(write=False)
         fields = {key: item for key, item in fields.items() if key not in _SIGMAS}
     if fields.keys() != {"t_m", "q_xyzw"}:
         return _pose_any(where, field, fields), sigma
@@ -176,17 +182,6 @@ def _rotation(x: float, y: float, z: float, w: float) -> Array:
             [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
         ]
     )
-
-
-def _pose_sigma(where: Where, field: str, fields: dict[str, Any]) -> Array:
-    if not fields.keys() >= _SIGMAS:
-        raise where.error(field, "sigma_t_m and sigma_r_rad go together; give both or neither")
-    parts = [sigmas(where, f"{field}.{name}", fields[name], 3) for name in ("sigma_t_m", "sigma_r_rad")]
-    if any(part is None for part in parts):
-        raise where.error(field, "expected positive sigma_t_m and sigma_r_rad, got null")
-    sigma = np.concatenate([part for part in parts if part is not None])
-    sigma.setflags(write=False)
-    return sigma
 
 
 def _pose_any(where: Where, field: str, fields: dict[str, Any]) -> SE3:

@@ -39,7 +39,7 @@ _MM = 1e3
 
 def calibration_to_dict(calibration: Calibration) -> dict[str, Any]:
     """The data of `calibration.json`; what was not computed, or is not finite, is null."""
-    joint = calibration.joint_covariance
+    joint, proof = calibration.joint_covariance, calibration.certificate
     data = {
         "schema": SCHEMA,
         "version": _version(),
@@ -56,7 +56,7 @@ def calibration_to_dict(calibration: Calibration) -> dict[str, Any]:
         "outliers": None if calibration.outliers is None else [asdict(outlier) for outlier in calibration.outliers],
         "validation": None if calibration.validation is None else _validation(calibration.validation),
         "observability": {"condition": calibration.condition, "unobservable": list(calibration.unobservable)},
-        "certificate": None if calibration.certificate is None else _certificate(calibration.certificate),
+        "certificate": None if proof is None else {"gap": proof.gap, "global": proof.is_global, "reason": proof.reason},
         "findings": [finding_to_dict(finding) for finding in calibration.findings],
         "settings": dict(calibration.settings),
         "inputs": dict(calibration.inputs),
@@ -129,18 +129,21 @@ def _residuals(residuals: Residuals) -> dict[str, Any]:
         "loop_rms_mm": _scaled(residuals.loop_rms_m, _MM),
         "loop_rms_deg": _scaled(residuals.loop_rms_rad, math.degrees(1)),
         "per_sample": [_sample_residual(one) for one in residuals.per_sample],
-        "loops": [_loop(one) for one in residuals.loops],
+        "loops": [
+            {
+                "path": list(loop.path),
+                "views": loop.views,
+                "rms_mm": loop.rms_m * _MM,
+                "rms_deg": math.degrees(loop.rms_rad),
+            }
+            for loop in residuals.loops
+        ],
     }
 
 
 def _sample_residual(one: SampleResidual) -> dict[str, Any]:
     loop = {"loop_mm": _scaled(one.loop_m, _MM), "loop_deg": _scaled(one.loop_rad, math.degrees(1))}
     return {"sample": one.sample, "camera": one.camera, "target": one.target, "rms_px": one.rms_px, **loop}
-
-
-def _loop(one: Loop) -> dict[str, Any]:
-    closing = {"rms_mm": one.rms_m * _MM, "rms_deg": math.degrees(one.rms_rad)}
-    return {"path": list(one.path), "views": one.views, **closing}
 
 
 def _scaled(value: float | None, factor: float) -> float | None:
@@ -150,10 +153,6 @@ def _scaled(value: float | None, factor: float) -> float | None:
 def _validation(of: Validation) -> dict[str, Any]:
     target = {"target_mm": _scaled(of.target_m, _MM), "target_deg": _scaled(of.target_rad, math.degrees(1))}
     return {"kind": of.kind, "folds": of.folds, "rms_px": of.rms_px, **target, "base_change": of.base_change}
-
-
-def _certificate(of: Certificate) -> dict[str, Any]:
-    return {"gap": of.gap, "global": of.is_global, "reason": of.reason}
 
 
 def finding_to_dict(finding: Finding) -> dict[str, Any]:
@@ -178,7 +177,11 @@ def _calibration(data: dict[str, Any]) -> Calibration:
         order=() if joint is None else tuple(joint["order"]),
         joint_covariance=None if joint is None else _matrix(joint["covariance"]),
         residuals=_residuals_noun(data["residuals"]),
-        outliers=_outlier_nouns(data["outliers"]),
+        outliers=None
+        if data["outliers"] is None
+        else tuple(
+            Outlier(e["sample"], e["camera"], e["target"], tuple(e["ids"]), e["reason"]) for e in data["outliers"]
+        ),
         validation=_validation_noun(data["validation"]),
         certificate=_certificate_noun(data["certificate"]),
         condition=data["observability"]["condition"],
@@ -222,23 +225,16 @@ def _residuals_noun(data: Mapping[str, Any]) -> Residuals:
         loop_rms_m=_scaled(data["loop_rms_mm"], 1 / _MM),
         loop_rms_rad=_scaled(data["loop_rms_deg"], math.radians(1)),
         per_sample=tuple(_sample_residual_noun(one) for one in data["per_sample"]),
-        loops=tuple(_loop_noun(one) for one in data["loops"]),
+        loops=tuple(
+            Loop(tuple(one["path"]), one["views"], one["rms_mm"] / _MM, math.radians(one["rms_deg"]))
+            for one in data["loops"]
+        ),
     )
 
 
 def _sample_residual_noun(one: Mapping[str, Any]) -> SampleResidual:
     loop_m, loop_rad = _scaled(one["loop_mm"], 1 / _MM), _scaled(one["loop_deg"], math.radians(1))
     return SampleResidual(one["sample"], one["camera"], one["target"], one["rms_px"], loop_m, loop_rad)
-
-
-def _loop_noun(one: Mapping[str, Any]) -> Loop:
-    return Loop(tuple(one["path"]), one["views"], one["rms_mm"] / _MM, math.radians(one["rms_deg"]))
-
-
-def _outlier_nouns(entries: Any) -> tuple[Outlier, ...] | None:
-    if entries is None:
-        return None
-    return tuple(Outlier(e["sample"], e["camera"], e["target"], tuple(e["ids"]), e["reason"]) for e in entries)
 
 
 def _validation_noun(entry: Any) -> Validation | None:

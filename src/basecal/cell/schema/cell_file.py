@@ -62,7 +62,13 @@ def write_cell(cell: Cell, folder: str | Path) -> Path:
 
 
 def _checked(data: Any, path: str, folder: Path | None, lines: Mapping[Loc, int]) -> Cell:
-    _check_schema(data, path, lines)
+    if not isinstance(data, dict):
+        message = f"expected a mapping that starts with `schema: {SCHEMA}`, got {short(data)}"
+        raise dataset_error(path, [Problem((), message)], lines)
+    if data.get("schema") != SCHEMA:
+        got = short(data["schema"]) if "schema" in data else "none"
+        message = f"expected {SCHEMA}, the one version this program reads, got {got}"
+        raise dataset_error(path, [Problem(("schema",), message)], lines)
     problems = name_problems(data)
     try:
         entry = CellEntry.model_validate(data)
@@ -73,16 +79,6 @@ def _checked(data: Any, path: str, folder: Path | None, lines: Mapping[Loc, int]
     if problems:
         raise dataset_error(path, problems, lines)
     return cell_noun(entry, chains)
-
-
-def _check_schema(data: Any, path: str, lines: Mapping[Loc, int]) -> None:
-    if not isinstance(data, dict):
-        message = f"expected a mapping that starts with `schema: {SCHEMA}`, got {short(data)}"
-        raise dataset_error(path, [Problem((), message)], lines)
-    if data.get("schema") != SCHEMA:
-        got = short(data["schema"]) if "schema" in data else "none"
-        message = f"expected {SCHEMA}, the one version this program reads, got {got}"
-        raise dataset_error(path, [Problem(("schema",), message)], lines)
 
 
 def _chains(robots: Any, folder: Path | None) -> tuple[dict[str, SerialChain], list[Problem]]:

@@ -32,12 +32,11 @@ def cell_noun(entry: CellEntry, chains: Mapping[str, SerialChain]) -> Cell:
 def _unknown(entry: UnknownEntry) -> Unknown:
     if entry.status == "free":
         return Unknown("free", None if entry.guess is None else pose_se3(entry.guess))
-    return Unknown(entry.status, pose_se3(entry), _tangent(entry) if entry.status == "prior" else None)
-
-
-def _tangent(entry: UnknownEntry) -> Array:
+    if entry.status == "fixed":
+        return Unknown("fixed", pose_se3(entry))
     # The rotation of a single point is the identity, exactly.
-    return read_only([*(entry.sigma_t_m or ()), *(entry.sigma_r_rad or (0.0, 0.0, 0.0))], (6,), "sigma")
+    sigma = [*(entry.sigma_t_m or ()), *(entry.sigma_r_rad or (0.0, 0.0, 0.0))]
+    return Unknown("prior", pose_se3(entry), read_only(sigma, (6,), "sigma"))
 
 
 def _robot(name: str, entry: RobotEntry, chain: SerialChain | None) -> Robot:

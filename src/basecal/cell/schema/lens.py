@@ -49,11 +49,6 @@ def check_lens(entry: IntrinsicsEntry, model: str) -> None:
     if terms not in known or entry.distortion_terms not in (None, terms):
         allowed = " or ".join(map(str, known))
         raise ValueError(f"distortion of a {model} camera has {allowed} terms (distortion_terms alike), got {terms}")
-    _check_sigmas(entry, model)
-
-
-def _check_sigmas(entry: IntrinsicsEntry, model: str) -> None:
-    terms = distortion_terms(entry, model)
     given = {name for name in IntrinsicsEntry.model_fields if "sigma" in name and getattr(entry, name) is not None}
     wanted = {"sigma_focal_px", "sigma_center_px", *(["sigma_distortion"] if terms else [])}
     wanted = wanted if entry.status == "prior" else set()

@@ -16,7 +16,7 @@ _SECTIONS = ("robots", "cameras", "targets")
 
 def name_problems(data: dict[str, Any]) -> list[Problem]:
     """What is wrong with the names in the data of a cell, whatever else may be wrong with it."""
-    return [*_ill_formed(data), *_taken(data), *_reference(data), *_carriers(data), *_bases(data)]
+    return [*_ill_formed(data), *_taken(data), *_unknown_robots(data)]
 
 
 def _section(data: dict[str, Any], name: str) -> dict[str, Any]:
@@ -44,27 +44,20 @@ def _taken(data: dict[str, Any]) -> Iterator[Problem]:
             owners[name] = f"{section}.{name}"
 
 
-def _reference(data: dict[str, Any]) -> Iterator[Problem]:
+def _unknown_robots(data: dict[str, Any]) -> Iterator[Problem]:
     reference, robots = data.get("reference"), list(_section(data, "robots"))
+    carriers = [*robots, WORLD]
     if isinstance(reference, str) and reference not in robots:
         yield Problem(("reference",), _no_robot(reference, robots))
-
-
-def _carriers(data: dict[str, Any]) -> Iterator[Problem]:
-    carriers = [*_section(data, "robots"), WORLD]
     for section in ("cameras", "targets"):
         for name, entry in _section(data, section).items():
             on = entry.get("on") if isinstance(entry, dict) else None
             if isinstance(on, str) and on not in carriers:
                 yield Problem((section, name, "on"), _no_robot(on, carriers))
-
-
-def _bases(data: dict[str, Any]) -> Iterator[Problem]:
-    robots = list(_section(data, "robots"))
     for name in _section(data, "bases"):
         if name not in robots:
             yield Problem(("bases", name), _no_robot(name, robots))
-        elif name == data.get("reference"):
+        elif name == reference:
             yield Problem(("bases", name), f"the base of the reference {name!r} is `world` itself; remove it")
 
 

@@ -22,7 +22,7 @@ from basecal.estimation.certificate.rotation_cost import LoopForm, factors_of, l
 from basecal.estimation.certificate.view_rotation import view_costs
 from basecal.estimation.least_squares.bundle_adjustment import Optimum, bundle_adjust
 from basecal.estimation.noise.estimate import degrees_of_freedom
-from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.problem.problem import State
 from basecal.estimation.solve import Solution
 from basecal.estimation.start.closed_form import solve_rotations, solve_translations
 from basecal.estimation.start.rotation_search import pose_starts
@@ -191,7 +191,10 @@ def _undisturbed(state: State) -> State:
 
 def _explored(solution: Solution, share: float, gap: float) -> Certified:
     """Descents from all about the solution, as far away as a better state may be."""
-    few = _thinned(solution.problem)
+    few = solution.problem.with_groups(
+        g if len(g) <= _MOST_VIEWS else g.take(np.linspace(0, len(g) - 1, _MOST_VIEWS).round().astype(np.int64))
+        for g in solution.problem.groups
+    )
     dof = degrees_of_freedom(few)
     reference = bundle_adjust(few, _undisturbed(solution.state), dof, _ITERATIONS)
     angle = 2 * float(np.arcsin(np.sqrt(share)))
@@ -210,15 +213,6 @@ def _alike(first: Optimum, second: Optimum) -> bool:
         return True
     ours, theirs = first.state.transforms, second.state.transforms
     return all(float(np.abs((ours[n].inverse() @ theirs[n]).log()).max()) < _SAME_M_RAD for n in ours)
-
-
-def _thinned(problem: Problem) -> Problem:
-    """The same problem with at most so many views of each group, spread evenly."""
-    spread = [np.unique(np.linspace(0, len(g) - 1, min(len(g), _MOST_VIEWS)).round()) for g in problem.groups]
-    return problem.with_groups(
-        g.take(rows.astype(np.int64)) if len(g) > _MOST_VIEWS else g
-        for g, rows in zip(problem.groups, spread, strict=True)
-    )
 
 
 def _about(solution: Solution, angle: float) -> list[State]:

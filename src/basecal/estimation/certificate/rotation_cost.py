@@ -64,7 +64,12 @@ def loop_form(problem: Problem, state: State, group: ViewGroup, views: ViewCosts
         views: What their rotations cost at least.
     """
     loop, merged = _loop(problem, state, group, views)
-    weight = _with_robots(problem, group, views.weight)
+    # Weights of whole loops: a view's angle and its robots' errors can share the loop's angle between them. From sin(a
+    # + b) <= sin(a) + sin(b) and Cauchy's inequality; a stop's error counts for all of its views.
+    with np.errstate(divide="ignore"):
+        slack = 1 / views.weight
+    slack = slack + _robot_slack(problem, group.eye_stop) + _robot_slack(problem, group.hand_stop)
+    weight = np.where(views.weight > 0, 1 / slack, 0.0)
     loop = loop._replace(weight=weight)
     total = float(weight.sum())
     size = 4 ** len(loop.unknown)
@@ -129,17 +134,6 @@ def _loop(problem: Problem, state: State, group: ViewGroup, views: ViewCosts) ->
         z, y, merged = None, SE3.identity(), "z"
     b = views.camera_from_target
     return Loop(group.eye_base_from_eye_flange, b, group.hand_base_from_hand_flange, x, y, z, views.weight), merged
-
-
-def _with_robots(problem: Problem, group: ViewGroup, weight: Array) -> Array:
-    """Weights of whole loops: a view's angle and its robots' errors can share the loop's angle between them.
-
-    From sin(a + b) <= sin(a) + sin(b) and Cauchy's inequality; a stop's error counts for all of its views.
-    """
-    with np.errstate(divide="ignore"):
-        slack = 1 / weight
-    slack = slack + _robot_slack(problem, group.eye_stop) + _robot_slack(problem, group.hand_stop)
-    return np.where(weight > 0, 1 / slack, 0.0)
 
 
 def _robot_slack(problem: Problem, stop: IntArray) -> Array:

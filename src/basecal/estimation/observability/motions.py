@@ -14,6 +14,7 @@ import numpy as np
 
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import SE3, Array
+from basecal.numerics.batch import concatenate
 
 HARDLY_RAD = 0.01  # turns below this say nothing of a rotation: their noise is as large [rad]
 _HARDLY_M = 1e-3  # travel below this is standing still [m]
@@ -70,13 +71,7 @@ def _poses(problem: Problem) -> dict[str, SE3]:
             found.setdefault(group.eye, []).append(group.eye_base_from_eye_flange)
         if group.hand is not None:
             found.setdefault(group.hand, []).append(group.hand_base_from_hand_flange)
-    return {robot: _end_to_end(found[robot]) for robot in sorted(found)}
-
-
-def _end_to_end(poses: list[SE3]) -> SE3:
-    if len(poses) == 1:
-        return poses[0]
-    return SE3(np.concatenate([p.rotation for p in poses]), np.concatenate([p.translation for p in poses]))
+    return {robot: concatenate(found[robot]) for robot in sorted(found)}
 
 
 def _motion(problem: Problem, robot: str, base_from_flange: SE3) -> Motion:

@@ -118,7 +118,9 @@ def _clusters(problem: Problem, space: Array) -> list[list[str]]:
     names = [n for n in problem.columns if n in problem.unknowns and np.linalg.norm(_block(problem, space, n)) > _APART]
     clusters: list[list[str]] = []
     for name in names:
-        touching = [c for c in clusters if any(_linked(problem, space, name, other) for other in c)]
+        own = _block(problem, space, name)
+        alike = {other for other in names if np.linalg.norm(own @ _block(problem, space, other).T) > _APART}
+        touching = [c for c in clusters if not alike.isdisjoint(c)]
         clusters = [c for c in clusters if c not in touching] + [[n for c in touching for n in c] + [name]]
     return clusters
 
@@ -126,10 +128,6 @@ def _clusters(problem: Problem, space: Array) -> list[list[str]]:
 def _block(problem: Problem, space: Array, name: str) -> Array:
     block: Array = space[problem.columns[name]]
     return block
-
-
-def _linked(problem: Problem, space: Array, a: str, b: str) -> bool:
-    return bool(np.linalg.norm(_block(problem, space, a) @ _block(problem, space, b).T) > _APART)
 
 
 def _within(problem: Problem, space: Array, cluster: Sequence[str]) -> Array:
@@ -147,7 +145,9 @@ def _of_cluster(
     """A space of translations or of rotations of a cluster, by what moves most, that first."""
     found: list[NullDirection] = []
     while space.shape[1]:
-        main = _main(problem, space, cluster, is_rotation)
+        # What moves most; of several alike the first, a base before mounts.
+        size = {name: float(np.linalg.norm(_half(problem, space, name, is_rotation))) for name in cluster}
+        main = next(name for name in cluster if size[name] >= _MAIN * max(size.values()))
         part = _half(problem, space, main, is_rotation)
         _, values, mix = np.linalg.svd(part, full_matrices=True)
         moves = np.zeros(space.shape[1], dtype=bool)
@@ -160,12 +160,6 @@ def _of_cluster(
 
 def _half(problem: Problem, space: Array, name: str, is_rotation: bool) -> Array:
     return _block(problem, space, name)[slice(3, 6) if is_rotation else slice(0, 3)]
-
-
-def _main(problem: Problem, space: Array, cluster: Sequence[str], is_rotation: bool) -> str:
-    """What moves most; of several alike the first, a base before mounts."""
-    size = {name: float(np.linalg.norm(_half(problem, space, name, is_rotation))) for name in cluster}
-    return next(name for name in cluster if size[name] >= _MAIN * max(size.values()))
 
 
 def _of_main(

@@ -58,7 +58,9 @@ def observability_of(problem: Problem, state: State, hessian: Array, factor: flo
     singular = (sigma > _NO_INFORMATION_SIGMA) | ~holds_information(values)
     kept = vectors[:, ~singular] * scale[:, None]
     inverse = (kept / values[~singular]) @ kept.T
-    shaping = np.linalg.norm(vectors[_distortion_columns(problem)], axis=0) ** 2 > 0.5
+    lenses = [where for name, where in problem.columns.items() if name in problem.lenses]
+    distortion = [k for where in lenses for k in range(where.start + 4, where.stop)]
+    shaping = np.linalg.norm(vectors[distortion], axis=0) ** 2 > 0.5
     null = singular | ((sigma > _UNOBSERVABLE_SIGMA) & ~shaping)
     directions = separate_null_space(problem, state, vectors[:, null], scale) if np.any(null) else ()
     names = frozenset(
@@ -81,8 +83,8 @@ def _without_null_directions(problem: Problem, state: State, hessian: Array, sca
     data = linearise(without_priors(problem), state).hessian * scale * scale[:, None]
     basis = np.linalg.qr(loose / scale[:, None])[0]
     carried = data @ basis
-    told: Array = carried @ spectrum(basis.T @ carried).inverse @ carried.T
-    return scaled - 0.5 * (told + told.T)
+    stated: Array = carried @ spectrum(basis.T @ carried).inverse @ carried.T
+    return scaled - 0.5 * (stated + stated.T)
 
 
 def without_priors(problem: Problem) -> Problem:
@@ -97,11 +99,6 @@ def _gated(problem: Problem, name: str) -> int:
     Of a robot's kinematics none: each number is given or not by itself.
     """
     return 6 if name in problem.unknowns else 4 if name in problem.lenses else 0
-
-
-def _distortion_columns(problem: Problem) -> list[int]:
-    lenses = [where for name, where in problem.columns.items() if name in problem.lenses]
-    return [k for where in lenses for k in range(where.start + 4, where.stop)]
 
 
 def _scales(problem: Problem, state: State, length: float) -> Array:

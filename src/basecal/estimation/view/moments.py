@@ -46,19 +46,15 @@ def gradient_and_information(
     """
     shape, flat = rotation.shape[:-2], rotation.reshape(-1, 3, 3)
     first = np.swapaxes(flat, -1, -2) @ _moments(forces, of_points[:, :4])
-    second = _carried(flat) @ _moments(squares, of_points)
-    gradient = first.reshape(-1, len(_TO_GRADIENT)) @ _TO_GRADIENT
-    information = second.reshape(-1, len(_TO_INFORMATION)) @ _TO_INFORMATION
-    return gradient.reshape(*shape, 6), information.reshape(*shape, 6, 6)
-
-
-def _carried(rotation: Array) -> Array:
-    """What takes the upper half of a symmetric M to that of R'MR, (n, 6, 6)."""
-    entries = rotation.reshape(-1, 9)
+    # What takes the upper half of a symmetric M to that of R'MR, (n, 6, 6)
+    entries = flat.reshape(-1, 9)
     carried = entries[:, _LEFT] * entries[:, _RIGHT]
     carried += entries[:, _LEFT_SWAPPED] * entries[:, _RIGHT_SWAPPED]
     carried *= _ONCE
-    return carried.reshape(-1, 6, 6)
+    second = carried.reshape(-1, 6, 6) @ _moments(squares, of_points)
+    gradient = first.reshape(-1, len(_TO_GRADIENT)) @ _TO_GRADIENT
+    information = second.reshape(-1, len(_TO_INFORMATION)) @ _TO_INFORMATION
+    return gradient.reshape(*shape, 6), information.reshape(*shape, 6, 6)
 
 
 def _moments(planes: Iterable[Array], of_points: Array) -> Array:

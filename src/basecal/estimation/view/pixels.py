@@ -96,7 +96,7 @@ class PixelMeasurement:
         weight = np.where(lost, 0.0, self.weight)
         if lost.any():
             residual, by_point = np.nan_to_num(residual), np.nan_to_num(by_point)
-        jacobian = _by_pose(by_point, rotation, self.points_in_target, _width(by_lens))
+        jacobian = _by_pose(by_point, rotation, self.points_in_target, 0 if by_lens is None else int(by_lens.shape[-1]))
         if by_lens is not None:
             by_lens = np.nan_to_num(by_lens) if lost.any() else by_lens
             jacobian[..., 6:, :, :] = np.moveaxis(by_lens, -3, -1).swapaxes(-3, -2)
@@ -163,10 +163,6 @@ class PixelMeasurement:
         """See `Measurement`."""
         stated = int(np.count_nonzero(self.stated))
         return {"stated": 2 * stated, "pixel_px": 2 * (int(np.count_nonzero(self.seen)) - stated)}
-
-
-def _width(by_lens: Array | None) -> int:
-    return 0 if by_lens is None else int(by_lens.shape[-1])
 
 
 def _by_pose(by_point: Array, rotation: Array, points: Array, more: int) -> Array:

@@ -48,12 +48,8 @@ def point_jacobians(
         off = pixels - measurement.pixels
     seen = measurement.seen & (measurement.weight > 0) & np.isfinite(off).all(-1)
     weight = np.where(seen, measurement.weight, 0.0)[..., None]
-    by_pose = _by_pose(by_point, camera_from_target.rotation, measurement.points_in_target)
+    # Derivative of f(camera_from_target @ p) by the pose's tangent, (n, p, d, 6), from df/dp, (n, p, d, 3)
+    shift = by_point @ camera_from_target.rotation[:, None]
+    by_pose = np.concatenate([shift, np.cross(measurement.points_in_target[:, None], shift)], -1)
     jacobian = by_pose if by_lens is None else np.concatenate([by_pose, by_lens], -1)
     return PointJacobians(np.nan_to_num(off) * weight, np.nan_to_num(jacobian) * weight[..., None], seen)
-
-
-def _by_pose(by_point: Array, rotation: Array, points: Array) -> Array:
-    """Derivative of f(camera_from_target @ p) by the pose's tangent, (n, p, d, 6), from df/dp, (n, p, d, 3)."""
-    shift = by_point @ rotation[:, None]
-    return np.concatenate([shift, np.cross(points[:, None], shift)], -1)

@@ -14,6 +14,7 @@ import numpy as np
 from basecal.estimation.view.measurement import Measurement, ViewInformation
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 from basecal.geometry.se3 import nearest_rotation, rotation_exp
+from basecal.numerics.batch import concatenate
 from basecal.numerics.levenberg_marquardt import Stop, levenberg_marquardt
 from basecal.numerics.spectral import FLAT
 
@@ -63,18 +64,20 @@ def view_poses(
     local = (points_in_target - centre) @ axes / size
     guess = _by_homography(local, bearings_in_camera, seen) if flat else _by_projection(local, bearings_in_camera, seen)
     guess = SE3(guess.rotation, guess.translation * size)
-    guesses = _joined(guess, _tilted(guess)) if flat else guess
+    guesses = concatenate([guess, _tilted(guess)]) if flat else guess
     n = len(guess)
     twice = measurement.take(np.arange(len(guesses)) % n)
     poses = refined(twice, guesses @ target_from_plane.inverse(), iterations=_ITERATIONS)
     enough = seen.sum(-1) >= (FEWEST_POINTS if flat else _FEWEST_IN_SPACE)
-    return _ranked(poses.of(slice(0, n)), poses.of(slice(len(guesses) - n, None)), enough)
-
-
-def _joined(first: SE3, second: SE3) -> SE3:
-    return SE3(
-        np.concatenate([first.rotation, second.rotation]), np.concatenate([first.translation, second.translation])
-    )
+    first, second = poses.of(slice(0, n)), poses.of(slice(len(guesses) - n, None))
+    cost = np.stack([first.cost, second.cost], -1)
+    order = np.argsort(cost, -1, kind="stable")
+    row = np.arange(len(cost))[:, None]
+    rotation = np.stack([first.camera_from_target.rotation, second.camera_from_target.rotation], 1)[row, order]
+    translation = np.stack([first.camera_from_target.translation, second.camera_from_target.translation], 1)[row, order]
+    information = np.stack([first.information, second.information], 1)[row[:, 0], order[:, 0]]
+    cost = np.where(enough[:, None] & np.isfinite(cost[row, order]), cost[row, order], np.inf)
+    return ViewPoses(SE3(rotation, translation), cost, information)
 
 
 def _shape(centred: Array) -> tuple[bool, Array, float]:
@@ -188,14 +191,3 @@ def refined(views: Views, start: SE3, camera: Camera | None = None, iterations: 
     """Each view's pose at its own optimum near `start`, (n,); see `numerics.levenberg_marquardt`."""
     optima = levenberg_marquardt(_Poses(views, camera), start, Stop(iterations, sigmas=_SETTLED))
     return _Refined(optima.state, optima.cost, optima.about.information)
-
-
-def _ranked(first: _Refined, second: _Refined, enough: BoolArray) -> ViewPoses:
-    cost = np.stack([first.cost, second.cost], -1)
-    order = np.argsort(cost, -1, kind="stable")
-    row = np.arange(len(cost))[:, None]
-    rotation = np.stack([first.camera_from_target.rotation, second.camera_from_target.rotation], 1)[row, order]
-    translation = np.stack([first.camera_from_target.translation, second.camera_from_target.translation], 1)[row, order]
-    information = np.stack([first.information, second.information], 1)[row[:, 0], order[:, 0]]
-    cost = np.where(enough[:, None] & np.isfinite(cost[row, order]), cost[row, order], np.inf)
-    return ViewPoses(SE3(rotation, translation), cost, information)

@@ -117,7 +117,19 @@ def _fitted(of: _Context, q: Array, held: int) -> Fit:
     """A fit whose covariance is in pixels, with the noise that the residuals show."""
     middle = np.rint(q[:, :2])
     patches = patches_around(of.image, middle, int(np.ceil(_DIAGONAL * of.window.arm_px)))
-    mask = _mask(patches.xy - (q[:, :2] - middle)[:, None], of.axes, np.exp(q[:, 4]), of.window)
+    # Which pixels lie in the cross, (n, p)
+    pitches = (patches.xy - (q[:, :2] - middle)[:, None]) @ np.linalg.inv(of.axes)
+    length = np.linalg.norm(of.axes, axis=2)
+    height = np.abs(np.linalg.det(of.axes))[:, None] / length[:, ::-1]  # [px] from the other line, per pitch
+    guard = (_GUARD * np.exp(q[:, 4])[:, None] / height)[:, None]
+    least = (_LEAST_WIDTH_PX / height)[:, None]
+    size = np.abs(pitches)
+    both_positive = (pitches > 0).all(axis=2)
+    inside, outside = (np.maximum(limit - guard, least) for limit in (of.window.inside, of.window.outside))
+    near = np.where(both_positive, (size < inside).any(axis=2), (size < outside).any(axis=2))
+    arm = np.minimum(of.window.arm, (of.window.arm_px / length)[:, None])
+    before = pitches > -np.maximum(of.window.before - guard, least)
+    mask: BoolArray = near & (size < arm).all(axis=2) & before.all(axis=2)
     used = packed(patches, patches.weights * mask)
     fit = fit_shapes(of.shape, np.column_stack([q[:, :2] - middle, q[:, 2:]]), used, sloped=True, held=held)
     weights = used.weights
@@ -139,23 +151,6 @@ def patches_around(image: Levels, middle: Array, reach: int) -> Patches:
     values = image[row.clip(0, height - 1), column.clip(0, width - 1)].astype(np.float64)
     places = np.broadcast_to(xy.astype(np.float64), (*column.shape, 2)).copy()
     return Patches(places, values, inside.astype(np.float64))
-
-
-def _mask(offset: Array, axes: Array, spread: Array, window: Window) -> BoolArray:
-    """Which pixels lie in the cross, (n, p)."""
-    pitches = offset @ np.linalg.inv(axes)
-    length = np.linalg.norm(axes, axis=2)
-    height = np.abs(np.linalg.det(axes))[:, None] / length[:, ::-1]  # [px] from the other line, per pitch
-    guard = (_GUARD * spread[:, None] / height)[:, None]
-    least = (_LEAST_WIDTH_PX / height)[:, None]
-    size = np.abs(pitches)
-    both_positive = (pitches > 0).all(axis=2)
-    inside, outside = (np.maximum(limit - guard, least) for limit in (window.inside, window.outside))
-    near = np.where(both_positive, (size < inside).any(axis=2), (size < outside).any(axis=2))
-    arm = np.minimum(window.arm, (window.arm_px / length)[:, None])
-    before = pitches > -np.maximum(window.before - guard, least)
-    mask: BoolArray = near & (size < arm).all(axis=2) & before.all(axis=2)
-    return mask
 
 
 def _sound(fit: Fit, start: Array) -> BoolArray:

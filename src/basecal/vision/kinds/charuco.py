@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import cv2
 import numpy as np
 
 from basecal.cell.target import Target
-from basecal.geometry import Array
 from basecal.vision.detection import Detection, Image, eight_bit, found
 from basecal.vision.fit.corners import BOARD_ARM_PX, Window, refined
 from basecal.vision.fit.local_map import local_axes
@@ -34,18 +31,13 @@ def detect(image: Image, target: Target) -> Detection | None:
         return None
     ids, start = ids.ravel(), corners.reshape(-1, 2).astype(np.float64)
     at = target.points[ids, :2]
-    plane, pixels = _known(target, at, start, markers, marker_ids)
+    plane, pixels = at, start
+    if marker_ids is not None and len(marker_ids):
+        by_marker = marker_corners(target)[marker_ids.ravel()].reshape(-1, 2)
+        plane, pixels = np.concatenate([at, by_marker]), np.concatenate([start, np.reshape(markers, (-1, 2))])
     pitch = float(target.options["square_m"])
     gap = (1 - target.options["marker_m"] / pitch) / 2
     window = Window(arm_px=BOARD_ARM_PX, arm=_ARM, inside=gap, outside=gap, before=1.0)
     fitted = refined(image, saddle, start, local_axes(at, plane, pixels, pitch), window)
     kept = fitted.trusted
     return found(ids[kept].astype(np.int64), fitted.pixels[kept], fitted.sigma_px[kept])
-
-
-def _known(target: Target, at: Array, start: Array, markers: Any, marker_ids: Any) -> tuple[Array, Array]:
-    """Points of the board known in the image: its corners and those of its markers."""
-    if marker_ids is None or not len(marker_ids):
-        return at, start
-    by_marker = marker_corners(target)[marker_ids.ravel()].reshape(-1, 2)
-    return np.concatenate([at, by_marker]), np.concatenate([start, np.reshape(markers, (-1, 2))])

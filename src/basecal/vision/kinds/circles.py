@@ -44,7 +44,11 @@ def detect(image: Image, target: Target) -> Detection | None:
     """
     columns, rows = target.options["circles"]
     kind = cv2.CALIB_CB_ASYMMETRIC_GRID if target.options["asymmetric"] else cv2.CALIB_CB_SYMMETRIC_GRID
-    seen, centres = cv2.findCirclesGrid(eight_bit(image), (columns, rows), flags=kind, blobDetector=_blobs(image.shape))
+    dark = cv2.SimpleBlobDetector.Params()  # discs of any size that a grid can have in the image
+    dark.minArea, dark.maxArea = _LEAST_AREA_PX2, max(image.shape[0] * image.shape[1] * _LARGEST_SHARE, _LEAST_AREA_PX2)
+    dark.minDistBetweenBlobs = _LEAST_APART_PX
+    finder = cv2.SimpleBlobDetector.create(dark)
+    seen, centres = cv2.findCirclesGrid(eight_bit(image), (columns, rows), flags=kind, blobDetector=finder)
     if not seen:
         return None
     start = _facing(target, np.reshape(centres, (-1, 2)).astype(np.float64))
@@ -55,14 +59,6 @@ def detect(image: Image, target: Target) -> Detection | None:
     perspective, bent = _eccentricity(target.points[kept, :2], shape, float(target.options["spacing_m"]))
     model = _MODEL_PX**2 + (_BENT_SHARE * np.linalg.norm(bent, axis=1)) ** 2
     return found(target.ids[kept], shape[:, :2] - perspective - bent, np.sqrt(outlines.variance[kept] + model))
-
-
-def _blobs(shape: tuple[int, ...]) -> cv2.SimpleBlobDetector:
-    """OpenCV's finder of dark blobs, for discs of any size that a grid can have in the image."""
-    of = cv2.SimpleBlobDetector.Params()
-    of.minArea, of.maxArea = _LEAST_AREA_PX2, max(shape[0] * shape[1] * _LARGEST_SHARE, _LEAST_AREA_PX2)
-    of.minDistBetweenBlobs = _LEAST_APART_PX
-    return cv2.SimpleBlobDetector.create(of)
 
 
 def _facing(target: Target, start: Array) -> Array:
@@ -86,7 +82,16 @@ def _fitted(image: Image, target: Target, start: Array) -> _Outlines:
     plane = target.points[:, :2]
     axes = local_axes(plane, plane, start, float(target.options["spacing_m"]))
     middle, used = _windows(image, start, axes, target)
-    fit = fit_shapes(ellipse, np.column_stack([start - middle, _outlines(used, axes), np.zeros(len(start))]), used)
+    # Rough outlines of the discs, as `ellipse` takes them, (n, 3): as the grid lies, as large as what is dark.
+    seen = np.where(used.weights > 0, used.values, np.nan)
+    low, high = np.nanpercentile(seen, _DARK_BRIGHT_PERCENT, axis=1)
+    dark = np.maximum((seen < ((low + high) / 2)[:, None]).sum(axis=1), 1)
+    radius = np.sqrt(dark / np.pi / np.abs(np.linalg.det(axes)))
+    squared = np.swapaxes(axes, 1, 2) @ axes * (radius**2)[:, None, None]
+    values, vectors = np.linalg.eigh(squared)
+    half_log = (vectors * (0.5 * np.log(values))[:, None]) @ np.swapaxes(vectors, 1, 2)
+    outline = half_log[:, [0, 0, 1], [0, 1, 1]]
+    fit = fit_shapes(ellipse, np.column_stack([start - middle, outline, np.zeros(len(start))]), used)
     freedom = np.maximum((used.weights > 0).sum(axis=1) - fit.shape.shape[1] - 2, 1)
     noise = (used.weights * fit.residuals**2).sum(axis=1) / freedom
     variance = noise * np.trace(fit.covariance[:, :2, :2], axis1=1, axis2=2) / 2
@@ -106,18 +111,6 @@ def _windows(image: Image, start: Array, axes: Array, target: Target) -> tuple[A
     pitches = (patches.xy - (start - middle)[:, None]) @ np.linalg.inv(axes)
     own = np.linalg.norm(pitches, axis=2) < room
     return middle, packed(patches, patches.weights * own)
-
-
-def _outlines(patches: Patches, axes: Array) -> Array:
-    """Rough outlines of the discs, as `ellipse` takes them, (n, 3): as the grid lies, as large as what is dark."""
-    seen = np.where(patches.weights > 0, patches.values, np.nan)
-    low, high = np.nanpercentile(seen, _DARK_BRIGHT_PERCENT, axis=1)
-    dark = np.maximum((seen < ((low + high) / 2)[:, None]).sum(axis=1), 1)
-    radius = np.sqrt(dark / np.pi / np.abs(np.linalg.det(axes)))
-    squared = np.swapaxes(axes, 1, 2) @ axes * (radius**2)[:, None, None]
-    values, vectors = np.linalg.eigh(squared)
-    half_log = (vectors * (0.5 * np.log(values))[:, None]) @ np.swapaxes(vectors, 1, 2)
-    return np.stack([half_log[:, 0, 0], half_log[:, 0, 1], half_log[:, 1, 1]], axis=1)
 
 
 def _eccentricity(plane: Array, shape: Array, spacing: float) -> tuple[Array, Array]:

@@ -48,7 +48,10 @@ def detect(image: Image, target: Target, background: Image | None = None) -> Det
     full = full_scale(image)
     difference = image if background is None else np.asarray(cv2.subtract(image, background), dtype=image.dtype)
     spots = [_fitted(image, background, full, place) for place in _bright(difference)]
-    apart = _apart([spot for spot in spots if spot is not None])
+    apart: list[Spot] = []  # the brightest first; a spot found twice counts once
+    for spot in sorted((spot for spot in spots if spot is not None), key=lambda each: -each.brightness):
+        if all(np.hypot(spot.x - other.x, spot.y - other.y) > _APART_PX for other in apart):
+            apart.append(spot)
     if not apart:
         return None
     ids = read_only_ids(target.ids) if len(apart) == 1 else None
@@ -107,12 +110,3 @@ def _is_spot(spot: Spot, reach: int, x: float, y: float) -> bool:
     near = abs(spot.x - x) < reach / 2 and abs(spot.y - y) < reach / 2
     wide = [_LEAST_WIDTH_PX < width < _MOST_WIDTH_PX for width in (spot.width_x, spot.width_y)]
     return near and all(wide) and spot.brightness > 0 and 0 < spot.sigma_px < _MOST_SIGMA_PX
-
-
-def _apart(spots: list[Spot]) -> list[Spot]:
-    """Brightest first; a spot found twice counts once."""
-    kept: list[Spot] = []
-    for spot in sorted(spots, key=lambda each: -each.brightness):
-        if all(np.hypot(spot.x - other.x, spot.y - other.y) > _APART_PX for other in kept):
-            kept.append(spot)
-    return kept
