@@ -10,7 +10,7 @@ import numpy as np
 from basecal.accuracy.residuals.point_residuals import PointResiduals
 from basecal.cell import SampleResidual
 from basecal.geometry import Array, IntArray
-from basecal.reporting.svg import drawing, element, round_up, segments, text
+from basecal.reporting.svg import drawing, element, round_up, segments, text, three_digits
 
 _ARROW_SHARE = 0.05
 _LARGEST_ARROWS = 50
@@ -73,12 +73,10 @@ def arrow_figure(camera: str, size_px: tuple[int, int] | None, seen: Sequence[Po
             "text", text(f"{bar_px:g} px"), class_="ruler-label", x=f"{ruler[1, 0] + 6:.1f}", y=f"{height - 7:.1f}"
         ),
     )
-    thinned = (
-        f"; {len(shown)} of {len(pixels)} points drawn, the largest among them"
-        if len(shown) < len(pixels)
-        else f"; {len(pixels)} points"
-    )
-    caption = f"From where a point was seen towards where it is predicted, {longer / scale:.3g} times as long{thinned}."
+    few = f"{len(shown)} of {len(pixels)} points drawn, the largest among them"
+    drawn = few if len(shown) < len(pixels) else f"{len(pixels)} points"
+    times = three_digits(longer / scale)
+    caption = f"From where a point was seen towards where it is predicted, {times} times as long; {drawn}."
     return Figure(f"{camera}, {size[0]:.0f} x {size[1]:.0f} px", svg, caption)
 
 

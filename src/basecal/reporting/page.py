@@ -7,7 +7,6 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
 from typing import Any
 
@@ -16,10 +15,12 @@ from markupsafe import Markup
 
 from basecal.accuracy.residuals.point_residuals import PointResiduals
 from basecal.cell import Calibration, Cell, Recording, SampleResidual
+from basecal.cell.results.calibration_dict import program_version
 from basecal.reporting.figures import QUANTITIES, Figure, arrow_figure, bar_figure, histogram
 from basecal.reporting.picture import picture
 from basecal.reporting.robots import robot_blocks
 from basecal.reporting.scene import Scene, scene, scene_data
+from basecal.reporting.svg import three_digits
 from basecal.reporting.text import (
     by_weight,
     fit_sentences,
@@ -84,7 +85,7 @@ def page(
             drawn=drawn,
             legend=_legend(drawn),
             picture=Markup(picture(drawn)),
-            version=_version(),
+            version=program_version(),
             **_answer(cell, calibration),
             **_fit(cell, calibration, points),
         )
@@ -121,19 +122,12 @@ def _json_inside_html(data: Mapping[str, Any]) -> str:
     return json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
 
 
-def _version() -> str:
-    try:
-        return version("basecal")
-    except PackageNotFoundError:
-        return "unknown"
-
-
 def _legend(drawn: Scene) -> list[str]:
     """What the picture shows and what it cannot, a sentence each."""
     sentences = ["Axes: x red, y green, z blue. Dots: flanges at each sample, as recorded."]
     ellipsoids = [*(arm.ellipsoid for arm in drawn.arms), *(body.ellipsoid for body in drawn.bodies)]
     if any(each is not None for each in ellipsoids):
-        scale = f", drawn {drawn.ellipsoid_scale:g} times as large" if drawn.ellipsoid_scale != 1 else ""
+        scale = f", drawn {three_digits(drawn.ellipsoid_scale)} times as large" if drawn.ellipsoid_scale != 1 else ""
         sentences.append(f"Ellipsoid: 1 sigma of the position of the transforms asked for{scale}.")
     if len(drawn.samples) < drawn.total:
         sentences.append(f"{len(drawn.samples)} of {drawn.total} samples are shown.")
@@ -207,9 +201,9 @@ def _worst_rows(views: Sequence[SampleResidual]) -> list[tuple[str, ...]]:
     """Cells of a table of views in the order of samples, of many those that fit worst."""
     worst = sorted(views, key=lambda view: (view.rms_px or 0.0, view.loop_m or 0.0), reverse=True)[:_MOST_ROWS]
     ordered = sorted(worst, key=lambda view: (view.sample, view.camera, view.target))
-    return [(str(v.sample), v.camera, v.target, *(_cell(v, q.field, q.factor) for q in QUANTITIES)) for v in ordered]
-
-
-def _cell(view: SampleResidual, field: str, factor: float) -> str:
-    value = getattr(view, field)
-    return "" if value is None else f"{value * factor:.3f}"
+    rows = []
+    for view in ordered:
+        values = [(getattr(view, quantity.field), quantity.factor) for quantity in QUANTITIES]
+        shown = ("" if value is None else f"{value * factor:.3f}" for value, factor in values)
+        rows.append((str(view.sample), view.camera, view.target, *shown))
+    return rows

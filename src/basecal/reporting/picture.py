@@ -22,7 +22,8 @@ def picture(drawn: Scene) -> str:
     """A drawing of the scene at its middle sample, seen so that the bases stand beside one another."""
     middle = len(drawn.samples) // 2
     project = _projection(drawn, middle)
-    parts = [*_floor(drawn, project)]
+    feet = [project(arm.world_from_base.translation) for arm in drawn.arms]
+    parts = [element("path", class_="floor", d=segments(np.stack([feet[0], foot]) for foot in feet[1:]))]
     for number, arm in enumerate(drawn.arms):
         parts += _arm(arm, number, middle, drawn, project)
     for body in drawn.bodies:
@@ -45,7 +46,7 @@ def _projection(drawn: Scene, sample: int) -> Project:
     right, up = drawn.across, np.array([0.0, 0.0, 1.0])
     away = np.cross(up, right)
     axes = np.stack([right, -(np.cos(_ELEVATION_RAD) * up + np.sin(_ELEVATION_RAD) * away)])
-    # Everything that must be in the picture, (n, 3) [m]
+    # Everything that must be in the picture.
     reach = _AXIS_SHARE * drawn.size_m * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=np.float64)
     places = [arm.world_from_base @ reach for arm in drawn.arms]
     places += [(arm.world_from_base @ arm.base_from_flange).translation[arm.known] for arm in drawn.arms]
@@ -59,12 +60,6 @@ def _projection(drawn: Scene, sample: int) -> Project:
     scale = float(np.min(room / np.maximum(high - low, 1e-9)))
     shift = np.array([_WIDTH, _HEIGHT]) / 2 - scale * (low + high) / 2
     return lambda points: scale * (points @ axes.T) + shift
-
-
-def _floor(drawn: Scene, project: Project) -> Iterator[str]:
-    """A line between the bases, on which the eye finds their places."""
-    feet = [project(arm.world_from_base.translation) for arm in drawn.arms]
-    yield element("path", class_="floor", d=segments(np.stack([feet[0], foot]) for foot in feet[1:]))
 
 
 def _frame(world_from_body: SE3, length: float, project: Project) -> Iterator[str]:

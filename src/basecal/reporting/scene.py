@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -103,6 +103,9 @@ def scene(cell: Cell, samples: Sequence[Sample], calibration: Calibration) -> Sc
     drawn = {t.name: t for t in things if t.on in placed and cell.mount_name(t.name) in means}
     bodies = tuple(_body(t, cell.mount_name(t.name), means, calibration, sure, size) for t in drawn.values())
     missing = [name for name in (*cell.robots, *cell.cameras, *cell.targets) if name not in placed | drawn.keys()]
+    longest = max(
+        (float(np.linalg.norm(axes, axis=0).max()) for axes in sure.values() if axes is not None), default=0.0
+    )
     return Scene(
         arms=arms,
         bodies=bodies,
@@ -110,7 +113,7 @@ def scene(cell: Cell, samples: Sequence[Sample], calibration: Calibration) -> Sc
         total=len(samples),
         size_m=size,
         across=_across(arms),
-        ellipsoid_scale=_ellipsoid_scale(sure.values(), size),
+        ellipsoid_scale=1.0 if longest <= 0 else max(1.0, round_up(_ELLIPSOID_SHARE * size / longest) / 2),
         missing=tuple(missing),
     )
 
@@ -155,12 +158,6 @@ def _across(arms: Sequence[Arm]) -> Array:
     x, y = max((arm.world_from_base.translation[:2] for arm in arms), key=lambda t: float(np.linalg.norm(t)))
     angle = np.arctan2(y, x) + _TURN_RAD
     return np.array([np.cos(angle), np.sin(angle), 0.0])
-
-
-def _ellipsoid_scale(ellipsoids: Iterable[Array | None], size: float) -> float:
-    longest = [float(np.linalg.norm(each, axis=0).max()) for each in ellipsoids if each is not None]
-    widest = max(longest, default=0.0)
-    return 1.0 if widest <= 0 else max(1.0, round_up(_ELLIPSOID_SHARE * size / widest) / 2)
 
 
 def _body(
@@ -212,7 +209,18 @@ def _outline(shape: Target | None) -> Array:
 def scene_data(drawn: Scene) -> dict[str, Any]:
     """A scene as plain data for the script of the page; lengths to 0.01 mm."""
     return {
-        "arms": [_arm_data(arm) for arm in drawn.arms],
+        "arms": [
+            {
+                "name": arm.name,
+                "base": _rounded(_pose(arm.world_from_base)),
+                "flanges": [
+                    pose if known else None
+                    for pose, known in zip(_rounded(_pose(arm.base_from_flange)), arm.known, strict=True)
+                ],
+                "ellipsoid": _ellipsoid_data(arm.ellipsoid),
+            }
+            for arm in drawn.arms
+        ],
         "bodies": [
             {
                 "name": body.name,
@@ -238,16 +246,6 @@ def _rounded(values: Any) -> Any:
 
 def _pose(transform: SE3) -> Array:
     return np.concatenate([transform.translation, transform.quaternion], -1)
-
-
-def _arm_data(arm: Arm) -> dict[str, Any]:
-    poses = _rounded(_pose(arm.base_from_flange))
-    return {
-        "name": arm.name,
-        "base": _rounded(_pose(arm.world_from_base)),
-        "flanges": [pose if known else None for pose, known in zip(poses, arm.known, strict=True)],
-        "ellipsoid": _ellipsoid_data(arm.ellipsoid),
-    }
 
 
 def _ellipsoid_data(ellipsoid: Array | None) -> Any:

@@ -43,6 +43,11 @@ def dots(points: Iterable[Array]) -> str:
     return "".join(f"M{x:.1f} {y:.1f}h0" for x, y in points)
 
 
+def three_digits(value: float) -> str:
+    """A number to three digits with its thousands set apart, such as 6,400."""
+    return f"{float(f'{value:.3g}'):,.15g}"
+
+
 def round_up(value: float) -> float:
     """The smallest of 1, 2, 2.5, 5 times a power of ten that is not below a value; 1 for what is not positive."""
     if not (math.isfinite(value) and value > 0):

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from basecal.cell import Calibration, Cell, Certificate, Finding, Validation
+from basecal.cell import Calibration, Cell, Finding, Validation
 from basecal.exchange.ros2 import static_transform_publisher
 from basecal.exchange.urdf import origin_line
 from basecal.geometry import Array, Camera, PoseEstimate
@@ -30,11 +30,18 @@ def text_report(cell: Cell, calibration: Calibration) -> str:
     """
     asked = [name for name in cell.asked if name in calibration.transforms]
     others = [name for name in calibration.transforms if name not in asked]
-    blocks = [
-        [verdict_sentence(cell, calibration)],
-        *([*_transform(name, calibration), *_to_paste(name, cell, calibration)] for name in asked),
-        *(_transform(name, calibration) for name in others),
-        *(_intrinsics(name, calibration) for name in calibration.cameras),
+    blocks = [[verdict_sentence(cell, calibration)]]
+    for name in asked:
+        blocks.append(_transform(name, calibration))
+        if name not in calibration.points:
+            mean, frames = calibration[name].mean, frame_names(cell, name)
+            blocks[-1] += ["  URDF:  " + origin_line(mean), "  ROS 2: " + static_transform_publisher(mean, *frames)]
+    blocks += [_transform(name, calibration) for name in others]
+    for name, (camera, covariance) in calibration.cameras.items():
+        blocks.append([f"camera intrinsics of {name}  ({camera.model})"])
+        for key, value, sigma, unit in lens_parameters(camera, covariance):
+            blocks[-1].append(f"  {key:<3}{value:13.5f}    sigma {sigma:.5f} {unit}".rstrip())
+    blocks += [
         *robot_blocks(calibration),
         list(fit_sentences(calibration)),
         list(validation_sentences(calibration)),
@@ -48,11 +55,16 @@ def text_report(cell: Cell, calibration: Calibration) -> str:
 def verdict_sentence(cell: Cell, calibration: Calibration) -> str:
     """The verdict in one sentence: how well the transforms asked for are known, or why they are not and what to do."""
     asked = [name for name in cell.asked if name in calibration.transforms]
-    known = "; ".join(f"{name} to {_known_to(name, calibration)}" for name in asked)
+    known = []
+    for name in asked:
+        sigma_mm, sigma_deg = sigma_norms(calibration[name])
+        known.append(
+            f"{name} to {sigma_mm:.3g} mm" + ("" if name in calibration.points else f" and {sigma_deg:.2g} deg")
+        )
     reason = _first_reason(calibration.findings)
     if calibration.verdict == "refused":
         return f"REFUSED: {reason or 'the transforms asked for are unobservable.'}"
-    answer = f"{known} (1 sigma)" if known else "no transform is asked for, all are fixed"
+    answer = f"{'; '.join(known)} (1 sigma)" if known else "no transform is asked for, all are fixed"
     error = _cross_validation_error(calibration.validation)
     answer = f"{answer}; cross-validation error {error} rms" if error else answer
     return f"DOUBTFUL: {answer}, but: {reason}" if calibration.verdict == "doubtful" else f"GOOD: {answer}."
@@ -65,12 +77,6 @@ def _cross_validation_error(validation: Validation | None) -> str:
     if validation.target_m is None or validation.target_rad is None:
         return "" if validation.rms_px is None else f"{validation.rms_px:.2g} px"
     return f"{validation.target_m * 1e3:.2g} mm and {np.degrees(validation.target_rad):.2g} deg"
-
-
-def _known_to(name: str, calibration: Calibration) -> str:
-    sigma_mm, sigma_deg = sigma_norms(calibration[name])
-    position = f"{sigma_mm:.3g} mm"
-    return position if name in calibration.points else f"{position} and {sigma_deg:.2g} deg"
 
 
 def sigma_norms(estimate: PoseEstimate) -> tuple[float, float]:
@@ -115,14 +121,6 @@ def _transform(name: str, calibration: Calibration) -> list[str]:
     return [*lines, f"  q_xyzw {_row(estimate.mean.quaternion, 9)}"]
 
 
-def _to_paste(name: str, cell: Cell, calibration: Calibration) -> list[str]:
-    if name in calibration.points:
-        return []
-    parent, child = frame_names(cell, name)
-    mean = calibration[name].mean
-    return ["  URDF:  " + origin_line(mean), "  ROS 2: " + static_transform_publisher(mean, parent, child)]
-
-
 def frame_names(cell: Cell, name: str) -> tuple[str, str]:
     """What parent and child of a transform are called in other programs.
 
@@ -132,15 +130,6 @@ def frame_names(cell: Cell, name: str) -> tuple[str, str]:
     named = {f"{robot.name}_{part}": other for robot in cell.robots.values() for part, other in robot.frames.items()}
     parent, child = (named.get(frame, frame) for frame in ours)
     return (parent, child) if parent != child else (ours[0], ours[1])
-
-
-def _intrinsics(name: str, calibration: Calibration) -> list[str]:
-    camera, covariance = calibration.cameras[name]
-    parameters = [
-        f"  {key:<3}{value:13.5f}    sigma {sigma:.5f} {unit}".rstrip()
-        for key, value, sigma, unit in lens_parameters(camera, covariance)
-    ]
-    return [f"camera intrinsics of {name}  ({camera.model})", *parameters]
 
 
 def lens_parameters(camera: Camera, covariance: Array) -> list[tuple[str, float, float, str]]:
@@ -170,14 +159,11 @@ def fit_sentences(calibration: Calibration) -> Iterator[str]:
     if in_pixels:
         worst = max(in_pixels, key=lambda view: view.rms_px or 0.0)
         yield f"worst view: sample {worst.sample} by {worst.camera}, {worst.rms_px:.3f} px rms"
-    if calibration.certificate is not None:
-        yield _certificate(calibration.certificate)
-
-
-def _certificate(of: Certificate) -> str:
-    if of.is_global:
-        return f"certificate: global optimum proven; relative duality gap of the rotations {of.gap or 0.0:.1g}"
-    return f"certificate: not proven: {of.reason}"
+    proof = calibration.certificate
+    if proof is not None and proof.is_global:
+        yield f"certificate: global optimum proven; relative duality gap of the rotations {proof.gap or 0.0:.1g}"
+    elif proof is not None:
+        yield f"certificate: not proven: {proof.reason}"
 
 
 def validation_sentences(calibration: Calibration) -> Iterator[str]:

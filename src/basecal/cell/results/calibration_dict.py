@@ -37,12 +37,20 @@ SCHEMA = "basecal/calibration/1"
 _MM = 1e3
 
 
+def program_version() -> str:
+    """The version of this program; `unknown` where it is not installed."""
+    try:
+        return version("basecal")
+    except PackageNotFoundError:
+        return "unknown"
+
+
 def calibration_to_dict(calibration: Calibration) -> dict[str, Any]:
     """The data of `calibration.json`; what was not computed, or is not finite, is null."""
     joint, proof = calibration.joint_covariance, calibration.certificate
     data = {
         "schema": SCHEMA,
-        "version": _version(),
+        "version": program_version(),
         "verdict": calibration.verdict,
         "transforms": {name: _transform(name, calibration) for name in calibration.transforms},
         "intrinsics": {name: _lens(name, calibration) for name in calibration.cameras},
@@ -82,13 +90,6 @@ def calibration_from_dict(data: Any) -> Calibration:
         raise InputError(
             f"not a calibration as this program writes it ({str(error)[:CAUSE]}); calibrate again"
         ) from None
-
-
-def _version() -> str:
-    try:
-        return version("basecal")
-    except PackageNotFoundError:
-        return "unknown"
 
 
 def _plain(value: Any) -> Any:
