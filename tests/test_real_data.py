@@ -81,6 +81,7 @@ def test_rct() -> None:
     assert short(rct) == []
 
 
+@pytest.mark.slow
 def test_nao() -> None:
     """Two humanoids, 298 poses: loops of 1.45 mm and 0.92 deg rms."""
     assert short(nao) == []

@@ -117,7 +117,7 @@ def test_a_bumped_arm_is_named():
 
 def test_sigmas_contradicted_by_the_residuals_are_told():
     """Pixels four times noisier than stated: a poor fit, doubtful, and no sigma below those of the true noise."""
-    s = simulate(Scenario(pixel_px=0.8), seed=0)
+    s = simulate(Scenario(pixel_px=0.8, samples=15), seed=0)
     told = calibrate(replace(s.cell, pixel_px=0.2), s.recording)
     true = calibrate(s.cell, s.recording)
     assert told.verdict == "doubtful"

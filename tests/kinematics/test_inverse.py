@@ -14,10 +14,10 @@ def left(chain, joints, pose):
 
 
 def test_round_trip(chain):
-    """From up to 0.3 rad beside them, 200 random poses 0.3 rad inside the limits are all reached to 1e-10."""
+    """From up to 0.3 rad beside them, 60 random poses 0.3 rad inside the limits are all reached to 1e-10."""
     rng = np.random.default_rng(2)
     lower, upper = chain.lower.clip(min=-np.pi) + 0.3, chain.upper.clip(max=np.pi) - 0.3
-    for wanted in rng.uniform(lower, upper, (200, chain.n)):
+    for wanted in rng.uniform(lower, upper, (60, chain.n)):
         pose = chain.forward(wanted)
         found = inverse(chain, pose, wanted + rng.uniform(-0.3, 0.3, chain.n))
         assert np.abs(left(chain, found, pose)).max() <= 1e-10
@@ -78,8 +78,8 @@ def test_any_start_ends_in_an_answer_or_a_refusal():
     """With two joints on one axis, a stretched pose or one out of reach ends in an answer or NotConverged."""
     rng = np.random.default_rng(0)
     arm = planar(0.0, 0.5, 0.3)
-    poses = SE3.from_rotvec(rng.uniform(-3, 3, (30, 1)) * [0, 0, 1], rng.uniform(-0.9, 0.9, (30, 3)) * [1, 1, 0])
-    stretched = SE3.from_rotvec(np.zeros((20, 3)), np.tile([0.8, 0, 0], (20, 1)))
+    poses = SE3.from_rotvec(rng.uniform(-3, 3, (15, 1)) * [0, 0, 1], rng.uniform(-0.9, 0.9, (15, 3)) * [1, 1, 0])
+    stretched = SE3.from_rotvec(np.zeros((10, 3)), np.tile([0.8, 0, 0], (10, 1)))
     reached = 0
     for pose in (*poses, *stretched):
         try:
@@ -88,7 +88,7 @@ def test_any_start_ends_in_an_answer_or_a_refusal():
             continue
         assert np.abs(left(arm, found, pose)).max() <= 1e-10
         reached += 1
-    assert reached >= 10
+    assert reached >= 5
 
 
 def test_a_batch_is_each_pose_by_itself(chain):

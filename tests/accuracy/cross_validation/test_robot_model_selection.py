@@ -70,7 +70,7 @@ def test_calibrate_tells_it_and_applies_nothing():
     )
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in (1, 2))])
 @pytest.mark.parametrize(
     ("kind", "errors"),
     [("none", {}), ("offsets", {"joint_offset_rad": 0.2 * DEGREE}), ("links", {"link_error": (5e-4, 1e-3)})],

@@ -69,7 +69,7 @@ def test_found_whole_and_as_sure_as_it_says(spacing: float) -> None:
     """Nearly all corners are found, none wrong, with errors as large as their sigmas say."""
     grid = aprilgrid_target((6, 5), 0.03, spacing)
     ratios, count = [], 0
-    for seed in range(4):
+    for seed in range(2):
         pose = upright(grid.points.mean(axis=0), 0.8 * seed, 0.45)
         detection = find(render(WIDE, grid, pose, RenderSettings(noise=2.0, blur_px=0.8), seed), grid)
         assert detection is not None
@@ -77,7 +77,7 @@ def test_found_whole_and_as_sure_as_it_says(spacing: float) -> None:
         error = detection.pixels - WIDE.project(pose @ grid.points)[grid.rows(detection.ids)]
         ratios.append((error / detection.sigma_px[:, None]).ravel())
         count += len(detection.ids)
-    assert count > 0.95 * 4 * len(grid.ids)
+    assert count > 0.95 * 2 * len(grid.ids)
     assert np.abs(np.concatenate(ratios)).max() < 6
     assert 0.8 < np.concatenate(ratios).std() < 1.25
 

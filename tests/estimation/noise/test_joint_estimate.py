@@ -42,13 +42,13 @@ def nees(scenario: Scenario, seeds: range) -> list[float]:
 
 @pytest.mark.parametrize("told", [True, False])
 def test_sigmas_of_robots_are_found(told):
-    """The mean over eight cells is the truth, whether the pixels' sigma is told or found beside it.
+    """The mean over four cells is the truth, whether the pixels' sigma is told or found beside it.
 
-    One cell scatters by 18 %, a mean of eight by 6.4 %: five are 32 %; priors take their share of that.
+    One cell scatters by 18 %, a mean of four by 9 %: five are 45 %; priors take their share of that.
     """
-    cells = [solved(replace(SILENT, state_pixel_noise=told), seed) for seed in range(8)]
+    cells = [solved(replace(SILENT, state_pixel_noise=told), seed) for seed in range(4)]
     found = np.mean([cell.noise.robots[robot][[0, 3]] for cell in cells for robot in ("eye", "hand")], axis=0)
-    np.testing.assert_allclose(found, TRUE, rtol=0.32)
+    np.testing.assert_allclose(found, TRUE, rtol=0.45)
     if not told:
         assert np.mean([cell.noise.noise.pixel_px for cell in cells]) == pytest.approx(0.2, rel=0.15)
 
@@ -91,20 +91,20 @@ def test_a_still_arm_is_as_noisy_as_its_like():
     assert found.transforms[BASE].sigma_t.min() > 0.5 * still[0]
 
 
-@pytest.mark.parametrize("samples", [4, 6, 10])
+@pytest.mark.parametrize("samples", [4, 10])
 def test_few_samples_give_a_covariance_that_holds_the_truth(samples):
-    """From four boards on, nothing stated: of 16 bases no more than four are outside their 95 % ellipsoid.
+    """From four boards on, nothing stated: of 10 bases no more than three are outside their 95 % ellipsoid.
 
-    With a chance of a twentieth each, five and more are one case in a thousand.
+    With a chance of a twentieth each, four and more are one case in a thousand.
     """
     silent = replace(SILENT, samples=samples, robot_noise=(1e-4, 2e-4), state_pixel_noise=False)
-    assert np.sum(6 * np.array(nees(silent, range(16))) > 12.59) <= 4
+    assert np.sum(6 * np.array(nees(silent, range(10))) > 12.59) <= 3
 
 
 def test_a_light_says_little_of_noise_and_that_widens_the_covariance():
-    """Two equations a view, neither sigma told: the bases of 12 cells keep within what is said of them."""
+    """Two equations a view, neither sigma told: the bases of 8 cells keep within what is said of them."""
     light = Scenario(samples=25, target="led", robot_noise=(2e-4, 3e-4), state_robot_noise=False)
-    assert 0.3 < np.mean(nees(replace(light, state_pixel_noise=False), range(12))) < 1.9
+    assert 0.3 < np.mean(nees(replace(light, state_pixel_noise=False), range(8))) < 1.9
 
 
 def test_exact_data_need_no_noise():

@@ -59,7 +59,7 @@ def errors(settings: LightSettings, count: int, pair: bool) -> tuple[Array, Arra
 
 @pytest.mark.parametrize("pair", [False, True], ids=["single", "pair"])
 @pytest.mark.parametrize("spot", [0.8, 1.5])
-@pytest.mark.parametrize("photons", [3e3, 3e4, 3e5])
+@pytest.mark.parametrize("photons", [3e3, 3e5])
 def test_as_precise_as_photons_allow(photons: float, spot: float, pair: bool) -> None:
     """A light is found at the Cramer-Rao bound of its image, or of both images of a pair, and its sigma says so."""
     settings = exposed(photons, spot)
