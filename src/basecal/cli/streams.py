@@ -62,12 +62,18 @@ def import_streams(folder: Path, files: Streams, camera: str | None, target: str
     from basecal.exchange.assemble import recording_from_streams
     from basecal.exchange.pixels import read_pixels
 
-    _refuse_recorded(folder)
+    path = folder / "recording" / "samples.jsonl"
+    if path.exists() and path.stat().st_size:
+        raise InputError(
+            f"{path} holds a recording and is not overwritten: import into another folder, or move it away"
+        )
     is_new = not (folder / "cell.yaml").exists()
     places = _new_places(folder, files, camera, target) if is_new else _known_places(folder, files, camera, target)
     poses = _read(files)
+    eye, hand = poses.get("eye-base-from-flange"), poses.get("hand-base-from-flange")
+    carried = ((places.eye, eye), (places.hand, hand))
     recording = recording_from_streams(
-        _by_robot(places, poses),
+        {robot: stream for robot, stream in carried if robot is not None and stream is not None},
         places.camera,
         places.target,
         poses.get("camera-from-target"),
@@ -81,14 +87,6 @@ def import_streams(folder: Path, files: Streams, camera: str | None, target: str
     made = " and cell.yaml" if is_new else ""
     print(f"wrote {len(recording.samples)} samples{made} to {folder}: basecal calibrate {folder}")
     return 0
-
-
-def _refuse_recorded(folder: Path) -> None:
-    path = folder / "recording" / "samples.jsonl"
-    if path.exists() and path.stat().st_size:
-        raise InputError(
-            f"{path} holds a recording and is not overwritten: import into another folder, or move it away"
-        )
 
 
 def _new_places(folder: Path, files: Streams, camera: str | None, target: str | None) -> Places:
@@ -145,11 +143,3 @@ def _read(files: Streams) -> dict[Inverted, PoseStream]:
     for option in files.invert:
         streams[option] = replace(streams[option], poses=streams[option].poses.inverse())
     return streams
-
-
-def _by_robot(places: Places, poses: Mapping[Inverted, PoseStream]) -> dict[str, PoseStream]:
-    options: tuple[tuple[str | None, Inverted], ...] = (
-        (places.eye, "eye-base-from-flange"),
-        (places.hand, "hand-base-from-flange"),
-    )
-    return {robot: poses[option] for robot, option in options if robot is not None}

@@ -51,15 +51,10 @@ def recording_from_streams(
         if camera_from_target:
             seen.append(PoseObservation(camera, target, camera_from_target.poses[i]))
         if pixels and i in pixels:
-            seen.append(_pixel_observation(camera, target, *pixels[i], sigma_px))
+            ids, at = pixels[i]
+            sigmas = None if sigma_px is None else np.full(len(ids), sigma_px)
+            seen.append(PixelObservation(camera, target, ids, at, sigmas))
         states = {robot: RobotState(base_from_flange=stream.poses[i]) for robot, stream in robots.items()}
         stamp_s = None if stamps_s is None else float(stamps_s[i])
         samples.append(Sample(i, stamp_s, states, tuple(seen)))
     return Recording(tuple(samples))
-
-
-def _pixel_observation(
-    camera: str, target: str, ids: IntArray, pixels: Array, sigma_px: float | None
-) -> PixelObservation:
-    sigmas = None if sigma_px is None else np.full(len(ids), sigma_px)
-    return PixelObservation(camera, target, ids, pixels, sigmas)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -101,18 +101,14 @@ def _from_text(path: str) -> tuple[Array, list[int]]:
             raise DatasetError(
                 path, f"{len(words)} numbers, expected rows of 4: 4x4 matrices one below the other", number
             )
-        rows.append(_numbers(words, path, number))
+        try:
+            rows.append([float(word) for word in words])
+        except ValueError:
+            raise DatasetError(path, f"not a row of numbers: {' '.join(words)[:60]!r}", number) from None
         lines.append(number)
     if not rows or len(rows) % 4:
         raise DatasetError(path, f"{len(rows)} rows of numbers, expected 4 for every 4x4 matrix, at least one matrix")
     return np.array(rows).reshape(-1, 4, 4), lines
-
-
-def _numbers(words: Sequence[str], path: str, line: int) -> list[float]:
-    try:
-        return [float(word) for word in words]
-    except ValueError:
-        raise DatasetError(path, f"not a row of numbers: {' '.join(words)[:60]!r}", line) from None
 
 
 def _text(path: str) -> str:

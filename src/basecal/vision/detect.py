@@ -56,7 +56,10 @@ def detect(
                 missed.setdefault(pair, []).append(sample.sample)
         if progress is not None:
             progress(done, len(recording.samples))
-    findings += [_not_found(*pair, where) for pair, where in missed.items()]
+    for (camera, target), where in missed.items():
+        few = ", ".join(map(str, where[:_SHOWN])) + (", ..." if len(where) > _SHOWN else "")
+        message = f"{target!r} is not found in {len(where)} images of {camera!r}: samples {few}"
+        findings.append(Finding("dropped-sample", "info", (camera, target), message))
     return replace(recording, samples=tuple(samples), findings=tuple(findings))
 
 
@@ -134,9 +137,3 @@ def _observation(camera: str, target: str, detection: Detection) -> Observation:
 def _unusable(sample: Sample, camera: str, path: str, reason: str) -> Finding:
     message = f"sample {sample.sample}: {path} {reason}; what {camera!r} saw then is left out"
     return Finding("dropped-sample", "info", (str(sample.sample), camera), message)
-
-
-def _not_found(camera: str, target: str, samples: list[int]) -> Finding:
-    few = ", ".join(map(str, samples[:_SHOWN])) + (", ..." if len(samples) > _SHOWN else "")
-    message = f"{target!r} is not found in {len(samples)} images of {camera!r}: samples {few}"
-    return Finding("dropped-sample", "info", (camera, target), message)

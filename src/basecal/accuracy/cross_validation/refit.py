@@ -45,28 +45,22 @@ def refit_folds(
         iterations: Steps of each fit, at most.
         predicted: What is predicted, where that is more than is fitted, such as outliers.
     """
-    return [_refit(problem, state, held, iterations, predicted or problem) for held in folds]
-
-
-def _refit(problem: Problem, state: State, held: Samples, iterations: int, predicted: Problem) -> Refit:
-    used = _views(problem, held, inside=False)
-    known = _stops_of(used)
-    end = bundle_adjust(used, with_known_stops(state, known), max(degrees_of_freedom(used), 1), iterations)
-    return Refit(held, used, _views(predicted, held, inside=True), known, end)
+    refits = []
+    for held in folds:
+        used = _views(problem, held, inside=False)
+        known = np.zeros(len(problem.stops) + 1, dtype=bool)
+        for group in used.groups:
+            known[group.eye_stop] = known[group.hand_stop] = True
+        known = known[:-1]  # the last stands for views without a stop
+        end = bundle_adjust(used, with_known_stops(state, known), max(degrees_of_freedom(used), 1), iterations)
+        refits.append(Refit(held, used, _views(predicted or problem, held, inside=True), known, end))
+    return refits
 
 
 def _views(problem: Problem, samples: Samples, inside: bool) -> Problem:
     """The problem of the views of some samples, or of all others."""
     rows = [np.flatnonzero(np.isin(group.sample, list(samples)) == inside) for group in problem.groups]
     return problem.with_groups(g.take(r) for g, r in zip(problem.groups, rows, strict=True) if len(r))
-
-
-def _stops_of(problem: Problem) -> BoolArray:
-    known = np.zeros(len(problem.stops) + 1, dtype=bool)
-    for group in problem.groups:
-        known[group.eye_stop] = True
-        known[group.hand_stop] = True
-    return known[:-1]
 
 
 def with_known_stops(state: State, known: BoolArray) -> State:

@@ -88,7 +88,9 @@ def choose_robot_model(solution: Solution, settings: Settings = DEFAULT) -> Robo
         solution: The cell solved with its robots as stated.
         settings: How to solve.
     """
-    chains = _chains(solution.problem)
+    robots = {robot for g in solution.problem.groups for robot in (g.eye, g.hand) if robot is not None}
+    recorded = [r for r in sorted(robots) if recorded_by_joints(solution.problem, r)]
+    chains = {r: solution.problem.chains[r] for r in recorded if r in solution.problem.chains}
     views = sum(map(len, solution.problem.groups))
     if solution.problem.models or not chains or views < _FEWEST_VIEWS or not solution.converged:
         return None
@@ -115,12 +117,6 @@ def _thinned(problem: Problem) -> Problem:
     numbers = np.unique(np.concatenate([g.sample for g in problem.groups]))
     kept = numbers[:: -(-len(numbers) // _MOST_SAMPLES)]
     return problem.with_groups(g.take(np.flatnonzero(np.isin(g.sample, kept))) for g in problem.groups)
-
-
-def _chains(problem: Problem) -> dict[str, SerialChain]:
-    """Chains of the robots whose every view has joints, by robot."""
-    robots = {robot for g in problem.groups for robot in (g.eye, g.hand) if robot is not None}
-    return {r: problem.chains[r] for r in sorted(robots) if r in problem.chains and recorded_by_joints(problem, r)}
 
 
 def _worth_a_look(problem: Problem, solution: Solution, richest: Solution, settings: Settings) -> bool:

@@ -24,7 +24,7 @@ from basecal.estimation.problem.problem import Problem, State, ViewGroup
 from basecal.estimation.settings import DEFAULT, Settings
 from basecal.estimation.solve import Solution
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.geometry import SE3, Array
+from basecal.geometry import Array
 
 # Of a fold's variance over that of the full answer, less one: along a direction with less the fold has lost nothing
 # that rounding does not cover, along one with more it is too far from the full answer to be compared to first order.
@@ -68,7 +68,7 @@ class HeldOutErrors:
 
 @dataclass(frozen=True)
 class FoldSpread:
-    """How far the folds' answers are from the full one: mean square in sigmas, its freedoms, and its chance."""
+    """How far the folds' answers are from the full one: mean square in sigmas, its freedoms, the chance of as much."""
 
     mean_square: float
     freedoms: float
@@ -123,22 +123,15 @@ def cross_validate(solution: Solution, asked: Sequence[str], settings: Settings 
         return CrossValidation(None, None, HeldOutErrors(), HeldOutErrors(), skipped)
     used, predicted = _errors(solution, fitted)
     spread = _spread(solution, fitted, free)
-    return CrossValidation(
-        (
-            Validation(
-                kind="k-fold" if any(len(fold.fit.held) > 1 for fold in fitted) else "leave-one-out",
-                folds=len(fitted),
-                rms_px=root_mean(predicted.square_px, predicted.count_px),
-                target_m=root_mean(predicted.square_m, predicted.count_poses),
-                target_rad=root_mean(predicted.square_rad, predicted.count_poses),
-                base_change=None if spread is None else spread.mean_square,
-            )
-        ),
-        spread,
-        used,
-        predicted,
-        skipped,
+    summary = Validation(
+        kind="k-fold" if any(len(fold.fit.held) > 1 for fold in fitted) else "leave-one-out",
+        folds=len(fitted),
+        rms_px=root_mean(predicted.square_px, predicted.count_px),
+        target_m=root_mean(predicted.square_m, predicted.count_poses),
+        target_rad=root_mean(predicted.square_rad, predicted.count_poses),
+        base_change=None if spread is None else spread.mean_square,
     )
+    return CrossValidation(summary, spread, used, predicted, skipped)
 
 
 def _fold(solution: Solution, asked: Sequence[str], fit: Refit) -> _Fold | None:
@@ -166,21 +159,16 @@ def _of_group(views: Problem, group: ViewGroup, state: State, posed: bool) -> He
     """Of a group's views; of the target's pose, which takes most of the time, only where `posed`."""
     predicted = state.camera_from_target(group, views.stops)
     cost = float(group.measurement.linearise(predicted, state.cameras.get(group.camera), False).cost.sum())
-    square_px, count_px = _pixels(group, state, predicted)
+    square_px, count_px = 0.0, 0
+    if isinstance(group.measurement, PixelMeasurement):
+        off_px = group.measurement.residual_px(predicted, state.cameras[group.camera])[group.measurement.weight > 0]
+        square_px, count_px = float(np.sum(off_px**2)), off_px.size
     if not posed:
         return HeldOutErrors(cost, square_px, count_px)
     alone, enough = view_alone(state, group, predicted)
     off = (alone.inverse() @ predicted)[np.flatnonzero(enough)]
     square_m, square_rad = float(np.sum(off.translation**2)), float(np.sum(off.rotvec**2))
     return HeldOutErrors(cost, square_px, count_px, square_m, square_rad, int(enough.sum()))
-
-
-def _pixels(group: ViewGroup, state: State, predicted: SE3) -> tuple[float, int]:
-    measurement = group.measurement
-    if not isinstance(measurement, PixelMeasurement):
-        return 0.0, 0
-    off = measurement.residual_px(predicted, state.cameras[group.camera])[measurement.weight > 0]
-    return float(np.sum(off**2)), off.size
 
 
 def _spread(solution: Solution, fitted: Sequence[_Fold], asked: Sequence[str]) -> FoldSpread | None:
@@ -207,7 +195,9 @@ def _spread(solution: Solution, fitted: Sequence[_Fold], asked: Sequence[str]) -
     effective = freedoms**2 / max(correlation, 1e-300)
     if effective < _FEWEST_FREEDOMS:
         return None
-    return FoldSpread(mean, effective, _chance(solution, mean, effective))
+    if solution.noise.estimated or solution.noise.factor != 1.0:
+        return FoldSpread(mean, effective, float(fdtrc(effective, max(solution.dof, 1), mean)))
+    return FoldSpread(mean, effective, float(chdtrc(effective, effective * mean)))
 
 
 def _shared(first: _Fold, second: _Fold, hessian: Array, factor: float) -> Array:
@@ -237,13 +227,6 @@ def _moved(full: State, fold: State, asked: Sequence[str], columns: Mapping[str,
     tangents = [(full.transforms[name].inverse() @ fold.transforms[name]).log() for name in asked]
     widths = [columns[name].stop - columns[name].start for name in asked]
     return np.concatenate([tangent[:width] for tangent, width in zip(tangents, widths, strict=True)])
-
-
-def _chance(solution: Solution, mean: float, freedoms: float) -> float:
-    """Of a mean square so large or larger where the covariance is true."""
-    if solution.noise.estimated or solution.noise.factor != 1.0:
-        return float(fdtrc(freedoms, max(solution.dof, 1), mean))
-    return float(chdtrc(freedoms, freedoms * mean))
 
 
 def root_mean(squares: float, count: int) -> float | None:

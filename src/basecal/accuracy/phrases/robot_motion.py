@@ -9,7 +9,6 @@ import numpy as np
 from basecal.cell import Cell
 from basecal.estimation.observability.motions import HARDLY_RAD, Motion, attached, based, motions
 from basecal.estimation.problem.problem import Problem
-from basecal.geometry import Array
 
 _LITTLE_RAD = 0.15  # [rad] of rotation about a second axis, below which a robot counts as hardly rotated about it
 _SHOWN_DEG = 0.005  # [deg] which two decimals would round to nothing
@@ -61,17 +60,13 @@ def describe_motion(motion: Motion) -> str:
     if hardly_rotates(motion):
         if motion.orientations == 2:
             return f"{robot} has two orientations only"
-        axis = ", ".join(f"{v + 0.0:.2f}" for v in _positive(motion.axes_in_base[:, 0]))
+        first = motion.axes_in_base[:, 0]
+        first = first * np.sign(first[np.argmax(np.round(np.abs(first), 3))])  # its largest component positive
+        axis = ", ".join(f"{v + 0.0:.2f}" for v in np.round(first, 2))
         only = "" if motion.turn_rad[1] < HARDLY_RAD else " mostly"
         least = f", and by at most {angle[1]:.2f} deg about any other" if angle[1] >= _SHOWN_DEG else ""
         return f"{robot} rotates{only} about one axis, along ({axis}) in {robot}_base{least}"
     return f"{robot} rotates by up to {angle[0]:.0f} deg, and {angle[1]:.0f} deg about a second axis"
-
-
-def _positive(axis: Array) -> Array:
-    """An axis rounded, its largest component positive."""
-    rounded: Array = np.round(axis * np.sign(axis[np.argmax(np.round(np.abs(axis), 3))]), 2)
-    return rounded
 
 
 def advise_motion(cell: Cell, problem: Problem, motion: Motion) -> str:

@@ -50,10 +50,19 @@ def residuals(solution: Solution, left_out: Problem | None = None) -> Residuals:
 
 
 def _of_group(solution: Solution, group: ViewGroup) -> tuple[list[SampleResidual], Array]:
+    """The residuals of each view, and of all coordinates in pixels [px]."""
     predicted = solution.state.camera_from_target(group, solution.problem.stops)
-    rms, coordinates = _pixels(solution, group, predicted)
+    rms, coordinates = np.full(len(group), np.nan), np.zeros(0)
+    if isinstance(group.measurement, PixelMeasurement):
+        off_px = group.measurement.residual_px(predicted, solution.state.cameras[group.camera])
+        count = 2 * group.measurement.seen.sum(-1)
+        rms = np.sqrt(np.nansum(off_px**2, axis=(1, 2)) / np.maximum(count, 1))
+        coordinates = off_px[np.isfinite(off_px)]
+    alone, enough = view_alone(solution.state, group, predicted)
     as_recorded = replace(solution.state, stop_errors=np.zeros_like(solution.state.stop_errors))
-    length, angle = _loops(solution, group, predicted, as_recorded.camera_from_target(group, solution.problem.stops))
+    off = alone.inverse() @ as_recorded.camera_from_target(group, solution.problem.stops)
+    length = np.where(enough, np.linalg.norm(off.translation, axis=-1), np.nan)
+    angle = np.where(enough, np.linalg.norm(off.rotvec, axis=-1), np.nan)
     of_views = [
         SampleResidual(int(number), group.camera, group.target, *fit)
         for number, *fit in zip(group.sample, _known(rms), _known(length), _known(angle), strict=True)
@@ -63,24 +72,6 @@ def _of_group(solution: Solution, group: ViewGroup) -> tuple[list[SampleResidual
 
 def _known(values: Array) -> Iterator[float | None]:
     return (float(v) if np.isfinite(v) else None for v in values)
-
-
-def _pixels(solution: Solution, group: ViewGroup, predicted: SE3) -> tuple[Array, Array]:
-    """Rms of each view, (n,), NaN where it has no pixels, and all coordinates' residuals [px]."""
-    measurement = group.measurement
-    if not isinstance(measurement, PixelMeasurement):
-        return np.full(len(group), np.nan), np.zeros(0)
-    off = measurement.residual_px(predicted, solution.state.cameras[group.camera])
-    count = 2 * measurement.seen.sum(-1)
-    return np.sqrt(np.nansum(off**2, axis=(1, 2)) / np.maximum(count, 1)), off[np.isfinite(off)]
-
-
-def _loops(solution: Solution, group: ViewGroup, predicted: SE3, recorded: SE3) -> tuple[Array, Array]:
-    """Length [m] and angle [rad] of each view's loop, (n,); NaN where the view alone gives no pose."""
-    alone, enough = view_alone(solution.state, group, predicted)
-    off = alone.inverse() @ recorded
-    length, angle = np.linalg.norm(off.translation, axis=-1), np.linalg.norm(off.rotvec, axis=-1)
-    return np.where(enough, length, np.nan), np.where(enough, angle, np.nan)
 
 
 def view_alone(state: State, group: ViewGroup, predicted: SE3) -> tuple[SE3, BoolArray]:

@@ -7,12 +7,13 @@ found anew where these show them, and the product of these around the ring shoul
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from basecal.cell import Loop, SampleResidual, Unknown
+from basecal.estimation.certificate.rotation_cost import relation
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.noise.estimate import degrees_of_freedom
 from basecal.estimation.observability.observability import observability_of
@@ -45,31 +46,21 @@ def loops(solution: Solution, per_sample: Sequence[SampleResidual]) -> tuple[Loo
         solution: What was found.
         per_sample: The residuals of its views.
     """
-    groups = solution.problem.groups
-    pairs = {(g.camera, g.target): _path(solution.problem, g) for g in groups}
-    through_views = [_over_views(path, pair, per_sample) for pair, path in pairs.items()]
-    return (*(loop for loop in through_views if loop is not None), *_around_rings(solution))
-
-
-def _path(problem: Problem, group: ViewGroup) -> tuple[str, ...]:
-    """Names on the way from the camera's base over camera and target to the target's base."""
-    eye_base, hand_base = _bases(problem, group)
-    return eye_base, group.camera, group.target, hand_base
+    bases = {(g.camera, g.target): _bases(solution.problem, g) for g in solution.problem.groups}
+    found = []
+    for pair, (eye_base, hand_base) in bases.items():
+        of_pair = [r for r in per_sample if (r.camera, r.target) == pair]
+        closed = np.array([(r.loop_m, r.loop_rad) for r in of_pair if r.loop_m is not None and r.loop_rad is not None])
+        if len(closed):
+            rms_m, rms_rad = np.sqrt(np.mean(closed**2, axis=0))
+            found.append(Loop((eye_base, *pair, hand_base), len(closed), float(rms_m), float(rms_rad)))
+    return (*found, *_around_rings(solution))
 
 
 def _bases(problem: Problem, group: ViewGroup) -> tuple[str, str]:
     """Whose base the camera's robot and the target's stand on; what is on `world` counts from the reference's."""
     eye, hand = (robot or problem.reference for robot in (group.eye, group.hand))
     return f"{eye}_base", f"{hand}_base"
-
-
-def _over_views(path: tuple[str, ...], pair: tuple[str, str], per_sample: Sequence[SampleResidual]) -> Loop | None:
-    of_pair = [r for r in per_sample if (r.camera, r.target) == pair]
-    closed = np.array([(r.loop_m, r.loop_rad) for r in of_pair if r.loop_m is not None and r.loop_rad is not None])
-    if not len(closed):
-        return None
-    rms_m, rms_rad = np.sqrt(np.mean(closed**2, axis=0))
-    return Loop(path, len(closed), float(rms_m), float(rms_rad))
 
 
 def _around_rings(solution: Solution) -> list[Loop]:
@@ -121,7 +112,7 @@ def _relations(solution: Solution) -> list[_Relation]:
         state = _alone(solution, group, base, mounts) or _alone(solution, group, base, [])
         if state is not None:
             path = (start, group.camera, group.target, end)
-            relations.append(_Relation(start, end, path, _relation(group, state.transforms), len(group)))
+            relations.append(_Relation(start, end, path, relation(state, group), len(group)))
     return relations
 
 
@@ -135,10 +126,3 @@ def _alone(solution: Solution, group: ViewGroup, base: str, mounts: Sequence[str
     end = bundle_adjust(problem, solution.state, degrees_of_freedom(problem), _STEPS)
     observability = observability_of(problem, end.state, end.normal.hessian, solution.noise.factor)
     return end.state if end.converged and base not in observability.unobservable else None
-
-
-def _relation(group: ViewGroup, transforms: Mapping[str, SE3]) -> SE3:
-    world_from_eye_base, world_from_hand_base = (
-        SE3.identity() if name is None else transforms[name] for name in (group.eye_base, group.hand_base)
-    )
-    return world_from_eye_base.inverse() @ world_from_hand_base

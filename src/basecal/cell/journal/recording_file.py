@@ -75,7 +75,15 @@ def append_samples(folder: str | Path, samples: Iterable[Sample]) -> Finding | N
         InputError: if a number is not finite, or the file cannot be written.
     """
     path = Path(folder) / FOLDER / FILE
-    lines = [_line(sample) for sample in samples]
+    lines = []
+    for sample in samples:
+        try:
+            text = json.dumps(sample_to_dict(sample, FOLDER), allow_nan=False)
+        except ValueError:
+            raise InputError(
+                f"sample {sample.sample} holds NaN or infinity; a recording holds finite numbers"
+            ) from None
+        lines.append(text.encode() + b"\n")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         finding = _repair(path) if path.exists() else None
@@ -84,14 +92,6 @@ def append_samples(folder: str | Path, samples: Iterable[Sample]) -> Finding | N
     except OSError as error:
         raise InputError(f"{path} cannot be written: {error.strerror}") from None
     return finding
-
-
-def _line(sample: Sample) -> bytes:
-    try:
-        text = json.dumps(sample_to_dict(sample, FOLDER), allow_nan=False)
-    except ValueError:
-        raise InputError(f"sample {sample.sample} holds NaN or infinity; a recording holds finite numbers") from None
-    return text.encode() + b"\n"
 
 
 def _recording(text: bytes, path: str, known: Context) -> Recording:

@@ -163,7 +163,8 @@ def finding_to_dict(finding: Finding) -> dict[str, Any]:
 
 
 def _calibration(data: dict[str, Any]) -> Calibration:
-    transforms, lenses, joint = data["transforms"], data["intrinsics"] or {}, data["joint"]
+    transforms, lenses = data["transforms"], data["intrinsics"] or {}
+    joint, proof = data["joint"], data["certificate"]
     status = {name: entry["status"] for name, entry in {**transforms, **lenses}.items() if entry.get("status")}
     return Calibration(
         verdict=_one_of(data["verdict"], ("good", "doubtful", "refused")),
@@ -184,7 +185,7 @@ def _calibration(data: dict[str, Any]) -> Calibration:
             Outlier(e["sample"], e["camera"], e["target"], tuple(e["ids"]), e["reason"]) for e in data["outliers"]
         ),
         validation=_validation_noun(data["validation"]),
-        certificate=_certificate_noun(data["certificate"]),
+        certificate=None if proof is None else Certificate(proof["gap"], proof["global"], proof["reason"]),
         condition=data["observability"]["condition"],
         unobservable=tuple(data["observability"]["unobservable"]),
         findings=tuple(Finding(f["code"], f["severity"], tuple(f["about"]), f["message"]) for f in data["findings"]),
@@ -243,7 +244,3 @@ def _validation_noun(entry: Any) -> Validation | None:
         return None
     target_m, target_rad = _scaled(entry["target_mm"], 1 / _MM), _scaled(entry["target_deg"], math.radians(1))
     return Validation(entry["kind"], entry["folds"], entry["rms_px"], target_m, target_rad, entry["base_change"])
-
-
-def _certificate_noun(entry: Any) -> Certificate | None:
-    return None if entry is None else Certificate(entry["gap"], entry["global"], entry["reason"])

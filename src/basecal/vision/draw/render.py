@@ -204,14 +204,11 @@ def _projected(camera: Camera, camera_from_sheet: SE3, loops: Array) -> Array:
     count = np.clip(np.ceil(length / _EDGE_PX), 1, _MOST_CUTS).astype(np.int64)
     which = np.repeat(np.arange(len(start)), count)
     step = np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count)
-    ends = [_between(start[which], end[which], (step + k) / count[which]) for k in (0, 1)]
+    # Weighed so that an edge and its reverse pass the same points.
+    shares = [((step + k) / count[which])[:, None] for k in (0, 1)]
+    ends = [start[which] * (1 - share) + end[which] * share for share in shares]
     fine: Array = np.stack([camera.project(camera_from_sheet @ _flat(each)) for each in ends], axis=1)
     return np.asarray((fine + 0.5) * _FINER - 0.5)
-
-
-def _between(start: Array, end: Array, t: Array) -> Array:
-    """Weighed so that an edge and its reverse pass the same points."""
-    return start * (1 - t)[:, None] + end * t[:, None]
 
 
 def _flat(plane: Array) -> Array:

@@ -16,7 +16,7 @@ import numpy as np
 from basecal.cell.target import Tags, Target
 from basecal.geometry import Array, BoolArray, IntArray
 from basecal.vision.detection import Detection, Image, eight_bit, found
-from basecal.vision.fit.corners import BOARD_ARM_PX, Corners, Window, refined
+from basecal.vision.fit.corners import BOARD_ARM_PX, Window, refined
 from basecal.vision.fit.shapes import saddle, wedge
 from basecal.vision.kinds.fiducial import dictionary
 
@@ -106,24 +106,20 @@ class _Seen:
 def _fitted(of: _Look, rows: IntArray, quads: Array) -> _Seen:
     """Tags whose corners are fitted in the image near `quads`, (k, 4, 2) [px]."""
     axes = of.cells * np.array([_first_cells(quad, of.cells) for quad in quads]).reshape(-1, 2, 2)
-    corners = _as_tag(of, quads, axes) if not of.tags.squares else _as_board(of, quads, axes)
+    inside, square = of.border / of.cells, of.tags.squares
+    if not square:
+        # Dark inside and bright outside, for the width of a cell.
+        window = Window(arm_px=_ARM_PX, arm=_ARM, inside=inside, outside=np.inf, before=1 / of.cells)
+        corners = refined(of.image, wedge, quads.reshape(-1, 2), axes, window)
+        trusted = corners.trusted
+    else:
+        # Black squares touch them, dark inside the tag and across; where that is bright it is another place.
+        window = Window(arm_px=BOARD_ARM_PX, arm=_ARM, inside=inside, outside=square, before=square)
+        corners = refined(of.image, saddle, quads.reshape(-1, 2), axes, window)
+        trusted = corners.trusted & (corners.gain < 0)
     shape = (len(quads), _CORNERS)
-    sigma_px, trusted = corners.sigma_px.reshape(shape), corners.trusted.reshape(shape)
-    return _Seen(rows, corners.pixels.reshape(*shape, 2), sigma_px, trusted)
-
-
-def _as_tag(of: _Look, quads: Array, axes: Array) -> Corners:
-    """Corners that are dark inside and bright outside, for the width of a cell."""
-    window = Window(arm_px=_ARM_PX, arm=_ARM, inside=of.border / of.cells, outside=np.inf, before=1 / of.cells)
-    return refined(of.image, wedge, quads.reshape(-1, 2), axes, window)
-
-
-def _as_board(of: _Look, quads: Array, axes: Array) -> Corners:
-    """Corners that black squares touch, dark inside the tag and across; where that is bright it is another place."""
-    square = of.tags.squares
-    window = Window(arm_px=BOARD_ARM_PX, arm=_ARM, inside=of.border / of.cells, outside=square, before=square)
-    corners = refined(of.image, saddle, quads.reshape(-1, 2), axes, window)
-    return Corners(corners.pixels, corners.sigma_px, corners.trusted & (corners.gain < 0), corners.gain)
+    pixels, sigma_px = corners.pixels.reshape(*shape, 2), corners.sigma_px.reshape(shape)
+    return _Seen(rows, pixels, sigma_px, trusted.reshape(shape))
 
 
 def _first_cells(quad: Array, cells: int) -> Array:
