@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from basecal.cell import Cell
-from basecal.estimation.outliers.robust_solve import RobustSolution, solve_robustly
+from basecal.estimation.outliers.robust_solve import RobustSolution, judged_again, solve_robustly
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_from
 
@@ -46,22 +46,36 @@ def solve_with_noise(cell: Cell, settings: Settings, plain: Solution, noisy: Sol
         noisy: That with noise estimated of all views.
     """
     stated = replace(settings, robot_noise="stated")
-    solution = noisy
+    solution, before = noisy, None
     if not is_as_of_arms(noisy):
         with settings.stage("outliers"):
-            solution = with_noise(solve_robustly(plain.problem, cell, stated, plain).solution, settings)
-    left_out: list[tuple[int, str, str]] = []
+            before = solve_robustly(plain.problem, cell, stated, plain)
+        solution = with_noise(before.solution, settings)
     for _ in range(_PASSES):
         with settings.stage("outliers"):
-            held = solution.noise.held_by(plain.problem)
-            # From a state that outliers have pulled aside steps may overflow; such steps are not taken.
-            with np.errstate(all="ignore"):
-                whole = solve_from(held, solution.state, stated, plain.findings)
-            robust = solve_robustly(held, cell, stated, replace(whole, disputed=plain.disputed))
-        found = [(o.sample, o.camera, o.target) for o in robust.outliers]
-        if found == left_out:
+            robust = _judged(cell, stated, plain, solution, before)
+        if _places(robust) == _places(before):
             break
-        left_out = found
+        before = robust
         solution = with_noise(robust.solution, settings)
     held = replace(solution.problem, held=True)
     return replace(robust, solution=replace(solution, problem=held, disputed=robust.solution.disputed))
+
+
+def _judged(
+    cell: Cell, settings: Settings, plain: Solution, solution: Solution, before: RobustSolution | None
+) -> RobustSolution:
+    """What agrees by the sigmas of `solution`, looked for from where it was found before."""
+    again = None if before is None else judged_again(before, solution.noise, plain.problem, cell, settings)
+    if again is not None:
+        return again
+    held = solution.noise.held_by(plain.problem)
+    # From a state that outliers have pulled aside steps may overflow; such steps are not taken.
+    with np.errstate(all="ignore"):
+        whole = solve_from(held, solution.state, settings, plain.findings)
+    return solve_robustly(held, cell, settings, replace(whole, disputed=plain.disputed))
+
+
+def _places(robust: RobustSolution | None) -> list[tuple[int, str, str]]:
+    """Sample, camera and target of each view that has outliers."""
+    return [] if robust is None else [(o.sample, o.camera, o.target) for o in robust.outliers]

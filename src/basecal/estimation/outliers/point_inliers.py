@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,14 +13,17 @@ from basecal.estimation.noise.estimate import CONTRADICTED
 from basecal.estimation.outliers.classify import CHANCE_OF_POINT, is_stated
 from basecal.estimation.outliers.inlier_mask import all_inliers, point_count
 from basecal.estimation.outliers.robust_scale import Scale, robust_scale
-from basecal.estimation.outliers.view_ransac import largest_agreement, subset_fits
+from basecal.estimation.outliers.view_ransac import FEW_POINTS, Points, largest_agreement, near_fits, subset_fits
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
 from basecal.estimation.start.first_state import lenses
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement
-from basecal.geometry import SE3, BoolArray, IntArray
+from basecal.geometry import SE3, BoolArray, Camera, IntArray
 
 _SCALE_ROUNDS = 4  # rounds of scale and inliers in turn, at most
+# Share of a view's points that agree at the fit to all of them, from which on no random subsets are drawn: of so many
+# the fit itself leaves out the others; with fewer a skewed fit widens the scale by which points agree.
+_AGREED = 0.95
 # What a detector may be off by, where nobody stated it [px].
 PLAUSIBLE_PX = 3.0  # residual that a detector may have [px]
 
@@ -38,21 +42,60 @@ def points_within(problem: Problem, state: State, suspects: list[IntArray], cell
     return min(found, key=lambda f: f[0])[1]
 
 
+@dataclass(frozen=True, eq=False)
+class _Hypotheses:
+    """Poses (m, n) that some views of a group, (n,), may have."""
+
+    views: IntArray
+    poses: SE3
+
+
 def _points_by(problem: Problem, state: State, suspects: list[IntArray]) -> tuple[float, tuple[BoolArray, ...]]:
-    """The scale of all points' squares with the lenses of a state, and the points that agree within it."""
+    """The scale of all points' squares with the lenses of a state, and the points that agree within it.
+
+    Subsets are drawn of those views alone of which the fit to all points does not explain most.
+    """
+    poses = [_hypotheses(g, of, problem, state, near_fits) for g, of in zip(problem.groups, suspects, strict=True)]
+    scale, kept = _agreed(problem, state, poses)
+    unclear = [_unclear(g, k, of) for g, k, of in zip(problem.groups, kept, suspects, strict=True)]
+    if any(map(len, unclear)):
+        for k, group in enumerate(problem.groups):
+            clear = np.setdiff1d(suspects[k], unclear[k])
+            poses[k] = [
+                *_hypotheses(group, clear, problem, state, near_fits),
+                *_hypotheses(group, unclear[k], problem, state, subset_fits),
+            ]
+        scale, kept = _agreed(problem, state, poses)
+    return scale.variance, kept
+
+
+def _unclear(group: ViewGroup, kept: BoolArray, suspects: IntArray) -> IntArray:
+    """Suspect views of few points, and those of which many points do not agree."""
+    measurement = group.measurement
+    if not isinstance(measurement, PixelMeasurement | PointMeasurement):
+        return suspects[:0]
+    seen = measurement.seen[suspects]
+    share = (seen & kept[suspects]).sum(-1) / np.maximum(seen.sum(-1), 1)
+    unclear: IntArray = suspects[(share < _AGREED) | (seen.shape[-1] <= FEW_POINTS)]
+    return unclear
+
+
+def _agreed(
+    problem: Problem, state: State, poses: Sequence[Sequence[_Hypotheses]]
+) -> tuple[Scale, tuple[BoolArray, ...]]:
+    """Scale of all points' squares and the points that agree at the best of each view's poses, until both rest."""
     kept = list(all_inliers(problem).points)
     stated = is_stated(problem)
     scale = Scale(1.0 if stated else _unit(problem), np.inf, np.inf, CHANCE_OF_POINT)
-    poses = [_hypotheses(group, of, problem, state) for group, of in zip(problem.groups, suspects, strict=True)]
     for _ in range(_SCALE_ROUNDS):
         squares = []
         for k, group in enumerate(problem.groups):
-            kept[k], of = _agreeing_points(group, suspects[k], poses[k], state, scale)
+            kept[k], of = _agreeing_points(group, poses[k], state, scale)
             squares.append(of)
         before, scale = scale, robust_scale(squares, 0, stated, CHANCE_OF_POINT)
         if 1 / CONTRADICTED < scale.variance / before.variance < CONTRADICTED:
             break
-    return scale.variance, tuple(kept)
+    return scale, tuple(kept)
 
 
 def _unit(problem: Problem) -> float:
@@ -63,28 +106,33 @@ def _unit(problem: Problem) -> float:
     return float(max(weights, default=1.0)) ** 2 * PLAUSIBLE_PX**2
 
 
-def _hypotheses(group: ViewGroup, suspects: IntArray, problem: Problem, state: State) -> SE3 | None:
-    """Poses that suspect views may have, (m, n); None where there are no such views."""
+def _hypotheses(
+    group: ViewGroup, views: IntArray, problem: Problem, state: State, fits: Callable[[Points, SE3, Camera | None], SE3]
+) -> list[_Hypotheses]:
+    """Poses that some views may have; none where there are no such views."""
     measurement = group.measurement
-    if not len(suspects) or not isinstance(measurement, PixelMeasurement | PointMeasurement):
-        return None
-    near = state.camera_from_target(group, problem.stops)[suspects]
-    return subset_fits(measurement.take(suspects), near, state.cameras.get(group.camera))
+    if not len(views) or not isinstance(measurement, PixelMeasurement | PointMeasurement):
+        return []
+    near = state.camera_from_target(group, problem.stops)[views]
+    return [_Hypotheses(views, fits(measurement.take(views), near, state.cameras.get(group.camera)))]
 
 
 def _agreeing_points(
-    group: ViewGroup, suspects: IntArray, poses: SE3 | None, state: State, scale: Scale
+    group: ViewGroup, hypotheses: Sequence[_Hypotheses], state: State, scale: Scale
 ) -> tuple[BoolArray, MahalanobisSquared]:
     """Which points of a group's views, (n, p), agree with the rest of their view, and all points' squares."""
     measurement = group.measurement
     kept = np.ones((len(group), point_count(measurement)), dtype=bool)
-    if poses is None or not isinstance(measurement, PixelMeasurement | PointMeasurement):
+    if not isinstance(measurement, PixelMeasurement | PointMeasurement):
         return kept, MahalanobisSquared(np.zeros(0), np.zeros(0, dtype=np.int64))
-    few = measurement.take(suspects)
     freedoms = 2 if isinstance(measurement, PixelMeasurement) else 3
     limit = float(scale.limit(np.array(freedoms)))
-    found = largest_agreement(few, poses, state.cameras.get(group.camera), limit)
-    kept[suspects] = found.points | ~few.seen
-    # Of all points, not of those within the limit: a limit that is too tight must not confirm itself.
-    squares = found.squares[few.seen]
-    return kept, MahalanobisSquared(squares, np.full(len(squares), freedoms))
+    squares = [np.zeros(0)]
+    for of in hypotheses:
+        few = measurement.take(of.views)
+        found = largest_agreement(few, of.poses, state.cameras.get(group.camera), limit)
+        kept[of.views] = found.points | ~few.seen
+        # Of all points, not of those within the limit: a limit that is too tight must not confirm itself.
+        squares.append(found.squares[few.seen])
+    every = np.concatenate(squares)
+    return kept, MahalanobisSquared(every, np.full(len(every), freedoms))

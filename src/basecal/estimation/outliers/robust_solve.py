@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeGuard
 
 import numpy as np
 
 from basecal.cell import Cell
 from basecal.errors import BasecalError
 from basecal.estimation.least_squares.studentized import judged_by_view, studentized
-from basecal.estimation.noise.estimate import CONTRADICTED
+from basecal.estimation.noise.estimate import CONTRADICTED, NoiseEstimate
 from basecal.estimation.outliers.agreeing_samples import agreeing_samples
 from basecal.estimation.outliers.classify import (
     Classification,
@@ -48,8 +49,19 @@ _FREE_ROUNDS = 6  # after these nothing is taken back: no circle
 _LARGEST_UNSUSPECTED_PX = 1.0  # noise a detector has without outliers hiding in it [px]
 _LEAST_KEPT = 0.5  # of the views an answer rests on: fewer may agree by chance
 _CLEAR_SHARE = 0.6  # of the views that agree convince, so that no further start is tried
+_FEW_OUT = 0.9  # of the views that agree: what is left out could not have pulled the state aside
 _QUIETER = 4.0  # times less variance: unstated noise spreads over all views alike
 _PLAUSIBLE_SIGMAS = 10.0  # residual of poses and points that an answer may have
+
+
+@dataclass(frozen=True, eq=False)
+class Consensus:
+    """Where leaving out and taking back came to rest: all that was seen, what is used of it, its solution."""
+
+    problem: Problem
+    kept: InlierMask
+    solution: Solution
+    judgement: Classification
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +75,7 @@ class RobustSolution:
         samples: How many samples were seen.
         points: How many points are used.
         agreeing: Numbers of the samples that alone agree with one another, where they are too few to go by.
+        consensus: Where the search for outliers came to rest; None where nothing was left out.
     """
 
     solution: Solution
@@ -71,16 +84,7 @@ class RobustSolution:
     samples: int
     points: int
     agreeing: tuple[int, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class _End:
-    """Where leaving out and taking back came to rest: all that was seen, what is used of it, its solution."""
-
-    problem: Problem
-    kept: InlierMask
-    solution: Solution
-    judgement: Classification
+    consensus: Consensus | None = None
 
 
 def solve_robustly(
@@ -117,7 +121,29 @@ def solve_robustly(
     return RobustSolution(plain, (), nothing, _sample_count(problem), _point_count(problem), agreeing)
 
 
-def _best(ends: Sequence[_End]) -> _End | None:
+def judged_again(
+    before: RobustSolution, noise: NoiseEstimate, recorded: Problem, cell: Cell, settings: Settings = DEFAULT
+) -> RobustSolution | None:
+    """The same views and points judged anew by other sigmas; None where that leads to no answer.
+
+    Args:
+        before: What was left out so far.
+        noise: The sigmas, which are held.
+        recorded: All that was seen, as it was recorded.
+        cell: What exists and what is known.
+        settings: How to solve.
+    """
+    rest = before.consensus
+    if rest is None:
+        return None
+    with np.errstate(all="ignore"):
+        end = _end(noise.held_by(rest.problem), rest.kept, before.solution.state, settings)
+    sees = rest.solution.observability.unobservable
+    convinces = _convincing(end) and end.solution.converged and end.solution.observability.unobservable <= sees
+    return _told(cell, recorded, end) if end is not None and convinces else None
+
+
+def _best(ends: Sequence[Consensus]) -> Consensus | None:
     """The end that rests on most, of those whose views scatter about as little as clearly most views can.
 
     Noise that nobody stated spreads over all views alike; what leaves most of them with a quarter of its variance is
@@ -128,13 +154,13 @@ def _best(ends: Sequence[_End]) -> _End | None:
     return max(ends, key=lambda e: (_within_stated(e), _spread(e) <= limit, _used(e)), default=None)
 
 
-def _spread(end: _End) -> float:
+def _spread(end: Consensus) -> float:
     """Variance of whole views: over the stated one, or in pixels where none was stated."""
     unit = 1.0 if is_stated(end.problem) else end.solution.noise.noise.pixel_px**2
     return end.judgement.view_scale.variance * unit
 
 
-def _is_answer(end: _End, plain: Solution) -> bool:
+def _is_answer(end: Consensus, plain: Solution) -> bool:
     """Whether an end rests on most of the views, fits, is an optimum, and sees what all views together do."""
     sees = end.solution.observability.unobservable <= plain.observability.unobservable
     return sees and end.solution.converged and _fits(end.solution) and _share_kept(end) >= _LEAST_KEPT
@@ -162,16 +188,19 @@ def _implausible(plain: Solution, judgement: Classification) -> bool:
     return plain.noise.noise.pixel_px > _LARGEST_UNSUSPECTED_PX and "pixel_px" in plain.noise.estimated
 
 
-def _used(end: _End) -> int:
+def _used(end: Consensus) -> int:
     """How many points, or poses, an end rests on."""
     return sum(sum(g.measurement.counts().values()) for g in end.solution.problem.groups)
 
 
 def _ends(
     plain: Solution, whole: InlierMask, judgement: Classification, cell: Cell, settings: Settings
-) -> tuple[list[_End], list[State]]:
+) -> tuple[list[Consensus], list[State]]:
     """Where the plain state leads and, where that does not convince, where subsets of the samples do; these states."""
     full, kept, state = _agreeing_within(plain, whole, judgement, cell, settings)
+    direct = _end(full, kept, state, settings)
+    if _convincing(direct, _FEW_OUT):
+        return [direct], []
     ends = [_end(full, kept, _annealed(full, kept, state), settings)]
     states: list[State] = []
     least = np.inf
@@ -186,17 +215,17 @@ def _ends(
     return [e for e in ends if e is not None], states
 
 
-def _convincing(end: _End | None) -> bool:
-    """Whether clearly most views agree, within the noise that was stated or that a detector may have."""
-    return end is not None and _share_kept(end) >= _CLEAR_SHARE and _fits(end.solution) and _within_noise(end)
+def _convincing(end: Consensus | None, share: float = _CLEAR_SHARE) -> TypeGuard[Consensus]:
+    """Whether so many of the views agree, within the noise that was stated or that a detector may have."""
+    return end is not None and _share_kept(end) >= share and _fits(end.solution) and _within_noise(end)
 
 
-def _within_noise(end: _End) -> bool:
+def _within_noise(end: Consensus) -> bool:
     """Whether whole views scatter no more than the noise in use explains."""
     return end.judgement.view_scale.variance <= CONTRADICTED**2
 
 
-def _within_stated(end: _End) -> bool:
+def _within_stated(end: Consensus) -> bool:
     """Whether whole views scatter no more than was stated; false where a robot's noise or another was not."""
     return is_stated(end.problem) and not end.problem.unstated and _within_noise(end)
 
@@ -209,7 +238,7 @@ def _cost(full: Problem, kept: InlierMask, state: State) -> float:
         return np.inf
 
 
-def _share_kept(end: _End) -> float:
+def _share_kept(end: Consensus) -> float:
     views = np.concatenate(end.kept.views)
     return float(views.mean()) if len(views) else 0.0
 
@@ -224,7 +253,9 @@ def _agreeing_within(
     if kept.same_as(whole):
         return plain.problem, whole, plain.state
     cleaned = without_points(plain.problem, points).with_noise(Noise())
-    again = solve_packed(cleaned, cell, settings)
+    again = solve_from(cleaned, plain.state, settings)
+    if not (again.converged and _fits(again)):
+        again = solve_packed(cleaned, cell, settings)
     full, kept = _rechosen(plain.problem.with_noise(again.noise.noise), kept, again.state)
     return full, kept, again.state
 
@@ -246,7 +277,7 @@ def _annealed(full: Problem, kept: InlierMask, state: State) -> State:
         return state
 
 
-def _end(full: Problem, kept: InlierMask, state: State, settings: Settings) -> _End | None:
+def _end(full: Problem, kept: InlierMask, state: State, settings: Settings) -> Consensus | None:
     """From a state to where no view or point changes sides; None where that is no answer."""
     full, kept = _rechosen(full, kept, state)
     masked = without_points(full, kept.points)
@@ -273,7 +304,7 @@ def _end(full: Problem, kept: InlierMask, state: State, settings: Settings) -> _
         if now.same_as(kept):
             break
         kept = now
-    return _End(full, kept, solution, judgement)
+    return Consensus(full, kept, solution, judgement)
 
 
 def _common(first: InlierMask, second: InlierMask) -> InlierMask:
@@ -308,12 +339,13 @@ def _differs(old: ViewGroup, new: ViewGroup) -> BoolArray:
     return np.asarray(np.any(old.measurement.pixels != new.measurement.pixels, axis=(1, 2)))
 
 
-def _told(cell: Cell, problem: Problem, end: _End) -> RobustSolution:
+def _told(cell: Cell, problem: Problem, end: Consensus) -> RobustSolution:
     rows = [np.flatnonzero(~v) for v in end.kept.views]
     groups = (replace(g, readings=()).take(r) for g, r in zip(end.problem.groups, rows, strict=True) if len(r))
     found = measure_left_out(cell, problem, end.problem, end.solution.state, end.kept, end.judgement)
     left_out = end.problem.with_groups(groups)
-    return RobustSolution(end.solution, found, left_out, _sample_count(problem), _point_count(end.solution.problem))
+    points = _point_count(end.solution.problem)
+    return RobustSolution(end.solution, found, left_out, _sample_count(problem), points, consensus=end)
 
 
 def _sample_count(problem: Problem) -> int:

@@ -25,7 +25,7 @@ from basecal.numerics.spectral import dimension
 # Of many points, so many random subsets of so few: with a third of the points wrong one in eight is clean.
 _DRAWS = 40
 _DRAWN = 5
-_FEW_POINTS = 8
+FEW_POINTS = 8
 _MOST_LEFT_OUT = 2
 _ROUNDS = 10
 _FIRST_STEPS = 4
@@ -159,16 +159,22 @@ def explained(
     return _Views(measurement, camera, prior).at(pose, limit)
 
 
+def near_fits(measurement: Points, near: SE3, camera: Camera | None, prior: Prior | None = None) -> SE3:
+    """Poses that each view may have, (2, n): `near`, and from there fitted to all points."""
+    fitted = _Views(measurement, camera, prior).fitted(near, measurement.seen, _FIRST_STEPS)
+    return _reshaped(_joined([near, fitted]), (2, len(near)))
+
+
 def subset_fits(measurement: Points, near: SE3, camera: Camera | None, prior: Prior | None = None) -> SE3:
-    """Poses that each view may have, (m, n): `near`, and from there fitted to all points and to subsets of them."""
+    """Poses that each view may have, (m, n): `near_fits`, and from there fitted to subsets of the points."""
     views = _Views(measurement, camera, prior)
-    found = [near, views.fitted(near, measurement.seen, _FIRST_STEPS)]
+    found = [_reshaped(near_fits(measurement, near, camera, prior), (-1,))]
     subsets = _subsets(measurement.seen)
     for which in _chunks(*subsets.shape):
         points = subsets[which].reshape(-1, subsets.shape[-1])
         rows = _every_view(len(near), len(subsets[which]))
         start = near[rows]
-        if isinstance(measurement, PixelMeasurement) and points.shape[-1] > _FEW_POINTS and _is_flat(measurement):
+        if isinstance(measurement, PixelMeasurement) and points.shape[-1] > FEW_POINTS and _is_flat(measurement):
             start = _closed_form(measurement, points, camera, near)
         found.append(views.take(rows).fitted(start, points, _FIRST_STEPS))
     return _reshaped(_joined(found), (-1, len(near)))
@@ -240,7 +246,7 @@ def _is_flat(measurement: PixelMeasurement) -> bool:
 def _subsets(seen: BoolArray) -> BoolArray:
     """Of each view's points (n, p): all but one or two of a few, random ones of many, (m, n, p)."""
     n, p = seen.shape
-    if p <= _FEW_POINTS:
+    if p <= FEW_POINTS:
         counts = range(1, min(_MOST_LEFT_OUT, p - 1) + 1)
         kept = [~np.isin(np.arange(p), out) for count in counts for out in combinations(range(p), count)]
         return np.asarray(seen & np.array(kept, dtype=bool).reshape(-1, 1, p))
