@@ -27,13 +27,15 @@ _FEW_STEPS, _STEPS = 8, 25
 _LOG_STEP, _LARGEST_LOG_STEP, _SETTLED_LOG = 4e-3, 0.1, 1e-5
 _NUDGE = 1e-4
 _ROUNDS = 8
+# By a smaller share of the squares no other size could predict so much better that it were named.
+_WORTHWHILE = 0.25
 _TRIED = (0.8, 0.9, 0.95, 1.05, 1.1, 1.25)
 
 
 def size_hypotheses(
     cell: Cell, recording: Recording, lenses: Mapping[str, Camera], state: State
 ) -> list[ConventionHypothesis]:
-    """For each target the size that fits best, where the recording shows one.
+    """For each target the size that fits best, where the recording shows one and it fits better by some.
 
     Args:
         cell: As declared.
@@ -44,10 +46,23 @@ def size_hypotheses(
     problem, _ = build_problem(cell, recording)
     found = []
     for name in dict.fromkeys(g.target for g in problem.groups):
+        sized = _Sized(cell, recording, name)
+        if not _may_gain(sized, state):
+            continue
         linear = _factor(problem, name, lenses)
         if linear is not None:
-            found.append(target_size(name, _refined(_Sized(cell, recording, name), linear, state), cell))
+            found.append(target_size(name, _refined(sized, linear, state), cell))
     return found
+
+
+def _may_gain(sized: _Sized, state: State) -> bool:
+    """Whether another size may have clearly smaller squares, by the parabola of three sizes about the stated one."""
+    try:
+        less, here, more = (sized.optimum(log, state, _FEW_STEPS).cost for log in (-_LOG_STEP, 0.0, _LOG_STEP))
+    except (BasecalError, np.linalg.LinAlgError):
+        return True
+    slope, bend = (more - less) / 2, more - 2 * here + less
+    return not bend > 0 or slope**2 / (2 * bend) > _WORTHWHILE * here
 
 
 def _factor(problem: Problem, target: str, lenses: Mapping[str, Camera]) -> float | None:

@@ -19,6 +19,7 @@ from basecal.numerics.levenberg_marquardt import Optima, Stop, levenberg_marquar
 
 _FOCAL_GUESSES = (0.5, 0.7, 1.0, 1.4, 2.0, 3.0)
 _MOST_VIEWS = 30
+_MOST_POINTS = 100  # of a board: a start needs no more, and the lens is estimated of all of them afterwards
 _SETTLED = 0.01  # of the residuals' norm: a step that gains less than 1e-4 of the cost is the last of a start
 _RIDGE = 1e-9  # [1/m^2, 1/rad^2] for boards that hold no pose: nothing beside what a pixel tells of one that does
 
@@ -58,7 +59,7 @@ def lens_from_views(camera: CellCamera, measurements: Sequence[PixelMeasurement]
 def _thinned(measurement: PixelMeasurement) -> PixelMeasurement:
     enough = np.flatnonzero(measurement.seen.sum(-1) >= FEWEST_POINTS)
     step = max(1, -(-len(enough) // _MOST_VIEWS))
-    few = measurement.take(enough[::step])
+    few = measurement.take(enough[::step]).thinned(_MOST_POINTS)
     return PixelMeasurement(few.points_in_target, few.pixels, few.seen, few.stated, few.seen.astype(np.float64))
 
 
