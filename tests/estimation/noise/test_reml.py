@@ -28,8 +28,8 @@ def at_truth(scenario, seed=1):
     return unit, without_errors(unit, State(s.truth, s.cameras if problem.lenses else {}, np.zeros((0, 6))))
 
 
-def dense_surprise(problem, state, logs):
-    """log|V| + log|X'V^-1 X| + r'P r, with V of views and stops written out in full."""
+def dense_model(problem, state, logs):
+    """Residuals r, their derivative X to the unknowns, V of views and stops, and its derivatives to the logarithms."""
     (group,) = problem.groups
     links = chain(group, state, problem.stops)
     error = (group.measurement.measured_camera_from_target.inverse() @ links.camera_from_target).log()
@@ -44,10 +44,31 @@ def dense_surprise(problem, state, logs):
     sigma = {robot: np.repeat(np.exp(logs[2 * i : 2 + 2 * i]), 3) for i, robot in enumerate(ROBOTS)}
     z = (z * np.array([sigma[robot] for robot in problem.stops.robot])).reshape(6 * n, -1)
     v = np.diag(group.measurement.weight.ravel() ** -2.0) + z @ z.T
-    vx, vr = np.linalg.solve(v, x), np.linalg.solve(v, error.ravel())
+    of = np.array([2 * ROBOTS.index(robot) + np.repeat([0, 1], 3) for robot in problem.stops.robot]).ravel()
+    return error.ravel(), x, v, [2 * z[:, of == k] @ z[:, of == k].T for k in range(2 * len(ROBOTS))]
+
+
+def dense_surprise(problem, state, logs):
+    """log|V| + log|X'V^-1 X| + r'P r, with V of views and stops written out in full."""
+    error, x, v, _ = dense_model(problem, state, logs)
+    vx, vr = np.linalg.solve(v, x), np.linalg.solve(v, error)
     information = x.T @ vx
     explained = (x.T @ vr) @ np.linalg.solve(information, x.T @ vr)
-    return np.linalg.slogdet(v)[1] + np.linalg.slogdet(information)[1] + error.ravel() @ vr - explained
+    return np.linalg.slogdet(v)[1] + np.linalg.slogdet(information)[1] + error @ vr - explained
+
+
+@pytest.mark.parametrize("arms", ["both", "stations"])
+def test_average_information_is_that_of_the_dense_formula(arms):
+    """It is r'P V_i P V_j P r of all residuals and stops written out, Gilmour, Thompson & Cullis 1995, (7)."""
+    problem, state = at_truth(replace(NOISY, target="pose", arms=arms, camera_mount="fixed"))
+    model = mixed_model(problem, state, ROBOTS)
+    logs = np.log([1e-3, 2e-3, 5e-4, 1e-3])
+    error, x, v, slopes = dense_model(problem, state, logs)
+    inverse = np.linalg.inv(v)
+    projected = inverse - inverse @ x @ np.linalg.solve(x.T @ inverse @ x, x.T @ inverse)
+    working = np.array([each @ projected @ error for each in slopes])
+    dense = working @ projected @ working.T
+    np.testing.assert_allclose(posterior(model, logs).average_information(), dense, rtol=1e-5, atol=1e-6 * dense.max())
 
 
 @pytest.mark.parametrize("arms", ["both", "stations"])

@@ -45,6 +45,12 @@ class LogNormals:
         return float(z @ z + np.log(2 * np.pi * self.sigma**2).sum()), 2 * self.forms.T @ (z / self.sigma)
 
     @property
+    def curvature(self) -> Array:
+        """(k, k) second derivative of `value`, everywhere."""
+        scaled = self.forms / self.sigma[:, None]
+        return np.asarray(2 * scaled.T @ scaled, dtype=np.float64)
+
+    @property
     def start(self) -> Array:
         """The logarithms expected beforehand, (k,)."""
         return np.asarray(np.linalg.solve(self.forms, self.mean), dtype=np.float64)

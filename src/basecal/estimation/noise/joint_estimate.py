@@ -19,7 +19,6 @@ from basecal.estimation.noise.hyperpriors import hyperpriors
 from basecal.estimation.noise.laplace import (
     SigmaPosterior,
     integrated_covariance,
-    most_likely_sigmas,
     sigma_posterior,
 )
 from basecal.estimation.noise.mixed_model import mixed_model
@@ -87,7 +86,7 @@ def _estimated(problem: Problem, start: State, iterations: int) -> tuple[Problem
     modes = {name: smooth_modes(problem, name) for name in robots if stops_made(problem, name) >= _FEWEST_SMOOTH}
     models = [plain]
     if modes:
-        models.append(_sigma_posterior(used, end.state, robots, modes))
+        models.append(_sigma_posterior(used, end.state, robots, modes, plain.logs))
     return used, end, _estimate(models, settled)
 
 
@@ -118,7 +117,7 @@ def _sigma_posterior(
     physical = replace(state, stop_errors=state.stop_errors * _units(used, robots))
     model = mixed_model(unit, physical, robots, modes)
     prior = hyperpriors(model, {name: _reach(used, name) for name in robots})
-    return sigma_posterior(model, prior, most_likely_sigmas(model, prior, logs))
+    return sigma_posterior(model, prior, logs)
 
 
 def _units(used: Problem, robots: Sequence[str]) -> Array:

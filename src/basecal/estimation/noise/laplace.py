@@ -11,14 +11,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize
 
 from basecal.estimation.noise.hyperpriors import LogNormals
 from basecal.estimation.noise.mixed_model import MixedModel
 from basecal.estimation.noise.reml import Posterior, open_parts, posterior
 from basecal.geometry import Array
 
-_STEP = 0.1
+# Newton's steps, at most, and how often one that leads uphill is halved.
+_STEPS, _HALVINGS = 50, 12
+# The longest step of a logarithm: what is quadratic in it is so over a few times.
+_LONGEST = 1.0
+# What a last step gains of minus twice the log likelihood: a thousandth of what one standard deviation changes.
+_SETTLED = 1e-3
 _LEAST_CURVATURE = 0.1
 _MOST_OFF = float(np.log(400.0))
 _LEAST_OF_VIEWS = float(np.log(20.0))
@@ -48,36 +52,74 @@ class SigmaPosterior:
         return posterior(self.model, self.logs)
 
 
-def most_likely_sigmas(model: MixedModel, prior: LogNormals, start: Array | None = None) -> Array:
-    """The most likely logarithms of a model's sigmas, (k,)."""
-    first = prior.start if start is None else start
-    found = minimize(
-        lambda logs: _value(model, prior, logs),
-        first,
-        method="L-BFGS-B",
-        jac=True,
-        bounds=_bounds(model, prior),
-        options={"ftol": 1e-10, "gtol": 1e-3, "maxiter": 100},
-    )
-    return np.asarray(found.x)
+def sigma_posterior(model: MixedModel, prior: LogNormals, start: Array | None = None) -> SigmaPosterior:
+    """The most likely sigmas of a model, and how well they are known, by the curvature there.
+
+    Args:
+        model: The model.
+        prior: What is known beforehand.
+        start: (j,) the first logarithms where they may be; those expected beforehand in place of the others.
+    """
+    logs = prior.start if start is None else np.append(start, prior.start[len(start) :])
+    logs, here = _most_likely(model, prior, logs)
+    values, vectors = np.linalg.eigh(0.5 * here.curvature)
+    values = np.maximum(values, _LEAST_CURVATURE)
+    surprise = here.value + float(np.log(values / (2 * np.pi)).sum())
+    return SigmaPosterior(model, prior, logs, (vectors / values) @ vectors.T, surprise)
 
 
-def _bounds(model: MixedModel, prior: LogNormals) -> list[tuple[float, float]]:
+def _most_likely(model: MixedModel, prior: LogNormals, start: Array) -> tuple[Array, _Surface]:
+    """The most likely logarithms, (k,), by Newton's steps downhill, by the average information."""
+    least, most = _bounds(model, prior)
+    logs = np.clip(start, least, most)
+    here = _Surface.at(model, prior, logs)
+    for _ in range(_STEPS):
+        step = np.clip(_within(here, logs, least, most), -_LONGEST, _LONGEST)
+        expected = -float(here.slope @ step)
+        for _ in range(_HALVINGS):
+            candidate = np.clip(logs + step, least, most)
+            there = _Surface.at(model, prior, candidate)
+            if there.value <= here.value:
+                break
+            step = step / 2
+        else:
+            return logs, here
+        logs, here = candidate, there
+        if expected < _SETTLED:
+            break
+    return logs, here
+
+
+@dataclass(frozen=True, eq=False)
+class _Surface:
+    """Minus twice the log of what the sigmas' density is proportional to, its slope (k,) and curvature (k, k)."""
+
+    value: float
+    slope: Array
+    curvature: Array
+
+    @classmethod
+    def at(cls, model: MixedModel, prior: LogNormals, logs: Array) -> _Surface:
+        """At logarithms of the sigmas, (k,)."""
+        known, (value, slope) = posterior(model, logs), prior.value(logs)
+        return cls(known.value + value, known.slope() + slope, known.average_information() + prior.curvature)
+
+
+def _within(here: _Surface, logs: Array, least: Array, most: Array) -> Array:
+    """Newton's step of those logarithms that no bound holds, (k,)."""
+    held = ((logs <= least) & (here.slope > 0)) | ((logs >= most) & (here.slope < 0))
+    # A variance's own second derivative adds twice the slope, which at the mode is none: walls are exponential.
+    curvature = here.curvature + np.diag(2 * np.maximum(here.slope, 0.0))
+    values, vectors = np.linalg.eigh(np.where(held[:, None] | held, 0.0, curvature))
+    slope = np.where(held, 0.0, here.slope)
+    return np.asarray(-vectors @ (vectors.T @ slope / np.maximum(values, _LEAST_CURVATURE)))
+
+
+def _bounds(model: MixedModel, prior: LogNormals) -> tuple[Array, Array]:
     """Between what logarithms sigmas are looked for: far better than their points scatter, views leave but rounding."""
     views = len(open_parts(model))
-    least = [_LEAST_OF_VIEWS if k < views else _MOST_OFF for k in range(len(prior.start))]
-    return [(v - down, v + _MOST_OFF) for v, down in zip(prior.start, least, strict=True)]
-
-
-def sigma_posterior(model: MixedModel, prior: LogNormals, logs: Array) -> SigmaPosterior:
-    """How well the most likely sigmas are known, by the curvature there."""
-    steps = _STEP * np.eye(len(logs))
-    slopes = [(_value(model, prior, logs + h)[1] - _value(model, prior, logs - h)[1]) / (2 * _STEP) for h in steps]
-    curvature = np.array(slopes).reshape(len(logs), len(logs))
-    values, vectors = np.linalg.eigh(0.25 * (curvature + curvature.T))
-    values = np.maximum(values, _LEAST_CURVATURE)
-    surprise = posterior(model, logs).value + prior.value(logs)[0] + float(np.log(values / (2 * np.pi)).sum())
-    return SigmaPosterior(model, prior, logs, (vectors / values) @ vectors.T, surprise)
+    down = np.where(np.arange(len(prior.start)) < views, _LEAST_OF_VIEWS, _MOST_OFF)
+    return prior.start - down, prior.start + _MOST_OFF
 
 
 def integrated_covariance(models: Sequence[SigmaPosterior], about: Array) -> Array:
@@ -109,9 +151,3 @@ def _over_nodes(of: SigmaPosterior, about: Array) -> Array:
 def _spread(of: Posterior, about: Array) -> Array:
     off = of.step - about
     return of.covariance + np.outer(off, off)
-
-
-def _value(model: MixedModel, prior: LogNormals, logs: Array) -> tuple[float, Array]:
-    """Minus twice the log of what the sigmas' density is proportional to, and its slope."""
-    here, before = posterior(model, logs), prior.value(logs)
-    return here.value + before[0], here.slope() + before[1]

@@ -6,7 +6,9 @@ M its information and g its gradient at the state, minus twice the logarithm is,
     sum n_f log sigma_f^2 + cost + log det M - g' M^-1 g
 
 Its slope needs no differences: a sigma is stationary where the squares expected of what goes by it, given all data, are
-as many as its freedoms. Source: Patterson & Thompson 1971, Harville 1977, Dempster, Laird & Rubin 1977 (the slope).
+as many as its freedoms. Nor does its curvature: the mean of what is observed and what is expected of it has no traces.
+Source: Patterson & Thompson 1971, Harville 1977, Dempster, Laird & Rubin 1977 (the slope), Gilmour, Thompson & Cullis
+1995 (the average information).
 """
 
 from __future__ import annotations
@@ -85,6 +87,26 @@ class Posterior:
             squares = _squares(part, self, across, covariance)
             slope[i] += 2 * (part.count - np.exp(-2 * self.logs[i]) * squares)
         return slope
+
+    def average_information(self) -> Array:
+        """(k, k) the mean of the observed and the expected second derivative of the value to the logarithms.
+
+        4 (S - V' M^-1 V), with a column of V for each sigma: the mean errors that it scales, or the gradient at the
+        mean of the part that goes by it; S holds their sums of squares.
+        """
+        k = len(self.logs)
+        columns, errors = np.zeros((k, len(self.mean_columns))), np.zeros((k, *self.mean_errors.shape))
+        own = np.zeros(k)
+        keys = open_parts(self.model)
+        for i, key in enumerate(keys):
+            own[i], columns[i], errors[i] = _at_mean(self.model.parts[key], self, float(np.exp(-2 * self.logs[i])))
+        for i in range(len(keys), k):
+            columns[i] = np.where(self.of_columns == i, self.mean_columns, 0.0)
+            errors[i] = np.where(self.of_errors == i, self.mean_errors, 0.0)
+            own[i] = np.sum(columns[i] ** 2) + np.sum(errors[i] ** 2)
+        reduced = columns - np.einsum("bqm,kbq->km", self.back, errors)
+        by_errors = np.einsum("kbq,bqr,lbr->kl", errors, self.own, errors, optimize=True)
+        return np.asarray(4 * (np.diag(own) - reduced @ self.spread @ reduced.T - by_errors))
 
 
 def open_parts(model: MixedModel) -> list[tuple[str, str]]:
@@ -177,3 +199,13 @@ def _squares(part: Moments, of: Posterior, across: Array, covariance: Array) -> 
     both = np.sum(part.errors_fixed * u[:, :, None] * x * across)
     by_u = np.sum(part.errors_errors * u[:, :, None] * u[:, None, :] * covariance)
     return float(mean + by_x - 2 * both + by_u)
+
+
+def _at_mean(part: Moments, of: Posterior, weight: float) -> tuple[float, Array, Array]:
+    """A part's squares over variances at the mean, and half its gradient to columns, (m,), and errors, (b, q)."""
+    x, u = _scales(of.logs, of.of_columns), _scales(of.logs, of.of_errors)
+    at_x, at_u = of.mean_columns * x, of.mean_errors * u
+    by_x = part.fixed_fixed @ at_x + np.einsum("bqm,bq->m", part.errors_fixed, at_u)
+    by_u = part.errors_fixed @ at_x + (part.errors_errors @ at_u[..., None])[..., 0]
+    squares = part.cost + at_x @ (2 * part.fixed + by_x) + np.sum(at_u * (2 * part.errors + by_u))
+    return float(weight * squares), weight * x * (part.fixed + by_x), weight * u * (part.errors + by_u)
