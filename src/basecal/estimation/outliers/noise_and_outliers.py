@@ -66,7 +66,7 @@ def _judged(
     cell: Cell, settings: Settings, plain: Solution, solution: Solution, before: RobustSolution | None
 ) -> RobustSolution:
     """What agrees by the sigmas of `solution`, looked for from where it was found before."""
-    again = None if before is None else judged_again(before, solution.noise, plain.problem, cell, settings)
+    again = None if before is None else judged_again(before, solution, plain.problem, cell, settings)
     if again is not None:
         return again
     held = solution.noise.held_by(plain.problem)

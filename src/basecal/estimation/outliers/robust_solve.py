@@ -16,7 +16,7 @@ import numpy as np
 from basecal.cell import Cell
 from basecal.errors import BasecalError
 from basecal.estimation.least_squares.studentized import judged_by_view, studentized
-from basecal.estimation.noise.estimate import CONTRADICTED, NoiseEstimate
+from basecal.estimation.noise.estimate import CONTRADICTED
 from basecal.estimation.outliers.agreeing_samples import agreeing_samples
 from basecal.estimation.outliers.classify import (
     Classification,
@@ -122,13 +122,13 @@ def solve_robustly(
 
 
 def judged_again(
-    before: RobustSolution, noise: NoiseEstimate, recorded: Problem, cell: Cell, settings: Settings = DEFAULT
+    before: RobustSolution, noisy: Solution, recorded: Problem, cell: Cell, settings: Settings = DEFAULT
 ) -> RobustSolution | None:
     """The same views and points judged anew by other sigmas; None where that leads to no answer.
 
     Args:
         before: What was left out so far.
-        noise: The sigmas, which are held.
+        noisy: The solution of what is left, with the sigmas to judge by, which are held.
         recorded: All that was seen, as it was recorded.
         cell: What exists and what is known.
         settings: How to solve.
@@ -137,7 +137,7 @@ def judged_again(
     if rest is None:
         return None
     with np.errstate(all="ignore"):
-        end = _end(noise.held_by(rest.problem), rest.kept, before.solution.state, settings)
+        end = _end(noisy.noise.held_by(rest.problem), rest.kept, noisy.state, settings)
     sees = rest.solution.observability.unobservable
     convinces = _convincing(end) and end.solution.converged and end.solution.observability.unobservable <= sees
     return _told(cell, recorded, end) if end is not None and convinces else None
