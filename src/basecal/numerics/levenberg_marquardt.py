@@ -263,14 +263,14 @@ def _linearised(system: System[S, L], state: S, before: L) -> tuple[L, Array]:
     try:
         after = system.linearise(state)
     except np.linalg.LinAlgError:
-        alone = [_alone(system, state, before, np.array([row])) for row in range(len(before.cost))]
-        return concatenate([after for after, _ in alone]), np.concatenate([cost for _, cost in alone])
-    return after, after.cost
-
-
-def _alone(system: System[S, L], state: S, before: L, row: IntArray) -> tuple[L, Array]:
-    try:
-        after = system.take(row).linearise(take(state, row))
-    except np.linalg.LinAlgError:
-        return take(before, row), np.full(1, np.inf)
+        alone: list[L] = []
+        cost = np.full(len(before.cost), np.inf)
+        for row in range(len(cost)):
+            one = np.array([row])
+            try:
+                alone.append(system.take(one).linearise(take(state, one)))
+                cost[row] = alone[row].cost[0]
+            except np.linalg.LinAlgError:
+                alone.append(take(before, one))
+        return concatenate(alone), cost
     return after, after.cost

@@ -78,18 +78,13 @@ def with_arms(scene: Scene, scenario: Scenario, rng: Generator) -> tuple[Scene, 
         homes[robot] = home
     new_from_old = bases[scene.layout.robots[0]].inverse()
     carried = {**scene.layout.cameras, **scene.layout.targets}
-    mounts = {
-        name: _placed(scene, name, new_from_old @ mount) if carried[name] == WORLD else mount
-        for name, mount in scene.mounts.items()
-    }
+    mounts = dict(scene.mounts)
+    for name in [name for name in mounts if carried[name] == WORLD]:
+        mount, target = new_from_old @ mounts[name], scene.shapes.get(name)
+        mounts[name] = as_point(mount, target) if target is not None and target.is_point else mount
     moved = {robot: new_from_old @ base for robot, base in bases.items()}
     moved[scene.layout.robots[0]] = SE3.identity()
     return replace(scene, bases=moved, mounts=mounts, homes=(homes,)), arms
-
-
-def _placed(scene: Scene, name: str, world_from_thing: SE3) -> SE3:
-    target = scene.shapes.get(name)
-    return as_point(world_from_thing, target) if target is not None and target.is_point else world_from_thing
 
 
 def _arm(scenario: Scenario, rng: Generator) -> Arm:

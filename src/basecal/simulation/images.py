@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from basecal.cell import WORLD, Recording, Sample, Target
+from basecal.cell import WORLD, Recording, Sample
 from basecal.errors import InputError
-from basecal.geometry import SE3, Camera
+from basecal.geometry import SE3
 from basecal.simulation.scenario import SimulatedCell
 from basecal.vision.draw.light import LightSettings, render_light
 from basecal.vision.draw.render import RenderSettings, render
@@ -68,17 +68,14 @@ def _rendered(
             raise InputError(f"{observation.camera} gives no images of {observation.target}: simulate pixels instead")
         seen = camera_from_target(simulated, observation.camera, observation.target, index)
         if not target.sheets:
-            on, off = _light_pair(camera, target, seen, light or LightSettings(), seed)
+            lit, points = light or LightSettings(), seen @ target.points
+            on = render_light(camera, points, lit, 2 * seed)
+            off = render_light(camera, points, replace(lit, photons=0.0), 2 * seed + 1)
             images[observation.camera] = _write(folder, f"{name}.png", on)
             background[observation.camera] = _write(folder, f"{name}_off.png", off)
         else:
             images[observation.camera] = _write(folder, f"{name}.png", render(camera, target, seen, board, seed))
     return replace(sample, observations=(), images=images, background=background)
-
-
-def _light_pair(camera: Camera, target: Target, seen: SE3, settings: LightSettings, seed: int) -> tuple[Any, Any]:
-    on = render_light(camera, seen @ target.points, settings, 2 * seed)
-    return on, render_light(camera, seen @ target.points, replace(settings, photons=0.0), 2 * seed + 1)
 
 
 def _write(folder: Path, name: str, image: Any) -> str:

@@ -139,20 +139,15 @@ def _place(
     return flanges, fixed
 
 
-def _out_of_reach(base_from_flange: SE3) -> Array:
-    """How far each pose is from where a robot could be, (n,) [m]."""
-    distance = np.linalg.norm(base_from_flange.translation, axis=-1)
-    out: Array = np.maximum(0, np.maximum(_REACH_M[0] - distance, distance - _REACH_M[1]))
-    return out
-
-
 def _homes(
     group: tuple[View, ...], scene: Scene, scenario: Scenario, rng: Generator
 ) -> tuple[dict[str, SE3], dict[str, SE3]]:
     """The candidate of `_place` nearest to what the robots reach: `base_from_flange`, and mounts on the world."""
     flanges, fixed = _place(group, scene, scenario, rng)
     homes = {robot: scene.bases[robot].inverse() @ flanges[robot] for robot in flanges}
-    best = int(np.argmin(sum(_out_of_reach(home) for home in homes.values())))
+    away = np.stack([np.linalg.norm(home.translation, axis=-1) for home in homes.values()])
+    out_of_reach = np.maximum(0, np.maximum(_REACH_M[0] - away, away - _REACH_M[1]))
+    best = int(np.argmin(out_of_reach.sum(axis=0)))
     return {robot: home[best] for robot, home in homes.items()}, {name: pose[best] for name, pose in fixed.items()}
 
 

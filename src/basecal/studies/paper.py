@@ -93,11 +93,18 @@ def study_paper(seed: int = 0, draws: int = DRAWS, length_draws: int = LENGTH_DR
     """
     numbers = paper_numbers()
     bed = testbed(numbers)
+    found = bed.closed_form(bed.image(bed.camera_from_light, bed.shift_m), bed.shift_m)
+    raw = SE3(found.raw_rotation, found.camera_from_light.translation.copy())
+    base = base_of_station(bed.eye_base_from_camera, raw, bed.hand_base_from_light)
+    printed = {k: _pose(numbers["table1_camera_from_led"][k]) for k in _LEVELS}
+    # The paper's Table 1 orthonormalised by its own iteration.
+    table_2 = {k: SE3(orthonormalised(pose.rotation), pose.translation) for k, pose in printed.items()}
+    table_3 = {k: base_of_station(bed.eye_base_from_camera, table_2[k], bed.hand_base_from_light) for k in _LEVELS}
     return {
-        "noiseless": _noiseless(bed),
+        "noiseless": {"camera_from_led": _entry(raw), "eye_base_from_hand_base": _entry(base)},
         "table1_camera_from_led": {k: _table_1(bed, s, seed, draws, numbers, k) for k, s in _LEVELS.items()},
-        "table2_orthonormalised": {k: _table_2(numbers, k).tolist() for k in _LEVELS},
-        "table3_eye_base_from_hand_base": {k: _table_3(bed, numbers, k) for k in _LEVELS},
+        "table2_orthonormalised": {k: table_2[k].rotation.tolist() for k in _LEVELS},
+        "table3_eye_base_from_hand_base": {k: _entry(table_3[k]) for k in _LEVELS},
         "orders_of_orthonormalising": {k: _orders(bed, numbers, k) for k in _LEVELS},
         "shift_length": [_at_length(bed, length, seed, length_draws) for length in LENGTHS],
         "settings": {"seed": seed, "draws": draws, "length_draws": length_draws, "sigma_px": SIGMA_PX},
@@ -111,13 +118,6 @@ def _pose(entry: dict[str, Any]) -> SE3:
 
 def _entry(transform: SE3) -> dict[str, Any]:
     return {"R": transform.rotation.tolist(), "t": transform.translation.tolist()}
-
-
-def _noiseless(bed: Testbed) -> dict[str, Any]:
-    found = bed.closed_form(bed.image(bed.camera_from_light, bed.shift_m), bed.shift_m)
-    raw = SE3(found.raw_rotation, found.camera_from_light.translation.copy())
-    base = base_of_station(bed.eye_base_from_camera, raw, bed.hand_base_from_light)
-    return {"camera_from_led": _entry(raw), "eye_base_from_hand_base": _entry(base)}
 
 
 def _table_1(bed: Testbed, level: float, seed: int, draws: int, numbers: dict[str, Any], key: str) -> dict[str, Any]:
@@ -152,16 +152,6 @@ def _quantiles(bed: Testbed, found: ShiftEstimate, printed_rotation: Array, prin
 def _angle(first: Array, second: Array) -> Array:
     turned = nearest_rotation(np.swapaxes(first, -1, -2) @ second)
     return np.asarray(np.linalg.norm(rotation_log(turned), axis=-1))
-
-
-def _table_2(numbers: dict[str, Any], key: str) -> Array:
-    """The paper's Table 1 orthonormalised by its own iteration."""
-    return orthonormalised(np.array(numbers["table1_camera_from_led"][key]["R"]))
-
-
-def _table_3(bed: Testbed, numbers: dict[str, Any], key: str) -> dict[str, Any]:
-    camera_from_light = SE3(_table_2(numbers, key), np.array(numbers["table1_camera_from_led"][key]["t"]))
-    return _entry(base_of_station(bed.eye_base_from_camera, camera_from_light, bed.hand_base_from_light))
 
 
 def _orders(bed: Testbed, numbers: dict[str, Any], key: str) -> dict[str, float]:

@@ -19,7 +19,7 @@ from basecal.vision.image_file import grey_image, read_bytes
 _SHOWN = 10  # samples in a sentence
 
 Progress = Callable[[int, int], None]
-"""Told how many samples of how many are done."""
+"""Called with how many samples of how many are done."""
 
 
 def detect(

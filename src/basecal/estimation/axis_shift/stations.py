@@ -139,15 +139,12 @@ def _runs(group: ViewGroup) -> Iterator[IntArray]:
     """Views between which neither the camera moved nor the light was turned, in order."""
     eye, hand = group.eye_base_from_eye_flange, group.hand_base_from_hand_flange
     start = 0
-    for i in range(1, len(group) + 1):
-        if i == len(group) or _moved(eye[start], eye[i]) or _turned(hand[start], hand[i]):
+    for i in range(1, len(group)):
+        shift = float(np.linalg.norm(eye[start].translation - eye[i].translation))
+        if shift > _STILL_M or _turned(eye[start], eye[i]) or _turned(hand[start], hand[i]):
             yield np.arange(start, i)
             start = i
-
-
-def _moved(first: SE3, second: SE3) -> bool:
-    shift = float(np.linalg.norm(first.translation - second.translation))
-    return shift > _STILL_M or _turned(first, second)
+    yield np.arange(start, len(group))
 
 
 def _turned(first: SE3, second: SE3) -> bool:

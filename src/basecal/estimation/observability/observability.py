@@ -75,7 +75,7 @@ def observability_of(problem: Problem, state: State, hessian: Array, factor: flo
 
 
 def _without_null_directions(problem: Problem, state: State, hessian: Array, scale: Array) -> Array:
-    """The scaled information without what noise alone tells of directions that the recorded poses leave open."""
+    """The scaled information without what noise alone says of directions that the recorded poses leave open."""
     scaled = hessian * scale * scale[:, None]
     loose = null_directions(problem, state)
     if not loose.shape[1]:
@@ -83,8 +83,8 @@ def _without_null_directions(problem: Problem, state: State, hessian: Array, sca
     data = linearise(without_priors(problem), state).hessian * scale * scale[:, None]
     basis = np.linalg.qr(loose / scale[:, None])[0]
     carried = data @ basis
-    stated: Array = carried @ spectrum(basis.T @ carried).inverse @ carried.T
-    return scaled - 0.5 * (stated + stated.T)
+    by_noise: Array = carried @ spectrum(basis.T @ carried).inverse @ carried.T
+    return scaled - 0.5 * (by_noise + by_noise.T)
 
 
 def without_priors(problem: Problem) -> Problem:

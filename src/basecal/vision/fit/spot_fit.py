@@ -79,12 +79,12 @@ def fit_spot(levels: Array, usable: BoolArray, start: tuple[float, float, float]
 
 
 def _spread(at: _At, weights: Array) -> float:
-    """How much wider than a normal distribution's the place's variance is, since a few pixels tell their own noise.
+    """How much wider than a normal distribution's the place's variance is, since a few pixels give their own noise.
 
-    As of Student's distribution, with as many degrees of freedom as pixels that tell the place.
+    As of Student's distribution, with as many degrees of freedom as pixels that hold the place.
     """
-    told = weights * (at.jacobian[0] ** 2 + at.jacobian[1] ** 2)
-    freedom = max(float(told.sum() ** 2 / (told @ told)), 4.0)
+    held = weights * (at.jacobian[0] ** 2 + at.jacobian[1] ** 2)
+    freedom = max(float(held.sum() ** 2 / (held @ held)), 4.0)
     return freedom / (freedom - 2)
 
 

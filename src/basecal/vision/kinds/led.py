@@ -98,15 +98,12 @@ def _fitted(image: Image, background: Image | None, full: float, place: _Place) 
     usable = levels < full
     if background is not None:
         levels -= background[window]
-    spot = fit_spot(
-        levels, usable, (place.x - left, place.y - top, max(place.extent / _EXTENT_SIGMAS, _FIRST_WIDTH_PX))
-    )
-    if spot is None or not _is_spot(spot, reach, place.x - left, place.y - top):
+    x, y = place.x - left, place.y - top
+    spot = fit_spot(levels, usable, (x, y, max(place.extent / _EXTENT_SIGMAS, _FIRST_WIDTH_PX)))
+    if spot is None:
+        return None
+    near = abs(spot.x - x) < reach / 2 and abs(spot.y - y) < reach / 2
+    wide = all(_LEAST_WIDTH_PX < width < _MOST_WIDTH_PX for width in (spot.width_x, spot.width_y))
+    if not (near and wide and spot.brightness > 0 and 0 < spot.sigma_px < _MOST_SIGMA_PX):
         return None
     return spot._replace(x=spot.x + left, y=spot.y + top)
-
-
-def _is_spot(spot: Spot, reach: int, x: float, y: float) -> bool:
-    near = abs(spot.x - x) < reach / 2 and abs(spot.y - y) < reach / 2
-    wide = [_LEAST_WIDTH_PX < width < _MOST_WIDTH_PX for width in (spot.width_x, spot.width_y)]
-    return near and all(wide) and spot.brightness > 0 and 0 < spot.sigma_px < _MOST_SIGMA_PX
