@@ -1,0 +1,146 @@
+"""A null space taken apart: translations, rotations, lenses and joints, each with what moves along."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.cell import Deflection, Parameters
+from basecal.estimation.observability.null_space import orthonormal_rows, separate_null_space, separate_twists
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import State
+from basecal.estimation.problem.robot_parameters import robot_model
+from basecal.geometry import SE3
+from basecal.simulation import Scenario, simulate
+from basecal.simulation.arms import six_axis
+
+BASE, CAMERA, BOARD = "eye_base_from_hand_base", "eye_flange_from_wrist", "hand_flange_from_board"
+OFFSETS, BENDS, LINKS = "hand_joint_offsets", "hand_deflection", "hand_link_parameters"
+X, Y, Z, RX, RY, RZ = np.eye(6)
+
+
+@pytest.fixture(scope="module")
+def problem():
+    """Three transforms, a lens, and four offsets, six compliances and 18 link parameters of the hand."""
+    made = simulate(Scenario(samples=5, intrinsics="free"), 0)
+    free, arm = Parameters("free"), six_axis()
+    model = robot_model("hand", arm, free, Parameters(), (True, True), None, Deflection("free", down=(0.0, 0.0, -1.0)))
+    links = robot_model("hand", arm, Parameters(), free, (True, True))
+    both = replace(model, link_basis=links.link_basis)
+    return build_problem(made.cell, made.recording)[0].with_models({"hand": both})
+
+
+def separated(problem, directions, at=None, scale=None):
+    """Of directions given by name, mixed by a random rotation."""
+    vectors = np.zeros((problem.width, len(directions)))
+    for k, direction in enumerate(directions):
+        for name, values in direction.items():
+            vectors[problem.columns[name], k] = values
+    count = len(directions)
+    mix = np.linalg.qr(np.random.default_rng(1).standard_normal((count, count)))[0]
+    transforms = {**dict.fromkeys(problem.unknowns, SE3.identity()), **(at or {})}
+    scale = np.ones(problem.width) if scale is None else scale
+    found = separate_null_space(problem, State(transforms, {}, np.zeros((0, 6))), np.linalg.qr(vectors)[0] @ mix, scale)
+    return [(d.kind, d.names, d) for d in found]
+
+
+def test_nothing_is_taken_apart_into_nothing(problem):
+    """No direction, no word."""
+    assert (
+        separate_null_space(
+            problem, State({}, {}, np.zeros((0, 6))), np.zeros((problem.width, 0)), np.ones(problem.width)
+        )
+        == ()
+    )
+
+
+def test_what_moves_along_is_named_where_it_moves_enough(problem):
+    """A mount that moves four tenths of the base is named beside it, one that moves a fifth is not."""
+    ((kind, names, _),) = separated(problem, [{BASE: Z, BOARD: 0.4 * Z, CAMERA: 0.2 * Z}])
+    assert (kind, names) == ("translation", (BASE, BOARD))
+    ((kind, names, _),) = separated(problem, [{BASE: RZ, CAMERA: 0.4 * RX}])
+    assert (kind, names) == ("rotation", (BASE, CAMERA))
+
+
+def test_the_first_of_those_that_move_most_is_named_first(problem):
+    """A base before mounts where it moves half of the largest; else what moves most."""
+    first = next(n for n in problem.columns if n in problem.unknowns)
+    other = next(n for n in problem.columns if n in problem.unknowns and n != first)
+    assert separated(problem, [{first: 0.55 * X, other: X}])[0][1] == (first, other)
+    assert separated(problem, [{first: 0.45 * X, other: X}])[0][1] == (other, first)
+
+
+def test_rotations_are_twists_of_the_parent_in_metres(problem):
+    """A base 2 m along x that turns about its own z moves about the line through it; scales are taken in."""
+    scale = np.ones(problem.width)
+    scale[problem.columns[BASE]] = [0.5, 0.5, 0.5, 1, 1, 1]
+    at = {BASE: SE3(np.eye(3), np.array([2.0, 0, 0]))}
+    ((_, _, found),) = separated(problem, [{BASE: RZ}], at, scale)
+    np.testing.assert_allclose(
+        found.twists_in_parent / found.twists_in_parent[0, 5], [[0, -2.0, 0, 0, 0, 1]], atol=1e-12
+    )
+    ((_, _, found),) = separated(problem, [{BASE: Y}], {BASE: SE3.from_rotvec([0, 0, np.pi / 2], [0.0, 0, 0])}, scale)
+    np.testing.assert_allclose(np.abs(found.twists_in_parent), [X], atol=1e-12)
+
+
+def test_three_rotations_are_one_and_two_are_two(problem):
+    """Any rotation is said at once; single axes are said one by one."""
+    (all_, *none) = separated(problem, [{BASE: RX}, {BASE: RY}, {BASE: RZ}])
+    assert (none, all_[2].twists_in_parent.shape) == ([], (3, 6))
+    two = separated(problem, [{BASE: RX}, {BASE: RY}])
+    assert [d.twists_in_parent.shape for _, _, d in two] == [(1, 6), (1, 6)]
+
+
+def test_translations_of_one_frame_are_one(problem):
+    """Two shifts of the base span a plane: two orthonormal rows."""
+    ((kind, _, found),) = separated(problem, [{BASE: X}, {BASE: 3 * X + Y}])
+    assert kind == "translation"
+    np.testing.assert_allclose(found.twists_in_parent @ found.twists_in_parent.T, np.eye(2), atol=1e-12)
+    np.testing.assert_allclose(found.twists_in_parent[:, 2:], 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "row", "kind", "joint"),
+    [
+        (OFFSETS, 0, "joint offset", 1),
+        (OFFSETS, 3, "joint offset", 4),
+        (BENDS, 5, "compliance", 5),
+        (LINKS, 7, "links", None),
+        ("wrist", 5, "lens", None),
+    ],
+)
+def test_robots_and_lenses_are_told_by_what_moves_most(problem, name, row, kind, joint):
+    """Of free offsets the joints that have a column count; transforms that move along are named after."""
+    width = problem.columns[name].stop - problem.columns[name].start
+    ((found, names, direction),) = separated(problem, [{name: np.eye(width)[row], BASE: 0.5 * RZ}])
+    assert (found, names, direction.joint) == (kind, (name, BASE), joint)
+    assert direction.twists_in_parent.shape == (0, 6)
+    assert direction.robot == ("" if kind == "lens" else "hand")
+    assert direction.joint_name == ("" if joint is None else six_axis().joint_names[joint])
+
+
+def test_others_come_first_and_are_taken_out(problem):
+    """A lens and a shift of the base mixed at will are told one by one, the lens first."""
+    kinds = [kind for kind, _, _ in separated(problem, [{BASE: X}, {"wrist": np.eye(9)[4]}])]
+    assert kinds == ["lens", "translation"]
+
+
+def test_rows_that_are_little_are_left_out():
+    """A row of a tenth of the largest adds no direction, one of three tenths does."""
+    assert orthonormal_rows(np.array([[1.0, 0, 0], [0, 0.1, 0]])).shape == (1, 3)
+    found = orthonormal_rows(np.array([[1.0, 0, 0], [0, 0.3, 0]]))
+    np.testing.assert_allclose(found @ found.T, np.eye(2), atol=1e-12)
+
+
+def test_twists_are_parted_into_translations_and_the_rest():
+    """A shift along z and a turn about a line 1 m off, mixed; of shifts alone no turn is left."""
+    turn = np.concatenate([np.cross([1.0, 0, 0], [0, 0, 1.0]), [0, 0, 1.0]])
+    shifts, turns = separate_twists(np.stack([Z + turn, Z - turn]))
+    np.testing.assert_allclose(np.abs(shifts), [[0, 0, 1]], atol=1e-12)
+    np.testing.assert_allclose(turns[0] / turns[0, 5], turn, atol=1e-12)
+    shifts, turns = separate_twists(np.stack([X, Y]))
+    assert (shifts.shape, turns.shape) == ((2, 3), (0, 6))
+    shifts, turns = separate_twists(RZ[None])
+    assert (shifts.shape, turns.shape) == ((0, 3), (1, 6))

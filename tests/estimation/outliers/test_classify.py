@@ -1,0 +1,162 @@
+"""Views, shared stops and points against what all else predicts, at the true state."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.pose_problem import pose_problem
+
+from basecal.estimation.least_squares.studentized import MahalanobisSquared
+from basecal.estimation.outliers.classify import CHANCE_OF_VIEW, classify_inliers, is_stated, view_scale
+from basecal.estimation.outliers.inlier_mask import InlierMask, all_inliers
+from basecal.estimation.outliers.robust_scale import robust_scale
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import State
+from basecal.geometry import SE3
+from basecal.simulation import Scenario, simulate
+
+NOISY = (3e-4, 5e-4)
+
+
+def at_truth(scenario, seed=0):
+    made = simulate(scenario, seed)
+    problem, _ = build_problem(made.cell, made.recording)
+    return problem, State(made.truth, made.cameras, np.zeros((len(problem.stops), 6)))
+
+
+def with_pixels(problem, change):
+    """The problem with other pixels in its only group."""
+    (group,) = problem.groups
+    pixels = group.measurement.pixels.copy()
+    change(pixels)
+    return problem.with_groups([replace(group, measurement=replace(group.measurement, pixels=pixels))])
+
+
+def bumped(problem, views, by=(0.05, 0, 0, 0, 0, 0)):
+    """The problem with the hand elsewhere in some views of its only group."""
+    (group,) = problem.groups
+    off = np.zeros((len(group), 6))
+    off[views] = by
+    return problem.with_groups(
+        [replace(group, hand_base_from_hand_flange=group.hand_base_from_hand_flange @ SE3.exp(off))]
+    )
+
+
+def kept_of(problem, state, kept=None):
+    found = classify_inliers(problem, state, kept or all_inliers(problem))
+    return found.kept.views[0], found.kept.points[0], found
+
+
+def test_sigmas_are_stated_or_not():
+    """All of them must be; a problem without residuals lacks none."""
+    assert is_stated(pose_problem(np.zeros((3, 6)), np.ones(6))[0])
+    assert not is_stated(pose_problem(np.zeros((3, 6)), None)[0])
+    assert is_stated(pose_problem(np.zeros((0, 6)), None)[0])
+
+
+def test_the_scale_of_views_counts_the_unknowns_that_they_pay_for(rng):
+    """It is the robust scale with as many freedoms less as there are columns, at the chance of a view."""
+    problem, _ = pose_problem(np.zeros((40, 6)), None)
+    squares = [MahalanobisSquared(4.0 * rng.chisquare(6, 40), np.full(40, 6))]
+    found = view_scale(problem, squares)
+    assert found.variance == robust_scale(squares, 6, False, CHANCE_OF_VIEW).variance > 2.0
+    assert found.chance == CHANCE_OF_VIEW
+    stated = pose_problem(np.zeros((40, 6)), np.ones(6))[0]
+    assert view_scale(stated, [MahalanobisSquared(1.2 * squares[0].value / 4.0, squares[0].freedoms)]).variance == 1.0
+
+
+@pytest.mark.parametrize("target", ["charuco", "points", "pose", "points3d", "led"])
+def test_clean_views_are_inliers(target):
+    """Of twelve views of any kind, all with every point."""
+    problem, state = at_truth(Scenario(samples=12, target=target, robot_noise=NOISY))
+    views, points, _ = kept_of(problem, state)
+    assert views.all()
+    assert points.all()
+
+
+@pytest.mark.parametrize("target", ["charuco", "points", "pose", "points3d"])
+def test_a_view_of_a_bumped_arm_is_left_out(target):
+    """The views of two instants at which the hand was 5 cm off go, and no other; their points are not blamed."""
+    problem, state = at_truth(Scenario(samples=12, target=target, robot_noise=NOISY))
+    views, points, found = kept_of(bumped(problem, [3, 7]), state)
+    assert np.flatnonzero(~views).tolist() == [3, 7]
+    assert points.all()
+    assert np.sqrt(found.views[0].value[[3, 7]]).min() > 20
+    assert np.sqrt(np.delete(found.views[0].value, [3, 7])).max() < 6
+
+
+def test_a_stray_corner_of_a_board_costs_itself_alone():
+    """A corner seven sigmas off goes, and its view stays."""
+
+    def stray(pixels):
+        pixels[2, 5] += 1.5
+
+    problem, state = at_truth(Scenario(samples=12, robot_noise=NOISY))
+    views, points, _ = kept_of(with_pixels(problem, stray), state)
+    assert views.all()
+    assert np.argwhere(~points).tolist() == [[2, 5]]
+
+
+def test_a_view_that_is_mostly_astray_goes_whole():
+    """Two thirds of the corners anywhere: it is left out, and no other view is."""
+
+    def stray(pixels):
+        pixels[4, :24] += np.random.default_rng(0).uniform(-300, 300, (24, 2))
+
+    problem, state = at_truth(Scenario(samples=12, robot_noise=NOISY))
+    assert np.flatnonzero(~kept_of(with_pixels(problem, stray), state)[0]).tolist() == [4]
+
+
+def test_a_stray_point_of_few_costs_itself_alone():
+    """Of five points one is 40 px off: the others are where all else predicts them, and the view stays."""
+
+    def stray(pixels):
+        pixels[6, 1] += (30.0, -20.0)
+
+    problem, state = at_truth(Scenario(samples=12, target="points", robot_noise=(1e-5, 1e-5)), 2)
+    views, points, _ = kept_of(with_pixels(problem, stray), state)
+    assert views.all()
+    assert np.argwhere(~points).tolist() == [[6, 1]]
+
+
+def test_what_agrees_again_comes_back():
+    """A view and a view's points that were left out before and are where all else predicts them."""
+    problem, state = at_truth(Scenario(samples=12, target="points", robot_noise=NOISY), 2)
+    before = InlierMask((np.arange(12) != 5,), all_inliers(problem).points)
+    views, points, _ = kept_of(problem, state, before)
+    assert views.all()
+    assert points.all()
+    still_off = kept_of(bumped(problem, [5]), state, before)[0]
+    assert np.flatnonzero(~still_off).tolist() == [5]
+
+
+def test_points_that_were_left_out_stay_out():
+    """They have no deviation, and a view that loses more than half of its points goes."""
+    problem, state = at_truth(Scenario(samples=8))
+    before = all_inliers(problem)
+    points = before.points[0].copy()
+    points[1, :10] = points[3, :19] = False
+    views, kept, found = kept_of(problem, state, InlierMask(before.views, (points,)))
+    assert np.flatnonzero(~views).tolist() == [3]
+    assert not kept[1, :10].any()
+    assert np.isnan(found.points[0].value[1, :10]).all()
+    assert np.isfinite(found.points[0].value[1, 10:]).all()
+
+
+def test_a_shared_stop_that_is_off_takes_its_views_along():
+    """The eye at one station is 40 sigmas off: all its views go, and those of no other station."""
+    scenario = Scenario(samples=20, arms="stations", stations=5, robot_noise=NOISY)
+    problem, state = at_truth(scenario)
+    (group,) = problem.groups
+    errors = state.stop_errors.copy()
+    stop = int(np.bincount(group.eye_stop).argmax())
+    errors[stop, 0] = 40.0
+    there = group.eye_stop == stop
+    shift = np.where(there[:, None], -errors[stop] * problem.stops.sigma[stop], 0.0)
+    poses = group.eye_base_from_eye_flange @ SE3.exp(shift)
+    moved = problem.with_groups([replace(group, eye_base_from_eye_flange=poses)])
+    views, _, found = kept_of(moved, replace(state, stop_errors=errors))
+    assert np.flatnonzero(~views).tolist() == np.flatnonzero(there).tolist()
+    assert found.stops.value[stop] > 30**2 / 6

@@ -1,0 +1,158 @@
+"""What was left out, and how far it is from where the rest predicts it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.estimation.outliers.classify import classify_inliers
+from basecal.estimation.outliers.inlier_mask import InlierMask, all_inliers
+from basecal.estimation.outliers.left_out import measure_left_out
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.correspondence import half_turned
+from basecal.estimation.problem.problem import State
+from basecal.geometry import SE3
+from basecal.simulation import Scenario, simulate
+
+
+def cell_at_truth(scenario, seed=0):
+    made = simulate(scenario, seed)
+    problem, _ = build_problem(made.cell, made.recording)
+    return made.cell, problem, State(made.truth, made.cameras, np.zeros((len(problem.stops), 6)))
+
+
+def bumped(problem, view, by):
+    (group,) = problem.groups
+    off = np.zeros((len(group), 6))
+    off[view] = by
+    return problem.with_groups(
+        [replace(group, hand_base_from_hand_flange=group.hand_base_from_hand_flange @ SE3.exp(off))]
+    )
+
+
+def measured(cell, problem, state, views=(), points=(), recorded=None):
+    """What is said where these views, and these pairs of view and point, are not kept."""
+    mask = all_inliers(problem)
+    of_views, of_points = mask.views[0].copy(), mask.points[0].copy()
+    of_views[list(views)] = False
+    for view, point in points:
+        of_points[view, point] = False
+    kept = InlierMask((of_views,), (of_points,))
+    judgement = classify_inliers(problem, state, kept)
+    return measure_left_out(cell, recorded or problem, problem, state, kept, judgement)
+
+
+def test_nothing_left_out_is_nothing():
+    """With all kept there is none."""
+    assert measured(*cell_at_truth(Scenario(samples=4))) == ()
+
+
+@pytest.mark.parametrize("target", ["charuco", "pose", "points3d"])
+def test_a_view_with_a_pose_is_off_in_metres_and_radians(target):
+    """The hand 50 mm and 20 mrad off: as much, within the noise of the view; pixels are not said."""
+    cell, problem, state = cell_at_truth(Scenario(samples=8, target=target, pose_noise=(1e-4, 1e-4), point_m=1e-4))
+    (one,) = measured(cell, bumped(problem, 5, [0.05, 0, 0, 0, 0, 0.02]), state, [5])
+    assert (one.sample, one.camera, one.target, one.ids) == (5, "wrist", "board", ())
+    board = state.transforms["hand_flange_from_board"].translation
+    lever = np.linalg.norm(SE3.exp([0.05, 0, 0, 0, 0, 0.02]) @ board - board)
+    assert one.off_m == pytest.approx(lever, abs=2e-3)
+    assert one.off_rad == pytest.approx(0.02, abs=3e-3)
+    assert one.off_px is None
+    assert one.sigmas > 50
+
+
+def test_a_light_is_off_in_pixels():
+    """A spot 30 px right and 40 px down is 50 px off; behind the camera there is no number."""
+    cell, problem, state = cell_at_truth(Scenario(samples=12, target="led"))
+    (group,) = problem.groups
+    pixels = group.measurement.pixels.copy()
+    pixels[3, 0] += (30.0, 40.0)
+    moved = problem.with_groups([replace(group, measurement=replace(group.measurement, pixels=pixels))])
+    (one,) = measured(cell, moved, state, [3])
+    assert (one.sample, one.off_m, one.off_rad) == (3, None, None)
+    assert one.off_px == pytest.approx(50.0, abs=1.5)
+    mount, turned = state.transforms["eye_flange_from_wrist"], SE3.from_rotvec([0, np.pi, 0], [0, 0, 0])
+    eye = [p @ mount @ turned @ mount.inverse() if k == 3 else p for k, p in enumerate(group.eye_base_from_eye_flange)]
+    away = problem.with_groups([replace(group, eye_base_from_eye_flange=SE3.stack(eye))])
+    (one,) = measured(cell, away, state, [3])
+    assert not np.isfinite(one.off_px)
+
+
+def test_three_points_give_no_pose():
+    """A view of which three corners were seen is off by its worst pixel; one of four by its pose."""
+    cell, problem, state = cell_at_truth(Scenario(samples=8))
+    (group,) = bumped(problem, [2, 5], [0.03, 0, 0, 0, 0, 0]).groups
+    seen = group.measurement.seen.copy()
+    seen[2, [k for k in range(36) if k not in (0, 5, 30)]] = False
+    seen[5, [k for k in range(36) if k not in (0, 5, 30, 35)]] = False
+    weight = np.where(seen, group.measurement.weight, 0.0)
+    few = replace(group.measurement, seen=seen, weight=weight, stated=weight)
+    three, four = measured(cell, problem.with_groups([replace(group, measurement=few)]), state, [2, 5])
+    assert (three.off_m, four.off_px) == (None, None)
+    assert 10 < three.off_px < 200
+    assert four.off_m == pytest.approx(0.03, abs=3e-3)
+
+
+def test_three_3d_points_give_a_pose_and_two_give_none():
+    """And then nothing can be said but how many sigmas."""
+    cell, problem, state = cell_at_truth(Scenario(samples=8, target="points3d", point_m=1e-4))
+    (group,) = problem.groups
+    seen = group.measurement.seen.copy()
+    count = seen.shape[1]
+    seen[2, 2:] = False
+    seen[5, [k for k in range(count) if k not in (0, 1, count - 1)]] = False
+    weight = np.where(seen, group.measurement.weight, 0.0)
+    few = replace(group.measurement, seen=seen, weight=weight, stated=weight)
+    two, three = measured(cell, problem.with_groups([replace(group, measurement=few)]), state, [2, 5])
+    assert (two.off_m, two.off_rad) == (None, None)
+    assert np.isnan(two.off_px)
+    assert three.off_m < 0.01
+
+
+def test_points_are_named_with_the_worst_of_them():
+    """Two corners of one view, 10 and 25 px off by 0.2 px of noise: both ids, the worst in pixels and sigmas."""
+    cell, problem, state = cell_at_truth(Scenario(samples=6))
+    (group,) = problem.groups
+    pixels = group.measurement.pixels.copy()
+    pixels[4, 7] += (6.0, -8.0)
+    pixels[4, 3] += (-15.0, 20.0)
+    moved = problem.with_groups([replace(group, measurement=replace(group.measurement, pixels=pixels))])
+    (one,) = measured(cell, moved, state, points=[(4, 7), (4, 3)])
+    ids = cell.targets["board"].target.ids
+    assert (one.sample, one.ids) == (4, tuple(sorted((int(ids[3]), int(ids[7])))))
+    assert one.off_px == pytest.approx(25.0, abs=0.8)
+    assert one.sigmas == pytest.approx(25.0 / 0.2, rel=0.05)
+    assert (one.off_m, one.off_rad) == (None, None)
+
+
+def test_3d_points_are_off_in_metres():
+    """A corner 20 mm off where points are measured within a tenth of a millimetre; not in pixels."""
+    cell, problem, state = cell_at_truth(Scenario(samples=6, target="points3d", point_m=1e-4))
+    (group,) = problem.groups
+    points = group.measurement.points_in_camera.copy()
+    points[1, 2] += (0.0, 0.02, 0.0)
+    moved = problem.with_groups([replace(group, measurement=replace(group.measurement, points_in_camera=points))])
+    (one,) = measured(cell, moved, state, points=[(1, 2)])
+    assert one.off_m == pytest.approx(0.02, abs=2e-3)
+    assert one.off_px is None
+
+
+def test_points_that_a_view_left_out_whole_are_not_told_again():
+    """And what was never seen is not left out; several come by their samples."""
+    cell, problem, state = cell_at_truth(Scenario(samples=6))
+    found = measured(cell, problem, state, views=[4], points=[(4, 1), (5, 0), (2, 0)])
+    assert [(o.sample, bool(o.ids)) for o in found] == [(2, True), (4, False), (5, True)]
+
+
+def test_ids_are_those_of_the_recording():
+    """A view that is read from the other end than it was recorded has its points counted from that end."""
+    cell, problem, state = cell_at_truth(Scenario(samples=4, target="chessboard"))
+    (group,) = problem.groups
+    turned = half_turned(group.measurement)
+    pixels = np.where((np.arange(4) == 2)[:, None, None], turned.pixels, group.measurement.pixels)
+    recorded = problem.with_groups([replace(group, measurement=replace(group.measurement, pixels=pixels))])
+    found = measured(cell, problem, state, points=[(1, 0), (2, 0)], recorded=recorded)
+    ids = cell.targets["board"].target.ids
+    assert [o.ids for o in found] == [(int(ids[0]),), (int(ids[-1]),)]

@@ -1,0 +1,209 @@
+"""A problem as arrays: views taken with all that is theirs, columns, states and the one equation."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from basecal.cell import Parameters
+from basecal.errors import InputError
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import State, carrier, chain, check_carriers, has_noise
+from basecal.estimation.problem.robot_parameters import Kinematics, nominal, robot_model
+from basecal.estimation.view.measurement import Noise
+from basecal.geometry import SE3
+from basecal.simulation import Scenario, simulate
+from basecal.simulation.arms import six_axis
+
+ARMS = Scenario(samples=5, target="chessboard", joints=True, robot_noise=(1e-3, 2e-3), intrinsics="free")
+
+
+@pytest.fixture(scope="module")
+def made():
+    return simulate(ARMS, 1)
+
+
+@pytest.fixture(scope="module")
+def problem(made):
+    return build_problem(made.cell, made.recording)[0]
+
+
+@pytest.fixture(scope="module")
+def state(made, problem):
+    errors = np.random.default_rng(0).standard_normal((len(problem.stops), 6))
+    return State(made.truth, made.cameras, errors)
+
+
+def per_view(group):
+    """Everything of a group that has one row a view, by name."""
+    found = {}
+    for f in fields(group):
+        value = getattr(group, f.name)
+        if isinstance(value, SE3) and f.name != "half_turn":
+            found[f.name] = value.matrix
+        elif isinstance(value, np.ndarray):
+            found[f.name] = value
+    found |= {f"reading {k}": r.pixels for k, r in enumerate(group.readings)}
+    return found | {"pixels": group.measurement.pixels, "weight": group.measurement.weight}
+
+
+def test_views_are_taken_with_all_that_is_theirs(problem):
+    """Poses, stops, joints, pixels and readings in the order asked for; what belongs to the pair stays."""
+    (group,) = problem.groups
+    taken = group.take(np.array([3, 0]))
+    before, after = per_view(group), per_view(taken)
+    assert before.keys() == after.keys() >= {"eye_joints", "hand_joints", "reading 0", "reading 1", "eye_stop"}
+    for name, value in before.items():
+        np.testing.assert_array_equal(after[name], value[[3, 0]])
+    assert (len(group), len(taken)) == (5, 2)
+    assert (taken.camera, taken.eye_base, taken.half_turn) == (group.camera, group.eye_base, group.half_turn)
+    poses_only = replace(group, eye_joints=None, hand_joints=None).take(np.array([1]))
+    assert (poses_only.eye_joints, poses_only.hand_joints) == (None, None)
+
+
+def test_rows_of_a_batch_are_what_each_saw(problem):
+    """Views that all entries share stay, those of each entry's own are taken by row."""
+    (group,) = problem.groups
+    assert len(group.of_batch(np.array([1])).sample) == 5
+    both = group.take(np.array([[0, 1, 2], [4, 3, 2]]))
+    assert len(both) == 3
+    np.testing.assert_array_equal(both.of_batch(np.array([1])).sample, group.sample[None, [4, 3, 2]])
+    np.testing.assert_array_equal(
+        problem.with_groups([both]).of_batch(np.array([0])).groups[0].measurement.pixels,
+        group.measurement.pixels[None, [0, 1, 2]],
+    )
+
+
+def test_sigmas_reach_every_reading_unless_they_are_held(problem):
+    """Noise that none states is given to the measurement and its readings; held, it stays what it is."""
+    silent = problem.with_groups(
+        replace(g, measurement=replace(g.measurement, stated=0.0 * g.measurement.stated),
+                readings=tuple(replace(r, stated=0.0 * r.stated) for r in g.readings))
+        for g in problem.groups
+    )  # fmt: skip
+    (group,) = silent.with_noise(Noise(pixel_px=0.5)).groups
+    for measurement in (group.measurement, *group.readings):
+        np.testing.assert_array_equal(measurement.weight, 2.0 * measurement.seen)
+    held = replace(silent, held=True)
+    assert held.with_noise(Noise(pixel_px=0.5)) is held
+
+
+def test_width_is_where_columns_end(problem):
+    """Three transforms and a lens of nine; nothing without columns."""
+    assert problem.width == 3 * 6 + 9
+    assert replace(problem, columns={}).width == 0
+    assert replace(problem, columns={"b": slice(6, 9), "a": slice(0, 6)}).width == 9
+
+
+def test_columns_of_robots_follow_all_others(problem):
+    """Those of earlier models are replaced, the others keep theirs; only with columns a robot is modelled."""
+    model = robot_model("hand", six_axis(), Parameters("prior", 0.01), Parameters("free"), (True, True))
+    assert problem.modelled("hand") is None
+    within = problem.with_models({"hand": model})
+    assert within.columns["hand_joint_offsets"] == slice(27, 33)
+    assert within.columns["hand_link_parameters"] == slice(33, 33 + model.widths["hand_link_parameters"])
+    assert within.modelled("hand") is model
+    assert within.modelled("eye") is None
+    assert within.modelled(None) is None
+    fewer = robot_model("hand", six_axis(), Parameters("prior", 0.01), Parameters())
+    again = within.with_models({"hand": fewer})
+    assert again.width == 33
+    assert again.columns.keys() == {*problem.columns, "hand_joint_offsets"}
+    assert within.with_models({}).columns == problem.columns
+    assert replace(within, columns=problem.columns).modelled("hand") is None
+
+
+def product(group, state, stops):
+    """The one equation, view by view, errors of stops and all."""
+    found = []
+    for k in range(len(group)):
+        eye, hand = group.eye_base_from_eye_flange[k], group.hand_base_from_hand_flange[k]
+        if group.eye_stop[k] >= 0:
+            eye = eye @ SE3.exp(state.stop_errors[group.eye_stop[k]] * stops.sigma[group.eye_stop[k]])
+        if group.hand_stop[k] >= 0:
+            hand = hand @ SE3.exp(state.stop_errors[group.hand_stop[k]] * stops.sigma[group.hand_stop[k]])
+        one = SE3.identity()
+        relation = (state.transforms[group.eye_base] if group.eye_base else one).inverse() @ (
+            state.transforms[group.hand_base] if group.hand_base else one
+        )
+        camera = (eye @ state.transforms[group.camera_mount]).inverse()
+        found.append(camera @ relation @ hand @ state.transforms[group.target_mount])
+    return SE3.stack(found)
+
+
+@pytest.mark.parametrize(
+    "scenario",
+    [
+        Scenario(samples=4, robot_noise=(1e-2, 2e-2)),
+        Scenario(samples=4, layout="eye_to_hand", robot_noise=(1e-2, 2e-2)),
+        Scenario(samples=4, layout="eye_in_hand", robot_noise=(1e-2, 2e-2)),
+        Scenario(samples=6, layout="chain"),
+    ],
+    ids=lambda s: s.layout,
+)
+def test_chain_is_the_one_equation(scenario):
+    """Camera from target by every factor, and each link of the chain ends where it says."""
+    made = simulate(scenario, 2)
+    problem, _ = build_problem(made.cell, made.recording)
+    state = State(made.truth, made.cameras, np.random.default_rng(1).standard_normal((len(problem.stops), 6)))
+    for group in problem.groups:
+        links, wanted = chain(group, state, problem.stops), product(group, state, problem.stops)
+        np.testing.assert_allclose(links.camera_from_target.matrix, wanted.matrix, atol=1e-12)
+        np.testing.assert_allclose(state.camera_from_target(group, problem.stops).matrix, wanted.matrix, atol=1e-12)
+        flange = links.target_from_camera @ state.transforms[group.camera_mount].inverse()
+        np.testing.assert_allclose(links.target_from_eye_flange.matrix, flange.matrix, atol=1e-12)
+        mount = state.transforms[group.target_mount].inverse()
+        np.testing.assert_allclose(links.target_from_hand_flange.matrix, mount.matrix, atol=1e-12)
+
+
+@pytest.mark.parametrize("robot", ["eye", "hand"])
+def test_kinematics_that_are_not_as_stated_move_the_flange(problem, state, made, robot):
+    """A joint that is off by 0.1 rad gives the views of a recording whose joints are off by that."""
+    stated = made.cell.robots[robot].chain
+    off = np.array([0, 0.1, 0, 0, 0, 0])
+    moved = replace(state, robots={robot: Kinematics(stated, off, np.zeros((7, 6)), np.zeros(6))})
+    (group,) = problem.groups
+    joints = getattr(group, f"{robot}_joints")
+    name = "eye_base_from_eye_flange" if robot == "eye" else "hand_base_from_hand_flange"
+    wanted = replace(group, **{name: stated.forward(joints + off)})
+    np.testing.assert_allclose(
+        moved.camera_from_target(group, problem.stops).matrix,
+        state.camera_from_target(wanted, problem.stops).matrix,
+        atol=1e-12,
+    )
+    model = robot_model(robot, stated, Parameters(), Parameters())
+    np.testing.assert_array_equal(moved.kinematics(model).offsets, off)
+    np.testing.assert_array_equal(state.kinematics(model).offsets, nominal(stated).offsets)
+
+
+def test_a_state_spread_out_is_itself_many_times(problem, state):
+    """Transforms, errors and lenses that are estimated get a batch axis, one that is known serves all."""
+    many = state.spread(problem, 3)
+    assert (state.batch, many.batch) == ((), (3,))
+    for name, transform in many.transforms.items():
+        np.testing.assert_array_equal(transform.matrix, np.stack([state.transforms[name].matrix] * 3))
+        assert many.beside_views(name).shape == (3, 1)
+        assert state.beside_views(name).shape == ()
+    np.testing.assert_array_equal(many.stop_errors, np.stack([state.stop_errors] * 3))
+    assert many.cameras["wrist"].parameters.shape == (3, 9)
+    known = replace(problem, columns={n: c for n, c in problem.columns.items() if n != "wrist"})
+    assert state.spread(known, 3).cameras["wrist"] is state.cameras["wrist"]
+
+
+def test_noise_is_where_stops_are_numbered():
+    """A number of a stop, -1 for a robot without noise, nothing without views."""
+    assert has_noise(np.array([0, 0, 1]))
+    assert not has_noise(np.array([-1, -1]))
+    assert not has_noise(np.zeros(0, dtype=np.int64))
+
+
+def test_what_carries_camera_and_target(made):
+    """A robot by its name, nothing on world; on one body a robot moves neither against the other."""
+    assert carrier(made.cell, "eye") == "eye"
+    assert carrier(made.cell, "world") is None
+    check_carriers(made.cell, "wrist", "board")
+    together = replace(made.cell, cameras={"wrist": replace(made.cell.cameras["wrist"], on="hand")})
+    with pytest.raises(InputError, match="both on 'hand'"):
+        check_carriers(together, "wrist", "board")

@@ -1,0 +1,96 @@
+"""Starts of pairs refined side by side: the best of each, whoever else is refined with it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.start.pair_views import pair_views
+from basecal.estimation.start.refinement import Refinement, pair_problem, refined_together
+from basecal.geometry import SE3
+from basecal.simulation import Scenario, simulate
+
+
+def wish(seed, views=100, starts=(0.3, 0.05), searched=False, known="", scenario=None):
+    """A pair's views, with starts so far off the truth [m, rad], and the truth of X, Y and Z."""
+    made = simulate(scenario or Scenario(samples=10), seed)
+    (group,) = build_problem(made.cell, made.recording)[0].groups
+    pair = pair_views(group, made.cameras["wrist"], views, 12)
+    names = dict(zip("xyz", (group.camera_mount, group.hand_base, group.target_mount), strict=True))
+    truth = tuple(made.truth[names[k]] for k in "xyz")
+    rng = np.random.default_rng(seed)
+    at = dict(zip("xyz", truth, strict=True))
+    away = [
+        tuple(at[k] if k in known else at[k] @ SE3.exp(off * rng.uniform(-1, 1, 6)) for k in "xyz") for off in starts
+    ]
+    loop = pair.loop(*(at[k] if k in known else None for k in "xyz"), np.zeros(len(pair.group), dtype=int))
+    return Refinement(pair, loop, away, pair.candidates is None, searched), truth
+
+
+def off(found, truth):
+    return max(
+        np.abs((a.inverse() @ b).log()[: 3 if k == 2 else 6]).max()
+        for k, (a, b) in enumerate(zip(found, truth, strict=True))
+    )
+
+
+def test_the_best_start_is_refined():
+    """A start near the truth ends at it, to 5 mm and mrad, though another start is hopeless."""
+    asked, truth = wish(1, starts=(3.0, 0.05, 3.0))
+    (found,) = refined_together([asked])
+    assert off(found, truth) < 5e-3
+
+
+def test_wishes_do_not_know_of_one_another():
+    """Pairs of different numbers of views, and one of another structure, end where each ends alone."""
+    wishes = [wish(1)[0], wish(2, views=6)[0], wish(3, known="x")[0], wish(4)[0]]
+    together = refined_together(wishes)
+    for one, found in zip(wishes, together, strict=True):
+        (alone,) = refined_together([one])
+        for a, b in zip(found, alone, strict=True):
+            np.testing.assert_allclose((a.inverse() @ b).log(), 0.0, atol=1e-7)
+
+
+def test_rotations_are_searched_where_that_is_asked_for():
+    """From hopeless starts alone the truth is found with a search, and not without one."""
+    (without,) = refined_together([wish(5, starts=(3.0,))[0]])
+    asked, truth = wish(5, starts=(3.0,), searched=True)
+    (found,) = refined_together([asked])
+    assert off(found, truth) < 5e-3 < off(without, truth)
+
+
+def test_what_is_known_stays():
+    """A mount that is known is that of the start."""
+    asked, truth = wish(6, known="x")
+    (found,) = refined_together([asked])
+    np.testing.assert_array_equal(found[0].matrix, truth[0].matrix)
+    assert off(found, truth) < 5e-3
+
+
+@pytest.mark.parametrize(("known", "is_point", "columns"), [
+    ("", False, {"x": slice(0, 6), "y": slice(6, 12), "z": slice(12, 18)}),
+    ("", True, {"x": slice(0, 6), "y": slice(6, 12), "z": slice(12, 15)}),
+    ("y", True, {"x": slice(0, 6), "z": slice(6, 9)}),
+])  # fmt: skip
+def test_a_pair_alone_has_three_unknowns(known, is_point, columns):
+    """Of a single point the mount has three columns; stops have no noise; names are those of the loop."""
+    asked, _ = wish(7, known=known, scenario=Scenario(samples=5, robot_noise=(1e-3, 1e-3)))
+    problem = pair_problem(asked.views, asked.loop, is_point)
+    assert problem.columns == columns
+    (group,) = problem.groups
+    assert (group.camera_mount, group.eye_base, group.hand_base, group.target_mount) == ("x", None, "y", "z")
+    assert set(group.eye_stop.tolist()) | set(group.hand_stop.tolist()) == {-1}
+    assert len(problem.stops) == 0
+
+
+def test_structures_are_told_apart():
+    """By camera, target's points, what is unknown, whether it is a point, and whether it is searched."""
+    same, _ = wish(1)
+    assert same.structure == wish(2, views=6)[0].structure
+    others = [
+        wish(1, known="x")[0],
+        wish(1, searched=True)[0],
+        wish(1, scenario=Scenario(samples=10, target="points"))[0],
+    ]
+    assert len({same.structure, *(other.structure for other in others)}) == 4

@@ -1,0 +1,80 @@
+"""Many recordings of one structure side by side are each as it is solved by itself."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.errors import InputError
+from basecal.estimation.least_squares.bundle_adjustment import batch_of
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import State
+from basecal.estimation.solve import solve_from
+from basecal.estimation.solve_batch import solve_batch
+from basecal.numerics.batch import stack
+from basecal.simulation import Scenario, simulate
+
+SCENARIO = Scenario(samples=8, target="points")
+
+
+def drawn(scenario, count=3):
+    """Problems of one structure, what each saw of its own, as one; and their starts at the truth of the first."""
+    made = simulate(scenario, 1)
+    problem, _ = build_problem(made.cell, made.recording)
+    (group,) = problem.groups
+    rng, problems = np.random.default_rng(0), []
+    for _ in range(count):
+        pixels = group.measurement.pixels + 0.05 * rng.standard_normal(group.measurement.pixels.shape)
+        problems.append(problem.with_groups([replace(group, measurement=replace(group.measurement, pixels=pixels))]))
+    together = problem.with_groups([stack([p.groups[0] for p in problems])])
+    start = State(made.truth, made.cameras, np.zeros((0, 6)))
+    return problems, together, start
+
+
+@pytest.mark.parametrize("stated", [True, False])
+def test_each_is_as_it_is_by_itself(stated):
+    """State and covariance to 1e-9 of their size, with the pixels' sigma stated or of each entry's own residuals."""
+    problems, together, start = drawn(replace(SCENARIO, state_pixel_noise=stated))
+    found = solve_batch(together, batch_of(problems[0], [start] * 3))
+    assert found.converged.all()
+    for row, problem in enumerate(problems):
+        alone = solve_from(problem, start)
+        size = np.sqrt(np.diag(alone.covariance))
+        np.testing.assert_allclose(
+            found.covariance[row] / np.outer(size, size),
+            alone.covariance / np.outer(size, size),
+            atol=1e-9 if stated else 2e-3,
+        )
+        for name, transform in alone.state.transforms.items():
+            off = (transform.inverse() @ found.state.transforms[name][row]).log()
+            np.testing.assert_allclose(off, 0.0, atol=1e-8)
+        assert found.dof == alone.dof
+        if stated:
+            assert found.cost[row] == pytest.approx(alone.cost, rel=1e-9)
+
+
+def test_stated_sigmas_are_taken_at_their_word():
+    """Stated, the covariance is the inverse information whatever the residuals; unstated, it goes with them."""
+    _, told, start = drawn(SCENARIO)
+    stated = solve_batch(told, batch_of(told, [start] * 3))
+    silent = solve_batch(drawn(replace(SCENARIO, state_pixel_noise=False))[1], batch_of(told, [start] * 3))
+    ratio = silent.covariance[:, 0, 0] / stated.covariance[:, 0, 0]
+    np.testing.assert_allclose(ratio, stated.cost / stated.dof, rtol=1e-6)
+
+
+def test_steps_may_be_limited():
+    """After one step from far off none has converged."""
+    problems, together, start = drawn(SCENARIO)
+    far = {name: t @ type(t).exp(np.full(6, 0.05)) for name, t in start.transforms.items()}
+    assert not solve_batch(together, batch_of(problems[0], [replace(start, transforms=far)] * 3), 1).converged.any()
+
+
+def test_residuals_of_several_kinds_are_refused():
+    """Poses whose translations and rotations state no sigma have two variances: that is done one by one."""
+    made = simulate(Scenario(samples=8, target="pose", state_observation_noise=False), 1)
+    problem, _ = build_problem(made.cell, made.recording)
+    start = State(made.truth, made.cameras, np.zeros((0, 6)))
+    with pytest.raises(InputError, match="pose_m and pose_rad"):
+        solve_batch(problem, batch_of(problem, [start] * 2))
