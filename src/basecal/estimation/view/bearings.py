@@ -2,41 +2,31 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from basecal.estimation.view.measurement import (
-    Noise,
-    ViewInformation,
-    at_most_six,
-    in_camera,
-    of_batch_rows,
-    sums_of_squares,
-)
-from basecal.estimation.view.moments import UPPER, dot, gradient_and_information, monomials
+from basecal.estimation.view.measurement import Noise, ViewInformation, at_most_six, of_batch_rows, sums_of_squares
+from basecal.estimation.view.moments import UPPER, dot
+from basecal.estimation.view.target_points import TargetPoints
 from basecal.geometry import SE3, Array, Camera, IntArray, Rows
-from basecal.numerics.batch import SHARED
 
 
 @dataclass(frozen=True, eq=False)
-class BearingMeasurement:
+class BearingMeasurement(TargetPoints):
     """Directions to a target's points, for starts: defined behind the camera too, and free of the lens's folds.
 
     Attributes:
-        points_in_target: (p, 3) [m].
         bearings_in_camera: ([b,] n, p, 3) unit.
         weight: ([b,] n, p) 1 / sigma, 0 where not seen [1/rad].
     """
 
-    points_in_target: Array = field(metadata=SHARED)
     bearings_in_camera: Array
     weight: Array
 
     def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
         """See `Measurement`; the residual is the chord between seen and predicted unit vectors."""
-        points = in_camera(camera_from_target, self.points_in_target)
+        points = self.in_camera(camera_from_target)
         axes = [points[..., i] for i in range(3)]
         norm = np.maximum(np.sqrt(dot(axes, axes)), 1e-12)
         unit = [axis / norm for axis in axes]
@@ -47,14 +37,7 @@ class BearingMeasurement:
         forces = (scale * (c - u * along) for c, u in zip(chord, unit, strict=True))
         scale2 = scale * scale
         squares = (scale2 * (float(i == j) - unit[i] * unit[j]) for i, j in UPPER)
-        return ViewInformation(
-            sums_of_squares(chord),
-            *gradient_and_information(forces, squares, camera_from_target.rotation, self._monomials),
-        )
-
-    @cached_property
-    def _monomials(self) -> Array:
-        return monomials(self.points_in_target)
+        return self.information(sums_of_squares(chord), forces, squares, camera_from_target.rotation)
 
     def squares(self, camera_from_target: SE3, camera: Camera | None) -> dict[str, float]:
         """See `Measurement`; its weights are its own."""
@@ -63,10 +46,6 @@ class BearingMeasurement:
     def with_noise(self, noise: Noise) -> BearingMeasurement:
         """See `Measurement`; its weights are its own."""
         return self
-
-    def take(self, views: Rows) -> BearingMeasurement:
-        """See `Measurement`."""
-        return replace(self, bearings_in_camera=self.bearings_in_camera[views], weight=self.weight[views])
 
     def of_batch(self, rows: Rows) -> BearingMeasurement:
         """See `Measurement`."""

@@ -80,13 +80,6 @@ def information_of(residual: Array, jacobian: Array) -> ViewInformation:
     )
 
 
-def in_camera(camera_from_target: SE3, points_in_target: Array) -> Array:
-    """Points in the camera, (..., n, p, 3), those of one coordinate side by side in memory."""
-    by_axis = np.moveaxis(camera_from_target.rotation, -2, 0) @ points_in_target.T
-    by_axis += np.moveaxis(camera_from_target.translation, -1, 0)[..., None]
-    return np.moveaxis(by_axis, 0, -1)
-
-
 def of_batch_rows(values: Array, rows: Rows, axes: int) -> Array:
     """The rows of a batch, of values that have so many axes without one."""
     return values[rows] if values.ndim > axes else values

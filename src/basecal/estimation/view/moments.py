@@ -46,7 +46,7 @@ def gradient_and_information(
     """
     shape, flat = rotation.shape[:-2], rotation.reshape(-1, 3, 3)
     first = np.swapaxes(flat, -1, -2) @ _moments(forces, of_points[:, :4])
-    # What takes the upper half of a symmetric M to that of R'MR, (n, 6, 6)
+    # What takes the upper half of a symmetric M to that of R'MR, (n, 6, 6).
     entries = flat.reshape(-1, 9)
     carried = entries[:, _LEFT] * entries[:, _RIGHT]
     carried += entries[:, _LEFT_SWAPPED] * entries[:, _RIGHT_SWAPPED]

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,24 +11,22 @@ from basecal.estimation.view.measurement import (
     Noise,
     ViewInformation,
     at_most_six,
-    in_camera,
     information_of,
     of_batch_rows,
     sums_of_squares,
 )
-from basecal.estimation.view.moments import UPPER, dot, gradient_and_information, monomials
+from basecal.estimation.view.moments import UPPER, dot
+from basecal.estimation.view.target_points import TargetPoints, needed
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray, Rows
-from basecal.numerics.batch import SHARED
 
 _CHUNK_POINTS = 7200  # points whose arrays, about 2 MB in all, stay in a core's cache
 
 
 @dataclass(frozen=True, eq=False)
-class PixelMeasurement:
+class PixelMeasurement(TargetPoints):
     """Pixels of a target's points.
 
     Attributes:
-        points_in_target: (p, 3) [m].
         pixels: ([b,] n, p, 2) [px]; anything finite where not seen.
         seen: (n, p).
         stated: (n, p) 1 / sigma where a sigma was stated, else 0 [1/px].
@@ -38,7 +35,6 @@ class PixelMeasurement:
         relative: (n, p) 1 / sigma of points without a stated one over that of `Noise.pixel_px`; None for 1 everywhere.
     """
 
-    points_in_target: Array = field(metadata=SHARED)
     pixels: Array
     seen: BoolArray
     stated: Array
@@ -51,7 +47,7 @@ class PixelMeasurement:
 
         Many views go in chunks that stay in the processor's cache, which halves the time.
         """
-        assert camera is not None
+        camera = needed(camera)
         *batch, count = camera_from_target.shape
         points = max(len(self.points_in_target), 1) * (count if batch else 1)
         size = max(1, _CHUNK_POINTS // max(points, 1))
@@ -70,7 +66,7 @@ class PixelMeasurement:
         return ViewInformation(*(np.concatenate(field) for field in zip(*parts, strict=True)))
 
     def _linearise(self, camera_from_target: SE3, camera: Camera, lens: bool) -> ViewInformation:
-        points = in_camera(camera_from_target, self.points_in_target)
+        points = self.in_camera(camera_from_target)
         pixels, by_point, by_lens = camera.project_with_derivatives(points, lens)
         residual = [(pixels[..., i] - self.pixels[..., i]) * self.weight for i in range(2)]
         cost = sums_of_squares(residual)
@@ -79,13 +75,7 @@ class PixelMeasurement:
         columns = [[by_point[..., i, j] * self.weight for i in range(2)] for j in range(3)]
         forces = (dot(column, residual) for column in columns)
         squares = (dot(columns[i], columns[j]) for i, j in UPPER)
-        return ViewInformation(
-            cost, *gradient_and_information(forces, squares, camera_from_target.rotation, self._monomials)
-        )
-
-    @cached_property
-    def _monomials(self) -> Array:
-        return monomials(self.points_in_target)
+        return self.information(cost, forces, squares, camera_from_target.rotation)
 
     def _with_jacobian(
         self, rotation: Array, residual: Array, by_point: Array, by_lens: Array | None
@@ -110,14 +100,13 @@ class PixelMeasurement:
 
     def residual_px(self, camera_from_target: SE3, camera: Camera) -> Array:
         """Predicted minus seen pixels, (n, p, 2) [px]; NaN where not seen."""
-        residual = camera.project(in_camera(camera_from_target, self.points_in_target)) - self.pixels
+        residual = camera.project(self.in_camera(camera_from_target)) - self.pixels
         return np.where(self.seen[..., None], residual, np.nan)
 
     def squares(self, camera_from_target: SE3, camera: Camera | None) -> dict[str, float]:
         """See `Measurement`."""
-        assert camera is not None
         unstated = self.weight * (self.stated == 0)
-        residual = np.nan_to_num(self.residual_px(camera_from_target, camera)) * unstated[..., None]
+        residual = np.nan_to_num(self.residual_px(camera_from_target, needed(camera))) * unstated[..., None]
         return {"pixel_px": float(np.sum(residual**2))}
 
     def thinned(self, most: int) -> PixelMeasurement:
@@ -133,25 +122,11 @@ class PixelMeasurement:
         relative = 1.0 if self.relative is None else self.relative
         return replace(self, weight=self.stated + unstated * relative / noise.pixel_px)
 
-    def take(self, views: Rows) -> PixelMeasurement:
-        """See `Measurement`."""
-        return replace(
-            self,
-            pixels=self.pixels[views],
-            seen=self.seen[views],
-            stated=self.stated[views],
-            weight=self.weight[views],
-            relative=None if self.relative is None else self.relative[views],
-        )
-
     def of_batch(self, rows: Rows) -> PixelMeasurement:
         """See `Measurement`."""
         seen = self.seen[rows] if self.seen.ndim > 2 else self.seen
-        pixels, stated, weight = (
-            of_batch_rows(self.pixels, rows, 3),
-            of_batch_rows(self.stated, rows, 2),
-            of_batch_rows(self.weight, rows, 2),
-        )
+        pixels, stated = of_batch_rows(self.pixels, rows, 3), of_batch_rows(self.stated, rows, 2)
+        weight = of_batch_rows(self.weight, rows, 2)
         relative = None if self.relative is None else of_batch_rows(self.relative, rows, 2)
         return replace(self, pixels=pixels, seen=seen, stated=stated, weight=weight, relative=relative)
 

@@ -9,6 +9,7 @@ import numpy as np
 from basecal.estimation.view.measurement import Measurement
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement
+from basecal.estimation.view.target_points import needed
 from basecal.geometry import SE3, Array, BoolArray, Camera
 
 
@@ -37,18 +38,14 @@ def point_jacobians(
         camera_from_target.rotation, -1, -2
     )
     if isinstance(measurement, PointMeasurement):
-        off, by_point, by_lens = (
-            points - measurement.points_in_camera,
-            np.broadcast_to(np.eye(3), (*points.shape, 3)),
-            None,
-        )
+        off, by_lens = points - measurement.points_in_camera, None
+        by_point: Array = np.broadcast_to(np.eye(3), (*points.shape, 3))
     else:
-        assert camera is not None
-        pixels, by_point, by_lens = camera.project_with_derivatives(points, lens)
+        pixels, by_point, by_lens = needed(camera).project_with_derivatives(points, lens)
         off = pixels - measurement.pixels
     seen = measurement.seen & (measurement.weight > 0) & np.isfinite(off).all(-1)
     weight = np.where(seen, measurement.weight, 0.0)[..., None]
-    # Derivative of f(camera_from_target @ p) by the pose's tangent, (n, p, d, 6), from df/dp, (n, p, d, 3)
+    # Derivative of f(camera_from_target @ p) by the pose's tangent, (n, p, d, 6), from df/dp, (n, p, d, 3).
     shift = by_point @ camera_from_target.rotation[:, None]
     by_pose = np.concatenate([shift, np.cross(measurement.points_in_target[:, None], shift)], -1)
     jacobian = by_pose if by_lens is None else np.concatenate([by_pose, by_lens], -1)

@@ -1,0 +1,58 @@
+"""What all measurements of a target's points have in common: their model in the camera, and sums over them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+
+from basecal.errors import InputError
+from basecal.estimation.view.measurement import ViewInformation
+from basecal.estimation.view.moments import gradient_and_information, monomials
+from basecal.geometry import SE3, Array, Camera, Rows
+from basecal.numerics.batch import SHARED, take
+
+
+@dataclass(frozen=True, eq=False)
+class TargetPoints:
+    """Points of one target as one camera measured them in some views.
+
+    Attributes:
+        points_in_target: (p, 3) [m].
+    """
+
+    points_in_target: Array = field(metadata=SHARED)
+
+    def in_camera(self, camera_from_target: SE3) -> Array:
+        """Points in the camera, (..., n, p, 3), those of one coordinate side by side in memory."""
+        by_axis = np.moveaxis(camera_from_target.rotation, -2, 0) @ self.points_in_target.T
+        by_axis += np.moveaxis(camera_from_target.translation, -1, 0)[..., None]
+        return np.moveaxis(by_axis, 0, -1)
+
+    def information(
+        self, cost: Array, forces: Iterable[Array], squares: Iterable[Array], rotation: Array
+    ) -> ViewInformation:
+        """What views say whose cost is known, by the sums of `gradient_and_information` over their points."""
+        return ViewInformation(cost, *gradient_and_information(forces, squares, rotation, self._monomials))
+
+    @cached_property
+    def _monomials(self) -> Array:
+        return monomials(self.points_in_target)
+
+    def take(self, views: Rows) -> Self:
+        """See `Measurement`."""
+        return take(self, views)
+
+
+def needed(camera: Camera | None) -> Camera:
+    """The camera, without which pixels say nothing.
+
+    Raises:
+        InputError: if there is none.
+    """
+    if camera is None:
+        raise InputError("pixels say nothing without the camera's lens")
+    return camera

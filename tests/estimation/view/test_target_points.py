@@ -1,0 +1,46 @@
+"""What all measurements of a target's points have in common."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.errors import InputError
+from basecal.estimation.view.bearings import BearingMeasurement
+from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.geometry import SE3
+
+POINTS = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.2, 0.0], [0.1, 0.2, 0.05]])
+
+
+def bearings(views: int) -> BearingMeasurement:
+    seen = np.random.default_rng(0).normal(size=(views, len(POINTS), 3))
+    return BearingMeasurement(
+        POINTS, seen / np.linalg.norm(seen, axis=-1, keepdims=True), np.ones((views, len(POINTS)))
+    )
+
+
+def test_points_are_carried_by_each_pose():
+    """A view's points in the camera are those of the target under its own pose."""
+    poses = SE3.exp(np.random.default_rng(1).normal(size=(3, 6)))
+    at = bearings(3).in_camera(poses)
+    assert all(np.allclose(at[k], poses[k] @ POINTS, rtol=0, atol=1e-14) for k in range(3))
+
+
+def test_views_are_taken_and_points_stay():
+    """Rows choose views: what was seen follows them, the target's points are shared."""
+    whole = bearings(4)
+    some = whole.take(np.array([2, 0]))
+    assert some.points_in_target is whole.points_in_target
+    assert np.array_equal(some.bearings_in_camera, whole.bearings_in_camera[[2, 0]])
+    assert np.array_equal(some.weight, whole.weight[[2, 0]])
+
+
+def test_pixels_need_a_lens():
+    """Without the camera pixels say nothing, which is an error and no number."""
+    everywhere = np.ones((1, len(POINTS)), dtype=bool)
+    pixels = PixelMeasurement(POINTS, np.zeros((1, len(POINTS), 2)), everywhere, 1.0 * everywhere, 1.0 * everywhere)
+    with pytest.raises(InputError, match="lens"):
+        pixels.linearise(SE3.exp(np.zeros((1, 6))), None, False)
+    with pytest.raises(InputError, match="lens"):
+        pixels.squares(SE3.exp(np.zeros((1, 6))), None)
