@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -19,6 +19,7 @@ from basecal.accuracy.phrases.null_space import describe_null_space
 from basecal.accuracy.phrases.outlier import described_outlier
 from basecal.accuracy.residuals.fit import residuals
 from basecal.accuracy.robot_parameters import deflection, joint_offsets, link_parameters
+from basecal.accuracy.systematic_errors.search import systematic_error
 from basecal.cell import Calibration, Cell, Finding, Recording, Residuals
 from basecal.cell.calibration import Verdict
 from basecal.estimation.outliers.noise_and_outliers import is_as_of_arms, solve_with_noise, with_noise
@@ -68,12 +69,14 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
         robust = solve_with_noise(cell, settings, plain, noisy)
     with settings.stage("robot model"):
         model = choose_robot_model(robust.solution, stated)
-    return _judged(cell, problem, robust, model, settings, findings)
+    stamps = {s.sample: s.stamp_s for s in recording.samples if s.stamp_s is not None}
+    return _judged(cell, problem, stamps, robust, model, settings, findings)
 
 
 def _judged(
     cell: Cell,
     recorded: Problem,
+    stamps: Mapping[int, float],
     robust: RobustSolution,
     model: RobotModelChoice | None,
     settings: Settings,
@@ -87,7 +90,9 @@ def _judged(
         fit = residuals(solution, robust.left_out)
     with settings.stage("cross-validation"):
         validated = cross_validate(solution, cell.asked, stated)
-    evidence = Evidence(cell, settings, recorded, robust, solution, fit, validated, model)
+    with settings.stage("systematic errors"):
+        found = systematic_error(solution, recorded, stamps, settings)
+    evidence = Evidence(cell, settings, recorded, robust, solution, fit, validated, model, found)
     with settings.stage("findings"):
         findings += [finding for check in ANSWER_CHECKS for finding in check(evidence)]
     return replace(

@@ -1,0 +1,97 @@
+"""`length-scale`, `clock-offset`, `base-moved`, `drift`, `deflection`: errors that are no noise, and how large."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from basecal.accuracy.findings.evidence import Evidence
+from basecal.accuracy.systematic_errors.search import SystematicError
+from basecal.cell import Finding
+from basecal.geometry import Array
+
+_AGAIN = "calibrate again when it is mended: the answer and its covariance leave it out"
+
+
+def systematic_error(of: Evidence) -> list[Finding]:
+    """A warning that names what explains the residuals far better than noise; see `accuracy.systematic_errors`."""
+    return [] if of.systematic_error is None else [_WORDS[of.systematic_error.code](of.systematic_error)]
+
+
+def _length_scale(found: SystematicError) -> Finding:
+    percent, sigma = 100 * found.size[0], 100 * found.sigma
+    amount = f"{_rounded(abs(percent), sigma)} %"
+    if found.is_target:
+        what = f"{found.about} is {amount} {'larger' if percent > 0 else 'smaller'} than stated: measure its print"
+    else:
+        what = (
+            f"poses of {found.about} are {amount} too {'short' if percent > 0 else 'long'}: check its kinematic "
+            "calibration and the length of its tool, and that the target is printed to scale"
+        )
+    return Finding("length-scale", "warning", (found.about,), f"{what}; {_AGAIN}")
+
+
+def _clock_offset(found: SystematicError) -> Finding:
+    factor, unit = (1e3, "ms") if found.unit == "s" else (1.0, "samples")
+    value, sigma = factor * found.size[0], factor * found.sigma
+    late = value < 0 if found.is_camera else value > 0
+    what = (
+        f"{'images' if found.is_camera else 'poses'} of {found.about} {'lag behind' if late else 'run ahead of'} the "
+        f"other devices by {_rounded(abs(value), sigma)} {unit}: record while all stand still, or correct the stamps"
+    )
+    return Finding("clock-offset", "warning", (found.about,), f"{what}; {_AGAIN}")
+
+
+def _base_moved(found: SystematicError) -> Finding:
+    what = (
+        f"{found.about} moved by {_tangent(found)} at about sample {found.since}: look what was bumped, loosened or "
+        "exchanged there, and calibrate the parts of the recording by themselves"
+    )
+    return Finding("base-moved", "warning", (found.about,), what)
+
+
+def _drift(found: SystematicError) -> Finding:
+    what = (
+        f"{found.about} drifts, by {_tangent(found)} from the first sample to the last: let robots and camera warm up, "
+        "and look for a mount that creeps"
+    )
+    return Finding("drift", "warning", (found.about,), f"{what}; {_AGAIN}")
+
+
+def _deflection(found: SystematicError) -> Finding:
+    bend, sigma = _length(1e3 * found.size, 1e6 * found.covariance)
+    what = (
+        f"{found.about} bends by {_rounded(bend, sigma)} mrad per metre of reach: record its joints and estimate its "
+        "`deflection`, or record where it will work"
+    )
+    return Finding("deflection", "warning", (found.about,), f"{what}; {_AGAIN}")
+
+
+def _tangent(found: SystematicError) -> str:
+    shift = _rounded(*_length(1e3 * found.size[:3], 1e6 * found.covariance[:3, :3]))
+    per_rad = 180 / np.pi
+    turn = _rounded(*_length(per_rad * found.size[3:], per_rad**2 * found.covariance[3:, 3:]))
+    return f"{shift} mm and {turn} deg"
+
+
+def _length(values: Array, covariance: Array) -> tuple[float, float]:
+    """Length of a vector, and its sigma."""
+    length = float(np.linalg.norm(values))
+    along = values / max(length, 1e-300)
+    return length, float(np.sqrt(max(float(along @ covariance @ along), 0.0)))
+
+
+def _rounded(value: float, sigma: float) -> str:
+    """A value with its sigma to two digits."""
+    digits = int(np.clip(1 - np.floor(np.log10(max(sigma, 1e-9))), 0, 9))
+    return f"{value:.{digits}f} +/- {sigma:.{digits}f}"
+
+
+_WORDS: dict[str, Callable[[SystematicError], Finding]] = {
+    "length-scale": _length_scale,
+    "clock-offset": _clock_offset,
+    "base-moved": _base_moved,
+    "drift": _drift,
+    "deflection": _deflection,
+}

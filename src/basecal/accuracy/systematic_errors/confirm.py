@@ -1,0 +1,76 @@
+"""Whether blocks of the recording that were held out are predicted better with an error than without it.
+
+Blocks of time and of configuration, not samples at random: neighbours in either share what errors they have, and would
+vouch for one another. All to second order about the solution, where the sizes are small.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from basecal.accuracy.systematic_errors.candidates import Candidates
+from basecal.accuracy.systematic_errors.score_tests import Linearised, linearised, score, sums
+from basecal.accuracy.systematic_errors.situation import Situation
+from basecal.geometry import Array, BoolArray, IntArray
+from basecal.numerics.spectral import spectrum
+
+_BLOCKS = 5
+
+
+def confirmed(of: Situation, candidate: Candidates) -> bool:
+    """Whether one error predicts held-out blocks better, those of time and those of configuration."""
+    return all(_gain(of, candidate, blocks) > 0 for blocks in (_in_time(of), _in_configuration(of)))
+
+
+def _gain(of: Situation, candidate: Candidates, blocks: IntArray) -> float:
+    """How much less minus twice the log likelihood of held-out samples is, summed over blocks of `samples`, (n,)."""
+    total = 0.0
+    for held in _held(blocks):
+        outside = [held[of.rank(group)] for group in of.problem.groups]
+        used = linearised(of.problem, of.state, [np.where(h, 0.0, 1.0) for h in outside])
+        left = linearised(of.problem, of.state, [np.where(h, 1.0, 0.0) for h in outside])
+        size = score(used, candidate).size[0]
+        none = np.zeros(len(size))
+        total += _cost(left, candidate, _step(used, candidate, none), none)
+        total -= _cost(left, candidate, _step(used, candidate, size), size)
+    return total
+
+
+def _held(blocks: IntArray) -> Iterator[BoolArray]:
+    for block in np.unique(blocks):
+        yield blocks == block
+
+
+def _step(used: Linearised, candidate: Candidates, size: Array) -> Array:
+    """The most likely step of the unknowns, (p,), with an error of a size, (q,)."""
+    across = sums(used, candidate)[1][0]
+    step: Array = -spectrum(used.normal.hessian).inverse @ (used.normal.gradient + across.T @ size)
+    return step
+
+
+def _cost(left: Linearised, candidate: Candidates, step: Array, size: Array) -> float:
+    """Minus twice the log likelihood of views after a step of unknowns and sizes, but for what both have in common."""
+    gradient, across, information = (each[0] for each in sums(left, candidate))
+    of_step = 2 * left.normal.gradient @ step + step @ left.normal.hessian @ step
+    return float(of_step + 2 * gradient @ size + 2 * size @ across @ step + size @ information @ size)
+
+
+def _in_time(of: Situation) -> IntArray:
+    count = len(of.samples)
+    return np.arange(count) * _BLOCKS // max(count, 1)
+
+
+def _in_configuration(of: Situation) -> IntArray:
+    """Blocks along the direction in which the arms' places spread most."""
+    places = np.zeros((len(of.samples), 3 * len(of.robots)))
+    for i, robot in enumerate(of.robots):
+        for k, group in enumerate(of.problem.groups):
+            if robot in (group.eye, group.hand):
+                places[of.rank(group), 3 * i : 3 * i + 3] = of.recorded_pose(k, robot).translation
+    centred = places - places.mean(0)
+    along = centred @ np.linalg.svd(centred, full_matrices=False)[2][0] if places.size else np.zeros(len(places))
+    blocks = np.empty(len(places), dtype=np.int64)
+    blocks[np.argsort(along, kind="stable")] = _in_time(of)
+    return blocks

@@ -1,0 +1,119 @@
+"""Score tests at a solution: whether one more unknown would find anything, without solving for it.
+
+With g the gradient and H the information of views, D how they move with the unknowns and E with the error, all that the
+unknowns and the stops' errors can take up projected out, U = E'g - E'HD (D'HD)^+ D'g has the covariance
+P = E'HE - E'HD (D'HD)^+ D'HE, and U'P^-1 U is chi-square where there is no such error. Source: Rao 1948.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import chdtrc
+
+from basecal.accuracy.systematic_errors.candidates import Candidates
+from basecal.estimation.least_squares.normal_equations import LinearisedViews, NormalEquations, linearise
+from basecal.estimation.problem.problem import Problem, State
+from basecal.geometry import Array, IntArray
+from basecal.numerics.spectral import spectrum
+
+_HIDDEN = 1e-4  # share of an error's information that the unknowns leave, below which it stands for one of them
+_LEAST = 1e-300  # a probability that is no number any more
+
+
+@dataclass(frozen=True, eq=False)
+class Score:
+    """What b errors of one kind, each of q sizes, would find.
+
+    Attributes:
+        gradient: (b, q), the unknowns projected out.
+        information: (b, q, q) likewise.
+        statistic: (b,) chi-square where there is none.
+        freedoms: (b,).
+        size: (b, q) most likely sizes to first order.
+    """
+
+    gradient: Array
+    information: Array
+    statistic: Array
+    freedoms: IntArray
+    size: Array
+
+    @property
+    def log_chance(self) -> Array:
+        """(b,) logarithm of the chance of a statistic so large or larger."""
+        chance = chdtrc(np.maximum(self.freedoms, 1), self.statistic)
+        # Far out the tail is exp(-x / 2) x^(q / 2 - 1), of which the first factor is all that counts here.
+        far = -0.5 * self.statistic + (0.5 * self.freedoms - 1) * np.log(np.maximum(0.5 * self.statistic, 1.0))
+        return np.where(self.freedoms > 0, np.where(chance > _LEAST, np.log(np.maximum(chance, _LEAST)), far), 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """A problem to second order about a state, with views that count as weighed."""
+
+    problem: Problem
+    normal: NormalEquations
+    views: tuple[LinearisedViews, ...]
+
+
+def linearised(problem: Problem, state: State, weights: Sequence[Array] | None = None) -> Linearised:
+    """The problem about a state; `weights` by group, (n,), say what each view counts."""
+    normal = linearise(problem, state, weights)
+    views = normal.views
+    if weights is not None:
+        views = tuple(of.weighted(w) for of, w in zip(views, weights, strict=True))
+    return Linearised(problem, normal, views)
+
+
+def score(of: Linearised, candidates: Candidates) -> Score:
+    """The score tests of errors of one kind."""
+    gradient, across, information = sums(of, candidates)
+    inverse = spectrum(of.normal.hessian).inverse
+    back = across @ inverse
+    gradient = gradient - back @ of.normal.gradient
+    left = information - back @ np.swapaxes(across, -1, -2)
+    return _tested(gradient, 0.5 * (left + np.swapaxes(left, -1, -2)), information)
+
+
+def _tested(gradient: Array, left: Array, whole: Array) -> Score:
+    size = np.sqrt(np.maximum(np.diagonal(whole, axis1=-2, axis2=-1), 0.0))
+    scale = np.where(size > 0, 1 / np.where(size > 0, size, 1.0), 0.0)
+    values, vectors = np.linalg.eigh(left * scale[..., :, None] * scale[..., None, :])
+    kept = values > _HIDDEN
+    along = (np.swapaxes(vectors, -1, -2) @ (gradient * scale)[..., None])[..., 0]
+    over = np.where(kept, along / np.where(kept, values, 1.0), 0.0)
+    statistic = np.sum(over * along, -1)
+    sizes = -scale * (vectors @ over[..., None])[..., 0]
+    return Score(gradient, left, statistic, kept.sum(-1).astype(np.int64), sizes)
+
+
+def sums(of: Linearised, candidates: Candidates) -> tuple[Array, Array, Array]:
+    """Gradient (b, q), information with the unknowns (b, q, p) and with one another (b, q, q), stops eliminated."""
+    _, b, _, q = candidates.moves[0].shape
+    gradient, information = np.zeros((b, q)), np.zeros((b, q, q))
+    across = np.zeros((b, q, of.problem.width))
+    system = of.normal.system
+    tied = np.zeros((0 if system is None else len(system.precision), 6, b, q))
+    for views, moves in zip(of.views, candidates.moves, strict=True):
+        own = views.information[:, :6, :6]
+        carried = own[:, None] @ moves
+        gradient += np.einsum("nbiq,ni->bq", moves, views.gradient[:, :6])
+        information += np.einsum("nbiq,nbir->bqr", moves, carried)
+        by_unknowns = (views.information @ views.by_unknowns)[:, :6]
+        across[..., views.columns] += np.tensordot(moves, by_unknowns, ((0, 2), (0, 1)))
+        for part in views.shared:
+            pull = np.swapaxes(part.by_error, -1, -2) @ views.information[part.view][:, :, :6]
+            np.add.at(tied, part.stop, np.moveaxis(pull[:, None] @ moves[part.view], 1, 2))
+    if system is not None:
+        flat = tied.reshape(-1, b * q)
+        if system.factor is None:
+            solved = np.linalg.solve(system.precision, tied.reshape(len(tied), 6, b * q)).reshape(flat.shape)
+        else:
+            solved = system.factor.solve(flat)
+        gradient -= (system.solution[:, -1] @ flat).reshape(b, q)
+        across -= (flat.T @ system.solution[:, :-1]).reshape(b, q, -1)
+        information -= np.einsum("kbq,kbr->bqr", flat.reshape(-1, b, q), solved.reshape(-1, b, q))
+    return gradient, across, information

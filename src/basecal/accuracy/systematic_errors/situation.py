@@ -1,0 +1,144 @@
+"""A solved problem as systematic errors see it: how views move with flanges and frames, and when they were taken."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from basecal.estimation.problem.problem import Chain, Problem, State, ViewGroup, chain
+from basecal.geometry import SE3, Array, IntArray
+
+# The root of the mean square of how far poses are off the middle of their neighbours, over half of how far these are
+# apart: 1.7 of poses in no order, near 0 on a smooth path.
+_SMOOTH = 0.5
+_FEWEST_ON_PATH = 8
+_ARM_M = 0.5  # what angles count as, beside lengths [m/rad]
+
+
+@dataclass(frozen=True, eq=False)
+class Situation:
+    """A solved problem.
+
+    Attributes:
+        problem: With the noise in use.
+        state: Its optimum.
+        recorded: The problem as it was recorded, outliers among it.
+        stamps: Time of each sample by number [s]; of those that have one.
+    """
+
+    problem: Problem
+    state: State
+    recorded: Problem
+    stamps: Mapping[int, float]
+
+    @cached_property
+    def links(self) -> tuple[Chain, ...]:
+        """By group, the factors of `camera_from_target`."""
+        return tuple(chain(group, self.state, self.problem.stops) for group in self.problem.groups)
+
+    @cached_property
+    def samples(self) -> IntArray:
+        """Numbers of all recorded samples in their order in time."""
+        numbers = np.unique(np.concatenate([g.sample for g in self.recorded.groups]))
+        return numbers[np.argsort([self.stamps.get(int(n), 0.0) for n in numbers], kind="stable")]
+
+    @cached_property
+    def timed(self) -> bool:
+        """Whether all samples have a time, and not all the same."""
+        times = {self.stamps.get(int(n)) for n in self.samples}
+        return None not in times and len(times) > 1
+
+    @cached_property
+    def times(self) -> Array:
+        """Of `samples`: their times [s], or their order."""
+        if not self.timed:
+            return np.arange(len(self.samples), dtype=np.float64)
+        return np.array([self.stamps[int(n)] for n in self.samples], dtype=np.float64)
+
+    def rank(self, group: ViewGroup) -> IntArray:
+        """Where the samples of a group's views stand in `samples`, (n,)."""
+        order = np.argsort(self.samples)
+        return np.asarray(order[np.searchsorted(self.samples[order], group.sample)], dtype=np.int64)
+
+    @cached_property
+    def robots(self) -> tuple[str, ...]:
+        """Names of the robots that stood in more than one place."""
+        stands: dict[str, set[int]] = {}
+        for g in self.problem.groups:
+            for robot, stand in ((g.eye, g.eye_stand), (g.hand, g.hand_stand)):
+                if robot is not None:
+                    stands.setdefault(robot, set()).update(stand.tolist())
+        return tuple(sorted(robot for robot, seen in stands.items() if len(seen) > 1))
+
+    @cached_property
+    def frames(self) -> tuple[str, ...]:
+        """Names of the transforms that views depend on: mounts and bases."""
+        names = [n for g in self.problem.groups for n in (g.eye_base, g.hand_base, g.camera_mount, g.target_mount) if n]
+        return tuple(dict.fromkeys(names))
+
+    def by_flange(self, k: int, robot: str) -> Array:
+        """How views of a group move with a right tangent of a robot's flange, (n, 6, 6)."""
+        group, links = self.problem.groups[k], self.links[k]
+        out = np.zeros((len(group), 6, 6))
+        if group.eye == robot:
+            out -= links.target_from_eye_flange.adjoint()
+        if group.hand == robot:
+            out += links.target_from_hand_flange.adjoint()
+        return out
+
+    def by_frame(self, k: int, name: str) -> Array:
+        """How views of a group move with a right tangent of a transform, (n, 6, 6)."""
+        group, links = self.problem.groups[k], self.links[k]
+        out = np.zeros((len(group), 6, 6))
+        for mine, sign, link in (
+            (group.camera_mount, -1.0, links.target_from_camera),
+            (group.eye_base, -1.0, links.target_from_eye_base),
+            (group.hand_base, 1.0, links.target_from_hand_base),
+        ):
+            if mine == name:
+                out += sign * link.adjoint()
+        return out + np.eye(6) if group.target_mount == name else out
+
+    def recorded_pose(self, k: int, robot: str) -> SE3:
+        """Poses of a robot's flange in a group's views, (n,); identity where it carries nothing there."""
+        group = self.problem.groups[k]
+        if group.eye == robot:
+            return group.eye_base_from_eye_flange
+        return group.hand_base_from_hand_flange if group.hand == robot else SE3.identity((len(group),))
+
+    def velocity(self, robot: str) -> Array | None:
+        """Body velocity of a robot at each of `samples`, (n, 6) by unit of `times`; None off a path."""
+        where, poses = self._path(robot)
+        if len(where) < _FEWEST_ON_PATH:
+            return None
+        times = self.times[where]
+        before, after = np.maximum(np.arange(len(where)) - 1, 0), np.minimum(np.arange(len(where)) + 1, len(where) - 1)
+        apart = (poses[before].inverse() @ poses[after]).log()
+        middle = poses[before] @ SE3.exp(0.5 * apart)
+        off = (middle.inverse() @ poses).log()[1:-1]
+        if not _size(off) < _SMOOTH * 0.5 * _size(apart[1:-1]):
+            return None
+        span = times[after] - times[before]
+        out = np.zeros((len(self.samples), 6))
+        out[where] = np.where(span > 0, 1 / np.where(span > 0, span, 1.0), 0.0)[:, None] * apart
+        return out
+
+    def _path(self, robot: str) -> tuple[IntArray, SE3]:
+        """Recorded poses of a robot in their order, and where they stand in `samples`."""
+        rotation, translation = np.zeros((len(self.samples), 3, 3)), np.zeros((len(self.samples), 3))
+        seen = np.zeros(len(self.samples), dtype=bool)
+        for g in self.recorded.groups:
+            for name, poses in ((g.eye, g.eye_base_from_eye_flange), (g.hand, g.hand_base_from_hand_flange)):
+                if name == robot:
+                    at = self.rank(g)
+                    rotation[at], translation[at], seen[at] = poses.rotation, poses.translation, True
+        where = np.flatnonzero(seen).astype(np.int64)
+        return where, SE3(rotation[where], translation[where])
+
+
+def _size(tangents: Array) -> float:
+    """Root of the mean square, angles by an arm's length [m]."""
+    return float(np.sqrt(np.mean(np.sum((tangents * np.repeat([1.0, _ARM_M], 3)) ** 2, -1))))

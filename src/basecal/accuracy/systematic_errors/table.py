@@ -1,0 +1,107 @@
+"""The systematic errors that are looked for: a new one is a function, a line of `TABLE`, and words in the findings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from basecal.accuracy.systematic_errors.candidates import Candidates
+from basecal.accuracy.systematic_errors.situation import Situation
+from basecal.geometry import Array
+from basecal.geometry.se3 import hat
+
+_MOST_SPLITS = 32  # of a recording in time: where a step is looked for
+_LEAST_SIDE = 3  # samples before and after a step
+_FEWEST_IN_TIME = 6  # samples that may drift
+
+
+def length_scales(of: Situation) -> Iterator[Candidates]:
+    """Each robot's poses too short; with two robots and more the target's, too, by a fraction."""
+    for robot in of.robots:
+        yield _one("length-scale", robot, "", tuple(_shorter(of, k, robot) for k in range(len(of.problem.groups))))
+    if len(of.robots) < 2:
+        return  # a robot too short is then all else too long
+    for target in sorted({g.target for g in of.problem.groups}):
+        yield _one("length-scale", target, "", tuple(_larger(of, k, target) for k in range(len(of.problem.groups))))
+
+
+def _shorter(of: Situation, k: int, robot: str) -> Array:
+    pose = of.recorded_pose(k, robot)
+    outward = np.zeros((len(of.problem.groups[k]), 6, 1))
+    outward[:, :3] = np.swapaxes(pose.rotation, -1, -2) @ pose.translation[..., None]
+    return of.by_flange(k, robot) @ outward
+
+
+def _larger(of: Situation, k: int, target: str) -> Array:
+    """A target that is larger than stated stands further away, since its image is as large."""
+    group = of.problem.groups[k]
+    away = np.zeros((len(group), 6, 1))
+    if group.target == target:
+        away[:, :3] = -of.links[k].target_from_camera.translation[..., None]
+    return away
+
+
+def clock_offsets(of: Situation) -> Iterator[Candidates]:
+    """Clocks of each camera against all robots, and of each robot against the others, where arms move along paths."""
+    velocity = {robot: of.velocity(robot) for robot in of.robots}
+    paths = {robot: v for robot, v in velocity.items() if v is not None}
+    if not paths:
+        return
+    unit = "s" if of.timed else "samples"
+    groups = of.problem.groups
+    moved = {
+        robot: [of.by_flange(k, robot) @ along[of.rank(g)][..., None] for k, g in enumerate(groups)]
+        for robot, along in paths.items()
+    }
+    for camera in sorted({g.camera for g in groups}):
+        all_arms = [np.sum([of_robot[k] for of_robot in moved.values()], axis=0) for k in range(len(groups))]
+        mine = tuple(m * (g.camera == camera) for m, g in zip(all_arms, groups, strict=True))
+        yield _one("clock-offset", camera, unit, mine)
+    for robot in paths if len(paths) > 1 else ():
+        yield _one("clock-offset", robot, unit, tuple(moved[robot]))
+
+
+def steps(of: Situation) -> Iterator[Candidates]:
+    """Each base and mount moved at one of the samples, by any tangent."""
+    count = len(of.samples)
+    splits = np.arange(_LEAST_SIDE, count - _LEAST_SIDE + 1)
+    splits = splits[np.unique(np.linspace(0, len(splits) - 1, min(_MOST_SPLITS, len(splits))).astype(int))]
+    if not len(splits):
+        return
+    since = tuple(int(of.samples[s]) for s in splits)
+    for name in of.frames:
+        moves = []
+        for k, group in enumerate(of.problem.groups):
+            after = of.rank(group)[:, None] >= splits
+            moves.append(after[..., None, None] * of.by_frame(k, name)[:, None])
+        yield Candidates("base-moved", (name,) * len(splits), since, "", tuple(moves))
+
+
+def drifts(of: Situation) -> Iterator[Candidates]:
+    """Each base and mount moved steadily, by a tangent from the first sample to the last."""
+    if len(of.samples) < _FEWEST_IN_TIME:
+        return
+    share = (of.times - of.times[0]) / max(of.times[-1] - of.times[0], 1e-300)
+    for name in of.frames:
+        moves = [share[of.rank(g)][:, None, None] * of.by_frame(k, name) for k, g in enumerate(of.problem.groups)]
+        yield _one("drift", name, "", tuple(moves))
+
+
+def sag(of: Situation) -> Iterator[Candidates]:
+    """Each robot bent about its base by what hangs out, wherever down is: a turn of reach x down [rad per m]."""
+    for robot in of.robots:
+        moves = []
+        for k in range(len(of.problem.groups)):
+            pose = of.recorded_pose(k, robot)
+            turns = np.zeros((len(pose), 6, 3))
+            turns[:, 3:] = hat(pose.translation)
+            moves.append(of.by_flange(k, robot) @ pose.inverse().adjoint() @ turns)
+        yield _one("deflection", robot, "rad/m", tuple(moves))
+
+
+def _one(code: str, about: str, unit: str, moves: tuple[Array, ...]) -> Candidates:
+    return Candidates(code, (about,), (None,), unit, tuple(m[:, None] for m in moves))
+
+
+TABLE: tuple[Callable[[Situation], Iterator[Candidates]], ...] = (length_scales, clock_offsets, steps, drifts, sag)

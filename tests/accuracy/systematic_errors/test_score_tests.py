@@ -1,0 +1,92 @@
+"""Score tests against solving for what they test."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.systematic_errors.candidates import Candidates
+from basecal.accuracy.systematic_errors.score_tests import linearised, score
+from basecal.accuracy.systematic_errors.situation import Situation
+from basecal.cell import Unknown
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import solve_from, solve_packed
+from basecal.geometry import SE3
+from basecal.simulation import Scenario, simulate
+
+MOUNT = "eye_flange_from_wrist"
+NOISE = (1e-4, 1e-4)
+
+
+def solved(scenario, seed=0, off=None):
+    """A cell whose camera mount is known, off by a tangent."""
+    made = simulate(scenario, seed)
+    camera = made.cell.cameras["wrist"]
+    mount = Unknown("fixed", made.truth[MOUNT] @ SE3.exp(np.zeros(6) if off is None else off))
+    cell = replace(made.cell, cameras={"wrist": replace(camera, mount=mount)})
+    free = replace(made.cell, cameras={"wrist": replace(camera, mount=Unknown("free"))})
+    problem = build_problem(cell, made.recording)[0]
+    solution = solve_packed(problem, cell, Settings())
+    freed = solve_from(build_problem(free, made.recording)[0], solution.state, Settings())
+    return Situation(solution.problem, solution.state, problem, {}), solution, freed
+
+
+def mount_freed(of):
+    return Candidates("", (MOUNT,), (None,), "", tuple(of.by_frame(k, MOUNT)[:, None] for k in range(len(of.links))))
+
+
+@pytest.mark.parametrize("arms", ["both", "stations"])
+def test_statistic_is_what_solving_for_the_error_gains(arms):
+    """The drop of the cost when a mount is freed, and where it goes then, with private stops and with shared ones."""
+    off = np.array([1e-4, -2e-4, 1e-4, 2e-4, 1e-4, -1e-4])
+    of, solution, freed = solved(Scenario(samples=16, arms=arms, robot_noise=NOISE), off=off)
+    found = score(linearised(of.problem, of.state), mount_freed(of))
+    assert found.freedoms.tolist() == [6]
+    assert found.statistic[0] == pytest.approx(solution.cost - freed.cost, rel=0.02)
+    moved = (of.state.transforms[MOUNT].inverse() @ freed.state.transforms[MOUNT]).log()
+    np.testing.assert_allclose(found.size[0], moved, atol=0.05 * float(np.abs(moved).max()))
+    sigma = np.sqrt(np.diag(np.linalg.inv(found.information[0])))
+    np.testing.assert_allclose(sigma, np.sqrt(np.diag(freed.covariance_of([MOUNT]))), rtol=0.02)
+
+
+def test_what_an_unknown_takes_up_is_not_tested():
+    """An error that moves views as a free mount does has no freedoms, and no size."""
+    of, _, freed = solved(Scenario(samples=12))
+    of = Situation(freed.problem, freed.state, freed.problem, {})
+    found = score(linearised(of.problem, of.state), mount_freed(of))
+    assert found.freedoms.tolist() == [0]
+    assert found.statistic.tolist() == [0.0]
+    assert found.log_chance.tolist() == [0.0]
+
+
+def test_several_at_once_are_as_each_alone():
+    """Errors side by side are tested one by one."""
+    of, _, _ = solved(Scenario(samples=12, arms="stations", robot_noise=NOISE))
+    one = mount_freed(of)
+    moves = tuple(np.concatenate([m, 2 * m[::-1]], 1) for m in one.moves)
+    two = Candidates("", (MOUNT, MOUNT), (None, None), "", moves)
+    about = linearised(of.problem, of.state)
+    both, first, second = score(about, two), score(about, two.only(0)), score(about, two.only(1))
+    np.testing.assert_allclose(both.statistic, [first.statistic[0], second.statistic[0]], rtol=1e-9)
+    np.testing.assert_allclose(both.size[1], second.size[0], rtol=1e-6, atol=1e-12)
+
+
+def test_views_that_do_not_count():
+    """Views of weight zero are as if they had not been taken."""
+    of, _, _ = solved(Scenario(samples=12, robot_noise=NOISE))
+    keep = np.arange(12) % 3 > 0
+    weighed = score(linearised(of.problem, of.state, [1.0 * keep]), mount_freed(of))
+    fewer = replace(of, problem=of.problem.with_groups(g.take(np.flatnonzero(keep)) for g in of.problem.groups))
+    alone = score(linearised(fewer.problem, fewer.state), mount_freed(fewer))
+    np.testing.assert_allclose(weighed.statistic, alone.statistic, rtol=1e-8)
+
+
+def test_chance_has_no_end():
+    """Logarithms of chances fall steadily where the chances themselves are no numbers any more."""
+    of, _, _ = solved(Scenario(samples=12))
+    found = score(linearised(of.problem, of.state), mount_freed(of))
+    far = (10.0, 1000.0, 1300.0, 1500.0, 5000.0)
+    logs = [float(replace(found, statistic=np.array([s])).log_chance[0]) for s in far]
+    assert logs[0] == pytest.approx(-2.08, abs=0.01)
+    assert np.all(np.diff(logs) < -90)

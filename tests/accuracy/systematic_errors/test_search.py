@@ -1,0 +1,116 @@
+"""Systematic errors put into simulated cells are found, with their size; clean cells have none."""
+
+import numpy as np
+import pytest
+from tests.evidence import evidence_of
+
+from basecal.accuracy.findings.systematic_error import systematic_error as findings
+from basecal.accuracy.systematic_errors.search import systematic_error
+from basecal.cell import Recording, RobotState, Sample
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import solve_packed
+from basecal.geometry import SE3
+from basecal.simulation import Scenario, simulate
+
+SCENARIO = Scenario(samples=40, position_m=0.3, spread_rad=0.8, robot_noise=(1e-4, 1e-4), target="pose")
+SETTINGS = Settings(robot_noise="stated")
+HALF = SCENARIO.samples // 2
+
+
+def as_recorded(read, scenario=SCENARIO, seed=0):
+    """A recording whose hand is read otherwise."""
+    made = simulate(scenario, seed)
+    samples = []
+    for k, sample in enumerate(made.recording.samples):
+        pose = sample.robots["hand"].base_from_flange
+        robots = {**sample.robots, "hand": RobotState(read(k, pose))}
+        samples.append(Sample(sample.sample, float(k), robots, sample.observations))
+    return made.cell, Recording(tuple(samples))
+
+
+def found_in(cell, recording):
+    problem, _ = build_problem(cell, recording)
+    solution = solve_packed(problem, cell, SETTINGS)
+    stamps = {s.sample: s.stamp_s for s in recording.samples}
+    return solution, systematic_error(solution, problem, stamps, SETTINGS)
+
+
+def sagged(_, pose):
+    """The hand bends by 20 mrad a metre, which it does not know."""
+    turn = np.concatenate([np.zeros(3), np.cross(pose.translation, [0, 0, -0.02])])
+    return SE3.exp(turn).inverse() @ pose
+
+
+STEP = np.array([2e-3, 0, 0, 0, 0, 2e-3])
+KINDS = {
+    "length-scale": (lambda _, pose: SE3(pose.rotation, 1.005 * pose.translation), [-0.005], "too long"),
+    "base-moved": (lambda k, pose: SE3.exp(STEP * (k >= HALF)) @ pose, STEP, "at about sample"),
+    "drift": (lambda k, pose: SE3.exp(2 * STEP * k / 39) @ pose, 2 * STEP, "from the first sample to the last"),
+    "deflection": (sagged, [0, 0, -0.02], "mrad per metre"),
+}
+
+
+@pytest.mark.parametrize("code", KINDS)
+def test_what_is_put_in_is_found(code):
+    """The kind, whom it is about, and its size within four of its sigmas; the finding says so."""
+    read, size, words = KINDS[code]
+    cell, recording = as_recorded(read)
+    solution, error = found_in(cell, recording)
+    assert error is not None
+    assert error.code == code
+    assert error.about == ("hand" if len(size) < 6 else "eye_base_from_hand_base")
+    sign = -1 if len(size) == 6 else 1  # what the poses are to be corrected by is against what they were read off by
+    off = error.size - sign * np.asarray(size)
+    assert np.all(np.abs(off) < 4 * np.sqrt(np.diag(error.covariance)))
+    if code == "base-moved":
+        assert error.since is not None
+        assert abs(error.since - HALF) <= 3
+    evidence = evidence_of(cell, solution)
+    (finding,) = findings(type(evidence)(**vars(evidence) | {"systematic_error": error}))
+    assert (finding.code, finding.severity) == (code, "warning")
+    assert words in finding.message
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_clean_cells_have_none(seed):
+    """Nothing is found where nothing was put in."""
+    cell, recording = as_recorded(lambda _, pose: pose, seed=seed)
+    assert found_in(cell, recording)[1] is None
+
+
+def on_a_path(lag_s):
+    """Poses of a hand on a path, and of what a world camera saw a moment before."""
+    made = simulate(Scenario(samples=1, layout="eye_to_hand", target="pose"), 0)
+    cell, first = made.cell, made.recording.samples[0]
+    home = first.robots["arm"].base_from_flange
+    rng = np.random.default_rng(0)
+    phase, size = rng.uniform(0, 6, 6), np.repeat([0.1, 0.3], 3)
+
+    def at(seconds):
+        """Where the arm is."""
+        return home @ SE3.exp(size * np.sin(0.4 * np.arange(1, 7) * seconds + phase))
+
+    overhead_from_base = made.truth["arm_base_from_overhead"].inverse()
+    flange_from_board = made.truth["arm_flange_from_board"]
+    samples = []
+    for k in range(50):
+        seen = overhead_from_base @ at(0.2 * k - lag_s) @ flange_from_board
+        noisy = seen @ SE3.exp(rng.standard_normal(6) * np.repeat([1e-3, 3e-3], 3))
+        observed = type(first.observations[0])("overhead", "board", noisy, np.repeat([1e-3, 3e-3], 3))
+        samples.append(Sample(k, 0.2 * k, {"arm": RobotState(at(0.2 * k))}, (observed,)))
+    return cell, Recording(tuple(samples))
+
+
+@pytest.mark.parametrize("lag_s", [0.0, 0.05])
+def test_a_camera_that_lags(lag_s):
+    """Its stamps less the lag are the arm's, within four sigmas; none without a lag."""
+    cell, recording = on_a_path(lag_s)
+    _, error = found_in(cell, recording)
+    if not lag_s:
+        assert error is None
+        return
+    assert error is not None
+    assert (error.code, error.about, error.unit) == ("clock-offset", "overhead", "s")
+    assert abs(error.size[0] + lag_s) < 4 * error.sigma
+    assert error.sigma < 0.01

@@ -1,0 +1,78 @@
+"""The rows of the table move views as the errors they stand for do."""
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.systematic_errors.situation import Situation
+from basecal.accuracy.systematic_errors.table import TABLE, drifts, length_scales, sag, steps
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.solve import solve_packed
+from basecal.geometry import SE3
+from basecal.simulation import Scenario, simulate
+
+
+@pytest.fixture(scope="module")
+def of():
+    made = simulate(Scenario(samples=12), 0)
+    problem, _ = build_problem(made.cell, made.recording)
+    state = solve_packed(problem, made.cell).state
+    return Situation(problem, state, problem, {k: float(k) for k in range(12)})
+
+
+def moved_by_pose(of, robot, pose):
+    """Tangents of the view where a robot's recorded poses are others, (n, 6)."""
+    change = (of.recorded_pose(0, robot).inverse() @ pose).log()
+    return (of.by_flange(0, robot) @ change[..., None])[..., 0]
+
+
+def row(of, make, about):
+    (found,) = [c for c in make(of) if c.about == (about,)]
+    return found.moves[0][:, 0]
+
+
+@pytest.mark.parametrize("robot", ["eye", "hand"])
+def test_longer_poses(of, robot):
+    """One unit of a robot's length scale makes its poses twice as long, to first order."""
+    pose = of.recorded_pose(0, robot)
+    longer = SE3(pose.rotation, (1 + 1e-6) * pose.translation)
+    np.testing.assert_allclose(
+        1e-6 * row(of, length_scales, robot)[..., 0], moved_by_pose(of, robot, longer), atol=1e-11
+    )
+
+
+def test_a_larger_target_is_further_away(of):
+    """One unit of a target's scale doubles its distance from the camera and turns nothing."""
+    at = of.state.camera_from_target(of.problem.groups[0], of.problem.stops)
+    further = SE3(at.rotation, (1 + 1e-6) * at.translation)
+    np.testing.assert_allclose(
+        1e-6 * row(of, length_scales, "board")[..., 0], (at.inverse() @ further).log(), atol=1e-12
+    )
+
+
+def test_sag_turns_about_the_base(of):
+    """One unit down turns the arm about its base by reach x down."""
+    pose = of.recorded_pose(0, "hand")
+    down = np.array([0.3, -0.2, -1.0])
+    turn = np.concatenate([np.zeros((12, 3)), 1e-6 * np.cross(pose.translation, down)], -1)
+    np.testing.assert_allclose(
+        1e-6 * row(of, sag, "hand") @ down, moved_by_pose(of, "hand", SE3.exp(turn) @ pose), atol=1e-10
+    )
+
+
+def test_steps_and_drifts_in_time(of):
+    """A step moves nothing before its sample and all after; a drift the last sample as a step does, the first not."""
+    for name in of.frames:
+        frame = of.by_frame(0, name)
+        candidates = next(c for c in steps(of) if c.about[0] == name)
+        for b, since in enumerate(candidates.since):
+            np.testing.assert_allclose(candidates.moves[0][:since, b], 0)
+            np.testing.assert_allclose(candidates.moves[0][since:, b], frame[since:])
+        np.testing.assert_allclose(row(of, drifts, name)[[0, -1]], frame[[0, -1]] * np.array([0, 1])[:, None, None])
+
+
+def test_every_row_has_moves_for_all_views(of):
+    """Of each kind (n, b, 6, q), as many as are named."""
+    for make in TABLE:
+        for kind in make(of):
+            assert kind.moves[0].shape[:3] == (12, len(kind.about), 6)
+            assert len(kind.since) == len(kind.about)
