@@ -30,6 +30,22 @@ class Image(NamedTuple):
     dv_db: Array
 
 
+class Projection(NamedTuple):
+    """The image of points on the plane at unit distance, u and v, (...,) each, and the derivatives of their pixels.
+
+    Attributes:
+        u: Along x.
+        v: Along y.
+        by_points: To the points, (..., 2, 3) [px/m].
+        by_terms: To the distortion terms, (..., 2, k) [px]; None where they were not asked for.
+    """
+
+    u: Array
+    v: Array
+    by_points: Array
+    by_terms: Array | None
+
+
 Mapped = Callable[[Array, Array], Image]
 
 # Newton's method doubles its digits; a start near the fold takes longer, and one that has not come by then does not.
@@ -68,11 +84,8 @@ class Lens(Protocol):
 
     def project_with_derivatives(
         self, points: Array, focal: tuple[Number, Number], distortion: Sequence[Number], terms: bool
-    ) -> tuple[Array, Array, Array, Array | None]:
-        """Image u and v, and the derivatives of the pixels.
-
-        To points, (..., 2, 3), and if `terms` to the distortion, (..., 2, k).
-        """
+    ) -> Projection:
+        """The image of points, (..., 3), and the derivatives of the pixels, to the distortion if `terms`."""
 
     def within(self, points: Array, distortion: list[float]) -> BoolArray:
         """Whether points lie where the model is one to one, (...,)."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -132,13 +133,22 @@ def frame_names(cell: Cell, name: str) -> tuple[str, str]:
     return (parent, child) if parent != child else (ours[0], ours[1])
 
 
-def lens_parameters(camera: Camera, covariance: Array) -> list[tuple[str, float, float, str]]:
-    """Name, value, sigma and unit of each parameter of a lens."""
+class LensParameter(NamedTuple):
+    """A number of a lens, with its sigma in the same unit."""
+
+    name: str
+    value: float
+    sigma: float
+    unit: str
+
+
+def lens_parameters(camera: Camera, covariance: Array) -> list[LensParameter]:
+    """Focal lengths, centre and distortion of a lens, in the order of its covariance."""
     sigmas = np.sqrt(np.diag(covariance))
     distortion = lens_of(camera.model, len(camera.distortion)).TERM_NAMES
     names = [*_INTRINSICS, *distortion][: len(sigmas)]
     units = ["px" if name in _INTRINSICS else "" for name in names]
-    return list(zip(names, camera.parameters.tolist(), sigmas.tolist(), units, strict=True))
+    return list(map(LensParameter, names, camera.parameters.tolist(), sigmas.tolist(), units))
 
 
 def fit_sentences(calibration: Calibration) -> Iterator[str]:

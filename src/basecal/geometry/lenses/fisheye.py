@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from basecal.geometry.array import Array
-from basecal.geometry.lens import BoolArray, Number, first_root
+from basecal.geometry.lens import BoolArray, Number, Projection, first_root
 
 MODEL = "fisheye"
 TERM_NAMES: tuple[str, ...] = ("k1", "k2", "k3", "k4")
@@ -25,14 +26,23 @@ _MOST_STEPS = 80
 _TOLERANCE = 1e-14  # of the angle [rad], some roundings
 
 
-def _polar(points: Array) -> tuple[Array, Array, Array, Array]:
-    """Distance from the axis, cosine and sine about it, and the angle from it; NaN on the axis where z <= 0."""
+class _Polar(NamedTuple):
+    """Points by their distance r from the axis [m], cosine and sine about it, and the angle from it [rad]."""
+
+    r: Array
+    cosine: Array
+    sine: Array
+    angle: Array
+
+
+def _polar(points: Array) -> _Polar:
+    """The same of points (..., 3); the angle is NaN on the axis where z <= 0."""
     x, y, z = points[..., 0], points[..., 1], points[..., 2]
     r = np.hypot(x, y)
     off = r > 0
     safe = np.where(off, r, 1.0)
     angle = np.where(off | (z > 0), np.arctan2(r, z), np.nan)
-    return r, np.where(off, x / safe, 1.0), y / safe, angle
+    return _Polar(r, np.where(off, x / safe, 1.0), y / safe, angle)
 
 
 def _distance(angle: Array, distortion: Sequence[Number]) -> Array:
@@ -59,12 +69,8 @@ def project(points: Array, distortion: Sequence[Number]) -> tuple[Array, Array]:
 
 def project_with_derivatives(
     points: Array, focal: tuple[Number, Number], distortion: Sequence[Number], terms: bool
-) -> tuple[Array, Array, Array, Array | None]:
-    """Image on the plane at unit distance, and the derivatives of the pixels.
-
-    Returns:
-        u and v, (...,) each; to the points, (..., 2, 3) [px/m]; to the distortion, (..., 2, 4) [px], if `terms`.
-    """
+) -> Projection:
+    """See `Lens`."""
     r, cosine, sine, angle = _polar(points)
     distance, growth = _distance(angle, distortion), _growth(angle, distortion)
     z = points[..., 2]
@@ -79,7 +85,7 @@ def project_with_derivatives(
     d_points[..., 1, 1] = focal[1] * (sine * sine * outward + cosine * cosine * around)
     d_points[..., 0, 2], d_points[..., 1, 2] = focal[0] * cosine * forward, focal[1] * sine * forward
     d_terms = _by_terms(focal[0] * cosine, focal[1] * sine, angle) if terms else None
-    return cosine * distance, sine * distance, d_points, d_terms
+    return Projection(cosine * distance, sine * distance, d_points, d_terms)
 
 
 def _by_terms(scaled_cosine: Array, scaled_sine: Array, angle: Array) -> Array:
@@ -94,7 +100,7 @@ def fold(distortion: list[float]) -> float:
 
 def within(points: Array, distortion: list[float]) -> BoolArray:
     """Whether points lie inside the fold, (...,)."""
-    inside: BoolArray = _polar(points)[3] < fold(distortion)
+    inside: BoolArray = _polar(points).angle < fold(distortion)
     return inside
 
 

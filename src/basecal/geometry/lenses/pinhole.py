@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from basecal.geometry.array import Array
-from basecal.geometry.lens import BoolArray, Image, Number, any_nonzero, first_root, inverted
+from basecal.geometry.lens import BoolArray, Image, Number, Projection, any_nonzero, first_root, inverted
 
 MODEL = "pinhole"
 TERM_NAMES: tuple[str, ...] = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
@@ -118,17 +118,13 @@ def project(points: Array, distortion: Sequence[Number]) -> tuple[Array, Array]:
 
 def project_with_derivatives(
     points: Array, focal: tuple[Number, Number], distortion: Sequence[Number], terms: bool
-) -> tuple[Array, Array, Array, Array | None]:
-    """Image on the plane at unit distance, and the derivatives of the pixels.
-
-    Returns:
-        u and v, (...,) each; to the points, (..., 2, 3) [px/m]; to the distortion, (..., 2, k) [px], if `terms`.
-    """
+) -> Projection:
+    """See `Lens`."""
     a, b, inverse = ahead(points)
     d_points = room(2, 3, points.shape[:-1])
     if not (any_nonzero(distortion) or (terms and distortion)):
         _undistorted_rows(d_points, a, b, inverse, focal)
-        return a, b, d_points, np.empty((*points.shape[:-1], 2, 0)) if terms else None
+        return Projection(a, b, d_points, np.empty((*points.shape[:-1], 2, 0)) if terms else None)
     k = _padded(distortion)
     rays = _rays(a, b, k)
     uu, uv, vv = _derivative(rays, k)
@@ -137,8 +133,7 @@ def project_with_derivatives(
         dx = np.multiply(scale, da, out=d_points[..., row, 0])
         dy = np.multiply(scale, db, out=d_points[..., row, 1])
         np.negative(dx * a + dy * b, out=d_points[..., row, 2])
-    u, v = _image(rays, k)
-    return u, v, d_points, _by_terms(rays, focal, len(distortion)) if terms else None
+    return Projection(*_image(rays, k), d_points, _by_terms(rays, focal, len(distortion)) if terms else None)
 
 
 def room(rows: int, columns: int, shape: tuple[int, ...]) -> Array:

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from basecal.geometry.array import Array
-from basecal.geometry.lens import BoolArray, Image, Number, inverted
+from basecal.geometry.lens import BoolArray, Image, Number, Projection, inverted
 from basecal.geometry.lenses import pinhole
 
 MODEL = "pinhole"
@@ -34,12 +34,8 @@ def project(points: Array, distortion: Sequence[Number]) -> tuple[Array, Array]:
 
 def project_with_derivatives(
     points: Array, focal: tuple[Number, Number], distortion: Sequence[Number], terms: bool
-) -> tuple[Array, Array, Array, Array | None]:
-    """Image on the plane at unit distance, and the derivatives of the pixels.
-
-    Returns:
-        u and v, (...,) each; to the points, (..., 2, 3) [px/m]; to the distortion, (..., 2, 12) [px], if `terms`.
-    """
+) -> Projection:
+    """See `Lens`."""
     a, b, inverse = pinhole.ahead(points)
     u, v, d_points, d_terms = pinhole.project_with_derivatives(points, focal, distortion[:_RADIAL], terms)
     s1, s2, s3, s4 = distortion[_RADIAL:]
@@ -50,7 +46,8 @@ def project_with_derivatives(
         d_points[..., row, 1] += slope * b
         d_points[..., row, 2] -= slope * s
     u, v = u + s * (s1 + s2 * s), v + s * (s3 + s4 * s)
-    return u, v, d_points, None if d_terms is None else np.concatenate([d_terms, _by_terms(s, focal)], axis=-1)
+    d_terms = None if d_terms is None else np.concatenate([d_terms, _by_terms(s, focal)], axis=-1)
+    return Projection(u, v, d_points, d_terms)
 
 
 def _by_terms(s: Array, focal: tuple[Number, Number]) -> Array:
