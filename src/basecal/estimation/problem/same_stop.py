@@ -1,7 +1,8 @@
 """Which recorded poses are of one stop: a pose read back anew differs a little each time, and an arm may come again.
 
-The error of an arm belongs to the place where it stands, so that poses which agree as read-backs of one place do share
-it, whenever they were taken. Taken for stops of their own they would seem to vouch for one another.
+The error of an arm belongs to the place where it stands, so that poses share it which one after another agree as
+read-backs of one place do, or which are equal, whenever they were taken. Taken for stops of their own they would seem
+to vouch for one another. Poses that agree only nearly, with others between them, are places of their own.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ READ_BACK_RAD = 1.4e-4
 
 
 def stop_numbers(base_from_flange: SE3, joints: Array | None, noise: Array | None) -> IntArray:
-    """The stop of each pose, (n,), numbered as they first appear: the first of a stop has all others near it.
+    """The stop of each pose, (n,), in the order in which they were taken, numbered as they first appear.
 
     Args:
         base_from_flange: (n,) recorded poses.
@@ -26,30 +27,21 @@ def stop_numbers(base_from_flange: SE3, joints: Array | None, noise: Array | Non
     """
     stated = np.zeros(6) if noise is None else noise
     near_m, near_rad = max(READ_BACK_M, float(stated[:3].min())), max(READ_BACK_RAD, float(stated[3:].min()))
-    rotation = base_from_flange.rotation.reshape(-1, 9)
-    parts = [base_from_flange.translation / near_m, rotation / near_rad]
+    parts = [base_from_flange.translation / near_m, base_from_flange.rotation.reshape(-1, 9) / near_rad]
     if joints is not None:
         parts.append(joints / near_rad)
-    return _numbered(np.concatenate(parts, axis=-1))
+    places = np.concatenate(parts, axis=-1)
+    first = _runs(places)
+    _, same = np.unique(places[first], axis=0, return_inverse=True)
+    _, at, number = np.unique(same.ravel(), return_index=True, return_inverse=True)
+    return np.argsort(np.argsort(at))[number].astype(np.int64)
 
 
-def _numbered(places: Array) -> IntArray:
-    """Groups of rows, (n, k), within 1 of their first in every coordinate, numbered in order."""
+def _runs(places: Array) -> IntArray:
+    """Of each row, (n, k), the first of its run: all of a run are within 1 of it in every coordinate."""
     first = np.arange(len(places))
-    alone = _alone(places)
-    waiting = ~alone
-    while waiting.any():
-        at = int(np.argmax(waiting))
-        same = waiting & np.all(np.abs(places - places[at]) <= 1, axis=-1)
-        first[same] = at
-        waiting &= ~same
-    return np.unique(first, return_inverse=True)[1].astype(np.int64)
-
-
-def _alone(places: Array) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Rows that no other is near to in their first coordinate, (n,): most, where an arm moves."""
-    order = np.argsort(places[:, 0])
-    apart = np.concatenate([[True], np.diff(places[order, 0]) > 1, [True]])
-    alone = np.empty(len(places), dtype=bool)
-    alone[order] = apart[:-1] & apart[1:]
-    return alone
+    near = np.all(np.abs(places[1:] - places[:-1]) <= 2, axis=-1)  # without that a run has ended anyhow
+    for row in np.flatnonzero(near) + 1:
+        if np.all(np.abs(places[row] - places[first[row - 1]]) <= 1):
+            first[row] = first[row - 1]
+    return first.astype(np.int64)

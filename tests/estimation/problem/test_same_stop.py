@@ -1,0 +1,49 @@
+"""Stops of recorded poses."""
+
+import numpy as np
+import pytest
+
+from basecal.estimation.problem.same_stop import READ_BACK_M, READ_BACK_RAD, stop_numbers
+from basecal.geometry import SE3
+
+PLACES = SE3.exp(np.random.default_rng(0).uniform(-1, 1, (5, 6)))
+
+
+def shifted(steps_m):
+    """One pose, shifted along an axis."""
+    translation = np.zeros((len(steps_m), 3))
+    translation[:, 1] = steps_m
+    return SE3(np.repeat(np.eye(3)[None], len(steps_m), 0), translation)
+
+
+def test_equal_poses_are_one_stop_wherever_they_are():
+    """Numbers count up as places first appear."""
+    order = [2, 2, 0, 4, 2, 0, 1]
+    assert stop_numbers(PLACES[order], None, None).tolist() == [0, 0, 1, 2, 0, 1, 3]
+
+
+@pytest.mark.parametrize(("share", "stops"), [(0.9, [0, 0, 0]), (1.1, [0, 1, 0])])
+def test_limit_of_read_back(share, stops):
+    """Poses in a row are one stop up to the limit, in place and in angle."""
+    assert stop_numbers(shifted([0, share * READ_BACK_M, 0]), None, None).tolist() == stops
+    turns = SE3.exp(np.array([[0.0] * 6, [0, 0, 0, 0, 0, share * READ_BACK_RAD], [0.0] * 6]))
+    assert stop_numbers(turns, None, None).tolist() == stops
+
+
+def test_a_slow_path_is_many_stops():
+    """Steps below the limit do not chain: a stop ends where its first pose is too far."""
+    numbers = stop_numbers(shifted(0.6 * READ_BACK_M * np.arange(9)), None, None)
+    assert numbers.tolist() == [0, 0, 1, 1, 2, 2, 3, 3, 4]
+
+
+def test_stated_noise_widens_the_limit():
+    """Places nearer than the noise are one, however noisy the readings of one place are."""
+    near = shifted([0, 4e-4, 9e-4])
+    assert stop_numbers(near, None, np.full(6, 5e-4)).tolist() == [0, 0, 1]
+    assert stop_numbers(near, None, np.full(6, 1e-9)).tolist() == [0, 1, 2]
+
+
+def test_other_joints_are_another_stop():
+    """An arm that reaches one place in two ways has two errors."""
+    joints = np.array([[0.1, 1.0], [0.1, 1.0], [0.1, -1.0]])
+    assert stop_numbers(PLACES[[0, 0, 0]], joints, None).tolist() == [0, 0, 1]
