@@ -392,10 +392,12 @@ def test_tests_need_no_benchmarks() -> None:
     assert importing == OF_BENCHMARKS
 
 
-MIRRORED = ("geometry", "kinematics", "cell")
+MIRRORED = ("geometry", "numerics", "kinematics", "cell", "estimation", "accuracy")
 NOTHING_TO_TEST = {
     "cell/files.py": "names of other modules",
     "cell/recording.py": "values without behaviour",
+    "accuracy/findings/evidence.py": "values without behaviour",
+    "accuracy/significance.py": "one number",
 }
 
 

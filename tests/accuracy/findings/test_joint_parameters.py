@@ -1,0 +1,80 @@
+"""Offsets and compliances that the data do not tell are named, each with the reason."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import pytest
+
+from basecal.accuracy.findings.joint_parameters import unobserved_joint_parameters
+from basecal.estimation.solve import solve
+from basecal.simulation import Scenario, simulate
+
+ARMS = Scenario(samples=15, joints=True)
+PRIOR = {"joint_offset_rad": 0.004, "joint_offsets": "prior"}
+
+
+def told(**scenario):
+    """Findings by robot."""
+    made = simulate(replace(ARMS, **scenario), 0)
+    of = SimpleNamespace(cell=made.cell, solution=solve(made.cell, made.recording))
+    return {f.about[0]: f for f in unobserved_joint_parameters(of)}
+
+
+def test_ends_that_priors_alone_hold():
+    """The first joint moves the arm as its base does, the last as its mounts do; sigmas of the bases hold them."""
+    found = told(**PRIOR)
+    start = "offsets known from their prior alone: joints 1 (shoulder_pan) and 6 (wrist_3): "
+    why = "the first joint moves the arm as its base does, the last one as the mounts on its flange do; "
+    left = "the sigmas of {} and of the mounts contain what they leave open"
+    bases = {"eye": "the other bases", "hand": "eye_base_from_hand_base"}
+    assert {name: f.message for name, f in found.items()} == {
+        name: f"{name}: {start}{why}{left.format(base)}" for name, base in bases.items()
+    }
+    assert {(f.code, f.severity) for f in found.values()} == {("prior-dominated", "info")}
+
+
+def test_gauges_of_free_offsets():
+    """They are fixed at zero; a still arm's others hardly move by themselves."""
+    free = {**PRIOR, "joint_offsets": "free", "camera_mount": "fixed"}
+    found = told(**free, arms="eye_still")
+    assert {f.code for f in found.values()} == {"fixed-gauge"}
+    assert (
+        "offsets that are unobservable and fixed at zero as a gauge: joints 1 (shoulder_pan), 2 ("
+        in found["eye"].message
+    )
+    assert (
+        "the samples hardly move the others by themselves; the other bases and the mounts make up"
+        in found["eye"].message
+    )
+    assert "hardly move" not in found["hand"].message
+    assert "eye_base_from_hand_base and the mounts make up" in found["hand"].message
+
+
+def test_what_is_seen_is_not_told():
+    """With base and mounts known every offset is seen."""
+    assert told(**PRIOR, base="fixed", camera_mount="fixed", target_mount="fixed") == {}
+    assert told() == {}
+
+
+@pytest.mark.parametrize(("status", "code", "how"), [
+    ("prior", "prior-dominated", "known from their prior alone"), ("free", "fixed-gauge", "that are unobservable"),
+])  # fmt: skip
+def test_compliances_that_gravity_does_not_show(status, code, how):
+    """Of the upright first joint, always."""
+    found = told(compliance=1e-4, deflection=status)
+    for robot, finding in found.items():
+        assert (finding.code, finding.severity) == (code, "info")
+        assert finding.message.startswith(f"{robot}: compliances {how}: joint")
+        assert "1 (shoulder_pan)" in finding.message
+        assert finding.message.endswith(
+            "the torque of gravity about them is small in these samples, or the same in all of them"
+        )
+    assert found.keys() == {"eye", "hand"}
+
+
+def test_a_single_joint_stands_alone():
+    """With the camera's mount fixed the eye's first offset alone is open."""
+    found = told(**PRIOR, camera_mount="fixed")
+    assert "alone: joint 1 (shoulder_pan): the first joint moves" in found["eye"].message

@@ -1,0 +1,247 @@
+"""Each hypothesis undoes the mix-up that it is about, and is made where the mix-up can be."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.input_check import rewriting
+from basecal.accuracy.input_check.hypotheses import (
+    AS_DECLARED,
+    convention_hypotheses,
+    resized,
+    shift,
+    streams,
+    target_size,
+)
+from basecal.simulation import Scenario, simulate
+
+BOARD = simulate(Scenario(samples=7), 0)
+POSES = simulate(Scenario(samples=7, target="pose"), 0)
+POINTS = simulate(Scenario(samples=7, target="points3d"), 0)
+LIGHT = simulate(Scenario(samples=7, target="led"), 0)
+JOINTS = simulate(Scenario(samples=7, joints=True), 0)
+
+
+def hypotheses(made, code):
+    return [h for h in convention_hypotheses(made.cell, made.recording) if h.code == code]
+
+
+def told(made):
+    """How many of each code."""
+    codes = [h.code for h in convention_hypotheses(made.cell, made.recording)]
+    return {code: codes.count(code) for code in codes}
+
+
+def robots_of(recording):
+    """Poses or joints of all robots, by name."""
+    found = {}
+    for robot in sorted({name for s in recording.samples for name in s.robots}):
+        states = [s.robots[robot] for s in recording.samples]
+        given = [s.joints_rad if s.base_from_flange is None else s.base_from_flange.matrix for s in states]
+        found[robot] = np.stack(given)
+    return found
+
+
+def seen_of(recording):
+    values = []
+    for sample in recording.samples:
+        (o,) = sample.observations
+        pose = getattr(o, "camera_from_target", None)
+        values.append(pose.matrix if pose is not None else getattr(o, "pixels", getattr(o, "points_in_camera", None)))
+    return np.stack(values)
+
+
+def undone(made, mixed, hypothesis):
+    """Whether a hypothesis about what was mixed up gives back what was made."""
+    cell, recording = hypothesis.apply(made.cell, mixed)
+    robots, true = robots_of(recording), robots_of(made.recording)
+    same = all(np.allclose(robots[name], true[name], atol=1e-9) for name in true)
+    return same and np.allclose(seen_of(recording), seen_of(made.recording), atol=1e-9) and cell is made.cell
+
+
+PAIRINGS = {"pairing-shifted": 6}  # seven samples allow shifts by one; three streams
+
+
+def test_a_board_by_pixels_and_poses():
+    """Every subset of two arms inverted, in units, by quaternions; exchanged; its size, and the lens."""
+    assert told(BOARD) == {
+        "robot-pose-inverted": 3, "length-unit": 8, "quaternion-order": 6, "robots-swapped": 1, **PAIRINGS,
+        "board-size": 1, "intrinsics": 1,
+    }  # fmt: skip
+
+
+def test_observed_poses_have_conventions_of_their_own():
+    """Inverted, in units, by quaternions and mirrored; a size or a lens they have not."""
+    assert told(POSES) == {
+        "robot-pose-inverted": 3, "target-pose-inverted": 1, "length-unit": 10, "quaternion-order": 8,
+        "robots-swapped": 1, **PAIRINGS, "mirrored": 1,
+    }  # fmt: skip
+
+
+def test_3d_points_and_lights():
+    """Points in 3-D may be in millimetres or mirrored; a light has no size."""
+    assert told(POINTS) == {
+        "robot-pose-inverted": 3, "length-unit": 10, "quaternion-order": 6, "robots-swapped": 1, **PAIRINGS,
+        "board-size": 1, "mirrored": 1,
+    }  # fmt: skip
+    assert "board-size" not in told(LIGHT)
+
+
+def test_joints_have_angles_and_no_poses():
+    """Degrees or radians for each arm; nothing is inverted, exchanged or in millimetres."""
+    assert told(JOINTS) == {"angle-unit": 4, **PAIRINGS, "board-size": 1, "intrinsics": 1}
+
+
+def test_a_lens_that_is_not_fixed_is_not_doubted():
+    """Free or known by a prior it is estimated anyway."""
+    made = simulate(Scenario(samples=7, intrinsics="prior"), 0)
+    assert hypotheses(made, "intrinsics") == []
+    (wrong,) = hypotheses(BOARD, "intrinsics")
+    assert wrong.apply(BOARD.cell, BOARD.recording)[0].cameras["wrist"].intrinsics.status == "free"
+    assert (wrong.about, wrong.nested) == (("wrist",), True)
+
+
+@pytest.mark.parametrize("robots", [("eye",), ("hand",), ("eye", "hand")])
+def test_inverted_robots(robots):
+    """Flange from base, of one arm or both."""
+    (hypothesis,) = [h for h in hypotheses(BOARD, "robot-pose-inverted") if h.about == robots]
+    assert undone(BOARD, rewriting.with_robots(BOARD.recording, dict.fromkeys(robots, rewriting.inverted)), hypothesis)
+
+
+@pytest.mark.parametrize(("made", "factor", "words"), [(POSES, 1e3, "millimetres"), (POSES, 1e-3, "too small")])
+def test_units_of_lengths(made, factor, words):
+    """Robots, observed poses, and everything together, in millimetres or divided once too often."""
+    of = [h for h in hypotheses(made, "length-unit") if words in h.words]
+    robots = rewriting.with_robots(made.recording, dict.fromkeys(("eye", "hand"), rewriting.scaled(factor)))
+    assert sum(undone(made, robots, h) for h in of) == 1
+    seen = rewriting.with_targets(made.recording, rewriting.scaled(factor))
+    assert sum(undone(made, seen, h) for h in of) == 1
+    (every,) = [h for h in of if h.words.startswith("all lengths")]
+    cell, recording = every.apply(made.cell, rewriting.with_targets(robots, rewriting.scaled(factor)))
+    np.testing.assert_allclose(seen_of(recording), seen_of(made.recording))
+    np.testing.assert_allclose(robots_of(recording)["eye"], robots_of(made.recording)["eye"])
+    size = cell.targets["board"].target
+    if size is not None:
+        np.testing.assert_allclose(size.points, made.cell.targets["board"].target.points / factor)
+
+
+def test_units_of_3d_points_and_sizes():
+    """Points a thousand times too far; a board whose squares are in millimetres."""
+    far = rewriting.with_points(POINTS.recording, 1e3)
+    of = [h for h in hypotheses(POINTS, "length-unit") if "3-D points" in h.words]
+    assert [undone(POINTS, far, h) for h in of] == [True, False]
+    (size,) = hypotheses(BOARD, "board-size")
+    board = size.apply(resized(BOARD.cell, {"board": 1e3}), BOARD.recording)[0].targets["board"].target
+    np.testing.assert_allclose(board.points, BOARD.cell.targets["board"].target.points)
+
+
+@pytest.mark.parametrize(("factor", "row"), [(180 / np.pi, 0), (np.pi / 180, 1)])
+def test_units_of_angles(factor, row):
+    """Joints in degrees, or turned into radians once too often."""
+    mixed = rewriting.with_joints(JOINTS.recording, "hand", factor)
+    of = [h for h in hypotheses(JOINTS, "angle-unit") if h.about == ("hand",)]
+    assert [undone(JOINTS, mixed, h) for h in of] == [k == row for k in range(2)]
+
+
+def test_quaternions_written_in_another_order():
+    """As w, x, y, z, and turned round though they were right; of arms and of what was observed."""
+    for order in ((3, 0, 1, 2), (1, 2, 3, 0)):
+        arm = rewriting.with_robots(POSES.recording, {"hand": rewriting.reordered(order)})
+        seen = rewriting.with_targets(POSES.recording, rewriting.reordered(order))
+        of = hypotheses(POSES, "quaternion-order")
+        assert sum(undone(POSES, arm, h) for h in of) == 1
+        assert sum(undone(POSES, seen, h) for h in of) == 1
+
+
+def test_robots_exchanged_and_targets_inverted_or_mirrored():
+    """Each by the one hypothesis of its code."""
+    mixed = {
+        "robots-swapped": rewriting.exchanged(POSES.recording, "eye", "hand"),
+        "target-pose-inverted": rewriting.with_targets(POSES.recording, rewriting.inverted),
+        "mirrored": rewriting.with_targets(POSES.recording, rewriting.through_the_camera),
+    }
+    for code, recording in mixed.items():
+        (hypothesis,) = hypotheses(POSES, code)
+        assert undone(POSES, recording, hypothesis)
+    (mirrored,) = hypotheses(POINTS, "mirrored")
+    assert undone(POINTS, rewriting.with_points(POINTS.recording, -1.0), mirrored)
+
+
+def test_streams_that_may_be_late():
+    """What was seen, and each of several robots; a single one only against what was seen."""
+    assert streams(["eye", "hand"]) == [None, "eye", "hand"]
+    assert streams(["arm"]) == [None]
+    assert [h.about for h in hypotheses(BOARD, "pairing-shifted")] == [(), (), ("eye",), ("eye",), ("hand",), ("hand",)]
+    longer = simulate(Scenario(samples=9), 0)
+    assert len(hypotheses(longer, "pairing-shifted")) == 12
+    assert hypotheses(simulate(Scenario(samples=5), 0), "pairing-shifted") == []
+
+
+@pytest.mark.parametrize(
+    ("by", "start", "first", "words"),
+    [
+        (1, 0, None, "what hand recorded belongs 1 sample later"),
+        (-2, 0, None, "what hand recorded belongs 2 samples earlier"),
+        (2, 4, 17, "what hand recorded from sample 17 on belongs 2 samples later"),
+    ],
+)
+def test_a_shift_in_words(by, start, first, words):
+    """How far, which way, and from where."""
+    found = shift("hand", by, start, first)
+    assert found.words == words
+    assert ("missed" in found.fix) == bool(start)
+    assert shift(None, by).words.startswith("what the cameras saw belongs")
+    assert shift(None, by).about == ()
+    moved = found.apply(BOARD.cell, BOARD.recording)[1]
+    assert len(moved.samples) == 7 - abs(by)
+
+
+def test_half_turns_of_poses_of_a_symmetric_board():
+    """Observed poses of a chessboard of even and odd corners may count from its other end; ChArUco boards cannot."""
+    chess = simulate(Scenario(samples=7, target="chessboard"), 0)
+    board = chess.cell.targets["board"]
+    cell = replace(POSES.cell, targets={"board": replace(POSES.cell.targets["board"], target=board.target)})
+    (found,) = [h for h in convention_hypotheses(cell, POSES.recording) if h.code == "board-symmetry"]
+    once = found.apply(cell, POSES.recording)[1]
+    twice = found.apply(cell, once)[1]
+    np.testing.assert_allclose(seen_of(twice), seen_of(POSES.recording), atol=1e-12)
+    assert np.abs(seen_of(once) - seen_of(POSES.recording)).max() > 0.1
+    assert found.about == ("board",)
+    assert hypotheses(chess, "board-symmetry") == []
+
+
+def test_a_size_that_is_found():
+    """Points grow by it, observed poses move off by it, and what the square would be is said."""
+    found = target_size("board", 1.25, BOARD.cell)
+    cell, recording = found.apply(BOARD.cell, BOARD.recording)
+    true = BOARD.cell.targets["board"].target
+    np.testing.assert_allclose(cell.targets["board"].target.points, 1.25 * true.points)
+    assert recording.samples[0].observations[0] is BOARD.recording.samples[0].observations[0]
+    assert found.words == "board is 1.25 times as large as stated"
+    assert f"square_m would be {1.25 * true.options['square_m']:.5g}" in found.fix
+    further = target_size("board", 2.0, POSES.cell).apply(POSES.cell, POSES.recording)[1]
+    np.testing.assert_allclose(seen_of(further)[:, :3, 3], 2.0 * seen_of(POSES.recording)[:, :3, 3])
+    np.testing.assert_allclose(seen_of(further)[:, :3, :3], seen_of(POSES.recording)[:, :3, :3])
+    other = target_size("other", 2.0, replace(POSES.cell, targets={"other": POSES.cell.targets["board"]}))
+    np.testing.assert_array_equal(
+        seen_of(other.apply(replace(POSES.cell, targets={"other": POSES.cell.targets["board"]}), POSES.recording)[1]),
+        seen_of(POSES.recording),
+    )
+
+
+def test_as_declared_changes_nothing():
+    """It has no code and gives back what it is given."""
+    assert AS_DECLARED.apply(BOARD.cell, BOARD.recording) == (BOARD.cell, BOARD.recording)
+    assert AS_DECLARED.code == ""
+
+
+def test_robots_with_some_poses_only_are_not_reread():
+    """An arm that gives joints in one sample has neither poses nor joints throughout."""
+    first = BOARD.recording.samples[0]
+    mixed = replace(first, robots={**first.robots, "hand": replace(JOINTS.recording.samples[0].robots["hand"])})
+    recording = replace(BOARD.recording, samples=(mixed, *BOARD.recording.samples[1:]))
+    about = {h.about for h in convention_hypotheses(BOARD.cell, recording) if h.code == "robot-pose-inverted"}
+    assert about == {("eye",)}

@@ -1,0 +1,141 @@
+"""How a robot moved, in words, and what would show more."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from tests.motion_cells import arm
+
+from basecal.accuracy.phrases.robot_motion import (
+    advise_motion,
+    describe_cause,
+    describe_motion,
+    describe_poor_motions,
+    hardly_rotates,
+)
+from basecal.estimation.observability.motions import Motion, motions
+from basecal.estimation.problem.build import build_problem
+from basecal.simulation import Scenario, simulate
+
+BASE, CAMERA, BOARD = "eye_base_from_hand_base", "eye_flange_from_wrist", "hand_flange_from_board"
+
+
+def moved(*turn_rad, robot="hand", travel=1.0, samples=20, orientations=3, axis=(0.0, 0.0, 1.0)):
+    """A motion that turned by so much about its first axis and two others."""
+    axes = np.eye(3)
+    axes[:, 0] = axis
+    turns = np.array([*turn_rad, 0.0, 0.0, 0.0][:3])
+    return Motion(robot, samples, travel, turns, axes, orientations, np.zeros((0, 6)))
+
+
+@pytest.fixture(scope="module")
+def made():
+    return simulate(Scenario(samples=5), 0)
+
+
+@pytest.fixture(scope="module")
+def problem(made):
+    return build_problem(made.cell, made.recording)[0]
+
+
+@pytest.mark.parametrize(("turn", "poor"), [(0.149, True), (0.151, False)])
+def test_a_second_axis_counts_from_a_limit_on(turn, poor):
+    """Of 0.15 rad."""
+    assert hardly_rotates(moved(0.5, turn)) is poor
+
+
+@pytest.mark.parametrize(
+    ("motion", "words"),
+    [
+        (moved(0.0, travel=0.0), "hand never moves in 20 samples"),
+        (moved(0.0, travel=0.0, samples=1), "hand never moves in 1 sample"),
+        (moved(0.0), "hand only translates"),
+        (moved(2e-3), "hand only translates, it rotates by at most 0.11 deg"),
+        (moved(8e-5), "hand only translates"),
+        (moved(0.5, 0.0, orientations=2), "hand has two orientations only"),
+        (moved(0.5, 0.0), "hand rotates about one axis, along (0.00, 0.00, 1.00) in hand_base"),
+        (moved(0.5, 0.0, axis=(0.6, 0.0, -0.8)), "hand rotates about one axis, along (-0.60, 0.00, 0.80) in hand_base"),
+        (
+            moved(0.5, 5e-3),
+            "hand rotates about one axis, along (0.00, 0.00, 1.00) in hand_base, "
+            "and by at most 0.29 deg about any other",
+        ),
+        (
+            moved(0.5, 0.1),
+            "hand rotates mostly about one axis, along (0.00, 0.00, 1.00) in hand_base, "
+            "and by at most 5.73 deg about any other",
+        ),
+        (moved(0.5, 0.2), "hand rotates by up to 29 deg, and 11 deg about a second axis"),
+    ],
+)
+def test_motions_in_words(motion, words):
+    """From standing still to turning about two axes."""
+    assert describe_motion(motion) == words
+
+
+@pytest.mark.parametrize(
+    ("motion", "words"),
+    [
+        (moved(0.0, travel=0.0), "move it, and rotate it about two axes that are not parallel"),
+        (moved(0.0), "add poses that rotate it about two axes that are not parallel"),
+        (moved(0.14, 0.1), "rotate it further, by 30 deg and more, about two axes that are not parallel"),
+        (moved(0.16, 0.1), "add poses that rotate it by 30 deg and more about another axis"),
+    ],
+)
+def test_advice(made, problem, motion, words):
+    """What to record, or to state of what the arm carries."""
+    assert advise_motion(made.cell, problem, motion) == f"{words}, or state {BOARD} as a prior or fixed"
+    fixed = replace(problem, unknowns={**problem.unknowns, BOARD: replace(problem.unknowns[BOARD], status="fixed")})
+    assert advise_motion(made.cell, fixed, motion) == words
+
+
+@pytest.mark.parametrize(("axes", "parallel"), [("zzz", True), ("zyz", False)])
+def test_an_arm_of_parallel_axes_is_not_told_to_turn_otherwise(made, problem, axes, parallel):
+    """It cannot: what is known has to be stated; of an arm that stands still this is not said."""
+    hand = replace(made.cell.robots["hand"], chain=arm(*axes))
+    cell = replace(made.cell, robots={**made.cell.robots, "hand": hand})
+    said = advise_motion(cell, problem, moved(0.5, 0.0))
+    assert said.startswith("all axes of its joints are parallel") == parallel
+    assert f"state {BOARD} as a prior or fixed" in said
+    assert advise_motion(cell, problem, moved(0.0, travel=0.0)).startswith("move it")
+    fixed = replace(problem, unknowns={**problem.unknowns, BOARD: replace(problem.unknowns[BOARD], status="fixed")})
+    if parallel:
+        assert f"state {BASE} as a prior or fixed" in advise_motion(cell, fixed, moved(0.5, 0.0))
+
+
+def test_causes_are_the_poor_motions_of_what_is_not_seen(made, problem):
+    """One arm with its advice, several with one advice for all; otherwise the views are blamed."""
+    good, poor, eye = moved(0.9, 0.9, robot="eye"), moved(0.0), moved(0.0, robot="eye")
+
+    def cause(names, *of):
+        return describe_cause(made.cell, problem, {m.robot: m for m in of}, names)
+
+    one = cause([BASE], good, poor)
+    assert one == f"hand only translates: {advise_motion(made.cell, problem, poor)}"
+    both = cause([BASE], eye, poor)
+    assert both == (
+        "eye only translates, and hand only translates: rotate each about two axes that are not parallel, "
+        f"or state {CAMERA} and {BOARD} as a prior or fixed"
+    )
+    assert cause([BOARD, BASE], eye, poor) == one
+    assert cause([CAMERA], good, poor).startswith("the views are too few or too much alike")
+    assert cause([BASE], good, moved(0.9, 0.9)).startswith("the views are too few or too much alike")
+
+
+def test_poor_motions_of_a_recording():
+    """Those that hardly turn about a second axis, joined; none of arms that move well."""
+    still = simulate(Scenario(samples=8, arms="hand_still"), 0)
+    problem, _ = build_problem(still.cell, still.recording)
+    assert describe_poor_motions(problem) == "hand never moves in 8 samples"
+    free = simulate(Scenario(samples=20), 0)
+    assert describe_poor_motions(build_problem(free.cell, free.recording)[0]) == ""
+    assert set(motions(problem)) == {"eye", "hand"}
+
+
+def test_a_robot_without_kinematics_has_no_parallel_axes(made, problem):
+    """Recorded by poses, it may turn as it likes."""
+    cell = SimpleNamespace(robots={"hand": SimpleNamespace(chain=None)})
+    assert advise_motion(cell, problem, moved(0.5, 0.0)).startswith("add poses")

@@ -1,0 +1,152 @@
+"""The paper's closed form with what it does not say: covariance, neglected depth, which station."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.axis_shift import calibrate_axis_shift, stations_of
+from basecal.cell import Unknown
+from basecal.errors import NotObservable
+from basecal.estimation.axis_shift.stations import fused
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.settings import Settings
+from basecal.geometry import SE3, Camera
+from basecal.simulation.shifts import simulate_shifts
+
+NAME = "eye_base_from_hand_base"
+CAMERA = Camera("pinhole", [1000.0, 1000.0, 640.0, 480.0], (1280, 960))
+TRUE = SE3.from_rotvec([0.1, 3.0, 0.3], [0.2, 0.1, 2.5])
+EYE = SE3.identity()
+LIGHT = SE3.from_rotvec([0.2, 0.1, 0.0], [0.1, 0.05, 0.4])
+
+
+def batch(transform, spread, count, seed):
+    return transform @ SE3.exp(spread * np.random.default_rng(seed).standard_normal((count, 6)))
+
+
+def made(shift_m=0.02, stations=2, two_sided=True, pixel_px=0.05, seed=0):
+    return simulate_shifts(
+        TRUE, batch(EYE, 0.02, stations, 1), batch(LIGHT, 0.05, stations, 2), CAMERA, shift_m, two_sided, pixel_px, seed
+    )
+
+
+def calibrated(simulated, settings=None, **changed):
+    cell = replace(simulated.cell, **changed)
+    problem, _ = build_problem(cell, simulated.recording)
+    return calibrate_axis_shift(cell, problem, settings or Settings(method="axis-shift"), [])
+
+
+def stations(simulated):
+    return stations_of(build_problem(simulated.cell, simulated.recording)[0], simulated.cell)
+
+
+def codes(calibration):
+    return [(f.code, f.severity) for f in calibration.findings]
+
+
+def test_covariance_is_that_of_the_pixels_noise():
+    """Over 30 draws the base scatters about their mean as its random part says: the mean of squares is 1 within 0.6.
+
+    Numbers of 29 x 6 freedoms scatter by 0.11, those of one draw hang together; the random part is of first order.
+    """
+    exact = calibrated(made(pixel_px=0.0), pixel_px=1e-9)[NAME]
+    found = [calibrated(made(pixel_px=0.02, seed=seed), pixel_px=0.02)[NAME] for seed in range(30)]
+    off = np.stack([(exact.mean.inverse() @ estimate.mean).log() for estimate in found])
+    random = found[0].covariance - exact.covariance
+    squares = np.einsum("ni,ij,nj->n", off, np.linalg.inv(random), off) / 6
+    assert np.mean(squares) == pytest.approx(1.0, abs=0.6)
+
+
+def test_covariance_grows_with_the_stated_sigma():
+    """What pixels add grows with its square, what the neglect of depth adds does not."""
+    small, large, larger = (calibrated(made(), pixel_px=px)[NAME].covariance for px in (1e-9, 0.1, 0.2))
+    np.testing.assert_allclose(larger - small, 4 * (large - small), rtol=1e-6)
+    assert np.linalg.matrix_rank(small, tol=1e-9 * np.abs(small).max()) == 1
+
+
+def test_sigmas_that_nobody_states_are_assumed_and_said():
+    """0.3 px, as an info; stated, there is none."""
+    silent, stated = calibrated(made(), pixel_px=None), calibrated(made(), pixel_px=0.3)
+    np.testing.assert_allclose(silent[NAME].covariance, stated[NAME].covariance)
+    assert silent.noise["pixel_px"] == 0.3
+    said = [f.message for f in silent.findings if "0.3 px assumed" in f.message]
+    assert len(said) == 1
+    assert not any("assumed" in f.message for f in stated.findings)
+
+
+def test_neglected_depth_is_a_warning_from_two_sigmas_on():
+    """At a pixels' sigma by which the largest shift is two sigmas: a tenth less warns, a tenth more does not."""
+    simulated = made(0.1, two_sided=False, pixel_px=0.0)
+    exact, by_one_px = (calibrated(simulated, pixel_px=px)[NAME].covariance for px in (1e-9, 1.0))
+    systematic, random = np.sqrt(np.diag(exact)), np.sqrt(np.diag(by_one_px - exact))
+    limit = float(np.max(systematic / (2 * random)))
+    above, below = calibrated(simulated, pixel_px=0.9 * limit), calibrated(simulated, pixel_px=1.1 * limit)
+    assert ("neglected-depth", "warning") in codes(above)
+    assert above.verdict == "doubtful"
+    assert set(codes(below)) == {("axis-shift-station", "info")}
+    assert below.verdict == "good"
+    (said,) = [f.message for f in above.findings if f.code == "neglected-depth"]
+    assert f"about {1e3 * np.linalg.norm(systematic[:3]):.2g} mm" in said
+    assert f"{np.degrees(np.linalg.norm(systematic[3:])):.2g} deg" in said
+
+
+def test_every_station_is_told():
+    """Its samples, where its light and its base are in the eye's base."""
+    simulated = made(stations=3)
+    found = calibrated(simulated)
+    of = [f for f in found.findings if f.code == "axis-shift-station"]
+    assert [f.about for f in of] == [tuple(str(int(n)) for n in s.samples) for s in stations(simulated)]
+    base = stations(simulated)[1].base()
+    light = (base @ stations(simulated)[1].hand_base_from_light).translation
+    assert f"light at ({', '.join(f'{1e3 * v:.1f}' for v in light)}) mm" in of[1].message
+    assert f"base at ({', '.join(f'{1e3 * v:.1f}' for v in base.translation)}) mm" in of[1].message
+
+
+def test_without_a_task_stations_count_by_shift_over_depth():
+    """The mean of all bases, weighted by the square of how far the light moved over how far it was."""
+    simulated = made(stations=3)
+    of = stations(simulated)
+    weights = [(s.length / np.linalg.norm(s.camera_from_light().translation)) ** 2 for s in of]
+    wanted = fused([s.base() for s in of], weights)
+    np.testing.assert_allclose(calibrated(simulated)[NAME].mean.matrix, wanted.matrix, atol=1e-12)
+
+
+@pytest.mark.parametrize("choice", ["nearest", "weighted"])
+def test_a_task_chooses_its_station(choice):
+    """At a station's own light its base is the answer, alone or with all the weight, and so is its covariance."""
+    simulated = made(stations=3)
+    of = stations(simulated)[1]
+    task = (of.base() @ of.hand_base_from_light).translation
+    settings = Settings(method="axis-shift", task_point=tuple(task), station_choice=choice)
+    found = calibrated(simulated, settings)
+    np.testing.assert_allclose(found[NAME].mean.matrix, of.base().matrix, atol=1e-6)
+    chosen = [s for s in simulated.recording.samples if s.sample in of.samples]
+    alone = replace(simulated, recording=replace(simulated.recording, samples=tuple(chosen)))
+    np.testing.assert_allclose(found[NAME].covariance, calibrated(alone)[NAME].covariance, rtol=1e-3)
+
+
+def test_the_base_may_be_that_of_the_eye():
+    """Where the robot with the light is the reference the inverse is asked for and given, covariance and all."""
+    simulated = made()
+    known = Unknown()
+    told = calibrated(simulated, reference="hand", bases={"eye": known})
+    plain = calibrated(simulated)[NAME].inverse()
+    estimate = told["hand_base_from_eye_base"]
+    np.testing.assert_allclose(estimate.mean.matrix, plain.mean.matrix, atol=1e-9)
+    np.testing.assert_allclose(estimate.covariance, plain.covariance, rtol=1e-6)
+    np.testing.assert_allclose(told.joint_covariance, plain.covariance, rtol=1e-6)
+    assert told.order == ("hand_base_from_eye_base",)
+
+
+def test_what_it_needs_is_said():
+    """A lens, and one base to find."""
+    simulated = made()
+    camera = replace(simulated.cell.cameras["camera"], intrinsics=None)
+    with pytest.raises(NotObservable, match="the lens of camera"):
+        calibrated(simulated, cameras={"camera": replace(camera, intrinsics=replace(
+            simulated.cell.cameras["camera"].intrinsics, status="free", camera=None))})  # fmt: skip
+    with pytest.raises(NotObservable, match="ask for one base"):
+        calibrated(simulated, bases={"hand": Unknown("fixed", TRUE)})
