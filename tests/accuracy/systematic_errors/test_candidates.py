@@ -1,0 +1,16 @@
+"""Candidates one by one."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.accuracy.systematic_errors.candidates import Candidates
+
+
+def test_one_of_several_has_what_is_its_own():
+    """Its name, its first sample and its moves, as candidates of one."""
+    moves = (np.arange(24.0).reshape(2, 2, 6, 1), np.arange(36.0).reshape(3, 2, 6, 1))
+    one = Candidates("drift", ("eye", "hand"), (None, 4), "m", moves).only(1)
+    assert (one.code, one.about, one.since, one.unit) == ("drift", ("hand",), (4,), "m")
+    for part, whole in zip(one.moves, moves, strict=True):
+        np.testing.assert_array_equal(part, whole[:, [1]])
