@@ -11,9 +11,12 @@ from tests.oracles.dense import DenseProblem
 
 from basecal.cell import Parameters, Recording, Unknown
 from basecal.errors import InputError
+from basecal.estimation.problem.problem import State
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
+from basecal.geometry import SE3, Camera
 from basecal.simulation import Scenario, simulate
+from basecal.simulation.shifts import simulate_shifts
 
 NOISY = (2e-4, 3e-4)
 AGAINST_ORACLE = {
@@ -185,3 +188,33 @@ def test_joint_offsets_are_not_passed_over():
     robots = {**s.cell.robots, "hand": replace(s.cell.robots["hand"], joint_offsets=Parameters("free"))}
     with pytest.raises(InputError, match="need its urdf and joints_rad in every sample"):
         solve(replace(s.cell, robots=robots), s.recording)
+
+
+@pytest.mark.parametrize(("start", "thorough"), [("closed", [False]), ("thorough", [True])])
+def test_a_start_is_thorough_where_that_is_asked_for(monkeypatch, start, thorough):
+    """Of a cell that any start solves one is made, by a search or not."""
+    asked = []
+
+    def first_state(problem, cell, thorough):
+        asked.append(thorough)
+        return State(s.truth, s.cameras, np.zeros((len(problem.stops), 6)))
+
+    s = simulate(Scenario(samples=8), seed=0)
+    monkeypatch.setattr("basecal.estimation.solve.first_state", first_state)
+    assert solve(s.cell, s.recording, Settings(start=start)).converged
+    assert asked == thorough
+
+
+def test_the_papers_closed_form_starts_robots_with_noise():
+    """From it the descent ends where it ends from the truth."""
+    camera = Camera("pinhole", [1000.0, 1000.0, 640.0, 480.0], (1280, 960))
+    true = SE3.from_rotvec([0.1, 3.0, 0.3], [0.2, 0.1, 2.5])
+    eye, hand = (SE3.exp(0.05 * np.random.default_rng(k).standard_normal((4, 6))) for k in range(2))
+    s = simulate_shifts(true, eye, SE3.from_rotvec([0.2, 0.1, 0.0], [0.1, 0.05, 0.4]) @ hand, camera, 0.05, True, 0.05)
+    robots = {name: replace(robot, noise=np.full(6, 1e-4)) for name, robot in s.cell.robots.items()}
+    cell = replace(s.cell, robots=robots)
+    found = solve(cell, s.recording, Settings(start="axis-shift"))
+    assert found.converged
+    told = replace(cell, bases={"hand": Unknown("free", true)})
+    by_truth = solve(told, s.recording, Settings(start="guess")).state.transforms["eye_base_from_hand_base"]
+    assert off(found.state.transforms["eye_base_from_hand_base"], by_truth) < 1e-7

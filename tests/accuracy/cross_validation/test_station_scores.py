@@ -6,11 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.pose_problem import pose_problem
 
 from basecal.accuracy.cross_validation.folds import splits
 from basecal.accuracy.cross_validation.station_scores import StationScores, score_stations
+from basecal.cell import Unknown
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.solve import solve
+from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
 
@@ -56,3 +59,13 @@ def test_a_sample_that_is_wrong_scores_badly():
     assert np.argmax(found.scores) == 0
     assert found.scores[0] > np.sort(found.scores)[-2] + 2
     assert np.max(found.off_m) > 3e-3
+
+
+def test_scores_are_those_of_poses_that_each_fold_predicts():
+    """Poses of a fixed mount: each station's score is log(1 + d^2 / 6), the mean square that of all numbers."""
+    errors = np.random.default_rng(0).standard_normal((12, 6))
+    problem, state = pose_problem(1e-3 * errors, np.full(6, 1e-3), Unknown("prior", SE3.identity(), np.full(6, 1e-9)))
+    found = scored(problem, state)
+    np.testing.assert_allclose(found.scores, np.log1p(np.sum(errors**2, -1) / 6), rtol=2e-3)
+    assert found.mean_square == pytest.approx(np.mean(errors**2), rel=2e-3)
+    np.testing.assert_allclose(np.sort(found.off_m), np.sort(1e-3 * np.linalg.norm(errors[:, :3], axis=-1)), rtol=2e-3)

@@ -95,6 +95,15 @@ def test_a_light_gives_no_pose():
     assert found.rms_px is not None
 
 
+def test_the_offset_of_a_light_moves_as_its_covariance_says():
+    """Asked for alone it has three numbers, whose change is of the size of their covariance."""
+    made = simulate(LIGHT, 0)
+    problem, _ = build_problem(made.cell, made.recording)
+    found = cross_validate(solve_packed(problem, made.cell), [made.cell.mount_name("board")])
+    assert found is not None
+    assert 0.05 < found.summary.base_change < 4.0
+
+
 def test_a_part_that_cannot_be_missed_is_told():
     """The only sample in which the hand turns about a second axis is not held out, and the finding names it."""
     made, other = recorded(Scenario(samples=14), 0, hand=SCARA), recorded(Scenario(samples=1), 0)

@@ -212,3 +212,12 @@ def test_loops_that_nothing_closes_are_told():
     assert decided(predicted(0.031), predicted(0.05)) == ["poor-fit"]
     assert decided(predicted(0.031), predicted(1e-3, unobservable=[ASKED])) == ["poor-fit"]
     assert decided(predicted(1e-3, unobservable=[ASKED]), predicted(1e-3, moved=5)) == []
+
+
+@pytest.mark.parametrize(("core", "whole"), [(0.8e-3, 2.0e-3), (1.0e-3, 1.6e-3)])
+def test_most_samples_or_all_of_them_must_be_predicted_better(core, whole):
+    """Better for most and as good for all, or the reverse, is better; where neither is, both fit alike."""
+    declared = predicted(1e-3, 2.0e-3)
+    assert decided(declared, predicted(core, whole, moved=5)) == ["inverted"]
+    assert decided(declared, predicted(0.95e-3, 1.95e-3, moved=5)) == ["ambiguous-convention"]
+    assert decided(declared, predicted(core, 2.3e-3, moved=5)) == []

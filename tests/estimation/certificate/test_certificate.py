@@ -11,6 +11,7 @@ from tests.shared.deceivers import adversarial, tried
 from basecal.accuracy.certify import certified
 from basecal.accuracy.verdict import calibrate
 from basecal.cell import Unknown
+from basecal.cell.targets.points import points_target
 from basecal.estimation.certificate.certificate import certify, proven_loops
 from basecal.estimation.certificate.relaxation import product_of
 from basecal.estimation.certificate.rotation_cost import factors_of, loop_form, present
@@ -33,6 +34,9 @@ PROVEN = {
     "nothing free": Scenario(base="fixed", camera_mount="fixed", target_mount="fixed", target="pose"),
     "3-D points": Scenario(target="points3d"),
     "board": Scenario(robot_noise=(3e-4, 5e-4)),
+    "four corners": Scenario(
+        target="points", board=points_target(np.array([[0.0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0, 0.1, 0]]))
+    ),
     "points at stations": Scenario(target="points", arms="stations", robot_noise=(3e-4, 5e-4)),
     "two cameras, a robot each": Scenario(layout="two_cameras", target="pose"),
     "two cameras on the world": Scenario(layout="two_world_cameras", target="pose"),

@@ -18,6 +18,7 @@ from basecal.estimation.least_squares.studentized import (
 from basecal.estimation.outliers.inlier_mask import InlierMask, all_inliers, at_stops_of, inlier_problem
 from basecal.estimation.outliers.robust_scale import robust_scale
 from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import State
 from basecal.estimation.solve import solve, solve_from, solve_packed
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
@@ -126,3 +127,21 @@ def test_stated_sigmas_are_taken_at_their_word():
     ]
     assert variances[:2] == [1.0, 1.0]
     assert variances[2] == pytest.approx(4, rel=0.4)
+
+
+@pytest.mark.parametrize("target", ["charuco", "points", "points3d"])
+def test_points_not_seen_have_no_deviation(target):
+    """No freedoms and no number, while the others of their views have theirs."""
+    made = simulate(Scenario(samples=6, target=target), 0)
+    problem, _ = build_problem(made.cell, made.recording)
+    (group,) = problem.groups
+    seen = group.measurement.seen.copy()
+    seen[::2, 1] = False
+    weight = np.where(seen, group.measurement.weight, 0.0)
+    few = replace(group, measurement=replace(group.measurement, seen=seen, weight=weight, stated=weight))
+    state = State(made.truth, made.cameras, np.zeros((0, 6)))
+    (found,) = studentized_points(leave_one_out(problem.with_groups([few]), state, [np.ones(6)]))
+    assert np.isnan(found.value[~seen]).all()
+    assert not found.freedoms[~seen].any()
+    assert np.isfinite(found.value[seen]).all()
+    assert set(found.freedoms[seen].tolist()) == {3 if target == "points3d" else 2}

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.pose_problem import pose_problem
 
 from basecal.cell.targets.chessboard import chessboard_target
 from basecal.estimation.outliers import subset_starts
@@ -60,3 +61,22 @@ def test_one_of_them_is_that_of_the_clean_samples(scenario):
     off = np.abs((best.transforms[name].inverse() @ truth.transforms[name]).log())
     assert off[:3].max() < 2e-3
     assert off[3:].max() < 3e-3
+
+
+@pytest.mark.parametrize("stated", [True, False])
+def test_score_is_cauchys_likelihood_at_its_best_scale(stated):
+    """Of twenty poses with six numbers each, of which some are far off; at a scale of one at least where stated."""
+    errors = np.random.default_rng(0).standard_normal((20, 6))
+    errors[:5] *= 30.0
+    errors *= 0.5
+    problem, state = pose_problem(1e-3 * errors, np.full(6, 1e-3))
+    ratio = np.sum(errors**2, -1) / 6
+    scales = np.maximum(np.quantile(ratio, np.linspace(0.1, 0.9, 17)), 1.0 if stated else 0.0)
+    wanted = min(float(np.sum(3 * np.log(s) + 3.5 * np.log1p(6 * ratio / s))) for s in scales)
+    assert score(problem, state, stated) == pytest.approx(wanted, rel=1e-6)
+
+
+def test_nothing_seen_is_the_worst_score():
+    """No view explains nothing."""
+    problem, state = pose_problem(np.zeros((0, 6)), np.ones(6))
+    assert score(problem, state, True) == np.inf

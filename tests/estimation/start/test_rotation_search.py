@@ -97,6 +97,9 @@ def test_angles_between_rotations():
     first = rotation_exp(np.array([0.4, -1.0, 0.2]))
     second = first @ rotation_exp(angle[:, None] * axis)
     np.testing.assert_allclose(angle_between(first, second), angle, atol=1e-12, rtol=1e-6)
+    axes = np.random.default_rng(0).standard_normal((500, 3))
+    half = first @ rotation_exp(np.pi * axes / np.linalg.norm(axes, axis=-1, keepdims=True))
+    np.testing.assert_allclose(angle_between(first, half), np.pi, atol=1e-7)
     np.testing.assert_allclose(
         angle_between(first, second), np.linalg.norm(rotation_log(first.T @ second), axis=-1), atol=1e-8
     )
