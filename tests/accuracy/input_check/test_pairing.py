@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+import pytest
+
 from basecal.accuracy.input_check import rewriting
 from basecal.accuracy.input_check.loop_fit import trimmed
 from basecal.accuracy.input_check.pairing import half_turns, pairing_errors
@@ -56,3 +59,23 @@ def test_turned_views_are_found():
     found = half_turns(cell, Recording(tuple(samples)))
     assert {reading.about for reading in found} >= {("board", "2", "3", "7")}
     assert half_turns(cell, made.recording) == []
+
+
+@pytest.mark.parametrize(("count", "more"), [(10, False), (11, True)])
+def test_ten_turned_views_are_listed(count, more):
+    """Of more the first ten stand in the words, and all are turned."""
+    board = chessboard_target((8, 6), 0.03)
+    made = simulate(Scenario(samples=26, target="pose", board=board), 0)
+    cell = replace(made.cell, targets={n: replace(t, target=board) for n, t in made.cell.targets.items()})
+    turned = rewriting.with_targets(made.recording, lambda poses: poses @ half_turn(board))
+    wrong = [
+        t if k % 2 and k < 2 * count else s
+        for k, (s, t) in enumerate(zip(made.recording.samples, turned.samples, strict=True))
+    ]
+    numbers = tuple(str(k) for k in range(1, 2 * count, 2))
+    (found,) = [h for h in half_turns(cell, Recording(tuple(wrong))) if h.about == ("board", *numbers)]
+    assert (", ..." in found.words) == more
+    right = found.apply(cell, Recording(tuple(wrong)))[1]
+    for mended, true in zip(right.samples, made.recording.samples, strict=True):
+        off = mended.observations[0].camera_from_target.inverse() @ true.observations[0].camera_from_target
+        assert np.abs(off.log()).max() < 1e-9

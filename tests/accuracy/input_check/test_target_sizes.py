@@ -58,3 +58,13 @@ def test_the_true_size_is_said_in_the_targets_own_field(target, said):
     cell = simulate(Scenario(target=target, samples=1, pixel_px=0.0), 0).cell
     (name,) = cell.targets
     assert said in target_size(name, 2.0, cell).fix
+
+
+@pytest.mark.parametrize("target", ["charuco", "points3d"])
+def test_the_right_size_is_not_searched_for_another(target):
+    """Nothing would be gained, nor by a size off by a thousandth beside noise of robots."""
+    made = simulate(Scenario(samples=12, target=target), 0)
+    assert size_hypotheses(made.cell, made.recording, made.cameras, solve(made.cell, made.recording).state) == []
+    noisy = simulate(Scenario(samples=12, target=target, robot_noise=(1e-3, 2e-3)), 0)
+    cell = resized(noisy.cell, {"board": 1.001})
+    assert size_hypotheses(cell, noisy.recording, noisy.cameras, solve(cell, noisy.recording).state) == []

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.accuracy.phrases.null_space import describe_null_space, describe_twists
-from basecal.estimation.observability.null_space import separate_null_space
+from basecal.accuracy.phrases.null_space import describe_null_space, describe_twists, is_unobservable
+from basecal.estimation.observability.null_space import NullDirection, separate_null_space
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.geometry import SE3
@@ -87,3 +87,36 @@ def test_twists_of_a_base_in_its_own_axes():
         "translation of hand_base along (0.00, 0.00, 1.00) in hand_base and "
         "rotation of hand_base about the axis through (1.00, 0.00, 0.00) m along (0.00, 0.00, 1.00) in hand_base"
     )
+
+
+@pytest.mark.parametrize(
+    ("kind", "joint", "words"),
+    [
+        ("lens", None, "the intrinsics of name"),
+        ("links", None, "an error of the links of hand"),
+        ("joint offset", 2, "the offset of joint 3 of hand (elbow)"),
+        ("joint offset", 0, "the offset of joint 1 of hand (elbow)"),
+        ("compliance", 5, "the compliance of joint 6 of hand (elbow)"),
+    ],
+)
+def test_lenses_and_robots(kind, joint, words):
+    """What moves, of which robot and joint, counted from one; what moves along follows."""
+    none = np.zeros((0, 6))
+    robot = "" if kind == "lens" else "hand"
+    assert describe_null_space(NullDirection(kind, ("name",), none, robot, joint, "elbow")) == words
+    several = NullDirection(kind, ("name", BASE, BOARD), none, robot, joint, "elbow")
+    assert describe_null_space(several) == f"{words}, coupled with {BASE} and {BOARD}"
+
+
+@pytest.mark.parametrize(("pitch", "screw"), [(0.0, ""), (0.019, ""), (0.021, ", with 0.4 mm along it per degree")])
+def test_a_screw_is_told_from_a_turn(pitch, screw):
+    """From two centimetres a radian on."""
+    twist = np.array([[0.0, 0.0, pitch, 0.0, 0.0, 1.0]])
+    line = "rotation of hand_base about the axis through (0.00, 0.00, 0.00) m along (0.00, 0.00, 1.00) in eye_base"
+    assert describe_null_space(NullDirection("rotation", (BASE,), twist)) == line + screw
+
+
+def test_several_directions_in_a_clause():
+    """One is, several are unobservable; what is coupled with them stands behind."""
+    assert is_unobservable(["a"], []) == "a is unobservable"
+    assert is_unobservable(["a", "b"], ["c", "d"]) == "a and b are unobservable (coupled with c and d)"

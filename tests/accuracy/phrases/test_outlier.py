@@ -18,6 +18,10 @@ from basecal.estimation.outliers.left_out import LeftOut
             LeftOut(3, "wrist", "led", (), 2e4, off_px=40.4),
             "seen 40 px from where the rest predicts it by more than 1000",
         ),
+        (
+            LeftOut(3, "depth", "light", (), 12.3, off_m=0.0104),
+            "seen 10 mm from where the rest predicts it by 12 sigma",
+        ),
         (LeftOut(3, "wrist", "led", (), math.nan, off_px=math.nan), "seen far from where the rest predicts it: a"),
         (LeftOut(3, "wrist", "board", (4,), 7.2, off_px=1.994), "point is 1.99 px (7 sigma) from where"),
         (LeftOut(3, "wrist", "board", (4, 5), 7.2, off_m=0.0123), "2 points are up to 12.3 mm (7 sigma) from where"),
