@@ -44,6 +44,7 @@ _FEWEST = 5  # samples, of which three folds leave three to fit
 _MARGIN = 1.25  # equations over unknowns without the largest fold
 _CERTAIN = 100.0  # twice the log ratio of likelihoods: true sizes gain up to 40 where arms have errors of their own
 _ALIKE = 1.1  # cross-validation errors that differ by less are alike: that of 40 samples is known to a tenth
+_OUT_OF_THE_RACE = 2.0  # times the error of the declared one, before the noise of poses is known
 _FAR_WORSE = 2.0  # ratio of such errors that no choice of samples makes
 # A wider model takes up some of the errors of arms and lenses: below this it is no mix-up that it found.
 _WIDER = 1.5
@@ -124,18 +125,18 @@ def _tried(cell: Cell, recording: Recording, problem: Problem, declared: _Tried,
     known = declared.fit.solution.state
     found: list[_Tried] = []
     for hypothesis, fits in _surviving(cell, recording, lenses):
-        found += _try(cell, recording, hypothesis, settings, (fits, lenses))
+        found += _try(cell, recording, hypothesis, settings, (fits, lenses), declared)
     if any(plausible(each.fit) and not each.impossible and _better(each.fit, declared.fit, _WIDER) for each in found):
         return found
     if not _explained(declared.fit):
         wider = [r for r in convention_hypotheses(cell, recording) if r.nested]
         for hypothesis in [*wider, *size_hypotheses(cell, thinned(recording, _SOLVED), lenses, known)]:
-            found += _try(cell, recording, hypothesis, settings, known)
+            found += _try(cell, recording, hypothesis, settings, known, declared)
     if _has_tail(declared.fit) or not any(plausible(each.fit) and not each.impossible for each in (declared, *found)):
         for hypothesis, fits in pairing_errors(cell, recording, lenses, streams(_moving(recording))):
-            found += _try(cell, recording, hypothesis, settings, (fits, lenses))
+            found += _try(cell, recording, hypothesis, settings, (fits, lenses), declared)
         for hypothesis in half_turns(cell, recording):
-            found += _try(cell, recording, hypothesis, settings, None)
+            found += _try(cell, recording, hypothesis, settings, None, declared)
     return found
 
 
@@ -145,13 +146,15 @@ def _try(
     hypothesis: ConventionHypothesis,
     settings: Settings,
     start: State | tuple[Fits, Lenses] | None,
+    declared: _Tried,
 ) -> list[_Tried]:
+    """The hypothesis fitted in earnest; nothing where it contradicts a fact, or is out of the race."""
     other_cell, rewritten = hypothesis.apply(cell, recording)
     if impossible_input(other_cell, rewritten):
         return []
     few = thinned(rewritten, _SOLVED)
     state = state_of(build_problem(other_cell, few)[0], *start) if isinstance(start, tuple) else start
-    fit = fit_hypothesis(other_cell, few, settings, state)
+    fit = fit_hypothesis(other_cell, few, settings, state, _OUT_OF_THE_RACE * declared.fit.core)
     return [] if fit is None else [_Tried(hypothesis, fit, impossible_answer(other_cell, fit))]
 
 

@@ -11,6 +11,8 @@ from basecal.accuracy.cross_validation.refit import refit_folds
 from basecal.accuracy.input_check.loop_fit import trimmed
 from basecal.cell import Cell, Recording
 from basecal.errors import BasecalError, InputError
+from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
+from basecal.estimation.noise.estimate import degrees_of_freedom
 from basecal.estimation.problem.build import build_problem, canonical_order
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
 from basecal.estimation.settings import Settings
@@ -94,7 +96,7 @@ def thinned(recording: Recording, most: int) -> Recording:
 
 
 def fit_hypothesis(
-    cell: Cell, recording: Recording, settings: Settings, start: State | None = None
+    cell: Cell, recording: Recording, settings: Settings, start: State | None = None, beyond: float = np.inf
 ) -> HypothesisFit | None:
     """The fit of a cell and its held-out errors over three folds; None where there is nothing to fit.
 
@@ -106,13 +108,16 @@ def fit_hypothesis(
         recording: Likewise.
         settings: How to solve.
         start: Where to start; without a guess where None.
+        beyond: `core` from which on a fit is of no interest: None is returned.
     """
     # A wrong hypothesis may send the descent anywhere: infinities there are no error of the user's.
     with np.errstate(all="ignore"):
-        return _fit(cell, recording, settings, start)
+        return _fit(cell, recording, settings, start, beyond)
 
 
-def _fit(cell: Cell, recording: Recording, settings: Settings, start: State | None) -> HypothesisFit | None:
+def _fit(
+    cell: Cell, recording: Recording, settings: Settings, start: State | None, beyond: float
+) -> HypothesisFit | None:
     try:
         problem, _ = build_problem(cell, recording)
         if not problem.groups:
@@ -120,8 +125,11 @@ def _fit(cell: Cell, recording: Recording, settings: Settings, start: State | No
         if start is None:
             solution = solve_packed(problem, cell, settings)
         else:
-            stops = np.zeros((len(problem.stops), 6))
-            solution = solve_from(problem, replace(start, stop_errors=stops), settings)
+            start = replace(start, stop_errors=np.zeros((len(problem.stops), 6)))
+            start = bundle_adjust(problem, start, degrees_of_freedom(problem), settings.iterations).state
+            if trimmed(np.concatenate([off_views(problem, g, start) for g in problem.groups])) > beyond:
+                return None
+            solution = solve_from(problem, start, settings)
         solution = _concentrated(solution, settings)
         in_pixels = any(isinstance(g.measurement, PixelMeasurement) for g in problem.groups)
         fitted = np.concatenate([off_views(problem, g, solution.state) for g in problem.groups])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,6 +29,8 @@ _NUDGE = 1e-4
 _ROUNDS = 8
 # By a smaller share of the squares no other size could predict so much better that it were named.
 _WORTHWHILE = 0.25
+# So near the stated size the parabola's vertex stands for the sizes tried: squares are quadratic in it there.
+_NEAR_LOG = 0.05
 _TRIED = (0.8, 0.9, 0.95, 1.05, 1.1, 1.25)
 
 
@@ -47,22 +49,24 @@ def size_hypotheses(
     found = []
     for name in dict.fromkeys(g.target for g in problem.groups):
         sized = _Sized(cell, recording, name)
-        if not _may_gain(sized, state):
+        gain, vertex = _parabola(sized, state)
+        if gain < _WORTHWHILE:
             continue
         linear = _factor(problem, name, lenses)
         if linear is not None:
-            found.append(target_size(name, _refined(sized, linear, state), cell))
+            tried = [vertex] if abs(vertex) < _NEAR_LOG else [float(np.log(f)) for f in (linear, *_TRIED) if f > 0]
+            found.append(target_size(name, _refined(sized, tried, linear, state), cell))
     return found
 
 
-def _may_gain(sized: _Sized, state: State) -> bool:
-    """Whether another size may have clearly smaller squares, by the parabola of three sizes about the stated one."""
+def _parabola(sized: _Sized, state: State) -> tuple[float, float]:
+    """The share of the squares that another size may gain, and its logarithm, by three sizes about the stated one."""
     try:
         less, here, more = (sized.optimum(log, state, _FEW_STEPS).cost for log in (-_LOG_STEP, 0.0, _LOG_STEP))
     except (BasecalError, np.linalg.LinAlgError):
-        return True
+        return 1.0, np.inf
     slope, bend = (more - less) / 2, more - 2 * here + less
-    return not bend > 0 or slope**2 / (2 * bend) > _WORTHWHILE * here
+    return (slope**2 / (2 * bend * here), -_LOG_STEP * slope / bend) if bend > 0 else (1.0, np.inf)
 
 
 def _factor(problem: Problem, target: str, lenses: Mapping[str, Camera]) -> float | None:
@@ -138,11 +142,13 @@ class _Sized:
         return (more - less) / (2 * _NUDGE)
 
 
-def _refined(sized: _Sized, linear: float, state: State) -> float:
-    """The factor of least cost: the best of a few, one of them by `linear` equations, refined by the secant rule."""
-    tried = [linear, *_TRIED] if _TRIED[0] / 2 < linear < 2 * _TRIED[-1] else _TRIED
+def _refined(sized: _Sized, tried: Sequence[float], linear: float, state: State) -> float:
+    """The factor of least cost: the best of those whose logarithms are tried, refined by the secant rule.
+
+    Where numbers end it is that of `linear` equations.
+    """
     try:
-        ends = [(sized.optimum(log, state, _FEW_STEPS), log) for log in map(float, np.log(tried))]
+        ends = [(sized.optimum(log, state, _FEW_STEPS), log) for log in tried]
         best, log = min(ends, key=lambda end: end[0].cost)
         state, before, slope_before = best.state, log, np.nan
         for _ in range(_ROUNDS):

@@ -22,7 +22,8 @@ from basecal.geometry import Array
 
 CONTRADICTED = 1.5
 _ROUNDS = 40
-_SETTLED = 1e-4
+# [1] relative change of a variance that ends the rounds: ten thousand residuals tell it to a hundredth.
+_SETTLED = 1e-3
 _LOG_STEP = 1e-3
 
 

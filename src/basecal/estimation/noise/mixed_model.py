@@ -2,8 +2,8 @@
 
 Of each view and each sigma there is a cost, a gradient and an information about `camera_from_target` and the lens. The
 unknowns move these through their adjoints, the errors of stops through theirs, so that all that the sigmas need are
-sums over views, which do not grow with the number of points. Stops that no view ties to others, or only in pairs, stand
-in blocks; those that tie many together stand among the unknowns. Source: Harville 1977; docs/mathematics.md (5.2).
+sums over views, which do not grow with the number of points. Stops that views tie to few others stand with these in a
+block; those that tie many together stand among the unknowns. Source: Harville 1977; docs/mathematics.md (5.2).
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from basecal.estimation.noise.view_estimates import ViewEstimates, view_estimate
 from basecal.estimation.problem.problem import Problem, State, ViewGroup, chain
 from basecal.geometry import Array, IntArray
 
-_PINNED = 1e-12
+# So many stops stand in one block: two arms that each came to a place twice.
+_MOST_TIED = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,16 +142,11 @@ def _layout(problem: Problem, modes: Mapping[str, Array]) -> Layout:
             if a >= 0 and b >= 0:
                 partners[a].add(b)
                 partners[b].add(a)
-    hubs = _hubs(partners)
+    hubs, tied = _tied(partners)
     block, row, column = (np.full(count, -1, dtype=np.int64) for _ in range(3))
-    blocks, rows = 0, 6
-    for stop in range(count):
-        if stop in hubs or block[stop] >= 0:
-            continue
-        block[stop], row[stop] = blocks, 0
-        for other in partners[stop]:
-            block[other], row[other], rows = blocks, 6, 12
-        blocks += 1
+    for number, stops in enumerate(tied):
+        block[stops], row[stops] = number, 6 * np.arange(len(stops))
+    blocks, rows = len(tied), 6 * max(map(len, tied), default=1)
     width = problem.width
     for stop in sorted(hubs):
         column[stop] = width
@@ -162,18 +158,36 @@ def _layout(problem: Problem, modes: Mapping[str, Array]) -> Layout:
     return Layout(block, row, column, blocks, rows, width, smooth)
 
 
-def _hubs(partners: list[set[int]]) -> set[int]:
-    """The stops without which no other has more than one partner; their partners forget them."""
+def _tied(partners: list[set[int]]) -> tuple[set[int], list[list[int]]]:
+    """Stops that tie too many others together, and all others in the sets that views tie together without them."""
     hubs: set[int] = set()
-    while partners:
-        stop = max(range(len(partners)), key=lambda k: len(partners[k]))
-        if len(partners[stop]) < 2:
-            break
-        for other in partners[stop]:
-            partners[other].discard(stop)
-        partners[stop] = set()
-        hubs.add(stop)
-    return hubs
+    tied: list[list[int]] = []
+    waiting, seen = list(range(len(partners))), set[int]()
+    while waiting:
+        first = waiting.pop()
+        if first in seen or first in hubs:
+            continue
+        stops = _reached(first, partners)
+        if len(stops) <= _MOST_TIED:
+            tied.append(sorted(stops))
+            seen |= stops
+            continue
+        hub = max(stops, key=lambda stop: len(partners[stop]))
+        hubs.add(hub)
+        for other in partners[hub]:
+            partners[other].discard(hub)
+        waiting += stops - {hub}
+    return hubs, tied
+
+
+def _reached(first: int, partners: Sequence[set[int]]) -> set[int]:
+    """The stops that views tie to one, itself among them."""
+    reached, waiting = {first}, [first]
+    while waiting:
+        fresh = partners[waiting.pop()] - reached
+        reached |= fresh
+        waiting += fresh
+    return reached
 
 
 def _moments(problem: Problem, group: ViewGroup, state: State, view: ViewEstimates, layout: Layout) -> Moments:
