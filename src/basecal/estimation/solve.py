@@ -10,8 +10,9 @@ from basecal.cell import Cell, Finding, Recording
 from basecal.errors import InputError
 from basecal.estimation.axis_shift.stations import find_stations, fused
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
+from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.noise.estimate import NoiseEstimate, degrees_of_freedom, estimate_noise, residual_counts
-from basecal.estimation.noise.joint_estimate import estimate_jointly
+from basecal.estimation.noise.joint_estimate import estimate_jointly, integrate_sigmas
 from basecal.estimation.observability.observability import Observability, observability_of
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.correspondence import choose_correspondence
@@ -117,10 +118,40 @@ def solve_from(
     findings: tuple[Finding, ...] = (),
 ) -> Solution:
     """Maximum likelihood and covariance downhill of a start."""
+    found = solve_at_mode(problem, start, settings, findings)
+    with settings.stage("noise"):
+        return integrated(found)
+
+
+def integrated(solution: Solution) -> Solution:
+    """A solution whose covariance holds how well its sigmas are known, where these were estimated jointly."""
+    noise = integrate_sigmas(solution.problem, solution.state, solution.noise)
+    if noise.covariance is None:
+        return solution
+    onto_seen = solution.observability.inverse @ linearise(solution.problem, solution.state).hessian
+    return replace(solution, noise=noise, covariance=onto_seen @ noise.covariance @ onto_seen.T)
+
+
+def solve_at_mode(
+    problem: Problem,
+    start: State,
+    settings: Settings = DEFAULT,
+    findings: tuple[Finding, ...] = (),
+    near: NoiseEstimate | None = None,
+) -> Solution:
+    """As `solve_from`, with the covariance at the most likely sigmas.
+
+    Args:
+        problem: The problem.
+        start: Where to start.
+        settings: How to go about it.
+        findings: What is known to be wrong already.
+        near: Sigmas of nearly the same views, to start from.
+    """
     dof = degrees_of_freedom(problem)
     if settings.robot_noise == "estimated":
         with settings.stage("noise"):
-            problem, end, noise = estimate_jointly(problem, start, settings.iterations)
+            problem, end, noise = estimate_jointly(problem, start, settings.iterations, near)
     else:
         with settings.stage("descent"):
             end = bundle_adjust(problem, start, dof, settings.iterations)
@@ -129,9 +160,6 @@ def solve_from(
     with settings.stage("observability"):
         seen = observability_of(problem, end.state, end.normal.hessian, noise.factor)
     covariance = seen.inverse * min(noise.factor, _LARGEST_FACTOR)
-    if noise.covariance is not None:
-        onto_seen = seen.inverse @ end.normal.hessian
-        covariance = onto_seen @ noise.covariance @ onto_seen.T
     return Solution(problem, end.state, covariance, seen, noise, end.cost, dof, end.converged, findings)
 
 

@@ -193,7 +193,7 @@ def _iterated(
     expected = np.einsum("bi,bij,bj->b", step, about.hessian, step)
     settled = _settled(flight, step, expected, stop)
     candidate = system.retract(flight.state, about, step)
-    done = settled & (flight.damping <= _UNDAMPED)
+    done = settled & _undamped(flight, stop)
     if done.any():
         cost = np.maximum(flight.cost[done] - expected[done], 0.0)
         ends.add(flight.row[done], take(candidate, done), cost, take(about, done), True, number)
@@ -216,9 +216,25 @@ def _iterated(
     return (take(flight, going), system.take(going)) if len(going) else None
 
 
+def _undamped(flight: _Flight[S, L], stop: Stop) -> BoolArray:
+    """Whether a step is one of Gauss-Newton, or the damping hides none that the data could show, (b,)."""
+    undamped = flight.damping <= _UNDAMPED
+    if undamped.all():
+        return undamped
+    step = _damped_step(flight.about, np.full(len(undamped), _FIRST_DAMPING))
+    decrement = np.einsum("bi,bij,bj->b", step, flight.about.hessian, step)
+    straight: BoolArray = undamped | (decrement <= stop.sigmas**2 * _scale(flight))
+    return straight
+
+
+def _scale(flight: _Flight[S, L]) -> Array:
+    """What the data's sigmas squared are multiplied by, by the residuals, (b,)."""
+    return np.where(np.isfinite(flight.cost), flight.cost / flight.dof, 1.0)
+
+
 def _settled(flight: _Flight[S, L], step: Array, expected: Array, stop: Stop) -> BoolArray:
     """Whether what is left to go after a step is nothing that the data could show, (b,)."""
-    scale = np.where(np.isfinite(flight.cost), flight.cost / flight.dof, 1.0)
+    scale = _scale(flight)
     shrinks = (flight.expected > 0) & (flight.damping <= _UNDAMPED)
     rate = np.where(shrinks, np.minimum(1.0, expected / np.where(shrinks, flight.expected, 1.0)), 1.0)
     near = (expected * rate <= stop.sigmas**2 * scale) & (flight.bent <= STRAIGHT_SIGMAS**2 * scale)
@@ -232,6 +248,8 @@ def _moved(
     """The flight after a step, taken where it is `better`; elsewhere the damping grows."""
     both = np.isfinite(flight.cost) & np.isfinite(cost)  # from one infinite cost to another a step is taken, undamped
     drop = np.where(both, np.where(both, flight.cost, 0.0) - np.where(both, cost, 0.0), expected)
+    # What rounding of the costs makes of a step that is nearly none says nothing of the damping it needs.
+    drop = np.where(np.abs(drop - expected) <= _UPHILL * np.where(both, cost, 0.0), expected, drop)
     gain = np.clip(drop / expected, -_LARGEST_GAIN, _LARGEST_GAIN)
     eased = np.maximum(flight.damping * np.maximum(0.1, 1 - (2 * gain - 1) ** 3), _FIRST_DAMPING)
     stiffened = np.maximum(flight.damping, _UNDAMPED) * flight.growth  # less would try nearly the same step again

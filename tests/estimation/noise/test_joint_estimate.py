@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.estimation.noise.joint_estimate import estimate_jointly
+from basecal.estimation.noise.joint_estimate import estimate_jointly, integrate_sigmas
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.settings import Settings
@@ -127,7 +127,9 @@ def test_smooth_errors_are_found_and_widen_the_covariance():
         bent.append(replace(sample, robots={**sample.robots, "hand": replace(hand, base_from_flange=moved)}))
     start = State(s.truth, s.cameras, np.zeros((0, 6)))
     problem, _ = build_problem(s.cell, replace(s.recording, samples=tuple(bent)))
-    _, _, none = estimate_jointly(build_problem(s.cell, s.recording)[0], start, 100)
-    _, _, found = estimate_jointly(problem, start, 100)
+    used, end, noise = estimate_jointly(build_problem(s.cell, s.recording)[0], start, 100)
+    none = integrate_sigmas(used, end.state, noise)
+    used, end, noise = estimate_jointly(problem, start, 100)
+    found = integrate_sigmas(used, end.state, noise)
     assert not none.smooth
     assert found.smooth["hand"][3] > 3e-4

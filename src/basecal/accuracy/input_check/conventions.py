@@ -31,7 +31,7 @@ from basecal.errors import BasecalError
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
 from basecal.estimation.settings import Settings
-from basecal.estimation.solve import Solution, solve_from
+from basecal.estimation.solve import Solution, solve_at_mode
 from basecal.estimation.start.lens import lens_from_views
 from basecal.estimation.start.pair_views import PairViews
 from basecal.estimation.view.pixels import PixelMeasurement
@@ -321,7 +321,7 @@ def _beyond_noise(fit: HypothesisFit, declared: HypothesisFit) -> bool:
     if len({sum(map(len, s.problem.groups)) for s in both}) > 1:
         return _better(fit, declared, _FAR_WORSE)
     estimated = Settings(robot_noise="estimated")
-    first, second = (solve_from(s.problem, s.state, estimated).noise.surprise for s in both)
+    first, second = (solve_at_mode(s.problem, s.state, estimated).noise.surprise for s in both)
     return second - first > _CERTAIN
 
 

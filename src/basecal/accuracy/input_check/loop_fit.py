@@ -11,14 +11,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from basecal.cell import Unknown
-from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
-from basecal.estimation.problem.problem import Problem, State, Stops, ViewGroup
+from basecal.estimation.problem.problem import Problem, State, ViewGroup
 from basecal.estimation.start.closed_form import Loop, Rotations, solve_rotations, solve_translations
+from basecal.estimation.start.light_search import light_search
 from basecal.estimation.start.pair_views import PairViews, as_light, pair_views
-from basecal.estimation.start.rotation_grid import light_starts
+from basecal.estimation.start.refinement import Refinement, refined_together
 from basecal.estimation.start.rotation_search import angle_between, search_rotations
-from basecal.estimation.view.bearings import BearingMeasurement
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Array, Camera, IntArray
 
@@ -26,7 +24,6 @@ KEPT = 0.7  # share of the views that counts: three in ten may be outliers
 _MOST_POINTS = 16  # of a view, spread: more make its pose no clearer
 _LIGHT_STARTS = {0: 1, 1: 3, 2: 6}  # by how many rotations are unknown: cells of the grid to refine
 _LIGHT_STEPS = 12  # of each, enough to rank them
-_PLAUSIBLE_SIGMAS = 4.0  # rms of a fit that no other start needs to better
 _HOPELESS_RAD = 0.5  # [rad] of loops that no choice between a view's two poses mends
 
 Triple = tuple[SE3, SE3, SE3]
@@ -106,11 +103,16 @@ def _fits_of(pairs: Sequence[tuple[PairViews, Problem]], chosen: Sequence[IntArr
     """Fits of pairs with the chosen (n,) candidate pose of each view; a light has none."""
     fits: dict[int, LoopFit | None] = {}
     loops: dict[int, Loop] = {}
+    lights: dict[int, Refinement] = {}
     for k, ((sight, problem), of) in enumerate(zip(pairs, chosen, strict=True)):
-        if sight.candidates is None:
-            fits[k] = _light(sight, problem)
-        else:
+        if sight.candidates is not None:
             loops[k] = _loop(sight, problem, of)
+        elif (light := _light(sight, problem)) is not None:
+            lights[k] = light
+        else:
+            fits[k] = None
+    for k, refined in zip(lights, refined_together(list(lights.values()), _LIGHT_STEPS), strict=True):
+        fits[k] = LoopFit(refined, off_loops(pairs[k][0], refined), of_light=True)
     for k, triple in zip(loops, _triples(list(loops.values())), strict=True):
         fits[k] = None if triple is None else LoopFit(triple, off_loops(pairs[k][0], triple))
     return [fits[k] for k in range(len(pairs))]
@@ -209,59 +211,14 @@ def _closed_form(loop: Loop) -> Rotations | None:
         return None
 
 
-def _light(sight: PairViews, problem: Problem) -> LoopFit | None:
+def _light(sight: PairViews, problem: Problem) -> Refinement | None:
+    """The point that most views see, with the best cells of a grid over rotations; None where numbers end."""
     try:
-        return _fit_light(sight, problem)
+        loop = _loop(sight, problem, np.zeros(len(sight.group), dtype=np.int64))
+        one, light, starts = light_search(sight, loop, _LIGHT_STARTS[(loop.x is None) + (loop.y is None)])
     except np.linalg.LinAlgError:
         return None
-
-
-def _fit_light(sight: PairViews, problem: Problem) -> LoopFit:
-    """The point that most views see, from the best cells of a grid over rotations, each refined a little."""
-    one, light = _one_point(sight, problem)
-    measurement = one.group.measurement
-    assert isinstance(measurement, BearingMeasurement)
-    turns = (light.x is None) + (light.y is None)
-    starts = light_starts(light, measurement.bearings_in_camera[:, 0], _LIGHT_STARTS[turns])
-    plausible = _PLAUSIBLE_SIGMAS**2 * max(2 * len(one.group) - 3 * (light.z is None) - 6 * turns, 1)
-    pair = _pair_problem(one.group, light)
-    best, lowest = starts[0], np.inf
-    for start in starts if light.unknown else []:
-        end = bundle_adjust(pair, _state(start), 1, _LIGHT_STEPS)
-        if end.cost < lowest:
-            lowest, found = end.cost, end.state.transforms
-            best = (found["x"], found["y"], found["z"])
-        if lowest < plausible:
-            break
-    return LoopFit(best, off_loops(sight, best), of_light=True)
-
-
-def _one_point(sight: PairViews, problem: Problem) -> tuple[PairViews, Loop]:
-    chords, point = as_light(sight.group.measurement)
-    views = np.flatnonzero(chords.weight[:, point] > 0)
-    few = chords.take(views)
-    one = BearingMeasurement(np.zeros((1, 3)), few.bearings_in_camera[:, [point]], few.weight[:, [point]])
-    group = replace(sight.group.take(views), measurement=one)
-    thinned = replace(sight, group=group, weight=sight.weight[views])
-    loop = _loop(thinned, problem, np.zeros(len(views), dtype=np.int64))
-    at = None if loop.z is None else SE3(np.eye(3), loop.z @ chords.points_in_target[point])
-    return thinned, loop._replace(z=at)
-
-
-def _pair_problem(group: ViewGroup, loop: Loop) -> Problem:
-    none = np.full(len(group), -1, dtype=np.int64)
-    alone = replace(
-        group, camera_mount="x", eye_base=None, hand_base="y", target_mount="z", eye_stop=none, hand_stop=none
-    )
-    widths = [(name, 3 if name == "z" else 6) for name in loop.unknown]
-    ends = np.cumsum([0, *(width for _, width in widths)])
-    columns = {name: slice(int(ends[i]), int(ends[i + 1])) for i, (name, _) in enumerate(widths)}
-    unknowns = {name: Unknown() for name in "xyz"}
-    return Problem("", (alone,), unknowns, frozenset(), {}, Stops(np.zeros((0, 6))), columns)
-
-
-def _state(triple: Triple) -> State:
-    return State(dict(zip("xyz", triple, strict=True)), {}, np.zeros((0, 6)))
+    return Refinement(one, light, starts, is_point=True)
 
 
 def _off_light(sight: PairViews, predicted: SE3) -> Array:

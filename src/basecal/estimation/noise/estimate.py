@@ -41,6 +41,7 @@ class NoiseEstimate:
         smooth: Sigmas of what is smooth in robots' poses, likewise, where the data make it likely.
         covariance: (p, p) of all columns, the sigmas integrated over; None where it is the information's inverse.
         surprise: Minus twice the log of the evidence, the sigmas integrated over, but for a constant.
+        logs: (k,) logarithms of the sigmas that were estimated jointly; None of others.
     """
 
     noise: Noise
@@ -52,6 +53,7 @@ class NoiseEstimate:
     smooth: Mapping[str, Array] = field(default_factory=dict)
     covariance: Array | None = None
     surprise: float = 0.0
+    logs: Array | None = None
 
     def held_by(self, problem: Problem) -> Problem:
         """The problem with these sigmas, held."""

@@ -56,26 +56,35 @@ def open_robots(problem: Problem) -> list[str]:
     return sorted(name for name in problem.unstated if stops_made(problem, name))
 
 
-def estimate_jointly(problem: Problem, start: State, iterations: int) -> tuple[Problem, Optimum, NoiseEstimate]:
-    """The problem with sigmas for what states none, its optimum, and these sigmas.
+def estimate_jointly(
+    problem: Problem, start: State, iterations: int, near: NoiseEstimate | None = None
+) -> tuple[Problem, Optimum, NoiseEstimate]:
+    """The problem with the most likely sigmas for what states none, its optimum, and these sigmas.
 
     Args:
         problem: The problem.
         start: Where to start.
         iterations: Steps of a descent, at most.
+        near: What was estimated of nearly the same views, to start from.
     """
     # States far from any optimum meet points at the camera's centre: infinities there are no error of the user's.
     with np.errstate(all="ignore"):
-        return _estimated(problem, start, iterations)
+        return _estimated(problem, start, iterations, near)
 
 
-def _estimated(problem: Problem, start: State, iterations: int) -> tuple[Problem, Optimum, NoiseEstimate]:
+def _estimated(
+    problem: Problem, start: State, iterations: int, near: NoiseEstimate | None
+) -> tuple[Problem, Optimum, NoiseEstimate]:
     robots, dof = open_robots(problem), degrees_of_freedom(problem)
     if not robots and not any(count for name, count in residual_counts(problem).items() if name != STATED):
         return estimate_noise(problem, bundle_adjust(problem, start, dof, iterations), iterations)
-    used = with_robot_noise(problem, dict.fromkeys(robots, np.repeat(_NOMINAL, 3)))
-    end = bundle_adjust(used, without_errors(used, start), dof, iterations)
-    plain, settled = _sigma_posterior(used, end.state, robots, {}), False
+    if near is None or near.logs is None:
+        used, logs = with_robot_noise(problem, dict.fromkeys(robots, np.repeat(_NOMINAL, 3))), None
+        start = without_errors(used, start)
+    else:
+        used, logs = replace(near.held_by(problem), held=problem.held), near.logs
+    end, settled = bundle_adjust(used, start, dof, iterations), False
+    plain = _sigma_posterior(used, end.state, robots, {}, logs)
     for _ in range(_ROUNDS):
         used, end = _readjusted(used, end, plain, dof, iterations)
         before, plain = plain.logs, _sigma_posterior(used, end.state, robots, {}, plain.logs)
@@ -83,11 +92,29 @@ def _estimated(problem: Problem, start: State, iterations: int) -> tuple[Problem
         if settled:
             break
     used, end = _readjusted(used, end, plain, dof, iterations)
-    modes = {name: smooth_modes(problem, name) for name in robots if stops_made(problem, name) >= _FEWEST_SMOOTH}
-    models = [plain]
-    if modes:
-        models.append(_sigma_posterior(used, end.state, robots, modes, plain.logs))
-    return used, end, _estimate(models, settled)
+    return used, end, _estimate(plain, settled)
+
+
+def integrate_sigmas(problem: Problem, state: State, noise: NoiseEstimate) -> NoiseEstimate:
+    """What was estimated jointly, with the covariance over all that the sigmas, and smooth errors, may be.
+
+    Args:
+        problem: The problem with the most likely sigmas.
+        state: Its optimum.
+        noise: These sigmas.
+    """
+    if noise.logs is None:
+        return noise
+    with np.errstate(all="ignore"):
+        robots = open_robots(problem)
+        models = [_sigma_posterior(problem, state, robots, {}, noise.logs)]
+        modes = {name: smooth_modes(problem, name) for name in robots if stops_made(problem, name) >= _FEWEST_SMOOTH}
+        if modes:
+            models.append(_sigma_posterior(problem, state, robots, modes, noise.logs))
+        likeliest = min(models, key=lambda of: of.surprise)
+        covariance = integrated_covariance(models, np.zeros(models[0].model.width))
+    smooth = _sigmas(likeliest).smooth
+    return replace(noise, smooth=smooth, covariance=covariance, surprise=likeliest.surprise)
 
 
 def _readjusted(
@@ -148,21 +175,11 @@ def _sigmas(of: SigmaPosterior) -> _Sigmas:
     )
 
 
-def _estimate(models: Sequence[SigmaPosterior], settled: bool) -> NoiseEstimate:
-    """What is said of the noise: the first model's sigmas, which are in use, and the covariance by all models."""
-    sigmas = _sigmas(models[0])
-    likeliest = min(models, key=lambda of: of.surprise)
-    covariance = integrated_covariance(models, np.zeros(models[0].model.width))
-    estimated = tuple(f for f in Noise._fields if any(name == f for _, name in open_parts(models[0].model)))
+def _estimate(of: SigmaPosterior, settled: bool) -> NoiseEstimate:
+    """The most likely sigmas."""
+    sigmas = _sigmas(of)
+    estimated = tuple(f for f in Noise._fields if any(name == f for _, name in open_parts(of.model)))
     noise = next(iter(sigmas.cameras.values()), Noise())
     return NoiseEstimate(
-        noise,
-        1.0,
-        estimated,
-        settled,
-        sigmas.robots,
-        sigmas.cameras,
-        _sigmas(likeliest).smooth,
-        covariance,
-        likeliest.surprise,
+        noise, 1.0, estimated, settled, sigmas.robots, sigmas.cameras, surprise=of.surprise, logs=of.logs
     )

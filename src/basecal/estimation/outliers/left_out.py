@@ -9,6 +9,7 @@ import numpy as np
 from basecal.cell import Cell
 from basecal.estimation.outliers.classify import Classification
 from basecal.estimation.outliers.inlier_mask import InlierMask, masked
+from basecal.estimation.outliers.robust_scale import Scale
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.point_jacobians import point_jacobians
@@ -68,7 +69,7 @@ def measure_left_out(
             found.append(_of_view(group, state, expected, int(view), float(sigmas[view])))
         shape = cell.targets[group.target].target
         if shape is not None:
-            found += _of_points(shape.ids, recorded.groups[k], group, problem, state, kept, k)
+            found += _of_points(shape.ids, recorded.groups[k], group, problem, state, kept, k, judgement.point_scale)
     return tuple(sorted(found, key=lambda o: (o.sample, o.camera, o.target)))
 
 
@@ -103,8 +104,16 @@ def _pixels_off(one: ViewGroup, state: State, expected: SE3) -> float:
 
 
 def _of_points(
-    ids: IntArray, recorded: ViewGroup, group: ViewGroup, problem: Problem, state: State, kept: InlierMask, k: int
+    ids: IntArray,
+    recorded: ViewGroup,
+    group: ViewGroup,
+    problem: Problem,
+    state: State,
+    kept: InlierMask,
+    k: int,
+    scale: Scale,
 ) -> list[LeftOut]:
+    """Points of views that are kept, in sigmas by which points of one view scatter."""
     measurement = group.measurement
     if not isinstance(measurement, PixelMeasurement | PointMeasurement):
         return []
@@ -118,7 +127,7 @@ def _of_points(
     found = []
     for v, distance in zip(views, distances, strict=True):
         numbers = ids[::-1] if _is_turned(recorded, group, int(v)) else ids
-        sigmas = distance[lost[v]] * measurement.weight[v][lost[v]]
+        sigmas = distance[lost[v]] * measurement.weight[v][lost[v]] / np.sqrt(scale.variance)
         worst = int(np.argmax(sigmas))
         off = float(distance[lost[v]][worst])
         which = tuple(sorted(int(i) for i in numbers[lost[v]]))

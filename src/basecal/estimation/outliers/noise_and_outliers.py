@@ -9,18 +9,25 @@ import numpy as np
 from basecal.cell import Cell
 from basecal.estimation.outliers.robust_solve import RobustSolution, judged_again, solve_robustly
 from basecal.estimation.settings import Settings
-from basecal.estimation.solve import Solution, solve_from
+from basecal.estimation.solve import Solution, integrated, solve_at_mode, solve_from
 
 _PASSES = 3
 # Of arms with errors of their own (belts, links, a loose base) up to 9 mm and 7 mrad are on record.
 _ARM_M, _ARM_RAD = 1.2e-2, 1.2e-2
 
 
-def with_noise(solution: Solution, settings: Settings) -> Solution:
-    """A solution with sigmas for what states none; as it is where its views say nothing in numbers."""
+def with_noise(solution: Solution, settings: Settings, near: Solution | None = None) -> Solution:
+    """A solution with the most likely sigmas for what states none; as it is where its views say nothing in numbers.
+
+    Args:
+        solution: The solution.
+        settings: How to solve.
+        near: One with sigmas of nearly the same views, to start from.
+    """
     estimated = replace(settings, robot_noise="estimated")
     try:
-        found = solve_from(solution.problem, solution.state, estimated, solution.findings)
+        sigmas = None if near is None else near.noise
+        found = solve_at_mode(solution.problem, solution.state, estimated, solution.findings, sigmas)
     except np.linalg.LinAlgError:
         return solution
     return replace(found, disputed=solution.disputed)
@@ -57,7 +64,9 @@ def solve_with_noise(cell: Cell, settings: Settings, plain: Solution, noisy: Sol
         if _places(robust) == _places(before):
             break
         before = robust
-        solution = with_noise(robust.solution, settings)
+        solution = with_noise(robust.solution, settings, solution)
+    with settings.stage("noise"):
+        solution = integrated(solution)
     held = replace(solution.problem, held=True)
     return replace(robust, solution=replace(solution, problem=held, disputed=robust.solution.disputed))
 

@@ -8,7 +8,7 @@ cells are each refined. Everything is deterministic.
 from __future__ import annotations
 
 from collections.abc import Generator, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TypeVar
 
 import numpy as np
@@ -19,9 +19,9 @@ from basecal.estimation.least_squares.cauchy_irls import cauchy_irls
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.start.closed_form import Loop, solve_rotations, solve_translations
 from basecal.estimation.start.lens import lens_from_views
+from basecal.estimation.start.light_search import light_search
 from basecal.estimation.start.pair_views import PairViews, as_light, pair_views, umeyama
 from basecal.estimation.start.refinement import Refinement, Triple, pair_problem, refined_together
-from basecal.estimation.start.rotation_grid import light_starts
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Camera, IntArray
 
@@ -227,7 +227,7 @@ def light_states(problem: Problem, cell: Cell, most: int) -> Iterator[State]:
     if len(problem.groups) != 1 or problem.groups[0].target_mount not in problem.point_mounts:
         return
     sight = pair_views(problem.groups[0], cameras.get(problem.groups[0].camera), *_MANY)
-    as_point, light, starts = _light_search(sight, _loop(sight, known), most)
+    as_point, light, starts = light_search(sight, _loop(sight, known), most)
     g = sight.group
     names = [name for name in (g.camera_mount, g.hand_base or g.eye_base, g.target_mount) if name is not None]
     fixed = {name: _fallback(unknown) for name, unknown in problem.unknowns.items()}
@@ -243,24 +243,11 @@ def light_states(problem: Problem, cell: Cell, most: int) -> Iterator[State]:
             yield State({**fixed, **moved}, cameras, np.zeros((len(problem.stops), 6)))
 
 
-def _light_search(sight: PairViews, loop: Loop, most: int) -> tuple[PairViews, Loop, list[Triple]]:
-    """The views of the point that most of them see, as a light, and the most promising starts."""
-    chords, point = as_light(sight.group.measurement)
-    views = np.flatnonzero(chords.weight[:, point] > 0)
-    few = sight.group.take(views)
-    one = replace(chords.take(views), points_in_target=np.zeros((1, 3)))
-    one = replace(one, bearings_in_camera=one.bearings_in_camera[:, [point]], weight=one.weight[:, [point]])
-    as_point = replace(sight, group=replace(few, measurement=one), weight=sight.weight[views])
-    light_z = None if loop.z is None else SE3(np.eye(3), loop.z @ chords.points_in_target[point])
-    light = as_point.loop(loop.x, loop.y, light_z, np.zeros(len(views), dtype=np.int64))
-    return as_point, light, light_starts(light, one.bearings_in_camera[:, 0], most)
-
-
 def _light(sight: PairViews, loop: Loop, is_point: bool) -> _Search[Triple]:
     """As a single light; the target's other points are placed afterwards."""
     chords, point = as_light(sight.group.measurement)
     turns = (loop.x is None) + (loop.y is None)
-    as_point, light, starts = _light_search(sight, loop, _LIGHT_STARTS[turns])
+    as_point, light, starts = light_search(sight, loop, _LIGHT_STARTS[turns])
     x, y, at = yield Refinement(as_point, light, starts, True)
     if is_point or loop.z is not None:
         shift = SE3(np.eye(3), at.translation - chords.points_in_target[point]) if is_point else loop.z

@@ -49,16 +49,16 @@ class Refinement:
         return group.camera, group.target, *kind, self.loop.unknown, self.is_point, self.searched
 
 
-def refined_together(wishes: Sequence[Refinement]) -> list[Triple]:
-    """The best of each wish's starts, refined."""
+def refined_together(wishes: Sequence[Refinement], iterations: int = _STEPS) -> list[Triple]:
+    """The best of each wish's starts, refined by so many steps at most."""
     best: dict[int, Triple] = {}
     for structure in dict.fromkeys(wish.structure for wish in wishes):
         numbers = [k for k, wish in enumerate(wishes) if wish.structure == structure]
-        best |= dict(zip(numbers, _refined([wishes[k] for k in numbers]), strict=True))
+        best |= dict(zip(numbers, _refined([wishes[k] for k in numbers], iterations), strict=True))
     return [best[k] for k in range(len(wishes))]
 
 
-def _refined(wishes: Sequence[Refinement]) -> list[Triple]:
+def _refined(wishes: Sequence[Refinement], iterations: int) -> list[Triple]:
     """Of wishes of one structure; those of fewer views are filled up with views of no weight."""
     if wishes[0].searched:
         found = pose_starts([wish.loop for wish in wishes], _CELLS)
@@ -74,7 +74,7 @@ def _refined(wishes: Sequence[Refinement]) -> list[Triple]:
     starts = [dict(zip("xyz", start, strict=True)) for wish in wishes for start in wish.starts]
     states = State({k: SE3.stack([start[k] for start in starts]) for k in "xyz"}, {}, np.zeros((len(starts), 0, 6)))
     together = problems[0].with_groups([group.of_batch(owner)])
-    ends = bundle_adjust_batch(together, states, dof=1, iterations=_STEPS, weights=[weight[owner]])
+    ends = bundle_adjust_batch(together, states, dof=1, iterations=iterations, weights=[weight[owner]])
     return [_best(ends.state, ends.cost, np.flatnonzero(owner == k)) for k in range(len(wishes))]
 
 
