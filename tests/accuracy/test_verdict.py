@@ -116,14 +116,14 @@ def test_a_bumped_arm_is_named():
 
 
 def test_sigmas_contradicted_by_the_residuals_are_told():
-    """Pixels four times noisier than stated: a poor fit, doubtful, and no sigma below those of the true noise."""
+    """Pixels four times noisier than stated: a poor fit, doubtful, and sigmas as of the true noise."""
     s = simulate(Scenario(pixel_px=0.8, samples=15), seed=0)
     told = calibrate(replace(s.cell, pixel_px=0.2), s.recording)
     true = calibrate(s.cell, s.recording)
     assert told.verdict == "doubtful"
     name = "eye_base_from_hand_base"
     assert "poor-fit" in codes(told)
-    assert np.all(told[name].sigma_t > 0.9 * true[name].sigma_t)
+    assert np.all(told[name].sigma_t > 0.8 * true[name].sigma_t)
 
 
 def test_loops_are_those_of_the_recorded_poses():

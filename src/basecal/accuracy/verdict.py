@@ -19,6 +19,7 @@ from basecal.accuracy.phrases.null_space import describe_null_space
 from basecal.accuracy.phrases.outlier import described_outlier
 from basecal.accuracy.residuals.fit import residuals
 from basecal.accuracy.robot_parameters import deflection, joint_offsets, link_parameters
+from basecal.accuracy.stated_sigmas import ContradictedSigma, contradicted_sigmas, without_contradicted
 from basecal.accuracy.systematic_errors.search import systematic_error
 from basecal.cell import Calibration, Cell, Finding, Recording, Residuals
 from basecal.cell.calibration import Verdict
@@ -67,10 +68,13 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
             robust = solve_robustly(problem, cell, stated, plain)
     else:
         robust = solve_with_noise(cell, settings, plain, noisy)
+    with settings.stage("stated sigmas"):
+        contradicted = contradicted_sigmas(robust.solution)
+        robust = without_contradicted(robust, contradicted, settings)
     with settings.stage("robot model"):
         model = choose_robot_model(robust.solution, stated)
     stamps = {s.sample: s.stamp_s for s in recording.samples if s.stamp_s is not None}
-    return _judged(cell, problem, stamps, robust, model, settings, findings)
+    return _judged(cell, problem, stamps, robust, contradicted, model, settings, findings)
 
 
 def _judged(
@@ -78,6 +82,7 @@ def _judged(
     recorded: Problem,
     stamps: Mapping[int, float],
     robust: RobustSolution,
+    contradicted: tuple[ContradictedSigma, ...],
     model: RobotModelChoice | None,
     settings: Settings,
     findings: list[Finding],
@@ -92,7 +97,7 @@ def _judged(
         validated = cross_validate(solution, cell.asked, stated)
     with settings.stage("systematic errors"):
         found = systematic_error(solution, recorded, stamps, settings)
-    evidence = Evidence(cell, settings, recorded, robust, solution, fit, validated, model, found)
+    evidence = Evidence(cell, settings, recorded, robust, solution, fit, validated, model, contradicted, found)
     with settings.stage("findings"):
         findings += [finding for check in ANSWER_CHECKS for finding in check(evidence)]
     return replace(

@@ -28,6 +28,8 @@ def stand_in(**changed):
         "residuals": SimpleNamespace(rms_px=0.3),
         "cross_validation": None,
         "robot_model": None,
+        "contradicted_sigmas": (),
+        "systematic_error": None,
     }
     return SimpleNamespace(**usual | changed)
 

@@ -6,14 +6,19 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.findings.poor_fit import poor_fit
+from basecal.accuracy.stated_sigmas import ContradictedSigma
 
 
-@pytest.mark.parametrize(("ratio", "found"), [(1.49, False), (1.51, True)])
-def test_residuals_beyond_stated_sigmas(evidence, ratio, found):
-    """From 1.5 times the stated sigmas on, with the ratio by which sigmas are scaled."""
-    made = poor_fit(evidence({"cost": 40 * ratio**2}))
-    assert [f.severity for f in made] == (["warning"] if found else [])
-    assert not found or "residuals are 1.5 times what the stated sigmas explain" in made[0].message
+@pytest.mark.parametrize(("ratio", "severity"), [(0.5, "info"), (1.09, "info"), (1.11, "warning")])
+def test_sigmas_that_are_contradicted(evidence, ratio, severity):
+    """Too large a sigma, and one that is off by less than a tenth, is an info; whose it is and by how much is told."""
+    of = ContradictedSigma("wrist", False, ratio, 1e-20)
+    (finding,) = poor_fit(evidence(contradicted_sigmas=(of,)))
+    assert (finding.severity, finding.about) == (severity, ("wrist",))
+    assert f"{ratio:.2g}" in finding.message or f"{ratio:.2f}" in finding.message
+    robot = ContradictedSigma("eye", True, 2.0, 1e-9)
+    assert "poses of eye" in poor_fit(evidence(contradicted_sigmas=(robot, of)))[0].message
+    assert poor_fit(evidence()) == []
 
 
 @pytest.mark.parametrize(("rms", "found"), [(2.9, False), (3.1, True), (None, False)])

@@ -45,3 +45,15 @@ def test_stops_are_counted_with_or_without_noise():
     s = simulate(Scenario(samples=7, arms="hand_still"), seed=0)
     problem, _ = build_problem(s.cell, s.recording)
     assert (stops_made(problem, "eye"), stops_made(problem, "hand")) == (7, 1)
+
+
+def test_numbers_of_stops_are_those_of_the_recording():
+    """Noise given to the views that are left numbers their stops as noise given to all does, the last one lacking."""
+    s = simulate(Scenario(samples=6), seed=0)
+    problem, _ = build_problem(s.cell, s.recording)
+    noise = {"eye": SIGMA, "hand": SIGMA}
+    few = with_robot_noise(problem.with_groups(g.take(np.arange(4)) for g in problem.groups), noise)
+    (all_views,), (left,) = with_robot_noise(problem, noise).groups, few.groups
+    assert len(few.stops) == 12
+    np.testing.assert_array_equal(left.eye_stop, all_views.eye_stop[:4])
+    np.testing.assert_array_equal(left.hand_stop, all_views.hand_stop[:4])

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from basecal.accuracy.cross_validation.robot_model_selection import RobotModelChoice
 from basecal.accuracy.cross_validation.validation import CrossValidation
+from basecal.accuracy.stated_sigmas import ContradictedSigma
 from basecal.accuracy.systematic_errors.search import SystematicError
 from basecal.cell import Cell, Finding, Residuals
 from basecal.estimation.outliers.robust_solve import RobustSolution
@@ -40,6 +41,7 @@ class Evidence:
         solution: The answer: that of `robust`, or a better one that the certificate led to.
         residuals: How the answer fits.
         cross_validation: How samples are predicted that were held out; None where the answer is none.
+        contradicted_sigmas: Stated sigmas that the residuals of the solution with them contradict.
         systematic_error: What explains the residuals better than noise; None where nothing does.
         robot_model: What held-out samples say of the robots' kinematics; None where there was nothing to choose.
     """
@@ -52,6 +54,7 @@ class Evidence:
     residuals: Residuals
     cross_validation: CrossValidation | None
     robot_model: RobotModelChoice | None
+    contradicted_sigmas: tuple[ContradictedSigma, ...] = ()
     systematic_error: SystematicError | None = None
 
 

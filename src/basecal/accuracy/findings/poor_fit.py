@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.accuracy.findings.evidence import Evidence
+from basecal.accuracy.stated_sigmas import ContradictedSigma
 from basecal.cell import Finding
-from basecal.estimation.noise.estimate import CONTRADICTED
+from basecal.cell.calibration import Severity
 from basecal.estimation.solve import Solution
 
+_OFF_BY_LITTLE = 1.1  # true sigma over the stated one: the covariance is estimated then, and the answer hardly moves
 _DETECTOR_PX = 3.0  # [px] rms, far beyond the detectors of docs/benchmarks.md
 _REPEATABILITY_M = 3e-3  # [m] per axis, far beyond any arm's: makers state 0.02 to 0.1 mm
 _REPEATABILITY_RAD = 1e-2  # [rad] likewise
@@ -17,11 +19,10 @@ _REPEATABILITY_RAD = 1e-2  # [rad] likewise
 def poor_fit(of: Evidence) -> list[Finding]:
     """A warning where residuals are larger than the stated sigmas explain, or any detector's or arm's noise."""
     solution, rms_px = of.solution, of.residuals.rms_px
-    birge_ratio = float(np.sqrt(solution.cost / max(solution.dof, 1)))
-    if not solution.noise.estimated and birge_ratio > CONTRADICTED:
-        scaled = "" if solution.noise.robots else "; sigmas are scaled up by it"
-        message = f"residuals are {birge_ratio:.1f} times what the stated sigmas explain{scaled}"
-    elif "pixel_px" in solution.noise.estimated and rms_px is not None and rms_px > _DETECTOR_PX:
+    found = [_stated(each) for each in of.contradicted_sigmas]
+    if any(f.severity == "warning" for f in found):
+        return found
+    if "pixel_px" in solution.noise.estimated and rms_px is not None and rms_px > _DETECTOR_PX:
         message = f"residuals are {rms_px:.1f} px rms, more than any detector's noise: something in the input is wrong"
     elif (worst := _beyond_an_arm(solution)) is not None:
         message = (
@@ -29,9 +30,25 @@ def poor_fit(of: Evidence) -> list[Finding]:
             f"{np.degrees(worst[1]):.2f} deg, 1 sigma per axis, more than any arm's repeatability"
         )
     else:
-        return []
+        return found
     advice = "check units, directions and the target's size, and state the robots' noise where it is not"
-    return [Finding("poor-fit", "warning", (), f"{message}: {advice}")]
+    return [Finding("poor-fit", "warning", (), f"{message}: {advice}"), *found]
+
+
+def _stated(found: ContradictedSigma) -> Finding:
+    """A warning where stated sigmas are too small; an info where they are too large, or off by little."""
+    whose = f"poses of {found.about}" if found.of_robot else f"what {found.about} saw" if found.about else "everything"
+    about = (found.about,) if found.about else ()
+    if not found.too_small:
+        message = f"noise of {whose} is {found.ratio:.2g} of what was stated: the covariance is wider than it need be"
+        return Finding("poor-fit", "info", about, f"{message}; state the smaller sigmas")
+    message = (
+        f"residuals of {whose} are {found.ratio:.2f} times what the stated sigmas explain (chance {found.chance:.0e}), "
+        "and the covariance is that of the noise as estimated"
+    )
+    advice = "check units, directions, the lens and the target's size, or state larger sigmas"
+    severity: Severity = "warning" if found.ratio > _OFF_BY_LITTLE else "info"
+    return Finding("poor-fit", severity, about, f"{message}: {advice}")
 
 
 def _beyond_an_arm(solution: Solution) -> tuple[float, float] | None:

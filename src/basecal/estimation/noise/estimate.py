@@ -92,7 +92,7 @@ def estimate_noise(problem: Problem, end: Optimum, iterations: int) -> tuple[Pro
     noise = Noise()
     dof = degrees_of_freedom(problem)
     if not fields:
-        return problem, end, NoiseEstimate(noise, birge_ratio(end.cost, dof), (), True)
+        return problem, end, NoiseEstimate(noise, 1.0, (), True)
     has_priors = "prior" in _statuses(problem).values()
     if len(fields) == 1 and not counts.get("stated") and not has_priors and not len(problem.stops):
         factor = max(end.cost, 0.0) / max(dof, 1)
@@ -106,15 +106,6 @@ def estimate_noise(problem: Problem, end: Optimum, iterations: int) -> tuple[Pro
         if all(abs(r - 1) < _SETTLED for r in ratios.values()):
             return problem, end, NoiseEstimate(noise, 1.0, fields, True)
     return problem, end, NoiseEstimate(noise, 1.0, fields, False)
-
-
-def birge_ratio(cost: float, dof: int) -> float:
-    """What the covariance is multiplied by where residuals contradict the stated sigmas: the reduced chi-square.
-
-    Source: Birge 1932. Only beyond `CONTRADICTED` sigmas: below that the stated ones are taken at their word.
-    """
-    reduced = cost / max(dof, 1)
-    return reduced if reduced > CONTRADICTED**2 else 1.0
 
 
 def _ratio(problem: Problem, end: Optimum, noise: Noise, field: str, count: int) -> float:

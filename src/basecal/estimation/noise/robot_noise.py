@@ -61,7 +61,8 @@ def without_errors(problem: Problem, state: State) -> State:
 
 def _highest_stand(problem: Problem, robot: str) -> int:
     of_eyes = [int(g.eye_stand.max(initial=-1)) for g in problem.groups if g.eye == robot]
-    return max(of_eyes + [int(g.hand_stand.max(initial=-1)) for g in problem.groups if g.hand == robot], default=-1)
+    of_hands = [int(g.hand_stand.max(initial=-1)) for g in problem.groups if g.hand == robot]
+    return max(*of_eyes, *of_hands, problem.stands.get(robot, 0) - 1, -1)
 
 
 def _renumbered(group: ViewGroup, renumbered: IntArray, first: Mapping[str, int]) -> ViewGroup:

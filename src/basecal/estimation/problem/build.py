@@ -67,7 +67,8 @@ def build_problem(cell: Cell, recording: Recording) -> tuple[Problem, list[Findi
     views = _views(cell, samples, poses, findings)
     groups = tuple(_group(cell, samples, poses, key, views[key]) for key in sorted(views))
     unstated = frozenset(name for name, robot in cell.robots.items() if robot.noise is None)
-    problem = replace(_problem(cell, groups, stops), unstated=unstated)
+    stands = {name: int(of.stand.max(initial=-1)) + 1 for name, of in poses.items()}
+    problem = replace(_problem(cell, groups, stops), unstated=unstated, stands=stands)
     return problem.with_models(_models(cell, problem)), findings
 
 

@@ -136,6 +136,7 @@ class Problem:
         models: What is estimated of the robots' own kinematics, by robot.
         chains: Kinematics as stated of the robots that have some, by robot.
         unstated: Names of the robots that state no noise.
+        stands: How many stops each robot made, by robot, whatever views are left of them.
         held: Whether sigmas that nobody stated are held at what they are.
     """
 
@@ -149,6 +150,7 @@ class Problem:
     unstated: frozenset[str] = frozenset()
     models: Mapping[str, RobotModel] = field(default_factory=dict)
     chains: Mapping[str, SerialChain] = field(default_factory=dict)
+    stands: Mapping[str, int] = field(default_factory=dict)
     held: bool = False
 
     @property

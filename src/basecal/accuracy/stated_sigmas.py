@@ -1,0 +1,185 @@
+"""Whether residuals are such as the stated sigmas say, and the answer as if those that are not so had not been stated.
+
+The squares of a part of the residuals, over their sigmas, have the mean n - gamma where the sigmas are true, with gamma
+the number of unknowns, errors of stops among them, that this part determines; as a chi-square of so many freedoms they
+scatter at least as much as they do. Source: docs/mathematics.md (5.1).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import chdtr, chdtrc
+
+from basecal.accuracy.significance import SIGNIFICANCE
+from basecal.estimation.least_squares.normal_equations import shared_stops
+from basecal.estimation.least_squares.studentized import LeaveOneOut, leave_one_out
+from basecal.estimation.outliers.noise_and_outliers import with_noise
+from basecal.estimation.outliers.robust_solve import RobustSolution
+from basecal.estimation.problem.problem import Problem, ViewGroup
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import Solution, solve_from
+from basecal.estimation.view.measurement import Measurement
+from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.estimation.view.points import PointMeasurement
+from basecal.estimation.view.poses import PoseMeasurement
+from basecal.geometry import Array
+from basecal.numerics.spectral import spectrum
+
+_FEWEST_FREEDOMS = 3.0  # with fewer a part of the residuals says nothing of its sigma
+
+
+@dataclass(frozen=True)
+class ContradictedSigma:
+    """Sigmas that were stated, and are not so.
+
+    Attributes:
+        about: The camera, or the robot, whose they are; "" of all together.
+        of_robot: Whether that is a robot, whose poses they are of.
+        ratio: True sigma over the stated one, estimated.
+        chance: Of residuals as small, or as large, where the sigmas are true.
+    """
+
+    about: str
+    of_robot: bool
+    ratio: float
+    chance: float
+
+    @property
+    def too_small(self) -> bool:
+        """Whether the residuals are larger than stated."""
+        return self.ratio > 1
+
+
+def contradicted_sigmas(solution: Solution) -> tuple[ContradictedSigma, ...]:
+    """The stated sigmas, by camera and robot, that the residuals contradict; the worst first.
+
+    Of all together only where none alone is contradicted.
+    """
+    if not solution.converged or not np.isfinite(solution.cost):
+        return ()
+    problem = solution.noise.held_by(solution.problem)
+    about = leave_one_out(problem, solution.state, [np.ones(len(g)) for g in problem.groups])
+    sums: dict[tuple[str, bool], list[float]] = {}
+    for name, of_robot, squares, freedoms in (*_of_views(about), *_of_shared_stops(about)):
+        total = sums.setdefault((name, of_robot), [0.0, 0.0])
+        total[0] += squares
+        total[1] += freedoms
+    stated = {key: s for key, s in sums.items() if key[1] and key[0] not in problem.unstated}
+    stated |= {key: s for key, s in sums.items() if not key[1] and _all_stated(problem, key[0])}
+    found = [f for (name, of_robot), s in stated.items() if (f := _judged(name, of_robot, *s)) is not None]
+    if not found and len(stated) == len(sums) > 1:
+        found = [f for f in [_judged("", False, solution.cost, solution.dof)] if f is not None]
+    return tuple(sorted(found, key=lambda f: -abs(np.log(f.ratio))))
+
+
+def _judged(name: str, of_robot: bool, squares: float, freedoms: float) -> ContradictedSigma | None:
+    if freedoms < _FEWEST_FREEDOMS:
+        return None
+    tail = chdtrc if squares > freedoms else chdtr
+    chance = float(tail(freedoms, squares))
+    ratio = float(np.sqrt(max(squares, 1e-300) / freedoms))
+    return ContradictedSigma(name, of_robot, ratio, chance) if chance < SIGNIFICANCE else None
+
+
+def _all_stated(problem: Problem, camera: str) -> bool:
+    counts = [g.measurement.counts() for g in problem.groups if g.camera == camera]
+    return all(count == 0 for of in counts for name, count in of.items() if name != "stated")
+
+
+def _of_views(about: LeaveOneOut) -> Iterator[tuple[str, bool, float, float]]:
+    """Of each camera, and of each robot with stops that single views have: squares, and their mean."""
+    for k, group in enumerate(about.problem.groups):
+        private = about.normal.views[k].private
+        at = about.state.camera_from_target(group, about.problem.stops)
+        lens = group.camera in about.problem.columns
+        view = group.measurement.linearise(at, about.state.cameras.get(group.camera), lens)
+        by_error = np.zeros((*view.gradient.shape, 6 * len(private)))
+        for i, of in enumerate(private):
+            by_error[of.view, :, 6 * i : 6 * i + 6] = of.by_error
+        transposed = np.swapaxes(by_error, -1, -2)
+        own = np.linalg.inv(np.eye(by_error.shape[-1]) + transposed @ view.information @ by_error)
+        back = own @ transposed @ view.information
+        carried = np.eye(view.gradient.shape[-1]) - by_error @ back
+        posterior = carried @ about.spread[k] @ np.swapaxes(carried, -1, -2) + by_error @ own @ transposed
+        determined = float(np.einsum("nij,nji->", posterior, view.information))
+        count = sum(group.measurement.counts().values())
+        yield group.camera, False, float(view.cost.sum()), count - determined
+        errors = own + back @ about.spread[k] @ np.swapaxes(back, -1, -2)
+        for i, of in enumerate(private):
+            if len(of.view):
+                known = np.diagonal(errors, axis1=-2, axis2=-1)[of.view, 6 * i : 6 * i + 6]
+                squares = float(np.sum(about.state.stop_errors[of.stop] ** 2))
+                yield about.problem.stops.robot[of.stop[0]], True, squares, float(np.sum(1 - known))
+
+
+def _of_shared_stops(about: LeaveOneOut) -> Iterator[tuple[str, bool, float, float]]:
+    """Of each stop that several views share, its robot: squares, and their mean."""
+    system = about.normal.system
+    if system is None:
+        return
+    which = np.flatnonzero(shared_stops(about.problem) >= 0)
+    number = np.arange(len(which))
+    by_unknowns = system.solution[:, :-1].reshape(len(which), 6, about.problem.width)
+    covariance = spectrum(about.normal.hessian).inverse
+    known = system.covariance(number, number) + by_unknowns @ covariance @ np.swapaxes(by_unknowns, -1, -2)
+    left = 6 - np.trace(known, axis1=-2, axis2=-1)
+    squares = np.sum(about.state.stop_errors[which] ** 2, -1)
+    for stop, square, freedoms in zip(which, squares, left, strict=True):
+        yield about.problem.stops.robot[stop], True, float(square), float(freedoms)
+
+
+def without_contradicted(
+    robust: RobustSolution, found: Sequence[ContradictedSigma], settings: Settings
+) -> RobustSolution:
+    """The solution with the sigmas estimated that are larger than stated; as it is where there are none.
+
+    Args:
+        robust: With the sigmas as stated.
+        found: The sigmas that the residuals contradict.
+        settings: How to solve; where robots are to be taken as stated, only what was seen is estimated.
+    """
+    small = [f for f in found if f.too_small]
+    if not small:
+        return robust
+    solution = robust.solution
+    everything = any(not f.about for f in small)
+    cameras = {f.about for f in small if not f.of_robot}
+    robots = {name for name in solution.problem.stops.robot if everything or name in {f.about for f in small}}
+    groups = (_unstated(g) if everything or g.camera in cameras else g for g in solution.problem.groups)
+    problem = replace(solution.problem.with_groups(groups), held=False)
+    if settings.robot_noise == "stated":
+        estimated = solve_from(problem, solution.state, settings, solution.findings)
+    else:
+        opened = replace(problem, unstated=problem.unstated | robots)
+        estimated = with_noise(replace(solution, problem=opened), settings)
+    # Views that were left out stood in stops of other numbers, whose errors the others do not tell.
+    left_out = robust.left_out.with_groups(map(_without_stops, robust.left_out.groups))
+    return replace(robust, solution=replace(estimated, disputed=solution.disputed), left_out=left_out)
+
+
+def _without_stops(group: ViewGroup) -> ViewGroup:
+    nowhere = np.full(len(group), -1, dtype=np.int64)
+    return replace(group, eye_stop=nowhere, hand_stop=nowhere)
+
+
+def _unstated(group: ViewGroup) -> ViewGroup:
+    return replace(group, measurement=_without_sigmas(group.measurement))
+
+
+def _without_sigmas(measurement: Measurement) -> Measurement:
+    """The same with no sigma stated; how points of a view compare with one another is kept."""
+    if isinstance(measurement, PixelMeasurement):
+        return replace(measurement, relative=_shares(measurement.stated), stated=np.zeros_like(measurement.stated))
+    if isinstance(measurement, PoseMeasurement | PointMeasurement):
+        return replace(measurement, stated=np.zeros_like(measurement.stated))
+    return measurement
+
+
+def _shares(stated: Array) -> Array:
+    """1 / sigma of points over that of the median point; 1 where none was stated."""
+    given = stated > 0
+    middle = float(np.median(stated[given])) if given.any() else 1.0
+    return np.where(given, stated / middle, 1.0)
