@@ -5,14 +5,18 @@ from __future__ import annotations
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from tests.shared.real_recordings import data_folder
 
+from basecal.accuracy.findings.outlier_samples import agreeing_samples, far_stops, outlier_samples
 from basecal.accuracy.verdict import calibrate
 from basecal.cell import Cell, CellCamera, CellTarget, Intrinsics, Recording, Robot, RobotState, Sample, Unknown
 from basecal.cell.targets.charuco import charuco_target
+from basecal.estimation.outliers.left_out import LeftOut
+from basecal.estimation.outliers.robust_solve import RobustSolution
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 from basecal.vision.detect import detect
@@ -47,20 +51,18 @@ def test_bumped_samples_are_told_and_make_doubtful():
     assert found.residuals.per_sample[5].rms_px > 5
 
 
-@pytest.mark.parametrize(("count", "words"), [(13, "after sample 12"), (9, "before sample 9")])
-def test_a_base_that_was_moved_meanwhile_is_told(count, words):
+def test_a_base_that_was_moved_meanwhile_is_told():
     """With 9 of 22 samples on the other side of the move: these are left out, and the words say when and what."""
     s = simulate(Scenario(samples=22, robot_noise=(3e-4, 5e-4)), seed=0)
     moved = SE3.exp([0.02, -0.01, 0.0, 0.0, 0.01, 0.02])
-    samples = tuple(x if x.sample < count else _from(moved, x) for x in s.recording.samples)
+    samples = tuple(x if x.sample < 9 else _from(moved, x) for x in s.recording.samples)
     found = calibrate(s.cell, Recording(samples))
     assert found.verdict == "doubtful"
     (finding,) = [f for f in found.findings if f.code == "outlier-samples"]
     assert len(finding.about) == 9
-    assert words in finding.message
+    assert "before sample 9" in finding.message
     base = found["eye_base_from_hand_base"]
-    truth = s.truth["eye_base_from_hand_base"] @ (SE3.identity() if count == 13 else moved.inverse())
-    off = (base.mean.inverse() @ truth).log()
+    off = (base.mean.inverse() @ s.truth["eye_base_from_hand_base"] @ moved.inverse()).log()
     assert off @ np.linalg.solve(base.covariance, off) < 50  # chi-square with 6 freedoms, of which 5e-9 lie beyond
 
 
@@ -101,6 +103,67 @@ def test_a_recording_that_mostly_had_to_go_is_doubtful():
     assert found.verdict == "doubtful"
     (finding,) = [f for f in found.findings if f.code == "outlier-samples"]
     assert len(finding.about) == 16
+
+
+def robust(left_out=(), kept=(), agreeing=(), errors=(), points=(), samples=100):
+    """A robust solution that left out these samples, with errors of stops, each that of its own kept sample."""
+    numbers = np.array(kept, dtype=np.int64)
+    none, stops = np.full(len(numbers), -1), np.arange(len(numbers))
+    group = SimpleNamespace(sample=numbers, eye_stop=none, hand_stop=stops)
+    of_stops = np.zeros((len(numbers), 6))
+    of_stops[: len(errors), 2] = errors
+    solution = SimpleNamespace(problem=SimpleNamespace(groups=(group,)), state=SimpleNamespace(stop_errors=of_stops))
+    outliers = tuple(LeftOut(k, "wrist", "board", (), 40.0, 0.02, 0.01) for k in left_out)
+    of_points = tuple(LeftOut(k, "wrist", "board", (3,), 9.0, off_px=2.0) for k in points)
+    found = RobustSolution(solution, (*outliers, *of_points), None, samples, 0, tuple(agreeing))
+    return SimpleNamespace(robust=found)
+
+
+@pytest.mark.parametrize(
+    ("left_out", "kept", "words"),
+    [
+        ((7, 8, 9), range(7), "as if after sample 6 a base, a mount or the target had been moved"),
+        ((0, 1, 2), range(3, 9), "as if before sample 3 a base, a mount or the target had stood elsewhere"),
+        ((7, 8), range(7), "look at them, and record with arms at rest"),
+        ((2, 8, 9), range(3, 8), "look at them, and record with arms at rest"),
+        ((4,), range(3), "look at it, and record with arms at rest"),
+        ((0, 1, 2), (), "look at them, and record with arms at rest"),
+    ],
+)
+def test_what_it_means_that_samples_were_left_out(left_out, kept, words):
+    """Three and more at one end of the recording were taken when something stood elsewhere."""
+    (finding,) = outlier_samples(robust(left_out, kept))
+    assert words in finding.message
+    assert ("was left out as an outlier;" in finding.message) == (len(left_out) == 1)
+    assert f"at sample {left_out[0]}, the robots' poses and the view disagree" in finding.message
+    assert finding.about == tuple(map(str, left_out))
+
+
+@pytest.mark.parametrize(("count", "severity"), [(3, "info"), (4, "warning")])
+def test_three_in_a_hundred_may_go(count, severity):
+    """More make it doubtful; points that went are told elsewhere."""
+    (finding,) = outlier_samples(robust(range(0, 2 * count, 2), range(1, 50, 2), points=[9]))
+    assert finding.severity == severity
+    assert f"({count} of 100)" in finding.message
+    assert outlier_samples(robust((), range(9), points=[4])) == []
+
+
+def test_samples_that_close_the_loop_among_themselves_are_told():
+    """Where no answer rests on most of them; else nothing."""
+    assert agreeing_samples(robust()) == []
+    (finding,) = agreeing_samples(robust(agreeing=(5, 3, 4), samples=20))
+    assert (finding.severity, finding.about) == ("warning", ("3", "4", "5"))
+    assert "of 20 samples only 3 close the loop with one another, samples 3 to 5," in finding.message
+
+
+@pytest.mark.parametrize(("error", "told"), [(5.9, False), (6.1, True), (-6.1, True)])
+def test_stops_far_off_are_told(error, told):
+    """From six sigmas on, by their samples; not where samples were left out, which were the outliers."""
+    found = far_stops(robust(kept=range(10, 15), errors=(0.5, error)))
+    assert [f.about for f in found] == ([("11",)] if told else [])
+    assert not told or "by up to 6 of its stated sigmas at sample 11:" in found[0].message
+    assert far_stops(robust(left_out=(3,), kept=range(10, 15), errors=(0.5, error))) == []
+    assert len(far_stops(robust(kept=range(10, 15), errors=(0.5, error), points=[3]))) == told
 
 
 def _abb(copy: Path) -> tuple[Cell, Recording]:
