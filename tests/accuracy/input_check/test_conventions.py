@@ -165,12 +165,20 @@ def predicted(core, whole=None, sigma=1e-3, moved=0.0, unobservable=()):
     return HypothesisFit(solution, off, False)
 
 
+def findings_about(declared, *others, impossible=(), nested=False, code="inverted", explained=False):
+    """Findings about other readings."""
+    cell = SimpleNamespace(asked=(ASKED,), mount_name=lambda name: "mount")
+    tried = []
+    for k, other in enumerate(others):
+        about = ("eye", f"hand{k}")
+        reading = ConventionHypothesis(code, about, f"words {k}", "fix", "tell", lambda c, r: (c, r), nested)
+        tried.append(conventions._Tried(reading, other, ()))
+    return conventions._decided(cell, conventions._Tried(AS_DECLARED, declared, impossible), tried, explained)
+
+
 def decided(declared, other, impossible=(), nested=False, code="inverted"):
     """Codes of the findings about one other reading."""
-    cell = SimpleNamespace(asked=(ASKED,), mount_name=lambda name: "mount")
-    reading = ConventionHypothesis(code, ("eye",), "words", "fix", "", lambda c, r: (c, r), nested=nested)
-    tried = conventions._Tried(reading, other, ())
-    found = conventions._decided(cell, conventions._Tried(AS_DECLARED, declared, impossible), [tried])
+    found = findings_about(declared, other, impossible=impossible, nested=nested, code=code)
     return [f.code for f in found]
 
 
@@ -223,3 +231,66 @@ def test_most_samples_or_all_of_them_must_be_predicted_better(core, whole):
     assert decided(declared, predicted(core, whole, moved=5)) == ["inverted"]
     assert decided(declared, predicted(0.95e-3, 1.95e-3, moved=5)) == ["ambiguous-convention"]
     assert decided(declared, predicted(core, 2.3e-3, moved=5)) == []
+
+
+def test_what_explains_the_data_better_is_an_error_with_both_errors():
+    """Its words, how well it predicts and how well what is declared does, and what to do."""
+    (found,) = findings_about(predicted(1e-3), predicted(0.5e-3, moved=5))
+    assert (found.severity, found.about) == ("error", ("eye", "hand0"))
+    errors = "0.5 mm a metre (or mrad) instead of 1 mm a metre (or mrad)"
+    assert found.message == f"words 0: so read, the cross-validation error is {errors}; fix"
+
+
+def test_what_cannot_be_is_said():
+    """Where a reading only fits as well, but the declared one contradicts facts."""
+    (found,) = findings_about(predicted(1e-3), predicted(1e-3), impossible=("a reach of 9 m", "a board in a wall"))
+    assert found.message == (
+        "words 0: as declared it fits as well, but a reach of 9 m and a board in a wall cannot be; fix"
+    )
+    assert found.severity == "error"
+
+
+@pytest.mark.parametrize(("core", "severity"), [(0.51e-3, "warning"), (0.49e-3, "error")])
+def test_a_wider_model_of_what_fits_is_a_warning_up_to_a_factor_of_two(core, severity):
+    """Beside a declared reading that is plausible; beside one that is not it is an error."""
+    (found,) = findings_about(predicted(1e-3), predicted(core, moved=5), nested=True)
+    assert found.severity == severity
+    (found,) = findings_about(predicted(0.04), predicted(0.021, moved=5), nested=True)
+    assert found.severity == "error"
+
+
+def test_readings_about_as_good_as_the_best_are_all_named():
+    """Within a tenth of it."""
+    found = findings_about(predicted(1e-3), predicted(0.4e-3), predicted(0.43e-3), predicted(0.45e-3))
+    assert [f.about[1] for f in found] == ["hand0", "hand1"]
+
+
+def test_ambiguous_readings_are_one_finding():
+    """With how far each moves what is asked, all that they are about once, and how to tell them apart once."""
+    (found,) = findings_about(predicted(1e-3), predicted(1e-3, moved=5), predicted(1.05e-3, moved=7), predicted(1e-3))
+    assert (found.code, found.severity, found.about) == ("ambiguous-convention", "warning", ("eye", "hand0", "hand1"))
+    assert f"words 0 (inverted: 1 mm a metre (or mrad), {ASKED} 5 mm away) or words 1" in found.message
+    assert f"{ASKED} 7 mm away" in found.message
+    assert found.message.endswith("to tell them apart, tell")
+
+
+def test_a_reading_that_is_no_answer_is_not_named():
+    """Contradicting facts, not seeing what is asked, or implausible."""
+    good = predicted(0.5e-3, moved=5)
+    assert findings_about(predicted(1e-3), good) != ()
+    for wrong in (
+        predicted(0.5e-3, moved=5, unobservable=[ASKED]),
+        HypothesisFit(SimpleNamespace(**vars(good.solution) | {"converged": False}), good.off, False),
+    ):
+        assert findings_about(predicted(1e-3), wrong) == ()
+
+
+def test_a_mount_that_a_symmetry_moves_does_not_count():
+    """A board's own mount, free, moves by half a turn where the grid is read from its other end; fixed it counts."""
+    for status, codes in (("free", []), ("fixed", ["ambiguous-convention"])):
+        transforms = {ASKED: SimpleNamespace(status=status)}
+        cell = SimpleNamespace(asked=(ASKED,), mount_name=lambda name: ASKED, transforms=transforms)
+        reading = ConventionHypothesis("board-symmetry", ("board",), "words", "fix", "", lambda c, r: (c, r))
+        tried = conventions._Tried(reading, predicted(1e-3, moved=50), ())
+        found = conventions._decided(cell, conventions._Tried(AS_DECLARED, predicted(1e-3), ()), [tried])
+        assert [f.code for f in found] == codes

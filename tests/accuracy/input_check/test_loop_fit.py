@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from basecal.accuracy.input_check.hypotheses import convention_hypotheses
-from basecal.accuracy.input_check.loop_fit import ReadyViews, fit_loops, sight_for, trimmed
+from basecal.accuracy.input_check.loop_fit import (
+    LoopFit,
+    ReadyViews,
+    fit_loops,
+    off_loops,
+    sight_for,
+    state_of,
+    trimmed,
+)
 from basecal.estimation.problem.build import build_problem
+from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
 VIEWS = 20
@@ -60,3 +71,124 @@ def test_trimmed_counts_what_is_not_finite_as_the_largest():
     assert trimmed(off) == pytest.approx(np.sqrt(np.mean(off[:7] ** 2)))
     assert trimmed(np.append(off, [np.nan] * 4)) == np.inf
     assert trimmed(np.zeros(0)) == np.inf
+
+
+def ready(scenario, seed=1, rows=None):
+    """The only pair of a recording with its views made ready, and the truth of X, Y and Z."""
+    made = simulate(scenario, seed)
+    problem, _ = build_problem(made.cell, made.recording)
+    (group,) = problem.groups
+    base = group.hand_base or group.eye_base
+    y = SE3.identity() if base is None else made.truth[base]
+    y = y.inverse() if group.hand_base is None else y
+    triple = made.truth[group.camera_mount], y, made.truth[group.target_mount]
+    return sight_for(group, made.cameras.get(group.camera), VIEWS), problem, triple
+
+
+@pytest.mark.parametrize("layout", ["dual", "eye_in_hand", "eye_to_hand"])
+@pytest.mark.parametrize("target", ["charuco", "pose"])
+def test_loops_are_closed_wherever_robots_stand(layout, target):
+    """Everything free, with camera or target on the world: views are off by their noise, the triple is the truth."""
+    sight, problem, truth = ready(Scenario(samples=12, target=target, layout=layout, pose_noise=(1e-4, 1e-3)))
+    (fit,) = fit_loops([(sight, problem)])
+    assert not fit.of_light
+    assert trimmed(fit.off) < 0.01
+    for found, true in zip(fit.triple, truth, strict=True):
+        assert np.abs((found.inverse() @ true).log()).max() < 0.03
+
+
+@pytest.mark.parametrize(
+    "known", [("camera_mount",), ("target_mount",), ("base",), ("base", "camera_mount", "target_mount")]
+)
+def test_what_is_fixed_is_taken_as_it_is(known):
+    """Mounts and bases that the cell states as fixed are those of the fit."""
+    sight, problem, truth = ready(Scenario(samples=10, **dict.fromkeys(known, "fixed")))
+    (fit,) = fit_loops([(sight, problem)])
+    for name, found, true in zip(("camera_mount", "base", "target_mount"), fit.triple, truth, strict=True):
+        if name in known:
+            np.testing.assert_allclose(found.matrix, true.matrix, atol=1e-12)
+    assert trimmed(fit.off) < 0.01
+
+
+def test_a_prior_is_not_taken_for_known():
+    """Only what is fixed is."""
+    sight, problem, truth = ready(Scenario(samples=10, camera_mount="prior"))
+    (fit,) = fit_loops([(sight, problem)])
+    assert np.abs((fit.triple[0].inverse() @ truth[0]).log()).max() > 1e-7
+
+
+def test_views_are_off_by_angle_and_length_over_distance():
+    """Two views measured elsewhere: by 0.3 rad, and by 0.2 m at the median distance; of two candidates the nearer."""
+    sight, _, truth = ready(Scenario(samples=6, target="pose", pose_noise=(0.0, 0.0)))
+    np.testing.assert_allclose(off_loops(sight, truth), 0.0, atol=1e-7)
+    poses = sight.candidates[:, 0]
+    distance = np.median(np.linalg.norm(poses.translation, axis=-1))
+    shift = poses.translation.copy()
+    shift[4] += [0.0, 0.2, 0.0]
+    turn = SE3.exp(np.array([[0, 0, 0, 0, 0, 0.3 * (k == 2)] for k in range(6)]))
+    off = SE3(poses.rotation @ turn.rotation, shift)
+    both = SE3(np.stack([off.rotation] * 2, 1), np.stack([off.translation] * 2, 1))
+    found = off_loops(replace(sight, candidates=both), truth)
+    assert found[2] == pytest.approx(0.3, abs=1e-6)
+    assert found[4] == pytest.approx(0.2 / np.median(np.linalg.norm(shift, axis=-1)), rel=1e-6)
+    assert distance > 0.3
+    np.testing.assert_allclose(found[[0, 1, 3, 5]], 0.0, atol=1e-7)
+    one = SE3(np.stack([off.rotation, poses.rotation], 1), np.stack([off.translation, poses.translation], 1))
+    np.testing.assert_allclose(off_loops(replace(sight, candidates=one), truth), 0.0, atol=1e-7)
+
+
+def test_lights_are_off_by_their_directions():
+    """A chord, where the light was seen; NaN where it was not."""
+    sight, _, truth = ready(Scenario(samples=8, target="led", pixel_px=0.0, state_pixel_noise=False))
+    of = sight.group.measurement
+    bearings, weight = of.bearings_in_camera.copy(), of.weight.copy()
+    bearings[3, 0] += [0.0, 0.05, 0.0]
+    weight[5] = 0.0
+    changed = replace(
+        sight, group=replace(sight.group, measurement=replace(of, bearings_in_camera=bearings, weight=weight))
+    )
+    off = off_loops(changed, truth)
+    assert off[3] == pytest.approx(0.05, abs=1e-6)
+    assert np.isnan(off[5])
+    np.testing.assert_allclose(off[[0, 1, 2, 4, 6, 7]], 0.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("layout", ["dual", "eye_in_hand", "eye_to_hand"])
+def test_a_fit_of_the_only_pair_is_a_state(layout):
+    """Its transforms under their names, with the lens; stops have no errors."""
+    scenario = Scenario(samples=10, layout=layout, robot_noise=(1e-3, 1e-3))
+    made = simulate(scenario, 1)
+    _, problem, truth = ready(scenario)
+    key = (problem.groups[0].camera, problem.groups[0].target)
+    state = state_of(problem, {key: LoopFit(truth, np.zeros(10))}, made.cameras)
+    assert state is not None
+    for name in problem.unknowns:
+        np.testing.assert_allclose(state.transforms[name].matrix, made.truth[name].matrix, atol=1e-12)
+    assert state.stop_errors.shape == (len(problem.stops), 6)
+    assert state.cameras is made.cameras
+    assert not state.stop_errors.any()
+
+
+def test_what_is_no_state():
+    """A light has no rotation of its own, two pairs have two fits, and a pair without a fit none."""
+    _, problem, truth = ready(Scenario(samples=10))
+    (group,) = problem.groups
+    key = (group.camera, group.target)
+    assert state_of(problem, {key: LoopFit(truth, np.zeros(10), of_light=True)}, {}) is None
+    assert state_of(problem, {}, {}) is None
+    assert state_of(problem.with_groups([group, group]), {key: LoopFit(truth, np.zeros(10))}, {}) is None
+    more = replace(problem, unknowns={**problem.unknowns, "other": problem.unknowns[group.camera_mount]})
+    assert state_of(more, {key: LoopFit(truth, np.zeros(10))}, {}) is None
+
+
+def test_the_second_pose_of_a_plane_is_taken_where_it_closes_the_loop():
+    """Candidates the wrong way round in two of twenty views: the others' fit tells which is right."""
+    sight, problem, truth = ready(Scenario(samples=20))
+    swapped = np.isin(np.arange(20), [3, 8])
+    order = np.where(swapped[:, None], [1, 0], [0, 1])
+    rows = np.arange(20)[:, None]
+    turned = SE3(sight.candidates.rotation[rows, order], sight.candidates.translation[rows, order])
+    (fit,) = fit_loops([(replace(sight, candidates=turned), problem)])
+    assert trimmed(fit.off, 1.0) < 0.02
+    for found, true in zip(fit.triple, truth, strict=True):
+        assert np.abs((found.inverse() @ true).log()).max() < 0.06
