@@ -86,11 +86,11 @@ def test_exchanged_robots_and_an_inverted_target_are_one():
 
 
 def test_a_still_arm_by_poses_is_ambiguous():
-    """Its one pose may be inverted: never good, the reading listed, and how to tell."""
+    """Its one pose may be inverted, which no data could tell: listed, with how to tell, and no doubt."""
     made = simulate(Scenario(samples=15, arms="eye_still", camera_mount="fixed"), 0)
     calibration = calibrate(made.cell, made.recording)
     (finding,) = [f for f in calibration.findings if f.code == "ambiguous-convention"]
-    assert calibration.verdict == "doubtful"
+    assert (calibration.verdict, finding.severity) == ("good", "info")
     assert "robot-pose-inverted" in finding.message
     assert "turn eye" in finding.message
 
@@ -165,7 +165,7 @@ def predicted(core, whole=None, sigma=1e-3, moved=0.0, unobservable=()):
     return HypothesisFit(solution, off, False)
 
 
-def findings_about(declared, *others, impossible=(), nested=False, code="inverted", explained=False):
+def findings_about(declared, *others, impossible=(), nested=False, code="inverted", explained=False, still=frozenset()):
     """Findings about other readings."""
     cell = SimpleNamespace(asked=(ASKED,), mount_name=lambda name: "mount")
     tried = []
@@ -173,7 +173,7 @@ def findings_about(declared, *others, impossible=(), nested=False, code="inverte
         about = ("eye", f"hand{k}")
         reading = ConventionHypothesis(code, about, f"words {k}", "fix", "tell", lambda c, r: (c, r), nested)
         tried.append(conventions._Tried(reading, other, ()))
-    return conventions._decided(cell, conventions._Tried(AS_DECLARED, declared, impossible), tried, explained)
+    return conventions._decided(cell, conventions._Tried(AS_DECLARED, declared, impossible), tried, explained, still)
 
 
 def decided(declared, other, impossible=(), nested=False, code="inverted"):

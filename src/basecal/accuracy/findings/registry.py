@@ -17,6 +17,7 @@ from basecal.accuracy.findings.poor_fit import poor_fit
 from basecal.accuracy.findings.prior_contradicted import prior_contradicted
 from basecal.accuracy.findings.prior_dominated import prior_dominated
 from basecal.accuracy.findings.robot_model import robot_model
+from basecal.accuracy.findings.rounded_poses import rounded_poses
 from basecal.accuracy.findings.same_stop import same_stop
 from basecal.accuracy.findings.systematic_error import systematic_error
 from basecal.accuracy.findings.too_few_samples import too_few_samples
@@ -26,6 +27,7 @@ from basecal.accuracy.findings.weak_direction import weak_directions
 INPUT_CHECKS: tuple[InputCheck, ...] = (many_dropped_samples, too_few_samples, same_stop)
 
 ANSWER_CHECKS: tuple[AnswerCheck, ...] = (
+    rounded_poses,
     systematic_error,
     robot_model,
     better_optimum,

@@ -28,6 +28,7 @@ from basecal.accuracy.input_check.target_sizes import size_hypotheses
 from basecal.cell import Cell, Finding, Recording
 from basecal.cell.calibration import Severity
 from basecal.errors import BasecalError
+from basecal.estimation.noise.robot_noise import stops_made
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
 from basecal.estimation.settings import Settings
@@ -99,7 +100,8 @@ def check_conventions(
         return ()
     # A guess or the axis-shift start belongs to the declared hypothesis alone.
     tried = _tried(cell, recording, problem, declared, replace(settings, start="closed"))
-    return _decided(cell, declared, tried, explained)
+    still = frozenset(r for r in cell.robots if stops_made(problem, r) == 1)
+    return _decided(cell, declared, tried, explained, still)
 
 
 def _can_hold_out(problem: Problem) -> bool:
@@ -255,7 +257,13 @@ def _better(fit: HypothesisFit, other: HypothesisFit, times: float = _ALIKE) -> 
     return _alike(fit, other) and (times * fit.core < other.core or times * fit.whole < other.whole)
 
 
-def _decided(cell: Cell, declared: _Tried, tried: Sequence[_Tried], explained: bool = False) -> tuple[Finding, ...]:
+def _decided(
+    cell: Cell,
+    declared: _Tried,
+    tried: Sequence[_Tried],
+    explained: bool = False,
+    still: frozenset[str] = frozenset(),
+) -> tuple[Finding, ...]:
     possible = [t for t in tried if not t.impossible and _is_observable(cell, t.fit) and plausible(t.fit)]
     winning = [t for t in possible if _wins(cell, t, declared)]
     if winning:
@@ -270,7 +278,11 @@ def _decided(cell: Cell, declared: _Tried, tried: Sequence[_Tried], explained: b
         for t in possible
         if not t.hypothesis.nested and _alike(t.fit, declared.fit) and _moved(cell, t, declared.fit, declared.fit)
     ]
-    return (_ambiguous(cell, declared, rivals),) if rivals else ()
+    # Whatever is done to the one pose of an arm that stands still, its base makes up for it: no data tell otherwise.
+    of_still = [t for t in rivals if set(t.hypothesis.about) <= still]
+    others = [t for t in rivals if t not in of_still]
+    kinds: tuple[tuple[Severity, list[_Tried]], ...] = (("warning", others), ("info", of_still))
+    return tuple(_ambiguous(cell, declared, of, severity) for severity, of in kinds if of)
 
 
 def _wins(cell: Cell, tried: _Tried, declared: _Tried) -> bool:
@@ -333,7 +345,7 @@ def _poor(declared: _Tried) -> Finding:
     return Finding("poor-fit", "warning", (), message)
 
 
-def _ambiguous(cell: Cell, declared: _Tried, rivals: Sequence[_Tried]) -> Finding:
+def _ambiguous(cell: Cell, declared: _Tried, rivals: Sequence[_Tried], severity: Severity) -> Finding:
     """One finding for all hypotheses that fit as well as the declared one."""
     name = cell.asked[0]
     moves = [1e3 * float(np.linalg.norm(_step(declared.fit, t.fit, name).translation)) for t in rivals]
@@ -347,4 +359,4 @@ def _ambiguous(cell: Cell, declared: _Tried, rivals: Sequence[_Tried]) -> Findin
         f"held-out samples are predicted as well ({declared.fit.error_in_words()} as declared) if {listed}: check "
         f"which is so; to tell them apart, {tell}"
     )
-    return Finding("ambiguous-convention", "warning", about, message)
+    return Finding("ambiguous-convention", severity, about, message)

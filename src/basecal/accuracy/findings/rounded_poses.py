@@ -1,0 +1,113 @@
+"""`rounded-poses`: poses of a robot that were written with few digits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from basecal.accuracy.findings.evidence import Evidence
+from basecal.cell import Finding
+from basecal.cell.calibration import Severity
+from basecal.estimation.noise.robot_noise import stands
+from basecal.estimation.problem.problem import Problem
+from basecal.geometry import Array
+
+_STEPS_M = (1e-2, 1e-3, 1e-4)
+_STEPS_DEG = (1.0, 0.1, 0.01)
+_STEPS_RAD = (1e-2, 1e-3, 1e-4)
+_FEWEST = 10  # different numbers that are all multiples: chance has each of them at most once in 500
+_NEAR = 1e-3  # of a step: what is left of a multiple after degrees and rotations have been converted
+# Noise in use over that of rounding. Far above it the digits that lack are no loss; far below it they are none that
+# the arm had: places that it was sent to, in round numbers.
+_NOISE = (0.5, 2.0)
+
+
+@dataclass(frozen=True)
+class _Rounding:
+    """What is rounded, to what step [m or rad] and in words, and the noise in use of the same kind, 1 sigma."""
+
+    what: str
+    step: float
+    words: str
+    noise: float
+
+    @property
+    def sigma(self) -> float:
+        """Of the error that rounding makes, 1 sigma per axis."""
+        return float(self.step / np.sqrt(12))
+
+    @property
+    def severity(self) -> Severity:
+        """A warning where rounding makes a good part of the noise."""
+        low, high = _NOISE
+        return "warning" if low * self.sigma < self.noise < high * self.sigma else "info"
+
+
+def rounded_poses(of: Evidence) -> list[Finding]:
+    """A finding about each robot whose places or angles are all multiples of a step."""
+    problem = of.solution.problem
+    robots = sorted({robot for g in problem.groups for robot in (g.eye, g.hand) if robot is not None})
+    return [f for robot in robots for f in _of_robot(problem, robot)]
+
+
+def _of_robot(problem: Problem, robot: str) -> list[Finding]:
+    found = list(_roundings(problem, robot))
+    if not found:
+        return []
+    worst = max(found, key=lambda r: (r.severity == "warning", r.sigma))
+    listed = " and ".join(f"{r.what} of {robot} are all multiples of {r.words}" for r in found)
+    message = (
+        f"{listed}: rounding alone makes {_shown(worst.sigma, worst)} (1 sigma per axis), beside "
+        f"{_shown(worst.noise, worst)} of noise in use; record poses with all their digits"
+    )
+    return [Finding("rounded-poses", worst.severity, (robot,), message)]
+
+
+def _shown(value: float, of: _Rounding) -> str:
+    return f"{1e3 * value:.2g} {'mm' if of.what == 'translations' else 'mrad'}"
+
+
+def _roundings(problem: Problem, robot: str) -> Iterator[_Rounding]:
+    sigma = problem.stops.sigma[np.array(problem.stops.robot, dtype=object) == robot]
+    noise_m, noise_rad = (float(sigma[0, 0]), float(sigma[0, 3])) if len(sigma) else (0.0, 0.0)
+    joints = _joints(problem, robot)
+    if joints is not None:
+        yield from _of_angles("joints", [joints], noise_rad)
+        return
+    poses, seen = stands(problem, robot)
+    poses = poses[np.flatnonzero(seen)]
+    step = _step(poses.translation, _STEPS_M)
+    if step is not None:
+        yield _Rounding("translations", step, f"{1e3 * step:g} mm", noise_m)
+    yield from _of_angles("angles", [poses.rotvec, poses.rpy], noise_rad)
+
+
+def _of_angles(what: str, ways: list[Array], noise: float) -> Iterator[_Rounding]:
+    """Angles [rad], written in one of several ways, in degrees or radians."""
+    for values in ways:
+        degrees, radians = _step(np.degrees(values), _STEPS_DEG), _step(values, _STEPS_RAD)
+        if degrees is not None:
+            yield _Rounding(what, float(np.radians(degrees)), f"{degrees:g} deg", noise)
+            return
+        if radians is not None:
+            yield _Rounding(what, radians, f"{1e3 * radians:g} mrad", noise)
+            return
+
+
+def _step(values: Array, steps: tuple[float, ...]) -> float | None:
+    """The largest step of which all values are multiples; None without one, or where too few differ."""
+    different = np.unique(np.round(values, 9))
+    if len(different) < _FEWEST:
+        return None
+    shares = [different / step for step in steps]
+    return next((s for s, v in zip(steps, shares, strict=True) if np.all(np.abs(v - np.round(v)) < _NEAR)), None)
+
+
+def _joints(problem: Problem, robot: str) -> Array | None:
+    """Recorded joints of a robot in all views, (n, joints) [rad]."""
+    of = [g.eye_joints for g in problem.groups if g.eye == robot]
+    of += [g.hand_joints for g in problem.groups if g.hand == robot]
+    known = [joints for joints in of if joints is not None]
+    return np.concatenate(known) if len(known) == len(of) > 0 else None
