@@ -24,6 +24,7 @@ from basecal.cell import (
 )
 from basecal.errors import InputError
 from basecal.estimation.problem.correspondence import MOST_CANDIDATES, half_turn, half_turned
+from basecal.estimation.problem.point_mounts import point_mounts
 from basecal.estimation.problem.problem import Problem, Stops, ViewGroup, carrier, check_carriers
 from basecal.estimation.problem.repeated_views import repeated_views, view_content
 from basecal.estimation.problem.robot_parameters import RobotModel, robot_model
@@ -367,8 +368,7 @@ def _point_measurement(target: Target, observations: list[PointObservation]) -> 
 
 def _problem(cell: Cell, groups: tuple[ViewGroup, ...], stops: Stops) -> Problem:
     unknowns = cell.transforms
-    shapes = {cell.mount_name(t.name): t.target for t in cell.targets.values()}
-    points = frozenset(name for name, shape in shapes.items() if shape is not None and shape.is_point)
+    points = point_mounts(cell, groups)
     with_pixels = sorted({g.camera for g in groups if isinstance(g.measurement, PixelMeasurement)})
     lenses: dict[str, Intrinsics] = {}
     widths = {name: 3 if name in points else 6 for name, u in unknowns.items() if u.status != "fixed"}

@@ -1,0 +1,29 @@
+"""Which targets are mere points, whose mounts have a place and no rotation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from basecal.cell import Cell
+from basecal.errors import InputError
+from basecal.estimation.problem.problem import ViewGroup
+from basecal.estimation.view.poses import PoseMeasurement
+
+
+def point_mounts(cell: Cell, groups: Sequence[ViewGroup]) -> frozenset[str]:
+    """Names of the mounts of single points, but of those that were measured as poses: their orientation counts.
+
+    Raises:
+        InputError: if a point that was measured as poses is seen as a point, too, or its mount is stated, which has no
+            rotation then.
+    """
+    points = {t.name for t in cell.targets.values() if t.target is not None and t.target.is_point}
+    posed = {g.target for g in groups if isinstance(g.measurement, PoseMeasurement)} & points
+    seen = {g.target for g in groups if not isinstance(g.measurement, PoseMeasurement)}
+    for target in sorted(posed):
+        if target in seen or cell.targets[target].mount.status != "free":
+            raise InputError(
+                f"target {target!r} is one point, which has no orientation, and is observed by `camera_from_target`: "
+                "leave out its `kind` and state its mount with a rotation; what sees the point is another target"
+            )
+    return frozenset(cell.mount_name(target) for target in points - posed)
