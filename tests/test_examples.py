@@ -13,4 +13,4 @@ def test_a_light_from_images(tmp_path: Path) -> None:
     spec = importlib.util.spec_from_file_location("led_example", EXAMPLES / "led" / "run.py")
     program = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(program)
-    assert program.main(tmp_path, samples=25) < 33
+    assert program.main(tmp_path, samples=12) < 33

@@ -120,16 +120,20 @@ def test_report_before_calibrate(tmp_path: Path, capsys: pytest.CaptureFixture[s
 def test_demo_tells_its_true_error(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The demo's answer is within the 1e-6 quantile of its own covariance, has a page, and may be made anew."""
-    folder = str(tmp_path / "demo")
+    """The demo's answer is within the 1e-6 quantile of its own covariance, has a page, and may be made anew.
+
+    Its images are drawn and searched by `make demo`, which .ci/run runs.
+    """
+    folder, drawn = str(tmp_path / "demo"), []
+    monkeypatch.setattr("basecal.cli.demo.with_images", lambda made, folder, seed: drawn.append(folder) or made)
     assert main(["demo", folder, "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert 0 < answer["true_error"][BASE]["squared_sigmas"] < 38.3
     assert answer["true_error"][BASE]["error_mm"] < 2
     (page,) = Path(folder).glob("runs/*/report.html")
     assert page.read_text(encoding="utf-8").count("<title>GOOD") == 1
-    monkeypatch.setattr("basecal.cli.demo.with_images", lambda made, folder, seed: made)  # drawn once is enough
     assert main(["demo", folder]) == 0
+    assert drawn == [Path(folder)] * 2
     told = capsys.readouterr().out
     assert "true error" in told
     assert "basecal new mycell" in told

@@ -9,7 +9,7 @@ import pytest
 from tests.evidence import evidence_of
 from tests.motion_cells import SCARA, recorded
 
-from basecal.accuracy.cross_validation.validation import cross_validate
+from basecal.accuracy.cross_validation.validation import HeldOutErrors, cross_validate, root_mean
 from basecal.accuracy.findings.inconsistent_folds import inconsistent_folds
 from basecal.accuracy.findings.not_validated import not_validated
 from basecal.accuracy.findings.overfit import overfit
@@ -147,6 +147,21 @@ def test_everything_fixed_is_predicted_all_the_same():
     assert found.rms_px == pytest.approx(0.2, rel=0.05)
     assert found.base_change is None
     assert codes == set()
+
+
+def test_errors_of_folds_add_up():
+    """Sum by sum and count by count, from nothing."""
+    one, two = HeldOutErrors(1.0, 2.0, 3, 4.0, 5.0, 6), HeldOutErrors(10.0, 20.0, 30, 40.0, 50.0, 60)
+    assert one + two == HeldOutErrors(11.0, 22.0, 33, 44.0, 55.0, 66)
+    assert HeldOutErrors() + one == one
+
+
+def test_root_of_a_mean_square():
+    """None where nothing was counted, or a sum is beyond numbers."""
+    assert root_mean(12.0, 3) == 2.0
+    assert root_mean(12.0, 1) == np.sqrt(12.0)
+    assert root_mean(12.0, 0) is None
+    assert root_mean(np.inf, 3) is None
 
 
 @pytest.mark.slow

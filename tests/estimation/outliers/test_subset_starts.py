@@ -36,7 +36,7 @@ def bumped(scenario, seed):
     return problem.with_groups(groups), made.cell, State(made.truth, made.cameras, np.zeros((len(problem.stops), 6)))
 
 
-@pytest.mark.parametrize("scenario", SCENARIOS[1:], ids=lambda s: f"{s.target}, {s.arms}")
+@pytest.mark.parametrize("scenario", SCENARIOS[1::2], ids=lambda s: f"{s.target}, {s.arms}")
 def test_subsets_do_not_know_of_one_another(scenario, monkeypatch):
     """Subsets eight at once lead where each alone leads: the same states in the same order, to 1e-6."""
     problem, cell, first = bumped(scenario, 1)
@@ -50,7 +50,7 @@ def test_subsets_do_not_know_of_one_another(scenario, monkeypatch):
             np.testing.assert_allclose((transform.inverse() @ other.transforms[name]).log(), 0.0, atol=1e-6)
 
 
-@pytest.mark.parametrize("scenario", SCENARIOS[:2], ids=lambda s: s.target)
+@pytest.mark.parametrize("scenario", SCENARIOS[:1], ids=lambda s: s.target)
 def test_one_of_them_is_that_of_the_clean_samples(scenario):
     """A third of the samples 5 cm off: the state that scores best is the truth to 2 mm and 3 mrad."""
     problem, cell, truth = bumped(scenario, 2)
