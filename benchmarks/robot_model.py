@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 
 from basecal.accuracy.cross_validation.robot_model_selection import choose_robot_model
-from basecal.accuracy.robot_parameters import joint_offsets
-from basecal.cell import Parameters, Recording
+from basecal.accuracy.robot_parameters import robot_parameters
+from basecal.cell import Recording
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.solve import Solution, solve
@@ -65,16 +65,16 @@ def outcome(seed: int) -> Outcome:
     """Solve a cell with its offsets ignored and with their prior."""
     made = simulate(OFFSETS, seed)
     recording = Recording(made.recording.samples[:SAMPLES])
-    as_stated = {name: replace(robot, joint_offsets=Parameters()) for name, robot in made.cell.robots.items()}
+    as_stated = {name: replace(robot, parameters={}) for name, robot in made.cell.robots.items()}
     ignored = solve(replace(made.cell, robots=as_stated), recording)
     estimated = solve(made.cell, recording)
     problem, _ = build_problem(made.cell, Recording(made.recording.samples[SAMPLES:]))
     off = [_off(made, problem, each) for each in (ignored, estimated)]
     base = estimated.transforms[BASE]
     xi = (base.mean.inverse() @ made.truth[BASE]).log()
-    found = joint_offsets(estimated)
+    found = robot_parameters(estimated).get("joint_offsets", {})
     inside = {
-        robot: np.abs(of.rad - made.robots[robot].offsets)[of.seen] < WITHIN_95 * of.sigma_rad[of.seen]
+        robot: np.abs(of.values - made.robots[robot].of("joint_offsets"))[of.seen] < WITHIN_95 * of.sigma[of.seen]
         for robot, of in found.items()
     }
     held = tuple((robot, int(j)) for robot, of in found.items() for j in np.flatnonzero(~of.seen))

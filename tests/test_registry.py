@@ -8,7 +8,7 @@ from typing import get_args
 
 import pytest
 
-from basecal.registry import EXPORTERS, LENSES, TargetKindName
+from basecal.registry import EXPORTERS, LENSES, ROBOT_PARAMETERS, TargetKindName
 
 SOURCE = Path(__file__).parents[1] / "src" / "basecal"
 NAMES = {*get_args(TargetKindName), *LENSES}
@@ -66,10 +66,16 @@ def test_the_check_bites(source: str) -> None:
         ("cell/targets", get_args(TargetKindName)),
         ("geometry/lenses", LENSES),
         ("exchange/exporters", tuple(EXPORTERS)),
+        ("cell/robot_parameters", ROBOT_PARAMETERS),
     ],
 )
 def test_every_module_is_registered(folder: str, names: tuple[str, ...]) -> None:
     """Each name has its module, and no module that has the face of one is left out."""
-    face = {"cell/targets": "KIND = ", "geometry/lenses": "MODEL = ", "exchange/exporters": "def exported(cell"}[folder]
+    face = {
+        "cell/targets": "KIND = ",
+        "geometry/lenses": "MODEL = ",
+        "exchange/exporters": "def exported(cell",
+        "cell/robot_parameters": "class Stated(",
+    }[folder]
     faces = {path.stem for path in (SOURCE / folder).glob("*.py") if f"\n{face}" in path.read_text(encoding="utf-8")}
     assert faces == set(names)

@@ -29,3 +29,10 @@ EXPORTERS = {
     "urdf": "ROBOT: its URDF with its joint offsets and link errors in the origins of its joints",
 }
 """Options of `basecal export` with what each takes and gives: modules of `basecal.exchange.exporters`."""
+
+ROBOT_PARAMETERS = (
+    "joint_offsets",
+    "link_parameters",
+    "deflection",
+)
+"""What can be estimated of a robot's own kinematics: modules of `basecal.cell.robot_parameters`."""

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from basecal.accuracy.robot_parameters import deflection, joint_offsets, kinematics_of, link_parameters
-from basecal.cell import Calibration, Compliances, JointOffsets, LinkParameters
+from basecal.accuracy.robot_parameters import kinematics_of, robot_parameters
+from basecal.cell import Calibration, RobotParameters
+from basecal.cell.robot_parameters.joint_offsets import Stated
 from basecal.errors import InputError
 from basecal.estimation.solve import solve
 from basecal.simulation import Scenario, simulate
@@ -19,23 +20,22 @@ DEGREE = np.pi / 180
 ENDS = [False, True, True, True, True, False]
 
 
+def joint_offsets(solution):
+    return robot_parameters(solution)["joint_offsets"]
+
+
 def test_first_and_last_joint_are_known_by_their_prior_alone():
     """Their sigma is the prior's, they are not seen; the base's sigma holds the first's."""
     made = simulate(replace(ARMS, joint_offset_rad=0.2 * DEGREE, joint_offsets="prior"), 0)
     solution = solve(made.cell, made.recording)
     for offsets in joint_offsets(solution).values():
         assert offsets.seen.tolist() == ENDS
-        np.testing.assert_allclose(offsets.sigma_rad[[0, 5]], 0.2 * DEGREE, rtol=1e-6)
-        assert np.all(offsets.sigma_rad[1:5] < 0.1 * DEGREE)
+        np.testing.assert_allclose(offsets.sigma[[0, 5]], 0.2 * DEGREE, rtol=1e-6)
+        assert np.all(offsets.sigma[1:5] < 0.1 * DEGREE)
     turn = np.linalg.norm(solution.transforms["eye_base_from_hand_base"].sigma_r)
-    as_stated = replace(
-        made.cell, robots={n: replace(r, joint_offsets=ARMS_FIXED) for n, r in made.cell.robots.items()}
-    )
+    as_stated = replace(made.cell, robots={n: replace(r, parameters={}) for n, r in made.cell.robots.items()})
     alone = np.linalg.norm(solve(as_stated, made.recording).transforms["eye_base_from_hand_base"].sigma_r)
     assert turn > np.sqrt(2) * 0.19 * DEGREE > 3 * alone
-
-
-ARMS_FIXED = simulate(replace(ARMS, samples=3), 0).cell.robots["eye"].joint_offsets
 
 
 def test_a_known_mount_shows_the_last_joint():
@@ -53,21 +53,21 @@ def test_free_offsets_that_nothing_shows_have_no_number():
     made = simulate(free, 0)
     found = joint_offsets(solve(made.cell, made.recording))
     for offsets in found.values():
-        assert np.isfinite(offsets.rad).tolist() == ENDS == np.isfinite(offsets.sigma_rad).tolist()
+        assert np.isfinite(offsets.values).tolist() == ENDS == np.isfinite(offsets.sigma).tolist()
     still = simulate(replace(free, arms="eye_still", camera_mount="fixed"), 0)
     found = joint_offsets(solve(still.cell, still.recording))
-    assert not np.any(np.isfinite(found["eye"].rad))
-    assert np.isfinite(found["hand"].rad).tolist() == ENDS
+    assert not np.any(np.isfinite(found["eye"].values))
+    assert np.isfinite(found["hand"].values).tolist() == ENDS
 
 
 def test_compliances_are_found_where_gravity_shows_them():
     """Of joints 2 and 3 within four sigmas; the upright first axis has none to find."""
     made = simulate(replace(ARMS, compliance=1e-4, deflection="prior"), 0)
     solution = solve(made.cell, made.recording)
-    for robot, found in deflection(solution).items():
+    for robot, found in robot_parameters(solution)["deflection"].items():
         assert found.seen[1:3].all()
         assert not found.seen[0]
-        off = np.abs(found.rad_per_nm - made.robots[robot].compliance)
+        off = np.abs(found.values - made.robots[robot].of("deflection"))
         assert np.all(off[found.seen] < 4 * found.sigma[found.seen])
 
 
@@ -85,7 +85,7 @@ def test_errors_of_the_base_and_of_seen_offsets_are_as_their_covariance_says(tar
         solution = solve(made.cell, made.recording)
         base, found = solution.transforms["eye_base_from_hand_base"], joint_offsets(solution)["hand"]
         xi = (base.mean.inverse() @ made.truth["eye_base_from_hand_base"]).log()
-        off = (found.rad - made.robots["hand"].offsets)[found.seen]
+        off = (found.values - made.robots["hand"].of("joint_offsets"))[found.seen]
         spread = found.covariance[np.ix_(found.seen, found.seen)]
         squares += xi @ np.linalg.solve(base.covariance, xi), off @ np.linalg.solve(spread, off)
         freedoms += 6, len(off)
@@ -100,8 +100,8 @@ def test_link_parameters_come_with_sigmas_that_hold_them():
     own directions alone, two thirds of them, have a standard error of 0.2.
     """
     made = simulate(replace(ARMS, link_error=(5e-4, 1e-3), link_parameters="prior"), 0)
-    found = link_parameters(solve(made.cell, made.recording))
-    errors = [(found[r].tangents - made.robots[r].links) / found[r].sigma for r in found]
+    found = robot_parameters(solve(made.cell, made.recording))["link_parameters"]
+    errors = [(found[r].values - made.robots[r].of("link_parameters")) / found[r].sigma for r in found]
     assert 0.4 < np.mean(np.square(errors)) < 1.8
 
 
@@ -110,16 +110,15 @@ def test_an_offset_is_seen_where_the_data_say_as_much_as_its_prior():
     made = simulate(replace(ARMS, samples=12, joint_offset_rad=1e-6, joint_offsets="prior"), 0)
 
     def offsets_with(sigma):
-        robots = {
-            n: replace(r, joint_offsets=replace(r.joint_offsets, sigma_rad=sigma)) for n, r in made.cell.robots.items()
-        }
+        prior = {"joint_offsets": Stated(status="prior", sigma_rad=float(sigma))}
+        robots = {n: replace(r, parameters=prior) for n, r in made.cell.robots.items()}
         return joint_offsets(solve(replace(made.cell, robots=robots), made.recording))["hand"]
 
     # By bisection: the prior's sigma at which the data's information on the third joint is the prior's own.
     low, high = 1e-6, 1e-2
     for _ in range(12):
         middle = np.sqrt(low * high)
-        low, high = (low, middle) if offsets_with(middle).sigma_rad[2] ** 2 < middle**2 / 2 else (middle, high)
+        low, high = (low, middle) if offsets_with(middle).sigma[2] ** 2 < middle**2 / 2 else (middle, high)
     assert not offsets_with(0.9 * high).seen[2]
     assert offsets_with(1.1 * high).seen[2]
 
@@ -131,20 +130,22 @@ def test_kinematics_of_a_calibration_are_those_stated_moved_by_what_is_known():
     names, nothing = chain.joint_names, np.full(6, np.nan)
     rad = np.array([np.nan, 0.1, 0.2, 0.3, 0.4, np.nan])
     tangents = 1e-3 * np.arange(42.0).reshape(7, 6)
-    offsets = JointOffsets(names, rad, np.full((6, 6), np.nan), np.isfinite(rad))
-    found = kinematics_of(cell, Calibration("good", joint_offsets={"hand": offsets}))
+    offsets = Calibration(
+        "good", robot_parameters={"joint_offsets": {"hand": RobotParameters(names, rad, nothing, np.isfinite(rad))}}
+    )
+    found = kinematics_of(cell, offsets)
     assert found.keys() == {"hand"}
-    np.testing.assert_array_equal(found["hand"].offsets, np.nan_to_num(rad))
-    np.testing.assert_array_equal(found["hand"].links, np.zeros((7, 6)))
-    assert found["hand"].down is None
+    np.testing.assert_array_equal(found["hand"].of("joint_offsets"), np.nan_to_num(rad))
+    np.testing.assert_array_equal(found["hand"].of("link_parameters"), np.zeros((7, 6)))
+    assert "deflection" not in found["hand"].values
     assert found["hand"].chain is chain
-    bent = Compliances(names, rad, nothing, np.isfinite(rad))
-    links = LinkParameters(tangents, np.ones((7, 6)))
-    found = kinematics_of(cell, Calibration("good", link_parameters={"eye": links}, deflection={"hand": bent}))
-    np.testing.assert_array_equal(found["eye"].links, tangents)
-    np.testing.assert_array_equal(found["eye"].compliance, np.zeros(6))
-    np.testing.assert_array_equal(found["hand"].compliance, np.nan_to_num(rad))
-    np.testing.assert_allclose(np.linalg.norm(found["hand"].down), 1.0)
+    bent = RobotParameters(names, rad, nothing, np.isfinite(rad))
+    links = RobotParameters((), tangents, np.ones((7, 6)), np.ones((7, 6), dtype=bool))
+    both = Calibration("good", robot_parameters={"link_parameters": {"eye": links}, "deflection": {"hand": bent}})
+    found = kinematics_of(cell, both)
+    np.testing.assert_array_equal(found["eye"].of("link_parameters"), tangents)
+    np.testing.assert_array_equal(found["eye"].of("deflection"), np.zeros(6))
+    np.testing.assert_array_equal(found["hand"].of("deflection"), np.nan_to_num(rad))
     bare = replace(cell, robots={**cell.robots, "hand": replace(cell.robots["hand"], chain=None)})
     with pytest.raises(InputError, match="'hand', which has no urdf"):
-        kinematics_of(bare, Calibration("good", joint_offsets={"hand": offsets}))
+        kinematics_of(bare, offsets)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.cell import Calibration
-from basecal.cell.calibration import JointOffsets
+from basecal.cell import Calibration, RobotParameters
 from basecal.errors import FrameNotFound
 from basecal.geometry import SE3, PoseEstimate
 
@@ -22,9 +21,9 @@ def test_transforms_are_found_by_name():
         Calibration("refused")["a_from_b"]
 
 
-def test_sigmas_of_joint_offsets_are_roots_of_the_covariance():
-    """Per joint [rad]; NaN where nothing is known."""
-    covariance = np.diag([4e-6, 9e-6, np.nan])
-    covariance[0, 1] = covariance[1, 0] = 1e-6
-    offsets = JointOffsets(("a", "b", "c"), np.zeros(3), covariance, np.ones(3, dtype=bool))
-    np.testing.assert_allclose(offsets.sigma_rad, [2e-3, 3e-3, np.nan])
+def test_what_was_found_of_a_robot():
+    """By kind, of one robot; nothing of one that was not calibrated."""
+    offsets = RobotParameters(("a",), np.zeros(1), np.ones(1), np.ones(1, dtype=bool))
+    calibration = Calibration("good", robot_parameters={"joint_offsets": {"eye": offsets}, "deflection": {}})
+    assert calibration.parameters_of("eye") == {"joint_offsets": offsets}
+    assert calibration.parameters_of("hand") == {}

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from tests.oracles.dense import DenseProblem
 
-from basecal.cell import Parameters, Recording, Unknown
+from basecal.cell import Recording, Unknown
+from basecal.cell.robot_parameters import joint_offsets
 from basecal.errors import InputError
 from basecal.estimation.problem.problem import State
 from basecal.estimation.settings import Settings
@@ -184,9 +185,9 @@ def test_camera_and_target_on_one_flange_are_refused():
 
 def test_joint_offsets_are_not_passed_over():
     """A cell that asks for joint offsets of a robot recorded by poses gets a sentence, not an answer without them."""
-    s = simulate(Scenario(), seed=0)
-    robots = {**s.cell.robots, "hand": replace(s.cell.robots["hand"], joint_offsets=Parameters("free"))}
-    with pytest.raises(InputError, match="need its urdf and joints_rad in every sample"):
+    s, free = simulate(Scenario(), seed=0), joint_offsets.Stated(status="free")
+    robots = {**s.cell.robots, "hand": replace(s.cell.robots["hand"], parameters={"joint_offsets": free})}
+    with pytest.raises(InputError, match="its urdf and joints_rad in every sample are needed"):
         solve(replace(s.cell, robots=robots), s.recording)
 
 

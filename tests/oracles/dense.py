@@ -37,7 +37,7 @@ class DenseProblem:
         self.width = sum(3 if n == self.point_mount else 6 for n in self.names)
         self.offsets = {}
         for name, robot in cell.robots.items():
-            if robot.joint_offsets.status == "prior":
+            if "joint_offsets" in robot.parameters:
                 self.offsets[name] = slice(self.width, self.width + robot.chain.n)
                 self.width += robot.chain.n
         self.stops = {name: self._stops(name) for name, r in cell.robots.items() if r.noise is not None}
@@ -102,7 +102,10 @@ class DenseProblem:
     def residual(self, x):
         transforms = self.transforms(x)
         parts = [x[self.width :]]
-        parts += [x[where] / self.cell.robots[name].joint_offsets.sigma_rad for name, where in self.offsets.items()]
+        parts += [
+            x[where] / self.cell.robots[name].parameters["joint_offsets"].sigma_rad
+            for name, where in self.offsets.items()
+        ]
         for i, sample in enumerate(self.samples):
             camera = self._carried(self.camera.on, self.cell.mount_name(self.camera.name), i, x, transforms)
             target = self._carried(self.target.on, self.cell.mount_name(self.target.name), i, x, transforms)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from basecal.cell import Calibration, Cell, Compliances, JointOffsets, LinkParameters, Recording, Robot
+from basecal.cell import Calibration, Cell, Recording, Robot, RobotParameters
 from basecal.reporting.page import page
 from basecal.reporting.robots import robot_blocks
 from basecal.reporting.text import text_report
@@ -15,16 +15,18 @@ NAMES = ("pan", "lift", "elbow")
 def a_calibration() -> Calibration:
     """Joint 1 known by its prior, 2 by the data, 3 not at all."""
     rad = np.radians([0.0, 0.31, np.nan])
-    spread = np.diag(np.radians([0.2, 0.02, np.nan]) ** 2)
+    sigma = np.radians([0.2, 0.02, np.nan])
     seen = np.array([False, True, False])
-    compliance = Compliances(NAMES, np.array([0.0, 2e-5, np.nan]), np.array([1e-4, 1e-6, np.nan]), seen)
+    compliance = RobotParameters(NAMES, np.array([0.0, 2e-5, np.nan]), np.array([1e-4, 1e-6, np.nan]), seen)
     links = np.zeros((4, 6))
     links[3] = [1e-3, 0, 0, 0, np.radians(0.5), 0]
     return Calibration(
         "good",
-        joint_offsets={"hand": JointOffsets(NAMES, rad, spread, seen)},
-        link_parameters={"hand": LinkParameters(links, links)},
-        deflection={"hand": compliance},
+        robot_parameters={
+            "deflection": {"hand": compliance},
+            "joint_offsets": {"hand": RobotParameters(NAMES, rad, sigma, seen)},
+            "link_parameters": {"hand": RobotParameters((), links, links, np.ones((4, 6), dtype=bool))},
+        },
     )
 
 

@@ -18,7 +18,7 @@ from basecal.accuracy.input_check.conventions import check_conventions
 from basecal.accuracy.phrases.null_space import describe_null_space
 from basecal.accuracy.phrases.outlier import described_outlier
 from basecal.accuracy.residuals.fit import residuals
-from basecal.accuracy.robot_parameters import deflection, joint_offsets, link_parameters
+from basecal.accuracy.robot_parameters import robot_parameters
 from basecal.accuracy.stated_sigmas import ContradictedSigma, contradicted_sigmas, without_contradicted
 from basecal.accuracy.systematic_errors.search import systematic_error
 from basecal.cell import Calibration, Cell, Finding, Recording, Residuals
@@ -131,9 +131,7 @@ def _calibration(
         status={n: solution.problem.unknowns[n].status for n in estimates},
         points=frozenset(n for n in solution.problem.point_mounts if n in estimates),
         cameras={n: (c, solution.lens_covariance(n)) for n, c in _estimated_lenses(solution)},
-        joint_offsets=joint_offsets(solution) if solution.converged else {},
-        link_parameters=link_parameters(solution) if solution.converged else {},
-        deflection=deflection(solution) if solution.converged else {},
+        robot_parameters=robot_parameters(solution) if solution.converged else {},
         noise=_noise(cell, solution),
         order=order,
         joint_covariance=solution.covariance_of(list(order)) if order else None,

@@ -6,8 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-import numpy as np
-
 from basecal.cell.cell import Cell
 from basecal.errors import FrameNotFound
 from basecal.geometry import SE3, Array, BoolArray, Camera, PoseEstimate
@@ -132,51 +130,22 @@ class Certificate:
 
 
 @dataclass(frozen=True, eq=False)
-class JointOffsets:
-    """What is to be added to each recorded joint of a robot.
+class RobotParameters:
+    """What was found of the parameters of one kind of one robot.
 
     Attributes:
-        joints: Names, from base to flange, n of them.
-        rad: (n,) [rad]; NaN where nothing is known.
-        covariance: (n, n) [rad^2], likewise.
-        seen: (n,) whether the data say at least as much as the prior; the others' numbers are the prior's.
+        joints: Names of its joints, from base to flange, n of them; none where the values are not joint by joint.
+        values: (n,), or of another shape; NaN where nothing is known.
+        sigma: Likewise.
+        seen: Likewise, whether the data say at least as much as the prior; the others' numbers are the prior's.
+        covariance: (n, n) of the values; None where it is not kept.
     """
 
     joints: tuple[str, ...]
-    rad: Array
-    covariance: Array
-    seen: BoolArray
-
-    @property
-    def sigma_rad(self) -> Array:
-        """(n,) [rad]; NaN where nothing is known."""
-        sigma: Array = np.sqrt(np.diag(self.covariance))
-        return sigma
-
-
-@dataclass(frozen=True, eq=False)
-class Compliances:
-    """What each joint of a robot turns by under a torque about its axis.
-
-    Attributes:
-        joints: Names, from base to flange, n of them.
-        rad_per_nm: (n,) [rad/Nm]; NaN where nothing is known.
-        sigma: (n,) likewise.
-        seen: (n,) whether the data say at least as much as the prior; the others' numbers are the prior's.
-    """
-
-    joints: tuple[str, ...]
-    rad_per_nm: Array
+    values: Array
     sigma: Array
     seen: BoolArray
-
-
-@dataclass(frozen=True, eq=False)
-class LinkParameters:
-    """How the origins of a robot's chain, and last its tip, are moved: right tangents, sigmas, (n + 1, 6) [m, rad]."""
-
-    tangents: Array
-    sigma: Array
+    covariance: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,9 +158,7 @@ class Calibration:
         status: `fixed`, `prior` or `free` of each of `transforms`.
         points: Names of the transforms whose rotation is not defined (mounts of a single point).
         cameras: Lenses with the covariance of their parameters, by camera; those not fixed.
-        joint_offsets: By robot; of those given by joints whose offsets are not fixed.
-        link_parameters: Likewise.
-        deflection: Likewise, how the joints give way to gravity.
+        robot_parameters: By kind, then by robot; of those given by joints whose parameters are not fixed.
         noise: Sigmas used or estimated: `pixel_px`, `pose_m`, `pose_rad`, `point_m` and by robot.
         order: Names of the transforms of `joint_covariance`, 6 rows each.
         joint_covariance: (6 n, 6 n) [m, rad].
@@ -211,9 +178,7 @@ class Calibration:
     status: Mapping[str, str] = field(default_factory=dict)
     points: frozenset[str] = frozenset()
     cameras: Mapping[str, tuple[Camera, Array]] = field(default_factory=dict)
-    joint_offsets: Mapping[str, JointOffsets] = field(default_factory=dict)
-    link_parameters: Mapping[str, LinkParameters] = field(default_factory=dict)
-    deflection: Mapping[str, Compliances] = field(default_factory=dict)
+    robot_parameters: Mapping[str, Mapping[str, RobotParameters]] = field(default_factory=dict)
     noise: Mapping[str, Any] = field(default_factory=dict)
     order: tuple[str, ...] = ()
     joint_covariance: Array | None = None
@@ -231,6 +196,10 @@ class Calibration:
         """What is known of the transforms of the cell that was calibrated, by name: fixed there, or found here."""
         fixed = {name: u.mean for name, u in cell.transforms.items() if u.status == "fixed" and u.mean is not None}
         return fixed | {name: estimate.mean for name, estimate in self.transforms.items()}
+
+    def parameters_of(self, robot: str) -> dict[str, RobotParameters]:
+        """What was found of a robot's own kinematics, by kind."""
+        return {kind: found[robot] for kind, found in self.robot_parameters.items() if robot in found}
 
     def __getitem__(self, name: str) -> PoseEstimate:
         """The estimate of a transform, such as `calibration["eye_base_from_hand_base"]`.

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from basecal.cell.format.parameters import Parameters
 from basecal.cell.target import Target
 from basecal.errors import FrameNotFound
 from basecal.geometry import SE3, Array, Camera
@@ -31,30 +32,6 @@ class Unknown:
     sigma: Array | None = None
 
 
-@dataclass(frozen=True)
-class Parameters:
-    """Joint offsets or link parameters: their status, and the sigmas of a prior about zero [rad, m]."""
-
-    status: Status = "fixed"
-    sigma_rad: float | None = None
-    sigma_m: float | None = None
-
-
-@dataclass(frozen=True)
-class Deflection:
-    """How the joints give way to gravity: turned by their compliance times the torque of the links' weight.
-
-    Attributes:
-        status: Of the compliances; `fixed` means none.
-        sigma_rad_per_nm: Of a prior about zero [rad/Nm].
-        down: Direction of gravity in the robot's base.
-    """
-
-    status: Status = "fixed"
-    sigma_rad_per_nm: float | None = None
-    down: tuple[float, float, float] = (0.0, 0.0, -1.0)
-
-
 @dataclass(frozen=True, eq=False)
 class Robot:
     """A robot arm.
@@ -63,9 +40,7 @@ class Robot:
         name: Its name in the cell.
         noise: (6,) [m, rad] sigmas of its recorded pose in flange axes, drawn once per stop; None where not stated.
         chain: Its kinematics, where joints are recorded.
-        joint_offsets: What is known of the joint offsets.
-        link_parameters: What is known of the link parameters.
-        deflection: What is known of how its joints give way to gravity.
+        parameters: What is known of the parameters of its kinematics, by kind; those that are not there are fixed.
         urdf: Path of the URDF relative to the cell; None where poses are recorded.
         base_link: Name of the chain's root in the URDF.
         flange_link: Name of the chain's tip in the URDF.
@@ -75,13 +50,11 @@ class Robot:
     name: str
     noise: Array | None = None
     chain: SerialChain | None = None
-    joint_offsets: Parameters = Parameters()
-    link_parameters: Parameters = Parameters()
+    parameters: Mapping[str, Parameters] = field(default_factory=dict)
     urdf: str | None = None
     base_link: str | None = None
     flange_link: str | None = None
     frames: Mapping[str, str] = field(default_factory=dict)
-    deflection: Deflection = Deflection()
 
 
 @dataclass(frozen=True, eq=False)

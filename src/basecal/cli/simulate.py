@@ -129,5 +129,5 @@ def write_simulated(folder: Path, made: SimulatedCell) -> None:
         if robot.chain is not None and robot.urdf and robot.base_link and robot.flange_link:
             text = chain_urdf(robot.chain, robot.base_link, robot.flange_link, robot.name)
             (folder / robot.urdf).write_text(text, encoding="utf-8")
-    offsets = {name: of.offsets.tolist() for name, of in made.robots.items()}
+    offsets = {name: of.of("joint_offsets").tolist() for name, of in made.robots.items()}
     write_truth(folder, made.truth, **({"joint_offsets_rad": offsets} if offsets else {}))

@@ -26,7 +26,6 @@ _PLACES = ((0, 0, 0.16), (0, 0.05, 0), (-0.42, 0, 0), (-0.39, 0, 0.12), (0, -0.1
 _TURNS = ((0, 0, 0), (_QUARTER, 0, 0), (0, 0, 0), (0, 0, 0), (_QUARTER, 0, 0), (-_QUARTER, 0, 0))
 _KG = (4.0, 8.0, 3.0, 1.5, 1.5, 0.8)
 _CENTRES = ((0, 0.02, 0), (-0.2, 0, 0.1), (-0.2, 0, 0.05), (0, -0.02, 0), (0, 0.02, 0), (0, 0, 0.05))
-_DOWN = np.array([0.0, 0.0, -1.0])
 _MIDDLE = (0.0, -1.2, 1.5, -1.8, 1.4, 0.0)  # bent elbow and wrist: no axes in line
 _REACH = (np.pi, 0.4, 0.4, 0.5, 0.5, np.pi)
 _STEPS = 25
@@ -93,8 +92,10 @@ def _arm(scenario: Scenario, rng: Generator) -> Arm:
     offsets = scenario.joint_offset_rad * rng.standard_normal(chain.n)
     links = rng.standard_normal((chain.n + 1, 6)) * np.repeat(scenario.link_error, 3)
     compliance = scenario.compliance * rng.standard_normal(chain.n)
-    down = _DOWN if scenario.compliance else None
-    return Arm(chain, Kinematics(chain, offsets, links, compliance, down), home)
+    values = {"joint_offsets": offsets, "link_parameters": links}
+    if scenario.compliance:
+        values["deflection"] = compliance
+    return Arm(chain, Kinematics(chain, values), home)
 
 
 def joints_near(chain: SerialChain, base_from_flange: SE3, start: Array) -> tuple[Array, BoolArray]:

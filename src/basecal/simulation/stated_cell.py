@@ -10,13 +10,12 @@ from basecal.cell.cell import (
     Cell,
     CellCamera,
     CellTarget,
-    Deflection,
     Intrinsics,
-    Parameters,
     Robot,
     Status,
     Unknown,
 )
+from basecal.cell.robot_parameters.kind import robot_parameter_kinds
 from basecal.geometry import SE3, Array, Camera
 from basecal.simulation import draw
 from basecal.simulation.arms import BASE_LINK, FLANGE_LINK, Arm
@@ -72,14 +71,18 @@ def _robot(name: str, noise: Array | None, scenario: Scenario, arm: Arm | None) 
     if arm is None:
         return Robot(name, noise)
     metres, radians = scenario.link_error
-    offsets, links = Parameters(scenario.joint_offsets), Parameters(scenario.link_parameters)
-    if offsets.status == "prior":
-        offsets = Parameters("prior", scenario.joint_offset_rad)
-    if links.status == "prior":
-        links = Parameters("prior", radians, metres)
-    deflection = Deflection(scenario.deflection, scenario.compliance if scenario.deflection == "prior" else None)
-    urdf = (f"{name}.urdf", BASE_LINK, FLANGE_LINK)
-    return Robot(name, noise, arm.chain, offsets, links, *urdf, deflection=deflection)
+    sigmas = {
+        "joint_offsets": {"sigma_rad": scenario.joint_offset_rad},
+        "link_parameters": {"sigma_rad": radians, "sigma_m": metres},
+        "deflection": {"sigma_rad_per_nm": scenario.compliance},
+    }
+    parameters = {}
+    for kind, of_prior in sigmas.items():
+        status: Status = getattr(scenario, kind)
+        if status != "fixed":
+            of_kind = of_prior if status == "prior" else {}
+            parameters[kind] = robot_parameter_kinds()[kind].Stated(status=status, **of_kind)
+    return Robot(name, noise, arm.chain, parameters, f"{name}.urdf", BASE_LINK, FLANGE_LINK)
 
 
 def stated_cell(scene: Scene, scenario: Scenario, rng: Generator, arms: Mapping[str, Arm]) -> Cell:

@@ -10,7 +10,7 @@ import pytest
 
 from basecal.accuracy.cross_validation.robot_model_selection import choose_robot_model
 from basecal.accuracy.findings.robot_model import robot_model_findings
-from basecal.accuracy.robot_parameters import joint_offsets
+from basecal.accuracy.robot_parameters import robot_parameters
 from basecal.accuracy.verdict import calibrate
 from basecal.estimation.problem.robot_parameters import Kinematics
 from basecal.estimation.settings import Settings
@@ -29,7 +29,7 @@ def with_one_offset(joint: int, rad: float) -> SimulatedCell:
         hand = sample.robots["hand"]
         wrong = hand.joints_rad - rad * np.eye(6)[joint]
         samples.append(replace(sample, robots={**sample.robots, "hand": replace(hand, joints_rad=wrong)}))
-    true = Kinematics(made.robots["hand"].chain, rad * np.eye(6)[joint], np.zeros((7, 6)))
+    true = Kinematics(made.robots["hand"].chain, {"joint_offsets": rad * np.eye(6)[joint]})
     recording = replace(made.recording, samples=tuple(samples))
     return replace(made, recording=recording, robots={**made.robots, "hand": true})
 
@@ -40,8 +40,8 @@ def test_one_joint_that_is_off_is_named_with_its_offset():
     choice = choose_robot_model(solve(made.cell, made.recording))
     assert choice is not None
     assert (choice.chosen.kind, choice.chosen.robots, choice.chosen.joint) == ("joint", ("hand",), 2)
-    found = joint_offsets(choice.solution)["hand"]
-    assert abs(found.rad[2] - 0.3 * DEGREE) < 4 * found.sigma_rad[2] < 0.1 * DEGREE
+    found = robot_parameters(choice.solution)["joint_offsets"]["hand"]
+    assert abs(found.values[2] - 0.3 * DEGREE) < 4 * found.sigma[2] < 0.1 * DEGREE
     (finding,) = robot_model_findings(choice)
     assert (finding.code, finding.severity, finding.about) == ("robot-model", "warning", ("hand",))
     said = (
@@ -58,7 +58,7 @@ def test_calibrate_tells_it_and_applies_nothing():
     calibration = calibrate(made.cell, made.recording, Settings(robot_noise="stated"))
     assert calibration.verdict == "doubtful"
     assert "robot-model" in {f.code for f in calibration.findings}
-    assert calibration.joint_offsets == {}
+    assert calibration.robot_parameters == {}
     as_stated = solve(made.cell, made.recording)
     np.testing.assert_allclose(
         calibration["eye_base_from_hand_base"].mean.matrix,

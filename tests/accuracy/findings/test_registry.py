@@ -10,12 +10,12 @@ from basecal.accuracy.findings import registry
 ROOT = Path(__file__).parents[3]
 FINDINGS = ROOT / "src" / "basecal" / "accuracy" / "findings"
 # A code stands in a literal of its own, as the first of a finding's or of a hypothesis' arguments.
-CODE = re.compile(r"(?:Finding|ConventionHypothesis)\(\s*\"([a-z0-9-]+)\"|code, how = \(?\"([a-z0-9-]+)\"")
+CODE = re.compile(r"(?:Finding|ConventionHypothesis)\(\s*\"([a-z0-9-]+)\"")
 
 
 def codes_in_source() -> set[str]:
     texts = (path.read_text(encoding="utf-8") for path in (ROOT / "src").rglob("*.py"))
-    return {code for text in texts for pair in CODE.findall(text) for code in pair if code}
+    return {code for text in texts for code in CODE.findall(text)}
 
 
 def documented_codes() -> set[str]:

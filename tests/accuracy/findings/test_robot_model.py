@@ -31,13 +31,11 @@ def offsets(monkeypatch):
     """Offsets of two robots: joint 2 of `hand` stands out most from its sigma, what is not seen does not count."""
     found = {
         "arm": SimpleNamespace(
-            rad=np.array([0.02, 9.0]), sigma_rad=np.array([0.01, 1e-3]), seen=np.array([True, False])
+            values=np.array([0.02, 9.0]), sigma=np.array([0.01, 1e-3]), seen=np.array([True, False])
         ),
-        "hand": SimpleNamespace(
-            rad=np.array([0.01, -0.01]), sigma_rad=np.full(2, [0.01, 0.002]), seen=np.ones(2, bool)
-        ),
+        "hand": SimpleNamespace(values=np.array([0.01, -0.01]), sigma=np.full(2, [0.01, 0.002]), seen=np.ones(2, bool)),
     }
-    monkeypatch.setattr(module, "joint_offsets", lambda _: found)
+    monkeypatch.setattr(module, "robot_parameters", lambda _: {"joint_offsets": found})
     return found
 
 
@@ -79,7 +77,7 @@ def test_links_that_help():
     """How far the worst link of any robot is off, and both entries to write; a better model beside is named."""
     links = np.zeros((3, 6))
     links[1], links[2] = [3e-3, 4e-3, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0.01]
-    robots = [SimpleNamespace(links=np.zeros((2, 6))), SimpleNamespace(links=links)]
+    robots = [SimpleNamespace(of={"link_parameters": each}.get) for each in (np.zeros((2, 6)), links)]
     (found,) = robot_model_findings(choice(candidate("links"), candidate("offsets", ("hand",)), robots=robots))
     assert "links are off by up to 5 mm and 0.57 deg" in found.message
     assert "whether freeing the joint offsets of hand helps more is undecided" in found.message

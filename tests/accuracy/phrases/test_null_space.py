@@ -90,21 +90,21 @@ def test_twists_of_a_base_in_its_own_axes():
 
 
 @pytest.mark.parametrize(
-    ("kind", "joint", "words"),
+    ("parameters", "joint", "words"),
     [
-        ("lens", None, "the intrinsics of name"),
-        ("links", None, "an error of the links of hand"),
-        ("joint offset", 2, "the offset of joint 3 of hand (elbow)"),
-        ("joint offset", 0, "the offset of joint 1 of hand (elbow)"),
-        ("compliance", 5, "the compliance of joint 6 of hand (elbow)"),
+        ("", None, "the intrinsics of name"),
+        ("link_parameters", None, "an error of the links of hand"),
+        ("joint_offsets", 2, "the offset of joint 3 of hand (elbow)"),
+        ("joint_offsets", 0, "the offset of joint 1 of hand (elbow)"),
+        ("deflection", 5, "the compliance of joint 6 of hand (elbow)"),
     ],
 )
-def test_lenses_and_robots(kind, joint, words):
+def test_lenses_and_robots(parameters, joint, words):
     """What moves, of which robot and joint, counted from one; what moves along follows."""
     none = np.zeros((0, 6))
-    robot = "" if kind == "lens" else "hand"
-    assert describe_null_space(NullDirection(kind, ("name",), none, robot, joint, "elbow")) == words
-    several = NullDirection(kind, ("name", BASE, BOARD), none, robot, joint, "elbow")
+    kind, robot = ("robot parameters", "hand") if parameters else ("lens", "")
+    assert describe_null_space(NullDirection(kind, ("name",), none, robot, parameters, joint, "elbow")) == words
+    several = NullDirection(kind, ("name", BASE, BOARD), none, robot, parameters, joint, "elbow")
     assert describe_null_space(several) == f"{words}, coupled with {BASE} and {BOARD}"
 
 

@@ -55,7 +55,7 @@ def test_robots_stand_where_the_calibration_puts_them(known: dict[str, Any]) -> 
     stored = calibration_from_dict(json.loads(json.dumps(calibration_to_dict(calibration))))
     (points,) = point_residuals(made.cell, made.recording, stored)
     assert float(np.sqrt(np.mean(points.off_px**2))) == pytest.approx(calibration.residuals.rms_px, rel=1e-5)
-    as_stated = replace(stored, joint_offsets={}, link_parameters={})
+    as_stated = replace(stored, robot_parameters={})
     (points,) = point_residuals(made.cell, made.recording, as_stated)
     assert float(np.sqrt(np.mean(points.off_px**2))) > 1.1 * calibration.residuals.rms_px
 

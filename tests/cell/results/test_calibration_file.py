@@ -15,13 +15,11 @@ from numpy.testing import assert_allclose, assert_array_equal
 from basecal.cell.calibration import (
     Calibration,
     Certificate,
-    Compliances,
     Finding,
-    JointOffsets,
-    LinkParameters,
     Loop,
     Outlier,
     Residuals,
+    RobotParameters,
     SampleResidual,
     Validation,
 )
@@ -37,13 +35,15 @@ from basecal.cell.files import (
 from basecal.errors import DatasetError
 from basecal.geometry import SE3, Camera, PoseEstimate
 
+SEEN = np.ones((3, 6), dtype=bool)
 BASE, LIGHT = "eye_base_from_hand_base", "hand_flange_from_light"
 
 
 def example() -> Calibration:
     spread = np.diag([1e-6, 2e-6, 3e-6, 1e-8, 2e-8, 3e-8])
     point = np.diag([1e-6, 2e-6, 3e-6, 0, 0, 0])
-    known = np.array([math.nan, 0.01]), np.array([[math.nan, math.nan], [math.nan, 4e-6]])
+    spread_rad = np.array([[math.nan, math.nan], [math.nan, 4e-6]])
+    known = np.array([math.nan, 0.01]), np.array([math.nan, 0.002]), np.array([False, True]), spread_rad
     camera = Camera("pinhole", np.array([700.0, 701, 320, 240, 0.1, 0.2, 0, 0, 0]), (640, 480))
     return Calibration(
         verdict="doubtful",
@@ -54,9 +54,11 @@ def example() -> Calibration:
         status={BASE: "free", LIGHT: "prior", "wrist": "free"},
         points=frozenset({LIGHT}),
         cameras={"wrist": (camera, np.eye(9))},
-        joint_offsets={"hand": JointOffsets(("pan", "lift"), *known, np.array([False, True]))},
-        link_parameters={"hand": LinkParameters(np.arange(18.0).reshape(3, 6), np.ones((3, 6)))},
-        deflection={"hand": Compliances(("pan",), np.array([1e-5]), np.array([math.nan]), np.array([True]))},
+        robot_parameters={
+            "joint_offsets": {"hand": RobotParameters(("pan", "lift"), *known)},
+            "link_parameters": {"hand": RobotParameters((), np.arange(18.0).reshape(3, 6), np.ones((3, 6)), SEEN)},
+            "deflection": {"hand": RobotParameters(("pan",), np.array([1e-5]), np.array([math.nan]), SEEN[0, :1])},
+        },
         noise={"pixel_px": np.float64(0.2), "robots": {"eye": {"sigma_t_m": [1e-4, 1e-4, math.nan]}}},
         order=(BASE,),
         joint_covariance=spread,
@@ -146,14 +148,13 @@ def test_round_trip(tmp_path: Path) -> None:
     assert calibration.validation is not None
     assert calibration.validation.target_rad == pytest.approx(math.radians(0.05), rel=1e-14)
     assert calibration.residuals.per_sample == want.residuals.per_sample
-    found, was = calibration.joint_offsets["hand"], want.joint_offsets["hand"]
-    assert (found.joints, found.seen.tolist()) == (was.joints, was.seen.tolist())
-    assert_array_equal(found.rad, was.rad)
-    assert_array_equal(found.covariance, was.covariance)
-    assert_array_equal(calibration.link_parameters["hand"].tangents, want.link_parameters["hand"].tangents)
-    assert_array_equal(calibration.link_parameters["hand"].sigma, want.link_parameters["hand"].sigma)
-    assert_array_equal(calibration.deflection["hand"].rad_per_nm, want.deflection["hand"].rad_per_nm)
-    assert calibration.deflection["hand"].joints == ("pan",)
+    found, was = calibration.parameters_of("hand"), want.parameters_of("hand")
+    assert found.keys() == was.keys()
+    for kind, of in found.items():
+        assert of.joints == was[kind].joints
+        for name in ("values", "sigma", "seen"):
+            assert_array_equal(getattr(of, name), getattr(was[kind], name))
+    assert_array_equal(found["joint_offsets"].covariance, was["joint_offsets"].covariance)
     assert calibration.residuals.loop_rms_rad == pytest.approx(want.residuals.loop_rms_rad, rel=1e-14)
     assert calibration_to_dict(read_calibration(path.parent))["residuals"] == calibration_to_dict(want)["residuals"]
 

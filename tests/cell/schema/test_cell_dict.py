@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from basecal.cell import Cell, CellCamera, CellTarget, Intrinsics, Robot, Unknown
-from basecal.cell.cell import Deflection, Parameters
+from basecal.cell.robot_parameters import deflection, joint_offsets, link_parameters
 from basecal.cell.schema.cell_dict import cell_to_dict
 from basecal.cell.targets.led import led_target
 from basecal.geometry import SE3, Camera
@@ -55,9 +55,11 @@ def test_robots():
         urdf="a.urdf",
         base_link="b",
         flange_link="f",
-        joint_offsets=Parameters("prior", 0.1),
-        link_parameters=Parameters("free"),
-        deflection=Deflection("prior", 1e-5, (0.0, 1.0, 0.0)),
+        parameters={
+            "joint_offsets": joint_offsets.Stated(status="prior", sigma_rad=0.1),
+            "link_parameters": link_parameters.Stated(status="free"),
+            "deflection": deflection.Stated(status="prior", sigma_rad_per_nm=1e-5, down=[0.0, 1.0, 0.0]),
+        },
         frames={"base": "link_0"},
     )
     assert cell_to_dict(Cell("eye", {"eye": robot}))["robots"]["eye"] == {

@@ -12,8 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from basecal.cell.cell import Cell, Deflection, Unknown
+from basecal.cell.cell import Cell, Unknown
 from basecal.cell.files import cell_from_dict, cell_to_dict, read_cell, write_cell
+from basecal.cell.robot_parameters import deflection
 from basecal.errors import DatasetError
 from basecal.geometry import SE3
 
@@ -52,7 +53,7 @@ def test_meaning(folder: Path) -> None:
     cell = read_cell(folder)
     assert_allclose(cell.robots["eye"].noise, [1e-4, 1e-4, 1e-4, 1e-4, 2e-4, 3e-4])
     assert cell.robots["hand"].chain.n == 2
-    assert cell.robots["hand"].joint_offsets.sigma_rad == 1e-3
+    assert cell.robots["hand"].parameters["joint_offsets"].sigma_rad == 1e-3
     assert_allclose(cell.bases["hand"].mean @ np.array([1.0, 0, 0]), [1, 1, 0], atol=1e-15)
     assert_allclose(cell.bases["still"].mean.translation, [0.1, 0.2, 0.3])
     hall = cell.cameras["hall"]
@@ -71,20 +72,21 @@ def test_meaning(folder: Path) -> None:
 
 def test_deflection_is_read_and_written(folder: Path) -> None:
     """With its sigma and gravity's direction; by default none, downwards."""
-    assert read_cell(folder).robots["hand"].deflection == Deflection("fixed", None, (0, 0, -1))
+    assert "deflection" not in read_cell(folder).robots["hand"].parameters
     here = "joint_offsets: {status: prior, sigma_rad: 1e-3}"
     stated = "deflection: {status: prior, sigma_rad_per_nm: 2e-5, down: [0, 1, 0]}"
     cell = read_text(folder, here, f"{here}, {stated}")
-    assert cell.robots["hand"].deflection == Deflection("prior", 2e-5, (0, 1, 0))
+    wanted = deflection.Stated(status="prior", sigma_rad_per_nm=2e-5, down=[0.0, 1.0, 0.0])
+    assert cell.robots["hand"].parameters["deflection"] == wanted
     write_cell(cell, folder)
-    assert read_cell(folder).robots["hand"].deflection == cell.robots["hand"].deflection
+    assert read_cell(folder).robots["hand"].parameters == cell.robots["hand"].parameters
 
 
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
-        ("{status: prior}", "takes a sigma_rad_per_nm"),
-        ("{status: free, sigma_rad_per_nm: 1e-5}", "takes no sigma_rad_per_nm"),
+        ("{status: prior}", "takes sigma_rad_per_nm, got none"),
+        ("{status: free, sigma_rad_per_nm: 1e-5}", "takes no sigma, got sigma_rad_per_nm"),
         ("{status: free, down: [0, 0, 0]}", "not zero"),
     ],
 )

@@ -52,11 +52,11 @@ def test_robots():
     found = noun(robots={"eye": robot}).robots["eye"]
     assert found.noise.tolist() == [1, 2, 3, 4, 4, 4]
     assert found.frames == {"base": "link_0"}
-    assert found.deflection.down == (0, 0, -1)
+    assert found.parameters == {}
     chain = {"urdf": "a.urdf", "base_link": "b", "flange_link": "f"}
     links = {"status": "prior", "sigma_rad": 0.1, "sigma_m": 0.2}
     found = noun(robots={"eye": {**chain, "link_parameters": links}}).robots["eye"]
-    assert (found.link_parameters.sigma_rad, found.link_parameters.sigma_m) == (0.1, 0.2)
+    assert (found.parameters["link_parameters"].sigma_rad, found.parameters["link_parameters"].sigma_m) == (0.1, 0.2)
     assert (found.urdf, found.base_link, found.flange_link, found.noise) == ("a.urdf", "b", "f", None)
 
 

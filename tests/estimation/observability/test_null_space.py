@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.cell import Deflection, Parameters
+from basecal.cell.robot_parameters import deflection, joint_offsets, link_parameters
 from basecal.estimation.observability.null_space import orthonormal_rows, separate_null_space, separate_twists
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
@@ -25,10 +25,11 @@ X, Y, Z, RX, RY, RZ = np.eye(6)
 def problem():
     """Three transforms, a lens, and four offsets, six compliances and 18 link parameters of the hand."""
     made = simulate(Scenario(samples=5, intrinsics="free"), 0)
-    free, arm = Parameters("free"), six_axis()
-    model = robot_model("hand", arm, free, Parameters(), (True, True), None, Deflection("free", down=(0.0, 0.0, -1.0)))
-    links = robot_model("hand", arm, Parameters(), free, (True, True))
-    both = replace(model, link_basis=links.link_basis)
+    arm, ends = six_axis(), (True, True)
+    free = {"joint_offsets": joint_offsets.Stated(status="free"), "deflection": deflection.Stated(status="free")}
+    model = robot_model("hand", arm, free, ends)
+    links = robot_model("hand", arm, {"link_parameters": link_parameters.Stated(status="free")}, ends)
+    both = replace(model, columns={**model.columns, **links.columns})
     return build_problem(made.cell, made.recording)[0].with_models({"hand": both})
 
 
@@ -104,10 +105,10 @@ def test_translations_of_one_frame_are_one(problem):
 @pytest.mark.parametrize(
     ("name", "row", "kind", "joint"),
     [
-        (OFFSETS, 0, "joint offset", 1),
-        (OFFSETS, 3, "joint offset", 4),
-        (BENDS, 5, "compliance", 5),
-        (LINKS, 7, "links", None),
+        (OFFSETS, 0, "robot parameters", 1),
+        (OFFSETS, 3, "robot parameters", 4),
+        (BENDS, 5, "robot parameters", 5),
+        (LINKS, 7, "robot parameters", None),
         ("wrist", 5, "lens", None),
     ],
 )
@@ -117,7 +118,9 @@ def test_robots_and_lenses_are_told_by_what_moves_most(problem, name, row, kind,
     ((found, names, direction),) = separated(problem, [{name: np.eye(width)[row], BASE: 0.5 * RZ}])
     assert (found, names, direction.joint) == (kind, (name, BASE), joint)
     assert direction.twists_in_parent.shape == (0, 6)
-    assert direction.robot == ("" if kind == "lens" else "hand")
+    assert (direction.robot, direction.parameters) == (
+        ("", "") if kind == "lens" else ("hand", name.removeprefix("hand_"))
+    )
     assert direction.joint_name == ("" if joint is None else six_axis().joint_names[joint])
 
 

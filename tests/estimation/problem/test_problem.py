@@ -7,11 +7,11 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from basecal.cell import Parameters
+from basecal.cell.robot_parameters import joint_offsets, link_parameters
 from basecal.errors import InputError
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State, carrier, chain, check_carriers, has_noise
-from basecal.estimation.problem.robot_parameters import Kinematics, nominal, robot_model
+from basecal.estimation.problem.robot_parameters import Kinematics, robot_model
 from basecal.estimation.view.measurement import Noise
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
@@ -99,7 +99,9 @@ def test_width_is_where_columns_end(problem):
 
 def test_columns_of_robots_follow_all_others(problem):
     """Those of earlier models are replaced, the others keep theirs; only with columns a robot is modelled."""
-    model = robot_model("hand", six_axis(), Parameters("prior", 0.01), Parameters("free"), (True, True))
+    offsets = {"joint_offsets": joint_offsets.Stated(status="prior", sigma_rad=0.01)}
+    links = {"link_parameters": link_parameters.Stated(status="free")}
+    model = robot_model("hand", six_axis(), offsets | links, (True, True))
     assert problem.modelled("hand") is None
     within = problem.with_models({"hand": model})
     assert within.columns["hand_joint_offsets"] == slice(27, 33)
@@ -107,7 +109,7 @@ def test_columns_of_robots_follow_all_others(problem):
     assert within.modelled("hand") is model
     assert within.modelled("eye") is None
     assert within.modelled(None) is None
-    fewer = robot_model("hand", six_axis(), Parameters("prior", 0.01), Parameters())
+    fewer = robot_model("hand", six_axis(), offsets)
     again = within.with_models({"hand": fewer})
     assert again.width == 33
     assert again.columns.keys() == {*problem.columns, "hand_joint_offsets"}
@@ -163,7 +165,7 @@ def test_kinematics_that_are_not_as_stated_move_the_flange(problem, state, made,
     """A joint that is off by 0.1 rad gives the views of a recording whose joints are off by that."""
     stated = made.cell.robots[robot].chain
     off = np.array([0, 0.1, 0, 0, 0, 0])
-    moved = replace(state, robots={robot: Kinematics(stated, off, np.zeros((7, 6)), np.zeros(6))})
+    moved = replace(state, robots={robot: Kinematics(stated, {"joint_offsets": off})})
     (group,) = problem.groups
     joints = getattr(group, f"{robot}_joints")
     name = "eye_base_from_eye_flange" if robot == "eye" else "hand_base_from_hand_flange"
@@ -173,9 +175,9 @@ def test_kinematics_that_are_not_as_stated_move_the_flange(problem, state, made,
         state.camera_from_target(wanted, problem.stops).matrix,
         atol=1e-12,
     )
-    model = robot_model(robot, stated, Parameters(), Parameters())
-    np.testing.assert_array_equal(moved.kinematics(model).offsets, off)
-    np.testing.assert_array_equal(state.kinematics(model).offsets, nominal(stated).offsets)
+    model = robot_model(robot, stated, {})
+    np.testing.assert_array_equal(moved.kinematics(model).of("joint_offsets"), off)
+    np.testing.assert_array_equal(state.kinematics(model).of("joint_offsets"), np.zeros(6))
 
 
 def test_a_state_spread_out_is_itself_many_times(problem, state):

@@ -1,4 +1,4 @@
-"""Joint offsets and link errors: their gauges, their derivatives, and the same answer as a dense solver."""
+"""Robots' parameters as columns: their derivatives, and the same answer as a dense solver."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ import pytest
 from tests.derivatives import check_derivative
 from tests.oracles.dense import DenseProblem
 
-from basecal.cell import Deflection, Parameters, RobotState
+from basecal.cell import RobotState
+from basecal.cell.robot_parameters import deflection, joint_offsets, link_parameters
 from basecal.errors import InputError
 from basecal.estimation.least_squares.jacobians import by_robot_models
 from basecal.estimation.least_squares.normal_equations import linearise, retract
 from basecal.estimation.problem.build import build_problem, free_ends
 from basecal.estimation.problem.problem import State, chain
-from basecal.estimation.problem.robot_parameters import Kinematics, by_columns, link_gauges, robot_model
+from basecal.estimation.problem.robot_parameters import Kinematics, after_step, by_columns, robot_model
 from basecal.estimation.solve import solve
 from basecal.simulation import Scenario, simulate
 from basecal.simulation.arms import six_axis
@@ -26,6 +27,7 @@ LINKS = {"link_error": (5e-4, 1e-3), "link_parameters": "prior"}
 GIVING = {"compliance": 1e-4, "deflection": "prior"}
 _PER_NEWTON_METRE = 0.02  # so that a unit step turns joints by about a radian
 NOISY = {"robot_noise": (2e-4, 3e-4)}
+FREE_DEFLECTION = deflection.Stated(status="free")
 
 
 @pytest.fixture
@@ -38,33 +40,16 @@ def joints():
     return np.random.default_rng(0).uniform(-2, 2, (30, 6))
 
 
-def test_shifts_and_turns_along_an_axis_pass_through_the_joint(arm, joints):
-    """Without free ends the gauges, two a joint, move no flange at any joints."""
-    gauges = link_gauges(arm, (False, False), with_offsets=False)
-    assert np.linalg.matrix_rank(gauges) == 12
-    np.testing.assert_allclose(arm.link_jacobian(joints) @ gauges, 0, atol=1e-12)
-
-
-def test_what_a_free_base_and_mounts_take_up_is_no_link_error(arm, joints):
-    """With free ends the 18 columns left and the two transforms span all that the 42 and the transforms do."""
-    model = robot_model("hand", arm, Parameters(), Parameters("free"), (True, True))
-    links = arm.link_jacobian(joints)
-    poses = arm.forward(joints)
-    ends = np.concatenate([poses.inverse().adjoint(), np.broadcast_to(np.eye(6), (30, 6, 6))], -1)
-    kept = np.concatenate([links @ model.link_basis, ends], -1).reshape(180, -1)
-    every = np.concatenate([links, ends], -1).reshape(180, -1)
-    assert model.link_basis.shape == (42, 18)
-    assert np.linalg.matrix_rank(kept) == 30 == np.linalg.matrix_rank(every)
-
-
-def test_free_offsets_leave_out_what_the_ends_take_up(arm):
-    """The first joint turns the arm as its free base does, the last as free mounts do; a prior keeps all."""
-    free, prior = Parameters("free"), Parameters("prior", 0.01)
-    ends = {(False, False): 6, (True, False): 5, (False, True): 5, (True, True): 4}
-    for free_end, count in ends.items():
-        assert len(robot_model("hand", arm, free, Parameters(), free_end).joints) == count
-        assert len(robot_model("hand", arm, prior, Parameters(), free_end).joints) == 6
-    assert robot_model("hand", arm, free, Parameters(), (True, True)).joints.tolist() == [1, 2, 3, 4]
+def test_one_joint_alone(arm):
+    """Of all that a prior keeps, the columns and sigmas of one; other kinds stay as they are."""
+    stated = {"joint_offsets": joint_offsets.Stated(status="prior", sigma_rad=0.01), "deflection": FREE_DEFLECTION}
+    model = robot_model("hand", arm, stated)
+    one = model.of_joint("joint_offsets", 2)
+    assert model.widths == {"hand_joint_offsets": 6, "hand_deflection": 6}
+    assert one.widths == {"hand_joint_offsets": 1, "hand_deflection": 6}
+    assert np.flatnonzero(one.columns["joint_offsets"].basis).tolist() == [2]
+    assert one.sigmas["hand_joint_offsets"].tolist() == [0.01]
+    assert one.sigmas["hand_deflection"] is None
 
 
 @pytest.mark.parametrize(
@@ -88,17 +73,20 @@ def test_ends_are_free_where_all_that_could_hold_them_is(scenario, robot, ends):
 def test_columns_are_derivatives_of_the_flange(arm, joints):
     """At offsets, link errors and compliances of some size, for all at once."""
     rng = np.random.default_rng(1)
-    known = Parameters("prior", 0.01), Parameters("free"), (True, True), np.array([0, 2, 5])
-    model = robot_model("hand", arm, *known, Deflection("free", down=(0.3, 0, -4)))
-    at = Kinematics(arm, 0.1 * rng.standard_normal(6), 0.1 * rng.standard_normal((7, 6)), np.full(6, 1e-3), model.down)
+    stated = {
+        "joint_offsets": joint_offsets.Stated(status="prior", sigma_rad=0.01),
+        "link_parameters": link_parameters.Stated(status="free"),
+        "deflection": deflection.Stated(status="free", down=[0.3, 0.0, -4.0]),
+    }
+    model = robot_model("hand", arm, stated, (True, True))
+    sizes = {"joint_offsets": (0.1, (6,)), "link_parameters": (0.1, (7, 6)), "deflection": (1e-3, (6,))}
+    at = Kinematics(arm, {k: size * rng.standard_normal(shape) for k, (size, shape) in sizes.items()}, stated)
     before = at.forward(joints).inverse()
 
     def after(step):
-        offsets = at.offsets.copy()
-        offsets[model.joints] += step[:3]
-        links = at.links + (model.link_basis @ step[3:-6]).reshape(7, 6)
-        compliance = at.compliance + _PER_NEWTON_METRE * step[-6:]
-        return (before @ Kinematics(arm, offsets, links, compliance, at.down).forward(joints)).log()
+        parts = dict(zip(model.widths, np.split(step, np.cumsum([*model.widths.values()])[:-1]), strict=True))
+        parts["hand_deflection"] = _PER_NEWTON_METRE * parts["hand_deflection"]
+        return (before @ after_step(model, at, parts).forward(joints)).log()
 
     derivative = by_columns(model, at, joints)
     derivative[..., -6:] *= _PER_NEWTON_METRE
@@ -158,7 +146,7 @@ def test_optimum_and_covariance_are_those_of_the_dense_problem(noise):
         assert np.all(np.abs(off) < 1e-3 * sigma[ours.problem.columns[name]])
     for robot, offsets in oracle.found_offsets.items():
         where = ours.problem.columns[f"{robot}_joint_offsets"]
-        assert np.all(np.abs(ours.state.robots[robot].offsets - offsets) < 1e-3 * sigma[where])
+        assert np.all(np.abs(ours.state.robots[robot].of("joint_offsets") - offsets) < 1e-3 * sigma[where])
     np.testing.assert_allclose(ours.covariance / np.outer(sigma, sigma), covariance / np.outer(sigma, sigma), atol=0.02)
 
 

@@ -16,6 +16,7 @@ from scipy.stats import t as student
 from basecal.accuracy.cross_validation.folds import FOLDS, Split, splits
 from basecal.accuracy.cross_validation.station_scores import score_stations
 from basecal.cell import Parameters
+from basecal.cell.robot_parameters import joint_offsets, link_parameters
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.noise.estimate import degrees_of_freedom
 from basecal.estimation.problem.build import free_ends, recorded_by_joints
@@ -33,9 +34,9 @@ _MOST_SAMPLES = 200  # enough to tell models apart; bounds the time
 _CERTAIN, _DOUBTED = 3.0, 2.0  # standard errors: chances of 1 and 23 in 1,000
 _WORTH_A_LOOK = 6.0  # what a parameter more lowers the cost by, in units of its expectation by chance
 
-_FIXED = Parameters()
-_OFFSETS = Parameters("prior", SIGMA_RAD)
-_LINKS = Parameters("prior", LINK_SIGMA_RAD, LINK_SIGMA_M)
+OFFSETS, LINKS = "joint_offsets", "link_parameters"
+_OFFSETS: dict[str, Parameters] = {OFFSETS: joint_offsets.Stated(status="prior", sigma_rad=SIGMA_RAD)}
+_OF_LINKS = link_parameters.Stated(status="prior", sigma_rad=LINK_SIGMA_RAD, sigma_m=LINK_SIGMA_M)
 
 Models = Mapping[str, RobotModel]
 
@@ -95,7 +96,7 @@ def choose_robot_model(solution: Solution, settings: Settings = DEFAULT) -> Robo
     if solution.problem.models or not chains or views < _FEWEST_VIEWS or not solution.converged:
         return None
     problem = _thinned(solution.problem)
-    every = _models(problem, chains, tuple(chains), _OFFSETS, _LINKS)
+    every = _models(problem, chains, tuple(chains), {**_OFFSETS, LINKS: _OF_LINKS})
     richest = solve_from(problem.with_models(every), solution.state, settings)
     problem = problem.with_noise(richest.noise.noise)
     split = next((split for split in splits(problem) if len(split.parts) >= FOLDS), None)
@@ -132,17 +133,16 @@ def _models(
     problem: Problem,
     chains: Mapping[str, SerialChain],
     robots: tuple[str, ...],
-    offsets: Parameters,
-    links: Parameters,
+    stated: Mapping[str, Parameters],
     joint: int | None = None,
 ) -> Models:
-    joints = None if joint is None else np.array([joint])
-    return {r: robot_model(r, chains[r], offsets, links, free_ends(problem, r), joints) for r in robots}
+    models = {r: robot_model(r, chains[r], stated, free_ends(problem, r)) for r in robots}
+    return models if joint is None else {r: model.of_joint(OFFSETS, joint) for r, model in models.items()}
 
 
 def _of(problem: Problem, chains: Mapping[str, SerialChain], candidate: Candidate) -> Models:
-    links = _LINKS if candidate.kind == "links" else _FIXED
-    return _models(problem, chains, candidate.robots, _OFFSETS, links, candidate.joint)
+    stated = {**_OFFSETS, LINKS: _OF_LINKS} if candidate.kind == "links" else _OFFSETS
+    return _models(problem, chains, candidate.robots, stated, candidate.joint)
 
 
 @dataclass(frozen=True, eq=False)

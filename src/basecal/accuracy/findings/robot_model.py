@@ -7,12 +7,14 @@ import numpy as np
 from basecal.accuracy.cross_validation.robot_model_selection import (
     LINK_SIGMA_M,
     LINK_SIGMA_RAD,
+    LINKS,
+    OFFSETS,
     SIGMA_RAD,
     Candidate,
     RobotModelChoice,
 )
 from basecal.accuracy.findings.evidence import Evidence
-from basecal.accuracy.robot_parameters import joint_offsets
+from basecal.accuracy.robot_parameters import robot_parameters
 from basecal.cell import Finding
 
 
@@ -51,16 +53,16 @@ def _from_to(none: Candidate, candidate: Candidate) -> str:
 def _largest(choice: RobotModelChoice) -> str:
     """The offset that stands out most from its sigma, or how far links are off."""
     if choice.chosen.kind == "links":
-        tangents = np.concatenate([each.links for each in choice.solution.state.robots.values()])
+        tangents = np.concatenate([each.of(LINKS) for each in choice.solution.state.robots.values()])
         off_m, off_rad = (float(np.linalg.norm(half, axis=-1).max()) for half in np.split(tangents, 2, axis=-1))
         return f"links are off by up to {1e3 * off_m:.2g} mm and {np.degrees(off_rad):.2g} deg"
-    found = joint_offsets(choice.solution)
-    seen = [(abs(o.rad[j]) / o.sigma_rad[j], r, int(j)) for r, o in found.items() for j in np.flatnonzero(o.seen)]
+    found = robot_parameters(choice.solution).get(OFFSETS, {})
+    seen = [(abs(o.values[j]) / o.sigma[j], r, int(j)) for r, o in found.items() for j in np.flatnonzero(o.seen)]
     if not seen:
         return "no single offset stands out"
     _, robot, joint = max(seen)
     of = found[robot]
-    value, sigma = np.degrees(of.rad[joint]), np.degrees(of.sigma_rad[joint])
+    value, sigma = np.degrees(of.values[joint]), np.degrees(of.sigma[joint])
     whose = "its offset" if choice.chosen.kind == "joint" else f"the clearest, of joint {joint + 1} of {robot},"
     return f"{whose} is {value:.2f} +/- {sigma:.2g} deg"
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from basecal.cell.robot_parameters.kind import robot_parameter_kinds
 from basecal.estimation.observability.null_space import NullDirection, separate_twists
 from basecal.geometry import Array
 
@@ -34,11 +35,11 @@ def describe_direction(direction: NullDirection) -> str:
     match direction.kind:
         case "lens":
             return f"the intrinsics of {main}"
-        case "links":
-            return f"an error of the links of {direction.robot}"
-        case "joint offset" | "compliance":
-            what = "offset" if direction.kind == "joint offset" else "compliance"
-            return f"the {what} of joint {(direction.joint or 0) + 1} of {direction.robot} ({direction.joint_name})"
+        case "robot parameters":
+            one = robot_parameter_kinds()[direction.parameters].ONE
+            if direction.joint is None:
+                return f"{one} of {direction.robot}"
+            return f"{one} of joint {direction.joint + 1} of {direction.robot} ({direction.joint_name})"
         case "translation":
             parent, frame = main.split("_from_")
             return _translation(frame, twists[:, :3], parent)

@@ -22,14 +22,7 @@ from basecal.cell.calibration import (
 )
 from basecal.cell.format.plain import numbers
 from basecal.cell.format.problems import CAUSE, SHORT
-from basecal.cell.results.kinematics_dict import (
-    deflection_from_dict,
-    deflection_to_dict,
-    joint_offsets_from_dict,
-    joint_offsets_to_dict,
-    link_parameters_from_dict,
-    link_parameters_to_dict,
-)
+from basecal.cell.robot_parameters.kind import robot_parameter_kinds
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array, Camera, PoseEstimate, read_only
 
@@ -48,15 +41,16 @@ def program_version() -> str:
 def calibration_to_dict(calibration: Calibration) -> dict[str, Any]:
     """The data of `calibration.json`; what was not computed, or is not finite, is null."""
     joint, proof = calibration.joint_covariance, calibration.certificate
+    of_robots: dict[str, Any] = {}
+    for name, kind in robot_parameter_kinds().items():
+        of_robots |= kind.to_dict(calibration.robot_parameters.get(name, {}))
     data = {
         "schema": SCHEMA,
         "version": program_version(),
         "verdict": calibration.verdict,
         "transforms": {name: _transform(name, calibration) for name in calibration.transforms},
         "intrinsics": {name: _lens(name, calibration) for name in calibration.cameras},
-        **joint_offsets_to_dict(calibration.joint_offsets),
-        "link_parameters": link_parameters_to_dict(calibration.link_parameters),
-        "deflection": deflection_to_dict(calibration.deflection),
+        **of_robots,
         "clock_offset_s": None,
         "noise": dict(calibration.noise),
         "joint": None if joint is None else {"order": list(calibration.order), "covariance": joint},
@@ -165,6 +159,7 @@ def finding_to_dict(finding: Finding) -> dict[str, Any]:
 def _calibration(data: dict[str, Any]) -> Calibration:
     transforms, lenses = data["transforms"], data["intrinsics"] or {}
     joint, proof = data["joint"], data["certificate"]
+    of_robots = {name: kind.from_dict(data) for name, kind in robot_parameter_kinds().items()}
     status = {name: entry["status"] for name, entry in {**transforms, **lenses}.items() if entry.get("status")}
     return Calibration(
         verdict=_one_of(data["verdict"], ("good", "doubtful", "refused")),
@@ -172,9 +167,7 @@ def _calibration(data: dict[str, Any]) -> Calibration:
         status=status,
         points=frozenset(name for name, entry in transforms.items() if len(entry["covariance"]) == 3),
         cameras={name: (_camera(entry), _matrix(entry["covariance"])) for name, entry in lenses.items()},
-        joint_offsets=joint_offsets_from_dict(data),
-        link_parameters=link_parameters_from_dict(data.get("link_parameters")),
-        deflection=deflection_from_dict(data.get("deflection")),
+        robot_parameters={kind: found for kind, found in of_robots.items() if found},
         noise=data["noise"] or {},
         order=() if joint is None else tuple(joint["order"]),
         joint_covariance=None if joint is None else _matrix(joint["covariance"]),

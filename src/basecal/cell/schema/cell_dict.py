@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from basecal.cell.cell import Cell, CellCamera, CellTarget, Deflection, Intrinsics, Parameters, Robot, Unknown
+from basecal.cell.cell import Cell, CellCamera, CellTarget, Intrinsics, Robot, Unknown
 from basecal.cell.format.plain import numbers, one_or_all, pose_dict, sigma_dict
 from basecal.cell.schema.cell_schema import SCHEMA
 
@@ -36,23 +36,9 @@ def _robot(robot: Robot) -> dict[str, Any]:
     data: dict[str, Any] = {} if robot.noise is None else {"noise": sigma_dict(robot.noise)}
     if robot.urdf is not None:
         data |= {"urdf": robot.urdf, "base_link": robot.base_link, "flange_link": robot.flange_link}
-    for key, parameters in (("joint_offsets", robot.joint_offsets), ("link_parameters", robot.link_parameters)):
-        if parameters != Parameters():
-            data[key] = _parameters(parameters)
-    if robot.deflection != Deflection():
-        data["deflection"] = _deflection(robot.deflection)
+    stated = {kind: known for kind, known in robot.parameters.items() if known != type(known)()}
+    data |= {kind: known.model_dump(exclude_none=True) for kind, known in stated.items()}
     return data | ({"frames": dict(robot.frames)} if robot.frames else {})
-
-
-def _deflection(deflection: Deflection) -> dict[str, Any]:
-    sigma = deflection.sigma_rad_per_nm
-    known = {} if sigma is None else {"sigma_rad_per_nm": sigma}
-    return {"status": deflection.status, **known, "down": list(deflection.down)}
-
-
-def _parameters(parameters: Parameters) -> dict[str, Any]:
-    data = {"status": parameters.status, "sigma_rad": parameters.sigma_rad, "sigma_m": parameters.sigma_m}
-    return {key: value for key, value in data.items() if value is not None}
 
 
 def _camera(camera: CellCamera) -> dict[str, Any]:

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from basecal.cell.cell import Cell, CellCamera, CellTarget, Deflection, Intrinsics, Parameters, Robot, Unknown
+from basecal.cell.cell import Cell, CellCamera, CellTarget, Intrinsics, Robot, Unknown
 from basecal.cell.format.values import UnknownEntry, pose_se3
-from basecal.cell.schema.cell_schema import CameraEntry, CellEntry, DeflectionEntry, ParametersEntry, RobotEntry
+from basecal.cell.schema.cell_schema import CameraEntry, CellEntry, RobotEntry
 from basecal.cell.schema.lens import IntrinsicsEntry, distortion_terms
 from basecal.geometry import Array, Camera, read_only
 from basecal.kinematics import SerialChain
@@ -45,23 +45,12 @@ def _robot(name: str, entry: RobotEntry, chain: SerialChain | None) -> Robot:
         name=name,
         noise=None if noise is None else read_only([*noise.sigma_t_m, *noise.sigma_r_rad], (6,), "noise"),
         chain=chain,
-        joint_offsets=_parameters(entry.joint_offsets),
-        link_parameters=_parameters(entry.link_parameters),
+        parameters=entry.parameters,
         urdf=entry.urdf,
         base_link=entry.base_link,
         flange_link=entry.flange_link,
         frames=entry.frames.model_dump(exclude_none=True),
-        deflection=_deflection(entry.deflection),
     )
-
-
-def _deflection(entry: DeflectionEntry) -> Deflection:
-    x, y, z = entry.down
-    return Deflection(entry.status, entry.sigma_rad_per_nm, (x, y, z))
-
-
-def _parameters(entry: ParametersEntry) -> Parameters:
-    return Parameters(entry.status, entry.sigma_rad, entry.sigma_m)
 
 
 def _camera(name: str, entry: CameraEntry) -> CellCamera:

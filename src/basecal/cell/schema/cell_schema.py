@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, create_model
 from pydantic import field_validator as checks
 from pydantic import model_validator as checks_whole
 
+from basecal.cell.format.parameters import Parameters
 from basecal.cell.format.values import (
     Entry,
     ImageSize,
     Mount,
     Sigma,
     Sigma3,
-    Status,
     UnknownEntry,
-    Vector,
     empty,
     known_names,
 )
+from basecal.cell.robot_parameters.kind import robot_parameter_kinds
 from basecal.cell.schema.lens import IntrinsicsEntry, check_lens
 from basecal.cell.targets.all_kinds import AnyTargetEntry
 from basecal.geometry.lens import lens_models
@@ -34,30 +34,6 @@ class RobotNoiseEntry(Entry):
     sigma_r_rad: Sigma3
 
 
-class ParametersEntry(Entry):
-    """Joint offsets or link parameters."""
-
-    status: Status = "fixed"
-    sigma_rad: Sigma | None = None
-    sigma_m: Sigma | None = None
-
-
-class DeflectionEntry(Entry):
-    """How the joints of a robot give way to gravity."""
-
-    status: Status = "fixed"
-    sigma_rad_per_nm: Sigma | None = None
-    down: Vector = Field(default_factory=lambda: [0.0, 0.0, -1.0])
-
-    @checks_whole(mode="after")
-    def _sigma_of_prior(self) -> DeflectionEntry:
-        if (self.status == "prior") != (self.sigma_rad_per_nm is not None):
-            raise ValueError(f"status {self.status} takes {'a' if self.status == 'prior' else 'no'} sigma_rad_per_nm")
-        if not any(self.down):
-            raise ValueError("down is the direction of gravity in the robot's base, not zero")
-        return self
-
-
 class FramesEntry(Entry):
     """Names of a robot's frames in other programs."""
 
@@ -66,37 +42,37 @@ class FramesEntry(Entry):
 
 
 class RobotEntry(Entry):
-    """A robot."""
+    """A robot, but for what it says of its own kinematics; see `AnyRobotEntry`."""
 
     noise: RobotNoiseEntry | None = None
     urdf: str | None = None
     base_link: str | None = None
     flange_link: str | None = None
-    joint_offsets: ParametersEntry = ParametersEntry()
-    link_parameters: ParametersEntry = ParametersEntry()
-    deflection: DeflectionEntry = DeflectionEntry()
     frames: FramesEntry = FramesEntry()
 
-    @checks("joint_offsets", "link_parameters")
-    @classmethod
-    def _sigmas_of_prior(cls, value: ParametersEntry, info: Any) -> ParametersEntry:
-        wanted = {"sigma_rad"} if info.field_name == "joint_offsets" else {"sigma_rad", "sigma_m"}
-        wanted = wanted if value.status == "prior" else set()
-        given = {name for name in ("sigma_rad", "sigma_m") if getattr(value, name) is not None}
-        if given != wanted:
-            expected = " and ".join(sorted(wanted)) or "no sigma"
-            raise ValueError(f"status {value.status} takes {expected}, got {' and '.join(sorted(given)) or 'none'}")
-        return value
+    @property
+    def parameters(self) -> dict[str, Parameters]:
+        """What is known of its parameters, by kind; of those that are not as they are by default."""
+        stated = {kind: getattr(self, kind) for kind in robot_parameter_kinds()}
+        return {kind: known for kind, known in stated.items() if known != type(known)()}
 
     @checks_whole(mode="after")
     def _urdf_whole(self) -> RobotEntry:
         parts = (self.urdf, self.base_link, self.flange_link)
         if any(parts) and not all(parts):
             raise ValueError("urdf, base_link and flange_link go together; give all three")
-        asked = {self.joint_offsets.status, self.link_parameters.status, self.deflection.status}
-        if not self.urdf and asked != {"fixed"}:
-            raise ValueError("joint_offsets, link_parameters and deflection need urdf, base_link and flange_link")
+        asked = [kind for kind, known in self.parameters.items() if known.status != "fixed"]
+        if asked and not self.urdf:
+            raise ValueError(f"to estimate {' and '.join(asked)}, urdf, base_link and flange_link are needed")
         return self
+
+
+# A field for each kind that is registered, which no type checker can read.
+if TYPE_CHECKING:
+    AnyRobotEntry = RobotEntry
+else:
+    _STATED = {name: (kind.Stated, kind.Stated()) for name, kind in robot_parameter_kinds().items()}
+    AnyRobotEntry = create_model("AnyRobotEntry", __base__=RobotEntry, **_STATED)
 
 
 class CameraEntry(Entry):
@@ -136,7 +112,7 @@ class CellEntry(Entry):
 
     version: Literal["basecal/cell/1"] = Field(alias="schema")
     reference: str
-    robots: dict[str, Annotated[RobotEntry, BeforeValidator(empty)]]
+    robots: dict[str, Annotated[AnyRobotEntry, BeforeValidator(empty)]]
     bases: Annotated[dict[str, Mount], BeforeValidator(empty)] = Field(default_factory=dict)
     cameras: Annotated[dict[str, CameraEntry], BeforeValidator(empty)] = Field(default_factory=dict)
     targets: Annotated[dict[str, AnyTargetEntry], BeforeValidator(empty)] = Field(default_factory=dict)

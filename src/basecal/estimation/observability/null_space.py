@@ -7,13 +7,13 @@ what moves a lens or a robot's kinematics is taken out, then what does not rotat
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
+from basecal.cell.robot_parameters.kind import robot_parameter_kinds
 from basecal.estimation.problem.problem import Problem, State
-from basecal.estimation.problem.robot_parameters import DEFLECTION, LINKS, RobotModel
 from basecal.geometry import Array, IntArray
 
 # Singular values and norms of an orthonormal basis, in shares of a whole direction.
@@ -22,7 +22,7 @@ _APART = 0.05  # unknowns whose parts are less correlated than this move apart
 _MAIN = 0.5  # of unknowns that move this share of the largest the first is named
 _ALONG = 0.3  # what moves this share of the named one moves along with it
 
-Kind = Literal["translation", "rotation", "lens", "joint offset", "compliance", "links"]
+Kind = Literal["translation", "rotation", "lens", "robot parameters"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +35,7 @@ class NullDirection:
         twists_in_parent: (k, 6) [m, rad] how the first one's frame moves in the axes of its parent and about the
             parent's origin; of a rotation one, or three where every rotation is open; (0, 6) of what is no transform.
         robot: Whose kinematics move; empty where it is none.
+        parameters: What kind of them move; empty where none do.
         joint: Which joint of it, from 0; None where it is none.
         joint_name: The name of that joint.
     """
@@ -43,6 +44,7 @@ class NullDirection:
     names: tuple[str, ...]
     twists_in_parent: Array
     robot: str = ""
+    parameters: str = ""
     joint: int | None = None
     joint_name: str = ""
 
@@ -98,19 +100,13 @@ def _of_other(problem: Problem, direction: Array) -> NullDirection:
     names = (main, *(name for name in size if name != main and size[name] > _ALONG * size[main]))
     if main in problem.lenses:
         return NullDirection("lens", names, np.zeros((0, 6)))
-    model = next(model for model in problem.models.values() if main in model.widths)
-    return _of_robot(model, _block(problem, direction, main), names)
-
-
-def _of_robot(model: RobotModel, part: Array, names: tuple[str, ...]) -> NullDirection:
-    """A direction of the links of a robot, or of the offset or compliance of the joint that moves most."""
-    none = np.zeros((0, 6))
-    if names[0].endswith(LINKS):
-        return NullDirection("links", names, none, model.robot)
-    elastic = names[0].endswith(DEFLECTION)
-    joint = int((model.elastic if elastic else model.joints)[np.argmax(np.abs(part))])
-    kind: Kind = "compliance" if elastic else "joint offset"
-    return NullDirection(kind, names, none, model.robot, joint, model.chain.joint_names[joint])
+    model = next(model for model in problem.models.values() if main in model.names)
+    kind = model.names[main]
+    found = NullDirection("robot parameters", names, np.zeros((0, 6)), model.robot, kind)
+    if not robot_parameter_kinds()[kind].BY_JOINT:
+        return found
+    joint = int(np.argmax(np.abs(model.columns[kind].basis @ _block(problem, direction, main))))
+    return replace(found, joint=joint, joint_name=model.chain.joint_names[joint])
 
 
 def _clusters(problem: Problem, space: Array) -> list[list[str]]:

@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from basecal.cell.robot_parameters.kind import robot_parameter_kinds
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.observability.motions import null_directions
 from basecal.estimation.observability.null_space import NullDirection, separate_null_space
 from basecal.estimation.problem.problem import Problem, State
-from basecal.estimation.problem.robot_parameters import DEFLECTION
 from basecal.geometry import Array
 from basecal.numerics.spectral import holds_information, spectrum
 
@@ -24,7 +24,6 @@ _TOUCHES = 1e-3  # share of a null direction in an unknown above which it belong
 _SMALLEST_FACTOR = 1e-4  # noise estimated from exact data counts as a hundredth of a sigma at least
 _DISTORTION_SCALE = 10.0  # a distortion term of 10 is as far off as a radian
 _ENOUGH_VIEWS = 40  # views by which the shape of null directions is found
-_COMPLIANCE_SCALE = 0.01  # [rad/Nm]: 1 rad under 100 Nm
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,12 +106,14 @@ def _scales(problem: Problem, state: State, length: float) -> Array:
     for name, where in problem.columns.items():
         if name in problem.unknowns:
             scale[where.start : where.start + 3] = length
-        elif name.endswith(DEFLECTION):
-            scale[where] = _COMPLIANCE_SCALE
         elif name in problem.lenses:
             camera = state.cameras[name]
             scale[where] = _DISTORTION_SCALE
             scale[where.start : where.start + 4] = float(camera.focal.mean())
+    for model in problem.models.values():
+        for name, kind in model.names.items():
+            if name in problem.columns:
+                scale[problem.columns[name]] = robot_parameter_kinds()[kind].SCALE
     return scale
 
 

@@ -57,9 +57,9 @@ def build_problem(cell: Cell, recording: Recording) -> tuple[Problem, list[Findi
     """The problem of a recording, and findings about samples that could not be used.
 
     Raises:
-        InputError: if a camera and the target it sees are on the same body, a camera with pixels has no lens, or joint
-            offsets or link parameters are asked for of a robot that is not recorded by joints, or `correlated_px`
-            stands without `pixel_px`.
+        InputError: if a camera and the target it sees are on the same body, a camera with pixels has no lens,
+            parameters are asked for of a robot that is not recorded by joints, or `correlated_px` stands without
+            `pixel_px`.
     """
     samples = canonical_order(recording.samples)
     findings: list[Finding] = []
@@ -78,16 +78,14 @@ def _models(cell: Cell, problem: Problem) -> dict[str, RobotModel]:
     seen = {robot for g in problem.groups for robot in (g.eye, g.hand) if robot is not None}
     models = {}
     for name, robot in cell.robots.items():
-        asked = {robot.joint_offsets.status, robot.link_parameters.status, robot.deflection.status}
-        if name in seen and asked != {"fixed"}:
+        asked = [kind for kind, known in robot.parameters.items() if known.status != "fixed"]
+        if name in seen and asked:
             if robot.chain is None or not recorded_by_joints(problem, name):
                 raise InputError(
-                    f"robot {name!r}: joint_offsets, link_parameters and deflection need its urdf and joints_rad in "
-                    "every sample; set their status to fixed where poses are recorded"
+                    f"robot {name!r}: to estimate {' and '.join(asked)}, its urdf and joints_rad in every sample are "
+                    "needed; set the status to fixed where poses are recorded"
                 )
-            ends = free_ends(problem, name)
-            known = robot.joint_offsets, robot.link_parameters
-            models[name] = robot_model(name, robot.chain, *known, ends, deflection=robot.deflection)
+            models[name] = robot_model(name, robot.chain, robot.parameters, free_ends(problem, name))
     return models
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from basecal.cell import WORLD, Cell, Intrinsics, Unknown
 from basecal.errors import InputError
-from basecal.estimation.problem.robot_parameters import Kinematics, RobotModel, nominal
+from basecal.estimation.problem.robot_parameters import Kinematics, RobotModel
 from basecal.estimation.view.measurement import Measurement, Noise
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Array, Camera, IntArray, Rows
@@ -132,7 +132,7 @@ class Problem:
         lenses: What is known of the lenses of cameras with pixels, by camera.
         stops: The robots' stops.
         columns: Where each unknown that is not fixed stands in the step, by the transform's or the camera's name, or as
-            `<robot>_joint_offsets` and `<robot>_link_parameters`.
+            `<robot>_<kind>` for the parameters of a robot.
         models: What is estimated of the robots' own kinematics, by robot.
         chains: Kinematics as stated of the robots that have some, by robot.
         unstated: Names of the robots that state no noise.
@@ -231,7 +231,7 @@ class State:
 
     def kinematics(self, model: RobotModel) -> Kinematics:
         """Where a robot's kinematics are, as stated unless moved."""
-        return self.robots.get(model.robot) or nominal(model.chain, model.down)
+        return self.robots.get(model.robot) or Kinematics(model.chain, stated=model.stated)
 
     def camera_from_target(self, group: ViewGroup, stops: Stops) -> SE3:
         """Predicted poses of the target in the camera, (..., n)."""

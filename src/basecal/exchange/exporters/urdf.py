@@ -26,13 +26,14 @@ def exported(cell: Cell, folder: Path, calibration: Calibration, of: str) -> str
     robot = cell.robots[of]
     if robot.urdf is None or robot.base_link is None or robot.flange_link is None:
         raise InputError(f"robot {of!r} has no urdf in cell.yaml: there is nothing to correct")
-    offsets, links = calibration.joint_offsets.get(of), calibration.link_parameters.get(of)
+    found = calibration.parameters_of(of)
+    offsets, links = found.get("joint_offsets"), found.get("link_parameters")
     if offsets is None and links is None:
         raise InputError(
             f"the latest calibration has no joint offsets of {of!r}: "
             "write `joint_offsets: {status: prior, sigma_rad: 0.005}` there in cell.yaml and calibrate again"
         )
-    turns = None if offsets is None else np.nan_to_num(offsets.rad)
-    moves = None if links is None else links.tangents
+    turns = None if offsets is None else np.nan_to_num(offsets.values)
+    moves = None if links is None else links.values
     text = (folder / robot.urdf).read_bytes()
     return corrected_urdf(text, robot.base_link, robot.flange_link, turns, moves)

@@ -1,0 +1,57 @@
+"""Deflection: gravity's direction, and its fields in `calibration.json`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from basecal.cell import RobotParameters
+from basecal.cell.robot_parameters import deflection as of
+from basecal.errors import InputError
+from basecal.kinematics import gravity_torques
+from basecal.simulation.arms import six_axis
+
+FOUND = RobotParameters(("a", "b"), np.array([0.1, 0.2]), np.array([0.3, 0.4]), np.array([False, True]))
+
+
+def test_gravity_has_a_direction():
+    """Downwards unless stated otherwise."""
+    assert of.Stated().down == [0, 0, -1]
+    with pytest.raises(ValidationError, match="not zero"):
+        of.Stated(down=[0.0, 0.0, 0.0])
+
+
+def test_joints_turn_by_the_torque_of_gravity():
+    """Each by its own compliance, whatever the length of what states the direction."""
+    joints = np.random.default_rng(0).uniform(-2, 2, (5, 6))
+    compliance = 1e-4 * np.arange(6.0)
+    torques = gravity_torques(six_axis(), joints, np.array([0.0, 1.0, 0.0]))
+    found = of.shift(six_axis(), of.Stated(down=[0.0, 7.0, 0.0]), joints, compliance)
+    np.testing.assert_allclose(found, compliance * torques, rtol=1e-14)
+
+
+def test_a_robot_needs_masses():
+    """Without them there are no torques."""
+    with pytest.raises(InputError, match="needs the masses of its links"):
+        of.columns(replace(six_axis(), masses=None), of.Stated(status="free"), (False, False), ())
+
+
+def test_fields_of_the_calibration():
+    """Each with its sigma and whether the data see it; read back alike, nothing being null."""
+    (back,) = of.from_dict(of.to_dict({"arm": FOUND})).values()
+    assert back.joints == ("a", "b")
+    for name in ("values", "sigma", "seen"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(FOUND, name))
+    assert of.to_dict({}) == {"deflection": None}
+    assert of.from_dict({"deflection": None}) == {}
+
+
+@pytest.mark.parametrize("key", ["rad_per_nm", "sigma_rad_per_nm"])
+def test_numbers_of_other_shapes_are_refused(key):
+    """As many numbers as joints."""
+    entry = of.to_dict({"arm": FOUND})["deflection"]["arm"]
+    with pytest.raises(InputError, match=f"{key} has shape"):
+        of.from_dict({"deflection": {"arm": entry | {key: [1.0]}}})
