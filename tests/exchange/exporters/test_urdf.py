@@ -1,0 +1,56 @@
+"""A robot's URDF with its calibration in it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from basecal.cell import Calibration, Cell, JointOffsets, LinkParameters, Robot
+from basecal.errors import FrameNotFound, InputError
+from basecal.exchange.exporters.urdf import exported
+from basecal.kinematics import read_chain
+
+DATA = Path(__file__).parents[2] / "data" / "urdf"
+CHAIN = read_chain(DATA / "six_axis.urdf", "base_link", "tool0")
+HAND = Robot("hand", chain=CHAIN, urdf="six_axis.urdf", base_link="base_link", flange_link="tool0")
+CELL = Cell("eye", robots={"eye": Robot("eye"), "hand": HAND}, bases={}, cameras={}, targets={})
+RAD = np.array([np.nan, 0.01, -0.02, 0.03, 0.0, np.nan])
+OFFSETS = JointOffsets(CHAIN.joint_names, RAD, np.full((6, 6), np.nan), np.isfinite(RAD))
+
+
+def flange_of(text: str, folder: Path):
+    (folder / "out.urdf").write_text(text)
+    return read_chain(folder / "out.urdf", "base_link", "tool0").forward(np.full(6, 0.3))
+
+
+def test_offsets_are_in_it(tmp_path):
+    """At the joints that are recorded its flange is where the calibrated one is; unknown offsets count as zero."""
+    found = flange_of(exported(CELL, DATA, Calibration("good", joint_offsets={"hand": OFFSETS}), "hand"), tmp_path)
+    wanted = CHAIN.forward(0.3 + np.nan_to_num(RAD))
+    np.testing.assert_allclose(found.matrix, wanted.matrix, atol=1e-9)
+
+
+def test_links_are_in_it(tmp_path):
+    """Likewise, without offsets."""
+    tangents = 1e-3 * np.random.default_rng(0).standard_normal((7, 6))
+    links = LinkParameters(tangents, np.ones((7, 6)))
+    found = flange_of(exported(CELL, DATA, Calibration("good", link_parameters={"hand": links}), "hand"), tmp_path)
+    np.testing.assert_allclose(found.matrix, CHAIN.moved(tangents).forward(np.full(6, 0.3)).matrix, atol=1e-9)
+
+
+def test_what_cannot_be_exported_is_said():
+    """A robot that is not there, one without a urdf, and one of which nothing was calibrated."""
+    good = Calibration("good", joint_offsets={"hand": OFFSETS})
+    with pytest.raises(FrameNotFound):
+        exported(CELL, DATA, good, "hnd")
+    with pytest.raises(InputError, match="'eye' has no urdf"):
+        exported(CELL, DATA, good, "eye")
+    for field in ("urdf", "base_link", "flange_link"):
+        bare = replace(CELL, robots={"hand": replace(HAND, **{field: None})})
+        with pytest.raises(InputError, match="'hand' has no urdf"):
+            exported(bare, DATA, good, "hand")
+    with pytest.raises(InputError, match="no joint offsets of 'hand'"):
+        exported(CELL, DATA, Calibration("good"), "hand")

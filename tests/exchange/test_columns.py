@@ -1,0 +1,60 @@
+"""Tables of numbers by the names in their header."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from basecal.errors import DatasetError
+from basecal.exchange.columns import read_columns
+
+ALIASES = {"x": ("tx", "pos_x"), "time": ("stamp",)}
+
+
+def written(folder: Path, text: str) -> Path:
+    path = folder / "table.csv"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("header", ["x,time,y", "# TX , stamp,Y", "\ufeffpos_x,STAMP, y"])
+def test_columns_have_the_names_of_the_header(tmp_path, header):
+    """By any alias and case, with a leading # or byte order mark; each row knows its line."""
+    table = read_columns(written(tmp_path, f"{header}\n1,2,3\n\n 4, 5.5 ,-6e1\n"), ALIASES)
+    assert {name: values.tolist() for name, values in table.values.items()} == {
+        "x": [1.0, 4.0],
+        "time": [2.0, 5.5],
+        "y": [3.0, -60.0],
+    }
+    assert list(table.lines) == [2, 4]
+    np.testing.assert_array_equal(table.stacked(["y", "x"]), [[3, 1], [-60, 4]])
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "said"),
+    [
+        ("", None, "is empty"),
+        ("x,y\n", None, "has a header and no rows"),
+        ("x,tx\n1,2\n", 1, "names a column twice: x, x"),
+        ("x,y\n1,2\n3\n", 3, "1 columns, the header has 2"),
+        ("x,y\n1,two\n", 2, "'two' is not a number"),
+        ("x,y\n1,inf\n", 2, "'inf' is not finite"),
+    ],
+)
+def test_bad_tables_name_their_line(tmp_path, text, line, said):
+    """And what was expected there."""
+    with pytest.raises(DatasetError, match=said) as caught:
+        read_columns(written(tmp_path, text), ALIASES)
+    assert caught.value.line == line
+
+
+def test_files_that_are_no_text(tmp_path):
+    """Bytes that are none, and a file that is not there."""
+    path = tmp_path / "table.csv"
+    path.write_bytes(b"x,y\n\xff\xfe,1\n")
+    with pytest.raises(DatasetError, match="not text"):
+        read_columns(path, ALIASES)
+    with pytest.raises(DatasetError, match="cannot be read"):
+        read_columns(tmp_path / "none.csv", ALIASES)
