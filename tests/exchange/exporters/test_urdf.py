@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from basecal.cell import Calibration, Cell, JointOffsets, LinkParameters, Robot
+from basecal.cell import Calibration, Cell, Robot, RobotParameters
 from basecal.errors import FrameNotFound, InputError
 from basecal.exchange.exporters.urdf import exported
 from basecal.kinematics import read_chain
@@ -18,7 +18,11 @@ CHAIN = read_chain(DATA / "six_axis.urdf", "base_link", "tool0")
 HAND = Robot("hand", chain=CHAIN, urdf="six_axis.urdf", base_link="base_link", flange_link="tool0")
 CELL = Cell("eye", robots={"eye": Robot("eye"), "hand": HAND}, bases={}, cameras={}, targets={})
 RAD = np.array([np.nan, 0.01, -0.02, 0.03, 0.0, np.nan])
-OFFSETS = JointOffsets(CHAIN.joint_names, RAD, np.full((6, 6), np.nan), np.isfinite(RAD))
+OFFSETS = RobotParameters(CHAIN.joint_names, RAD, np.abs(RAD), np.isfinite(RAD))
+
+
+def calibrated(**parameters):
+    return Calibration("good", robot_parameters={kind: {"hand": found} for kind, found in parameters.items()})
 
 
 def flange_of(text: str, folder: Path):
@@ -28,7 +32,7 @@ def flange_of(text: str, folder: Path):
 
 def test_offsets_are_in_it(tmp_path):
     """At the joints that are recorded its flange is where the calibrated one is; unknown offsets count as zero."""
-    found = flange_of(exported(CELL, DATA, Calibration("good", joint_offsets={"hand": OFFSETS}), "hand"), tmp_path)
+    found = flange_of(exported(CELL, DATA, calibrated(joint_offsets=OFFSETS), "hand"), tmp_path)
     wanted = CHAIN.forward(0.3 + np.nan_to_num(RAD))
     np.testing.assert_allclose(found.matrix, wanted.matrix, atol=1e-9)
 
@@ -36,14 +40,14 @@ def test_offsets_are_in_it(tmp_path):
 def test_links_are_in_it(tmp_path):
     """Likewise, without offsets."""
     tangents = 1e-3 * np.random.default_rng(0).standard_normal((7, 6))
-    links = LinkParameters(tangents, np.ones((7, 6)))
-    found = flange_of(exported(CELL, DATA, Calibration("good", link_parameters={"hand": links}), "hand"), tmp_path)
+    links = RobotParameters((), tangents, np.ones((7, 6)), np.ones((7, 6), dtype=bool))
+    found = flange_of(exported(CELL, DATA, calibrated(link_parameters=links), "hand"), tmp_path)
     np.testing.assert_allclose(found.matrix, CHAIN.moved(tangents).forward(np.full(6, 0.3)).matrix, atol=1e-9)
 
 
 def test_what_cannot_be_exported_is_said():
     """A robot that is not there, one without a urdf, and one of which nothing was calibrated."""
-    good = Calibration("good", joint_offsets={"hand": OFFSETS})
+    good = calibrated(joint_offsets=OFFSETS)
     with pytest.raises(FrameNotFound):
         exported(CELL, DATA, good, "hnd")
     with pytest.raises(InputError, match="'eye' has no urdf"):
