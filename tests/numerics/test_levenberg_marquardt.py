@@ -113,3 +113,74 @@ def test_looser_ends_come_sooner_and_stay_within_what_is_allowed():
     off, hessian = loose.state - tight.state, curves(0.1).linearise(tight.state).hessian
     assert np.all(np.einsum("bi,bij,bj->b", off, hessian, off) <= 0.2**2 * tight.cost / 18)
     assert np.any(np.abs(off) > 1e-9)
+
+
+def by_hand(system, row, x, steps):
+    """The state after so many steps of one problem, with Nielsen's damping of the diagonal."""
+    one, damping, growth = system.take([row]), 1e-9, 2.0
+    about = one.linearise(x[None])
+    for _ in range(steps):
+        hessian, gradient = about.hessian[0], about.gradient[0]
+        step = -np.linalg.solve(hessian + damping * np.diag(np.diag(hessian)), gradient)
+        tried = one.linearise((x + step)[None])
+        if tried.cost[0] <= about.cost[0]:
+            gain = np.clip((about.cost[0] - tried.cost[0]) / (step @ hessian @ step), -10, 10)
+            damping, growth = max(damping * max(0.1, 1 - (2 * gain - 1) ** 3), 1e-9), 2.0
+            x, about = x + step, tried
+        else:
+            damping, growth = max(damping, 1e-3) * growth, 2 * growth
+    return x
+
+
+@pytest.mark.parametrize("steps", [1, 2, 3, 5, 8, 12])
+def test_damping_follows_the_gain(steps):
+    """The same states as by hand, whether steps are taken or refused on the way; none has ended by then."""
+    start = np.tile([1.0, 4.0], (4, 1))
+    with np.errstate(all="ignore"):
+        optima = levenberg_marquardt(curves(0.1), start, Stop(iterations=steps, sigmas=1e-12))
+        wanted = [by_hand(curves(0.1), row, start[row], steps) for row in range(4)]
+    going = optima.iterations == steps
+    np.testing.assert_allclose(optima.state[going], np.array(wanted)[going], rtol=1e-6)
+    assert np.count_nonzero(optima.iterations == steps) >= (4 if steps < 8 else 1)
+
+
+@dataclass(frozen=True, eq=False)
+class Misled:
+    """A slope that is told the wrong way round: no step is any good."""
+
+    slope: float = 1.0
+
+    def linearise(self, state):
+        return About(10.0 + state[:, 0], np.full((len(state), 1), -self.slope), np.ones((len(state), 1, 1)))
+
+    def retract(self, state, about, step):
+        return state + step
+
+    def take(self, rows):
+        return self
+
+
+@pytest.mark.parametrize(("slope", "converged", "steps"), [(1.0, True, 8), (1e12, False, 10)])
+def test_where_no_step_is_any_good(slope, converged, steps):
+    """Each is damped the more: one that is nothing to the data ends there, one beyond all damping is given up."""
+    optima = levenberg_marquardt(Misled(slope), np.array([[3.0], [5.0]]), Stop(iterations=50))
+    np.testing.assert_array_equal(optima.state, [[3.0], [5.0]])
+    np.testing.assert_array_equal(optima.cost, [13.0, 15.0])
+    assert optima.converged.tolist() == [converged] * 2
+    assert optima.iterations.tolist() == [steps] * 2
+
+
+def test_a_direction_that_nothing_holds_is_no_error():
+    """An unknown that moves nothing stays, the other finds its optimum."""
+
+    @dataclass(frozen=True, eq=False)
+    class Half(Misled):
+        """A parabola of the first of two unknowns."""
+
+        def linearise(self, state):
+            gradient = np.stack([state[:, 0] - 2.0, np.zeros(len(state))], 1)
+            return About((state[:, 0] - 2.0) ** 2, gradient, np.tile(np.diag([1.0, 0.0]), (len(state), 1, 1)))
+
+    optima = levenberg_marquardt(Half(), np.array([[0.0, 7.0]]), Stop())
+    assert optima.converged.all()
+    np.testing.assert_allclose(optima.state, [[2.0, 7.0]], atol=1e-6)

@@ -83,3 +83,10 @@ def test_every_term_has_a_name():
     """As many names as the longest distortion has terms; what is usual is allowed."""
     assert len(fisheye.TERM_NAMES) == max(fisheye.TERMS)
     assert fisheye.USUAL_TERMS in fisheye.TERMS
+
+
+def test_the_centre_of_the_lens_has_no_image():
+    """Nor has a point right behind it; the next ones beside and before it have."""
+    points = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -1.0], [1e-9, 0.0, 0.0], [0.0, 0.0, 1e-9]])
+    u, v = fisheye.project(points, DISTORTION)
+    assert np.isnan(u).tolist() == np.isnan(v).tolist() == [True, True, False, False]
