@@ -32,16 +32,15 @@ def read_pixels(path: str | Path) -> dict[int, tuple[IntArray, Array]]:
         raise DatasetError(name, f"has no {', '.join(missing)} but {', '.join(columns) or 'nothing'}; {_EXPECTED}")
     samples, ids = _whole(name, columns, "sample"), _whole(name, columns, "id")
     pixels = np.stack([columns["u"], columns["v"]], -1)
-    return {int(sample): _view(name, int(sample), ids, pixels, samples == sample) for sample in np.unique(samples)}
-
-
-def _view(path: str, sample: int, ids: IntArray, pixels: Array, rows: Array) -> tuple[IntArray, Array]:
-    order = np.argsort(ids[rows], kind="stable")
-    mine = ids[rows][order]
-    twice = mine[1:][mine[1:] == mine[:-1]]
-    if len(twice):
-        raise DatasetError(path, f"sample {sample} has id {twice[0]} twice")
-    return mine, pixels[rows][order]
+    views = {}
+    for sample in np.unique(samples).tolist():
+        rows = np.flatnonzero(samples == sample)
+        rows = rows[np.argsort(ids[rows], kind="stable")]
+        twice = ids[rows][1:][np.diff(ids[rows]) == 0]
+        if len(twice):
+            raise DatasetError(name, f"sample {sample} has id {twice[0]} twice")
+        views[sample] = ids[rows], pixels[rows]
+    return views
 
 
 def _whole(path: str, columns: Mapping[str, Array], key: str) -> IntArray:

@@ -92,8 +92,14 @@ def _quaternion_pose(row: Array) -> SE3:
 
 
 def _from_text(path: str) -> tuple[Array, list[int]]:
+    try:
+        whole = Path(path).read_text(encoding="utf-8")
+    except UnicodeDecodeError:
+        raise DatasetError(path, "not text; expected rows of 4 numbers, or a name that ends in .csv or .npz") from None
+    except OSError as error:
+        raise DatasetError(path, f"cannot be read: {error.strerror}") from None
     rows, lines = [], []
-    for number, text in enumerate(_text(path).splitlines(), start=1):
+    for number, text in enumerate(whole.splitlines(), start=1):
         words = text.split("#")[0].replace(",", " ").split()
         if not words:
             continue
@@ -109,15 +115,6 @@ def _from_text(path: str) -> tuple[Array, list[int]]:
     if not rows or len(rows) % 4:
         raise DatasetError(path, f"{len(rows)} rows of numbers, expected 4 for every 4x4 matrix, at least one matrix")
     return np.array(rows).reshape(-1, 4, 4), lines
-
-
-def _text(path: str) -> str:
-    try:
-        return Path(path).read_text(encoding="utf-8")
-    except UnicodeDecodeError:
-        raise DatasetError(path, "not text; expected rows of 4 numbers, or a name that ends in .csv or .npz") from None
-    except OSError as error:
-        raise DatasetError(path, f"cannot be read: {error.strerror}") from None
 
 
 def _from_archive(path: str) -> Array:

@@ -61,12 +61,6 @@ def _camera(name: str, scene: Scene, scenario: Scenario, rng: Generator) -> Cell
     return CellCamera(name, scene.layout.cameras[name], mount, lens.model, size, intrinsics)
 
 
-def _target(name: str, scene: Scene, scenario: Scenario, rng: Generator) -> CellTarget:
-    shape = scene.shapes[name]
-    mount = _unknown(scenario.target_mount, scene.mounts[name], scenario.mount_prior, rng, shape.is_point)
-    return CellTarget(name, scene.layout.targets[name], mount, None if scenario.target == "pose" else shape)
-
-
 def _robot(name: str, noise: Array | None, scenario: Scenario, arm: Arm | None) -> Robot:
     if arm is None:
         return Robot(name, noise)
@@ -92,12 +86,19 @@ def stated_cell(scene: Scene, scenario: Scenario, rng: Generator, arms: Mapping[
     noise = np.repeat(scenario.robot_noise, 3) if states_robots else None
     in_pixels = scenario.target not in ("pose", "points3d")
     states_pixels = in_pixels and scenario.state_pixel_noise and bool(scenario.pixel_px)
+    bases = {name: _unknown(scenario.base, scene.bases[name], scenario.base_prior, rng) for name in others}
+    cameras = {name: _camera(name, scene, scenario, rng) for name in scene.layout.cameras}
+    targets = {}
+    for name, on in scene.layout.targets.items():
+        shape = scene.shapes[name]
+        mount = _unknown(scenario.target_mount, scene.mounts[name], scenario.mount_prior, rng, shape.is_point)
+        targets[name] = CellTarget(name, on, mount, None if scenario.target == "pose" else shape)
     return Cell(
         reference,
         robots={name: _robot(name, noise, scenario, arms.get(name)) for name in scene.layout.robots},
-        bases={name: _unknown(scenario.base, scene.bases[name], scenario.base_prior, rng) for name in others},
-        cameras={name: _camera(name, scene, scenario, rng) for name in scene.layout.cameras},
-        targets={name: _target(name, scene, scenario, rng) for name in scene.layout.targets},
+        bases=bases,
+        cameras=cameras,
+        targets=targets,
         pixel_px=scenario.pixel_px if states_pixels else None,
         correlated_px=scenario.correlated_px if states_pixels and scenario.correlated_px else None,
     )

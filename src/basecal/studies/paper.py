@@ -129,24 +129,23 @@ def _table_1(bed: Testbed, level: float, seed: int, draws: int, numbers: dict[st
     printed = numbers["table1_camera_from_led"][key]
     off = np.concatenate([(np.array(printed["R"]) - found.raw_rotation.mean(0)).ravel(), printed["t"] - t.mean(0)])
     sd = np.concatenate([found.raw_rotation.std(0).ravel(), t.std(0)])
+    # The fraction of draws that are nearer to the truth than the paper's, once orthonormal.
+    true = bed.camera_from_light
+    turn = _angle(found.camera_from_light.rotation, true.rotation)
+    shift = np.linalg.norm(found.camera_from_light.translation - true.translation, axis=-1)
+    printed_turn = _angle(nearest_rotation(np.array(printed["R"])), true.rotation)
+    printed_shift = np.linalg.norm(np.array(printed["t"]) - true.translation)
     return {
         "R": found.raw_rotation.mean(0).tolist(),
         "t": t.mean(0).tolist(),
         "R_sd": found.raw_rotation.std(0).tolist(),
         "t_sd": t.std(0).tolist(),
         "paper_off_by_sigmas": {"R": (off / sd)[:9].reshape(3, 3).tolist(), "t": (off / sd)[9:].tolist()},
-        "paper_quantile": _quantiles(bed, found, np.array(printed["R"]), np.array(printed["t"])),
+        "paper_quantile": {
+            "rotation": float(np.mean(turn < printed_turn)),
+            "translation": float(np.mean(shift < printed_shift)),
+        },
     }
-
-
-def _quantiles(bed: Testbed, found: ShiftEstimate, printed_rotation: Array, printed_t: Array) -> dict[str, float]:
-    """The fraction of draws that are nearer to the truth than the paper's, once orthonormal."""
-    true = bed.camera_from_light
-    turn = _angle(found.camera_from_light.rotation, true.rotation)
-    shift = np.linalg.norm(found.camera_from_light.translation - true.translation, axis=-1)
-    printed_turn = _angle(nearest_rotation(printed_rotation), true.rotation)
-    printed_shift = np.linalg.norm(printed_t - true.translation)
-    return {"rotation": float(np.mean(turn < printed_turn)), "translation": float(np.mean(shift < printed_shift))}
 
 
 def _angle(first: Array, second: Array) -> Array:

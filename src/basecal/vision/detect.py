@@ -92,14 +92,20 @@ def _camera(look: _Look, sample: Sample, camera: str) -> _View:
     off = _bytes(look, sample, camera, sample.background[camera]) if needs_dark else None
     if isinstance(off, Finding):
         return _View(findings=(off,))
-    detections: dict[str, Detection | None] = {}
+    found: list[Observation] = []
+    missed = []
     for name, target in open_targets.items():
         one = _detection(look, sample, camera, target, data, off if target.found_by == LIGHT else None)
         if isinstance(one, Finding):
             return _View(findings=(one,))
-        detections[name] = one[0]
-    found = tuple(_observation(camera, name, each) for name, each in detections.items() if each is not None)
-    return _View(found, tuple((camera, name) for name, each in detections.items() if each is None))
+        seen = one[0]
+        if seen is None:
+            missed.append((camera, name))
+        elif seen.ids is None:
+            found.append(CandidateObservation(camera, name, seen.pixels, seen.sigma_px, detected=True))
+        else:
+            found.append(PixelObservation(camera, name, seen.ids, seen.pixels, seen.sigma_px, detected=True))
+    return _View(tuple(found), tuple(missed))
 
 
 def _bytes(look: _Look, sample: Sample, camera: str, path: str) -> bytes | Finding:
@@ -126,12 +132,6 @@ def _detection(
     detection = find(image, target, background)
     cache.write(look.folder, name, detection)
     return (detection,)
-
-
-def _observation(camera: str, target: str, detection: Detection) -> Observation:
-    if detection.ids is None:
-        return CandidateObservation(camera, target, detection.pixels, detection.sigma_px, detected=True)
-    return PixelObservation(camera, target, detection.ids, detection.pixels, detection.sigma_px, detected=True)
 
 
 def _unusable(sample: Sample, camera: str, path: str, reason: str) -> Finding:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, fields, is_dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -27,7 +27,8 @@ from basecal.errors import InputError
 from basecal.geometry import SE3, Array, Camera, PoseEstimate, read_only
 
 SCHEMA = "basecal/calibration/1"
-_MM = 1e3
+_UNITS = {"_m": ("_mm", 1e3), "_rad": ("_deg", math.degrees(1))}
+N = TypeVar("N", Residuals, SampleResidual, Loop, Outlier, Validation, Finding)
 
 
 def program_version() -> str:
@@ -54,9 +55,9 @@ def calibration_to_dict(calibration: Calibration) -> dict[str, Any]:
         "clock_offset_s": None,
         "noise": dict(calibration.noise),
         "joint": None if joint is None else {"order": list(calibration.order), "covariance": joint},
-        "residuals": _residuals(calibration.residuals),
+        "residuals": _entry(calibration.residuals),
         "outliers": None if calibration.outliers is None else [asdict(outlier) for outlier in calibration.outliers],
-        "validation": None if calibration.validation is None else _validation(calibration.validation),
+        "validation": _entry(calibration.validation),
         "observability": {"condition": calibration.condition, "unobservable": list(calibration.unobservable)},
         "certificate": None if proof is None else {"gap": proof.gap, "global": proof.is_global, "reason": proof.reason},
         "findings": [finding_to_dict(finding) for finding in calibration.findings],
@@ -117,37 +118,35 @@ def _lens(name: str, calibration: Calibration) -> dict[str, Any]:
     return data | ({"status": calibration.status[name]} if name in calibration.status else {})
 
 
-def _residuals(residuals: Residuals) -> dict[str, Any]:
-    return {
-        "rms_px": residuals.rms_px,
-        "median_px": residuals.median_px,
-        "loop_rms_mm": _scaled(residuals.loop_rms_m, _MM),
-        "loop_rms_deg": _scaled(residuals.loop_rms_rad, math.degrees(1)),
-        "per_sample": [_sample_residual(one) for one in residuals.per_sample],
-        "loops": [
-            {
-                "path": list(loop.path),
-                "views": loop.views,
-                "rms_mm": loop.rms_m * _MM,
-                "rms_deg": math.degrees(loop.rms_rad),
-            }
-            for loop in residuals.loops
-        ],
-    }
+def _key(name: str) -> tuple[str, float | None]:
+    """What a field is called in files, and by what its value is multiplied there: mm for m, deg for rad."""
+    for ours, (theirs, factor) in _UNITS.items():
+        if name.endswith(ours):
+            return name.removesuffix(ours) + theirs, factor
+    return name, None
 
 
-def _sample_residual(one: SampleResidual) -> dict[str, Any]:
-    loop = {"loop_mm": _scaled(one.loop_m, _MM), "loop_deg": _scaled(one.loop_rad, math.degrees(1))}
-    return {"sample": one.sample, "camera": one.camera, "target": one.target, "rms_px": one.rms_px, **loop}
+def _entry(noun: Any) -> Any:
+    """The fields of a dataclass, and of those in it, as files have them."""
+    if isinstance(noun, tuple):
+        return [_entry(one) for one in noun]
+    if not is_dataclass(noun):
+        return noun
+    data = {}
+    for field in fields(noun):
+        (key, factor), value = _key(field.name), getattr(noun, field.name)
+        data[key] = _entry(value) if factor is None or value is None else value * factor
+    return data
 
 
-def _scaled(value: float | None, factor: float) -> float | None:
-    return None if value is None else value * factor
-
-
-def _validation(of: Validation) -> dict[str, Any]:
-    target = {"target_mm": _scaled(of.target_m, _MM), "target_deg": _scaled(of.target_rad, math.degrees(1))}
-    return {"kind": of.kind, "folds": of.folds, "rms_px": of.rms_px, **target, "base_change": of.base_change}
+def _noun(of: type[N], data: Mapping[str, Any]) -> N:
+    """The dataclass of fields as files have them; lists in it stay as they are."""
+    values = {}
+    for field in fields(of):
+        key, factor = _key(field.name)
+        value = data[key]
+        values[field.name] = value if factor is None or value is None else value / factor
+    return of(**values)
 
 
 def finding_to_dict(finding: Finding) -> dict[str, Any]:
@@ -171,17 +170,19 @@ def _calibration(data: dict[str, Any]) -> Calibration:
         noise=data["noise"] or {},
         order=() if joint is None else tuple(joint["order"]),
         joint_covariance=None if joint is None else _matrix(joint["covariance"]),
-        residuals=_residuals_noun(data["residuals"]),
+        residuals=replace(
+            _noun(Residuals, data["residuals"]),
+            per_sample=tuple(_noun(SampleResidual, one) for one in data["residuals"]["per_sample"]),
+            loops=tuple(_noun(Loop, {**one, "path": tuple(one["path"])}) for one in data["residuals"]["loops"]),
+        ),
         outliers=None
         if data["outliers"] is None
-        else tuple(
-            Outlier(e["sample"], e["camera"], e["target"], tuple(e["ids"]), e["reason"]) for e in data["outliers"]
-        ),
-        validation=_validation_noun(data["validation"]),
+        else tuple(_noun(Outlier, {**one, "ids": tuple(one["ids"])}) for one in data["outliers"]),
+        validation=None if data["validation"] is None else _noun(Validation, data["validation"]),
         certificate=None if proof is None else Certificate(proof["gap"], proof["global"], proof["reason"]),
         condition=data["observability"]["condition"],
         unobservable=tuple(data["observability"]["unobservable"]),
-        findings=tuple(Finding(f["code"], f["severity"], tuple(f["about"]), f["message"]) for f in data["findings"]),
+        findings=tuple(_noun(Finding, {**one, "about": tuple(one["about"])}) for one in data["findings"]),
         settings=data["settings"] or {},
         inputs=data["inputs"] or {},
     )
@@ -211,29 +212,3 @@ def _camera(entry: Mapping[str, Any]) -> Camera:
     parameters = np.array([*(entry[key] for key in ("fx", "fy", "cx", "cy")), *entry["distortion"]], dtype=np.float64)
     size = entry.get("size_px")
     return Camera(entry["model"], parameters, None if size is None else (int(size[0]), int(size[1])))
-
-
-def _residuals_noun(data: Mapping[str, Any]) -> Residuals:
-    return Residuals(
-        rms_px=data["rms_px"],
-        median_px=data["median_px"],
-        loop_rms_m=_scaled(data["loop_rms_mm"], 1 / _MM),
-        loop_rms_rad=_scaled(data["loop_rms_deg"], math.radians(1)),
-        per_sample=tuple(_sample_residual_noun(one) for one in data["per_sample"]),
-        loops=tuple(
-            Loop(tuple(one["path"]), one["views"], one["rms_mm"] / _MM, math.radians(one["rms_deg"]))
-            for one in data["loops"]
-        ),
-    )
-
-
-def _sample_residual_noun(one: Mapping[str, Any]) -> SampleResidual:
-    loop_m, loop_rad = _scaled(one["loop_mm"], 1 / _MM), _scaled(one["loop_deg"], math.radians(1))
-    return SampleResidual(one["sample"], one["camera"], one["target"], one["rms_px"], loop_m, loop_rad)
-
-
-def _validation_noun(entry: Any) -> Validation | None:
-    if entry is None:
-        return None
-    target_m, target_rad = _scaled(entry["target_mm"], 1 / _MM), _scaled(entry["target_deg"], math.radians(1))
-    return Validation(entry["kind"], entry["folds"], entry["rms_px"], target_m, target_rad, entry["base_change"])

@@ -70,15 +70,16 @@ def input_hashes(folder: str | Path, cell: Cell | None = None) -> dict[str, str]
     """
     urdfs = [robot.urdf for robot in cell.robots.values() if robot.urdf] if cell else []
     names = [cell_file.FILE, f"{recording_file.FOLDER}/{recording_file.FILE}", *sorted(set(urdfs))]
-    return {name: _hash(Path(folder) / name) for name in names if (Path(folder) / name).is_file()}
-
-
-def _hash(path: Path) -> str:
-    try:
-        with path.open("rb") as file:
-            return f"sha256:{hashlib.file_digest(file, 'sha256').hexdigest()}"
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}") from None
+    hashes = {}
+    for name, path in ((name, Path(folder) / name) for name in names):
+        if not path.is_file():
+            continue
+        try:
+            with path.open("rb") as file:
+                hashes[name] = f"sha256:{hashlib.file_digest(file, 'sha256').hexdigest()}"
+        except OSError as error:
+            raise InputError(f"{path} cannot be read: {error.strerror}") from None
+    return hashes
 
 
 def _new_run(runs: Path) -> Path:

@@ -12,7 +12,7 @@ from basecal.cell.format.paths import write_whole
 from basecal.cell.format.plain import pose_dict
 from basecal.cell.format.problems import Problem, dataset_error, short
 from basecal.cell.format.values import PoseEntry, full_pose, pose_se3
-from basecal.cell.format.yaml_text import Document, parse_yaml, read_text, yaml_text
+from basecal.cell.format.yaml_text import parse_yaml, read_text, yaml_text
 from basecal.cell.schema.errors import problems_of
 from basecal.geometry import SE3
 
@@ -49,15 +49,14 @@ def read_truth(folder: str | Path) -> dict[str, SE3]:
     if data.get("schema") != SCHEMA or not isinstance(data.get("transforms"), dict):
         message = f"expected `schema: {SCHEMA}` and `transforms`, got {short(data.get('schema'))}"
         raise dataset_error(str(path), [Problem(("schema",), message)], document.lines)
-    return {name: _transform(name, pose, str(path), document) for name, pose in data["transforms"].items()}
-
-
-def _transform(name: str, pose: Any, path: str, document: Document) -> SE3:
-    loc = ("transforms", name)
-    try:
-        return pose_se3(full_pose(PoseEntry.model_validate(pose)))
-    except ValidationError as error:
-        problems = [Problem((*loc, *p.loc), p.message) for p in problems_of(error, PoseEntry)]
-    except ValueError as error:
-        problems = [Problem(loc, str(error))]
-    raise dataset_error(path, problems, document.lines)
+    transforms = {}
+    for name, pose in data["transforms"].items():
+        loc = ("transforms", name)
+        try:
+            transforms[name] = pose_se3(full_pose(PoseEntry.model_validate(pose)))
+        except ValidationError as error:
+            problems = [Problem((*loc, *p.loc), p.message) for p in problems_of(error, PoseEntry)]
+            raise dataset_error(str(path), problems, document.lines) from None
+        except ValueError as error:
+            raise dataset_error(str(path), [Problem(loc, str(error))], document.lines) from None
+    return transforms

@@ -10,7 +10,7 @@ from basecal.cell.cell import Cell, CellCamera, CellTarget, Intrinsics, Robot, U
 from basecal.cell.format.values import UnknownEntry, pose_se3
 from basecal.cell.schema.cell_schema import CameraEntry, CellEntry, RobotEntry
 from basecal.cell.schema.lens import IntrinsicsEntry, distortion_terms
-from basecal.geometry import Array, Camera, read_only
+from basecal.geometry import Camera, read_only
 from basecal.kinematics import SerialChain
 
 
@@ -65,11 +65,8 @@ def _intrinsics(entry: IntrinsicsEntry, camera: CameraEntry, size: tuple[int, in
         return Intrinsics(entry.status, None, None, terms)
     distortion = entry.distortion or [0.0] * terms
     parameters = np.array([entry.fx, entry.fy, entry.cx, entry.cy, *distortion], dtype=np.float64)
-    return Intrinsics(entry.status, Camera(camera.model, parameters, size), _lens_sigma(entry, terms), terms)
-
-
-def _lens_sigma(entry: IntrinsicsEntry, terms: int) -> Array | None:
-    if entry.sigma_focal_px is None or entry.sigma_center_px is None:
-        return None
-    distortion = np.broadcast_to(entry.sigma_distortion or [1.0], terms)
-    return read_only([*entry.sigma_focal_px, *entry.sigma_center_px, *distortion])
+    sigma = None
+    if entry.sigma_focal_px is not None and entry.sigma_center_px is not None:
+        of_terms = np.broadcast_to(entry.sigma_distortion or [1.0], terms)
+        sigma = read_only([*entry.sigma_focal_px, *entry.sigma_center_px, *of_terms])
+    return Intrinsics(entry.status, Camera(camera.model, parameters, size), sigma, terms)

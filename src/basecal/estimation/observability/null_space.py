@@ -65,7 +65,12 @@ def separate_null_space(problem: Problem, state: State, vectors: Array, scale: A
     found = [_of_other(problem, of_others[:, [k]]) for k in range(of_others.shape[1])]
     for space, is_rotation in ((translations, False), (rotations, True)):
         for cluster in _clusters(problem, space):
-            found += _of_cluster(problem, state, _within(problem, space, cluster), cluster, scale, is_rotation)
+            # A basis of the part of the space that moves the cluster.
+            rows = _rows(problem, cluster)
+            left, values, _ = np.linalg.svd(space[rows], full_matrices=False)
+            basis = np.zeros((len(space), int(np.sum(values > _LITTLE))))
+            basis[rows] = left[:, : basis.shape[1]]
+            found += _of_cluster(problem, state, basis, cluster, scale, is_rotation)
     return tuple(found)
 
 
@@ -124,15 +129,6 @@ def _clusters(problem: Problem, space: Array) -> list[list[str]]:
 def _block(problem: Problem, space: Array, name: str) -> Array:
     block: Array = space[problem.columns[name]]
     return block
-
-
-def _within(problem: Problem, space: Array, cluster: Sequence[str]) -> Array:
-    """A basis of the part of a space that moves a cluster."""
-    rows = _rows(problem, cluster)
-    left, values, _ = np.linalg.svd(space[rows], full_matrices=False)
-    basis = np.zeros((len(space), int(np.sum(values > _LITTLE))))
-    basis[rows] = left[:, : basis.shape[1]]
-    return basis
 
 
 def _of_cluster(

@@ -62,7 +62,7 @@ def view_poses(
     flat, axes, size = _shape(points_in_target - centre)
     target_from_plane = SE3(axes, centre)
     local = (points_in_target - centre) @ axes / size
-    guess = _by_homography(local, bearings_in_camera, seen) if flat else _by_projection(local, bearings_in_camera, seen)
+    guess = _direct_linear(local, bearings_in_camera, seen, flat)
     guess = SE3(guess.rotation, guess.translation * size)
     guesses = concatenate([guess, _tilted(guess)]) if flat else guess
     n = len(guess)
@@ -88,10 +88,24 @@ def _shape(centred: Array) -> tuple[bool, Array, float]:
     return bool(len(values) < 3 or values[2] <= FLAT * values[0]), axes, size
 
 
-def _null_vectors(rows: Array) -> Array:
-    """The unit vectors that (n, m, k) systems map nearest to zero, (n, k)."""
+def _direct_linear(local: Array, bearings_in_camera: Array, seen: BoolArray, flat: bool) -> SE3:
+    """The pose by the direct linear transform; of a plane by its homography, whose third axis is across the others."""
+    places = local[:, :2] if flat else local
+    homogeneous = np.concatenate([places, np.ones((len(places), 1))], -1)
+    rows = _cross_rows(bearings_in_camera, seen, homogeneous)
+    # The unit vector that these map nearest to zero.
     _, vectors = np.linalg.eigh(np.swapaxes(rows, -1, -2) @ rows)
-    return vectors[..., 0]
+    matrix = vectors[..., 0].reshape(len(rows), 3, -1)
+    # Points lie along the bearings and not against them.
+    along = np.einsum("nip,npi->np", matrix @ homogeneous.T, bearings_in_camera * seen[..., None])
+    matrix = matrix * np.where(along.sum(-1) < 0, -1.0, 1.0)[:, None, None]
+    axes = matrix[:, :, :-1]
+    scale = np.linalg.norm(axes, axis=1).mean(-1) if flat else np.cbrt(np.abs(np.linalg.det(axes)))
+    matrix = matrix / np.maximum(scale, 1e-12)[:, None, None]
+    axes = matrix[:, :, :-1]
+    if flat:
+        axes = np.concatenate([axes, np.cross(axes[:, :, 0], axes[:, :, 1])[..., None]], -1)
+    return SE3(nearest_rotation(axes), matrix[:, :, -1].copy())
 
 
 def _cross_rows(bearings_in_camera: Array, seen: BoolArray, homogeneous: Array) -> Array:
@@ -105,31 +119,6 @@ def _cross_rows(bearings_in_camera: Array, seen: BoolArray, homogeneous: Array) 
         rows[:, :, i, m] = b[..., j, None] * homogeneous
         rows[:, :, i, j] = -b[..., m, None] * homogeneous
     return rows.reshape(n, 3 * p, 3 * k)
-
-
-def _by_homography(local: Array, bearings_in_camera: Array, seen: BoolArray) -> SE3:
-    homogeneous = np.concatenate([local[:, :2], np.ones((len(local), 1))], -1)
-    matrix = _null_vectors(_cross_rows(bearings_in_camera, seen, homogeneous)).reshape(-1, 3, 3)
-    matrix = matrix * _facing(matrix @ homogeneous.T, bearings_in_camera, seen)[:, None, None]
-    scale = np.maximum(np.linalg.norm(matrix[:, :, :2], axis=1).mean(-1), 1e-12)
-    matrix = matrix / scale[:, None, None]
-    third = np.cross(matrix[:, :, 0], matrix[:, :, 1])
-    return SE3(nearest_rotation(np.stack([matrix[:, :, 0], matrix[:, :, 1], third], -1)), matrix[:, :, 2].copy())
-
-
-def _by_projection(local: Array, bearings_in_camera: Array, seen: BoolArray) -> SE3:
-    homogeneous = np.concatenate([local, np.ones((len(local), 1))], -1)
-    matrix = _null_vectors(_cross_rows(bearings_in_camera, seen, homogeneous)).reshape(-1, 3, 4)
-    matrix = matrix * _facing(matrix @ homogeneous.T, bearings_in_camera, seen)[:, None, None]
-    scale = np.maximum(np.cbrt(np.abs(np.linalg.det(matrix[:, :, :3]))), 1e-12)
-    matrix = matrix / scale[:, None, None]
-    return SE3(nearest_rotation(matrix[:, :, :3]), matrix[:, :, 3].copy())
-
-
-def _facing(predicted: Array, bearings_in_camera: Array, seen: BoolArray) -> Array:
-    """+1 or -1 so that points (n, 3, p) lie along the directions and not against them."""
-    along = np.einsum("nip,npi->np", predicted, bearings_in_camera * seen[..., None])
-    return np.where(along.sum(-1) < 0, -1.0, 1.0)
 
 
 def _tilted(camera_from_plane: SE3) -> SE3:

@@ -84,13 +84,11 @@ def project_with_derivatives(
     d_points[..., 0, 1], d_points[..., 1, 0] = focal[0] * cross, focal[1] * cross
     d_points[..., 1, 1] = focal[1] * (sine * sine * outward + cosine * cosine * around)
     d_points[..., 0, 2], d_points[..., 1, 2] = focal[0] * cosine * forward, focal[1] * sine * forward
-    d_terms = _by_terms(focal[0] * cosine, focal[1] * sine, angle) if terms else None
+    d_terms = None
+    if terms:
+        powers = angle[..., None] ** np.array([3, 5, 7, 9])
+        d_terms = np.stack([(focal[0] * cosine)[..., None] * powers, (focal[1] * sine)[..., None] * powers], -2)
     return Projection(cosine * distance, sine * distance, d_points, d_terms)
-
-
-def _by_terms(scaled_cosine: Array, scaled_sine: Array, angle: Array) -> Array:
-    powers = angle[..., None] ** np.array([3, 5, 7, 9])
-    return np.stack([scaled_cosine[..., None] * powers, scaled_sine[..., None] * powers], -2)
 
 
 def fold(distortion: list[float]) -> float:

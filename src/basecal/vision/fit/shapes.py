@@ -1,8 +1,8 @@
 """Ideal pieces of targets under a Gaussian point spread, as functions of place.
 
 Parameters of a corner, (n, 6): its place x, y [px], the directions of its two lines [rad], the logarithm of the point
-spread's sigma, and how much the camera has sharpened the image, 0 for not at all. A line's sides are told by the signed
-distance to the right of its direction.
+spread's sigma, and how much the camera has sharpened the image, 0 for not at all. The sides of a line are given by the
+signed distance to the right of its direction.
 """
 
 from __future__ import annotations

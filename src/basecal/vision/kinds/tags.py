@@ -149,14 +149,9 @@ def _grown(of: _Look, target: Target, read: _Seen) -> _Seen:
             return seen.joined(read[~np.isin(read.rows, seen.rows)])
         tried[beside] = True
         guides = np.argsort(apart[beside], axis=1)[:, :_GUIDES]
-        known = corners[seen.rows]
-        start = [_carried(known[near], seen.pixels[near], corners[k]) for k, near in zip(beside, guides, strict=True)]
+        known, start = corners[seen.rows], []
+        for k, near in zip(beside, guides, strict=True):
+            image_from_plane, _ = cv2.findHomography(known[near].reshape(-1, 2), seen.pixels[near].reshape(-1, 2))
+            start.append(cv2.perspectiveTransform(corners[k][None], image_from_plane)[0].astype(np.float64))
         more = _fitted(of, beside, np.stack(start))
         seen = seen.joined(more.sure)
-
-
-def _carried(plane: Array, pixels: Array, places: Array) -> Array:
-    """Where places of a plane, (n, 2), are in the image by others known in both, (..., 2) each."""
-    image_from_plane, _ = cv2.findHomography(plane.reshape(-1, 2), pixels.reshape(-1, 2))
-    carried: Array = cv2.perspectiveTransform(places[None], image_from_plane)[0].astype(np.float64)
-    return carried
