@@ -395,7 +395,6 @@ def test_tests_need_no_benchmarks() -> None:
 MIRRORED = ("geometry", "numerics", "kinematics", "cell", "estimation", "exchange", "accuracy")
 NOTHING_TO_TEST = {
     "cell/files.py": "names of other modules",
-    "cell/recording.py": "values without behaviour",
     "accuracy/findings/evidence.py": "values without behaviour",
     "accuracy/significance.py": "one number",
 }

@@ -30,6 +30,7 @@ def read(kind, value):
         (values.Sigmas, [1, 2], [1.0, 2.0]),
         (values.Number, -1e6, -1e6),
         (values.Length, 1e6, 1e6),
+        (values.Length, 1e-9, 1e-9),
         (values.ImageSize, [1, 100_000], [1, 100_000]),
         (values.Squares, [3, 1000], [3, 1000]),
         (values.Corners, [2, 1000], [2, 1000]),

@@ -350,3 +350,13 @@ def test_missing(folder: Path) -> None:
     file(folder).unlink()
     with pytest.raises(DatasetError, match="there is no recording; write one JSON object a line"):
         read_recording(folder)
+
+
+def test_a_whole_journal_is_appended_to_without_a_word(folder: Path) -> None:
+    """Samples one after another, and the first into an empty file: all are there, and nothing was cut."""
+    file(folder).write_bytes(b"")
+    for number in range(4):
+        before = file(folder).read_bytes()
+        assert append_sample(folder, Sample(number)) is None
+        assert file(folder).read_bytes().startswith(before)
+    assert [sample.sample for sample in read_recording(folder, read_cell(folder)).samples] == [0, 1, 2, 3]

@@ -1,0 +1,24 @@
+"""What an observation is where nothing else is said."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.cell import CandidateObservation, PixelObservation, Recording, Sample
+
+
+def test_sigmas_are_stated_ones_unless_said():
+    """A detector's own are marked; neither is there by itself."""
+    seen = PixelObservation("camera", "board", np.zeros(1, dtype=np.int64), np.zeros((1, 2)))
+    spots = CandidateObservation("camera", "light", np.zeros((1, 2)))
+    for observation in (seen, spots):
+        assert observation.sigma_px is None
+        assert observation.detected is False
+
+
+def test_a_recording_is_empty_until_something_is_recorded():
+    """Neither samples nor findings, and no folder; a sample knows its number alone."""
+    assert (Recording().samples, Recording().findings, Recording().folder) == ((), (), None)
+    sample = Sample(3)
+    assert (sample.stamp_s, dict(sample.robots), sample.observations) == (None, {}, ())
+    assert (dict(sample.images), dict(sample.background)) == ({}, {})
