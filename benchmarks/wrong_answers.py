@@ -88,6 +88,12 @@ def _reread(drawn: Drawn, robot: str, recorded: Callable[[int, SE3], SE3]) -> Dr
     return drawn._replace(recording=Recording(samples))
 
 
+def _poses(recording: Recording, robot: str) -> list[SE3]:
+    """What a robot's poses were read as."""
+    poses = [s.robots[robot].base_from_flange for s in recording.samples]
+    return [pose for pose in poses if pose is not None]
+
+
 def clean(seed: int) -> Drawn:
     """As stated."""
     return _simulated(seed)
@@ -153,24 +159,18 @@ def _along(way: SE3, times: np.ndarray) -> SE3:
 
 def jittering(seed: int) -> Drawn:
     """Five views at each of twelve stops, whose read-back jitters by 2 to 20 um."""
-    stops = _simulated(seed, samples=12)
-    made = simulate(_scenario(seed, samples=12), 1000 + seed)
+    scenario = _scenario(seed, samples=12)
+    made = simulate(scenario, 1000 + seed)
     jitter = (2e-6, 7e-6, 2e-5)[seed % 3]
     rng = np.random.default_rng(seed)
-    motion = Motion(
-        0,
-        {
-            r: SE3.stack([s.robots[r].base_from_flange for s in made.recording.samples for _ in range(5)])
-            for r in made.true_base_from_flange
-        },
-        {r: SE3.stack([p[k] for k in range(12) for _ in range(5)]) for r, p in made.true_base_from_flange.items()},
-    )
-    scenario = _scenario(seed, samples=12)
+    times = np.repeat(np.arange(12), 5)
+    recorded = {r: SE3.stack(_poses(made.recording, r))[times] for r in made.true_base_from_flange}
+    motion = Motion(0, recorded, {r: poses[times] for r, poses in made.true_base_from_flange.items()})
     scene = draw_scene(scenario, layout_of(scenario.layout), np.random.default_rng(1000 + seed).spawn(5)[0])
     views = observe(motion, scene, scenario, rng)
-    read = {r: p @ SE3.exp(jitter * rng.standard_normal((60, 6))) for r, p in motion.recorded.items()}
+    read = {r: poses @ SE3.exp(jitter * rng.standard_normal((60, 6))) for r, poses in recorded.items()}
     samples = tuple(Sample(k, float(k), {r: RobotState(p[k]) for r, p in read.items()}, v) for k, v in enumerate(views))
-    return stops._replace(recording=Recording(samples))
+    return Drawn(made.cell, Recording(samples), dict(made.truth))
 
 
 def copied(seed: int) -> Drawn:
@@ -204,7 +204,10 @@ def drifting(seed: int) -> Drawn:
 
 
 def sagging(seed: int) -> Drawn:
-    """The hand's flange sags by 2 mrad a metre of reach, about the horizontal across it."""
+    """The hand's flange sags by 2 mrad a metre of reach, about the horizontal across it.
+
+    What all poses have of it in common is a tilt of the base by definition: where the base is, the recorded poses say.
+    """
 
     def sag(_: int, pose: SE3) -> SE3:
         """The pose as recorded, of an arm that is lower than that: it does not know that it sags."""
@@ -213,7 +216,12 @@ def sagging(seed: int) -> Drawn:
         up = SE3.exp(np.concatenate([np.zeros(3), -turn])).rotation
         return SE3(up @ pose.rotation, up @ pose.translation)
 
-    return _reread(_simulated(seed), "hand", sag)
+    drawn = _simulated(seed)
+    read = _reread(drawn, "hand", sag)
+    true, recorded = (SE3.stack(_poses(of.recording, "hand")) for of in (drawn, read))
+    tilt = SE3.exp((true @ recorded.inverse()).log().mean(0))
+    name = "eye_base_from_hand_base"
+    return read._replace(truth=drawn.truth | {name: drawn.truth[name] @ tilt})
 
 
 def optimistic(seed: int) -> Drawn:

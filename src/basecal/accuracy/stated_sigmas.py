@@ -20,7 +20,7 @@ from basecal.estimation.outliers.noise_and_outliers import with_noise
 from basecal.estimation.outliers.robust_solve import RobustSolution
 from basecal.estimation.problem.problem import Problem, ViewGroup
 from basecal.estimation.settings import Settings
-from basecal.estimation.solve import Solution, solve_from
+from basecal.estimation.solve import Solution, integrated, solve_from
 from basecal.estimation.view.measurement import Measurement
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement
@@ -154,7 +154,7 @@ def without_contradicted(
         estimated = solve_from(problem, solution.state, settings, solution.findings)
     else:
         opened = replace(problem, unstated=problem.unstated | robots)
-        estimated = with_noise(replace(solution, problem=opened), settings)
+        estimated = integrated(with_noise(replace(solution, problem=opened), settings))
     # Views that were left out stood in stops of other numbers, whose errors the others do not tell.
     left_out = robust.left_out.with_groups(map(_without_stops, robust.left_out.groups))
     return replace(robust, solution=replace(estimated, disputed=solution.disputed), left_out=left_out)

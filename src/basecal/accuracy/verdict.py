@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -20,7 +20,7 @@ from basecal.accuracy.phrases.outlier import described_outlier
 from basecal.accuracy.residuals.fit import residuals
 from basecal.accuracy.robot_parameters import robot_parameters
 from basecal.accuracy.stated_sigmas import ContradictedSigma, contradicted_sigmas, without_contradicted
-from basecal.accuracy.systematic_errors.search import systematic_error
+from basecal.accuracy.systematic_errors.search import SystematicError, systematic_error
 from basecal.cell import Calibration, Cell, Finding, Recording, Residuals
 from basecal.cell.calibration import Verdict
 from basecal.estimation.outliers.noise_and_outliers import is_as_of_arms, solve_with_noise, with_noise
@@ -69,20 +69,24 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
     else:
         robust = solve_with_noise(cell, settings, plain, noisy)
     with settings.stage("stated sigmas"):
-        contradicted = contradicted_sigmas(robust.solution)
+        as_stated = robust.solution
+        contradicted = contradicted_sigmas(as_stated)
         robust = without_contradicted(robust, contradicted, settings)
     with settings.stage("robot model"):
         model = choose_robot_model(robust.solution, stated)
-    stamps = {s.sample: s.stamp_s for s in recording.samples if s.stamp_s is not None}
-    return _judged(cell, problem, stamps, robust, contradicted, model, settings, findings)
+    with settings.stage("systematic errors"):
+        stamps = {s.sample: s.stamp_s for s in recording.samples if s.stamp_s is not None}
+        refuted = as_stated if any(each.too_small for each in contradicted) else None
+        found = systematic_error(robust.solution, problem, stamps, settings, refuted)
+    return _judged(cell, problem, robust, contradicted, found, model, settings, findings)
 
 
 def _judged(
     cell: Cell,
     recorded: Problem,
-    stamps: Mapping[int, float],
     robust: RobustSolution,
     contradicted: tuple[ContradictedSigma, ...],
+    systematic: SystematicError | None,
     model: RobotModelChoice | None,
     settings: Settings,
     findings: list[Finding],
@@ -95,9 +99,7 @@ def _judged(
         fit = residuals(solution, robust.left_out)
     with settings.stage("cross-validation"):
         validated = cross_validate(solution, cell.asked, stated)
-    with settings.stage("systematic errors"):
-        found = systematic_error(solution, recorded, stamps, settings)
-    evidence = Evidence(cell, settings, recorded, robust, solution, fit, validated, model, contradicted, found)
+    evidence = Evidence(cell, settings, recorded, robust, solution, fit, validated, model, contradicted, systematic)
     with settings.stage("findings"):
         findings += [finding for check in ANSWER_CHECKS for finding in check(evidence)]
     return replace(

@@ -1,11 +1,14 @@
 """Systematic errors put into simulated cells are found, with their size; clean cells have none."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.evidence import evidence_of
 
 from basecal.accuracy.findings.systematic_error import systematic_error as findings
-from basecal.accuracy.systematic_errors.search import systematic_error
+from basecal.accuracy.stated_sigmas import contradicted_sigmas
+from basecal.accuracy.systematic_errors.search import _reconciling, systematic_error
 from basecal.cell import Recording, RobotState, Sample
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
@@ -114,3 +117,18 @@ def test_a_camera_that_lags(lag_s):
     assert (error.code, error.about, error.unit) == ("clock-offset", "overhead", "s")
     assert abs(error.size[0] + lag_s) < 4 * error.sigma
     assert error.sigma < 0.01
+
+
+def test_an_error_that_reconciles_residuals_with_their_sigmas():
+    """Contradicted sigmas that an error explains are not estimated away; sigmas that are merely wrong are no error."""
+    cell, moved = as_recorded(lambda k, pose: SE3.exp(4 * STEP * (k >= HALF)) @ pose)
+    halved = []
+    for sample in as_recorded(lambda _, pose: pose)[1].samples:
+        (seen,) = sample.observations
+        halved.append(replace(sample, observations=(replace(seen, sigma=0.5 * seen.sigma),)))
+    for recording, code in ((moved, "base-moved"), (Recording(tuple(halved)), None)):
+        problem, _ = build_problem(cell, recording)
+        solution = solve_packed(problem, cell, SETTINGS)
+        assert any(each.too_small for each in contradicted_sigmas(solution))
+        found = _reconciling(solution, problem, {s.sample: s.stamp_s for s in recording.samples}, SETTINGS)
+        assert (None if found is None else found.code) == code

@@ -44,10 +44,19 @@ class Score:
     @property
     def log_chance(self) -> Array:
         """(b,) logarithm of the chance of a statistic so large or larger."""
-        chance = chdtrc(np.maximum(self.freedoms, 1), self.statistic)
-        # Far out the tail is exp(-x / 2) x^(q / 2 - 1), of which the first factor is all that counts here.
-        far = -0.5 * self.statistic + (0.5 * self.freedoms - 1) * np.log(np.maximum(0.5 * self.statistic, 1.0))
-        return np.where(self.freedoms > 0, np.where(chance > _LEAST, np.log(np.maximum(chance, _LEAST)), far), 0.0)
+        pairs = zip(self.statistic, self.freedoms, strict=True)
+        return np.array([log_chance_of(float(value), int(freedoms)) for value, freedoms in pairs])
+
+
+def log_chance_of(statistic: float, freedoms: int) -> float:
+    """Logarithm of the chance of a chi-square so large or larger; 0 without freedoms."""
+    if freedoms < 1:
+        return 0.0
+    chance = float(chdtrc(freedoms, statistic))
+    if chance > _LEAST:
+        return float(np.log(chance))
+    # Far out the tail is exp(-x / 2) x^(q / 2 - 1), of which the first factor is all that counts here.
+    return float(-0.5 * statistic + (0.5 * freedoms - 1) * np.log(0.5 * statistic))
 
 
 @dataclass(frozen=True, eq=False)

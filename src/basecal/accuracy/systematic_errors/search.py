@@ -11,10 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from basecal.accuracy.significance import SIGNIFICANCE
+from basecal.accuracy.significance import CONFIRMED_SIGNIFICANCE
+from basecal.accuracy.stated_sigmas import contradicted_sigmas
 from basecal.accuracy.systematic_errors.candidates import Candidates
 from basecal.accuracy.systematic_errors.confirm import confirmed
-from basecal.accuracy.systematic_errors.score_tests import linearised, score
+from basecal.accuracy.systematic_errors.score_tests import linearised, log_chance_of, score
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.accuracy.systematic_errors.table import TABLE
 from basecal.estimation.outliers.noise_and_outliers import with_noise
@@ -23,7 +24,8 @@ from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_from
 from basecal.geometry import SE3, Array
 
-_TRIES = 4  # candidates that may fail to be confirmed before the search ends
+_SUSPECT = 0.02  # chance of a score below which an error is solved for
+_TRIES = 3  # errors that are solved for at most, which bounds the time
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +41,6 @@ class SystematicError:
         unit: Of the sizes, in words.
         size: (q,) what the recording is to be corrected by; see `table`.
         covariance: (q, q).
-        log_chance: Logarithm of the chance of finding any of its kind in data without.
     """
 
     code: str
@@ -50,7 +51,6 @@ class SystematicError:
     unit: str
     size: Array
     covariance: Array
-    log_chance: float
 
     @property
     def sigma(self) -> float:
@@ -58,8 +58,31 @@ class SystematicError:
         return float(np.sqrt(self.covariance[0, 0]))
 
 
+@dataclass(frozen=True, eq=False)
+class _Suspect:
+    """An error whose score chance hardly makes.
+
+    Attributes:
+        candidate: It alone.
+        size: (q,) to first order.
+        freedoms: How many of its sizes the data tell.
+        log_chance: Logarithm of the chance that any of its code has such a score.
+        several: Logarithm of how many these are.
+    """
+
+    candidate: Candidates
+    size: Array
+    freedoms: int
+    log_chance: float
+    several: float
+
+
 def systematic_error(
-    solution: Solution, recorded: Problem, stamps: Mapping[int, float], settings: Settings
+    solution: Solution,
+    recorded: Problem,
+    stamps: Mapping[int, float],
+    settings: Settings,
+    as_stated: Solution | None = None,
 ) -> SystematicError | None:
     """What explains the residuals far better than noise does, and predicts held-out blocks better.
 
@@ -70,66 +93,97 @@ def systematic_error(
         recorded: The problem as it was recorded, outliers among it.
         stamps: Time of each sample by number [s].
         settings: How the answer was solved.
+        as_stated: The solution with the sigmas as stated, where its residuals contradict them.
 
     Returns:
         The error that is least likely to be chance; None where there is none.
     """
     if not solution.converged or not np.isfinite(solution.cost) or not solution.problem.groups:
         return None
-    situation = Situation(solution.noise.held_by(solution.problem), solution.state, recorded, stamps)
-    found = _found(situation)
-    return None if found is None else _solved_for(solution, situation, *found, settings)
-
-
-def _found(of: Situation) -> tuple[Candidates, float] | None:
-    """The least likely of all errors to be chance, that is confirmed, and the logarithm of its chance.
-
-    One of several that are looked for by one code, such as steps at many samples, counts by the chance of any of them.
-    """
-    about = linearised(of.problem, of.state)
-    kinds = [kind for row in TABLE for kind in row(of)]
-    tests = Counter(code for kind in kinds for code in [kind.code] * len(kind.about))
-    # Among errors, one of many costs as much as the unknown that says which: half the logarithm of their number.
-    ranked = sorted(
-        (float(log_chance) + 0.5 * float(np.log(tests[kind.code])), i, b)
-        for i, kind in enumerate(kinds)
-        for b, log_chance in enumerate(score(about, kind).log_chance)
-    )
-    refused: set[tuple[str, str]] = set()
-    for rank, i, b in ranked:
-        candidate = kinds[i].only(b)
-        log_chance = rank + 0.5 * float(np.log(tests[candidate.code]))
-        if log_chance > np.log(SIGNIFICANCE) or len(refused) >= _TRIES:
-            break
-        key = (candidate.code, candidate.about[0])
-        if key not in refused:
-            if confirmed(of, candidate):
-                return candidate, log_chance
-            refused.add(key)
+    if as_stated is not None:
+        found = _reconciling(as_stated, recorded, stamps, replace(settings, robot_noise="stated"))
+        if found is not None:
+            return found
+    situation = _situation(solution, recorded, stamps)
+    suspects = [suspect for suspect in _suspects(situation) if confirmed(situation, suspect.candidate)]
+    before = _solved_again(solution, settings) if suspects else solution
+    for suspect in suspects:
+        after = _solved_again(_without(solution, situation, suspect), settings)
+        if min(suspect.log_chance, _log_chance(suspect, before, after)) < np.log(CONFIRMED_SIGNIFICANCE):
+            return _described(situation, suspect, after)
     return None
 
 
-def _solved_for(
-    solution: Solution, of: Situation, candidate: Candidates, log_chance: float, settings: Settings
-) -> SystematicError:
-    """The error, solved for beside everything else: the recorded poses corrected, and the noise estimated anew."""
-    first = score(linearised(of.problem, of.state), candidate)
-    moved = _corrected(solution.problem, of, candidate, first.size[0])
-    after = _solved_again(replace(solution, problem=moved), settings)
-    problem = after.noise.held_by(after.problem)
-    again = score(linearised(problem, after.state), candidate)
-    size = first.size[0] + again.size[0]
-    covariance = np.linalg.pinv(again.information[0])
-    about = candidate.about[0]
+def _reconciling(
+    as_stated: Solution, recorded: Problem, stamps: Mapping[int, float], settings: Settings
+) -> SystematicError | None:
+    """The error without which the residuals are as stated after all; None where none does that."""
+    situation = _situation(as_stated, recorded, stamps)
+    for suspect in _suspects(situation):
+        if suspect.log_chance < np.log(CONFIRMED_SIGNIFICANCE) and confirmed(situation, suspect.candidate):
+            moved = _without(as_stated, situation, suspect).problem
+            after = replace(solve_from(moved, as_stated.state, settings), noise=as_stated.noise)
+            if not any(each.too_small for each in contradicted_sigmas(after)):
+                return _described(situation, suspect, after)
+    return None
+
+
+def _situation(solution: Solution, recorded: Problem, stamps: Mapping[int, float]) -> Situation:
+    return Situation(solution.noise.held_by(solution.problem), solution.state, recorded, stamps)
+
+
+def _without(solution: Solution, of: Situation, suspect: _Suspect) -> Solution:
+    """The solution, to be solved again, of the recorded poses corrected by an error."""
+    return replace(solution, problem=_corrected(solution.problem, of, suspect.candidate, suspect.size))
+
+
+def _suspects(of: Situation) -> list[_Suspect]:
+    """Errors that chance hardly makes, the least likely first, one of each code and name."""
+    about = linearised(of.problem, of.state)
+    kinds = [kind for row in TABLE for kind in row(of)]
+    tests = Counter(code for kind in kinds for code in [kind.code] * len(kind.about))
+    found: dict[tuple[str, str], tuple[float, _Suspect]] = {}
+    for kind in kinds:
+        scores, several = score(about, kind), float(np.log(tests[kind.code]))
+        for b in map(int, np.flatnonzero(scores.log_chance + several < np.log(_SUSPECT))):
+            # Among errors, one of many costs as much as the unknown that says which: half the log of their number.
+            rank, key = float(scores.log_chance[b]) + 0.5 * several, (kind.code, kind.about[b])
+            if key not in found or rank < found[key][0]:
+                chance = float(scores.log_chance[b]) + several
+                suspect = _Suspect(kind.only(b), scores.size[b], int(scores.freedoms[b]), chance, several)
+                found[key] = rank, suspect
+    ranked = sorted(found.values(), key=lambda each: each[0])
+    return [suspect for _, suspect in ranked[:_TRIES]]
+
+
+def _log_chance(suspect: _Suspect, before: Solution, after: Solution) -> float:
+    """Logarithm of the chance of what the error gains in likelihood, the noise estimated anew.
+
+    Noise that is estimated with the error in it is larger than without, so that the score falls short of the gain;
+    where few residuals tell the noise, chance makes the gain larger by the share of unknowns (Bartlett 1937).
+    """
+    if before.noise.logs is None or after.noise.logs is None:
+        return 0.0
+    equations = sum(int(group.measurement.equations().sum()) for group in before.problem.groups)
+    left = 1 - (before.problem.width + suspect.freedoms) / max(equations, 1)
+    gain = max(before.noise.surprise - after.noise.surprise, 0.0) * max(left, 0.0)
+    return log_chance_of(gain, suspect.freedoms) + suspect.several
+
+
+def _described(of: Situation, suspect: _Suspect, after: Solution) -> SystematicError:
+    """The error, its size corrected to first order about the solution without it, and how well it is known there."""
+    candidate, about = suspect.candidate, suspect.candidate.about[0]
+    again = score(linearised(after.noise.held_by(after.problem), after.state), candidate)
+    size, covariance = suspect.size + again.size[0], np.linalg.pinv(again.information[0])
     is_camera, is_target = (any(getattr(g, kind) == about for g in of.problem.groups) for kind in ("camera", "target"))
     return SystematicError(
-        candidate.code, about, is_camera, is_target, candidate.since[0], candidate.unit, size, covariance, log_chance
+        candidate.code, about, is_camera, is_target, candidate.since[0], candidate.unit, size, covariance
     )
 
 
 def _solved_again(solution: Solution, settings: Settings) -> Solution:
     if settings.robot_noise != "stated":
-        return with_noise(solution, settings)
+        return with_noise(solution, settings, near=solution)
     return solve_from(solution.problem, solution.state, settings, solution.findings)
 
 
