@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from json import dumps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -70,7 +71,9 @@ def target(
     for path in write_pages(pages, out):
         print(f"wrote {path} ({pages[0].paper}): print at 100 % and measure the ruler")
     if cell is None:
-        print("\nfor cell.yaml, under targets:\n" + _lines(kind, fields))
+        print(f"\nfor cell.yaml, under targets:\n  board:\n    on: hand\n    mount: {{status: free}}\n    kind: {kind}")
+        for key, value in fields.items():
+            print(f"    {key}: {value if isinstance(value, str) else dumps(value)}")
     return 0
 
 
@@ -125,10 +128,3 @@ def _of_cell(folder: Path, name: str | None) -> tuple[str, Target]:
     shape = targets[chosen]
     options = ", ".join(f"{k} {v}" for k, v in shape.options.items() if not isinstance(v, list) or len(v) == 2)
     return f"{chosen}: {shape.kind}, {options}", shape
-
-
-def _lines(kind: str, fields: dict[str, Any]) -> str:
-    from json import dumps
-
-    rows = [f"    {key}: {dumps(value) if not isinstance(value, str) else value}" for key, value in fields.items()]
-    return "\n".join(["  board:", "    on: hand", "    mount: {status: free}", f"    kind: {kind}", *rows])

@@ -30,7 +30,9 @@ def cell_text(robots: int, kind: Kind, camera_on_world: bool = False) -> str:
         camera_on_world: Whether the camera stands beside a single robot, which then carries the target.
     """
     names = ["hand"] if camera_on_world else robot_names(robots)
-    pairs = list(_pairs(names, camera_on_world))
+    # What carries each camera, and what carries the target it looks at.
+    alone = ("world", names[0]) if camera_on_world else (names[0], "world")
+    pairs = list(pairwise(names)) if len(names) > 1 else [alone]
     parts = [
         _HEAD,
         f"reference: {names[0]:<26}# this robot's base is `world`: where everything is expressed\n",
@@ -38,7 +40,9 @@ def cell_text(robots: int, kind: Kind, camera_on_world: bool = False) -> str:
     ]
     parts += [f"  {name + ': {}':<35}{_NOISE_HELP if name == names[0] else ''}".rstrip() + "\n" for name in names]
     parts += ["bases:\n"] if len(names) > 1 else []
-    parts += [_base(names[0], name) for name in names[1:]]
+    for name in names[1:]:
+        about = f"{names[0]}_base_from_{name}_base; free is the default; `guess: {{...}}` is optional"
+        parts.append(f"{f'  {name}: {{status: free}}':<37}# {about}\n")
     parts += ["cameras:\n", *(_camera(_numbered("camera", i), on, names[0], kind) for i, (on, _) in enumerate(pairs))]
     parts += ["targets:\n", *(_target(_numbered("target", i), on, names[0], kind) for i, (_, on) in enumerate(pairs))]
     parts += (
@@ -54,20 +58,8 @@ def robot_names(robots: int) -> list[str]:
     return ["eye", "hand", *(f"arm{i}" for i in range(3, robots + 1))][:robots]
 
 
-def _pairs(names: list[str], camera_on_world: bool) -> list[tuple[str, str]]:
-    """What carries each camera, and what carries the target it looks at."""
-    if len(names) == 1:
-        return [("world", names[0])] if camera_on_world else [(names[0], "world")]
-    return list(pairwise(names))
-
-
 def _numbered(name: str, place: int) -> str:
     return name if place == 0 else f"{name}{place + 1}"
-
-
-def _base(reference: str, robot: str) -> str:
-    line = f"  {robot}: {{status: free}}"
-    return f"{line:<37}# {reference}_base_from_{robot}_base; free is the default; `guess: {{...}}` is optional\n"
 
 
 def _mount(on: str, reference: str, name: str) -> str:

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from basecal.cell import Target
-from basecal.cell.sheet import Sheet
 from basecal.errors import InputError
 from basecal.geometry import Array
 from basecal.vision.draw.drawing import target_drawing
@@ -68,7 +67,16 @@ def printed_pages(target: Target, title: str) -> list[PrintedPage]:
     """
     if not target.sheets:
         return [_template(target, title)]
-    return [_page(sheet, title) for sheet in target_drawing(target)]
+    pages = []
+    for sheet in target_drawing(target):
+        left, top, right, bottom = 1e3 * sheet.paper
+        paper, size = _paper_for(right - left, bottom - top)
+        shift = np.array([(size[0] - right - left) / 2, (size[1] - _FOOT_MM - bottom - top) / 2])
+        discs = 1e3 * sheet.discs
+        discs[:, :2] += shift
+        rectangles = 1e3 * sheet.rectangles + np.tile(shift, 2)
+        pages.append(PrintedPage(paper, size, rectangles, discs, np.zeros((0, 3)), *_ruler(size, title)))
+    return pages
 
 
 def write_pages(pages: Sequence[PrintedPage], path: Path) -> list[Path]:
@@ -87,17 +95,6 @@ def write_pages(pages: Sequence[PrintedPage], path: Path) -> list[Path]:
     for name, page in zip(names, pages, strict=True):
         name.write_text(page_svg(page), encoding="utf-8")
     return names
-
-
-def _page(sheet: Sheet, title: str) -> PrintedPage:
-    left, top, right, bottom = 1e3 * sheet.paper
-    paper, size = _paper_for(right - left, bottom - top)
-    shift = np.array([(size[0] - right - left) / 2, (size[1] - _FOOT_MM - bottom - top) / 2])
-    lines, texts = _ruler(size, title)
-    discs = 1e3 * sheet.discs
-    discs[:, :2] += shift
-    rectangles = 1e3 * sheet.rectangles + np.tile(shift, 2)
-    return PrintedPage(paper, size, rectangles, discs, np.zeros((0, 3)), lines, texts)
 
 
 def _template(target: Target, title: str) -> PrintedPage:

@@ -38,21 +38,21 @@ def _points(
     ]
 
 
-def _of_view(view: View, motion: Motion, scene: Scene, scenario: Scenario, rng: Generator) -> list[Observation]:
-    if scenario.target == "pose":
-        camera_from_target = scene.camera_from_target(view, motion.true)
-        noisy = camera_from_target @ SE3.exp(draw.tangents(rng, len(camera_from_target), scenario.pose_noise))
-        sigma = (
-            np.repeat(scenario.pose_noise, 3) if scenario.state_observation_noise and any(scenario.pose_noise) else None
-        )
-        return [PoseObservation(*view, noisy[k], sigma) for k in range(len(noisy))]
-    points = points_in_camera(scene, view, motion.true)
-    seen = seen_points(scene, scenario, view, motion.true)
-    report = _points if scenario.target == "points3d" else _pixels
-    return report(view, scene, scenario, points, seen, rng)
+def _poses(view: View, camera_from_target: SE3, scenario: Scenario, rng: Generator) -> list[Observation]:
+    noisy = camera_from_target @ SE3.exp(draw.tangents(rng, len(camera_from_target), scenario.pose_noise))
+    sigma = np.repeat(scenario.pose_noise, 3) if scenario.state_observation_noise and any(scenario.pose_noise) else None
+    return [PoseObservation(*view, noisy[k], sigma) for k in range(len(noisy))]
 
 
 def observe(motion: Motion, scene: Scene, scenario: Scenario, rng: Generator) -> list[tuple[Observation, ...]]:
     """What is seen in each sample of a motion."""
-    views = scene.layout.groups[motion.group]
-    return list(zip(*(_of_view(view, motion, scene, scenario, rng) for view in views), strict=True))
+    by_view: list[list[Observation]] = []
+    for view in scene.layout.groups[motion.group]:
+        if scenario.target == "pose":
+            by_view.append(_poses(view, scene.camera_from_target(view, motion.true), scenario, rng))
+        else:
+            points = points_in_camera(scene, view, motion.true)
+            seen = seen_points(scene, scenario, view, motion.true)
+            report = _points if scenario.target == "points3d" else _pixels
+            by_view.append(report(view, scene, scenario, points, seen, rng))
+    return list(zip(*by_view, strict=True))

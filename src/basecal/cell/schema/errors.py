@@ -56,7 +56,13 @@ def _fields_at(model: type[BaseModel], loc: Loc) -> list[str]:
     """Names of the fields of the entry at a place."""
     here: Any = model
     for part in loc:
-        here = _step(_bare(here), part)
+        here = _bare(here)
+        if _is_tag(part):
+            here = entry_with_tag(str(part))
+        elif _is_model(here):
+            here = next((f.annotation for name, f in here.model_fields.items() if part in (name, f.alias)), None)
+        else:
+            here = get_args(here)[-1] if get_args(here) else None
     entry = _bare(here)
     return [field.alias or name for name, field in entry.model_fields.items()] if _is_model(entry) else []
 
@@ -69,15 +75,6 @@ def _bare(annotation: Any) -> Any:
         some = [option for option in get_args(annotation) if option is not type(None)]
         return _bare(some[0]) if len(some) == 1 else annotation
     return annotation
-
-
-def _step(annotation: Any, part: str | int) -> Any:
-    if _is_tag(part):
-        return entry_with_tag(str(part))
-    if _is_model(annotation):
-        found = [f.annotation for name, f in annotation.model_fields.items() if part in (name, f.alias)]
-        return found[0] if found else None
-    return get_args(annotation)[-1] if get_args(annotation) else None
 
 
 def _is_model(annotation: Any) -> bool:

@@ -16,7 +16,7 @@ _SECTIONS = ("robots", "cameras", "targets")
 
 def name_problems(data: dict[str, Any]) -> list[Problem]:
     """What is wrong with the names in the data of a cell, whatever else may be wrong with it."""
-    return [*_ill_formed(data), *_taken(data), *_unknown_robots(data)]
+    return [*_unfit_names(data), *_unknown_robots(data)]
 
 
 def _section(data: dict[str, Any], name: str) -> dict[str, Any]:
@@ -24,7 +24,9 @@ def _section(data: dict[str, Any], name: str) -> dict[str, Any]:
     return section if isinstance(section, dict) else {}
 
 
-def _ill_formed(data: dict[str, Any]) -> Iterator[Problem]:
+def _unfit_names(data: dict[str, Any]) -> Iterator[Problem]:
+    robots = _section(data, "robots")
+    owners = {f"{robot}_{end}": f"a frame of {robot!r}" for robot in robots for end in ("base", "flange")}
     for section in _SECTIONS:
         for name in _section(data, section):
             if not (isinstance(name, str) and _NAME.fullmatch(name)) or "_from_" in name or "_in_" in name:
@@ -32,13 +34,6 @@ def _ill_formed(data: dict[str, Any]) -> Iterator[Problem]:
                 yield Problem((section, name), f"{what}; rename {short(name)}")
             elif name == WORLD:
                 yield Problem((section, name), f"{WORLD!r} is the base of the reference robot; choose another name")
-
-
-def _taken(data: dict[str, Any]) -> Iterator[Problem]:
-    robots = _section(data, "robots")
-    owners = {f"{robot}_{end}": f"a frame of {robot!r}" for robot in robots for end in ("base", "flange")}
-    for section in _SECTIONS:
-        for name in _section(data, section):
             if name in owners:
                 yield Problem((section, name), f"the name {name!r} is taken by {owners[name]}; names are unique")
             owners[name] = f"{section}.{name}"

@@ -81,18 +81,28 @@ def find_stations(problem: Problem, cameras: dict[str, Camera]) -> list[Station]
     Raises:
         NotObservable: if a mount is not known, or no camera stood still while a light was shifted in three directions.
     """
-    found = [
-        station
-        for group in problem.groups
-        if isinstance(group.measurement, PixelMeasurement) and len(group.measurement.points_in_target) == 1
-        for station in _of_group(problem, group, group.measurement, cameras[group.camera])
-    ]
-    if not found:
+    found = []
+    for group in problem.groups:
+        measurement = group.measurement
+        if not isinstance(measurement, PixelMeasurement) or len(measurement.points_in_target) != 1:
+            continue
+        camera = cameras[group.camera]
+        eye_flange_from_camera = _known(problem, group.camera_mount)
+        hand_flange_from_light = _known(problem, group.target_mount)
+        bearings, valid = camera.undistort(measurement.pixels[:, 0])
+        px = camera.focal * bearings[:, :2] / bearings[:, 2:]
+        for run in _runs(group):
+            views = run[valid[run]]
+            eye_base_from_camera = group.eye_base_from_eye_flange[views] @ eye_flange_from_camera
+            hand_base_from_light = group.hand_base_from_hand_flange[views] @ hand_flange_from_light
+            found.append(_station(group, views, px[views], eye_base_from_camera, hand_base_from_light, camera.focal))
+    stations = [station for station in found if station is not None]
+    if not stations:
         raise NotObservable(
             "no station found: the axis-shift method needs a camera that stands still while a single light is shifted "
             "along three directions that do not lie in a plane, without being turned"
         )
-    return found
+    return stations
 
 
 def fused(bases: Sequence[SE3], weights: Sequence[float]) -> SE3:
@@ -110,20 +120,6 @@ def for_task(stations: Sequence[Station], task_in_eye_base: Array, nearest: bool
     if nearest:
         return bases[int(np.argmin(distance))]
     return fused(bases, list(1 / np.maximum(distance, 1e-6) ** 2))
-
-
-def _of_group(problem: Problem, group: ViewGroup, measurement: PixelMeasurement, camera: Camera) -> Iterator[Station]:
-    eye_flange_from_camera = _known(problem, group.camera_mount)
-    hand_flange_from_light = _known(problem, group.target_mount)
-    bearings, valid = camera.undistort(measurement.pixels[:, 0])
-    px = camera.focal * bearings[:, :2] / bearings[:, 2:]
-    for run in _runs(group):
-        views = run[valid[run]]
-        eye_base_from_camera = group.eye_base_from_eye_flange[views] @ eye_flange_from_camera
-        hand_base_from_light = group.hand_base_from_hand_flange[views] @ hand_flange_from_light
-        station = _station(group, views, px[views], eye_base_from_camera, hand_base_from_light, camera.focal)
-        if station is not None:
-            yield station
 
 
 def _known(problem: Problem, name: str) -> SE3:

@@ -60,7 +60,18 @@ class Motion:
 
 def motions(problem: Problem) -> dict[str, Motion]:
     """How each robot of the views moves, by name."""
-    return {robot: _motion(problem, robot, poses) for robot, poses in _poses(problem).items()}
+    found = {}
+    for robot, base_from_flange in _poses(problem).items():
+        first = base_from_flange[0]
+        turns = SE3(base_from_flange.rotation @ first.rotation.T, np.zeros((len(base_from_flange), 3))).rotvec
+        axes = np.linalg.svd(turns, full_matrices=True)[2].T
+        about = np.abs(turns @ axes).max(axis=0)
+        order = np.argsort(-about)
+        travel = float(np.linalg.norm(base_from_flange.translation - first.translation, axis=-1).max())
+        twists = _indistinct(base_from_flange, _least(problem, robot))[0]
+        count = len({int(n) for g in problem.groups if robot in (g.eye, g.hand) for n in g.sample})
+        found[robot] = Motion(robot, count, travel, about[order], axes[:, order], _orientations(turns), twists)
+    return found
 
 
 def _poses(problem: Problem) -> dict[str, SE3]:
@@ -72,18 +83,6 @@ def _poses(problem: Problem) -> dict[str, SE3]:
         if group.hand is not None:
             found.setdefault(group.hand, []).append(group.hand_base_from_hand_flange)
     return {robot: concatenate(found[robot]) for robot in sorted(found)}
-
-
-def _motion(problem: Problem, robot: str, base_from_flange: SE3) -> Motion:
-    first = base_from_flange[0]
-    turns = SE3(base_from_flange.rotation @ first.rotation.T, np.zeros((len(base_from_flange), 3))).rotvec
-    axes = np.linalg.svd(turns, full_matrices=True)[2].T
-    about = np.abs(turns @ axes).max(axis=0)
-    order = np.argsort(-about)
-    travel = float(np.linalg.norm(base_from_flange.translation - first.translation, axis=-1).max())
-    twists = _indistinct(base_from_flange, _least(problem, robot))[0]
-    count = len({int(n) for g in problem.groups if robot in (g.eye, g.hand) for n in g.sample})
-    return Motion(robot, count, travel, about[order], axes[:, order], _orientations(turns), twists)
 
 
 def _orientations(turns: Array) -> int:
