@@ -3,8 +3,8 @@
 A mutant is one source file with one expression changed: a comparison turned round or shifted by its border, an
 operator exchanged, a condition negated, a number changed. Its room is the folder of the tests that mirrors the folder
 of the file; only these tests judge it, those under the file's own name first. The sample is drawn with a seed; a
-mutant that a test fails on, or that makes the tests hang, is killed. `benchmarks/results/mutants.json` lists the
-others.
+mutant that a test fails on, or that makes the tests hang, is killed. `benchmarks/results/mutants.json` keeps the last
+run of each choice of packages and lists what survived; `benchmarks/surviving_mutants.py` says why.
 
 Every mutant is judged in a fork of one process that has the libraries loaded but nothing of the package, with a copy
 of the sources in which that file is changed: nothing of the work tree is touched.
@@ -21,15 +21,17 @@ import shutil
 import signal
 import sys
 import time
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
-from benchmarks.common import table, write
+from benchmarks.common import RESULTS, commit, table, write
+from benchmarks.surviving_mutants import reason
 
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "basecal"
@@ -37,7 +39,8 @@ TESTS = ROOT / "tests"
 PACKAGES = ("geometry", "numerics", "kinematics", "cell", "estimation", "accuracy")
 SLOWER = 5.0  # a mutant that takes so many times as long as its room does without one is taken to hang
 LONGEST_S = 600.0
-HEAD = ("room", "mutants", "killed", "share")
+HEAD = ("room", "mutants", "killed", "equivalent", "killed of the others")
+HEAD_OF_SURVIVORS = ("survived", "was", "became", "why")
 NICE = 10
 
 COMPARISONS: dict[type[ast.cmpop], type[ast.cmpop]] = {
@@ -257,38 +260,106 @@ def verdicts(mutants: Sequence[Mutant], longest_s: float) -> Iterator[Verdict]:
             path.write_text(unchanged, encoding="utf-8")
 
 
-def summary(found: Sequence[Verdict]) -> list[tuple[str, int, int, str]]:
-    """Rows of the table with `HEAD`, one a room and one for all."""
-    rows = []
-    rooms = sorted({str(Path(each.mutant.file).parent) for each in found})
-    for name in [*rooms, "all"]:
-        ends = [v.end for v in found if name in {"all", str(Path(v.mutant.file).parent)}]
-        killed = sum(end != "survived" for end in ends)
-        rows.append((name, len(ends), killed, f"{100 * killed / max(len(ends), 1):.0f} %"))
-    return rows
+def run_of(packages: Sequence[str], seed: int, found: Sequence[Verdict]) -> dict[str, Any]:
+    """A run as it is kept: how many mutants each room had, how many were killed, and the others."""
+    rooms = [str(Path(each.mutant.file).parent) for each in found]
+    killed = [room for room, each in zip(rooms, found, strict=True) if each.end != "survived"]
+    left = [each.mutant for each in found if each.end == "survived"]
+    return {
+        "packages": list(packages),
+        "seed": seed,
+        "commit": commit(),
+        "mutants": dict(sorted(Counter(rooms).items())),
+        "killed": dict(sorted(Counter(killed).items())),
+        "survived": [{"file": of.file, "line": of.line, "old": of.old, "new": of.new} for of in left],
+    }
+
+
+def rows(runs: Sequence[dict[str, Any]]) -> list[tuple[str, int, int, int, str]]:
+    """Rows of the table with `HEAD`, one a package and one for all."""
+    counts: dict[str, list[int]] = {}
+    for run in runs:
+        for room, mutants in run["mutants"].items():
+            alike = sum(each["file"].rpartition("/")[0] == room and is_equivalent(each) for each in run["survived"])
+            for name in (room.split("/")[0], "all"):
+                so_far = counts.setdefault(name, [0, 0, 0])
+                counts[name] = [
+                    n + m for n, m in zip(so_far, (mutants, run["killed"].get(room, 0), alike), strict=True)
+                ]
+    names = sorted(counts, key=lambda name: (name == "all", name))
+    return [
+        (name, *counts[name], f"{100 * counts[name][1] / max(counts[name][0] - counts[name][2], 1):.0f} %")
+        for name in names
+    ]
+
+
+def is_equivalent(survivor: dict[str, Any]) -> bool:
+    """Whether nothing that a test could see differs."""
+    return reason(survivor).startswith("equivalent")
+
+
+def survivors(runs: Sequence[dict[str, Any]]) -> list[tuple[str, str, str, str]]:
+    """Rows of the table with `HEAD_OF_SURVIVORS`."""
+    left = [each for run in runs for each in run["survived"]]
+    told = [(f"{e['file']}:{e['line']}", f"`{e['old']}`", f"`{e['new']}`", reason(e)) for e in left]
+    return [(place, old.replace("|", "\\|"), new.replace("|", "\\|"), why) for place, old, new, why in told]
+
+
+def kept_runs() -> list[dict[str, Any]]:
+    """The last run of each choice of packages."""
+    path = RESULTS / "mutants.json"
+    runs: list[dict[str, Any]] = json.loads(path.read_text(encoding="utf-8"))["runs"] if path.exists() else []
+    return runs
+
+
+def keep(run: dict[str, Any]) -> None:
+    """Put a run in place of the last one of the same packages."""
+    others = [r for r in kept_runs() if r["packages"] != run["packages"]]
+    write("mutants", {"runs": sorted([*others, run], key=lambda r: str(r["packages"]))})
+
+
+def _place(mutant: dict[str, Any]) -> tuple[Any, ...]:
+    return mutant["file"], mutant["line"], mutant["old"], mutant["new"]
+
+
+def judged_again(run: dict[str, Any]) -> dict[str, Any]:
+    """A run with what survived judged by the tests as they are now; what is no longer in the sources stays."""
+    wanted = {_place(each) for each in run["survived"]}
+    there = [m for file in sorted({w[0] for w in wanted}) for m in mutants_of(SOURCE / file)]
+    verdict_of: dict[tuple[Any, ...], set[str]] = {}
+    for each in verdicts([m for m in there if _place(m._asdict()) in wanted], LONGEST_S):
+        verdict_of.setdefault(_place(each.mutant._asdict()), set()).add(each.end)
+    left = [each for each in run["survived"] if "survived" in verdict_of.get(_place(each), {"survived"})]
+    gone = Counter(str(Path(e["file"]).parent) for e in run["survived"] if e not in left)
+    killed = Counter(run["killed"]) + gone
+    return {**run, "commit": commit(), "killed": dict(sorted(killed.items())), "survived": left}
 
 
 def main(arguments: list[str]) -> None:
-    """Sample, judge, print; write results/mutants.json where all packages were asked for."""
+    """Sample, judge, print, and keep."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.mutants", description=__doc__)
     parser.add_argument("--packages", nargs="*", default=list(PACKAGES), metavar="PACKAGE", help="such as cell/journal")
     parser.add_argument("--count", type=int, default=400)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--again", action="store_true", help="judge anew what survived in the runs that are kept")
     asked = parser.parse_args(arguments)
     os.nice(NICE)
     os.chdir(ROOT)
     load_libraries()
+    if asked.again:
+        for run in kept_runs():
+            keep(judged_again(run))
+        print(table(HEAD, rows(kept_runs())))
+        return
     found = []
     for verdict in verdicts(sample_of(asked.packages, asked.count, asked.seed), LONGEST_S):
         found.append(verdict)
         if verdict.end == "survived":
             of = verdict.mutant
             print(f"survived: {of.file}:{of.line}: {of.old}  ->  {of.new}", flush=True)
-    print(table(HEAD, summary(found)))
-    if asked.packages == list(PACKAGES):
-        left = [v.mutant._asdict() for v in found if v.end == "survived"]
-        left = [{name: value for name, value in each.items() if name != "source"} for each in left]
-        write("mutants", {"seed": asked.seed, "rooms": json.loads(json.dumps(summary(found))), "survived": left})
+    run = run_of(asked.packages, asked.seed, found)
+    print(table(HEAD, rows([run])))
+    keep(run)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.cell.sheet import Sheet, black_squares
+from basecal.cell.sheet import Marker, Sheet, black_squares
 
 
 @pytest.mark.parametrize("parity", [0, 1])
@@ -25,3 +25,15 @@ def test_an_empty_sheet_has_no_shapes():
     sheet = Sheet(np.array([0.0, 0.0, 1.0, 1.0]), 0.1)
     assert (sheet.rectangles.shape, sheet.discs.shape, sheet.markers) == ((0, 4), (0, 3), ())
     np.testing.assert_array_equal(sheet.target_from_sheet.matrix, np.eye(4))
+
+
+def test_a_board_begins_with_black():
+    """Unless another parity is asked for, the corner square is black and its neighbours are white."""
+    np.testing.assert_allclose(black_squares(2, 2, 0.1), [[0, 0, 0.1, 0.1], [0.1, 0.1, 0.2, 0.2]])
+    np.testing.assert_allclose(black_squares(2, 1, 0.1, 1), [[0.1, 0, 0.2, 0.1]])
+
+
+def test_a_marker_has_one_cell_of_border_and_is_upright():
+    """Unless something else is said."""
+    marker = Marker("DICT_4X4_50", 3, 0.0, 0.0, 0.1)
+    assert (marker.border, marker.turns) == (1, 0)

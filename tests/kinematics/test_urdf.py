@@ -136,3 +136,11 @@ def test_joints_off_the_way_may_be_anything(folder):
     assert read_chain(path, "base_link", "tool0").n == 6
     with pytest.raises(DatasetError, match="joint 'left' type: 'prismatic' on the way"):
         read_chain(path, "base_link", "left_finger")
+
+
+def test_a_short_axis_is_a_direction_all_the_same():
+    """Of five nanometres its unit vector is taken; of half a nanometre it is none."""
+    chain = parse_chain(robot(LINKS, TURN.replace("0 0 2", "0 0 -5e-9"), HOLD), "base", "tool")
+    np.testing.assert_allclose(chain.axes, [[0.0, 0.0, -1.0]])
+    with pytest.raises(DatasetError, match="has no direction"):
+        parse_chain(robot(LINKS, TURN.replace("0 0 2", "0 0 5e-10"), HOLD), "base", "tool")
