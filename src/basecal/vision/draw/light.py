@@ -2,41 +2,36 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.special import ndtr
 
 from basecal.geometry import Array, Camera
 from basecal.vision.detection import Image
-from basecal.vision.draw.render import background, checked_size, quantised
+from basecal.vision.draw.render import SceneSettings, background, checked_size, quantised
 
 _REACH = 8.0  # sigmas: beyond, a spot has less than a double can add to it
 
 
 @dataclass(frozen=True)
-class LightSettings:
-    """How lights are imaged; levels are in grey levels of an 8-bit image, whatever `bits` is.
+class LightSettings(SceneSettings):
+    """How lights are imaged, in a scene whose photons are counted like theirs.
 
     Attributes:
         photons: Mean count of one light's photons in an exposure; 0 is the light off.
         spot_px: Sigma of the spot, besides the pixel's own square.
         photons_per_level: Photons that raise a pixel by one level.
-        background: Level of the scene, whose photons are counted like the light's.
-        texture: Standard deviation of the scene's structure, the same for one `scene` seed; 0 is plain.
         read_noise: Sigma of the read-out.
-        scene: Seed of the texture.
-        bits: 8 or 16.
+        scene: Seed of the texture, the same for one scene.
     """
 
     photons: float = 30_000.0
     spot_px: float = 1.2
     photons_per_level: float = 20.0
-    background: float = 10.0
-    texture: float = 0.0
+    background: float = field(default=10.0, kw_only=True)
     read_noise: float = 1.0
     scene: int = 0
-    bits: int = 8
 
 
 def render_light(

@@ -7,7 +7,7 @@ that an edge's place is right to a thousandth of a pixel. Then come the point sp
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
@@ -33,26 +33,35 @@ View = tuple[Target, SE3]
 
 
 @dataclass(frozen=True)
-class RenderSettings:
-    """How an image is exposed; levels are in grey levels of an 8-bit image, whatever `bits` is.
+class SceneSettings:
+    """What is behind; levels are in grey levels of an 8-bit image, whatever `bits` is.
+
+    Attributes:
+        background: Level around what is drawn.
+        texture: Standard deviation of the structure of the background; 0 is plain.
+        bits: Of the image, 8 or 16.
+    """
+
+    background: float = field(default=110.0, kw_only=True)
+    texture: float = field(default=0.0, kw_only=True)
+    bits: int = field(default=8, kw_only=True)
+
+
+@dataclass(frozen=True)
+class RenderSettings(SceneSettings):
+    """How a print is exposed.
 
     Attributes:
         black: Level of print.
         white: Level of paper.
-        background: Level around the paper.
-        texture: Standard deviation of the structure of the background; 0 is plain.
         blur_px: Sigma of the Gaussian point spread, besides the pixel's own square.
         noise: Sigma of Gaussian noise.
-        bits: 8 or 16.
     """
 
     black: float = 30.0
     white: float = 200.0
-    background: float = 110.0
-    texture: float = 0.0
     blur_px: float = 0.7
     noise: float = 2.0
-    bits: int = 8
 
 
 def render(
