@@ -11,6 +11,7 @@ import numpy as np
 _WIDTH, _HEIGHT = 720, 440
 _LEFT, _RIGHT, _TOP, _BOTTOM = 76, 170, 44, 60
 _COLOURS = ("#c0392b", "#1f6fb2", "#444444", "#2e8b57")
+_LABEL_GAP = 16.0
 _DASHES = ("", "", "6 4", "")
 
 
@@ -87,20 +88,17 @@ def _grid(x: _Axis, y: _Axis) -> list[str]:
 
 def _lines(x: _Axis, y: _Axis, series: Sequence[Series]) -> list[str]:
     parts = []
-    ends = _apart([y.at(s.points[-1][1]) for s in series])
+    # Labels are moved down so that none covers another.
+    heights = [y.at(s.points[-1][1]) for s in series]
+    placed: dict[int, float] = {}
+    last = -np.inf
+    for k in sorted(range(len(heights)), key=lambda i: heights[i]):
+        last = max(heights[k], last + _LABEL_GAP)
+        placed[k] = last
+    ends = [placed[k] for k in range(len(heights))]
     for s, end, colour, dash in zip(series, ends, _COLOURS, _DASHES, strict=False):
         path = "L".join(f"{x.at(a):.1f} {y.at(b):.1f}" for a, b in s.points)
         parts.append(f'<path d="M{path}" fill="none" stroke="{colour}" stroke-width="2" stroke-dasharray="{dash}"/>')
         parts += [f'<circle cx="{x.at(a):.1f}" cy="{y.at(b):.1f}" r="3" fill="{colour}"/>' for a, b in s.points]
         parts.append(f'<text x="{x.end + 10}" y="{end + 4:.1f}" fill="{colour}">{escape(s.name)}</text>')
     return parts
-
-
-def _apart(heights: list[float], gap: float = 16.0) -> list[float]:
-    """Heights of labels, moved down so that none covers another."""
-    placed: dict[int, float] = {}
-    last = -np.inf
-    for k in sorted(range(len(heights)), key=lambda i: heights[i]):
-        last = max(heights[k], last + gap)
-        placed[k] = last
-    return [placed[k] for k in range(len(heights))]

@@ -38,18 +38,16 @@ def _points(
     ]
 
 
-def _poses(view: View, camera_from_target: SE3, scenario: Scenario, rng: Generator) -> list[Observation]:
-    noisy = camera_from_target @ SE3.exp(draw.tangents(rng, len(camera_from_target), scenario.pose_noise))
-    sigma = np.repeat(scenario.pose_noise, 3) if scenario.state_observation_noise and any(scenario.pose_noise) else None
-    return [PoseObservation(*view, noisy[k], sigma) for k in range(len(noisy))]
-
-
 def observe(motion: Motion, scene: Scene, scenario: Scenario, rng: Generator) -> list[tuple[Observation, ...]]:
     """What is seen in each sample of a motion."""
     by_view: list[list[Observation]] = []
     for view in scene.layout.groups[motion.group]:
         if scenario.target == "pose":
-            by_view.append(_poses(view, scene.camera_from_target(view, motion.true), scenario, rng))
+            camera_from_target = scene.camera_from_target(view, motion.true)
+            noisy = camera_from_target @ SE3.exp(draw.tangents(rng, len(camera_from_target), scenario.pose_noise))
+            stated = scenario.state_observation_noise and any(scenario.pose_noise)
+            sigma = np.repeat(scenario.pose_noise, 3) if stated else None
+            by_view.append([PoseObservation(*view, noisy[k], sigma) for k in range(len(noisy))])
         else:
             points = points_in_camera(scene, view, motion.true)
             seen = seen_points(scene, scenario, view, motion.true)

@@ -95,7 +95,11 @@ def choose_robot_model(solution: Solution, settings: Settings = DEFAULT) -> Robo
     views = sum(map(len, solution.problem.groups))
     if solution.problem.models or not chains or views < _FEWEST_VIEWS or not solution.converged:
         return None
-    problem = _thinned(solution.problem)
+    groups = solution.problem.groups
+    # Some 200 samples, spread evenly, are enough to tell models apart.
+    numbers = np.unique(np.concatenate([g.sample for g in groups]))
+    kept = numbers[:: -(-len(numbers) // _MOST_SAMPLES)]
+    problem = solution.problem.with_groups(g.take(np.flatnonzero(np.isin(g.sample, kept))) for g in groups)
     every = _models(problem, chains, tuple(chains), {**_OFFSETS, LINKS: _OF_LINKS})
     richest = solve_from(problem.with_models(every), solution.state, settings)
     problem = problem.with_noise(richest.noise.noise)
@@ -111,13 +115,6 @@ def choose_robot_model(solution: Solution, settings: Settings = DEFAULT) -> Robo
     whole = solution.problem.with_noise(richest.noise.noise)
     end = solve_from(whole.with_models(_of(whole, chains, chosen)), solution.state, settings)
     return RobotModelChoice(chosen, better, tuple(found), end)
-
-
-def _thinned(problem: Problem) -> Problem:
-    """The problem with some 200 of its samples, spread evenly: they are enough to tell models apart."""
-    numbers = np.unique(np.concatenate([g.sample for g in problem.groups]))
-    kept = numbers[:: -(-len(numbers) // _MOST_SAMPLES)]
-    return problem.with_groups(g.take(np.flatnonzero(np.isin(g.sample, kept))) for g in problem.groups)
 
 
 def _worth_a_look(problem: Problem, solution: Solution, richest: Solution, settings: Settings) -> bool:

@@ -158,7 +158,12 @@ def _paint(image: Levels, camera: Camera, camera_from_sheet: SE3, sheet: Sheet, 
     seen += _covered(paper if facing else paper[:, ::-1], window) * (np.float32(settings.white) - seen)
     if not facing:
         return
-    black = [_projected(camera, camera_from_sheet, loops) for loops in (_boxes(sheet.rectangles), _rounds(sheet))]
+    # Discs are polygons of the same area.
+    angle = 2 * np.pi * np.arange(_DISC_SIDES) / _DISC_SIDES
+    stretch = np.sqrt(np.pi / (_DISC_SIDES / 2 * np.sin(2 * np.pi / _DISC_SIDES)))
+    circle = stretch * np.stack([np.cos(angle), np.sin(angle)], -1)
+    rounds = np.asarray(sheet.discs[:, None, :2] + sheet.discs[:, 2, None, None] * circle)
+    black = [_projected(camera, camera_from_sheet, loops) for loops in (_boxes(sheet.rectangles), rounds)]
     seen += np.float32(settings.black - settings.white) * _covered(np.concatenate(black), window)
 
 
@@ -192,14 +197,6 @@ def _boxes(rectangles: Array) -> Array:
     left, top, right, bottom = rectangles.T
     corners = [(left, top), (right, top), (right, bottom), (left, bottom)]
     return np.stack([np.stack(corner, -1) for corner in corners], axis=1)
-
-
-def _rounds(sheet: Sheet) -> Array:
-    """Discs as polygons of the same area, (n, sides, 2)."""
-    angle = 2 * np.pi * np.arange(_DISC_SIDES) / _DISC_SIDES
-    stretch = np.sqrt(np.pi / (_DISC_SIDES / 2 * np.sin(2 * np.pi / _DISC_SIDES)))
-    circle = stretch * np.stack([np.cos(angle), np.sin(angle)], -1)
-    return np.asarray(sheet.discs[:, None, :2] + sheet.discs[:, 2, None, None] * circle)
 
 
 def _projected(camera: Camera, camera_from_sheet: SE3, loops: Array) -> Array:
