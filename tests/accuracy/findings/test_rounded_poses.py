@@ -38,6 +38,7 @@ def test_all_digits_are_silent():
 @pytest.mark.parametrize(
     ("step", "noise_m", "severity"),
     [
+        (1e-2, 3e-3, "warning"),
         (1e-3, 3e-4, "warning"),
         (1e-3, 5e-5, "info"),
         (1e-3, 1e-3, "info"),
@@ -68,3 +69,63 @@ def test_angles(step_deg):
 def test_few_places_say_nothing():
     """An arm that stands at one round place is no arm whose poses are rounded."""
     assert found_in(lambda pose: SE3(np.eye(3), np.array([0.4, 0.1, 0.3]))) == []
+
+
+@pytest.mark.parametrize("step_rad", [1e-2, 1e-3, 1e-4])
+def test_angles_in_radians(step_rad):
+    """Rotation vectors in few digits of a radian are told, in milliradians."""
+
+    def read(pose):
+        """The pose by a round rotation vector."""
+        return SE3.from_rotvec(step_rad * np.round(pose.rotvec / step_rad), pose.translation)
+
+    (finding,) = found_in(read, (3e-4, 1e-9))
+    assert f"angles of hand are all multiples of {1e3 * step_rad:g} mrad" in finding.message
+    assert f"{1e3 * step_rad / 12**0.5:.2g} mrad" in finding.message
+    assert finding.severity == "info"
+
+
+def test_places_and_angles_are_one_finding():
+    """The coarser of those that are warnings is the worst; both are listed."""
+
+    def read(pose):
+        """The pose in whole millimetres and tenths of a degree."""
+        turned = SE3.from_rpy(np.radians(0.1 * np.round(np.degrees(pose.rpy) / 0.1)), pose.translation)
+        return in_steps(1e-3)(turned)
+
+    (finding,) = found_in(read, (3e-4, 1e-9))
+    assert (
+        "translations of hand are all multiples of 1 mm and angles of hand are all multiples of 0.1 deg"
+        in finding.message
+    )
+    assert "makes 0.29 mm (1 sigma per axis), beside 0.3 mm of noise in use" in finding.message
+    assert finding.severity == "warning"
+
+
+@pytest.mark.parametrize("noisy", [True, False])
+def test_joints_in_few_digits(noisy):
+    """Tenths of a degree, of an arm recorded by its joints; where it is taken for exact it is an info."""
+    made = simulate(Scenario(samples=8, joints=True), 0)
+    samples = []
+    for sample in made.recording.samples:
+        joints = np.radians(0.1 * np.round(np.degrees(sample.robots["hand"].joints_rad) / 0.1))
+        samples.append(replace(sample, robots={**sample.robots, "hand": RobotState(joints_rad=joints)}))
+    problem, _ = build_problem(made.cell, Recording(tuple(samples)))
+    if noisy:
+        problem = with_robot_noise(problem, dict.fromkeys(("eye", "hand"), np.full(6, 5e-4)))
+    (finding,) = rounded_poses(SimpleNamespace(solution=SimpleNamespace(problem=problem)))
+    assert "joints of hand are all multiples of 0.1 deg" in finding.message
+    assert finding.severity == ("warning" if noisy else "info")
+    assert f"beside {0.5 if noisy else 0:.2g} mrad of noise in use" in finding.message
+
+
+@pytest.mark.parametrize(("count", "told"), [(9, False), (10, True)])
+def test_ten_different_numbers_are_enough(count, told):
+    """Fewer may all be round by chance."""
+    numbers = iter(np.resize(1e-3 * np.arange(1, count + 1), 36))
+
+    def read(pose):
+        """The pose at one of a few places in whole millimetres."""
+        return SE3(pose.rotation, np.array([next(numbers) for _ in range(3)]))
+
+    assert bool(found_in(read)) == told
