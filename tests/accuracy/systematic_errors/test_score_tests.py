@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.systematic_errors.candidates import Candidates
-from basecal.accuracy.systematic_errors.score_tests import linearised, score
+from basecal.accuracy.systematic_errors.score_tests import linearised, score, weighed
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.cell import Unknown
 from basecal.estimation.problem.build import build_problem
@@ -72,14 +72,19 @@ def test_several_at_once_are_as_each_alone():
     np.testing.assert_allclose(both.size[1], second.size[0], rtol=1e-6, atol=1e-12)
 
 
-def test_views_that_do_not_count():
-    """Views of weight zero are as if they had not been taken."""
-    of, _, _ = solved(Scenario(samples=12, robot_noise=NOISE))
-    keep = np.arange(12) % 3 > 0
-    weighed = score(linearised(of.problem, of.state, [1.0 * keep]), mount_freed(of))
+@pytest.mark.parametrize("arms", ["both", "stations"])
+def test_views_that_do_not_count(arms):
+    """Views of weight zero are as if they had not been taken, and views that all count as if not weighed."""
+    of, _, _ = solved(Scenario(samples=12, arms=arms, robot_noise=NOISE, target_mount="prior"))
+    about, keep = linearised(of.problem, of.state), np.arange(12) % 3 > 0
     fewer = replace(of, problem=of.problem.with_groups(g.take(np.flatnonzero(keep)) for g in of.problem.groups))
-    alone = score(linearised(fewer.problem, fewer.state), mount_freed(fewer))
-    np.testing.assert_allclose(weighed.statistic, alone.statistic, rtol=1e-8)
+    for weights, same in ((np.ones(12), of), (1.0 * keep, fewer)):
+        some, alone = weighed(about, [weights]), linearised(same.problem, same.state)
+        np.testing.assert_allclose(some.hessian, alone.hessian, rtol=1e-8, atol=1e-8 * np.abs(alone.hessian).max())
+        np.testing.assert_allclose(some.gradient, alone.gradient, atol=1e-8 * np.abs(alone.gradient).max())
+        np.testing.assert_allclose(
+            score(some, mount_freed(of)).statistic, score(alone, mount_freed(same)).statistic, rtol=1e-6
+        )
 
 
 def test_chance_has_no_end():

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from basecal.accuracy.systematic_errors.candidates import Candidates
-from basecal.accuracy.systematic_errors.score_tests import Linearised, linearised, score, sums
+from basecal.accuracy.systematic_errors.score_tests import Linearised, linearised, score, sums, weighed
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.geometry import Array, BoolArray, IntArray
 from basecal.numerics.spectral import spectrum
@@ -26,11 +26,11 @@ def confirmed(of: Situation, candidate: Candidates) -> bool:
 
 def _gain(of: Situation, candidate: Candidates, blocks: IntArray) -> float:
     """How much less minus twice the log likelihood of held-out samples is, summed over blocks of `samples`, (n,)."""
-    total = 0.0
+    total, about = 0.0, linearised(of.problem, of.state)
     for held in _held(blocks):
         outside = [held[of.rank(group)] for group in of.problem.groups]
-        used = linearised(of.problem, of.state, [np.where(h, 0.0, 1.0) for h in outside])
-        left = linearised(of.problem, of.state, [np.where(h, 1.0, 0.0) for h in outside])
+        used = weighed(about, [np.where(h, 0.0, 1.0) for h in outside])
+        left = weighed(about, [np.where(h, 1.0, 0.0) for h in outside])
         size = score(used, candidate).size[0]
         none = np.zeros(len(size))
         total += _cost(left, candidate, _step(used, candidate, none), none)
@@ -46,14 +46,14 @@ def _held(blocks: IntArray) -> Iterator[BoolArray]:
 def _step(used: Linearised, candidate: Candidates, size: Array) -> Array:
     """The most likely step of the unknowns, (p,), with an error of a size, (q,)."""
     across = sums(used, candidate)[1][0]
-    step: Array = -spectrum(used.normal.hessian).inverse @ (used.normal.gradient + across.T @ size)
+    step: Array = -spectrum(used.hessian).inverse @ (used.gradient + across.T @ size)
     return step
 
 
 def _cost(left: Linearised, candidate: Candidates, step: Array, size: Array) -> float:
     """Minus twice the log likelihood of views after a step of unknowns and sizes, but for what both have in common."""
     gradient, across, information = (each[0] for each in sums(left, candidate))
-    of_step = 2 * left.normal.gradient @ step + step @ left.normal.hessian @ step
+    of_step = 2 * left.gradient @ step + step @ left.hessian @ step
     return float(of_step + 2 * gradient @ size + 2 * size @ across @ step + size @ information @ size)
 
 

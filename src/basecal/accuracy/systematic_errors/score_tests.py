@@ -14,7 +14,13 @@ import numpy as np
 from scipy.special import chdtrc
 
 from basecal.accuracy.systematic_errors.candidates import Candidates
-from basecal.estimation.least_squares.normal_equations import LinearisedViews, NormalEquations, linearise
+from basecal.estimation.least_squares.normal_equations import (
+    LinearisedViews,
+    linearise,
+    prior_residuals,
+    shared_stops,
+)
+from basecal.estimation.least_squares.schur_complement import SchurAccumulator, SchurComplement
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import Array, IntArray
 from basecal.numerics.spectral import spectrum
@@ -61,28 +67,59 @@ def log_chance_of(statistic: float, freedoms: int) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
-    """A problem to second order about a state, with views that count as weighed."""
+    """A problem to second order about a state: views that count as weighed, and their sums with stops eliminated.
+
+    Attributes:
+        problem: The problem.
+        state: The state.
+        views: By group.
+        gradient: (p,) of the unknowns.
+        hessian: (p, p).
+        system: The stops that views share, solved; None without any.
+    """
 
     problem: Problem
-    normal: NormalEquations
+    state: State
     views: tuple[LinearisedViews, ...]
+    gradient: Array
+    hessian: Array
+    system: SchurComplement | None
 
 
-def linearised(problem: Problem, state: State, weights: Sequence[Array] | None = None) -> Linearised:
-    """The problem about a state; `weights` by group, (n,), say what each view counts."""
-    normal = linearise(problem, state, weights)
-    views = normal.views
-    if weights is not None:
-        views = tuple(of.weighted(w) for of, w in zip(views, weights, strict=True))
-    return Linearised(problem, normal, views)
+def linearised(problem: Problem, state: State) -> Linearised:
+    """The problem about a state."""
+    normal = linearise(problem, state)
+    return Linearised(problem, state, normal.views, normal.gradient, normal.hessian, normal.system)
+
+
+def weighed(of: Linearised, weights: Sequence[Array]) -> Linearised:
+    """The same with views that count otherwise; `weights` by group, (n,)."""
+    width = of.problem.width
+    gradient, hessian = np.zeros(width), np.zeros((width, width))
+    for residual, jacobian, where in prior_residuals(of.problem, of.state):
+        gradient[where] += jacobian.T @ residual
+        hessian[where, where] += jacobian.T @ jacobian
+    shared = shared_stops(of.problem) >= 0
+    stops = SchurAccumulator(of.state.stop_errors[shared], width)
+    views = tuple(each.weighted(weight) for each, weight in zip(of.views, weights, strict=True))
+    for each in views:
+        stops.add(each.shared, each.gradient, each.information, each.by_unknowns, each.columns)
+        flat = each.by_unknowns.reshape(-1, len(each.columns))
+        carried = (each.information @ each.by_unknowns).reshape(flat.shape)
+        hessian[each.columns[:, None], each.columns] += flat.T @ carried
+        gradient[each.columns] += flat.T @ each.gradient.ravel()
+    system = stops.solve() if shared.any() else None
+    if system is not None:
+        hessian, gradient = system.reduce(hessian, gradient)
+    return Linearised(of.problem, of.state, views, gradient, hessian, system)
 
 
 def score(of: Linearised, candidates: Candidates) -> Score:
     """The score tests of errors of one kind."""
     gradient, across, information = sums(of, candidates)
-    inverse = spectrum(of.normal.hessian).inverse
+    inverse = spectrum(of.hessian).inverse
     back = across @ inverse
-    gradient = gradient - back @ of.normal.gradient
+    gradient = gradient - back @ of.gradient
     left = information - back @ np.swapaxes(across, -1, -2)
     return _tested(gradient, 0.5 * (left + np.swapaxes(left, -1, -2)), information)
 
@@ -104,7 +141,7 @@ def sums(of: Linearised, candidates: Candidates) -> tuple[Array, Array, Array]:
     _, b, _, q = candidates.moves[0].shape
     gradient, information = np.zeros((b, q)), np.zeros((b, q, q))
     across = np.zeros((b, q, of.problem.width))
-    system = of.normal.system
+    system = of.system
     tied = np.zeros((0 if system is None else len(system.precision), 6, b, q))
     for views, moves in zip(of.views, candidates.moves, strict=True):
         own = views.information[:, :6, :6]
