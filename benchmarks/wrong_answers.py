@@ -303,7 +303,7 @@ def _off(drawn: Drawn, found: Calibration) -> tuple[float, float, bool]:
         width = 3 if name in found.points else 6
         nees = float(xi[:width] @ np.linalg.solve(estimate.covariance[:width, :width], xi[:width]))
         off, worst = max(off, 1e3 * float(np.linalg.norm(xi[:3]))), max(worst, nees / width)
-        beyond |= nees > chi2.ppf(BEYOND, width)
+        beyond |= bool(nees > chi2.ppf(BEYOND, width))
     return off, worst, beyond
 
 
