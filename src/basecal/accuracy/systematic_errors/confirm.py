@@ -1,7 +1,8 @@
 """Whether blocks of the recording that were held out are predicted better with an error than without it.
 
 Blocks of time and of configuration, not samples at random: neighbours in either share what errors they have, and would
-vouch for one another. All to second order about the solution, where the sizes are small.
+vouch for one another. All to second order about the solution, where the sizes are small. Source:
+docs/mathematics.md (11.2).
 """
 
 from __future__ import annotations

@@ -2,7 +2,8 @@
 
 With g the gradient and H the information of views, D how they move with the unknowns and E with the error, all that the
 unknowns and the stops' errors can take up projected out, U = E'g - E'HD (D'HD)^+ D'g has the covariance
-P = E'HE - E'HD (D'HD)^+ D'HE, and U'P^-1 U is chi-square where there is no such error. Source: Rao 1948.
+P = E'HE - E'HD (D'HD)^+ D'HE, and U'P^-1 U is chi-square where there is no such error. Source: Rao 1948;
+docs/mathematics.md (11.1).
 """
 
 from __future__ import annotations
