@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from basecal.estimation.least_squares.bundle_adjustment import Optimum, bundle_adjust
+from basecal.estimation.noise.board_bow import COEFFICIENTS, bent
 from basecal.estimation.noise.estimate import NoiseEstimate, degrees_of_freedom, estimate_noise, residual_counts
 from basecal.estimation.noise.hyperpriors import hyperpriors
 from basecal.estimation.noise.laplace import (
@@ -39,14 +40,19 @@ _NOMINAL = (5e-4, 1e-3)
 
 @dataclass(frozen=True, eq=False)
 class _Sigmas:
-    """Sigmas by name: noise by camera, and of robots those of single stops and smooth ones, (6,) [m, rad]."""
+    """Sigmas by name: noise by camera, and of robots those of single stops and smooth ones, (6,) [m, rad].
+
+    With them, of flat targets the coefficients of their bow, (3,), and the covariance of these.
+    """
 
     cameras: Mapping[str, Noise]
     robots: Mapping[str, Array]
     smooth: Mapping[str, Array]
+    bows: Mapping[str, tuple[Array, Array]]
 
     def applied(self, problem: Problem) -> Problem:
         """The problem with them."""
+        problem = bent(problem, {name: bow for name, (bow, _) in self.bows.items()})
         groups = (g.with_noise(self.cameras[g.camera]) if g.camera in self.cameras else g for g in problem.groups)
         return with_robot_noise(problem.with_groups(groups), self.robots)
 
@@ -88,11 +94,17 @@ def _estimated(
     for _ in range(_ROUNDS):
         used, end = _readjusted(used, end, plain, dof, iterations)
         before, plain = plain.logs, _sigma_posterior(used, end.state, robots, {}, plain.logs)
-        settled = bool(np.abs(plain.logs - before).max(initial=0.0) < _SETTLED)
+        settled = bool(np.abs(plain.logs - before).max(initial=0.0) < _SETTLED) and _flat_enough(plain)
         if settled:
             break
     used, end = _readjusted(used, end, plain, dof, iterations)
-    return used, end, _estimate(plain, settled)
+    return used, end, _estimate(plain, used, settled)
+
+
+def _flat_enough(of: SigmaPosterior) -> bool:
+    """Whether bows are where the model was made about."""
+    at = list(of.model.layout.bows.values())
+    return not at or bool(np.abs(of.at_mode.mean_columns[min(at) :]).max() < _SETTLED)
 
 
 def integrate_sigmas(problem: Problem, state: State, noise: NoiseEstimate) -> NoiseEstimate:
@@ -113,7 +125,7 @@ def integrate_sigmas(problem: Problem, state: State, noise: NoiseEstimate) -> No
             models.append(_sigma_posterior(problem, state, robots, modes, noise.logs))
         likeliest = min(models, key=lambda of: of.surprise)
         covariance = integrated_covariance(models, np.zeros(models[0].model.width))
-    smooth = _sigmas(likeliest).smooth
+    smooth = _sigmas(likeliest, problem).smooth
     return replace(noise, smooth=smooth, covariance=covariance, surprise=likeliest.surprise)
 
 
@@ -128,7 +140,7 @@ def _readjusted(
 def _rescaled(used: Problem, state: State, found: SigmaPosterior) -> tuple[Problem, State]:
     """The problem with the most likely sigmas, and the state with the same errors of stops in metres and radians."""
     physical = state.stop_errors * _units(used, found.model.robots)
-    used = _sigmas(found).applied(used)
+    used = _sigmas(found, used).applied(used)
     return used, replace(state, stop_errors=physical / _units(used, found.model.robots))
 
 
@@ -159,8 +171,8 @@ def _reach(problem: Problem, robot: str) -> float:
     return float(np.sqrt(np.mean(np.sum(poses.translation[seen] ** 2, -1))))
 
 
-def _sigmas(of: SigmaPosterior) -> _Sigmas:
-    """The most likely sigmas by name."""
+def _sigmas(of: SigmaPosterior, problem: Problem) -> _Sigmas:
+    """The most likely sigmas by name, and bows that add to those of the problem."""
     model, values = of.model, np.exp(of.logs)
     keys = open_parts(model)
     cameras: dict[str, Noise] = {}
@@ -172,14 +184,26 @@ def _sigmas(of: SigmaPosterior) -> _Sigmas:
         cameras,
         {name: np.repeat(pair, 3) for name, pair in zip(model.robots, single, strict=True)},
         {n: np.repeat(pair, 3) for n, pair in zip(model.robots, smooth, strict=False) if n in model.layout.smooth},
+        _bows(of, problem) if model.layout.bows else {},
     )
 
 
-def _estimate(of: SigmaPosterior, settled: bool) -> NoiseEstimate:
-    """The most likely sigmas."""
-    sigmas = _sigmas(of)
+def _bows(of: SigmaPosterior, problem: Problem) -> dict[str, tuple[Array, Array]]:
+    """The most likely bows of flat targets, and the covariance of their coefficients."""
+    known, found = of.at_mode, {}
+    for target, at in of.model.layout.bows.items():
+        rows = slice(at, at + COEFFICIENTS)
+        before = problem.bows.get(target, np.zeros(COEFFICIENTS))
+        found[target] = before + known.mean_columns[rows], known.spread[rows, rows]
+    return found
+
+
+def _estimate(of: SigmaPosterior, problem: Problem, settled: bool) -> NoiseEstimate:
+    """The most likely sigmas, and the bows that the problem has."""
+    sigmas = _sigmas(of, problem)
+    bows = {name: (problem.bows.get(name, bow), spread) for name, (bow, spread) in sigmas.bows.items()}
     estimated = tuple(f for f in Noise._fields if any(name == f for _, name in open_parts(of.model)))
     noise = next(iter(sigmas.cameras.values()), Noise())
     return NoiseEstimate(
-        noise, 1.0, estimated, settled, sigmas.robots, sigmas.cameras, surprise=of.surprise, logs=of.logs
+        noise, 1.0, estimated, settled, sigmas.robots, sigmas.cameras, surprise=of.surprise, bows=bows, logs=of.logs
     )

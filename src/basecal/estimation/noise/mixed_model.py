@@ -15,6 +15,7 @@ import numpy as np
 
 from basecal.estimation.least_squares.jacobians import by_robot_models, by_stop_errors, by_unknowns
 from basecal.estimation.least_squares.normal_equations import prior_residuals
+from basecal.estimation.noise.board_bow import COEFFICIENTS, bowed_targets, points_of, shape_of
 from basecal.estimation.noise.view_estimates import ViewEstimates, view_estimates
 from basecal.estimation.problem.problem import Problem, State, ViewGroup, chain
 from basecal.geometry import Array, IntArray
@@ -48,7 +49,18 @@ class Moments:
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Where the errors of stops stand: by stop its block and first row there, or its first column; -1 elsewhere."""
+    """Where what is no unknown of the problem stands.
+
+    Attributes:
+        block: By stop the block that its error stands in; -1 elsewhere.
+        row: Likewise its first row there.
+        column: By stop the first column of its error, where it stands among the columns; -1 elsewhere.
+        blocks: How many blocks.
+        rows: Rows of each.
+        width: How many columns.
+        smooth: By robot the first column of its smooth errors, and what unit errors of each mode are at its stops.
+        bows: By target the first column of its bow.
+    """
 
     block: IntArray
     row: IntArray
@@ -57,6 +69,7 @@ class Layout:
     rows: int
     width: int
     smooth: Mapping[str, tuple[int, Array]]
+    bows: Mapping[str, int]
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +134,8 @@ def mixed_model(
     parts: dict[tuple[str, str], Moments] = {}
     white: dict[tuple[str, str], tuple[float, int]] = {}
     for group in problem.groups:
-        for name, view in view_estimates(problem, group, state).items():
+        by_shape = shape_of(points_of(group)) if group.target in layout.bows else None
+        for name, view in view_estimates(problem, group, state, by_shape).items():
             key = (group.camera, name)
             of = _moments(problem, group, state, view, layout)
             parts[key] = of if key not in parts else _sum(parts[key], of)
@@ -155,7 +169,11 @@ def _layout(problem: Problem, modes: Mapping[str, Array]) -> Layout:
     for robot, shape in modes.items():
         smooth[robot] = (width, shape)
         width += 6 * shape.shape[1]
-    return Layout(block, row, column, blocks, rows, width, smooth)
+    bows = {}
+    for target in bowed_targets(problem):
+        bows[target] = width
+        width += COEFFICIENTS
+    return Layout(block, row, column, blocks, rows, width, smooth, bows)
 
 
 def _tied(partners: list[set[int]]) -> tuple[set[int], list[list[int]]]:
@@ -194,8 +212,12 @@ def _moments(problem: Problem, group: ViewGroup, state: State, view: ViewEstimat
     links = chain(group, state, problem.stops)
     n, rows = view.gradient.shape
     fixed = np.zeros((n, rows, layout.width))
-    of_unknowns, columns = by_unknowns(problem, group, links, rows)
-    fixed[:, :, columns] = of_unknowns
+    bow = layout.bows.get(group.target)
+    of_pose_and_lens = rows if bow is None else rows - COEFFICIENTS
+    of_unknowns, columns = by_unknowns(problem, group, links, of_pose_and_lens)
+    fixed[:, :of_pose_and_lens, columns] = of_unknowns
+    if bow is not None:
+        fixed[:, of_pose_and_lens:, bow : bow + COEFFICIENTS] = np.eye(COEFFICIENTS)
     of_models, more = by_robot_models(problem, group, links, state, rows)
     fixed[:, :, more] = of_models
     errors, present = np.zeros((n, rows, layout.rows)), np.zeros((n, rows))
@@ -262,6 +284,10 @@ def _prior(problem: Problem, state: State, layout: Layout) -> tuple[Array, Array
         cost += float(residual @ residual)
     own = np.arange(problem.width, layout.width)
     prior[own, own] = 1.0
+    for target, at in layout.bows.items():
+        bow = problem.bows.get(target, np.zeros(COEFFICIENTS))
+        gradient[at : at + COEFFICIENTS] = bow
+        cost += float(bow @ bow)
     return prior, gradient, cost
 
 

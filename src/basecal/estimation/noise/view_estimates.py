@@ -13,6 +13,7 @@ import numpy as np
 
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
 from basecal.estimation.view.measurement import Measurement, Noise, ViewInformation
+from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Array, BoolArray, Camera
 
 STATED = "stated"
@@ -27,7 +28,7 @@ class ViewEstimates:
 
     Attributes:
         cost: (n,) above that of their own estimates.
-        gradient: (n, q) to pose and lens.
+        gradient: (n, q) to pose, lens, and where it is estimated the bow of the board.
         information: (n, q, q) likewise.
         count: Freedoms of all estimates together.
         white: Sum of squares of points about them.
@@ -42,25 +43,43 @@ class ViewEstimates:
     white_count: int
 
 
-def view_estimates(problem: Problem, group: ViewGroup, state: State) -> dict[str, ViewEstimates]:
-    """What a group's views say about a state, by field of `Noise` at unit sigma, and what goes by stated sigmas."""
+def view_estimates(
+    problem: Problem, group: ViewGroup, state: State, by_shape: Array | None = None
+) -> dict[str, ViewEstimates]:
+    """What a group's views say about a state, by field of `Noise` at unit sigma, and what goes by stated sigmas.
+
+    Args:
+        problem: The problem.
+        group: Its views.
+        state: The state.
+        by_shape: How the target's points move by its bow, (p, 3, 3) [m]; None where that is not estimated.
+    """
     camera = state.cameras.get(group.camera)
     at = state.camera_from_target(group, problem.stops)
     lens = group.camera in problem.columns
     counts = group.measurement.counts()
     return {
         name: _estimates(view, counts.get(name, 0))
-        for name, view in _parts(group.measurement, at, camera, lens).items()
+        for name, view in _parts(group.measurement, at, camera, lens, by_shape).items()
     }
 
 
-def _parts(measurement: Measurement, at: SE3, camera: Camera | None, lens: bool) -> dict[str, ViewInformation]:
-    stated = measurement.with_noise(_NEVER).linearise(at, camera, lens)
+def _parts(
+    measurement: Measurement, at: SE3, camera: Camera | None, lens: bool, by_shape: Array | None
+) -> dict[str, ViewInformation]:
+    def said(noise: Noise) -> ViewInformation:
+        """What the views say with such noise."""
+        noisy = measurement.with_noise(noise)
+        if by_shape is None or not isinstance(noisy, PixelMeasurement):
+            return noisy.linearise(at, camera, lens)
+        return noisy.linearise_shape(at, camera, lens, by_shape)
+
+    stated = said(_NEVER)
     counts = measurement.counts()
     parts = {STATED: stated} if counts.get(STATED) else {}
     for name, count in counts.items():
         if name != STATED and count:
-            both = measurement.with_noise(_NEVER._replace(**{name: 1.0})).linearise(at, camera, lens)
+            both = said(_NEVER._replace(**{name: 1.0}))
             parts[name] = ViewInformation(*(b - s for b, s in zip(both, stated, strict=True)))
     return parts
 

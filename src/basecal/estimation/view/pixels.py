@@ -77,6 +77,24 @@ class PixelMeasurement(TargetPoints):
         squares = (dot(columns[i], columns[j]) for i, j in UPPER)
         return self.information(cost, forces, squares, camera_from_target.rotation)
 
+    def linearise_shape(
+        self, camera_from_target: SE3, camera: Camera | None, lens: bool, by_shape: Array
+    ) -> ViewInformation:
+        """As `linearise`, with further columns, after those of the lens, for what moves points in the target.
+
+        Args:
+            camera_from_target: (..., n).
+            camera: The lens.
+            lens: Whether to give its columns.
+            by_shape: (p, 3, k) how points move by each of them [m].
+        """
+        points = self.in_camera(camera_from_target)
+        pixels, by_point, by_lens = needed(camera).project_with_derivatives(points, lens)
+        by_more = by_point @ (camera_from_target.rotation[..., None, :, :] @ by_shape)
+        if by_lens is not None:
+            by_more = np.concatenate([by_lens, by_more], -1)
+        return self._with_jacobian(camera_from_target.rotation, pixels - self.pixels, by_point, by_more)
+
     def _with_jacobian(
         self, rotation: Array, residual: Array, by_point: Array, by_lens: Array | None
     ) -> ViewInformation:
