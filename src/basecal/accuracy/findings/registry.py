@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from basecal.accuracy.findings.better_optimum import better_optimum
+from basecal.accuracy.findings.board_shape import board_shape
 from basecal.accuracy.findings.dropped_samples import many_dropped_samples
 from basecal.accuracy.findings.evidence import AnswerCheck, InputCheck
 from basecal.accuracy.findings.inconsistent_folds import inconsistent_folds
@@ -38,6 +39,7 @@ ANSWER_CHECKS: tuple[AnswerCheck, ...] = (
     not_converged,
     outlier_samples,
     outlier_points,
+    board_shape,
     agreeing_samples,
     far_stops,
     poor_fit,

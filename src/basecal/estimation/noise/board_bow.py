@@ -1,7 +1,7 @@
-"""Boards that are not as flat as stated: a quadratic surface in place of the plane, its three coefficients under a prior.
+"""Boards that are not as flat as stated: a quadratic surface in place of the plane, its coefficients under a prior.
 
-A printed board is bowed by 0.1 to 0.6 % of its half size. Seen at a slant that moves corners by a pixel and more, in all
-views alike, and where it is left out lens and mounts take it up. Source: docs/mathematics.md (5.6).
+A printed board is bowed by 0.1 to 0.6 % of its half size. Seen at a slant that moves corners by a pixel and more, in
+all views alike, and where it is left out lens and mounts take it up. Source: docs/mathematics.md (5.5).
 """
 
 from __future__ import annotations
@@ -14,12 +14,14 @@ import numpy as np
 from basecal.estimation.problem.problem import Problem, ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import Array
+from basecal.numerics.spectral import least_norm
 
 # One standard deviation of a coefficient, of the half size: twelve printed boards had 0.1 to 0.6 %.
 _SIGMA = 3e-3
 # Fewer points hardly tell a surface from the plane and a view's pose: a tag's four corners do not at all.
 _FEWEST_POINTS = 9
 _THIN = 0.05  # of the extent: beyond it a target is made in space, not bowed
+_STEEP = 0.9  # component of the normal beyond which an axis of the target does not serve as one of the plane
 COEFFICIENTS = 3
 
 
@@ -47,13 +49,25 @@ def shape_of(points_in_target: Array) -> Array:
 
     The coefficients are those of u^2, u v and v^2, with u and v from -1 to 1 over the half size.
     """
-    centred = points_in_target - points_in_target.mean(0)
-    _, _, axes = np.linalg.svd(centred, full_matrices=True)
-    plane = centred @ axes[:2].T
+    plane, normal = _plane(points_in_target)
     half = float(np.abs(plane).max())
     u, v = (plane / half).T
     heights = _SIGMA * half * np.stack([u * u, u * v, v * v], -1)
-    return np.asarray(heights[:, None, :] * axes[2][None, :, None])
+    return np.asarray(heights[:, None, :] * normal[None, :, None])
+
+
+def _plane(points_in_target: Array) -> tuple[Array, Array]:
+    """Places in the plane of points from their middle, (p, 2) [m], and the unit vector across it, (3,).
+
+    The axes are those of the target turned least: which they are does not hang on the points' shape.
+    """
+    centred = points_in_target - points_in_target.mean(0)
+    normal = np.linalg.svd(centred, full_matrices=True)[2][2]
+    normal = normal * np.sign(normal[np.argmax(np.abs(normal))])
+    first = np.eye(3)[0 if abs(normal[0]) < _STEEP else 1]
+    u = first - (first @ normal) * normal
+    u /= np.linalg.norm(u)
+    return centred @ np.stack([u, np.cross(normal, u)], -1), normal
 
 
 def bent(problem: Problem, bows: Mapping[str, Array]) -> Problem:
@@ -73,10 +87,7 @@ def bent(problem: Problem, bows: Mapping[str, Array]) -> Problem:
 
 def height_m(points_in_target: Array, bow: Array) -> float:
     """How far a bowed target's points lie from their own plane, the largest distance [m]."""
-    moved = shape_of(points_in_target) @ bow
-    centred = points_in_target - points_in_target.mean(0)
-    _, _, axes = np.linalg.svd(centred, full_matrices=True)
-    heights = moved @ axes[2]
-    plane = np.concatenate([centred @ axes[:2].T, np.ones((len(centred), 1))], -1)
-    left = heights - plane @ np.linalg.lstsq(plane, heights, rcond=None)[0]
-    return float(np.abs(left).max())
+    plane, normal = _plane(points_in_target)
+    heights = (shape_of(points_in_target) @ bow) @ normal
+    rows = np.concatenate([plane, np.ones((len(plane), 1))], -1)
+    return float(np.abs(heights - rows @ least_norm(rows, heights)).max())
