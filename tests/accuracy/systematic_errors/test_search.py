@@ -132,3 +132,20 @@ def test_an_error_that_reconciles_residuals_with_their_sigmas():
         assert any(each.too_small for each in contradicted_sigmas(solution))
         found = _reconciling(solution, problem, {s.sample: s.stamp_s for s in recording.samples}, SETTINGS)
         assert (None if found is None else found.code) == code
+
+
+def test_robots_whose_kinematics_are_estimated():
+    """A target that slipped in the hand is found, by as much, while joint offsets of the arms are estimated."""
+    scenario = Scenario(samples=30, joints=True, joint_offset_rad=1e-3, joint_offsets="prior", target="pose")
+    made = simulate(scenario, 1)
+    slip = np.array([5e-3, 0, 0, 0, 0.02, 0])
+    samples = list(made.recording.samples)
+    for k in range(15, 30):
+        (seen,) = samples[k].observations
+        slipped = replace(seen, camera_from_target=seen.camera_from_target @ SE3.exp(slip))
+        samples[k] = replace(samples[k], observations=(slipped,))
+    solution, error = found_in(made.cell, Recording(tuple(samples)))
+    assert solution.problem.models
+    assert error is not None
+    assert (error.code, error.about) == ("base-moved", "hand_flange_from_board")
+    assert np.all(np.abs(error.size - slip) < 4 * np.sqrt(np.diag(error.covariance)))

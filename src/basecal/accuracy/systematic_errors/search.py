@@ -100,12 +100,16 @@ def systematic_error(
     """
     if not solution.converged or not np.isfinite(solution.cost) or not solution.problem.groups:
         return None
-    if as_stated is not None:
+    if as_stated is not None and not as_stated.problem.models:
         found = _reconciling(as_stated, recorded, stamps, replace(settings, robot_noise="stated"))
         if found is not None:
             return found
     situation = _situation(solution, recorded, stamps)
     suspects = [suspect for suspect in _suspects(situation) if confirmed(situation, suspect.candidate)]
+    if solution.problem.models:
+        # Joints of robots whose kinematics are estimated stand for their poses: no pose of these can be corrected.
+        certain = [suspect for suspect in suspects if suspect.log_chance < np.log(CONFIRMED_SIGNIFICANCE)]
+        return _described(situation, replace(certain[0], size=0 * certain[0].size), solution) if certain else None
     before = _solved_again(solution, settings) if suspects else solution
     for suspect in suspects:
         after = _solved_again(_without(solution, situation, suspect), settings)
@@ -171,7 +175,7 @@ def _log_chance(suspect: _Suspect, before: Solution, after: Solution) -> float:
 
 
 def _described(of: Situation, suspect: _Suspect, after: Solution) -> SystematicError:
-    """The error, its size corrected to first order about the solution without it, and how well it is known there."""
+    """The error, its size corrected to first order about the solution `after` the poses were, and its covariance."""
     candidate, about = suspect.candidate, suspect.candidate.about[0]
     again = score(linearised(after.noise.held_by(after.problem), after.state), candidate)
     size, covariance = suspect.size + again.size[0], np.linalg.pinv(again.information[0])
