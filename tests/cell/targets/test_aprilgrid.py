@@ -64,7 +64,7 @@ def upright(grid_middle: Array, turn: float, depth: float) -> SE3:
     return SE3(rotation, np.array([0, 0, depth]) - rotation @ grid_middle)
 
 
-@pytest.mark.parametrize("spacing", [0.2, 0.3, 0.5])
+@pytest.mark.parametrize("spacing", [0.2, 0.5])
 def test_found_whole_and_as_sure_as_it_says(spacing: float) -> None:
     """Nearly all corners are found, none wrong, with errors as large as their sigmas say."""
     grid = aprilgrid_target((6, 5), 0.03, spacing)
