@@ -245,7 +245,9 @@ def _mutants(result: Result) -> str:
     )
     about = f"""\
 One expression of one file changed at a time: does a test of its own room fail? Mutants are drawn from all that there
-are: {sampled}. Asked: 90 % of those that are not equivalent. What survived was looked at one by one."""
+are: {sampled}.
+Asked: 90 % of those that are not equivalent. What survived was looked at one by one. Where tests were written for it
+the run was judged again (`--again`), so that a new sample shows less."""
     tables = table(mutants.HEAD, mutants.rows(runs)), table(mutants.HEAD_OF_SURVIVORS, mutants.survivors(runs))
     return "\n\n".join((about, *tables))
 

@@ -8,6 +8,10 @@ UNKNOWN = "no test so far"
 
 # By file, what stood there and what stands there now.
 WHY: dict[tuple[str, str, str], str] = {
+    ("accuracy/residuals/fit.py", "-1", "1"): "equivalent: the last of two axes",
+    ("accuracy/residuals/point_residuals.py", "4", "5"): "equivalent: a Gauss-Newton step more at the optimum",
+    ("accuracy/findings/outlier_samples.py", "-1", "1"): "equivalent: the last of two axes",
+    ("estimation/observability/motions.py", "-1", "1"): "equivalent: the last of two axes",
     (
         "geometry/lenses/fisheye.py",
         "newton >= low",

@@ -128,6 +128,27 @@ def test_a_task_chooses_its_station(choice):
     np.testing.assert_allclose(found[NAME].covariance, calibrated(alone)[NAME].covariance, rtol=1e-3)
 
 
+def test_stations_share_in_the_covariance_as_in_the_mean():
+    """For a task between them each counts by the distance to the power of minus two, its noise by the square."""
+    simulated = made(stations=3)
+    of, task = stations(simulated), np.array([0.3, -0.2, 2.0])
+    settings = Settings(method="axis-shift", task_point=tuple(task), station_choice="weighted")
+
+    def by_pixels(recorded, settings=None):
+        """What a pixel of noise adds to the covariance."""
+        with_noise, without = (calibrated(recorded, settings, pixel_px=px)[NAME].covariance for px in (1.0, 1e-9))
+        return with_noise - without
+
+    distance = [np.linalg.norm((s.base() @ s.hand_base_from_light).translation - task) for s in of]
+    weights = np.array(distance) ** -2.0 / np.sum(np.array(distance) ** -2.0)
+    alone = []
+    for station in of:
+        chosen = tuple(s for s in simulated.recording.samples if s.sample in station.samples)
+        alone.append(by_pixels(replace(simulated, recording=replace(simulated.recording, samples=chosen))))
+    wanted = sum(w**2 * each for w, each in zip(weights, alone, strict=True))
+    np.testing.assert_allclose(by_pixels(simulated, settings), wanted, rtol=1e-6, atol=1e-9 * np.abs(wanted).max())
+
+
 def test_the_base_may_be_that_of_the_eye():
     """Where the robot with the light is the reference the inverse is asked for and given, covariance and all."""
     simulated = made()
