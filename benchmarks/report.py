@@ -110,7 +110,7 @@ def _wrong_answers(result: Result) -> str:
     clean = [row for row in rows if row["kind"].startswith("clean")]
     good = sum(row["good"] for row in clean) / sum(row["cells"] for row in clean)
     about = f"""\
-{cells} cells of which noise is not all that is wrong, {rows[0]["cells"]} of each kind, on seeds of their own; robots'
+{cells} cells with more amiss than noise, up to {rows[0]["cells"]} of each kind, on seeds of their own; robots'
 noise of 0.1 mm and 0.2 mrad is stated in every second one. Wrong: what was asked is outside its own 99.9 % ellipsoid.
 Named first: the finding that stands first, infos of other codes apart. Asked: at most
 {100 * asked["good_and_wrong"]:.0f} % good and wrong, the cause first in {100 * asked["named"]:.0f} %, clean cells good
