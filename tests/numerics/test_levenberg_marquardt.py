@@ -132,16 +132,17 @@ def by_hand(system, row, x, steps):
     return x
 
 
-@pytest.mark.parametrize("steps", [1, 2, 3, 5, 8, 12])
-def test_damping_follows_the_gain(steps):
-    """The same states as by hand, whether steps are taken or refused on the way; none has ended by then."""
-    start = np.tile([1.0, 4.0], (4, 1))
+@pytest.mark.parametrize("first", [(1.0, 4.0), (0.1, -1.0), (1.0, -1.0)])
+@pytest.mark.parametrize("steps", [1, 2, 3, 5, 6, 8])
+def test_damping_follows_the_gain(steps, first):
+    """The same states as by hand, whether steps are taken or refused on the way; most have not ended by then."""
+    start = np.tile(first, (4, 1))
     with np.errstate(all="ignore"):
         optima = levenberg_marquardt(curves(0.1), start, Stop(iterations=steps, sigmas=1e-12))
         wanted = [by_hand(curves(0.1), row, start[row], steps) for row in range(4)]
     going = optima.iterations == steps
-    np.testing.assert_allclose(optima.state[going], np.array(wanted)[going], rtol=1e-6)
-    assert np.count_nonzero(optima.iterations == steps) >= (4 if steps < 8 else 1)
+    np.testing.assert_allclose(optima.state[going], np.array(wanted)[going], rtol=1e-7)
+    assert np.count_nonzero(going) >= (4 if steps < 5 else 1)
 
 
 @dataclass(frozen=True, eq=False)
