@@ -112,3 +112,11 @@ def test_views_that_share_no_stop_change_nothing(rng):
     assert ours.log_det == 0.0
     np.testing.assert_array_equal(ours.step(np.ones(WIDTH)), -values[0])
     np.testing.assert_array_equal(ours.reduce(np.eye(WIDTH), np.ones(WIDTH))[0], np.eye(WIDTH))
+
+
+def test_numbers_beyond_all_measure_are_no_solution(rng):
+    """Where a state that outliers pulled aside overflows there is a LinAlgError, which every search knows."""
+    errors, gradient, information, by_unknowns, by_error = drawn(rng)
+    values = errors, gradient, np.where(information > 0, np.inf, information), by_unknowns, by_error
+    with np.errstate(all="ignore"), pytest.raises(np.linalg.LinAlgError):
+        eliminated(values, (0, 1))

@@ -63,14 +63,14 @@ def agreeing_samples(of: Evidence) -> list[Finding]:
 
 
 def far_stops(of: Evidence) -> list[Finding]:
-    """A warning about stops whose pose error is more than six sigma in a direction, where no sample was left out."""
+    """A warning about stops with a pose error of more than six sigma, where nothing else is said of samples."""
     solution = of.robust.solution
     errors = np.abs(solution.state.stop_errors).max(axis=-1, initial=0.0)
     samples = sorted(_samples_at(solution.problem, np.flatnonzero(errors > _FAR_SIGMAS)))
-    if not samples or any(not o.ids for o in of.robust.outliers):
+    if not samples or of.robust.agreeing or any(not o.ids for o in of.robust.outliers):
         return []
     message = (
-        f"a robot's pose was off by up to {errors.max():.0f} of its stated sigmas at {list_samples(samples)}: taken "
+        f"a robot's pose was off by up to {errors.max():.0f} of its sigmas at {list_samples(samples)}: taken "
         "before the arm settled, or bumped; leave these samples out, or state a larger noise"
     )
     return [Finding("outlier-samples", "warning", tuple(map(str, samples)), message)]

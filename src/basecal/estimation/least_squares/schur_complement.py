@@ -125,7 +125,10 @@ class SchurAccumulator:
         right = right.reshape(*batch, 6 * k, width + 1)
         solution, log_det = np.empty_like(right), np.empty(tuple(batch))
         for entry in np.ndindex(*batch):
-            factor = splu(self._matrix(entry), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+            try:
+                factor = splu(self._matrix(entry), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+            except RuntimeError as error:  # SciPy's own word for what NumPy calls a LinAlgError
+                raise np.linalg.LinAlgError("the stops that views share have no solution") from error
             solution[entry] = factor.solve(right[entry])
             log_det[entry] = np.log(np.abs(factor.U.diagonal())).sum()
         return SchurComplement(self.by_unknowns, solution, log_det, self.diagonal, None if batch else factor)

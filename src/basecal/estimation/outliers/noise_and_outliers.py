@@ -53,11 +53,12 @@ def solve_with_noise(cell: Cell, settings: Settings, plain: Solution, noisy: Sol
         noisy: That with noise estimated of all views.
     """
     stated = replace(settings, robot_noise="stated")
-    solution, before = noisy, None
+    solution, exact = noisy, None
     if not is_as_of_arms(noisy):
         with settings.stage("outliers"):
-            before = solve_robustly(plain.problem, cell, stated, plain)
-        solution = with_noise(before.solution, settings)
+            exact = solve_robustly(plain.problem, cell, stated, plain)
+        solution = with_noise(exact.solution, settings)
+    before = exact
     for _ in range(_PASSES):
         with settings.stage("outliers"):
             robust = _judged(cell, stated, plain, solution, before)
@@ -68,7 +69,10 @@ def solve_with_noise(cell: Cell, settings: Settings, plain: Solution, noisy: Sol
     with settings.stage("noise"):
         solution = integrated(solution)
     held = replace(solution.problem, held=True)
-    return replace(robust, solution=replace(solution, problem=held, disputed=robust.solution.disputed))
+    # Where no arm's noise explains the views, those that alone close the loops of exact robots say more.
+    agreeing = robust.agreeing if is_as_of_arms(solution) or exact is None else robust.agreeing or exact.agreeing
+    found = replace(solution, problem=held, disputed=robust.solution.disputed)
+    return replace(robust, solution=found, agreeing=agreeing)
 
 
 def _judged(
