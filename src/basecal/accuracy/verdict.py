@@ -20,7 +20,7 @@ from basecal.accuracy.phrases.outlier import described_outlier
 from basecal.accuracy.residuals.fit import residuals
 from basecal.accuracy.robot_parameters import robot_parameters
 from basecal.accuracy.stated_sigmas import ContradictedSigma, contradicted_sigmas, without_contradicted
-from basecal.accuracy.systematic_errors.search import SystematicError, systematic_error
+from basecal.accuracy.systematic_errors.search import SystematicError, systematic_error, widened
 from basecal.cell import Calibration, Cell, Finding, Recording, Residuals
 from basecal.cell.calibration import Verdict
 from basecal.estimation.outliers.noise_and_outliers import is_as_of_arms, solve_with_noise, with_noise
@@ -103,7 +103,7 @@ def _judged(
     with settings.stage("findings"):
         findings += [finding for check in ANSWER_CHECKS for finding in check(evidence)]
     return replace(
-        _calibration(cell, solution, fit, settings, findings),
+        _calibration(cell, widened(solution, systematic), fit, settings, findings),
         outliers=tuple(map(described_outlier, robust.outliers)),
         validation=None if validated is None else validated.summary,
         certificate=certificate,

@@ -10,7 +10,15 @@ from basecal.accuracy.systematic_errors.search import SystematicError
 def found(code, size, sigma, about="hand", unit="", since=None, kind=None):
     covariance = np.diag(np.broadcast_to(sigma, (len(size),)) ** 2.0)
     return SystematicError(
-        code, about, kind == "camera", kind == "target", since, unit, np.array(size, dtype=float), covariance
+        code,
+        about,
+        kind == "camera",
+        kind == "target",
+        since,
+        unit,
+        np.array(size, dtype=float),
+        covariance,
+        np.zeros(6),
     )
 
 

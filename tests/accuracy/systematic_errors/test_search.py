@@ -8,7 +8,7 @@ from tests.evidence import evidence_of
 
 from basecal.accuracy.findings.systematic_error import systematic_error as findings
 from basecal.accuracy.stated_sigmas import contradicted_sigmas
-from basecal.accuracy.systematic_errors.search import _reconciling, systematic_error
+from basecal.accuracy.systematic_errors.search import _reconciling, systematic_error, widened
 from basecal.cell import Recording, RobotState, Sample
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
@@ -19,6 +19,7 @@ from basecal.simulation import Scenario, simulate
 SCENARIO = Scenario(samples=40, position_m=0.3, spread_rad=0.8, robot_noise=(1e-4, 1e-4), target="pose")
 SETTINGS = Settings(robot_noise="stated")
 HALF = SCENARIO.samples // 2
+MOST_SQUARED = 22.5  # of six freedoms: one in a thousand
 
 
 def as_recorded(read, scenario=SCENARIO, seed=0):
@@ -73,6 +74,20 @@ def test_what_is_put_in_is_found(code):
     (finding,) = findings(type(evidence)(**vars(evidence) | {"systematic_error": error}))
     assert (finding.code, finding.severity) == (code, "warning")
     assert words in finding.message
+
+
+def test_the_covariance_covers_the_answer_without_the_error():
+    """A step halfway moves the base by half of it, beyond its sigmas: with the error in it the covariance holds both."""
+    cell, recording = as_recorded(lambda k, pose: SE3.exp(3 * STEP * (k >= HALF)) @ pose)
+    solution, error = found_in(cell, recording)
+    assert error is not None
+    made = simulate(SCENARIO, 0)
+    base = "eye_base_from_hand_base"
+    off = (solution.state.transforms[base].inverse() @ made.truth[base]).log()
+    alone, both = (s.covariance_of([base]) for s in (solution, widened(solution, error)))
+    assert off @ np.linalg.solve(alone, off) > MOST_SQUARED
+    assert off @ np.linalg.solve(both, off) < MOST_SQUARED
+    assert widened(solution, None) is solution
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -130,7 +145,7 @@ def test_an_error_that_reconciles_residuals_with_their_sigmas():
         problem, _ = build_problem(cell, recording)
         solution = solve_packed(problem, cell, SETTINGS)
         assert any(each.too_small for each in contradicted_sigmas(solution))
-        found = _reconciling(solution, problem, {s.sample: s.stamp_s for s in recording.samples}, SETTINGS)
+        found = _reconciling(solution, solution, problem, {s.sample: s.stamp_s for s in recording.samples}, SETTINGS)
         assert (None if found is None else found.code) == code
 
 

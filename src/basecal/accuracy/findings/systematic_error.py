@@ -11,7 +11,7 @@ from basecal.accuracy.systematic_errors.search import SystematicError
 from basecal.cell import Finding
 from basecal.geometry import Array
 
-_AGAIN = "calibrate again when it is mended: the answer and its covariance leave it out"
+_AGAIN = "calibrate again when it is mended: the answer leaves it out, and its covariance is the wider for it"
 
 
 def systematic_error(of: Evidence) -> list[Finding]:

@@ -41,6 +41,7 @@ class SystematicError:
         unit: Of the sizes, in words.
         size: (q,) what the recording is to be corrected by; see `table`.
         covariance: (q, q).
+        moved: (p,) by how much the answer's columns move where the recording is corrected.
     """
 
     code: str
@@ -51,6 +52,7 @@ class SystematicError:
     unit: str
     size: Array
     covariance: Array
+    moved: Array
 
     @property
     def sigma(self) -> float:
@@ -101,7 +103,7 @@ def systematic_error(
     if not solution.converged or not np.isfinite(solution.cost) or not solution.problem.groups:
         return None
     if as_stated is not None and not as_stated.problem.models:
-        found = _reconciling(as_stated, recorded, stamps, replace(settings, robot_noise="stated"))
+        found = _reconciling(solution, as_stated, recorded, stamps, replace(settings, robot_noise="stated"))
         if found is not None:
             return found
     situation = _situation(solution, recorded, stamps)
@@ -109,17 +111,18 @@ def systematic_error(
     if solution.problem.models:
         # Joints of robots whose kinematics are estimated stand for their poses: no pose of these can be corrected.
         certain = [suspect for suspect in suspects if suspect.log_chance < np.log(CONFIRMED_SIGNIFICANCE)]
-        return _described(situation, replace(certain[0], size=0 * certain[0].size), solution) if certain else None
+        alike = replace(certain[0], size=0 * certain[0].size) if certain else None
+        return None if alike is None else _described(situation, alike, solution, solution)
     before = _solved_again(solution, settings) if suspects else solution
     for suspect in suspects:
         after = _solved_again(_without(solution, situation, suspect), settings)
         if min(suspect.log_chance, _log_chance(suspect, before, after)) < np.log(CONFIRMED_SIGNIFICANCE):
-            return _described(situation, suspect, after)
+            return _described(situation, suspect, solution, after)
     return None
 
 
 def _reconciling(
-    as_stated: Solution, recorded: Problem, stamps: Mapping[int, float], settings: Settings
+    solution: Solution, as_stated: Solution, recorded: Problem, stamps: Mapping[int, float], settings: Settings
 ) -> SystematicError | None:
     """The error without which the residuals are as stated after all; None where none does that."""
     situation = _situation(as_stated, recorded, stamps)
@@ -128,7 +131,7 @@ def _reconciling(
             moved = _without(as_stated, situation, suspect).problem
             after = replace(solve_from(moved, as_stated.state, settings), noise=as_stated.noise)
             if not any(each.too_small for each in contradicted_sigmas(after)):
-                return _described(situation, suspect, after)
+                return _described(situation, suspect, solution, after)
     return None
 
 
@@ -174,15 +177,42 @@ def _log_chance(suspect: _Suspect, before: Solution, after: Solution) -> float:
     return log_chance_of(gain, suspect.freedoms) + suspect.several
 
 
-def _described(of: Situation, suspect: _Suspect, after: Solution) -> SystematicError:
+def _described(of: Situation, suspect: _Suspect, before: Solution, after: Solution) -> SystematicError:
     """The error, its size corrected to first order about the solution `after` the poses were, and its covariance."""
     candidate, about = suspect.candidate, suspect.candidate.about[0]
     again = score(linearised(after.noise.held_by(after.problem), after.state), candidate)
     size, covariance = suspect.size + again.size[0], np.linalg.pinv(again.information[0])
     is_camera, is_target = (any(getattr(g, kind) == about for g in of.problem.groups) for kind in ("camera", "target"))
     return SystematicError(
-        candidate.code, about, is_camera, is_target, candidate.since[0], candidate.unit, size, covariance
+        candidate.code,
+        about,
+        is_camera,
+        is_target,
+        candidate.since[0],
+        candidate.unit,
+        size,
+        covariance,
+        _moved(before, after),
     )
+
+
+def _moved(before: Solution, after: Solution) -> Array:
+    """The step from one solution to another in the columns of transforms and lenses, (p,); 0 in all others."""
+    step = np.zeros(before.problem.width)
+    for name, where in before.problem.columns.items():
+        if name in before.state.transforms:
+            tangent = (before.state.transforms[name].inverse() @ after.state.transforms[name]).log()
+            step[where] = tangent[: where.stop - where.start]
+        elif name in before.state.cameras:
+            step[where] = after.state.cameras[name].parameters - before.state.cameras[name].parameters
+    return step
+
+
+def widened(solution: Solution, error: SystematicError | None) -> Solution:
+    """A solution whose covariance covers the answer without a systematic error, too."""
+    if error is None:
+        return solution
+    return replace(solution, covariance=solution.covariance + np.outer(error.moved, error.moved))
 
 
 def _solved_again(solution: Solution, settings: Settings) -> Solution:
