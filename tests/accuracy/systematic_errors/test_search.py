@@ -77,7 +77,7 @@ def test_what_is_put_in_is_found(code):
 
 
 def test_the_covariance_covers_the_answer_without_the_error():
-    """A step halfway moves the base by half of it, beyond its sigmas: with the error in it the covariance holds both."""
+    """A step halfway moves the base by half of it, beyond its sigmas; the wider covariance holds both."""
     cell, recording = as_recorded(lambda k, pose: SE3.exp(3 * STEP * (k >= HALF)) @ pose)
     solution, error = found_in(cell, recording)
     assert error is not None
