@@ -24,6 +24,7 @@ _SCALE_ROUNDS = 4  # rounds of scale and inliers in turn, at most
 # Share of a view's points that agree at the fit to all of them, from which on no random subsets are drawn: of so many
 # the fit itself leaves out the others; with fewer a skewed fit widens the scale by which points agree.
 _AGREED = 0.95
+_UNSUSPECTED_PX = 1.0  # [px] scatter of points about their view's own pose that a true lens leaves
 # What a detector may be off by, where nobody stated it [px].
 PLAUSIBLE_PX = 3.0  # residual that a detector may have [px]
 
@@ -31,12 +32,14 @@ PLAUSIBLE_PX = 3.0  # residual that a detector may have [px]
 def points_within(problem: Problem, state: State, suspects: list[IntArray], cell: Cell) -> tuple[BoolArray, ...]:
     """By group, (n, p): points of suspect views that agree with the rest of their view, and all of others.
 
-    A lens that is free may have been bent by wrong poses: that of the views alone is tried, too.
+    A lens that is free may have been bent by wrong poses: where points scatter as if it were, that of the views alone
+    is tried, too.
     """
     if not any(map(len, suspects)):
         return all_inliers(problem).points
     found = [_points_by(problem, state, suspects)]
-    if not problem.columns.keys().isdisjoint(problem.lenses):
+    unsuspected = CONTRADICTED**2 if is_stated(problem) else _UNSUSPECTED_PX**2
+    if found[0][0] > unsuspected and not problem.columns.keys().isdisjoint(problem.lenses):
         alone = replace(state, cameras=lenses(problem, cell))
         found.append(_points_by(problem, alone, suspects))
     return min(found, key=lambda f: f[0])[1]
