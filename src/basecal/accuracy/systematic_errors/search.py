@@ -113,7 +113,8 @@ def systematic_error(
         certain = [suspect for suspect in suspects if suspect.log_chance < np.log(CONFIRMED_SIGNIFICANCE)]
         alike = replace(certain[0], size=0 * certain[0].size) if certain else None
         return None if alike is None else _described(situation, alike, solution, solution)
-    before = _solved_again(solution, settings) if suspects else solution
+    known = solution.noise.logs is not None or not suspects
+    before = solution if known else _solved_again(solution, settings)
     for suspect in suspects:
         after = _solved_again(_without(solution, situation, suspect), settings)
         if min(suspect.log_chance, _log_chance(suspect, before, after)) < np.log(CONFIRMED_SIGNIFICANCE):
@@ -173,7 +174,7 @@ def _log_chance(suspect: _Suspect, before: Solution, after: Solution) -> float:
         return 0.0
     equations = sum(int(group.measurement.equations().sum()) for group in before.problem.groups)
     left = 1 - (before.problem.width + suspect.freedoms) / max(equations, 1)
-    gain = max(before.noise.surprise - after.noise.surprise, 0.0) * max(left, 0.0)
+    gain = max(before.noise.plain_surprise - after.noise.plain_surprise, 0.0) * max(left, 0.0)
     return log_chance_of(gain, suspect.freedoms) + suspect.several
 
 

@@ -42,6 +42,7 @@ class NoiseEstimate:
         smooth: Sigmas of what is smooth in robots' poses, likewise, where the data make it likely.
         covariance: (p, p) of all columns, the sigmas integrated over; None where it is the information's inverse.
         surprise: Minus twice the log of the evidence, the sigmas integrated over, but for a constant.
+        plain_surprise: The same of the model without smooth errors alone.
         bows: Of flat targets whose bow was estimated: its coefficients, (3,), and their covariance, (3, 3).
         logs: (k,) logarithms of the sigmas that were estimated jointly; None of others.
     """
@@ -55,6 +56,7 @@ class NoiseEstimate:
     smooth: Mapping[str, Array] = field(default_factory=dict)
     covariance: Array | None = None
     surprise: float = 0.0
+    plain_surprise: float = 0.0
     bows: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
     logs: Array | None = None
 

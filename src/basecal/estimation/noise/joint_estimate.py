@@ -205,5 +205,14 @@ def _estimate(of: SigmaPosterior, problem: Problem, settled: bool) -> NoiseEstim
     estimated = tuple(f for f in Noise._fields if any(name == f for _, name in open_parts(of.model)))
     noise = next(iter(sigmas.cameras.values()), Noise())
     return NoiseEstimate(
-        noise, 1.0, estimated, settled, sigmas.robots, sigmas.cameras, surprise=of.surprise, bows=bows, logs=of.logs
+        noise,
+        1.0,
+        estimated,
+        settled,
+        sigmas.robots,
+        sigmas.cameras,
+        surprise=of.surprise,
+        plain_surprise=of.surprise,
+        bows=bows,
+        logs=of.logs,
     )
