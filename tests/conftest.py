@@ -3,8 +3,22 @@
 import numpy as np
 import pytest
 
+from basecal.simulation.arms import six_axis
+
 
 @pytest.fixture
 def rng():
     """Random numbers, the same in every test."""
     return np.random.default_rng(20261121)
+
+
+@pytest.fixture
+def arm():
+    """A serial arm of six joints."""
+    return six_axis()
+
+
+@pytest.fixture
+def joints():
+    """Thirty postures of it, (30, 6) [rad]."""
+    return np.random.default_rng(0).uniform(-2, 2, (30, 6))

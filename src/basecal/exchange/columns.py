@@ -25,6 +25,20 @@ class Table:
         return np.stack([self.values[name] for name in names], -1)
 
 
+def text_of(path: str, expected: str) -> str:
+    """The text of a file, without a byte order mark.
+
+    Raises:
+        DatasetError: naming the file, if it cannot be read or is no text; it says what was `expected`.
+    """
+    try:
+        return Path(path).read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise DatasetError(path, f"not text, expected {expected}") from None
+    except OSError as error:
+        raise DatasetError(path, f"cannot be read: {error.strerror}") from None
+
+
 def read_columns(path: str | Path, aliases: Mapping[str, Sequence[str]]) -> Table:
     """A table of finite numbers.
 
@@ -36,12 +50,7 @@ def read_columns(path: str | Path, aliases: Mapping[str, Sequence[str]]) -> Tabl
         DatasetError: naming the file and line, if a cell is not a finite number or a row has another length.
     """
     name = str(path)
-    try:
-        text = Path(name).read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        raise DatasetError(name, "not text, expected comma-separated values") from None
-    except OSError as error:
-        raise DatasetError(name, f"cannot be read: {error.strerror}") from None
+    text = text_of(name, "comma-separated values")
     reader = csv.reader(text.splitlines(), skipinitialspace=True)
     numbered = [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
     if not numbered:

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from basecal.errors import DatasetError, InputError
-from basecal.exchange.columns import read_columns
+from basecal.exchange.columns import read_columns, text_of
 from basecal.exchange.npz import read_arrays
 from basecal.geometry import SE3, Array
 
@@ -92,12 +92,7 @@ def _quaternion_pose(row: Array) -> SE3:
 
 
 def _from_text(path: str) -> tuple[Array, list[int]]:
-    try:
-        whole = Path(path).read_text(encoding="utf-8")
-    except UnicodeDecodeError:
-        raise DatasetError(path, "not text; expected rows of 4 numbers, or a name that ends in .csv or .npz") from None
-    except OSError as error:
-        raise DatasetError(path, f"cannot be read: {error.strerror}") from None
+    whole = text_of(path, "rows of 4 numbers, or a name that ends in .csv or .npz")
     rows, lines = [], []
     for number, text in enumerate(whole.splitlines(), start=1):
         words = text.split("#")[0].replace(",", " ").split()

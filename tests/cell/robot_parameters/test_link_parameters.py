@@ -3,24 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from basecal.cell import RobotParameters
 from basecal.cell.robot_parameters import link_parameters as of
-from basecal.simulation.arms import six_axis
 
 SEEN = np.ones((3, 6), dtype=bool)
 FOUND = RobotParameters((), np.arange(18.0).reshape(3, 6), np.arange(18.0, 36.0).reshape(3, 6), SEEN)
-
-
-@pytest.fixture
-def arm():
-    return six_axis()
-
-
-@pytest.fixture
-def joints():
-    return np.random.default_rng(0).uniform(-2, 2, (30, 6))
 
 
 def test_shifts_and_turns_along_an_axis_pass_through_the_joint(arm, joints):

@@ -19,7 +19,6 @@ from basecal.estimation.problem.problem import State, chain
 from basecal.estimation.problem.robot_parameters import Kinematics, after_step, by_columns, robot_model
 from basecal.estimation.solve import solve
 from basecal.simulation import Scenario, simulate
-from basecal.simulation.arms import six_axis
 
 ARMS = Scenario(samples=20, joints=True, target="points")
 OFFSETS = {"joint_offset_rad": 0.004, "joint_offsets": "prior"}
@@ -28,16 +27,6 @@ GIVING = {"compliance": 1e-4, "deflection": "prior"}
 _PER_NEWTON_METRE = 0.02  # so that a unit step turns joints by about a radian
 NOISY = {"robot_noise": (2e-4, 3e-4)}
 FREE_DEFLECTION = deflection.Stated(status="free")
-
-
-@pytest.fixture
-def arm():
-    return six_axis()
-
-
-@pytest.fixture
-def joints():
-    return np.random.default_rng(0).uniform(-2, 2, (30, 6))
 
 
 def test_one_joint_alone(arm):

@@ -11,7 +11,7 @@ from basecal.cell import Finding
 from basecal.estimation.noise.board_bow import COEFFICIENTS, height_m
 from basecal.geometry import Array
 
-_WORTH_SAYING_M = 1e-4  # [m] of a board: paper on glass is as flat
+_WORTH_SAYING_M = 1e-4  # [m] below which no other board is worth its price
 _BEYOND_PRINTS = 3.0  # coefficients in sigmas of what printed boards have, beyond which something else bends the views
 
 

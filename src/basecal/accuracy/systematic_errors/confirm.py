@@ -17,7 +17,7 @@ from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.geometry import Array, BoolArray, IntArray
 from basecal.numerics.spectral import spectrum
 
-_BLOCKS = 5
+_BLOCKS = 5  # as many as folds of cross-validation
 
 
 def confirmed(of: Situation, candidate: Candidates) -> bool:

@@ -16,7 +16,7 @@ from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import Array
 from basecal.numerics.spectral import least_norm
 
-# One standard deviation of a coefficient, of the half size: twelve printed boards had 0.1 to 0.6 %.
+# One standard deviation of a coefficient, of the half size: the middle of the 0.1 to 0.6 % above.
 _SIGMA = 3e-3
 # Fewer points hardly tell a surface from the plane and a view's pose: a tag's four corners do not at all.
 _FEWEST_POINTS = 9

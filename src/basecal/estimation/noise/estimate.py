@@ -21,11 +21,11 @@ from basecal.estimation.problem.problem import Problem
 from basecal.estimation.view.measurement import Noise
 from basecal.geometry import Array
 
-CONTRADICTED = 1.5
-_ROUNDS = 40
+CONTRADICTED = 1.5  # residuals over their sigmas beyond which something is wrong with one or the other
+_ROUNDS = 40  # of the fixed point, which gains a digit in two or three
 # [1] relative change of a variance that ends the rounds: ten thousand residuals tell it to a hundredth.
 _SETTLED = 1e-3
-_LOG_STEP = 1e-3
+_LOG_STEP = 1e-3  # of the difference that gives a slope: rounding and bend are a millionth each
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,14 +21,15 @@ from basecal.geometry import Array
 
 # Mean and factor of one standard deviation, by field of `Noise`, where the points of views do not show their scatter.
 _BY_ITSELF = {"pixel_px": (0.2, 5.0), "pose_m": (1e-3, 5.0), "pose_rad": (2e-3, 5.0), "point_m": (1e-3, 5.0)}
+# What a view gets wrong over what its points scatter: the middle of 1.1 to 5, and the factor that spans them.
 _OVER_SCATTER = (2.0, 3.0)
-_ENOUGH_SCATTER = 20
+_ENOUGH_SCATTER = 20  # freedoms that tell a sigma to a sixth, which is little beside that factor
 # Nothing measures a point better than to a thousandth of a pixel; only made-up data do.
 _LEAST_SCATTER = 5e-3
-_ROBOT_RAD = (3e-4, 4.0)
-_ROBOTS_APART = 2.0
-_TIE = 1.05
-_SMOOTH_OVER_STOP = (2.5, 2.0)
+_ROBOT_RAD = (3e-4, 4.0)  # [rad] the middle of 0.02 to 3 mrad, and the factor of a standard deviation that spans them
+_ROBOTS_APART = 2.0  # factor between the robots of one cell, which are mostly of one make
+_TIE = 1.05  # of a shift to reach times turn: looser, the likelihood splits smooth errors wrongly between the two
+_SMOOTH_OVER_STOP = (2.5, 2.0)  # of smooth errors over those of single stops, and its factor
 
 
 @dataclass(frozen=True, eq=False)

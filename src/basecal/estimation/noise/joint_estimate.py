@@ -31,11 +31,11 @@ from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.view.measurement import Noise
 from basecal.geometry import Array
 
-_ROUNDS = 6
-_SETTLED = 0.02
+_ROUNDS = 6  # of sigmas and optimum in turn: two or three do
+_SETTLED = 0.02  # of logarithms, and of bows in sigmas: as well as a thousand freedoms tell them
 # Fewer stops show nothing of how errors change over poses.
 _FEWEST_SMOOTH = 4
-_NOMINAL = (5e-4, 1e-3)
+_NOMINAL = (5e-4, 1e-3)  # [m, rad] of the first optimum: within a factor of a few of any arm's
 
 
 @dataclass(frozen=True, eq=False)

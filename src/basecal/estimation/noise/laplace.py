@@ -23,9 +23,9 @@ _STEPS, _HALVINGS = 50, 12
 _LONGEST = 1.0
 # What a last step gains of minus twice the log likelihood: a thousandth of what one standard deviation changes.
 _SETTLED = 1e-3
-_LEAST_CURVATURE = 0.1
-_MOST_OFF = float(np.log(400.0))
-_LEAST_OF_VIEWS = float(np.log(20.0))
+_LEAST_CURVATURE = 0.1  # of a logarithm no prior leaves so wide, a factor of 20: keeps saddles from endless steps
+_MOST_OFF = float(np.log(400.0))  # how far a sigma is looked for from what is expected: any device's is within
+_LEAST_OF_VIEWS = float(np.log(20.0))  # how far below that those of views: less is rounding of made-up data
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,9 +21,9 @@ from basecal.estimation.noise.mixed_model import MixedModel, Moments
 from basecal.estimation.noise.view_estimates import STATED
 from basecal.geometry import Array, IntArray
 
-_FLOOR = 1e-11
-_ROUNDS_ONE = 1e12
-_ROUNDING = 1e-13
+_FLOOR = 1e-11  # of the scaled information where there is none: four digits above rounding
+_ROUNDS_ONE = 1e12  # an entry of this size leaves the identity beside it four digits
+_ROUNDING = 1e-13  # of such entries, which keeps it regular
 
 
 @dataclass(frozen=True, eq=False)

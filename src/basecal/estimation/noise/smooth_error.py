@@ -16,9 +16,9 @@ from basecal.geometry.se3 import rotation_log
 # Errors of real arms correlate over 0.5 to 1.3 m, with an arm of 1 m for angles.
 LENGTH_M = 0.7
 _ARM_M = 1.0
-_MOST_STOPS = 150
-_MOST_MODES = 16
-_LEAST_MODE = 1e-2
+_MOST_STOPS = 150  # that the modes are found of: more are between these
+_MOST_MODES = 16  # of each of six coordinates, which bounds the time
+_LEAST_MODE = 1e-2  # of the largest variance: smaller ones are noise of single stops
 
 
 def smooth_modes(problem: Problem, robot: str) -> Array:

@@ -26,10 +26,10 @@ from basecal.numerics.spectral import dimension
 _DRAWS = 40
 _DRAWN = 5
 FEW_POINTS = 8
-_MOST_LEFT_OUT = 2
-_ROUNDS = 10
-_FIRST_STEPS = 4
-_STEPS = 6
+_MOST_LEFT_OUT = 2  # of so few: with three out four corners or five are left, which agree with anything
+_ROUNDS = 10  # of fitting to the points that agree: three or four do
+_FIRST_STEPS = 4  # of a pose from a subset, enough to rank it
+_STEPS = 6  # of one from the points that agree, which starts near
 _SEED = 20240229
 # So many points at once: arrays of a few megabytes.
 _CHUNK_POINTS = 50_000

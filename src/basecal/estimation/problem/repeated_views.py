@@ -9,7 +9,7 @@ import numpy as np
 from basecal.cell import Finding, Observation, PixelObservation, PointObservation, PoseObservation
 from basecal.geometry import Array
 
-_LISTED = 10
+_LISTED = 10  # samples that a message names
 
 
 def view_content(observation: Observation, stops: Sequence[int]) -> Hashable:
