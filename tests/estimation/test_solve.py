@@ -7,14 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.motion_cells import SCARA, recorded, wobbling
 from tests.oracles.dense import DenseProblem
 
 from basecal.cell import Recording, Unknown
 from basecal.cell.robot_parameters import joint_offsets
 from basecal.errors import InputError
+from basecal.estimation.least_squares.normal_equations import linearise
+from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.settings import Settings
-from basecal.estimation.solve import solve
+from basecal.estimation.solve import integrated, solve, solve_at_mode
 from basecal.geometry import SE3, Camera
 from basecal.simulation import Scenario, simulate
 from basecal.simulation.shifts import simulate_shifts
@@ -219,3 +222,22 @@ def test_the_papers_closed_form_starts_robots_with_noise():
     told = replace(cell, bases={"hand": Unknown("free", true)})
     by_truth = solve(told, s.recording, Settings(start="guess")).state.transforms["eye_base_from_hand_base"]
     assert off(found.state.transforms["eye_base_from_hand_base"], by_truth) < 1e-7
+
+
+def test_sigmas_that_are_sure_leave_the_covariance_as_it_is_observable(monkeypatch):
+    """Where integrating adds nothing: of a hand about one axis a third wider than what its noise seems to say.
+
+    What integrating adds is added as it is, however much the data seem to say of the directions that the poses hide.
+    """
+    scenario = Scenario(samples=30, robot_noise=(2e-5, 2e-5), state_robot_noise=False, target_mount="prior")
+    made = recorded(scenario, 0, hand=wobbling(SCARA, 1.5e-3))
+    problem, _ = build_problem(made.cell, made.recording)
+    found = solve_at_mode(problem, solve(made.cell, made.recording).state, Settings(robot_noise="estimated"))
+    at_mode = np.linalg.inv(linearise(found.problem, found.state).hessian)
+    sigma = np.sqrt(np.diag(at_mode))
+    assert np.sqrt(np.diag(found.observability.inverse) / sigma**2).max() > 1.3
+    for more in (0.0, 0.5):
+        sure = replace(found.noise, covariance=(1 + more) * at_mode)
+        monkeypatch.setattr("basecal.estimation.solve.integrate_sigmas", lambda *_, known=sure: known)
+        added = (integrated(found).covariance - found.observability.inverse) / np.outer(sigma, sigma)
+        np.testing.assert_allclose(added, more * at_mode / np.outer(sigma, sigma), atol=1e-4)

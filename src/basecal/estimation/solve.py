@@ -21,6 +21,7 @@ from basecal.estimation.settings import DEFAULT, Settings
 from basecal.estimation.start.first_state import first_state, guessed_state, lenses
 from basecal.estimation.view.measurement import Noise
 from basecal.geometry import SE3, Array, PoseEstimate
+from basecal.numerics.spectral import spectrum
 
 _READINGS = 6  # rounds of choosing correspondences at most
 _LARGEST_FACTOR = 1e30  # keeps covariances finite where exact robots cannot explain the data at all
@@ -128,8 +129,11 @@ def integrated(solution: Solution) -> Solution:
     noise = integrate_sigmas(solution.problem, solution.state, solution.noise)
     if noise.covariance is None:
         return solution
-    onto_seen = solution.observability.inverse @ linearise(solution.problem, solution.state).hessian
-    return replace(solution, noise=noise, covariance=onto_seen @ noise.covariance @ onto_seen.T)
+    seen = solution.observability
+    at_mode = spectrum(linearise(solution.problem, solution.state).hessian).inverse
+    # Where noise alone says something of a direction that poses leave open, the data say less than the model has it.
+    of_sigmas = seen.onto_held @ (noise.covariance - at_mode) @ seen.onto_held.T
+    return replace(solution, noise=noise, covariance=seen.inverse + of_sigmas)
 
 
 def solve_at_mode(

@@ -36,7 +36,7 @@ def test_joints_turn_by_the_torque_of_gravity():
 def test_a_robot_needs_masses():
     """Without them there are no torques."""
     with pytest.raises(InputError, match="needs the masses of its links"):
-        of.columns(replace(six_axis(), masses=None), of.Stated(status="free"), (False, False), ())
+        of.columns(replace(six_axis(), masses=None), of.Stated(status="free"))
 
 
 def test_fields_of_the_calibration():

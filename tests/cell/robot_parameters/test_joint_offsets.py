@@ -14,16 +14,12 @@ COVARIANCE = np.diag([4.0, 9.0])
 FOUND = RobotParameters(("a", "b"), np.array([0.1, 0.2]), np.array([2.0, 3.0]), np.array([True, False]), COVARIANCE)
 
 
-@pytest.mark.parametrize("ends", [(False, False), (True, False), (False, True), (True, True)])
-def test_free_offsets_leave_out_what_the_ends_take_up(ends):
-    """The first joint turns the arm as its free base does, the last as free mounts do; a prior keeps all."""
-    free = of.columns(six_axis(), of.Stated(status="free"), ends, ())
-    kept = [row for row in range(6) if not ((row == 0 and ends[0]) or (row == 5 and ends[1]))]
-    np.testing.assert_array_equal(free.basis, np.eye(6)[:, kept])
-    assert free.sigma is None
-    prior = of.columns(six_axis(), of.Stated(status="prior", sigma_rad=0.01), ends, ())
-    np.testing.assert_array_equal(prior.basis, np.eye(6))
-    assert prior.sigma.tolist() == [0.01] * 6
+@pytest.mark.parametrize(("stated", "sigma"), [({"status": "free"}, None), ({"sigma_rad": 0.01}, [0.01] * 6)])
+def test_a_column_a_joint(stated, sigma):
+    """A radian each, with the prior's sigma where there is one."""
+    columns = of.columns(six_axis(), of.Stated(**{"status": "prior", **stated}))
+    np.testing.assert_array_equal(columns.basis, np.eye(6))
+    assert (columns.sigma if sigma is None else columns.sigma.tolist()) == sigma
 
 
 def test_fields_of_the_calibration():
@@ -55,10 +51,12 @@ def test_numbers_of_other_shapes_are_refused(key, wrong):
 
 def test_why_an_offset_is_not_seen():
     """The ends by what they hang on, the others by how little they move; and what makes up for them."""
-    ends = of.unobserved("joints 1 (a) and 3 (c)", [0, 2], 3, "eye_base", True)
+    ends = of.unobserved("joints 1 (a) and 4 (d)", [0, 3], 4, "eye_base", True)
     assert ends.endswith(
-        "joints 1 (a) and 3 (c): the first joint moves the arm as its base does, the last one as the mounts on its "
+        "joints 1 (a) and 4 (d): the first joint moves the arm as its base does, the last one as the mounts on its "
         "flange do; the sigmas of eye_base and of the mounts contain what they leave open"
     )
-    middle = of.unobserved("joint 2 (b)", [1], 3, "eye_base", False)
+    middle = of.unobserved("joint 2 (b)", [1], 4, "eye_base", False)
     assert "fixed at zero as a gauge: joint 2 (b): the samples hardly move the others by themselves;" in middle
+    chained = of.unobserved("joints 1 (a), 2 (b) and 4 (d)", [0, 1, 3], 4, "eye_base", False)
+    assert "joints 1 to 2 move the arm as its base does, in these samples, the last one as the mounts" in chained

@@ -1,4 +1,4 @@
-"""Link parameters: their gauges, and their fields in `calibration.json`."""
+"""Link parameters: their columns, and their fields in `calibration.json`."""
 
 from __future__ import annotations
 
@@ -11,34 +11,16 @@ SEEN = np.ones((3, 6), dtype=bool)
 FOUND = RobotParameters((), np.arange(18.0).reshape(3, 6), np.arange(18.0, 36.0).reshape(3, 6), SEEN)
 
 
-def test_shifts_and_turns_along_an_axis_pass_through_the_joint(arm, joints):
-    """Without free ends the gauges, two a joint, move no flange at any joints."""
-    gauges = of.link_gauges(arm, (False, False), with_offsets=False)
-    assert np.linalg.matrix_rank(gauges) == 12
-    np.testing.assert_allclose(arm.link_jacobian(joints) @ gauges, 0, atol=1e-12)
-
-
-def test_what_a_free_base_and_mounts_take_up_is_no_link_error(arm, joints):
-    """With free ends the 18 columns left and the two transforms span all that the 42 and the transforms do."""
-    basis, sigma = of.columns(arm, of.Stated(status="free"), (True, True), ())
-    links = arm.link_jacobian(joints)
-    poses = arm.forward(joints)
-    ends = np.concatenate([poses.inverse().adjoint(), np.broadcast_to(np.eye(6), (30, 6, 6))], -1)
-    kept = np.concatenate([links @ basis, ends], -1).reshape(180, -1)
-    every = np.concatenate([links, ends], -1).reshape(180, -1)
-    assert (basis.shape, sigma) == ((42, 18), None)
-    assert np.linalg.matrix_rank(kept) == 30 == np.linalg.matrix_rank(every)
-
-
-def test_offsets_beside_them_take_up_turns_about_the_axes(arm):
-    """One column less a joint but for those that the free ends took up already."""
-    alone, beside = (of.columns(arm, of.Stated(status="free"), (True, True), b).basis for b in ((), {"joint_offsets"}))
-    assert alone.shape[1] - beside.shape[1] == 4
+def test_free_ones_count_half_a_metre_as_a_radian(arm):
+    """A column for each tangent of each origin and of the tip."""
+    basis, sigma = of.columns(arm, of.Stated(status="free"))
+    np.testing.assert_array_equal(basis, np.diag([0.5, 0.5, 0.5, 1, 1, 1] * 7))
+    assert sigma is None
 
 
 def test_a_prior_holds_every_tangent(arm):
     """Translations [m] before rotations [rad]."""
-    basis, sigma = of.columns(arm, of.Stated(status="prior", sigma_m=0.1, sigma_rad=0.2), (True, True), ())
+    basis, sigma = of.columns(arm, of.Stated(status="prior", sigma_m=0.1, sigma_rad=0.2))
     np.testing.assert_array_equal(basis, np.eye(42))
     np.testing.assert_array_equal(sigma.reshape(7, 6), [[0.1] * 3 + [0.2] * 3] * 7)
 

@@ -25,10 +25,11 @@ X, Y, Z, RX, RY, RZ = np.eye(6)
 def problem():
     """Three transforms, a lens, and four offsets, six compliances and 18 link parameters of the hand."""
     made = simulate(Scenario(samples=5, intrinsics="free"), 0)
-    arm, ends = six_axis(), (True, True)
-    free = {"joint_offsets": joint_offsets.Stated(status="free"), "deflection": deflection.Stated(status="free")}
-    model = robot_model("hand", arm, free, ends)
-    links = robot_model("hand", arm, {"link_parameters": link_parameters.Stated(status="free")}, ends)
+    arm, ends, joints = six_axis(), (True, True), np.random.default_rng(0).uniform(-2, 2, (30, 6))
+    bends = deflection.Stated(status="prior", sigma_rad_per_nm=1e-3)
+    free = {"joint_offsets": joint_offsets.Stated(status="free"), "deflection": bends}
+    model = robot_model("hand", arm, free, joints, ends)
+    links = robot_model("hand", arm, {"link_parameters": link_parameters.Stated(status="free")}, joints, ends)
     both = replace(model, columns={**model.columns, **links.columns})
     return build_problem(made.cell, made.recording)[0].with_models({"hand": both})
 

@@ -97,11 +97,11 @@ def test_width_is_where_columns_end(problem):
     assert replace(problem, columns={"b": slice(6, 9), "a": slice(0, 6)}).width == 9
 
 
-def test_columns_of_robots_follow_all_others(problem):
+def test_columns_of_robots_follow_all_others(problem, joints):
     """Those of earlier models are replaced, the others keep theirs; only with columns a robot is modelled."""
     offsets = {"joint_offsets": joint_offsets.Stated(status="prior", sigma_rad=0.01)}
     links = {"link_parameters": link_parameters.Stated(status="free")}
-    model = robot_model("hand", six_axis(), offsets | links, (True, True))
+    model = robot_model("hand", six_axis(), offsets | links, joints, (True, True))
     assert problem.modelled("hand") is None
     within = problem.with_models({"hand": model})
     assert within.columns["hand_joint_offsets"] == slice(27, 33)
@@ -109,7 +109,7 @@ def test_columns_of_robots_follow_all_others(problem):
     assert within.modelled("hand") is model
     assert within.modelled("eye") is None
     assert within.modelled(None) is None
-    fewer = robot_model("hand", six_axis(), offsets)
+    fewer = robot_model("hand", six_axis(), offsets, joints)
     again = within.with_models({"hand": fewer})
     assert again.width == 33
     assert again.columns.keys() == {*problem.columns, "hand_joint_offsets"}
@@ -175,7 +175,7 @@ def test_kinematics_that_are_not_as_stated_move_the_flange(problem, state, made,
         state.camera_from_target(wanted, problem.stops).matrix,
         atol=1e-12,
     )
-    model = robot_model(robot, stated, {})
+    model = robot_model(robot, stated, {}, np.zeros((1, 6)))
     np.testing.assert_array_equal(moved.kinematics(model).of("joint_offsets"), off)
     np.testing.assert_array_equal(state.kinematics(model).of("joint_offsets"), np.zeros(6))
 

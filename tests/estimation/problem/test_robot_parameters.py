@@ -29,13 +29,13 @@ NOISY = {"robot_noise": (2e-4, 3e-4)}
 FREE_DEFLECTION = deflection.Stated(status="free")
 
 
-def test_one_joint_alone(arm):
+def test_one_joint_alone(arm, joints):
     """Of all that a prior keeps, the columns and sigmas of one; other kinds stay as they are."""
     stated = {"joint_offsets": joint_offsets.Stated(status="prior", sigma_rad=0.01), "deflection": FREE_DEFLECTION}
-    model = robot_model("hand", arm, stated)
+    model = robot_model("hand", arm, stated, joints)
     one = model.of_joint("joint_offsets", 2)
-    assert model.widths == {"hand_joint_offsets": 6, "hand_deflection": 6}
-    assert one.widths == {"hand_joint_offsets": 1, "hand_deflection": 6}
+    assert model.widths == {"hand_joint_offsets": 6, "hand_deflection": 4}
+    assert one.widths == {"hand_joint_offsets": 1, "hand_deflection": 4}
     assert np.flatnonzero(one.columns["joint_offsets"].basis).tolist() == [2]
     assert one.sigmas["hand_joint_offsets"].tolist() == [0.01]
     assert one.sigmas["hand_deflection"] is None
@@ -67,7 +67,7 @@ def test_columns_are_derivatives_of_the_flange(arm, joints):
         "link_parameters": link_parameters.Stated(status="free"),
         "deflection": deflection.Stated(status="free", down=[0.3, 0.0, -4.0]),
     }
-    model = robot_model("hand", arm, stated, (True, True))
+    model = robot_model("hand", arm, stated, joints, (True, True))
     sizes = {"joint_offsets": (0.1, (6,)), "link_parameters": (0.1, (7, 6)), "deflection": (1e-3, (6,))}
     at = Kinematics(arm, {k: size * rng.standard_normal(shape) for k, (size, shape) in sizes.items()}, stated)
     before = at.forward(joints).inverse()
@@ -78,7 +78,7 @@ def test_columns_are_derivatives_of_the_flange(arm, joints):
         return (before @ after_step(model, at, parts).forward(joints)).log()
 
     derivative = by_columns(model, at, joints)
-    derivative[..., -6:] *= _PER_NEWTON_METRE
+    derivative[..., -model.widths["hand_deflection"] :] *= _PER_NEWTON_METRE
     check_derivative(after, derivative)
 
 

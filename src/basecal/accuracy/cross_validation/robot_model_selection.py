@@ -19,7 +19,7 @@ from basecal.cell import Parameters
 from basecal.cell.robot_parameters import joint_offsets, link_parameters
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.noise.estimate import degrees_of_freedom
-from basecal.estimation.problem.build import free_ends, recorded_by_joints
+from basecal.estimation.problem.build import free_ends, recorded_by_joints, recorded_joints
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.robot_parameters import RobotModel, robot_model
 from basecal.estimation.settings import DEFAULT, Settings
@@ -133,7 +133,7 @@ def _models(
     stated: Mapping[str, Parameters],
     joint: int | None = None,
 ) -> Models:
-    models = {r: robot_model(r, chains[r], stated, free_ends(problem, r)) for r in robots}
+    models = {r: robot_model(r, chains[r], stated, recorded_joints(problem, r), free_ends(problem, r)) for r in robots}
     return models if joint is None else {r: model.of_joint(OFFSETS, joint) for r, model in models.items()}
 
 
@@ -160,13 +160,16 @@ class _Trials:
         found = [none]
         if _standard_errors(none.scores - least.scores) > _DOUBTED:
             for robot in robots:
-                first, last = free_ends(self.problem, robot)
-                observable = range(first, self.chains[robot].n - last)
-                found += [self.scored("joint", (robot,), joint) for joint in observable]
+                found += [self.scored("joint", (robot,), joint) for joint in self.told(robot)]
             found[1:] = sorted(found[1:], key=_mean_score)
             if len(robots) > 1:
                 found += sorted((self.scored("offsets", (robot,)) for robot in robots), key=_mean_score)
         return [*found, offsets, links]
+
+    def told(self, robot: str) -> list[int]:
+        """Joints of a robot whose offsets what was recorded tells from what else is unknown."""
+        free = _models(self.problem, self.chains, (robot,), {OFFSETS: joint_offsets.Stated(status="free")})[robot]
+        return free.columns[OFFSETS].basis.argmax(axis=0).tolist() if OFFSETS in free.columns else []
 
     def scored(self, kind: str, robots: tuple[str, ...], joint: int | None = None) -> Candidate:
         """A model, and how it predicts held-out stations."""

@@ -5,7 +5,7 @@ Torques are those of the chain as stated, at the joints as recorded. Source: doc
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -50,7 +50,7 @@ def zero(joints: int) -> Array:
     return np.zeros(joints)
 
 
-def columns(chain: SerialChain, stated: Stated, free_ends: tuple[bool, bool], beside: Collection[str]) -> Columns:
+def columns(chain: SerialChain, stated: Stated) -> Columns:
     """See `RobotParameterKind`."""
     if chain.masses is None:
         raise InputError("needs the masses of its links: give them an <inertial> in its urdf")

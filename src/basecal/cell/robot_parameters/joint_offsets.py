@@ -1,12 +1,12 @@
 """Joint offsets: what is to be added to each recorded joint [rad], (n,).
 
-The first one turns the arm as its base does, the last one as the mounts on its flange do: where these are free, a free
-offset there is held at zero, which defines the other.
+Up to the first joint that moved they turn the arm as its base does; the last one turns what the flange carries as the
+mounts do. Where these are free, a free offset there is held at zero, which defines the other.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -42,15 +42,10 @@ def zero(joints: int) -> Array:
     return np.zeros(joints)
 
 
-def columns(chain: SerialChain, stated: Stated, free_ends: tuple[bool, bool], beside: Collection[str]) -> Columns:
+def columns(chain: SerialChain, stated: Stated) -> Columns:
     """See `RobotParameterKind`."""
-    chosen = np.ones(chain.n, dtype=bool)
-    if stated.status == "free":
-        first, last = free_ends
-        chosen[0] &= not first
-        chosen[-1] &= not last
-    sigma = None if stated.sigma_rad is None else np.full(int(chosen.sum()), stated.sigma_rad)
-    return Columns(np.eye(chain.n)[:, chosen], sigma)
+    sigma = None if stated.sigma_rad is None else np.full(chain.n, stated.sigma_rad)
+    return Columns(np.eye(chain.n), sigma)
 
 
 def shift(chain: SerialChain, stated: Parameters, joints: Array, values: Array) -> Array:
@@ -70,10 +65,13 @@ def derivative(at: Posture, stated: Parameters, values: Array) -> Array:
 
 def unobserved(joints: str, rows: Sequence[int], count: int, base: str, by_prior: bool) -> str:
     """See `RobotParameterKind`."""
+    still = next((row for row in range(count) if row not in rows), 0)  # of the first joints, as many as the base
     ends = {0: "the first joint moves the arm as its base does"}
+    if still > 1:
+        ends[0] = f"joints 1 to {still} move the arm as its base does, in these samples"
     ends[count - 1] = "the last one as the mounts on its flange do"
     reasons = [ends[row] for row in rows if row in ends]
-    if any(row not in ends for row in rows):
+    if any(row >= still and row not in ends for row in rows):
         reasons.append("the samples hardly move the others by themselves")
     why = f"{joints}: {', '.join(reasons)}"
     if by_prior:

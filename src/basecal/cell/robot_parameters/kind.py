@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib import import_module
 from typing import Any, NamedTuple, Protocol
@@ -61,16 +61,12 @@ class RobotParameterKind(Protocol):
     def zero(self, joints: int) -> Array:
         """The values of a robot as stated."""
 
-    def columns(
-        self, chain: SerialChain, stated: Parameters, free_ends: tuple[bool, bool], beside: Collection[str]
-    ) -> Columns:
-        """What of them is estimated, where they are not fixed.
+    def columns(self, chain: SerialChain, stated: Parameters) -> Columns:
+        """All of them that may be estimated, where they are not fixed; gauges are left out of free ones afterwards.
 
         Args:
             chain: The robot as stated.
             stated: What is known of them.
-            free_ends: Whether its base, and whether all that its flange carries, are free.
-            beside: Which other kinds are estimated.
 
         Raises:
             InputError: if the robot lacks what they need; the message goes on from their name.

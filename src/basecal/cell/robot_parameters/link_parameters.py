@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,10 +11,9 @@ from basecal.cell.calibration import RobotParameters
 from basecal.cell.format.parameters import Parameters
 from basecal.cell.format.values import Sigma
 from basecal.cell.robot_parameters.kind import Columns, Posture
-from basecal.geometry import SE3, Array, read_only
+from basecal.geometry import Array, read_only
 from basecal.geometry.se3 import right_jacobian
 from basecal.kinematics import SerialChain
-from basecal.numerics.spectral import independent
 
 BY_JOINT = False
 ONE = "an error of the links"
@@ -35,47 +34,12 @@ def zero(joints: int) -> Array:
     return np.zeros((joints + 1, 6))
 
 
-def columns(chain: SerialChain, stated: Stated, free_ends: tuple[bool, bool], beside: Collection[str]) -> Columns:
+def columns(chain: SerialChain, stated: Stated) -> Columns:
     """See `RobotParameterKind`."""
     if stated.sigma_m is not None and stated.sigma_rad is not None:
         per_axis = np.repeat([stated.sigma_m, stated.sigma_rad], 3)
         return Columns(np.eye(6 * (chain.n + 1)), np.tile(per_axis, chain.n + 1))
-    # Columns that span all tangents but the gauges, and are the smallest of those that do the same.
-    scale = np.tile(np.repeat([_METRES_PER_RADIAN, 1.0], 3), chain.n + 1)
-    gauges = link_gauges(chain, free_ends, "joint_offsets" in beside)
-    left, values, _ = np.linalg.svd(gauges / scale[:, None])
-    return Columns(np.asarray(scale[:, None] * left[:, independent(values) :]), None)
-
-
-def link_gauges(chain: SerialChain, free_ends: tuple[bool, bool], with_offsets: bool) -> Array:
-    """Link tangents that move nothing, or no more than something else that is free, (6 (n + 1), g).
-
-    A turn about a joint's own axis and a shift along it pass through the joint: before it they are the same as after
-    it. A free base takes up any movement of the first origin, free mounts any of the tip, offsets turns about axes.
-
-    Args:
-        chain: The arm.
-        free_ends: Whether its base, and whether all that its flange carries, are free.
-        with_offsets: Whether its joint offsets are estimated too.
-    """
-    n = chain.n
-    origins = [chain.origins[i] for i in range(1, n)]
-    after = SE3.stack([*origins, chain.tip]).inverse().adjoint()
-    gauges = []
-    for i, axis in enumerate(chain.axes):
-        along = np.zeros((6, 2))
-        along[:3, 0] = along[3:, 1] = axis
-        passed = np.zeros((6 * (n + 1), 2))
-        passed[6 * i : 6 * i + 6], passed[6 * i + 6 : 6 * i + 12] = along, -after[i] @ along
-        gauges.append(passed)
-        if with_offsets:
-            turned = np.zeros((6 * (n + 1), 1))
-            turned[6 * i : 6 * i + 6, 0] = along[:, 1]
-            gauges.append(turned)
-    for place, is_free in zip((slice(0, 6), slice(6 * n, 6 * n + 6)), free_ends, strict=True):
-        if is_free:
-            gauges.append(np.eye(6 * (n + 1))[:, place])
-    return np.concatenate(gauges, -1)
+    return Columns(np.diag(np.tile(np.repeat([_METRES_PER_RADIAN, 1.0], 3), chain.n + 1)), None)
 
 
 def shift(chain: SerialChain, stated: Parameters, joints: Array, values: Array) -> float:

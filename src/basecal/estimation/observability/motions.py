@@ -12,15 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from basecal.estimation.problem.gauges import LEAST_RMS, SCALE
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import SE3, Array
 from basecal.numerics.batch import concatenate
 
 HARDLY_RAD = 0.01  # turns below this say nothing of a rotation: their noise is as large [rad]
 _HARDLY_M = 1e-3  # travel below this is standing still [m]
-_LENGTH_M = 0.5  # length that counts as much as a radian: a lever arm of an arm's hand [m]
-_SCALE = np.array([_LENGTH_M] * 3 + [1.0] * 3)
-_LEAST_RMS = 3e-3  # of the motions, scaled: below it lies what a robot's noise may make [rad]
 _NOISE_SIGMAS = 5.0  # a motion is one beyond five sigmas of the pose's noise
 _FEW = 3  # orientations that determine a hand-eye rotation: two turns about different axes
 
@@ -101,8 +99,8 @@ def _orientations(turns: Array) -> int:
 def _least(problem: Problem, robot: str) -> float:
     """What motion counts, rms: more than a thousandth or so, and several sigmas of the robot's stated noise."""
     own = [k for k, name in enumerate(problem.stops.robot) if name == robot]
-    noise = problem.stops.sigma[own[0]] / _SCALE if own else np.zeros(6)
-    return max(_LEAST_RMS, _NOISE_SIGMAS * float(noise.max()))
+    noise = problem.stops.sigma[own[0]] / SCALE if own else np.zeros(6)
+    return max(LEAST_RMS, _NOISE_SIGMAS * float(noise.max()))
 
 
 def _indistinct(base_from_flange: SE3, least: float) -> tuple[Array, Array]:
@@ -112,12 +110,12 @@ def _indistinct(base_from_flange: SE3, least: float) -> tuple[Array, Array]:
         base_from_flange: (n,).
         least: By how much the carried twists may differ, rms, half a metre counting as a radian.
     """
-    carried = base_from_flange.inverse().adjoint() * _SCALE / _SCALE[:, None]
+    carried = base_from_flange.inverse().adjoint() * SCALE / SCALE[:, None]
     mean = carried.mean(0)
     off = (carried - mean).reshape(-1, 6)
     squares, twists = np.linalg.eigh(off.T @ off / len(carried))
     alike = twists[:, np.maximum(squares, 0.0) < least**2]
-    return alike.T * _SCALE, (mean @ alike).T * _SCALE
+    return alike.T * SCALE, (mean @ alike).T * SCALE
 
 
 def null_directions(problem: Problem, state: State) -> Array:

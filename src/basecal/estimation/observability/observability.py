@@ -34,21 +34,23 @@ class Observability:
         inverse: (p, p) inverse of the information, zero along directions without any.
         condition: Largest over smallest scaled sigma; infinite where a direction has no information.
         null_space: The directions whose sigma is too large to count as seen, taken apart.
-        length_m: What a sigma of a translation is compared with: how far targets are from cameras.
         unobservable: Names of the transforms and lenses that have such a direction.
+        onto_held: (p, p) what takes out of a step its part along directions without any information.
+        length_m: What a sigma of a translation is compared with: how far targets are from cameras.
     """
 
     inverse: Array
     condition: float
     null_space: tuple[NullDirection, ...]
     unobservable: frozenset[str]
+    onto_held: Array
     length_m: float = 1.0
 
 
 def observability_of(problem: Problem, state: State, hessian: Array, factor: float) -> Observability:
     """What an information matrix (p, p), whose inverse times `factor` is the covariance, says of the unknowns."""
     if not len(hessian):
-        return Observability(np.zeros((0, 0)), 1.0, (), frozenset())
+        return Observability(np.zeros((0, 0)), 1.0, (), frozenset(), np.zeros((0, 0)))
     length = _length(problem, state)
     scale = _scales(problem, state, length)
     values, vectors = np.linalg.eigh(_without_null_directions(problem, state, hessian, scale))
@@ -57,6 +59,7 @@ def observability_of(problem: Problem, state: State, hessian: Array, factor: flo
     singular = (sigma > _NO_INFORMATION_SIGMA) | ~holds_information(values)
     kept = vectors[:, ~singular] * scale[:, None]
     inverse = (kept / values[~singular]) @ kept.T
+    onto_held = kept @ (vectors[:, ~singular] / scale[:, None]).T
     lenses = [where for name, where in problem.columns.items() if name in problem.lenses]
     distortion = [k for where in lenses for k in range(where.start + 4, where.stop)]
     shaping = np.linalg.norm(vectors[distortion], axis=0) ** 2 > 0.5
@@ -70,7 +73,7 @@ def observability_of(problem: Problem, state: State, hessian: Array, factor: flo
         > _UNOBSERVABLE_SIGMA
     )
     condition = float(np.sqrt(values[-1] / values[0])) if not np.any(singular) else float("inf")
-    return Observability(inverse, condition, directions, names, length)
+    return Observability(inverse, condition, directions, names, onto_held, length)
 
 
 def _without_null_directions(problem: Problem, state: State, hessian: Array, scale: Array) -> Array:

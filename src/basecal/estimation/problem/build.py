@@ -85,18 +85,24 @@ def _models(cell: Cell, problem: Problem) -> dict[str, RobotModel]:
                     f"robot {name!r}: to estimate {' and '.join(asked)}, its urdf and joints_rad in every sample are "
                     "needed; set the status to fixed where poses are recorded"
                 )
-            models[name] = robot_model(name, robot.chain, robot.parameters, free_ends(problem, name))
+            recorded = recorded_joints(problem, name)
+            models[name] = robot_model(name, robot.chain, robot.parameters, recorded, free_ends(problem, name))
     return models
 
 
 def recorded_by_joints(problem: Problem, robot: str) -> bool:
     """Whether every view of a robot has its joints."""
-    return all(
-        joints is not None
-        for g in problem.groups
-        for on, joints in ((g.eye, g.eye_joints), (g.hand, g.hand_joints))
-        if on == robot
-    )
+    return all(joints is not None for joints in _joints_of_views(problem, robot))
+
+
+def recorded_joints(problem: Problem, robot: str) -> Array:
+    """Different joints at which a robot was seen, every view of which has them, (m, n) [rad]."""
+    return np.unique(np.concatenate([j for j in _joints_of_views(problem, robot) if j is not None]), axis=0)
+
+
+def _joints_of_views(problem: Problem, robot: str) -> list[Array | None]:
+    carried = [(on, j) for g in problem.groups for on, j in ((g.eye, g.eye_joints), (g.hand, g.hand_joints))]
+    return [joints for on, joints in carried if on == robot]
 
 
 def free_ends(problem: Problem, robot: str) -> tuple[bool, bool]:

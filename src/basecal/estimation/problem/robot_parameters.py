@@ -1,8 +1,8 @@
 """What is estimated of a robot's own kinematics, of whatever kinds of parameters.
 
 A robot given by joints stands where its chain, moved by its parameters, stands at the recorded joints, shifted by them.
-Two ends of an arm cannot be told from what they hang on; where both sides of such a pair are free, the arm's side is
-held at zero, which defines the other.
+Ends of an arm cannot be told from what they hang on; where both sides of such a pair are free, the arm's side is held
+at zero, which defines the other.
 Source: docs/mathematics.md (9.1).
 """
 
@@ -17,6 +17,7 @@ import numpy as np
 from basecal.cell import Parameters
 from basecal.cell.robot_parameters.kind import Columns, Posture, robot_parameter_kinds
 from basecal.errors import InputError
+from basecal.estimation.problem.gauges import of_ends, told_directions, told_joints
 from basecal.geometry import SE3, Array
 from basecal.kinematics import SerialChain
 
@@ -29,7 +30,7 @@ class RobotModel:
         robot: Its name.
         chain: Its kinematics as stated, of n joints.
         stated: What is known of its parameters, by kind; of those that are not fixed.
-        columns: What of them is estimated, by kind; of those of which anything is.
+        columns: What of them is estimated, by kind; of those told joint by joint it may be none.
     """
 
     robot: str
@@ -104,14 +105,19 @@ class Kinematics:
 
 
 def robot_model(
-    robot: str, chain: SerialChain, stated: Mapping[str, Parameters], free_ends: tuple[bool, bool] = (False, False)
+    robot: str,
+    chain: SerialChain,
+    stated: Mapping[str, Parameters],
+    joints: Array,
+    free_ends: tuple[bool, bool] = (False, False),
 ) -> RobotModel:
-    """The columns of what is not fixed.
+    """The columns of what is not fixed; of what is free, those that the recorded joints tell from all else.
 
     Args:
         robot: Its name.
         chain: Its kinematics as stated.
         stated: What is known of its parameters, by kind.
+        joints: (m, n) as recorded [rad].
         free_ends: Whether its base, and whether all that its flange carries, are free.
 
     Raises:
@@ -120,13 +126,27 @@ def robot_model(
     asked = {
         kind: stated[kind] for kind in robot_parameter_kinds() if kind in stated and stated[kind].status != "fixed"
     }
+    flange, by_joints = chain.forward_and_jacobian(joints)
+    at, others = Posture(chain, chain, joints, joints, by_joints), of_ends(flange, free_ends)
     columns = {}
-    for kind, known in asked.items():
+    for name, known in asked.items():
+        kind = robot_parameter_kinds()[name]
         try:
-            columns[kind] = robot_parameter_kinds()[kind].columns(chain, known, free_ends, asked.keys() - {kind})
+            of = kind.columns(chain, known)
         except InputError as error:
-            raise InputError(f"robot {robot!r}: {kind} {error}") from None
-    return RobotModel(robot, chain, asked, {kind: of for kind, of in columns.items() if of.basis.shape[1]})
+            raise InputError(f"robot {robot!r}: {name} {error}") from None
+        derivative = kind.derivative(at, known, kind.zero(chain.n))
+        if of.sigma is None:
+            moves = kind.SCALE * derivative @ of.basis
+            told = (
+                of.basis[:, told_joints(moves, others)] if kind.BY_JOINT else of.basis @ told_directions(moves, others)
+            )
+            of = Columns(told, None)
+        columns[name] = of
+        others = np.concatenate([others, kind.SCALE * derivative @ of.basis], axis=-1)
+    # What is told joint by joint is told of none, too.
+    kept = {name: of for name, of in columns.items() if of.basis.shape[1] or robot_parameter_kinds()[name].BY_JOINT}
+    return RobotModel(robot, chain, asked, kept)
 
 
 def by_columns(model: RobotModel, kinematics: Kinematics, joints: Array) -> Array:

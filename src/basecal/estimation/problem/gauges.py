@@ -1,0 +1,82 @@
+"""Which changes of a robot's parameters its recorded joints cannot tell from changes of what else is unknown.
+
+A joint that never moved turns the arm as its base does, and so does the next one after it; the last joint turns what
+the flange carries as its mounts do; a turn about a joint's own axis is that joint's offset. Which of these a recording
+leaves open is seen in where the flange went, not in the arm. Source: docs/mathematics.md, "Gauges".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from basecal.geometry import SE3, Array, IntArray
+
+# Motion of the flange by a radian of something, root of the mean square [rad], below which it is what the noise of
+# recorded poses may make: real arms have some milliradians.
+LEAST_RMS = 3e-3
+LENGTH_M = 0.5  # length that counts as much as a radian: a lever arm of an arm's hand [m]
+SCALE = np.array([LENGTH_M] * 3 + [1.0] * 3)
+_ALIKE = 6  # decimals of a joint's share in a gauge: equal ones differ by rounding, and then the first is taken
+
+
+def of_ends(base_from_flange: SE3, free_ends: tuple[bool, bool]) -> Array:
+    """How flanges, (m,), move with what is free at the ends of their arm, right tangents, (m, 6, k).
+
+    Args:
+        base_from_flange: (m,).
+        free_ends: Whether its base, and whether all that its flange carries, are free.
+    """
+    at_base, at_flange = base_from_flange.inverse().adjoint(), np.broadcast_to(np.eye(6), (len(base_from_flange), 6, 6))
+    ends = [each * SCALE for each, free in zip((at_base, at_flange), free_ends, strict=True) if free]
+    return np.concatenate([np.zeros((len(base_from_flange), 6, 0)), *ends], axis=-1)
+
+
+def beyond(moves: Array, others: Array) -> tuple[Array, Array]:
+    """What of some moves of a flange others cannot take up, as squares along directions of the moves.
+
+    Args:
+        moves: (m, 6, k) right tangents by one unit of each [m, rad].
+        others: (m, 6, j) likewise.
+
+    Returns:
+        Mean squares [rad^2], (k,) rising, and the directions, (k, k), one a column.
+    """
+    flat, by_others = _flat(moves), _flat(others)
+    values, vectors = np.linalg.eigh(by_others.T @ by_others)
+    kept = values > LEAST_RMS**2
+    across = (vectors[:, kept] / np.sqrt(values[kept])).T @ (by_others.T @ flat)
+    squares, directions = np.linalg.eigh(flat.T @ flat - across.T @ across)
+    return np.maximum(squares, 0.0), directions
+
+
+def _flat(moves: Array) -> Array:
+    """Rows of all flanges, 0.5 m counting as a radian, whose sums of squares are means over the flanges."""
+    rows = moves / SCALE[:, None]
+    return np.asarray(rows.reshape(6 * len(moves), moves.shape[-1]) / np.sqrt(max(len(moves), 1)))
+
+
+def told_directions(moves: Array, others: Array) -> Array:
+    """An orthonormal basis, (k, r), of what of some moves is none of the others; see `beyond`."""
+    squares, directions = beyond(moves, others)
+    return np.asarray(directions[:, squares > LEAST_RMS**2])
+
+
+def told_joints(moves: Array, others: Array) -> IntArray:
+    """Which of some moves, one of each joint, are not to be held so that the rest is none of the others.
+
+    Of joints that are in a gauge alike the first is held.
+    """
+    squares, directions = beyond(moves, others)
+    left, held = directions[:, squares <= LEAST_RMS**2], list[int]()
+    for _ in range(left.shape[1]):
+        share = np.round(np.linalg.norm(left, axis=-1), _ALIKE)
+        held.append(int(np.argmax(share)))
+        along = left[held[-1]] / np.linalg.norm(left[held[-1]])
+        left = left - np.outer(left @ along, along)
+    return np.setdiff1d(np.arange(moves.shape[-1]), _integers(held))
+
+
+def _integers(values: Sequence[int]) -> IntArray:
+    return np.array(values, dtype=np.int64)

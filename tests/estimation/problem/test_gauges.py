@@ -1,0 +1,121 @@
+"""Gauges are found in where the flange went: which parameters a recording cannot tell from what else is free."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.cell.robot_parameters import deflection, joint_offsets, link_parameters
+from basecal.estimation.problem.gauges import LEAST_RMS, beyond, of_ends, told_directions, told_joints
+from basecal.estimation.problem.robot_parameters import robot_model
+
+OFFSETS = {"joint_offsets": joint_offsets.Stated(status="free")}
+LINKS = {"link_parameters": link_parameters.Stated(status="free")}
+ENDS = [(False, False), (True, False), (False, True), (True, True)]
+
+
+def offsets_told(arm, joints, ends):
+    return robot_model("hand", arm, OFFSETS, joints, ends).columns["joint_offsets"].basis.argmax(axis=0).tolist()
+
+
+def links_told(arm, joints, ends, **beside):
+    return robot_model("hand", arm, {**beside, **LINKS}, joints, ends).columns["link_parameters"].basis
+
+
+@pytest.mark.parametrize("ends", ENDS)
+def test_ends_that_are_free_take_up_the_first_and_the_last_joint(arm, joints, ends):
+    """The first turns the arm as its base does, the last as what it carries; others are told."""
+    held = {0} if ends[0] else set()
+    held |= {5} if ends[1] else set()
+    assert set(range(6)) - set(offsets_told(arm, joints, ends)) == held
+
+
+def test_a_joint_that_never_moved_hands_its_gauge_on(arm, joints):
+    """With the first joint still, the second turns about an axis that stands in the base, too; likewise at the end."""
+    turntable = joints * np.array([0, 1, 1, 1, 1, 1]) + 0.3
+    assert offsets_told(arm, turntable, (True, False)) == [2, 3, 4, 5]
+    assert offsets_told(arm, turntable, (False, False)) == [0, 1, 2, 3, 4, 5]
+    assert offsets_told(arm, joints * np.array([1, 1, 1, 1, 1, 0]), (False, True)) == [0, 1, 2, 3]
+
+
+def test_a_prior_keeps_what_is_gauge(arm, joints):
+    """Along a gauge the answer is the prior's then."""
+    stated = {"joint_offsets": joint_offsets.Stated(status="prior", sigma_rad=0.01)}
+    columns = robot_model("hand", arm, stated, joints, (True, True)).columns["joint_offsets"]
+    np.testing.assert_array_equal(columns.basis, np.eye(6))
+
+
+def test_of_joints_in_one_gauge_the_first_is_held():
+    """Two that move the flange alike, one that moves it otherwise: the first of the pair goes."""
+    moves = np.random.default_rng(0).standard_normal((8, 6, 3))
+    moves[..., 2] = moves[..., 1]
+    assert told_joints(moves, np.zeros((8, 6, 0))).tolist() == [0, 2]
+
+
+@pytest.mark.parametrize(("size", "told"), [(2.0, 1), (0.5, 0)])
+def test_motions_as_small_as_noise_tell_nothing(size, told):
+    """Twice and half the rms below which a motion counts for none; half a metre counts as a radian."""
+    moves = np.zeros((4, 6, 1))
+    moves[:, 0, 0] = 0.5 * size * LEAST_RMS
+    assert told_directions(moves, np.zeros((4, 6, 0))).shape == (1, told)
+
+
+def test_what_others_take_up_is_not_counted(rng):
+    """Moves that are sums of others and of a rest have the squares of the rest alone."""
+    others, rest = rng.standard_normal((20, 6, 3)), np.zeros((20, 6, 1))
+    rest[:, 4] = rng.standard_normal((20, 1))
+    flat = others.reshape(120, 3) / np.tile([0.5] * 3 + [1.0] * 3, 20)[:, None]
+    own = rest.reshape(120, 1)
+    left = own - flat @ np.linalg.lstsq(flat, own, rcond=None)[0]
+    squares, directions = beyond(rest + others @ np.ones((3, 1)), others)
+    np.testing.assert_allclose(squares, np.sum(left**2) / 20, rtol=1e-9)
+    np.testing.assert_allclose(np.abs(directions), 1)
+
+
+def test_ends_move_the_flange_as_base_and_mounts_do(arm, joints):
+    """A twist of the base by the adjoint, in units of half a metre and a radian; nothing where neither is free."""
+    flange = arm.forward(joints)
+    moves = of_ends(flange, (True, True))
+    np.testing.assert_allclose(moves[..., :3], 0.5 * flange.inverse().adjoint()[..., :3], atol=1e-15)
+    np.testing.assert_allclose(moves[0, :, 6:], np.diag([0.5] * 3 + [1.0] * 3))
+    assert of_ends(flange, (False, False)).shape == (30, 6, 0)
+
+
+def test_links_that_pass_through_joints_are_no_columns(arm, joints):
+    """Two gauges a joint without free ends, and as many columns as a free base and mounts leave with them."""
+    counts = [links_told(arm, joints, ends).shape[1] for ends in ENDS]
+    assert counts == [42 - 12, 42 - 12 - 6, 42 - 12 - 6, 18]
+
+
+def test_what_a_free_base_and_mounts_take_up_is_no_link_error(arm, joints):
+    """The 18 columns left and the two transforms span all that the 42 and the transforms do."""
+    basis = links_told(arm, joints, (True, True))
+    links, poses = arm.link_jacobian(joints), arm.forward(joints)
+    ends = np.concatenate([poses.inverse().adjoint(), np.broadcast_to(np.eye(6), (30, 6, 6))], -1)
+    kept = np.concatenate([links @ basis, ends], -1).reshape(180, -1)
+    every = np.concatenate([links, ends], -1).reshape(180, -1)
+    assert np.linalg.matrix_rank(kept) == 30 == np.linalg.matrix_rank(every)
+
+
+def test_links_are_the_smallest_that_do_the_same(arm, joints):
+    """Half a metre counting as a radian, no column has a part along a gauge such as a turn about a joint's axis."""
+    basis = links_told(arm, joints, (False, False)) / np.tile([0.5] * 3 + [1.0] * 3, 7)[:, None]
+    np.testing.assert_allclose(basis.T @ basis, np.eye(30), atol=1e-12)
+    passed = np.zeros(42)
+    passed[9:12] = arm.axes[1]
+    passed[12:18] = -arm.origins[2].inverse().adjoint() @ np.append(np.zeros(3), arm.axes[1])
+    assert np.abs(arm.link_jacobian(joints) @ passed).max() < 1e-12
+    np.testing.assert_allclose(basis.T @ (passed / np.tile([0.5] * 3 + [1.0] * 3, 7)), 0, atol=1e-6)
+
+
+def test_offsets_beside_links_take_up_turns_about_the_axes(arm, joints):
+    """One column less a joint but for those that the free ends took up already."""
+    alone, beside = links_told(arm, joints, (True, True)), links_told(arm, joints, (True, True), **OFFSETS)
+    assert alone.shape[1] - beside.shape[1] == 4
+
+
+def test_a_compliance_under_a_torque_that_never_changes_is_an_offset(arm, joints):
+    """About an upright first axis gravity has no torque, nor about the last, on which its mass lies."""
+    free = deflection.Stated(status="free")
+    kept = robot_model("hand", arm, {**OFFSETS, "deflection": free}, joints).columns["deflection"].basis.argmax(axis=0)
+    assert kept.tolist() == [1, 2, 3, 4]
