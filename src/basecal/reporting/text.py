@@ -214,10 +214,10 @@ def noise_sentences(calibration: Calibration) -> Iterator[str]:
 
 def _sigma(key: str, value: float | Array) -> str:
     """One sigma or three in the unit to read of a key that ends in `_px`, `_m` or `_rad`."""
-    scale, unit = _READ_IN[key.rpartition("_")[2]]
-    sigmas = np.atleast_1d(value)
+    scale, unit = _READ_IN.get(key.rpartition("_")[2], (1.0, ""))
+    sigmas = np.atleast_1d(np.array(value, dtype=np.float64))
     shown = sigmas[:1] if np.all(sigmas == sigmas[0]) else sigmas
-    return f"{' '.join(f'{scale * each:.3g}' for each in shown)} {unit}"
+    return f"{' '.join(f'{scale * each:.3g}' for each in shown)} {unit}".rstrip()
 
 
 def _findings(findings: Iterable[Finding]) -> Iterator[str]:

@@ -112,10 +112,10 @@ def test_transforms_and_lenses():
     ("change", "message"),
     [
         ({"schema": "basecal/calibration/2"}, "expected the schema basecal/calibration/1.*got 'basecal/calibration/2'"),
-        ({"verdict": "fine"}, "expected good or doubtful or refused, got 'fine'"),
+        ({"verdict": "fine"}, "verdict: expected 'good', 'doubtful' or 'refused', got 'fine'"),
         ({"joint": {"order": [], "covariance": [[1.0, 2.0]]}}, "expected a square"),
-        ({"residuals": None}, "not a calibration as this program writes it"),
-        ({"observability": {}}, "the field 'condition' is missing; calibrate again"),
+        ({"residuals": None}, "residuals: expected a mapping"),
+        ({"observability": {}}, "observability.condition: missing; add it; calibrate again"),
     ],
 )
 def test_what_is_no_calibration_is_refused(change, message):

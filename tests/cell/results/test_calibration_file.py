@@ -36,6 +36,7 @@ from basecal.errors import DatasetError
 from basecal.geometry import SE3, Camera, PoseEstimate
 
 SEEN = np.ones((3, 6), dtype=bool)
+SIX = [[0.0] * 6] * 6
 BASE, LIGHT = "eye_base_from_hand_base", "hand_flange_from_light"
 
 
@@ -59,7 +60,10 @@ def example() -> Calibration:
             "link_parameters": {"hand": RobotParameters((), np.arange(18.0).reshape(3, 6), np.ones((3, 6)), SEEN)},
             "deflection": {"hand": RobotParameters(("pan",), np.array([1e-5]), np.array([math.nan]), SEEN[0, :1])},
         },
-        noise={"pixel_px": np.float64(0.2), "robots": {"eye": {"sigma_t_m": [1e-4, 1e-4, math.nan]}}},
+        noise={
+            "pixel_px": np.float64(0.2),
+            "robots": {"eye": {"sigma_t_m": [1e-4, 1e-4, math.nan], "sigma_r_rad": [1e-4] * 3}},
+        },
         order=(BASE,),
         joint_covariance=spread,
         residuals=Residuals(
@@ -183,10 +187,13 @@ def test_hashes(folder: Path) -> None:
     ("change", "words"),
     [
         ({"schema": "basecal/calibration/9"}, "the one version"),
-        ({"verdict": "fine"}, "good or doubtful or refused"),
-        ({"transforms": []}, "not a calibration"),
-        ({"transforms": {BASE: {"t_m": [0, 0, 0], "q_xyzw": [0, 0, 0, 2], "covariance": [[0]]}}}, "norm 2"),
-        ({"residuals": {}}, "the field 'rms_px' is missing"),
+        ({"verdict": "fine"}, "expected 'good', 'doubtful' or 'refused'"),
+        ({"transforms": []}, "transforms: expected a mapping"),
+        (
+            {"transforms": {BASE: {"t_m": [0, 0, 0], "q_xyzw": [0, 0, 0, 2], "covariance": SIX, "status": None}}},
+            "norm 2",
+        ),
+        ({"residuals": {}}, "residuals.rms_px: missing"),
         ({"joint": {"order": [], "covariance": [[1, 2]]}}, "expected a square"),
     ],
 )

@@ -17,11 +17,13 @@ from basecal.cell.calibration import (
     Loop,
     Outlier,
     Residuals,
+    RobotParameters,
     SampleResidual,
     Validation,
 )
 from basecal.cell.format.plain import numbers
 from basecal.cell.format.problems import CAUSE, SHORT
+from basecal.cell.results.calibration_schema import LARGEST_NUMBER, check_calibration
 from basecal.cell.robot_parameters.kind import robot_parameter_kinds
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array, Camera, PoseEstimate, read_only
@@ -78,7 +80,10 @@ def calibration_from_dict(data: Any) -> Calibration:
         got = data.get("schema") if isinstance(data, dict) else type(data).__name__
         raise InputError(f"expected the schema {SCHEMA}, the one version this program reads, got {str(got)[:SHORT]!r}")
     try:
+        check_calibration(data)
         return _calibration(data)
+    except InputError as error:
+        raise InputError(f"{error}; calibrate again") from None
     except KeyError as error:
         raise InputError(f"the field {error} is missing; calibrate again") from None
     except (TypeError, AttributeError, ValueError, OverflowError) as error:
@@ -88,7 +93,7 @@ def calibration_from_dict(data: Any) -> Calibration:
 
 
 def _plain(value: Any) -> Any:
-    """Nothing but what JSON holds: arrays as lists, and null for a number that is not finite."""
+    """Nothing but what JSON holds: arrays as lists, and null for a number that is not finite, or as good as that."""
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray | np.generic):
@@ -96,7 +101,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list | tuple | set | frozenset):
         return [_plain(item) for item in value]
     if isinstance(value, float):
-        return value if math.isfinite(value) else None
+        return value if abs(value) <= LARGEST_NUMBER else None
     return value if value is None or isinstance(value, bool | int | str) else str(value)
 
 
@@ -141,10 +146,10 @@ def _entry(noun: Any) -> Any:
 
 def _noun(of: type[N], data: Mapping[str, Any]) -> N:
     """The dataclass of fields as files have them; lists in it stay as they are."""
-    values = {}
+    values: dict[str, Any] = {}
     for field in fields(of):
         key, factor = _key(field.name)
-        value = data[key]
+        value = math.nan if data[key] is None and field.type == "float" else data[key]
         values[field.name] = value if factor is None or value is None else value / factor
     return of(**values)
 
@@ -158,10 +163,10 @@ def finding_to_dict(finding: Finding) -> dict[str, Any]:
 def _calibration(data: dict[str, Any]) -> Calibration:
     transforms, lenses = data["transforms"], data["intrinsics"] or {}
     joint, proof = data["joint"], data["certificate"]
-    of_robots = {name: kind.from_dict(data) for name, kind in robot_parameter_kinds().items()}
+    of_robots = {name: _parameters(kind.from_dict(data), name) for name, kind in robot_parameter_kinds().items()}
     status = {name: entry["status"] for name, entry in {**transforms, **lenses}.items() if entry.get("status")}
     return Calibration(
-        verdict=_one_of(data["verdict"], ("good", "doubtful", "refused")),
+        verdict=data["verdict"],
         transforms={name: _estimate(entry) for name, entry in transforms.items()},
         status=status,
         points=frozenset(name for name, entry in transforms.items() if len(entry["covariance"]) == 3),
@@ -188,18 +193,16 @@ def _calibration(data: dict[str, Any]) -> Calibration:
     )
 
 
-def _one_of(value: Any, known: tuple[str, ...]) -> Any:
-    if value not in known:
-        raise ValueError(f"expected {' or '.join(known)}, got {value!r}")
-    return value
+def _parameters(found: dict[str, RobotParameters], kind: str) -> dict[str, RobotParameters]:
+    for robot, of in found.items():
+        if not of.values.shape == of.sigma.shape == of.seen.shape or not all(isinstance(j, str) for j in of.joints):
+            raise InputError(f"{kind} of {robot!r}: expected a value, a sigma and whether it is seen of each")
+    return found
 
 
 def _matrix(rows: Any) -> Array:
     """A square matrix; null reads as NaN."""
-    matrix = read_only(rows, (None, None), "covariance")
-    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
-        raise ValueError(f"a covariance has shape {matrix.shape}, expected a square")
-    return matrix
+    return read_only(np.reshape(np.array(rows, dtype=np.float64), (len(rows), len(rows))))
 
 
 def _estimate(entry: Mapping[str, Any]) -> PoseEstimate:

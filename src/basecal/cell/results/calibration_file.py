@@ -43,7 +43,11 @@ def read_calibration(path: str | Path) -> Calibration:
     file = Path(path) / FILE if Path(path).is_dir() else Path(path)
     text = read_text(file, "calibrate first, or give the file or folder of a run")
     try:
-        return calibration_from_dict(json.loads(text))
+        data = json.loads(text)
+        json.dumps(data, ensure_ascii=False).encode()
+        return calibration_from_dict(data)
+    except UnicodeEncodeError:
+        raise DatasetError(str(file), "a text holds half a character (\\ud800 to \\udfff); calibrate again") from None
     except json.JSONDecodeError as error:
         raise DatasetError(str(file), f"not JSON ({error.msg}); calibrate again", error.lineno) from None
     except (ValueError, RecursionError) as error:

@@ -1,0 +1,179 @@
+"""The shape of `calibration.json`: what each of its fields may hold, as pydantic models."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+
+from basecal.cell.format.problems import field_name, short
+from basecal.cell.format.values import LARGEST
+from basecal.cell.schema.errors import problems_of
+from basecal.errors import InputError
+
+_FARTHEST = 1e9  # [m, px]: a thousand times what a cell may hold; squares of it are far from overflow
+
+LARGEST_NUMBER = 1e150
+"""Of any field: beyond it a square overflows, and nothing that is measured is as large."""
+
+
+def _covariance(rows: list[list[float | None]]) -> list[list[float | None]]:
+    """A square whose variances are not negative; a number that is not known is null."""
+    if any(len(row) != len(rows) for row in rows):
+        raise ValueError(f"expected a square, got {len(rows)} rows of {' or '.join(map(str, {len(r) for r in rows}))}")
+    for i, row in enumerate(rows):
+        if (row[i] or 0.0) < 0 or any(abs(value or 0.0) > LARGEST_NUMBER for value in row):
+            raise ValueError(f"row {i} holds a number beyond {LARGEST_NUMBER:g} or a variance below 0")
+    return rows
+
+
+def _transform_name(name: str) -> str:
+    if not re.fullmatch(r"[a-z][a-z0-9_]*_from_[a-z][a-z0-9_]*", name) or name.count("_from_") != 1:
+        raise ValueError(f"expected the name of a transform, a_from_b, got {short(name)}")
+    return name
+
+
+_Name = Annotated[str, AfterValidator(_transform_name)]
+_Covariance = Annotated[list[list[float | None]], AfterValidator(_covariance)]
+_Three = Field(min_length=3, max_length=3)
+_Error = Annotated[float, Field(ge=0, le=LARGEST_NUMBER)] | None  # also null, where no view defines it
+_Status = Literal["fixed", "prior", "free"]
+_Sigma = Annotated[float, Field(ge=0, le=LARGEST)] | None
+_Sigma3 = Annotated[list[_Sigma], _Three]
+_Number = Annotated[float, Field(ge=-_FARTHEST, le=_FARTHEST)]
+
+
+class _Result(BaseModel):
+    """A mapping whose known fields are checked; a later program may have added others."""
+
+    model_config = ConfigDict(strict=True, extra="ignore", allow_inf_nan=False, frozen=True)
+
+
+class _Transform(_Result):
+    t_m: Annotated[list[_Number], _Three]
+    q_xyzw: Annotated[list[float], Field(min_length=4, max_length=4)]
+    covariance: Annotated[_Covariance, Field(min_length=3, max_length=6)]
+    status: _Status | None
+
+
+class _Lens(_Result):
+    model: str
+    fx: _Number
+    fy: _Number
+    cx: _Number
+    cy: _Number
+    distortion: list[_Number]
+    size_px: Annotated[list[int], Field(min_length=2, max_length=2)] | None
+    covariance: _Covariance
+    status: _Status | None = None
+
+
+class _Joint(_Result):
+    order: list[_Name]
+    covariance: _Covariance
+
+
+class _SampleResidual(_Result):
+    sample: int
+    camera: str
+    target: str
+    rms_px: _Error
+    loop_mm: _Error
+    loop_deg: _Error
+
+
+class _Loop(_Result):
+    path: list[str]
+    views: int
+    rms_mm: _Error
+    rms_deg: _Error
+
+
+class _Residuals(_Result):
+    rms_px: _Error
+    median_px: _Error
+    loop_rms_mm: _Error
+    loop_rms_deg: _Error
+    per_sample: list[_SampleResidual]
+    loops: list[_Loop]
+
+
+class _Outlier(_Result):
+    sample: int
+    camera: str
+    target: str
+    ids: list[int]
+    reason: str
+
+
+class _Validation(_Result):
+    kind: str
+    folds: int
+    rms_px: _Error
+    target_mm: _Error
+    target_deg: _Error
+    base_change: _Error
+
+
+class _Observability(_Result):
+    condition: float | None
+    unobservable: list[str]
+
+
+class _Certificate(_Result):
+    gap: float | None
+    is_global: Annotated[bool | None, Field(alias="global")]
+    reason: str
+
+
+class _Finding(_Result):
+    code: str
+    severity: Literal["info", "warning", "error"]
+    about: list[str]
+    message: str
+
+
+class _RobotNoise(_Result):
+    sigma_t_m: _Sigma3
+    sigma_r_rad: _Sigma3
+
+
+class _Noise(_Result):
+    """Sigmas by what they are of; `robots` and other things by name."""
+
+    model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[str, _Sigma | list[_Sigma] | dict[str, dict[str, Any]]]
+    robots: dict[str, _RobotNoise] | None = None
+
+
+class _CalibrationEntry(_Result):
+    verdict: Literal["good", "doubtful", "refused"]
+    transforms: dict[_Name, _Transform]
+    intrinsics: dict[str, _Lens] | None
+    noise: _Noise | None
+    joint: _Joint | None
+    residuals: _Residuals
+    outliers: list[_Outlier] | None
+    validation: _Validation | None
+    observability: _Observability
+    certificate: _Certificate | None
+    findings: list[_Finding]
+    settings: dict[str, Any] | None
+    inputs: dict[str, str] | None
+
+
+def check_calibration(data: dict[str, Any]) -> None:
+    """Nothing, when every field of the data of a `calibration.json` is there and of its kind.
+
+    Raises:
+        InputError: naming the first field that is not.
+    """
+    try:
+        entry = _CalibrationEntry.model_validate(data)
+    except ValidationError as error:
+        problem = problems_of(error, _CalibrationEntry)[0]
+        raise InputError(f"{field_name(problem.loc)}: {problem.message}") from None
+    if entry.joint is not None and len(entry.joint.covariance) != 6 * len(entry.joint.order):
+        size, count = len(entry.joint.covariance), len(entry.joint.order)
+        raise InputError(f"joint.covariance: has {size} rows, expected 6 for each of {count} transforms")

@@ -1,0 +1,161 @@
+"""What is no field of a `calibration.json` is refused with its place; every answer that can be written is read."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from basecal.cell.calibration import (
+    Calibration,
+    Certificate,
+    Finding,
+    Loop,
+    Outlier,
+    Residuals,
+    RobotParameters,
+    SampleResidual,
+    Validation,
+)
+from basecal.cell.files import calibration_from_dict, calibration_to_dict, read_calibration, write_calibration
+from basecal.cell.results.calibration_schema import check_calibration
+from basecal.errors import InputError
+from basecal.geometry import SE3, Camera, PoseEstimate
+
+EMPTY = calibration_to_dict(Calibration("refused"))
+
+
+def known(value: float | None) -> float:
+    return math.nan if value is None else value
+
+
+FINITE = st.floats(-1e9, 1e9)
+NUMBER = st.floats()  # NaN and infinities too, which are null on disk
+ERROR = st.none() | st.floats(0) | st.just(math.nan)
+SIGMA = st.floats(0, 1e6) | st.just(math.nan)
+TEXT = st.text(st.characters(codec="utf-8"), max_size=8)
+COUNT = st.integers(0, 2**31)
+
+
+def arrays(*shape: int) -> st.SearchStrategy[np.ndarray]:
+    count = math.prod(shape)
+    return st.lists(FINITE, min_size=count, max_size=count).map(lambda values: np.reshape(values, shape))
+
+
+def covariances(size: int) -> st.SearchStrategy[np.ndarray]:
+    return arrays(size, size).map(lambda root: root @ root.T * 1e-9)
+
+
+POSES = arrays(6).map(lambda xi: SE3.exp(np.clip(xi, -3, 3)))
+ESTIMATES = st.builds(PoseEstimate, POSES, covariances(6))
+LENSES = st.tuples(
+    st.builds(
+        Camera,
+        st.just("pinhole"),
+        st.lists(st.floats(1, 1e5), min_size=9, max_size=9).map(np.array),
+        st.none() | st.tuples(st.integers(1, 9000), st.integers(1, 9000)),
+    ),
+    covariances(9),
+)
+OFFSETS = covariances(2).map(
+    lambda c: RobotParameters(("a", "b"), np.array([math.nan, 1.0]), np.sqrt(np.diag(c)), np.array([False, True]), c)
+)
+RESIDUALS = st.builds(
+    Residuals,
+    ERROR,
+    ERROR,
+    ERROR,
+    ERROR,
+    st.lists(st.builds(SampleResidual, COUNT, TEXT, TEXT, ERROR, ERROR, ERROR), max_size=2).map(tuple),
+    st.lists(
+        st.builds(Loop, st.lists(TEXT, max_size=3).map(tuple), COUNT, ERROR.map(known), ERROR.map(known)), max_size=2
+    ).map(tuple),
+)
+TRANSFORMS = st.sampled_from(["eye_base_from_hand_base", "eye_flange_from_wrist", "hand_flange_from_board"])
+NAMES = st.lists(TEXT, max_size=2, unique=True)
+
+
+@st.composite
+def calibrations(draw: st.DrawFn) -> Calibration:
+    """Any answer, its parts drawn one by one."""
+    order = tuple(draw(st.lists(TRANSFORMS, max_size=2, unique=True)))
+    transforms = draw(st.dictionaries(TRANSFORMS, ESTIMATES, max_size=2))
+    return Calibration(
+        draw(st.sampled_from(["good", "doubtful", "refused"])),
+        transforms,
+        status=dict.fromkeys(transforms, "free"),
+        points=frozenset(list(transforms)[:1]),
+        cameras=draw(st.dictionaries(TEXT, LENSES, max_size=1)),
+        robot_parameters={"joint_offsets": draw(st.dictionaries(TEXT, OFFSETS, min_size=1, max_size=2))},
+        noise={
+            "pixel_px": draw(SIGMA),
+            "robots": {"eye": dict.fromkeys(("sigma_t_m", "sigma_r_rad"), [draw(SIGMA)] * 3)},
+        },
+        order=order,
+        joint_covariance=draw(st.none() | covariances(6 * len(order))),
+        residuals=draw(RESIDUALS),
+        outliers=draw(
+            st.none() | st.lists(st.builds(Outlier, COUNT, TEXT, TEXT, st.just((1, 2)), TEXT), max_size=1).map(tuple)
+        ),
+        validation=draw(st.none() | st.builds(Validation, TEXT, COUNT, ERROR, ERROR, ERROR, ERROR)),
+        certificate=draw(st.none() | st.builds(Certificate, st.none() | NUMBER, st.none() | st.booleans(), TEXT)),
+        condition=draw(st.none() | NUMBER),
+        unobservable=tuple(draw(NAMES)),
+        findings=(Finding(draw(TEXT), "info", tuple(draw(NAMES)), draw(TEXT)),),
+        inputs=draw(st.dictionaries(TEXT, TEXT, max_size=1)),
+    )
+
+
+@settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+@given(calibrations())
+def test_every_answer_that_can_be_written_can_be_read(calibration: Calibration) -> None:
+    """What is read back is written as the same text again, but for the last digit of a unit that is converted."""
+    data = calibration_to_dict(calibration)
+    again = calibration_to_dict(calibration_from_dict(json.loads(json.dumps(data, allow_nan=False))))
+    assert again.keys() == data.keys()
+    for key in data:
+        assert nearly(again[key], data[key]), key
+
+
+def nearly(a: Any, b: Any) -> bool:
+    """Whether plain data are the same, numbers to 12 digits."""
+    if isinstance(a, dict):
+        return a.keys() == b.keys() and all(nearly(a[key], b[key]) for key in a)
+    if isinstance(a, list):
+        return len(a) == len(b) and all(map(nearly, a, b))
+    return math.isclose(a, b, rel_tol=1e-12, abs_tol=1e-15) if isinstance(a, float) else bool(a == b)
+
+
+def test_a_refused_run_without_transforms(tmp_path: Path) -> None:
+    """A joint covariance of no transforms is read as one."""
+    path = write_calibration(Calibration("refused", joint_covariance=np.zeros((0, 0))), tmp_path)
+    assert read_calibration(path).joint_covariance.shape == (0, 0)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"inputs": {"cell.yaml": 3}}, r"inputs\.cell\.yaml: expected text, got 3"),
+        ({"unknown": 1, "findings": [{"code": "a"}]}, r"findings\[0\]\.severity: missing"),
+        ({"joint": {"order": ["a_from_b"], "covariance": []}}, "has 0 rows, expected 6 for each of 1"),
+        ({"joint": {"order": ["a; b_from_c"], "covariance": []}}, "expected the name of a transform"),
+        ({"joint": {"order": [], "covariance": [[-1.0]]}}, "a variance below 0"),
+        ({"validation": {"kind": "k-fold", "folds": 5.5}}, r"validation\.folds: .*whole number|valid integer"),
+        ({"certificate": {"gap": math.inf, "global": True, "reason": ""}}, "finite number"),
+    ],
+)
+def test_the_first_wrong_field_is_named(change: dict[str, Any], words: str) -> None:
+    """With its place and what was expected there."""
+    with pytest.raises(InputError, match=words):
+        check_calibration(EMPTY | change)
+
+
+def test_fields_of_later_programs_are_passed_over() -> None:
+    """What is not known is no error."""
+    assert calibration_from_dict(EMPTY | {"later": [1]}).verdict == "refused"
