@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 import xml.etree.ElementTree
 
 import numpy as np
@@ -42,3 +43,11 @@ def test_publisher_gives_the_transform_back(pose: SE3) -> None:
 def test_no_negative_zero() -> None:
     """Zero is written without a sign, since "-0.000" after a flag reads as an option to some programs."""
     assert "-0.000000000" not in origin_line(POSES[3])
+
+
+@pytest.mark.parametrize("name", ["b; touch PWNED $(touch PWNED) #", "'; touch PWNED '", "`x`", "a b", ""])
+def test_a_shell_takes_a_name_as_one_word(name: str) -> None:
+    """Whatever a frame is called, nothing of it is run."""
+    words = shlex.split(static_transform_publisher(POSES[0], name, "child"))
+    assert words[words.index("--frame-id") + 1] == name
+    assert words[-2:] == ["--child-frame-id", "child"]

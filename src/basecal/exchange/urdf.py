@@ -26,7 +26,12 @@ def origin_line(parent_from_child: SE3) -> str:
 
 
 def corrected_urdf(
-    text: str | bytes, base_link: str, flange_link: str, offsets: Array | None = None, links: Array | None = None
+    text: str | bytes,
+    base_link: str,
+    flange_link: str,
+    offsets: Array | None = None,
+    links: Array | None = None,
+    note: str | None = None,
 ) -> str:
     """A URDF whose robot stands at recorded joints where the calibrated one does.
 
@@ -39,15 +44,20 @@ def corrected_urdf(
         flange_link: Its tip.
         offsets: (n,) joint offsets [rad]; none where None.
         links: (n + 1, 6) right tangents of the origins, then of the tip [m, rad]; none where None.
+        note: Where it comes from, written as a comment into it, without two hyphens in a row.
 
     Raises:
         DatasetError: if the URDF cannot be used.
         FrameNotFound: if a link does not exist.
-        InputError: if the tip is moved and no fixed joint follows the last one, where that could be written.
+        InputError: if there are more or fewer errors than joints, or the tip is moved and no fixed joint follows the
+            last one, where that could be written.
     """
-    from xml.etree.ElementTree import tostring
+    from xml.etree.ElementTree import Comment, tostring
 
     chain = parse_chain(text, base_link, flange_link)
+    for name, errors, size in (("joint offsets", offsets, chain.n), ("link parameters", links, chain.n + 1)):
+        if errors is not None and len(errors) != size:
+            raise InputError(f"{len(errors)} {name} do not suit {chain.n} joints from {base_link!r} to {flange_link!r}")
     # What each joint's origin, and the tip, is moved by on its right
     tangents = np.zeros((chain.n + 1, 6)) if links is None else links
     turns = chain.axes * (np.zeros(chain.n) if offsets is None else offsets)[:, None]
@@ -65,6 +75,8 @@ def corrected_urdf(
                 "end the chain at a link behind a fixed joint"
             )
         _move(by_name[last], tip_move)
+    if note is not None:
+        root.insert(0, Comment(f" {note} "))
     return tostring(root, encoding="unicode", xml_declaration=True) + "\n"
 
 

@@ -74,3 +74,16 @@ def test_sections_may_be_empty():
     assert (entry.bases, entry.cameras, entry.targets, entry.noise.pixel_px) == ({}, {}, {}, None)
     with pytest.raises(ValidationError, match="basecal/cell/1"):
         CellEntry.model_validate(data | {"schema": "basecal/cell/2"})
+
+
+@pytest.mark.parametrize("name", ["base_link", "ur5e/tool0", "left.arm-1", "_x"])
+def test_frames_of_ros_are_read(name):
+    """Letters, digits and what ROS puts between them."""
+    assert AnyRobotEntry.model_validate({"frames": {"base": name}}).frames.base == name
+
+
+@pytest.mark.parametrize("name", ["b; touch PWNED $(...) #", "", "-x", "/abs", "a b", "a\n", "\ud800", "f" * 256, "ü"])
+def test_other_frames_are_refused(name):
+    """What a shell or ROS would read otherwise."""
+    with pytest.raises(ValidationError, match="expected a frame of ROS"):
+        AnyRobotEntry.model_validate({"frames": {"flange": name}})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -21,8 +22,12 @@ RAD = np.array([np.nan, 0.01, -0.02, 0.03, 0.0, np.nan])
 OFFSETS = RobotParameters(CHAIN.joint_names, RAD, np.abs(RAD), np.isfinite(RAD))
 
 
+INPUTS = {"six_axis.urdf": f"sha256:{sha256((DATA / 'six_axis.urdf').read_bytes()).hexdigest()}"}
+
+
 def calibrated(**parameters):
-    return Calibration("good", robot_parameters={kind: {"hand": found} for kind, found in parameters.items()})
+    of_hand = {kind: {"hand": found} for kind, found in parameters.items()}
+    return Calibration("good", robot_parameters=of_hand, inputs=INPUTS)
 
 
 def flange_of(text: str, folder: Path):
@@ -58,3 +63,25 @@ def test_what_cannot_be_exported_is_said():
             exported(bare, DATA, good, "hand")
     with pytest.raises(InputError, match="no joint offsets of 'hand'"):
         exported(CELL, DATA, Calibration("good"), "hand")
+
+
+def test_it_says_where_it_comes_from():
+    """By a comment with the hash of the URDF that was calibrated."""
+    text = exported(CELL, DATA, calibrated(joint_offsets=OFFSETS), "hand")
+    assert f"of {INPUTS['six_axis.urdf']}: joint offsets applied -->" in text
+
+
+def test_nothing_is_applied_twice(tmp_path):
+    """A URDF that holds the correction already is not corrected again, nor is one of which nothing is known."""
+    good = calibrated(joint_offsets=OFFSETS)
+    (tmp_path / "six_axis.urdf").write_text(exported(CELL, DATA, good, "hand"))
+    for calibration in (good, replace(good, inputs={})):
+        with pytest.raises(InputError, match=r"six_axis\.urdf is not the file that was calibrated.*twice is wrong"):
+            exported(CELL, tmp_path, calibration, "hand")
+
+
+def test_offsets_of_other_joints_are_refused():
+    """Where the cell now names another chain than was calibrated."""
+    short = RobotParameters(CHAIN.joint_names[:3], RAD[:3], RAD[:3], np.isfinite(RAD[:3]))
+    with pytest.raises(InputError, match="3 joint offsets do not suit 6 joints"):
+        exported(CELL, DATA, calibrated(joint_offsets=short), "hand")

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, create_model
+from pydantic import AfterValidator, BeforeValidator, Field, create_model
 from pydantic import field_validator as checks
 from pydantic import model_validator as checks_whole
 
 from basecal.cell.format.parameters import Parameters
+from basecal.cell.format.problems import short
 from basecal.cell.format.values import (
     Entry,
     ImageSize,
@@ -34,11 +36,24 @@ class RobotNoiseEntry(Entry):
     sigma_r_rad: Sigma3
 
 
-class FramesEntry(Entry):
-    """Names of a robot's frames in other programs."""
+def _frame_name(name: str) -> str:
+    if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_./-]*", name) or len(name) > _LONGEST_FRAME:
+        raise ValueError(
+            f"expected a frame of ROS: a-z, A-Z, 0-9 and _ . / -, a letter or _ first, up to {_LONGEST_FRAME} of them; "
+            f"got {short(name)}"
+        )
+    return name
 
-    base: str | None = None
-    flange: str | None = None
+
+_LONGEST_FRAME = 255
+FrameName = Annotated[str, AfterValidator(_frame_name)]
+
+
+class FramesEntry(Entry):
+    """Names of a robot's frames in other programs; what may stand in a line that is pasted into a terminal."""
+
+    base: FrameName | None = None
+    flange: FrameName | None = None
 
 
 class RobotEntry(Entry):

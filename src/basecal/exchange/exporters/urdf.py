@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 
 import numpy as np
 
 from basecal.cell import Calibration, Cell
+from basecal.cell.results.calibration_dict import program_version
 from basecal.errors import FrameNotFound, InputError
 from basecal.exchange.urdf import corrected_urdf
 
@@ -14,11 +16,12 @@ from basecal.exchange.urdf import corrected_urdf
 def exported(cell: Cell, folder: Path, calibration: Calibration, of: str) -> str:
     """The URDF of the robot `of`: at the joints that it records, its flange is where the calibrated one is.
 
-    Offsets that nothing is known of count as zero.
+    Offsets that nothing is known of count as zero. A comment in it says what it was made from.
 
     Raises:
         FrameNotFound: if there is no such robot.
-        InputError: if it has no URDF, or was not calibrated.
+        InputError: if it has no URDF, was not calibrated, or its URDF is no longer the one that was calibrated: what
+            was found must not be applied twice.
         DatasetError: if its URDF cannot be used.
     """
     if of not in cell.robots:
@@ -36,4 +39,12 @@ def exported(cell: Cell, folder: Path, calibration: Calibration, of: str) -> str
     turns = None if offsets is None else np.nan_to_num(offsets.values)
     moves = None if links is None else links.values
     text = (folder / robot.urdf).read_bytes()
-    return corrected_urdf(text, robot.base_link, robot.flange_link, turns, moves)
+    source = f"sha256:{hashlib.sha256(text).hexdigest()}"
+    if calibration.inputs.get(robot.urdf) != source:
+        raise InputError(
+            f"{robot.urdf} is not the file that was calibrated: it may hold the correction already, and twice is "
+            "wrong; calibrate again, or put the file back that was calibrated"
+        )
+    what = " and ".join(kind for kind in ("joint_offsets", "link_parameters") if kind in found)
+    note = f"made by basecal {program_version()} of {source}: {what.replace('_', ' ')} applied"
+    return corrected_urdf(text, robot.base_link, robot.flange_link, turns, moves, note)
