@@ -144,3 +144,11 @@ def test_a_short_axis_is_a_direction_all_the_same():
     np.testing.assert_allclose(chain.axes, [[0.0, 0.0, -1.0]])
     with pytest.raises(DatasetError, match="has no direction"):
         parse_chain(robot(LINKS, TURN.replace("0 0 2", "0 0 5e-10"), HOLD), "base", "tool")
+
+
+@pytest.mark.parametrize("number", ["1e200", "-1e7", "nan", "inf"])
+def test_numbers_that_no_arm_has_are_refused(number):
+    """With the joint, the field and the bound."""
+    text = robot(LINKS, TURN.replace("0 0 0.3", f"0 0 {number}"), HOLD)
+    with pytest.raises(DatasetError, match="joint 'turn' origin xyz: expected 3 finite numbers within 1e\\+06"):
+        parse_chain(text, "base", "tool")

@@ -9,7 +9,8 @@ from importlib import import_module
 
 from cyclopts import App, CycloptsError, Parameter
 
-from basecal.errors import BasecalError
+from basecal.cli.terminal import say
+from basecal.errors import BasecalError, DatasetError
 
 _VERBS = ("new", "target", "simulate", "demo", "detect", "calibrate", "report", "export")
 _IMPORTS = ("poses", "pixels")
@@ -20,7 +21,8 @@ how sure that is.
 Start with `basecal demo`, or with `basecal new mycell`. Each verb has a page of its own:
 `basecal VERB --help`.
 
-Exit codes: 0 good, 1 doubtful or refused, 2 wrong usage, 3 unreadable input."""
+Exit codes: 0 good, 1 doubtful or refused, 2 wrong usage, 3 unreadable input,
+70 a fault of this program, 130 interrupted."""
 
 
 def build_app() -> App:
@@ -65,8 +67,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     # The matrices are small: more threads only wait for one another. NumPy reads this when it is first imported.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    if arguments is None:
+        _own_process()
     try:
         result = build_app()(arguments, exit_on_error=False, print_error=False)
+        if sys.stdout is not None:
+            sys.stdout.flush()
     except CycloptsError as error:
         return _failed(error, 2)
     except BasecalError as error:
@@ -79,9 +85,50 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _failed(f"{error.filename}: {error.strerror}" if error.filename else error, 3)
     except KeyboardInterrupt:
         return _failed("interrupted", 130)
+    except Exception as error:
+        return _failed(_bug(error), 70)
     return result if isinstance(result, int) else 0
 
 
+def _own_process() -> None:
+    """Let nothing but this program's words reach the streams of a process of its own.
+
+    A stream that is closed leaves its number to the next file that is opened, into which libraries then would write.
+    """
+    while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
+        pass
+    os.close(number)
+    if not sys.warnoptions:
+        import warnings
+
+        warnings.simplefilter("ignore")
+
+
+def _bug(error: Exception) -> str:
+    """What is said of an error that is none of ours: where its traceback was written."""
+    import tempfile
+    import traceback
+
+    what = f"a fault of basecal itself ({type(error).__name__}: {error})"
+    try:
+        with tempfile.NamedTemporaryFile(
+            "w", prefix="basecal-", suffix=".txt", delete=False, encoding="utf-8", errors="backslashreplace"
+        ) as file:
+            file.write("".join(traceback.format_exception(error)))
+    except OSError as unwritten:
+        return f"{what}; its traceback could not be written ({unwritten.strerror})"
+    return f"{what}; please report it with {file.name}"
+
+
 def _failed(error: object, code: int) -> int:
-    print(f"basecal: error: {' '.join(str(error).split())}", file=sys.stderr)
+    if sys.stderr is not None:
+        say(f"basecal: error: {_one_line(error)}", sys.stderr)
     return code
+
+
+def _one_line(error: object) -> str:
+    """What went wrong on one line, which names the file once."""
+    text = str(error)
+    if isinstance(error, DatasetError):
+        text = text.replace(f"\n{error.path}:", "; line ")
+    return " ".join(text.split())

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 from basecal.cli.detected import detected_recording
 from basecal.cli.page import print_page_path, write_page
-from basecal.cli.terminal import print_json, print_stages, progress
+from basecal.cli.terminal import print_json, print_stages, printable, progress, say
 
 if TYPE_CHECKING:
     from basecal.cell import Calibration, Cell
@@ -91,7 +91,7 @@ def calibrate_folder(folder: Path, cell: Cell, settings: Settings | None = None,
         print_stages(stages.seconds)
     calibration = replace(calibration, inputs=input_hashes(folder, cell))
     path = write_calibration(calibration, folder)
-    path.with_name("report.txt").write_text(text_report(cell, calibration) + "\n", encoding="utf-8")
+    path.with_name("report.txt").write_text(printable(text_report(cell, calibration)) + "\n", encoding="utf-8")
     write_page(path.parent, cell, recording, calibration)
     return calibration
 
@@ -100,7 +100,7 @@ def show(cell: Cell, calibration: Calibration) -> None:
     """Print the report."""
     from basecal.reporting.text import text_report
 
-    print(text_report(cell, calibration))
+    say(text_report(cell, calibration))
 
 
 def exit_code(calibration: Calibration) -> int:

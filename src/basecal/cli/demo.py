@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from basecal.cli.calibrate import calibrate_folder, exit_code, show
 from basecal.cli.page import print_page_path
 from basecal.cli.simulate import refuse_existing, with_images, write_simulated
-from basecal.cli.terminal import print_json
+from basecal.cli.terminal import pasted, print_json, say
 
 if TYPE_CHECKING:
     from basecal.geometry import SE3, PoseEstimate
@@ -51,7 +51,7 @@ def demo(folder: Path = Path("demo_cell"), /, *, json: bool = False) -> int:
     else:
         show(made.cell, calibration)
         print_page_path(folder)
-        print(_compared(estimate, error, folder) if estimate and error else "")
+        say(_compared(estimate, error, folder) if estimate and error else "")
     return exit_code(calibration)
 
 
@@ -95,7 +95,8 @@ def _compared(estimate: PoseEstimate, error: dict[str, Any], folder: Path) -> st
     lines += [
         f"  all six together: {error['squared_sigmas']:.1f} squared sigmas; 6 is the mean, 16.8 is passed once in 100",
         "",
-        f"next: look into {folder / 'cell.yaml'}; basecal report {folder}; for your own robots: basecal new mycell",
+        f"next: look into {folder / 'cell.yaml'}; basecal report {pasted(folder)}; "
+        "for your own robots: basecal new mycell",
     ]
     return "\n".join(lines)
 

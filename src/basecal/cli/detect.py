@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from basecal.cli.detected import detected_recording
-from basecal.cli.terminal import print_json
+from basecal.cli.terminal import print_json, say
 
 if TYPE_CHECKING:
     from basecal.cell import Recording
@@ -55,8 +55,8 @@ def _print_summary(recording: Recording) -> None:
                 points[seen.camera, seen.target] += len(seen.pixels)
     for pair, count in sorted(found.items()):
         camera, target = pair
-        print(f"{target} in {count} of {images[camera]} images of {camera}, {points[pair] / count:.1f} points each")
+        say(f"{target} in {count} of {images[camera]} images of {camera}, {points[pair] / count:.1f} points each")
     if not found:
-        print(f"nothing found in {sum(images.values())} images")
+        say(f"nothing found in {sum(images.values())} images")
     for finding in recording.findings:
-        print(f"{finding.severity}: {finding.code}: {finding.message}")
+        say(f"{finding.severity}: {finding.code}: {finding.message}")

@@ -8,6 +8,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from basecal.cli.terminal import is_terminal
+
 if TYPE_CHECKING:
     from basecal.cell import Cell, Recording
 
@@ -30,7 +32,7 @@ def detected_recording(folder: Path, cell: Cell) -> Recording:
 @contextmanager
 def counting(what: str) -> Iterator[Step]:
     """A bar on stderr for steps that are counted; nothing where stderr is not a terminal."""
-    if not sys.stderr.isatty():
+    if not is_terminal(sys.stderr):
         yield lambda done, total: None
         return
     from rich.console import Console

@@ -7,6 +7,7 @@ from typing import Annotated
 
 from cyclopts import CycloptsError, Parameter
 
+from basecal.cli.terminal import pasted, say
 from basecal.errors import InputError
 from basecal.registry import EXPORTERS
 
@@ -43,8 +44,8 @@ def export(
         raise CycloptsError(msg=f"say one thing to export, got {', '.join(what) or 'none'}; there are: {_WHAT}")
     described, run = read_cell(cell), latest_run(cell)
     if run is None:
-        raise InputError(f"{cell} has no run yet: basecal calibrate {cell}")
+        raise InputError(f"{cell} has no run yet: basecal calibrate {pasted(cell)}")
     ((name, of),) = what.items()
     write_whole(output, exporter(name).exported(described, cell, read_calibration(run), of))
-    print(f"written: {output}")
+    say(f"written: {output}")
     return 0

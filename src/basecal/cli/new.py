@@ -8,6 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter, validators
 
 from basecal.cli.template import Kind, cell_text
+from basecal.cli.terminal import pasted, say
 from basecal.errors import InputError
 
 
@@ -38,7 +39,8 @@ def new(
     samples = cell / "recording" / "samples.jsonl"
     samples.parent.mkdir(exist_ok=True)
     samples.touch()
-    print(f"wrote {cell / 'cell.yaml'}: fill in what is known, record into {samples}, then: basecal calibrate {cell}")
+    then = f"basecal calibrate {pasted(cell)}"
+    say(f"wrote {cell / 'cell.yaml'}: fill in what is known, record into {samples}, then: {then}")
     return 0
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from basecal.cli.detected import detected_recording
+from basecal.cli.terminal import say
 from basecal.errors import DatasetError
 
 if TYPE_CHECKING:
@@ -55,8 +57,9 @@ def print_page_path(folder: Path) -> None:
 
     run = latest_run(folder)
     if run is not None:
-        print(f"page: {run / FILE}", file=sys.stderr)
+        say(f"page: {run / FILE}", sys.stderr)
 
 
 def _title(run: Path) -> str:
-    return f"{run.resolve().parents[1].name}, {run.name}"
+    folder = os.fsencode(run.resolve().parents[1].name).decode(errors="replace")
+    return f"{folder}, {run.name}"

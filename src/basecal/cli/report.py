@@ -7,7 +7,7 @@ from pathlib import Path
 
 from basecal.cli.calibrate import exit_code, show
 from basecal.cli.page import print_page_path, rewrite_page
-from basecal.cli.terminal import print_json
+from basecal.cli.terminal import pasted, print_json
 from basecal.errors import InputError
 
 
@@ -34,7 +34,7 @@ def report(cell: Path, /, *, json: bool = False) -> int:
 
     described, run = read_cell(cell), latest_run(cell)
     if run is None:
-        raise InputError(f"{cell} has no run yet: basecal calibrate {cell}")
+        raise InputError(f"{cell} has no run yet: basecal calibrate {pasted(cell)}")
     calibration = read_calibration(run)
     if json:
         print_json(loads((run / "calibration.json").read_text(encoding="utf-8")))

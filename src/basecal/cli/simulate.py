@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter, validators
 
 from basecal.cli.detected import counting
-from basecal.cli.terminal import print_json, progress
+from basecal.cli.terminal import pasted, print_json, progress, say
 from basecal.errors import InputError
 from basecal.registry import TargetKindName
 
@@ -92,8 +92,8 @@ def _print_summary(cell: Path, samples: int, seed: int, json: bool) -> None:
     if json:
         print_json({"cell": str(cell), "samples": samples, "seed": seed})
     else:
-        print(f"wrote {samples} samples to {cell}, the truth to {cell / 'truth.yaml'}")
-        print(f"next: basecal calibrate {cell}")
+        say(f"wrote {samples} samples to {cell}, the truth to {cell / 'truth.yaml'}")
+        say(f"next: basecal calibrate {pasted(cell)}")
 
 
 def refuse_existing(folder: Path) -> None:

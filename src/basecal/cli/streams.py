@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal, TypeVar
 
 from basecal.cli.new import start_cell
 from basecal.cli.template import cell_text
+from basecal.cli.terminal import pasted, say
 from basecal.errors import InputError
 
 if TYPE_CHECKING:
@@ -85,13 +86,14 @@ def import_streams(folder: Path, files: Streams, camera: str | None, target: str
     for sample in recording.samples:
         append_sample(folder, sample)
     made = " and cell.yaml" if is_new else ""
-    print(f"wrote {len(recording.samples)} samples{made} to {folder}: basecal calibrate {folder}")
+    say(f"wrote {len(recording.samples)} samples{made} to {folder}: basecal calibrate {pasted(folder)}")
     return 0
 
 
 def _new_places(folder: Path, files: Streams, camera: str | None, target: str | None) -> Places:
     if files.pixels:
-        raise InputError(f"{folder} has no cell.yaml, which must say what target and lens it is: basecal new {folder}")
+        make = f"basecal new {pasted(folder)}"
+        raise InputError(f"{folder} has no cell.yaml, which must say what target and lens it is: {make}")
     if not files.eye and not files.hand:
         raise InputError("no robot: give --eye-base-from-flange, --hand-base-from-flange or both")
     if camera not in (None, "camera") or target not in (None, "target"):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from basecal.cli.terminal import print_json, progress
+from basecal.cli.terminal import print_json, progress, say
 
 
 def study_paper(*, seed: int = 0, draws: int = 10_000, figures: Path | None = None, json: bool = False) -> int:
@@ -41,5 +41,5 @@ def study_paper(*, seed: int = 0, draws: int = 10_000, figures: Path | None = No
     if json:
         print_json(study)
     else:
-        print(paper_text(study))
+        say(paper_text(study))
     return 0

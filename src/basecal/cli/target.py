@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from basecal.cli.terminal import say
 from basecal.errors import InputError
 from basecal.registry import TargetKindName
 
@@ -69,11 +70,11 @@ def target(
         title, shape = _described(kind, fields)
     pages = printed_pages(shape, title)
     for path in write_pages(pages, out):
-        print(f"wrote {path} ({pages[0].paper}): print at 100 % and measure the ruler")
+        say(f"wrote {path} ({pages[0].paper}): print at 100 % and measure the ruler")
     if cell is None:
-        print(f"\nfor cell.yaml, under targets:\n  board:\n    on: hand\n    mount: {{status: free}}\n    kind: {kind}")
+        say(f"\nfor cell.yaml, under targets:\n  board:\n    on: hand\n    mount: {{status: free}}\n    kind: {kind}")
         for key, value in fields.items():
-            print(f"    {key}: {value if isinstance(value, str) else dumps(value)}")
+            say(f"    {key}: {value if isinstance(value, str) else dumps(value)}")
     return 0
 
 

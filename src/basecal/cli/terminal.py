@@ -1,23 +1,55 @@
-"""What a command shows beside its answer: one JSON object for programs, progress for people."""
+"""What a command shows: text that cannot steer a terminal, one JSON object for programs, progress for people."""
 
 from __future__ import annotations
 
+import errno
 import json
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any
+from shlex import quote
+from typing import Any, TextIO
+
+
+def printable(text: str) -> str:
+    """Text with what a terminal would obey, or hide, written out: `\\x1b`; newlines stay."""
+    return "".join(c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in text)
+
+
+def say(text: str, to: TextIO | None = None) -> None:
+    """Print a text and a newline, on stdout where nothing else is said.
+
+    What the stream cannot encode, such as a name that is not UTF-8, is written out.
+
+    Raises:
+        OSError: if the stream is closed or full.
+    """
+    stream = sys.stdout if to is None else to
+    if stream is None:
+        raise OSError(errno.EBADF, "cannot be written to, it is closed", "stdout" if to is None else "stderr")
+    encoding = stream.encoding or "utf-8"
+    print(printable(text).encode(encoding, "backslashreplace").decode(encoding), file=stream)
+
+
+def is_terminal(stream: TextIO | None) -> bool:
+    """Whether somebody watches a stream; one that is closed is None."""
+    return stream is not None and stream.isatty()
+
+
+def pasted(path: object) -> str:
+    """A path as one word of a line to paste into a shell."""
+    return quote(str(path))
 
 
 def print_json(answer: Mapping[str, Any]) -> None:
     """One JSON object on stdout."""
-    print(json.dumps(answer, allow_nan=False))
+    say(json.dumps(answer, allow_nan=False))
 
 
 @contextmanager
 def progress(message: str) -> Iterator[Callable[[str], None]]:
     """A spinner on stderr that names what is done now, while it takes long; nothing where stderr is no terminal."""
-    if not sys.stderr.isatty():
+    if not is_terminal(sys.stderr):
         yield lambda now: None
         return
     from rich.console import Console
@@ -29,5 +61,5 @@ def progress(message: str) -> Iterator[Callable[[str], None]]:
 def print_stages(seconds: Mapping[str, float]) -> None:
     """Where the time went [s], on stderr: the longest stage first."""
     for name, took in sorted(seconds.items(), key=lambda stage: -stage[1]):
-        print(f"{took:8.3f} s  {name}", file=sys.stderr)
-    print(f"{sum(seconds.values()):8.3f} s  all stages", file=sys.stderr)
+        say(f"{took:8.3f} s  {name}", sys.stderr)
+    say(f"{sum(seconds.values()):8.3f} s  all stages", sys.stderr)

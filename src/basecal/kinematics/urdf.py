@@ -16,6 +16,7 @@ from basecal.kinematics.masses import Masses
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
+_LARGEST = 1e6  # [m, rad] of any number: as in the files of a cell, far from overflow
 _TURNING = ("revolute", "continuous")
 
 
@@ -199,8 +200,8 @@ def _numbers(joint: _Joint, tag: str, key: str, default: str, count: int) -> Arr
         numbers = np.array([float(word) for word in text.split()])
     except ValueError:
         numbers = np.array([np.nan])
-    if len(numbers) != count or not np.all(np.isfinite(numbers)):
-        wanted = "a finite number" if count == 1 else f"{count} finite numbers"
+    if len(numbers) != count or not np.all(np.abs(numbers) <= _LARGEST):
+        wanted = f"{'a finite number' if count == 1 else f'{count} finite numbers'} within {_LARGEST:g}"
         raise joint.error(f"{tag} {key}", f"expected {wanted}, got {text!r}; expand a xacro first")
     return numbers
 
@@ -275,7 +276,7 @@ def _inertial(element: Element, path: str, link: str) -> tuple[float, Array]:
         numbers = np.array([float(word) for word in (*words, *xyz)])
     except ValueError:
         numbers = np.array([np.nan])
-    if len(numbers) != 4 or not np.all(np.isfinite(numbers)) or numbers[0] < 0:
+    if len(numbers) != 4 or not np.all(np.abs(numbers) <= _LARGEST) or numbers[0] < 0:
         got = f"mass {' '.join(words)!r}, origin {' '.join(xyz)!r}"
         raise DatasetError(path, f"expected a mass >= 0 and three numbers, got {got}", field=f"link {link!r} inertial")
     return float(numbers[0]), numbers[1:]

@@ -25,7 +25,9 @@ def test_paths_start_from_their_folder(tmp_path, written, found):
     assert inside(str(tmp_path), "rec")(written) == found
 
 
-@pytest.mark.parametrize("written", ["", "/etc/passwd", "C:/x", "a\\b", "a\0b"])
+@pytest.mark.parametrize(
+    "written", ["", "/etc/passwd", "C:/x", "a\\b", "a\0b", "a\x1b[2J", "\ud800", "a\nb", "\u202egnp"]
+)
 def test_paths_are_relative_with_forward_slashes(tmp_path, written):
     """Absolute ones, drives, backslashes and nothing at all are refused."""
     with pytest.raises(InputError, match="is not a relative path with forward slashes"):

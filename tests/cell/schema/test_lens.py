@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from basecal.cell.schema.lens import IntrinsicsEntry, check_lens, distortion_terms
+from basecal.cell.schema.lens import IntrinsicsEntry, check_lens, check_size, distortion_terms
 
 KNOWN = {"fx": 500.0, "fy": 500.0, "cx": 320.0, "cy": 240.0}
 SIGMAS = {"sigma_focal_px": 1.0, "sigma_center_px": [1.0, 2.0]}
@@ -61,3 +61,36 @@ def test_lenses_that_do_not(written, model, message):
     """What is lacking or too much is named."""
     with pytest.raises(ValueError, match=message):
         check_lens(written, model)
+
+
+@pytest.mark.parametrize("size_px", [(640, 480), (480, 640), (4000, 4000), None])
+def test_lenses_that_suit_their_image(size_px):
+    """Also of an image turned upright, or one whose size is not stated."""
+    check_size(entry("fixed", **KNOWN), size_px)
+    check_size(entry("free"), size_px)
+
+
+@pytest.mark.parametrize(
+    ("change", "size_px", "message"),
+    [
+        (
+            {"fx": 1e-320},
+            (640, 480),
+            "fx is 9.99989e-321 px: lenses of an image 640 px wide have between 32 and",
+        ),
+        ({"fy": 0.013}, (640, 480), "fy is 0.013 px"),
+        ({"fy": 0.013}, None, "fy is 0.013 px: lenses of any image have between 0.8 and 5e"),
+        ({"fx": 33000.0}, (640, 480), "fx is 33000 px"),
+        (
+            {"cy": 348268.09},
+            (640, 480),
+            "cy is 348268 px: the centre of an image 640 px wide lies within",
+        ),
+        ({"cx": -961.0}, (640, 480), "cx is -961 px"),
+        ({"cx": -2e5 - 1}, None, "cx is -200001 px"),
+    ],
+)
+def test_no_lens_is_like_that(change, size_px, message):
+    """Focal lengths and centres that no image has are named with what an image has."""
+    with pytest.raises(ValueError, match=message):
+        check_size(entry("fixed", **{**KNOWN, **change}), size_px)

@@ -44,7 +44,7 @@ POSE = {"t_m": [0, 0, 0], "q_xyzw": [0, 0, 0, 1]}
         ([{"id": 1, "size_m": 0.1, **POSE}, {"id": 2, "size_m": 0.1}], "tag 2 has no pose"),
         ([{"id": 1, "size_m": 0.1, "t_m": [0, 0, 0]}], "exactly one of"),
         ([{"id": -1, "size_m": 0.1}], "greater than or equal to 0"),
-        ([{"id": 1, "size_m": 0}], "greater than 0"),
+        ([{"id": 1, "size_m": 0}], "greater than or equal to 0.000001"),
         ([], "at least 1"),
     ],
 )

@@ -6,6 +6,7 @@ from basecal.accuracy.findings.better_optimum import better_optimum
 from basecal.accuracy.findings.board_shape import board_shape
 from basecal.accuracy.findings.dropped_samples import many_dropped_samples
 from basecal.accuracy.findings.evidence import AnswerCheck, InputCheck
+from basecal.accuracy.findings.identity_poses import identity_poses
 from basecal.accuracy.findings.inconsistent_folds import inconsistent_folds
 from basecal.accuracy.findings.joint_parameters import unobserved_joint_parameters
 from basecal.accuracy.findings.noise_not_identifiable import noise_not_identifiable
@@ -25,7 +26,7 @@ from basecal.accuracy.findings.too_few_samples import too_few_samples
 from basecal.accuracy.findings.unobservable_direction import unobservable_directions
 from basecal.accuracy.findings.weak_direction import weak_directions
 
-INPUT_CHECKS: tuple[InputCheck, ...] = (many_dropped_samples, too_few_samples, same_stop)
+INPUT_CHECKS: tuple[InputCheck, ...] = (many_dropped_samples, too_few_samples, identity_poses, same_stop)
 
 ANSWER_CHECKS: tuple[AnswerCheck, ...] = (
     rounded_poses,

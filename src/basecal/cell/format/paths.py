@@ -27,8 +27,8 @@ def inside(folder: str, relative_to: str = "") -> Callable[[str], str]:
     def path_in_cell(written: str) -> str:
         """A path as written, from the cell's folder."""
         path = posixpath.normpath(posixpath.join(relative_to, written))
-        if not written or "\0" in written or "\\" in written or ":" in written[:2] or written.startswith("/"):
-            raise InputError(f"{written!r} is not a relative path with forward slashes")
+        if not written or not written.isprintable() or "\\" in written or ":" in written[:2] or written.startswith("/"):
+            raise InputError(f"{written!r} is not a relative path with forward slashes, of letters that can be shown")
         if path == ".." or path.startswith("../"):
             raise InputError(f"{written!r} leaves the cell; copy the file into it")
         parent, _, name = path.rpartition("/")

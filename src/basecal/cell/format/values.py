@@ -19,6 +19,9 @@ from basecal.geometry import SE3
 LARGEST = 1e6
 """Of any number, [m, px, rad]: a thousand kilometres; its square times any number of samples is far from overflow."""
 
+SMALLEST_LENGTH_M, LARGEST_LENGTH_M = 1e-6, 1e3
+"""Of what is printed or measured with a ruler, such as a square: from what a microscope resolves to a kilometre."""
+
 SMALLEST_SIGMA = 1e-12
 """[m, px, rad]: below what any instrument has; the inverse of its square is far from overflow."""
 
@@ -69,7 +72,8 @@ def empty(value: Any) -> Any:
 
 
 Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
-Length = Annotated[float, Field(gt=0, le=LARGEST)]
+Length = Annotated[float, Field(ge=SMALLEST_LENGTH_M, le=LARGEST_LENGTH_M)]
+Pixels = Annotated[float, Field(gt=0, le=LARGEST)]
 Vector = Annotated[list[Number], Field(min_length=3, max_length=3)]
 Sigma = Annotated[float, BeforeValidator(_sigma)]
 Sigma2 = Annotated[list[float], BeforeValidator(_sigmas(2))]

@@ -10,6 +10,7 @@ from pathlib import Path
 from basecal.cell.calibration import Finding
 from basecal.cell.cell import Cell
 from basecal.cell.format.paths import inside
+from basecal.cell.journal.image_bounds import check_image_bounds
 from basecal.cell.journal.sample_dict import sample_to_dict
 from basecal.cell.journal.sample_line import Context, context, line_data, sample_from_line
 from basecal.cell.journal.sample_values import Where
@@ -116,6 +117,7 @@ def _recording(text: bytes, path: str, known: Context) -> Recording:
             findings.append(read)
         else:
             samples.append(read)
+    check_image_bounds(samples, {int(number): line for number, line in first_lines.items()}, path, known.cell)
     return Recording(tuple(samples), tuple(findings if cut is None else [*findings, cut]))
 
 

@@ -22,7 +22,7 @@ from basecal.cell.format.values import (
     known_names,
 )
 from basecal.cell.robot_parameters.kind import robot_parameter_kinds
-from basecal.cell.schema.lens import IntrinsicsEntry, check_lens
+from basecal.cell.schema.lens import IntrinsicsEntry, check_lens, check_size
 from basecal.cell.targets.all_kinds import AnyTargetEntry
 from basecal.geometry.lens import lens_models
 
@@ -104,6 +104,7 @@ class CameraEntry(Entry):
     def _lens(cls, value: IntrinsicsEntry | None, info: Any) -> IntrinsicsEntry | None:
         if value is not None and "model" in info.data:
             check_lens(value, info.data["model"])
+            check_size(value, info.data.get("size_px"))
             if value.fx is None and info.data.get("size_px", ()) is None:
                 raise ValueError("a free lens needs size_px of the camera, or fx, fy, cx, cy as a guess")
         return value

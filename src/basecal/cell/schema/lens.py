@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from basecal.cell.format.values import Entry, Length, Number, Sigma2, Sigmas, Status
+from collections.abc import Sequence
+
+from basecal.cell.format.values import Entry, Number, Pixels, Sigma2, Sigmas, Status
 from basecal.geometry.lens import lenses_of, term_counts
+
+_FOCAL_WIDTHS = (0.05, 50.0)  # from half a fisheye's to beyond the longest telescope lens, in widths of the image
+_CENTRE_WIDTHS = 2.0  # from the middle of the image: beyond any shifted lens, and any part cut out of a sensor's image
+_USUAL_WIDTHS = (16, 100_000)  # [px] of images whose size is not stated
 
 
 class IntrinsicsEntry(Entry):
     """A lens."""
 
     status: Status
-    fx: Length | None = None
-    fy: Length | None = None
+    fx: Pixels | None = None
+    fy: Pixels | None = None
     cx: Number | None = None
     cy: Number | None = None
     distortion: list[Number] | None = None
@@ -56,3 +62,24 @@ def check_lens(entry: IntrinsicsEntry, model: str) -> None:
         raise ValueError(f"status {entry.status} takes {', '.join(sorted(wanted)) or 'no sigma'}")
     if entry.sigma_distortion is not None and len(entry.sigma_distortion) not in (1, terms):
         raise ValueError(f"sigma_distortion has {len(entry.sigma_distortion)} numbers, expected 1 or {terms}")
+
+
+def check_size(entry: IntrinsicsEntry, size_px: Sequence[int] | None) -> None:
+    """Nothing, when focal lengths and centre are such as a lens has over an image of this size.
+
+    Raises:
+        ValueError: if not.
+    """
+    if entry.fx is None or entry.fy is None or entry.cx is None or entry.cy is None:
+        return
+    widths = _USUAL_WIDTHS if size_px is None else (size_px[0], size_px[0])
+    low, high = _FOCAL_WIDTHS[0] * widths[0], _FOCAL_WIDTHS[1] * widths[1]
+    image = "any image" if size_px is None else f"an image {size_px[0]} px wide"
+    for name, focal in (("fx", entry.fx), ("fy", entry.fy)):
+        if not low <= focal <= high:
+            raise ValueError(f"{name} is {focal:g} px: lenses of {image} have between {low:g} and {high:g} px")
+    middles = (0.0, 0.0) if size_px is None else ((size_px[0] - 1) / 2, (size_px[1] - 1) / 2)
+    far = _CENTRE_WIDTHS * widths[1]
+    for name, centre, middle in (("cx", entry.cx, middles[0]), ("cy", entry.cy, middles[1])):
+        if abs(centre - middle) > far:
+            raise ValueError(f"{name} is {centre:g} px: the centre of {image} lies within {far:g} px of {middle:g}")

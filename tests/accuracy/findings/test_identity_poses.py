@@ -1,0 +1,25 @@
+"""`identity-poses`."""
+
+from dataclasses import replace
+
+import pytest
+
+from basecal.accuracy.findings.evidence import Input
+from basecal.accuracy.findings.identity_poses import identity_poses
+from basecal.cell import Recording, RobotState
+from basecal.estimation.problem.build import build_problem
+from basecal.geometry import SE3
+from basecal.simulation import Scenario, simulate
+
+
+@pytest.mark.parametrize(("mount", "severity"), [("free", "warning"), ("fixed", "info")])
+def test_a_driver_that_gives_nothing_is_named(mount, severity):
+    """The robot and what to look at; one whose poses differ from the identity once is not named."""
+    made = simulate(Scenario(samples=4, target="led", camera_mount=mount), 0)
+    still = RobotState(SE3.identity())
+    samples = [replace(s, robots={**s.robots, "eye": still}) for s in made.recording.samples]
+    found = identity_poses(Input(build_problem(made.cell, Recording(tuple(samples)))[0], ()))
+    assert [(f.code, f.severity, f.about) for f in found] == [("identity-poses", severity, ("eye",))]
+    assert "is its driver connected?" in found[0].message
+    samples[2] = made.recording.samples[2]
+    assert identity_poses(Input(build_problem(made.cell, Recording(tuple(samples)))[0], ())) == []

@@ -1,0 +1,48 @@
+"""The edge of the command line: what ends a command besides its answer."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+
+from basecal.cli import main
+
+
+def test_a_bug_is_one_line_and_a_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An exception that is none of ours is exit code 70, and the line says where its traceback is."""
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    monkeypatch.setattr("basecal.cell.files.read_cell", lambda folder: 1 / 0)
+    assert main(["calibrate", "x"]) == 70
+    said = capsys.readouterr()
+    (written,) = tmp_path.glob("basecal-*.txt")
+    assert said.out == ""
+    assert said.err.count("\n") == 1
+    assert str(written) in said.err
+    assert "ZeroDivisionError: division by zero" in said.err
+    assert "Traceback (most recent call last):" in written.read_text()
+
+
+def test_a_bug_without_room_for_its_traceback(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is said that nothing could be written, in one line too."""
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "missing"))
+    monkeypatch.setattr("basecal.cell.files.read_cell", lambda folder: 1 / 0)
+    assert main(["calibrate", "x"]) == 70
+    assert "could not be written" in capsys.readouterr().err
+
+
+def test_a_folder_whose_name_is_no_text(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A name that is not UTF-8 is calibrated like any other, and its page shows what can be shown of it."""
+    folder = tmp_path / "cell"
+    assert main(["simulate", str(folder), "--samples", "6", "--target", "pose"]) == 0
+    named = os.fsdecode(os.fsencode(tmp_path) + b"/bad\xff")
+    shutil.move(folder, named)
+    assert main(["calibrate", named]) in (0, 1)
+    (page,) = Path(named).glob("runs/*/report.html")
+    assert "bad\ufffd" in page.read_text(encoding="utf-8")

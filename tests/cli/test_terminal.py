@@ -1,0 +1,100 @@
+"""What reaches a terminal, and what happens where there is none."""
+
+from __future__ import annotations
+
+import io
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from basecal.cli import main
+from basecal.cli.terminal import pasted, printable, say
+
+CLI = Path(__file__).parents[2] / "src" / "basecal" / "cli"
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("plain, ü 漢, two\nlines", "plain, ü 漢, two\nlines"),
+        ("\x1b[2J\x07\r\b\x7f\x9b", "\\x1b[2J\\x07\\r\\x08\\x7f\\x9b"),
+        ("\u202egnp.exe", "\\u202egnp.exe"),
+        ("bad\udcff", "bad\\udcff"),
+    ],
+)
+def test_a_terminal_is_not_steered(text: str, shown: str) -> None:
+    """What a terminal would obey or turn around is written out."""
+    assert printable(text) == shown
+
+
+def test_a_stream_that_cannot_hold_a_letter() -> None:
+    """Letters that its encoding lacks are written out."""
+    stream = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
+    say("ü", stream)
+    stream.flush()
+    assert stream.buffer.getvalue() == b"\\xfc\n"  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("name", ["my cell", "a;touch b", "$(x)", "plain", "it's"])
+def test_a_path_to_paste_is_one_word(name: str) -> None:
+    """Whatever it is called."""
+    assert shlex.split(pasted(Path(name))) == [name]
+
+
+def test_everything_is_said_by_one_function() -> None:
+    """No verb prints by itself, past what guards the terminal."""
+    printing = [path.name for path in CLI.glob("*.py") if " print(" in path.read_text(encoding="utf-8")]
+    assert printing == ["terminal.py"]
+
+
+def run(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    """A shell's command, `basecal` and the folder in it."""
+    whole = command.replace("basecal", f"{shlex.quote(sys.executable)} -m basecal").replace("CELL", str(folder / "c"))
+    return subprocess.run(["sh", "-c", whole], capture_output=True, text=True, check=False)
+
+
+@pytest.mark.parametrize(
+    ("command", "said"),
+    [
+        ("basecal simulate CELL --json >&-", "stdout: cannot be written to, it is closed"),
+        ("basecal simulate CELL --json >/dev/full", "No space left on device"),
+    ],
+)
+def test_an_answer_that_goes_nowhere_is_an_error(command: str, said: str, tmp_path: Path) -> None:
+    """A closed or a full output is one line and exit code 3, not silence."""
+    ended = run(command, tmp_path)
+    assert ended.returncode == 3
+    assert said in ended.stderr
+    assert ended.stderr.count("\n") == 1
+
+
+def test_without_an_error_stream(tmp_path: Path) -> None:
+    """The answer does not need it, and an error has its exit code."""
+    assert run("basecal simulate CELL --samples 3 --json 2>&-", tmp_path).returncode == 0
+    assert run("basecal simulate CELL --samples 3 --json 2>&-", tmp_path).returncode == 3
+
+
+def test_names_of_images_do_not_steer_a_terminal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Nothing that a file holds arrives as an escape sequence."""
+    main(["simulate", str(tmp_path / "c"), "--samples", "3"])
+    samples = tmp_path / "c" / "recording" / "samples.jsonl"
+    samples.write_text(samples.read_text().replace('"eye"', '"\\u001b[2J"', 1))
+    capsys.readouterr()
+    assert main(["calibrate", str(tmp_path / "c")]) == 3
+    assert "\x1b" not in "".join(capsys.readouterr())
+
+
+def test_several_mistakes_name_their_file_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The line of each follows, on one line."""
+    main(["new", str(tmp_path)])
+    path = tmp_path / "cell.yaml"
+    path.write_text(path.read_text().replace("squares:", "squars:").replace("model: pinhole", "model: pinhol"))
+    capsys.readouterr()
+    assert main(["calibrate", str(tmp_path)]) == 3
+    said = capsys.readouterr().err
+    assert said.count("cell.yaml") == 1
+    assert said.count("; line ") >= 2
+    assert said.count("\n") == 1
