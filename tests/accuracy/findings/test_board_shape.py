@@ -1,4 +1,4 @@
-"""`board-shape`: a board that is not as flat as stated."""
+"""`board-shape`: a board that is not as flat as stated, points in space that are off."""
 
 from __future__ import annotations
 
@@ -9,13 +9,15 @@ import pytest
 
 from basecal.accuracy.findings.board_shape import board_shape
 from basecal.cell.targets.chessboard import chessboard_target
+from basecal.cell.targets.points import points_target
 
 BOARD = chessboard_target((9, 7), 0.04)
+BODY = points_target(0.06 * np.array([[x, y, z] for x in (-1, 0, 1) for y in (-1, 1) for z in (-1, 1)]))
 
 
 def made(evidence, bow, sigma=0.1):
     """Evidence about a board of 32 cm with such a bow, its coefficients known to `sigma`."""
-    of = evidence({"noise": SimpleNamespace(bows={"board": (np.array(bow), sigma**2 * np.eye(3))})})
+    of = evidence({"noise": SimpleNamespace(shapes={"board": (np.array(bow), sigma**2 * np.eye(3))})})
     of.cell.targets = {"board": SimpleNamespace(target=BOARD)}
     return of
 
@@ -40,3 +42,14 @@ def test_the_height_is_in_the_message(evidence):
 def test_less_than_a_tenth_of_a_millimetre_is_not_worth_a_word(evidence):
     """A bow that is known to a hundredth of its prior, and small."""
     assert board_shape(made(evidence, (0.1, 0.0, 0.05), sigma=0.003)) == []
+
+
+@pytest.mark.parametrize(("times", "severity"), [(0.5, None), (1.0, "info"), (3.1, "warning")])
+def test_points_in_space_that_are_off_are_told(evidence, times, severity):
+    """Coordinates off by so many sigmas, known to 0.6 of one: chance, what bodies are made to, and more than that."""
+    shape = times * np.where(np.arange(36) % 2, 1.0, -1.0) * np.sqrt(30 / 36)
+    of = evidence({"noise": SimpleNamespace(shapes={"board": (shape, 0.36 * np.eye(36))})})
+    of.cell.targets = {"board": SimpleNamespace(target=BODY)}
+    found = board_shape(of)
+    assert [f.severity for f in found] == ([] if severity is None else [severity])
+    assert all("points of board are up to" in f.message for f in found)

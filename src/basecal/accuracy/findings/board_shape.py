@@ -1,4 +1,4 @@
-"""`board-shape`: a board that is not as flat as stated."""
+"""`board-shape`: a target that is not shaped as stated: a board that is not flat, points in space that are off."""
 
 from __future__ import annotations
 
@@ -8,29 +8,44 @@ from scipy.stats import chi2
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.significance import SIGNIFICANCE
 from basecal.cell import Finding
-from basecal.estimation.noise.board_bow import COEFFICIENTS, height_m
+from basecal.estimation.noise.board_bow import height_m
+from basecal.estimation.noise.target_shape import is_flat, off_m
 from basecal.geometry import Array
 
-_WORTH_SAYING_M = 1e-4  # [m] below which no other board is worth its price
-_BEYOND_PRINTS = 3.0  # coefficients in sigmas of what printed boards have, beyond which something else bends the views
+_WORTH_SAYING_M = 1e-4  # [m] below which no other target is worth its price
+_BEYOND_PRINTS = 3.0  # coefficients in sigmas of what printed targets have, beyond which something else bends the views
+_RIGID = 6  # freedoms of a body in space that are no shape of it
 
 
 def board_shape(of: Evidence) -> list[Finding]:
-    """An info about each board that is bowed beyond chance; a warning where no board is bowed so much."""
-    return [f for name, (bow, spread) in of.solution.noise.bows.items() for f in _of_board(of, name, bow, spread)]
+    """An info about each target that is off its shape beyond chance; a warning where none is made so badly."""
+    return [f for name, shape in of.solution.noise.shapes.items() for f in _of_target(of, name, *shape)]
 
 
-def _of_board(of: Evidence, name: str, bow: Array, spread: Array) -> list[Finding]:
+def _of_target(of: Evidence, name: str, shape: Array, spread: Array) -> list[Finding]:
     target = of.cell.targets[name].target
-    if target is None or chi2.sf(bow @ np.linalg.solve(spread, bow), COEFFICIENTS) > SIGNIFICANCE:
+    if target is None:
         return []
-    height = height_m(target.points, bow)
-    bent = bool(np.abs(bow).max() > _BEYOND_PRINTS)
-    if height < _WORTH_SAYING_M and not bent:
+    flat = is_flat(target.points)
+    freedoms = len(shape) if flat else len(shape) - _RIGID
+    if chi2.sf(shape @ np.linalg.solve(spread, shape), freedoms) > SIGNIFICANCE:
         return []
-    message = f"{name} is not flat: its points lie up to {1e3 * height:.2g} mm off their plane"
+    size_m = height_m(target.points, shape) if flat else float(off_m(target.points, shape).max())
+    sigmas = float(np.abs(shape).max()) if flat else float(np.sqrt(np.sum(shape**2) / freedoms))
+    if size_m < _WORTH_SAYING_M and sigmas < _BEYOND_PRINTS:
+        return []
+    return [_told(name, size_m, flat, sigmas > _BEYOND_PRINTS)]
+
+
+def _told(name: str, size_m: float, flat: bool, bent: bool) -> Finding:
+    size = f"up to {1e3 * size_m:.2g} mm"
+    message = f"points of {name} are {size} from where they are stated"
+    if flat:
+        message = f"{name} is not flat: its points lie {size} off their plane"
     if bent:
-        message += ", more than printed boards do: check the points stated, the lens model and the target's size"
-        return [Finding("board-shape", "warning", (name,), message)]
-    message += "; the answer takes that into account; a board on glass or aluminium needs no such correction"
-    return [Finding("board-shape", "info", (name,), message)]
+        made = "printed boards do" if flat else "targets are made to"
+        message += f", more than {made}: check the points stated, the lens model and the target's size"
+        return Finding("board-shape", "warning", (name,), message)
+    message += "; the answer takes that into account"
+    message += "; a board on glass or aluminium needs no such correction" if flat else "; measure them to state them"
+    return Finding("board-shape", "info", (name,), message)

@@ -15,8 +15,8 @@ import numpy as np
 
 from basecal.estimation.least_squares.bundle_adjustment import Optimum, bundle_adjust
 from basecal.estimation.least_squares.normal_equations import NormalEquations, linearise
-from basecal.estimation.noise.board_bow import bent
 from basecal.estimation.noise.robot_noise import with_robot_noise
+from basecal.estimation.noise.target_shape import reshaped
 from basecal.estimation.problem.problem import Problem
 from basecal.estimation.view.measurement import Noise
 from basecal.geometry import Array
@@ -43,7 +43,7 @@ class NoiseEstimate:
         covariance: (p, p) of all columns, the sigmas integrated over; None where it is the information's inverse.
         surprise: Minus twice the log of the evidence, the sigmas integrated over, but for a constant.
         plain_surprise: The same of the model without smooth errors alone.
-        bows: Of flat targets whose bow was estimated: its coefficients, (3,), and their covariance, (3, 3).
+        shapes: Of targets whose shape was estimated: its coefficients, (k,), and their covariance, (k, k).
         logs: (k,) logarithms of the sigmas that were estimated jointly; None of others.
     """
 
@@ -57,12 +57,12 @@ class NoiseEstimate:
     covariance: Array | None = None
     surprise: float = 0.0
     plain_surprise: float = 0.0
-    bows: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
+    shapes: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
     logs: Array | None = None
 
     def held_by(self, problem: Problem) -> Problem:
-        """The problem with these sigmas, held, and targets bowed so."""
-        problem = bent(problem, {name: bow for name, (bow, _) in self.bows.items()})
+        """The problem with these sigmas, held, and targets shaped so."""
+        problem = reshaped(problem, {name: shape for name, (shape, _) in self.shapes.items()})
         groups = (g.with_noise(self.cameras.get(g.camera, self.noise)) for g in problem.groups)
         return replace(with_robot_noise(problem.with_groups(groups), self.robots), held=True)
 

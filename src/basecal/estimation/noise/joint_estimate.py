@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from basecal.estimation.least_squares.bundle_adjustment import Optimum, bundle_adjust
-from basecal.estimation.noise.board_bow import COEFFICIENTS, bent
 from basecal.estimation.noise.estimate import NoiseEstimate, degrees_of_freedom, estimate_noise, residual_counts
 from basecal.estimation.noise.hyperpriors import hyperpriors
 from basecal.estimation.noise.laplace import (
@@ -26,13 +25,14 @@ from basecal.estimation.noise.mixed_model import mixed_model
 from basecal.estimation.noise.reml import open_parts
 from basecal.estimation.noise.robot_noise import stands, stops_made, with_robot_noise, without_errors
 from basecal.estimation.noise.smooth_error import smooth_modes
+from basecal.estimation.noise.target_shape import reshaped
 from basecal.estimation.noise.view_estimates import STATED
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.view.measurement import Noise
 from basecal.geometry import Array
 
 _ROUNDS = 6  # of sigmas and optimum in turn: two or three do
-_SETTLED = 0.02  # of logarithms, and of bows in sigmas: as well as a thousand freedoms tell them
+_SETTLED = 0.02  # of logarithms, and of shapes in sigmas: as well as a thousand freedoms tell them
 # Fewer stops show nothing of how errors change over poses.
 _FEWEST_SMOOTH = 4
 _NOMINAL = (5e-4, 1e-3)  # [m, rad] of the first optimum: within a factor of a few of any arm's
@@ -42,17 +42,17 @@ _NOMINAL = (5e-4, 1e-3)  # [m, rad] of the first optimum: within a factor of a f
 class _Sigmas:
     """Sigmas by name: noise by camera, and of robots those of single stops and smooth ones, (6,) [m, rad].
 
-    With them, of flat targets the coefficients of their bow, (3,), and the covariance of these.
+    With them, of targets the coefficients of their shape, (k,), and the covariance of these.
     """
 
     cameras: Mapping[str, Noise]
     robots: Mapping[str, Array]
     smooth: Mapping[str, Array]
-    bows: Mapping[str, tuple[Array, Array]]
+    shapes: Mapping[str, tuple[Array, Array]]
 
     def applied(self, problem: Problem) -> Problem:
         """The problem with them."""
-        problem = bent(problem, {name: bow for name, (bow, _) in self.bows.items()})
+        problem = reshaped(problem, {name: shape for name, (shape, _) in self.shapes.items()})
         groups = (g.with_noise(self.cameras[g.camera]) if g.camera in self.cameras else g for g in problem.groups)
         return with_robot_noise(problem.with_groups(groups), self.robots)
 
@@ -94,17 +94,17 @@ def _estimated(
     for _ in range(_ROUNDS):
         used, end = _readjusted(used, end, plain, dof, iterations)
         before, plain = plain.logs, _sigma_posterior(used, end.state, robots, {}, plain.logs)
-        settled = bool(np.abs(plain.logs - before).max(initial=0.0) < _SETTLED) and _flat_enough(plain)
+        settled = bool(np.abs(plain.logs - before).max(initial=0.0) < _SETTLED) and _shaped_enough(plain)
         if settled:
             break
     used, end = _readjusted(used, end, plain, dof, iterations)
     return used, end, _estimate(plain, used, settled)
 
 
-def _flat_enough(of: SigmaPosterior) -> bool:
-    """Whether bows are where the model was made about."""
-    at = list(of.model.layout.bows.values())
-    return not at or bool(np.abs(of.at_mode.mean_columns[min(at) :]).max() < _SETTLED)
+def _shaped_enough(of: SigmaPosterior) -> bool:
+    """Whether shapes are where the model was made about."""
+    off = [np.abs(of.at_mode.mean_columns[rows]).max() for rows in of.model.layout.shapes.values()]
+    return max(off, default=0.0) < _SETTLED
 
 
 def integrate_sigmas(problem: Problem, state: State, noise: NoiseEstimate) -> NoiseEstimate:
@@ -172,7 +172,7 @@ def _reach(problem: Problem, robot: str) -> float:
 
 
 def _sigmas(of: SigmaPosterior, problem: Problem) -> _Sigmas:
-    """The most likely sigmas by name, and bows that add to those of the problem."""
+    """The most likely sigmas by name, and shapes that add to those of the problem."""
     model, values = of.model, np.exp(of.logs)
     keys = open_parts(model)
     cameras: dict[str, Noise] = {}
@@ -184,24 +184,23 @@ def _sigmas(of: SigmaPosterior, problem: Problem) -> _Sigmas:
         cameras,
         {name: np.repeat(pair, 3) for name, pair in zip(model.robots, single, strict=True)},
         {n: np.repeat(pair, 3) for n, pair in zip(model.robots, smooth, strict=False) if n in model.layout.smooth},
-        _bows(of, problem) if model.layout.bows else {},
+        _shapes(of, problem) if model.layout.shapes else {},
     )
 
 
-def _bows(of: SigmaPosterior, problem: Problem) -> dict[str, tuple[Array, Array]]:
-    """The most likely bows of flat targets, and the covariance of their coefficients."""
+def _shapes(of: SigmaPosterior, problem: Problem) -> dict[str, tuple[Array, Array]]:
+    """The most likely shapes of targets, and the covariance of their coefficients."""
     known, found = of.at_mode, {}
-    for target, at in of.model.layout.bows.items():
-        rows = slice(at, at + COEFFICIENTS)
-        before = problem.bows.get(target, np.zeros(COEFFICIENTS))
+    for target, rows in of.model.layout.shapes.items():
+        before = problem.shapes.get(target, np.zeros(rows.stop - rows.start))
         found[target] = before + known.mean_columns[rows], known.spread[rows, rows]
     return found
 
 
 def _estimate(of: SigmaPosterior, problem: Problem, settled: bool) -> NoiseEstimate:
-    """The most likely sigmas, and the bows that the problem has."""
+    """The most likely sigmas, and the shapes that the problem has."""
     sigmas = _sigmas(of, problem)
-    bows = {name: (problem.bows.get(name, bow), spread) for name, (bow, spread) in sigmas.bows.items()}
+    shapes = {name: (problem.shapes.get(name, mean), spread) for name, (mean, spread) in sigmas.shapes.items()}
     estimated = tuple(f for f in Noise._fields if any(name == f for _, name in open_parts(of.model)))
     noise = next(iter(sigmas.cameras.values()), Noise())
     return NoiseEstimate(
@@ -213,6 +212,6 @@ def _estimate(of: SigmaPosterior, problem: Problem, settled: bool) -> NoiseEstim
         sigmas.cameras,
         surprise=of.surprise,
         plain_surprise=of.surprise,
-        bows=bows,
+        shapes=shapes,
         logs=of.logs,
     )

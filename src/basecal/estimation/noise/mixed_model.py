@@ -15,7 +15,7 @@ import numpy as np
 
 from basecal.estimation.least_squares.jacobians import by_robot_models, by_stop_errors, by_unknowns
 from basecal.estimation.least_squares.normal_equations import prior_residuals
-from basecal.estimation.noise.board_bow import COEFFICIENTS, bowed_targets, points_of, shape_of
+from basecal.estimation.noise.target_shape import points_of, shape_of, shaped_targets
 from basecal.estimation.noise.view_estimates import ViewEstimates, view_estimates
 from basecal.estimation.problem.problem import Problem, State, ViewGroup, chain
 from basecal.geometry import Array, IntArray
@@ -59,7 +59,7 @@ class Layout:
         rows: Rows of each.
         width: How many columns.
         smooth: By robot the first column of its smooth errors, and what unit errors of each mode are at its stops.
-        bows: By target the first column of its bow.
+        shapes: By target the columns of its shape.
     """
 
     block: IntArray
@@ -69,7 +69,7 @@ class Layout:
     rows: int
     width: int
     smooth: Mapping[str, tuple[int, Array]]
-    bows: Mapping[str, int]
+    shapes: Mapping[str, slice]
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +134,7 @@ def mixed_model(
     parts: dict[tuple[str, str], Moments] = {}
     white: dict[tuple[str, str], tuple[float, int]] = {}
     for group in problem.groups:
-        by_shape = shape_of(points_of(group)) if group.target in layout.bows else None
+        by_shape = shape_of(points_of(group)) if group.target in layout.shapes and len(points_of(group)) else None
         for name, view in view_estimates(problem, group, state, by_shape).items():
             key = (group.camera, name)
             of = _moments(problem, group, state, view, layout)
@@ -169,11 +169,11 @@ def _layout(problem: Problem, modes: Mapping[str, Array]) -> Layout:
     for robot, shape in modes.items():
         smooth[robot] = (width, shape)
         width += 6 * shape.shape[1]
-    bows = {}
-    for target in bowed_targets(problem):
-        bows[target] = width
-        width += COEFFICIENTS
-    return Layout(block, row, column, blocks, rows, width, smooth, bows)
+    shapes = {}
+    for target, count in shaped_targets(problem).items():
+        shapes[target] = slice(width, width + count)
+        width += count
+    return Layout(block, row, column, blocks, rows, width, smooth, shapes)
 
 
 def _tied(partners: list[set[int]]) -> tuple[set[int], list[list[int]]]:
@@ -212,12 +212,12 @@ def _moments(problem: Problem, group: ViewGroup, state: State, view: ViewEstimat
     links = chain(group, state, problem.stops)
     n, rows = view.gradient.shape
     fixed = np.zeros((n, rows, layout.width))
-    bow = layout.bows.get(group.target)
-    of_pose_and_lens = rows if bow is None else rows - COEFFICIENTS
+    by_shape = layout.shapes.get(group.target) if len(points_of(group)) else None
+    of_pose_and_lens = rows if by_shape is None else rows - (by_shape.stop - by_shape.start)
     of_unknowns, columns = by_unknowns(problem, group, links, of_pose_and_lens)
     fixed[:, :of_pose_and_lens, columns] = of_unknowns
-    if bow is not None:
-        fixed[:, of_pose_and_lens:, bow : bow + COEFFICIENTS] = np.eye(COEFFICIENTS)
+    if by_shape is not None:
+        fixed[:, of_pose_and_lens:, by_shape] = np.eye(rows - of_pose_and_lens)
     of_models, more = by_robot_models(problem, group, links, state, rows)
     fixed[:, :, more] = of_models
     errors, present = np.zeros((n, rows, layout.rows)), np.zeros((n, rows))
@@ -284,10 +284,10 @@ def _prior(problem: Problem, state: State, layout: Layout) -> tuple[Array, Array
         cost += float(residual @ residual)
     own = np.arange(problem.width, layout.width)
     prior[own, own] = 1.0
-    for target, at in layout.bows.items():
-        bow = problem.bows.get(target, np.zeros(COEFFICIENTS))
-        gradient[at : at + COEFFICIENTS] = bow
-        cost += float(bow @ bow)
+    for target, columns in layout.shapes.items():
+        mean = problem.shapes.get(target, np.zeros(columns.stop - columns.start))
+        gradient[columns] = mean
+        cost += float(mean @ mean)
     return prior, gradient, cost
 
 

@@ -28,7 +28,7 @@ class ViewEstimates:
 
     Attributes:
         cost: (n,) above that of their own estimates.
-        gradient: (n, q) to pose, lens, and where it is estimated the bow of the board.
+        gradient: (n, q) to pose, lens, and where it is estimated the shape of the target.
         information: (n, q, q) likewise.
         count: Freedoms of all estimates together.
         white: Sum of squares of points about them.
@@ -52,7 +52,7 @@ def view_estimates(
         problem: The problem.
         group: Its views.
         state: The state.
-        by_shape: How the target's points move by its bow, (p, 3, 3) [m]; None where that is not estimated.
+        by_shape: How the target's points move by its shape, (p, 3, k) [m]; None where that is not estimated.
     """
     camera = state.cameras.get(group.camera)
     at = state.camera_from_target(group, problem.stops)

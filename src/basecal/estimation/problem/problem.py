@@ -138,7 +138,7 @@ class Problem:
         unstated: Names of the robots that state no noise.
         stands: How many stops each robot made, by robot, whatever views are left of them.
         held: Whether sigmas that nobody stated are held at what they are.
-        bows: How flat targets are bowed, by name, where that was estimated; see `noise.board_bow`.
+        shapes: How targets are shaped, by name, where that was estimated; see `noise.target_shape`.
     """
 
     reference: str
@@ -153,7 +153,7 @@ class Problem:
     chains: Mapping[str, SerialChain] = field(default_factory=dict)
     stands: Mapping[str, int] = field(default_factory=dict)
     held: bool = False
-    bows: Mapping[str, Array] = field(default_factory=dict)
+    shapes: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def width(self) -> int:

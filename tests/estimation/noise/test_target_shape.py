@@ -1,0 +1,107 @@
+"""Targets that are not shaped as stated: found, taken into account, and none where there is none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.cell.targets.chessboard import chessboard_target
+from basecal.cell.targets.points import points_target
+from basecal.estimation.noise.board_bow import bow_of
+from basecal.estimation.noise.target_shape import is_flat, off_m, reshaped, shape_of, shaped_targets
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import solve
+from basecal.simulation import Scenario, simulate
+
+BOARD = chessboard_target((9, 6), 0.04)
+BODY = points_target(0.06 * np.array([[x, y, z] for x in (-1, 0, 1) for y in (-1, 1) for z in (-1, 1)]))
+NOISY = Scenario(
+    target="chessboard",
+    board=BOARD,
+    samples=25,
+    arms="eye_still",
+    camera_mount="fixed",
+    robot_noise=(2e-4, 3e-4),
+    state_robot_noise=False,
+    state_pixel_noise=False,
+)
+IN_SPACE = replace(NOISY, target="points", board=BODY)
+ESTIMATED = Settings(robot_noise="estimated")
+CHI2_LIMIT = {3: 21.1, 6: 27.9, 30: 70.1}  # by freedoms: one in ten thousand
+
+
+def misshaped(scenario, shape, seed=0):
+    """A cell as stated, and one whose target is shaped so [sigmas] though its points are stated as before."""
+    target = scenario.board
+    other = replace(target, points=target.points + shape_of(target.points) @ shape)
+    return simulate(scenario, seed), simulate(replace(scenario, board=other), seed)
+
+
+def problem_of(scenario):
+    """The problem of a cell."""
+    made = simulate(scenario, 0)
+    return build_problem(made.cell, made.recording)[0]
+
+
+def test_flat_is_what_a_board_may_be_bowed_by():
+    """A bow of ten sigmas leaves it flat, a target made in space is none."""
+    assert is_flat(BOARD.points + 10 * bow_of(BOARD.points)[..., 0])
+    assert not is_flat(BODY.points)
+
+
+def test_a_board_is_bowed_and_a_body_has_a_coefficient_for_each_coordinate():
+    """Each of half a percent of the half size; what shifts or turns the body as a whole is taken out."""
+    np.testing.assert_array_equal(shape_of(BOARD.points), bow_of(BOARD.points))
+    shape = shape_of(BODY.points)
+    assert shape.shape == (12, 3, 36)
+    half = 0.06 * np.sqrt(3)
+    assert np.linalg.matrix_rank(shape.reshape(36, 36), tol=1e-9) == 30
+    np.testing.assert_allclose(np.linalg.norm(shape.reshape(36, 36), 2), 5e-3 * half, rtol=1e-9)
+    np.testing.assert_allclose(shape.sum(0), 0, atol=1e-12)
+    np.testing.assert_allclose(np.cross(BODY.points[:, None], np.moveaxis(shape, 1, -1)).sum(0), 0, atol=1e-12)
+
+
+@pytest.mark.parametrize(("scenario", "shape"), [(NOISY, [2.0, -1.0, 1.0]), (IN_SPACE, np.linspace(-2, 2, 36))])
+def test_shaping_is_undone_by_the_opposite(scenario, shape):
+    """Coefficients are absolute: a problem shaped and shaped back has the points it began with, nearly."""
+    problem = problem_of(replace(scenario, samples=3))
+    there = reshaped(problem, {"board": np.array(shape)})
+    back = reshaped(there, {"board": np.zeros(len(shape))})
+    at = [p.groups[0].measurement.points_in_target for p in (problem, there, back)]
+    off = off_m(at[0], np.array(shape))
+    np.testing.assert_allclose(np.linalg.norm(at[1] - at[0], axis=-1), off, atol=1e-12)
+    np.testing.assert_allclose(at[2], at[0], atol=0.02 * off.max())
+
+
+def test_which_targets_have_a_shape_of_their_own():
+    """Nine points and more, in space 40 at most; boards only where pixels state no sigma, since what they state holds the board, too."""
+    few = {"samples": 3}
+    assert shaped_targets(problem_of(replace(NOISY, **few))) == {"board": 3}
+    assert shaped_targets(problem_of(replace(NOISY, **few, state_pixel_noise=True))) == {}
+    assert shaped_targets(problem_of(replace(IN_SPACE, **few, state_pixel_noise=True))) == {"board": 36}
+    many = points_target(np.random.default_rng(0).uniform(-0.06, 0.06, (41, 3)))
+    assert shaped_targets(problem_of(replace(IN_SPACE, **few, board=many))) == {}
+    for other in ({"target": "led", "board": None}, {"target": "points", "board": None}, {"target": "points3d"}):
+        assert shaped_targets(problem_of(replace(NOISY, **few, **other))) == {}
+
+
+@pytest.mark.parametrize(
+    ("scenario", "truth", "freedoms"),
+    [(NOISY, np.array([1.5, -1.0, 0.7]), 3), (IN_SPACE, np.random.default_rng(0).standard_normal(36), 30)],
+)
+def test_a_shape_is_found_and_costs_the_mount_nothing(scenario, truth, freedoms):
+    """Coefficients and mount are where their covariance says, of a target that is off and of one that is not."""
+    as_stated, off = misshaped(scenario, truth)
+    onto = np.linalg.pinv(shape_of(scenario.board.points).reshape(-1, len(truth)), rcond=1e-6)
+    told = onto @ shape_of(scenario.board.points).reshape(-1, len(truth))
+    for shape, recording in ((truth, off.recording), (0 * truth, as_stated.recording)):
+        found = solve(as_stated.cell, recording, ESTIMATED)
+        coefficients, spread = found.noise.shapes["board"]
+        error = told @ (coefficients - shape)
+        assert error @ np.linalg.pinv(told @ spread @ told, rcond=1e-9) @ error < CHI2_LIMIT[freedoms]
+        mount = "hand_flange_from_board"
+        error = (found.state.transforms[mount].inverse() @ as_stated.truth[mount]).log()
+        assert error @ np.linalg.solve(found.covariance_of([mount]), error) < CHI2_LIMIT[6]
