@@ -10,11 +10,15 @@ from basecal.cell.targets.charuco import charuco_target
 from basecal.cell.targets.chessboard import chessboard_target
 from basecal.cell.targets.circles import circles_target
 from basecal.geometry import SE3, Array, Camera
+from basecal.vision.detection import Detection, Image
+from basecal.vision.draw.render import RenderSettings, render
 
 WIDE = Camera("pinhole", np.array([766.5, 765.4, 640.9, 358.8, -0.35, 0.179, 0.0, 0.0, 0.0]), (1280, 720))
 PLAIN = Camera("pinhole", np.array([500.0, 500.0, 319.5, 239.5]), (640, 480))
 SMALL = Camera("pinhole", np.array([500.0, 500.0, 159.5, 119.5]), (320, 240))
 FISHEYE = Camera("fisheye", np.array([420.0, 421.0, 641.0, 359.0, 0.05, -0.01, 0.002, 0.0]), (1280, 720))
+
+STRAIGHT = SE3.from_rpy((0.2, -0.15, 0.3), (0.01, 0.02, 0.5))
 
 TARGETS = {
     "charuco": charuco_target((5, 7), 0.04, 0.03, "DICT_4X4_50"),
@@ -41,3 +45,35 @@ def _pose(middle: Array, rng: np.random.Generator, tilt: float) -> SE3:
     depth = rng.uniform(0.4, 0.6)
     place = np.array([*rng.uniform(-0.12, 0.12, 2) * depth, depth])
     return SE3(rotation.copy(), place - rotation @ middle)
+
+
+def scene(shape: Target, settings: RenderSettings | None = None, pose: SE3 = STRAIGHT) -> Image:
+    """A target seen half a metre ahead of WIDE, not quite upright."""
+    return render(WIDE, shape, at(shape, pose), settings)
+
+
+def at(shape: Target, pose: SE3 = STRAIGHT) -> SE3:
+    """Where the middle of a target stands at a pose."""
+    middle = (shape.points.max(axis=0) + shape.points.min(axis=0)) / 2
+    return SE3(pose.rotation, pose.translation - pose.rotation @ middle)
+
+
+DARK = RenderSettings(black=2, white=9, background=5, noise=0.3)
+BLURRED = RenderSettings(blur_px=3.0, noise=1.0)
+
+
+def shrunk(image: Image, block: int) -> Image:
+    """An image in which a block of pixels is one."""
+    height, width = (side // block for side in image.shape)
+    blocks = image[: height * block, : width * block].reshape(height, block, width, block)
+    return np.rint(blocks.mean(axis=(1, 3))).astype(np.uint8)
+
+
+def errors_of(detection: Detection | None, shape: Target, block: int = 1) -> Array:
+    """Errors of a detection in a `scene`, (n, 2) [px], counted from whichever end of a grid is nearer."""
+    assert detection is not None
+    assert detection.ids is not None
+    true = (WIDE.project(at(shape) @ shape.points) + 0.5) / block - 0.5
+    rows = shape.rows(detection.ids)
+    both = [detection.pixels - each[rows] for each in ((true, true[::-1]) if shape.alike_turned else (true,))]
+    return min(both, key=lambda each: float(np.abs(each).max()))

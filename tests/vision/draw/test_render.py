@@ -13,9 +13,9 @@ from basecal.cell.targets.circles import RADIUS, circles_target
 from basecal.errors import InputError
 from basecal.geometry import SE3, Camera
 from basecal.vision.draw.render import RenderSettings, radiance, render
+from basecal.vision.fit.corner_shapes import saddle
 from basecal.vision.fit.corners import Window, refined
 from basecal.vision.fit.local_map import local_axes
-from basecal.vision.fit.shapes import saddle
 from vision_scenes import FISHEYE, PLAIN, TARGETS, WIDE, poses
 
 CLEAN = RenderSettings(noise=0.0)

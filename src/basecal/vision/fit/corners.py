@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from basecal.geometry import Array, BoolArray
-from basecal.vision.fit.patch_fit import Fit, Patches, Shape, fit_shapes, packed
+from basecal.vision.fit.patch_fit import SETTLED, Fit, Patches, Shape, fit_shapes, packed
 
 BOARD_ARM_PX = 7.0
 """Arms along lines that go on both ways: at 12 px a lens of k1 = -0.35 makes errors a quarter larger than sigmas."""
@@ -26,6 +26,7 @@ _LEAST_WIDTH_PX = 1.6  # of a band that the guard leaves: pixels on both sides o
 _LEAST_SPREAD, _MOST_SPREAD = 0.15, 6.0  # [px] of one corner: sharper is a pixel's own square, wider fills the window
 _LENS_LIMITS = (np.log(_LEAST_SPREAD), -0.5), (np.log(_MOST_SPREAD), 3.0)
 _LENS_CORNERS = 12  # that tell the point spread, at most: their median is as good as that of all, in less time
+_ROUGH = 0.1  # of the residuals' norm: a hundredth of the cost of some hundred pixels is one sigma of the corner
 _LEAST_CONTRAST = 2.0  # step of a line in sigmas of a pixel's noise: with less no detector sees a corner
 _DIAGONAL = 1.4  # of an arm: how far the cross reaches at an angle
 _LEAST_FREEDOM = 8  # pixels beyond the parameters: the noise they show is then known to a quarter
@@ -77,22 +78,25 @@ def refined(image: Levels, shape: Shape, start: Array, axes: Array, window: Wind
     """
     if not len(start):
         return Corners(start, np.zeros(0), np.zeros(0, dtype=bool), np.zeros(0))
-    context = _Context(image, shape, axes, window)
-    rough = _fitted(context, _parameters(start, axes), held=1)
-    sound = _sound(rough, start)
-    q = np.where(sound[:, None], rough.shape, _parameters(start, axes))
-    q[:, 4:] = _lens(context, q[sound], sound)
+    context, q = _Context(image, shape, axes, window), _parameters(start, axes)
+    q[:, 4:] = _lens(image, shape, start, axes, window)
+    rough = _fitted(context, q, held=1, settled=_ROUGH)
+    # Again, in windows around the corners themselves.
+    q[:, :4] = np.where(_sound(rough, start)[:, None], rough.shape[:, :4], q[:, :4])
     fit = _fitted(context, q, held=1)
     sigma = np.sqrt(np.trace(fit.covariance[:, :2, :2], axis1=1, axis2=2) / 2 + _MODEL_PX**2)
     return Corners(fit.shape[:, :2], sigma, _sound(fit, start), fit.light[:, 0])
 
 
-def _lens(of: _Context, q: Array, which: BoolArray) -> Array:
+def _lens(image: Levels, shape: Shape, start: Array, axes: Array, window: Window) -> Array:
     """Point spread and sharpening as most of some corners show them; one alone hardly tells them apart."""
-    if not len(q):
+    some = slice(None, None, max(1, len(start) // _LENS_CORNERS))
+    start, axes = start[some], axes[some]
+    rough = _fitted(_Context(image, shape, axes, window), _parameters(start, axes), held=1, settled=_ROUGH)
+    sound = _sound(rough, start)
+    if not sound.any():
         return np.array([np.log(_FIRST_SPREAD), 0.0])
-    some = slice(None, None, max(1, len(q) // _LENS_CORNERS))
-    free = _fitted(_Context(of.image, of.shape, of.axes[which][some], of.window), q[some], held=0)
+    free = _fitted(_Context(image, shape, axes[sound], window), rough.shape[sound], held=0)
     return np.asarray(np.median(free.shape[:, 4:], axis=0).clip(*_LENS_LIMITS))
 
 
@@ -113,7 +117,7 @@ class _Context:
     window: Window
 
 
-def _fitted(of: _Context, q: Array, held: int) -> Fit:
+def _fitted(of: _Context, q: Array, held: int, settled: float = SETTLED) -> Fit:
     """A fit whose covariance is in pixels, with the noise that the residuals show."""
     middle = np.rint(q[:, :2])
     patches = patches_around(of.image, middle, int(np.ceil(_DIAGONAL * of.window.arm_px)))
@@ -131,7 +135,7 @@ def _fitted(of: _Context, q: Array, held: int) -> Fit:
     before = pitches > -np.maximum(of.window.before - guard, least)
     mask: BoolArray = near & (size < arm).all(axis=2) & before.all(axis=2)
     used = packed(patches, patches.weights * mask)
-    fit = fit_shapes(of.shape, np.column_stack([q[:, :2] - middle, q[:, 2:]]), used, sloped=True, held=held)
+    fit = fit_shapes(of.shape, np.column_stack([q[:, :2] - middle, q[:, 2:]]), used, sloped=True, held=held, settled=settled)
     weights = used.weights
     freedom = np.maximum((weights > 0).sum(axis=1) - q.shape[1] - fit.light.shape[1], 1)
     noise = (weights * fit.residuals**2).sum(axis=1) / freedom

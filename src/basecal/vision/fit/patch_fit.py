@@ -7,22 +7,29 @@ Source: Golub & Pereyra 1973 (variable projection), in Kaufman's form.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from basecal.geometry import Array, BoolArray, IntArray
 from basecal.numerics.levenberg_marquardt import Quadratic, Stop, levenberg_marquardt
 
-_DIFFERENCE = 1e-5  # [px, rad, log]: the derivative's curvature and the values' rounding are both far below noise
 _ROUNDS = 30  # half of the pieces need five, one in thirty more than these
-_SETTLED = 1e-3  # of the residuals' norm: a step that gains less than a millionth of the cost is the last
 _RIDGE = 1e-9  # of the diagonal: what one grey level of noise leaves undetermined stays finite
 
-Shape = Callable[[Array, Array], Array]
-"""From parameters, (n, k), and places, (n, p, 2) [px], to values, (n, p)."""
+SETTLED = 1e-3
+"""Of the residuals' norm: a step that gains less than a millionth of the cost is the last."""
+
+
+class Shape(Protocol):
+    """Values as a function of place, by parameters, each of which should count in pixels, radians or a logarithm."""
+
+    def __call__(self, q: Array, xy: Array) -> Array:
+        """Values, (n, p), by parameters, (n, k), at places, (n, p, 2) [px]."""
+
+    def linearised(self, q: Array, xy: Array, free: int) -> tuple[Array, Array]:
+        """Values, (n, p), and their derivatives to the first `free` parameters, (n, free, p)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,27 +77,29 @@ def packed(patches: Patches, weights: Array) -> Patches:
     return Patches(patches.xy[rows, kept], patches.values[rows, kept], weights[rows, kept])
 
 
-def fit_shapes(shape: Shape, start: Array, patches: Patches, sloped: bool = False, held: int = 0) -> Fit:
+def fit_shapes(
+    shape: Shape, start: Array, patches: Patches, sloped: bool = False, held: int = 0, settled: float = SETTLED
+) -> Fit:
     """The shapes nearest to pieces of an image.
 
     Args:
         shape: The model.
-        start: Its parameters to begin with, (n, k); each should count in pixels, radians or a logarithm.
+        start: Its parameters to begin with, (n, k).
         patches: The pieces.
         sloped: Whether the light may change linearly across a piece.
         held: How many of the last parameters stay as they are.
+        settled: What may be left to go, of the residuals' norm.
     """
     pieces = _Pieces(shape, patches, sloped, start.shape[1] - held)
-    optima = levenberg_marquardt(pieces, start, Stop(_ROUNDS, sigmas=_SETTLED))
-    lit = pieces.lit(optima.state)
+    optima = levenberg_marquardt(pieces, start, Stop(_ROUNDS, sigmas=settled))
+    lit = pieces.lit(shape(optima.state, patches.xy))
     covariance = np.asarray(np.linalg.inv(_ridged(optima.about.hessian)), dtype=np.float64)
     return Fit(optima.state, lit.light, covariance, lit.residuals, optima.converged)
 
 
 class _Lit(NamedTuple):
-    """Pieces in their best light: values of the shape and residuals (n, p), of the light its columns and itself."""
+    """Pieces in their best light: of the light its rows (n, 2 or 4, p) and itself, and the residuals (n, p)."""
 
-    values: Array
     basis: Array
     light: Array
     residuals: Array
@@ -107,16 +116,16 @@ class _Pieces:
 
     def linearise(self, q: Array) -> Quadratic:
         """See `System`; the light is eliminated."""
-        lit, free = self.lit(q), self.free
-        moved = (self.shape(q + _DIFFERENCE * unit, self.patches.xy) - lit.values for unit in np.eye(free, q.shape[1]))
-        gain = lit.light[:, :1] / _DIFFERENCE
-        jacobian = np.concatenate([np.stack([gain * each for each in moved], axis=-1), lit.basis], axis=-1)
-        weighted = np.swapaxes(jacobian * self.patches.weights[..., None], 1, 2)
-        normal = weighted @ jacobian
+        free, weights = self.free, self.patches.weights
+        values, derivatives = self.shape.linearised(q, self.patches.xy, free)
+        lit = self.lit(values)
+        jacobian = np.concatenate([lit.light[:, :1, None] * derivatives, lit.basis], axis=1)
+        weighted = jacobian * weights[:, None]
+        normal = weighted @ np.swapaxes(jacobian, 1, 2)
         mixed = normal[:, free:, :free]
         hessian = normal[:, :free, :free] - np.swapaxes(mixed, 1, 2) @ _solved(normal[:, free:, free:], mixed)
         gradient = -(weighted[:, :free] @ lit.residuals[..., None])[..., 0]
-        return Quadratic((self.patches.weights * lit.residuals**2).sum(axis=1), gradient, hessian)
+        return Quadratic((weights * lit.residuals**2).sum(axis=1), gradient, hessian)
 
     def retract(self, q: Array, about: Quadratic, step: Array) -> Array:
         """See `System`."""
@@ -126,16 +135,14 @@ class _Pieces:
         """See `System`."""
         return _Pieces(self.shape, self.patches[rows], self.sloped, self.free)
 
-    def lit(self, q: Array) -> _Lit:
-        """The pieces about shapes (n, k), in the light that suits them best."""
+    def lit(self, values: Array) -> _Lit:
+        """The pieces about values of their shapes, (n, p), in the light that suits them best."""
         patches = self.patches
-        values = self.shape(q, patches.xy)
-        ones = np.ones_like(values)
         slopes = [patches.xy[..., 0], patches.xy[..., 1]] if self.sloped else []
-        basis = np.stack([values, ones, *slopes], axis=-1)
-        weighted = np.swapaxes(basis * patches.weights[..., None], 1, 2)
-        light = _solved(weighted @ basis, weighted @ patches.values[..., None])[..., 0]
-        return _Lit(values, basis, light, patches.values - (basis @ light[..., None])[..., 0])
+        basis = np.stack([values, np.ones_like(values), *slopes], axis=1)
+        weighted = basis * patches.weights[:, None]
+        light = _solved(weighted @ np.swapaxes(basis, 1, 2), weighted @ patches.values[..., None])[..., 0]
+        return _Lit(basis, light, patches.values - (light[:, None] @ basis)[:, 0])
 
 
 def _solved(matrix: Array, right: Array) -> Array:

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
 import cv2
 import numpy as np
 
 from basecal.cell.target import Target
+from basecal.geometry import Array, IntArray
 from basecal.vision.detection import Detection, Image, eight_bit, found
+from basecal.vision.fit.corner_shapes import saddle
 from basecal.vision.fit.corners import BOARD_ARM_PX, Window, refined
 from basecal.vision.fit.local_map import local_axes
-from basecal.vision.fit.shapes import saddle
 from basecal.vision.kinds.fiducial import charuco_board, marker_corners
+from basecal.vision.kinds.ways import MARKER_WAYS, Grey, Way, best
 
 _ARM = 0.7  # squares: the next corner and its blur stay outside
+_ENOUGH = 0.7  # of the corners: a board with fewer may be blurred, dark or small, and is searched in other ways
 
 
 def detect(image: Image, target: Target) -> Detection | None:
@@ -25,19 +32,43 @@ def detect(image: Image, target: Target) -> Detection | None:
     Raises:
         InputError: if the image is not grey of 8 or 16 bits, or the dictionary has too few markers.
     """
-    detector = cv2.aruco.CharucoDetector(charuco_board(target))
-    corners, ids, markers, marker_ids = detector.detectBoard(eight_bit(image))
-    if ids is None or not len(ids):
+    rough = best(eight_bit(image), MARKER_WAYS, partial(_read, _detector(target)), _ENOUGH * len(target.ids))
+    if rough is None:
         return None
-    ids, start = ids.ravel(), corners.reshape(-1, 2).astype(np.float64)
-    at = target.points[ids, :2]
-    plane, pixels = at, start
-    if marker_ids is not None and len(marker_ids):
-        by_marker = marker_corners(target)[marker_ids.ravel()].reshape(-1, 2)
-        plane, pixels = np.concatenate([at, by_marker]), np.concatenate([start, np.reshape(markers, (-1, 2))])
+    at = target.points[rough.ids, :2]
+    by_marker = marker_corners(target)[rough.marker_ids].reshape(-1, 2)
+    plane, pixels = np.concatenate([at, by_marker]), np.concatenate([rough.corners, rough.markers])
     pitch = float(target.options["square_m"])
     gap = (1 - target.options["marker_m"] / pitch) / 2
     window = Window(arm_px=BOARD_ARM_PX, arm=_ARM, inside=gap, outside=gap, before=1.0)
-    fitted = refined(image, saddle, start, local_axes(at, plane, pixels, pitch), window)
+    fitted = refined(image, saddle, rough.corners, local_axes(at, plane, pixels, pitch), window)
     kept = fitted.trusted
-    return found(ids[kept].astype(np.int64), fitted.pixels[kept], fitted.sigma_px[kept])
+    return found(rough.ids[kept], fitted.pixels[kept], fitted.sigma_px[kept])
+
+
+@dataclass(frozen=True, eq=False)
+class _Rough:
+    """Corners by their ids, (n,) and (n, 2) [px], and corners of markers by the markers' ids, (m,) and (4 m, 2) [px]."""
+
+    ids: IntArray
+    corners: Array
+    marker_ids: IntArray
+    markers: Array
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+
+def _detector(target: Target) -> Any:
+    return cv2.aruco.CharucoDetector(charuco_board(target))
+
+
+def _read(detector: Any, image: Grey, way: Way) -> _Rough:
+    corners, ids, markers, marker_ids = detector.detectBoard(image)
+    if ids is None or marker_ids is None:
+        ids, corners, marker_ids, markers = (), (), (), ()
+    return _Rough(_numbers(ids), way.places(corners), _numbers(marker_ids), way.places(markers))
+
+
+def _numbers(ids: object) -> IntArray:
+    return np.asarray(ids, dtype=np.int64).ravel()

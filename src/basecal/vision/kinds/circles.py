@@ -7,6 +7,7 @@ either end where half a turn leaves the grid as it is.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import cv2
@@ -16,14 +17,18 @@ from basecal.cell.target import Target
 from basecal.geometry import Array, BoolArray
 from basecal.vision.detection import Detection, Image, eight_bit, found
 from basecal.vision.fit.corners import patches_around
+from basecal.vision.fit.ellipse import ellipse
 from basecal.vision.fit.local_map import local_axes, local_homographies
 from basecal.vision.fit.patch_fit import Patches, fit_shapes, packed
-from basecal.vision.fit.shapes import ellipse
+from basecal.vision.kinds.ways import Grey, Way, best
 
 _MODEL_PX = 0.0007  # of a centre in rendered images without noise, besides what the lens bends
 _BENT_SHARE = 0.05  # of what a lens bends, as uncertain
 _LEAST_REACH_PX, _MOST_REACH_PX = 4, 40  # of a window from its disc's middle: an outline needs some, time bounds it
 _MOST_MOVED_PX = 3.0  # from OpenCV's centre: further away is not the disc
+# As most images are; dark or noisy ones; blurred; small.
+_WAYS = (Way(), Way(0.5, stretched=True), Way(stretched=True, sharpened=True), Way(2.0, stretched=True))
+_MOST_BLOBS = 10  # for each circle: from more than that OpenCV needs minutes and finds no grid
 _FEWEST = 4  # discs: a homography needs them
 _LEAST_AREA_PX2 = 12.0  # of a disc: four pixels across, less has no outline to fit
 _LARGEST_SHARE = 0.05  # of the image, for a disc of a grid of at least four
@@ -43,15 +48,10 @@ def detect(image: Image, target: Target) -> Detection | None:
         InputError: if the image is not grey of 8 or 16 bits.
     """
     columns, rows = target.options["circles"]
-    kind = cv2.CALIB_CB_ASYMMETRIC_GRID if target.options["asymmetric"] else cv2.CALIB_CB_SYMMETRIC_GRID
-    dark = cv2.SimpleBlobDetector.Params()  # discs of any size that a grid can have in the image
-    dark.minArea, dark.maxArea = _LEAST_AREA_PX2, max(image.shape[0] * image.shape[1] * _LARGEST_SHARE, _LEAST_AREA_PX2)
-    dark.minDistBetweenBlobs = _LEAST_APART_PX
-    finder = cv2.SimpleBlobDetector.create(dark)
-    seen, centres = cv2.findCirclesGrid(eight_bit(image), (columns, rows), flags=kind, blobDetector=finder)
-    if not seen:
+    centres = best(eight_bit(image), _WAYS, partial(_centres, target), columns * rows)
+    if centres is None:
         return None
-    start = _facing(target, np.reshape(centres, (-1, 2)).astype(np.float64))
+    start = _facing(target, centres)
     outlines = _fitted(image, target, start)
     kept, shape = outlines.trusted, outlines.shape[outlines.trusted]
     if kept.sum() < _FEWEST:
@@ -59,6 +59,19 @@ def detect(image: Image, target: Target) -> Detection | None:
     perspective, bent = _eccentricity(target.points[kept, :2], shape, float(target.options["spacing_m"]))
     model = _MODEL_PX**2 + (_BENT_SHARE * np.linalg.norm(bent, axis=1)) ** 2
     return found(target.ids[kept], shape[:, :2] - perspective - bent, np.sqrt(outlines.variance[kept] + model))
+
+
+def _centres(target: Target, image: Grey, way: Way) -> Array:
+    """OpenCV's centres of all circles, (n, 2) [px], or of none."""
+    kind = cv2.CALIB_CB_ASYMMETRIC_GRID if target.options["asymmetric"] else cv2.CALIB_CB_SYMMETRIC_GRID
+    dark = cv2.SimpleBlobDetector.Params()  # discs of any size that a grid can have in the image
+    dark.minArea, dark.maxArea = _LEAST_AREA_PX2, max(image.size * _LARGEST_SHARE, _LEAST_AREA_PX2)
+    dark.minDistBetweenBlobs = _LEAST_APART_PX
+    finder = cv2.SimpleBlobDetector.create(dark)
+    if len(finder.detect(image)) > _MOST_BLOBS * len(target.ids):
+        return way.places(())
+    seen, centres = cv2.findCirclesGrid(image, tuple(target.options["circles"]), flags=kind, blobDetector=finder)
+    return way.places(centres if seen else ())
 
 
 def _facing(target: Target, start: Array) -> Array:

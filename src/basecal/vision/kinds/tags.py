@@ -7,7 +7,7 @@ looked for where the tags beside them say they are: four corners that look as th
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from typing import Any, NamedTuple
 
 import cv2
@@ -16,11 +16,13 @@ import numpy as np
 from basecal.cell.target import Tags, Target
 from basecal.geometry import Array, BoolArray, IntArray
 from basecal.vision.detection import Detection, Image, eight_bit, found
+from basecal.vision.fit.corner_shapes import saddle, wedge
 from basecal.vision.fit.corners import BOARD_ARM_PX, Window, refined
-from basecal.vision.fit.shapes import saddle, wedge
 from basecal.vision.kinds.fiducial import dictionary
+from basecal.vision.kinds.ways import MARKER_WAYS, Grey, Way, best
 
 _CORNERS = 4
+_ENOUGH = 0.7  # of the tags: with fewer the picture may be blurred, dark or the tags small, and other ways are tried
 _ARM_PX = 12.0  # along a tag's edges, which end at its corner: half as much bends as of lines that go on both ways
 _ARM = 0.5  # of a tag's side: the other half of an edge belongs to its other corner
 _NEIGHBOUR = 1.5  # pitches between tags that stand side by side or corner to corner
@@ -55,12 +57,21 @@ def detect(image: Image, target: Target) -> Detection | None:
 
 def _read(of: _Look) -> tuple[IntArray, Array]:
     """Rows among a target's tags, (k,), and corners, (k, 4, 2) [px], of those that are read once."""
-    quads, numbers, _ = _detector(of.tags.family, of.border).detectMarkers(eight_bit(of.image))
-    if numbers is None:
+    seen = best(eight_bit(of.image), MARKER_WAYS, partial(_quads, of), _ENOUGH * len(of.tags.numbers))
+    if seen is None:
         return np.zeros(0, dtype=np.int64), np.zeros((0, _CORNERS, 2))
+    return np.array(list(seen)), np.stack(list(seen.values()))
+
+
+def _quads(of: _Look, image: Grey, way: Way) -> dict[int, Array]:
+    """Corners, (4, 2) [px], of tags that are read once, by their rows among the target's."""
+    quads, numbers, _ = _detector(of.tags.family, of.border).detectMarkers(image)
+    if numbers is None:
+        return {}
     seen, first, count = np.unique(numbers.ravel(), return_index=True, return_counts=True)
     _, rows, at = np.intersect1d(of.tags.numbers, seen[count == 1], return_indices=True)
-    return rows, np.reshape(quads, (-1, _CORNERS, 2))[first[count == 1][at]].astype(np.float64)
+    once = first[count == 1][at]
+    return {int(row): way.places(quads[k]) for row, k in zip(rows, once, strict=True)}
 
 
 @cache

@@ -1,4 +1,4 @@
-"""Ideal corners and outlines."""
+"""Ideal corners."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from basecal.geometry import Array
-from basecal.vision.fit.patch_fit import Patches, Shape, fit_shapes
-from basecal.vision.fit.shapes import ellipse, saddle, wedge
+from basecal.vision.fit.corner_shapes import Corner, saddle, wedge
+from derivatives import check_derivative
 
 ANGLES = (0.5, 1.2, np.pi / 2, 2.4)
 
@@ -51,25 +51,28 @@ def test_sharpening_overshoots() -> None:
     np.testing.assert_allclose(profile[[0, -1]], [0, 1], atol=1e-9)
 
 
-def test_ellipse_encloses_its_area() -> None:
-    """An ellipse's values add up to the area of its outline, whatever its axes."""
-    xy = np.stack(np.meshgrid(np.arange(-40, 41), np.arange(-40, 41)), -1).reshape(1, -1, 2).astype(float)
-    q = np.array([[0.3, 0.1, np.log(15), 0.3, np.log(12), np.log(0.7)]])
-    assert ellipse(q, xy).sum() == pytest.approx(np.pi * 15 * 12, rel=5e-3)
+@pytest.mark.parametrize("shape", [saddle, wedge], ids=["saddle", "wedge"])
+@pytest.mark.parametrize("opening", ANGLES)
+@pytest.mark.parametrize("sharpness", [0.0, 0.7, -0.3])
+def test_derivatives(shape: Corner, opening: float, sharpness: float) -> None:
+    """Derivatives to all six parameters, or the first of them, are those of the values."""
+    q = corner(opening, sharpness)
+    xy = np.random.default_rng(3).normal(0, 2, (1, 40, 2))
+    for free in (2, 4, 5, 6):
+        values, derivatives = shape.linearised(q, xy, free)
+        np.testing.assert_allclose(values, shape(q, xy), atol=1e-12)
+
+        def moved(step: Array, free: int = free) -> Array:
+            return shape(q + np.pad(step, (0, 6 - free)), xy)[0]
+
+        # Sharp corners bend more within a step than other functions here.
+        check_derivative(moved, np.moveaxis(derivatives[0], 0, -1), step=3e-3, tolerance=3e-3 if opening < 1 else 1e-4)
 
 
-@pytest.mark.parametrize(("shape", "size"), [(saddle, 6), (wedge, 6), (ellipse, 6)])
-def test_fit_finds_what_was_drawn(shape: Shape, size: int) -> None:
-    """Fits of many pieces with their own light end at the shapes they were made of, each with its own covariance."""
-    rng = np.random.default_rng(2)
-    xy = np.broadcast_to(np.stack(np.meshgrid(np.arange(-9, 10), np.arange(-9, 10)), -1).reshape(-1, 2), (20, 361, 2))
-    first = [0, 0, np.log(5), 0, np.log(4), 0] if shape is ellipse else [0, 0, 0.2, -1.4, -0.2, 0.3]
-    true = np.array(first) + rng.uniform(-0.1, 0.1, (20, size))
-    values = 80 * shape(true, xy.astype(float)) + 50 + xy @ [0.3, -0.2]
-    noise = rng.standard_normal(values.shape)
-    patches = Patches(xy.astype(float), values + noise, np.ones_like(values))
-    fit = fit_shapes(shape, true + rng.uniform(-0.2, 0.2, true.shape), patches, sloped=True)
-    assert fit.converged.all()
-    error = fit.shape - true
-    squared = np.einsum("ni,nij,nj->n", error, np.linalg.inv(fit.covariance), error)
-    assert squared.mean() == pytest.approx(size, abs=3.5)  # chi-squared of 120 values: a sigma of the mean is 0.8
+def test_parallel_lines_give_finite_derivatives() -> None:
+    """Two lines on one another are no corner, and yet nothing of it overflows."""
+    xy = np.random.default_rng(4).normal(0, 2, (1, 40, 2))
+    for turn in (0.0, np.pi):
+        q = np.array([[0.0, 0.0, 0.3, 0.3 + turn, np.log(0.8), 0.0]])
+        for shape in (saddle, wedge):
+            assert all(np.isfinite(each).all() for each in shape.linearised(q, xy, 6))

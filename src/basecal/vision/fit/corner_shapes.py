@@ -1,0 +1,170 @@
+"""Ideal corners under a Gaussian point spread, as functions of place, with their derivatives.
+
+Parameters of a corner, (n, 6): its place x, y [px], the directions of its two lines [rad], the logarithm of the point
+spread's sigma, and how much the camera has sharpened the image, 0 for not at all. The sides of a line are given by the
+signed distance to the right of its direction.
+
+A wedge is the chance that a place, moved by the point spread, is to the right of both lines: the normal distribution
+function Phi2(a, b; r) of both distances in sigmas, with the cosine r between the lines. Its derivatives are
+phi(a) Phi((b - r a) / sqrt(1 - r^2)) to a, likewise to b, and the density phi2(a, b; r) to r (Price's theorem).
+A saddle is 4 Phi2(a, b; r) - 2 Phi(a) - 2 Phi(b) + 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import ndtr
+
+from basecal.geometry import Array
+
+_MOST_LOG = 4.0  # of a width in pixels: 55 px is beyond every window, and no exponential overflows on the way
+_MASK_PX = 1.2  # sigma of the blur that cameras sharpen with, in the middle of what is usual
+_LEAST_SINE2 = 1e-6  # of lines a thousandth of a radian apart: nearer, there is no corner
+_DENSITY = 1 / np.sqrt(2 * np.pi)
+_NODES, _WEIGHTS = (0.5 * each for each in np.polynomial.legendre.leggauss(4))
+
+
+@dataclass(frozen=True)
+class Corner:
+    """A corner's image; see `Shape`.
+
+    Attributes:
+        crossed: Whether its lines go on both ways: +1 where both have a place on like sides, -1 elsewhere. If not, 1
+            where a place is to the right of both, 0 elsewhere.
+    """
+
+    crossed: bool
+
+    def __call__(self, q: Array, xy: Array) -> Array:
+        """See `Shape`."""
+        sides, share = _sides(q, xy), q[:, 5:6]
+        plain = self._values(_scaled(sides, q[:, 4:5]))
+        if not share.any():
+            return plain
+        return (1 + share) * plain - share * self._values(_scaled(sides, _masked(q[:, 4:5])))
+
+    def linearised(self, q: Array, xy: Array, free: int) -> tuple[Array, Array]:
+        """See `Shape`."""
+        sides, share = _sides(q, xy), q[:, 5:6]
+        log_spread = q[:, 4:5]
+        values, slopes = self._slopes(_scaled(sides, log_spread))
+        if not share.any() and free < q.shape[1]:
+            return values, _chained(sides, slopes, free)
+        masked = _masked(log_spread)
+        blurred, others = self._slopes(_scaled(sides, masked))
+        # What a further blur would take from it, added: unsharp masking.
+        rate = np.exp(2 * (log_spread - masked))  # of the blurred spread's logarithm to the sharp one's
+        both = _Slopes(*((1 + share) * mine - share * theirs for mine, theirs in zip(slopes, others, strict=True)))
+        both = both._replace(spread=(1 + share) * slopes.spread - share * rate * others.spread)
+        jacobian = _chained(sides, both, min(free, 5))
+        if free == q.shape[1]:
+            jacobian = np.concatenate([jacobian, (values - blurred)[:, None]], axis=1)
+        return (1 + share) * values - share * blurred, jacobian
+
+    def _values(self, at: _Scaled) -> Array:
+        first, second = ndtr(at.first), ndtr(at.second)
+        if self.crossed:
+            return np.asarray((2 * first - 1) * (2 * second - 1) + 4 * _overlap(at))
+        return np.asarray(first * second + _overlap(at))
+
+    def _slopes(self, at: _Scaled) -> tuple[Array, _Slopes]:
+        """Values, and their derivatives at a spread."""
+        a, b, r = at.first, at.second, at.cosine
+        root = np.sqrt(np.maximum(1 - r * r, _LEAST_SINE2))
+        a_given_b, b_given_a = (a - r * b) / root, (b - r * a) / root
+        by_first = _DENSITY * np.exp(-0.5 * a * a)
+        by_cosine = by_first * np.exp(-0.5 * b_given_a * b_given_a) * (_DENSITY / root)
+        by_first *= ndtr(b_given_a) - 0.5 * self.crossed
+        by_second = _DENSITY * np.exp(-0.5 * b * b) * (ndtr(a_given_b) - 0.5 * self.crossed)
+        times = 4.0 if self.crossed else 1.0
+        slopes = _Slopes(by_first * at.inverse, by_second * at.inverse, by_cosine, -(a * by_first + b * by_second))
+        return self._values(at), _Slopes(*(times * each for each in slopes))
+
+
+saddle = Corner(crossed=True)
+"""A chessboard's corner."""
+
+wedge = Corner(crossed=False)
+"""A dark or bright corner."""
+
+
+class _Sides(NamedTuple):
+    """Distances to the right of both lines and along them [px], (n, p) each; sine and cosine from line to line."""
+
+    first: Array
+    second: Array
+    along_first: Array
+    along_second: Array
+    cosines: Array
+    sines: Array
+    cosine: Array
+    sine: Array
+
+
+def _sides(q: Array, xy: Array) -> _Sides:
+    x, y = xy[..., 0] - q[:, 0:1], xy[..., 1] - q[:, 1:2]
+    cosines, sines = np.cos(q[:, 2:4]), np.sin(q[:, 2:4])
+    (c1, c2), (s1, s2) = (np.split(each, 2, axis=1) for each in (cosines, sines))
+    turn = q[:, 2:3] - q[:, 3:4]
+    right = (y * c1 - x * s1, y * c2 - x * s2)
+    return _Sides(*right, x * c1 + y * s1, x * c2 + y * s2, cosines, sines, np.cos(turn), np.sin(turn))
+
+
+class _Scaled(NamedTuple):
+    """Distances from both lines in sigmas of the point spread, (n, p), their cosine and 1 / sigma [1/px], (n, 1)."""
+
+    first: Array
+    second: Array
+    cosine: Array
+    inverse: Array
+
+
+def _scaled(sides: _Sides, log_spread: Array) -> _Scaled:
+    inverse = np.exp(-np.clip(log_spread, -_MOST_LOG, _MOST_LOG))
+    return _Scaled(sides.first * inverse, sides.second * inverse, sides.cosine, inverse)
+
+
+def _masked(log_spread: Array) -> Array:
+    """The logarithm of the spread after a camera's blur besides."""
+    return np.asarray(0.5 * np.logaddexp(2 * log_spread, 2 * np.log(_MASK_PX)))
+
+
+class _Slopes(NamedTuple):
+    """Derivatives to distances from the lines [1/px], the cosine between them and the spread's logarithm, (n, p)."""
+
+    first: Array
+    second: Array
+    cosine: Array
+    spread: Array
+
+
+def _chained(sides: _Sides, slopes: _Slopes, free: int) -> Array:
+    """Derivatives to the first of place, directions and spread, (n, free, p)."""
+    (c1, c2), (s1, s2) = (np.split(each, 2, axis=1) for each in (sides.cosines, sides.sines))
+    turned = slopes.cosine * sides.sine
+    columns = (
+        slopes.first * s1 + slopes.second * s2,
+        -slopes.first * c1 - slopes.second * c2,
+        -slopes.first * sides.along_first - turned,
+        -slopes.second * sides.along_second + turned,
+        slopes.spread,
+    )
+    return np.stack(columns[:free], axis=1)
+
+
+def _overlap(at: _Scaled) -> Array:
+    """The normal probability that two correlated numbers are both positive, beyond the product, (n, p).
+
+    Its derivative to the correlation is the density (Price's theorem); the integral over it by Gauss-Legendre in the
+    arc's sine, which is smooth up to correlation one. Source: Drezner & Wesolowsky 1990.
+    """
+    product, squares = at.first * at.second, 0.5 * (at.first**2 + at.second**2)
+    total = np.zeros_like(product)
+    top = np.arcsin(np.clip(at.cosine, -1, 1))
+    for node, weight in zip(_NODES + 0.5, _WEIGHTS, strict=True):
+        sine, cosine2 = np.sin(top * node), np.cos(top * node) ** 2
+        total += weight * np.exp((sine * product - squares) / cosine2)
+    return np.asarray(total * top / (2 * np.pi))

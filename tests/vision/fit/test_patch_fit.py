@@ -1,0 +1,62 @@
+"""Shapes fitted to pieces of an image."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.vision.fit.corner_shapes import saddle, wedge
+from basecal.vision.fit.ellipse import ellipse
+from basecal.vision.fit.patch_fit import Patches, Shape, fit_shapes, packed
+
+
+@pytest.mark.parametrize(("shape", "size"), [(saddle, 6), (wedge, 6), (ellipse, 6)])
+def test_fit_finds_what_was_drawn(shape: Shape, size: int) -> None:
+    """Fits of many pieces with their own light end at the shapes they were made of, each with its own covariance."""
+    rng = np.random.default_rng(2)
+    xy = np.broadcast_to(np.stack(np.meshgrid(np.arange(-9, 10), np.arange(-9, 10)), -1).reshape(-1, 2), (20, 361, 2))
+    first = [0, 0, np.log(5), 0, np.log(4), 0] if shape is ellipse else [0, 0, 0.2, -1.4, -0.2, 0.3]
+    true = np.array(first) + rng.uniform(-0.1, 0.1, (20, size))
+    values = 80 * shape(true, xy.astype(float)) + 50 + xy @ [0.3, -0.2]
+    noise = rng.standard_normal(values.shape)
+    patches = Patches(xy.astype(float), values + noise, np.ones_like(values))
+    fit = fit_shapes(shape, true + rng.uniform(-0.2, 0.2, true.shape), patches, sloped=True)
+    assert fit.converged.all()
+    error = fit.shape - true
+    squared = np.einsum("ni,nij,nj->n", error, np.linalg.inv(fit.covariance), error)
+    assert squared.mean() == pytest.approx(size, abs=3.5)  # chi-squared of 120 values: a sigma of the mean is 0.8
+
+
+def test_held_parameters_stay() -> None:
+    """What is held is as it was, and the covariance is of the others."""
+    xy = np.stack(np.meshgrid(np.arange(-9, 10), np.arange(-9, 10)), -1).reshape(1, -1, 2).astype(float)
+    true = np.array([[0.1, -0.2, 0.2, -1.4, -0.2, 0.3]])
+    start = true + np.array([0.2, 0.2, 0.1, 0.1, 0.3, 0.0])
+    fit = fit_shapes(saddle, start, Patches(xy, 80 * saddle(true, xy) + 50, np.ones((1, 361))), held=1)
+    assert fit.shape[0, 5] == start[0, 5]
+    assert fit.covariance.shape == (1, 5, 5)
+    np.testing.assert_allclose(fit.shape, true, atol=1e-3)
+    np.testing.assert_allclose(fit.light, [[80, 50]], rtol=1e-3)
+
+
+def test_a_loose_end_comes_sooner() -> None:
+    """A fit that may leave a tenth of the residuals ends near the optimum, one sigma of hundred pixels' noise away."""
+    rng = np.random.default_rng(5)
+    xy = np.stack(np.meshgrid(np.arange(-6, 7), np.arange(-6, 7)), -1).reshape(1, -1, 2).astype(float)
+    true = np.array([[0.1, -0.2, 0.2, -1.4, -0.2, 0.0]])
+    patches = Patches(xy, 80 * saddle(true, xy) + 50 + rng.standard_normal((1, 169)), np.ones((1, 169)))
+    start = true + np.array([1.0, -1.0, 0.2, 0.2, 0.3, 0.0])
+    loose, tight = (fit_shapes(saddle, start, patches, held=1, settled=settled) for settled in (0.1, 1e-3))
+    sigma = np.sqrt(np.diagonal(tight.covariance[0])[:2])
+    assert np.all(np.abs(loose.shape[0, :2] - tight.shape[0, :2]) < 2 * sigma)
+    assert not np.array_equal(loose.shape, tight.shape)
+
+
+def test_packed_keeps_what_weighs() -> None:
+    """Pixels without weight go, as far as all pieces have some."""
+    weights = np.array([[0, 1, 0, 2.0], [0, 0, 0, 3.0]])
+    patches = Patches(np.arange(16.0).reshape(2, 4, 2), np.arange(8.0).reshape(2, 4), np.ones((2, 4)))
+    kept = packed(patches, weights)
+    np.testing.assert_array_equal(kept.weights, [[1, 2], [3, 0]])
+    np.testing.assert_array_equal(kept.values[:, 0], [1, 7])
+    np.testing.assert_array_equal(kept.xy[0], [[2, 3], [6, 7]])

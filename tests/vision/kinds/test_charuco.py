@@ -1,0 +1,44 @@
+"""ChArUco boards in pictures that are not as they should be."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.cell.targets.charuco import charuco_target
+from basecal.errors import InputError
+from basecal.vision.draw.render import RenderSettings
+from basecal.vision.kinds.charuco import detect
+from vision_scenes import BLURRED, DARK, TARGETS, errors_of, scene, shrunk
+
+BOARD = TARGETS["charuco"]
+# Pictures, blocks of pixels that become one, corners that are found; as most pictures are searched the last three
+# give none, seven and none.
+POOR = {
+    "as it should be": (RenderSettings(), 1, 24),
+    "dark": (DARK, 1, 24),
+    "blurred": (BLURRED, 1, 20),
+    "small": (RenderSettings(), 5, 8),
+}
+
+
+@pytest.mark.parametrize("how", list(POOR))
+def test_poor_pictures(how: str) -> None:
+    """A board is found that is dark, blurred or small, with sigmas true within a factor of two and a half."""
+    settings, block, count = POOR[how]
+    found = detect(shrunk(scene(BOARD, settings), block), BOARD)
+    error = errors_of(found, BOARD, block)
+    assert found is not None
+    assert len(error) >= count
+    assert 0.4 < np.sqrt(np.mean((error / found.sigma_px[:, None]) ** 2)) < 2.5
+
+
+def test_another_board() -> None:
+    """A board of another dictionary is none."""
+    assert detect(scene(BOARD), charuco_target((5, 7), 0.04, 0.03, "DICT_6X6_50")) is None
+
+
+def test_too_few_markers() -> None:
+    """A board that needs more markers than its dictionary has is a named error."""
+    with pytest.raises(InputError, match="DICT_4X4_50 has 50 markers, a 20x20 board needs 200"):
+        detect(scene(BOARD), charuco_target((20, 20), 0.04, 0.03, "DICT_4X4_50"))

@@ -1,0 +1,35 @@
+"""Chessboards in pictures that are not as they should be."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.cell.targets.chessboard import chessboard_target
+from basecal.vision.draw.render import RenderSettings
+from basecal.vision.kinds.chessboard import detect
+from vision_scenes import DARK, TARGETS, errors_of, scene, shrunk
+
+SHAPE = TARGETS["chessboard"]
+POOR = {
+    "as they should be": (RenderSettings(), 1, 54),
+    "dark": (DARK, 1, 54),
+    "blurred": (RenderSettings(blur_px=5.0, noise=1.0), 1, 54),
+    "small": (RenderSettings(), 8, 40),
+}
+
+
+@pytest.mark.parametrize("how", list(POOR))
+def test_poor_pictures(how: str) -> None:
+    """Found where dark, blurred or small, with sigmas true within a factor of two and a half."""
+    settings, block, count = POOR[how]
+    found = detect(shrunk(scene(SHAPE, settings), block), SHAPE)
+    error = errors_of(found, SHAPE, block)
+    assert found is not None
+    assert len(error) >= count
+    assert 0.4 < np.sqrt(np.mean((error / found.sigma_px[:, None]) ** 2)) < 2.5
+
+
+def test_less_than_a_board() -> None:
+    """A board with fewer squares than stated is none."""
+    assert detect(scene(SHAPE), chessboard_target((10, 7), 0.03)) is None

@@ -1,0 +1,41 @@
+"""Grids of circles in pictures that are not as they should be."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+
+from basecal.vision.draw.render import RenderSettings
+from basecal.vision.kinds.circles import detect
+from vision_scenes import DARK, TARGETS, errors_of, scene, shrunk
+
+SHAPE = TARGETS["circles"]
+POOR = {
+    "as they should be": (RenderSettings(), 1, 40),
+    "dark": (DARK, 1, 40),
+    "blurred": (RenderSettings(blur_px=6.0, noise=1.0), 1, 40),
+    "small": (RenderSettings(), 5, 40),
+}
+
+
+@pytest.mark.parametrize("how", list(POOR))
+def test_poor_pictures(how: str) -> None:
+    """Found where dark, blurred or small, with sigmas true within a factor of two and a half."""
+    settings, block, count = POOR[how]
+    found = detect(shrunk(scene(SHAPE, settings), block), SHAPE)
+    error = errors_of(found, SHAPE, block)
+    assert found is not None
+    assert len(error) >= count
+    assert 0.4 < np.sqrt(np.mean((error / found.sigma_px[:, None]) ** 2)) < 2.5
+
+
+def test_noise_of_many_blobs_ends_soon() -> None:
+    """In a picture of thousands of specks the search for a grid ends, and nothing is found."""
+    specks = np.random.default_rng(0).normal(0, 1, (480, 640))
+    image = np.clip(128 + 400 * gaussian_filter(specks, 2.0), 0, 255).astype(np.uint8)
+    began = time.perf_counter()
+    assert detect(image, SHAPE) is None
+    assert time.perf_counter() - began < 20  # one second; unbounded, minutes

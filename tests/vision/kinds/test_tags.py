@@ -1,0 +1,35 @@
+"""Tags in pictures that are not as they should be."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.vision.draw.render import RenderSettings
+from basecal.vision.kinds.tags import detect
+from vision_scenes import DARK, TARGETS, errors_of, scene, shrunk
+
+SHAPE = TARGETS["tags"]
+POOR = {
+    "as they should be": (RenderSettings(), 1, 24),
+    "dark": (DARK, 1, 22),
+    "blurred": (RenderSettings(blur_px=6.0, noise=1.0), 1, 4),
+    "small": (RenderSettings(), 5, 24),
+}
+
+
+@pytest.mark.parametrize("how", list(POOR))
+def test_poor_pictures(how: str) -> None:
+    """Found where dark, blurred or small, with sigmas true within a factor of two and a half."""
+    settings, block, count = POOR[how]
+    found = detect(shrunk(scene(SHAPE, settings), block), SHAPE)
+    error = errors_of(found, SHAPE, block)
+    assert found is not None
+    assert len(error) >= count
+    assert 0.4 < np.sqrt(np.mean((error / found.sigma_px[:, None]) ** 2)) < 2.5
+
+
+def test_tags_of_another_family() -> None:
+    """Tags of another family, and a target without tags, give nothing."""
+    assert detect(scene(SHAPE), TARGETS["aruco"]) is None
+    assert detect(scene(SHAPE), TARGETS["chessboard"]) is None
