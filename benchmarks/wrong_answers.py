@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from basecal.accuracy.verdict import calibrate
@@ -260,6 +261,39 @@ def common_shift(seed: int) -> Drawn:
     return drawn._replace(cell=replace(drawn.cell, correlated_px=None))
 
 
+def reversed_order(seed: int) -> Drawn:
+    """What the hand recorded stands in reverse order."""
+    drawn = _simulated(seed)
+    poses = _poses(drawn.recording, "hand")
+    return _reread(drawn, "hand", lambda k, pose: poses[len(poses) - 1 - k])
+
+
+def off_by_three(seed: int) -> Drawn:
+    """What the hand recorded stands three samples late; the last three stand first."""
+    drawn = _simulated(seed)
+    poses = _poses(drawn.recording, "hand")
+    return _reread(drawn, "hand", lambda k, pose: poses[k - 3])
+
+
+def euler_order(seed: int) -> Drawn:
+    """The hand's roll, pitch and yaw about fixed axes were read as angles about moving ones."""
+
+    def read(_: int, pose: SE3) -> SE3:
+        """A pose as it was read."""
+        angles = Rotation.from_matrix(pose.rotation).as_euler("xyz")
+        return SE3(Rotation.from_euler("XYZ", angles).as_matrix(), pose.translation)
+
+    return _reread(_simulated(seed), "hand", read)
+
+
+def shuffled(seed: int) -> Drawn:
+    """What the hand recorded stands in any order."""
+    drawn = _simulated(seed)
+    poses = _poses(drawn.recording, "hand")
+    order = np.random.default_rng(seed).permutation(len(poses))
+    return _reread(drawn, "hand", lambda k, pose: poses[order[k]])
+
+
 KINDS: dict[str, Kind] = {
     "clean": Kind(clean, clean=True),
     "clean, nothing stated": Kind(clean_unstated, clean=True),
@@ -276,6 +310,10 @@ KINDS: dict[str, Kind] = {
     "centre 10 px off": Kind(off_centre),
     "poses in whole mm": Kind(rounded, "rounded-poses"),
     "common shift 0.5 px": Kind(common_shift),
+    "order reversed": Kind(reversed_order, "pairing-shifted"),
+    "order off by three": Kind(off_by_three, "pairing-shifted"),
+    "order of angles": Kind(euler_order, "euler-order"),
+    "shuffled": Kind(shuffled, "poor-fit"),
 }
 
 

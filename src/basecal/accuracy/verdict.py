@@ -15,6 +15,7 @@ from basecal.accuracy.cross_validation.validation import cross_validate
 from basecal.accuracy.findings.evidence import Evidence, Input
 from basecal.accuracy.findings.registry import ANSWER_CHECKS, INPUT_CHECKS
 from basecal.accuracy.input_check.conventions import check_conventions
+from basecal.accuracy.input_check.unexplained_motion import hopeless, is_hopeless
 from basecal.accuracy.phrases.null_space import describe_null_space
 from basecal.accuracy.phrases.outlier import described_outlier
 from basecal.accuracy.residuals.fit import residuals
@@ -63,11 +64,11 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
     findings += misread
     if verdict_of(misread) == "refused":
         return _refused(plain, settings, findings)
-    if noisy is None:
-        with settings.stage("outliers"):
-            robust = solve_robustly(problem, cell, stated, plain)
-    else:
-        robust = solve_with_noise(cell, settings, plain, noisy)
+    robust = _without_outliers(cell, settings, plain, noisy)
+    if is_hopeless(robust.solution.problem, robust.solution.state):
+        unexplained = hopeless(robust.solution.problem, robust.solution.state)
+        said = [finding for finding in findings if finding.code != unexplained.code]
+        return _refused(robust.solution, settings, [unexplained, *said])
     with settings.stage("stated sigmas"):
         as_stated = robust.solution
         contradicted = contradicted_sigmas(as_stated)
@@ -79,6 +80,17 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
         refuted = as_stated if any(each.too_small for each in contradicted) else None
         found = systematic_error(robust.solution, problem, stamps, settings, refuted)
     return _judged(cell, problem, robust, contradicted, found, model, settings, findings)
+
+
+def _without_outliers(cell: Cell, settings: Settings, plain: Solution, noisy: Solution | None) -> RobustSolution:
+    """The solution of what agrees; with robots taken for exact where no noise of arms explains the views."""
+    if noisy is not None and is_as_of_arms(noisy):
+        return solve_with_noise(cell, settings, plain, noisy)
+    with settings.stage("outliers"):
+        exact = solve_robustly(plain.problem, cell, replace(settings, robot_noise="stated"), plain)
+    if noisy is None or is_hopeless(exact.solution.problem, exact.solution.state):
+        return exact
+    return solve_with_noise(cell, settings, plain, noisy, exact)
 
 
 def _judged(

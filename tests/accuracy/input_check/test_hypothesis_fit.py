@@ -7,18 +7,17 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tests.pose_problem import pose_problem
 
 from basecal.accuracy.input_check.hypothesis_fit import (
     HypothesisFit,
     fit_hypothesis,
     in_order,
-    off_views,
     plausible,
     ratio,
     thinned,
 )
 from basecal.accuracy.input_check.rewriting import inverted, with_robots
+from basecal.accuracy.input_check.view_errors import off_views
 from basecal.cell import Recording, RobotState, Sample
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
@@ -70,69 +69,6 @@ def test_samples_go_by_time_and_are_thinned_evenly():
     assert [s.sample for s in in_order(recording).samples] == list(range(10, -1, -1))
     assert [s.sample for s in thinned(recording, 6).samples] == [0, 2, 4, 6, 8, 10]
     assert len(thinned(recording, 20).samples) == 11
-
-
-def test_poses_are_off_by_angle_and_length_over_distance():
-    """Over all six numbers: a third of a radian, and a metre at two metres."""
-    problem, state = pose_problem(np.zeros((3, 6)), np.ones(6))
-    (group,) = problem.groups
-    far = SE3.exp(np.array([[0, 0, 2.0, 0, 0, 0]] * 3))
-    at = replace(group, measurement=replace(group.measurement, measured_camera_from_target=far))
-    mount = {**state.transforms, "eye_flange_from_camera": SE3.exp([0, 0, -2.0, 0, 0, 0])}
-    exact = replace(state, transforms=mount)
-    np.testing.assert_allclose(off_views(problem, at, exact), 0.0, atol=1e-12)
-    off = SE3.exp(np.array([[1.0, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0.3], [0] * 6]))
-    moved = replace(at, measurement=replace(at.measurement, measured_camera_from_target=far @ off))
-    np.testing.assert_allclose(off_views(problem, moved, exact)[[0, 2]] * np.sqrt(6), [0.5, 0.0], atol=0.06)
-    assert off_views(problem, moved, exact)[1] * np.sqrt(6) == pytest.approx(0.3, abs=1e-9)
-
-
-def of_views(target, change):
-    """Distances at the truth of a recording without noise, whose measurement is changed."""
-    made = simulate(Scenario(samples=4, target=target, pixel_px=0.0, point_m=0.0, state_pixel_noise=False), 0)
-    problem, _ = build_problem(made.cell, made.recording)
-    (group,) = problem.groups
-    measurement = change(group.measurement)
-    state = State(made.truth, made.cameras, np.zeros((0, 6)))
-    distance = np.median(np.linalg.norm(state.camera_from_target(group, problem.stops).translation, axis=-1))
-    return off_views(problem, replace(group, measurement=measurement), state), distance
-
-
-def test_pixels_are_off_by_milliradians():
-    """Corners of a view 3 px right and 4 px down are off by 5 / sqrt(2) thousandths; those not seen do not count."""
-
-    def change(of):
-        pixels, seen = of.pixels.copy(), of.seen.copy()
-        pixels[1] += (3.0, 4.0)
-        pixels[2, 0] += 1e4
-        seen[2, 0] = False
-        return replace(of, pixels=pixels, seen=seen)
-
-    np.testing.assert_allclose(of_views("charuco", change)[0], [0, 5e-3 / np.sqrt(2), 0, 0], atol=1e-9)
-
-
-def test_3d_points_are_off_over_their_distance():
-    """Points of a view 3 cm off: a third of the square each coordinate, over how far points are."""
-
-    def change(of):
-        points, seen = of.points_in_camera.copy(), of.seen.copy()
-        points[1] += (0.03, 0.0, 0.0)
-        points[3, 0] += 9.0
-        seen[3, 0] = False
-        return replace(of, points_in_camera=points, seen=seen)
-
-    off, distance = of_views("points3d", change)
-    np.testing.assert_allclose(off[[0, 2, 3]], 0.0, atol=1e-9)
-    assert off[1] == pytest.approx(0.03 / np.sqrt(3) / distance, rel=0.25)
-
-
-def test_robots_are_taken_as_recorded():
-    """The errors of stops that explain a view count against a hypothesis."""
-    problem, state = pose_problem(np.zeros((2, 6)), np.ones(6), stop_sigma=np.full(6, 0.1))
-    shifted = replace(state, stop_errors=np.ones((2, 6)))
-    np.testing.assert_array_equal(
-        off_views(problem, problem.groups[0], shifted), off_views(problem, problem.groups[0], state)
-    )
 
 
 def test_what_is_declared_rightly_predicts_and_what_is_not_does_not():

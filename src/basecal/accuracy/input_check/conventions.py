@@ -24,7 +24,9 @@ from basecal.accuracy.input_check.hypothesis_fit import (
 from basecal.accuracy.input_check.loop_fit import LoopFit, ReadyViews, fit_loops, state_of, trimmed
 from basecal.accuracy.input_check.pairing import half_turns, pairing_errors
 from basecal.accuracy.input_check.plausibility import impossible_answer, impossible_input
+from basecal.accuracy.input_check.rare_hypotheses import rare_hypotheses
 from basecal.accuracy.input_check.target_sizes import size_hypotheses
+from basecal.accuracy.input_check.unexplained_motion import unexplained_motion
 from basecal.cell import Cell, Finding, Recording
 from basecal.cell.calibration import Severity
 from basecal.errors import BasecalError
@@ -55,6 +57,7 @@ _LIGHT_FLOOR_RAD = 0.002  # [rad] likewise of directions to a light, which have 
 _HOPELESS_RAD = 0.25  # [rad] of loops that even the best hypothesis does not close: none of them is so
 _LIGHT_HOPELESS_RAD = 0.05  # [rad] likewise of directions
 _MOST_SOLVED = 8  # hypotheses to fit, which bounds the time
+_ODD = 0.08  # share of the motion unexplained that no recording in order has had, so that rare mix-ups are tried
 _SIGMAS = 3.0  # by which an answer has to move to count as another
 _SMALLEST_SIGMA = 1e-9  # [m, rad] below which a difference is rounding
 _EXPLAINED = 1.15  # residuals over stated sigmas: nothing is left that a better hypothesis could explain
@@ -126,7 +129,7 @@ def _tried(cell: Cell, recording: Recording, problem: Problem, declared: _Tried,
     lenses = _lenses(cell, problem, declared.fit)
     known = declared.fit.solution.state
     found: list[_Tried] = []
-    for hypothesis, fits in _surviving(cell, recording, lenses):
+    for hypothesis, fits in _surviving(cell, recording, lenses, convention_hypotheses(cell, recording)):
         found += _try(cell, recording, hypothesis, settings, (fits, lenses), declared)
     if any(plausible(each.fit) and not each.impossible and _better(each.fit, declared.fit, _WIDER) for each in found):
         return found
@@ -139,7 +142,14 @@ def _tried(cell: Cell, recording: Recording, problem: Problem, declared: _Tried,
             found += _try(cell, recording, hypothesis, settings, (fits, lenses), declared)
         for hypothesis in half_turns(cell, recording):
             found += _try(cell, recording, hypothesis, settings, None, declared)
+    if not any(plausible(each.fit) and not each.impossible for each in (declared, *found)) and _is_odd(declared):
+        for hypothesis, fits in _surviving(cell, recording, lenses, rare_hypotheses(cell, recording)):
+            found += _try(cell, recording, hypothesis, settings, (fits, lenses), declared)
     return found
+
+
+def _is_odd(tried: _Tried) -> bool:
+    return unexplained_motion(tried.fit.solution.problem, tried.fit.solution.state) > _ODD
 
 
 def _try(
@@ -160,11 +170,13 @@ def _try(
     return [] if fit is None else [_Tried(hypothesis, fit, impossible_answer(other_cell, fit))]
 
 
-def _surviving(cell: Cell, recording: Recording, lenses: Lenses) -> list[tuple[ConventionHypothesis, Fits]]:
+def _surviving(
+    cell: Cell, recording: Recording, lenses: Lenses, among: Sequence[ConventionHypothesis]
+) -> list[tuple[ConventionHypothesis, Fits]]:
     """Hypotheses that close the loops about as well as the one that closes them best."""
     moving = _moving(recording)
     hypotheses, inputs = [AS_DECLARED], [(cell, recording)]
-    for hypothesis in convention_hypotheses(cell, recording):
+    for hypothesis in among:
         if hypothesis.nested or (hypothesis.code == "pairing-shifted" and not set(hypothesis.about) <= set(moving)):
             continue
         rewritten = hypothesis.apply(cell, recording)
@@ -268,7 +280,7 @@ def _decided(
     winning = [t for t in possible if _wins(cell, t, declared)]
     if winning:
         best = min(winning, key=lambda t: t.fit.core * t.fit.whole)
-        return tuple(_named(t, declared, explained) for t in winning if _alike(t.fit, best.fit))
+        return tuple(dict.fromkeys(_named(t, declared, explained) for t in winning if _alike(t.fit, best.fit)))
     if not plausible(declared.fit):
         return () if declared.fit.in_pixels else (_poor(declared),)
     if not _is_observable(cell, declared.fit):

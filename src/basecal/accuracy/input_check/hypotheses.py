@@ -54,7 +54,7 @@ AS_DECLARED = ConventionHypothesis("", (), "it is as declared", "", "", lambda c
 def convention_hypotheses(cell: Cell, recording: Recording) -> list[ConventionHypothesis]:
     """All hypotheses that change this cell or recording, but for those with a number to be found."""
     kinds = {type(o) for s in recording.samples for o in s.observations}
-    by_pose = _robots(cell, recording, "base_from_flange")
+    by_pose = given_by_pose(cell, recording)
     by_joints = _robots(cell, recording, "joints_rad")
     return [
         *_of_directions(by_pose, PoseObservation in kinds),
@@ -70,6 +70,11 @@ def convention_hypotheses(cell: Cell, recording: Recording) -> list[ConventionHy
     ]
 
 
+def given_by_pose(cell: Cell, recording: Recording) -> list[str]:
+    """Robots whose every state is a pose."""
+    return _robots(cell, recording, "base_from_flange")
+
+
 def _robots(cell: Cell, recording: Recording, field: str) -> list[str]:
     """Robots whose every state gives that field."""
     given: dict[str, bool] = {}
@@ -79,33 +84,36 @@ def _robots(cell: Cell, recording: Recording, field: str) -> list[str]:
     return [name for name in cell.robots if given.get(name, False)]
 
 
-def _subsets(robots: list[str]) -> list[tuple[str, ...]]:
+def subsets(robots: list[str]) -> list[tuple[str, ...]]:
     """Each robot alone, and all of several together."""
     return [*((name,) for name in robots), *([tuple(robots)] if len(robots) > 1 else [])]
 
 
-def _listed(names: tuple[str, ...]) -> str:
+def listed(names: tuple[str, ...]) -> str:
+    """Names in a sentence."""
     return " and ".join(names)
 
 
-def _of_robots(names: tuple[str, ...], of: rewriting.PoseMap) -> Callable[[Cell, Recording], Rewritten]:
+def of_robots(names: tuple[str, ...], of: rewriting.PoseMap) -> Callable[[Cell, Recording], Rewritten]:
+    """A rewriting of the recorded poses of robots."""
     return lambda cell, recording: (cell, rewriting.with_robots(recording, dict.fromkeys(names, of)))
 
 
-def _of_targets(of: rewriting.PoseMap) -> Callable[[Cell, Recording], Rewritten]:
+def of_targets(of: rewriting.PoseMap) -> Callable[[Cell, Recording], Rewritten]:
+    """A rewriting of all observed poses."""
     return lambda cell, recording: (cell, rewriting.with_targets(recording, of))
 
 
 def _of_directions(robots: list[str], poses: bool) -> Iterator[ConventionHypothesis]:
-    for names in _subsets(robots):
-        who = _listed(names)
+    for names in subsets(robots):
+        who = listed(names)
         yield ConventionHypothesis(
             "robot-pose-inverted",
             names,
             f"the poses of {who} are inverted (flange_from_base)",
             f"write base_from_flange of {who}, or invert the poses",
             f"turn {who} further about two axes between samples",
-            _of_robots(names, rewriting.inverted),
+            of_robots(names, rewriting.inverted),
         )
     if poses:
         yield ConventionHypothesis(
@@ -114,7 +122,7 @@ def _of_directions(robots: list[str], poses: bool) -> Iterator[ConventionHypothe
             "the poses of the target are inverted (target_from_camera)",
             "write camera_from_target, or invert the observed poses",
             "turn every arm further about two axes between samples",
-            _of_targets(rewriting.inverted),
+            of_targets(rewriting.inverted),
         )
 
 
@@ -125,11 +133,11 @@ def _of_units(
         words = "in millimetres" if factor < 1 else "1000 times too small"
         advice = "divide them by 1000" if factor < 1 else "multiply them by 1000"
         of = rewriting.scaled(factor)
-        for names in _subsets(by_pose):
-            who = f"the poses of {_listed(names)}"
-            yield _unit(names, who, words, advice, _of_robots(names, of))
+        for names in subsets(by_pose):
+            who = f"the poses of {listed(names)}"
+            yield _unit(names, who, words, advice, of_robots(names, of))
         if PoseObservation in kinds:
-            yield _unit((), "the observed poses", words, advice, _of_targets(of))
+            yield _unit((), "the observed poses", words, advice, of_targets(of))
         if PointObservation in kinds:
             yield _unit((), "the observed 3-D points", words, advice, _of_points(factor))
         if by_pose and not by_joints:
@@ -218,10 +226,10 @@ def _joints_times(robot: str, factor: float) -> Callable[[Cell, Recording], Rewr
 def _of_quaternions(robots: list[str], poses: bool) -> Iterator[ConventionHypothesis]:
     for words, order in _ORDERS.items():
         of = rewriting.reordered(order)
-        for names in _subsets(robots):
-            yield _quaternion(names, f"the quaternions of {_listed(names)}", words, _of_robots(names, of))
+        for names in subsets(robots):
+            yield _quaternion(names, f"the quaternions of {listed(names)}", words, of_robots(names, of))
         if poses:
-            yield _quaternion((), "the quaternions of the observed poses", words, _of_targets(of))
+            yield _quaternion((), "the quaternions of the observed poses", words, of_targets(of))
 
 
 def _quaternion(
@@ -232,7 +240,7 @@ def _quaternion(
         about,
         f"{who} are {words}",
         f"write {who} as x, y, z, w",
-        f"turn {_listed(about) or 'every arm'} further between samples",
+        f"turn {listed(about) or 'every arm'} further between samples",
         apply,
     )
 
@@ -297,12 +305,12 @@ def _of_symmetry(cell: Cell, poses: bool) -> Iterator[ConventionHypothesis]:
 
 
 def _turned(target_from_turned: SE3) -> Callable[[Cell, Recording], Rewritten]:
-    return _of_targets(lambda poses: poses @ target_from_turned)
+    return of_targets(lambda poses: poses @ target_from_turned)
 
 
 def _of_mirrors(kinds: set[type[Observation]]) -> Iterator[ConventionHypothesis]:
     mirrored = {
-        "the observed poses": (PoseObservation, _of_targets(rewriting.through_the_camera)),
+        "the observed poses": (PoseObservation, of_targets(rewriting.through_the_camera)),
         "the observed 3-D points": (PointObservation, _of_points(-1.0)),
     }
     for who, (kind, apply) in mirrored.items():

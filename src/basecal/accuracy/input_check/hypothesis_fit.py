@@ -9,21 +9,19 @@ import numpy as np
 from basecal.accuracy.cross_validation.folds import instant_split
 from basecal.accuracy.cross_validation.refit import refit_folds
 from basecal.accuracy.input_check.loop_fit import trimmed
+from basecal.accuracy.input_check.view_errors import PIXEL_SCALE, off_views
 from basecal.cell import Cell, Recording
-from basecal.errors import BasecalError, InputError
+from basecal.errors import BasecalError
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.noise.estimate import degrees_of_freedom
 from basecal.estimation.problem.build import build_problem, canonical_order
-from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_from, solve_packed
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.estimation.view.points import PointMeasurement
-from basecal.estimation.view.poses import PoseMeasurement
-from basecal.geometry import SE3, Array, BoolArray
+from basecal.geometry import Array
 
 FOLDS = 3  # few, since each costs a fit of every hypothesis
-PIXEL_SCALE = 1e-3  # [rad/px] of a usual lens, so that errors in pixels and angles are of one size
 _HEAVY_TAIL = 2.0  # rms of all over rms of the best 70 %: 1.8 of one normal residual a view, less of more
 _CONCENTRATIONS = 2
 _STEPS = 30  # of a fold's fit, which starts at the fit to all
@@ -166,38 +164,3 @@ def _predicted_off(problem: Problem, solution: Solution) -> Array | None:
     refits = refit_folds(solution.problem, solution.state, split.folds, _STEPS, predicted=problem)
     off = [off_views(problem, group, fit.optimum.state) for fit in refits for group in fit.views.groups]
     return np.concatenate(off)
-
-
-def off_views(problem: Problem, group: ViewGroup, state: State) -> Array:
-    """How far each view of a group is from where a state puts it, robots as recorded, (n,); see `HypothesisFit.off`."""
-    as_recorded = replace(state, stop_errors=np.zeros((len(problem.stops), 6)))
-    predicted = as_recorded.camera_from_target(group, problem.stops)
-    measurement = group.measurement
-    if isinstance(measurement, PoseMeasurement):
-        return _off_poses(measurement.measured_camera_from_target, predicted)
-    if isinstance(measurement, PointMeasurement):
-        points = predicted.rotation[:, None] @ measurement.points_in_target[:, :, None]
-        off = (points[..., 0] + predicted.translation[:, None]) - measurement.points_in_camera
-        distance = np.linalg.norm(measurement.points_in_camera, axis=-1)[measurement.seen]
-        return _rms(off, measurement.seen) / max(float(np.median(distance)), 1e-12)
-    if not isinstance(measurement, PixelMeasurement):
-        raise InputError(f"views of {group.target} are {type(measurement).__name__}s, expected pixels, poses or points")
-    off = np.nan_to_num(measurement.residual_px(predicted, state.cameras[group.camera]), nan=np.inf)
-    return PIXEL_SCALE * _rms(off, measurement.seen)
-
-
-def _off_poses(measured: SE3, predicted: SE3) -> Array:
-    off = measured.inverse() @ predicted
-    distance = max(float(np.median(np.linalg.norm(measured.translation, axis=-1))), 1e-12)
-    both: Array = np.hypot(
-        np.linalg.norm(off.rotvec, axis=-1), np.linalg.norm(off.translation, axis=-1) / distance
-    ) / np.sqrt(6)
-    return both
-
-
-def _rms(off: Array, seen: BoolArray) -> Array:
-    """Rms over the coordinates of the points that each view sees."""
-    squares = np.where(seen[..., None], off, 0.0) ** 2
-    count = off.shape[-1] * np.maximum(seen.sum(-1), 1)
-    rms: Array = np.sqrt(squares.sum((1, 2)) / count)
-    return rms

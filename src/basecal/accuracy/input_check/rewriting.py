@@ -128,6 +128,13 @@ def shifted(recording: Recording, stream: str | None, by: int, start: int = 0) -
     return replace(recording, samples=tuple(out))
 
 
+def turned_round(recording: Recording, stream: str | None) -> Recording:
+    """The recording with one stream in reverse order; without the samples that nothing is left for."""
+    old = recording.samples
+    paired = (_paired(sample, source, stream) for sample, source in zip(old, reversed(old), strict=True))
+    return replace(recording, samples=tuple(sample for sample in paired if sample is not None))
+
+
 def _paired(sample: Sample, source: Sample, stream: str | None) -> Sample | None:
     if stream is None:
         return replace(sample, observations=source.observations)

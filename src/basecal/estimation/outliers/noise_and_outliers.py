@@ -39,26 +39,24 @@ def is_as_of_arms(solution: Solution) -> bool:
     return solution.converged and all(s[0] < _ARM_M and s[3] < _ARM_RAD for s in sigmas) and bool(sigmas)
 
 
-def solve_with_noise(cell: Cell, settings: Settings, plain: Solution, noisy: Solution) -> RobustSolution:
+def solve_with_noise(
+    cell: Cell, settings: Settings, plain: Solution, noisy: Solution, exact: RobustSolution | None = None
+) -> RobustSolution:
     """The solution of all but the gross outliers, with sigmas for what states none.
 
-    Noise is estimated of all views first: outliers make it larger, yet stand out among the others. Where it is more
-    than arms have, views are left out first as if robots were exact. What is left tells the noise again, by which all
-    views are judged anew, until none changes sides.
+    Noise is estimated of all views first: outliers make it larger, yet stand out among the others. What is left tells
+    the noise again, by which all views are judged anew, until none changes sides. Where the first noise is more than
+    arms have, what agrees as if robots were exact goes before it.
 
     Args:
         cell: What exists and what is known.
         settings: How to solve.
         plain: The solution of all views as if robots that state no noise had none.
         noisy: That with noise estimated of all views.
+        exact: What agrees as if robots were exact; where the noise is such as arms have it is not asked for.
     """
     stated = replace(settings, robot_noise="stated")
-    solution, exact = noisy, None
-    if not is_as_of_arms(noisy):
-        with settings.stage("outliers"):
-            exact = solve_robustly(plain.problem, cell, stated, plain)
-        solution = with_noise(exact.solution, settings)
-    before = exact
+    solution, before = noisy if exact is None else with_noise(exact.solution, settings), exact
     for _ in range(_PASSES):
         with settings.stage("outliers"):
             robust = _judged(cell, stated, plain, solution, before)

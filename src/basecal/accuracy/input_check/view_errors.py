@@ -1,0 +1,83 @@
+"""How far views are from where a state puts them, and how far they move, in one measure for all that is seen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from basecal.errors import InputError
+from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.view.measurement import Measurement
+from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.estimation.view.points import PointMeasurement
+from basecal.estimation.view.poses import PoseMeasurement
+from basecal.geometry import SE3, Array, BoolArray
+from basecal.geometry.se3 import nearest_rotation
+
+PIXEL_SCALE = 1e-3  # [rad/px] of a usual lens, so that errors in pixels and angles are of one size
+_SHORTEST_M = 1e-12  # [m] of a distance to a target, which is divided by
+
+
+def off_views(problem: Problem, group: ViewGroup, state: State) -> Array:
+    """How far each view of a group is from where a state puts it, robots as recorded, (n,); see `HypothesisFit.off`."""
+    as_recorded = replace(state, stop_errors=np.zeros((len(problem.stops), 6)))
+    predicted = as_recorded.camera_from_target(group, problem.stops)
+    measurement = group.measurement
+    if isinstance(measurement, PoseMeasurement):
+        return _off_poses(measurement.measured_camera_from_target, predicted)
+    if isinstance(measurement, PointMeasurement):
+        points = predicted.rotation[:, None] @ measurement.points_in_target[:, :, None]
+        off = (points[..., 0] + predicted.translation[:, None]) - measurement.points_in_camera
+        return _rms(off, measurement.seen) / _distance(measurement)
+    if not isinstance(measurement, PixelMeasurement):
+        raise InputError(f"views of {group.target} are {type(measurement).__name__}s, expected pixels, poses or points")
+    off = np.nan_to_num(measurement.residual_px(predicted, state.cameras[group.camera]), nan=np.inf)
+    return PIXEL_SCALE * _rms(off, measurement.seen)
+
+
+def moved_views(measurement: Measurement) -> Array:
+    """How far each view is from one that stands where most do, whatever the robots' poses, (n,); see `off_views`."""
+    if isinstance(measurement, PoseMeasurement):
+        seen = measurement.measured_camera_from_target
+        return _off_poses(seen, SE3(nearest_rotation(seen.rotation.sum(0)), np.median(seen.translation, axis=0)))
+    if isinstance(measurement, PointMeasurement):
+        return _rms(_about_median(measurement.points_in_camera, measurement.seen), measurement.seen) / _distance(
+            measurement
+        )
+    if isinstance(measurement, PixelMeasurement):
+        return PIXEL_SCALE * _rms(_about_median(measurement.pixels, measurement.seen), measurement.seen)
+    raise InputError(f"views are {type(measurement).__name__}s, expected pixels, poses or points")
+
+
+def _about_median(values: Array, seen: BoolArray) -> Array:
+    """Points of each view about the median of the same point over the views that see it, (n, m, k)."""
+    known = np.where(seen[..., None], values, np.nan)
+    somewhere = seen.any(0)
+    median = np.zeros(values.shape[1:])
+    median[somewhere] = np.nanmedian(known[:, somewhere], axis=0)
+    about: Array = values - median
+    return about
+
+
+def _distance(measurement: PointMeasurement) -> float:
+    """The median distance of points to the camera [m]."""
+    distance = np.linalg.norm(measurement.points_in_camera, axis=-1)[measurement.seen]
+    return max(float(np.median(distance)), _SHORTEST_M)
+
+
+def _off_poses(measured: SE3, predicted: SE3) -> Array:
+    off = measured.inverse() @ predicted
+    distance = max(float(np.median(np.linalg.norm(measured.translation, axis=-1))), _SHORTEST_M)
+    both: Array = np.hypot(
+        np.linalg.norm(off.rotvec, axis=-1), np.linalg.norm(off.translation, axis=-1) / distance
+    ) / np.sqrt(6)
+    return both
+
+
+def _rms(off: Array, seen: BoolArray) -> Array:
+    """Rms over the coordinates of the points that each view sees."""
+    squares = np.where(seen[..., None], off, 0.0) ** 2
+    count = off.shape[-1] * np.maximum(seen.sum(-1), 1)
+    rms: Array = np.sqrt(squares.sum((1, 2)) / count)
+    return rms

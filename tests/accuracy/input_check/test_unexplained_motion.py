@@ -1,0 +1,82 @@
+"""What of the targets' motion the robots leave unexplained, and when that is hopeless."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.input_check.unexplained_motion import hopeless, is_hopeless, unexplained_motion
+from basecal.accuracy.verdict import calibrate
+from basecal.cell import Recording
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import State
+from basecal.estimation.solve import solve
+from basecal.simulation import Scenario, simulate
+
+MADE = simulate(Scenario(samples=16), 3)
+PROBLEM, _ = build_problem(MADE.cell, MADE.recording)
+TRUE = State(MADE.truth, MADE.cameras, np.zeros((0, 6)))
+
+
+def reordered(order):
+    samples = MADE.recording.samples
+    hand = [samples[k].robots["hand"] for k in order]
+    changed = (replace(s, robots={**s.robots, "hand": h}) for s, h in zip(samples, hand, strict=True))
+    return replace(MADE.recording, samples=tuple(changed))
+
+
+def test_at_the_truth_only_noise_is_left():
+    """0.2 px of some hundred."""
+    assert unexplained_motion(PROBLEM, TRUE) < 0.01
+    assert not is_hopeless(PROBLEM, TRUE)
+
+
+def test_of_shuffled_poses_nearly_all_is_left():
+    """Whatever is fitted to them; said in words, with what to look at."""
+    mixed = solve(MADE.cell, reordered(np.random.default_rng(0).permutation(16)))
+    share = unexplained_motion(mixed.problem, mixed.state)
+    assert 0.3 < share <= 1.0
+    found = hopeless(mixed.problem, mixed.state)
+    assert (found.code, found.severity) == ("poor-fit", "error")
+    assert f"{100 * share:.0f} % of that motion is left" in found.message
+    assert "one instant" in found.message
+
+
+def test_such_a_recording_is_refused_in_these_words_alone():
+    """No unobservable direction, no solver that did not converge: the poses are of other samples."""
+    found = calibrate(MADE.cell, reordered(np.random.default_rng(0).permutation(16)))
+    assert found.verdict == "refused"
+    assert [f.code for f in found.findings if f.severity != "info"] == ["poor-fit"]
+
+
+def test_the_better_half_counts():
+    """Of 16 views 7 are far off: the others are explained."""
+    order = [*np.roll(range(7), 3), *range(7, 16)]
+    problem, _ = build_problem(MADE.cell, reordered(order))
+    assert not is_hopeless(problem, TRUE)
+
+
+def test_many_views_of_one_stop_count_once():
+    """Nine copies of one view, beside which the others move, are no target that stands still."""
+    samples = MADE.recording.samples
+    many = Recording(tuple(replace(samples[max(k - 9, 0)], sample=k) for k in range(18)))
+    problem, _ = build_problem(MADE.cell, many)
+    assert unexplained_motion(problem, TRUE) == pytest.approx(
+        unexplained_motion(*_first(10)), rel=0.3
+    )  # medians of few views differ a little
+
+
+def _first(count):
+    problem, _ = build_problem(MADE.cell, replace(MADE.recording, samples=MADE.recording.samples[:count]))
+    return problem, TRUE
+
+
+def test_what_hardly_moves_says_nothing():
+    """Copies of one view: noise is all of their motion, and nobody's fault; so it is of no views at all."""
+    samples = MADE.recording.samples
+    same = Recording(tuple(replace(samples[0], sample=k) for k in range(6)))
+    problem, _ = build_problem(MADE.cell, same)
+    assert unexplained_motion(problem, TRUE) == 0.0
+    assert unexplained_motion(problem.with_groups(()), TRUE) == 0.0

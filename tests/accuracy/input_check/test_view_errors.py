@@ -1,0 +1,128 @@
+"""How far views are off, and how far they move, whatever shows them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.pose_problem import pose_problem
+
+from basecal.accuracy.input_check.view_errors import moved_views, off_views
+from basecal.errors import InputError
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import State
+from basecal.geometry import SE3
+from basecal.simulation import Scenario, simulate
+
+
+def test_poses_are_off_by_angle_and_length_over_distance():
+    """Over all six numbers: a third of a radian, and a metre at two metres."""
+    problem, state = pose_problem(np.zeros((3, 6)), np.ones(6))
+    (group,) = problem.groups
+    far = SE3.exp(np.array([[0, 0, 2.0, 0, 0, 0]] * 3))
+    at = replace(group, measurement=replace(group.measurement, measured_camera_from_target=far))
+    mount = {**state.transforms, "eye_flange_from_camera": SE3.exp([0, 0, -2.0, 0, 0, 0])}
+    exact = replace(state, transforms=mount)
+    np.testing.assert_allclose(off_views(problem, at, exact), 0.0, atol=1e-12)
+    off = SE3.exp(np.array([[1.0, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0.3], [0] * 6]))
+    moved = replace(at, measurement=replace(at.measurement, measured_camera_from_target=far @ off))
+    np.testing.assert_allclose(off_views(problem, moved, exact)[[0, 2]] * np.sqrt(6), [0.5, 0.0], atol=0.06)
+    assert off_views(problem, moved, exact)[1] * np.sqrt(6) == pytest.approx(0.3, abs=1e-9)
+
+
+def of_views(target, change):
+    """Distances at the truth of a recording without noise, whose measurement is changed."""
+    made = simulate(Scenario(samples=4, target=target, pixel_px=0.0, point_m=0.0, state_pixel_noise=False), 0)
+    problem, _ = build_problem(made.cell, made.recording)
+    (group,) = problem.groups
+    measurement = change(group.measurement)
+    state = State(made.truth, made.cameras, np.zeros((0, 6)))
+    distance = np.median(np.linalg.norm(state.camera_from_target(group, problem.stops).translation, axis=-1))
+    return off_views(problem, replace(group, measurement=measurement), state), distance
+
+
+def test_pixels_are_off_by_milliradians():
+    """Corners of a view 3 px right and 4 px down are off by 5 / sqrt(2) thousandths; those not seen do not count."""
+
+    def change(of):
+        pixels, seen = of.pixels.copy(), of.seen.copy()
+        pixels[1] += (3.0, 4.0)
+        pixels[2, 0] += 1e4
+        seen[2, 0] = False
+        return replace(of, pixels=pixels, seen=seen)
+
+    np.testing.assert_allclose(of_views("charuco", change)[0], [0, 5e-3 / np.sqrt(2), 0, 0], atol=1e-9)
+
+
+def test_3d_points_are_off_over_their_distance():
+    """Points of a view 3 cm off: a third of the square each coordinate, over how far points are."""
+
+    def change(of):
+        points, seen = of.points_in_camera.copy(), of.seen.copy()
+        points[1] += (0.03, 0.0, 0.0)
+        points[3, 0] += 9.0
+        seen[3, 0] = False
+        return replace(of, points_in_camera=points, seen=seen)
+
+    off, distance = of_views("points3d", change)
+    np.testing.assert_allclose(off[[0, 2, 3]], 0.0, atol=1e-9)
+    assert off[1] == pytest.approx(0.03 / np.sqrt(3) / distance, rel=0.25)
+
+
+def test_robots_are_taken_as_recorded():
+    """The errors of stops that explain a view count against a hypothesis."""
+    problem, state = pose_problem(np.zeros((2, 6)), np.ones(6), stop_sigma=np.full(6, 0.1))
+    shifted = replace(state, stop_errors=np.ones((2, 6)))
+    np.testing.assert_array_equal(
+        off_views(problem, problem.groups[0], shifted), off_views(problem, problem.groups[0], state)
+    )
+
+
+def measured(target, change):
+    """The first three views of a recording without noise, all equal but for what is changed."""
+    made = simulate(Scenario(samples=4, target=target, pixel_px=0.0, point_m=0.0, state_pixel_noise=False), 0)
+    (group,) = build_problem(made.cell, made.recording)[0].groups
+    return change(group.take(np.array([0, 0, 0])).measurement)
+
+
+def test_pixels_move_from_their_median():
+    """One view of three 6 px aside; a point that one view does not see has the median of the others."""
+
+    def change(of):
+        pixels, seen = of.pixels.copy(), of.seen.copy()
+        pixels[1, :, 0] += 6.0
+        pixels[2, 0] = 1e5
+        seen[2, 0] = False
+        return replace(of, pixels=pixels, seen=seen)
+
+    expected = np.sqrt((6.0**2 * np.arange(2) / 2).sum())
+    moved = measured("charuco", change)
+    count = moved.seen.shape[1]
+    first = np.sqrt(3.0**2 / (2 * count))  # of two views the median is between them
+    others = np.sqrt((6.0**2 * (count - 1) + 3.0**2) / (2 * count))
+    np.testing.assert_allclose(1e3 * moved_views(moved), [first, others, 0.0], atol=1e-9)
+    assert others < expected + 1e-9
+
+
+def test_points_and_poses_move_over_their_distance():
+    """0.3 m aside: over the distance, of three coordinates or six numbers; poses by their angles too."""
+
+    def change(of):
+        points = of.points_in_camera.copy()
+        points[1] += (0.3, 0.0, 0.0)
+        return replace(of, points_in_camera=points)
+
+    points = measured("points3d", change)
+    distance = np.median(np.linalg.norm(points.points_in_camera, axis=-1)[points.seen])
+    np.testing.assert_allclose(moved_views(points), [0, 0.3 / np.sqrt(3) / distance, 0], atol=1e-12)
+    problem, _ = pose_problem(np.zeros((3, 6)), np.ones(6))
+    seen = SE3.exp(np.array([[0, 0, 2.0, 0, 0, 0], [0, 0, 2.0, 0, 0, 0], [0.3, 0, 2.0, 0, 0, 0]]))
+    poses = replace(problem.groups[0].measurement, measured_camera_from_target=seen)
+    np.testing.assert_allclose(moved_views(poses), [0, 0, 0.15 / np.sqrt(6)], atol=2e-3)
+
+
+def test_other_measurements_are_not_known():
+    """What is neither pixels nor poses nor points has no place."""
+    with pytest.raises(InputError, match="expected pixels, poses or points"):
+        moved_views(object())
