@@ -134,3 +134,25 @@ def test_impossible_chains_are_refused(change, message):
     chain = planar(0.5, 0.3)
     with pytest.raises(InputError, match=message):
         SerialChain(**({name: getattr(chain, name) for name in chain.__dataclass_fields__} | change))
+
+
+def test_a_batch_of_arms_is_each_by_itself(chain, joints):
+    """Flange and both Jacobians of arms that differ in their links, at joints of each and at joints that all take."""
+    tangents = 0.05 * np.random.default_rng(0).standard_normal((3, chain.n + 1, 6))
+    arms = chain.moved(tangents)
+    assert (arms.batch, chain.batch) == ((3,), ())
+    own = np.stack([joints + 0.1 * k for k in range(3)])
+    for k in range(3):
+        alone = chain.moved(tangents[k])
+        for taken, mine in ((own, own[k]), (joints, joints)):
+            flange, jacobian = arms.forward_and_jacobian(taken)
+            np.testing.assert_allclose(flange.matrix[k], alone.forward(mine).matrix, atol=1e-14)
+            np.testing.assert_allclose(jacobian[k], alone.jacobian(mine), atol=1e-14)
+            np.testing.assert_allclose(arms.link_jacobian(taken)[k], alone.link_jacobian(mine), atol=1e-14)
+
+
+def test_batches_of_origins_and_of_the_tip_are_alike(chain):
+    """Three of the ones and one of the other are no arms."""
+    arms = chain.moved(np.zeros((3, chain.n + 1, 6)))
+    with pytest.raises(InputError, match="origins and one tip"):
+        SerialChain(chain.joint_names, arms.origins, chain.axes, chain.tip, chain.lower, chain.upper)

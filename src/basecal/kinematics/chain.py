@@ -15,15 +15,16 @@ from basecal.kinematics.masses import Masses
 
 @dataclass(frozen=True, eq=False)
 class SerialChain:
-    """Revolute joints one after another.
+    """Revolute joints one after another, or a batch of arms that differ in their links alone.
 
-    `base_from_flange` is the product of `origins[i] @ turn(axes[i], joints[i])` over the joints, and of `tip`.
+    `base_from_flange` is the product of `origins[i] @ turn(axes[i], joints[i])` over the joints, and of `tip`. Joints
+    of a batch of arms are (b, m, n), or (m, n) where all take the same.
 
     Attributes:
         joint_names: From base to flange, n of them.
-        origins: (n,) where each joint stands in the frame after the joint before it.
+        origins: ([b,] n) where each joint stands in the frame after the joint before it.
         axes: (n, 3) unit axes in the joints' own frames.
-        tip: `last_joint_from_flange`.
+        tip: ([b,]) `last_joint_from_flange`.
         lower: (n,) [rad], -inf where there is no limit.
         upper: (n,) [rad], inf where there is no limit.
         masses: What hangs on the joints; None where it is not known.
@@ -44,7 +45,7 @@ class SerialChain:
         n = len(self.joint_names)
         if n == 0:
             raise InputError("a chain has at least one joint")
-        if self.origins.translation.shape != (n, 3) or self.tip.translation.shape != (3,):
+        if self.origins.shape[-1:] != (n,) or self.origins.shape[:-1] != self.tip.shape:
             raise InputError(f"a chain of {n} joints needs {n} origins and one tip")
         for name, shape in (("axes", (n, 3)), ("lower", (n,)), ("upper", (n,))):
             object.__setattr__(self, name, read_only(getattr(self, name), shape, name))
@@ -57,6 +58,11 @@ class SerialChain:
     def n(self) -> int:
         """How many joints there are."""
         return len(self.joint_names)
+
+    @property
+    def batch(self) -> tuple[int, ...]:
+        """The shape of the batch, () of a single arm."""
+        return self.tip.shape
 
     def forward(self, joints: Array) -> SE3:
         """`base_from_flange`, (...).
@@ -114,22 +120,22 @@ class SerialChain:
         return np.moveaxis(with_tip, 0, -2).reshape(*batch, 6, 6 * (self.n + 1))
 
     def moved(self, link_tangents: Array) -> SerialChain:
-        """The chain with each origin, and last the tip, perturbed on the right by (n + 1, 6) [m, rad].
+        """The chain with each origin, and last the tip, perturbed on the right by (..., n + 1, 6) [m, rad].
 
         Raises:
-            InputError: if the shape is not (n + 1, 6).
+            InputError: if the shape does not end with (n + 1, 6).
         """
         tangents = np.asarray(link_tangents, dtype=np.float64)
-        if tangents.shape != (self.n + 1, 6):
-            raise InputError(f"link_tangents have shape {tangents.shape}, expected ({self.n + 1}, 6)")
-        steps = SE3.exp(tangents)
-        return replace(self, origins=self.origins @ steps[: self.n], tip=self.tip @ steps[self.n])
+        if tangents.shape[-2:] != (self.n + 1, 6):
+            raise InputError(f"link_tangents have shape {tangents.shape}, expected (..., {self.n + 1}, 6)")
+        of_origins, of_tip = SE3.exp(tangents[..., :-1, :]), SE3.exp(tangents[..., -1, :])
+        return replace(self, origins=self.origins @ of_origins, tip=self.tip @ of_tip)
 
     def joint_frames(self, joints: Array) -> list[SE3]:
         """`base_from_joint` of each joint's own frame, which turns with it, n of (...).
 
         Args:
-            joints: (..., n) [rad].
+            joints: (..., n) [rad]; of a single arm.
         """
         over_joints = np.moveaxis(np.asarray(joints, dtype=np.float64), -1, 0)
         frame, frames = SE3.identity(over_joints.shape[1:]), []
@@ -143,16 +149,24 @@ class SerialChain:
         q = np.asarray(joints, dtype=np.float64)
         if q.shape[-1:] != (self.n,):
             raise InputError(f"joints have shape {q.shape}, expected (..., {self.n}): {', '.join(self.joint_names)}")
+        if self.batch:
+            q = np.broadcast_to(q, (*np.broadcast_shapes((*self.batch, 1), q.shape[:-1]), self.n))
         over_joints = np.moveaxis(q, -1, 0)
         turns = SE3.adopt(
             rotation_exp(over_joints[..., None] * self._axes_over(q.shape[:-1])), np.zeros((*over_joints.shape, 3))
         )
-        tail = SE3.identity(q.shape[:-1]) @ self.tip
+        tail = SE3.identity(q.shape[:-1]) @ (self.tip.spread() if self.batch else self.tip)
         tails = []
         for i in reversed(range(self.n)):
             tails.append(tail)
-            tail = self.origins[i] @ (turns[i] @ tail)
+            tail = self._origin(i) @ (turns[i] @ tail)
         return _Tails(tail, turns, SE3.stack(tails[::-1]))
+
+    def _origin(self, joint: int) -> SE3:
+        """One of the origins; of a batch (b, 1), which broadcasts against its joints."""
+        if not self.batch:
+            return self.origins[joint]
+        return SE3.adopt(self.origins.rotation[..., joint, :, :], self.origins.translation[..., joint, :]).spread()
 
     def _axes_over(self, batch: tuple[int, ...]) -> Array:
         """The axes once per entry of a batch, (n, *batch, 3)."""

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
-from basecal.accuracy.cross_validation.refit import refit_folds
+from basecal.accuracy.cross_validation.refit import refit_folds, with_known_stops
+from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
+from basecal.estimation.noise.estimate import degrees_of_freedom
 from basecal.estimation.solve import solve
 from basecal.simulation import Scenario, simulate
 
@@ -30,3 +33,17 @@ def test_more_may_be_predicted_than_is_fitted():
     (fit,) = refit_folds(fewer, solution.state, [frozenset({3, 4})], 100, predicted=solution.problem)
     assert {int(n) for g in fit.views.groups for n in g.sample} == {3, 4}
     assert {int(n) for g in fit.used.groups for n in g.sample} == set(range(12)) - {3, 4}
+
+
+def test_folds_side_by_side_are_fits_of_their_own_problems():
+    """Each of three ends where the views that it uses lead by themselves, stops that arms share among them."""
+    made = simulate(Scenario(samples=12, arms="halves", robot_noise=(3e-4, 5e-4)), 0)
+    solution = solve(made.cell, made.recording)
+    folds = [frozenset(range(k, 12, 3)) for k in range(3)]
+    for fit in refit_folds(solution.problem, solution.state, folds, 100):
+        alone = bundle_adjust(fit.used, with_known_stops(solution.state, fit.known), degrees_of_freedom(fit.used))
+        assert fit.optimum.cost == pytest.approx(alone.cost, rel=1e-9)
+        np.testing.assert_allclose(fit.optimum.state.stop_errors, alone.state.stop_errors, atol=1e-4)
+        size = np.sqrt(np.diag(alone.normal.hessian))
+        off = (fit.optimum.hessian - alone.normal.hessian) / np.outer(size, size)
+        np.testing.assert_allclose(off, 0.0, atol=1e-5)

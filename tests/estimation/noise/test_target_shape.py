@@ -77,7 +77,7 @@ def test_shaping_is_undone_by_the_opposite(scenario, shape):
 
 
 def test_which_targets_have_a_shape_of_their_own():
-    """Nine points and more, in space 40 at most; boards only where pixels state no sigma, since what they state holds the board, too."""
+    """Nine points and more, in space 40 at most; boards only where pixels state no sigma."""
     few = {"samples": 3}
     assert shaped_targets(problem_of(replace(NOISY, **few))) == {"board": 3}
     assert shaped_targets(problem_of(replace(NOISY, **few, state_pixel_noise=True))) == {}

@@ -12,12 +12,20 @@ from tests.oracles.dense import DenseProblem
 from basecal.cell import RobotState
 from basecal.cell.robot_parameters import deflection, joint_offsets, link_parameters
 from basecal.errors import InputError
+from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust, bundle_adjust_batch
 from basecal.estimation.least_squares.jacobians import by_robot_models
 from basecal.estimation.least_squares.normal_equations import linearise, retract
 from basecal.estimation.problem.build import build_problem, free_ends
 from basecal.estimation.problem.problem import State, chain
-from basecal.estimation.problem.robot_parameters import Kinematics, after_step, by_columns, robot_model
+from basecal.estimation.problem.robot_parameters import (
+    Kinematics,
+    after_step,
+    by_columns,
+    column_values,
+    robot_model,
+)
 from basecal.estimation.solve import solve
+from basecal.numerics.batch import take
 from basecal.simulation import Scenario, simulate
 
 ARMS = Scenario(samples=20, joints=True, target="points")
@@ -80,6 +88,58 @@ def test_columns_are_derivatives_of_the_flange(arm, joints):
     derivative = by_columns(model, at, joints)
     derivative[..., -model.widths["hand_deflection"] :] *= _PER_NEWTON_METRE
     check_derivative(after, derivative)
+
+
+def test_a_batch_of_kinematics_is_each_by_itself(arm, joints):
+    """Flange, columns and steps of arms whose parameters differ."""
+    rng = np.random.default_rng(2)
+    stated = {
+        "joint_offsets": joint_offsets.Stated(status="prior", sigma_rad=0.01),
+        "link_parameters": link_parameters.Stated(status="free"),
+        "deflection": FREE_DEFLECTION,
+    }
+    model = robot_model("hand", arm, stated, joints)
+    sizes = {"joint_offsets": (0.1, (6,)), "link_parameters": (0.1, (7, 6)), "deflection": (1e-3, (6,))}
+    many = Kinematics(arm, {k: size * rng.standard_normal((3, *shape)) for k, (size, shape) in sizes.items()}, stated)
+    steps = {name: 1e-3 * rng.standard_normal((3, width)) for name, width in model.widths.items()}
+    after = after_step(model, many, steps)
+    for k in range(3):
+        alone = Kinematics(arm, {kind: values[k] for kind, values in many.values.items()}, stated)
+        np.testing.assert_allclose(many.forward(joints).matrix[k], alone.forward(joints).matrix, atol=1e-14)
+        columns = by_columns(model, alone, joints)
+        np.testing.assert_allclose(by_columns(model, many, joints)[k], columns, atol=1e-13 * np.abs(columns).max())
+        stepped = after_step(model, alone, {name: step[k] for name, step in steps.items()})
+        for kind, values in stepped.values.items():
+            np.testing.assert_allclose(after.values[kind][k], values, rtol=1e-12, atol=1e-15)
+        found = column_values(model, many)["hand_joint_offsets"][k]
+        np.testing.assert_array_equal(found, column_values(model, alone)["hand_joint_offsets"])
+
+
+def test_one_spread_out_has_values_of_all_that_is_estimated(arm, joints):
+    """Those of kinds that are not there are zero."""
+    model = robot_model("hand", arm, {"link_parameters": link_parameters.Stated(status="free")}, joints)
+    spread = Kinematics(arm, {"joint_offsets": np.arange(6.0)}).spread(model, 2)
+    np.testing.assert_array_equal(spread.values["joint_offsets"], [np.arange(6.0)] * 2)
+    np.testing.assert_array_equal(spread.values["link_parameters"], np.zeros((2, 7, 6)))
+
+
+def test_solved_together_robots_are_as_solved_by_themselves():
+    """Three starts of offsets and links end at their optimum, each in its own number of steps, to 1e-6 sigmas."""
+    made = simulate(replace(ARMS, samples=12, **OFFSETS, **LINKS, **NOISY), seed=3)
+    problem, _ = build_problem(made.cell, made.recording)
+    solution = solve(made.cell, made.recording)
+    rng, dof = np.random.default_rng(0), solution.dof
+    states = solution.state.spread(problem, 3)
+    normal = linearise(problem, states)
+    starts = retract(problem, states, normal, 1e-3 * rng.standard_normal((3, problem.width)) * np.arange(3)[:, None])
+    together = bundle_adjust_batch(problem, starts, dof)
+    assert together.converged.all()
+    for k in range(3):
+        alone = bundle_adjust(problem, take(starts, k), dof)
+        assert together.iterations[k] == alone.iterations
+        for robot, kinematics in alone.state.robots.items():
+            for kind, values in kinematics.values.items():
+                np.testing.assert_allclose(together.state.robots[robot].values[kind][k], values, atol=1e-9)
 
 
 @pytest.mark.parametrize("noise", [{}, NOISY])

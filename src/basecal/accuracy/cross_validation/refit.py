@@ -1,4 +1,7 @@
-"""Fits without some samples, and the views of these samples: what every kind of cross-validation predicts from."""
+"""Fits without some samples, and the views of these samples: what every kind of cross-validation predicts from.
+
+All folds are fitted side by side, each with its held-out views at no weight.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from basecal.accuracy.cross_validation.folds import Samples
-from basecal.estimation.least_squares.bundle_adjustment import Optimum, bundle_adjust
+from basecal.estimation.least_squares.bundle_adjustment import OptimumBatch, bundle_adjust_batch
 from basecal.estimation.noise.estimate import degrees_of_freedom
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import BoolArray
+from basecal.numerics.batch import take
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,20 +27,22 @@ class Refit:
         used: The problem without them.
         views: The problem of them alone.
         known: (k,) which stops' errors the fit knows; those of the others stand at zero.
-        optimum: The fit.
+        optimum: The fit, without a batch axis.
     """
 
     held: Samples
     used: Problem
     views: Problem
     known: BoolArray
-    optimum: Optimum
+    optimum: OptimumBatch
 
 
 def refit_folds(
     problem: Problem, state: State, folds: Iterable[Samples], iterations: int, predicted: Problem | None = None
 ) -> list[Refit]:
     """The fit without each fold, from the same state, stops that it does not share at their recorded poses.
+
+    Views without weight count for nothing, so that each fit is that of its own problem.
 
     Args:
         problem: What is fitted.
@@ -45,16 +51,28 @@ def refit_folds(
         iterations: Steps of each fit, at most.
         predicted: What is predicted, where that is more than is fitted, such as outliers.
     """
-    refits = []
-    for held in folds:
-        used = _views(problem, held, inside=False)
-        known = np.zeros(len(problem.stops) + 1, dtype=bool)
-        for group in used.groups:
-            known[group.eye_stop] = known[group.hand_stop] = True
-        known = known[:-1]  # the last stands for views without a stop
-        end = bundle_adjust(used, with_known_stops(state, known), max(degrees_of_freedom(used), 1), iterations)
-        refits.append(Refit(held, used, _views(predicted or problem, held, inside=True), known, end))
-    return refits
+    held = list(folds)
+    used = [_views(problem, samples, inside=False) for samples in held]
+    known = [_known_stops(each) for each in used]
+    states = state.spread(problem, len(held))
+    states = with_known_stops(states, np.stack(known))
+    weights = [np.stack([1.0 - np.isin(group.sample, list(samples)) for samples in held]) for group in problem.groups]
+    dof = np.array([max(degrees_of_freedom(each), 1) for each in used], dtype=np.float64)
+    ends = bundle_adjust_batch(problem, states, dof, iterations, weights)
+    # Views without weight have errors of their own stops that suit them, too: what was held out.
+    ends = replace(ends, state=with_known_stops(ends.state, np.stack(known)))
+    return [
+        Refit(samples, used[k], _views(predicted or problem, samples, inside=True), known[k], take(ends, k))
+        for k, samples in enumerate(held)
+    ]
+
+
+def _known_stops(used: Problem) -> BoolArray:
+    """Stops in which views of a problem stand, (k,)."""
+    known = np.zeros(len(used.stops) + 1, dtype=bool)
+    for group in used.groups:
+        known[group.eye_stop] = known[group.hand_stop] = True
+    return known[:-1]  # the last stands for views without a stop
 
 
 def _views(problem: Problem, samples: Samples, inside: bool) -> Problem:
@@ -65,4 +83,4 @@ def _views(problem: Problem, samples: Samples, inside: bool) -> Problem:
 
 def with_known_stops(state: State, known: BoolArray) -> State:
     """The state with the errors of the other stops at zero."""
-    return replace(state, stop_errors=np.where(known[:, None], state.stop_errors, 0.0))
+    return replace(state, stop_errors=np.where(known[..., None], state.stop_errors, 0.0))

@@ -48,7 +48,7 @@ class _Fold:
     @property
     def hessian(self) -> Array:
         """(p, p) information of the samples used."""
-        return self.fit.optimum.normal.hessian
+        return self.fit.optimum.hessian
 
 
 @dataclass(frozen=True)
@@ -137,7 +137,7 @@ def cross_validate(solution: Solution, asked: Sequence[str], settings: Settings 
 def _fold(solution: Solution, asked: Sequence[str], fit: Refit) -> _Fold | None:
     """A fold with what it determines; None where it has no optimum, or a transform asked for is unobservable."""
     end = fit.optimum
-    observability = observability_of(fit.used, end.state, end.normal.hessian, solution.noise.factor)
+    observability = observability_of(fit.used, end.state, end.hessian, solution.noise.factor)
     if not end.converged or observability.unobservable.intersection(asked):
         return None
     return _Fold(fit, observability.inverse)

@@ -60,7 +60,7 @@ def columns(chain: SerialChain, stated: Stated) -> Columns:
 
 def shift(chain: SerialChain, stated: Stated, joints: Array, values: Array) -> Array:
     """See `RobotParameterKind`."""
-    return values * _torques(chain, stated, joints)
+    return (values[..., None, :] if values.ndim > 1 else values) * _torques(chain, stated, joints)
 
 
 def moved(chain: SerialChain, values: Array) -> SerialChain:
@@ -70,7 +70,7 @@ def moved(chain: SerialChain, values: Array) -> SerialChain:
 
 def derivative(at: Posture, stated: Stated, values: Array) -> Array:
     """See `RobotParameterKind`."""
-    return at.by_joints * _torques(at.chain, stated, at.recorded)[:, None]
+    return at.by_joints * _torques(at.chain, stated, at.recorded)[..., None, :]
 
 
 def unobserved(joints: str, rows: Sequence[int], count: int, base: str, by_prior: bool) -> str:

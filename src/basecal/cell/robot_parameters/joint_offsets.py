@@ -50,7 +50,7 @@ def columns(chain: SerialChain, stated: Stated) -> Columns:
 
 def shift(chain: SerialChain, stated: Parameters, joints: Array, values: Array) -> Array:
     """See `RobotParameterKind`."""
-    return values
+    return values[..., None, :] if values.ndim > 1 else values
 
 
 def moved(chain: SerialChain, values: Array) -> SerialChain:

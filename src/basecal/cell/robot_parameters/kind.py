@@ -24,14 +24,14 @@ class Columns(NamedTuple):
 
 
 class Posture(NamedTuple):
-    """A robot at recorded joints, (m, n) [rad]: where they truly stand, and the derivative of the flange to them.
+    """A robot at recorded joints: where they truly stand, and the derivative of the flange to them.
 
     Attributes:
         chain: As stated.
         moved: As it is.
-        recorded: Joints as recorded, (m, n) [rad].
-        true: Joints as they are, (m, n) [rad].
-        by_joints: Derivative of `base_from_flange` to the joints, right tangents, (m, 6, n).
+        recorded: Joints as recorded, (..., m, n) [rad].
+        true: Joints as they are, (..., m, n) [rad].
+        by_joints: Derivative of `base_from_flange` to the joints, right tangents, (..., m, 6, n).
     """
 
     chain: SerialChain
@@ -43,6 +43,8 @@ class Posture(NamedTuple):
 
 class RobotParameterKind(Protocol):
     """A kind of parameters: values that are zero in the robot as stated, and what they do to it.
+
+    Values may have a batch axis first; joints then have it, too, or serve all entries: ([b,] m, n).
 
     Attributes:
         Stated: What `cell.yaml` may say of them, under the kind's name.
@@ -73,13 +75,13 @@ class RobotParameterKind(Protocol):
         """
 
     def shift(self, chain: SerialChain, stated: Parameters, joints: Array, values: Array) -> Array | float:
-        """What is added to joints as recorded, (..., n) [rad]."""
+        """What is added to joints as recorded, (..., m, n) [rad]."""
 
     def moved(self, chain: SerialChain, values: Array) -> SerialChain:
         """The chain as they make it."""
 
     def derivative(self, at: Posture, stated: Parameters, values: Array) -> Array:
-        """Derivative of `base_from_flange` to the values, right tangents, (m, 6, size)."""
+        """Derivative of `base_from_flange` to the values, right tangents, (..., m, 6, size)."""
 
     def unobserved(self, joints: str, rows: Sequence[int], count: int, base: str, by_prior: bool) -> str:
         """That the data do not hold those of some joints, why, and what makes up for them.

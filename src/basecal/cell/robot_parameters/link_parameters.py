@@ -54,8 +54,10 @@ def moved(chain: SerialChain, values: Array) -> SerialChain:
 
 def derivative(at: Posture, stated: Parameters, values: Array) -> Array:
     """See `RobotParameterKind`."""
-    blocks = at.moved.link_jacobian(at.true).reshape(len(at.true), 6, -1, 6)
-    return np.asarray(np.einsum("nilj,ljk->nilk", blocks, right_jacobian(values)).reshape(len(at.true), 6, -1))
+    links = at.moved.link_jacobian(at.true)
+    by_link = np.swapaxes(links.reshape(*links.shape[:-1], -1, 6), -2, -3)
+    turned = by_link @ right_jacobian(values)[..., None, :, :, :]
+    return np.asarray(np.swapaxes(turned, -2, -3).reshape(links.shape))
 
 
 def unobserved(joints: str, rows: Sequence[int], count: int, base: str, by_prior: bool) -> str:

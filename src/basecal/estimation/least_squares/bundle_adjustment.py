@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from basecal.estimation.least_squares.normal_equations import NormalEquations, linearise, retract
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import Array, BoolArray, IntArray
@@ -99,15 +97,6 @@ def bundle_adjust_batch(
         iterations: At most.
         weights: What each view counts, (n,) or (b, n) by group; 1 where None.
     """
-    if any(map(problem.modelled, problem.models)) and len(states.stop_errors) > 1:
-        # Kinematics have no batch axis: each entry has its own.
-        rows = [np.array([row]) for row in range(len(states.stop_errors))]
-        of = _Bundle(problem, weights)
-        each = []
-        for row in rows:
-            one, scale = of.take(row), np.broadcast_to(dof, len(rows))[row]
-            each.append(_outcome(_run(one.problem, take(states, row), scale, iterations, one.weights)))
-        return concatenate(each)
     return _outcome(_run(problem, states, dof, iterations, weights))
 
 

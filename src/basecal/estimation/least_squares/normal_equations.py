@@ -37,12 +37,13 @@ class LinearisedViews:
     shared: tuple[SharedView, ...]
 
     def weighted(self, weight: Array) -> LinearisedViews:
-        """The views as if each were seen with its information times a weight (..., n)."""
-        return replace(
-            self,
-            gradient=self.gradient * weight[..., None],
-            information=self.information * weight[..., None, None],
-        )
+        """The views as if each were seen with its information times a weight (..., n); at none it may be no number."""
+        gradient, information = self.gradient * weight[..., None], self.information * weight[..., None, None]
+        if not weight.all():
+            seen = weight > 0
+            gradient = np.where(seen[..., None], gradient, 0.0)
+            information = np.where(seen[..., None, None], information, 0.0)
+        return replace(self, gradient=gradient, information=information)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,14 +112,13 @@ def retract(problem: Problem, state: State, normal: NormalEquations, step: Array
     tangents = np.zeros((len(names), *state.batch, 6))
     for k, name in enumerate(names):
         tangents[k, ..., : columns[name].stop - columns[name].start] = step[..., columns[name]]
-    after = SE3.stack([state.transforms[name] for name in names]) @ SE3.exp(tangents)
+    after = SE3.stack([state.transforms[name] for name in names]) @ SE3.exp(tangents) if names else SE3.identity((0,))
     transforms = {**state.transforms, **{name: after[k] for k, name in enumerate(names)}}
     lenses = {
         name: retract_lens(lens, step[..., columns[name]]) for name, lens in state.cameras.items() if name in columns
     }
-    first = step[(0,) * (step.ndim - 1)]  # kinematics have no batch axis
     robots = {
-        robot: after_step(model, state.kinematics(model), {name: first[columns[name]] for name in model.widths})
+        robot: after_step(model, state.kinematics(model), {name: step[..., columns[name]] for name in model.widths})
         for robot, model in problem.models.items()
         if problem.modelled(robot)
     }

@@ -46,10 +46,8 @@ def subset_states(problem: Problem, cell: Cell, first: State) -> Iterator[State]
     yield from _side_by_side(lambda states: _concentrated(problem, states), [first])
     yield from light_states(problem, cell, _LIGHT_STARTS)
     numbers = np.unique(np.concatenate([g.sample for g in problem.groups]))
-    # Kinematics have no batch axis.
-    at_once = 1 if any(map(problem.modelled, problem.models)) else _AT_ONCE
     subsets = _subsets(problem, numbers)
-    while few := list(islice(subsets, at_once)):
+    while few := list(islice(subsets, _AT_ONCE)):
         yield from _states_of(problem, cell, few)
 
 

@@ -197,13 +197,13 @@ class State:
         transforms: By name, (...).
         cameras: Lenses by camera, of parameters (..., k); one lens of parameters (k,) may serve a whole batch.
         stop_errors: (..., k, 6) in sigmas, one row a stop.
-        robots: Kinematics of the robots where they are not as stated, the same for a whole batch.
+        robots: Kinematics of the robots where they are not as stated.
     """
 
     transforms: Mapping[str, SE3]
     cameras: Mapping[str, Camera]
     stop_errors: Array
-    robots: Mapping[str, Kinematics] = field(default_factory=dict, metadata=SHARED)
+    robots: Mapping[str, Kinematics] = field(default_factory=dict)
 
     @property
     def batch(self) -> tuple[int, ...]:
@@ -224,7 +224,10 @@ class State:
             parameters = self.cameras[name].parameters
             cameras[name] = cameras[name].with_parameters(np.broadcast_to(parameters, (count, len(parameters))))
         errors = np.broadcast_to(self.stop_errors, (count, *self.stop_errors.shape))
-        return State(transforms, cameras, errors, self.robots)
+        models = {name: model for name in problem.models if (model := problem.modelled(name)) is not None}
+        robots = {**self.robots, **{name: self.kinematics(model) for name, model in models.items()}}
+        spread = {name: kinematics.spread(models.get(name), count) for name, kinematics in robots.items()}
+        return State(transforms, cameras, errors, spread)
 
     def beside_views(self, name: str) -> SE3:
         """A transform that broadcasts against views: of a batch (..., 1)."""

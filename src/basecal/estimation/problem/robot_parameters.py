@@ -20,6 +20,7 @@ from basecal.errors import InputError
 from basecal.estimation.problem.gauges import of_ends, told_directions, told_joints
 from basecal.geometry import SE3, Array
 from basecal.kinematics import SerialChain
+from basecal.numerics.batch import SHARED
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,17 +65,17 @@ class RobotModel:
 
 @dataclass(frozen=True, eq=False)
 class Kinematics:
-    """A value of a robot's kinematics.
+    """A value of a robot's kinematics, or a batch of them.
 
     Attributes:
         chain: As stated.
-        values: Of its parameters, by kind; those of kinds that are not there are zero.
+        values: Of its parameters, by kind, with the batch's axis first; those of kinds that are not there are zero.
         stated: What is known of them, by kind.
     """
 
-    chain: SerialChain
+    chain: SerialChain = field(metadata=SHARED)
     values: Mapping[str, Array] = field(default_factory=dict)
-    stated: Mapping[str, Parameters] = field(default_factory=dict)
+    stated: Mapping[str, Parameters] = field(default_factory=dict, metadata=SHARED)
 
     @cached_property
     def moved(self) -> SerialChain:
@@ -83,6 +84,11 @@ class Kinematics:
         for kind, values in self.values.items():
             chain = robot_parameter_kinds()[kind].moved(chain, values)
         return chain
+
+    def spread(self, model: RobotModel | None, count: int) -> Kinematics:
+        """A single one so many times, with values of all kinds that a model estimates."""
+        kinds = {**self.values, **({} if model is None else {kind: self.of(kind) for kind in model.columns})}
+        return replace(self, values={kind: np.broadcast_to(of, (count, *of.shape)) for kind, of in kinds.items()})
 
     def of(self, kind: str) -> Array:
         """The values of a kind."""
@@ -93,11 +99,11 @@ class Kinematics:
         return self.stated[kind] if kind in self.stated else robot_parameter_kinds()[kind].Stated()
 
     def forward(self, joints: Array) -> SE3:
-        """`base_from_flange`, (...), at recorded joints (..., n) [rad]."""
+        """`base_from_flange`, ([b,] m), at recorded joints ([b,] m, n) [rad]."""
         return self.moved.forward(self.true_joints(joints))
 
     def true_joints(self, joints: Array) -> Array:
-        """Where recorded joints (..., n) truly stand [rad]; each kind shifts them as recorded."""
+        """Where recorded joints ([b,] m, n) truly stand [rad]; each kind shifts them as recorded."""
         true = joints
         for kind, values in self.values.items():
             true = true + robot_parameter_kinds()[kind].shift(self.chain, self.stated_of(kind), joints, values)
@@ -150,12 +156,12 @@ def robot_model(
 
 
 def by_columns(model: RobotModel, kinematics: Kinematics, joints: Array) -> Array:
-    """Derivative of `base_from_flange` to all columns, (n, 6, k), right tangents.
+    """Derivative of `base_from_flange` to all columns, (..., m, 6, k), right tangents.
 
     Args:
         model: The columns.
         kinematics: Where.
-        joints: (n, joints) as recorded [rad].
+        joints: (..., m, n) as recorded [rad].
     """
     true = kinematics.true_joints(joints)
     at = Posture(model.chain, kinematics.moved, joints, true, kinematics.moved.jacobian(true))
@@ -167,15 +173,23 @@ def by_columns(model: RobotModel, kinematics: Kinematics, joints: Array) -> Arra
 
 
 def after_step(model: RobotModel, kinematics: Kinematics, step: Mapping[str, Array]) -> Kinematics:
-    """The kinematics after steps of the columns, by their names."""
+    """The kinematics after steps of the columns, (..., k), by their names."""
     values = dict(kinematics.values)
     for name, kind in model.names.items():
         before = kinematics.of(kind)
-        values[kind] = before + (model.columns[kind].basis @ step[name]).reshape(before.shape)
+        moved = step[name] @ model.columns[kind].basis.T
+        values[kind] = before + moved.reshape(
+            *moved.shape[:-1], *robot_parameter_kinds()[kind].zero(model.chain.n).shape
+        )
     return replace(kinematics, values=values)
 
 
 def column_values(model: RobotModel, kinematics: Kinematics) -> dict[str, Array]:
-    """What the columns with a prior are at, by name; each is of one value."""
-    priors = {name: kind for name, kind in model.names.items() if model.columns[kind].sigma is not None}
-    return {name: model.columns[kind].basis.T @ kinematics.of(kind).ravel() for name, kind in priors.items()}
+    """What the columns with a prior are at, (..., k), by name; each is of one value."""
+    found = {}
+    for name, kind in model.names.items():
+        basis, sigma = model.columns[kind]
+        if sigma is not None:
+            values, zero = kinematics.of(kind), robot_parameter_kinds()[kind].zero(model.chain.n)
+            found[name] = values.reshape(*values.shape[: values.ndim - zero.ndim], -1) @ basis
+    return found
