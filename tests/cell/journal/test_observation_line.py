@@ -88,7 +88,13 @@ def test_a_light_needs_no_ids():
         ({"camera": "depth", "target": "light", "pixels": [[1, 2]]}, "observations[0].camera", "need its size_px"),
         ({"target": "board", "pixels": [[1, 2]]}, "observations[0].ids", "missing; 'board' has several points"),
         ({"target": "board", "ids": [1], "pixels": [[1, 2], [3, 4]]}, "observations[0].ids", "1 ids for 2 points"),
-        ({"target": "light", "pixels": [[1, 2], [3, 4]]}, "observations[0].ids", "1 ids for 2 points"),
+        (
+            {"target": "light", "pixels": [[1, 2], [3, 4]]},
+            "observations[0]",
+            "one is it are its `cand",
+        ),
+        ({"target": "board", "ids": [0] * 25, "pixels": [[1, 2]] * 25}, "observations[0]", "25 points, 'board' has 24"),
+        ({"target": "light", "camera_from_target": {}}, "observations[0].camera_from_target", "has no orientation"),
     ],
 )
 def test_what_does_not_suit_the_cell_is_refused(written, field, message):

@@ -13,6 +13,7 @@ from itertools import combinations
 import numpy as np
 
 from basecal.accuracy.input_check import rewriting
+from basecal.accuracy.input_check.image_resolution import other_resolution
 from basecal.cell import Cell, Observation, PixelObservation, PointObservation, PoseObservation, Recording
 from basecal.estimation.problem.correspondence import half_turn
 from basecal.geometry import SE3
@@ -333,7 +334,7 @@ def _of_lenses(cell: Cell, recording: Recording) -> Iterator[ConventionHypothesi
             yield ConventionHypothesis(
                 "intrinsics",
                 (name,),
-                f"the lens of {name} is not as stated",
+                f"the lens of {name} is not as stated{other_resolution(cell.cameras[name], recording)}",
                 f"calibrate the lens of {name}, or set its intrinsics' status to free",
                 "",
                 _freed(name),

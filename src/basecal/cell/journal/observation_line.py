@@ -51,10 +51,16 @@ def observation(
     where.mapping(data, field, _FIELDS[kind])
     camera = where.name(data.get("camera"), f"{field}.camera", "camera", cell.cameras)
     target = where.name(data.get("target"), f"{field}.target", "target", cell.targets)
+    shape = cell.targets[target].target
     if kind == "camera_from_target":
+        if shape is not None and shape.is_point:
+            raise where.error(
+                f"{field}.camera_from_target",
+                f"{target!r} is one point, which has no orientation: leave out its `kind` in cell.yaml and state its "
+                "mount with a rotation; what sees the point is another target",
+            )
         mean, sigma = pose(where, f"{field}.camera_from_target", data[kind], with_sigmas=True)
         return (camera, target), PoseObservation(camera, target, mean, sigma)
-    shape = cell.targets[target].target
     if shape is None:
         raise where.error(f"{field}.target", f"points of {target!r} need its `kind` and shape in cell.yaml")
     if kind == "candidates" and not shape.is_point:
@@ -86,6 +92,11 @@ def _ids(data: dict[str, Any], field: str, where: Where, known: frozenset[int], 
         raise where.error(f"{field}.ids", f"missing; {data['target']!r} has several points, say which were seen")
     written = data.get("ids", [0] * min(len(points), 1))
     ids = whole_numbers(where, f"{field}.ids", written)
+    if len(known) == 1 and len(points) > 1:
+        several = f"{len(points)} places of {data['target']!r}, which is one point; bright spots of which one is it"
+        raise where.error(field, f"{several} are its `candidates`")
+    if len(points) > len(known):
+        raise where.error(field, f"{len(points)} points, {data['target']!r} has {len(known)}")
     if len(ids) != len(points):
         raise where.error(f"{field}.ids", f"{len(ids)} ids for {len(points)} points; expected one id a point")
     distinct = set(written)
