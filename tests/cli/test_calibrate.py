@@ -44,7 +44,7 @@ def test_calibrate_prints_the_report_it_writes(simulated: Path, capsys: pytest.C
 def test_a_run_that_did_not_converge_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """One step from a closed form is no optimum: no transform, no lens, no joint covariance, and `report` says so."""
     assert main(["simulate", str(tmp_path), "--samples", "10"]) == 0
-    calibration = calibrate_folder(tmp_path, read_cell(tmp_path), Settings(iterations=1))
+    calibration, _ = calibrate_folder(tmp_path, read_cell(tmp_path), Settings(iterations=1))
     assert "not-converged" in {finding.code for finding in calibration.findings}
     run = latest_run(tmp_path)
     assert run is not None
@@ -125,7 +125,9 @@ def test_demo_tells_its_true_error(
     Its images are drawn and searched by `make demo`, which .ci/run runs.
     """
     folder, drawn = str(tmp_path / "demo"), []
-    monkeypatch.setattr("basecal.cli.demo.with_images", lambda made, folder, seed: drawn.append(folder) or made)
+    monkeypatch.setattr(
+        "basecal.cli.simulate.with_images", lambda made, folder, seed: drawn.append(folder.parent) or made
+    )
     assert main(["demo", folder, "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert 0 < answer["true_error"][BASE]["squared_sigmas"] < 38.3
@@ -133,7 +135,7 @@ def test_demo_tells_its_true_error(
     (page,) = Path(folder).glob("runs/*/report.html")
     assert page.read_text(encoding="utf-8").count("<title>GOOD") == 1
     assert main(["demo", folder]) == 0
-    assert drawn == [Path(folder)] * 2
+    assert drawn == [tmp_path] * 2
     told = capsys.readouterr().out
     assert "true error" in told
     assert "basecal new mycell" in told

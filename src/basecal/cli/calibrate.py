@@ -64,36 +64,40 @@ def calibrate(
         certify=certify,
         robot_noise=robot_noise,
     )
-    calibration = calibrate_folder(cell, described, settings, verbose)
+    calibration, run = calibrate_folder(cell, described, settings, verbose)
     if json:
         print_json(calibration_to_dict(calibration))
     else:
         show(described, calibration)
-        print_page_path(cell)
+        print_page_path(run)
     return exit_code(calibration)
 
 
-def calibrate_folder(folder: Path, cell: Cell, settings: Settings | None = None, verbose: bool = False) -> Calibration:
-    """Calibrate the recording of a cell's folder, and write the run beside it."""
+def calibrate_folder(
+    folder: Path, cell: Cell, settings: Settings | None = None, verbose: bool = False
+) -> tuple[Calibration, Path]:
+    """The calibration of the recording of a cell's folder, and the folder of its run, which is written."""
     from dataclasses import replace
 
     from basecal.accuracy.verdict import calibrate as calibrated
     from basecal.cell.files import input_hashes, write_calibration
+    from basecal.cell.format.writing import write_whole
     from basecal.estimation.settings import Settings
     from basecal.estimation.stages import Stages
     from basecal.reporting.text import text_report
 
+    inputs = input_hashes(folder, cell)
     recording = detected_recording(folder, cell)
     with progress("calibrating") as tell:
         stages = Stages(tell)
         calibration = calibrated(cell, recording, replace(settings or Settings(), stages=stages))
     if verbose:
         print_stages(stages.seconds)
-    calibration = replace(calibration, inputs=input_hashes(folder, cell))
-    path = write_calibration(calibration, folder)
-    path.with_name("report.txt").write_text(printable(text_report(cell, calibration)) + "\n", encoding="utf-8")
-    write_page(path.parent, cell, recording, calibration)
-    return calibration
+    calibration = replace(calibration, inputs=inputs)
+    run = write_calibration(calibration, folder).parent
+    write_whole(run / "report.txt", printable(text_report(cell, calibration)) + "\n", within=folder)
+    write_page(run, cell, recording, calibration)
+    return calibration, run
 
 
 def show(cell: Cell, calibration: Calibration) -> None:

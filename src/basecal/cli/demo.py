@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from basecal.cli.calibrate import calibrate_folder, exit_code, show
 from basecal.cli.page import print_page_path
-from basecal.cli.simulate import refuse_existing, with_images, write_simulated
+from basecal.cli.simulate import refuse_existing, write_simulated
 from basecal.cli.terminal import pasted, print_json, say
 
 if TYPE_CHECKING:
@@ -40,9 +40,8 @@ def demo(folder: Path = Path("demo_cell"), /, *, json: bool = False) -> int:
 
     _prepare(folder)
     scenario = Scenario(samples=25, robot_noise=(1e-4, 2e-4), state_pixel_noise=False)
-    made = with_images(simulate(scenario, 0), folder, 0)
-    write_simulated(folder, made)
-    calibration = calibrate_folder(folder, made.cell)
+    made = write_simulated(folder, simulate(scenario, 0), image_seed=0)
+    calibration, run = calibrate_folder(folder, made.cell)
     estimate = calibration.transforms.get(_BASE)
     error = true_error(estimate, made.truth[_BASE]) if estimate else None
     if json:
@@ -50,7 +49,7 @@ def demo(folder: Path = Path("demo_cell"), /, *, json: bool = False) -> int:
         print_json({"folder": str(folder), "calibration": answer, "true_error": {_BASE: error}})
     else:
         show(made.cell, calibration)
-        print_page_path(folder)
+        print_page_path(run)
         say(_compared(estimate, error, folder) if estimate and error else "")
     return exit_code(calibration)
 

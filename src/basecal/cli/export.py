@@ -37,7 +37,7 @@ def export(
         **what: Which program's file, and what of the cell goes into it.
     """
     from basecal.cell.files import latest_run, read_calibration, read_cell
-    from basecal.cell.format.paths import write_whole
+    from basecal.cell.format.writing import write_whole
     from basecal.exchange.exporters.exporter import exporter
 
     if len(what) != 1 or not what.keys() <= EXPORTERS.keys():
@@ -46,6 +46,10 @@ def export(
     if run is None:
         raise InputError(f"{cell} has no run yet: basecal calibrate {pasted(cell)}")
     ((name, of),) = what.items()
-    write_whole(output, exporter(name).exported(described, cell, read_calibration(run), of))
+    text = exporter(name).exported(described, cell, read_calibration(run), of)
+    if output.exists() and not output.is_file():
+        output.write_text(text, encoding="utf-8")  # a pipe or a device is not replaced
+    else:
+        write_whole(output, text)
     say(f"written: {output}")
     return 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -9,7 +10,6 @@ from cyclopts import Parameter, validators
 
 from basecal.cli.template import Kind, cell_text
 from basecal.cli.terminal import pasted, say
-from basecal.errors import InputError
 
 
 def new(
@@ -35,10 +35,13 @@ def new(
         robots: How many robots.
         target: What the cameras look at; `pose` where another program gives the target's pose.
     """
+    from basecal.cell.format.writing import make_folder, open_new
+
     start_cell(cell, cell_text(robots, target))
     samples = cell / "recording" / "samples.jsonl"
-    samples.parent.mkdir(exist_ok=True)
-    samples.touch()
+    make_folder(samples.parent, cell)
+    if not os.path.lexists(samples):
+        open_new(samples).close()
     then = f"basecal calibrate {pasted(cell)}"
     say(f"wrote {cell / 'cell.yaml'}: fill in what is known, record into {samples}, then: {then}")
     return 0
@@ -50,8 +53,6 @@ def start_cell(folder: Path, text: str) -> None:
     Raises:
         InputError: if there is one already.
     """
-    path = folder / "cell.yaml"
-    if path.exists():
-        raise InputError(f"{path} exists and is not overwritten: choose another folder, or remove it first")
-    folder.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding="utf-8")
+    from basecal.cell.format.writing import write_new
+
+    write_new(folder / "cell.yaml", text)

@@ -20,11 +20,11 @@ FILE = "report.html"
 def write_page(run: Path, cell: Cell, recording: Recording, calibration: Calibration) -> Path:
     """Path of the page of a calibration that was made from this cell and recording, written into its run."""
     from basecal.accuracy.residuals.point_residuals import point_residuals
-    from basecal.cell.format.paths import write_whole
+    from basecal.cell.format.writing import write_whole
     from basecal.reporting.page import page
 
     points = point_residuals(cell, recording, calibration)
-    write_whole(run / FILE, page(cell, recording, calibration, points, title=_title(run)))
+    write_whole(run / FILE, page(cell, recording, calibration, points, title=_title(run)), within=run.parent.parent)
     return run / FILE
 
 
@@ -35,7 +35,7 @@ def rewrite_page(folder: Path, run: Path, cell: Cell, calibration: Calibration) 
     """
     from basecal.cell import Recording
     from basecal.cell.files import input_hashes
-    from basecal.cell.format.paths import write_whole
+    from basecal.cell.format.writing import write_whole
     from basecal.reporting.page import page
 
     now = input_hashes(folder, cell)
@@ -47,16 +47,13 @@ def rewrite_page(folder: Path, run: Path, cell: Cell, calibration: Calibration) 
         recording = detected_recording(folder, cell)
     except DatasetError:
         recording = Recording()
-    write_whole(run / FILE, page(cell, recording, calibration, title=_title(run), notes=[note]))
+    write_whole(run / FILE, page(cell, recording, calibration, title=_title(run), notes=[note]), within=folder)
     return run / FILE
 
 
-def print_page_path(folder: Path) -> None:
-    """Print to stderr where the page of the latest run of a cell is."""
-    from basecal.cell.files import latest_run
-
-    run = latest_run(folder)
-    if run is not None:
+def print_page_path(run: Path) -> None:
+    """Print to stderr where the page of a run is."""
+    if sys.stderr is not None:
         say(f"page: {run / FILE}", sys.stderr)
 
 

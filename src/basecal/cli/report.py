@@ -41,5 +41,5 @@ def report(cell: Path, /, *, json: bool = False) -> int:
     else:
         show(described, calibration)
         rewrite_page(cell, run, described, calibration)
-        print_page_path(cell)
+        print_page_path(run)
     return exit_code(calibration)

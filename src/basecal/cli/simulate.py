@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -82,8 +83,7 @@ def simulate(
     )
     with progress("simulating"):
         made = simulated(scenario, seed)
-    made = with_images(made, cell, seed) if images else made
-    write_simulated(cell, made)
+    made = write_simulated(cell, made, image_seed=seed if images else None)
     _print_summary(cell, len(made.recording.samples), seed, json)
     return 0
 
@@ -103,8 +103,27 @@ def refuse_existing(folder: Path) -> None:
         InputError: if it does.
     """
     for path in (folder / "cell.yaml", folder / "recording" / "samples.jsonl"):
-        if path.exists():
+        if os.path.lexists(path):
             raise InputError(f"{path} exists and is not overwritten: choose another folder, or remove it first")
+
+
+def write_simulated(folder: Path, made: SimulatedCell, image_seed: int | None = None) -> SimulatedCell:
+    """A simulated cell as it is written, whole or not at all, into a folder, with its recording and its truth.
+
+    Args:
+        folder: The cell's folder.
+        made: What was simulated.
+        image_seed: Of the noise of images that the recording then names instead of points; no images where None.
+    """
+    from dataclasses import replace
+
+    from basecal.cell.format.writing import staged
+
+    with staged(folder) as part:
+        if image_seed is not None:
+            made = with_images(made, part, image_seed)
+        _write_parts(part, made)
+    return replace(made, recording=replace(made.recording, folder=str(folder)))
 
 
 def with_images(made: SimulatedCell, folder: Path, seed: int) -> SimulatedCell:
@@ -117,12 +136,10 @@ def with_images(made: SimulatedCell, folder: Path, seed: int) -> SimulatedCell:
         return replace(made, recording=render_recording(made, folder, seed, step=step))
 
 
-def write_simulated(folder: Path, made: SimulatedCell) -> None:
-    """Write a simulated cell, its recording and its truth into a folder."""
+def _write_parts(folder: Path, made: SimulatedCell) -> None:
     from basecal.cell.files import write_cell, write_recording, write_truth
     from basecal.exchange.urdf import chain_urdf
 
-    folder.mkdir(parents=True, exist_ok=True)
     write_cell(made.cell, folder)
     write_recording(made.recording, folder)
     for robot in made.cell.robots.values():

@@ -59,7 +59,7 @@ def import_streams(folder: Path, files: Streams, camera: str | None, target: str
     Raises:
         InputError: if a recording is there already, or files and cell do not fit.
     """
-    from basecal.cell.files import append_sample
+    from basecal.cell.files import write_recording
     from basecal.exchange.assemble import recording_from_streams
     from basecal.exchange.pixels import read_pixels
 
@@ -83,8 +83,7 @@ def import_streams(folder: Path, files: Streams, camera: str | None, target: str
     )
     if is_new:
         start_cell(folder, cell_text(2 if files.eye and files.hand else 1, "pose", camera_on_world=not files.eye))
-    for sample in recording.samples:
-        append_sample(folder, sample)
+    write_recording(recording, folder)
     made = " and cell.yaml" if is_new else ""
     say(f"wrote {len(recording.samples)} samples{made} to {folder}: basecal calibrate {pasted(folder)}")
     return 0

@@ -6,8 +6,8 @@ import os
 
 import pytest
 
-from basecal.cell.format.paths import inside, write_whole
-from basecal.errors import InputError
+from basecal.cell.format.paths import inside, own_file
+from basecal.errors import DatasetError, InputError
 
 
 @pytest.mark.parametrize(
@@ -60,12 +60,13 @@ def test_links_do_not_leave_the_cell(tmp_path):
     assert path_in_cell("not/there/yet") == "not/there/yet"
 
 
-def test_a_file_is_written_whole(tmp_path):
-    """The text, in folders made for it, nothing beside it; where that cannot be, an error with the path."""
-    path = tmp_path / "runs" / "one" / "a.json"
-    write_whole(path, "grün")
-    write_whole(path, "blue")
-    assert path.read_bytes() == b"blue"
-    assert [each.name for each in path.parent.iterdir()] == ["a.json"]
-    with pytest.raises(InputError, match=r"a\.json/b cannot be written: "):
-        write_whole(path / "b", "x")
+def test_own_files_are_no_links_out(tmp_path):
+    """What a cell has at a place of its own may be a link inside it, and not one that leads out."""
+    cell = tmp_path / "cell"
+    cell.mkdir()
+    (cell / "other.yaml").write_text("x")
+    (cell / "cell.yaml").symlink_to("other.yaml")
+    assert own_file(cell, "cell.yaml").read_text() == "x"
+    (cell / "recording").symlink_to(tmp_path)
+    with pytest.raises(DatasetError, match=r"samples\.jsonl: is a link that leads out of the cell"):
+        own_file(cell, "recording/samples.jsonl")

@@ -93,7 +93,7 @@ def test_a_light_needs_no_ids():
             "observations[0]",
             "one is it are its `cand",
         ),
-        ({"target": "board", "ids": [0] * 25, "pixels": [[1, 2]] * 25}, "observations[0]", "25 points, 'board' has 24"),
+        ({"target": "board", "ids": [0] * 25, "pixels": [[1, 2]] * 25}, "observations[0]", "25 points, 'board' has 6"),
         ({"target": "light", "camera_from_target": {}}, "observations[0].camera_from_target", "has no orientation"),
     ],
 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import os
 import re
 from pathlib import Path
 
@@ -171,6 +172,15 @@ def test_runs_are_kept_apart(tmp_path: Path) -> None:
     assert all(re.fullmatch(r"\d{8}T\d{6}Z(-\d+)?", path.parent.name) for path in paths)
     (tmp_path / "runs" / "99999999T999999Z").mkdir()
     assert latest_run(tmp_path) == paths[-1].parent
+
+
+def test_the_latest_run_is_the_one_written_last(tmp_path: Path) -> None:
+    """Also where an earlier one is dated in the future, since a clock was wrong."""
+    past = write_calibration(Calibration("good"), tmp_path)
+    future = past.parent.rename(tmp_path / "runs" / "29990101T000000Z")
+    os.utime(future / "calibration.json", ns=(1, 1))
+    now = write_calibration(Calibration("good"), tmp_path)
+    assert latest_run(tmp_path) == now.parent
 
 
 def test_hashes(folder: Path) -> None:

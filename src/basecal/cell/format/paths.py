@@ -1,4 +1,4 @@
-"""Paths that stay inside a cell, and files written whole or not at all."""
+"""Paths that stay inside a cell."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import posixpath
 from collections.abc import Callable
 from pathlib import Path
 
-from basecal.errors import InputError
+from basecal.errors import DatasetError, InputError
 
 
 def inside(folder: str, relative_to: str = "") -> Callable[[str], str]:
@@ -60,16 +60,13 @@ def _is_within(path: str, root: str) -> bool:
         return False
 
 
-def write_whole(path: Path, text: str) -> None:
-    """Write a file so that a reader sees the old one or the new one, never a half.
+def own_file(folder: str | Path, name: str) -> Path:
+    """The path of a file that a cell has at a place of its own, such as `cell.yaml`.
 
     Raises:
-        InputError: if it cannot be written.
+        DatasetError: if it is a link that leads out of the cell.
     """
-    part = path.with_name(f".{path.name}.part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        part.write_text(text, encoding="utf-8")
-        os.replace(part, path)
-    except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror}") from None
+    path = Path(folder) / name
+    if not _is_within(os.fspath(path), os.path.realpath(folder)):
+        raise DatasetError(str(path), "is a link that leads out of the cell; copy the file into it")
+    return path

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
 from basecal.cell.calibration import Finding
 from basecal.cell.cell import Cell
-from basecal.cell.format.paths import inside
+from basecal.cell.format.paths import inside, own_file
+from basecal.cell.format.writing import make_folder, open_own, sync_folder, write_whole
 from basecal.cell.journal.image_bounds import check_image_bounds
 from basecal.cell.journal.sample_dict import sample_to_dict
 from basecal.cell.journal.sample_line import Context, context, line_data, sample_from_line
@@ -34,7 +36,7 @@ def read_recording(folder: str | Path, cell: Cell | None = None) -> Recording:
         DatasetError: if the cell, or a line of the recording, cannot be read as written.
     """
     known = context(read_cell(folder) if cell is None else cell, inside(str(folder), FOLDER))
-    path = Path(folder) / FOLDER / FILE
+    path = own_file(folder, f"{FOLDER}/{FILE}")
     try:
         text = path.read_bytes()
     except FileNotFoundError:
@@ -46,20 +48,20 @@ def read_recording(folder: str | Path, cell: Cell | None = None) -> Recording:
 
 
 def write_recording(recording: Recording, folder: str | Path) -> Path:
-    """Path of a new `samples.jsonl` with all samples.
+    """Path of a new `samples.jsonl` with all samples, written whole or not at all.
 
     Raises:
-        InputError: if there is a recording already, or it cannot be written.
+        InputError: if there is a recording already, a number is not finite, or it cannot be written.
     """
     path = Path(folder) / FOLDER / FILE
-    if path.exists():
+    if path.exists() and path.stat().st_size:
         raise InputError(f"{path} exists; a recording is never rewritten: choose another folder, or append samples")
-    append_samples(folder, recording.samples)
+    write_whole(path, "".join(map(_line, recording.samples)), within=Path(folder))
     return path
 
 
 def append_sample(folder: str | Path, sample: Sample) -> Finding | None:
-    """A finding where the journal had to be repaired first; the sample is appended and flushed.
+    """A finding where the journal had to be repaired first; the sample is appended, and on the disk.
 
     Raises:
         InputError: if a number is not finite, or the file cannot be written.
@@ -68,7 +70,7 @@ def append_sample(folder: str | Path, sample: Sample) -> Finding | None:
 
 
 def append_samples(folder: str | Path, samples: Iterable[Sample]) -> Finding | None:
-    """A finding where the journal had to be repaired first; the samples are appended and flushed.
+    """A finding where the journal had to be repaired first; the samples are appended, and on the disk.
 
     A journal cut in the middle of a line is cut back to its last newline.
 
@@ -76,23 +78,27 @@ def append_samples(folder: str | Path, samples: Iterable[Sample]) -> Finding | N
         InputError: if a number is not finite, or the file cannot be written.
     """
     path = Path(folder) / FOLDER / FILE
-    lines = []
-    for sample in samples:
-        try:
-            text = json.dumps(sample_to_dict(sample, FOLDER), allow_nan=False)
-        except ValueError:
-            raise InputError(
-                f"sample {sample.sample} holds NaN or infinity; a recording holds finite numbers"
-            ) from None
-        lines.append(text.encode() + b"\n")
+    lines = [_line(sample).encode() for sample in samples]
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        finding = _repair(path) if path.exists() else None
-        with path.open("ab") as journal:
+        make_folder(path.parent, Path(folder))
+        is_new = not path.exists()
+        finding = None if is_new else _repair(path)
+        with open_own(path, "ab") as journal:
             journal.writelines(lines)
+            journal.flush()
+            os.fsync(journal.fileno())
+        if is_new:
+            sync_folder(path.parent)
     except OSError as error:
         raise InputError(f"{path} cannot be written: {error.strerror}") from None
     return finding
+
+
+def _line(sample: Sample) -> str:
+    try:
+        return json.dumps(sample_to_dict(sample, FOLDER), allow_nan=False) + "\n"
+    except ValueError:
+        raise InputError(f"sample {sample.sample} holds NaN or infinity; a recording holds finite numbers") from None
 
 
 def _recording(text: bytes, path: str, known: Context) -> Recording:
@@ -137,7 +143,7 @@ def _is_whole(tail: bytes) -> bool:
 
 def _repair(path: Path) -> Finding | None:
     """End the journal with a newline: after a last line that is whole, else before it."""
-    with path.open("r+b") as journal:
+    with open_own(path, "r+b") as journal:
         size = journal.seek(0, 2)
         if size == 0:
             return None

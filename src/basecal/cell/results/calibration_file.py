@@ -10,7 +10,8 @@ from pathlib import Path
 
 from basecal.cell.calibration import Calibration
 from basecal.cell.cell import Cell
-from basecal.cell.format.paths import write_whole
+from basecal.cell.format.paths import own_file
+from basecal.cell.format.writing import make_folder, sync_folder, write_whole
 from basecal.cell.format.yaml_text import read_text
 from basecal.cell.journal import recording_file
 from basecal.cell.results.calibration_dict import calibration_from_dict, calibration_to_dict
@@ -29,8 +30,8 @@ def write_calibration(calibration: Calibration, cell_folder: str | Path) -> Path
         InputError: if it cannot be written.
     """
     text = json.dumps(calibration_to_dict(calibration), indent=1, allow_nan=False)
-    path = _new_run(Path(cell_folder) / RUNS) / FILE
-    write_whole(path, text + "\n")
+    path = _new_run(Path(cell_folder)) / FILE
+    write_whole(path, text + "\n", within=Path(cell_folder))
     return path
 
 
@@ -56,10 +57,14 @@ def read_calibration(path: str | Path) -> Calibration:
 
 
 def latest_run(folder: str | Path) -> Path | None:
-    """Folder of the latest run of a cell that has a `calibration.json`; None where there is none."""
+    """Folder of the run of a cell whose `calibration.json` was written last; None where there is none.
+
+    Names of runs are by the clock, which may have been wrong; they tell runs apart that were written at once.
+    """
     runs = Path(folder) / RUNS
     found = [(match, run) for run in runs.glob("*") if (match := _RUN.fullmatch(run.name)) and (run / FILE).is_file()]
-    return max(found, key=lambda one: (one[0][1], int(one[0][2] or 1)))[1] if found else None
+    written = [((run / FILE).stat().st_mtime_ns, match[1], int(match[2] or 1), run) for match, run in found]
+    return max(written)[-1] if written else None
 
 
 def input_hashes(folder: str | Path, cell: Cell | None = None) -> dict[str, str]:
@@ -75,7 +80,7 @@ def input_hashes(folder: str | Path, cell: Cell | None = None) -> dict[str, str]
     urdfs = [robot.urdf for robot in cell.robots.values() if robot.urdf] if cell else []
     names = [cell_file.FILE, f"{recording_file.FOLDER}/{recording_file.FILE}", *sorted(set(urdfs))]
     hashes = {}
-    for name, path in ((name, Path(folder) / name) for name in names):
+    for name, path in ((name, own_file(folder, name)) for name in names):
         if not path.is_file():
             continue
         try:
@@ -86,12 +91,14 @@ def input_hashes(folder: str | Path, cell: Cell | None = None) -> dict[str, str]
     return hashes
 
 
-def _new_run(runs: Path) -> Path:
-    name = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
+def _new_run(cell_folder: Path) -> Path:
+    runs, name = cell_folder / RUNS, datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
     folder, count = runs / name, 1
     while True:
         try:
-            folder.mkdir(parents=True)
+            make_folder(runs, cell_folder)
+            folder.mkdir()
+            sync_folder(runs)
         except FileExistsError:
             count += 1
             folder = runs / f"{name}-{count}"

@@ -9,8 +9,9 @@ from typing import Any
 from pydantic import ValidationError
 
 from basecal.cell.cell import Cell
-from basecal.cell.format.paths import inside, write_whole
+from basecal.cell.format.paths import inside, own_file
 from basecal.cell.format.problems import Loc, Problem, dataset_error, short
+from basecal.cell.format.writing import write_whole
 from basecal.cell.format.yaml_text import parse_yaml, read_text, yaml_text
 from basecal.cell.schema.cell_dict import cell_to_dict
 from basecal.cell.schema.cell_nouns import cell_noun
@@ -29,7 +30,7 @@ def read_cell(folder: str | Path) -> Cell:
     Raises:
         DatasetError: if it cannot be read as written; the message has a line for each mistake.
     """
-    path = Path(folder) / FILE
+    path = own_file(folder, FILE)
     document = parse_yaml(read_text(path, "a cell is a folder with a cell.yaml (docs/data_format.md)"), str(path))
     return _checked(document.data, str(path), Path(folder), document.lines)
 

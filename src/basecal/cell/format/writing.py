@@ -1,0 +1,160 @@
+"""Files and folders written whole or not at all, and nothing through a link."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import BinaryIO, cast
+
+from basecal.errors import InputError
+
+_NO_FOLLOW = getattr(os, "O_NOFOLLOW", 0)
+_NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | _NO_FOLLOW | getattr(os, "O_BINARY", 0)
+
+
+def write_whole(path: Path, text: str, *, within: Path | None = None, durable: bool = True) -> None:
+    """Write a file so that a reader sees the old one or the new one, never a half, whenever this is cut off.
+
+    Args:
+        path: The file; a link of that name is replaced, not followed.
+        text: What it holds then.
+        within: A folder above it, below which no folder may be a link.
+        durable: Whether it is on the disk when this returns, and survives a loss of power.
+
+    Raises:
+        InputError: if it cannot be written.
+    """
+    part = beside(path)
+    try:
+        make_folder(path.parent, within)
+        with open_new(part) as file:
+            file.write(text.encode("utf-8", "backslashreplace"))
+            file.flush()
+            if durable:
+                os.fsync(file.fileno())
+        os.replace(part, path)
+        if durable:
+            sync_folder(path.parent)
+    except OSError as error:
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
+        raise InputError(f"{path} cannot be written: {error.strerror}") from None
+
+
+def write_new(path: Path, text: str) -> None:
+    """Write a file that is not there yet, whole or not at all.
+
+    Raises:
+        InputError: if there is one already, or it cannot be written.
+    """
+    if os.path.lexists(path):
+        raise InputError(f"{path} exists and is not overwritten: choose another folder, or remove it first")
+    write_whole(path, text)
+
+
+@contextmanager
+def staged(folder: Path) -> Iterator[Path]:
+    """A new folder beside `folder`, to write into; at the end all that is in it appears in `folder` at once.
+
+    Where `folder` holds something already, each entry appears by itself, in the order of their names backwards, so that
+    `recording` does before `cell.yaml`. Where this ends with an error nothing appears; cut off, it leaves a folder
+    whose name starts with a dot and ends with `.part`.
+
+    Raises:
+        InputError: if it cannot be written.
+    """
+    part = beside(Path(os.path.abspath(folder)))
+    try:
+        part.parent.mkdir(parents=True, exist_ok=True)
+        part.mkdir()
+        yield part
+        _sync_all(part)
+        _appear(part, folder)
+        sync_folder(part.parent)
+    except OSError as error:
+        raise InputError(f"{error.filename or folder} cannot be written: {error.strerror}") from None
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+
+
+def make_folder(folder: Path, within: Path | None = None) -> None:
+    """Make a folder and those above it.
+
+    Args:
+        folder: The folder.
+        within: A folder above it, below which none may be a link.
+
+    Raises:
+        InputError: if one of them is a link.
+        OSError: if it cannot be made.
+    """
+    if within is not None:
+        below = within
+        for part in folder.relative_to(within).parts:
+            below /= part
+            if below.is_symlink():
+                raise InputError(f"{below} is a link; what is written stays in the cell: put a folder there")
+    folder.mkdir(parents=True, exist_ok=True)
+
+
+def open_new(path: Path) -> BinaryIO:
+    """A file that is not there yet, opened for writing; a link of its name is an error.
+
+    Raises:
+        OSError: if it cannot be made.
+    """
+    return os.fdopen(os.open(path, _NEW, 0o666), "wb")
+
+
+def open_own(path: Path, mode: str) -> BinaryIO:
+    """A file opened as by `open`, but for a link, which is an error.
+
+    Raises:
+        OSError: if it cannot be opened.
+    """
+    return cast(BinaryIO, open(path, mode, opener=lambda name, flags: os.open(name, flags | _NO_FOLLOW, 0o666)))
+
+
+def beside(path: Path) -> Path:
+    """A name beside a path that nobody else takes."""
+    return path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
+
+
+def sync_folder(folder: Path) -> None:
+    """Have the disk hold the names in a folder; where folders cannot be synchronised nothing is done."""
+    with suppress(OSError):
+        number = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(number)
+        finally:
+            os.close(number)
+
+
+def _sync_all(folder: Path) -> None:
+    for path in folder.rglob("*"):
+        if path.is_file():
+            with path.open("rb") as file:
+                os.fsync(file.fileno())
+        else:
+            sync_folder(path)
+
+
+def _appear(part: Path, folder: Path) -> None:
+    with suppress(OSError):
+        part.rename(folder)  # also onto an empty one
+        return
+    for entry in sorted(part.iterdir(), key=lambda path: path.name, reverse=True):
+        _merge(entry, folder / entry.name)
+
+
+def _merge(entry: Path, to: Path) -> None:
+    """Move a file, or what is in a folder, to where a folder may be already."""
+    if to.is_dir() and entry.is_dir():
+        for each in sorted(entry.iterdir()):
+            _merge(each, to / each.name)
+    else:
+        entry.rename(to)

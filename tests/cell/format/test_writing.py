@@ -1,0 +1,143 @@
+"""Files and folders appear whole or not at all, and links are not followed."""
+
+from __future__ import annotations
+
+import errno
+import os
+from pathlib import Path
+
+import pytest
+
+from basecal.cell.format import writing
+from basecal.cell.format.writing import beside, make_folder, open_new, open_own, staged, write_new, write_whole
+from basecal.errors import InputError
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*"))
+
+
+def fail(number: int):
+    def failing(*_args, **_kwargs):
+        raise OSError(number, os.strerror(number))
+
+    return failing
+
+
+def test_a_file_is_written_whole(tmp_path):
+    """The text, in folders made for it, nothing beside it; where that cannot be, an error with the path."""
+    path = tmp_path / "runs" / "one" / "a.json"
+    write_whole(path, "grün")
+    write_whole(path, "blue \udcff")
+    assert path.read_bytes() == b"blue \\udcff"
+    assert [each.name for each in path.parent.iterdir()] == ["a.json"]
+    with pytest.raises(InputError, match=r"a\.json/b cannot be written: "):
+        write_whole(path / "b", "x")
+
+
+@pytest.mark.parametrize("call", ["fsync", "replace"])
+def test_a_file_that_fails_is_as_it_was(tmp_path, monkeypatch, call):
+    """A full disk leaves the old file, and nothing beside it."""
+    path = tmp_path / "a"
+    write_whole(path, "old")
+    monkeypatch.setattr(writing.os, call, fail(errno.ENOSPC))
+    with pytest.raises(InputError, match="a cannot be written: No space left on device"):
+        write_whole(path, "new")
+    assert path.read_text() == "old"
+    assert names(tmp_path) == ["a"]
+
+
+def test_what_is_durable_is_synchronised(tmp_path, monkeypatch):
+    """The file before it gets its name, and the folder after that; not where it need not be."""
+    done = []
+    real_sync, real_replace = os.fsync, os.replace
+    monkeypatch.setattr(writing.os, "fsync", lambda number: (done.append("sync"), real_sync(number)))
+    monkeypatch.setattr(writing.os, "replace", lambda a, b: (done.append("name"), real_replace(a, b)))
+    write_whole(tmp_path / "a", "x")
+    assert done == ["sync", "name", "sync"]
+    done.clear()
+    write_whole(tmp_path / "a", "x", durable=False)
+    assert done == ["name"]
+
+
+def test_links_are_replaced_and_not_followed(tmp_path):
+    """A link where the file goes gives way to it; a folder that is a link is refused below the cell."""
+    outside, cell = tmp_path / "outside", tmp_path / "cell"
+    outside.mkdir()
+    cell.mkdir()
+    (outside / "victim").write_text("mine")
+    (cell / "a").symlink_to(outside / "victim")
+    write_whole(cell / "a", "x", within=cell)
+    assert not (cell / "a").is_symlink()
+    (cell / "runs").symlink_to(outside)
+    for path in (cell / "runs" / "b", cell / "runs" / "new" / "b"):
+        with pytest.raises(InputError, match="runs is a link; what is written stays in the cell"):
+            write_whole(path, "x", within=cell)
+    (tmp_path / "named").symlink_to(cell)
+    write_whole(tmp_path / "named" / "c", "x", within=tmp_path / "named")  # the cell itself may be one
+    assert names(outside) == ["victim"]
+    assert (outside / "victim").read_text() == "mine"
+
+
+def test_names_beside_are_never_taken(tmp_path):
+    """They differ each time, and one that is there nevertheless is not written to."""
+    assert beside(tmp_path / "a") != beside(tmp_path / "a")
+    (tmp_path / "victim").write_text("mine")
+    (tmp_path / "link").symlink_to(tmp_path / "victim")
+    with pytest.raises(FileExistsError):
+        open_new(tmp_path / "link")
+    with pytest.raises(OSError, match="Too many levels of symbolic links"):
+        open_own(tmp_path / "link", "ab")
+    with open_own(tmp_path / "victim", "ab") as file:
+        file.write(b"!")
+    assert (tmp_path / "victim").read_text() == "mine!"
+
+
+def test_what_is_there_is_not_overwritten(tmp_path):
+    """Not even by a link that leads nowhere."""
+    write_new(tmp_path / "a", "x")
+    (tmp_path / "b").symlink_to(tmp_path / "nowhere")
+    for name in "ab":
+        with pytest.raises(InputError, match="exists and is not overwritten"):
+            write_new(tmp_path / name, "y")
+    assert names(tmp_path) == ["a", "b"]
+
+
+@pytest.mark.parametrize("before", [None, [], ["kept", "recording/old"]])
+def test_a_staged_folder_appears_at_once(tmp_path, before):
+    """Into a folder that is not there, an empty one, and one that holds something, which stays."""
+    folder = tmp_path / "cell"
+    for name in before or ():
+        write_whole(folder / name, "old")
+    if before == []:
+        folder.mkdir()
+    with staged(folder) as part:
+        write_whole(part / "recording" / "samples.jsonl", "1")
+        write_whole(part / "cell.yaml", "2")
+        assert not (folder / "cell.yaml").exists()
+    there = ["cell.yaml", "recording", "recording/samples.jsonl", *(before or [])]
+    assert names(folder) == sorted(there)
+    assert [path.name for path in tmp_path.iterdir()] == ["cell"]
+
+
+def test_a_staged_folder_that_fails_leaves_nothing(tmp_path):
+    """Whatever ended it."""
+
+    def written(folder, error):
+        with staged(folder) as part:
+            write_whole(part / "a", "x")
+            raise error
+
+    for error in (KeyboardInterrupt, InputError):
+        with pytest.raises(error):
+            written(tmp_path / "cell", error)
+    with pytest.raises(InputError, match="cannot be written: No space left"), staged(tmp_path / "cell"):
+        fail(errno.ENOSPC)()
+    assert names(tmp_path) == []
+
+
+def test_folders_are_made(tmp_path):
+    """Those above too."""
+    make_folder(tmp_path / "a" / "b", tmp_path)
+    make_folder(tmp_path / "a" / "c")
+    assert names(tmp_path) == ["a", "a/b", "a/c"]

@@ -1,0 +1,63 @@
+"""`import` and `simulate` cut off in the middle: nothing is there, and the next command is right."""
+
+from __future__ import annotations
+
+from itertools import count
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from basecal.cell.files import read_recording
+from basecal.cell.journal import recording_file
+from basecal.cli import main
+from basecal.geometry import SE3
+
+
+def cut_at(monkeypatch: pytest.MonkeyPatch, sample: int) -> None:
+    """Interrupt the writing of a recording at a sample."""
+    whole, done = recording_file._line, count()
+
+    def line(each):
+        if next(done) == sample:
+            raise KeyboardInterrupt
+        return whole(each)
+
+    monkeypatch.setattr(recording_file, "_line", line)
+
+
+def words(folder: Path) -> list[str]:
+    """An import of 40 poses of each stream."""
+    options = []
+    for seed, name in enumerate(("eye-base-from-flange", "hand-base-from-flange", "camera-from-target")):
+        poses = SE3.exp(np.random.default_rng(seed).normal(size=(40, 6)))
+        np.savetxt(folder / f"{name}.txt", poses.matrix.reshape(-1, 4))
+        options += [f"--{name}", str(folder / f"{name}.txt")]
+    return ["import", "poses", str(folder / "cell"), "--length-unit", "m", *options]
+
+
+def test_an_import_that_is_cut_off_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No sample is there, so that nothing is calibrated as if whole, and the same import again is not blocked."""
+    with monkeypatch.context() as patched:
+        cut_at(patched, 23)
+        assert main(words(tmp_path)) == 130
+    assert not (tmp_path / "cell" / "recording" / "samples.jsonl").exists()
+    assert main(["calibrate", str(tmp_path / "cell")]) == 3
+    assert main(words(tmp_path)) == 0
+    assert len(read_recording(tmp_path / "cell").samples) == 40
+
+
+def test_an_import_fills_an_empty_recording(tmp_path: Path) -> None:
+    """Such as `new` makes."""
+    assert main(["new", str(tmp_path / "cell"), "--target", "pose"]) == 0
+    assert main(words(tmp_path)) == 0
+    assert len(read_recording(tmp_path / "cell").samples) == 40
+
+
+def test_a_simulation_that_is_cut_off_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is left of it, and the same again is not blocked."""
+    with monkeypatch.context() as patched:
+        cut_at(patched, 3)
+        assert main(["simulate", str(tmp_path / "cell"), "--samples", "5"]) == 130
+    assert list(tmp_path.iterdir()) == []
+    assert main(["simulate", str(tmp_path / "cell"), "--samples", "5"]) == 0
