@@ -34,6 +34,7 @@ def build_app() -> App:
         result_action="return_value",
         version=_version,
         default_parameter=Parameter(negative=()),
+        suppress_keyboard_interrupt=False,
     )
     for place, verb in enumerate(_VERBS):
         app.command(_function(verb), name=verb, sort_key=place)
