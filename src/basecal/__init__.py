@@ -6,8 +6,8 @@ The public names are loaded when they are first used, so that `import basecal` c
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
 
+TYPE_CHECKING = False  # not from `typing`, whose import is most of what a command does before it can be interrupted
 if TYPE_CHECKING:
     from basecal.accuracy.verdict import calibrate as calibrate
     from basecal.cell import Calibration as Calibration
@@ -67,7 +67,7 @@ _HOME = {
 __all__ = sorted(_HOME)
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     if name not in _HOME:
         raise AttributeError(f"module 'basecal' has no attribute {name!r}")
     value = getattr(import_module(f"basecal.{_HOME[name]}"), name)

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
 
+from basecal.__main__ import run
 from basecal.cli import main
 
 
@@ -35,6 +40,36 @@ def test_a_bug_without_room_for_its_traceback(
     monkeypatch.setattr("basecal.cell.files.read_cell", lambda folder: 1 / 0)
     assert main(["calibrate", "x"]) == 70
     assert "could not be written" in capsys.readouterr().err
+
+
+def test_an_interrupt_is_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ctrl-C while a verb works, and while what it needs is still imported."""
+
+    def interrupted(*_args: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("basecal.cell.files.read_cell", interrupted)
+    assert main(["calibrate", str(tmp_path)]) == 130
+    assert capsys.readouterr().err == "basecal: error: interrupted\n"
+    monkeypatch.delitem(sys.modules, "basecal.cli")
+    monkeypatch.setattr("builtins.__import__", interrupted)
+    assert run() == 130
+    monkeypatch.undo()
+    assert capsys.readouterr().err == "basecal: error: interrupted\n"
+
+
+def test_an_interrupted_process(tmp_path: Path) -> None:
+    """It ends with 130 and one line, and leaves nothing half written."""
+    words = [sys.executable, "-m", "basecal", "simulate", str(tmp_path / "cell"), "--samples", "100000"]
+    process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    time.sleep(0.6)
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert said == "basecal: error: interrupted\n"
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_folder_whose_name_is_no_text(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
