@@ -16,6 +16,7 @@ from basecal.accuracy.findings.evidence import Evidence, Input
 from basecal.accuracy.findings.registry import ANSWER_CHECKS, INPUT_CHECKS
 from basecal.accuracy.input_check.conventions import check_conventions
 from basecal.accuracy.input_check.unexplained_motion import hopeless, is_hopeless
+from basecal.accuracy.noise_summary import noise_summary
 from basecal.accuracy.phrases.null_space import describe_null_space
 from basecal.accuracy.phrases.outlier import described_outlier
 from basecal.accuracy.residuals.fit import residuals
@@ -79,7 +80,7 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
         stamps = {s.sample: s.stamp_s for s in recording.samples if s.stamp_s is not None}
         refuted = as_stated if any(each.too_small for each in contradicted) else None
         found = systematic_error(robust.solution, problem, stamps, settings, refuted)
-    return _judged(cell, problem, robust, contradicted, found, model, settings, findings)
+    return _judged(cell, recording, problem, robust, contradicted, found, model, settings, findings)
 
 
 def _without_outliers(cell: Cell, settings: Settings, plain: Solution, noisy: Solution | None) -> RobustSolution:
@@ -95,6 +96,7 @@ def _without_outliers(cell: Cell, settings: Settings, plain: Solution, noisy: So
 
 def _judged(
     cell: Cell,
+    recording: Recording,
     recorded: Problem,
     robust: RobustSolution,
     contradicted: tuple[ContradictedSigma, ...],
@@ -115,7 +117,7 @@ def _judged(
     with settings.stage("findings"):
         findings += [finding for check in ANSWER_CHECKS for finding in check(evidence)]
     return replace(
-        _calibration(cell, widened(solution, systematic), fit, settings, findings),
+        _calibration(cell, recording, widened(solution, systematic), fit, settings, findings),
         outliers=tuple(map(described_outlier, robust.outliers)),
         validation=None if validated is None else validated.summary,
         certificate=certificate,
@@ -134,7 +136,7 @@ def _refused(solution: Solution, settings: Settings, findings: list[Finding]) ->
 
 
 def _calibration(
-    cell: Cell, solution: Solution, fit: Residuals, settings: Settings, findings: list[Finding]
+    cell: Cell, recording: Recording, solution: Solution, fit: Residuals, settings: Settings, findings: list[Finding]
 ) -> Calibration:
     found = solution.transforms if solution.converged else {}
     estimates = {n: e for n, e in found.items() if n not in solution.observability.unobservable}
@@ -146,7 +148,7 @@ def _calibration(
         points=frozenset(n for n in solution.problem.point_mounts if n in estimates),
         cameras={n: (c, solution.lens_covariance(n)) for n, c in _estimated_lenses(solution)},
         robot_parameters=robot_parameters(solution) if solution.converged else {},
-        noise=_noise(cell, solution),
+        noise=noise_summary(cell, recording, solution),
         order=order,
         joint_covariance=solution.covariance_of(list(order)) if order else None,
         residuals=fit,
@@ -163,17 +165,3 @@ def _estimated_lenses(solution: Solution) -> list[tuple[str, Any]]:
         for n, c in solution.state.cameras.items()
         if solution.converged and n in solution.problem.columns and n not in solution.observability.unobservable
     ]
-
-
-def _noise(cell: Cell, solution: Solution) -> dict[str, Any]:
-    used: dict[str, Any] = {field: getattr(solution.noise.noise, field) for field in solution.noise.estimated}
-    if cell.pixel_px is not None and "pixel_px" not in used:
-        used["pixel_px"] = cell.pixel_px
-    if cell.correlated_px is not None:
-        used["correlated_px"] = cell.correlated_px
-    stated = {name: robot.noise for name, robot in cell.robots.items() if robot.noise is not None}
-    used["robots"] = {
-        name: {"sigma_t_m": sigma[:3].tolist(), "sigma_r_rad": sigma[3:].tolist()}
-        for name, sigma in {**stated, **solution.noise.robots}.items()
-    }
-    return used

@@ -203,13 +203,22 @@ def outlier_sentences(calibration: Calibration) -> Iterator[str]:
 def noise_sentences(calibration: Calibration) -> Iterator[str]:
     """The sigmas stated or estimated, a line each."""
     noise = dict(calibration.noise)
-    robots = noise.pop("robots", None) or {}
+    robots, cameras = (noise.pop(key, None) or {} for key in ("robots", "cameras"))
     measured = [_sigma(key, value) for key, value in noise.items() if value is not None]
     if measured:
         yield f"measurement noise, 1 sigma per axis: {', '.join(measured)}"
+    for camera, of in cameras.items():
+        if of.get("factor") is not None:
+            yield f"pixel noise of {camera}: {of['pixel_px']:.3g} px, {of['factor']:.2g} times what its detector claims"
+        elif len(cameras) > 1 and of.get("pixel_px") is not None:
+            yield f"pixel noise of {camera}: {of['pixel_px']:.3g} px"
     for robot, sigmas in robots.items():
-        posed = [_sigma(key, value) for key, value in sigmas.items() if value is not None]
+        smooth = sigmas.get("smooth")
+        posed = [_sigma(key, value) for key, value in sigmas.items() if key != "smooth" and value is not None]
         yield f"pose noise of robot {robot}, 1 sigma per axis: {', '.join(posed)}"
+        if smooth is not None:
+            alike = [_sigma(key, of) for key, of in (("t_m", smooth["sigma"][:3]), ("r_rad", smooth["sigma"][3:]))]
+            yield f"error of robot {robot} that is smooth over {smooth['length_m']:g} m: {', '.join(alike)}"
 
 
 def _sigma(key: str, value: float | Array) -> str:

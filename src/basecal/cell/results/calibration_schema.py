@@ -134,16 +134,32 @@ class _Finding(_Result):
     message: str
 
 
+class _SmoothError(_Result):
+    sigma: list[_Sigma]
+    length_m: float
+
+
 class _RobotNoise(_Result):
     sigma_t_m: _Sigma3
     sigma_r_rad: _Sigma3
+    smooth: _SmoothError | None = None
+
+
+class _CameraNoise(_Result):
+    """Sigmas of what the camera measured, by their names, beside these."""
+
+    model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[str, _Sigma]
+    factor: float | None
+    views_count: int
 
 
 class _Noise(_Result):
-    """Sigmas by what they are of; `robots` and other things by name."""
+    """Sigmas by what they are of; `cameras`, `robots` and other things by name."""
 
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, _Sigma | list[_Sigma] | dict[str, dict[str, Any]]]
+    cameras: dict[str, _CameraNoise] | None = None
     robots: dict[str, _RobotNoise] | None = None
 
 

@@ -135,7 +135,9 @@ def _fitted(of: _Context, q: Array, held: int, settled: float = SETTLED) -> Fit:
     before = pitches > -np.maximum(of.window.before - guard, least)
     mask: BoolArray = near & (size < arm).all(axis=2) & before.all(axis=2)
     used = packed(patches, patches.weights * mask)
-    fit = fit_shapes(of.shape, np.column_stack([q[:, :2] - middle, q[:, 2:]]), used, sloped=True, held=held, settled=settled)
+    fit = fit_shapes(
+        of.shape, np.column_stack([q[:, :2] - middle, q[:, 2:]]), used, sloped=True, held=held, settled=settled
+    )
     weights = used.weights
     freedom = np.maximum((weights > 0).sum(axis=1) - q.shape[1] - fit.light.shape[1], 1)
     noise = (weights * fit.residuals**2).sum(axis=1) / freedom

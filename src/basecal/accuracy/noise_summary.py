@@ -1,0 +1,57 @@
+"""What a calibration says of the noise that it used: in all, of each camera and of each robot."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from basecal.cell import Cell, PixelObservation, Recording
+from basecal.estimation.noise.smooth_error import LENGTH_M
+from basecal.estimation.solve import Solution
+
+
+def noise_summary(cell: Cell, recording: Recording, solution: Solution) -> dict[str, Any]:
+    """Sigmas by their names, those of `cameras` whose noise was estimated, and of `robots`, stated or estimated.
+
+    `factor` of a camera is its sigma over the median of those that its detector claims, null where that claims none.
+    `smooth` of a robot is what is alike at stops near one another: sigmas [m, rad], and over what length it changes.
+    """
+    noise = solution.noise
+    used: dict[str, Any] = {field: getattr(noise.noise, field) for field in noise.estimated}
+    if cell.pixel_px is not None and "pixel_px" not in used:
+        used["pixel_px"] = cell.pixel_px
+    if cell.correlated_px is not None:
+        used["correlated_px"] = cell.correlated_px
+    if noise.estimated:
+        used["cameras"] = _of_cameras(recording, solution)
+    stated = {name: robot.noise for name, robot in cell.robots.items() if robot.noise is not None}
+    used["robots"] = {
+        name: {"sigma_t_m": sigma[:3].tolist(), "sigma_r_rad": sigma[3:].tolist()}
+        for name, sigma in {**stated, **noise.robots}.items()
+    }
+    for name, sigma in noise.smooth.items():
+        used["robots"][name]["smooth"] = {"sigma": sigma.tolist(), "length_m": LENGTH_M}
+    return used
+
+
+def _of_cameras(recording: Recording, solution: Solution) -> dict[str, dict[str, Any]]:
+    noise, found = solution.noise, dict[str, dict[str, Any]]()
+    for group in solution.problem.groups:
+        counts = group.measurement.counts()
+        sigmas = noise.cameras.get(group.camera, noise.noise)
+        fields = {field: getattr(sigmas, field) for field in noise.estimated if counts.get(field)}
+        if fields:
+            before = found.get(group.camera, {"views_count": 0})
+            found[group.camera] = {**before, **fields, "views_count": before["views_count"] + len(group)}
+    for camera, entry in found.items():
+        claimed = _claimed_px(recording, camera)
+        entry["factor"] = entry["pixel_px"] / claimed if claimed is not None and "pixel_px" in entry else None
+    return found
+
+
+def _claimed_px(recording: Recording, camera: str) -> float | None:
+    """The median sigma that a camera's detector claims [px]."""
+    seen = [o for s in recording.samples for o in s.observations if isinstance(o, PixelObservation)]
+    claimed = [o.sigma_px for o in seen if o.camera == camera and o.detected and o.sigma_px is not None]
+    return float(np.median(np.concatenate(claimed))) if claimed else None

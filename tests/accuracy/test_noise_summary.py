@@ -1,0 +1,71 @@
+"""What a calibration says of its noise: what was stated, and what was estimated of whom."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.noise_summary import noise_summary
+from basecal.accuracy.verdict import calibrate
+from basecal.cell import Recording
+from basecal.cell.results.calibration_dict import calibration_from_dict, calibration_to_dict
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import solve
+from basecal.reporting.text import noise_sentences
+from basecal.simulation import Scenario, simulate
+
+STATED = simulate(Scenario(samples=12, robot_noise=(2e-4, 4e-4)), 2)
+BARE = simulate(Scenario(samples=14, robot_noise=(2e-4, 4e-4), state_robot_noise=False, state_pixel_noise=False), 2)
+
+
+def detected(recording, sigma_px):
+    """As if a detector had claimed a sigma of all corners."""
+
+    def of(seen):
+        return replace(seen, sigma_px=np.full(len(seen.ids), sigma_px), detected=True)
+
+    samples = (replace(s, observations=tuple(map(of, s.observations))) for s in recording.samples)
+    return Recording(tuple(samples))
+
+
+def test_what_is_stated_is_said_and_nothing_is_estimated():
+    """The cell's pixel sigma and the robots'; no camera's own."""
+    found = noise_summary(STATED.cell, STATED.recording, solve(STATED.cell, STATED.recording))
+    assert found["pixel_px"] == STATED.cell.pixel_px
+    assert "cameras" not in found
+    assert found["robots"]["hand"] == {"sigma_t_m": [2e-4] * 3, "sigma_r_rad": [4e-4] * 3}
+
+
+def test_an_estimated_sigma_is_compared_with_what_the_detector_claims():
+    """0.2 px of noise, of which the detector claims 0.05: four times that, within the error of 300 corners."""
+    recording = detected(BARE.recording, 0.05)
+    solution = solve(BARE.cell, recording, Settings(robot_noise="estimated"))
+    of = noise_summary(BARE.cell, recording, solution)["cameras"]["wrist"]
+    assert of["pixel_px"] == pytest.approx(0.2, rel=0.15)
+    assert of["factor"] == pytest.approx(of["pixel_px"] / 0.05)
+    assert of["views_count"] == 14
+    assert noise_summary(BARE.cell, BARE.recording, solution)["cameras"]["wrist"]["factor"] is None
+
+
+def test_smooth_errors_have_their_length():
+    """Where they were found they stand beside the stops' own sigmas."""
+    solution = solve(BARE.cell, BARE.recording, Settings(robot_noise="estimated"))
+    alike = replace(solution, noise=replace(solution.noise, smooth={"eye": np.array([1e-4] * 3 + [2e-4] * 3)}))
+    of = noise_summary(BARE.cell, BARE.recording, alike)["robots"]
+    assert of["eye"]["smooth"] == {"sigma": [1e-4] * 3 + [2e-4] * 3, "length_m": 0.7}
+    assert "smooth" not in of["hand"]
+
+
+def test_it_is_written_read_and_said():
+    """By `calibrate`, in `calibration.json`, and in the report's sentences."""
+    found = calibrate(BARE.cell, detected(BARE.recording, 0.05))
+    smooth = {"sigma": [1e-4] * 3 + [2e-4] * 3, "length_m": 0.7}
+    robots = {**found.noise["robots"], "eye": {**found.noise["robots"]["eye"], "smooth": smooth}}
+    found = replace(found, noise={**found.noise, "robots": robots})
+    again = calibration_from_dict(calibration_to_dict(found))
+    assert again.noise == found.noise
+    said = "\n".join(noise_sentences(again))
+    assert "times what its detector claims" in said
+    assert "error of robot eye that is smooth over 0.7 m: 0.1 mm, 0.2 mrad" in said
