@@ -48,7 +48,7 @@ def detect(image: Image, target: Target) -> Detection | None:
 
 @dataclass(frozen=True, eq=False)
 class _Rough:
-    """Corners by their ids, (n,) and (n, 2) [px], and corners of markers by the markers' ids, (m,) and (4 m, 2) [px]."""
+    """Corners by their ids, (n,) and (n, 2) [px]; corners of markers by their ids, (m,) and (4 m, 2) [px]."""
 
     ids: IntArray
     corners: Array
