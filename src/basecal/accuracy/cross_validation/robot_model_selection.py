@@ -18,6 +18,7 @@ from basecal.accuracy.cross_validation.station_scores import score_stations
 from basecal.cell import Parameters
 from basecal.cell.robot_parameters import joint_offsets, link_parameters
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
+from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.noise.estimate import degrees_of_freedom
 from basecal.estimation.problem.build import free_ends, recorded_by_joints, recorded_joints
 from basecal.estimation.problem.problem import Problem, State
@@ -26,12 +27,14 @@ from basecal.estimation.settings import DEFAULT, Settings
 from basecal.estimation.solve import Solution, solve_from
 from basecal.geometry import Array
 from basecal.kinematics import SerialChain
+from basecal.numerics.spectral import spectrum
 
 SIGMA_RAD = 0.005  # [rad] of a joint's offset: 0.3 deg, wider than a mastered arm's zeros are off
 LINK_SIGMA_M, LINK_SIGMA_RAD = 1e-3, 2e-3  # [m], [rad] of a link: wider than arms are made to
 _FEWEST_VIEWS = 15  # of fewer, a fifth held out is two views
 _MOST_SAMPLES = 200  # enough to tell models apart; bounds the time
 _CERTAIN, _DOUBTED = 3.0, 2.0  # standard errors: chances of 1 and 23 in 1,000
+_JOINTS_TRIED = 3  # single joints, those that the data call for most: one that is off alone is the first of them
 _WORTH_A_LOOK = 6.0  # what a parameter more lowers the cost by, in units of its expectation by chance
 
 OFFSETS, LINKS = "joint_offsets", "link_parameters"
@@ -104,9 +107,12 @@ def choose_robot_model(solution: Solution, settings: Settings = DEFAULT) -> Robo
     richest = solve_from(problem.with_models(every), solution.state, settings)
     problem = problem.with_noise(richest.noise.noise)
     split = next((split for split in splits(problem) if len(split.parts) >= FOLDS), None)
-    if split is None or not _worth_a_look(problem, solution, richest, settings):
+    if split is None:
         return None
-    found = _Trials(problem, chains, solution.state, split, settings.iterations).candidates()
+    plain = bundle_adjust(problem, solution.state, degrees_of_freedom(problem), settings.iterations)
+    if not _worth_a_look(plain.cost, richest, richest.problem.width - problem.width):
+        return None
+    found = _Trials(problem, chains, plain.state, split, settings.iterations).candidates()
     best = min(found, key=_mean_score)
     behind = [_standard_errors(each.scores - best.scores) for each in found]
     place = next(k for k, errors in enumerate(behind) if errors < _CERTAIN)
@@ -117,11 +123,8 @@ def choose_robot_model(solution: Solution, settings: Settings = DEFAULT) -> Robo
     return RobotModelChoice(chosen, better, tuple(found), end)
 
 
-def _worth_a_look(problem: Problem, solution: Solution, richest: Solution, settings: Settings) -> bool:
+def _worth_a_look(before: float, richest: Solution, columns: int) -> bool:
     """Whether the richest model lowers the cost by more than chance would let its columns."""
-    dof = degrees_of_freedom(problem)
-    before = bundle_adjust(problem, solution.state, dof, settings.iterations).cost
-    columns = richest.problem.width - problem.width
     scale = max(richest.cost / max(richest.dof, 1), 1e-12)
     return bool(before - richest.cost > (columns + _WORTH_A_LOOK * np.sqrt(2 * columns)) * scale)
 
@@ -144,7 +147,7 @@ def _of(problem: Problem, chains: Mapping[str, SerialChain], candidate: Candidat
 
 @dataclass(frozen=True, eq=False)
 class _Trials:
-    """What every model is tried on: the problem without models, its chains, a start, and the folds."""
+    """What every model is tried on: the problem without models, its chains, its optimum, and the folds."""
 
     problem: Problem
     chains: Mapping[str, SerialChain]
@@ -159,9 +162,8 @@ class _Trials:
         least = min(offsets, links, key=_mean_score)
         found = [none]
         if _standard_errors(none.scores - least.scores) > _DOUBTED:
-            for robot in robots:
-                found += [self.scored("joint", (robot,), joint) for joint in self.told(robot)]
-            found[1:] = sorted(found[1:], key=_mean_score)
+            joints = (self.scored("joint", (robot,), joint) for robot, joint in self.likeliest_joints())
+            found += sorted(joints, key=_mean_score)
             if len(robots) > 1:
                 found += sorted((self.scored("offsets", (robot,)) for robot in robots), key=_mean_score)
         return [*found, offsets, links]
@@ -170,6 +172,21 @@ class _Trials:
         """Joints of a robot whose offsets what was recorded tells from what else is unknown."""
         free = _models(self.problem, self.chains, (robot,), {OFFSETS: joint_offsets.Stated(status="free")})[robot]
         return free.columns[OFFSETS].basis.argmax(axis=0).tolist() if OFFSETS in free.columns else []
+
+    def likeliest_joints(self) -> list[tuple[str, int]]:
+        """The few joints whose offsets alone lower the cost most, to second order about the robots as stated."""
+        stated = _models(self.problem, self.chains, tuple(self.chains), _OFFSETS)
+        freed = self.problem.with_models(stated)
+        about = linearise(freed, self.state)
+        own = np.arange(self.problem.width)
+        back = about.hessian[:, own] @ spectrum(about.hessian[np.ix_(own, own)]).inverse
+        force = about.gradient - back @ about.gradient[own]
+        left = np.diag(about.hessian - back @ about.hessian[own])
+        lowers: dict[tuple[str, int], float] = {}
+        for robot in self.chains:
+            first = freed.columns[f"{robot}_{OFFSETS}"].start
+            lowers |= {(robot, j): force[first + j] ** 2 / left[first + j] for j in self.told(robot)}
+        return sorted(lowers, key=lambda joint: -lowers[joint])[:_JOINTS_TRIED]
 
     def scored(self, kind: str, robots: tuple[str, ...], joint: int | None = None) -> Candidate:
         """A model, and how it predicts held-out stations."""

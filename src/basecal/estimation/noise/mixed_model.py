@@ -9,7 +9,7 @@ block; those that tie many together stand among the unknowns. Source: Harville 1
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -210,14 +210,12 @@ def _reached(first: int, partners: Sequence[set[int]]) -> set[int]:
 
 def _moments(problem: Problem, group: ViewGroup, state: State, view: ViewEstimates, layout: Layout) -> Moments:
     links = chain(group, state, problem.stops)
-    n, rows = view.gradient.shape
-    fixed = np.zeros((n, rows, layout.width))
     by_shape = layout.shapes.get(group.target) if len(points_of(group)) else None
-    of_pose_and_lens = rows if by_shape is None else rows - (by_shape.stop - by_shape.start)
-    of_unknowns, columns = by_unknowns(problem, group, links, of_pose_and_lens)
-    fixed[:, :of_pose_and_lens, columns] = of_unknowns
-    if by_shape is not None:
-        fixed[:, of_pose_and_lens:, by_shape] = np.eye(rows - of_pose_and_lens)
+    n, rows = view.gradient.shape
+    rows -= 0 if by_shape is None else by_shape.stop - by_shape.start  # what is left is of pose and lens
+    fixed = np.zeros((n, rows, layout.width))
+    of_unknowns, columns = by_unknowns(problem, group, links, rows)
+    fixed[:, :, columns] = of_unknowns
     of_models, more = by_robot_models(problem, group, links, state, rows)
     fixed[:, :, more] = of_models
     errors, present = np.zeros((n, rows, layout.rows)), np.zeros((n, rows))
@@ -231,10 +229,11 @@ def _moments(problem: Problem, group: ViewGroup, state: State, view: ViewEstimat
             stand = group.eye_stand if robot == group.eye else group.hand_stand
             spread = by_error[:, :, None, :] * shape[stand][:, None, :, None]
             fixed[:, :, at : at + 6 * shape.shape[1]] += spread.reshape(n, rows, -1)
-    carried = (view.information @ present[..., None])[..., 0]
+    carried = (view.information[..., :rows] @ present[..., None])[..., 0]
     gradient = view.gradient - carried
-    cost = float(np.sum(view.cost - 2 * np.sum(view.gradient * present, -1) + np.sum(present * carried, -1)))
-    return _summed(view, gradient, cost, fixed, errors, block, layout)
+    squares = np.sum(present * (carried - 2 * view.gradient)[:, :rows], -1)
+    about = replace(view, cost=view.cost + squares, gradient=gradient)
+    return _summed(about, fixed, errors, block, layout, by_shape)
 
 
 def _place(fixed: Array, errors: Array, block: IntArray, stop: IntArray, by_error: Array, layout: Layout) -> None:
@@ -249,19 +248,28 @@ def _place(fixed: Array, errors: Array, block: IntArray, stop: IntArray, by_erro
 
 
 def _summed(
-    view: ViewEstimates, gradient: Array, cost: float, fixed: Array, errors: Array, block: IntArray, layout: Layout
+    view: ViewEstimates, fixed: Array, errors: Array, block: IntArray, layout: Layout, by_shape: slice | None
 ) -> Moments:
-    carried = view.information @ fixed
-    n, rows = gradient.shape
+    """Sums over views; what they are of a shape's own columns is taken as it is, which are many."""
+    n, rows, _ = fixed.shape
+    gradient, information = view.gradient[:, :rows], view.information[:, :rows, :rows]
+    carried = information @ fixed
+    if by_shape is not None:
+        carried[..., by_shape] = view.information[:, :rows, rows:]
     flat = fixed.reshape(n * rows, layout.width)
+    by_fixed, both = flat.T @ gradient.reshape(-1), flat.T @ carried.reshape(n * rows, layout.width)
+    if by_shape is not None:
+        by_fixed[by_shape] = view.gradient[:, rows:].sum(0)
+        both[by_shape] = both[:, by_shape].T
+        both[by_shape, by_shape] = view.information[:, rows:, rows:].sum(0)
     blocks, q, m = layout.blocks, layout.rows, layout.width
     e, ef, ee = np.zeros((blocks, q)), np.zeros((blocks, q, m)), np.zeros((blocks, q, q))
     own = np.flatnonzero(block >= 0)
     by_error = np.swapaxes(errors[own], -1, -2)
     np.add.at(e, block[own], (by_error @ gradient[own][..., None])[..., 0])
     np.add.at(ef, block[own], by_error @ carried[own])
-    np.add.at(ee, block[own], by_error @ view.information[own] @ errors[own])
-    return Moments(view.count, cost, flat.T @ gradient.reshape(-1), e, flat.T @ carried.reshape(n * rows, m), ef, ee)
+    np.add.at(ee, block[own], by_error @ information[own] @ errors[own])
+    return Moments(view.count, float(view.cost.sum()), by_fixed, e, both, ef, ee)
 
 
 def _sum(a: Moments, b: Moments) -> Moments:

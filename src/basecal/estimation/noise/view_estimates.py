@@ -59,7 +59,7 @@ def view_estimates(
     lens = group.camera in problem.columns
     counts = group.measurement.counts()
     return {
-        name: _estimates(view, counts.get(name, 0))
+        name: _estimates(view, counts.get(name, 0), by_shape)
         for name, view in _parts(group.measurement, at, camera, lens, by_shape).items()
     }
 
@@ -84,7 +84,10 @@ def _parts(
     return parts
 
 
-def _estimates(view: ViewInformation, total: int) -> ViewEstimates:
+def _estimates(view: ViewInformation, total: int, by_shape: Array | None) -> ViewEstimates:
+    if by_shape is not None and by_shape.shape[-1] == by_shape[..., 0].size:
+        # Where every point may be off by itself, nothing of a view is noise of single points alone.
+        return ViewEstimates(*view, total, 0.0, 0)
     own, rank = _explained(view.gradient, view.information)
     count = int(rank.sum())
     white = max(float(view.cost.sum() - own.sum()), 0.0)
