@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+
 import numpy as np
 
 from basecal.cell.target import Target
@@ -77,3 +79,11 @@ def errors_of(detection: Detection | None, shape: Target, block: int = 1) -> Arr
     rows = shape.rows(detection.ids)
     both = [detection.pixels - each[rows] for each in ((true, true[::-1]) if shape.alike_turned else (true,))]
     return min(both, key=lambda each: float(np.abs(each).max()))
+
+
+def with_exif(jpeg: bytes, orientation: int, order: str = "<") -> bytes:
+    """A JPEG with a segment of EXIF that tells an orientation."""
+    tiff = (b"II*\0" if order == "<" else b"MM\0*") + struct.pack(
+        order + "IHHHIHHI", 8, 1, 274, 3, 1, orientation, 0, 0
+    )
+    return jpeg[:2] + b"\xff\xe1" + struct.pack(">H", len(tiff) + 8) + b"Exif\0\0" + tiff + jpeg[2:]

@@ -20,7 +20,7 @@ from basecal.geometry import SE3
 from basecal.vision.detect import detect
 from basecal.vision.draw.light import LightSettings, render_light
 from basecal.vision.draw.render import RenderSettings, render
-from vision_scenes import PLAIN, TARGETS
+from vision_scenes import PLAIN, TARGETS, with_exif
 
 TAG = apriltag_target("tag36h11", [(2, 0.1, SE3.identity())])
 CELL = Cell(
@@ -137,7 +137,7 @@ def test_light_with_background(tmp_path: Path) -> None:
     assert isinstance(pair, PixelObservation)
     np.testing.assert_allclose(pair.pixels, [PLAIN.project(light)], atol=0.1)
     lost = replace(told, samples=(Sample(2, images=images, background={"wrist": "gone.png"}),))
-    assert "gone.png is missing" in detect(LIT, lost, tmp_path).findings[0].message
+    assert "gone.png is missing" in detect(LIT, lost, tmp_path).findings[1].message
 
 
 def test_second_time_from_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -163,7 +163,7 @@ def test_second_time_from_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     detect(replace(CELL, targets={"tag": CellTarget("tag", "hand", target=other)}), told, tmp_path)
     assert len(calls) == 4
     narrow = replace(CELL, cameras={"wrist": replace(CELL.cameras["wrist"], size_px=(600, 480))})
-    assert len(detect(narrow, told, tmp_path).findings) == 2
+    assert [f.code for f in detect(narrow, told, tmp_path).findings] == ["few-images", *["dropped-sample"] * 2]
 
 
 @pytest.mark.parametrize(
@@ -204,3 +204,39 @@ def test_two_targets_in_one_image(tmp_path: Path) -> None:
     picture = np.where(np.arange(640) < 320, board, tag)
     (sample,) = detect(both, recording(tmp_path, picture), tmp_path).samples
     assert {each.target for each in sample.observations} == {"tag", "board"}
+
+
+def test_a_wrong_number_is_named_first(tmp_path: Path) -> None:
+    """Told another tag than the one in its images, the first finding is a warning that names the one that is there."""
+    told = recording(tmp_path, *(image(depth) for depth in (0.4, 0.5, 0.6, 0.7)))
+    other = apriltag_target("tag36h11", [(0, 0.1, SE3.identity())])
+    found = detect(replace(CELL, targets={"tag": CellTarget("tag", "hand", target=other)}), told, tmp_path)
+    first = found.findings[0]
+    assert (first.code, first.severity, first.about) == ("few-images", "warning", ("wrist",))
+    assert first.message == "4 of 4 images of 'wrist' show no target: 'tag': tag 2 is there, not 0"
+
+
+@pytest.mark.filterwarnings("error")
+def test_damaged_images_are_dropped(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """A JPEG half of which is missing is a finding that names it, and no decoder prints anything."""
+    told = recording(tmp_path, *(image(depth) for depth in (0.4, 0.5, 0.6, 0.7)))
+    data = bytes(cv2.imencode(".jpg", image(0.5))[1])
+    (tmp_path / "1.png").write_bytes(data[: len(data) // 2] + data[-2:])
+    found = detect(CELL, told, tmp_path)
+    assert [len(sample.observations) for sample in found.samples] == [1, 0, 1, 1]
+    (finding,) = found.findings
+    assert finding.code == "dropped-sample"
+    assert "sample 1: 1.png is damaged (premature end of data segment)" in finding.message
+    assert capfd.readouterr() == ("", "")
+
+
+def test_turned_images_are_named(tmp_path: Path) -> None:
+    """Images that EXIF asks to turn are searched as they are stored, also from the cache, and that is told."""
+    told = recording(tmp_path, image(0.5), image(0.6))
+    (tmp_path / "0.png").write_bytes(with_exif(bytes(cv2.imencode(".jpg", image(0.5))[1]), 6))
+    for _ in range(2):
+        found = detect(CELL, told, tmp_path)
+        assert [ids_of(sample) for sample in found.samples] == [[[8, 9, 10, 11]]] * 2
+        (finding,) = found.findings
+        assert (finding.code, finding.severity, finding.about) == ("turned-images", "info", ("wrist",))
+        assert "EXIF of 1 images of 'wrist'" in finding.message

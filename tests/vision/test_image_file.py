@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import os
+import struct
+import time
+import tracemalloc
+import zlib
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from basecal.vision.image_file import grey_image, read_bytes
+from basecal.vision.image_file import grey_image, is_turned, read_bytes
+from vision_scenes import TARGETS, scene, with_exif
 
 SIZE = (64, 48)
 PICTURE = np.random.default_rng(0).integers(0, 256, SIZE[::-1]).astype(np.uint8)
@@ -99,3 +105,87 @@ def test_missing_and_folder(tmp_path: Path) -> None:
     assert read_bytes(tmp_path) == "is not a file"
     (tmp_path / "some").write_bytes(b"abc")
     assert read_bytes(tmp_path / "some") == b"abc"
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes on this system")
+def test_pipes_devices_and_files_without_end(tmp_path: Path) -> None:
+    """A pipe that nobody writes to and a device without end are refused at once."""
+    os.mkfifo(tmp_path / "pipe")
+    assert read_bytes(tmp_path / "pipe") == "is not a file"
+    assert read_bytes(Path("/dev/zero")) == "is not a file"
+
+
+def test_a_file_too_large(tmp_path: Path) -> None:
+    """A file larger than any image is refused by its size."""
+    with (tmp_path / "large").open("wb") as file:
+        file.truncate(2**31)
+    assert str(read_bytes(tmp_path / "large")).startswith("has more than 256 MB")
+
+
+def test_names_that_are_none(tmp_path: Path) -> None:
+    """A name that no file can have is told in words."""
+    for name in ("a\0b.png", "\ud800.png"):
+        assert "cannot be read" in str(read_bytes(tmp_path / name)) or read_bytes(tmp_path / name) == "is missing"
+
+
+def huge(width: int, height: int) -> bytes:
+    """A PNG of a few megabytes that opens to gigabytes."""
+    rows = zlib.compressobj(9)
+    body = b"".join(rows.compress(bytes(1 + width)) for _ in range(height)) + rows.flush()
+    chunks = ((b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)), (b"IDAT", body), (b"IEND", b""))
+    written = (struct.pack(">I", len(of)) + name + of + struct.pack(">I", zlib.crc32(name + of)) for name, of in chunks)
+    return b"\x89PNG\r\n\x1a\n" + b"".join(written)
+
+
+def test_huge_images_are_refused_before_their_pixels() -> None:
+    """An image of 90 megapixels is refused by its header, in no memory to speak of and no time."""
+    data = huge(30000, 3000)
+    tracemalloc.start()
+    began = time.perf_counter()
+    why = grey_image(data, None)
+    assert time.perf_counter() - began < 1
+    assert tracemalloc.get_traced_memory()[1] < 2**20
+    tracemalloc.stop()
+    assert why == "has 30000 x 3000 pixels, expected 1 to 64 million"
+
+
+BOARD = scene(TARGETS["chessboard"])
+
+
+def test_half_a_board_is_none() -> None:
+    """A JPEG that decoders fill with grey for want of data is no image: its corners were hundreds of pixels off."""
+    data = encoded(".jpg", BOARD)
+    why = grey_image(data[: len(data) // 2] + data[-2:], None)
+    assert why == "is damaged (premature end of data segment)"
+    assert isinstance(cv2.imdecode(np.frombuffer(data[: len(data) // 2] + data[-2:], np.uint8), 0), np.ndarray)
+
+
+def test_damaged_png() -> None:
+    """A PNG with one byte changed is no image."""
+    data = bytearray(encoded(".png", BOARD))
+    data[len(data) // 2] ^= 1
+    assert str(grey_image(bytes(data), None)).startswith("is damaged")
+
+
+@pytest.mark.parametrize("orientation", [1, 3, 6])
+def test_as_the_sensor_gave_it(orientation: int) -> None:
+    """EXIF turns no pixel, since lenses stay where they are; but it is told that it asks for that."""
+    data = with_exif(encoded(".jpg"), orientation)
+    image = grey_image(data, SIZE)
+    assert not isinstance(image, str)
+    np.testing.assert_array_equal(image, grey_image(encoded(".jpg"), SIZE))
+    assert is_turned(data) == (orientation != 1)
+
+
+@pytest.mark.parametrize(
+    ("size_px", "cause"),
+    [
+        ((48, 64), ": width and height look swapped, of it and of its lens; pixels count as the sensor gave them"),
+        ((128, 96), ": the lens seems to be of pictures scaled by 2"),
+        ((32, 24), ": the lens seems to be of pictures scaled by 0.5"),
+        ((60, 48), ""),
+    ],
+)
+def test_cause_of_another_size(size_px: tuple[int, int], cause: str) -> None:
+    """Where the camera's size is the image's turned or scaled, that is said."""
+    assert grey_image(encoded(".png"), size_px) == f"has 64 x 48 pixels, its camera {size_px[0]} x {size_px[1]}{cause}"

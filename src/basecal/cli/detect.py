@@ -12,6 +12,8 @@ from basecal.cli.terminal import print_json, say
 if TYPE_CHECKING:
     from basecal.cell import Recording
 
+Pair = tuple[str, str]  # a camera and a target
+
 
 def detect(cell: Path, /, *, json: bool = False) -> int:
     """Find the targets in the images of a recording.
@@ -46,17 +48,21 @@ def detect(cell: Path, /, *, json: bool = False) -> int:
 def _print_summary(recording: Recording) -> None:
     from basecal.cell import CandidateObservation, PixelObservation
 
-    images, found, points = Counter[str](), Counter[tuple[str, str]](), Counter[tuple[str, str]]()
+    images, found, recorded, points = Counter[str](), Counter[Pair](), Counter[Pair](), Counter[Pair]()
     for sample in recording.samples:
         images.update(sample.images.keys())
         for seen in sample.observations:
             if isinstance(seen, PixelObservation | CandidateObservation):
-                found[seen.camera, seen.target] += 1
-                points[seen.camera, seen.target] += len(seen.pixels)
-    for pair, count in sorted(found.items()):
+                pair = (seen.camera, seen.target)
+                (found if seen.camera in sample.images else recorded)[pair] += 1
+                points[pair] += len(seen.pixels)
+    for pair in sorted(found | recorded):
         camera, target = pair
-        say(f"{target} in {count} of {images[camera]} images of {camera}, {points[pair] / count:.1f} points each")
-    if not found:
+        each = f"{points[pair] / (found[pair] + recorded[pair]):.1f} points each"
+        shown = f"in {found[pair]} of {images[camera]} images of {camera}" if found[pair] else f"by {camera}"
+        without = f"{recorded[pair]} views recorded without an image" if recorded[pair] else ""
+        say(", ".join(part for part in (f"{target} {shown}", without, each) if part))
+    if not found and not recorded:
         say(f"nothing found in {sum(images.values())} images")
     for finding in recording.findings:
         say(f"{finding.severity}: {finding.code}: {finding.message}")

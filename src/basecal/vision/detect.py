@@ -14,9 +14,8 @@ from basecal.errors import InputError
 from basecal.vision import cache
 from basecal.vision.detection import Detection, Image
 from basecal.vision.detectors import LIGHT, find
-from basecal.vision.image_file import grey_image, read_bytes
-
-_SHOWN = 10  # samples in a sentence
+from basecal.vision.image_file import grey_image, is_turned, read_bytes
+from basecal.vision.losses import Searched, lost_images
 
 Progress = Callable[[int, int], None]
 """Called with how many samples of how many are done."""
@@ -45,22 +44,19 @@ def detect(
     if folder is None and recording.folder is None and any(sample.images for sample in recording.samples):
         raise InputError("it is not known where the images are; give the folder of the cell")
     look = _Look(cell, sought, Path(folder or recording.folder or "."))
-    samples, findings, missed = [], [*recording.findings], dict[tuple[str, str], list[int]]()
+    samples, findings, searched = [], [*recording.findings], list[Searched]()
     for done, sample in enumerate(recording.samples, start=1):
-        seen = [_camera(look, sample, camera) for camera in sample.images]
+        seen = [view for camera in sample.images if (view := _camera(look, sample, camera)) is not None]
         found = [each for view in seen for each in view.found]
         samples.append(replace(sample, observations=(*sample.observations, *found)) if found else sample)
-        findings += [finding for view in seen for finding in view.findings]
-        for view in seen:
-            for pair in view.missed:
-                missed.setdefault(pair, []).append(sample.sample)
+        findings += [view.unusable for view in seen if view.unusable is not None]
+        searched += [view.searched for view in seen]
         if progress is not None:
             progress(done, len(recording.samples))
-    for (camera, target), where in missed.items():
-        few = ", ".join(map(str, where[:_SHOWN])) + (", ..." if len(where) > _SHOWN else "")
-        message = f"{target!r} is not found in {len(where)} images of {camera!r}: samples {few}"
-        findings.append(Finding("dropped-sample", "info", (camera, target), message))
-    return replace(recording, samples=tuple(samples), findings=tuple(findings))
+    lost = list(lost_images(searched, sought, look.folder))
+    grave = [finding for finding in lost if finding.severity == "warning"]
+    others = [finding for finding in lost if finding.severity != "warning"]
+    return replace(recording, samples=tuple(samples), findings=(*grave, *findings, *others))
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,40 +68,49 @@ class _Look:
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """What one image of a sample shows: observations, pairs of camera and target without one, and what is amiss."""
+    """What an image of a sample shows, or why it cannot be used."""
 
+    searched: Searched
     found: tuple[Observation, ...] = ()
-    missed: tuple[tuple[str, str], ...] = ()
-    findings: tuple[Finding, ...] = ()
+    unusable: Finding | None = None
 
 
-def _camera(look: _Look, sample: Sample, camera: str) -> _View:
+def _camera(look: _Look, sample: Sample, camera: str) -> _View | None:
+    """What one image of a sample shows; None where there is nothing to look for."""
     known = {each.target for each in sample.observations if each.camera == camera}
     open_targets = {name: target for name, target in look.targets.items() if name not in known}
     # Without a lens, pixels say nothing.
     if not open_targets or look.cell.cameras[camera].intrinsics is None:
-        return _View()
-    data = _bytes(look, sample, camera, sample.images[camera])
-    if isinstance(data, Finding):
-        return _View(findings=(data,))
-    needs_dark = camera in sample.background and any(target.found_by == LIGHT for target in open_targets.values())
-    off = _bytes(look, sample, camera, sample.background[camera]) if needs_dark else None
-    if isinstance(off, Finding):
-        return _View(findings=(off,))
+        return None
+    searched = Searched(sample.sample, camera, sample.images[camera])
+    images = _images(look, sample, camera, needs_dark=any(each.found_by == LIGHT for each in open_targets.values()))
+    if isinstance(images, Finding):
+        return _View(searched, unusable=images)
+    data, off = images
     found: list[Observation] = []
     missed = []
     for name, target in open_targets.items():
         one = _detection(look, sample, camera, target, data, off if target.found_by == LIGHT else None)
         if isinstance(one, Finding):
-            return _View(findings=(one,))
+            return _View(searched, unusable=one)
         seen = one[0]
         if seen is None:
-            missed.append((camera, name))
+            missed.append(name)
         elif seen.ids is None:
             found.append(CandidateObservation(camera, name, seen.pixels, seen.sigma_px, detected=True))
         else:
             found.append(PixelObservation(camera, name, seen.ids, seen.pixels, seen.sigma_px, detected=True))
-    return _View(tuple(found), tuple(missed))
+    names = tuple(each.target for each in found)
+    return _View(replace(searched, found=names, missed=tuple(missed), turned=is_turned(data)), tuple(found))
+
+
+def _images(look: _Look, sample: Sample, camera: str, needs_dark: bool) -> tuple[bytes, bytes | None] | Finding:
+    """The image and, where it is needed and there is one, the image without a light; or why one cannot be used."""
+    data = _bytes(look, sample, camera, sample.images[camera])
+    if isinstance(data, Finding) or not needs_dark or camera not in sample.background:
+        return data if isinstance(data, Finding) else (data, None)
+    off = _bytes(look, sample, camera, sample.background[camera])
+    return off if isinstance(off, Finding) else (data, off)
 
 
 def _bytes(look: _Look, sample: Sample, camera: str, path: str) -> bytes | Finding:

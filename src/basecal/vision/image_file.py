@@ -2,55 +2,68 @@
 
 from __future__ import annotations
 
+import os
+import stat
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from basecal.errors import InputError
+from basecal.vision.decoder import decoded
 from basecal.vision.detection import Image
+from basecal.vision.image_header import header
 
 _JPEG, _PNG, _BMP = b"\xff\xd8\xff", b"\x89PNG\r\n\x1a\n", b"BM"
 _TO_GREY = {3: cv2.COLOR_BGR2GRAY, 4: cv2.COLOR_BGRA2GRAY}
-_LARGEST_BYTES = 2**29  # 512 MiB: 16 bits and four channels of 64 megapixels
+_LARGEST_BYTES = 2**28  # 256 MiB: 16 bits and two channels of 64 megapixels
+_MOST_PIXELS = 2**26  # 64 megapixels, of colour and 16 bits 512 MiB: the largest sensors of machine vision have that
 _END_BYTES = 64  # in which a whole PNG names its end; some programs write a little after it
+_AT_ONCE = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
+_TURNED = range(2, 9)  # EXIF's orientations of pictures that are shown in another way than they are stored
 
 
 def read_bytes(path: Path) -> bytes | str:
-    """What a file holds, or why it cannot be read."""
+    """What a file holds, or why it cannot be read: pipes and devices are not, nor files that have no end."""
     try:
-        if not path.is_file():
-            return "is missing" if not path.exists() else "is not a file"
-        if path.stat().st_size > _LARGEST_BYTES:
-            return f"has {path.stat().st_size / 2**20:.0f} MB, more than an image has"
-        return path.read_bytes()
+        descriptor = os.open(path, os.O_RDONLY | _AT_ONCE)
+    except FileNotFoundError:
+        return "is missing"
+    except (OSError, ValueError) as error:
+        return f"cannot be read ({getattr(error, 'strerror', None) or 'no name of a file'})"
+    try:
+        about = os.fstat(descriptor)
+        if not stat.S_ISREG(about.st_mode):
+            return "is not a file"
+        data = b""
+        if about.st_size <= _LARGEST_BYTES:
+            with os.fdopen(descriptor, "rb", closefd=False) as file:
+                data = file.read(_LARGEST_BYTES + 1)  # some files say that they are empty and have no end
+        too_large = max(about.st_size, len(data)) > _LARGEST_BYTES
     except OSError as error:
         return f"cannot be read ({error.strerror})"
+    finally:
+        os.close(descriptor)
+    return f"has more than {_LARGEST_BYTES // 2**20} MB, more than an image has" if too_large else data
 
 
 def grey_image(data: bytes, size_px: tuple[int, int] | None) -> Image | str:
     """The image in the bytes of a file, (h, w) of uint8 or uint16, colour turned to grey, or why there is none.
 
+    Pixels are where the sensor gave them, whatever EXIF says of turning the picture: that is for people who look at
+    it, a lens is calibrated as it stands on its sensor.
+
     Args:
         data: What the file holds.
         size_px: Width and height it has to have; None where any will do.
     """
-    if not data:
-        return "is empty"
-    if _is_cut(data):
-        return "is truncated"
-    try:
-        decoded = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
-    except cv2.error:
-        decoded = None
-    if decoded is None:
-        return "is not an image (PNG, JPEG, TIFF, BMP and the like)"
-    pixels: NDArray[Any] = decoded
-    size = (pixels.shape[1], pixels.shape[0])
-    if size_px is not None and size != tuple(size_px):
-        return f"has {size[0]} x {size[1]} pixels, its camera {size_px[0]} x {size_px[1]}"
+    if (why := _why_not(data, size_px)) is not None:
+        return why
+    pixels, amiss = decoded(data)
+    if pixels is None:
+        return f"is damaged ({amiss or 'its pixels cannot be read'})"
+    if amiss:
+        return f"is damaged ({amiss})"
     if pixels.dtype not in (np.uint8, np.uint16):
         return f"has pixels of type {pixels.dtype}, expected 8 or 16 bits"
     if pixels.ndim == 2:
@@ -58,6 +71,36 @@ def grey_image(data: bytes, size_px: tuple[int, int] | None) -> Image | str:
     if pixels.shape[2] not in _TO_GREY:
         return f"has {pixels.shape[2]} channels, expected grey or colour"
     return np.asarray(cv2.cvtColor(pixels, _TO_GREY[pixels.shape[2]]))
+
+
+def is_turned(data: bytes) -> bool:
+    """Whether EXIF says that a picture is to be turned or mirrored before it is shown."""
+    told = header(data)
+    return told is not None and told.orientation in _TURNED
+
+
+def _why_not(data: bytes, size_px: tuple[int, int] | None) -> str | None:
+    """Why an image is not read, by all that is known before its pixels."""
+    if not data:
+        return "is empty"
+    told = header(data)
+    if told is None:
+        return "is not an image (PNG, JPEG, TIFF, BMP, WebP, PGM or PPM)"
+    width, height = told.size_px
+    if min(width, height) < 1 or width * height > _MOST_PIXELS:
+        return f"has {width} x {height} pixels, expected 1 to {_MOST_PIXELS // 2**20} million"
+    if size_px is not None and told.size_px != tuple(size_px):
+        return f"has {width} x {height} pixels, its camera {size_px[0]} x {size_px[1]}{_cause(told.size_px, size_px)}"
+    return "is truncated" if _is_cut(data) else None
+
+
+def _cause(size: tuple[int, int], size_px: tuple[int, int]) -> str:
+    """What seems to be wrong with a size that differs."""
+    if size == (size_px[1], size_px[0]):
+        return ": width and height look swapped, of it and of its lens; pixels count as the sensor gave them"
+    if size[0] * size_px[1] == size[1] * size_px[0]:
+        return f": the lens seems to be of pictures scaled by {size_px[0] / size[0]:g}"
+    return ""
 
 
 def write_png(path: Path, image: Image) -> None:

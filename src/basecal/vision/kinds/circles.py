@@ -47,8 +47,7 @@ def detect(image: Image, target: Target) -> Detection | None:
     Raises:
         InputError: if the image is not grey of 8 or 16 bits.
     """
-    columns, rows = target.options["circles"]
-    centres = best(eight_bit(image), _WAYS, partial(_centres, target), columns * rows)
+    centres = best(eight_bit(image), _WAYS, partial(_centres, target), len(target.ids))
     if centres is None:
         return None
     start = _facing(target, centres)
@@ -59,6 +58,11 @@ def detect(image: Image, target: Target) -> Detection | None:
     perspective, bent = _eccentricity(target.points[kept, :2], shape, float(target.options["spacing_m"]))
     model = _MODEL_PX**2 + (_BENT_SHARE * np.linalg.norm(bent, axis=1)) ** 2
     return found(target.ids[kept], shape[:, :2] - perspective - bent, np.sqrt(outlines.variance[kept] + model))
+
+
+def is_seen(image: Grey, target: Target) -> bool:
+    """Whether the grid is in an image of the usual light and size, (h, w)."""
+    return len(_centres(target, image, Way())) > 0
 
 
 def _centres(target: Target, image: Grey, way: Way) -> Array:

@@ -15,6 +15,16 @@ from basecal.geometry import Array, BoolArray
 
 _FAMILY = re.compile(r"tag(16h5|25h9|36h10|36h11)")
 
+_SIZES = (50, 100, 250, 1000)
+MARKER_SETS = (
+    *(tuple(f"DICT_{cells}X{cells}_{size}" for size in _SIZES) for cells in (4, 5, 6, 7)),
+    *(
+        (name,)
+        for name in ("DICT_ARUCO_ORIGINAL", "DICT_ARUCO_MIP_36h12", "tag16h5", "tag25h9", "tag36h10", "tag36h11")
+    ),
+)
+"""Dictionaries that OpenCV knows; those of one tuple are the beginning of its last."""
+
 
 @cache
 def dictionary(name: str) -> Any:

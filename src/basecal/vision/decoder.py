@@ -1,0 +1,75 @@
+"""Pixels from the bytes of an image, and what the decoder says of them, which it says to the terminal only."""
+
+from __future__ import annotations
+
+import os
+import re
+import tempfile
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+_STDERR = 2
+_MOST_CHATTER = 2**16  # [bytes] that are read of what a decoder writes
+_ONE_AT_A_TIME = threading.Lock()
+# Bytes between the last of the picture and its end harm nothing; OpenCV's warnings are of tags it does not know.
+_HARMLESS = re.compile(r"extraneous bytes before marker 0xd9|^\[ *(WARN|INFO)")
+_DECODERS = re.compile(
+    r"^(Corrupt JPEG data|Premature end of JPEG|JPEG|Invalid |Unsupported |Inconsistent |libpng)|^\[ *"
+)
+_PREFIX = re.compile(r"^(Corrupt JPEG data: |\[ *ERROR[^\]]*\] global \S+ \S+ )")
+
+
+class Decoded(NamedTuple):
+    """An image as it is stored, (h, w) or (h, w, channels), or None; and what is amiss with it, or nothing."""
+
+    pixels: NDArray[Any] | None
+    amiss: str
+
+
+def decoded(data: bytes) -> Decoded:
+    """The pixels of an image, as the sensor gave them whatever EXIF says of turning them, and what is amiss."""
+    said: list[str] = []
+    with _heard(said):
+        try:
+            pixels = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
+        except cv2.error:
+            pixels = None
+    return Decoded(pixels, said[0] if said else "")
+
+
+@contextmanager
+def _heard(said: list[str]) -> Iterator[None]:
+    """Complaints that decoders write to stderr meanwhile, in `said`; lines of others go on to stderr."""
+    with _ONE_AT_A_TIME:
+        try:
+            kept = os.dup(_STDERR)
+        except OSError:  # no stderr to hear
+            yield
+            return
+        with tempfile.TemporaryFile() as written:
+            os.dup2(written.fileno(), _STDERR)
+            try:
+                yield
+            finally:
+                os.dup2(kept, _STDERR)
+                os.close(kept)
+                written.seek(0)
+                text = written.read(_MOST_CHATTER).decode("utf-8", "replace")
+                said += [_PREFIX.sub("", line).strip() for line in _complaints(text)]
+                _passed_on(text)
+
+
+def _complaints(text: str) -> list[str]:
+    return [line for line in text.splitlines() if _DECODERS.match(line) and not _HARMLESS.search(line)]
+
+
+def _passed_on(text: str) -> None:
+    others = [line for line in text.splitlines(keepends=True) if not _DECODERS.match(line)]
+    if others:
+        os.write(_STDERR, "".join(others).encode("utf-8", "replace"))

@@ -1,0 +1,142 @@
+"""What the first bytes of an image file say: its format, size and how it is meant to be turned, before any pixel."""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+_STARTS_OF_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # tables, reserved and arithmetic coding's
+_ALONE = frozenset({0x01, *range(0xD0, 0xD8)})  # JPEG markers without a length
+_MOST_SEGMENTS = 10_000  # of a file: cameras write ten, and programs a chunk of every 8 kB
+_MOST_TAGS = 500  # of one directory of a TIFF: cameras write fifty
+_WIDTH, _HEIGHT, _ORIENTATION = 256, 257, 274  # tags of a TIFF
+_SHORT, _LONG = 3, 4  # types of its values
+_NETPBM = re.compile(rb"P[2356]\s(?:\s*#[^\n]*\n)*\s*(\d{1,9})\s(?:\s*#[^\n]*\n)*\s*(\d{1,9})\s")
+
+
+class Header(NamedTuple):
+    """What is said before the pixels.
+
+    Attributes:
+        size_px: Width and height.
+        orientation: How the picture is meant to be turned before it is shown, 1 to 8 as of EXIF; 1 for not at all.
+    """
+
+    size_px: tuple[int, int]
+    orientation: int = 1
+
+
+def header(data: bytes) -> Header | None:
+    """The header of an image; None where no format that is read begins so, or its header is broken.
+
+    Source: PNG 3rd edition; ITU-T T.81; TIFF 6.0; EXIF 2.32; RFC 9649; netpbm's pages.
+    """
+    for start, read in _FORMATS.items():
+        if data.startswith(start):
+            try:
+                return read(data)
+            except (struct.error, LookupError, ValueError):
+                return None
+    return None
+
+
+def _png(data: bytes) -> Header:
+    return Header(struct.unpack_from(">II", data, 16), _exif_of_png(data))
+
+
+def _exif_of_png(data: bytes) -> int:
+    """The orientation by the chunk `eXIf`, where there is one."""
+    at = 8
+    for _ in range(_MOST_SEGMENTS):
+        if at + 8 > len(data):
+            break
+        length, name = struct.unpack_from(">I4s", data, at)
+        if name == b"eXIf":
+            return _tiff_tags(data[at + 8 : at + 8 + length]).get(_ORIENTATION, 1)
+        at += 12 + length
+    return 1
+
+
+def _bmp(data: bytes) -> Header:
+    if struct.unpack_from("<I", data, 14)[0] == 12:  # the oldest header
+        return Header(struct.unpack_from("<HH", data, 18))
+    width, height = struct.unpack_from("<ii", data, 18)
+    return Header((width, abs(height)))
+
+
+def _jpeg(data: bytes) -> Header:
+    orientation = 1
+    for marker, at in _segments(data):
+        if marker == 0xE1 and data[at + 2 : at + 8] == b"Exif\0\0":
+            orientation = _tiff_tags(data[at + 8 : at + struct.unpack_from(">H", data, at)[0]]).get(_ORIENTATION, 1)
+        if marker in _STARTS_OF_FRAMES:
+            height, width = struct.unpack_from(">HH", data, at + 3)
+            return Header((width, height), orientation)
+    raise ValueError("no frame")
+
+
+def _segments(data: bytes) -> Iterator[tuple[int, int]]:
+    """Markers of a JPEG, each with where its length stands."""
+    at = 2
+    for _ in range(_MOST_SEGMENTS):
+        at = data.index(b"\xff", at) if b"\xff" in data[at : at + 2**16] else len(data)
+        while data[at] == 0xFF:
+            at += 1
+        marker = data[at]
+        at += 1
+        if marker not in _ALONE:
+            yield marker, at
+            at += max(struct.unpack_from(">H", data, at)[0], 2)
+
+
+def _tiff(data: bytes) -> Header:
+    tags = _tiff_tags(data)
+    return Header((tags[_WIDTH], tags[_HEIGHT]), tags.get(_ORIENTATION, 1))
+
+
+def _tiff_tags(data: bytes) -> dict[int, int]:
+    """Whole numbers of the first directory of a TIFF, by tag."""
+    order = "<" if data[:2] == b"II" else ">"
+    (at,) = struct.unpack_from(order + "I", data, 4)
+    (count,) = struct.unpack_from(order + "H", data, at)
+    tags = {}
+    for k in range(min(count, _MOST_TAGS)):
+        tag, kind, _ = struct.unpack_from(order + "HHI", data, at + 2 + 12 * k)
+        if kind in (_SHORT, _LONG):
+            tags[tag] = struct.unpack_from(order + ("H" if kind == _SHORT else "I"), data, at + 10 + 12 * k)[0]
+    return tags
+
+
+def _webp(data: bytes) -> Header:
+    if data[8:12] != b"WEBP":
+        raise ValueError("another kind of RIFF")
+    kind = data[12:16]
+    if kind == b"VP8X":
+        width, height = (int.from_bytes(data[at : at + 3], "little") + 1 for at in (24, 27))
+    elif kind == b"VP8L":
+        bits = struct.unpack_from("<I", data, 21)[0]
+        width, height = (bits & 0x3FFF) + 1, (bits >> 14 & 0x3FFF) + 1
+    else:
+        width, height = (side & 0x3FFF for side in struct.unpack_from("<HH", data, 26))
+    return Header((width, height))
+
+
+def _netpbm(data: bytes) -> Header:
+    found = _NETPBM.match(data[:4096])
+    if found is None:
+        raise ValueError("no size")
+    return Header((int(found[1]), int(found[2])))
+
+
+_FORMATS: dict[bytes, Callable[[bytes], Header]] = {
+    b"\x89PNG\r\n\x1a\n": _png,
+    b"\xff\xd8\xff": _jpeg,
+    b"II*\0": _tiff,
+    b"MM\0*": _tiff,
+    b"BM": _bmp,
+    b"RIFF": _webp,
+    **dict.fromkeys((b"P2", b"P3", b"P5", b"P6"), _netpbm),
+}
+"""One line a format, by how its files begin."""

@@ -1,0 +1,97 @@
+"""Images that gave nothing, as findings: how many, of which samples, and what is in them instead."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from basecal.cell.calibration import Finding
+from basecal.cell.target import Target
+from basecal.vision.image_file import grey_image, read_bytes
+from basecal.vision.survey import what_is_there
+
+_MANY = 1 / 3  # of a camera's images without any target: targets leave the view now and then, but not that often
+_MOST = 1 / 2  # of them: then another target than the one stated may be in all of them
+_SURVEYED = 3  # images in which others are looked for, spread over the recording
+_ADVICE = "look at light, focus and distance, and whether cell.yaml describes the target as it is printed"
+_UNUSABLE = "none of these can be used, each for the reason that is told"
+_SHOWN = 10  # samples in a sentence
+
+
+@dataclass(frozen=True)
+class Searched:
+    """An image that was looked at.
+
+    Attributes:
+        sample: Of which sample.
+        camera: By which camera.
+        path: From the cell's folder.
+        found: Targets that it shows.
+        missed: Targets that were looked for and are not found.
+        turned: Whether EXIF asks to turn it.
+    """
+
+    sample: int
+    camera: str
+    path: str
+    found: tuple[str, ...] = ()
+    missed: tuple[str, ...] = ()
+    turned: bool = False
+
+
+def lost_images(searched: Sequence[Searched], targets: Mapping[str, Target], folder: Path) -> Iterator[Finding]:
+    """Findings about images that gave nothing, the gravest first.
+
+    Args:
+        searched: All images that were looked at.
+        targets: By name.
+        folder: From which the images' paths count.
+    """
+    by_camera: dict[str, list[Searched]] = {}
+    for image in searched:
+        by_camera.setdefault(image.camera, []).append(image)
+    for camera, images in by_camera.items():
+        yield from _few(camera, images, targets, folder)
+    for camera, images in by_camera.items():
+        yield from _turned(camera, images)
+        for name in dict.fromkeys(name for image in images for name in image.missed):
+            where = [image.sample for image in images if name in image.missed]
+            message = f"{name!r} is not found in {len(where)} images of {camera!r}: samples {_listed(where)}"
+            yield Finding("dropped-sample", "info", (camera, name), message)
+
+
+def _few(camera: str, images: Sequence[Searched], targets: Mapping[str, Target], folder: Path) -> Iterator[Finding]:
+    empty = [image for image in images if not image.found]
+    if len(empty) <= _MANY * len(images):
+        return
+    hints = []
+    if len(empty) > _MOST * len(images):
+        hints = [hint for name, target in targets.items() if (hint := _hint(name, target, empty, folder))]
+    advice = _ADVICE if any(image.missed for image in empty) else _UNUSABLE
+    message = f"{len(empty)} of {len(images)} images of {camera!r} show no target: {'; '.join(hints) or advice}"
+    yield Finding("few-images", "warning", (camera,), message)
+
+
+def _hint(name: str, target: Target, empty: Sequence[Searched], folder: Path) -> str | None:
+    """What is in some of the images in which a target is not found."""
+    missed = [image for image in empty if name in image.missed]
+    some = missed[:: max(1, len(missed) // _SURVEYED)][:_SURVEYED]
+    read = [read_bytes(folder / image.path) for image in some]
+    images = [grey_image(data, None) for data in read if not isinstance(data, str)]
+    hint = what_is_there([image for image in images if not isinstance(image, str)], target)
+    return f"{name!r}: {hint}" if hint else None
+
+
+def _turned(camera: str, images: Sequence[Searched]) -> Iterator[Finding]:
+    where = [image.sample for image in images if image.turned]
+    if where:
+        message = (
+            f"EXIF of {len(where)} images of {camera!r} asks to turn them before they are shown; they are searched as "
+            f"the sensor gave them, and their lens has to be of such images: samples {_listed(where)}"
+        )
+        yield Finding("turned-images", "info", (camera,), message)
+
+
+def _listed(samples: Sequence[int]) -> str:
+    return ", ".join(map(str, samples[:_SHOWN])) + (", ..." if len(samples) > _SHOWN else "")

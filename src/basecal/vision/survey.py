@@ -1,0 +1,167 @@
+"""What is in images in which a target is not found: other tags, other dictionaries, boards of another size."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
+from typing import Any
+
+import cv2
+import numpy as np
+
+from basecal.cell.target import Finder, Target
+from basecal.cell.targets.charuco import charuco_target
+from basecal.cell.targets.circles import circles_target
+from basecal.vision.detection import Image, eight_bit
+from basecal.vision.kinds import charuco, circles
+from basecal.vision.kinds.fiducial import MARKER_SETS, dictionary
+from basecal.vision.kinds.ways import Grey, Way, best
+
+_LISTED = 5  # ids in a sentence
+_NO_CLUTTER = 4  # markers in an image: of a thousand codes of 16 cells, clutter now and then looks like one
+_WAYS = (Way(), Way(stretched=True))  # each is tried with every dictionary
+_SMALLEST = 3  # corners each way of a chessboard that OpenCV begins with, and adds to
+_CLEARLY_DARK = 40  # level that 99 of 100 pixels are below
+_PERCENT = 99
+
+Survey = Callable[[list[Grey], Target], str | None]
+
+
+def what_is_there(images: Iterable[Image], target: Target) -> str | None:
+    """What is in the images instead of a target, as the end of a sentence; None where nothing is known.
+
+    Args:
+        images: A few in which the target is not found, (h, w) each.
+        target: What was looked for.
+    """
+    grey = [eight_bit(image) for image in images]
+    survey = None if target.found_by is None else _SURVEYS.get(target.found_by)
+    return (survey(grey, target) if survey else None) or _dark(grey)
+
+
+def _dark(images: list[Grey]) -> str | None:
+    top = max((float(np.percentile(image, _PERCENT)) for image in images), default=255.0)
+    if top >= _CLEARLY_DARK:
+        return None
+    return f"the images are dark: {_PERCENT} % of their pixels are below level {top + 1:.0f} of 255"
+
+
+def _other_tags(images: list[Grey], target: Target) -> str | None:
+    if target.tags is None:
+        return None
+    family, wanted = target.tags.family, {int(number) for number in target.tags.numbers}
+    seen = _seen(images, family)
+    if not seen:
+        return _other_set(images, family, "tag")
+    verb = "tag {} is" if len(seen) == 1 else "tags {} are"
+    return f"{verb.format(_ids(seen))} there, not {_ids(wanted)}" if not wanted & seen else None
+
+
+def _other_charuco(images: list[Grey], target: Target) -> str | None:
+    of = target.options
+    seen, stated = _seen(images, of["dictionary"]), of["squares"][0] * of["squares"][1] // 2
+    if not seen:
+        other = _other_set(images, of["dictionary"], "marker")
+        return None if other is None else f"no board of {of['dictionary']}; {other}"
+    for board in _other_layouts(target):
+        if any(charuco.detect(image, board) is not None for image in images):
+            return f"{_layout(board)} fit, not {_layout(target)}"
+    ids = f"markers {_ids(seen)} of {of['dictionary']} are there"
+    return f"{ids}, the board stated has 0 to {stated - 1}" if max(seen) >= stated else f"{ids}, but no corner between"
+
+
+def _other_layouts(target: Target) -> Iterator[Target]:
+    of = target.options
+    columns, rows = of["squares"]
+    legacy = bool(of["legacy_pattern"])
+    for size, pattern in (((columns, rows), not legacy), ((rows, columns), legacy), ((rows, columns), not legacy)):
+        yield charuco_target(size, of["square_m"], of["marker_m"], of["dictionary"], pattern)
+
+
+def _layout(target: Target) -> str:
+    columns, rows = target.options["squares"]
+    return f"{columns}x{rows} squares{' with' if target.options['legacy_pattern'] else ' without'} legacy_pattern"
+
+
+def _other_chessboard(images: list[Grey], target: Target) -> str | None:
+    stated = tuple(target.options["corners"])
+    sizes = Counter(size for image in images for size in _sizes_of_board(image, stated))
+    size, times = max(sizes.items(), key=lambda each: each[1], default=((0, 0), 0))
+    # What OpenCV grows from a few corners may be a part of a board; it is not the same part in two images.
+    if times < min(len(images), 2) or sorted(size) == sorted(stated):
+        return None
+    return f"{max(size)}x{min(size)} inner corners are seen, not {stated[0]}x{stated[1]}"
+
+
+def _sizes_of_board(image: Grey, stated: tuple[int, ...]) -> list[tuple[int, ...]]:
+    """The size of a board in an image: near the one stated, or else as large as it is seen; none where none is."""
+    small = Way(0.5).applied(image)
+    for more in ((1, 0), (0, 1), (1, 1), (-1, 0), (0, -1), (-1, -1)):
+        size = (stated[0] + more[0], stated[1] + more[1])
+        if min(size) >= _SMALLEST and cv2.findChessboardCornersSB(small, size)[0]:
+            return [size]
+    seen, _, board = cv2.findChessboardCornersSBWithMeta(image, (_SMALLEST, _SMALLEST), cv2.CALIB_CB_LARGER)
+    # One that did not grow may be clutter.
+    return [(max(board.shape), min(board.shape))] if seen and min(board.shape) > _SMALLEST else []
+
+
+def _other_circles(images: list[Grey], target: Target) -> str | None:
+    columns, rows = target.options["circles"]
+    asymmetric = bool(target.options["asymmetric"])
+    sizes = [(rows, columns), (columns - 1, rows), (columns, rows - 1), (columns - 1, rows - 1)]
+    tried = [*((size, asymmetric) for size in sizes), *((size, not asymmetric) for size in [(columns, rows), *sizes])]
+    for size, kind in tried:
+        if min(size) >= _SMALLEST:
+            other = circles_target(size, target.options["spacing_m"], asymmetric=kind)
+            if any(circles.is_seen(image, other) for image in images):
+                return f"{_grid_of(other)} circles fits, not {_grid_of(target)}"
+    return None
+
+
+def _grid_of(target: Target) -> str:
+    columns, rows = target.options["circles"]
+    return f"{'an asymmetric' if target.options['asymmetric'] else 'a symmetric'} grid of {columns}x{rows}"
+
+
+def _seen(images: list[Grey], name: str) -> set[int]:
+    """Markers of a dictionary: those in several images, or in an image so many that they are no clutter."""
+    detector = cv2.aruco.ArucoDetector(dictionary(name))
+    found = [best(image, _WAYS, partial(_markers, detector), 1) or set[int]() for image in images]
+    count = Counter(number for each in found for number in each)
+    again = {number for number, times in count.items() if times > 1 or len(images) == 1}
+    return again.union(*(each for each in found if len(each) >= _NO_CLUTTER))
+
+
+def _markers(detector: Any, image: Grey, way: Way) -> set[int]:
+    _, numbers, _ = detector.detectMarkers(image)
+    return set() if numbers is None else {int(number) for number in numbers.ravel()}
+
+
+def _other_set(images: list[Grey], stated: str, what: str) -> str | None:
+    """The dictionary of which most markers are seen, the smallest that has them all."""
+    seen: dict[tuple[str, ...], set[int]] = {}
+    for names in MARKER_SETS:
+        seen[names] = set() if stated in names else _seen(images, names[-1])
+        if len(seen[names]) > _NO_CLUTTER:
+            break
+    most = max(seen, key=lambda names: len(seen[names]))
+    if not seen[most]:
+        return None
+    name = next(each for each in most if max(seen[most]) < len(dictionary(each).bytesList))
+    count = len(seen[most])
+    return f"{name} has {f'{count} {what}s' if count > 1 else f'{what} {max(seen[most])}'} here"
+
+
+def _ids(numbers: Iterable[int]) -> str:
+    some = sorted(numbers)
+    return ", ".join(map(str, some[:_LISTED])) + (", ..." if len(some) > _LISTED else "")
+
+
+_SURVEYS: dict[Finder, Survey] = {
+    "tags": _other_tags,
+    "charuco": _other_charuco,
+    "chessboard": _other_chessboard,
+    "circles": _other_circles,
+}
+"""One line a way of finding that knows what else there may be."""

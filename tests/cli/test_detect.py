@@ -1,0 +1,62 @@
+"""`basecal detect`: what is said of the images of a cell."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from basecal.cli import main
+from basecal.vision.image_file import write_png
+from vision_scenes import TARGETS, WIDE, at, scene
+
+CELL = """
+schema: basecal/cell/1
+reference: eye
+robots: {eye: {}, hand: {}}
+cameras:
+  wrist:
+    {on: eye, size_px: [1280, 720], intrinsics: {status: fixed, fx: 766.5, fy: 765.4, cx: 640.9, cy: 358.8,
+     distortion: [-0.35, 0.179, 0, 0, 0]}}
+targets:
+  board: {on: hand, kind: charuco, squares: [5, 7], square_m: 0.04, marker_m: 0.03, dictionary: DICT_4X4_50}
+"""
+
+
+def line(number: int, with_image: bool, with_pixels: bool) -> str:
+    """A sample with an image, or with pixels recorded."""
+    pose = {"base_from_flange": {"t_m": [0, 0, number], "q_xyzw": [0, 0, 0, 1]}}
+    sample: dict[str, object] = {"sample": number, "robots": {"eye": pose, "hand": pose}}
+    if with_image:
+        sample["images"] = {"wrist": "images/0.png"}
+    if with_pixels:
+        pixels = WIDE.project(at(TARGETS["charuco"]) @ TARGETS["charuco"].points)
+        seen = {"camera": "wrist", "target": "board", "ids": list(range(24)), "pixels": pixels.tolist()}
+        sample["observations"] = [seen]
+    return json.dumps(sample) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("samples", "said", "code"),
+    [
+        ([(False, True)] * 3, "board by wrist, 3 views recorded without an image, 24.0 points each", 0),
+        ([(True, False)] * 2, "board in 2 of 2 images of wrist, 24.0 points each", 0),
+        (
+            [(True, False), (False, True)],
+            "board in 1 of 1 images of wrist, 1 views recorded without an image, 24.0 points each",
+            0,
+        ),
+        ([(False, False)] * 2, "nothing found in 0 images", 0),
+    ],
+)
+def test_summary(
+    samples: list[tuple[bool, bool]], said: str, code: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Images count where a target is found in them, and views that were recorded without one by themselves."""
+    (tmp_path / "cell.yaml").write_text(CELL)
+    write_png(tmp_path / "recording" / "images" / "0.png", scene(TARGETS["charuco"]))
+    text = "".join(line(number, *kind) for number, kind in enumerate(samples))
+    (tmp_path / "recording" / "samples.jsonl").write_text(text)
+    assert main(["detect", str(tmp_path)]) == code
+    assert capsys.readouterr().out.splitlines()[0] == said

@@ -1,0 +1,57 @@
+"""What decoders say of an image, and to whom."""
+
+from __future__ import annotations
+
+import os
+
+import cv2
+import numpy as np
+import pytest
+
+from basecal.vision import decoder
+from basecal.vision.decoder import decoded
+from vision_scenes import TARGETS, scene
+
+PHOTO = scene(TARGETS["chessboard"])
+JPEG = bytes(cv2.imencode(".jpg", PHOTO, [cv2.IMWRITE_JPEG_QUALITY, 90])[1])
+
+
+def test_nothing_amiss(capfd: pytest.CaptureFixture[str]) -> None:
+    """A sound image has nothing amiss, and nothing is printed."""
+    assert decoded(JPEG).amiss == ""
+    assert decoded(JPEG[:-2] + bytes(20) + JPEG[-2:]).amiss == ""  # padded before its end, as some cameras do
+    assert capfd.readouterr() == ("", "")
+
+
+def test_every_damage_that_shows_is_told(capfd: pytest.CaptureFixture[str]) -> None:
+    """Of JPEGs with bytes lost or zeroed, no picture that differs visibly passes for sound, and nothing is printed."""
+    rng, sound, silent = np.random.default_rng(0), decoded(JPEG).pixels, 0
+    assert sound is not None
+    for k in range(40):
+        at = int(rng.integers(700, len(JPEG) - 3000))
+        lost = JPEG[:at] + JPEG[at + int(rng.integers(1, 2000)) :]
+        zeroed = JPEG[:at] + bytes(200) + JPEG[at + 200 :]
+        pixels, amiss = decoded((lost, zeroed)[k % 2])
+        differs = (
+            pixels is None or pixels.shape != sound.shape or (np.abs(pixels.astype(int) - sound) > 30).mean() > 1e-3
+        )
+        silent += differs and not amiss
+    assert silent == 0
+    assert capfd.readouterr() == ("", "")
+
+
+def test_complaint_in_words() -> None:
+    """What is amiss is told without the library's own prefix."""
+    assert decoded(JPEG[:20000] + JPEG[-2:]).amiss == "premature end of data segment"
+
+
+def test_what_others_write_is_passed_on(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
+    """A line that another thread writes to stderr meanwhile is not lost, nor taken for the decoder's."""
+
+    def imdecode(*_: object) -> np.ndarray:
+        os.write(2, b"a bar at 40 %\nCorrupt JPEG data: bad Huffman code\n")
+        return PHOTO
+
+    monkeypatch.setattr(decoder.cv2, "imdecode", imdecode)
+    assert decoded(JPEG).amiss == "bad Huffman code"
+    assert capfd.readouterr().err == "a bar at 40 %\n"

@@ -1,0 +1,67 @@
+"""Images that gave nothing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from basecal.vision.losses import Searched, lost_images
+from vision_scenes import TARGETS, scene
+
+
+def searched(found: int, missed: int, **more: bool) -> list[Searched]:
+    """Images of which the first `found` show a board and the next `missed` do not."""
+    shown = [Searched(k, "wrist", f"{k}.png", found=("board",), **more) for k in range(found)]
+    return [*shown, *(Searched(found + k, "wrist", f"{found + k}.png", missed=("board",)) for k in range(missed))]
+
+
+@pytest.mark.parametrize(("found", "missed", "many"), [(10, 0, False), (8, 4, False), (7, 4, True), (1, 9, True)])
+def test_more_than_a_third(found: int, missed: int, many: bool, tmp_path: Path) -> None:
+    """Losing more than a third of the images is a warning, and goes first."""
+    told = list(lost_images(searched(found, missed), {"board": TARGETS["charuco"]}, tmp_path))
+    codes = [(finding.code, finding.severity) for finding in told]
+    assert codes == [("few-images", "warning")] * many + [("dropped-sample", "info")] * (missed > 0)
+    assert not many or told[0].message.startswith(
+        f"{missed} of {found + missed} images of 'wrist' show no target: look at"
+    )
+
+
+def test_targets_seen_in_turn(tmp_path: Path) -> None:
+    """Two targets that a camera sees in turn lose no image, though each is missed in half of them."""
+    pairs = [("one", "other"), ("other", "one")] * 4
+    images = [
+        Searched(k, "wrist", "x.png", found=(seen,), missed=(not_seen,)) for k, (seen, not_seen) in enumerate(pairs)
+    ]
+    told = list(lost_images(images, {"one": TARGETS["charuco"], "other": TARGETS["tags"]}, tmp_path))
+    assert [finding.about for finding in told] == [("wrist", "other"), ("wrist", "one")]
+    assert told[0].message == "'other' is not found in 4 images of 'wrist': samples 0, 2, 4, 6"
+
+
+def test_unusable_images_count(tmp_path: Path) -> None:
+    """Images that cannot be used are lost as well, and nothing is said of light."""
+    images = [*searched(2, 0), Searched(2, "wrist", "a.png"), Searched(3, "wrist", "b.png")]
+    (told,) = lost_images(images, {"board": TARGETS["charuco"]}, tmp_path)
+    assert told.message == (
+        "2 of 4 images of 'wrist' show no target: none of these can be used, each for the reason that is told"
+    )
+
+
+def test_what_is_there_instead(tmp_path: Path) -> None:
+    """Where most images show nothing, what they do show is named."""
+    for k in range(1, 6):
+        cv2.imwrite(str(tmp_path / f"{k}.png"), scene(TARGETS["legacy"]))
+    (tmp_path / "3.png").write_bytes(b"no image")
+    first, *_ = lost_images(searched(1, 5), {"board": TARGETS["charuco"]}, tmp_path)
+    assert first.message == (
+        "5 of 6 images of 'wrist' show no target: 'board': no board of DICT_4X4_50; DICT_5X5_50 has 20 markers here"
+    )
+
+
+def test_many_turned_images(tmp_path: Path) -> None:
+    """Of many samples the first ten are listed."""
+    (told,) = lost_images(searched(12, 0, turned=True), {"board": TARGETS["charuco"]}, tmp_path)
+    assert told.code == "turned-images"
+    assert told.message.endswith("samples " + ", ".join(map(str, np.arange(10))) + ", ...")

@@ -1,0 +1,92 @@
+"""What is in images instead of the target."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+
+from basecal.cell.target import Target
+from basecal.cell.targets.apriltag import apriltag_target
+from basecal.cell.targets.charuco import charuco_target
+from basecal.cell.targets.chessboard import chessboard_target
+from basecal.cell.targets.circles import circles_target
+from basecal.cell.targets.led import led_target
+from basecal.geometry import SE3
+from basecal.vision.detectors import find
+from basecal.vision.survey import what_is_there
+from vision_scenes import STRAIGHT, TARGETS, scene, shrunk
+
+LEANT = SE3.from_rpy((0.1, 0.1, -0.2), (0.0, 0.0, 0.55))
+
+
+def tag(family: str, number: int) -> Target:
+    return apriltag_target(family, [(number, 0.1, SE3.identity())])
+
+
+CASES = {
+    "another id": ("aruco", tag("DICT_6X6_250", 3), "tag 17 is there, not 3"),
+    "other ids": ("tags", tag("tag36h11", 0), "tags 1, 4, 7, 10, 13, ... are there, not 0"),
+    "another family": ("tags", tag("tag25h9", 0), "tag36h11 has 6 tags here"),
+    "another family of one": ("aruco", tag("tag36h11", 0), "DICT_6X6_50 has tag 17 here"),
+    "another dictionary": (
+        "charuco",
+        charuco_target((5, 7), 0.04, 0.03, "DICT_5X5_50"),
+        "no board of DICT_5X5_50; DICT_4X4_50 has 17 markers here",
+    ),
+    "rows for columns": (
+        "charuco",
+        charuco_target((7, 5), 0.04, 0.03, "DICT_4X4_50"),
+        "5x7 squares without legacy_pattern fit, not 7x5 squares without legacy_pattern",
+    ),
+    "another pattern": (
+        "legacy",
+        charuco_target((5, 8), 0.035, 0.026, "DICT_5X5_100"),
+        "5x8 squares with legacy_pattern fit, not 5x8 squares without legacy_pattern",
+    ),
+    "corner too many": ("chessboard", chessboard_target((9, 7), 0.03), "9x6 inner corners are seen, not 9x7"),
+    "squares for corners": ("chessboard", chessboard_target((10, 7), 0.03), "9x6 inner corners are seen, not 10x7"),
+    "another board": ("chessboard", chessboard_target((12, 4), 0.03), "9x6 inner corners are seen, not 12x4"),
+    "circles": (
+        "circles",
+        circles_target((9, 5), 0.03),
+        "a symmetric grid of 8x5 circles fits, not a symmetric grid of 9x5",
+    ),
+    "asymmetric": (
+        "asymmetric",
+        circles_target((4, 11), 0.02),
+        "an asymmetric grid of 4x11 circles fits, not a symmetric grid of 4x11",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", list(CASES))
+def test_what_else_is_named(case: str) -> None:
+    """Another number, family, dictionary, layout or size than the one stated is named."""
+    printed, stated, words = CASES[case]
+    images = [shrunk(scene(TARGETS[printed], pose=pose), 2) for pose in (STRAIGHT, LEANT)]
+    assert all(find(image, stated) is None for image in images)
+    assert what_is_there(images, stated) == words
+
+
+def test_ids_beyond_the_board() -> None:
+    """Markers of the right dictionary and no corner: which are there is told, and which the board has."""
+    far = apriltag_target("DICT_4X4_50", [(40 + k, 0.1, SE3(np.eye(3), np.array([0.15 * k, 0, 0]))) for k in range(2)])
+    words = what_is_there([scene(far)], TARGETS["charuco"])
+    assert words == "markers 40, 41 of DICT_4X4_50 are there, the board stated has 0 to 16"
+
+
+@pytest.mark.parametrize("kind", list(TARGETS))
+def test_nothing_is_made_up(kind: str) -> None:
+    """In clutter nothing is named, and in the dark that it is dark."""
+    specks = (gaussian_filter(np.random.default_rng(k).normal(0, 1, (120, 160)), 3.0) for k in range(2))
+    clutter = [np.clip(128 + 800 * each, 0, 255).astype(np.uint8) for each in specks]
+    assert what_is_there(clutter, TARGETS[kind]) is None
+    dark = [image // 40 for image in clutter]
+    assert what_is_there(dark, TARGETS[kind]) == "the images are dark: 99 % of their pixels are below level 7 of 255"
+
+
+def test_lights_and_no_images() -> None:
+    """Of lights nothing else is known, nor of no image at all."""
+    assert what_is_there([np.full((50, 50), 100, np.uint8)], led_target()) is None
+    assert what_is_there([], TARGETS["tags"]) is None
