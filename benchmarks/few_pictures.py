@@ -1,0 +1,131 @@
+"""Whether covariances are true from rendered pictures, thinned to few: nothing stated, robots with usual noise.
+
+Each cell has two arms, the camera on one, a ChArUco board on the other, both mounts unknown. Its 24 pictures are
+rendered, what they show is detected, and random ones are left. NEES is the base's squared Mahalanobis distance from the
+truth. From ten pictures on its mean over six freedoms is to lie in a band; with fewer the truth in the 95 % ellipsoid.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.stats import chi2
+
+from basecal.accuracy.verdict import calibrate
+from basecal.cell import Recording
+from basecal.simulation import Scenario, SimulatedCell, simulate
+from basecal.simulation.images import render_recording
+from basecal.vision.detect import detect
+from benchmarks.common import on_one_core, table, write
+
+BASE = "eye_base_from_hand_base"
+PICTURES = (3, 4, 5, 6, 7, 8, 10, 12, 16, 20, 24)
+NOISE = (1e-4, 2e-4)  # [m, rad] per axis and stop
+_SCENARIO = Scenario(samples=max(PICTURES), robot_noise=NOISE, state_robot_noise=False, state_pixel_noise=False)
+ENOUGH = 10
+# Of 40 cells: the mean of 40 chi-squares of six freedoms, over six, scatters by 0.09; upwards its tails are longer.
+BAND = (0.7, 1.4)
+HELD, LEAST_HELD = 0.95, 35 / 40
+BEYOND = 0.999
+HEAD = ("pictures", "cells", "refused", "doubtful", "good", "NEES/6, mean", "median", "within 95 %",
+        "good beyond 99.9 %", "shift, rms [mm]", "turn, rms [mrad]", "findings", "holds")  # fmt: skip
+
+
+class Outcome(NamedTuple):
+    """One cell of some of its pictures; errors are NaN where no base was given."""
+
+    verdict: str
+    nees: float
+    shift_m: float
+    turn_rad: float
+    codes: list[str]
+
+
+def photographed(seed: int) -> tuple[SimulatedCell, Recording]:
+    """A cell and what its rendered pictures show."""
+    made = simulate(_SCENARIO, seed)
+    with tempfile.TemporaryDirectory() as folder:
+        return made, detect(made.cell, render_recording(made, Path(folder), seed=1000 * seed))
+
+
+def outcomes(seed: int, counts: Sequence[int]) -> list[Outcome]:
+    """A cell by so many of its pictures each: of a random order the first."""
+    made, recording = photographed(seed)
+    order = np.random.default_rng([seed, 1]).permutation(len(recording.samples))
+    return [_outcome(made, recording, np.sort(order[:count]).tolist()) for count in counts]
+
+
+def _outcome(made: SimulatedCell, recording: Recording, rows: list[int]) -> Outcome:
+    few = tuple(replace(recording.samples[k], images={}) for k in rows)
+    found = calibrate(made.cell, replace(recording, samples=few))
+    codes = [f.code for f in found.findings if f.severity != "info"]
+    if BASE not in found.transforms:
+        return Outcome("refused", np.nan, np.nan, np.nan, codes)
+    xi = (found[BASE].mean.inverse() @ made.truth[BASE]).log()
+    nees = float(xi @ np.linalg.solve(found[BASE].covariance, xi))
+    return Outcome(found.verdict, nees, float(np.linalg.norm(xi[:3])), float(np.linalg.norm(xi[3:])), codes)
+
+
+def summary(count: int, of: Sequence[Outcome]) -> dict[str, Any]:
+    """Of all cells by so many pictures."""
+    given = [o for o in of if not np.isnan(o.nees)]
+    nees = np.array([o.nees for o in given]) / 6
+    beyond = chi2.ppf(HELD, 6) / 6
+    rms = [float(np.sqrt(np.mean([getattr(o, name) ** 2 for o in given]))) for name in ("shift_m", "turn_rad")]
+    return {
+        "pictures": count,
+        "cells": len(of),
+        **{verdict: sum(o.verdict == verdict for o in of) for verdict in ("refused", "doubtful", "good")},
+        "mean": float(nees.mean()),
+        "median": float(np.median(nees)),
+        "within": int((nees <= beyond).sum()),
+        "good_beyond": sum(o.verdict == "good" and o.nees > chi2.ppf(BEYOND, 6) for o in given),
+        "shift_mm": 1e3 * rms[0],
+        "turn_mrad": 1e3 * rms[1],
+        "codes": dict(Counter(code for o in of for code in set(o.codes)).most_common()),
+    }
+
+
+def holds(found: dict[str, Any]) -> bool:
+    """Whether what is asked is so."""
+    if found["pictures"] >= ENOUGH:
+        return bool(BAND[0] <= found["mean"] <= BAND[1])
+    return bool(found["within"] + found["refused"] >= LEAST_HELD * found["cells"])
+
+
+def row(found: dict[str, Any]) -> tuple[object, ...]:
+    """A line of the table with `HEAD`."""
+    first = tuple(found[k] for k in ("pictures", "cells", "refused", "doubtful", "good"))
+    means = f"{found['mean']:.2f}", f"{found['median']:.2f}", found["within"], found["good_beyond"]
+    errors = f"{found['shift_mm']:.2f}", f"{found['turn_mrad']:.2f}"
+    codes = ", ".join(f"{code} {count}" for code, count in found["codes"].items())
+    return (*first, *means, *errors, codes, "yes" if holds(found) else "NO")
+
+
+def main(arguments: list[str]) -> None:
+    """Render, calibrate and print; of all 40 cells write results/few_pictures.json too."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.few_pictures", description=__doc__)
+    parser.add_argument(
+        "--pictures", nargs="*", type=int, default=list(PICTURES), metavar="N", help="how many are left"
+    )
+    parser.add_argument("--cells", type=int, default=40)
+    parser.add_argument("--first-seed", type=int, default=70000)
+    asked = parser.parse_args(arguments)
+    on_one_core()
+    every = [outcomes(asked.first_seed + k, asked.pictures) for k in range(asked.cells)]
+    found = [summary(count, of) for count, of in zip(asked.pictures, zip(*every, strict=True), strict=True)]
+    print(table(HEAD, map(row, found)))
+    if tuple(asked.pictures) == PICTURES and asked.cells >= 40:
+        write("few_pictures", {"rows": found, "first_seed": asked.first_seed})
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
