@@ -22,11 +22,13 @@ from basecal.accuracy.input_check.hypothesis_fit import (
     thinned,
 )
 from basecal.accuracy.input_check.loop_fit import LoopFit, ReadyViews, fit_loops, state_of, trimmed
+from basecal.accuracy.input_check.noise_evidence import noise_evidence
 from basecal.accuracy.input_check.pairing import half_turns, pairing_errors
 from basecal.accuracy.input_check.plausibility import impossible_answer, impossible_input
 from basecal.accuracy.input_check.rare_hypotheses import rare_hypotheses
 from basecal.accuracy.input_check.target_sizes import size_hypotheses
 from basecal.accuracy.input_check.unexplained_motion import unexplained_motion
+from basecal.accuracy.significance import CONFIRMED_SIGNIFICANCE
 from basecal.cell import Cell, Finding, Recording
 from basecal.cell.calibration import Severity
 from basecal.errors import BasecalError
@@ -34,7 +36,7 @@ from basecal.estimation.noise.robot_noise import stops_made
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
 from basecal.estimation.settings import Settings
-from basecal.estimation.solve import Solution, solve_at_mode
+from basecal.estimation.solve import Solution
 from basecal.estimation.start.lens import lens_from_views
 from basecal.estimation.start.pair_views import PairViews
 from basecal.estimation.view.pixels import PixelMeasurement
@@ -277,10 +279,11 @@ def _decided(
     still: frozenset[str] = frozenset(),
 ) -> tuple[Finding, ...]:
     possible = [t for t in tried if not t.impossible and _is_observable(cell, t.fit) and plausible(t.fit)]
-    winning = [t for t in possible if _wins(cell, t, declared)]
+    winning = _beyond_noise([t for t in possible if _wins(cell, t, declared)], declared, explained)
     if winning:
-        best = min(winning, key=lambda t: t.fit.core * t.fit.whole)
-        return tuple(dict.fromkeys(_named(t, declared, explained) for t in winning if _alike(t.fit, best.fit)))
+        best = min(winning, key=lambda w: w[0].fit.core * w[0].fit.whole)[0]
+        named = [_named(t, declared, certain) for t, certain in winning if _alike(t.fit, best.fit)]
+        return tuple(dict.fromkeys(named))
     if not plausible(declared.fit):
         return () if declared.fit.in_pixels else (_poor(declared),)
     if not _is_observable(cell, declared.fit):
@@ -325,28 +328,30 @@ def _step(fit: HypothesisFit, other: HypothesisFit, name: str) -> SE3:
     return fit.solution.state.transforms[name].inverse() @ other.solution.state.transforms[name]
 
 
-def _named(tried: _Tried, declared: _Tried, explained: bool) -> Finding:
+def _beyond_noise(winning: Sequence[_Tried], declared: _Tried, explained: bool) -> list[tuple[_Tried, bool]]:
+    """Those that the data still ask for where arms have noise, and whether they leave no doubt."""
+    found = []
+    for tried in winning:
+        if not tried.hypothesis.nested or not (explained or plausible(declared.fit)):
+            found.append((tried, True))
+            continue
+        evidence = noise_evidence(tried.fit, declared.fit) if explained else None
+        if evidence is None:
+            found.append((tried, _better(tried.fit, declared.fit, _FAR_WORSE)))
+        elif evidence.chance < CONFIRMED_SIGNIFICANCE:
+            found.append((tried, evidence.gain > _CERTAIN))
+    return found
+
+
+def _named(tried: _Tried, declared: _Tried, certain: bool) -> Finding:
     hypothesis = tried.hypothesis
-    severity: Severity = "error"
-    if hypothesis.nested and (explained or plausible(declared.fit)):
-        certain = _beyond_noise(tried.fit, declared.fit) if explained else _better(tried.fit, declared.fit, _FAR_WORSE)
-        severity = "error" if certain else "warning"
+    severity: Severity = "error" if certain else "warning"
     if _better(tried.fit, declared.fit):
         errors = f"{tried.fit.error_in_words()} instead of {declared.fit.error_in_words()}"
         why = f"so read, the cross-validation error is {errors}"
     else:
         why = f"as declared it fits as well, but {' and '.join(declared.impossible)} cannot be"
     return Finding(hypothesis.code, severity, hypothesis.about, f"{hypothesis.words}: {why}; {hypothesis.fix}")
-
-
-def _beyond_noise(fit: HypothesisFit, declared: HypothesisFit) -> bool:
-    """Whether noise that arms and cameras may have explains the data far worse as declared than by a fit."""
-    both = [f.solution for f in (fit, declared)]
-    if len({sum(map(len, s.problem.groups)) for s in both}) > 1:
-        return _better(fit, declared, _FAR_WORSE)
-    estimated = Settings(robot_noise="estimated")
-    first, second = (solve_at_mode(s.problem, s.state, estimated).noise.surprise for s in both)
-    return second - first > _CERTAIN
 
 
 def _poor(declared: _Tried) -> Finding:

@@ -1,0 +1,66 @@
+"""Whether the data ask for a wider hypothesis where arms and cameras have the noise that they may have.
+
+Predictions by robots taken for exact are better wherever a further unknown takes up some of the arms' errors, and most
+so of few samples. With noise estimated beside both hypotheses the gain in likelihood tells whether more than that is
+behind it.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import chdtrc
+
+from basecal.accuracy.input_check.hypothesis_fit import HypothesisFit
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import Solution, solve_at_mode
+from basecal.geometry import Array
+from basecal.numerics.spectral import spectrum
+
+
+class Evidence(NamedTuple):
+    """Of a hypothesis beside the declared one: twice the log ratio of likelihoods, and its chance where that is so."""
+
+    gain: float
+    chance: float
+
+
+def noise_evidence(fit: HypothesisFit, declared: HypothesisFit) -> Evidence | None:
+    """What the data say for a hypothesis that has the declared one as a special case.
+
+    Of a size the two likelihoods are compared. Views that estimate their own lens say more than those that do not, so
+    that of a free lens it is how far it is from the stated one, squared, in sigmas.
+
+    Args:
+        fit: The hypothesis' fit.
+        declared: That of the declared one.
+
+    Returns:
+        None where the two rest on different views.
+    """
+    if _views(fit.solution) != _views(declared.solution):
+        return None
+    wider, narrower = (_with_noise(of.solution) for of in (fit, declared))
+    freed = [n for n in wider.state.cameras if n in wider.problem.columns and n not in narrower.problem.columns]
+    if not freed:
+        gain = narrower.noise.surprise - wider.noise.surprise
+        return Evidence(gain, float(chdtrc(1, max(gain, 0.0))))
+    off = [_off(wider, n, narrower.state.cameras[n].parameters) for n in freed]
+    gain = sum(square for square, _ in off)
+    return Evidence(gain, float(chdtrc(sum(count for _, count in off), gain)))
+
+
+def _views(solution: Solution) -> int:
+    return sum(map(len, solution.problem.groups))
+
+
+def _with_noise(solution: Solution) -> Solution:
+    return solve_at_mode(solution.problem, solution.state, Settings(robot_noise="estimated"))
+
+
+def _off(solution: Solution, camera: str, stated: Array) -> tuple[float, int]:
+    """Squared distance of an estimated lens from a stated one, in sigmas, and its freedoms."""
+    found = solution.state.cameras[camera].parameters
+    step = found - np.pad(stated, (0, len(found) - len(stated)))
+    return float(step @ spectrum(solution.lens_covariance(camera)).inverse @ step), len(found)
