@@ -87,7 +87,7 @@ def summary(count: int, of: Sequence[Outcome]) -> dict[str, Any]:
         "mean": float(nees.mean()),
         "median": float(np.median(nees)),
         "within": int((nees <= beyond).sum()),
-        "good_beyond": sum(o.verdict == "good" and o.nees > chi2.ppf(BEYOND, 6) for o in given),
+        "good_beyond": sum(o.verdict == "good" and bool(o.nees > chi2.ppf(BEYOND, 6)) for o in given),
         "shift_mm": 1e3 * rms[0],
         "turn_mrad": 1e3 * rms[1],
         "codes": dict(Counter(code for o in of for code in set(o.codes)).most_common()),

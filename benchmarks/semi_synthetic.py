@@ -10,6 +10,7 @@ many times the true.
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -26,7 +27,7 @@ from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import Array
 from benchmarks.calibrate import recordings
-from benchmarks.common import on_one_core, table, write
+from benchmarks.common import RESULTS, commit, on_one_core, table, write
 from benchmarks.real_errors import Errors, Reality, Rng, reality
 
 NAMES = (
@@ -46,8 +47,10 @@ HELD = 0.95
 LEAST, MOST = 0.91, 0.985
 ALL_DRAWS = 300
 NAMED = 0.95
+FEWEST = 40  # draws that results are written of: a share of 95 % is known to 3.4 %
 FREEDOMS = 3  # of Student's t
-HEAD = ("recording", "errors", "draws", "refused", "doubtful", "good", "of", "held", "NEES/6, median", "named", "holds")
+HEAD = ("recording", "errors", "draws", "refused", "doubtful", "good", "of", "held", "NEES/6, median", "named", "holds",
+        "commit")  # fmt: skip
 
 
 def real(of: Reality, rng: Rng) -> Errors:
@@ -193,12 +196,12 @@ def rows(found: dict[str, Any]) -> list[tuple[object, ...]]:
     """Lines of the table with `HEAD`, one a transform."""
     first = tuple(found[k] for k in ("recording", "kind", "draws", "refused", "doubtful", "good"))
     named = "" if found["named"] is None else f"{100 * found['named']:.0f} %"
-    last = (named, "yes" if holds(found) else "NO")
+    last = (named, "yes" if holds(found) else "NO", found.get("commit", ""))
     return [(*first, t, f"{100 * share:.1f} %", f"{found['nees'][t]:.2f}", *last) for t, share in found["held"].items()]
 
 
 def main(arguments: list[str]) -> None:
-    """Draw and print; where all were, write results/semi_synthetic.json too."""
+    """Draw and print; of enough draws results/semi_synthetic.json too, beside what it has of others."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.semi_synthetic", description=__doc__)
     parser.add_argument("--recordings", nargs="*", default=list(NAMES), choices=list(NAMES), metavar="NAME")
     parser.add_argument("--kinds", nargs="*", default=list(KINDS), choices=list(KINDS), metavar="KIND")
@@ -215,9 +218,18 @@ def main(arguments: list[str]) -> None:
         for kind in asked.kinds:
             found.append(summary(name, kind, [drawn(of, KINDS[kind], seed) for seed in range(asked.draws)]))
             print(*(", ".join(map(str, row)) for row in rows(found[-1])), sep="\n", flush=True)
+            if asked.draws >= FEWEST:
+                _keep(found[-1])
     print(table(HEAD, (row for each in found for row in rows(each))))
-    if asked.recordings == list(NAMES) and asked.kinds == list(KINDS):
-        write("semi_synthetic", {"rows": found})
+
+
+def _keep(found: dict[str, Any]) -> None:
+    """Write a row in place of what there was of its recording and kind."""
+    path = RESULTS / "semi_synthetic.json"
+    kept = json.loads(path.read_text(encoding="utf-8"))["rows"] if path.exists() else []
+    every = {(row["recording"], row["kind"]): row for row in [*kept, {**found, "commit": commit()}]}
+    order = [(name, kind) for name in NAMES for kind in KINDS]
+    write("semi_synthetic", {"rows": [every[key] for key in order if key in every]})
 
 
 if __name__ == "__main__":
