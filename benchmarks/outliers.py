@@ -40,6 +40,7 @@ from benchmarks.common import on_one_core, table, write
 
 BASE = "eye_base_from_hand_base"
 SAMPLES, POINTS = 0.3, 0.2
+CELLS, CELLS_OF_BOTH = 10, 25
 # Of combined faults: samples, views with points that are off, such points of a view, and how far these are off [px].
 BOTH_SAMPLES, BOTH_VIEWS, BOTH_POINTS, BOTH_PX = 0.2, 1 / 3, 0.1, 40.0
 GROSS = 8.0
@@ -387,7 +388,9 @@ def row(found: dict[str, Any]) -> tuple[str, ...]:
 def main(arguments: list[str]) -> None:
     """Run, print; of all cases write results/outliers.json too, after each."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.outliers", description=__doc__)
-    parser.add_argument("--cells", type=int, default=10, help="of each case (default 10: 250 in all)")
+    parser.add_argument(
+        "--cells", type=int, help=f"of each case (default {CELLS}, of both kinds at once {CELLS_OF_BOTH})"
+    )
     parser.add_argument("--only", default="", help="cases whose outliers or cells have this in their name")
     parser.add_argument("--first-seed", type=int, default=30000, help="(default 30000: none that anything was set by)")
     asked = parser.parse_args(arguments)
@@ -395,14 +398,19 @@ def main(arguments: list[str]) -> None:
     names = [n for n in CASES if asked.only in f"{CASES[n][0]}: {n}"]
     found, every = [], []
     for name in names:
-        trials = [trial(name, asked.first_seed + k) for k in range(asked.cells)]
+        cells = asked.cells or (CELLS_OF_BOTH if CASES[name][0] == "both" else CELLS)
+        trials = [trial(name, asked.first_seed + k) for k in range(cells)]
         every += trials
         found.append(summary(name, trials))
         print("  ".join(row(found[-1])), flush=True)
         if names == list(CASES):
             write(
                 "outliers",
-                {"cells": asked.cells, "first_seed": asked.first_seed, "cases": [*found, summary("all", every)]},
+                {
+                    "cells": asked.cells or CELLS,
+                    "first_seed": asked.first_seed,
+                    "cases": [*found, summary("all", every)],
+                },
             )
     print("\n" + table(HEAD, map(row, [*found, summary("all", every)])))
 

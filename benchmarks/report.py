@@ -270,11 +270,11 @@ def _outliers(result: Result) -> str:
     about = f"""\
 In each of {result["cells"]} simulated cells a case 30 % of the samples, or 20 % of the points, are gross outliers: at
 least 8 sigma, whitened by the noise of pixels and robots at the true state. Both: a fifth of the samples are of another
-instant, and in a third of the views a tenth of the points are {outliers.BOTH_PX:.0f} px off. The oracle is the plain
-solver, given the clean ones only, and estimates noise that is not stated, too; the ratio is that of the base's rms
-error over the cells, ours to the oracle's, the larger of translation and rotation. Asked over all: at most
-{outliers.MOST_RATIO}; {100 * outliers.LEAST_FOUND:.0f} % found; at most {100 * outliers.MOST_LOST:.0f} % of the clean
-samples and of the clean points lost."""
+instant, and in a third of the views a tenth of the points are {outliers.BOTH_PX:.0f} px off, in
+{outliers.CELLS_OF_BOTH} cells a case. The oracle is the plain solver, given the clean ones only, and estimates noise
+that is not stated, too; the ratio is that of the base's rms error over the cells, ours to the oracle's, the larger of
+translation and rotation. Asked over all: at most {outliers.MOST_RATIO}; {100 * outliers.LEAST_FOUND:.0f} % found; at
+most {100 * outliers.MOST_LOST:.0f} % of the clean samples and of the clean points lost."""
     return f"{about}\n\n{table(outliers.HEAD, map(outliers.row, result['cases']))}"
 
 

@@ -47,7 +47,7 @@ HELD = 0.95
 LEAST, MOST = 0.91, 0.985
 ALL_DRAWS = 300
 NAMED = 0.95
-FEWEST = 40  # draws that results are written of: a share of 95 % is known to 3.4 %
+FEWEST = 30  # draws that results are written of: a share of 95 % is known to 4 %
 FREEDOMS = 3  # of Student's t
 HEAD = ("recording", "errors", "draws", "refused", "doubtful", "good", "of", "held", "NEES/6, median", "named", "holds",
         "commit")  # fmt: skip

@@ -7,11 +7,15 @@ import json
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
 from benchmarks.common import RESULTS
 from benchmarks.figure import Panel, svg
 from benchmarks.mutants import SOURCE, changed, mutants_of, room_tests
 from benchmarks.peers.tables import brief
+from benchmarks.real_errors import reality
 from benchmarks.report import PAGE, page
+
+from basecal.simulation import Scenario, simulate
 
 ROOT = Path(__file__).parents[1]
 SVG = "{http://www.w3.org/2000/svg}"
@@ -72,3 +76,25 @@ def test_mutants_are_judged_by_their_room() -> None:
     tests = [str(path.relative_to(ROOT)) for path in room_tests("cell/format/plain.py")]
     assert tests[0] == "tests/cell/format/test_plain.py"
     assert {str(Path(each).parent) for each in tests} == {"tests/cell/format"}
+
+
+def test_errors_of_a_recording_add_up_to_it() -> None:
+    """Stops and views with the errors imputed to them are the recording again, pixel by pixel."""
+    made = simulate(Scenario(samples=12, robot_noise=(3e-4, 5e-4), state_robot_noise=False, state_pixel_noise=False), 3)
+    of = reality(made.cell, made.recording)
+    again = of.drawn(of.imputed(np.random.default_rng(0)))
+    for sample, recorded in zip(again.samples, made.recording.samples, strict=True):
+        (seen,), (was,) = sample.observations, recorded.observations
+        np.testing.assert_array_equal(seen.ids, was.ids)
+        np.testing.assert_allclose(seen.pixels, was.pixels, atol=1e-9)
+
+
+def test_errors_dealt_out_anew_are_as_large() -> None:
+    """Rms over twenty draws: 0.2 px to a twentieth, of 30 views; 0.3 mm and 0.5 mrad to a quarter, of 60 stops."""
+    made = simulate(Scenario(samples=30, robot_noise=(3e-4, 5e-4), state_robot_noise=False, state_pixel_noise=False), 4)
+    of = reality(made.cell, made.recording)
+    draws = [of.resampled(np.random.default_rng(seed)) for seed in range(20)]
+    pixels = np.sqrt(np.mean([np.mean(draw.views[0] ** 2) for draw in draws]))
+    assert abs(pixels - 0.2) < 0.01
+    squares = np.mean([(draw.stops * of.problem.stops.sigma) ** 2 for draw in draws], axis=(0, 1))
+    np.testing.assert_allclose(np.sqrt([squares[:3].mean(), squares[3:].mean()]), [3e-4, 5e-4], rtol=0.25)
