@@ -48,6 +48,15 @@ def test_noise_of_arms_is_no_size(seed):
     assert wrong.gain > 30
 
 
+def test_points_in_space_show_their_size():
+    """Distances between points that are measured in space tell a size of 5 % whatever arms do."""
+    made = simulate(replace(FEW, target="points3d"), 0)
+    wrong = target_size("board", 1.05, made.cell).apply(made.cell, made.recording)[0]
+    found = of_size(replace(made, cell=wrong), 1 / 1.05)
+    assert found.gain > 100
+    assert found.chance < 1e-12
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_noise_of_arms_is_no_lens(seed):
     """A lens as stated has chance; one whose centre is stated 30 px off has none."""

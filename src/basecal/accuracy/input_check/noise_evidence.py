@@ -13,6 +13,7 @@ import numpy as np
 from scipy.special import chdtrc
 
 from basecal.accuracy.input_check.hypothesis_fit import HypothesisFit
+from basecal.estimation.noise.view_estimates import STATED, view_estimates
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_at_mode
 from basecal.geometry import Array
@@ -29,7 +30,8 @@ class Evidence(NamedTuple):
 def noise_evidence(fit: HypothesisFit, declared: HypothesisFit) -> Evidence | None:
     """What the data say for a hypothesis that has the declared one as a special case.
 
-    Of a size the two likelihoods are compared. Views that estimate their own lens say more than those that do not, so
+    Of a size the two likelihoods are compared, of what views say of their poses and of how points scatter about these:
+    points in space have a size of their own. Views that estimate their own lens say more than those that do not, so
     that of a free lens it is how far it is from the stated one, squared, in sigmas.
 
     Args:
@@ -44,7 +46,7 @@ def noise_evidence(fit: HypothesisFit, declared: HypothesisFit) -> Evidence | No
     wider, narrower = (_with_noise(of.solution) for of in (fit, declared))
     freed = [n for n in wider.state.cameras if n in wider.problem.columns and n not in narrower.problem.columns]
     if not freed:
-        gain = narrower.noise.surprise - wider.noise.surprise
+        gain = narrower.noise.surprise - wider.noise.surprise + _scatter_gain(wider, narrower)
         return Evidence(gain, float(chdtrc(1, max(gain, 0.0))))
     off = [_off(wider, n, narrower.state.cameras[n].parameters) for n in freed]
     gain = sum(square for square, _ in off)
@@ -57,6 +59,27 @@ def _views(solution: Solution) -> int:
 
 def _with_noise(solution: Solution) -> Solution:
     return solve_at_mode(solution.problem, solution.state, Settings(robot_noise="estimated"))
+
+
+def _scatter_gain(wider: Solution, narrower: Solution) -> float:
+    """Twice the log ratio of likelihoods of points about their view's pose; by their scatter if no sigma is stated."""
+    gain, more = 0.0, _scatter(narrower)
+    for name, (less, freedoms) in _scatter(wider).items():
+        if name == STATED:
+            gain += more[name][0] - less
+        elif less > 0 and more[name][0] > 0:
+            gain += freedoms * float(np.log(more[name][0] / less))
+    return gain
+
+
+def _scatter(solution: Solution) -> dict[str, tuple[float, int]]:
+    """By field of `Noise`: sum of squares of points about their view's own pose at unit sigma, and its freedoms."""
+    found: dict[str, tuple[float, int]] = {}
+    for group in solution.problem.groups:
+        for name, view in view_estimates(solution.problem, group, solution.state).items():
+            squares, freedoms = found.get(name, (0.0, 0))
+            found[name] = squares + view.white, freedoms + view.white_count
+    return found
 
 
 def _off(solution: Solution, camera: str, stated: Array) -> tuple[float, int]:
