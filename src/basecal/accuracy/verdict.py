@@ -116,8 +116,11 @@ def _judged(
     evidence = Evidence(cell, settings, recorded, robust, solution, fit, validated, model, contradicted, systematic)
     with settings.stage("findings"):
         findings += [finding for check in ANSWER_CHECKS for finding in check(evidence)]
+    rival = None if validated is None else validated.rival
+    for other in (systematic, rival):
+        solution = solution if other is None else widened(solution, other.moved)
     return replace(
-        _calibration(cell, recording, widened(solution, systematic), fit, settings, findings),
+        _calibration(cell, recording, solution, fit, settings, findings),
         outliers=tuple(map(described_outlier, robust.outliers)),
         validation=None if validated is None else validated.summary,
         certificate=certificate,

@@ -14,3 +14,13 @@ def test_only_where_the_answer_is_another_than_the_start_led_to(evidence):
     (found,) = better_optimum(other)
     assert (found.code, found.severity) == ("better-optimum", "info")
     assert "of cost 99.25, the certificate to one of 40.5:" in found.message
+
+
+def test_a_closed_form_that_predicts_better_is_a_warning(evidence):
+    """How many times better, and that the covariance covers both."""
+    rival = SimpleNamespace(ratio=1.53)
+    same = evidence(cross_validation=SimpleNamespace(rival=rival))
+    same.robust.solution = same.solution
+    (found,) = better_optimum(same)
+    assert (found.code, found.severity) == ("better-optimum", "warning")
+    assert "1.5 times better than the answer" in found.message

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtrc, fdtrc
 
+from basecal.accuracy.cross_validation.closed_form_rival import ClosedFormRival, closed_form_rival
 from basecal.accuracy.cross_validation.folds import Samples, splits
 from basecal.accuracy.cross_validation.refit import Refit, refit_folds, with_known_stops
 from basecal.accuracy.residuals.fit import view_alone
@@ -85,6 +86,7 @@ class CrossValidation:
         fitted: Errors of the held-out views by the full answer.
         predicted: Errors of the same views by the folds that did not use them.
         skipped: Numbers of the samples without which a transform asked for is unobservable.
+        rival: A closed form that predicts the held-out views better; None where none does.
     """
 
     summary: Validation | None
@@ -92,6 +94,7 @@ class CrossValidation:
     fitted: HeldOutErrors
     predicted: HeldOutErrors
     skipped: Samples
+    rival: ClosedFormRival | None = None
 
 
 def cross_validate(solution: Solution, asked: Sequence[str], settings: Settings = DEFAULT) -> CrossValidation | None:
@@ -131,7 +134,8 @@ def cross_validate(solution: Solution, asked: Sequence[str], settings: Settings 
         target_rad=root_mean(predicted.square_rad, predicted.count_poses),
         base_change=None if spread is None else spread.mean_square,
     )
-    return CrossValidation(summary, spread, used, predicted, skipped)
+    rival = closed_form_rival(solution, [fold.fit for fold in fitted])
+    return CrossValidation(summary, spread, used, predicted, skipped, rival)
 
 
 def _fold(solution: Solution, asked: Sequence[str], fit: Refit) -> _Fold | None:

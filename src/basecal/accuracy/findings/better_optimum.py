@@ -1,4 +1,4 @@
-"""`better-optimum`: the certificate led to an optimum of lower cost."""
+"""`better-optimum`: the certificate led to an optimum of lower cost, or a closed form predicts better."""
 
 from __future__ import annotations
 
@@ -7,7 +7,23 @@ from basecal.cell import Finding
 
 
 def better_optimum(of: Evidence) -> list[Finding]:
-    """An info where the answer is not the optimum that the start had led to."""
+    """An info where the answer is not the optimum the start had led to; a warning where a closed form is better."""
+    return [*_by_certificate(of), *_by_closed_form(of)]
+
+
+def _by_closed_form(of: Evidence) -> list[Finding]:
+    rival = None if of.cross_validation is None else of.cross_validation.rival
+    if rival is None:
+        return []
+    message = (
+        f"a closed form of the poses of single views predicts held-out views {rival.ratio:.2g} times better than the "
+        "answer, which weighs them by their noise: the covariance covers both; look at stated sigmas and priors, at "
+        "what is fixed, and at outliers"
+    )
+    return [Finding("better-optimum", "warning", (), message)]
+
+
+def _by_certificate(of: Evidence) -> list[Finding]:
     if of.solution is of.robust.solution:
         return []
     message = (

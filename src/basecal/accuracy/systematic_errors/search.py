@@ -209,11 +209,9 @@ def _moved(before: Solution, after: Solution) -> Array:
     return step
 
 
-def widened(solution: Solution, error: SystematicError | None) -> Solution:
-    """A solution whose covariance covers the answer without a systematic error, too."""
-    if error is None:
-        return solution
-    return replace(solution, covariance=solution.covariance + np.outer(error.moved, error.moved))
+def widened(solution: Solution, moved: Array) -> Solution:
+    """A solution whose covariance covers the answer with columns that are so much aside, (p,), too."""
+    return replace(solution, covariance=solution.covariance + np.outer(moved, moved))
 
 
 def _solved_again(solution: Solution, settings: Settings) -> Solution:

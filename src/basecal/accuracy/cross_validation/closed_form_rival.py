@@ -1,0 +1,131 @@
+"""A floor under the answer: closed forms of single views' poses, as hand-eye calibration has them elsewhere.
+
+They know nothing of noise, priors or outliers. Where they predict held-out views better all the same, the model of the
+answer is wrong in a way that no finding has named.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import t as student_t
+
+from basecal.accuracy.cross_validation.refit import Refit, with_known_stops
+from basecal.accuracy.residuals.fit import view_alone
+from basecal.accuracy.significance import CONFIRMED_SIGNIFICANCE
+from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.solve import Solution
+from basecal.estimation.start.closed_form import Loop, solve_rotations, solve_translations
+from basecal.geometry import SE3, Array, BoolArray
+
+_FEWEST = 6  # held-out views that are compared
+_FEWEST_FITTED = 3  # views, of which a closed form has two motions
+# Of held-out errors: estimators that weigh the same views otherwise differ by a few hundredths, models by more.
+_CLEARLY = 1.1
+
+Triple = tuple[SE3, SE3, SE3]
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedFormRival:
+    """A closed form that predicts held-out views better than the answer does.
+
+    Attributes:
+        ratio: Held-out error of the answer over its, angles and lengths in units of the answer's.
+        moved: (p,) by how much the answer's columns would move to be the closed form's.
+    """
+
+    ratio: float
+    moved: Array
+
+
+def closed_form_rival(solution: Solution, refits: Sequence[Refit]) -> ClosedFormRival | None:
+    """The closed form of the only pair of camera and target, where it predicts better beyond chance; else None."""
+    if len(solution.problem.groups) != 1:
+        return None
+    (group,) = solution.problem.groups
+    predicted = solution.state.camera_from_target(group, solution.problem.stops)
+    alone, enough = view_alone(solution.state, group, predicted)
+    ours, theirs = [], []
+    for refit in refits:
+        held = np.isin(group.sample, list(refit.held)) & enough
+        triple = _closed_form(solution.problem, group, alone, enough & ~held)
+        if triple is None:
+            return None
+        rows = np.flatnonzero(held)
+        state = with_known_stops(refit.optimum.state, refit.known)
+        ours.append(_off(alone[rows], state.camera_from_target(group.take(rows), solution.problem.stops)))
+        theirs.append(_off(alone[rows], _predicted(group.take(rows), triple)))
+    ratio = _ratio(np.concatenate(ours), np.concatenate(theirs)) if ours else None
+    whole = _closed_form(solution.problem, group, alone, enough)
+    if ratio is None or whole is None:
+        return None
+    return ClosedFormRival(ratio, _moved(solution.problem, solution.state, group, whole))
+
+
+def _closed_form(problem: Problem, group: ViewGroup, alone: SE3, used: BoolArray) -> Triple | None:
+    """X, Y and Z by the used views; None where their rotations are not determined."""
+    rows = np.flatnonzero(used)
+    if len(rows) < _FEWEST_FITTED:
+        return None
+    bases = [SE3.identity() if n is None else _fixed(problem, n) for n in (group.eye_base, group.hand_base)]
+    y = None if bases[0] is None or bases[1] is None else bases[0].inverse() @ bases[1]
+    x, z = _fixed(problem, group.camera_mount), _fixed(problem, group.target_mount)
+    a, c = group.eye_base_from_eye_flange[rows], group.hand_base_from_hand_flange[rows]
+    loop = Loop(a, alone[rows], c, x, y, z, np.ones(len(rows)))
+    if not loop.unknown:
+        return None
+    try:
+        rotations = solve_rotations(loop)
+        return solve_translations(loop, rotations) if rotations.clear else None
+    except np.linalg.LinAlgError:
+        return None
+
+
+def _fixed(problem: Problem, name: str) -> SE3 | None:
+    unknown = problem.unknowns[name]
+    return unknown.mean if unknown.status == "fixed" else None
+
+
+def _predicted(group: ViewGroup, triple: Triple) -> SE3:
+    x, y, z = triple
+    return (group.eye_base_from_eye_flange @ x).inverse() @ y @ group.hand_base_from_hand_flange @ z
+
+
+def _off(alone: SE3, predicted: SE3) -> Array:
+    """Squares of lengths [m^2] and of angles [rad^2], (n, 2)."""
+    off = alone.inverse() @ predicted
+    return np.stack([np.sum(off.translation**2, -1), np.sum(off.rotvec**2, -1)], axis=-1)
+
+
+def _ratio(ours: Array, theirs: Array) -> float | None:
+    """Held-out error of the answer over the rival's; None where that is no clear gain, or may be chance.
+
+    View by view, by Student's t of the difference of squares over the answer's mean ones.
+    """
+    if len(ours) < _FEWEST or not np.all(np.isfinite(theirs)):
+        return None
+    unit = np.maximum(ours.mean(0), np.finfo(np.float64).tiny)
+    gain = np.sum((ours - theirs) / unit, axis=-1)
+    ratio = float(np.sqrt(2 / max(float(np.sum(theirs.mean(0) / unit)), 1e-12)))
+    spread = float(np.std(gain, ddof=1)) / np.sqrt(len(gain))
+    chance = float(student_t.sf(gain.mean() / max(spread, 1e-300), len(gain) - 1))
+    return ratio if ratio > _CLEARLY and chance < CONFIRMED_SIGNIFICANCE else None
+
+
+def _moved(problem: Problem, state: State, group: ViewGroup, triple: Triple) -> Array:
+    """The step from the answer to the closed form in the columns of transforms, (p,); 0 in all others."""
+    x, y, z = triple
+    found = {group.camera_mount: x, group.target_mount: z}
+    if group.hand_base is not None and group.eye_base is None:
+        found[group.hand_base] = y
+    elif group.eye_base is not None and group.hand_base is None:
+        found[group.eye_base] = y.inverse()
+    step = np.zeros(problem.width)
+    for name, transform in found.items():
+        if name in problem.columns:
+            where = problem.columns[name]
+            step[where] = (state.transforms[name].inverse() @ transform).log()[: where.stop - where.start]
+    return step

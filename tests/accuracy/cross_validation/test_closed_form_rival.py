@@ -1,0 +1,74 @@
+"""A closed form is a rival only where the answer's model is wrong."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.cross_validation.closed_form_rival import _ratio, closed_form_rival
+from basecal.accuracy.cross_validation.folds import splits
+from basecal.accuracy.cross_validation.refit import refit_folds
+from basecal.accuracy.cross_validation.validation import cross_validate
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import solve
+from basecal.simulation import Scenario, simulate
+
+MOUNT = "arm_flange_from_wrist"
+# A free lens takes up the errors of robots that are held to be exact.
+NOISY = Scenario(samples=20, robot_noise=(2e-3, 1e-2), state_robot_noise=False, intrinsics="free", layout="eye_in_hand")
+EXACT = Settings(robot_noise="stated")
+
+
+def rival_of(solution):
+    split = splits(solution.problem)[0]
+    return closed_form_rival(solution, refit_folds(solution.problem, solution.state, split.folds, 50))
+
+
+@pytest.mark.parametrize("changed", [{}, {"target": "pose"}, {"layout": "eye_in_hand"}, {"target": "led"}])
+def test_a_true_model_has_no_rival(changed):
+    """Noise as stated, of two arms, of poses, of one arm; a light has no poses of its own."""
+    made = simulate(Scenario(**{"samples": 20, "robot_noise": (2e-4, 5e-4), **changed}), 1)
+    assert rival_of(solve(made.cell, made.recording)) is None
+
+
+def test_robots_held_to_be_exact_have_one():
+    """Errors of 2 mm and 10 mrad that go into the lens: the closed form predicts better, and is far from the answer."""
+    made = simulate(NOISY, 0)
+    solution = solve(made.cell, made.recording, EXACT)
+    rival = cross_validate(solution, made.cell.asked, EXACT).rival
+    assert rival.ratio > 1.5
+    where = solution.problem.columns[MOUNT]
+    sigma = np.sqrt(np.diag(solution.covariance_of([MOUNT])))
+    assert np.abs(rival.moved[where] / sigma).max() > 3.0
+    others = np.ones(len(rival.moved), dtype=bool)
+    others[where] = others[solution.problem.columns["arm_base_from_board"]] = False
+    assert not np.any(rival.moved[others])
+
+
+def test_where_all_is_known_or_there_are_several_pairs_there_is_none():
+    """Nothing is left to a closed form; and loops of several pairs are no one closed form's."""
+    made = simulate(Scenario(samples=12, layout="eye_in_hand", camera_mount="fixed", target_mount="fixed"), 0)
+    solution = solve(made.cell, made.recording)
+    assert rival_of(solution) is None
+    (group,) = solution.problem.groups
+    twice = replace(solution, problem=solution.problem.with_groups((group, group)))
+    assert closed_form_rival(twice, []) is None
+
+
+@pytest.mark.parametrize(("theirs", "count", "expected"), [
+    (0.5, 20, np.sqrt(2)), (0.9, 20, None), (2.0, 20, None), (0.5, 5, None), (np.nan, 20, None),
+])  # fmt: skip
+def test_a_ratio_counts_where_it_is_clear_and_no_chance(theirs, count, expected):
+    """Half the squares is 1.41 times better; a tenth less is not clear, five views are few, and NaN is no prediction."""
+    ours = np.random.default_rng(0).uniform(0.9, 1.1, (count, 2)) * (1e-6, 1e-4)
+    found = _ratio(ours, theirs * ours)
+    assert found == (None if expected is None else pytest.approx(expected))
+
+
+def test_one_view_that_is_far_better_is_chance():
+    """Of twenty views one is ten times as far off for the answer: the mean is worse, most are not."""
+    ours = np.ones((20, 2))
+    ours[3] = 100.0
+    assert _ratio(ours, np.ones((20, 2))) is None
