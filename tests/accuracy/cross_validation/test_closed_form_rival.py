@@ -61,7 +61,7 @@ def test_where_all_is_known_or_there_are_several_pairs_there_is_none():
     (0.5, 20, np.sqrt(2)), (0.9, 20, None), (2.0, 20, None), (0.5, 5, None), (np.nan, 20, None),
 ])  # fmt: skip
 def test_a_ratio_counts_where_it_is_clear_and_no_chance(theirs, count, expected):
-    """Half the squares is 1.41 times better; a tenth less is not clear, five views are few, and NaN is no prediction."""
+    """Half the squares is 1.41 times better; a tenth less is not clear, five views are few, NaN predicts nothing."""
     ours = np.random.default_rng(0).uniform(0.9, 1.1, (count, 2)) * (1e-6, 1e-4)
     found = _ratio(ours, theirs * ours)
     assert found == (None if expected is None else pytest.approx(expected))
