@@ -392,7 +392,7 @@ def test_tests_need_no_benchmarks() -> None:
     assert importing == OF_BENCHMARKS
 
 
-MIRRORED = ("geometry", "numerics", "kinematics", "cell", "estimation", "exchange", "accuracy")
+MIRRORED = ("geometry", "numerics", "kinematics", "cell", "vision", "estimation", "exchange", "accuracy")
 NOTHING_TO_TEST = {
     "cell/files.py": "names of other modules",
     "accuracy/findings/evidence.py": "values without behaviour",

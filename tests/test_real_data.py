@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from basecal.accuracy.verdict import calibrate
 from basecal.cell.files import read_cell, read_recording
+from basecal.cell.targets.charuco import charuco_target
 from basecal.errors import DatasetError
 from basecal.vision.detect import detect
+from basecal.vision.detectors import find
+from basecal.vision.image_file import grey_image
 from tests.shared.real_recordings import (
     CORNERS,
     EXAMPLES,
@@ -104,11 +109,46 @@ def test_every_corner_as_a_light() -> None:
     assert [f for f in short(lights) if "[mm]" not in f.what or f.measured > 12.0] == []
 
 
+def published(name: str) -> Path:
+    """The folder of a recording that does not ship; skips the test where it is not there."""
+    folder = data_folder() / name
+    if not folder.exists():
+        pytest.skip(f"{folder} is not there: set BASECAL_DATA to the folder of the published recordings")
+    return folder
+
+
 @pytest.mark.slow
 def test_boards_of_even_light_are_found() -> None:
     """A board of 28 x 17 corners in thirty pictures, of which normalised ones show six: at least 29 are found."""
-    folder = data_folder() / "kuka_1_chessboard"
-    if not folder.exists():
-        pytest.skip(f"{folder} is not there: set BASECAL_DATA to the folder of the published recordings")
+    folder = published("kuka_1_chessboard")
     seen = detect(read_cell(folder), read_recording(folder))
     assert sum(bool(sample.observations) for sample in seen.samples) >= 29
+
+
+def test_a_tag_of_another_number_is_named(tmp_path: Path) -> None:
+    """Told tag 0 where every picture shows tag 10, the first finding says so."""
+    folder = tmp_path / "cell"
+    shutil.copytree(published("visp_franka_to_hand"), folder, ignore=shutil.ignore_patterns("derived", "runs"))
+    text = (folder / "cell.yaml").read_text()
+    assert "id: 10" in text
+    (folder / "cell.yaml").write_text(text.replace("id: 10", "id: 0"))
+    seen = detect(read_cell(folder), read_recording(folder))
+    first = seen.findings[0]
+    assert (first.code, first.severity) == ("few-images", "warning")
+    assert "tag 10 is there, not 0" in first.message
+
+
+def test_sigmas_of_a_still_board() -> None:
+    """Two photographs of a board and a camera that both stood still differ by what the corners' sigmas say."""
+    folder = published("abb_irb120_dual_messy") / "20230428_i"
+    board = charuco_target((10, 14), 0.0241, 0.018, "DICT_4X4_250", legacy_pattern=True)
+    images = [grey_image((folder / f"{number:03d}_image.jpg").read_bytes(), None) for number in (10, 11)]
+    one, two = (find(image, board) for image in images if not isinstance(image, str))
+    assert one is not None
+    assert two is not None
+    _, at, then = np.intersect1d(one.ids, two.ids, return_indices=True)
+    assert len(at) > 100
+    sigma = np.hypot(one.sigma_px[at], two.sigma_px[then])
+    difference = (two.pixels[then] - one.pixels[at]) / sigma[:, None]
+    # 1.06 of 208 coordinates, of which an rms is known within 5 %.
+    assert np.sqrt(np.mean(difference**2)) == pytest.approx(1.0, abs=0.2)

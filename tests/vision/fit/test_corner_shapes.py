@@ -76,3 +76,14 @@ def test_parallel_lines_give_finite_derivatives() -> None:
         q = np.array([[0.0, 0.0, 0.3, 0.3 + turn, np.log(0.8), 0.0]])
         for shape in (saddle, wedge):
             assert all(np.isfinite(each).all() for each in shape.linearised(q, xy, 6))
+
+
+def test_spreads_beyond_the_bound_are_held() -> None:
+    """Beyond 55 px nothing changes with the spread, and the derivative says so."""
+    xy = np.random.default_rng(5).normal(0, 2, (1, 40, 2))
+    q = corner(np.pi / 2)
+    q[0, 4] = 800.0
+    values, derivatives = saddle.linearised(q, xy, 5)
+    assert np.isfinite(derivatives).all()
+    np.testing.assert_array_equal(values, saddle(q - [0, 0, 0, 0, 100.0, 0], xy))
+    assert not derivatives[0, 4].any()

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import ndtr
 
-from basecal.geometry import Array
+from basecal.geometry import Array, BoolArray
 
 _MOST_LOG = 4.0  # of a width in pixels: 55 px is beyond every window, and no exponential overflows on the way
 _MASK_PX = 1.2  # sigma of the blur that cameras sharpen with, in the middle of what is usual
@@ -80,7 +80,8 @@ class Corner:
         by_first *= ndtr(b_given_a) - 0.5 * self.crossed
         by_second = _DENSITY * np.exp(-0.5 * b * b) * (ndtr(a_given_b) - 0.5 * self.crossed)
         times = 4.0 if self.crossed else 1.0
-        slopes = _Slopes(by_first * at.inverse, by_second * at.inverse, by_cosine, -(a * by_first + b * by_second))
+        by_spread = -(a * by_first + b * by_second) * at.bounded
+        slopes = _Slopes(by_first * at.inverse, by_second * at.inverse, by_cosine, by_spread)
         return self._values(at), _Slopes(*(times * each for each in slopes))
 
 
@@ -114,17 +115,22 @@ def _sides(q: Array, xy: Array) -> _Sides:
 
 
 class _Scaled(NamedTuple):
-    """Distances from both lines in sigmas of the point spread, (n, p), their cosine and 1 / sigma [1/px], (n, 1)."""
+    """Distances from both lines in sigmas of the point spread, (n, p), their cosine and 1 / sigma [1/px], (n, 1).
+
+    Where the spread is not `bounded`, it is held at the bound, (n, 1).
+    """
 
     first: Array
     second: Array
     cosine: Array
     inverse: Array
+    bounded: BoolArray
 
 
 def _scaled(sides: _Sides, log_spread: Array) -> _Scaled:
     inverse = np.exp(-np.clip(log_spread, -_MOST_LOG, _MOST_LOG))
-    return _Scaled(sides.first * inverse, sides.second * inverse, sides.cosine, inverse)
+    bounded = np.abs(log_spread) < _MOST_LOG
+    return _Scaled(sides.first * inverse, sides.second * inverse, sides.cosine, inverse, bounded)
 
 
 def _masked(log_spread: Array) -> Array:

@@ -160,7 +160,8 @@ def patches_around(image: Levels, middle: Array, reach: int) -> Patches:
 
 
 def _sound(fit: Fit, start: Array) -> BoolArray:
-    spread = np.exp(fit.shape[:, 4])
+    log_spread = fit.shape[:, 4]
     moved = np.linalg.norm(fit.shape[:, :2] - start, axis=1)
-    sound: BoolArray = fit.converged & (moved < _MOST_MOVED_PX) & (spread > _LEAST_SPREAD) & (spread < _MOST_SPREAD)
+    between = (log_spread > np.log(_LEAST_SPREAD)) & (log_spread < np.log(_MOST_SPREAD))
+    sound: BoolArray = fit.converged & (moved < _MOST_MOVED_PX) & between
     return sound

@@ -1,0 +1,58 @@
+"""Rendered lights."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.errors import InputError
+from basecal.geometry import Camera
+from basecal.vision.draw.light import LightSettings, light_levels, render_light
+from vision_scenes import SMALL
+
+PLACE = np.array([0.0213, -0.017, 1.0])
+
+
+def test_photons_are_where_the_lens_puts_them() -> None:
+    """All photons of a light are in the image, and their middle is its projection."""
+    settings = LightSettings(photons=2e4, spot_px=1.5, photons_per_level=10)
+    spot = light_levels(SMALL, PLACE, settings) - settings.background
+    rows, columns = np.indices(spot.shape)
+    assert spot.sum() == pytest.approx(2000, rel=1e-12)
+    middle = [(spot * each).sum() / spot.sum() for each in (columns, rows)]
+    np.testing.assert_allclose(middle, SMALL.project(PLACE), atol=1e-9)
+
+
+def test_width_of_a_spot() -> None:
+    """A spot is as wide as it is set, and its pixels' own square besides."""
+    settings = LightSettings(photons=1e4, spot_px=2.0, photons_per_level=1)
+    spot = light_levels(SMALL, PLACE, settings) - settings.background
+    columns = np.arange(spot.shape[1])
+    across = spot.sum(axis=0) / spot.sum()
+    assert across @ (columns - across @ columns) ** 2 == pytest.approx(2.0**2 + 1 / 12, rel=1e-6)
+
+
+def test_noise_is_of_photons_and_read_out() -> None:
+    """The variance of a level is that of its photons, of the read-out and of rounding."""
+    settings = LightSettings(photons=0.0, background=50.0, photons_per_level=4.0, read_noise=1.5)
+    image = render_light(SMALL, np.zeros((0, 3)), settings).astype(float)
+    # Of 76800 pixels a variance is known within 0.5 %.
+    assert image.var() == pytest.approx(50 / 4 + 1.5**2 + 1 / 12, rel=0.03)
+    assert image.mean() == pytest.approx(50, abs=0.1)
+
+
+def test_behind_and_beside() -> None:
+    """Lights behind the camera or beside its image leave it as it is; one too bright stays at the highest level."""
+    settings = LightSettings(read_noise=0.0, background=0.0)
+    for point in ([0, 0, -1.0], [5.0, 0, 1.0]):
+        assert not render_light(SMALL, np.array([point]), settings).any()
+    bright = render_light(SMALL, PLACE, LightSettings(photons=1e7))
+    assert bright.max() == 255
+    assert np.array_equal(bright, render_light(SMALL, PLACE, LightSettings(photons=1e7)))
+    assert not np.array_equal(bright, render_light(SMALL, PLACE, LightSettings(photons=1e7), seed=1))
+
+
+def test_camera_without_size() -> None:
+    """A camera of no size has no image."""
+    with pytest.raises(InputError, match="size"):
+        render_light(Camera("pinhole", SMALL.parameters), PLACE)

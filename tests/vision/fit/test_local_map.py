@@ -1,0 +1,72 @@
+"""How a plane lies in an image around its points."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.geometry import SE3, Array
+from basecal.vision.fit.local_map import grid_axes, local_axes, local_homographies, right_handed
+from vision_scenes import PLAIN, WIDE
+
+PITCH = 0.03
+PLANE = np.stack(np.meshgrid(np.arange(7), np.arange(5)), -1).reshape(-1, 2) * PITCH
+POSE = SE3.from_rpy((0.4, -0.3, 0.5), (-0.08, -0.05, 0.5))
+
+
+def seen(plane: Array, camera: object = PLAIN) -> Array:
+    points = POSE @ np.column_stack([plane, np.zeros(len(plane))])
+    return (WIDE if camera is WIDE else PLAIN).project(points)
+
+
+def test_axes_are_steps_of_a_pitch() -> None:
+    """A pitch along each axis is what the projection moves by, within a tenth of it in perspective."""
+    axes = local_axes(PLANE, PLANE, seen(PLANE), PITCH)
+    for axis in (0, 1):
+        half = np.eye(2)[axis] * PITCH / 2
+        step = seen(PLANE + half) - seen(PLANE - half)
+        assert np.linalg.norm(axes[:, axis] - step, axis=1).max() < 0.1 * np.linalg.norm(step, axis=1).min()
+
+
+def test_axes_of_an_affine_map_are_exact() -> None:
+    """Where the plane is seen without perspective, a pitch is the same everywhere."""
+    matrix = np.array([[400.0, 30.0], [-50.0, 380.0]])
+    axes = local_axes(PLANE, PLANE, PLANE @ matrix.T + [100, 50], PITCH)
+    np.testing.assert_allclose(axes, np.broadcast_to(matrix.T * PITCH, axes.shape), atol=1e-6)
+
+
+def test_homographies_are_exact_in_perspective() -> None:
+    """Around every point, the map of a pinhole takes any offset to its pixel, and nothing is bent."""
+    matrix, bent = local_homographies(PLANE, seen(PLANE), PITCH)
+    offsets = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [-0.5, 1.5, 1.0]])
+    for k, place in enumerate(PLANE):
+        mapped = offsets @ matrix[k].T
+        expected = seen(place + offsets[:, :2] * PITCH)
+        np.testing.assert_allclose(mapped[:, :2] / mapped[:, 2:], expected, atol=1e-4)
+    assert np.abs(bent).max() < 1e-3
+
+
+def test_a_lens_bends() -> None:
+    """Second derivatives beyond perspective are those of a lens, within a third."""
+    _, bent = local_homographies(PLANE, seen(PLANE, WIDE), PITCH)
+    middle = len(PLANE) // 2
+    homography, _ = local_homographies(PLANE, seen(PLANE, WIDE), PITCH)
+
+    def beyond(offset: Array) -> Array:
+        mapped = homography[middle] @ [*offset, 1.0]
+        return seen((PLANE[middle] + offset * PITCH)[None], WIDE)[0] - mapped[:2] / mapped[2]
+
+    for row, axis in ((0, np.array([1.0, 0.0])), (2, np.array([0.0, 1.0]))):
+        numeric = beyond(axis) - 2 * beyond(0 * axis) + beyond(-axis)
+        assert np.linalg.norm(bent[middle, row] - numeric) < 0.35 * np.linalg.norm(numeric) + 0.003
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_right_handed(mirrored: bool) -> None:
+    """A grid read from its back has its rows put the other way; one read from its front stays."""
+    grid = seen(PLANE).reshape(5, 7, 2)
+    np.testing.assert_array_equal(right_handed(grid[::-1] if mirrored else grid), grid)
+    axes = grid_axes(grid)
+    assert axes.shape == (35, 2, 2)
+    np.testing.assert_allclose(axes[10, 0], (grid[1, 4] - grid[1, 2]) / 2)
+    np.testing.assert_allclose(axes[10, 1], (grid[2, 3] - grid[0, 3]) / 2)

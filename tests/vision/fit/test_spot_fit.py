@@ -1,0 +1,58 @@
+"""Spots fitted to pieces of an image."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.special import ndtr
+
+from basecal.geometry import Array
+from basecal.vision.fit.spot_fit import fit_spot
+
+SIZE = 21
+
+
+def spot(x: float, y: float, wide: float, high: float, brightness: float) -> Array:
+    """Levels of a Gaussian over the pixels' squares, (21, 21)."""
+    along = (np.diff(ndtr((np.arange(SIZE + 1) - 0.5 - at) / width)) for at, width in ((x, wide), (y, high)))
+    across, down = along
+    return brightness * np.outer(down, across)
+
+
+def test_exact_without_noise() -> None:
+    """A spot without noise is found as it was drawn, its two widths and its brightness too."""
+    found = fit_spot(spot(9.7, 10.4, 1.3, 1.8, 3000.0) + 12.0, np.ones((SIZE, SIZE), bool), (10, 10, 1.0))
+    assert found is not None
+    assert (found.x, found.y) == (pytest.approx(9.7, abs=1e-6), pytest.approx(10.4, abs=1e-6))
+    assert (found.width_x, found.width_y) == (pytest.approx(1.3, abs=1e-5), pytest.approx(1.8, abs=1e-5))
+    assert found.brightness == pytest.approx(3000, rel=1e-5)
+
+
+def test_pixels_that_do_not_count() -> None:
+    """Pixels that are not usable have no say, whatever they are."""
+    levels, usable = spot(9.7, 10.4, 1.5, 1.5, 3000.0) + 12.0, np.ones((SIZE, SIZE), bool)
+    usable[9:12, 9:12] = False
+    levels[~usable] = 255.0
+    found = fit_spot(levels, usable, (10, 10, 1.5))
+    assert found is not None
+    assert (found.x, found.y) == (pytest.approx(9.7, abs=1e-3), pytest.approx(10.4, abs=1e-3))
+
+
+def test_errors_are_as_large_as_sigmas() -> None:
+    """Under photons and read-out noise, errors are as large as sigmas say."""
+    rng, ratio = np.random.default_rng(0), []
+    for _ in range(150):
+        x, y = rng.uniform(9.5, 10.5, 2)
+        levels = rng.poisson(10 * (spot(x, y, 1.4, 1.4, 800.0) + 8)) / 10 + rng.standard_normal((SIZE, SIZE))
+        found = fit_spot(levels, np.ones((SIZE, SIZE), bool), (10, 10, 1.2))
+        assert found is not None
+        ratio += [(found.x - x) / found.sigma_px, (found.y - y) / found.sigma_px]
+    # Of 300 coordinates an rms has a sigma of 4 %.
+    assert np.sqrt(np.mean(np.square(ratio))) == pytest.approx(1.0, abs=0.15)
+
+
+def test_too_few_pixels() -> None:
+    """Six unknowns need more than eleven pixels."""
+    usable = np.zeros((SIZE, SIZE), bool)
+    usable[10, 5:16] = True
+    assert fit_spot(spot(10, 10, 1.5, 1.5, 3000.0), usable, (10, 10, 1.5)) is None
