@@ -145,10 +145,10 @@ def test_a_batch_of_arms_is_each_by_itself(chain, joints):
     for k in range(3):
         alone = chain.moved(tangents[k])
         for taken, mine in ((own, own[k]), (joints, joints)):
-            flange, jacobian = arms.forward_and_jacobian(taken)
-            np.testing.assert_allclose(flange.matrix[k], alone.forward(mine).matrix, atol=1e-14)
-            np.testing.assert_allclose(jacobian[k], alone.jacobian(mine), atol=1e-14)
-            np.testing.assert_allclose(arms.link_jacobian(taken)[k], alone.link_jacobian(mine), atol=1e-14)
+            at = arms.at(taken)
+            np.testing.assert_allclose(at.base_from_flange.matrix[k], alone.forward(mine).matrix, atol=1e-14)
+            np.testing.assert_allclose(at.by_joints[k], alone.jacobian(mine), atol=1e-14)
+            np.testing.assert_allclose(at.by_links[k], alone.link_jacobian(mine), atol=1e-14)
 
 
 def test_batches_of_origins_and_of_the_tip_are_alike(chain):

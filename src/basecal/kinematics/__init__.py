@@ -1,9 +1,18 @@
 """Serial arms: where the flange is, its derivatives, and the way back."""
 
-from basecal.kinematics.chain import SerialChain
+from basecal.kinematics.chain import ChainPosture, SerialChain
 from basecal.kinematics.gravity import gravity_torques
 from basecal.kinematics.inverse import inverse
 from basecal.kinematics.masses import Masses
 from basecal.kinematics.urdf import parse_chain, read_chain, way_names
 
-__all__ = ["Masses", "SerialChain", "gravity_torques", "inverse", "parse_chain", "read_chain", "way_names"]
+__all__ = [
+    "ChainPosture",
+    "Masses",
+    "SerialChain",
+    "gravity_torques",
+    "inverse",
+    "parse_chain",
+    "read_chain",
+    "way_names",
+]

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from functools import cached_property
 
 import numpy as np
 
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array, read_only
-from basecal.geometry.se3 import rotation_exp
+from basecal.geometry.se3 import hat, rotation_exp
 from basecal.kinematics.masses import Masses
 
 
@@ -73,51 +73,65 @@ class SerialChain:
         Raises:
             InputError: if the last axis is not n.
         """
-        return self._tails(joints).base_from_flange
+        return self.at(joints).base_from_flange
 
     def jacobian(self, joints: Array) -> Array:
-        """Derivative of `base_from_flange` to the joints, (..., 6, n) [m/rad, rad/rad].
-
-        Args:
-            joints: (..., n) [rad].
-
-        Returns:
-            The right tangent: `forward(q + d) == forward(q) @ SE3.exp(jacobian(q) @ d)` to first order in d.
-
-        Raises:
-            InputError: if the last axis is not n.
-
-        Source: Lynch & Park 2017, "Modern Robotics", 5.1.4 (the body Jacobian).
-        """
-        return self.forward_and_jacobian(joints)[1]
-
-    def forward_and_jacobian(self, joints: Array) -> tuple[SE3, Array]:
-        """What `forward` and `jacobian` give, by one way through the chain."""
-        tails = self._tails(joints)
-        axes = self._axes_over(tails.base_from_flange.translation.shape[:-1])
-        flange_from_joint = np.swapaxes(tails.joint_from_flange.rotation, -1, -2)
-        lever = np.cross(axes, tails.joint_from_flange.translation)
-        columns = flange_from_joint @ np.stack([lever, axes], -1)
-        over_joints = np.concatenate([columns[..., 0], columns[..., 1]], -1)
-        return tails.base_from_flange, np.ascontiguousarray(np.moveaxis(over_joints, 0, -1))
+        """Derivative of `base_from_flange` to the joints, (..., 6, n); see `ChainPosture.by_joints`."""
+        return self.at(joints).by_joints
 
     def link_jacobian(self, joints: Array) -> Array:
-        """Derivative of `base_from_flange` to right perturbations of each origin, then of the tip, (..., 6, 6 (n + 1)).
+        """Derivative of `base_from_flange` to the links, (..., 6, 6 (n + 1)); see `ChainPosture.by_links`."""
+        return self.at(joints).by_links
+
+    def at(self, joints: Array) -> ChainPosture:
+        """The arm at some joints, with its derivatives.
 
         Args:
-            joints: (..., n) [rad].
-
-        Returns:
-            The right tangent: `moved(d).forward(q) == forward(q) @ SE3.exp(link_jacobian(q) @ d.ravel())`, first order.
+            joints: (..., n) [rad]; limits are not looked at.
 
         Raises:
             InputError: if the last axis is not n.
         """
-        tails = self._tails(joints)
-        batch = tails.base_from_flange.translation.shape[:-1]
-        blocks = (tails.turns @ tails.joint_from_flange).inverse().adjoint()
-        with_tip = np.concatenate([blocks, np.broadcast_to(np.eye(6), (1, *batch, 6, 6))])
-        return np.moveaxis(with_tip, 0, -2).reshape(*batch, 6, 6 * (self.n + 1))
+        q = np.asarray(joints, dtype=np.float64)
+        if q.shape[-1:] != (self.n,):
+            raise InputError(f"joints have shape {q.shape}, expected (..., {self.n}): {', '.join(self.joint_names)}")
+        if self.batch:
+            q = np.broadcast_to(q, (*np.broadcast_shapes((*self.batch, 1), q.shape[:-1]), self.n))
+        turns = self._turns(np.moveaxis(q, -1, 0))
+        behind, place = self._of_origins(turns.ndim)
+        behind = behind @ turns
+        rotation, translation = np.empty(behind.shape), np.empty(behind.shape[:-1])
+        rotation[-1], translation[-1] = (self._beside(each) for each in (self.tip.rotation, self.tip.translation))
+        for i in range(self.n - 1, 0, -1):  # what stands behind a joint is its own frame, the next one's origin first
+            rotation[i - 1] = behind[i] @ rotation[i]
+            translation[i - 1] = (behind[i] @ translation[i][..., None])[..., 0] + place[i]
+        first = (behind[0] @ translation[0][..., None])[..., 0] + place[0]
+        return ChainPosture(
+            self.axes, SE3.adopt(behind[0] @ rotation[0], first), turns, SE3.adopt(rotation, translation)
+        )
+
+    def _turns(self, angles: Array) -> Array:
+        """Rotations by each joint's angle about its axis, (n, ...) to (n, ..., 3, 3). Source: Rodrigues 1840."""
+        across, squared = self._axis_matrices
+        shape = (self.n, *[1] * (angles.ndim - 1), 3, 3)
+        sine, rest = np.sin(angles)[..., None, None], (1 - np.cos(angles))[..., None, None]
+        return np.asarray(np.eye(3) + sine * across.reshape(shape) + rest * squared.reshape(shape))
+
+    @cached_property
+    def _axis_matrices(self) -> tuple[Array, Array]:
+        """(n, 3, 3) which takes a vector's product with each axis, and its square."""
+        across = hat(self.axes)
+        return across, across @ across
+
+    def _of_origins(self, dimensions: int) -> tuple[Array, Array]:
+        """Rotations and translations of the origins, joints first, that broadcast against arrays of so many axes."""
+        rotation, translation = np.moveaxis(self.origins.rotation, -3, 0), np.moveaxis(self.origins.translation, -2, 0)
+        shape = (self.n, *self.batch, *[1] * (dimensions - 3 - len(self.batch)))
+        return rotation.reshape(*shape, 3, 3), translation.reshape(*shape, 3)
+
+    def _beside(self, of_tip: Array) -> Array:
+        """The tip's rotation or translation, which broadcasts against joints."""
+        return np.expand_dims(of_tip, len(self.batch)) if self.batch else of_tip
 
     def moved(self, link_tangents: Array) -> SerialChain:
         """The chain with each origin, and last the tip, perturbed on the right by (..., n + 1, 6) [m, rad].
@@ -145,38 +159,45 @@ class SerialChain:
             frames.append(frame)
         return frames
 
-    def _tails(self, joints: Array) -> _Tails:
-        q = np.asarray(joints, dtype=np.float64)
-        if q.shape[-1:] != (self.n,):
-            raise InputError(f"joints have shape {q.shape}, expected (..., {self.n}): {', '.join(self.joint_names)}")
-        if self.batch:
-            q = np.broadcast_to(q, (*np.broadcast_shapes((*self.batch, 1), q.shape[:-1]), self.n))
-        over_joints = np.moveaxis(q, -1, 0)
-        turns = SE3.adopt(
-            rotation_exp(over_joints[..., None] * self._axes_over(q.shape[:-1])), np.zeros((*over_joints.shape, 3))
-        )
-        tail = SE3.identity(q.shape[:-1]) @ (self.tip.spread() if self.batch else self.tip)
-        tails = []
-        for i in reversed(range(self.n)):
-            tails.append(tail)
-            tail = self._origin(i) @ (turns[i] @ tail)
-        return _Tails(tail, turns, SE3.stack(tails[::-1]))
 
-    def _origin(self, joint: int) -> SE3:
-        """One of the origins; of a batch (b, 1), which broadcasts against its joints."""
-        if not self.batch:
-            return self.origins[joint]
-        return SE3.adopt(self.origins.rotation[..., joint, :, :], self.origins.translation[..., joint, :]).spread()
+@dataclass(frozen=True, eq=False)
+class ChainPosture:
+    """An arm, or a batch of arms, at some joints, and how its flange moves.
 
-    def _axes_over(self, batch: tuple[int, ...]) -> Array:
-        """The axes once per entry of a batch, (n, *batch, 3)."""
-        spread = self.axes.reshape(self.n, *[1] * len(batch), 3)
-        return np.broadcast_to(spread, (self.n, *batch, 3))
+    Attributes:
+        axes: (n, 3) of the joints in their own frames.
+        base_from_flange: (...).
+        turns: (n, ..., 3, 3) of each joint about its axis.
+        joint_from_flange: (n, ...) in the frames that turn with the joints.
+    """
 
-
-class _Tails(NamedTuple):
-    """What the joints make of the chain; the joints are the leading axis."""
-
+    axes: Array
     base_from_flange: SE3
-    turns: SE3
+    turns: Array
     joint_from_flange: SE3
+
+    @cached_property
+    def by_joints(self) -> Array:
+        """Derivative of `base_from_flange` to the joints, (..., 6, n) [m/rad, rad/rad].
+
+        The right tangent: `forward(q + d) == forward(q) @ SE3.exp(by_joints @ d)` to first order in d.
+        Source: Lynch & Park 2017, "Modern Robotics", 5.1.4 (the body Jacobian).
+        """
+        axes = self.axes.reshape(len(self.axes), *[1] * len(self.base_from_flange.shape), 3)
+        columns = np.empty((*self.joint_from_flange.shape, 3, 2))
+        columns[..., 0], columns[..., 1] = np.cross(axes, self.joint_from_flange.translation), axes
+        turned = np.swapaxes(self.joint_from_flange.rotation, -1, -2) @ columns
+        over_joints = np.concatenate([turned[..., 0], turned[..., 1]], -1)
+        return np.ascontiguousarray(np.moveaxis(over_joints, 0, -1))
+
+    @cached_property
+    def by_links(self) -> Array:
+        """Derivative of `base_from_flange` to right perturbations of each origin, last of the tip, (..., 6, 6 (n + 1)).
+
+        The right tangent: `moved(d).forward(q) == forward(q) @ SE3.exp(by_links @ d.ravel())` to first order in d.
+        """
+        tail = self.joint_from_flange
+        behind = SE3.adopt(self.turns @ tail.rotation, (self.turns @ tail.translation[..., None])[..., 0])
+        blocks, batch = behind.inverse().adjoint(), self.base_from_flange.shape
+        with_tip = np.concatenate([blocks, np.broadcast_to(np.eye(6), (1, *batch, 6, 6))])
+        return np.moveaxis(with_tip, 0, -2).reshape(*batch, 6, 6 * (len(self.axes) + 1))

@@ -34,7 +34,7 @@ def test_the_derivative_is_that_of_the_flange(name):
     kind = robot_parameter_kinds()[name]
     values = 0.1 * kind.SCALE * np.random.default_rng(1).standard_normal(kind.zero(6).shape)
     true, moved = JOINTS + kind.shift(ARM, kind.Stated(), JOINTS, values), kind.moved(ARM, values)
-    at = Posture(ARM, moved, JOINTS, true, moved.jacobian(true))
+    at = Posture(ARM, JOINTS, moved.at(true))
     before = flange(kind, values).inverse()
 
     def after(step):

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from basecal.cell.targets.points import points_target
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.correspondence import half_turned
 from basecal.estimation.problem.problem import State
@@ -172,3 +173,17 @@ def test_a_light_of_several_points_is_the_one_most_views_see():
     weight = np.array([[1.0, 2.0, 0.0], [0.0, 3.0, 1.0]])
     measurement = BearingMeasurement(np.zeros((3, 3)), np.zeros((2, 3, 3)), weight)
     assert as_light(measurement) == (measurement, 1)
+
+
+def test_views_that_show_a_part_of_the_target_keep_enough_of_it():
+    """Each view shows eight of 24 points of a body: thinned to eight of what it shows they still give poses."""
+    body = points_target(0.1 * np.random.default_rng(0).uniform(-1, 1, (24, 3)))
+    made = simulate(Scenario(samples=12, target="points", board=body, pixel_px=0.1), 0)
+    problem, _ = build_problem(made.cell, made.recording)
+    (group,) = problem.groups
+    shown = np.arange(24) % 3 == (np.arange(12) % 3)[:, None]
+    seen = group.measurement.seen & shown
+    measurement = replace(group.measurement, seen=seen, weight=group.measurement.weight * seen)
+    few = pair_views(replace(group, measurement=measurement), made.cameras["wrist"], 12, 8)
+    assert few.candidates is not None
+    assert len(few.group) == 12

@@ -24,6 +24,7 @@ from basecal.geometry import Array
 FOLDS = 3  # few, since each costs a fit of every hypothesis
 _HEAVY_TAIL = 2.0  # rms of all over rms of the best 70 %: 1.8 of one normal residual a view, less of more
 _CONCENTRATIONS = 2
+_MOST_STEPS = 25  # of a hypothesis: what is so comes to rest within ten, free links of robots chase what is not
 _STEPS = 30  # of a fold's fit, which starts at the fit to all
 _PLAUSIBLE_PX = 3.0  # [px] rms, beyond any detector
 _PLAUSIBLE_RAD = 0.03  # [rad] of angles, and lengths over the distance, beyond any detector of poses
@@ -108,6 +109,8 @@ def fit_hypothesis(
         start: Where to start; without a guess where None.
         beyond: `core` from which on a fit is of no interest: None is returned.
     """
+    if np.isfinite(beyond):
+        settings = replace(settings, iterations=min(settings.iterations, _MOST_STEPS))
     # A wrong hypothesis may send the descent anywhere: infinities there are no error of the user's.
     with np.errstate(all="ignore"):
         return _fit(cell, recording, settings, start, beyond)

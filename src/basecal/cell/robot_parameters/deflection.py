@@ -70,7 +70,7 @@ def moved(chain: SerialChain, values: Array) -> SerialChain:
 
 def derivative(at: Posture, stated: Stated, values: Array) -> Array:
     """See `RobotParameterKind`."""
-    return at.by_joints * _torques(at.chain, stated, at.recorded)[..., None, :]
+    return at.true.by_joints * _torques(at.chain, stated, at.recorded)[..., None, :]
 
 
 def unobserved(joints: str, rows: Sequence[int], count: int, base: str, by_prior: bool) -> str:

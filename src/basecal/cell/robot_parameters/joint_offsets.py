@@ -60,7 +60,7 @@ def moved(chain: SerialChain, values: Array) -> SerialChain:
 
 def derivative(at: Posture, stated: Parameters, values: Array) -> Array:
     """See `RobotParameterKind`."""
-    return at.by_joints
+    return at.true.by_joints
 
 
 def unobserved(joints: str, rows: Sequence[int], count: int, base: str, by_prior: bool) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from basecal.cell.calibration import RobotParameters
 from basecal.cell.format.parameters import Parameters
 from basecal.geometry import Array
-from basecal.kinematics import SerialChain
+from basecal.kinematics import ChainPosture, SerialChain
 from basecal.registry import ROBOT_PARAMETERS
 
 
@@ -24,21 +24,17 @@ class Columns(NamedTuple):
 
 
 class Posture(NamedTuple):
-    """A robot at recorded joints: where they truly stand, and the derivative of the flange to them.
+    """A robot at recorded joints.
 
     Attributes:
         chain: As stated.
-        moved: As it is.
         recorded: Joints as recorded, (..., m, n) [rad].
-        true: Joints as they are, (..., m, n) [rad].
-        by_joints: Derivative of `base_from_flange` to the joints, right tangents, (..., m, 6, n).
+        true: The chain as it is, where its joints truly stand.
     """
 
     chain: SerialChain
-    moved: SerialChain
     recorded: Array
-    true: Array
-    by_joints: Array
+    true: ChainPosture
 
 
 class RobotParameterKind(Protocol):

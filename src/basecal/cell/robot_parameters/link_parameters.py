@@ -54,7 +54,7 @@ def moved(chain: SerialChain, values: Array) -> SerialChain:
 
 def derivative(at: Posture, stated: Parameters, values: Array) -> Array:
     """See `RobotParameterKind`."""
-    links = at.moved.link_jacobian(at.true)
+    links = at.true.by_links
     by_link = np.swapaxes(links.reshape(*links.shape[:-1], -1, 6), -2, -3)
     turned = by_link @ right_jacobian(values)[..., None, :, :, :]
     return np.asarray(np.swapaxes(turned, -2, -3).reshape(links.shape))

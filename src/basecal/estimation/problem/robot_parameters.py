@@ -132,8 +132,8 @@ def robot_model(
     asked = {
         kind: stated[kind] for kind in robot_parameter_kinds() if kind in stated and stated[kind].status != "fixed"
     }
-    flange, by_joints = chain.forward_and_jacobian(joints)
-    at, others = Posture(chain, chain, joints, joints, by_joints), of_ends(flange, free_ends)
+    at = Posture(chain, joints, chain.at(joints))
+    others = of_ends(at.true.base_from_flange, free_ends)
     columns = {}
     for name, known in asked.items():
         kind = robot_parameter_kinds()[name]
@@ -163,9 +163,8 @@ def by_columns(model: RobotModel, kinematics: Kinematics, joints: Array) -> Arra
         kinematics: Where.
         joints: (..., m, n) as recorded [rad].
     """
-    true = kinematics.true_joints(joints)
-    at = Posture(model.chain, kinematics.moved, joints, true, kinematics.moved.jacobian(true))
-    parts = [at.by_joints[..., :0]]
+    at = Posture(model.chain, joints, kinematics.moved.at(kinematics.true_joints(joints)))
+    parts = [at.true.by_joints[..., :0]]
     for kind, columns in model.columns.items():
         derivative = robot_parameter_kinds()[kind].derivative(at, model.stated[kind], kinematics.of(kind))
         parts.append(derivative @ columns.basis)

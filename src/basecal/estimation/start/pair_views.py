@@ -47,7 +47,7 @@ class PairViews:
 
 
 def pair_views(group: ViewGroup, camera: Camera | None, views: int, points: int) -> PairViews:
-    """At most so many views of a group and points of its target, spread evenly."""
+    """At most so many views of a group, spread evenly, and of their points about so many as a view has left."""
     total = len(group)
     spread = np.unique(np.linspace(0, total - 1, min(total, views)).round().astype(np.int64))
     few = group.take(spread)
@@ -61,8 +61,11 @@ def pair_views(group: ViewGroup, camera: Camera | None, views: int, points: int)
     assert isinstance(measurement, PixelMeasurement)
     assert camera is not None
     # A grid that may be read from its other end keeps all its points, whose other end is among them.
-    thinned = measurement if few.half_turn is not None else measurement.thinned(points)
-    return _of_pixels(few, thinned, camera, total)
+    if few.half_turn is None:
+        # A view may show a part of the target alone, as of a body in space: thinned by all of it none would be left.
+        shown = max(float(np.median(measurement.seen.sum(-1))) / len(measurement.points_in_target), 1e-3)
+        measurement = measurement.thinned(int(np.ceil(points / shown)))
+    return _of_pixels(few, measurement, camera, total)
 
 
 def _of_pixels(group: ViewGroup, measurement: PixelMeasurement, camera: Camera, total: int) -> PairViews:
