@@ -149,6 +149,12 @@ def test_huge_images_are_refused_before_their_pixels() -> None:
     assert why == "has 30000 x 3000 pixels, expected 1 to 64 million"
 
 
+def test_pixels_of_too_many_bytes() -> None:
+    """Decoders hold an image twice: 60 megapixels of four channels and 16 bits would be a gigabyte."""
+    start = b"\x89PNG\r\n\x1a\n" + struct.pack(">I4sIIBB", 13, b"IHDR", 8000, 7500, 16, 6)
+    assert grey_image(start, None) == "has 457 MB of pixels, expected at most 256: store it grey, or with 8 bits"
+
+
 BOARD = scene(TARGETS["chessboard"])
 
 

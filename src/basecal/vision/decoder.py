@@ -22,7 +22,7 @@ _HARMLESS = re.compile(r"extraneous bytes before marker 0xd9|^\[ *(WARN|INFO)")
 _DECODERS = re.compile(
     r"^(Corrupt JPEG data|Premature end of JPEG|JPEG|Invalid |Unsupported |Inconsistent |libpng)|^\[ *"
 )
-_PREFIX = re.compile(r"^(Corrupt JPEG data: |\[ *ERROR[^\]]*\] global \S+ \S+ )")
+_PREFIX = re.compile(r"^(Corrupt JPEG data: |libpng \w+: |\[ *ERROR[^\]]*\] global \S+ \S+ )")
 
 
 class Decoded(NamedTuple):

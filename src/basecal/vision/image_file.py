@@ -17,7 +17,8 @@ from basecal.vision.image_header import header
 _JPEG, _PNG, _BMP = b"\xff\xd8\xff", b"\x89PNG\r\n\x1a\n", b"BM"
 _TO_GREY = {3: cv2.COLOR_BGR2GRAY, 4: cv2.COLOR_BGRA2GRAY}
 _LARGEST_BYTES = 2**28  # 256 MiB: 16 bits and two channels of 64 megapixels
-_MOST_PIXELS = 2**26  # 64 megapixels, of colour and 16 bits 512 MiB: the largest sensors of machine vision have that
+_MOST_PIXELS = 2**26  # 64 megapixels: the largest sensors of machine vision have that
+_MOST_DECODED_BYTES = 2**28  # 256 MiB, of which decoders hold two and the grey image is a third
 _END_BYTES = 64  # in which a whole PNG names its end; some programs write a little after it
 _AT_ONCE = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 _TURNED = range(2, 9)  # EXIF's orientations of pictures that are shown in another way than they are stored
@@ -89,6 +90,9 @@ def _why_not(data: bytes, size_px: tuple[int, int] | None) -> str | None:
     width, height = told.size_px
     if min(width, height) < 1 or width * height > _MOST_PIXELS:
         return f"has {width} x {height} pixels, expected 1 to {_MOST_PIXELS // 2**20} million"
+    if width * height * told.pixel_bytes > _MOST_DECODED_BYTES:
+        mb = width * height * told.pixel_bytes // 2**20
+        return f"has {mb} MB of pixels, expected at most {_MOST_DECODED_BYTES // 2**20}: store it grey, or with 8 bits"
     if size_px is not None and told.size_px != tuple(size_px):
         return f"has {width} x {height} pixels, its camera {size_px[0]} x {size_px[1]}{_cause(told.size_px, size_px)}"
     return "is truncated" if _is_cut(data) else None

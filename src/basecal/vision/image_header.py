@@ -11,8 +11,9 @@ _STARTS_OF_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # tables,
 _ALONE = frozenset({0x01, *range(0xD0, 0xD8)})  # JPEG markers without a length
 _MOST_SEGMENTS = 10_000  # of a file: cameras write ten, and programs a chunk of every 8 kB
 _MOST_TAGS = 500  # of one directory of a TIFF: cameras write fifty
-_WIDTH, _HEIGHT, _ORIENTATION = 256, 257, 274  # tags of a TIFF
-_SHORT, _LONG = 3, 4  # types of its values
+_WIDTH, _HEIGHT, _BITS, _ORIENTATION, _SAMPLES = 256, 257, 258, 274, 277  # tags of a TIFF
+_WHOLE = {3: "H", 4: "I"}  # its types of whole numbers
+_PNG_CHANNELS = {0: 1, 2: 3, 3: 4, 4: 4, 6: 4}  # by type of colour, as they are decoded
 _NETPBM = re.compile(rb"P[2356]\s(?:\s*#[^\n]*\n)*\s*(\d{1,9})\s(?:\s*#[^\n]*\n)*\s*(\d{1,9})\s")
 
 
@@ -21,11 +22,13 @@ class Header(NamedTuple):
 
     Attributes:
         size_px: Width and height.
+        pixel_bytes: Of each pixel at most, when it is decoded.
         orientation: How the picture is meant to be turned before it is shown, 1 to 8 as of EXIF; 1 for not at all.
     """
 
     size_px: tuple[int, int]
     orientation: int = 1
+    pixel_bytes: int = 4
 
 
 def header(data: bytes) -> Header | None:
@@ -43,7 +46,8 @@ def header(data: bytes) -> Header | None:
 
 
 def _png(data: bytes) -> Header:
-    return Header(struct.unpack_from(">II", data, 16), _exif_of_png(data))
+    width, height, bits, kind = struct.unpack_from(">IIBB", data, 16)
+    return Header((width, height), _exif_of_png(data), _PNG_CHANNELS.get(kind, 4) * (1 + (bits > 8)))
 
 
 def _exif_of_png(data: bytes) -> int:
@@ -93,19 +97,22 @@ def _segments(data: bytes) -> Iterator[tuple[int, int]]:
 
 def _tiff(data: bytes) -> Header:
     tags = _tiff_tags(data)
-    return Header((tags[_WIDTH], tags[_HEIGHT]), tags.get(_ORIENTATION, 1))
+    size_px = (tags[_WIDTH], tags[_HEIGHT])
+    return Header(size_px, tags.get(_ORIENTATION, 1), tags.get(_SAMPLES, 1) * -(-tags.get(_BITS, 1) // 8))
 
 
 def _tiff_tags(data: bytes) -> dict[int, int]:
-    """Whole numbers of the first directory of a TIFF, by tag."""
+    """Whole numbers of the first directory of a TIFF, by tag; of lists the first."""
     order = "<" if data[:2] == b"II" else ">"
     (at,) = struct.unpack_from(order + "I", data, 4)
     (count,) = struct.unpack_from(order + "H", data, at)
     tags = {}
     for k in range(min(count, _MOST_TAGS)):
-        tag, kind, _ = struct.unpack_from(order + "HHI", data, at + 2 + 12 * k)
-        if kind in (_SHORT, _LONG):
-            tags[tag] = struct.unpack_from(order + ("H" if kind == _SHORT else "I"), data, at + 10 + 12 * k)[0]
+        tag, kind, values = struct.unpack_from(order + "HHI", data, at + 2 + 12 * k)
+        if kind in _WHOLE:
+            inside = values * struct.calcsize(_WHOLE[kind]) <= 4
+            place = at + 10 + 12 * k if inside else struct.unpack_from(order + "I", data, at + 10 + 12 * k)[0]
+            tags[tag] = struct.unpack_from(order + _WHOLE[kind], data, place)[0]
     return tags
 
 
