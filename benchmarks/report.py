@@ -7,6 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from benchmarks import (
     batch,
     calibrate,
@@ -22,6 +24,7 @@ from benchmarks import (
     robot_model,
     scaling,
     semi_synthetic,
+    two_arms,
     wrong_answers,
 )
 from benchmarks.common import RESULTS, table
@@ -55,6 +58,16 @@ ratios of {result["shuffles"]} divisions); squared Mahalanobis distance between 
 5.3 where covariances are true. Asked: ratios of at most {held_out.MOST_RATIO:g}, distances of at most
 {held_out.MOST_M2:g}."""
     return f"{about}\n\n{table(held_out.HEAD, map(held_out.row, result['rows']))}"
+
+
+def _two_arms(result: Result) -> str:
+    ratios = np.array([each["ratios"] for each in result["rows"]])
+    about = f"""\
+Two NAO humanoids. From one run with the hand still and one with the eye still, nothing stated of any noise, all three
+transforms: ours from both runs together, OpenCV's by two calibrations concatenated, the best of seven methods and two
+chains in hindsight. The loops of 298 further poses, with both in motion, are held out. Median of the ratios:
+{np.median(ratios[:, 0]):.2f} of millimetres, {np.median(ratios[:, 1]):.2f} of degrees."""
+    return f"{about}\n\n{table(two_arms.HEAD, map(two_arms.row, result['rows']))}"
 
 
 def _semi_synthetic(result: Result) -> str:
@@ -295,6 +308,7 @@ the run was judged again (`--again`), so that a new sample shows less."""
 
 SECTIONS: dict[str, tuple[str, Callable[[Result], str]]] = {
     "held_out": ("Held-out error on real recordings", _held_out),
+    "two_arms": ("Held-out loops of two real arms", _two_arms),
     "semi_synthetic": ("Truth put into real recordings", _semi_synthetic),
     "few_pictures": ("Few pictures", _few_pictures),
     "real": ("Real recordings", _real),

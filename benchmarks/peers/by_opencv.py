@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import cv2
 import numpy as np
@@ -92,21 +92,52 @@ def _mean(transforms: SE3) -> SE3:
     return SE3(nearest_rotation(transforms.rotation.sum(0)), transforms.translation.mean(0))
 
 
+class Moved(Protocol):
+    """A run in which one arm moves: poses of both flanges and of the target in the camera, (n,) each."""
+
+    @property
+    def eye(self) -> SE3:
+        """eye_base_from_eye_flange."""
+        ...
+
+    @property
+    def seen(self) -> SE3:
+        """camera_from_target."""
+        ...
+
+    @property
+    def hand(self) -> SE3:
+        """hand_base_from_hand_flange."""
+        ...
+
+
+def concatenated(method: str, hand_still: Moved, eye_still: Moved) -> list[TwoArms]:
+    """Two calibrations by one of `METHODS`, concatenated at the camera and at the target; nothing where one fails."""
+    eye_in_hand = one_arm(method, hand_still.eye, hand_still.seen)
+    eye_to_hand = one_arm(method, eye_still.hand.inverse(), eye_still.seen)
+    if eye_in_hand is None or eye_to_hand is None:
+        return []
+    mount, eye_base_from_target = eye_in_hand
+    hand_base_from_camera, other_mount = eye_to_hand
+    at_camera = eye_still.eye[-1] @ mount @ hand_base_from_camera.inverse()
+    at_target = eye_base_from_target @ (hand_still.hand[0] @ other_mount).inverse()
+    return [TwoArms(base, mount, other_mount) for base in (at_camera, at_target)]
+
+
+class _Half(NamedTuple):
+    eye: SE3
+    seen: SE3
+    hand: SE3
+
+
 def two_arms(method: str, task: Task) -> Results:
-    """Two calibrations by one of `METHODS`, concatenated at the camera and at the target."""
+    """Two calibrations of a recording in halves: the hand still in the first, the eye in the second."""
     eye, hand, seen = task.eye_base_from_eye_flange, task.hand_base_from_hand_flange, task.camera_from_target
     assert hand is not None
     hand_still = len(seen) - len(seen) // 2
-    first, second = slice(None, hand_still), slice(hand_still, None)
-    eye_in_hand = one_arm(method, eye[first], seen[first])
-    eye_to_hand = one_arm(method, hand[second].inverse(), seen[second])
-    if eye_in_hand is None or eye_to_hand is None:
-        return dict.fromkeys(CHAINS)
-    mount, eye_base_from_target = eye_in_hand
-    hand_base_from_camera, other_mount = eye_to_hand
-    at_camera = eye[-1] @ mount @ hand_base_from_camera.inverse()
-    at_target = eye_base_from_target @ (hand[0] @ other_mount).inverse()
-    return {name: TwoArms(base, mount, other_mount) for name, base in zip(CHAINS, (at_camera, at_target), strict=True)}
+    halves = [_Half(eye[s], seen[s], hand[s]) for s in (slice(None, hand_still), slice(hand_still, None))]
+    found = concatenated(method, *halves)
+    return dict(zip(CHAINS, found, strict=True)) if found else dict.fromkeys(CHAINS)
 
 
 def _one_arm(method: str, task: Task) -> Results:
