@@ -16,6 +16,7 @@ SOURCE = Path(__file__).parents[1] / "src" / "basecal"
 FILES = sorted(SOURCE.rglob("*.py"))
 LAYERS = [
     {"errors", "registry"},
+    {"bounded_file"},
     {"geometry"},
     {"numerics"},
     {"kinematics"},

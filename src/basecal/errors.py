@@ -4,11 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
+from itertools import islice
+
+_SHOWN = 20  # names in a message, and those of many that are looked at for a near one
+_LOOKED_AT = 1000
+_LONGEST = 60  # characters of a name that are compared
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names for a message: the first of many."""
+    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+    return ", ".join(map(str, names[:_SHOWN])) + more or "none"
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
     """A hint " (did you mean 'x'?)", or nothing where no known name is near."""
-    close = get_close_matches(name, list(known), n=1)
+    close = get_close_matches(name[:_LONGEST], list(islice(known, _LOOKED_AT)), n=1)
     return f" (did you mean {close[0]!r}?)" if close else ""
 
 
@@ -39,7 +50,7 @@ class FrameNotFound(BasecalError, KeyError):
 
     def __init__(self, name: str, known: Sequence[str]) -> None:
         self.name, self.known = name, tuple(known)
-        super().__init__(f"no {name!r}{nearest(name, known)}; there are: {', '.join(known) or 'none'}")
+        super().__init__(f"no {name!r}{nearest(name, known)}; there are: {listed(self.known)}")
 
     def __str__(self) -> str:
         return str(self.args[0])

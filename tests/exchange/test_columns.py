@@ -41,6 +41,8 @@ def test_columns_have_the_names_of_the_header(tmp_path, header):
         ("x,y\n1,2\n3\n", 3, "1 columns, the header has 2"),
         ("x,y\n1,two\n", 2, "'two' is not a number"),
         ("x,y\n1,inf\n", 2, "'inf' is not finite"),
+        ("x,y\n1,1e200\n", 2, "'1e200' is not finite, or beyond 1e\\+12"),
+        pytest.param(f"x,y\n1,{'9' * 131_073}\n", 2, "field larger than field limit", id="field"),
     ],
 )
 def test_bad_tables_name_their_line(tmp_path, text, line, said):

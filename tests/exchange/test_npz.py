@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import struct
+import zipfile
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from basecal.errors import DatasetError
+from basecal.exchange import npz
 from basecal.exchange.npz import read_arrays
 
 
@@ -50,3 +55,60 @@ def test_what_cannot_be_read_is_said(tmp_path):
     ):
         with pytest.raises(DatasetError, match=said):
             read_arrays(asked)
+
+
+def npy_bytes(shape: str, data: bytes = b"", dtype: str = "<f8") -> bytes:
+    """A .npy file with a header of one's own."""
+    header = f"{{'descr': '{dtype}', 'fortran_order': False, 'shape': {shape}, }}".encode().ljust(117) + b"\n"
+    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header)) + header + data
+
+
+@pytest.mark.parametrize(
+    "shape",
+    ["(1000000000000,)", "(-1,)", "(3,)", "(99999999999999999999, 9999999999)", "(1e3,)", "[2]", "()" * 2000],
+)
+def test_headers_are_believed_as_far_as_the_file_goes(tmp_path, shape):
+    """A huge, negative or strange shape takes no memory and is no traceback."""
+    path = tmp_path / "a.npy"
+    path.write_bytes(npy_bytes(shape, bytes(16)))
+    with pytest.raises(DatasetError, match=r"a\.npy: array: "):
+        read_arrays(str(path))
+
+
+def zipped(path, name="a.npy", data=b"", method=zipfile.ZIP_DEFLATED):
+    with zipfile.ZipFile(path, "w", method) as archive:
+        archive.writestr(name, data)
+    return str(path)
+
+
+def test_archives_that_cannot_be_unpacked(tmp_path):
+    """Encrypted ones, those by a method that is not known, cut ones and those with wrong sums."""
+    path = tmp_path / "a.npz"
+    good = Path(zipped(path, data=npy_bytes("(2,)", bytes(16)))).read_bytes()
+    at_local, at_central = good.index(b"PK\x03\x04"), good.index(b"PK\x01\x02")
+    damages = {"encrypted": (6, 8, b"\x01"), "method": (8, 10, b"\x63"), "sum": (14, 16, b"\x13\x37")}
+    for local, central, value in damages.values():
+        data = bytearray(good)
+        for at in (at_local + local, at_central + central):
+            data[at : at + len(value)] = value
+        path.write_bytes(bytes(data))
+        with pytest.raises(DatasetError, match="not a NumPy archive of numbers"):
+            read_arrays(str(path))
+    path.write_bytes(good[:-30])
+    with pytest.raises(DatasetError, match="not a NumPy archive of numbers"):
+        read_arrays(str(path))
+
+
+def test_archives_are_bounded(tmp_path, monkeypatch):
+    """What unpacks to more than any recording is not unpacked, but for the one array asked for."""
+    monkeypatch.setattr(npz, "LARGEST_BYTES", 10_000)
+    path = tmp_path / "a.npz"
+    np.savez_compressed(path, small=np.ones(3), bomb=np.zeros(100_000))
+    with pytest.raises(DatasetError, match="unpacks to more than"):
+        read_arrays(str(path))
+    np.testing.assert_array_equal(read_arrays(f"{path}:small")[1]["small"], np.ones(3))
+    with pytest.raises(DatasetError, match="unpacks to more than"):
+        read_arrays(f"{path}:bomb")
+    monkeypatch.setattr(npz, "_MOST_ARRAYS", 1)
+    with pytest.raises(DatasetError, match="not a NumPy archive"):
+        read_arrays(f"{path}:small")

@@ -148,3 +148,12 @@ def test_binary_rubbish(tmp_path: Path) -> None:
         (tmp_path / name).write_bytes(b"\xff\xfe\x00\x80")
         with pytest.raises(DatasetError, match="not text"):
             read_poses(tmp_path / name, "m")
+
+
+def test_lengths_are_those_of_a_cell(tmp_path):
+    """A translation that `calibrate` would refuse is refused where it is read."""
+    pose = np.eye(4)
+    pose[0, 3] = 1e7
+    np.savetxt(tmp_path / "a.txt", pose)
+    with pytest.raises(DatasetError, match=r"a\.txt:1: a translation is beyond 1e\+06: is this the length unit\?"):
+        read_poses(tmp_path / "a.txt", "m")

@@ -1,3 +1,5 @@
+import time
+
 import numpy as np
 import pytest
 
@@ -152,3 +154,29 @@ def test_numbers_that_no_arm_has_are_refused(number):
     text = robot(LINKS, TURN.replace("0 0 0.3", f"0 0 {number}"), HOLD)
     with pytest.raises(DatasetError, match="joint 'turn' origin xyz: expected 3 finite numbers within 1e\\+06"):
         parse_chain(text, "base", "tool")
+
+
+def test_time_grows_with_the_links():
+    """And not with their square: thousands, each with a mass, take seconds."""
+    count = 5_000
+    mass = '<inertial><mass value="1"/></inertial>'
+    links = "".join(f'<link name="l{k}">{mass}</link>' for k in range(count))
+    fixed = '<joint name="j{0}" type="{2}"><parent link="l{0}"/><child link="l{1}"/></joint>'
+    kinds = ("continuous", *["fixed"] * (count - 2))
+    joints = "".join(fixed.format(k, k + 1, kind) for k, kind in enumerate(kinds))
+    begin = time.process_time()
+    chain = parse_chain(robot(links, joints), "l0", f"l{count - 1}")
+    assert time.process_time() - begin < 6
+    assert chain.n == 1
+    assert chain.masses.kg[0] == count - 1
+
+
+def test_an_arm_has_no_hundred_joints():
+    """Nor has a message all the names of a large file."""
+    links = "".join(f'<link name="l{k}"/>' for k in range(101))
+    turning = '<joint name="j{0}" type="continuous"><parent link="l{0}"/><child link="l{1}"/></joint>'
+    text = robot(links, "".join(turning.format(k, k + 1) for k in range(100)))
+    with pytest.raises(DatasetError, match="100 revolute joint between 'l0' and 'l100'; arms have up to 64"):
+        parse_chain(text, "l0", "l100")
+    with pytest.raises(FrameNotFound, match=r"l18, l19 and 81 more$"):
+        parse_chain(text, "l0", "tool")

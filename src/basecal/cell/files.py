@@ -3,7 +3,13 @@
 from basecal.cell.journal.recording_file import append_sample, append_samples, read_recording, write_recording
 from basecal.cell.journal.sample_dict import sample_to_dict
 from basecal.cell.results.calibration_dict import calibration_from_dict, calibration_to_dict, finding_to_dict
-from basecal.cell.results.calibration_file import input_hashes, latest_run, read_calibration, write_calibration
+from basecal.cell.results.calibration_file import (
+    input_hashes,
+    latest_run,
+    read_calibration,
+    read_calibration_data,
+    write_calibration,
+)
 from basecal.cell.results.truth_file import read_truth, write_truth
 from basecal.cell.schema.cell_dict import cell_to_dict
 from basecal.cell.schema.cell_file import cell_from_dict, read_cell, write_cell
@@ -19,6 +25,7 @@ __all__ = [
     "input_hashes",
     "latest_run",
     "read_calibration",
+    "read_calibration_data",
     "read_cell",
     "read_recording",
     "read_truth",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from json import loads
 from pathlib import Path
 
 from basecal.cli.calibrate import exit_code, show
@@ -30,14 +29,14 @@ def report(cell: Path, /, *, json: bool = False) -> int:
         cell: Folder of the cell.
         json: Print calibration.json instead.
     """
-    from basecal.cell.files import latest_run, read_calibration, read_cell
+    from basecal.cell.files import latest_run, read_calibration, read_calibration_data, read_cell
 
     described, run = read_cell(cell), latest_run(cell)
     if run is None:
         raise InputError(f"{cell} has no run yet: basecal calibrate {pasted(cell)}")
     calibration = read_calibration(run)
     if json:
-        print_json(loads((run / "calibration.json").read_text(encoding="utf-8")))
+        print_json(read_calibration_data(run))
     else:
         show(described, calibration)
         rewrite_page(cell, run, described, calibration)

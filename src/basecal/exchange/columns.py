@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping, Sequence
+from array import array
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
 
-from basecal.errors import DatasetError
+from basecal.bounded_file import read_bounded
+from basecal.cell.format.problems import short
+from basecal.errors import DatasetError, listed
 from basecal.geometry import Array
 
 
@@ -25,18 +29,24 @@ class Table:
         return np.stack([self.values[name] for name in names], -1)
 
 
+LARGEST_BYTES = 2**26
+"""Of a text: 64 MB, two million points."""
+
+_LARGEST = 1e12  # of any number: times in seconds since 1970 reach 2e9
+MOST_POSES = 200_000
+"""Of a stream: as many as a recording may have samples."""
+
+
 def text_of(path: str, expected: str) -> str:
     """The text of a file, without a byte order mark.
 
     Raises:
-        DatasetError: naming the file, if it cannot be read or is no text; it says what was `expected`.
+        DatasetError: naming the file, if it cannot be read, is too large or is no text; it says what was `expected`.
     """
     try:
-        return Path(path).read_text(encoding="utf-8-sig")
+        return read_bounded(path, LARGEST_BYTES).decode("utf-8-sig")
     except UnicodeDecodeError:
         raise DatasetError(path, f"not text, expected {expected}") from None
-    except OSError as error:
-        raise DatasetError(path, f"cannot be read: {error.strerror}") from None
 
 
 def read_columns(path: str | Path, aliases: Mapping[str, Sequence[str]]) -> Table:
@@ -50,21 +60,39 @@ def read_columns(path: str | Path, aliases: Mapping[str, Sequence[str]]) -> Tabl
         DatasetError: naming the file and line, if a cell is not a finite number or a row has another length.
     """
     name = str(path)
-    text = text_of(name, "comma-separated values")
-    reader = csv.reader(text.splitlines(), skipinitialspace=True)
-    numbered = [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
-    if not numbered:
+    rows = _rows(name, text_of(name, "comma-separated values"))
+    line, first = next(rows, (0, []))
+    if not first:
         raise DatasetError(name, "is empty, expected a header that names the columns")
     known = {alias: name for name, others in aliases.items() for alias in (name, *others)}
-    plain = [cell.lstrip("#").strip().lower() for cell in numbered[0][1]]
+    plain = [cell.lstrip("#").strip().lower() for cell in first]
     header = [known.get(cell, cell) for cell in plain]
     if len(set(header)) != len(header):
-        raise DatasetError(name, f"names a column twice: {', '.join(header)}", numbered[0][0])
-    rows = [_numbers(name, line, row, header) for line, row in numbered[1:]]
-    if not rows:
+        raise DatasetError(name, f"names a column twice: {listed(header)}", line)
+    # As bytes, since lists of lists take forty times as much.
+    values, lines = array("d"), array("q")
+    for line, row in rows:
+        values.extend(_numbers(name, line, row, header))
+        lines.append(line)
+    if not lines:
         raise DatasetError(name, "has a header and no rows")
-    columns = np.array(rows).T
-    return Table(dict(zip(header, columns, strict=True)), [line for line, _ in numbered[1:]])
+    columns = np.array(values).reshape(-1, len(header)).T
+    return Table(dict(zip(header, columns, strict=True)), lines)
+
+
+def _rows(path: str, text: str) -> Iterator[tuple[int, list[str]]]:
+    """Line and cells of each row that is not empty.
+
+    Raises:
+        DatasetError: if it is not CSV.
+    """
+    reader = csv.reader(StringIO(text, newline=""), skipinitialspace=True)
+    try:
+        for row in reader:
+            if any(cell.strip() for cell in row):
+                yield reader.line_num, row
+    except csv.Error as error:
+        raise DatasetError(path, f"not comma-separated values: {error}", reader.line_num) from None
 
 
 def _numbers(path: str, line: int, row: Sequence[str], header: Sequence[str]) -> list[float]:
@@ -75,7 +103,7 @@ def _numbers(path: str, line: int, row: Sequence[str], header: Sequence[str]) ->
         try:
             numbers.append(float(cell))
         except ValueError:
-            raise DatasetError(path, f"{cell!r} is not a number", line, name) from None
-        if not np.isfinite(numbers[-1]):
-            raise DatasetError(path, f"{cell!r} is not finite", line, name)
+            raise DatasetError(path, f"{short(cell)} is not a number", line, name) from None
+        if not abs(numbers[-1]) <= _LARGEST:
+            raise DatasetError(path, f"{short(cell)} is not finite, or beyond {_LARGEST:g}", line, name)
     return numbers

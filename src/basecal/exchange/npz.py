@@ -2,36 +2,53 @@
 
 from __future__ import annotations
 
+import math
 import zipfile
+import zlib
+from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import IO
 
 import numpy as np
-from numpy.lib.npyio import NpzFile
-from numpy.typing import NDArray
+from numpy.lib import format as npy
 
-from basecal.errors import DatasetError
+from basecal.bounded_file import read_bounded
+from basecal.cell.format.problems import CAUSE, short
+from basecal.errors import DatasetError, listed
 from basecal.geometry import Array
+
+LARGEST_BYTES = 2**27
+"""Of an array: 128 MB, sixteen million numbers."""
+
+_LARGEST_FILE = 2**28  # [bytes]
+_MOST_ARRAYS = 1000  # in an archive: each takes memory before it is read
+_ENTRY, _ZIP, _NPY = b"PK\x01\x02", b"PK", b"\x93NUMPY"
 
 
 def read_arrays(path: str) -> tuple[str, dict[str, Array]]:
     """The file's name, and its arrays of numbers by key; other arrays are passed over.
 
+    Only what is asked for is unpacked, and nothing that is larger than any recording.
+
     Args:
         path: `file.npy`, `file.npz`, or `file.npz:key` for one array alone.
 
     Raises:
-        DatasetError: if it is missing, is not an archive of numbers, or has no such key.
+        DatasetError: if it is missing, is not an archive of numbers, is too large, or has no such key.
     """
     name, key = _split(path)
-    arrays = _load(name)
-    if not key:
-        return name, {k: value.astype(np.float64) for k, value in arrays.items() if _is_number(value)}
-    if key not in arrays:
-        raise DatasetError(name, f"has no array {key!r}; it holds {', '.join(arrays)}")
-    if not _is_number(arrays[key]):
-        raise DatasetError(name, f"holds {arrays[key].dtype}, expected numbers", field=key)
-    return name, {key: arrays[key].astype(np.float64)}
+    data = read_bounded(name, _LARGEST_FILE)
+    if data.startswith(_NPY):
+        return name, {"array": _numbers(name, "array", BytesIO(data), len(data))}
+    if not data.startswith(_ZIP) or data.count(_ENTRY) > _MOST_ARRAYS:
+        raise DatasetError(name, "not a NumPy archive of numbers")
+    try:
+        with zipfile.ZipFile(BytesIO(data)) as archive:
+            return name, _unpacked(name, key, archive)
+    except (ValueError, EOFError, RuntimeError, NotImplementedError, OSError, zipfile.BadZipFile, zlib.error) as error:
+        if isinstance(error, DatasetError):
+            raise
+        raise DatasetError(name, f"not a NumPy archive of numbers ({str(error)[:CAUSE]})") from None
 
 
 def _split(path: str) -> tuple[str, str]:
@@ -41,18 +58,44 @@ def _split(path: str) -> tuple[str, str]:
     return (head, key) if colon and head.lower().endswith(".npz") else (path, "")
 
 
-def _load(name: str) -> dict[str, NDArray[Any]]:
+def _unpacked(name: str, key: str, archive: zipfile.ZipFile) -> dict[str, Array]:
+    entries = {entry.filename.removesuffix(".npy"): entry for entry in archive.infolist()}
+    if key and key not in entries:
+        raise DatasetError(name, f"has no array {key!r}; it holds {listed(list(entries))}")
+    if sum(entry.file_size for known, entry in entries.items() if key in ("", known)) > LARGEST_BYTES:
+        raise DatasetError(name, f"unpacks to more than {LARGEST_BYTES / 2**20:.0f} MB; ask for one, as {name}:key")
+    found = {}
+    for known, entry in entries.items():
+        if key not in ("", known):
+            continue
+        with archive.open(entry) as file:
+            try:
+                found[known] = _numbers(name, known, file, entry.file_size)
+            except _NotNumbers:
+                if key:
+                    raise
+    return found
+
+
+class _NotNumbers(DatasetError):
+    """An array of text, objects or the like."""
+
+
+def _numbers(name: str, key: str, file: IO[bytes], size: int) -> Array:
+    """The array in a file of so many bytes; its header is believed only as far as these go."""
     try:
-        found = np.load(name, allow_pickle=False)
-        if not isinstance(found, NpzFile):
-            return {"array": found}
-        with found:
-            return {key: found[key] for key in found.files}
-    except OSError as error:
-        raise DatasetError(name, f"cannot be read: {error.strerror or 'not a NumPy archive'}") from None
-    except (ValueError, EOFError, zipfile.BadZipFile):
-        raise DatasetError(name, "not a NumPy archive of numbers") from None
-
-
-def _is_number(value: NDArray[Any]) -> bool:
-    return value.dtype.kind in "iuf"
+        version = npy.read_magic(file)
+        read_header = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
+        shape, by_columns, dtype = read_header(file)
+    except (ValueError, EOFError, SyntaxError, TypeError, OverflowError, MemoryError, RecursionError) as error:
+        raise DatasetError(name, f"not a NumPy archive of numbers ({str(error)[:CAUSE]})", field=key) from None
+    if dtype.kind not in "iuf":
+        kind = DatasetError if dtype.hasobject else _NotNumbers
+        raise kind(name, f"not a NumPy archive of numbers: holds {short(str(dtype))}, expected numbers", field=key)
+    count = math.prod(shape)
+    if min(shape, default=0) < 0 or not count * dtype.itemsize <= min(size, LARGEST_BYTES):
+        raise DatasetError(name, f"a header of shape {short(list(shape))} does not suit {size} bytes", field=key)
+    data = np.frombuffer(file.read(count * dtype.itemsize), dtype=dtype)
+    if data.size != count:
+        raise DatasetError(name, "is cut off", field=key)
+    return data.reshape(shape, order="F" if by_columns else "C").astype(np.float64)

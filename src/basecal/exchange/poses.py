@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from array import array
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from io import StringIO
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
+from basecal.cell.format.problems import short
+from basecal.cell.format.values import LARGEST
 from basecal.errors import DatasetError, InputError
-from basecal.exchange.columns import read_columns, text_of
+from basecal.exchange.columns import MOST_POSES, read_columns, text_of
 from basecal.exchange.npz import read_arrays
 from basecal.geometry import SE3, Array
 
@@ -74,12 +78,16 @@ def _each(
     rows: Array, make: Callable[[Array], SE3], path: str, where: Callable[[int], tuple[int | None, str | None]]
 ) -> SE3:
     """`make` of every row; an error says which one by `where`, a line and a field."""
+    if len(rows) > MOST_POSES:
+        raise DatasetError(path, f"{len(rows)} poses, expected at most {MOST_POSES}")
     found = []
     for i, row in enumerate(rows):
         try:
             found.append(make(row))
         except InputError as error:
             raise DatasetError(path, str(error), *where(i)) from None
+        if not np.all(np.abs(found[-1].translation) <= LARGEST):
+            raise DatasetError(path, f"a translation is beyond {LARGEST:g}: is this the length unit?", *where(i))
     return SE3.stack(found)
 
 
@@ -91,10 +99,11 @@ def _quaternion_pose(row: Array) -> SE3:
     return SE3.from_quaternion(row[3:], row[:3])
 
 
-def _from_text(path: str) -> tuple[Array, list[int]]:
+def _from_text(path: str) -> tuple[Array, Sequence[int]]:
     whole = text_of(path, "rows of 4 numbers, or a name that ends in .csv or .npz")
-    rows, lines = [], []
-    for number, text in enumerate(whole.splitlines(), start=1):
+    # As bytes, since lists of lists take forty times as much.
+    values, lines = array("d"), array("q")
+    for number, text in enumerate(StringIO(whole), start=1):
         words = text.split("#")[0].replace(",", " ").split()
         if not words:
             continue
@@ -103,13 +112,13 @@ def _from_text(path: str) -> tuple[Array, list[int]]:
                 path, f"{len(words)} numbers, expected rows of 4: 4x4 matrices one below the other", number
             )
         try:
-            rows.append([float(word) for word in words])
+            values.extend([float(word) for word in words])
         except ValueError:
-            raise DatasetError(path, f"not a row of numbers: {' '.join(words)[:60]!r}", number) from None
+            raise DatasetError(path, f"not a row of numbers: {short(' '.join(words))}", number) from None
         lines.append(number)
-    if not rows or len(rows) % 4:
-        raise DatasetError(path, f"{len(rows)} rows of numbers, expected 4 for every 4x4 matrix, at least one matrix")
-    return np.array(rows).reshape(-1, 4, 4), lines
+    if not lines or len(lines) % 4:
+        raise DatasetError(path, f"{len(lines)} rows of numbers, expected 4 for every 4x4 matrix, at least one matrix")
+    return np.array(values).reshape(-1, 4, 4), lines
 
 
 def _from_archive(path: str) -> Array:

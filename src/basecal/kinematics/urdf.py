@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from basecal.errors import DatasetError, FrameNotFound
+from basecal.bounded_file import read_bounded
+from basecal.errors import DatasetError, FrameNotFound, listed
 from basecal.geometry import SE3, Array
 from basecal.kinematics.chain import SerialChain
 from basecal.kinematics.masses import Masses
@@ -16,6 +19,10 @@ from basecal.kinematics.masses import Masses
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
+LARGEST_BYTES = 2**25
+"""Of a URDF: 32 MB, a hundred times what the largest arm with its tools has."""
+
+_MOST_JOINTS = 64  # that turn on the way from base to flange: arms have six or seven, snakes thirty
 _LARGEST = 1e6  # [m, rad] of any number: as in the files of a cell, far from overflow
 _TURNING = ("revolute", "continuous")
 
@@ -36,6 +43,13 @@ class _Joint:
         return DatasetError(self.path, message, field=f"joint {self.name!r} {part}".rstrip())
 
 
+class _Carrier(NamedTuple):
+    """The number of a turning joint, None for none, and a link that it carries in its frame."""
+
+    joint: int | None
+    joint_from_link: SE3
+
+
 def read_chain(path: str | Path, base_link: str, flange_link: str) -> SerialChain:
     """The chain of revolute joints from `base_link` to `flange_link` in a URDF file.
 
@@ -51,11 +65,7 @@ def read_chain(path: str | Path, base_link: str, flange_link: str) -> SerialChai
 
     Source: https://wiki.ros.org/urdf/XML/joint.
     """
-    try:
-        text = Path(path).read_bytes()
-    except OSError as error:
-        raise DatasetError(str(path), f"cannot be read: {error.strerror}") from error
-    return parse_chain(text, base_link, flange_link, str(path))
+    return parse_chain(read_bounded(path, LARGEST_BYTES), base_link, flange_link, str(path))
 
 
 def parse_chain(text: str | bytes, base_link: str, flange_link: str, path: str = "<text>") -> SerialChain:
@@ -134,7 +144,7 @@ def _attribute(path: str, element: Element, key: str, about: str = "") -> str:
 
 
 def _unique(names: list[str], what: str, path: str) -> list[str]:
-    twice = sorted({name for name in names if names.count(name) > 1})
+    twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
         raise DatasetError(path, "given twice, names are unique", field=f"{what} {twice[0]!r}")
     return names
@@ -158,9 +168,10 @@ def _tree(joints: list[_Joint], links: list[str], path: str) -> dict[str, _Joint
         DatasetError: if a joint names a link that is not there, a link has two parents, or there is not one root.
     """
     above: dict[str, _Joint] = {}
+    known = frozenset(links)
     for joint in joints:
         for link in (joint.parent, joint.child):
-            if link not in links:
+            if link not in known:
                 raise joint.error("", f"names the link {link!r}, which does not exist")
         if joint.child in above:
             raise joint.error(
@@ -169,9 +180,7 @@ def _tree(joints: list[_Joint], links: list[str], path: str) -> dict[str, _Joint
         above[joint.child] = joint
     roots = [link for link in links if link not in above]
     if len(roots) != 1:
-        raise DatasetError(
-            path, f"not a tree: the links without a parent are {', '.join(roots) or 'none'}, expected one"
-        )
+        raise DatasetError(path, f"not a tree: the links without a parent are {listed(roots)}, expected one")
     return above
 
 
@@ -181,10 +190,13 @@ def _way(above: dict[str, _Joint], base_link: str, flange_link: str, path: str) 
     while link != base_link:
         if link not in above or len(way) > len(above):
             raise DatasetError(path, f"{flange_link!r} does not hang under {base_link!r}, but under {link!r}")
-        way.insert(0, above[link])
-        link = way[0].parent
-    if not any(joint.kind in _TURNING for joint in way):
-        raise DatasetError(path, f"no revolute joint between {base_link!r} and {flange_link!r}")
+        way.append(above[link])
+        link = way[-1].parent
+    way.reverse()
+    turning = sum(joint.kind in _TURNING for joint in way)
+    if not 0 < turning <= _MOST_JOINTS:
+        where = f"between {base_link!r} and {flange_link!r}"
+        raise DatasetError(path, f"{turning or 'no'} revolute joint {where}; arms have up to {_MOST_JOINTS}")
     return way
 
 
@@ -237,30 +249,41 @@ def _masses(turning: tuple[str, ...], above: dict[str, _Joint], links: list[Elem
 
     None where no link has a mass.
     """
-    n = len(turning)
+    n, carriers = len(turning), {name: number for number, name in enumerate(turning)}
+    of_link: dict[str, _Carrier] = {}
     kg, moments = np.zeros(n), np.zeros((n, 3))
     for link in links:
         inertial = link.find("inertial")
         if inertial is None:
             continue
         mass, centre = _inertial(inertial, path, str(link.get("name")))
-        joint, joint_from_link = _joint_above(str(link.get("name")), turning, above)
+        joint, joint_from_link = _joint_above(str(link.get("name")), carriers, above, of_link)
         if joint is not None:
             kg[joint] += mass
             moments[joint] += mass * (joint_from_link @ centre)
     return Masses(kg, moments / np.where(kg > 0, kg, 1.0)[:, None]) if np.any(kg) else None
 
 
-def _joint_above(link: str, turning: tuple[str, ...], above: dict[str, _Joint]) -> tuple[int | None, SE3]:
-    """The turning joint that carries a link, and the link in its frame; None where none does."""
-    joint_from_link = SE3.identity()
-    while link in above:
-        joint = above[link]
-        if joint.name in turning:
-            return turning.index(joint.name), joint_from_link
-        joint_from_link = _origin(joint) @ joint_from_link
-        link = joint.parent
-    return None, joint_from_link
+def _joint_above(
+    link: str, turning: Mapping[str, int], above: Mapping[str, _Joint], of_link: dict[str, _Carrier]
+) -> _Carrier:
+    """The turning joint that carries a link, and the link in its frame; None where none does.
+
+    `of_link` holds those of links that are known, so that each joint of a tree is gone through once.
+    """
+    way: list[str] = []
+    while link not in of_link:
+        way.append(link)
+        if link not in above:
+            of_link[link] = _Carrier(None, SE3.identity())
+        elif above[link].name in turning:
+            of_link[link] = _Carrier(turning[above[link].name], SE3.identity())
+        else:
+            link = above[link].parent
+    for child in reversed([name for name in way if name not in of_link]):
+        parent = of_link[above[child].parent]
+        of_link[child] = _Carrier(parent.joint, parent.joint_from_link @ _origin(above[child]))
+    return of_link[way[0] if way else link]
 
 
 def _inertial(element: Element, path: str, link: str) -> tuple[float, Array]:

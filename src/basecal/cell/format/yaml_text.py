@@ -13,8 +13,12 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEvent
 from ruamel.yaml.nodes import MappingNode, ScalarNode, SequenceNode
 
+from basecal.bounded_file import read_bounded
 from basecal.cell.format.problems import CAUSE, Loc, Problem, dataset_error, short
 from basecal.errors import DatasetError
+
+LARGEST_BYTES = 2**19
+"""Of YAML: 512 kB, twenty times a cell with a target of a thousand tags; a parser takes some seconds for it."""
 
 _DEEPEST = 32  # levels: a cell has six, and recursion stays far from its limit
 _WIDTH = 4096  # characters before a line is broken: a matrix stays on one
@@ -35,24 +39,21 @@ class _Notes:
     problems: list[Problem] = field(default_factory=list)
 
 
-def read_text(path: Path, missing: str) -> str:
+def read_text(path: Path, missing: str, largest: int = LARGEST_BYTES) -> str:
     """Text of a UTF-8 file.
 
     Args:
         path: The file.
         missing: What to do where there is none.
+        largest: How many bytes it may have.
 
     Raises:
-        DatasetError: if it cannot be read or is not UTF-8.
+        DatasetError: if it cannot be read, is larger or is not UTF-8.
     """
     try:
-        return path.read_bytes().decode("utf-8-sig")
-    except FileNotFoundError:
-        raise DatasetError(str(path), f"there is no such file; {missing}") from None
+        return read_bounded(path, largest, missing).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise DatasetError(str(path), f"not UTF-8 text (byte {error.start}); save it as UTF-8") from None
-    except (OSError, ValueError) as error:
-        raise DatasetError(str(path), f"cannot be read ({getattr(error, 'strerror', None) or error})") from None
 
 
 def parse_yaml(text: str, path: str) -> Document:

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
+from basecal.bounded_file import read_bounded
 from basecal.cell.calibration import Finding
 from basecal.cell.cell import Cell
 from basecal.cell.format.paths import inside, own_file
@@ -22,6 +23,11 @@ from basecal.errors import DatasetError, InputError
 
 FOLDER = "recording"
 FILE = "samples.jsonl"
+MOST_SAMPLES = 200_000
+"""Of a recording: a view a second for two days; more are no calibration's."""
+
+_LARGEST_BYTES = 2**28  # 256 MB: a thousand views of 5000 points each
+_LONGEST_LINE = 2**24  # 16 MB: 400,000 points
 _BOM = b"\xef\xbb\xbf"
 
 
@@ -37,13 +43,9 @@ def read_recording(folder: str | Path, cell: Cell | None = None) -> Recording:
     """
     known = context(read_cell(folder) if cell is None else cell, inside(str(folder), FOLDER))
     path = own_file(folder, f"{FOLDER}/{FILE}")
-    try:
-        text = path.read_bytes()
-    except FileNotFoundError:
-        message = "there is no recording; write one JSON object a line (docs/data_format.md)"
-        raise DatasetError(str(path), message) from None
-    except OSError as error:
-        raise DatasetError(str(path), f"cannot be read ({error.strerror})") from None
+    text = read_bounded(
+        path, _LARGEST_BYTES, "there is no recording; write one JSON object a line (docs/data_format.md)"
+    )
     return replace(_recording(text.removeprefix(_BOM), str(path), known), folder=str(folder))
 
 
@@ -102,6 +104,8 @@ def _line(sample: Sample) -> str:
 
 
 def _recording(text: bytes, path: str, known: Context) -> Recording:
+    if text.count(b"\n") > MOST_SAMPLES:
+        raise DatasetError(path, f"more than {MOST_SAMPLES} lines, expected one for each sample")
     *lines, tail = text.split(b"\n")
     samples: list[Sample] = []
     findings: list[Finding] = []
@@ -113,6 +117,8 @@ def _recording(text: bytes, path: str, known: Context) -> Recording:
     for line, written in enumerate(lines, start=1):
         if not written.strip():
             continue
+        if len(written) > _LONGEST_LINE:
+            raise DatasetError(path, f"a line of {len(written)} bytes, no sample has that many", line)
         read = sample_from_line(written, Where(path, line), known)
         number = str(read.sample) if isinstance(read, Sample) else read.about[0]
         earlier = first_lines.setdefault(number, line)

@@ -7,6 +7,7 @@ import json
 import re
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from basecal.cell.calibration import Calibration
 from basecal.cell.cell import Cell
@@ -20,6 +21,7 @@ from basecal.errors import DatasetError, InputError
 
 RUNS = "runs"
 FILE = "calibration.json"
+_LARGEST_BYTES = 2**26  # 64 MB: half a million views
 _RUN = re.compile(r"(\d{8}T\d{6}Z)(?:-(\d+))?")
 
 
@@ -41,12 +43,26 @@ def read_calibration(path: str | Path) -> Calibration:
     Raises:
         DatasetError: if it cannot be read as written.
     """
-    file = Path(path) / FILE if Path(path).is_dir() else Path(path)
-    text = read_text(file, "calibrate first, or give the file or folder of a run")
+    file = _file(path)
     try:
-        data = json.loads(text)
+        return calibration_from_dict(read_calibration_data(file))
+    except DatasetError:
+        raise
+    except ValueError as error:
+        raise DatasetError(str(file), str(error)) from None
+
+
+def read_calibration_data(path: str | Path) -> Any:
+    """What stands in a `calibration.json`, given likewise, as plain data that no one has looked at.
+
+    Raises:
+        DatasetError: if it is not JSON.
+    """
+    file = _file(path)
+    text = read_text(file, "calibrate first, or give the file or folder of a run", _LARGEST_BYTES)
+    try:
+        data = json.loads(text, parse_constant=_refuse)
         json.dumps(data, ensure_ascii=False).encode()
-        return calibration_from_dict(data)
     except UnicodeEncodeError:
         raise DatasetError(str(file), "a text holds half a character (\\ud800 to \\udfff); calibrate again") from None
     except json.JSONDecodeError as error:
@@ -54,6 +70,15 @@ def read_calibration(path: str | Path) -> Calibration:
     except (ValueError, RecursionError) as error:
         reason = "nested too deeply" if isinstance(error, RecursionError) else str(error)
         raise DatasetError(str(file), reason) from None
+    return data
+
+
+def _file(path: str | Path) -> Path:
+    return Path(path) / FILE if Path(path).is_dir() else Path(path)
+
+
+def _refuse(constant: str) -> None:
+    raise ValueError(f"{constant} is not JSON; calibrate again")
 
 
 def latest_run(folder: str | Path) -> Path | None:
@@ -87,7 +112,7 @@ def input_hashes(folder: str | Path, cell: Cell | None = None) -> dict[str, str]
             with path.open("rb") as file:
                 hashes[name] = f"sha256:{hashlib.file_digest(file, 'sha256').hexdigest()}"
         except OSError as error:
-            raise InputError(f"{path} cannot be read: {error.strerror}") from None
+            raise DatasetError(str(path), f"cannot be read: {error.strerror}") from None
     return hashes
 
 

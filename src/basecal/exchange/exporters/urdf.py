@@ -7,10 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
+from basecal.bounded_file import read_bounded
 from basecal.cell import Calibration, Cell
 from basecal.cell.results.calibration_dict import program_version
 from basecal.errors import FrameNotFound, InputError
 from basecal.exchange.urdf import corrected_urdf
+from basecal.kinematics.urdf import LARGEST_BYTES
 
 
 def exported(cell: Cell, folder: Path, calibration: Calibration, of: str) -> str:
@@ -38,7 +40,7 @@ def exported(cell: Cell, folder: Path, calibration: Calibration, of: str) -> str
         )
     turns = None if offsets is None else np.nan_to_num(offsets.values)
     moves = None if links is None else links.values
-    text = (folder / robot.urdf).read_bytes()
+    text = read_bounded(folder / robot.urdf, LARGEST_BYTES)
     source = f"sha256:{hashlib.sha256(text).hexdigest()}"
     if calibration.inputs.get(robot.urdf) != source:
         raise InputError(
