@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from basecal.simulation.scenario import SimulatedCell
 
 Seen = Literal[TargetKindName, "pose", "points3d"]
-Positive = Annotated[float, Parameter(validator=validators.Number(gte=0))]
+Positive = Annotated[float, Parameter(validator=validators.Number(gte=0, lte=1e6))]
+Seed = Annotated[int, Parameter(validator=validators.Number(gte=0, lt=2**63))]
 
 
 def simulate(
@@ -27,14 +28,14 @@ def simulate(
     *,
     robots: Annotated[int, Parameter(validator=validators.Number(gte=1, lte=9))] = 2,
     target: Seen = "charuco",
-    samples: Annotated[int, Parameter(validator=validators.Number(gte=1))] = 30,
+    samples: Annotated[int, Parameter(validator=validators.Number(gte=1, lte=200_000))] = 30,
     mounts: Literal["free", "prior", "fixed"] = "free",
     pixel_px: Positive = 0.2,
     robot_noise_mm: Positive = 0.0,
     robot_noise_mrad: Positive = 0.0,
     joints: bool = False,
     joint_offset_deg: Positive = 0.0,
-    seed: int = 0,
+    seed: Seed = 0,
     images: bool = False,
     json: bool = False,
 ) -> int:

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
 
+from cyclopts import Parameter, validators
+
+from basecal.cli.simulate import Seed
 from basecal.cli.terminal import print_json, progress, say
 
+Draws = Annotated[int, Parameter(validator=validators.Number(gte=2, lte=10_000_000))]
 
-def study_paper(*, seed: int = 0, draws: int = 10_000, figures: Path | None = None, json: bool = False) -> int:
+
+def study_paper(*, seed: Seed = 0, draws: Draws = 10_000, figures: Path | None = None, json: bool = False) -> int:
     """Reproduce the simulations of the paper the axis-shift method comes from.
 
     Its tables beside ours, its single draw of noise among many, the two orders
@@ -26,12 +32,9 @@ def study_paper(*, seed: int = 0, draws: int = 10_000, figures: Path | None = No
         figures: Folder to write the figures to, as SVG.
         json: Print one object, in the keys of the paper's figures.
     """
-    from basecal.errors import InputError
     from basecal.reporting.study_text import length_figures, paper_text
     from basecal.studies.paper import study_paper as studied
 
-    if draws < 2 or seed < 0:
-        raise InputError(f"draws is {draws} and seed {seed}: expected at least 2 draws and a seed of 0 or more")
     with progress("simulating"):
         study = studied(seed, draws)
     if figures is not None:

@@ -10,6 +10,8 @@ from contextlib import contextmanager
 from shlex import quote
 from typing import Any, TextIO
 
+from basecal.cli.time_left import TimeLeft
+
 
 def printable(text: str) -> str:
     """Text with what a terminal would obey, or hide, written out: `\\x1b`; newlines stay."""
@@ -48,14 +50,15 @@ def print_json(answer: Mapping[str, Any]) -> None:
 
 @contextmanager
 def progress(message: str) -> Iterator[Callable[[str], None]]:
-    """A spinner on stderr that names what is done now, while it takes long; nothing where stderr is no terminal."""
+    """A line on stderr that names what is done now and how long it takes still; nothing where stderr is no terminal."""
     if not is_terminal(sys.stderr):
         yield lambda now: None
         return
     from rich.console import Console
 
-    with Console(stderr=True).status(message) as status:
-        yield lambda now: status.update(f"{message}: {now}")
+    left = TimeLeft(message)
+    with Console(stderr=True).status(left):
+        yield left.enter
 
 
 def print_stages(seconds: Mapping[str, float]) -> None:

@@ -1,0 +1,56 @@
+"""How long a calibration takes still."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from basecal.cli.time_left import TimeLeft
+
+
+class Clock:
+    """Seconds that pass when they are told to."""
+
+    now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def clock() -> Iterator[Clock]:
+    return Clock()
+
+
+def test_it_names_what_is_done(clock: Clock) -> None:
+    """From the first stage on; of the time nothing is said before anything is known."""
+    left = TimeLeft("calibrating", clock)
+    assert str(left) == "calibrating"
+    left.enter("noise")
+    clock.now += 0.4
+    assert str(left) == "calibrating: noise"
+    assert left.seconds() is None
+
+
+def test_it_counts_down(clock: Clock) -> None:
+    """What is left is as the share of the stages that are to come, less what has passed of the present one."""
+    left = TimeLeft("calibrating", clock)
+    left.enter("noise")
+    clock.now += 32.0
+    left.enter("conventions")
+    assert left.seconds() == pytest.approx(68.0)
+    clock.now += 8.0
+    assert str(left) == "calibrating: conventions, about 60 s left"
+    clock.now += 1000.0
+    assert str(left) == "calibrating: conventions"
+
+
+def test_a_stage_that_comes_again_counts_once(clock: Clock) -> None:
+    """And one that is not known counts as nothing."""
+    left = TimeLeft("calibrating", clock)
+    for stage in ("noise", "conventions", "noise", "new"):
+        left.enter(stage)
+        clock.now += 9.0
+    left.enter("cross-validation")
+    assert left.seconds() == pytest.approx(36.0 * 28 / 72)
