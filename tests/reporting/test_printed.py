@@ -63,7 +63,7 @@ def test_one_svg_unit_is_a_millimetre():
 def test_pdf_has_true_size_and_a_page_a_tag(tmp_path: Path):
     """An A4 page is 595.28 x 841.89 points, and two tags make two pages."""
     (written,) = write_pages(printed_pages(SHAPES["apriltag"], "tags"), tmp_path / "tags.pdf")
-    boxes = re.findall(rb"/MediaBox \[ 0 0 ([\d.]+) ([\d.]+) \]", written.read_bytes())
+    boxes = re.findall(rb"/MediaBox\[0 0 ([\d.]+) ([\d.]+)\]", written.read_bytes())
     assert len(boxes) == 2
     np.testing.assert_allclose([float(v) for v in boxes[0]], [595.28, 841.89], atol=0.01)
 

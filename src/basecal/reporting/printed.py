@@ -6,17 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from basecal.cell import Target
 from basecal.errors import InputError
 from basecal.geometry import Array
+from basecal.reporting import pdf
 from basecal.vision.draw.drawing import target_drawing
-
-if TYPE_CHECKING:
-    from reportlab.pdfgen.canvas import Canvas
 
 _PAPERS = {
     "A4": (210.0, 297.0),
@@ -30,6 +27,8 @@ _FOOT_MM = 22.0
 _RULER_MM = 100.0
 _LIGHT_MM = 5.0
 _CROSS_MM = 8.0
+_LINE_MM = 0.15
+_TEXT_MM = 3.2  # height of its letters with what hangs below the line
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,9 +141,9 @@ def page_svg(page: PrintedPage) -> str:
         f'<rect width="{width}" height="{height}" fill="#fff"/>',
         f'<path d="{rectangles}" shape-rendering="crispEdges"/>' if rectangles else "",
         *(f'<circle cx="{x:.4f}" cy="{y:.4f}" r="{r:.4f}"/>' for x, y, r in page.discs),
-        f'<g fill="none" stroke="#000" stroke-width="0.15"><path d="{lines}"/>',
+        f'<g fill="none" stroke="#000" stroke-width="{_LINE_MM}"><path d="{lines}"/>',
         *(f'<circle cx="{x:.4f}" cy="{y:.4f}" r="{r:.4f}"/>' for x, y, r in page.rings),
-        '</g><g font-family="sans-serif" font-size="3.2">',
+        f'</g><g font-family="sans-serif" font-size="{_TEXT_MM}">',
         *(f'<text x="{x:.3f}" y="{y:.3f}">{escape(text)}</text>' for x, y, text in page.texts),
         "</g></svg>",
     ]
@@ -152,37 +151,10 @@ def page_svg(page: PrintedPage) -> str:
 
 
 def _pdf(pages: Sequence[PrintedPage]) -> bytes:
-    from io import BytesIO
-
-    from reportlab.lib.units import mm
-    from reportlab.pdfgen.canvas import Canvas
-
-    out = BytesIO()
-    canvas = Canvas(out, invariant=1)
-    for page in pages:
-        width, height = page.size_mm
-        canvas.setPageSize((width * mm, height * mm))
-        canvas.translate(0, height * mm)
-        canvas.scale(mm, -mm)
-        for a, b, c, d in page.rectangles:
-            canvas.rect(a, b, c - a, d - b, stroke=0, fill=1)
-        for x, y, r in page.discs:
-            canvas.circle(x, y, r, stroke=0, fill=1)
-        canvas.setLineWidth(0.15)
-        canvas.lines([tuple(line) for line in page.lines])
-        for x, y, r in page.rings:
-            canvas.circle(x, y, r, stroke=1, fill=0)
-        _write_texts(canvas, page)
-        canvas.showPage()
-    canvas.save()
-    return out.getvalue()
+    return pdf.document([(page.size_mm, _drawing(page)) for page in pages])
 
 
-def _write_texts(canvas: Canvas, page: PrintedPage) -> None:
-    canvas.setFont("Helvetica", 3.2)
-    for x, y, text in page.texts:
-        canvas.saveState()
-        canvas.translate(x, y)
-        canvas.scale(1, -1)
-        canvas.drawString(0, 0, text)
-        canvas.restoreState()
+def _drawing(page: PrintedPage) -> str:
+    filled = [*(pdf.rectangle(*each) for each in page.rectangles), *(pdf.circle(*each) for each in page.discs)]
+    stroked = [*(pdf.line(*each) for each in page.lines), *(pdf.circle(*each) for each in page.rings)]
+    return pdf.page_content(filled, stroked, [pdf.text(*each, _TEXT_MM) for each in page.texts], _LINE_MM)

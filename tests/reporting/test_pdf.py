@@ -1,0 +1,72 @@
+"""PDF files: every object stands where the table says, and shapes are where they were asked for."""
+
+from __future__ import annotations
+
+import re
+import zlib
+
+import numpy as np
+import pytest
+
+from basecal.reporting import pdf
+
+
+@pytest.fixture(scope="module")
+def written() -> bytes:
+    """Two pages of shapes."""
+    drawing = pdf.page_content(
+        [pdf.rectangle(10, 20, 40, 60)], [pdf.line(0, 0, 5, 5)], [pdf.text(10, 20, "a(b) ü 漢", 3.2)], 0.15
+    )
+    return pdf.document([((210.0, 297.0), drawing), ((100.0, 50.0), "")])
+
+
+def drawings(data: bytes) -> list[str]:
+    """What each page draws."""
+    streams = re.findall(rb"/Length (\d+)>>\nstream\n(.*?)\nendstream", data, re.DOTALL)
+    assert all(int(length) == len(stream) for length, stream in streams)
+    return [zlib.decompress(stream).decode() for _, stream in streams]
+
+
+def test_objects_stand_where_the_table_says(written: bytes) -> None:
+    """Each offset leads to its number, and the end of the file to the table."""
+    start = int(re.search(rb"startxref\n(\d+)\n%%EOF\n$", written)[1])
+    table = written[start:]
+    assert table.startswith(b"xref\n0 8\n0000000000 65535 f \n")
+    offsets = [int(each) for each in re.findall(rb"(\d{10}) 00000 n \n", table)]
+    assert len(offsets) == 7
+    for number, offset in enumerate(offsets, start=1):
+        assert written[offset:].startswith(b"%d 0 obj\n" % number)
+
+
+def test_lengths_are_millimetres_from_the_top(written: bytes) -> None:
+    """A corner at (10, 20) mm of an A4 page is 28.35 points from the left and 785.2 from below."""
+    first, second = drawings(written)
+    a, _, _, d, e, f = map(float, first.split(" cm")[0].split())
+    left, top, width, height = map(float, re.search(r"\n(.*) re f", first)[1].split())
+    assert (a * left + e, d * top + f) == pytest.approx((28.3465, 785.197), abs=1e-3)
+    assert (a * width, d * height) == pytest.approx((85.0394, -113.386), abs=1e-3)
+    assert second.strip().endswith("cm")
+    assert b"/MediaBox[0 0 283.4646 141.7323]" in written
+
+
+def test_a_circle_is_round() -> None:
+    """Its curves stay within 3e-4 of the radius."""
+    numbers = [float(word) for word in re.findall(r"-?\d+\.\d+", pdf.circle(10, 20, 5))]
+    points = np.array(numbers).reshape(-1, 2)
+    t = np.linspace(0, 1, 21)[:, None]
+    for k in range(4):
+        a, b, c, d = points[3 * k : 3 * k + 4]
+        curve = (1 - t) ** 3 * a + 3 * t * (1 - t) ** 2 * b + 3 * t**2 * (1 - t) * c + t**3 * d
+        np.testing.assert_allclose(np.linalg.norm(curve - [10, 20], axis=1), 5, atol=3e-4 * 5)
+    np.testing.assert_allclose(points[-1], points[0])
+
+
+def test_words_cannot_leave_their_line(written: bytes) -> None:
+    """They are numbers: brackets end nothing, and a letter that is lacking is a question mark."""
+    shown = bytes.fromhex(re.search(r"<([0-9a-f]+)> Tj", drawings(written)[0])[1])
+    assert shown.decode("cp1252") == "a(b) ü ?"
+
+
+def test_the_same_pages_give_the_same_bytes() -> None:
+    """No date or number is in them."""
+    assert pdf.document([((1, 1), "")]) == pdf.document([((1, 1), "")])
