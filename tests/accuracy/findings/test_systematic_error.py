@@ -1,5 +1,7 @@
 """`length-scale`, `clock-offset`, `base-moved`, `drift`, `deflection` in words."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -58,6 +60,18 @@ def test_words(evidence, kind):
     (finding,) = systematic_error(evidence(systematic_error=error))
     assert (finding.code, finding.severity, finding.about) == (error.code, "warning", (error.about,))
     assert words in finding.message
+
+
+def test_a_joint_that_is_off_is_said_once(evidence, monkeypatch):
+    """Its offset and what to write; nothing where the choice of robot models names its robots already."""
+    error = replace(found("joint-offset", [np.radians(0.25)], np.radians(0.01)), joint=2)
+    (finding,) = systematic_error(evidence(systematic_error=error))
+    assert (finding.code, finding.severity, finding.about) == ("robot-model", "warning", ("hand",))
+    assert "joint 3 of hand is off by 0.250 +/- 0.010 deg" in finding.message
+    monkeypatch.setattr("basecal.accuracy.findings.systematic_error.robot_model", lambda of: [finding])
+    assert systematic_error(evidence(systematic_error=error)) == []
+    bent, _ = WORDS["bend"]
+    assert len(systematic_error(evidence(systematic_error=bent))) == 1
 
 
 def test_nothing_found_is_silent(evidence):

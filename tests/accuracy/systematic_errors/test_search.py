@@ -163,3 +163,25 @@ def test_robots_whose_kinematics_are_estimated():
     assert error is not None
     assert (error.code, error.about) == ("base-moved", "hand_flange_from_board")
     assert np.all(np.abs(error.size - slip) < 4 * np.sqrt(np.diag(error.covariance)))
+
+
+def test_a_joint_that_is_off_is_found():
+    """Joint 3 of the hand by 0.3 deg: which it is, its offset within four sigmas, and the wider covariance holds it."""
+    made = simulate(Scenario(samples=40, joints=True, robot_noise=(1e-4, 1e-4)), 1)
+    wrong, samples = np.radians(0.3), []
+    for sample in made.recording.samples:
+        hand = sample.robots["hand"]
+        off = replace(hand, joints_rad=hand.joints_rad - wrong * np.eye(6)[2])
+        samples.append(replace(sample, robots={**sample.robots, "hand": off}))
+    solution, error = found_in(made.cell, Recording(tuple(samples)))
+    assert error is not None
+    assert (error.code, error.about, error.joint) == ("joint-offset", "hand", 2)
+    assert abs(error.size[0] - wrong) < 4 * error.sigma < 0.5 * wrong
+    evidence = evidence_of(made.cell, solution)
+    (finding,) = findings(type(evidence)(**vars(evidence) | {"systematic_error": error}))
+    assert (finding.code, finding.severity, finding.about) == ("robot-model", "warning", ("hand",))
+    base = "eye_base_from_hand_base"
+    off = (solution.state.transforms[base].inverse() @ made.truth[base]).log()
+    alone, both = (s.covariance_of([base]) for s in (solution, widened(solution, error.moved)))
+    assert off @ np.linalg.solve(alone, off) > MOST_SQUARED
+    assert off @ np.linalg.solve(both, off) < MOST_SQUARED

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.systematic_errors.situation import Situation
-from basecal.accuracy.systematic_errors.table import TABLE, drifts, length_scales, sag, steps
+from basecal.accuracy.systematic_errors.table import TABLE, drifts, joint_offsets, length_scales, sag, steps
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.solve import solve_packed
 from basecal.geometry import SE3
@@ -47,6 +47,31 @@ def test_a_larger_target_is_further_away(of):
     np.testing.assert_allclose(
         1e-6 * row(of, length_scales, "board")[..., 0], (at.inverse() @ further).log(), atol=1e-12
     )
+
+
+def test_joint_offsets():
+    """One unit of a joint's offset moves the view as the flange of an arm whose joint stands elsewhere."""
+    made = simulate(Scenario(samples=6, joints=True), 0)
+    problem, _ = build_problem(made.cell, made.recording)
+    of = Situation(problem, solve_packed(problem, made.cell).state, problem, {k: float(k) for k in range(6)})
+    found = {candidates.about[0]: candidates for candidates in joint_offsets(of)}
+    assert found.keys() == {"eye", "hand"}
+    (group,) = problem.groups
+    for robot, joints in (("eye", group.eye_joints), ("hand", group.hand_joints)):
+        assert found[robot].joint == tuple(range(6))
+        for joint in range(6):
+            moved = problem.chains[robot].forward(joints + 1e-6 * np.eye(6)[joint])
+            expected = moved_by_pose(of, robot, moved)
+            np.testing.assert_allclose(1e-6 * found[robot].moves[0][:, joint, :, 0], expected, atol=1e-11)
+
+
+def test_offsets_that_are_estimated_or_have_no_joints_are_not_tested(of):
+    """Neither robots given by poses nor those whose offsets are unknowns already."""
+    assert list(joint_offsets(of)) == []
+    made = simulate(Scenario(samples=12, joints=True, joint_offset_rad=1e-3, joint_offsets="prior"), 0)
+    problem, _ = build_problem(made.cell, made.recording)
+    state = solve_packed(problem, made.cell).state
+    assert list(joint_offsets(Situation(problem, state, problem, {}))) == []
 
 
 def test_sag_turns_about_the_base(of):

@@ -1,4 +1,4 @@
-"""`length-scale`, `clock-offset`, `base-moved`, `drift`, `deflection`: errors that are no noise, and how large."""
+"""`length-scale`, `clock-offset`, `base-moved`, `drift`, `deflection`, `robot-model`: errors that are no noise."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from basecal.accuracy.cross_validation.robot_model_selection import SIGMA_RAD
 from basecal.accuracy.findings.evidence import Evidence
+from basecal.accuracy.findings.robot_model import robot_model
 from basecal.accuracy.systematic_errors.search import SystematicError
 from basecal.cell import Finding
 from basecal.geometry import Array
@@ -15,8 +17,14 @@ _AGAIN = "calibrate again when it is mended: the answer leaves it out, and its c
 
 
 def systematic_error(of: Evidence) -> list[Finding]:
-    """A warning that names what explains the residuals far better than noise; see `accuracy.systematic_errors`."""
-    return [] if of.systematic_error is None else [_WORDS[of.systematic_error.code](of.systematic_error)]
+    """A warning that names what explains the residuals far better than noise; see `accuracy.systematic_errors`.
+
+    A joint that is off is left to `robot_model` where that finds its robots off, too: it says how far by all joints.
+    """
+    found = of.systematic_error
+    if found is None or (found.joint is not None and robot_model(of)):
+        return []
+    return [_WORDS[found.code](found)]
 
 
 def _length_scale(found: SystematicError) -> Finding:
@@ -68,6 +76,17 @@ def _deflection(found: SystematicError) -> Finding:
     return Finding("deflection", "warning", (found.about,), f"{what}; {_AGAIN}")
 
 
+def _joint_offset(found: SystematicError) -> Finding:
+    assert found.joint is not None
+    per_rad = 180 / np.pi
+    offset = _rounded(per_rad * found.size[0], per_rad * found.sigma)
+    what = (
+        f"joint {found.joint + 1} of {found.about} is off by {offset} deg, which is to be added to what it records: "
+        f"check its zero, or write `joint_offsets: {{status: prior, sigma_rad: {SIGMA_RAD}}}` at {found.about}"
+    )
+    return Finding("robot-model", "warning", (found.about,), f"{what}; {_AGAIN}")
+
+
 def _tangent(found: SystematicError) -> str:
     shift = _rounded(*_length(1e3 * found.size[:3], 1e6 * found.covariance[:3, :3]))
     per_rad = 180 / np.pi
@@ -94,4 +113,5 @@ _WORDS: dict[str, Callable[[SystematicError], Finding]] = {
     "base-moved": _base_moved,
     "drift": _drift,
     "deflection": _deflection,
+    "joint-offset": _joint_offset,
 }

@@ -17,6 +17,7 @@ class Candidates:
         since: Of each, the number of the first sample that has it; None where all do.
         unit: What one unit of a size is, in words.
         moves: By group of views, (n, b, 6, q): right tangents of `camera_from_target` by unit sizes, of b errors.
+        joint: Of each, the number of the joint that has it, from 0; empty where none do.
     """
 
     code: str
@@ -24,8 +25,10 @@ class Candidates:
     since: tuple[int | None, ...]
     unit: str
     moves: tuple[Array, ...]
+    joint: tuple[int, ...] = ()
 
     def only(self, which: int) -> Candidates:
         """One of them."""
         moves = tuple(m[:, which : which + 1] for m in self.moves)
-        return Candidates(self.code, (self.about[which],), (self.since[which],), self.unit, moves)
+        joint = self.joint[which : which + 1]
+        return Candidates(self.code, (self.about[which],), (self.since[which],), self.unit, moves, joint)

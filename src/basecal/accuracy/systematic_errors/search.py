@@ -42,6 +42,7 @@ class SystematicError:
         size: (q,) what the recording is to be corrected by; see `table`.
         covariance: (q, q).
         moved: (p,) by how much the answer's columns move where the recording is corrected.
+        joint: Which joint of the robot has it, from 0; None where none does.
     """
 
     code: str
@@ -53,6 +54,7 @@ class SystematicError:
     size: Array
     covariance: Array
     moved: Array
+    joint: int | None = None
 
     @property
     def sigma(self) -> float:
@@ -194,6 +196,7 @@ def _described(of: Situation, suspect: _Suspect, before: Solution, after: Soluti
         size,
         covariance,
         _moved(before, after),
+        next(iter(candidate.joint), None),
     )
 
 

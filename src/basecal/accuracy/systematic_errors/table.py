@@ -8,11 +8,13 @@ import numpy as np
 
 from basecal.accuracy.systematic_errors.candidates import Candidates
 from basecal.accuracy.systematic_errors.situation import Situation
+from basecal.estimation.problem.build import recorded_by_joints
 from basecal.geometry import Array
 from basecal.geometry.se3 import hat
 
 _MOST_SPLITS = 32  # of a recording in time: where a step is looked for
 _LEAST_SIDE = 3  # samples before and after a step
+OFFSETS = "joint_offsets"  # the kind of robot parameters
 _FEWEST_IN_TIME = 6  # samples that may drift
 
 
@@ -100,8 +102,31 @@ def sag(of: Situation) -> Iterator[Candidates]:
         yield _one("deflection", robot, "rad/m", tuple(moves))
 
 
+def joint_offsets(of: Situation) -> Iterator[Candidates]:
+    """Each joint of each robot given by its joints off by a constant [rad], where its offsets are not estimated."""
+    for robot in of.robots:
+        chain, model = of.problem.chains.get(robot), of.problem.modelled(robot)
+        estimated = model is not None and OFFSETS in model.columns
+        if chain is None or estimated or not recorded_by_joints(of.problem, robot):
+            continue
+        moves = []
+        for k, group in enumerate(of.problem.groups):
+            joints = group.eye_joints if group.eye == robot else group.hand_joints if group.hand == robot else None
+            by_joints = np.zeros((len(group), 6, chain.n)) if joints is None else chain.jacobian(joints)
+            moves.append(np.swapaxes(of.by_flange(k, robot) @ by_joints, -1, -2)[..., None])
+        every = tuple(range(chain.n))
+        yield Candidates("joint-offset", (robot,) * chain.n, (None,) * chain.n, "rad", tuple(moves), every)
+
+
 def _one(code: str, about: str, unit: str, moves: tuple[Array, ...]) -> Candidates:
     return Candidates(code, (about,), (None,), unit, tuple(m[:, None] for m in moves))
 
 
-TABLE: tuple[Callable[[Situation], Iterator[Candidates]], ...] = (length_scales, clock_offsets, steps, drifts, sag)
+TABLE: tuple[Callable[[Situation], Iterator[Candidates]], ...] = (
+    length_scales,
+    clock_offsets,
+    steps,
+    drifts,
+    sag,
+    joint_offsets,
+)
