@@ -89,7 +89,8 @@ def _without_outliers(cell: Cell, settings: Settings, plain: Solution, noisy: So
         return solve_with_noise(cell, settings, plain, noisy)
     with settings.stage("outliers"):
         exact = solve_robustly(plain.problem, cell, replace(settings, robot_noise="stated"), plain)
-    if noisy is None or is_hopeless(exact.solution.problem, exact.solution.state):
+    nothing_open = noisy is None or not (noisy.noise.estimated or noisy.noise.robots)
+    if noisy is None or nothing_open or is_hopeless(exact.solution.problem, exact.solution.state):
         return exact
     return solve_with_noise(cell, settings, plain, noisy, exact)
 
