@@ -52,6 +52,11 @@ CASES = {
         circles_target((9, 5), 0.03),
         "a symmetric grid of 8x5 circles fits, not a symmetric grid of 9x5",
     ),
+    "fewer circles": (
+        "circles",
+        circles_target((7, 5), 0.03),
+        "a symmetric grid of 8x5 circles fits, not a symmetric grid of 7x5",
+    ),
     "asymmetric": (
         "asymmetric",
         circles_target((4, 11), 0.02),

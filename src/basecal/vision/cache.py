@@ -15,7 +15,7 @@ from basecal.errors import InputError
 from basecal.geometry import read_only, read_only_ids
 from basecal.vision.detection import Detection
 
-VERSION = 4
+VERSION = 5
 """Raised whenever a detector gives other numbers."""
 
 _FOLDER = Path("derived", "detections")

@@ -109,7 +109,8 @@ def _sizes_of_board(image: Grey, stated: tuple[int, ...]) -> list[tuple[int, ...
 def _other_circles(images: list[Grey], target: Target) -> str | None:
     columns, rows = target.options["circles"]
     asymmetric = bool(target.options["asymmetric"])
-    sizes = [(rows, columns), (columns - 1, rows), (columns, rows - 1), (columns - 1, rows - 1)]
+    steps = ((1, 0), (0, 1), (1, 1), (-1, 0), (0, -1), (-1, -1))
+    sizes = [(rows, columns), *((columns + more, rows + longer) for more, longer in steps)]
     tried = [*((size, asymmetric) for size in sizes), *((size, not asymmetric) for size in [(columns, rows), *sizes])]
     for size, kind in tried:
         if min(size) >= _SMALLEST:

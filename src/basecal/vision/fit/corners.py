@@ -30,6 +30,7 @@ _ROUGH = 0.1  # of the residuals' norm: a hundredth of the cost of some hundred 
 _LEAST_CONTRAST = 2.0  # step of a line in sigmas of a pixel's noise: with less no detector sees a corner
 _DIAGONAL = 1.4  # of an arm: how far the cross reaches at an angle
 _LEAST_FREEDOM = 8  # pixels beyond the parameters: the noise they show is then known to a quarter
+_MOST_SIGMA_PX = 1.0  # of a place: beyond, it is no measurement
 _MOST_MOVED_PX = 3.0  # from the rough place: further away is another corner
 
 
@@ -85,14 +86,14 @@ def refined(image: Levels, shape: Shape, start: Array, axes: Array, window: Wind
     q[:, :4] = np.where(_sound(rough, start)[:, None], rough.shape[:, :4], q[:, :4])
     fit = _fitted(context, q, held=1)
     sigma = np.sqrt(np.trace(fit.covariance[:, :2, :2], axis1=1, axis2=2) / 2 + _MODEL_PX**2)
-    return Corners(fit.shape[:, :2], sigma, _sound(fit, start), fit.light[:, 0])
+    return Corners(fit.shape[:, :2], sigma, _sound(fit, start) & (sigma < _MOST_SIGMA_PX), fit.light[:, 0])
 
 
 def _lens(image: Levels, shape: Shape, start: Array, axes: Array, window: Window) -> Array:
     """Point spread and sharpening as most of some corners show them; one alone hardly tells them apart."""
     some = slice(None, None, max(1, len(start) // _LENS_CORNERS))
     start, axes = start[some], axes[some]
-    rough = _fitted(_Context(image, shape, axes, window), _parameters(start, axes), held=1, settled=_ROUGH)
+    rough = _fitted(_Context(image, shape, axes, window), _parameters(start, axes), held=1)
     sound = _sound(rough, start)
     if not sound.any():
         return np.array([np.log(_FIRST_SPREAD), 0.0])

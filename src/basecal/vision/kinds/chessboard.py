@@ -7,6 +7,8 @@ tell. Otherwise ids count from the corner whose outer square is black.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -16,13 +18,13 @@ from basecal.errors import InputError
 from basecal.geometry import Array
 from basecal.vision.detection import Detection, Image, eight_bit, found
 from basecal.vision.fit.corner_shapes import saddle
-from basecal.vision.fit.corners import BOARD_ARM_PX, Window, refined
+from basecal.vision.fit.corners import BOARD_ARM_PX, Corners, Window, refined
 from basecal.vision.fit.local_map import grid_axes, right_handed
 from basecal.vision.kinds.ways import Way
 
 _FEWEST = 3  # corners each way: OpenCV looks for no smaller board
 # Quickest first, with OpenCV's flags. Normalised, pictures of even light lose boards that uneven ones need it for; a
-# quarter of the pixels is searched in a quarter of the time and misses only what is small.
+# quarter of the pixels is searched in a quarter of the time; where that leaves a corner out, all pixels are.
 _WAYS = (
     (Way(0.5), 0),
     (Way(0.5), cv2.CALIB_CB_NORMALIZE_IMAGE),
@@ -49,11 +51,16 @@ def detect(image: Image, target: Target) -> Detection | None:
         raise InputError(
             f"a chessboard of {columns} x {rows} inner corners cannot be found; expected {_FEWEST} or more each way"
         )
-    corners = _grid(eight_bit(image), (columns, rows))
-    if corners is None:
+    fitted: Corners | None = None
+    for way, corners in _grids(eight_bit(image), (columns, rows)):
+        grid = right_handed(corners.reshape(rows, columns, 2))
+        once = refined(image, saddle, grid.reshape(-1, 2), grid_axes(grid), _WINDOW)
+        if fitted is None or once.trusted.sum() > fitted.trusted.sum():
+            fitted = once
+        if way.scale >= 1 or fitted.trusted.all():
+            break
+    if fitted is None:
         return None
-    grid = right_handed(corners.reshape(rows, columns, 2))
-    fitted = refined(image, saddle, grid.reshape(-1, 2), grid_axes(grid), _WINDOW)
     row, column = np.indices((rows, columns))
     # Gains as the first corner has them: positive where its outer square is bright.
     outward = fitted.gain.reshape(rows, columns) * (-1.0) ** (row + column)
@@ -62,11 +69,12 @@ def detect(image: Image, target: Target) -> Detection | None:
     return found(ids[kept], fitted.pixels[kept], fitted.sigma_px[kept])
 
 
-def _grid(image: NDArray[np.uint8], size: tuple[int, int]) -> Array | None:
-    """OpenCV's corners, (n, 2) [px], by the first of its ways that finds all of them; None where none does."""
+def _grids(image: NDArray[np.uint8], size: tuple[int, int]) -> Iterator[tuple[Way, Array]]:
+    """OpenCV's corners, (n, 2) [px], by each of its ways that finds all of them; of one scale, by the first."""
+    scale = 0.0
     for way, flags in _WAYS:
-        if way.suits(image):
+        if way.scale != scale and way.suits(image):
             seen, corners = cv2.findChessboardCornersSB(way.applied(image), size, flags=flags)
             if seen:
-                return way.places(corners)
-    return None
+                scale = way.scale
+                yield way, way.places(corners)

@@ -21,6 +21,7 @@ from basecal.vision.fit.ellipse import ellipse
 from basecal.vision.fit.local_map import local_axes, local_homographies
 from basecal.vision.fit.patch_fit import Patches, fit_shapes, packed
 from basecal.vision.kinds.ways import Grey, Way, best
+from basecal.vision.kinds.whole_grid import goes_on
 
 _MODEL_PX = 0.0007  # of a centre in rendered images without noise, besides what the lens bends
 _BENT_SHARE = 0.05  # of what a lens bends, as uncertain
@@ -75,7 +76,11 @@ def _centres(target: Target, image: Grey, way: Way) -> Array:
     if len(finder.detect(image)) > _MOST_BLOBS * len(target.ids):
         return way.places(())
     seen, centres = cv2.findCirclesGrid(image, tuple(target.options["circles"]), flags=kind, blobDetector=finder)
-    return way.places(centres if seen else ())
+    # OpenCV finds a part of a larger symmetric grid as well, another one in every image.
+    columns, rows = target.options["circles"]
+    grid = np.reshape(centres, (rows, columns, 2)) if seen else np.zeros((0, 0, 2))
+    part = seen and not target.options["asymmetric"] and goes_on(image, grid.astype(np.float64))
+    return way.places(centres if seen and not part else ())
 
 
 def _facing(target: Target, start: Array) -> Array:
