@@ -108,7 +108,7 @@ KINDS: dict[str, tuple[Target, Callable[[Target], dict[str, Plain]]]] = {
 
 
 class Row(NamedTuple):
-    """One detector under one condition: points found, rms per coordinate [px], error over sigma, seconds of one core."""
+    """One detector under one condition: points found, rms per coordinate [px], error over sigma, s a core."""
 
     kind: str
     detector: str
