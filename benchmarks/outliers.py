@@ -393,6 +393,7 @@ def main(arguments: list[str]) -> None:
     )
     parser.add_argument("--only", default="", help="cases whose outliers or cells have this in their name")
     parser.add_argument("--first-seed", type=int, default=30000, help="(default 30000: none that anything was set by)")
+    parser.add_argument("--shared", action="store_true", help="say of the times that other programs had the cores, too")
     asked = parser.parse_args(arguments)
     on_one_core()
     names = [n for n in CASES if asked.only in f"{CASES[n][0]}: {n}"]
@@ -409,6 +410,7 @@ def main(arguments: list[str]) -> None:
                 {
                     "cells": asked.cells or CELLS,
                     "first_seed": asked.first_seed,
+                    "shared": asked.shared,
                     "cases": [*found, summary("all", every)],
                 },
             )

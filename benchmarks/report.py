@@ -288,7 +288,9 @@ instant, and in a third of the views a tenth of the points are {outliers.BOTH_PX
 that is not stated, too; the ratio is that of the base's rms error over the cells, ours to the oracle's, the larger of
 translation and rotation. Asked over all: at most {outliers.MOST_RATIO}; {100 * outliers.LEAST_FOUND:.0f} % found; at
 most {100 * outliers.MOST_LOST:.0f} % of the clean samples and of the clean points lost."""
-    return f"{about}\n\n{table(outliers.HEAD, map(outliers.row, result['cases']))}"
+    shared = " Other programs had the cores meanwhile, too: times are longer than those of one thread alone."
+    told = about + (shared if result.get("shared") else "")
+    return f"{told}\n\n{table(outliers.HEAD, map(outliers.row, result['cases']))}"
 
 
 def _mutants(result: Result) -> str:
