@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from basecal.cell import CandidateObservation, PixelObservation, Recording, RobotState
-from basecal.estimation.outliers.inlier_mask import of_samples
+from basecal.estimation.outliers.classify import classify_inliers
+from basecal.estimation.outliers.inlier_mask import InlierMask, all_inliers, of_samples
 from basecal.estimation.outliers.robust_solve import solve_robustly
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.solve import solve_packed
@@ -220,3 +221,22 @@ def test_samples_can_be_taken_by_number():
     few = of_samples(problem, np.array([2, 5]))
     assert few.groups[0].sample.tolist() == [2, 5]
     assert isinstance(s.recording.samples[2].observations[0], PixelObservation)
+
+
+def test_a_view_that_goes_and_is_taken_back_in_turns_is_left_out(monkeypatch):
+    """Of two sets that lead to each other the smaller one is the answer, as soon as the first comes again."""
+    made = simulate(Scenario(samples=20), 0)
+    problem, _ = build_problem(made.cell, made.recording)
+    plain = solve_packed(problem, made.cell)
+    judged = classify_inliers(plain.problem, plain.state, all_inliers(plain.problem))
+    fewer = InlierMask((np.arange(20) != 7,), judged.kept.points)
+    given = []
+
+    def in_turns(full, state, kept):
+        given.append(fewer if kept.same_as(judged.kept) else judged.kept)
+        return replace(judged, kept=given[-1])
+
+    monkeypatch.setattr("basecal.estimation.outliers.robust_solve.classify_inliers", in_turns)
+    robust = solve_robustly(problem, made.cell, plain=plain)
+    assert [each.sample for each in robust.outliers] == [7]
+    assert len(given) == 3

@@ -287,6 +287,8 @@ def _end(full: Problem, kept: InlierMask, state: State, settings: Settings) -> C
         return None
     scale = view_scale(masked, squares)
     kept = InlierMask(tuple(~scale.beyond(s) for s in squares), kept.points)
+    before: list[InlierMask] = []
+    free = True
     for k in range(_ROUNDS):
         if not _enough(full, kept):
             return None
@@ -300,9 +302,12 @@ def _end(full: Problem, kept: InlierMask, state: State, settings: Settings) -> C
         full, kept = _rechosen(full.with_noise(solution.noise.noise), kept, solution.state)
         state = solution.state
         judgement = classify_inliers(full, state, kept)
-        now = judgement.kept if k < _FREE_ROUNDS else _common(judgement.kept, kept)
+        # What was kept before comes again: a view goes and is taken back in turns, and is left out.
+        free &= k < _FREE_ROUNDS and not any(map(judgement.kept.same_as, before))
+        now = judgement.kept if free else _common(judgement.kept, kept)
         if now.same_as(kept):
             break
+        before.append(kept)
         kept = now
     return Consensus(full, kept, solution, judgement)
 
