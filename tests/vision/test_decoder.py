@@ -40,6 +40,17 @@ def test_every_damage_that_shows_is_told(capfd: pytest.CaptureFixture[str]) -> N
     assert capfd.readouterr() == ("", "")
 
 
+def test_a_stream_that_comes_out_short_is_damaged() -> None:
+    """One bit changed may shift all that follows by some pixels: what is left over at the end is no padding then."""
+    short, data = 0, np.frombuffer(JPEG, np.uint8)
+    for at in range(2000, len(JPEG) - 100, 97):
+        changed = data.copy()
+        changed[at] ^= 16
+        pixels, amiss = decoded(changed.tobytes())
+        short += "extraneous bytes before marker 0xd9" in amiss and pixels is not None
+    assert short > 0
+
+
 def test_complaint_in_words() -> None:
     """What is amiss is told without the library's own prefix."""
     assert decoded(JPEG[:20000] + JPEG[-2:]).amiss == "premature end of data segment"

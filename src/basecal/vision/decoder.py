@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 _STDERR = 2
 _MOST_CHATTER = 2**16  # [bytes] that are read of what a decoder writes
 _ONE_AT_A_TIME = threading.Lock()
-# Bytes between the last of the picture and its end harm nothing; OpenCV's warnings are of tags it does not know.
-_HARMLESS = re.compile(r"extraneous bytes before marker 0xd9|^\[ *(WARN|INFO)")
+_WARNING = re.compile(r"^\[ *(WARN|INFO)")  # OpenCV's, of tags that it does not know
+_BEFORE_END = re.compile(r"(\d+) extraneous bytes before marker 0xd9")
+_END = b"\xff\xd9"
 _DECODERS = re.compile(
     r"^(Corrupt JPEG data|Premature end of JPEG|JPEG|Invalid |Unsupported |Inconsistent |libpng)|^\[ *"
 )
@@ -35,7 +36,7 @@ class Decoded(NamedTuple):
 def decoded(data: bytes) -> Decoded:
     """The pixels of an image, as the sensor gave them whatever EXIF says of turning them, and what is amiss."""
     said: list[str] = []
-    with _heard(said):
+    with _heard(said, data):
         try:
             pixels = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
         except cv2.error:
@@ -44,7 +45,7 @@ def decoded(data: bytes) -> Decoded:
 
 
 @contextmanager
-def _heard(said: list[str]) -> Iterator[None]:
+def _heard(said: list[str], data: bytes) -> Iterator[None]:
     """Complaints that decoders write to stderr meanwhile, in `said`; lines of others go on to stderr."""
     with _ONE_AT_A_TIME:
         try:
@@ -61,12 +62,19 @@ def _heard(said: list[str]) -> Iterator[None]:
                 os.close(kept)
                 written.seek(0)
                 text = written.read(_MOST_CHATTER).decode("utf-8", "replace")
-                said += [_PREFIX.sub("", line).strip() for line in _complaints(text)]
+                said += [_PREFIX.sub("", line).strip() for line in _complaints(text) if not _is_padding(line, data)]
                 _passed_on(text)
 
 
 def _complaints(text: str) -> list[str]:
-    return [line for line in text.splitlines() if _DECODERS.match(line) and not _HARMLESS.search(line)]
+    return [line for line in text.splitlines() if _DECODERS.match(line) and not _WARNING.match(line)]
+
+
+def _is_padding(line: str, data: bytes) -> bool:
+    """Whether what is left over at the end of a JPEG is padding; else its decoder lost its way and came out short."""
+    left = _BEFORE_END.search(line)
+    end = data.rfind(_END)
+    return left is not None and len(set(data[max(end - int(left[1]), 0) : end])) == 1
 
 
 def _passed_on(text: str) -> None:
