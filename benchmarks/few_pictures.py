@@ -79,17 +79,17 @@ def summary(count: int, of: Sequence[Outcome]) -> dict[str, Any]:
     given = [o for o in of if not np.isnan(o.nees)]
     nees = np.array([o.nees for o in given]) / 6
     beyond = chi2.ppf(HELD, 6) / 6
-    rms = [float(np.sqrt(np.mean([getattr(o, name) ** 2 for o in given]))) for name in ("shift_m", "turn_rad")]
+    shift, turn = ([getattr(o, name) for o in given] for name in ("shift_m", "turn_rad"))
     return {
         "pictures": count,
         "cells": len(of),
         **{verdict: sum(o.verdict == verdict for o in of) for verdict in ("refused", "doubtful", "good")},
-        "mean": float(nees.mean()),
-        "median": float(np.median(nees)),
+        "mean": float(nees.mean()) if given else None,
+        "median": float(np.median(nees)) if given else None,
         "within": int((nees <= beyond).sum()),
         "good_beyond": sum(o.verdict == "good" and bool(o.nees > chi2.ppf(BEYOND, 6)) for o in given),
-        "shift_mm": 1e3 * rms[0],
-        "turn_mrad": 1e3 * rms[1],
+        "shift_mm": 1e3 * float(np.sqrt(np.mean(np.square(shift)))) if given else None,
+        "turn_mrad": 1e3 * float(np.sqrt(np.mean(np.square(turn)))) if given else None,
         "codes": dict(Counter(code for o in of for code in set(o.codes)).most_common()),
     }
 
@@ -97,17 +97,19 @@ def summary(count: int, of: Sequence[Outcome]) -> dict[str, Any]:
 def holds(found: dict[str, Any]) -> bool:
     """Whether what is asked is so."""
     if found["pictures"] >= ENOUGH:
-        return bool(BAND[0] <= found["mean"] <= BAND[1])
+        return found["mean"] is not None and bool(BAND[0] <= found["mean"] <= BAND[1])
     return bool(found["within"] + found["refused"] >= LEAST_HELD * found["cells"])
 
 
 def row(found: dict[str, Any]) -> tuple[object, ...]:
     """A line of the table with `HEAD`."""
     first = tuple(found[k] for k in ("pictures", "cells", "refused", "doubtful", "good"))
-    means = f"{found['mean']:.2f}", f"{found['median']:.2f}", found["within"], found["good_beyond"]
-    errors = f"{found['shift_mm']:.2f}", f"{found['turn_mrad']:.2f}"
+    mean, median, shift, turn = (
+        "" if found[k] is None else f"{found[k]:.2f}" for k in ("mean", "median", "shift_mm", "turn_mrad")
+    )
     codes = ", ".join(f"{code} {count}" for code, count in found["codes"].items())
-    return (*first, *means, *errors, codes, "yes" if holds(found) else "NO")
+    counts = found["within"], found["good_beyond"]
+    return (*first, mean, median, *counts, shift, turn, codes, "yes" if holds(found) else "NO")
 
 
 def main(arguments: list[str]) -> None:
