@@ -16,13 +16,15 @@ from basecal.accuracy.findings.evidence import Evidence, Input
 from basecal.accuracy.findings.registry import ANSWER_CHECKS, INPUT_CHECKS
 from basecal.accuracy.input_check.conventions import check_conventions
 from basecal.accuracy.input_check.unexplained_motion import hopeless, is_hopeless
+from basecal.accuracy.lens_structure import lens_structures
 from basecal.accuracy.noise_summary import noise_summary
 from basecal.accuracy.phrases.null_space import describe_null_space
 from basecal.accuracy.phrases.outlier import described_outlier
 from basecal.accuracy.residuals.fit import residuals
 from basecal.accuracy.robot_parameters import robot_parameters
 from basecal.accuracy.stated_sigmas import ContradictedSigma, contradicted_sigmas, without_contradicted
-from basecal.accuracy.systematic_errors.search import SystematicError, systematic_error, widened
+from basecal.accuracy.systematic_errors.search import SystematicError, systematic_error
+from basecal.accuracy.widening import widened
 from basecal.cell import Calibration, Cell, Finding, Recording, Residuals
 from basecal.cell.calibration import Verdict
 from basecal.estimation.outliers.noise_and_outliers import is_as_of_arms, solve_with_noise, with_noise
@@ -114,11 +116,13 @@ def _judged(
         fit = residuals(solution, robust.left_out)
     with settings.stage("cross-validation"):
         validated = cross_validate(solution, cell.asked, stated)
-    evidence = Evidence(cell, settings, recorded, robust, solution, fit, validated, model, contradicted, systematic)
+        lenses = lens_structures(solution, settings)
+    judged = (solution, fit, validated, model, contradicted, systematic, lenses)
+    evidence = Evidence(cell, settings, recorded, robust, *judged)
     with settings.stage("findings"):
         findings += [finding for check in ANSWER_CHECKS for finding in check(evidence)]
     rival = None if validated is None else validated.rival
-    for other in (systematic, rival):
+    for other in (systematic, rival, *lenses):
         solution = solution if other is None else widened(solution, other.moved)
     return replace(
         _calibration(cell, recording, solution, fit, settings, findings),

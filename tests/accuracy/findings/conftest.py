@@ -30,6 +30,7 @@ def stand_in(**changed):
         "robot_model": None,
         "contradicted_sigmas": (),
         "systematic_error": None,
+        "lens_structures": (),
     }
     return SimpleNamespace(**usual | changed)
 

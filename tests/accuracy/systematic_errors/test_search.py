@@ -8,7 +8,8 @@ from tests.evidence import evidence_of
 
 from basecal.accuracy.findings.systematic_error import systematic_error as findings
 from basecal.accuracy.stated_sigmas import contradicted_sigmas
-from basecal.accuracy.systematic_errors.search import _reconciling, systematic_error, widened
+from basecal.accuracy.systematic_errors.search import _reconciling, systematic_error
+from basecal.accuracy.widening import widened
 from basecal.cell import Recording, RobotState, Sample
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings

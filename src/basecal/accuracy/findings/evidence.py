@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from basecal.accuracy.cross_validation.robot_model_selection import RobotModelChoice
 from basecal.accuracy.cross_validation.validation import CrossValidation
+from basecal.accuracy.lens_structure import LensStructure
 from basecal.accuracy.stated_sigmas import ContradictedSigma
 from basecal.accuracy.systematic_errors.search import SystematicError
 from basecal.cell import Cell, Finding, Residuals
@@ -43,6 +44,7 @@ class Evidence:
         cross_validation: How samples are predicted that were held out; None where the answer is none.
         contradicted_sigmas: Stated sigmas that the residuals of the solution with them contradict.
         systematic_error: What explains the residuals better than noise; None where nothing does.
+        lens_structures: Cameras whose residuals go by their place in the image.
         robot_model: What held-out samples say of the robots' kinematics; None where there was nothing to choose.
     """
 
@@ -56,6 +58,7 @@ class Evidence:
     robot_model: RobotModelChoice | None
     contradicted_sigmas: tuple[ContradictedSigma, ...] = ()
     systematic_error: SystematicError | None = None
+    lens_structures: Sequence[LensStructure] = ()
 
 
 InputCheck = Callable[[Input], list[Finding]]

@@ -18,6 +18,7 @@ from basecal.accuracy.systematic_errors.confirm import confirmed
 from basecal.accuracy.systematic_errors.score_tests import linearised, log_chance_of, score
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.accuracy.systematic_errors.table import TABLE
+from basecal.accuracy.widening import step_between
 from basecal.estimation.outliers.noise_and_outliers import with_noise
 from basecal.estimation.problem.problem import Problem
 from basecal.estimation.settings import Settings
@@ -195,26 +196,9 @@ def _described(of: Situation, suspect: _Suspect, before: Solution, after: Soluti
         candidate.unit,
         size,
         covariance,
-        _moved(before, after),
+        step_between(before, after),
         next(iter(candidate.joint), None),
     )
-
-
-def _moved(before: Solution, after: Solution) -> Array:
-    """The step from one solution to another in the columns of transforms and lenses, (p,); 0 in all others."""
-    step = np.zeros(before.problem.width)
-    for name, where in before.problem.columns.items():
-        if name in before.state.transforms:
-            tangent = (before.state.transforms[name].inverse() @ after.state.transforms[name]).log()
-            step[where] = tangent[: where.stop - where.start]
-        elif name in before.state.cameras:
-            step[where] = after.state.cameras[name].parameters - before.state.cameras[name].parameters
-    return step
-
-
-def widened(solution: Solution, moved: Array) -> Solution:
-    """A solution whose covariance covers the answer with columns that are so much aside, (p,), too."""
-    return replace(solution, covariance=solution.covariance + np.outer(moved, moved))
 
 
 def _solved_again(solution: Solution, settings: Settings) -> Solution:

@@ -1,0 +1,186 @@
+"""Residuals that go by their place in the image: a lens that bends light as its model cannot.
+
+Each view has a pose of its own here, and the lens's own terms are projected out, so that neither robots nor mounts have
+a part in what is left. Other terms are estimated view by view: what all views have in common is tested against how far
+they differ, since points of one view share errors of the board and of blur, and do not vouch for one another. Source:
+Fisher 1925 (analysis of variance), McCullagh & Nelder 1989 (dispersion).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import f as fisher
+
+from basecal.accuracy.residuals.fit import view_alone
+from basecal.accuracy.significance import SIGNIFICANCE
+from basecal.accuracy.widening import step_between
+from basecal.estimation.problem.problem import Problem, ViewGroup
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import Solution, solve_from
+from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.geometry import SE3, Array, Camera
+
+_TERMS = 5  # of the fourth power of the squared radius, and of its first two along either side of the image
+_FAMILIES = (0,), (1, 2, 3, 4)  # each is tested for itself: those along the sides trade with centre and mount
+_FEWEST_VIEWS = 10  # which tell how far they differ to a fifth
+_RANK = 1e-9  # of the largest eigenvalue of a view's information: below, the view does not see the direction
+
+
+@dataclass(frozen=True, eq=False)
+class LensStructure:
+    """A camera whose residuals go by their place in the image.
+
+    Attributes:
+        camera: Its name.
+        rms_px: What the terms explain, root of the mean square over all points [px].
+        chance: That noise alone makes as much.
+        moved: (p,) by how much the answer's columns move where it is taken out of the pixels.
+    """
+
+    camera: str
+    rms_px: float
+    chance: float
+    moved: Array
+
+
+def lens_structures(solution: Solution, settings: Settings) -> list[LensStructure]:
+    """Of each camera whose residuals go by their place beyond chance."""
+    if not solution.converged:
+        return []
+    cameras = sorted({g.camera for g in solution.problem.groups if isinstance(g.measurement, PixelMeasurement)})
+    found = [_of_camera(solution, name, settings) for name in cameras]
+    return [each for each in found if each is not None]
+
+
+def _of_camera(solution: Solution, name: str, settings: Settings) -> LensStructure | None:
+    camera = solution.state.cameras[name]
+    seen = [each for g in solution.problem.groups if g.camera == name for each in _alone(solution, g)]
+    if sum(len(alone) for _, alone in seen) < _FEWEST_VIEWS:
+        return None
+    of_groups = [_projected(measurement, alone, camera) for measurement, alone in seen]
+    residual, own, other, bent = (_side_by_side(arrays) for arrays in zip(*of_groups, strict=True))
+    size, chance = _bend(residual, own, other)
+    if not np.any(size):
+        return None
+    shift = bent @ size
+    rms_px = float(np.sqrt(np.mean(shift[np.any(bent, axis=-1)] ** 2)))
+    return LensStructure(name, rms_px, chance, _moved(solution, name, size, settings))
+
+
+def _bend(residual: Array, own: Array, other: Array) -> tuple[Array, float]:
+    """Sizes (q,) of the families of terms that chance does not make, the likeliest first; and that chance."""
+    size, chance, used, open_families = np.zeros(_TERMS), 1.0, np.zeros(0, dtype=np.int64), list(_FAMILIES)
+    while open_families:
+        known = np.concatenate([own, other[..., used]], axis=-1)
+        tried = [_estimated(residual, known, other[..., list(family)]) for family in open_families]
+        best = min(range(len(tried)), key=lambda k: tried[k][1])
+        if tried[best][1] > SIGNIFICANCE / len(_FAMILIES):
+            break
+        chance = min(chance, tried[best][1])
+        used = np.append(used, open_families.pop(best))
+        size[used] = _estimated(residual, own, other[..., used])[0]
+    return size, chance
+
+
+def _estimated(residual: Array, known: Array, columns: Array) -> tuple[Array, float]:
+    """Sizes (k,) of columns (n, r, k), with the known ones projected out, and the chance of what they explain."""
+    inverse = np.linalg.pinv(np.einsum("nri,nrj->ij", known, known), hermitian=True)
+    left = residual - known @ (inverse @ np.einsum("nri,nr->i", known, residual))
+    columns = columns - known @ (inverse @ np.einsum("nri,nrj->ij", known, columns))
+    scores, each = np.einsum("nri,nr->ni", columns, left), np.einsum("nri,nrj->nij", columns, columns)
+    size = np.linalg.pinv(each.sum(0), hermitian=True) @ scores.sum(0)
+    return size, _chance(scores, each, size)
+
+
+def _chance(scores: Array, information: Array, size: Array) -> float:
+    """That views whose sizes are all zero, but for noise, have as much in common, by Fisher's F.
+
+    Args:
+        scores: (n, q) of the terms, view by view.
+        information: (n, q, q) likewise.
+        size: (q,) of the terms, by all views.
+    """
+    inverse = np.linalg.pinv(information, rcond=_RANK, hermitian=True)
+    largest = np.linalg.eigvalsh(information)
+    freedoms = int(np.sum(largest > _RANK * largest[:, -1:])) - len(size)
+    in_common = float(scores.sum(0) @ size)
+    apart = float(np.einsum("ni,nij,nj->", scores, inverse, scores)) - in_common
+    if freedoms <= 0 or apart <= 0:
+        return 1.0
+    return float(fisher.sf((in_common / len(size)) / (apart / freedoms), len(size), freedoms))
+
+
+def _side_by_side(arrays: tuple[Array, ...]) -> Array:
+    """Views of several targets, (n, r, ...) each, those of fewer points filled up with zeros."""
+    rows = max(array.shape[1] for array in arrays)
+    filled = [np.pad(a, [(0, 0), (0, rows - a.shape[1]), *[(0, 0)] * (a.ndim - 2)]) for a in arrays]
+    return np.concatenate(filled)
+
+
+def _alone(solution: Solution, group: ViewGroup) -> list[tuple[PixelMeasurement, SE3]]:
+    """The views of a group that give a pose, and these poses; nothing where there is none."""
+    measurement = group.measurement
+    predicted = solution.state.camera_from_target(group, solution.problem.stops)
+    alone, enough = view_alone(solution.state, group, predicted)
+    rows = np.flatnonzero(enough)
+    return [(measurement.take(rows), alone[rows])] if isinstance(measurement, PixelMeasurement) and len(rows) else []
+
+
+def _projected(few: PixelMeasurement, alone: SE3, camera: Camera) -> tuple[Array, Array, Array, Array]:
+    """Of views: residuals (n, r), columns of the lens (n, r, k) and of other terms (n, r, q).
+
+    All are weighted, with each view's own pose projected out; last the other terms' columns in pixels, (n, r, q).
+    """
+    p_in_camera = few.in_camera(alone)
+    pixels, by_point, by_lens = camera.project_with_derivatives(p_in_camera, intrinsics=True)
+    weight = np.where(np.isnan(pixels).any(-1), 0.0, few.weight)
+    bent = np.where(weight[..., None, None] > 0, _bending(camera, p_in_camera), 0.0)
+    columns = np.concatenate([_by_pose(by_point, alone, few.points_in_target), by_lens, bent], axis=-1)
+    weighted = np.nan_to_num(columns) * weight[..., None, None]
+    residual = -np.nan_to_num(pixels - few.pixels) * weight[..., None]
+    n, r = len(alone), 2 * few.pixels.shape[1]
+    basis, _ = np.linalg.qr(weighted[..., :6].reshape(n, r, 6))
+    rest = np.concatenate([residual.reshape(n, r, 1), weighted[..., 6:].reshape(n, r, -1)], axis=-1)
+    rest = rest - basis @ (np.swapaxes(basis, -1, -2) @ rest)
+    return rest[..., 0], rest[..., 1:-_TERMS], rest[..., -_TERMS:], bent.reshape(n, r, _TERMS)
+
+
+def _by_pose(by_point: Array, alone: SE3, points: Array) -> Array:
+    """Pixels' derivatives to the tangent of camera_from_target, (n, p, 2, 6), of those to points in the camera."""
+    by_translation = by_point @ alone.rotation[:, None]
+    by_rotation = np.cross(np.broadcast_to(points[:, None], (*by_translation.shape[1:3], 3)), by_translation)
+    return np.concatenate([by_translation, by_rotation], axis=-1)
+
+
+def _bending(camera: Camera, p_in_camera: Array) -> Array:
+    """Pixels' derivatives to terms that no lens model here has all of, (n, p, 2, q) [px]."""
+    with np.errstate(all="ignore"):
+        plane = p_in_camera[..., :2] / p_in_camera[..., 2:]
+    s = np.sum(plane**2, axis=-1)
+    zero = np.zeros_like(s)
+    across, along = (np.stack([np.stack([s**k, zero], -1) for k in (1, 2)], -1),
+                     np.stack([np.stack([zero, s**k], -1) for k in (1, 2)], -1))  # fmt: skip
+    radial = (plane * s[..., None] ** 4)[..., None]
+    bent: Array = np.concatenate([radial, across, along], axis=-1) * camera.focal[:, None]
+    return np.nan_to_num(bent)
+
+
+def _moved(solution: Solution, name: str, size: Array, settings: Settings) -> Array:
+    """The step of the answer to that of the pixels without the bending."""
+    problem = _straightened(solution, name, size)
+    after = solve_from(replace(problem, held=True), solution.state, replace(settings, robot_noise="stated"))
+    return step_between(solution, after) if after.converged else np.zeros(problem.width)
+
+
+def _straightened(solution: Solution, name: str, size: Array) -> Problem:
+    groups = []
+    for group in solution.problem.groups:
+        measurement = group.measurement
+        if group.camera == name and isinstance(measurement, PixelMeasurement):
+            predicted = solution.state.camera_from_target(group, solution.problem.stops)
+            shift = _bending(solution.state.cameras[name], measurement.in_camera(predicted)) @ size
+            group = replace(group, measurement=replace(measurement, pixels=measurement.pixels - shift))
+        groups.append(group)
+    return solution.problem.with_groups(groups)

@@ -1,0 +1,23 @@
+"""`lens-model`."""
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from basecal.accuracy.findings.lens_model import lens_model
+
+
+def of(moved_mm):
+    moved = np.array([1e-3 * moved_mm, 0, 0, 0, 0, 0])
+    return (SimpleNamespace(camera="wrist", rms_px=0.31, chance=3e-6, moved=moved),)
+
+
+def test_a_warning_where_the_answer_moves(evidence):
+    """Sigmas are 1 mm and 1 mrad: half a sigma is an info, two are a warning."""
+    assert lens_model(evidence(lens_structures=())) == []
+    (little,) = lens_model(evidence(lens_structures=of(0.5)))
+    (much,) = lens_model(evidence(lens_structures=of(2.0)))
+    assert (little.code, little.severity, little.about) == ("lens-model", "info", ("wrist",))
+    assert much.severity == "warning"
+    assert "0.31 px rms" in much.message
+    assert "by 2.0 sigma" in much.message

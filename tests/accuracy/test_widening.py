@@ -1,0 +1,32 @@
+"""Another answer is covered along the step to it, and only there."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.accuracy.widening import step_between, widened
+from basecal.estimation.solve import solve
+from basecal.simulation import Scenario, simulate
+
+MADE = simulate(Scenario(samples=10), 0)
+SOLUTION = solve(MADE.cell, MADE.recording)
+
+
+def test_covariance_grows_by_the_square_of_the_step():
+    """And not across it."""
+    moved = np.zeros(SOLUTION.problem.width)
+    moved[2] = 3e-3
+    wider = widened(SOLUTION, moved).covariance - SOLUTION.covariance
+    assert np.isclose(wider[2, 2], 9e-6)
+    wider[2, 2] = 0.0
+    assert not np.any(wider)
+
+
+def test_the_step_between_solutions_is_that_of_their_transforms():
+    """From an answer to itself none; to the answer of half the samples as far as its transforms are."""
+    np.testing.assert_allclose(step_between(SOLUTION, SOLUTION), 0.0, atol=1e-15)
+    half = solve(MADE.cell, type(MADE.recording)(MADE.recording.samples[:6]))
+    step = step_between(SOLUTION, half)
+    for name, where in SOLUTION.problem.columns.items():
+        expected = (SOLUTION.state.transforms[name].inverse() @ half.state.transforms[name]).log()
+        np.testing.assert_allclose(step[where], expected)
