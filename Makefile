@@ -9,13 +9,14 @@ BENCHMARKS := held_out two_arms semi_synthetic few_pictures real calibrate mutat
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help setup demo test test-slow lint docs bench mutants clean
+.PHONY: help setup demo test test-slow torment lint docs bench mutants clean
 .NOTPARALLEL:
 
 help:
 	@echo "make setup      .venv with the package (editable) and what the tests need"
 	@echo "make demo       simulate a cell, calibrate it, compare with the truth; installs the core alone"
 	@echo "make test       the fast tests;   make test-slow   the statistics"
+	@echo "make torment    damaged input, faults and hostile words, until SECONDS are over (else until Ctrl-C); SEED=0"
 	@echo "make lint       ruff and mypy;    make docs        the documents, in site/"
 	@echo "make mutants    which small faults in the sources the tests of their room miss"
 	@echo "make bench      benchmarks;       make clean       remove what was made"
@@ -30,6 +31,9 @@ test: $(VENV)/.test
 
 test-slow: $(VENV)/.test
 	$(BIN)/python -m pytest -n auto -m slow
+
+torment: $(VENV)/.test
+	PYTHONPATH=.:tests $(BIN)/python -m torment.run --seed $(or $(SEED),0) $(if $(SECONDS),--seconds $(SECONDS))
 
 lint: $(VENV)/.lint
 	$(BIN)/ruff check .

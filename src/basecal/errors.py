@@ -40,6 +40,7 @@ class DatasetError(InputError):
     """
 
     def __init__(self, path: str, message: str, line: int | None = None, field: str | None = None) -> None:
+        field = field if field is None or field.isprintable() else field.encode("unicode_escape").decode()
         self.path, self.line, self.field, self.reason = path, line, field, message
         where = path if line is None else f"{path}:{line}"
         super().__init__(f"{where}: {field}: {message}" if field else f"{where}: {message}")

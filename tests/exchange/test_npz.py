@@ -65,7 +65,7 @@ def npy_bytes(shape: str, data: bytes = b"", dtype: str = "<f8") -> bytes:
 
 @pytest.mark.parametrize(
     "shape",
-    ["(1000000000000,)", "(-1,)", "(3,)", "(99999999999999999999, 9999999999)", "(1e3,)", "[2]", "()" * 2000],
+    ["(1000000000000,)", "(-1,)", "(3,)", "(99999999999999999999, 9999999999)", "(1e3,)", "[2]", "(3", "()" * 2000],
 )
 def test_headers_are_believed_as_far_as_the_file_goes(tmp_path, shape):
     """A huge, negative or strange shape takes no memory and is no traceback."""
@@ -112,3 +112,12 @@ def test_archives_are_bounded(tmp_path, monkeypatch):
     monkeypatch.setattr(npz, "_MOST_ARRAYS", 1)
     with pytest.raises(DatasetError, match="not a NumPy archive"):
         read_arrays(f"{path}:small")
+
+
+def test_arrays_that_are_cut_off(tmp_path):
+    """In the middle of a number too."""
+    path = tmp_path / "a.npy"
+    np.save(path, np.ones(4))
+    path.write_bytes(path.read_bytes()[:-13])
+    with pytest.raises(DatasetError, match=r"does not suit 147 bytes|is cut off"):
+        read_arrays(str(path))

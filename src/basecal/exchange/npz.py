@@ -7,6 +7,7 @@ import zipfile
 import zlib
 from io import BytesIO
 from pathlib import Path
+from tokenize import TokenError
 from typing import IO
 
 import numpy as np
@@ -22,6 +23,7 @@ LARGEST_BYTES = 2**27
 
 _LARGEST_FILE = 2**28  # [bytes]
 _MOST_ARRAYS = 1000  # in an archive: each takes memory before it is read
+_HEADER_ERRORS = (ValueError, EOFError, SyntaxError, TypeError, OverflowError, MemoryError, RecursionError, TokenError)
 _ENTRY, _ZIP, _NPY = b"PK\x01\x02", b"PK", b"\x93NUMPY"
 
 
@@ -87,7 +89,7 @@ def _numbers(name: str, key: str, file: IO[bytes], size: int) -> Array:
         version = npy.read_magic(file)
         read_header = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
         shape, by_columns, dtype = read_header(file)
-    except (ValueError, EOFError, SyntaxError, TypeError, OverflowError, MemoryError, RecursionError) as error:
+    except _HEADER_ERRORS as error:
         raise DatasetError(name, f"not a NumPy archive of numbers ({str(error)[:CAUSE]})", field=key) from None
     if dtype.kind not in "iuf":
         kind = DatasetError if dtype.hasobject else _NotNumbers
@@ -95,7 +97,8 @@ def _numbers(name: str, key: str, file: IO[bytes], size: int) -> Array:
     count = math.prod(shape)
     if min(shape, default=0) < 0 or not count * dtype.itemsize <= min(size, LARGEST_BYTES):
         raise DatasetError(name, f"a header of shape {short(list(shape))} does not suit {size} bytes", field=key)
-    data = np.frombuffer(file.read(count * dtype.itemsize), dtype=dtype)
-    if data.size != count:
+    content = file.read(count * dtype.itemsize)
+    if len(content) != count * dtype.itemsize:
         raise DatasetError(name, "is cut off", field=key)
+    data = np.frombuffer(content, dtype=dtype)
     return data.reshape(shape, order="F" if by_columns else "C").astype(np.float64)

@@ -49,7 +49,7 @@ def _problem(details: Mapping[str, Any], model: type[BaseModel]) -> Problem:
 
 
 def _is_tag(part: str | int) -> bool:
-    return isinstance(part, str) and part.startswith("<") and part.endswith(">")
+    return isinstance(part, str) and entry_with_tag(part) is not None
 
 
 def _fields_at(model: type[BaseModel], loc: Loc) -> list[str]:

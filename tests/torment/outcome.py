@@ -1,0 +1,85 @@
+"""What came of one trial, and what may: an answer, a refusal in words, never anything else."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+import signal
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from basecal.cli import main
+from basecal.errors import BasecalError
+
+LONGEST_S = 20  # of a trial with a dozen samples: more is a hang
+CODES = {0: "answered", 1: "answered", 2: "refused", 3: "refused", 130: "interrupted"}
+
+
+class Fell(AssertionError):
+    """A trial ended as none may."""
+
+
+@contextlib.contextmanager
+def time_limit(seconds: int = LONGEST_S) -> Iterator[None]:
+    """Raise `Fell` where what is done takes longer."""
+
+    def hang(*_: object) -> None:
+        raise Fell(f"took more than {seconds} s")
+
+    before = signal.signal(signal.SIGALRM, hang)
+    signal.alarm(seconds)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def of_reader(read: Callable[[], object]) -> str:
+    """`answered` or `refused`; any error that is none of ours, and one that is not a line each, falls.
+
+    Raises:
+        Fell: with the error as its cause.
+    """
+    try:
+        with time_limit():
+            read()
+    except BasecalError as error:
+        if not str(error).strip() or "\x1b" in str(error) or len(str(error)) > 100_000:
+            raise Fell(f"refused by {str(error)[:80]!r}") from error
+        return "refused"
+    except Fell:
+        raise
+    except Exception as error:
+        raise Fell(f"{type(error).__name__}: {error}") from error
+    return "answered"
+
+
+def of_command(words: list[str]) -> tuple[str, int, str]:
+    """What came of a command, its exit code, and what it printed.
+
+    Raises:
+        Fell: by an exit code outside the contract, an error of several lines, or an escape sequence.
+    """
+    out, err = io.StringIO(), io.StringIO()
+    with time_limit(), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = main(words)
+    if code not in CODES:
+        raise Fell(f"exit code {code}: {err.getvalue().strip()[-300:]}{_traceback(err.getvalue())}")
+    if CODES[code] == "refused" and err.getvalue().count("\n") != 1:
+        raise Fell(f"an error of {err.getvalue().count(chr(10))} lines: {err.getvalue()[:200]!r}")
+    if "\x1b" in out.getvalue() + err.getvalue():
+        raise Fell("an escape sequence reaches the terminal")
+    return CODES[code], code, out.getvalue()
+
+
+def _traceback(said: str) -> str:
+    """The last lines of the traceback that a fault was written to, which is removed."""
+    found = re.search(r"please report it with (\S+)", said)
+    if found is None:
+        return ""
+    path = Path(found[1])
+    lines = [line.strip() for line in path.read_text().splitlines() if line.strip().startswith("File")]
+    path.unlink()
+    return " <- " + " <- ".join(reversed(lines[-3:]))

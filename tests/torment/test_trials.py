@@ -1,0 +1,68 @@
+"""A few trials of each kind, and that a trial that falls is found: `make torment` runs the others."""
+
+from __future__ import annotations
+
+import signal
+from collections import Counter
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from torment import run
+from torment.damage import at, damaged, places
+from torment.outcome import Fell, of_command, of_reader, time_limit
+from torment.run import TRIALS, table, torment, tried
+from torment.trials import READERS
+
+FOUND = (("poses", 6), ("poses", 87), ("samples.jsonl", 258), ("samples.jsonl", 882))  # seeds that once fell
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_readers_stand(name: str) -> None:
+    """Damaged files are read or refused, some of them each."""
+    came = Counter(tried(name, seed) for seed in range(60))
+    assert came.keys() == {"answered", "refused"}, name
+
+
+@pytest.mark.parametrize(("name", "seed"), FOUND)
+def test_what_fell_stands(name: str, seed: int) -> None:
+    """Damages that were found by their seed."""
+    assert tried(name, seed) in ("answered", "refused")
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("name", sorted(TRIALS.keys() - READERS.keys()))
+def test_the_whole_stands(name: str) -> None:
+    """Commands on damaged cells, with hostile words, and cut off at their writes."""
+    assert Counter(tried(name, seed) for seed in range(25)).total() == 25
+
+
+def test_damage_is_by_its_seed_and_does_something() -> None:
+    """The same seed makes the same damage, and nearly every seed makes one."""
+    data = {"a": [1, 2.5, {"b": "text"}], "c": None}
+    made = [repr(damaged(data, Random(seed))) for seed in range(200)]
+    assert made == [repr(damaged(data, Random(seed))) for seed in range(200)]
+    assert sum(each != repr(data) for each in made) > 180
+    assert [at(data, place) for place in places(data)][-1] is None
+
+
+def test_a_fall_is_found(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """A traceback, a hang, and an exit code outside the contract, each told with its seed and counted."""
+    with pytest.raises(Fell, match="ZeroDivisionError"):
+        of_reader(lambda: 1 // 0)
+    with pytest.raises(Fell, match="took more than 1 s"), time_limit(1):
+        signal.pause()
+    monkeypatch.setattr("basecal.cell.files.read_cell", lambda folder: 1 // 0)
+    with pytest.raises(Fell, match=r"exit code 70: .*ZeroDivisionError.*test_trials\.py"):
+        of_command(["calibrate", "x"])
+
+    def falling(chance: Random, folder: Path) -> str:
+        raise Fell("on purpose")
+
+    monkeypatch.setitem(run.TRIALS, "poses", falling)
+    came = torment(["poses"], 9.0, 5, 2)
+    assert came["poses"] == {"fell": 2}
+    assert "poses, seed 6: on purpose" in capsys.readouterr().err
+    assert "| poses | 2 | 0 | 0 |  | 2 |" in table(came)
