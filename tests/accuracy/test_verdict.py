@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
 
 from basecal.accuracy.verdict import calibrate
 from basecal.cell import Recording, RobotState
+from basecal.cell.files import cell_from_dict
+from basecal.cell.format.yaml_text import parse_yaml
+from basecal.cli.template import cell_text
 from basecal.errors import FrameNotFound
 from basecal.estimation.settings import Settings
+from basecal.exchange.assemble import recording_from_streams
+from basecal.exchange.poses import PoseStream
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
@@ -168,3 +174,25 @@ def test_few_stops_hardly_tell_noise_of_robots_and_that_is_said():
     (told,) = [f for f in found.findings if f.code == "noise-not-identifiable"]
     assert told.about == ("eye", "hand")
     assert "eye made 11 stops" in told.message
+
+
+def test_rotations_that_fit_exactly_are_not_refused():
+    """Rotations by quarter turns, whose residuals are zero to the last bit, with translations off by a millimetre."""
+    turns = [SE3.from_rpy(np.pi / 2 * np.array(n), np.zeros(3)).rotation.round() for n in product(range(4), repeat=3)]
+    rng = np.random.default_rng(0)
+    eye, hand = (SE3(np.array(turns)[rng.integers(64, size=80)], rng.normal(size=(80, 3))) for _ in range(2))
+    eye_flange_from_camera = SE3(turns[5], np.array([0.1, 0.2, 0.05]))
+    hand_flange_from_target = SE3(turns[7], np.array([0.0, 0.1, 0.05]))
+    eye_base_from_hand_base = SE3(turns[11], np.array([1.2, -0.3, 0.1]))
+    camera_from_target = (
+        (eye @ eye_flange_from_camera).inverse() @ eye_base_from_hand_base @ hand @ hand_flange_from_target
+    )
+    off = camera_from_target.translation + 1e-3 * rng.normal(size=(80, 3))
+    streams = [PoseStream(name, poses) for name, poses in (("eye", eye), ("hand", hand))]
+    seen = PoseStream("seen", SE3(camera_from_target.rotation, off))
+    recording = recording_from_streams({each.path: each for each in streams}, "camera", "target", seen)
+    calibration = calibrate(cell_from_dict(parse_yaml(cell_text(2, "pose"), "cell.yaml").data), recording)
+    assert calibration.verdict != "refused"
+    error = (calibration["eye_base_from_hand_base"].mean.inverse() @ eye_base_from_hand_base).log()
+    assert np.linalg.norm(error[:3]) < 1e-3
+    assert np.linalg.norm(error[3:]) < 1e-5

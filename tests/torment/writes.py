@@ -106,7 +106,7 @@ def write_fault(chance: Random, folder: Path) -> str:
     cell = copytree(made("pose").folder, folder / "cell")
     (folder / "poses.txt").write_text("1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n" * 5)
     words, before = _words(verb, cell, folder), _files(cell)
-    at, fault = chance.randint(1, 30), chance.choice([None, *_FAULTS])
+    at, fault = chance.randint(1, 20), chance.choice([None, *_FAULTS])
     with faulty(at, fault) as faults, suppress(Killed):
         _, code, _ = of_command(words)
         if faults.count >= at and fault is not None and code not in (0, 1, 3):

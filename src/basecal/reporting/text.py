@@ -204,7 +204,7 @@ def noise_sentences(calibration: Calibration) -> Iterator[str]:
     """The sigmas stated or estimated, a line each."""
     noise = dict(calibration.noise)
     robots, cameras = (noise.pop(key, None) or {} for key in ("robots", "cameras"))
-    measured = [_sigma(key, value) for key, value in noise.items() if value is not None]
+    measured = [_sigma(key, value) for key, value in noise.items() if value is not None and not isinstance(value, dict)]
     if measured:
         yield f"measurement noise, 1 sigma per axis: {', '.join(measured)}"
     for camera, of in cameras.items():

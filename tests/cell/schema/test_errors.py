@@ -35,6 +35,7 @@ def target(**fields):
         (target(kind="chesboard"), "targets.it.kind", "no kind 'chesboard' (did you mean 'chessboard'?); there are: "),
         (target(kind=5), "targets.it.kind", "no kind 5; there are: charuco"),
         (target(kind="chessboard", corners=[3, 3]), "targets.it.square_m", "missing; add it"),
+        ({"<b>": 1}, "<b>", "unknown field; known: schema, reference"),
         ({"robots": []}, "robots", "expected a mapping `{name: ...}`, got a list of 0"),
         ({"robots": {"arm": 5}}, "robots.arm", "expected a mapping `{field: value}`, got 5"),
         ({"reference": 5}, "reference", "expected text, got 5"),

@@ -25,6 +25,8 @@ CONTRADICTED = 1.5  # residuals over their sigmas beyond which something is wron
 _ROUNDS = 40  # of the fixed point, which gains a digit in two or three
 # [1] relative change of a variance that ends the rounds: ten thousand residuals tell it to a hundredth.
 _SETTLED = 1e-3
+# [m, rad, px] of what fits to the last bit: beside poses of metres, what is smaller is rounding and no weight.
+_LEAST_SIGMA = 1e-9
 _LOG_STEP = 1e-3  # of the difference that gives a slope: rounding and bend are a millionth each
 
 
@@ -105,7 +107,10 @@ def estimate_noise(problem: Problem, end: Optimum, iterations: int) -> tuple[Pro
         scaled = noise._replace(**{fields[0]: getattr(noise, fields[0]) * np.sqrt(factor)})
         return problem, end, NoiseEstimate(scaled, factor, fields, True)
     for _ in range(_ROUNDS):
-        ratios = {f: _ratio(problem, end, noise, f, counts[f]) for f in fields}
+        ratios = {}
+        for f in fields:
+            least = (_LEAST_SIGMA / getattr(noise, f)) ** 2
+            ratios[f] = max(_ratio(problem, end, noise, f, counts[f]), least)
         noise = noise._replace(**{f: getattr(noise, f) * np.sqrt(r) for f, r in ratios.items()})
         problem = problem.with_noise(noise)
         end = bundle_adjust(problem, end.state, dof, iterations)

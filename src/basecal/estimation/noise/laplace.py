@@ -160,7 +160,7 @@ def _over_nodes(of: SigmaPosterior, about: Array) -> Array:
 def _cubature(of: SigmaPosterior) -> tuple[Array, Array]:
     """Nodes, (2 k, k), and minus twice the log of their density but for a constant, (2 k,)."""
     k = len(of.logs)
-    root = np.sqrt(k) * np.linalg.cholesky(of.covariance).T
+    root = np.sqrt(k) * _root(of.covariance)
     return of.logs + np.concatenate([root, -root]), np.zeros(2 * k)
 
 
@@ -171,8 +171,21 @@ def _drawn(of: SigmaPosterior) -> tuple[Array, Array]:
     steps = normal * np.sqrt(_TAILS / rng.chisquare(_TAILS, _PAIRS))[:, None]
     steps = np.concatenate([steps, -steps])
     density = (_TAILS + k) * np.log1p(np.sum(steps**2, -1) / _TAILS)
-    nodes = of.logs + _WIDER * steps @ np.linalg.cholesky(of.covariance).T
+    nodes = of.logs + _WIDER * steps @ _root(of.covariance)
     return np.clip(nodes, *_bounds(of.model, of.prior)), density
+
+
+def _root(covariance: Array) -> Array:
+    """A matrix whose rows' outer products add up to a covariance, (k, k).
+
+    Where residuals are zero to the last bit, sigmas differ so much in how well they are known that rounding takes the
+    last of it: then by eigenvalues, what is below zero left out.
+    """
+    try:
+        return np.asarray(np.linalg.cholesky(covariance).T)
+    except np.linalg.LinAlgError:
+        values, vectors = np.linalg.eigh(covariance)
+        return np.asarray((vectors * np.sqrt(np.maximum(values, 0.0))).T)
 
 
 def _spread(of: Posterior, about: Array) -> Array:
