@@ -17,8 +17,6 @@ from torment.trials import READERS
 
 # Seeds that once fell
 FOUND = (
-    ("poses", 6),
-    ("poses", 87),
     ("samples.jsonl", 258),
     ("samples.jsonl", 882),
     ("calibration.json", 102868),
