@@ -79,6 +79,11 @@ def normal(of: Reality, rng: Rng) -> Errors:
     return _scattered(of, rng.standard_normal(of.state.stop_errors.shape), rng.standard_normal)
 
 
+def _of_points(of: Reality) -> bool:
+    """Whether views are of points, which may have an error in common."""
+    return all(isinstance(group.measurement, PixelMeasurement) for group in of.problem.groups)
+
+
 def _scattered(of: Reality, stops: Array, draw: Callable[[tuple[int, ...]], Array]) -> Errors:
     views = []
     for group, scatter in zip(of.problem.groups, of.scatter(), strict=True):
@@ -216,6 +221,8 @@ def main(arguments: list[str]) -> None:
             print(f"left out: {error}")
             continue
         for kind in asked.kinds:
+            if kind == "common" and not _of_points(of):
+                continue
             found.append(summary(name, kind, [drawn(of, KINDS[kind], seed) for seed in range(asked.draws)]))
             print(*(", ".join(map(str, row)) for row in rows(found[-1])), sep="\n", flush=True)
             if asked.draws >= FEWEST:
