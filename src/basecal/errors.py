@@ -11,6 +11,13 @@ _LOOKED_AT = 1000
 _LONGEST = 60  # characters of a name that are compared
 
 
+def printable(text: str) -> str:
+    """Text with what a terminal would obey, or hide, written out: `\\x1b`; newlines stay."""
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in text)
+
+
 def listed(names: Sequence[str]) -> str:
     """Names for a message: the first of many."""
     more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
@@ -40,7 +47,7 @@ class DatasetError(InputError):
     """
 
     def __init__(self, path: str, message: str, line: int | None = None, field: str | None = None) -> None:
-        field = field if field is None or field.isprintable() else field.encode("unicode_escape").decode()
+        message, field = printable(message), None if field is None else printable(field)
         self.path, self.line, self.field, self.reason = path, line, field, message
         where = path if line is None else f"{path}:{line}"
         super().__init__(f"{where}: {field}: {message}" if field else f"{where}: {message}")

@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 from basecal.cli import main
-from basecal.cli.terminal import pasted, printable, say
+from basecal.cli.terminal import pasted, say
+from basecal.errors import printable
 
 CLI = Path(__file__).parents[2] / "src" / "basecal" / "cli"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from functools import cache
 from pathlib import Path
-from tempfile import mkdtemp
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 from ruamel.yaml import YAML
@@ -13,6 +13,7 @@ from ruamel.yaml import YAML
 from basecal.cell.files import latest_run, read_calibration
 from torment.outcome import of_command
 
+_FOLDER = TemporaryDirectory(prefix="torment-")  # removed when the process ends
 KINDS = {
     "pose": ["--target", "pose", "--robot-noise-mm", "0.1", "--robot-noise-mrad", "0.2"],
     "charuco": ["--target", "charuco"],
@@ -34,7 +35,7 @@ class Made(NamedTuple):
 @cache
 def made(kind: str) -> Made:
     """A cell of twelve samples."""
-    folder = Path(mkdtemp(prefix="torment-")) / kind
+    folder = Path(_FOLDER.name) / kind
     of_command(["simulate", str(folder), "--samples", "12", "--seed", "1", *KINDS[kind]])
     of_command(["calibrate", str(folder)])
     cell = YAML(typ="safe", pure=True).load((folder / "cell.yaml").read_text())

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Literal
 
 from basecal.cli.detected import detected_recording
 from basecal.cli.page import print_page_path, write_page
-from basecal.cli.terminal import print_json, print_stages, printable, progress, say
+from basecal.cli.terminal import print_json, print_stages, progress, say
+from basecal.errors import printable
 
 if TYPE_CHECKING:
     from basecal.cell import Calibration, Cell

@@ -11,11 +11,7 @@ from shlex import quote
 from typing import Any, TextIO
 
 from basecal.cli.time_left import TimeLeft
-
-
-def printable(text: str) -> str:
-    """Text with what a terminal would obey, or hide, written out: `\\x1b`; newlines stay."""
-    return "".join(c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in text)
+from basecal.errors import printable
 
 
 def say(text: str, to: TextIO | None = None) -> None:
