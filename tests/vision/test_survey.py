@@ -13,8 +13,7 @@ from basecal.cell.targets.chessboard import chessboard_target
 from basecal.cell.targets.circles import circles_target
 from basecal.cell.targets.led import led_target
 from basecal.geometry import SE3
-from basecal.vision.detectors import find
-from basecal.vision.survey import what_is_there
+from basecal.vision.detectors import find, what_is_there
 from vision_scenes import STRAIGHT, TARGETS, scene, shrunk
 
 LEANT = SE3.from_rpy((0.1, 0.1, -0.2), (0.0, 0.0, 0.55))

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from basecal.cell.target import Finder, Target
 from basecal.errors import InputError
-from basecal.vision.detection import Detection, Image, checked
+from basecal.vision import survey
+from basecal.vision.detection import Detection, Image, checked, eight_bit
 from basecal.vision.kinds import charuco, chessboard, circles, led, tags
+from basecal.vision.kinds.ways import Grey
 
 LIGHT: Finder = "light"
 """The one way of finding that makes use of an image without the target."""
@@ -26,6 +28,17 @@ DETECTORS: dict[Finder, Detector] = {
 }
 """One line a way of finding; a target without one is not found in images."""
 
+Survey = Callable[[list[Grey], Target], str | None]
+"""What is in images instead of a target, as the end of a sentence; None where nothing is known."""
+
+SURVEYS: dict[Finder, Survey] = {
+    "tags": survey.other_tags,
+    "charuco": survey.other_charuco,
+    "chessboard": survey.other_chessboard,
+    "circles": survey.other_circles,
+}
+"""One line a way of finding that knows what else there may be."""
+
 
 def find(image: Image, target: Target, background: Image | None = None) -> Detection | None:
     """A target in an image, or None; only a light makes use of a `background`, the image without it.
@@ -41,3 +54,15 @@ def find(image: Image, target: Target, background: Image | None = None) -> Detec
     if target.found_by == LIGHT:
         return led.detect(image, target, background)
     return DETECTORS[target.found_by](image, target)
+
+
+def what_is_there(images: Iterable[Image], target: Target) -> str | None:
+    """What is in the images instead of a target, as the end of a sentence; None where nothing is known.
+
+    Args:
+        images: A few in which the target is not found, (h, w) each.
+        target: What was looked for.
+    """
+    grey = [eight_bit(image) for image in images]
+    look = None if target.found_by is None else SURVEYS.get(target.found_by)
+    return (look(grey, target) if look else None) or survey.dark(grey)

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from basecal.cell.calibration import Finding
 from basecal.cell.target import Target
+from basecal.vision.detectors import what_is_there
 from basecal.vision.image_file import grey_image, read_bytes
-from basecal.vision.survey import what_is_there
 
 _MANY = 1 / 3  # of a camera's images without any target: targets leave the view now and then, but not that often
 _MOST = 1 / 2  # of them: then another target than the one stated may be in all of them

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from functools import partial
 from typing import Any
 
 import cv2
 import numpy as np
 
-from basecal.cell.target import Finder, Target
+from basecal.cell.target import Target
 from basecal.cell.targets.charuco import charuco_target
 from basecal.cell.targets.circles import circles_target
-from basecal.vision.detection import Image, eight_bit
 from basecal.vision.kinds import charuco, circles
 from basecal.vision.kinds.fiducial import MARKER_SETS, dictionary
 from basecal.vision.kinds.ways import Grey, Way, best
@@ -25,29 +24,17 @@ _SMALLEST = 3  # corners each way of a chessboard that OpenCV begins with, and a
 _CLEARLY_DARK = 40  # level that 99 of 100 pixels are below
 _PERCENT = 99
 
-Survey = Callable[[list[Grey], Target], str | None]
 
-
-def what_is_there(images: Iterable[Image], target: Target) -> str | None:
-    """What is in the images instead of a target, as the end of a sentence; None where nothing is known.
-
-    Args:
-        images: A few in which the target is not found, (h, w) each.
-        target: What was looked for.
-    """
-    grey = [eight_bit(image) for image in images]
-    survey = None if target.found_by is None else _SURVEYS.get(target.found_by)
-    return (survey(grey, target) if survey else None) or _dark(grey)
-
-
-def _dark(images: list[Grey]) -> str | None:
+def dark(images: list[Grey]) -> str | None:
+    """That nearly all of the images is dark."""
     top = max((float(np.percentile(image, _PERCENT)) for image in images), default=255.0)
     if top >= _CLEARLY_DARK:
         return None
     return f"the images are dark: {_PERCENT} % of their pixels are below level {top + 1:.0f} of 255"
 
 
-def _other_tags(images: list[Grey], target: Target) -> str | None:
+def other_tags(images: list[Grey], target: Target) -> str | None:
+    """Other tags, or tags of another family."""
     if target.tags is None:
         return None
     family, wanted = target.tags.family, {int(number) for number in target.tags.numbers}
@@ -58,7 +45,8 @@ def _other_tags(images: list[Grey], target: Target) -> str | None:
     return f"{verb.format(_ids(seen))} there, not {_ids(wanted)}" if not wanted & seen else None
 
 
-def _other_charuco(images: list[Grey], target: Target) -> str | None:
+def other_charuco(images: list[Grey], target: Target) -> str | None:
+    """Another dictionary, layout or size of board."""
     of = target.options
     seen, stated = _seen(images, of["dictionary"]), of["squares"][0] * of["squares"][1] // 2
     if not seen:
@@ -84,7 +72,8 @@ def _layout(target: Target) -> str:
     return f"{columns}x{rows} squares{' with' if target.options['legacy_pattern'] else ' without'} legacy_pattern"
 
 
-def _other_chessboard(images: list[Grey], target: Target) -> str | None:
+def other_chessboard(images: list[Grey], target: Target) -> str | None:
+    """A board of another size."""
     stated = tuple(target.options["corners"])
     sizes = Counter(size for image in images for size in _sizes_of_board(image, stated))
     size, times = max(sizes.items(), key=lambda each: each[1], default=((0, 0), 0))
@@ -106,7 +95,8 @@ def _sizes_of_board(image: Grey, stated: tuple[int, ...]) -> list[tuple[int, ...
     return [(max(board.shape), min(board.shape))] if seen and min(board.shape) > _SMALLEST else []
 
 
-def _other_circles(images: list[Grey], target: Target) -> str | None:
+def other_circles(images: list[Grey], target: Target) -> str | None:
+    """A grid of another size or pattern."""
     columns, rows = target.options["circles"]
     asymmetric = bool(target.options["asymmetric"])
     steps = ((1, 0), (0, 1), (1, 1), (-1, 0), (0, -1), (-1, -1))
@@ -157,12 +147,3 @@ def _other_set(images: list[Grey], stated: str, what: str) -> str | None:
 def _ids(numbers: Iterable[int]) -> str:
     some = sorted(numbers)
     return ", ".join(map(str, some[:_LISTED])) + (", ..." if len(some) > _LISTED else "")
-
-
-_SURVEYS: dict[Finder, Survey] = {
-    "tags": _other_tags,
-    "charuco": _other_charuco,
-    "chessboard": _other_chessboard,
-    "circles": _other_circles,
-}
-"""One line a way of finding that knows what else there may be."""

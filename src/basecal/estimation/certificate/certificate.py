@@ -182,7 +182,8 @@ def _better(solution: Solution, start: State) -> State | None:
     """The end of a descent on everything, if it is lower than the solution."""
     dof = degrees_of_freedom(solution.problem)
     end = bundle_adjust(solution.problem, _undisturbed(start), dof, 2 * _ITERATIONS)
-    return end.state if end.cost < solution.cost * (1 - _SAME_COST) - _SAME_COST else None
+    lower = end.cost < solution.cost * (1 - _SAME_COST) - _SAME_COST
+    return end.state if lower and not _same_place(end.state, solution.state) else None
 
 
 def _undisturbed(state: State) -> State:
@@ -211,7 +212,12 @@ def _alike(first: Optimum, second: Optimum) -> bool:
     """Whether two descents ended in one optimum."""
     if abs(first.cost - second.cost) <= _SAME_COST * second.cost:
         return True
-    ours, theirs = first.state.transforms, second.state.transforms
+    return _same_place(first.state, second.state)
+
+
+def _same_place(first: State, second: State) -> bool:
+    """Whether all transforms are where the other state has them: tiny sigmas make costs of rounding."""
+    ours, theirs = first.transforms, second.transforms
     return all(float(np.abs((ours[n].inverse() @ theirs[n]).log()).max()) < _SAME_M_RAD for n in ours)
 
 
