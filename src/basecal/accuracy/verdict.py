@@ -13,6 +13,7 @@ from basecal.accuracy.certify import certified
 from basecal.accuracy.cross_validation.robot_model_selection import RobotModelChoice, choose_robot_model
 from basecal.accuracy.cross_validation.validation import cross_validate
 from basecal.accuracy.findings.evidence import Evidence, Input
+from basecal.accuracy.findings.outlier_samples import agreeing_of
 from basecal.accuracy.findings.registry import ANSWER_CHECKS, INPUT_CHECKS
 from basecal.accuracy.input_check.conventions import check_conventions
 from basecal.accuracy.input_check.unexplained_motion import hopeless, is_hopeless
@@ -71,7 +72,7 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
     if is_hopeless(robust.solution.problem, robust.solution.state):
         unexplained = hopeless(robust.solution.problem, robust.solution.state)
         said = [finding for finding in findings if finding.code != unexplained.code]
-        return _refused(robust.solution, settings, [unexplained, *said])
+        return _refused(robust.solution, settings, [unexplained, *agreeing_of(robust), *said])
     with settings.stage("stated sigmas"):
         as_stated = robust.solution
         contradicted = contradicted_sigmas(as_stated)

@@ -11,6 +11,7 @@ from basecal.accuracy.phrases.outlier import outlier_reason
 from basecal.accuracy.phrases.sample_list import list_samples
 from basecal.cell import Finding
 from basecal.cell.calibration import Severity
+from basecal.estimation.outliers.robust_solve import RobustSolution
 from basecal.estimation.problem.problem import Problem
 from basecal.geometry import IntArray
 
@@ -51,11 +52,16 @@ def _moved(numbers: Sequence[int], inliers: Problem) -> str:
 
 def agreeing_samples(of: Evidence) -> list[Finding]:
     """A warning where no answer rests on most samples: which of them agree with one another."""
-    numbers = sorted(of.robust.agreeing)
+    return agreeing_of(of.robust)
+
+
+def agreeing_of(robust: RobustSolution) -> list[Finding]:
+    """The same of a solution that nothing else is known about."""
+    numbers = sorted(robust.agreeing)
     if not numbers:
         return []
     message = (
-        f"of {of.robust.samples} samples only {len(numbers)} close the loop with one another, {list_samples(numbers)}, "
+        f"of {robust.samples} samples only {len(numbers)} close the loop with one another, {list_samples(numbers)}, "
         "and the others do not: nothing was left out, and the answer is not to be trusted; check how poses and views "
         "were paired, and whether a robot or a mount was moved between the samples"
     )
