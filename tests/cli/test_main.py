@@ -63,8 +63,14 @@ def test_an_interrupt_is_one_line(
 def test_an_interrupted_process(tmp_path: Path) -> None:
     """It ends with 130 and one line, and leaves nothing half written."""
     words = [sys.executable, "-m", "basecal", "simulate", str(tmp_path / "cell"), "--samples", "100000"]
-    process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    time.sleep(0.6)
+    process = subprocess.Popen(
+        words,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # what runs in the background may ignore it
+    )
+    time.sleep(2.0)  # it takes many seconds, and a busy machine one to begin
     process.send_signal(signal.SIGINT)
     _, said = process.communicate(timeout=60)
     assert process.returncode == 130

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import shlex
 import subprocess
 import sys
@@ -54,7 +55,8 @@ def test_everything_is_said_by_one_function() -> None:
 def run(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
     """A shell's command, `basecal` and the folder in it."""
     whole = command.replace("basecal", f"{shlex.quote(sys.executable)} -m basecal").replace("CELL", str(folder / "c"))
-    return subprocess.run(["sh", "-c", whole], capture_output=True, text=True, check=False)
+    buffered = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    return subprocess.run(["sh", "-c", whole], capture_output=True, text=True, check=False, env=buffered)
 
 
 @pytest.mark.parametrize(

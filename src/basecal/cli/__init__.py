@@ -78,17 +78,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _failed(error, 2)
     except BasecalError as error:
         return _failed(error, error.exit_code)
-    except BrokenPipeError:
-        # Whoever read the answer has had enough; what Python would still flush goes nowhere.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except BrokenPipeError:  # whoever read the answer has had enough
+        _drop_unwritten()
         return 141
     except OSError as error:
+        _drop_unwritten()
         return _failed(f"{error.filename}: {error.strerror}" if error.filename else error, 3)
     except KeyboardInterrupt:
         return _failed("interrupted", 130)
     except Exception as error:
         return _failed(_bug(error), 70)
     return result if isinstance(result, int) else 0
+
+
+def _drop_unwritten() -> None:
+    """Let what the output cannot take go nowhere: Python would try again as it ends, and say so in its own words."""
+    try:
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _own_process() -> None:

@@ -52,14 +52,14 @@ def test_subsets_do_not_know_of_one_another(scenario, monkeypatch):
 
 @pytest.mark.parametrize("scenario", SCENARIOS[:1], ids=lambda s: s.target)
 def test_one_of_them_is_that_of_the_clean_samples(scenario):
-    """A third of the samples 5 cm off: the state that scores best is the truth to 2 mm and 3 mrad."""
+    """A third of the samples 5 cm off: what scores best, of few views, is the truth to 3 mm and 3 mrad."""
     problem, cell, truth = bumped(scenario, 2)
     wrong = {name: transform @ SE3.exp([0.02] * 3 + [0.01] * 3) for name, transform in truth.transforms.items()}
     states = subset_states(problem, cell, replace(truth, transforms=wrong))
     best = min(states, key=lambda state: score(problem, state, False))
     name = "eye_base_from_hand_base"
     off = np.abs((best.transforms[name].inverse() @ truth.transforms[name]).log())
-    assert off[:3].max() < 2e-3
+    assert off[:3].max() < 3e-3
     assert off[3:].max() < 3e-3
 
 
