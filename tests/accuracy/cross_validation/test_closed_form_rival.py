@@ -72,3 +72,9 @@ def test_one_view_that_is_far_better_is_chance():
     ours = np.ones((20, 2))
     ours[3] = 100.0
     assert _ratio(ours, np.ones((20, 2))) is None
+
+
+def test_exact_data_have_no_rival():
+    """Errors of a nanometre and a nanoradian: no use of an arm tells ten times less from them."""
+    ours = np.full((20, 2), 1e-18) * np.random.default_rng(0).uniform(0.9, 1.1, (20, 2))
+    assert _ratio(ours, 0.01 * ours) is None

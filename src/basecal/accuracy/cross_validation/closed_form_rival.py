@@ -24,6 +24,7 @@ _FEWEST = 6  # held-out views that are compared
 _FEWEST_FITTED = 3  # views, of which a closed form has two motions
 # Of held-out errors: estimators that weigh the same views otherwise differ by a few hundredths, models by more.
 _CLEARLY = 1.1
+_SMALLEST = np.array([1e-6, 1e-6])  # [m, rad] of held-out errors: smaller ones are exact for any use of an arm
 
 Triple = tuple[SE3, SE3, SE3]
 
@@ -105,7 +106,7 @@ def _ratio(ours: Array, theirs: Array) -> float | None:
 
     View by view, by Student's t of the difference of squares over the answer's mean ones.
     """
-    if len(ours) < _FEWEST or not np.all(np.isfinite(theirs)):
+    if len(ours) < _FEWEST or not np.all(np.isfinite(theirs)) or np.all(ours.mean(0) < _SMALLEST**2):
         return None
     unit = np.maximum(ours.mean(0), np.finfo(np.float64).tiny)
     gain = np.sum((ours - theirs) / unit, axis=-1)
