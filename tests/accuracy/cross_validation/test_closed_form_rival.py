@@ -78,3 +78,5 @@ def test_exact_data_have_no_rival():
     """Errors of a nanometre and a nanoradian: no use of an arm tells ten times less from them."""
     ours = np.full((20, 2), 1e-18) * np.random.default_rng(0).uniform(0.9, 1.1, (20, 2))
     assert _ratio(ours, 0.01 * ours) is None
+    ours[:, 0] = 1e-6  # places off by a millimetre, as the rival has them
+    assert _ratio(ours, ours * (1.0, 0.0)) is None

@@ -24,7 +24,7 @@ _FEWEST = 6  # held-out views that are compared
 _FEWEST_FITTED = 3  # views, of which a closed form has two motions
 # Of held-out errors: estimators that weigh the same views otherwise differ by a few hundredths, models by more.
 _CLEARLY = 1.1
-_SMALLEST = np.array([1e-6, 1e-6])  # [m, rad] of held-out errors: smaller ones are exact for any use of an arm
+_SMALLEST = np.array([1e-5, 1e-5])  # [m, rad] of held-out errors: no arm and no camera tells smaller ones apart
 
 Triple = tuple[SE3, SE3, SE3]
 
@@ -106,11 +106,12 @@ def _ratio(ours: Array, theirs: Array) -> float | None:
 
     View by view, by Student's t of the difference of squares over the answer's mean ones.
     """
-    if len(ours) < _FEWEST or not np.all(np.isfinite(theirs)) or np.all(ours.mean(0) < _SMALLEST**2):
+    if len(ours) < _FEWEST or not np.all(np.isfinite(theirs)):
         return None
-    unit = np.maximum(ours.mean(0), np.finfo(np.float64).tiny)
+    ours, theirs = np.maximum(ours, _SMALLEST**2), np.maximum(theirs, _SMALLEST**2)
+    unit = ours.mean(0)
     gain = np.sum((ours - theirs) / unit, axis=-1)
-    ratio = float(np.sqrt(2 / max(float(np.sum(theirs.mean(0) / unit)), 1e-12)))
+    ratio = float(np.sqrt(2 / np.sum(theirs.mean(0) / unit)))
     spread = float(np.std(gain, ddof=1)) / np.sqrt(len(gain))
     chance = float(student_t.sf(gain.mean() / max(spread, 1e-300), len(gain) - 1))
     return ratio if ratio > _CLEARLY and chance < CONFIRMED_SIGNIFICANCE else None
