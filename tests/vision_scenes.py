@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable
 
 import numpy as np
 
@@ -87,3 +88,14 @@ def with_exif(jpeg: bytes, orientation: int, order: str = "<") -> bytes:
         order + "IHHHIHHI", 8, 1, 274, 3, 1, orientation, 0, 0
     )
     return jpeg[:2] + b"\xff\xe1" + struct.pack(">H", len(tiff) + 8) + b"Exif\0\0" + tiff + jpeg[2:]
+
+
+def check_poor_picture(
+    detect: Callable[[Image, Target], Detection | None], shape: Target, settings: RenderSettings, block: int, count: int
+) -> None:
+    """A target is found, with so many points at least, and with sigmas true within a factor of two and a half."""
+    found = detect(shrunk(scene(shape, settings), block), shape)
+    error = errors_of(found, shape, block)
+    assert found is not None
+    assert len(error) >= count
+    assert 0.4 < np.sqrt(np.mean((error / found.sigma_px[:, None]) ** 2)) < 2.5

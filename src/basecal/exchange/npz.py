@@ -47,9 +47,9 @@ def read_arrays(path: str) -> tuple[str, dict[str, Array]]:
     try:
         with zipfile.ZipFile(BytesIO(data)) as archive:
             return name, _unpacked(name, key, archive)
-    except (ValueError, EOFError, RuntimeError, NotImplementedError, OSError, zipfile.BadZipFile, zlib.error) as error:
-        if isinstance(error, DatasetError):
-            raise
+    except DatasetError:
+        raise
+    except (ValueError, EOFError, RuntimeError, OSError, zipfile.BadZipFile, zlib.error) as error:
         raise DatasetError(name, f"not a NumPy archive of numbers ({str(error)[:CAUSE]})") from None
 
 

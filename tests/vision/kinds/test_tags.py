@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from basecal.vision.draw.render import RenderSettings
 from basecal.vision.kinds.tags import detect
-from vision_scenes import DARK, TARGETS, errors_of, scene, shrunk
+from vision_scenes import DARK, TARGETS, check_poor_picture, scene
 
 SHAPE = TARGETS["tags"]
 POOR = {
@@ -21,12 +20,7 @@ POOR = {
 @pytest.mark.parametrize("how", list(POOR))
 def test_poor_pictures(how: str) -> None:
     """Found where dark, blurred or small, with sigmas true within a factor of two and a half."""
-    settings, block, count = POOR[how]
-    found = detect(shrunk(scene(SHAPE, settings), block), SHAPE)
-    error = errors_of(found, SHAPE, block)
-    assert found is not None
-    assert len(error) >= count
-    assert 0.4 < np.sqrt(np.mean((error / found.sigma_px[:, None]) ** 2)) < 2.5
+    check_poor_picture(detect, SHAPE, *POOR[how])
 
 
 def test_tags_of_another_family() -> None:
