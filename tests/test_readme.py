@@ -4,21 +4,32 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from shutil import copytree
 
 import pytest
+
+from basecal.cli import main
 
 ROOT = Path(__file__).parents[1]
 
 
+TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
 def test_library_example_runs(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """The Python example runs as it stands, and prints the report that the README shows."""
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    (code,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    """The Python example runs as it stands, and prints a good answer and its report."""
+    (code,) = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
     monkeypatch.chdir(ROOT)
     exec(code, {})
     printed = capsys.readouterr().out
-    shown = re.search(r"```text\n(.*?)\n```", text, re.DOTALL)
+    assert printed.startswith("good\n")
+    assert "GOOD: eye_base_from_hand_base to " in printed
+
+
+def test_report_is_that_of_the_example(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The report that is shown is what the command beside it prints."""
+    copytree(ROOT / "examples" / "ur5e_dual", tmp_path / "ur5e_dual")
+    assert main(["calibrate", str(tmp_path / "ur5e_dual")]) == 0
+    shown = re.search(r"```text\n(.*?)```", TEXT, re.DOTALL)
     assert shown is not None
-    first = shown[1].splitlines()[0]
-    assert first in printed
-    assert {line.split()[0] for line in shown[1].splitlines() if line} <= set(printed.split())
+    assert capsys.readouterr().out == shown[1]

@@ -27,18 +27,25 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_calibrate_prints_the_report_it_writes(simulated: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """What is printed is report.txt of a new run beside the earlier ones, and `report` prints it once more."""
+def test_calibrate_prints_what_matters(simulated: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A new run beside the earlier ones; what is printed is short, and `report` prints it once more."""
     before = set((simulated / "runs").iterdir())
     assert main(["calibrate", str(simulated)]) == 0
     assert set((simulated / "runs").iterdir()) > before
     printed = capsys.readouterr().out
-    run = latest_run(simulated)
-    assert run is not None
-    assert (run / "report.txt").read_text() == printed
     assert main(["report", str(simulated)]) == 0
     assert capsys.readouterr().out == printed
     assert printed.startswith(f"GOOD: {BASE} to ")
+    assert len(printed.splitlines()) <= 15
+
+
+@pytest.mark.parametrize("verb", ["calibrate", "report"])
+def test_verbose_prints_the_report_it_writes(simulated: Path, verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """With `--verbose` all of report.txt is printed."""
+    assert main([verb, str(simulated), "--verbose"]) == 0
+    run = latest_run(simulated)
+    assert run is not None
+    assert (run / "report.txt").read_text() == capsys.readouterr().out
 
 
 def test_a_run_that_did_not_converge_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -178,7 +185,7 @@ def test_frames_of_the_cell_reach_the_report(
     text = path.read_text().replace("eye: {", "eye: {frames: {base: left_base_link}, ", 1)
     path.write_text(text.replace(", }", "}"))
     assert read_cell(tmp_path / "c").robots["eye"].frames == {"base": "left_base_link"}
-    assert main(["report", str(tmp_path / "c")]) == 0
+    assert main(["report", str(tmp_path / "c"), "--verbose"]) == 0
     assert "--frame-id left_base_link --child-frame-id hand_base" in capsys.readouterr().out
 
 
@@ -189,5 +196,5 @@ def test_certificate_is_told_where_asked(simulated: Path, capsys: pytest.Capture
     assert certificate["global"] is True
     assert 0 <= certificate["gap"] < 1e-3
     assert certificate["reason"] == ""
-    assert main(["report", str(simulated)]) == 0
+    assert main(["report", str(simulated), "--verbose"]) == 0
     assert "certificate: global optimum proven" in capsys.readouterr().out

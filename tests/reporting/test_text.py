@@ -161,6 +161,16 @@ def test_validation_and_outliers_are_told() -> None:
         assert said in text
 
 
+def test_the_worst_view_is_one_that_was_used() -> None:
+    """A view that was left out as a whole is neither the worst nor counted; one without some of its points may be."""
+    views = tuple(SampleResidual(number, "wrist", "led", rms) for number, rms in ((3, 90.0), (4, 0.7), (5, 0.3)))
+    left_out = (Outlier(3, "wrist", "led", (), "bumped"), Outlier(4, "wrist", "led", (2,), "8 px off"))
+    told = replace(a_calibration(), residuals=Residuals(0.2, 0.1, 4e-4, 1e-3, views), outliers=left_out)
+    text = text_report(a_cell(), told)
+    assert "worst view: sample 4 by wrist, 0.700 px rms" in text
+    assert "rms over 2 views" in text
+
+
 def test_what_was_not_computed_is_not_told() -> None:
     """Without validation and outliers the text has no word of them."""
     text = text_report(a_cell(), a_calibration())

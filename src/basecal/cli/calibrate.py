@@ -31,8 +31,10 @@ def calibrate(
     """Estimate the transforms asked for, with their covariance.
 
     Reads CELL/cell.yaml and CELL/recording/samples.jsonl, writes the answer
-    and its report, as text and as a page to look at, to CELL/runs. Ends with 0 where the answer is good, with 1
-    where it is doubtful or refused.
+    and its report, as text and as a page to look at, to CELL/runs. Prints the
+    verdict, what was asked for with its sigma, the cross-validation error and
+    what to do; all else with --verbose. Ends with 0 where the answer is good,
+    with 1 where it is doubtful or refused.
 
     For example:
 
@@ -50,8 +52,8 @@ def calibrate(
         station_choice: With a task point, its nearest station, or all of them weighted by distance.
         certify: Prove that no other answer fits better, or say why that cannot be proven.
         robot_noise: Whether noise of robots that state none is estimated, or these robots are taken for exact.
-        json: Print calibration.json instead of the report.
-        verbose: Tell how long each stage took, on stderr.
+        json: Print calibration.json instead of words.
+        verbose: Print all of the report, and on stderr how long each stage took.
     """
     from basecal.cell.files import calibration_to_dict, read_cell
     from basecal.estimation.settings import Settings
@@ -69,7 +71,7 @@ def calibrate(
     if json:
         print_json(calibration_to_dict(calibration))
     else:
-        show(described, calibration)
+        show(described, calibration, verbose)
         print_page_path(run)
     return exit_code(calibration)
 
@@ -101,11 +103,12 @@ def calibrate_folder(
     return calibration, run
 
 
-def show(cell: Cell, calibration: Calibration) -> None:
-    """Print the report."""
+def show(cell: Cell, calibration: Calibration, verbose: bool = False) -> None:
+    """Print a calibration: what matters, or the whole report."""
+    from basecal.reporting.summary import summary
     from basecal.reporting.text import text_report
 
-    say(text_report(cell, calibration))
+    say(text_report(cell, calibration) if verbose else summary(cell, calibration))
 
 
 def exit_code(calibration: Calibration) -> int:

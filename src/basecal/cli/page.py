@@ -52,9 +52,21 @@ def rewrite_page(folder: Path, run: Path, cell: Cell, calibration: Calibration) 
 
 
 def print_page_path(run: Path) -> None:
-    """Print to stderr where the page of a run is."""
+    """Print to stderr where the page of a run is; from here where the line is too long else."""
+    from basecal.reporting.summary import WIDTH
+
     if sys.stderr is not None:
-        say(f"page: {run / FILE}", sys.stderr)
+        path = str(run / FILE)
+        line = f"page: {path}"
+        say(line if len(line) <= WIDTH else f"page: {min(path, _from_here(path), key=len)}", sys.stderr)
+
+
+def _from_here(path: str) -> str:
+    """A path relative to the working folder; itself where there is none, or it is on another drive."""
+    try:
+        return os.path.relpath(path)
+    except (OSError, ValueError):
+        return path
 
 
 def _title(run: Path) -> str:

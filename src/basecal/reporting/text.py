@@ -154,18 +154,20 @@ def lens_parameters(camera: Camera, covariance: Array) -> list[LensParameter]:
 def fit_sentences(calibration: Calibration) -> Iterator[str]:
     """How everything fits, a line each."""
     residuals = calibration.residuals
+    left_out = {(view.sample, view.camera, view.target) for view in calibration.outliers or () if not view.ids}
+    used = [view for view in residuals.per_sample if (view.sample, view.camera, view.target) not in left_out]
     if residuals.rms_px is not None:
         median = "" if residuals.median_px is None else f", median {residuals.median_px:.3f} px"
         yield f"reprojection error {residuals.rms_px:.3f} px rms per coordinate{median}"
     if residuals.loop_rms_m is not None:
         angle = "" if residuals.loop_rms_rad is None else f" and {np.degrees(residuals.loop_rms_rad):.3f} deg"
         error = f"{residuals.loop_rms_m * 1e3:.3f} mm{angle}"
-        yield f"loop-closure error {error} rms over {len(residuals.per_sample)} views"
+        yield f"loop-closure error {error} rms over {len(used)} views"
     if len(residuals.loops) > 1:
         for loop in residuals.loops:
             error = f"{loop.rms_m * 1e3:.3f} mm and {np.degrees(loop.rms_rad):.3f} deg over {loop.views} views"
             yield f"loop-closure error of {' - '.join(loop.path)}: {error}"
-    in_pixels = [view for view in residuals.per_sample if view.rms_px is not None]
+    in_pixels = [view for view in used if view.rms_px is not None]
     if in_pixels:
         worst = max(in_pixels, key=lambda view: view.rms_px or 0.0)
         yield f"worst view: sample {worst.sample} by {worst.camera}, {worst.rms_px:.3f} px rms"

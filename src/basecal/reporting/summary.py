@@ -1,0 +1,123 @@
+"""A calibration in about fifteen lines: the verdict, what was asked with its sigma, and what to do."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from textwrap import wrap
+
+import numpy as np
+
+from basecal.cell import Calibration, Cell, Finding, Validation
+from basecal.geometry import Array
+from basecal.reporting.text import by_weight, sigma_norms
+
+WIDTH = 100
+"""Characters of a line at most: what terminals show, and mails keep, unbroken."""
+
+_WHOLE = 3  # transforms with all their numbers, of which a line tells the others
+_TOLD = 4  # findings that are told in full: more have one cause, which is among the first
+_ROOM = 14  # lines into which what only informs has to fit, or is named by its code
+_SIGMA_DIGITS = 2  # significant ones; the second is uncertain itself
+_EXACT_DECIMALS, _MOST_DECIMALS = 4, 6  # of mm and deg: where nothing is uncertain, and at most
+_COLUMN = 13  # characters of a number in a row
+
+
+def summary(cell: Cell, calibration: Calibration) -> str:
+    """Lines of at most `WIDTH` characters, joined by newlines; `text_report` tells all else.
+
+    Args:
+        cell: What was calibrated: it says which transforms are asked for.
+        calibration: What came out.
+    """
+    asked = [name for name in cell.asked if name in calibration.transforms]
+    findings = dict.fromkeys(by_weight(calibration.findings))
+    grave = [finding for finding in findings if finding.severity != "info"]
+    known = [_known(name, calibration) for name in asked]
+    word = calibration.verdict.upper()
+    if grave or not known:
+        lines = wrapped(f"{word}: {_said(grave[0]) if grave else 'no transform is asked for and observable.'}")
+    else:
+        lines, known[0] = [], f"{word}: {known[0]}"
+    for place, (name, sentence) in enumerate(zip(asked, known, strict=True)):
+        lines += [*wrapped(sentence), *(_rows(name, calibration) if place < _WHOLE else ())]
+    lines += _validation(calibration.validation)
+    lines += _told(grave[1:_TOLD])
+    others = [*grave[_TOLD:], *(finding for finding in findings if finding.severity == "info")]
+    in_full = _told(others)
+    if len(lines) + len(in_full) <= _ROOM:
+        lines += in_full
+    else:
+        lines += wrapped(f"also found, told by --verbose: {_codes(others)}")
+    return "\n".join(lines)
+
+
+def wrapped(text: str) -> list[str]:
+    """A sentence as lines of at most `WIDTH` characters, all but the first set in."""
+    return wrap(text, WIDTH, subsequent_indent="  ", break_on_hyphens=False)
+
+
+def _told(findings: Sequence[Finding]) -> list[str]:
+    return [line for finding in findings for line in wrapped(f"{finding.severity}: {_said(finding)}")]
+
+
+def _said(finding: Finding) -> str:
+    return f"{finding.message} [{finding.code}]"
+
+
+def _codes(findings: Sequence[Finding]) -> str:
+    """Each code once, with how often it comes."""
+    count = Counter(finding.code for finding in findings)
+    return ", ".join(code if times == 1 else f"{code} ({times})" for code, times in count.items())
+
+
+def _known(name: str, calibration: Calibration) -> str:
+    sigma_mm, sigma_deg = sigma_norms(calibration[name])
+    angle = "" if name in calibration.points else f" and {_digits(sigma_deg)} deg"
+    return f"{name} to {_digits(sigma_mm)} mm{angle} (1 sigma)"
+
+
+def _rows(name: str, calibration: Calibration) -> Iterator[str]:
+    """Translation and, but of a point, angles, each above its sigma along the axes of the frame on the right."""
+    estimate = calibration[name]
+    halves = [("t", "mm", estimate.mean.translation * 1e3, estimate.sigma_t * 1e3)]
+    if name not in calibration.points:
+        halves.append(("rpy", "deg", np.degrees(estimate.mean.rpy), np.degrees(estimate.sigma_r)))
+    for what, unit, values, sigmas in halves:
+        decimals = _decimals(sigmas)
+        yield f"  {what:<5}{_row(values, decimals)} {unit}"
+        yield f"  sigma{_row(sigmas, decimals)}"
+
+
+def _decimals(sigmas: Array) -> int:
+    """Of a row of numbers: so many that the smallest of their sigmas shows two digits."""
+    uncertain = sigmas[sigmas > 0]
+    if not len(uncertain):
+        return _EXACT_DECIMALS
+    first = int(np.floor(np.log10(uncertain.min())))
+    return int(np.clip(_SIGMA_DIGITS - 1 - first, 0, _MOST_DECIMALS))
+
+
+def _row(values: Array, decimals: int) -> str:
+    return "".join(f" {round(float(value), decimals) + 0.0:{_COLUMN}.{decimals}f}" for value in values)
+
+
+def _validation(validation: Validation | None) -> list[str]:
+    """How far off held-out samples are predicted."""
+    if validation is None:
+        return []
+    errors = []
+    if validation.target_m is not None and validation.target_rad is not None:
+        degrees = float(np.degrees(validation.target_rad))
+        errors.append(f"{_digits(validation.target_m * 1e3)} mm and {_digits(degrees)} deg at the target")
+    if validation.rms_px is not None:
+        errors.append(f"{_digits(validation.rms_px)} px")
+    return wrapped(f"cross-validation error, rms: {', '.join(errors)}") if errors else []
+
+
+def _digits(value: float) -> str:
+    """A number with two significant digits and no exponent."""
+    if value == 0:
+        return "0"
+    decimals = int(np.clip(_SIGMA_DIGITS - 1 - int(np.floor(np.log10(value))), 0, _MOST_DECIMALS))
+    return f"{value:.{decimals}f}"

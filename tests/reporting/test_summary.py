@@ -1,0 +1,109 @@
+"""What the terminal shows of a calibration."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.cell import Calibration, Cell, CellCamera, CellTarget, Finding, Robot, Validation
+from basecal.geometry import SE3, PoseEstimate
+from basecal.reporting.summary import WIDTH, summary
+
+BASE = "eye_base_from_hand_base"
+LONG = "a_robot_with_a_name_that_tells_where_it_stands_and_whose_it_is_and_what_it_does_all_day_long_" * 2
+TOO_FEW = Finding("too-few-samples", "error", (), "2 samples give 4 equations for 18 unknowns: record at least 10")
+INFO = Finding("same-stop", "info", ("eye",), "poses of eye differ by 0.02 mm within its 8 stops")
+
+
+def a_cell(*robots: str) -> Cell:
+    eye, *_, last = robots
+    things = {"camera": CellCamera("camera", eye)}, {"board": CellTarget("board", last)}
+    return Cell(eye, {name: Robot(name) for name in robots}, cameras=things[0], targets=things[1])
+
+
+def estimate(sigma_m: float, sigma_rad: float, scale: float = 1.0) -> PoseEstimate:
+    mean = SE3.from_rpy([0.1, -0.2, 3.0], scale * np.array([1.2345678, -0.0123456, 12.3456789]))
+    return PoseEstimate(mean, np.diag([sigma_m**2] * 3 + [sigma_rad**2] * 3))
+
+
+def good(sigma_m: float = 1e-3, sigma_rad: float = 1e-3) -> Calibration:
+    return Calibration("good", {BASE: estimate(sigma_m, sigma_rad)}, {BASE: "free"})
+
+
+def test_a_good_answer() -> None:
+    """The verdict with the norm of the sigmas, both halves above their sigmas, and what held-out samples say."""
+    told = replace(good(2e-3, 1e-4), validation=Validation("k-fold", 5, 0.2345, 4.123e-4, np.radians(0.0512)))
+    assert summary(a_cell("eye", "hand"), told).splitlines() == [
+        f"GOOD: {BASE} to 3.5 mm and 0.0099 deg (1 sigma)",
+        "  t            1234.6         -12.3       12345.7 mm",
+        "  sigma           2.0           2.0           2.0",
+        "  rpy          5.7296      -11.4592      171.8873 deg",
+        "  sigma        0.0057        0.0057        0.0057",
+        "cross-validation error, rms: 0.41 mm and 0.051 deg at the target, 0.23 px",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("sigma_mm", "shown"),
+    [(0.0, "1234.5678"), (1e-9, "1234.567800"), (0.021, "1234.568"), (0.95, "1234.57"), (37.0, "1235")],
+)
+def test_digits_go_by_sigma(sigma_mm: float, shown: str) -> None:
+    """The smallest sigma of a row is shown with two digits, six decimals at most; four where nothing is uncertain."""
+    rows = summary(a_cell("eye", "hand"), good(sigma_mm * 1e-3)).splitlines()
+    assert rows[1].split()[1] == shown
+
+
+def test_what_speaks_against_it_comes_first() -> None:
+    """The gravest finding with its code is the first line, the others follow, and nothing is said twice."""
+    warning = Finding("overfit", "warning", (), "the cross-validation error is 6 times the residual: record more")
+    cause = Finding("outlier-samples", "warning", ("3",), "sample 3 was left out: look at it")
+    doubtful = replace(good(), verdict="doubtful", findings=(INFO, warning, cause))
+    lines = summary(a_cell("eye", "hand"), doubtful).splitlines()
+    assert lines[0] == f"DOUBTFUL: {cause.message} [outlier-samples]"
+    assert lines[1].startswith(f"{BASE} to ")
+    assert lines[-2:] == [f"warning: {warning.message} [overfit]", f"info: {INFO.message} [same-stop]"]
+    assert len(set(lines)) == len(lines)
+    refused = summary(a_cell("eye", "hand"), Calibration("refused", findings=(INFO, TOO_FEW)))
+    assert refused.splitlines()[0] == f"REFUSED: {TOO_FEW.message} [too-few-samples]"
+    assert "sigma" not in refused
+
+
+def test_what_only_informs_is_named_where_there_is_no_room() -> None:
+    """Twenty of a kind are one word and their number."""
+    many = tuple(replace(INFO, message=f"{INFO.message}, {number}") for number in range(20))
+    lines = summary(a_cell("eye", "hand"), replace(good(), findings=many)).splitlines()
+    assert lines[-1] == "also found, told by --verbose: same-stop (20)"
+
+
+def test_a_point_has_no_angles() -> None:
+    """Of a light's place there is a translation alone."""
+    cell = Cell(
+        "arm",
+        {"arm": Robot("arm")},
+        cameras={"camera": CellCamera("camera", "world")},
+        targets={"led": CellTarget("led", "arm")},
+    )
+    name = "arm_flange_from_led"
+    text = summary(cell, replace(good(), transforms={name: estimate(1e-3, 0.0)}, points=frozenset({name})))
+    assert "rpy" not in text
+    assert "deg" not in text
+
+
+@pytest.mark.parametrize("robots", [("eye", "hand"), ("a", "b", "c", "d", "e", "f", "g", "h", "i"), ("a", LONG)])
+@pytest.mark.parametrize("sigma", [0.0, 1e-12, 1e-4, 1e3])
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e5])
+def test_no_line_is_too_long(robots: tuple[str, ...], sigma: float, scale: float) -> None:
+    """However long names and messages are, and however large numbers; and the whole stays short."""
+    cell = a_cell(*robots)
+    message = " ".join(["the poses of", robots[-1], *["are in millimetres: divide them by 1000"] * 6])
+    findings = tuple(Finding(code, "warning", (), message) for code in ("length-unit", "poor-fit", "overfit"))
+    transforms = dict.fromkeys(cell.asked, estimate(sigma, sigma, scale))
+    for verdict, found in (("good", ()), ("doubtful", findings)):
+        made = replace(good(), verdict=verdict, transforms=transforms, findings=found)
+        lines = summary(cell, made).splitlines()
+        assert max(map(len, lines)) <= WIDTH
+        assert len(lines) <= 15 + (20 if found else 6)
+        assert not re.search(r"nan|inf\b|e[-+]\d", " ".join(line for line in lines if line.startswith("  t ")))
