@@ -25,6 +25,18 @@ LENSES = (
 )
 """Lenses: modules of `basecal.geometry.lenses`; several may be one model with other numbers of terms."""
 
+CONTROLLERS = (
+    "ur",
+    "kuka",
+    "abb",
+    "fanuc",
+    "yaskawa",
+    "staubli",
+    "doosan",
+    "xarm",
+)
+"""Robots' controllers whose way to write poses is known: modules of `basecal.exchange.controllers`."""
+
 EXPORTERS = {
     "urdf": "ROBOT: its URDF with its joint offsets and link errors in the origins of its joints",
 }

@@ -9,6 +9,7 @@ import numpy as np
 
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array
+from basecal.geometry.euler import rpy_of_rotation
 from basecal.kinematics import SerialChain, parse_chain, way_names
 
 if TYPE_CHECKING:
@@ -107,7 +108,7 @@ def chain_urdf(chain: SerialChain, base_link: str, flange_link: str, name: str =
         element = SubElement(root, "joint", name=joint, type=kind)
         SubElement(element, "parent", link=links[k])
         SubElement(element, "child", link=links[k + 1])
-        SubElement(element, "origin", xyz=_exactly(origin.translation), rpy=_exactly(_angles(origin.rotation)))
+        SubElement(element, "origin", xyz=_exactly(origin.translation), rpy=_exactly(rpy_of_rotation(origin.rotation)))
         if k < chain.n:
             SubElement(element, "axis", xyz=_exactly(chain.axes[k]))
         if limited:
@@ -140,21 +141,8 @@ def _move(joint: Element, move: SE3) -> None:
     rpy, xyz = ([float(word) for word in origin.get(key, "0 0 0").split()] for key in ("rpy", "xyz"))
     moved = SE3.from_rpy(rpy, xyz) @ move
     origin.set("xyz", _exactly(moved.translation))
-    origin.set("rpy", _exactly(_angles(moved.rotation)))
+    origin.set("rpy", _exactly(rpy_of_rotation(moved.rotation)))
 
 
 def _exactly(values: Array) -> str:
     return " ".join(repr(float(value) + 0.0) for value in values)
-
-
-def _angles(rotation: Array) -> Array:
-    """Angles about the fixed axes x, y, z whose product is the rotation to the last digit, near a pitch of 90 deg too.
-
-    There yaw alone is ill-defined; the roll is what is left after it. Source: Shoemake 1994.
-    """
-    r = rotation
-    yaw = np.arctan2(r[1, 0], r[0, 0])
-    pitch = np.arctan2(-r[2, 0], np.hypot(r[0, 0], r[1, 0]))
-    sin, cos = np.sin(yaw), np.cos(yaw)
-    roll = np.arctan2(sin * r[0, 2] - cos * r[1, 2], cos * r[1, 1] - sin * r[0, 1])
-    return np.array([roll, pitch, yaw])

@@ -1,0 +1,104 @@
+"""A controller's convention: the numbers it writes a pose with, in their order and units; read and written alike."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from basecal.geometry import SE3, Array
+from basecal.geometry.euler import rpy_of_rotation, zyz_of_rotation
+from basecal.geometry.se3 import quaternion_from_rotation, rotation_exp, rotation_log
+
+MILLIMETRE = 1e-3
+METRE = 1.0
+DEGREE = math.radians(1)
+RADIAN = 1.0
+
+
+@dataclass(frozen=True)
+class RotationForm:
+    """A rotation as k numbers.
+
+    Attributes:
+        read: (..., k) to rotation matrices (..., 3, 3); angles in radians.
+        written: And back.
+    """
+
+    read: Callable[[Array], Array]
+    written: Callable[[Array], Array]
+
+
+@dataclass(frozen=True)
+class Convention:
+    """How a controller writes a pose, `a_from_b`: where b's origin is in a, and how its axes are turned.
+
+    Attributes:
+        names: What it calls its numbers, three lengths and then those of the rotation.
+        length: One of its lengths [m].
+        angle: One of its angles [rad]; 1 where it has none.
+        form: The rotation's numbers.
+    """
+
+    names: tuple[str, ...]
+    length: float
+    angle: float
+    form: RotationForm
+
+    def read(self, numbers: Array) -> SE3:
+        """Poses of numbers, (..., 6 or 7)."""
+        return SE3(self.form.read(numbers[..., 3:] * self.angle), numbers[..., :3] * self.length)
+
+    def written(self, pose: SE3) -> Array:
+        """Numbers of poses, (..., 6 or 7)."""
+        rotation = self.form.written(pose.rotation) / self.angle
+        return np.concatenate([pose.translation / self.length, rotation], -1)
+
+
+def convention(name: str) -> Convention:
+    """The convention of a registered controller."""
+    module: Any = import_module(f"basecal.exchange.controllers.{name}")
+    found: Convention = module.CONVENTION
+    return found
+
+
+def _rotation_from_rpy(angles: Array) -> Array:
+    return SE3.from_rpy(angles, np.zeros_like(angles)).rotation
+
+
+def _rotation_from_zyz(angles: Array) -> Array:
+    first, second, third = (angles[..., i : i + 1] for i in range(3))
+    z, y = np.eye(3)[2], np.eye(3)[1]
+    return rotation_exp(first * z) @ rotation_exp(second * y) @ rotation_exp(third * z)
+
+
+def _rotation_from_unit(q_xyzw: Array) -> Array:
+    """Rotations of quaternions that a controller has rounded.
+
+    Raises:
+        InputError: if a norm is not 1 within 1e-3.
+    """
+    return SE3.from_quaternion(q_xyzw, np.zeros((*q_xyzw.shape[:-1], 3))).rotation
+
+
+def _transposed(rotation: Array) -> Array:
+    return np.swapaxes(rotation, -1, -2)
+
+
+ROTATION_VECTOR = RotationForm(rotation_exp, rotation_log)
+FIXED_XYZ = RotationForm(_rotation_from_rpy, rpy_of_rotation)
+"""About the fixed axes x, y, z: Rz(c) Ry(b) Rx(a)."""
+MOVING_ZYX = RotationForm(lambda abc: _rotation_from_rpy(abc[..., ::-1]), lambda r: rpy_of_rotation(r)[..., ::-1])
+"""About z, the new y, the new x: Rz(a) Ry(b) Rx(c); the angles of `FIXED_XYZ` the other way round."""
+MOVING_XYZ = RotationForm(lambda abc: _transposed(_rotation_from_rpy(-abc)), lambda r: -rpy_of_rotation(_transposed(r)))
+"""About x, the new y, the new z: Rx(a) Ry(b) Rz(c)."""
+MOVING_ZYZ = RotationForm(_rotation_from_zyz, zyz_of_rotation)
+"""About z, the new y, the new z: Rz(a) Ry(b) Rz(c)."""
+QUATERNION_WXYZ = RotationForm(
+    lambda q: _rotation_from_unit(np.roll(q, -1, axis=-1)), lambda r: np.roll(quaternion_from_rotation(r), 1, axis=-1)
+)
+QUATERNION_XYZW = RotationForm(_rotation_from_unit, quaternion_from_rotation)

@@ -1,0 +1,34 @@
+"""Angles of rotations, to the last digit wherever they are ill-defined one by one."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.geometry.array import Array
+
+
+def rpy_of_rotation(rotation: Array) -> Array:
+    """Angles about the fixed axes x, y, z, (..., 3, 3) to (..., 3) [rad], whose product is the rotation exactly.
+
+    Near a pitch of 90 deg yaw alone is ill-defined; the roll is what is left after it, where `SE3.rpy` finds each by
+    itself, off by 1e-8 together. Source: Shoemake 1994.
+    """
+    r = rotation
+    yaw = np.arctan2(r[..., 1, 0], r[..., 0, 0])
+    pitch = np.arctan2(-r[..., 2, 0], np.hypot(r[..., 0, 0], r[..., 1, 0]))
+    sin, cos = np.sin(yaw), np.cos(yaw)
+    roll = np.arctan2(sin * r[..., 0, 2] - cos * r[..., 1, 2], cos * r[..., 1, 1] - sin * r[..., 0, 1])
+    return np.stack([roll, pitch, yaw], -1)
+
+
+def zyz_of_rotation(rotation: Array) -> Array:
+    """Angles a, b, c of Rz(a) Ry(b) Rz(c), (..., 3, 3) to (..., 3) [rad], b in [0, pi], likewise exact.
+
+    Near b of 0 or 180 deg a alone is ill-defined; c is what is left after it. Source: Shoemake 1994.
+    """
+    r = rotation
+    first = np.arctan2(r[..., 1, 2], r[..., 0, 2])
+    second = np.arctan2(np.hypot(r[..., 0, 2], r[..., 1, 2]), r[..., 2, 2])
+    sin, cos = np.sin(first), np.cos(first)
+    third = np.arctan2(cos * r[..., 1, 0] - sin * r[..., 0, 0], cos * r[..., 1, 1] - sin * r[..., 0, 1])
+    return np.stack([first, second, third], -1)

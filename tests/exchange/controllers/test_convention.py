@@ -1,0 +1,64 @@
+"""Every controller's numbers give their pose back, and are those of SciPy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from basecal.errors import InputError
+from basecal.exchange.controllers.convention import (
+    FIXED_XYZ,
+    MOVING_XYZ,
+    MOVING_ZYX,
+    MOVING_ZYZ,
+    QUATERNION_WXYZ,
+    QUATERNION_XYZW,
+    ROTATION_VECTOR,
+    convention,
+)
+from basecal.geometry import SE3
+from basecal.registry import CONTROLLERS
+
+DRAWN = Rotation.random(100, rng=np.random.default_rng(0))
+HARD = Rotation.from_euler("ZYX", [[0.3, np.pi / 2, 0.2], [0.3, -np.pi / 2 + 1e-9, 0.2], [0, 0, 0], [np.pi, 0, 0]])
+POSES = SE3(
+    np.concatenate([DRAWN.as_matrix(), HARD.as_matrix()]), np.random.default_rng(1).uniform(-2, 2, (len(DRAWN) + 4, 3))
+)
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_numbers_give_their_pose_back(name):
+    """To 1e-12 m and 1e-12 of the matrix, at half turns and gimbal lock too; as many numbers as there are names."""
+    kind = convention(name)
+    numbers = kind.written(POSES)
+    assert numbers.shape[-1] == len(kind.names)
+    again = kind.read(numbers)
+    np.testing.assert_allclose(again.matrix, POSES.matrix, atol=1e-12)
+    np.testing.assert_allclose(kind.read(numbers[0]).matrix, POSES[0].matrix, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("form", "of_scipy"),
+    [
+        (ROTATION_VECTOR, Rotation.from_rotvec),
+        (FIXED_XYZ, lambda angles: Rotation.from_euler("xyz", angles)),
+        (MOVING_ZYX, lambda angles: Rotation.from_euler("ZYX", angles)),
+        (MOVING_XYZ, lambda angles: Rotation.from_euler("XYZ", angles)),
+        (MOVING_ZYZ, lambda angles: Rotation.from_euler("ZYZ", angles)),
+        (QUATERNION_XYZW, Rotation.from_quat),
+        (QUATERNION_WXYZ, lambda wxyz: Rotation.from_quat(wxyz, scalar_first=True)),
+    ],
+)
+def test_forms_are_those_of_scipy(form, of_scipy):
+    """Read as SciPy reads them, which is another's code, and written so that SciPy reads the rotation."""
+    numbers = form.written(DRAWN.as_matrix())
+    np.testing.assert_allclose(of_scipy(numbers).as_matrix(), DRAWN.as_matrix(), atol=1e-14)
+    np.testing.assert_allclose(form.read(numbers), DRAWN.as_matrix(), atol=1e-14)
+
+
+def test_what_is_no_quaternion_is_said():
+    """Rounded ones are taken, others are errors."""
+    np.testing.assert_allclose(QUATERNION_WXYZ.read(np.array([0.7071, 0.7071, 0, 0]))[2, 1], 1.0, atol=1e-9)
+    with pytest.raises(InputError, match="norm"):
+        QUATERNION_WXYZ.read(np.array([1.0, 1.0, 0, 0]))
