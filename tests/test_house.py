@@ -393,7 +393,18 @@ def test_tests_need_no_benchmarks() -> None:
     assert importing == OF_BENCHMARKS
 
 
-MIRRORED = ("geometry", "numerics", "kinematics", "cell", "vision", "estimation", "exchange", "accuracy")
+MIRRORED = (
+    "geometry",
+    "numerics",
+    "kinematics",
+    "cell",
+    "vision",
+    "estimation",
+    "exchange",
+    "accuracy",
+    "planning",
+    "acquisition",
+)
 NOTHING_TO_TEST = {
     "cell/files.py": "names of other modules",
     "accuracy/findings/evidence.py": "values without behaviour",

@@ -8,7 +8,7 @@ from typing import get_args
 
 import pytest
 
-from basecal.registry import CONTROLLERS, EXPORTERS, LENSES, ROBOT_PARAMETERS, TargetKindName
+from basecal.registry import CONTROLLERS, DRIVERS, EXPORTERS, LENSES, ROBOT_PARAMETERS, TargetKindName
 
 SOURCE = Path(__file__).parents[1] / "src" / "basecal"
 NAMES = {*get_args(TargetKindName), *LENSES}
@@ -68,6 +68,7 @@ def test_the_check_bites(source: str) -> None:
         ("exchange/exporters", tuple(EXPORTERS)),
         ("exchange/controllers", CONTROLLERS),
         ("cell/robot_parameters", ROBOT_PARAMETERS),
+        ("acquisition/drivers", DRIVERS),
     ],
 )
 def test_every_module_is_registered(folder: str, names: tuple[str, ...]) -> None:
@@ -78,6 +79,7 @@ def test_every_module_is_registered(folder: str, names: tuple[str, ...]) -> None
         "exchange/exporters": "def exported(cell",
         "exchange/controllers": "CONVENTION = ",
         "cell/robot_parameters": "class Stated(",
+        "acquisition/drivers": "def open_",
     }[folder]
     faces = {path.stem for path in (SOURCE / folder).glob("*.py") if f"\n{face}" in path.read_text(encoding="utf-8")}
     assert faces == set(names)

@@ -82,3 +82,7 @@ class NotConverged(BasecalError):
     def __init__(self, message: str, state: object = None) -> None:
         self.state = state
         super().__init__(message)
+
+
+class DriverError(BasecalError):
+    """A robot or camera does not answer, has nothing more to give, or cannot do what it was asked."""

@@ -48,3 +48,11 @@ ROBOT_PARAMETERS = (
     "deflection",
 )
 """What can be estimated of a robot's own kinematics: modules of `basecal.cell.robot_parameters`."""
+
+DRIVERS = (
+    "replay",
+    "folder",
+    "typed",
+    "opencv",
+)
+"""What talks to robots and cameras: modules of `basecal.acquisition.drivers`; others come as entry points."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 from basecal.cell.format.parameters import Parameters
 from basecal.cell.target import Target
@@ -33,6 +33,19 @@ class Unknown:
 
 
 @dataclass(frozen=True, eq=False)
+class Driver:
+    """Which program talks to a robot or a camera.
+
+    Attributes:
+        kind: The driver's name.
+        options: What it has to know, as plain data; it checks them when it is opened.
+    """
+
+    kind: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
 class Robot:
     """A robot arm.
 
@@ -45,6 +58,7 @@ class Robot:
         base_link: Name of the chain's root in the URDF.
         flange_link: Name of the chain's tip in the URDF.
         frames: Names of `base` and `flange` in other programs, for export.
+        driver: What talks to it while a recording is made; None where nothing does.
     """
 
     name: str
@@ -55,6 +69,7 @@ class Robot:
     base_link: str | None = None
     flange_link: str | None = None
     frames: Mapping[str, str] = field(default_factory=dict)
+    driver: Driver | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +101,7 @@ class CellCamera:
         model: Name of its lens model.
         size_px: Width and height of its images; None where it gives only poses or 3-D points.
         intrinsics: None where it gives only poses or 3-D points.
+        driver: What gives its pictures while a recording is made; None where nothing does.
     """
 
     name: str
@@ -94,6 +110,7 @@ class CellCamera:
     model: str = "pinhole"
     size_px: tuple[int, int] | None = None
     intrinsics: Intrinsics | None = None
+    driver: Driver | None = None
 
     @property
     def distortion_terms(self) -> int:

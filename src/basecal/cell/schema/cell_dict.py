@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from basecal.cell.cell import Cell, CellCamera, CellTarget, Intrinsics, Robot, Unknown
+from basecal.cell.cell import Cell, CellCamera, CellTarget, Driver, Intrinsics, Robot, Unknown
 from basecal.cell.format.plain import numbers, one_or_all, pose_dict, sigma_dict
 from basecal.cell.schema.cell_schema import SCHEMA
 
@@ -38,7 +38,11 @@ def _robot(robot: Robot) -> dict[str, Any]:
         data |= {"urdf": robot.urdf, "base_link": robot.base_link, "flange_link": robot.flange_link}
     stated = {kind: known for kind, known in robot.parameters.items() if known != type(known)()}
     data |= {kind: known.model_dump(exclude_none=True) for kind, known in stated.items()}
-    return data | ({"frames": dict(robot.frames)} if robot.frames else {})
+    return data | ({"frames": dict(robot.frames)} if robot.frames else {}) | _driver(robot.driver)
+
+
+def _driver(driver: Driver | None) -> dict[str, Any]:
+    return {} if driver is None else {"driver": {"kind": driver.kind, **driver.options}}
 
 
 def _camera(camera: CellCamera) -> dict[str, Any]:
@@ -47,7 +51,7 @@ def _camera(camera: CellCamera) -> dict[str, Any]:
         data["size_px"] = [int(side) for side in camera.size_px]
     if camera.intrinsics is not None:
         data["intrinsics"] = _intrinsics(camera.intrinsics, camera.distortion_terms)
-    return data
+    return data | _driver(camera.driver)
 
 
 def _intrinsics(lens: Intrinsics, terms: int) -> dict[str, Any]:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
-from basecal.cell.cell import Cell, CellCamera, CellTarget, Intrinsics, Robot, Unknown
+from basecal.cell.cell import Cell, CellCamera, CellTarget, Driver, Intrinsics, Robot, Unknown
 from basecal.cell.format.values import UnknownEntry, pose_se3
 from basecal.cell.schema.cell_schema import CameraEntry, CellEntry, RobotEntry
 from basecal.cell.schema.lens import IntrinsicsEntry, distortion_terms
@@ -50,13 +51,20 @@ def _robot(name: str, entry: RobotEntry, chain: SerialChain | None) -> Robot:
         base_link=entry.base_link,
         flange_link=entry.flange_link,
         frames=entry.frames.model_dump(exclude_none=True),
+        driver=_driver(entry.driver),
     )
 
 
 def _camera(name: str, entry: CameraEntry) -> CellCamera:
     size = None if entry.size_px is None else (entry.size_px[0], entry.size_px[1])
     lens = None if entry.intrinsics is None else _intrinsics(entry.intrinsics, entry, size)
-    return CellCamera(name, entry.on, _unknown(entry.mount), entry.model, size, lens)
+    return CellCamera(name, entry.on, _unknown(entry.mount), entry.model, size, lens, _driver(entry.driver))
+
+
+def _driver(entry: dict[str, Any] | None) -> Driver | None:
+    if entry is None:
+        return None
+    return Driver(entry["kind"], {key: value for key, value in entry.items() if key != "kind"})
 
 
 def _intrinsics(entry: IntrinsicsEntry, camera: CameraEntry, size: tuple[int, int] | None) -> Intrinsics:

@@ -1,0 +1,150 @@
+"""What a driver is: the faces of robots and cameras, and what they give.
+
+A driver is a module with `open_robot(place) -> Robot`, `open_camera(place) -> Camera`, or both. What not every robot or
+camera can do is a face of its own, which a driver has or has not. Reading waits: `state` and `picture` come back with
+something newer than before, so that nobody has to know how often to ask.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol, TypeVar, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from basecal.cell import Cell, RobotState
+from basecal.cell.format.problems import Problem, dataset_error
+from basecal.cell.format.values import Entry
+from basecal.cell.schema.errors import problems_of
+
+Grey = NDArray[np.integer[Any]]
+Options = TypeVar("Options", bound=Entry)
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """Where a robot says it is: `state`, with the time `stamp_s` at which it was there [s]."""
+
+    stamp_s: float
+    state: RobotState
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A picture: `grey` (h, w) of uint8 or uint16, with the time `stamp_s` in the middle of its exposure [s]."""
+
+    stamp_s: float
+    grey: Grey
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """What a driver is told when it is opened.
+
+    Attributes:
+        name: The robot or camera, by its name in the cell.
+        cell: The cell it is in.
+        folder: The cell's folder.
+        options: What stands beside `kind` in its `driver:`.
+    """
+
+    name: str
+    cell: Cell
+    folder: Path
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+
+@runtime_checkable
+class Robot(Protocol):
+    """A robot that says where it is.
+
+    Attributes:
+        is_live: Whether `state` comes by itself, again and again; not where a person has to be asked.
+    """
+
+    is_live: bool
+
+    def state(self) -> Reading:
+        """Wait for a state newer than the last one given.
+
+        Raises:
+            DriverError: if there is none any more.
+        """
+
+    def close(self) -> None:
+        """Let go of the robot; it stays where it is."""
+
+
+@runtime_checkable
+class Moves(Protocol):
+    """What a robot has that can be sent somewhere."""
+
+    def move(self, to: RobotState, speed_rad_s: float) -> None:
+        """Begin to go there; at once, without waiting for the end.
+
+        Args:
+            to: Joints, or a pose of the flange, in the kind that `state` gives.
+            speed_rad_s: The fastest that any joint may turn [rad/s].
+
+        Raises:
+            DriverError: if it cannot go there.
+        """
+
+    def stop(self) -> None:
+        """Stand still as soon as it can."""
+
+
+@runtime_checkable
+class Freedrives(Protocol):
+    """What a robot has that a person can lead by hand."""
+
+    def freedrive(self, on: bool) -> None:
+        """Let the arm be led, or hold it."""
+
+
+@runtime_checkable
+class Camera(Protocol):
+    """A camera.
+
+    Attributes:
+        is_live: Whether pictures come by themselves, one after another.
+    """
+
+    is_live: bool
+
+    def picture(self) -> Picture:
+        """Wait for a picture newer than the last one given.
+
+        Raises:
+            DriverError: if there is none any more.
+        """
+
+    def close(self) -> None:
+        """Let go of the camera."""
+
+
+@runtime_checkable
+class Switches(Protocol):
+    """What a camera has that can switch the light it looks at."""
+
+    def light(self, on: bool) -> None:
+        """Switch the light; the next picture shows it so."""
+
+
+def checked_options(place: Place, kind: type[Options]) -> Options:
+    """The options of a driver, checked.
+
+    Raises:
+        DatasetError: if one is unknown or not as expected; it names the field in `cell.yaml`.
+    """
+    try:
+        return kind.model_validate(dict(place.options))
+    except ValidationError as error:
+        section = "robots" if place.name in place.cell.robots else "cameras"
+        at = (section, place.name, "driver")
+        problems = [Problem((*at, *problem.loc), problem.message) for problem in problems_of(error, kind)]
+        raise dataset_error(str(place.folder / "cell.yaml"), problems, {}) from None

@@ -1,0 +1,74 @@
+"""Pictures that another program saves into a folder: whatever can save a file is a camera.
+
+A file counts when its name is new, and it can be read whole. The stamp is the time at which it was last written.
+"""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field
+
+from basecal.acquisition.driver import Picture, Place, checked_options
+from basecal.cell.format.values import Entry
+from basecal.errors import DatasetError, DriverError
+from basecal.vision.image_file import grey_image, read_bytes
+
+_LOOK_S = 0.05  # between looks into the folder: short for a person, long for a disk
+
+
+class FolderOptions(Entry):
+    """`path` of the folder, from the cell's; `wait_s` for the next picture; whether those `existing` count."""
+
+    path: Annotated[str, Field(min_length=1)]
+    wait_s: Annotated[float, Field(gt=0, le=86_400)] = 600.0
+    existing: bool = False
+
+
+class FolderCamera:
+    """A folder into which pictures are saved."""
+
+    is_live = False
+
+    def __init__(self, folder: Path, size_px: tuple[int, int] | None, wait_s: float, existing: bool) -> None:
+        self._folder, self._size_px, self._wait_s = folder, size_px, wait_s
+        self._seen = set() if existing else {path.name for path in folder.iterdir()}
+
+    def picture(self) -> Picture:
+        """The oldest picture that was not given yet; one that is still being written is waited for.
+
+        Raises:
+            DriverError: if none comes in time.
+        """
+        until, why = time.monotonic() + self._wait_s, ""
+        while True:
+            new = [path for path in self._folder.iterdir() if path.name not in self._seen and path.is_file()]
+            for path in sorted(new, key=lambda path: (path.stat().st_mtime_ns, path.name)):
+                data = read_bytes(path)
+                grey = data if isinstance(data, str) else grey_image(data, self._size_px)
+                if not isinstance(grey, str):
+                    self._seen.add(path.name)
+                    return Picture(path.stat().st_mtime, grey)
+                why = f"; {path.name} {grey}"
+            if time.monotonic() >= until:
+                raise DriverError(f"no new picture in {self._folder} within {self._wait_s:g} s{why}")
+            time.sleep(_LOOK_S)
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+
+def open_camera(place: Place) -> FolderCamera:
+    """The folder, whose pictures of before count only where the options say so.
+
+    Raises:
+        DatasetError: if an option is wrong, or there is no such folder.
+    """
+    options = checked_options(place, FolderOptions)
+    folder = place.folder / options.path
+    if not folder.is_dir():
+        message = f"there is no folder {folder}; make it, and have pictures saved into it"
+        raise DatasetError(str(place.folder / "cell.yaml"), message, field=f"cameras.{place.name}.driver.path")
+    return FolderCamera(folder, place.cell.cameras[place.name].size_px, options.wait_s, options.existing)

@@ -1,0 +1,60 @@
+"""Any camera or stream that OpenCV opens: a device's number, a file of a video, an address.
+
+The stamp is this machine's monotonic clock when the picture came.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Annotated
+
+from pydantic import Field
+
+from basecal.acquisition.driver import Picture, Place, checked_options
+from basecal.cell.format.values import Entry
+from basecal.errors import DriverError
+from basecal.vision.stream import Stream, open_stream
+
+
+class OpencvOptions(Entry):
+    """`source`: the number of a device, a path, or an address."""
+
+    source: Annotated[int, Field(ge=0)] | Annotated[str, Field(min_length=1)] = 0
+
+
+class OpencvCamera:
+    """A stream."""
+
+    is_live = True
+
+    def __init__(self, name: str, stream: Stream) -> None:
+        self._name, self._stream = name, stream
+
+    def picture(self) -> Picture:
+        """The next picture of the stream.
+
+        Raises:
+            DriverError: if it has ended.
+        """
+        grey = self._stream.read()
+        if grey is None:
+            raise DriverError(f"{self._name}: the stream has ended, or the camera was pulled out")
+        return Picture(time.monotonic(), grey)
+
+    def close(self) -> None:
+        """Release the device."""
+        self._stream.close()
+
+
+def open_camera(place: Place) -> OpencvCamera:
+    """The stream, opened.
+
+    Raises:
+        DatasetError: if an option is wrong.
+        DriverError: if OpenCV cannot open it.
+    """
+    source = checked_options(place, OpencvOptions).source
+    stream = open_stream(source)
+    if stream is None:
+        raise DriverError(f"{place.name}: OpenCV cannot open {source!r}; is it plugged in, and used by nobody else?")
+    return OpencvCamera(place.name, stream)

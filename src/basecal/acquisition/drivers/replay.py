@@ -1,0 +1,180 @@
+"""A recording that exists, gone through again: its robots go only where they have been.
+
+`move` goes to the sample that was recorded nearest; the cameras then give that sample's pictures, again and again. All
+robots and cameras of one recording share one place in it and one clock, which goes on with every reading.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from basecal.acquisition.driver import Grey, Picture, Place, Reading, checked_options
+from basecal.cell import Cell, Recording, RobotState, Sample
+from basecal.cell.files import read_cell, read_recording
+from basecal.cell.format.values import Entry
+from basecal.errors import DatasetError, DriverError
+from basecal.geometry import Array
+from basecal.vision.image_file import grey_image, read_bytes
+
+_TICK_S = 0.01  # of the clock with each reading
+
+
+class ReplayOptions(Entry):
+    """`recording`: the folder of the cell that was recorded, from this cell's folder."""
+
+    recording: Annotated[str, Field(min_length=1)]
+
+
+class Tape:
+    """A recording, and the sample at which it stands."""
+
+    def __init__(self, cell: Cell, recording: Recording) -> None:
+        self.cell, self.samples = cell, recording.samples
+        self.folder = Path(recording.folder or ".")
+        self.at: Sample | None = None
+        self._wanted: dict[str, RobotState] = {}
+        self._now_s = 0.0
+
+    def tick(self) -> float:
+        """The time, later than ever before [s]."""
+        self._now_s += _TICK_S
+        return self._now_s
+
+    def go(self, robot: str, to: RobotState) -> None:
+        """Stand at the sample nearest to where all robots were last sent."""
+        self._wanted[robot] = to
+        self.at = min(self.samples, key=self._distance)
+
+    def stand(self, needed: Callable[[Sample], bool], name: str) -> Sample:
+        """The sample at which the tape stands, the first one where nobody moved yet.
+
+        Raises:
+            DriverError: if it lacks what is needed.
+        """
+        if self.at is None:
+            self.at = next((sample for sample in self.samples if needed(sample)), None)
+        if self.at is None or not needed(self.at):
+            raise DriverError(f"{name}: the recording has nothing of it in sample {self.at and self.at.sample}")
+        return self.at
+
+    def _distance(self, sample: Sample) -> float:
+        away = [
+            float(np.linalg.norm(_vector(sample.robots[name]) - _vector(to))) if _alike(sample, name, to) else np.inf
+            for name, to in self._wanted.items()
+        ]
+        return sum(away)
+
+
+def _alike(sample: Sample, robot: str, to: RobotState) -> bool:
+    state = sample.robots.get(robot)
+    return state is not None and (state.joints_rad is None) == (to.joints_rad is None)
+
+
+def _vector(state: RobotState) -> Array:
+    """Joints [rad], or the entries of a pose [m, 1]."""
+    if state.joints_rad is not None:
+        return state.joints_rad
+    pose = state.base_from_flange
+    return np.zeros(0) if pose is None else np.concatenate([pose.translation, pose.rotation.ravel()])
+
+
+class ReplayRobot:
+    """A robot of a recording."""
+
+    is_live = True
+
+    def __init__(self, name: str, tape: Tape) -> None:
+        self._name, self._tape = name, tape
+
+    def state(self) -> Reading:
+        """Where it was at the sample at which the tape stands.
+
+        Raises:
+            DriverError: if the sample has no state of it.
+        """
+        sample = self._tape.stand(lambda each: self._name in each.robots, self._name)
+        return Reading(self._tape.tick(), replace(sample.robots[self._name]))
+
+    def move(self, to: RobotState, speed_rad_s: float) -> None:
+        """Stand at the nearest sample; however slow it may be, at once."""
+        self._tape.go(self._name, to)
+
+    def stop(self) -> None:
+        """It stands."""
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+
+class ReplayCamera:
+    """A camera of a recording, with its pictures."""
+
+    is_live = True
+
+    def __init__(self, name: str, tape: Tape) -> None:
+        self._name, self._tape, self._lit = name, tape, True
+
+    def light(self, on: bool) -> None:
+        """Give the pictures with the light on, or those without."""
+        self._lit = on
+
+    def picture(self) -> Picture:
+        """The picture of the sample at which the tape stands.
+
+        Raises:
+            DriverError: if it has none, or it cannot be read.
+        """
+        sample = self._tape.stand(lambda each: self._name in each.images, self._name)
+        paths = sample.images if self._lit else sample.background
+        if self._name not in paths:
+            raise DriverError(f"{self._name}: the recording has no picture without the light in sample {sample.sample}")
+        return Picture(self._tape.tick(), self._read(paths[self._name]))
+
+    def _read(self, path: str) -> Grey:
+        data = read_bytes(self._tape.folder / path)
+        grey = data if isinstance(data, str) else grey_image(data, self._tape.cell.cameras[self._name].size_px)
+        if isinstance(grey, str):
+            raise DriverError(f"{self._name}: {path} {grey}")
+        return grey
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+
+def open_robot(place: Place) -> ReplayRobot:
+    """A robot of a recording.
+
+    Raises:
+        DatasetError: if an option is wrong, or the recording cannot be read or has no robot of this name.
+    """
+    return ReplayRobot(place.name, _tape_with(place, "robots"))
+
+
+def open_camera(place: Place) -> ReplayCamera:
+    """A camera of a recording.
+
+    Raises:
+        DatasetError: if an option is wrong, or the recording cannot be read or has no camera of this name.
+    """
+    return ReplayCamera(place.name, _tape_with(place, "cameras"))
+
+
+def _tape_with(place: Place, section: str) -> Tape:
+    tape = _tape((place.folder / checked_options(place, ReplayOptions).recording).resolve())
+    if place.name not in getattr(tape.cell, section):
+        message = f"{tape.folder} has no {section[:-1]} {place.name!r}"
+        raise DatasetError(str(place.folder / "cell.yaml"), message, field=f"{section}.{place.name}.driver.recording")
+    return tape
+
+
+@cache
+def _tape(folder: Path) -> Tape:
+    cell = read_cell(folder)
+    return Tape(cell, read_recording(folder, cell))

@@ -1,0 +1,84 @@
+"""A recording gone through again."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.acquisition.driver import Place
+from basecal.acquisition.drivers.replay import open_camera, open_robot
+from basecal.cell.files import write_cell, write_recording
+from basecal.errors import DatasetError, DriverError
+from basecal.simulation.scenario import Scenario
+from basecal.simulation.testbed import simulate
+from basecal.vision.image_file import write_png
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A recording of three samples, each with a picture of its own grey level, the second with one without light."""
+    folder = tmp_path_factory.mktemp("recorded")
+    made = simulate(Scenario(samples=3), 0)
+    samples = []
+    for sample in made.recording.samples:
+        name = f"recording/images/wrist/{sample.sample}.png"
+        write_png(folder / name, np.full((720, 1280), 10 * (sample.sample + 1), dtype=np.uint8))
+        dark = {"wrist": "recording/images/wrist/0.png"} if sample.sample == 1 else {}
+        samples.append(replace(sample, observations=(), images={"wrist": name}, background=dark))
+    write_cell(made.cell, folder)
+    write_recording(replace(made.recording, samples=tuple(samples)), folder)
+    return folder, made
+
+
+def place(made, name, recording=None):
+    folder, simulated = made
+    return Place(name, simulated.cell, folder, {"recording": recording or str(folder)})
+
+
+def test_robots_go_where_they_have_been(made):
+    """Sent near a recorded state, robots say that state, and the camera gives the picture of that sample."""
+    eye, hand, wrist = (
+        open_robot(place(made, "eye")),
+        open_robot(place(made, "hand")),
+        open_camera(place(made, "wrist")),
+    )
+    samples = made[1].recording.samples
+    for number in (2, 0, 1):
+        for name, robot in (("eye", eye), ("hand", hand)):
+            robot.move(samples[number].robots[name], 1.0)
+        reading, picture = hand.state(), wrist.picture()
+        recorded = samples[number].robots["hand"].base_from_flange
+        np.testing.assert_allclose(reading.state.base_from_flange.translation, recorded.translation, atol=1e-12)
+        assert picture.grey[0, 0] == 10 * (number + 1)
+        assert reading.stamp_s < picture.stamp_s < hand.state().stamp_s
+
+
+def test_the_light_is_off_where_that_was_recorded(made):
+    """Without the light the background comes, and where there is none an error."""
+    wrist, eye = open_camera(place(made, "wrist")), open_robot(place(made, "eye"))
+    hand = open_robot(place(made, "hand"))
+    for name, robot in (("eye", eye), ("hand", hand)):
+        robot.move(made[1].recording.samples[1].robots[name], 1.0)
+    wrist.light(False)
+    assert wrist.picture().grey[0, 0] == 10
+    for name, robot in (("eye", eye), ("hand", hand)):
+        robot.move(made[1].recording.samples[2].robots[name], 1.0)
+    with pytest.raises(DriverError, match="no picture without the light in sample 2"):
+        wrist.picture()
+
+
+def test_what_was_not_recorded(made, tmp_path):
+    """A recording that is not there, or that lacks the robot, is an error."""
+    with pytest.raises(DatasetError):
+        open_robot(place(made, "eye", str(tmp_path)))
+    with pytest.raises(DatasetError, match=r"robots\.third\.driver\.recording: .* has no robot 'third'"):
+        open_robot(
+            Place(
+                "third",
+                replace(made[1].cell, robots={**made[1].cell.robots, "third": made[1].cell.robots["eye"]}),
+                made[0],
+                {"recording": "."},
+            )
+        )

@@ -1,0 +1,74 @@
+"""Poses as pendants show them, typed."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from basecal.acquisition.driver import Place
+from basecal.acquisition.drivers.typed import TypedRobot, open_robot
+from basecal.cell import Cell, Robot
+from basecal.errors import DatasetError, DriverError
+from basecal.geometry import SE3
+from basecal.geometry.se3 import rotation_exp
+
+CELL = Cell("arm", {"arm": Robot("arm")})
+X, Y, Z = np.eye(3)
+
+
+def place(**options):
+    return Place("arm", CELL, Path("."), options)
+
+
+def typed(notation, text):
+    return TypedRobot(place(), notation, io.StringIO(text)).state().state.base_from_flange
+
+
+@pytest.mark.parametrize(
+    ("notation", "text", "rotation"),
+    [
+        ("ur", "0.1, 0.2, 0.3, 0.4, 0.5, 0.6", rotation_exp(np.array([0.4, 0.5, 0.6]))),
+        ("ur", "p[0.1, 0.2, 0.3, 0.4, 0.5, 0.6]", rotation_exp(np.array([0.4, 0.5, 0.6]))),
+        (
+            "kuka",
+            "100 200 300 10 20 30",
+            rotation_exp(np.radians(10) * Z) @ rotation_exp(np.radians(20) * Y) @ rotation_exp(np.radians(30) * X),
+        ),
+        (
+            "fanuc",
+            "100 200 300 10 20 30",
+            rotation_exp(np.radians(30) * Z) @ rotation_exp(np.radians(20) * Y) @ rotation_exp(np.radians(10) * X),
+        ),
+        ("abb", "[100,200,300],[0.8,0.6,0,0]", rotation_exp(2 * np.arccos(0.8) * X)),
+    ],
+)
+def test_notations(notation, text, rotation):
+    """A pendant's numbers are the pose that its maker's manual says, as a product of turns about single axes."""
+    pose = typed(notation, text)
+    np.testing.assert_allclose(pose.translation, [0.1, 0.2, 0.3], atol=1e-15)
+    np.testing.assert_allclose(pose.rotation, rotation, atol=1e-12)
+
+
+def test_what_cannot_be_read_is_asked_for_again(capsys):
+    """Too few numbers and a quaternion that is none are told, and the next line counts."""
+    robot = TypedRobot(place(), "abb", io.StringIO("1 2 3\n1 2 3 9 9 9 9\n0 0 0 1 0 0 0\n"))
+    assert np.array_equal(robot.state().state.base_from_flange.rotation, SE3.identity().rotation)
+    said = capsys.readouterr().err
+    assert "3 numbers, expected 7" in said
+    assert said.count("arm, abb: ") == 3
+
+
+def test_joints_need_a_chain(capsys):
+    """Joints of a robot without URDF are refused; the end of the input is an error."""
+    with pytest.raises(DriverError, match="the input has ended"):
+        TypedRobot(place(), "joints_deg", io.StringIO("1 2 3 4 5 6\n")).state()
+    assert "joints need urdf" in capsys.readouterr().err
+
+
+def test_an_unknown_notation():
+    """It is named with its field."""
+    with pytest.raises(DatasetError, match=r"driver\.notation: no notation 'yaskaw' \(did you mean"):
+        open_robot(place(notation="yaskaw"))

@@ -1,0 +1,86 @@
+"""A cell's drivers, opened by name."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import sys
+import types
+
+import pytest
+
+from basecal.acquisition import rig as rig_module
+from basecal.acquisition.rig import GROUP, driver_names, open_rig
+from basecal.cell import Cell, CellCamera, Driver, Robot
+from basecal.errors import DatasetError
+
+
+class Arm:
+    """A stranger's arm that notes what is asked of it."""
+
+    is_live = True
+
+    def __init__(self, place):
+        self.place, self.asked = place, []
+
+    def state(self):
+        raise NotImplementedError
+
+    def move(self, to, speed_rad_s):
+        self.asked.append("move")
+
+    def stop(self):
+        self.asked.append("stop")
+
+    def close(self):
+        self.asked.append("close")
+
+
+@pytest.fixture
+def stranger(monkeypatch):
+    """A module of another package that offers a driver `stranger` as an entry point."""
+    module = types.ModuleType("strangers_driver")
+    module.arms = []
+    module.open_robot = lambda place: module.arms.append(Arm(place)) or module.arms[-1]
+    monkeypatch.setitem(sys.modules, "strangers_driver", module)
+    point = importlib.metadata.EntryPoint("stranger", "strangers_driver", GROUP)
+    monkeypatch.setattr(
+        rig_module, "entry_points", lambda **wanted: [point] if wanted.get("name", "stranger") == "stranger" else []
+    )
+    return module
+
+
+def cell(kind, **options):
+    return Cell("eye", {"eye": Robot("eye", driver=Driver(kind, options)), "still": Robot("still")})
+
+
+def test_a_stranger_is_found_and_told_its_options(stranger, tmp_path):
+    """A driver of another package is named among ours, opened with its options, and closed at the end."""
+    assert driver_names()[-1] == "stranger"
+    with open_rig(cell("stranger", address="10.0.0.2"), tmp_path) as rig:
+        assert set(rig.robots) == {"eye"}
+        assert stranger.arms[0].place.options == {"address": "10.0.0.2"}
+    assert stranger.arms[0].asked == ["close"]
+
+
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
+def test_arms_stop_before_anything_else(stranger, tmp_path, error):
+    """Where something goes wrong, or somebody presses Ctrl-C, robots stop first and are closed then."""
+    with pytest.raises(error), open_rig(cell("stranger"), tmp_path):
+        raise error
+    assert stranger.arms[0].asked == ["stop", "close"]
+
+
+def test_unknown_drivers_are_named(tmp_path):
+    """One that nobody offers, or that is for cameras only, is an error with its field."""
+    with (
+        pytest.raises(DatasetError, match=r"robots\.eye\.driver\.kind: no driver 'typd' \(did you mean 'typed'"),
+        open_rig(cell("typd"), tmp_path),
+    ):
+        pass
+    with pytest.raises(DatasetError, match="driver 'folder' is for cameras only"), open_rig(cell("folder"), tmp_path):
+        pass
+    with_camera = Cell(
+        "eye", {"eye": Robot("eye")}, cameras={"wrist": CellCamera("wrist", "eye", driver=Driver("typed"))}
+    )
+    with pytest.raises(DatasetError, match="driver 'typed' is for robots only"), open_rig(with_camera, tmp_path):
+        pass
