@@ -76,7 +76,7 @@ def test_every_module_is_registered(folder: str, names: tuple[str, ...]) -> None
     face = {
         "cell/targets": "KIND = ",
         "geometry/lenses": "MODEL = ",
-        "exchange/exporters": "def exported(cell",
+        "exchange/exporters": "def exported(wanted",
         "exchange/controllers": "CONVENTION = ",
         "cell/robot_parameters": "class Stated(",
         "acquisition/drivers": "def open_",

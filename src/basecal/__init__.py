@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from basecal.estimation.settings import Settings as Settings
     from basecal.estimation.solve import Solution as Solution
     from basecal.estimation.solve import solve as solve
+    from basecal.exchange.exporters.exporter import export as export
+    from basecal.exchange.exporters.exporter import pasteable as pasteable
     from basecal.geometry import SE3 as SE3
     from basecal.geometry import Camera as Camera
     from basecal.geometry import PoseEstimate as PoseEstimate
@@ -52,7 +54,9 @@ _HOME = {
     "calibrate": "accuracy.verdict",
     "calibration_to_dict": "cell.files",
     "detect": "vision.detect",
+    "export": "exchange.exporters.exporter",
     "latest_run": "cell.files",
+    "pasteable": "exchange.exporters.exporter",
     "read_calibration": "cell.files",
     "read_cell": "cell.files",
     "read_recording": "cell.files",

@@ -74,6 +74,18 @@ class NotObservable(BasecalError):
         super().__init__(message)
 
 
+class RefusedCalibration(BasecalError):
+    """A calibration that is refused was to be used; the message says why it is."""
+
+    exit_code = 1
+
+    def __init__(self, reason: str = "") -> None:
+        self.reason = reason
+        super().__init__(
+            "the calibration is refused, and nothing of it is exported" + (f": {reason}" if reason else "")
+        )
+
+
 class NotConverged(BasecalError):
     """An iteration ended away from an optimum; `state` is where it stopped."""
 

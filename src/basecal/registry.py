@@ -38,9 +38,16 @@ CONTROLLERS = (
 """Robots' controllers whose way to write poses is known: modules of `basecal.exchange.controllers`."""
 
 EXPORTERS = {
-    "urdf": "ROBOT: its URDF with its joint offsets and link errors in the origins of its joints",
+    "ur": "p[...] of URScript, m and rotation vector",
+    "kuka": "{X, Y, Z, A, B, C} of KRL in mm and deg, with $BASE, $ROBROOT or $TOOL",
+    "abb": "pose of RAPID in mm, quaternion w first, with wobjdata and Base Frame",
+    "fanuc": "X, Y, Z, W, P, R in mm and deg",
+    "ros2": "launch file that publishes on /tf_static",
+    "matrix": "4x4 matrix, a row on a line",
+    "json": "all digits and the covariance",
+    "urdf": "with --robot: its URDF with its joint offsets and link errors in the origins of its joints",
 }
-"""Options of `basecal export` with what each takes and gives: modules of `basecal.exchange.exporters`."""
+"""Kinds of `basecal export` with what each gives: modules of `basecal.exchange.exporters`."""
 
 ROBOT_PARAMETERS = (
     "joint_offsets",

@@ -1,7 +1,9 @@
-"""`export`: the URDF of a robot with its calibration in it."""
+"""`export`: a calibration for other programs."""
 
 from __future__ import annotations
 
+import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +11,6 @@ import pytest
 
 from basecal.cell.files import latest_run, read_calibration, read_cell
 from basecal.cli import main
-from basecal.exchange.exporters.exporter import exporter
 from basecal.kinematics import read_chain
 from basecal.registry import EXPORTERS
 
@@ -31,7 +32,7 @@ def test_a_corrected_urdf_stands_where_the_calibration_says(off: Path, tmp_path:
     (off / "cell.yaml").write_text(freed)
     assert main(["calibrate", str(off)]) == 0
     written = tmp_path / "new" / "hand.urdf"
-    assert main(["export", str(off), "--urdf", "hand", "-o", str(written)]) == 0
+    assert main(["export", str(off), "--to", "urdf", "--robot", "hand", "-o", str(written)]) == 0
     run = latest_run(off)
     assert run is not None
     offsets = read_calibration(run).parameters_of("hand")["joint_offsets"].values
@@ -45,7 +46,7 @@ def test_a_corrected_urdf_stands_where_the_calibration_says(off: Path, tmp_path:
 
 def test_it_says_what_is_missing(off: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """No run yet, no such robot, no offsets in the run: one line each, exit code 3, nothing written."""
-    words = ["export", str(off), "-o", str(tmp_path / "x.urdf"), "--urdf"]
+    words = ["export", str(off), "-o", str(tmp_path / "x.urdf"), "--to", "urdf", "--robot"]
     assert main([*words, "hand"]) != 0
     assert "has no run yet" in capsys.readouterr().err
     main(["calibrate", str(off)])
@@ -57,17 +58,83 @@ def test_it_says_what_is_missing(off: Path, tmp_path: Path, capsys: pytest.Captu
     assert not (tmp_path / "x.urdf").exists()
 
 
-@pytest.mark.parametrize("words", [[], ["--sdf", "hand"], ["--urdf", "hand", "--sdf", "hand"]])
-def test_one_thing_is_exported(words: list[str], off: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Nothing said, something unknown and two things at once are wrong usage, and what there is is named."""
-    assert main(["export", str(off), "-o", str(tmp_path / "x"), *words]) == 2
-    told = capsys.readouterr().err
-    assert all(f"--{name}" in told for name in EXPORTERS)
+@pytest.fixture(scope="module")
+def solved(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A calibrated cell."""
+    folder = tmp_path_factory.mktemp("solved") / "cell"
+    assert main(["simulate", str(folder), "--samples", "20"]) == 0
+    assert main(["calibrate", str(folder)]) == 0
+    return folder
 
 
-@pytest.mark.parametrize("name", EXPORTERS)
-def test_every_exporter_is_told(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """The help of the verb names every exporter, and each is there."""
+def test_a_pose_is_printed_and_nothing_else(solved: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """On stdout, the pose of calibration.json; each direction by its name."""
+    run = latest_run(solved)
+    assert run is not None
+    mean = read_calibration(run)["eye_base_from_hand_base"].mean
+    for words, pose in (([], mean), (["--transform", "hand_base_from_eye_base"], mean.inverse())):
+        capsys.readouterr()
+        assert main(["export", str(solved), "--to", "ur", *words]) == 0
+        told = capsys.readouterr()
+        assert told.err == ""
+        assert f"run {run.name} from cell.yaml sha256:" in told.out
+        numbers = [float(word) for word in told.out.splitlines()[-1].removeprefix("p[").removesuffix("]").split(", ")]
+        np.testing.assert_allclose(numbers, [*pose.translation, *pose.rotvec], atol=1e-5)
+
+
+def test_a_run_is_chosen_by_its_name(solved: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """An older one too; one that is not there is an error that names those that are."""
+    run = latest_run(solved)
+    assert run is not None
+    assert main(["export", str(solved), "--to", "matrix", "--run", run.name]) == 0
+    assert run.name in capsys.readouterr().out
+    assert main(["export", str(solved), "--to", "matrix", "--run", "../x"]) == 3
+    assert run.name in capsys.readouterr().err
+
+
+def test_files_are_written_whole(solved: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """With `-o` the text goes there, and where it went is said."""
+    out = tmp_path / "new" / "base.launch.py"
+    assert main(["export", str(solved), "--to", "ros2", "-o", str(out)]) == 0
+    assert f"written: {out}" in capsys.readouterr().out
+    assert main(["export", str(solved), "--to", "ros2"]) == 0
+    assert out.read_text() == capsys.readouterr().out
+
+
+def test_what_is_doubtful_says_so_and_what_is_refused_is_kept(
+    solved: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In a comment and on stderr with code 0; nothing is written of what is refused, with code 1."""
+    cell = tmp_path / "cell"
+    shutil.copytree(solved, cell)
+    run = latest_run(cell)
+    assert run is not None
+    for verdict, code in (("doubtful", 0), ("refused", 1)):
+        data = json.loads((run / "calibration.json").read_text())
+        (run / "calibration.json").write_text(json.dumps(data | {"verdict": verdict}))
+        assert main(["export", str(cell), "--to", "ur", "-o", str(tmp_path / verdict)]) == code
+        assert verdict in capsys.readouterr().err
+    assert "DOUBTFUL" in (tmp_path / "doubtful").read_text()
+    assert not (tmp_path / "refused").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--to", "sdf"], "no 'sdf'"),
+        (["--to", "ur", "--robot", "hand"], "--to ur takes --transform, not --robot"),
+        (["--to", "urdf", "--transform", "x"], "--to urdf takes --robot, not --transform"),
+        ([], "--to"),
+    ],
+)
+def test_wrong_usage_is_said(words: list[str], said: str, solved: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A kind that is not there, an option of another kind, and no kind: code 2."""
+    assert main(["export", str(solved), *words]) == 2
+    assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("kind", EXPORTERS)
+def test_every_kind_is_told(kind: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """The help of the verb names every kind."""
     main(["export", "--help"])
-    assert f"--{name}" in capsys.readouterr().out
-    assert callable(exporter(name).exported)
+    assert f"{kind}: " in capsys.readouterr().out

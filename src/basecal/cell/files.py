@@ -8,6 +8,7 @@ from basecal.cell.results.calibration_file import (
     latest_run,
     read_calibration,
     read_calibration_data,
+    run_folder,
     write_calibration,
 )
 from basecal.cell.results.truth_file import read_truth, write_truth
@@ -29,6 +30,7 @@ __all__ = [
     "read_cell",
     "read_recording",
     "read_truth",
+    "run_folder",
     "sample_to_dict",
     "write_calibration",
     "write_cell",

@@ -2,54 +2,90 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import CycloptsError, Parameter
 
 from basecal.cli.terminal import pasted, say
-from basecal.errors import InputError
+from basecal.errors import FrameNotFound, InputError
 from basecal.registry import EXPORTERS
 
-_WHAT = "; ".join(f"--{name} {what}" for name, what in EXPORTERS.items())
+_KINDS = "; ".join(f"{name}: {what}" for name, what in EXPORTERS.items())
 
 
 def export(
     cell: Path,
     /,
     *,
-    output: Annotated[Path, Parameter(alias="-o")],
-    **what: Annotated[str, Parameter(help=f"What to write, one of: {_WHAT}.")],
+    to: Annotated[str, Parameter(help=f"For which program. {_KINDS}.")],
+    transform: str | None = None,
+    robot: str | None = None,
+    camera: str | None = None,
+    run: str | None = None,
+    output: Annotated[Path | None, Parameter(alias="-o")] = None,
 ) -> int:
-    """Write the latest calibration for another program.
+    """Write what a calibration found the way another program says it.
 
-    What is written is said by an option of its own. With the URDF of a robot,
-    its flange is where the calibrated one is at the joints that the robot
-    records, and all else stays as it is.
+    A transform a_from_b is the pose of b in a; --transform takes either
+    direction. Without it, those that the cell is calibrated for are written.
+    Numbers have the digits that their sigma justifies, and two more. A
+    calibration that is refused is not exported, and a doubtful one says so.
 
     For example:
 
-        basecal export mycell --urdf hand -o hand_corrected.urdf
+        basecal export mycell --to ur
+        basecal export mycell --to kuka --transform hand_base_from_eye_base
+        basecal export mycell --to urdf --robot hand -o hand_corrected.urdf
 
     Args:
         cell: Folder of the cell.
-        output: File to write.
-        **what: Which program's file, and what of the cell goes into it.
+        to: For which program.
+        transform: Name of a transform of the calibration, or the inverse's.
+        robot: Whose file, for kinds that are of a robot.
+        camera: Whose file, for kinds that are of a camera.
+        run: Name of a run in the cell's folder `runs`; the latest where not said.
+        output: File to write; printed where not said.
     """
-    from basecal.cell.files import latest_run, read_calibration, read_cell
-    from basecal.cell.format.writing import write_whole
+    from basecal.cell.files import read_calibration, read_cell
+    from basecal.exchange.exporters.exporter import export as exported
     from basecal.exchange.exporters.exporter import exporter
 
-    if len(what) != 1 or not what.keys() <= EXPORTERS.keys():
-        raise CycloptsError(msg=f"say one thing to export, got {', '.join(what) or 'none'}; there are: {_WHAT}")
-    described, run = read_cell(cell), latest_run(cell)
-    if run is None:
+    if to not in EXPORTERS:
+        raise CycloptsError(msg=f"--to {FrameNotFound(to, list(EXPORTERS))}")
+    given = {"transform": transform, "robot": robot, "camera": camera}
+    takes = exporter(to).OF
+    for option, value in given.items():
+        if value is not None and option != takes:
+            raise CycloptsError(msg=f"--to {to} takes --{takes}, not --{option}")
+    described, folder = read_cell(cell), _folder(cell, run)
+    calibration = read_calibration(folder)
+    text = exported(calibration, to, given[takes], cell=described, folder=cell, run=folder.name)
+    _write(text, output)
+    if calibration.verdict == "doubtful":
+        say(f"basecal: warning: the calibration is doubtful: basecal report {pasted(cell)}", sys.stderr)
+    return 0
+
+
+def _folder(cell: Path, run: str | None) -> Path:
+    """Folder of a run by its name, or of the latest."""
+    from basecal.cell.files import latest_run, run_folder
+
+    found = latest_run(cell) if run is None else run_folder(cell, run)
+    if found is None:
         raise InputError(f"{cell} has no run yet: basecal calibrate {pasted(cell)}")
-    ((name, of),) = what.items()
-    text = exporter(name).exported(described, cell, read_calibration(run), of)
-    if output.exists() and not output.is_file():
+    return found
+
+
+def _write(text: str, output: Path | None) -> None:
+    from basecal.cell.format.writing import write_whole
+
+    if output is None:
+        say(text.rstrip("\n"))
+    elif output.exists() and not output.is_file():
         output.write_text(text, encoding="utf-8")  # a pipe or a device is not replaced
     else:
         write_whole(output, text)
-    say(f"written: {output}")
-    return 0
+    if output is not None:
+        say(f"written: {output}")

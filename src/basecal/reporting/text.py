@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from basecal.cell import Calibration, Cell, Finding, Validation
+from basecal.exchange.exports.choice import frame_names
 from basecal.exchange.ros2 import static_transform_publisher
 from basecal.exchange.urdf import origin_line
 from basecal.geometry import Array, Camera, PoseEstimate
@@ -120,17 +121,6 @@ def _transform(name: str, calibration: Calibration) -> list[str]:
     if status != "fixed":
         lines.append(f"  sigma  {_row(np.degrees(estimate.sigma_r), 4)} deg   norm {sigma_deg:.4f} deg")
     return [*lines, f"  q_xyzw {_row(estimate.mean.quaternion, 9)}"]
-
-
-def frame_names(cell: Cell, name: str) -> tuple[str, str]:
-    """What parent and child of a transform are called in other programs.
-
-    The cell's `frames` of each robot, unless both are called the same; else our own names.
-    """
-    ours = tuple(name.split("_from_"))
-    named = {f"{robot.name}_{part}": other for robot in cell.robots.values() for part, other in robot.frames.items()}
-    parent, child = (named.get(frame, frame) for frame in ours)
-    return (parent, child) if parent != child else (ours[0], ours[1])
 
 
 class LensParameter(NamedTuple):

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from basecal.cell import Calibration, Cell
+from basecal.exchange.exports.choice import frame_names
 from basecal.exchange.ros2 import static_transform_publisher
 from basecal.exchange.urdf import numbers, origin_line
 from basecal.geometry import Array
-from basecal.reporting.text import frame_names, sigma_norms
+from basecal.reporting.text import sigma_norms
 
 _DIGITS = 4
 

@@ -1,14 +1,58 @@
-"""Exporters are found by their registered names."""
+"""Exporters are found by their registered names, and give texts of a calibration."""
 
 from __future__ import annotations
+
+import json
+from dataclasses import replace
 
 import pytest
 
 from basecal import registry
-from basecal.exchange.exporters.exporter import exporter
+from basecal.errors import FrameNotFound, RefusedCalibration
+from basecal.exchange.exporters.exporter import export, exporter, pasteable
+from export_example import BASE, CALIBRATION, CELL, INVERSE, POINT, all_poses
+
+OF_TRANSFORMS = [kind for kind in registry.EXPORTERS if exporter(kind).OF == "transform"]
 
 
-@pytest.mark.parametrize("name", registry.EXPORTERS)
-def test_every_registered_exporter_exports(name):
-    """Each is a module with the function that gives a file's text."""
-    assert callable(exporter(name).exported)
+@pytest.mark.parametrize("kind", registry.EXPORTERS)
+def test_every_registered_exporter_exports(kind):
+    """Each is a module with the function that gives a file's text, and says of what."""
+    assert callable(exporter(kind).exported)
+    assert exporter(kind).OF in ("transform", "robot", "camera")
+    assert exporter(kind).OF == "transform" or not exporter(kind).PASTED
+
+
+@pytest.mark.parametrize("kind", OF_TRANSFORMS)
+def test_every_file_says_where_it_comes_from_and_what_is_doubtful(kind):
+    """By run, hash and codes of findings; whose pose in what is said by the transform's name."""
+    doubtful = replace(CALIBRATION, verdict="doubtful")
+    text = export(doubtful, kind, BASE, cell=CELL, run="20260102T030405Z")
+    for part in ("20260102T030405Z", "sha256:0123456789ab", "DOUBTFUL: poor-fit", BASE):
+        assert part in text
+    assert "DOUBTFUL" not in export(CALIBRATION, kind, BASE, cell=CELL)
+
+
+@pytest.mark.parametrize("kind", registry.EXPORTERS)
+def test_nothing_refused_is_exported(kind):
+    """Its first error is told."""
+    with pytest.raises(RefusedCalibration, match="nothing of it is exported"):
+        export(replace(CALIBRATION, verdict="refused"), kind)
+    assert pasteable(replace(CALIBRATION, verdict="refused")) == {}
+
+
+def test_an_unknown_kind_is_said():
+    """With the nearest one."""
+    with pytest.raises(FrameNotFound, match="did you mean 'kuka'"):
+        export(CALIBRATION, "kukka")
+
+
+def test_texts_to_paste_are_those_of_the_kinds():
+    """By transform in both directions, then by kind; points have none; JSON can hold it."""
+    texts = pasteable(CALIBRATION, CELL, "20260102T030405Z")
+    assert set(texts) == set(all_poses())
+    assert POINT not in texts
+    for kind, text in texts[INVERSE].items():
+        assert text == export(CALIBRATION, kind, INVERSE, cell=CELL, run="20260102T030405Z")
+    assert {"ur", "kuka", "abb", "fanuc", "ros2", "matrix", "json"} <= texts[BASE].keys()
+    assert json.loads(json.dumps(texts)) == texts

@@ -12,6 +12,7 @@ import pytest
 from basecal.cell import Calibration, Cell, Robot, RobotParameters
 from basecal.errors import FrameNotFound, InputError
 from basecal.exchange.exporters.urdf import exported
+from basecal.exchange.exports.wanted import Wanted
 from basecal.kinematics import read_chain
 
 DATA = Path(__file__).parents[2] / "data" / "urdf"
@@ -30,6 +31,10 @@ def calibrated(**parameters):
     return Calibration("good", robot_parameters=of_hand, inputs=INPUTS)
 
 
+def urdf_of(cell, folder, calibration, of):
+    return exported(Wanted((), (), calibration, cell, folder, of))
+
+
 def flange_of(text: str, folder: Path):
     (folder / "out.urdf").write_text(text)
     return read_chain(folder / "out.urdf", "base_link", "tool0").forward(np.full(6, 0.3))
@@ -37,7 +42,7 @@ def flange_of(text: str, folder: Path):
 
 def test_offsets_are_in_it(tmp_path):
     """At the joints that are recorded its flange is where the calibrated one is; unknown offsets count as zero."""
-    found = flange_of(exported(CELL, DATA, calibrated(joint_offsets=OFFSETS), "hand"), tmp_path)
+    found = flange_of(urdf_of(CELL, DATA, calibrated(joint_offsets=OFFSETS), "hand"), tmp_path)
     wanted = CHAIN.forward(0.3 + np.nan_to_num(RAD))
     np.testing.assert_allclose(found.matrix, wanted.matrix, atol=1e-9)
 
@@ -46,7 +51,7 @@ def test_links_are_in_it(tmp_path):
     """Likewise, without offsets."""
     tangents = 1e-3 * np.random.default_rng(0).standard_normal((7, 6))
     links = RobotParameters((), tangents, np.ones((7, 6)), np.ones((7, 6), dtype=bool))
-    found = flange_of(exported(CELL, DATA, calibrated(link_parameters=links), "hand"), tmp_path)
+    found = flange_of(urdf_of(CELL, DATA, calibrated(link_parameters=links), "hand"), tmp_path)
     np.testing.assert_allclose(found.matrix, CHAIN.moved(tangents).forward(np.full(6, 0.3)).matrix, atol=1e-9)
 
 
@@ -54,34 +59,39 @@ def test_what_cannot_be_exported_is_said():
     """A robot that is not there, one without a urdf, and one of which nothing was calibrated."""
     good = calibrated(joint_offsets=OFFSETS)
     with pytest.raises(FrameNotFound):
-        exported(CELL, DATA, good, "hnd")
+        urdf_of(CELL, DATA, good, "hnd")
     with pytest.raises(InputError, match="'eye' has no urdf"):
-        exported(CELL, DATA, good, "eye")
+        urdf_of(CELL, DATA, good, "eye")
     for field in ("urdf", "base_link", "flange_link"):
         bare = replace(CELL, robots={"hand": replace(HAND, **{field: None})})
         with pytest.raises(InputError, match="'hand' has no urdf"):
-            exported(bare, DATA, good, "hand")
+            urdf_of(bare, DATA, good, "hand")
+    for cell, folder in ((None, DATA), (CELL, None)):
+        with pytest.raises(InputError, match="needs the cell and its folder"):
+            urdf_of(cell, folder, good, "hand")
+    with pytest.raises(InputError, match="say whose URDF, with --robot: eye, hand"):
+        urdf_of(CELL, DATA, good, None)
     with pytest.raises(InputError, match="no joint offsets of 'hand'"):
-        exported(CELL, DATA, Calibration("good"), "hand")
+        urdf_of(CELL, DATA, Calibration("good"), "hand")
 
 
 def test_it_says_where_it_comes_from():
     """By a comment with the hash of the URDF that was calibrated."""
-    text = exported(CELL, DATA, calibrated(joint_offsets=OFFSETS), "hand")
+    text = urdf_of(CELL, DATA, calibrated(joint_offsets=OFFSETS), "hand")
     assert f"of {INPUTS['six_axis.urdf']}: joint offsets applied -->" in text
 
 
 def test_nothing_is_applied_twice(tmp_path):
     """A URDF that holds the correction already is not corrected again, nor is one of which nothing is known."""
     good = calibrated(joint_offsets=OFFSETS)
-    (tmp_path / "six_axis.urdf").write_text(exported(CELL, DATA, good, "hand"))
+    (tmp_path / "six_axis.urdf").write_text(urdf_of(CELL, DATA, good, "hand"))
     for calibration in (good, replace(good, inputs={})):
         with pytest.raises(InputError, match=r"six_axis\.urdf is not the file that was calibrated.*twice is wrong"):
-            exported(CELL, tmp_path, calibration, "hand")
+            urdf_of(CELL, tmp_path, calibration, "hand")
 
 
 def test_offsets_of_other_joints_are_refused():
     """Where the cell now names another chain than was calibrated."""
     short = RobotParameters(CHAIN.joint_names[:3], RAD[:3], RAD[:3], np.isfinite(RAD[:3]))
     with pytest.raises(InputError, match="3 joint offsets do not suit 6 joints"):
-        exported(CELL, DATA, calibrated(joint_offsets=short), "hand")
+        urdf_of(CELL, DATA, calibrated(joint_offsets=short), "hand")

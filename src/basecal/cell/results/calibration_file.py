@@ -17,7 +17,7 @@ from basecal.cell.format.yaml_text import read_text
 from basecal.cell.journal import recording_file
 from basecal.cell.results.calibration_dict import calibration_from_dict, calibration_to_dict
 from basecal.cell.schema import cell_file
-from basecal.errors import DatasetError, InputError
+from basecal.errors import DatasetError, FrameNotFound, InputError
 
 RUNS = "runs"
 FILE = "calibration.json"
@@ -90,6 +90,18 @@ def latest_run(folder: str | Path) -> Path | None:
     found = [(match, run) for run in runs.glob("*") if (match := _RUN.fullmatch(run.name)) and (run / FILE).is_file()]
     written = [((run / FILE).stat().st_mtime_ns, match[1], int(match[2] or 1), run) for match, run in found]
     return max(written)[-1] if written else None
+
+
+def run_folder(folder: str | Path, name: str) -> Path:
+    """Folder of the run of a cell that has a name.
+
+    Raises:
+        FrameNotFound: if there is none.
+    """
+    runs = sorted(run.name for run in (Path(folder) / RUNS).glob("*") if (run / FILE).is_file())
+    if name not in runs:
+        raise FrameNotFound(name, runs)
+    return Path(folder) / RUNS / name
 
 
 def input_hashes(folder: str | Path, cell: Cell | None = None) -> dict[str, str]:

@@ -3,29 +3,37 @@
 from __future__ import annotations
 
 import hashlib
-from pathlib import Path
 
 import numpy as np
 
 from basecal.bounded_file import read_bounded
-from basecal.cell import Calibration, Cell
 from basecal.cell.results.calibration_dict import program_version
 from basecal.errors import FrameNotFound, InputError
+from basecal.exchange.exporters.exporter import Of
+from basecal.exchange.exports.wanted import Wanted
 from basecal.exchange.urdf import corrected_urdf
 from basecal.kinematics.urdf import LARGEST_BYTES
 
+OF: Of = "robot"
+PASTED = False
 
-def exported(cell: Cell, folder: Path, calibration: Calibration, of: str) -> str:
+
+def exported(wanted: Wanted) -> str:
     """The URDF of the robot `of`: at the joints that it records, its flange is where the calibrated one is.
 
     Offsets that nothing is known of count as zero. A comment in it says what it was made from.
 
     Raises:
         FrameNotFound: if there is no such robot.
-        InputError: if it has no URDF, was not calibrated, or its URDF is no longer the one that was calibrated: what
-            was found must not be applied twice.
+        InputError: if none is named, it has no URDF, was not calibrated, or its URDF is no longer the one that was
+            calibrated: what was found must not be applied twice.
         DatasetError: if its URDF cannot be used.
     """
+    cell, folder, calibration, of = wanted.cell, wanted.folder, wanted.calibration, wanted.of
+    if cell is None or folder is None:
+        raise InputError("a corrected URDF needs the cell and its folder")
+    if of is None:
+        raise InputError(f"say whose URDF, with --robot: {', '.join(cell.robots)}")
     if of not in cell.robots:
         raise FrameNotFound(of, list(cell.robots))
     robot = cell.robots[of]

@@ -1,0 +1,45 @@
+"""A pose as RAPID says it, the quaternion with its scalar first, mm; and the work object or base frame of it."""
+
+from __future__ import annotations
+
+from basecal.exchange.controllers.abb import CONVENTION
+from basecal.exchange.exporters.exporter import Of
+from basecal.exchange.exports.digits import fixed, length_decimals, written_numbers
+from basecal.exchange.exports.remarks import about, comments
+from basecal.exchange.exports.wanted import NamedTransform, Wanted
+
+OF: Of = "transform"
+PASTED = True
+_LONGEST_NAME = 32
+"""Characters of an identifier. Source: RAPID Overview, "Identifiers"."""
+
+
+def exported(wanted: Wanted) -> str:
+    """Poses of RAPID; what is in a base is a work object too, and a base the Base Frame of the robot's parameters."""
+    lines = comments(wanted.remarks, "!")
+    for one in wanted.transforms:
+        lines += comments([about(one, "mm and quaternion, scalar first")], "!")
+        numbers = written_numbers(CONVENTION, one.estimate)
+        pose = f"[[{','.join(numbers[:3])}],[{','.join(numbers[3:])}]]"
+        lines += [pose, *_objects(one, pose)]
+    return "\n".join(lines) + "\n"
+
+
+def _objects(one: NamedTransform, pose: str) -> list[str]:
+    """A work object, fixed in the world, and the base frame in metres.
+
+    Source: RAPID Reference Manual, data type `wobjdata`; System parameters, topic Motion, type Robot, "Base Frame".
+    """
+    parent, child = one.own_frames
+    if not parent.endswith("_base"):
+        return []
+    name = f"wobj_{child}"[:_LONGEST_NAME]
+    lines = [f'PERS wobjdata {name}:=[FALSE,TRUE,"",{pose},[[0,0,0],[1,0,0,0]]];']
+    if child.endswith("_base"):
+        x, y, z = fixed(one.estimate.mean.translation, length_decimals(one.estimate, 1.0))
+        q = written_numbers(CONVENTION, one.estimate)[3:]
+        frame = ", ".join(f"{key} {value}" for key, value in zip(("x", "y", "z"), (x, y, z), strict=True))
+        turned = ", ".join(f"q{i} {value}" for i, value in enumerate(q, start=1))
+        said = f"Base Frame of {child.removesuffix('_base')}, where the world is {parent}: {frame} [m], {turned}"
+        lines += comments([said], "!")
+    return lines

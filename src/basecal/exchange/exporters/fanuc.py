@@ -1,0 +1,23 @@
+"""A pose as FANUC's listings (.LS) and pendants say it: X, Y, Z in mm, W, P, R in degrees."""
+
+from __future__ import annotations
+
+from basecal.exchange.controllers.fanuc import CONVENTION
+from basecal.exchange.exporters.exporter import Of
+from basecal.exchange.exports.digits import written_numbers
+from basecal.exchange.exports.remarks import about, comments
+from basecal.exchange.exports.wanted import Wanted
+
+OF: Of = "transform"
+PASTED = True
+
+
+def exported(wanted: Wanted) -> str:
+    """Two lines a pose, as in the positions of a listing."""
+    lines = comments(wanted.remarks, "!")
+    for one in wanted.transforms:
+        lines += comments([about(one, "mm and deg")], "!")
+        pairs = zip(CONVENTION.names, written_numbers(CONVENTION, one.estimate), strict=True)
+        x, y, z, w, p, r = (f"{name} = {number}" for name, number in pairs)
+        lines += [f"{x} mm, {y} mm, {z} mm,", f"{w} deg, {p} deg, {r} deg"]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,30 @@
+"""Transforms as JSON, with all their digits and covariances, as in calibration.json."""
+
+from __future__ import annotations
+
+import json
+
+from basecal.cell.format.plain import numbers
+from basecal.exchange.exporters.exporter import Of
+from basecal.exchange.exports.wanted import Wanted
+
+OF: Of = "transform"
+PASTED = True
+
+
+def exported(wanted: Wanted) -> str:
+    """One object: `transforms` by name, the verdict, and where they come from."""
+    transforms = {
+        one.name: {
+            "parent": one.parent,
+            "child": one.child,
+            "t_m": numbers(one.estimate.mean.translation),
+            "q_xyzw": numbers(one.estimate.mean.quaternion),
+            "matrix": numbers(one.estimate.mean.matrix),
+            "covariance": numbers(one.estimate.covariance),
+            "status": one.status,
+        }
+        for one in wanted.transforms
+    }
+    data = {"transforms": transforms, "verdict": wanted.calibration.verdict, "from": list(wanted.remarks)}
+    return json.dumps(data, indent=1, allow_nan=False) + "\n"

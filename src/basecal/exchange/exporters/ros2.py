@@ -1,0 +1,44 @@
+"""A ROS 2 launch file that publishes transforms on `/tf_static`."""
+
+from __future__ import annotations
+
+from basecal.exchange.exporters.exporter import Of
+from basecal.exchange.exports.remarks import about, comments
+from basecal.exchange.exports.wanted import NamedTransform, Wanted
+from basecal.exchange.ros2 import publisher_arguments, static_transform_publisher
+
+OF: Of = "transform"
+PASTED = True
+
+
+def exported(wanted: Wanted) -> str:
+    """A launch file with a node for each transform; the command that does the same is in a comment."""
+    nodes = [line for one in wanted.transforms for line in _node(one)]
+    return "\n".join(
+        [
+            *comments(wanted.remarks, "#"),
+            "from launch import LaunchDescription",
+            "from launch_ros.actions import Node",
+            "",
+            "",
+            "def generate_launch_description():",
+            "    return LaunchDescription([",
+            *(f"        {line}" for line in nodes),
+            "    ])",
+            "",
+        ]
+    )
+
+
+def _node(one: NamedTransform) -> list[str]:
+    mean = one.estimate.mean
+    command = static_transform_publisher(mean, one.parent, one.child)
+    return [
+        *comments([about(one, "m, quaternion x, y, z, w"), command], "#"),
+        "Node(",
+        '    package="tf2_ros",',
+        '    executable="static_transform_publisher",',
+        f"    name={one.name!r},",
+        f"    arguments={publisher_arguments(mean, one.parent, one.child)!r},",
+        "),",
+    ]

@@ -1,0 +1,1 @@
+"""What every exporter needs: which transforms, with how many digits, and what they were made from."""

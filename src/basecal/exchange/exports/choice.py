@@ -1,0 +1,71 @@
+"""Which transforms of a calibration are exported, and what their frames are called there."""
+
+from __future__ import annotations
+
+from basecal.cell import Calibration, Cell
+from basecal.errors import FrameNotFound, InputError
+from basecal.exchange.exports.wanted import NamedTransform
+
+
+def chosen_transforms(
+    calibration: Calibration, cell: Cell | None = None, name: str | None = None
+) -> tuple[NamedTransform, ...]:
+    """The transform of a name, in whichever direction; those that the cell is calibrated for where there is no name.
+
+    Args:
+        calibration: Where they come from.
+        cell: What was calibrated: it says what is asked for, and names frames. Without it, what is asked for is each
+            base that was estimated, or else all that was.
+        name: A name of the calibration, or the inverse of one.
+
+    Raises:
+        FrameNotFound: if there is none of that name.
+        InputError: if it is the place of a point, or there is nothing to export.
+    """
+    if name is not None:
+        return (_named(calibration, cell, name),)
+    asked = _asked(calibration) if cell is None else cell.asked
+    names = [each for each in asked if each in calibration.transforms and each not in calibration.points]
+    if not names:
+        known = ", ".join(calibration.transforms) or "none"
+        raise InputError(f"no transform was estimated that could be exported; name one of: {known}")
+    return tuple(_named(calibration, cell, each) for each in names)
+
+
+def both_directions(calibration: Calibration, cell: Cell | None = None) -> tuple[NamedTransform, ...]:
+    """Every transform of a calibration that is no point, each followed by its inverse."""
+    names = [name for name in calibration.transforms if name not in calibration.points]
+    return tuple(_named(calibration, cell, each) for name in names for each in (name, _turned_round(name)))
+
+
+def frame_names(cell: Cell, name: str) -> tuple[str, str]:
+    """What parent and child of a transform are called in other programs.
+
+    The cell's `frames` of each robot, unless both are called the same; else our own names.
+    """
+    ours = tuple(name.split("_from_"))
+    named = {f"{robot.name}_{part}": other for robot in cell.robots.values() for part, other in robot.frames.items()}
+    parent, child = (named.get(frame, frame) for frame in ours)
+    return (parent, child) if parent != child else (ours[0], ours[1])
+
+
+def _asked(calibration: Calibration) -> list[str]:
+    wanted = [name for name in calibration.transforms if calibration.status.get(name) != "fixed"]
+    bases = [name for name in wanted if all(frame.endswith("_base") for frame in name.split("_from_"))]
+    return bases or wanted
+
+
+def _named(calibration: Calibration, cell: Cell | None, name: str) -> NamedTransform:
+    inverse = _turned_round(name)
+    found = name if name in calibration.transforms else inverse
+    if found not in calibration.transforms:
+        raise FrameNotFound(name, list(calibration.transforms))
+    if found in calibration.points:
+        raise InputError(f"{found} is the place of a point and has no rotation: there is no pose to export")
+    estimate = calibration[found] if found == name else calibration[found].inverse()
+    parent, child = name.split("_from_") if cell is None else frame_names(cell, name)
+    return NamedTransform(name, parent, child, estimate, calibration.status.get(found, "free"))
+
+
+def _turned_round(name: str) -> str:
+    return "_from_".join(reversed(name.split("_from_")))

@@ -1,0 +1,48 @@
+"""What an export says of itself in comments: from which run and data it is, and whether that is doubtful."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from basecal.cell import Calibration
+from basecal.cell.results.calibration_dict import program_version
+from basecal.errors import printable
+from basecal.exchange.exports.wanted import NamedTransform
+
+_HASH = 12  # digits of a hash: enough to tell any two recordings apart
+
+
+def provenance(calibration: Calibration, run: str | None = None) -> tuple[str, ...]:
+    """What a calibration was made from, a line each, then what makes it doubtful where it is.
+
+    Args:
+        calibration: What came out.
+        run: Name of its run, which is the UTC time of it; None where it is in no run.
+    """
+    of = "" if run is None else f", run {run}"
+    hashes = [f"{name} {digest[: len('sha256:') + _HASH]}" for name, digest in calibration.inputs.items()]
+    lines = [f"made by basecal {program_version()}{of}" + (f" from {', '.join(hashes)}" if hashes else "")]
+    if calibration.verdict == "doubtful":
+        codes = dict.fromkeys(f.code for f in calibration.findings if f.severity != "info")
+        lines.append(f"DOUBTFUL: {', '.join(codes)}; see the report before it is used")
+    return tuple(lines)
+
+
+def about(transform: NamedTransform, units: str) -> str:
+    """In a line, which way a transform goes, in which units it is written, and how well it is known."""
+    parent, child = transform.own_frames
+    known = "fixed" if transform.status == "fixed" else f"1 sigma {_sigmas(transform)}"
+    return f"{transform.name}: the pose of {child} in {parent}, {units}; {known}"
+
+
+def comments(lines: Iterable[str], mark: str, end: str = "") -> list[str]:
+    """Lines of comments that hold nothing but one line each."""
+    return [f"{mark} {' '.join(printable(line).split())}{end}" for line in lines]
+
+
+def _sigmas(transform: NamedTransform) -> str:
+    estimate = transform.estimate
+    mm, deg = np.linalg.norm(estimate.sigma_t) * 1e3, np.degrees(np.linalg.norm(estimate.sigma_r))
+    return f"{mm:.2g} mm and {deg:.2g} deg"

@@ -1,0 +1,55 @@
+"""What an exporter is asked to write."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from basecal.cell import Calibration, Cell
+from basecal.geometry import PoseEstimate
+
+
+@dataclass(frozen=True, eq=False)
+class NamedTransform:
+    """A transform that has both a place and a rotation.
+
+    Attributes:
+        name: Such as `eye_base_from_hand_base`.
+        parent: What its first frame is called in other programs.
+        child: Likewise its second.
+        estimate: `parent_from_child`.
+        status: `fixed`, `prior` or `free`.
+    """
+
+    name: str
+    parent: str
+    child: str
+    estimate: PoseEstimate
+    status: str
+
+    @property
+    def own_frames(self) -> tuple[str, str]:
+        """Its frames as the cell calls them."""
+        parent, _, child = self.name.partition("_from_")
+        return parent, child
+
+
+@dataclass(frozen=True, eq=False)
+class Wanted:
+    """All that an exporter may write.
+
+    Attributes:
+        transforms: Those asked for.
+        remarks: What they were made from and whether that is doubtful, a line each, for comments.
+        calibration: Where they come from.
+        cell: What was calibrated; None where it is not known.
+        folder: Where the cell's files are; None likewise.
+        of: The robot or camera asked for; None where none was.
+    """
+
+    transforms: tuple[NamedTransform, ...]
+    remarks: tuple[str, ...]
+    calibration: Calibration
+    cell: Cell | None = None
+    folder: Path | None = None
+    of: str | None = None

@@ -1,0 +1,56 @@
+"""Which transforms are exported."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.cell import Calibration, Robot
+from basecal.errors import FrameNotFound, InputError
+from basecal.exchange.exports.choice import both_directions, chosen_transforms, frame_names
+from export_example import BASE, CALIBRATION, CELL, FIXED, INVERSE, MOUNT, POINT
+
+
+def names(transforms):
+    return [one.name for one in transforms]
+
+
+def test_what_is_asked_for_is_chosen():
+    """The bases of the cell; without the cell those that were estimated; without a base all that was."""
+    assert names(chosen_transforms(CALIBRATION, CELL)) == names(chosen_transforms(CALIBRATION)) == [BASE]
+    without = {name: each for name, each in CALIBRATION.transforms.items() if name != BASE}
+    assert names(chosen_transforms(replace(CALIBRATION, transforms=without))) == [MOUNT]
+
+
+def test_either_direction_is_chosen_by_its_name():
+    """The inverse of a key is found too, with the covariance of the inverse."""
+    (forth,), (back,) = chosen_transforms(CALIBRATION, CELL, BASE), chosen_transforms(CALIBRATION, CELL, INVERSE)
+    np.testing.assert_allclose((forth.estimate.mean @ back.estimate.mean).matrix, np.eye(4), atol=1e-14)
+    np.testing.assert_allclose(back.estimate.covariance, forth.estimate.inverse().covariance)
+    assert (back.name, back.parent, back.child) == (INVERSE, forth.child, forth.parent)
+
+
+def test_both_directions_of_what_has_a_rotation():
+    """Points are left out."""
+    assert names(both_directions(CALIBRATION))[:3] == [BASE, INVERSE, MOUNT]
+    assert len(both_directions(CALIBRATION)) == 6
+
+
+def test_what_cannot_be_chosen_is_said():
+    """No such name, the place of a point, and nothing at all."""
+    with pytest.raises(FrameNotFound, match="did you mean 'eye_base_from_hand_base'"):
+        chosen_transforms(CALIBRATION, CELL, "eye_base_from_hand_bas")
+    with pytest.raises(InputError, match="place of a point"):
+        chosen_transforms(CALIBRATION, CELL, POINT)
+    with pytest.raises(InputError, match="name one of: none"):
+        chosen_transforms(Calibration("good"))
+    with pytest.raises(InputError, match=f"name one of: {FIXED}"):
+        chosen_transforms(replace(CALIBRATION, transforms={FIXED: CALIBRATION[FIXED]}))
+
+
+def test_frames_that_would_be_called_the_same_keep_our_names():
+    """Two robots with the same URDF have links of one name."""
+    same = {name: Robot(name, frames={"base": "base_link"}) for name in ("eye", "hand")}
+    assert frame_names(replace(CELL, robots=same), BASE) == ("eye_base", "hand_base")

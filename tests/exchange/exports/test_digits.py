@@ -1,0 +1,51 @@
+"""Digits by the sigma."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.exchange.controllers.abb import CONVENTION as ABB
+from basecal.exchange.controllers.kuka import CONVENTION as KUKA
+from basecal.exchange.controllers.ur import CONVENTION as UR
+from basecal.exchange.exports.digits import angle_decimals, fixed, length_decimals, unit_decimals, written_numbers
+from basecal.geometry import SE3, PoseEstimate
+from export_example import ESTIMATE
+
+
+def known(sigma_m: float, sigma_rad: float) -> PoseEstimate:
+    return PoseEstimate(SE3.identity(), np.diag([sigma_m**2] * 3 + [sigma_rad**2] * 3))
+
+
+@pytest.mark.parametrize(("sigma_mm", "decimals"), [(0.052, 4), (0.099, 4), (0.11, 3), (1.1, 2), (52.0, 1), (520, 0)])
+def test_two_digits_beyond_the_first_of_the_sigma(sigma_mm, decimals):
+    """A sigma of 0.05 mm justifies hundredths, and two more."""
+    assert length_decimals(known(sigma_mm * 1e-3, 1), 1e-3) == decimals
+    assert length_decimals(known(sigma_mm * 1e-3, 1), 1.0) == decimals + 3
+
+
+def test_what_is_exact_has_nanometres():
+    """Where there is no sigma."""
+    assert length_decimals(known(0, 0), 1.0) == 9
+    assert length_decimals(known(0, 0), 1e-3) == 6
+    assert angle_decimals(known(0, 0), 1.0) == 9
+
+
+def test_quaternions_stay_of_norm_one():
+    """However large the sigma."""
+    assert unit_decimals(known(1, 0.3)) == 6
+    assert unit_decimals(known(1, 3e-6)) == 8
+
+
+def test_rounding_is_a_hundredth_of_a_sigma_at_most():
+    """For every convention, of the pose that the numbers give back."""
+    for kind in (UR, KUKA, ABB):
+        again = kind.read(np.array([float(number) for number in written_numbers(kind, ESTIMATE)]))
+        off = np.abs((ESTIMATE.mean.inverse() @ again).log())
+        assert np.all(off[:3] < 0.01 * ESTIMATE.sigma_t.min())
+        assert np.all(off[3:] < 0.01 * ESTIMATE.sigma_r.min())
+
+
+def test_no_negative_zero():
+    """A sign before zeros reads as an option to some programs."""
+    assert fixed([-1e-9, 0.0, -0.5], 3) == ["0.000", "0.000", "-0.500"]
