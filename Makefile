@@ -33,7 +33,7 @@ test-slow: $(VENV)/.test
 	$(BIN)/python -m pytest -n auto -m slow
 
 torment: $(VENV)/.test
-	PYTHONPATH=.:tests $(BIN)/python -m torment.run --seed $(or $(SEED),0) $(if $(SECONDS),--seconds $(SECONDS))
+	PYTHONPATH=.:tests $(BIN)/python -m torment.run --seed $(or $(SEED),0) $(if $(SECONDS),--seconds $(SECONDS)) $(if $(RECORD),--record)
 
 lint: $(VENV)/.lint
 	$(BIN)/ruff check .

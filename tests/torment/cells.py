@@ -51,11 +51,15 @@ def calibration(kind: str) -> Any:
     return read_calibration(run)
 
 
+def cell_text(cell: Any) -> str:
+    """A `cell.yaml` of plain data: JSON, which is YAML."""
+    return json.dumps(cell).replace("NaN", ".nan").replace("-Infinity", "-.inf").replace("Infinity", ".inf")
+
+
 def write(folder: Path, cell: Any, samples: list[Any], urdfs: dict[str, str]) -> None:
-    """A cell of plain data; `cell.yaml` is JSON, which is YAML."""
+    """A cell of plain data."""
     (folder / "recording").mkdir(parents=True, exist_ok=True)
-    text = json.dumps(cell).replace("NaN", ".nan").replace("-Infinity", "-.inf").replace("Infinity", ".inf")
-    (folder / "cell.yaml").write_text(text)
+    (folder / "cell.yaml").write_text(cell_text(cell))
     (folder / "recording" / "samples.jsonl").write_text("".join(json.dumps(sample) + "\n" for sample in samples))
     for name, urdf in urdfs.items():
         (folder / name).write_bytes(urdf.encode("utf-8", "surrogatepass"))

@@ -12,8 +12,8 @@ import pytest
 from torment import run
 from torment.damage import at, damaged, places
 from torment.outcome import Fell, of_command, of_reader, time_limit
-from torment.run import TRIALS, table, torment, tried
-from torment.trials import READERS
+from torment.readers import READERS
+from torment.run import TRIALS, counts_table, torment, tried
 
 # Seeds that once fell
 FOUND = (
@@ -68,7 +68,9 @@ def test_a_fall_is_found(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capture
         raise Fell("on purpose")
 
     monkeypatch.setitem(run.TRIALS, "poses", falling)
-    came = torment(["poses"], 9.0, 5, 2)
-    assert came["poses"] == {"fell": 2}
+    rows = list(torment(["poses"], 9.0, 5, 2))
+    assert [(row.first, row.came, row.seeds) for row in rows] == [
+        (seed, {"fell": 1}, {"fell": {str(seed): "on purpose"}}) for seed in (5, 6)
+    ]
     assert "poses, seed 6: on purpose" in capsys.readouterr().err
-    assert "| poses | 2 | 0 | 0 |  | 2 |" in table(came)
+    assert "| poses | 2 | 0 | 0 |  | 2 |" in counts_table({"poses": Counter({"fell": 2})})

@@ -66,3 +66,12 @@ def test_what_others_write_is_passed_on(monkeypatch: pytest.MonkeyPatch, capfd: 
     monkeypatch.setattr(decoder.cv2, "imdecode", imdecode)
     assert decoded(JPEG).amiss == "bad Huffman code"
     assert capfd.readouterr().err == "a bar at 40 %\n"
+
+
+def test_nothing_of_the_decoders_is_passed_on(capfd: pytest.CaptureFixture[str]) -> None:
+    """OpenCV's errors of several lines and libjpeg's warnings reach no terminal, and a warning is nothing amiss."""
+    at = JPEG.index(b"JFIF\0") + 5
+    assert decoded(JPEG[:at] + b"\x10\x4a" + JPEG[at + 2 :]).amiss == ""
+    assert decoded(b"BM" + bytes(40)).pixels is None
+    assert decoded(b"P5\n24 18\n255\n").pixels is None
+    assert capfd.readouterr() == ("", "")

@@ -166,6 +166,23 @@ def test_half_a_board_is_none() -> None:
     assert isinstance(cv2.imdecode(np.frombuffer(data[: len(data) // 2] + data[-2:], np.uint8), 0), np.ndarray)
 
 
+def test_chunks_longer_than_their_file() -> None:
+    """A chunk of a PNG that says it has two gigabytes is refused before a decoder takes memory for it."""
+    data = encoded(".png")
+    at = data.index(b"IDAT") - 4
+    tracemalloc.start()
+    why = grey_image(data[:at] + b"\x7f\xff\xff\xf0" + data[at + 4 :], SIZE)
+    assert tracemalloc.get_traced_memory()[1] < 2**20
+    tracemalloc.stop()
+    assert why == "is truncated"
+
+
+def test_cut_webp() -> None:
+    """A WebP that is shorter than it says is truncated."""
+    data = encoded(".webp", np.repeat(PICTURE[..., None], 3, axis=2))
+    assert grey_image(data[:-20], SIZE) == "is truncated"
+
+
 def test_damaged_png() -> None:
     """A PNG with one byte changed is no image."""
     data = bytearray(encoded(".png", BOARD))

@@ -17,12 +17,14 @@ from numpy.typing import NDArray
 _STDERR = 2
 _MOST_CHATTER = 2**16  # [bytes] that are read of what a decoder writes
 _ONE_AT_A_TIME = threading.Lock()
-_WARNING = re.compile(r"^\[ *(WARN|INFO)")  # OpenCV's, of tags that it does not know
+_WARNING = re.compile(r"^(\[ *(WARN|INFO)|Warning: )")  # OpenCV's, of tags that it does not know; libjpeg's of JFIF's
 _BEFORE_END = re.compile(r"(\d+) extraneous bytes before marker 0xd9")
 _END = b"\xff\xd9"
 _DECODERS = re.compile(
-    r"^(Corrupt JPEG data|Premature end of JPEG|JPEG|Invalid |Unsupported |Inconsistent |libpng)|^\[ *"
+    r"^(Corrupt JPEG data|Premature end of JPEG|JPEG|Invalid |Unsupported |Inconsistent |Warning: unknown JFIF|libpng)"
+    r"|^\[ *"
 )
+_GOES_ON = re.compile(r"^(> .*)?$")  # a line of OpenCV's after its first
 _PREFIX = re.compile(r"^(Corrupt JPEG data: |libpng \w+: |\[ *ERROR[^\]]*\] global \S+ \S+ )")
 
 
@@ -78,6 +80,9 @@ def _is_padding(line: str, data: bytes) -> bool:
 
 
 def _passed_on(text: str) -> None:
-    others = [line for line in text.splitlines(keepends=True) if not _DECODERS.match(line)]
+    others, within = [], False
+    for line in text.splitlines(keepends=True):
+        within = bool(_DECODERS.match(line) or (within and _GOES_ON.match(line)))
+        others += [] if within else [line]
     if others:
         os.write(_STDERR, "".join(others).encode("utf-8", "replace"))

@@ -12,14 +12,13 @@ import numpy as np
 from basecal.errors import InputError
 from basecal.vision.decoder import decoded
 from basecal.vision.detection import Image
-from basecal.vision.image_header import header
+from basecal.vision.image_header import header, png_chunks
 
-_JPEG, _PNG, _BMP = b"\xff\xd8\xff", b"\x89PNG\r\n\x1a\n", b"BM"
+_JPEG, _PNG, _BMP, _RIFF = b"\xff\xd8\xff", b"\x89PNG\r\n\x1a\n", b"BM", b"RIFF"
 _TO_GREY = {3: cv2.COLOR_BGR2GRAY, 4: cv2.COLOR_BGRA2GRAY}
 _LARGEST_BYTES = 2**28  # 256 MiB: 16 bits and two channels of 64 megapixels
 _MOST_PIXELS = 2**26  # 64 megapixels: the largest sensors of machine vision have that
 _MOST_DECODED_BYTES = 2**28  # 256 MiB, of which decoders hold two and the grey image is a third
-_END_BYTES = 64  # in which a whole PNG names its end; some programs write a little after it
 _AT_ONCE = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 _TURNED = range(2, 9)  # EXIF's orientations of pictures that are shown in another way than they are stored
 
@@ -128,5 +127,8 @@ def _is_cut(data: bytes) -> bool:
     if data.startswith(_JPEG):
         return data.rfind(b"\xff\xd9") < data.rfind(b"\xff\xda")
     if data.startswith(_PNG):
-        return b"IEND" not in data[-_END_BYTES:] and b"IEND\xaeB`\x82" not in data
+        # A chunk that says it is longer than the file would have a decoder take as much memory as it says.
+        return all(name != b"IEND" for name, _, _ in png_chunks(data))
+    if data.startswith(_RIFF):
+        return len(data) < 8 + int.from_bytes(data[4:8], "little")
     return data.startswith(_BMP) and len(data) < int.from_bytes(data[2:6], "little")

@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 _STARTS_OF_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # tables, reserved and arithmetic coding's
 _ALONE = frozenset({0x01, *range(0xD0, 0xD8)})  # JPEG markers without a length
-_MOST_SEGMENTS = 10_000  # of a file: cameras write ten, and programs a chunk of every 8 kB
+_MOST_SEGMENTS = 10_000  # of a JPEG: cameras write ten
+_MOST_CHUNKS = 2**17  # of a PNG: four times those of the largest file, 256 MB in chunks of 8 kB
 _MOST_TAGS = 500  # of one directory of a TIFF: cameras write fifty
 _WIDTH, _HEIGHT, _BITS, _ORIENTATION, _SAMPLES = 256, 257, 258, 274, 277  # tags of a TIFF
 _WHOLE = {3: "H", 4: "I"}  # its types of whole numbers
@@ -52,15 +53,23 @@ def _png(data: bytes) -> Header:
 
 def _exif_of_png(data: bytes) -> int:
     """The orientation by the chunk `eXIf`, where there is one."""
+    for name, start, end in png_chunks(data):
+        if name == b"eXIf":
+            return _tiff_tags(data[start:end]).get(_ORIENTATION, 1)
+    return 1
+
+
+def png_chunks(data: bytes) -> Iterator[tuple[bytes, int, int]]:
+    """Chunks of a PNG that are in the data as a whole, each with where its content starts and ends."""
     at = 8
-    for _ in range(_MOST_SEGMENTS):
-        if at + 8 > len(data):
+    for _ in range(_MOST_CHUNKS):
+        if at + 12 > len(data):
             break
         length, name = struct.unpack_from(">I4s", data, at)
-        if name == b"eXIf":
-            return _tiff_tags(data[at + 8 : at + 8 + length]).get(_ORIENTATION, 1)
+        if at + 12 + length > len(data):
+            break
+        yield name, at + 8, at + 8 + length
         at += 12 + length
-    return 1
 
 
 def _bmp(data: bytes) -> Header:

@@ -1,0 +1,59 @@
+"""Counts of many runs, which add up and count no seed twice."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from torment import record, run
+from torment.record import Row, added, next_seed, page, read, summed, write
+
+
+def test_runs_add_up(tmp_path: Path) -> None:
+    """A run that continues another of its commit is joined to it; another commit's has a row of its own."""
+    path, rows = tmp_path / "torment.json", []
+    rows = added(rows, Row("poses", "a1", 10, 15, {"answered": 2, "refused": 3}))
+    rows = added(rows, Row("poses", "a1", 15, 16, {"fell": 1}, {"fell": {"15": "why"}}))
+    rows = added(rows, Row("poses", "b2", 16, 18, {"refused": 2}))
+    write(rows, path)
+    assert (
+        read(path)
+        == rows
+        == [
+            Row("poses", "a1", 10, 16, {"answered": 2, "refused": 3, "fell": 1}, {"fell": {"15": "why"}}),
+            Row("poses", "b2", 16, 18, {"refused": 2}),
+        ]
+    )
+    assert (next_seed(rows, "poses"), next_seed(rows, "poses", 100), next_seed(rows, "URDF", 7)) == (18, 100, 7)
+    assert "| poses | 8 | 2 | 5 |  | 1 | a1, b2 |" in summed(rows)
+
+
+@pytest.mark.parametrize(
+    ("rows", "reason"),
+    [
+        ([Row("poses", "a", 0, 3, {"refused": 3}), Row("poses", "b", 2, 4, {"refused": 2})], "counted twice"),
+        ([Row("poses", "a", 0, 3, {"refused": 4})], "4 trials up to 3"),
+    ],
+)
+def test_no_seed_counts_twice(rows: list[Row], reason: str, tmp_path: Path) -> None:
+    """Rows that share seeds, or count others than they have, are an error."""
+    write(rows, tmp_path / "torment.json")
+    with pytest.raises(ValueError, match=reason):
+        read(tmp_path / "torment.json")
+
+
+def test_recorded_seeds_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two runs, one after the other, try seeds of their own."""
+    seen: list[int] = []
+    monkeypatch.setattr(run, "tried", lambda name, seed: seen.append(seed) or "refused")
+    monkeypatch.setitem(run._RECORDED_AT_ONCE, "poses", 3)
+    for _ in range(2):
+        next(run.recorded(["poses"], 9.0, tmp_path / "torment.json"))
+    assert len(seen) == len(set(seen)) == 6
+    assert read(tmp_path / "torment.json")[0].came == {"refused": 6}
+
+
+def test_the_page_has_what_is_recorded() -> None:
+    """docs/reliability.md's table is that of benchmarks/results/torment.json: `python -m torment.record` writes it."""
+    assert page(record.PAGE.read_text(), read()) == record.PAGE.read_text()
