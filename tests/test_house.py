@@ -418,3 +418,40 @@ def test_every_source_has_tests_under_its_own_name() -> None:
     held = [path for path in sources if path.parts[0] in MIRRORED]
     bare = {str(path) for path in held if not (TESTS / path.parent / f"test_{path.name}").exists()}
     assert bare == NOTHING_TO_TEST.keys()
+
+
+DECOMPOSITIONS = {"svd", "eig", "eigh", "eigvals", "eigvalsh", "pinv", "pinvh", "lstsq", "matrix_rank", "cond"}
+DECIDES_NOTHING = {
+    "geometry/se3.py": "the rotation nearest to a matrix",
+    "estimation/certificate/relaxation.py": "smallest eigenvalues, which are the bound itself",
+    "estimation/certificate/view_rotation.py": "the rotation nearest to a matrix, and a curvature's least eigenvalue",
+    "estimation/start/closed_form.py": "a product's two factors",
+    "estimation/view/view_pose.py": "the vector that rows map nearest to zero",
+    "reporting/picture.py": "a line drawn",
+    "reporting/scene.py": "an ellipsoid drawn",
+    "vision/fit/local_map.py": "the vector that rows map nearest to zero",
+    "vision/kinds/circles.py": "a root of a matrix",
+}
+
+
+def decompositions(tree: ast.AST) -> list[str]:
+    """Lines that take a matrix apart by NumPy's or SciPy's linear algebra."""
+    found = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and node.attr in DECOMPOSITIONS:
+            found.append(f"line {node.lineno}: {ast.unparse(node)}")
+        elif isinstance(node, ast.ImportFrom) and (node.module or "").endswith("linalg"):
+            found += [f"line {node.lineno}: {alias.name}" for alias in node.names if alias.name in DECOMPOSITIONS]
+    return found
+
+
+def test_one_module_decides_rank_gap_and_pseudo_inverse() -> None:
+    """Matrices are taken apart in `numerics/spectral`, elsewhere only where no threshold divides what comes of it."""
+    found = everywhere(lambda path: decompositions(parsed(path)))
+    assert found.keys() == {"numerics/spectral.py", *DECIDES_NOTHING}
+
+
+def test_decomposition_check_bites() -> None:
+    """NumPy's and SciPy's, called or imported, are found; solving and inverting are no decompositions."""
+    code = "from scipy.linalg import eigh as e, solve\nnp.linalg.pinv(m)\nnp.linalg.inv(m)\nlinalg.matrix_rank(m)"
+    assert decompositions(ast.parse(code)) == ["line 1: eigh", "line 2: np.linalg.pinv", "line 4: linalg.matrix_rank"]

@@ -11,10 +11,16 @@ from basecal.numerics.spectral import (
     INDEPENDENT,
     ROUNDING,
     VIEW_ROUNDING,
+    above,
+    by_share,
     dimension,
+    floored,
     holds_information,
     independent,
     least_norm,
+    null_vector,
+    principal_axes,
+    pseudo_inverse,
     spectrum,
 )
 
@@ -107,3 +113,99 @@ def test_a_micrometre_on_a_metre_is_no_depth():
     board = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 1.0]])
     assert dimension(board * [1, 1, 5e-7]) == 2
     assert dimension(board * [1, 1, 1e-5]) == 3
+
+
+def test_mahalanobis_squared_is_that_of_the_pseudo_inverse(rng):
+    """Vectors of a batch, weighed by the inverse along what is held and by nothing along what is not."""
+    matrices = np.stack([information(rng, 3), information(rng, 5)])
+    vectors = rng.standard_normal((2, 5)) * UNITS
+    of = spectrum(matrices)
+    np.testing.assert_allclose(
+        of.mahalanobis_squared(vectors), np.einsum("bi,bij,bj->b", vectors, of.inverse, vectors), rtol=1e-9
+    )
+    hidden = of.scale[0] * of.vectors[0, :, 0]
+    assert of.mahalanobis_squared(np.stack([hidden, hidden]))[0] < 1e-9
+    np.testing.assert_allclose(
+        of.mahalanobis_squared(vectors)[1], vectors[1] @ np.linalg.solve(matrices[1], vectors[1])
+    )
+
+
+def test_log_det_is_that_of_what_is_held():
+    """Of a regular matrix the logarithm of its determinant; unknowns without information do not count."""
+    matrix = np.array([[4.0, 1.0], [1.0, 9.0]])
+    np.testing.assert_allclose(spectrum(matrix).log_det, np.log(35.0))
+    without = np.zeros((3, 3))
+    without[:2, :2] = matrix
+    np.testing.assert_allclose(spectrum(without).log_det, np.log(35.0))
+
+
+def test_above_counts_in_the_units_it_is_told():
+    """Eigenvalues divide at `least` in stated units, whatever the diagonal, and never below rounding of the largest."""
+    matrix = np.diag([0.3, 0.5, 2.0])
+    assert above(matrix, 0.4).held.tolist() == [False, True, True]
+    assert above(matrix, 0.4, np.array([0.5, 1.0, 3.0])).rank == 2  # 1.2, 0.5, 0.222
+    assert above(np.diag([1.0, 1e13]), 0.1).held.tolist() == [False, True]
+    assert above(np.diag([20.0, 1e13]), 0.1).held.tolist() == [True, True]
+    np.testing.assert_allclose(above(matrix, 0.4).inverse, np.diag([0, 2.0, 0.5]))
+    assert above(np.zeros((2, 0, 0)), 0.1).rank.tolist() == [0, 0]
+
+
+def test_floored_raises_what_is_small_and_leaves_the_rest():
+    """A saddle becomes regular, its inverse that of the raised eigenvalues."""
+    turn = np.array([[0.6, -0.8], [0.8, 0.6]])
+    of = floored(turn @ np.diag([-3.0, 5.0]) @ turn.T, 0.5)
+    np.testing.assert_allclose(of.inverse, turn @ np.diag([2.0, 0.2]) @ turn.T)
+    np.testing.assert_allclose(of.log_det, np.log(2.5))
+
+
+@pytest.mark.parametrize(("left", "unique"), [(0.3, True), (0.4, False)])
+def test_a_null_vector_is_unique_where_the_next_stands_clear(left, unique):
+    """Singular values divide at the gap; the vector is that of the smallest."""
+    found = null_vector(np.diag([1.0, left, 3.0]) * 7, 7.0)
+    np.testing.assert_allclose(np.abs(found.vector), [0, 1, 0], atol=1e-12)
+    assert found.unique is unique
+
+
+def test_two_null_vectors_are_none():
+    """Of two directions that rows do not ask about neither is the null vector, whatever rounding says of them."""
+    assert not null_vector(np.diag([1e-9, 5e-4, 1.0]), 1.0).unique
+    assert null_vector(np.diag([1e-9, 2e-3, 1.0]), 1.0).unique
+
+
+def test_a_basis_is_turned_to_what_moves_some_rows(rng):
+    """Columns fall by their share of the rows, span the same space, and stay orthonormal."""
+    basis = np.linalg.qr(rng.standard_normal((6, 4)))[0]
+    turned = by_share(basis, np.array([0, 5]))
+    np.testing.assert_allclose(turned.basis.T @ turned.basis, np.eye(4), atol=1e-12)
+    np.testing.assert_allclose(basis @ (basis.T @ turned.basis), turned.basis, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(turned.basis[[0, 5]], axis=0), turned.share, atol=1e-12)
+    assert turned.share[0] >= turned.share[1] > 0
+    assert not turned.share[2:].any()
+
+
+def test_a_basis_without_rows_is_left_as_it_is(rng):
+    """Where no row is asked for nothing moves it, and an empty basis has no shares."""
+    basis = np.linalg.qr(rng.standard_normal((6, 2)))[0]
+    untouched = by_share(basis, np.zeros(0, dtype=np.int64))
+    assert untouched.basis is basis
+    assert untouched.share.tolist() == [0, 0]
+    assert by_share(basis[:, :0], np.array([1])).share.shape == (0,)
+
+
+def test_principal_axes_are_those_vectors_spread_along():
+    """Extents fall, their axes are one a column, and those of a share up to the threshold do not count."""
+    vectors = np.array([[0, 3.0, 0], [0, -3.0, 0], [2.0, 0, 0]])
+    of = principal_axes(vectors)
+    np.testing.assert_allclose(np.abs(of.axes[:, :2]), [[0, 1], [1, 0], [0, 0]], atol=1e-12)
+    np.testing.assert_allclose(of.extents, [np.sqrt(18), 2.0, 0], atol=1e-12)
+    assert of.dimension == 2
+    assert principal_axes(vectors, 0.5).dimension == 1
+    assert principal_axes(np.zeros((0, 3))).dimension == 0
+    assert principal_axes(vectors[:1]).axes.shape == (3, 3)
+
+
+def test_pseudo_inverse_takes_rounding_for_nothing(rng):
+    """Rows that differ by rounding count once."""
+    row = rng.standard_normal(3)
+    inverse = pseudo_inverse(np.stack([row, row * (1 + 1e-13)]))
+    np.testing.assert_allclose(inverse.sum(1), row / (row @ row), rtol=1e-9)

@@ -21,11 +21,11 @@ from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_from
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Array, Camera
+from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
 
 _TERMS = 5  # of the fourth power of the squared radius, and of its first two along either side of the image
 _FAMILIES = (0,), (1, 2, 3, 4)  # each is tested for itself: those along the sides trade with centre and mount
 _FEWEST_VIEWS = 10  # which tell how far they differ to a fifth
-_RANK = 1e-9  # of the largest eigenvalue of a view's information: below, the view does not see the direction
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,11 +86,11 @@ def _bend(residual: Array, own: Array, other: Array) -> tuple[Array, float]:
 
 def _estimated(residual: Array, known: Array, columns: Array) -> tuple[Array, float]:
     """Sizes (k,) of columns (n, r, k), with the known ones projected out, and the chance of what they explain."""
-    inverse = np.linalg.pinv(np.einsum("nri,nrj->ij", known, known), hermitian=True)
+    inverse = spectrum(np.einsum("nri,nrj->ij", known, known)).inverse
     left = residual - known @ (inverse @ np.einsum("nri,nr->i", known, residual))
     columns = columns - known @ (inverse @ np.einsum("nri,nrj->ij", known, columns))
     scores, each = np.einsum("nri,nr->ni", columns, left), np.einsum("nri,nrj->nij", columns, columns)
-    size = np.linalg.pinv(each.sum(0), hermitian=True) @ scores.sum(0)
+    size = spectrum(each.sum(0)).inverse @ scores.sum(0)
     return size, _chance(scores, each, size)
 
 
@@ -102,11 +102,10 @@ def _chance(scores: Array, information: Array, size: Array) -> float:
         information: (n, q, q) likewise.
         size: (q,) of the terms, by all views.
     """
-    inverse = np.linalg.pinv(information, rcond=_RANK, hermitian=True)
-    largest = np.linalg.eigvalsh(information)
-    freedoms = int(np.sum(largest > _RANK * largest[:, -1:])) - len(size)
+    of_views = spectrum(information, VIEW_ROUNDING)
+    freedoms = int(of_views.rank.sum()) - len(size)
     in_common = float(scores.sum(0) @ size)
-    apart = float(np.einsum("ni,nij,nj->", scores, inverse, scores)) - in_common
+    apart = float(of_views.mahalanobis_squared(scores).sum()) - in_common
     if freedoms <= 0 or apart <= 0:
         return 1.0
     return float(fisher.sf((in_common / len(size)) / (apart / freedoms), len(size), freedoms))

@@ -17,7 +17,6 @@ from basecal.estimation.solve import Solution
 from basecal.geometry import BoolArray
 from basecal.numerics.spectral import spectrum
 
-_NO_INFORMATION = 1e-9  # eigenvalue over the largest of the information scaled to a unit diagonal: rounding is 1e-13
 _TOUCHES = 1e-3  # component of a null vector, above which a column has a part in it
 
 
@@ -90,5 +89,5 @@ def _touched_by_null_space(solution: Solution) -> BoolArray:
     if not solution.observability.unobservable:
         return np.zeros(solution.problem.width, dtype=bool)
     hessian = linearise(solution.problem, solution.state).hessian
-    of = spectrum(hessian, _NO_INFORMATION)
+    of = spectrum(hessian)
     return np.asarray(np.abs(of.vectors[:, ~of.held]).max(axis=-1, initial=0.0) > _TOUCHES)

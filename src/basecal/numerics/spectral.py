@@ -1,15 +1,17 @@
 """Rank, null space and pseudo-inverse: what of a matrix is information and what is rounding.
 
 Information matrices are scaled to a unit diagonal first, since metres, radians and pixels of a lens stand side by side:
-then eigenvalues compare what the data hold of combinations with what they hold of the unknowns themselves.
+then eigenvalues compare what the data hold of combinations with what they hold of the unknowns themselves. Matrices
+whose units say what counts (shares of a variance, motions in radians) are taken apart as they are, by `above`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import eigh as smallest
 
 from basecal.geometry import Array, BoolArray, IntArray
 
@@ -18,6 +20,8 @@ ROUNDING = 1e-12  # eigenvalue over the largest, of information: J'J loses 1e-16
 VIEW_ROUNDING = 1e-9
 INDEPENDENT = 1e-9  # singular value over the largest, of columns that are exact but for rounding of 1e-16 a product
 FLAT = 1e-6  # extent over the largest: a micrometre on a metre is no depth, and ten orders above rounding
+GAP = 0.35  # singular value of a null vector over the next: noise leaves less, two null vectors are alike
+_TWO_NULL = 1e-3  # next singular value of rows of unit size: below, noise apart, more than one vector is null
 _NOTHING = 1e-300  # keeps quotients of zeros finite
 
 
@@ -59,6 +63,17 @@ class Spectrum:
         """The inverse, (..., k, k), zero along directions without information."""
         return np.asarray(self.inverse_root @ np.swapaxes(self.inverse_root, -1, -2))
 
+    @property
+    def log_det(self) -> Array:
+        """(...,) logarithm of the determinant over what holds information."""
+        logs = np.log(np.where(self.held, self.values, 1.0)).sum(-1)
+        return np.asarray(logs + 2 * np.log(self.scale).sum(-1))
+
+    def mahalanobis_squared(self, vector: Array) -> Array:
+        """`v' M^+ v` of vectors (..., k), (...,)."""
+        along = (np.swapaxes(self.vectors, -1, -2) @ (vector / self.scale)[..., None])[..., 0]
+        return np.asarray(np.sum(np.where(self.held, along**2 / np.where(self.held, self.values, 1.0), 0.0), -1))
+
 
 def spectrum(information: Array, rounding: float = ROUNDING) -> Spectrum:
     """Information matrices (..., k, k) taken apart, scaled to a unit diagonal.
@@ -73,6 +88,29 @@ def spectrum(information: Array, rounding: float = ROUNDING) -> Spectrum:
         return Spectrum(diagonal, np.zeros(information.shape), scale, np.zeros(diagonal.shape, dtype=bool))
     values, vectors = np.linalg.eigh(information / scale[..., :, None] / scale[..., None, :])
     return Spectrum(values, vectors, scale, holds_information(values, rounding))
+
+
+def above(matrix: Array, least: float, scale: Array | None = None) -> Spectrum:
+    """Symmetric matrices (..., k, k) taken apart in units in which `least` is the smallest eigenvalue that counts.
+
+    None counts that is rounding of the largest.
+
+    Args:
+        matrix: Symmetric, positive semidefinite but for rounding.
+        least: In units of the matrix, over the squares of `scale`.
+        scale: (..., k) what one unit of each row and column is; 1 where None.
+    """
+    scale = np.ones(matrix.shape[:-1]) if scale is None else scale
+    if not matrix.shape[-1]:
+        return Spectrum(scale, matrix, scale, np.zeros(scale.shape, dtype=bool))
+    values, vectors = np.linalg.eigh(matrix / scale[..., :, None] / scale[..., None, :])
+    return Spectrum(values, vectors, scale, (values > least) & holds_information(values))
+
+
+def floored(matrix: Array, least: float) -> Spectrum:
+    """Symmetric matrices (..., k, k) with eigenvalues below `least` raised to it: regular, for steps and densities."""
+    of = above(matrix, least)
+    return replace(of, values=np.maximum(of.values, least), held=np.ones(of.held.shape, dtype=bool))
 
 
 def holds_information(values: Array, rounding: float = ROUNDING) -> BoolArray:
@@ -90,9 +128,63 @@ def least_norm(rows: Array, right: Array) -> Array:
     return np.asarray(np.linalg.lstsq(rows, right, rcond=INDEPENDENT)[0], dtype=np.float64)
 
 
-def dimension(points: Array) -> int:
+@dataclass(frozen=True, eq=False)
+class NullVector:
+    """The unit vector, (k,), that rows map nearest to zero, and whether it alone."""
+
+    vector: Array
+    unique: bool
+
+
+def null_vector(rows: Array, size: float) -> NullVector:
+    """The null vector of noisy rows, unique where the next singular value stands clear of its own and of nothing.
+
+    Args:
+        rows: (m, k).
+        size: Root of the sum of squared sizes of the rows' blocks, which singular values are compared with.
+    """
+    values, vectors = smallest(rows.T @ rows, subset_by_index=[0, 1])
+    first, second = np.sqrt(np.maximum(values, 0.0)) / size
+    return NullVector(vectors[:, 0], bool(first < GAP * second and second > _TWO_NULL))
+
+
+@dataclass(frozen=True, eq=False)
+class Turned:
+    """A basis (p, k) turned so that its columns fall by how much of them lies in some rows, that share (k,) beside."""
+
+    basis: Array
+    share: Array
+
+
+def by_share(basis: Array, rows: IntArray) -> Turned:
+    """A basis, (p, k), turned by what its directions move of some rows, orthogonal there."""
+    if not len(rows) or not basis.shape[1]:
+        return Turned(basis, np.zeros(basis.shape[1]))
+    _, values, mix = np.linalg.svd(basis[rows], full_matrices=len(rows) < basis.shape[1])
+    return Turned(basis @ mix.T, np.pad(values, (0, basis.shape[1] - len(values))))
+
+
+@dataclass(frozen=True, eq=False)
+class PrincipalAxes:
+    """How vectors spread: along unit axes, one a column of (k, k), by extents (k,), falling; counted to `dimension`."""
+
+    axes: Array
+    extents: Array
+    dimension: int
+
+
+def principal_axes(vectors: Array, least: float = FLAT) -> PrincipalAxes:
+    """Axes along which vectors (n, k) from the origin spread; extents up to `least` of the largest are none."""
+    _, values, axes = np.linalg.svd(vectors, full_matrices=vectors.shape[0] < vectors.shape[1])
+    extents = np.pad(values, (0, vectors.shape[1] - len(values)))
+    return PrincipalAxes(axes.T, extents, int(np.count_nonzero(extents > least * np.max(extents, initial=_NOTHING))))
+
+
+def pseudo_inverse(rows: Array) -> Array:
+    """Moore and Penrose's inverse of rows (m, k) that are exact but for rounding, (k, m)."""
+    return np.asarray(np.linalg.pinv(rows, rcond=INDEPENDENT), dtype=np.float64)
+
+
+def dimension(points: Array, least: float = FLAT) -> int:
     """How many dimensions points (p, 3) span: 0 where all are one, 1 on a line, 2 in a plane, else 3."""
-    if not len(points):
-        return 0
-    extents = np.linalg.svd(points - points.mean(0), compute_uv=False)
-    return int(np.count_nonzero(extents > FLAT * np.max(extents, initial=_NOTHING))) if extents[0] > 0 else 0
+    return principal_axes(points - points.mean(0), least).dimension if len(points) else 0

@@ -65,8 +65,8 @@ class Testbed:
 
     def closed_form(self, image: Array, shift_m: float) -> ShiftEstimate:
         """The paper's estimate from image coordinates, (..., 4, 2)."""
-        shifts = np.broadcast_to(shift_m * np.eye(3), (*image.shape[:-2], 3, 3))
-        return estimate(image[..., 0, :], image_gradient(image[..., 1:, :] - image[..., :1, :], shifts), self.focal_px)
+        gradient = image_gradient(image[..., 1:, :] - image[..., :1, :], shift_m * np.eye(3))
+        return estimate(image[..., 0, :], gradient, self.focal_px)
 
 
 def paper_numbers() -> dict[str, Any]:

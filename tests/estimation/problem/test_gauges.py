@@ -67,9 +67,9 @@ def test_what_others_take_up_is_not_counted(rng):
     flat = others.reshape(120, 3) / np.tile([0.5] * 3 + [1.0] * 3, 20)[:, None]
     own = rest.reshape(120, 1)
     left = own - flat @ np.linalg.lstsq(flat, own, rcond=None)[0]
-    squares, directions = beyond(rest + others @ np.ones((3, 1)), others)
-    np.testing.assert_allclose(squares, np.sum(left**2) / 20, rtol=1e-9)
-    np.testing.assert_allclose(np.abs(directions), 1)
+    found = beyond(rest + others @ np.ones((3, 1)), others)
+    np.testing.assert_allclose(found.values, np.sum(left**2) / 20, rtol=1e-9)
+    np.testing.assert_allclose(np.abs(found.vectors), 1)
 
 
 def test_ends_move_the_flange_as_base_and_mounts_do(arm, joints):

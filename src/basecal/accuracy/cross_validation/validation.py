@@ -26,12 +26,12 @@ from basecal.estimation.settings import DEFAULT, Settings
 from basecal.estimation.solve import Solution
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import Array
+from basecal.numerics.spectral import above, spectrum
 
 # Of a fold's variance over that of the full answer, less one: along a direction with less the fold has lost nothing
 # that rounding does not cover, along one with more it is too far from the full answer to be compared to first order.
 _LEAST_GAIN, _MOST_GAIN = 0.01, 10.0
 _FEWEST_FREEDOMS = 5.0  # of the spread: with fewer its square is known to worse than two thirds
-_ROUNDING = 1e-12  # eigenvalue over the largest of a covariance
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,13 +217,10 @@ def _whitening(without: Array, full: Array) -> Array:
     Those are left out which the held-out samples do not see, and those which only they see: there a fold is too far
     from the full answer to be compared to first order.
     """
-    values, vectors = np.linalg.eigh(full)
-    kept = values > _ROUNDING * values[-1]
-    unit = (vectors[:, kept] / np.sqrt(values[kept])).T
-    gain, directions = np.linalg.eigh(unit @ (without - full) @ unit.T)
-    seen = (gain > _LEAST_GAIN) & (gain < _MOST_GAIN)
-    whitening: Array = (directions[:, seen] / np.sqrt(gain[seen])).T @ unit
-    return whitening
+    unit = spectrum(full).inverse_root.T
+    gain = above(unit @ (without - full) @ unit.T, _LEAST_GAIN)
+    seen = gain.held & (gain.values < _MOST_GAIN)
+    return np.asarray(gain.inverse_root[:, seen].T @ unit)
 
 
 def _moved(full: State, fold: State, asked: Sequence[str], columns: Mapping[str, slice]) -> Array:

@@ -10,6 +10,7 @@ from basecal.accuracy.significance import SIGNIFICANCE
 from basecal.cell import Finding
 from basecal.estimation.least_squares.normal_equations import prior_residuals
 from basecal.estimation.solve import Solution
+from basecal.numerics.spectral import above
 
 _LEARNT = 1e-6  # share of a prior's variance that the data take away, below which it is rounding
 
@@ -31,11 +32,9 @@ def contradicted_priors(solution: Solution) -> list[Finding]:
         if name in solution.problem.lenses and solution.problem.lenses[name].status == "free":
             continue  # what is known of lenses in general was not stated by anyone
         after = jacobian @ solution.covariance[where, where] @ jacobian.T / solution.noise.factor
-        values, vectors = np.linalg.eigh(np.eye(len(residual)) - 0.5 * (after + after.T))
-        learnt = values > _LEARNT
-        along = (vectors.T @ residual)[learnt]
-        off = float(np.sum(along**2 / values[learnt])) / max(solution.noise.factor, 1.0)
-        if learnt.any() and off > chi2.isf(SIGNIFICANCE, int(learnt.sum())):
+        learnt = above(np.eye(len(residual)) - 0.5 * (after + after.T), _LEARNT)
+        off = float(learnt.mahalanobis_squared(residual)) / max(solution.noise.factor, 1.0)
+        if learnt.rank and off > chi2.isf(SIGNIFICANCE, int(learnt.rank)):
             found.append(_finding(name, float(np.abs(residual).max())))
     return found
 

@@ -13,6 +13,7 @@ from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.observability.null_space import separate_null_space
 from basecal.estimation.observability.observability import observability_of, without_priors
 from basecal.estimation.solve import Solution
+from basecal.numerics.spectral import above
 
 _DOMINATED = 0.95  # posterior over prior sigma: the data tell a tenth of what the prior does, or less
 
@@ -41,8 +42,8 @@ def _dominated(solution: Solution, name: str, resting: Sequence[str]) -> list[Fi
     problem, where = solution.problem, solution.problem.columns[name]
     width = where.stop - where.start
     sigma = np.asarray(problem.unknowns[name].sigma)[:width]
-    shares, directions = np.linalg.eigh(solution.observability.inverse[where, where] / np.outer(sigma, sigma))
-    dominated = directions[:, np.sqrt(np.maximum(shares, 0.0)) > _DOMINATED]
+    shares = above(solution.observability.inverse[where, where], _DOMINATED**2, sigma)
+    dominated = shares.vectors[:, shares.held]
     if not dominated.shape[1]:
         return []
     vectors, scale = np.zeros((problem.width, dominated.shape[1])), np.ones(problem.width)

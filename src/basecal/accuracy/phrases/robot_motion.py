@@ -9,10 +9,10 @@ import numpy as np
 from basecal.cell import Cell
 from basecal.estimation.observability.motions import HARDLY_RAD, Motion, attached, based, motions
 from basecal.estimation.problem.problem import Problem
+from basecal.numerics.spectral import principal_axes
 
 _LITTLE_RAD = 0.15  # [rad] of rotation about a second axis, below which a robot counts as hardly rotated about it
 _SHOWN_DEG = 0.005  # [deg] which two decimals would round to nothing
-_PARALLEL = 1e-6  # singular value of unit joint axes, which is exactly zero but for rounding where all are parallel
 
 
 def describe_cause(cell: Cell, problem: Problem, moved: Mapping[str, Motion], names: Sequence[str]) -> str:
@@ -95,5 +95,4 @@ def _axes_are_parallel(cell: Cell, robot: str) -> bool:
     chain = cell.robots[robot].chain
     if chain is None:
         return False
-    axes = chain.jacobian(np.zeros(chain.n))[3:]
-    return bool(np.linalg.svd(axes, compute_uv=False)[1:].max(initial=0.0) < _PARALLEL)
+    return principal_axes(chain.jacobian(np.zeros(chain.n))[3:].T).dimension < 2

@@ -15,7 +15,7 @@ from basecal.accuracy.systematic_errors.candidates import Candidates
 from basecal.accuracy.systematic_errors.score_tests import Linearised, linearised, score, sums, weighed
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.geometry import Array, BoolArray, IntArray
-from basecal.numerics.spectral import spectrum
+from basecal.numerics.spectral import principal_axes, spectrum
 
 _BLOCKS = 5  # as many as folds of cross-validation
 
@@ -71,7 +71,7 @@ def _in_configuration(of: Situation) -> IntArray:
             if robot in (group.eye, group.hand):
                 places[of.rank(group), 3 * i : 3 * i + 3] = of.recorded_pose(k, robot).translation
     centred = places - places.mean(0)
-    along = centred @ np.linalg.svd(centred, full_matrices=False)[2][0] if places.size else np.zeros(len(places))
+    along = centred @ principal_axes(centred).axes[:, 0] if places.size else np.zeros(len(places))
     blocks = np.empty(len(places), dtype=np.int64)
     blocks[np.argsort(along, kind="stable")] = _in_time(of)
     return blocks

@@ -24,7 +24,7 @@ from basecal.estimation.least_squares.normal_equations import (
 from basecal.estimation.least_squares.schur_complement import SchurAccumulator, SchurComplement
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import Array, IntArray
-from basecal.numerics.spectral import spectrum
+from basecal.numerics.spectral import above, spectrum
 
 _HIDDEN = 1e-4  # share of an error's information that the unknowns leave, below which it stands for one of them
 _LEAST = 1e-300  # a probability that is no number any more
@@ -127,14 +127,9 @@ def score(of: Linearised, candidates: Candidates) -> Score:
 
 def _tested(gradient: Array, left: Array, whole: Array) -> Score:
     size = np.sqrt(np.maximum(np.diagonal(whole, axis1=-2, axis2=-1), 0.0))
-    scale = np.where(size > 0, 1 / np.where(size > 0, size, 1.0), 0.0)
-    values, vectors = np.linalg.eigh(left * scale[..., :, None] * scale[..., None, :])
-    kept = values > _HIDDEN
-    along = (np.swapaxes(vectors, -1, -2) @ (gradient * scale)[..., None])[..., 0]
-    over = np.where(kept, along / np.where(kept, values, 1.0), 0.0)
-    statistic = np.sum(over * along, -1)
-    sizes = -scale * (vectors @ over[..., None])[..., 0]
-    return Score(gradient, left, statistic, kept.sum(-1).astype(np.int64), sizes)
+    of = above(left, _HIDDEN, np.where(size > 0, size, 1.0))
+    sizes = -(of.inverse @ gradient[..., None])[..., 0]
+    return Score(gradient, left, of.mahalanobis_squared(gradient), of.rank, sizes)
 
 
 def sums(of: Linearised, candidates: Candidates) -> tuple[Array, Array, Array]:

@@ -24,6 +24,7 @@ from basecal.estimation.problem.problem import Problem
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_from
 from basecal.geometry import SE3, Array
+from basecal.numerics.spectral import spectrum
 
 _SUSPECT = 0.02  # chance of a score below which an error is solved for
 _TRIES = 3  # errors that are solved for at most, which bounds the time
@@ -185,7 +186,7 @@ def _described(of: Situation, suspect: _Suspect, before: Solution, after: Soluti
     """The error, its size corrected to first order about the solution `after` the poses were, and its covariance."""
     candidate, about = suspect.candidate, suspect.candidate.about[0]
     again = score(linearised(after.noise.held_by(after.problem), after.state), candidate)
-    size, covariance = suspect.size + again.size[0], np.linalg.pinv(again.information[0])
+    size, covariance = suspect.size + again.size[0], spectrum(again.information[0]).inverse
     is_camera, is_target = (any(getattr(g, kind) == about for g in of.problem.groups) for kind in ("camera", "target"))
     return SystematicError(
         candidate.code,

@@ -18,6 +18,7 @@ import numpy as np
 from basecal.errors import NotConverged, NotObservable
 from basecal.geometry import SE3, Array
 from basecal.geometry.se3 import hat, nearest_rotation
+from basecal.numerics.spectral import principal_axes, pseudo_inverse
 
 _FLAT_SHIFTS = 1e-3  # third singular value of the shifts over the first: below, they lie in a plane
 _NEWTON_STEPS = 100  # at most
@@ -42,16 +43,14 @@ def image_gradient(image_shifts: Array, shifts_in_light: Array) -> Array:
 
     Args:
         image_shifts: (..., n, 2) [px] shifts of the image, n >= 3.
-        shifts_in_light: (..., n, 3) [m] shifts of the light along G's axes; least squares where n > 3.
+        shifts_in_light: (n, 3) [m] shifts of the light along G's axes; least squares where n > 3.
 
     Raises:
         NotObservable: if the shifts lie in a plane.
     """
-    singular = np.linalg.svd(shifts_in_light, compute_uv=False)
-    if np.any(singular[..., 2] < _FLAT_SHIFTS * singular[..., 0]):
+    if principal_axes(shifts_in_light, _FLAT_SHIFTS).dimension < 3:
         raise NotObservable("the shifts of the light lie in one plane: add one that leaves it")
-    gradient: Array = np.swapaxes(np.linalg.pinv(shifts_in_light) @ image_shifts, -1, -2)
-    return gradient
+    return np.asarray(np.swapaxes(pseudo_inverse(shifts_in_light) @ image_shifts, -1, -2))
 
 
 def estimate(light_px: Array, gradient: Array, focal_px: Array) -> ShiftEstimate:

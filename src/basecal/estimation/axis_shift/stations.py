@@ -17,11 +17,12 @@ from basecal.estimation.problem.problem import Problem, ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Array, Camera, IntArray
 from basecal.geometry.se3 import nearest_rotation
+from basecal.numerics.spectral import principal_axes
 
 _STILL_M = 2e-4  # travel of a camera that stands still: twice the repeatability of an arm [m]
 _STILL_RAD = 1e-3  # turn of a light that is shifted [rad]
 _FEWEST_VIEWS = 4  # of a station: the paper's three shifts and their origin
-_SPREAD = 0.1  # third singular value of the shifts over the first: they span the space
+_SPREAD = 0.1  # extent of the shifts over the largest: where the third is as long they span the space
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,8 +157,7 @@ def _station(
     first = int(np.argmin(np.linalg.norm(at - at.mean(0), axis=-1)))
     order = np.concatenate([[first], np.delete(np.arange(len(views)), first)])
     shifts = (at[order] - at[first]) @ hand_base_from_light.rotation[first]
-    singular = np.linalg.svd(shifts, compute_uv=False)
-    if singular[2] < _SPREAD * singular[0]:
+    if principal_axes(shifts, _SPREAD).dimension < 3:
         return None
     samples = group.sample[views][order]
     camera_at = eye_base_from_camera[first]

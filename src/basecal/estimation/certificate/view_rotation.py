@@ -22,6 +22,7 @@ from basecal.estimation.view.poses import PoseMeasurement
 from basecal.estimation.view.view_pose import FEWEST_POINTS, refined, view_poses
 from basecal.geometry import SE3, Array, Camera
 from basecal.geometry.se3 import rotation_log
+from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
 
 _ITERATIONS = 15  # steps of a view's pose: at most
 _SAME_RAD = 1e-3  # poses of one optimum differ by rounding, two optima by far more [rad]
@@ -117,8 +118,8 @@ def _of_pixels(measurement: PixelMeasurement, predicted: SE3, camera: Camera) ->
 
 def _rotation_curvature(information: Array) -> Array:
     """Least curvature of the cost over rotations, the translation at its best, (n,)."""
-    scale = np.maximum(np.trace(information[:, :3, :3], axis1=-2, axis2=-1), 1e-300)[:, None, None]
-    tt, tr = information[:, :3, :3] + 1e-12 * scale * np.eye(3), information[:, :3, 3:]
-    left: Array = information[:, 3:, 3:] - np.swapaxes(tr, -1, -2) @ np.linalg.solve(tt, tr)
+    across = information[:, :3, 3:]
+    by_translation = spectrum(information[:, :3, :3], VIEW_ROUNDING).inverse
+    left: Array = information[:, 3:, 3:] - np.swapaxes(across, -1, -2) @ by_translation @ across
     least: Array = np.maximum(np.linalg.eigvalsh(left)[:, 0], 0.0)
     return least

@@ -20,7 +20,7 @@ from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.point_jacobians import PointJacobians, point_jacobians
 from basecal.estimation.view.points import PointMeasurement
 from basecal.geometry import Array, BoolArray, IntArray
-from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
+from basecal.numerics.spectral import VIEW_ROUNDING, above, spectrum
 
 _LEAST_LEARNT = 1e-9  # share of a stop's own variance that the views take away, below which it is rounding
 _ALONE = 1.0 - 1e-4
@@ -81,13 +81,12 @@ def _misfits(group: ViewGroup, of: LinearisedViews, state: State, problem: Probl
     finite = np.asarray(np.isfinite(of.information).all((-1, -2)) & np.isfinite(of.gradient).all(-1))
     information = spectrum(np.where(finite[..., None, None], of.information, 0.0), VIEW_ROUNDING)
     gradient = np.where(finite[..., None], of.gradient, 0.0)
-    whitened = (np.swapaxes(information.inverse_root, -1, -2) @ gradient[..., None])[..., 0]
     lost = ~finite
     if isinstance(group.measurement, PixelMeasurement):
         lost |= state.camera_from_target(group, problem.stops).translation[..., 2] <= 0
     equations = group.measurement.equations()
     return MahalanobisSquared(
-        np.where(lost, np.inf, np.sum(whitened**2, -1)), np.where(lost, equations, information.rank)
+        np.where(lost, np.inf, information.mahalanobis_squared(gradient)), np.where(lost, equations, information.rank)
     )
 
 
@@ -101,14 +100,11 @@ def _view_squares(about: LeaveOneOut, k: int) -> MahalanobisSquared:
     information = spectrum(of.information, VIEW_ROUNDING)
     whitened = (np.swapaxes(information.inverse_root, -1, -2) @ of.gradient[..., None])[..., 0]
     leverage = np.swapaxes(information.root, -1, -2) @ about.spread[k] @ information.root
-    share, axes = np.linalg.eigh(leverage)
-    part = np.where(weight[:, None] > 0, 1 - share, 1 + share)
-    along = (np.swapaxes(axes, -1, -2) @ whitened[..., None])[..., 0]
+    sign = np.where(weight > 0, -1.0, 1.0)[:, None, None]
+    left = above(np.eye(leverage.shape[-1]) + sign * leverage, 1 - _ALONE)
     # Directions in which the view has no information stand as zeros with a share of nothing.
-    checked = part > 1 - _ALONE
-    value = np.sum(np.where(checked, along**2 / np.where(checked, part, 1.0), 0.0), -1)
-    freedoms = information.rank - np.count_nonzero(~checked, axis=-1)
-    return MahalanobisSquared(np.where(freedoms > 0, value, np.nan), np.maximum(freedoms, 0))
+    freedoms = np.maximum(information.rank - np.count_nonzero(~left.held, axis=-1), 0)
+    return MahalanobisSquared(np.where(freedoms > 0, left.mahalanobis_squared(whitened), np.nan), freedoms)
 
 
 def studentized_stops(about: LeaveOneOut) -> MahalanobisSquared:
@@ -123,12 +119,8 @@ def studentized_stops(about: LeaveOneOut) -> MahalanobisSquared:
     by_unknowns = system.solution[:, :-1].reshape(len(which), 6, about.problem.width)
     covariance = spectrum(about.normal.hessian).inverse
     spread = system.covariance(number, number) + by_unknowns @ covariance @ np.swapaxes(by_unknowns, -1, -2)
-    kept, axes = np.linalg.eigh(spread)
-    part = 1 - kept
-    along = (np.swapaxes(axes, -1, -2) @ about.state.stop_errors[which][..., None])[..., 0]
-    checked = part > _LEAST_LEARNT
-    value[which] = np.sum(np.where(checked, along**2 / np.where(checked, part, 1.0), 0.0), -1)
-    freedoms[which] = np.count_nonzero(checked, axis=-1)
+    learnt = above(np.eye(6) - spread, _LEAST_LEARNT)
+    value[which], freedoms[which] = learnt.mahalanobis_squared(about.state.stop_errors[which]), learnt.rank
     return MahalanobisSquared(np.where(freedoms > 0, value, np.nan), freedoms)
 
 
@@ -195,12 +187,9 @@ def _studentised(residual: Array, jacobian: Array, spread: Array, seen: BoolArra
         value, certain = _by_two(residual, left)
         if certain[seen].all():
             return MahalanobisSquared(np.where(seen, value, np.nan), 2 * seen.astype(np.int64))
-    part, axes = np.linalg.eigh(left)
-    along = (np.swapaxes(axes, -1, -2) @ residual[..., None])[..., 0]
-    checked = (part > _LEAST_LEFT) & seen[..., None]
-    value = np.sum(np.where(checked, along**2 / np.where(checked, part, 1.0), 0.0), -1)
-    freedoms = np.count_nonzero(checked, axis=-1)
-    return MahalanobisSquared(np.where(freedoms > 0, value, np.nan), freedoms)
+    known = above(left, _LEAST_LEFT)
+    freedoms = np.where(seen, known.rank, 0)
+    return MahalanobisSquared(np.where(freedoms > 0, known.mahalanobis_squared(residual), np.nan), freedoms)
 
 
 def _by_two(residual: Array, left: Array) -> tuple[Array, BoolArray]:

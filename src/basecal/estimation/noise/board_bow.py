@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.geometry import Array
-from basecal.numerics.spectral import least_norm
+from basecal.numerics.spectral import least_norm, principal_axes
 
 # One standard deviation of a coefficient, of the half size: the middle of the 0.1 to 0.6 % above.
 _SIGMA = 3e-3
@@ -35,7 +35,7 @@ def _plane(points_in_target: Array) -> tuple[Array, Array]:
     The axes are those of the target turned least: which they are does not hang on the points' shape.
     """
     centred = points_in_target - points_in_target.mean(0)
-    normal = np.linalg.svd(centred, full_matrices=True)[2][2]
+    normal = principal_axes(centred).axes[:, 2]
     normal = normal * np.sign(normal[np.argmax(np.abs(normal))])
     first = np.eye(3)[0 if abs(normal[0]) < _STEEP else 1]
     u = first - (first @ normal) * normal

@@ -20,6 +20,7 @@ from basecal.estimation.noise.target_shape import reshaped
 from basecal.estimation.problem.problem import Problem
 from basecal.estimation.view.measurement import Noise
 from basecal.geometry import Array
+from basecal.numerics.spectral import spectrum
 
 CONTRADICTED = 1.5  # residuals over their sigmas beyond which something is wrong with one or the other
 _ROUNDS = 40  # of the fixed point, which gains a digit in two or three
@@ -132,6 +133,4 @@ def _ratio(problem: Problem, end: Optimum, noise: Noise, field: str, count: int)
 
 
 def _log_det(normal: NormalEquations) -> float:
-    diagonal = np.diag(normal.hessian)
-    regular = normal.hessian + np.diag(1e-12 * diagonal + 1e-300)
-    return float(np.linalg.slogdet(regular)[1]) + float(normal.stop_log_det)
+    return float(spectrum(normal.hessian).log_det) + float(normal.stop_log_det)

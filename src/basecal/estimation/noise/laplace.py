@@ -18,6 +18,7 @@ from basecal.estimation.noise.hyperpriors import LogNormals
 from basecal.estimation.noise.mixed_model import MixedModel
 from basecal.estimation.noise.reml import Posterior, open_parts, posterior
 from basecal.geometry import Array
+from basecal.numerics.spectral import floored, spectrum
 
 # Newton's steps, at most, and how often one that leads uphill is halved.
 _STEPS, _HALVINGS = 50, 12
@@ -71,10 +72,9 @@ def sigma_posterior(model: MixedModel, prior: LogNormals, start: Array | None = 
     """
     logs = prior.start if start is None else np.append(start, prior.start[len(start) :])
     logs, here = _most_likely(model, prior, logs)
-    values, vectors = np.linalg.eigh(0.5 * here.curvature)
-    values = np.maximum(values, _LEAST_CURVATURE)
-    surprise = here.value + float(np.log(values / (2 * np.pi)).sum())
-    return SigmaPosterior(model, prior, logs, (vectors / values) @ vectors.T, surprise)
+    curvature = floored(0.5 * here.curvature, _LEAST_CURVATURE)
+    surprise = here.value + float(np.log(curvature.values / (2 * np.pi)).sum())
+    return SigmaPosterior(model, prior, logs, curvature.inverse, surprise)
 
 
 def _most_likely(model: MixedModel, prior: LogNormals, start: Array) -> tuple[Array, _Surface]:
@@ -119,9 +119,8 @@ def _within(here: _Surface, logs: Array, least: Array, most: Array) -> Array:
     held = ((logs <= least) & (here.slope > 0)) | ((logs >= most) & (here.slope < 0))
     # A variance's own second derivative adds twice the slope, which at the mode is none: walls are exponential.
     curvature = here.curvature + np.diag(2 * np.maximum(here.slope, 0.0))
-    values, vectors = np.linalg.eigh(np.where(held[:, None] | held, 0.0, curvature))
-    slope = np.where(held, 0.0, here.slope)
-    return np.asarray(-vectors @ (vectors.T @ slope / np.maximum(values, _LEAST_CURVATURE)))
+    inverse = floored(np.where(held[:, None] | held, 0.0, curvature), _LEAST_CURVATURE).inverse
+    return np.asarray(-inverse @ np.where(held, 0.0, here.slope))
 
 
 def _bounds(model: MixedModel, prior: LogNormals) -> tuple[Array, Array]:
@@ -179,13 +178,12 @@ def _root(covariance: Array) -> Array:
     """A matrix whose rows' outer products add up to a covariance, (k, k).
 
     Where residuals are zero to the last bit, sigmas differ so much in how well they are known that rounding takes the
-    last of it: then by eigenvalues, what is below zero left out.
+    last of it: then by eigenvalues, what is rounding left out.
     """
     try:
         return np.asarray(np.linalg.cholesky(covariance).T)
     except np.linalg.LinAlgError:
-        values, vectors = np.linalg.eigh(covariance)
-        return np.asarray((vectors * np.sqrt(np.maximum(values, 0.0))).T)
+        return spectrum(covariance).root.T
 
 
 def _spread(of: Posterior, about: Array) -> Array:

@@ -20,6 +20,7 @@ import numpy as np
 from basecal.estimation.noise.mixed_model import MixedModel, Moments
 from basecal.estimation.noise.view_estimates import STATED
 from basecal.geometry import Array, IntArray
+from basecal.numerics.spectral import floored
 
 _FLOOR = 1e-11  # of the scaled information where there is none: four digits above rounding
 _ROUNDS_ONE = 1e12  # an entry of this size leaves the identity beside it four digits
@@ -182,9 +183,8 @@ def _inverse(hessian: Array, before: Array) -> tuple[Array, float]:
         root = np.linalg.inv(factor)
         log_det = 2 * float(np.log(np.diag(factor)).sum())
     except np.linalg.LinAlgError:
-        values, vectors = np.linalg.eigh(scaled)
-        values = np.maximum(values, _FLOOR)
-        root, log_det = (vectors / np.sqrt(values)).T, float(np.log(values).sum())
+        held = floored(scaled, _FLOOR)
+        root, log_det = held.inverse_root.T, float(held.log_det)
     root = root * size
     return root.T @ root, log_det - 2 * float(np.log(size).sum())
 

@@ -12,6 +12,7 @@ from basecal.estimation.noise.robot_noise import stands
 from basecal.estimation.problem.problem import Problem
 from basecal.geometry import SE3, Array
 from basecal.geometry.se3 import rotation_log
+from basecal.numerics.spectral import spectrum
 
 # Errors of real arms correlate over 0.5 to 1.3 m, with an arm of 1 m for angles.
 LENGTH_M = 0.7
@@ -25,10 +26,8 @@ def smooth_modes(problem: Problem, robot: str) -> Array:
     """What unit errors of each mode are at each stop of a robot, (stops, modes)."""
     poses, seen = stands(problem, robot)
     few = poses[np.flatnonzero(seen)[:: -(-int(seen.sum()) // _MOST_STOPS)]]
-    values, vectors = np.linalg.eigh(_kernel(few, few))
-    kept = np.flatnonzero(values > _LEAST_MODE * values[-1])[-_MOST_MODES:]
-    modes: Array = _kernel(poses, few) @ (vectors[:, kept] / np.sqrt(values[kept]))
-    return modes
+    of = spectrum(_kernel(few, few), _LEAST_MODE)
+    return np.asarray(_kernel(poses, few) @ of.inverse_root[:, of.held][:, -_MOST_MODES:])
 
 
 def _kernel(first: SE3, second: SE3) -> Array:

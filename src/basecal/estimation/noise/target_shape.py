@@ -17,6 +17,7 @@ from basecal.estimation.problem.problem import Problem, ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import Array
 from basecal.geometry.se3 import hat
+from basecal.numerics.spectral import dimension
 
 # Fewer points hardly tell a shape from a view's pose: a tag's four corners do not at all.
 _FEWEST_POINTS = 9
@@ -42,15 +43,13 @@ def _coefficients(group: ViewGroup) -> int:
         return 0
     if not is_flat(points):
         return points.size if len(points) <= _MOST_IN_SPACE else 0
-    values = np.linalg.svd(points - points.mean(0), compute_uv=False)
     unstated = group.measurement.counts()["pixel_px"] > 0
-    return COEFFICIENTS if unstated and values[1] > _THIN * values[0] else 0
+    return COEFFICIENTS if unstated and dimension(points, _THIN) > 1 else 0
 
 
 def is_flat(points_in_target: Array) -> bool:
     """Whether points, (p, 3), lie in a plane but for what a board may be bowed by."""
-    values = np.linalg.svd(points_in_target - points_in_target.mean(0), compute_uv=False)
-    return bool(values[2] < _THIN * values[0])
+    return dimension(points_in_target, _THIN) < 3
 
 
 def points_of(group: ViewGroup) -> Array:

@@ -9,17 +9,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
 from basecal.estimation.view.measurement import Measurement, Noise, ViewInformation
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.geometry import SE3, Array, BoolArray, Camera
+from basecal.geometry import SE3, Array, Camera
+from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
 
 STATED = "stated"
 _NEVER = Noise(*(float("inf"),) * len(Noise._fields))
-# Below this share of the largest, an eigenvalue of a view's scaled information is rounding.
-_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,17 +85,7 @@ def _estimates(view: ViewInformation, total: int, by_shape: Array | None) -> Vie
     if by_shape is not None and by_shape.shape[-1] == by_shape[..., 0].size:
         # Where every point may be off by itself, nothing of a view is noise of single points alone.
         return ViewEstimates(*view, total, 0.0, 0)
-    own, rank = _explained(view.gradient, view.information)
-    count = int(rank.sum())
+    of = spectrum(view.information, VIEW_ROUNDING)
+    own, count = of.mahalanobis_squared(view.gradient), int(of.rank.sum())
     white = max(float(view.cost.sum() - own.sum()), 0.0)
     return ViewEstimates(own, view.gradient, view.information, count, white, max(total - count, 0))
-
-
-def _explained(gradient: Array, information: Array) -> tuple[Array, Array]:
-    """G' H^+ g and the rank of H, (n,) each; scaled first, since metres, radians and pixels stand side by side."""
-    diagonal = np.sqrt(np.maximum(np.diagonal(information, axis1=-2, axis2=-1), 0.0))
-    scale = np.where(diagonal > 0, 1 / np.where(diagonal > 0, diagonal, 1.0), 0.0)
-    values, vectors = np.linalg.eigh(information * scale[:, :, None] * scale[:, None, :])
-    kept: BoolArray = values > _ROUNDING * np.maximum(values[:, -1:], 1e-300)
-    along = (np.swapaxes(vectors, -1, -2) @ (gradient * scale)[..., None])[..., 0]
-    return np.sum(np.where(kept, along**2 / np.where(kept, values, 1.0), 0.0), -1), kept.sum(-1)

@@ -16,6 +16,7 @@ from basecal.estimation.problem.gauges import LEAST_RMS, SCALE
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import SE3, Array
 from basecal.numerics.batch import concatenate
+from basecal.numerics.spectral import above, principal_axes
 
 HARDLY_RAD = 0.01  # turns below this say nothing of a rotation: their noise is as large [rad]
 _HARDLY_M = 1e-3  # travel below this is standing still [m]
@@ -62,7 +63,7 @@ def motions(problem: Problem) -> dict[str, Motion]:
     for robot, base_from_flange in _poses(problem).items():
         first = base_from_flange[0]
         turns = SE3(base_from_flange.rotation @ first.rotation.T, np.zeros((len(base_from_flange), 3))).rotvec
-        axes = np.linalg.svd(turns, full_matrices=True)[2].T
+        axes = principal_axes(turns).axes
         about = np.abs(turns @ axes).max(axis=0)
         order = np.argsort(-about)
         travel = float(np.linalg.norm(base_from_flange.translation - first.translation, axis=-1).max())
@@ -113,8 +114,8 @@ def _indistinct(base_from_flange: SE3, least: float) -> tuple[Array, Array]:
     carried = base_from_flange.inverse().adjoint() * SCALE / SCALE[:, None]
     mean = carried.mean(0)
     off = (carried - mean).reshape(-1, 6)
-    squares, twists = np.linalg.eigh(off.T @ off / len(carried))
-    alike = twists[:, np.maximum(squares, 0.0) < least**2]
+    differing = above(off.T @ off / len(carried), least**2)
+    alike = differing.vectors[:, ~differing.held]
     return alike.T * SCALE, (mean @ alike).T * SCALE
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from basecal.cell.robot_parameters.kind import robot_parameter_kinds
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import Array, IntArray
+from basecal.numerics.spectral import by_share, principal_axes
 
 # Singular values and norms of an orthonormal basis, in shares of a whole direction.
 _LITTLE = 0.2  # what a basis moves less of an unknown than this does not move it
@@ -67,18 +68,17 @@ def separate_null_space(problem: Problem, state: State, vectors: Array, scale: A
         for cluster in _clusters(problem, space):
             # A basis of the part of the space that moves the cluster.
             rows = _rows(problem, cluster)
-            left, values, _ = np.linalg.svd(space[rows], full_matrices=False)
-            basis = np.zeros((len(space), int(np.sum(values > _LITTLE))))
-            basis[rows] = left[:, : basis.shape[1]]
+            turned = by_share(space, rows)
+            basis = np.zeros((len(space), int(np.sum(turned.share > _LITTLE))))
+            basis[rows] = turned.basis[rows, : basis.shape[1]] / turned.share[: basis.shape[1]]
             found += _of_cluster(problem, state, basis, cluster, scale, is_rotation)
     return tuple(found)
 
 
 def orthonormal_rows(rows: Array) -> Array:
     """An orthonormal basis of what some rows span, (k, n), but for what is little."""
-    _, values, axes = np.linalg.svd(rows, full_matrices=False)
-    found: Array = axes[values > _LITTLE * values[0]]
-    return found
+    of = principal_axes(rows, _LITTLE)
+    return of.axes.T[: of.dimension]
 
 
 def _rows(problem: Problem, names: Sequence[str]) -> IntArray:
@@ -89,13 +89,8 @@ def _rows(problem: Problem, names: Sequence[str]) -> IntArray:
 
 def _apart(vectors: Array, rows: IntArray) -> tuple[Array, Array]:
     """A basis of what hardly moves some rows, and of the rest."""
-    if not len(rows) or not vectors.shape[1]:
-        return vectors, vectors[:, :0]
-    _, values, mix = np.linalg.svd(vectors[rows], full_matrices=True)
-    padded = np.zeros(vectors.shape[1])
-    padded[: len(values)] = values
-    turned = vectors @ mix.T
-    return turned[:, padded <= _LITTLE], turned[:, padded > _LITTLE]
+    turned = by_share(vectors, rows)
+    return turned.basis[:, turned.share <= _LITTLE], turned.basis[:, turned.share > _LITTLE]
 
 
 def _of_other(problem: Problem, direction: Array) -> NullDirection:
@@ -138,20 +133,18 @@ def _of_cluster(
     found: list[NullDirection] = []
     while space.shape[1]:
         # What moves most; of several alike the first, a base before mounts.
-        size = {name: float(np.linalg.norm(_half(problem, space, name, is_rotation))) for name in cluster}
+        size = {name: float(np.linalg.norm(space[_half(problem, name, is_rotation)])) for name in cluster}
         main = next(name for name in cluster if size[name] >= _MAIN * max(size.values()))
-        part = _half(problem, space, main, is_rotation)
-        _, values, mix = np.linalg.svd(part, full_matrices=True)
-        moves = np.zeros(space.shape[1], dtype=bool)
-        moves[: len(values)] = values > _LITTLE * values[0]
-        ordered = space @ mix.T
-        found += _of_main(problem, state, ordered[:, moves], main, cluster, scale, is_rotation)
-        space = ordered[:, ~moves]
+        turned = by_share(space, _half(problem, main, is_rotation))
+        moves = turned.share > _LITTLE * turned.share[0]
+        found += _of_main(problem, state, turned.basis[:, moves], main, cluster, scale, is_rotation)
+        space = turned.basis[:, ~moves]
     return found
 
 
-def _half(problem: Problem, space: Array, name: str, is_rotation: bool) -> Array:
-    return _block(problem, space, name)[slice(3, 6) if is_rotation else slice(0, 3)]
+def _half(problem: Problem, name: str, is_rotation: bool) -> IntArray:
+    """Rows of an unknown's rotation, or of its translation."""
+    return _rows(problem, [name])[slice(3, 6) if is_rotation else slice(0, 3)]
 
 
 def _of_main(
@@ -171,5 +164,4 @@ def _of_main(
 def separate_twists(twists: Array) -> tuple[Array, Array]:
     """Translations (i, 3) [m], orthonormal, and twists with rotations (j, 6) [m, rad] of a space of twists, (k, 6)."""
     translations, rotations = _apart(np.linalg.qr(twists.T)[0], np.arange(3, 6))
-    directions = orthonormal_rows(translations[:3].T) if translations.shape[1] else np.zeros((0, 3))
-    return directions, rotations.T
+    return orthonormal_rows(translations[:3].T), rotations.T

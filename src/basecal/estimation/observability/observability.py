@@ -16,7 +16,7 @@ from basecal.estimation.observability.motions import null_directions
 from basecal.estimation.observability.null_space import NullDirection, separate_null_space
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import Array
-from basecal.numerics.spectral import holds_information, spectrum
+from basecal.numerics.spectral import above, spectrum
 
 _UNOBSERVABLE_SIGMA = 0.3  # [m, rad] of a direction: larger, no linear theory of it holds
 _NO_INFORMATION_SIGMA = 30.0  # [m, rad]: so wide a direction has no information but rounding
@@ -53,17 +53,15 @@ def observability_of(problem: Problem, state: State, hessian: Array, factor: flo
         return Observability(np.zeros((0, 0)), 1.0, (), frozenset(), np.zeros((0, 0)))
     length = _length(problem, state)
     scale = _scales(problem, state, length)
-    values, vectors = np.linalg.eigh(_without_null_directions(problem, state, hessian, scale))
     noise = max(factor, _SMALLEST_FACTOR)
-    sigma = np.sqrt(noise / np.maximum(values, 1e-300))
-    singular = (sigma > _NO_INFORMATION_SIGMA) | ~holds_information(values)
-    kept = vectors[:, ~singular] * scale[:, None]
-    inverse = (kept / values[~singular]) @ kept.T
-    onto_held = kept @ (vectors[:, ~singular] / scale[:, None]).T
+    of = above(_without_null_directions(problem, state, hessian), noise / _NO_INFORMATION_SIGMA**2, 1 / scale)
+    values, vectors, singular = of.values, of.vectors, ~of.held
+    inverse = of.inverse
+    onto_held = of.inverse_root @ of.root.T
     lenses = [where for name, where in problem.columns.items() if name in problem.lenses]
     distortion = [k for where in lenses for k in range(where.start + 4, where.stop)]
     shaping = np.linalg.norm(vectors[distortion], axis=0) ** 2 > 0.5
-    null = singular | ((sigma > _UNOBSERVABLE_SIGMA) & ~shaping)
+    null = singular | ((values < noise / _UNOBSERVABLE_SIGMA**2) & ~shaping)
     directions = separate_null_space(problem, state, vectors[:, null], scale) if np.any(null) else ()
     names = frozenset(
         name
@@ -76,17 +74,14 @@ def observability_of(problem: Problem, state: State, hessian: Array, factor: flo
     return Observability(inverse, condition, directions, names, onto_held, length)
 
 
-def _without_null_directions(problem: Problem, state: State, hessian: Array, scale: Array) -> Array:
-    """The scaled information without what noise alone says of directions that the recorded poses leave open."""
-    scaled = hessian * scale * scale[:, None]
+def _without_null_directions(problem: Problem, state: State, hessian: Array) -> Array:
+    """The information without what noise alone says of directions that the recorded poses leave open."""
     loose = null_directions(problem, state)
     if not loose.shape[1]:
-        return scaled
-    data = linearise(without_priors(problem), state).hessian * scale * scale[:, None]
-    basis = np.linalg.qr(loose / scale[:, None])[0]
-    carried = data @ basis
-    by_noise: Array = carried @ spectrum(basis.T @ carried).inverse @ carried.T
-    return scaled - 0.5 * (by_noise + by_noise.T)
+        return hessian
+    carried = linearise(without_priors(problem), state).hessian @ loose
+    by_noise: Array = carried @ spectrum(loose.T @ carried).inverse @ carried.T
+    return hessian - 0.5 * (by_noise + by_noise.T)
 
 
 def without_priors(problem: Problem) -> Problem:

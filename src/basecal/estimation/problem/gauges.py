@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from basecal.geometry import SE3, Array, IntArray
+from basecal.numerics.spectral import Spectrum, above
 
 # Motion of the flange by a radian of something, root of the mean square [rad], below which it is what the noise of
 # recorded poses may make: real arms have some milliradians.
@@ -33,22 +34,16 @@ def of_ends(base_from_flange: SE3, free_ends: tuple[bool, bool]) -> Array:
     return np.concatenate([np.zeros((len(base_from_flange), 6, 0)), *ends], axis=-1)
 
 
-def beyond(moves: Array, others: Array) -> tuple[Array, Array]:
-    """What of some moves of a flange others cannot take up, as squares along directions of the moves.
+def beyond(moves: Array, others: Array) -> Spectrum:
+    """What of some moves of a flange others cannot take up: mean squares along directions of the moves [rad^2].
 
     Args:
         moves: (m, 6, k) right tangents by one unit of each [m, rad].
         others: (m, 6, j) likewise.
-
-    Returns:
-        Mean squares [rad^2], (k,) rising, and the directions, (k, k), one a column.
     """
     flat, by_others = _flat(moves), _flat(others)
-    values, vectors = np.linalg.eigh(by_others.T @ by_others)
-    kept = values > LEAST_RMS**2
-    across = (vectors[:, kept] / np.sqrt(values[kept])).T @ (by_others.T @ flat)
-    squares, directions = np.linalg.eigh(flat.T @ flat - across.T @ across)
-    return np.maximum(squares, 0.0), directions
+    across = above(by_others.T @ by_others, LEAST_RMS**2).inverse_root.T @ (by_others.T @ flat)
+    return above(flat.T @ flat - across.T @ across, LEAST_RMS**2)
 
 
 def _flat(moves: Array) -> Array:
@@ -59,8 +54,8 @@ def _flat(moves: Array) -> Array:
 
 def told_directions(moves: Array, others: Array) -> Array:
     """An orthonormal basis, (k, r), of what of some moves is none of the others; see `beyond`."""
-    squares, directions = beyond(moves, others)
-    return np.asarray(directions[:, squares > LEAST_RMS**2])
+    left = beyond(moves, others)
+    return np.asarray(left.vectors[:, left.held])
 
 
 def told_joints(moves: Array, others: Array) -> IntArray:
@@ -68,8 +63,8 @@ def told_joints(moves: Array, others: Array) -> IntArray:
 
     Of joints that are in a gauge alike the first is held.
     """
-    squares, directions = beyond(moves, others)
-    left, held = directions[:, squares <= LEAST_RMS**2], list[int]()
+    of = beyond(moves, others)
+    left, held = of.vectors[:, ~of.held], list[int]()
     for _ in range(left.shape[1]):
         share = np.round(np.linalg.norm(left, axis=-1), _ALIKE)
         held.append(int(np.argmax(share)))

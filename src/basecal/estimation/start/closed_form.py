@@ -10,14 +10,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import eigh
 
 from basecal.geometry import SE3, Array
 from basecal.geometry.se3 import nearest_rotation
-from basecal.numerics.spectral import least_norm
-
-_CLEAR = 0.35  # share of the second singular value that the first may reach where a null vector is unique
-_SEEN = 1e-3  # of a unit system's second singular value: below, more than one direction is null
+from basecal.numerics.spectral import NullVector, least_norm, null_vector
 
 
 class Loop(NamedTuple):
@@ -65,20 +61,18 @@ def _unvec(vector: Array) -> Array:
     return vector.reshape(3, 3).T
 
 
-def _null(rows: Array, weight: Array) -> tuple[Array, bool]:
-    """Null vector of weighted rows (n, 9, k), and whether it is the only one."""
+def _null(rows: Array, weight: Array) -> NullVector:
+    """Null vector of weighted rows (n, 9, k)."""
     flat = (rows * weight[:, None, None]).reshape(-1, rows.shape[-1])
-    values, vectors = eigh(flat.T @ flat, subset_by_index=[0, 1])
-    singular = np.sqrt(np.maximum(values, 0) / np.sum(weight**2))
-    return vectors[:, 0], bool(singular[0] < _CLEAR * singular[1] and singular[1] > _SEEN)
+    return null_vector(flat, float(np.linalg.norm(weight)))
 
 
 def _two(left: Array, right: Array, weight: Array) -> tuple[Array, Array, bool]:
     """Rotations with left vec(P) = right vec(Q), (n, 9, 9) each."""
-    null, clear = _null(np.concatenate([left, -right], -1), weight)
-    first, second = _unvec(null[:9]), _unvec(null[9:])
+    null = _null(np.concatenate([left, -right], -1), weight)
+    first, second = _unvec(null.vector[:9]), _unvec(null.vector[9:])
     sign = np.sign(np.linalg.det(first)) or 1.0
-    return nearest_rotation(sign * first), nearest_rotation(sign * second), clear
+    return nearest_rotation(sign * first), nearest_rotation(sign * second), null.unique
 
 
 def solve_rotations(loop: Loop) -> Rotations:
@@ -108,16 +102,15 @@ def _three(a: Array, b: Array, c: Array, weight: Array) -> Rotations:
     """All three, from K = kron(X', Y') and Z: kron(vec(A)', kron(B', I)) vec(K) = kron(I, C) vec(Z)."""
     eye = np.broadcast_to(np.eye(3), a.shape)
     lifted = kron(_t(a).reshape(-1, 1, 9), kron(_t(b), eye))
-    null, clear = _null(np.concatenate([lifted, -kron(eye, c)], -1), weight)
-    z = _unvec(null[81:])
-    null = null * (np.sign(np.linalg.det(z)) or 1.0)
-    product = null[:81].reshape(9, 9).T
+    null = _null(np.concatenate([lifted, -kron(eye, c)], -1), weight)
+    sign = np.sign(np.linalg.det(_unvec(null.vector[81:]))) or 1.0
+    product = sign * null.vector[:81].reshape(9, 9).T
     by_factor = product.reshape(3, 3, 3, 3).transpose(0, 2, 1, 3).reshape(9, 9)
     u, _, vt = np.linalg.svd(by_factor)
     x_t, y_t = u[:, 0].reshape(3, 3), vt[0].reshape(3, 3)
     sign = np.sign(np.linalg.det(x_t)) or 1.0
     x, y = nearest_rotation(sign * x_t).T, nearest_rotation(sign * y_t).T
-    return Rotations(x, y, mean_rotation(_t(y @ c) @ a @ x @ b, weight), clear)
+    return Rotations(x, y, mean_rotation(_t(y @ c) @ a @ x @ b, weight), null.unique)
 
 
 def mean_rotation(matrices: Array, weight: Array) -> Array:

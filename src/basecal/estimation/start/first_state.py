@@ -33,6 +33,7 @@ _FEW = (20, 16)  # views and points of a start: 320 points determine 18 unknowns
 _MANY = (400, 1000)  # views and points of a thorough start
 _LIGHT_STARTS = {0: 1, 1: 12, 2: 40}  # by unknown rotations; judged by benchmarks.starts
 _LIGHTS_AT_ONCE = 5  # starts of a light side by side: more may be in vain where one of the first convinces
+_RIDGE = 1e-9  # of views of a point: where rays are parallel, depth stays that of the mount known so far
 _TIGHT_RAD = 0.3  # a prior this narrow is a start by itself [rad]
 _FEW_CHANGES = 0.1  # share of views whose pose changes that no longer moves the closed form
 
@@ -266,7 +267,7 @@ def _mount_of_points(sight: PairViews, x: SE3, y: SE3, at: SE3) -> SE3:
     ]
     origin_in_flange = camera_from_flange.inverse().translation
     across = (np.eye(3) - bearings[..., :, None] * bearings[..., None, :]) * (chords.weight > 0)[..., None, None]
-    total = across.sum(0) + 1e-9 * np.eye(3)
-    right = (across @ origin_in_flange[:, None, :, None]).sum(0) + 1e-9 * at.translation[:, None]
+    total = across.sum(0) + _RIDGE * np.eye(3)
+    right = (across @ origin_in_flange[:, None, :, None]).sum(0) + _RIDGE * at.translation[:, None]
     points_in_flange = np.linalg.solve(total, right)[..., 0]
     return umeyama(chords.points_in_target, points_in_flange[None], np.ones((1, len(points_in_flange))))[0]

@@ -20,6 +20,9 @@ from basecal.geometry.se3 import nearest_rotation
 from basecal.numerics.spectral import dimension
 
 _LOOKS_ALIKE = 25.0  # five sigmas: below, a plane's second pose fits as well
+_EITHER_POSE = 0.2  # weight of such a view, whose pose may be the wrong one of two
+_UNSURE_RAD = 0.02  # [rad] sigma of a view's rotation that halves its weight
+_RIDGE = 1e-9  # [1/m^2, 1/rad^2] of views that hold no pose: next to no weight, not none
 _START_PIXEL = 0.5  # sigma of a pixel where none is stated [px]
 
 
@@ -82,10 +85,10 @@ def _of_pixels(group: ViewGroup, measurement: PixelMeasurement, camera: Camera, 
     found = np.flatnonzero(poses.found)
     if len(found) < 3:
         return PairViews(group, None, np.ones(len(group)), total)
-    spread = np.linalg.inv(poses.information[found] + 1e-9 * np.eye(6))
-    sigma = np.sqrt(np.maximum(np.trace(spread[:, 3:, 3:], axis1=-2, axis2=-1), 1e-12))
+    spread = np.linalg.inv(poses.information[found] + _RIDGE * np.eye(6))
+    sigma = np.sqrt(np.trace(spread[:, 3:, 3:], axis1=-2, axis2=-1))
     alike = poses.cost[found, 1] - poses.cost[found, 0] < _LOOKS_ALIKE
-    weight = 1 / (1 + sigma / 0.02) * np.where(alike, 0.2, 1.0)
+    weight = 1 / (1 + sigma / _UNSURE_RAD) * np.where(alike, _EITHER_POSE, 1.0)
     sight = PairViews(group.take(found), poses.camera_from_target[found], weight, total)
     return sight if group.half_turn is None else _with_half_turns(sight, group.half_turn)
 

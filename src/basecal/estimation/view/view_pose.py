@@ -16,7 +16,7 @@ from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 from basecal.geometry.se3 import nearest_rotation, rotation_exp
 from basecal.numerics.batch import concatenate
 from basecal.numerics.levenberg_marquardt import Stop, levenberg_marquardt
-from basecal.numerics.spectral import FLAT
+from basecal.numerics.spectral import principal_axes
 
 FEWEST_POINTS = 4  # points that determine the pose of a plane up to two
 _FEWEST_IN_SPACE = 6  # points of the direct linear transform
@@ -82,10 +82,9 @@ def view_poses(
 
 def _shape(centred: Array) -> tuple[bool, Array, float]:
     """Whether points lie in a plane, axes with z across it (a rotation), and their size [m]."""
-    _, values, vt = np.linalg.svd(centred, full_matrices=True)
-    axes = vt.T * np.array([1.0, 1.0, np.linalg.det(vt)])
-    size = float(np.sqrt(np.mean(np.sum(centred**2, -1))))
-    return bool(len(values) < 3 or values[2] <= FLAT * values[0]), axes, size
+    of = principal_axes(centred)
+    axes = of.axes * np.array([1.0, 1.0, np.linalg.det(of.axes)])
+    return of.dimension < 3, axes, float(np.sqrt(np.mean(np.sum(centred**2, -1))))
 
 
 def _direct_linear(local: Array, bearings_in_camera: Array, seen: BoolArray, flat: bool) -> SE3:
