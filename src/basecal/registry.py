@@ -49,6 +49,12 @@ EXPORTERS = {
 }
 """Kinds of `basecal export` with what each gives: modules of `basecal.exchange.exporters`."""
 
+IMPORTS = (
+    "poses",
+    "pixels",
+)
+"""Kinds of `basecal import`: modules `basecal.cli.import_<kind>`, with `_` for `-`."""
+
 ROBOT_PARAMETERS = (
     "joint_offsets",
     "link_parameters",

@@ -1,6 +1,13 @@
 """Every file of a cell, read and written: the one module to import for that."""
 
-from basecal.cell.journal.recording_file import append_sample, append_samples, read_recording, write_recording
+from basecal.cell.journal.completing import completed_recording_text
+from basecal.cell.journal.recording_file import (
+    append_sample,
+    append_samples,
+    read_recording,
+    recording_from_text,
+    write_recording,
+)
 from basecal.cell.journal.sample_dict import sample_to_dict
 from basecal.cell.results.calibration_dict import calibration_from_dict, calibration_to_dict, finding_to_dict
 from basecal.cell.results.calibration_file import (
@@ -14,6 +21,7 @@ from basecal.cell.results.calibration_file import (
 from basecal.cell.results.truth_file import read_truth, write_truth
 from basecal.cell.schema.cell_dict import cell_to_dict
 from basecal.cell.schema.cell_file import cell_from_dict, read_cell, write_cell
+from basecal.cell.schema.completing import completed_cell_text
 
 __all__ = [
     "append_sample",
@@ -22,6 +30,8 @@ __all__ = [
     "calibration_to_dict",
     "cell_from_dict",
     "cell_to_dict",
+    "completed_cell_text",
+    "completed_recording_text",
     "finding_to_dict",
     "input_hashes",
     "latest_run",
@@ -30,6 +40,7 @@ __all__ = [
     "read_cell",
     "read_recording",
     "read_truth",
+    "recording_from_text",
     "run_folder",
     "sample_to_dict",
     "write_calibration",

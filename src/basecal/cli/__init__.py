@@ -11,9 +11,9 @@ from cyclopts import App, CycloptsError, Parameter
 
 from basecal.cli.terminal import say
 from basecal.errors import BasecalError, DatasetError
+from basecal.registry import IMPORTS
 
 _VERBS = ("new", "target", "simulate", "demo", "detect", "calibrate", "report", "export")
-_IMPORTS = ("poses", "pixels")
 _STUDIES = ("paper",)
 _HELP = """Where robot bases stand relative to each other, from what a camera sees, and
 how sure that is.
@@ -23,6 +23,15 @@ Start with `basecal demo`, or with `basecal new mycell`. Each verb has a page of
 
 Exit codes: 0 good, 1 doubtful or refused, 2 wrong usage, 3 unreadable input,
 70 a fault of this program, 130 interrupted."""
+
+
+_IMPORT_HELP = """Make a cell and its recording from other programs' files, or complete what is
+there: nothing that is recorded is overwritten.
+
+For example:
+
+    basecal import images mycell photos --camera wrist --on left
+    basecal import poses mycell --robot left ur.csv --format ur"""
 
 
 def build_app() -> App:
@@ -38,9 +47,9 @@ def build_app() -> App:
     )
     for place, verb in enumerate(_VERBS):
         app.command(_function(verb), name=verb, sort_key=place)
-    imports = App(name="import", help="Make a recording from other programs' files.", sort_key=len(_VERBS))
-    for verb in _IMPORTS:
-        imports.command(_function(f"import_{verb}"), name=verb)
+    imports = App(name="import", help=_IMPORT_HELP, help_format="plaintext", sort_key=len(_VERBS))
+    for place, kind in enumerate(IMPORTS):
+        imports.command(_function(f"import_{kind.replace('-', '_')}"), name=kind, sort_key=place)
     app.command(imports)
     studies = App(name="study", help="Reproduce published figures.", sort_key=len(_VERBS) + 1)
     for verb in _STUDIES:

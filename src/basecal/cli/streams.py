@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeVar
 
-from basecal.cli.new import start_cell
+from basecal.cli.imported import finish_import
 from basecal.cli.template import cell_text
-from basecal.cli.terminal import pasted, say
+from basecal.cli.terminal import pasted
 from basecal.errors import InputError
 
 if TYPE_CHECKING:
@@ -42,6 +42,11 @@ class Streams:
             "camera-from-target": self.camera_from_target,
         }
 
+    @property
+    def named(self) -> list[str]:
+        """All files, as the user named them."""
+        return [file for file in (*self.by_option.values(), self.pixels) if file is not None]
+
 
 @dataclass(frozen=True)
 class Places:
@@ -59,8 +64,8 @@ def import_streams(folder: Path, files: Streams, camera: str | None, target: str
     Raises:
         InputError: if a recording is there already, or files and cell do not fit.
     """
-    from basecal.cell.files import write_recording
     from basecal.exchange.assemble import recording_from_streams
+    from basecal.exchange.importing.imported import Imported, Row
     from basecal.exchange.pixels import read_pixels
 
     path = folder / "recording" / "samples.jsonl"
@@ -81,12 +86,12 @@ def import_streams(folder: Path, files: Streams, camera: str | None, target: str
         read_pixels(files.pixels) if files.pixels else None,
         files.sigma_px,
     )
-    if is_new:
-        start_cell(folder, cell_text(2 if files.eye and files.hand else 1, "pose", camera_on_world=not files.eye))
-    write_recording(recording, folder)
-    made = " and cell.yaml" if is_new else ""
-    say(f"wrote {len(recording.samples)} samples{made} to {folder}: basecal calibrate {pasted(folder)}")
-    return 0
+    rows = tuple(Row(s.robots, s.observations, stamp_s=s.stamp_s) for s in recording.samples)
+    text = cell_text(2 if files.eye and files.hand else 1, "pose", camera_on_world=not files.eye)
+    inverted = f", inverted: {', '.join(files.invert)}" if files.invert else ""
+    what = f"{len(rows)} instants of {', '.join(poses)}, lengths in {files.length_unit}{inverted}"
+    imported = Imported(" and ".join(files.named), what, rows, new_cell=text if is_new else None)
+    return finish_import(folder, imported, advice="check --length-unit and --invert", is_strict=False)
 
 
 def _new_places(folder: Path, files: Streams, camera: str | None, target: str | None) -> Places:

@@ -26,9 +26,12 @@ FILE = "samples.jsonl"
 MOST_SAMPLES = 200_000
 """Of a recording: a view a second for two days; more are no calibration's."""
 
-_LARGEST_BYTES = 2**28  # 256 MB: a thousand views of 5000 points each
+LARGEST_BYTES = 2**28
+"""Of a recording: 256 MB, a thousand views of 5000 points each."""
+
 _LONGEST_LINE = 2**24  # 16 MB: 400,000 points
-_BOM = b"\xef\xbb\xbf"
+BOM = b"\xef\xbb\xbf"
+"""Which some editors write before a text."""
 
 
 def read_recording(folder: str | Path, cell: Cell | None = None) -> Recording:
@@ -41,12 +44,23 @@ def read_recording(folder: str | Path, cell: Cell | None = None) -> Recording:
     Raises:
         DatasetError: if the cell, or a line of the recording, cannot be read as written.
     """
-    known = context(read_cell(folder) if cell is None else cell, inside(str(folder), FOLDER))
+    known = read_cell(folder) if cell is None else cell
     path = own_file(folder, f"{FOLDER}/{FILE}")
     text = read_bounded(
-        path, _LARGEST_BYTES, "there is no recording; write one JSON object a line (docs/data_format.md)"
+        path, LARGEST_BYTES, "there is no recording; write one JSON object a line (docs/data_format.md)"
     )
-    return replace(_recording(text.removeprefix(_BOM), str(path), known), folder=str(folder))
+    return recording_from_text(text, folder, known)
+
+
+def recording_from_text(text: bytes, folder: str | Path, cell: Cell) -> Recording:
+    """The recording that a cell has where its journal holds this text.
+
+    Raises:
+        DatasetError: if a line cannot be read as written.
+    """
+    known = context(cell, inside(str(folder), FOLDER))
+    path = str(Path(folder) / FOLDER / FILE)
+    return replace(_recording(text.removeprefix(BOM), path, known), folder=str(folder))
 
 
 def write_recording(recording: Recording, folder: str | Path) -> Path:
@@ -58,7 +72,7 @@ def write_recording(recording: Recording, folder: str | Path) -> Path:
     path = Path(folder) / FOLDER / FILE
     if path.exists() and path.stat().st_size:
         raise InputError(f"{path} exists; a recording is never rewritten: choose another folder, or append samples")
-    write_whole(path, "".join(map(_line, recording.samples)), within=Path(folder))
+    write_whole(path, "".join(map(line_of, recording.samples)), within=Path(folder))
     return path
 
 
@@ -80,7 +94,7 @@ def append_samples(folder: str | Path, samples: Iterable[Sample]) -> Finding | N
         InputError: if a number is not finite, or the file cannot be written.
     """
     path = Path(folder) / FOLDER / FILE
-    lines = [_line(sample).encode() for sample in samples]
+    lines = [line_of(sample).encode() for sample in samples]
     try:
         make_folder(path.parent, Path(folder))
         is_new = not path.exists()
@@ -96,7 +110,12 @@ def append_samples(folder: str | Path, samples: Iterable[Sample]) -> Finding | N
     return finding
 
 
-def _line(sample: Sample) -> str:
+def line_of(sample: Sample) -> str:
+    """The line of a sample.
+
+    Raises:
+        InputError: if a number is not finite.
+    """
     try:
         return json.dumps(sample_to_dict(sample, FOLDER), allow_nan=False) + "\n"
     except ValueError:

@@ -1,0 +1,68 @@
+"""A journal with more in its samples: what another program recorded of them, joined to the lines that are there."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from basecal.bounded_file import read_bounded
+from basecal.cell.format.paths import own_file
+from basecal.cell.journal.recording_file import BOM, FILE, FOLDER, LARGEST_BYTES, line_of
+from basecal.cell.journal.sample_dict import sample_to_dict
+from basecal.cell.journal.sample_line import line_data
+from basecal.cell.journal.sample_values import Where
+from basecal.cell.recording import Sample
+from basecal.errors import DatasetError, InputError
+
+
+def completed_recording_text(folder: str | Path, samples: Iterable[Sample]) -> str:
+    """The journal of a cell with these samples: each joins the line of its number, or is a new line at the end.
+
+    Lines that nothing is added to stay as they are, to the byte; a last line that was cut off is left out.
+
+    Raises:
+        DatasetError: if a line that is added to cannot be read.
+        InputError: if it holds already what would be added: a robot, an image, or what a camera saw of a target.
+    """
+    path = own_file(folder, f"{FOLDER}/{FILE}")
+    text = read_bounded(path, LARGEST_BYTES).removeprefix(BOM) if path.exists() else b""
+    waiting = {sample.sample: sample for sample in samples}
+    *written, tail = text.split(b"\n")
+    lines = []
+    for number, line in enumerate([*written, tail], start=1):
+        where = Where(str(path), number)
+        try:
+            data = line_data(line, where) if line.strip() else None
+        except DatasetError:
+            if line is tail:
+                continue
+            raise
+        if isinstance(data, dict) and (sample := waiting.pop(data.get("sample", -1), None)) is not None:
+            lines.append(json.dumps(_joined(data, sample_to_dict(sample, FOLDER), where), allow_nan=False) + "\n")
+        elif line.strip():
+            lines.append(line.decode() + "\n")
+    return "".join([*lines, *map(line_of, waiting.values())])
+
+
+def _joined(data: dict[str, Any], added: dict[str, Any], where: Where) -> dict[str, Any]:
+    """The data of a line with what is added to it; a time that it has stays."""
+    out = {"stamp_s": added["stamp_s"]} | data if "stamp_s" in added else dict(data)
+    for key in ("robots", "images", "background"):
+        twice = sorted(out.get(key, {}).keys() & added.get(key, {}).keys())
+        if twice:
+            raise _there_already(where, f"{key}.{twice[0]}")
+        if key in added:
+            out[key] = {**out.get(key, {}), **added[key]}
+    seen = {(o.get("camera"), o.get("target")) for o in out.get("observations", [])}
+    for observation in added.get("observations", []):
+        if (observation["camera"], observation["target"]) in seen:
+            raise _there_already(where, f"observations of {observation['target']} by {observation['camera']}")
+    if "observations" in added:
+        out["observations"] = [*out.get("observations", []), *added["observations"]]
+    return {"sample": out.pop("sample"), **out}
+
+
+def _there_already(where: Where, what: str) -> InputError:
+    return where.error(what, "is recorded already and is not overwritten: import into another cell, or under its name")

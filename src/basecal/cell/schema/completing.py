@@ -1,0 +1,72 @@
+"""The text of a `cell.yaml` with more in it: what a hand wrote, its comments and its order stay."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Collection, Mapping
+from typing import Any
+
+from ruamel.yaml import YAML
+
+from basecal.cell.format.problems import SHORT, Loc, field_name, short
+from basecal.cell.format.yaml_text import parse_yaml, yaml_text
+from basecal.cell.schema.cell_schema import SCHEMA
+from basecal.errors import DatasetError
+
+_WIDTH = 4096  # characters before a line is broken: none that a hand wrote is
+
+
+def completed_cell_text(
+    text: str | None, added: Mapping[str, Any], path: str, replaced: Collection[Loc] = ()
+) -> tuple[str, tuple[str, ...]]:
+    """The text with all that is added, and the places that are new or other in it.
+
+    Args:
+        text: The `cell.yaml` there is; None where there is none, then `added` is all of it but its schema.
+        added: Plain data of a `cell.yaml`; what stands there already with the same value stays as it is written.
+        path: What to call it in an error.
+        replaced: Places whose value is given up for the added one.
+
+    Raises:
+        DatasetError: if it is not YAML, or states another value at a place that is not replaced.
+    """
+    if text is None:
+        data = {"schema": SCHEMA, **added}
+        return yaml_text(data), tuple(key for key in data if key != "schema")
+    lines = parse_yaml(text, path).lines
+    yaml = YAML(typ="rt", pure=True)
+    yaml.width, yaml.preserve_quotes = _WIDTH, True
+    data = yaml.load(text)
+    if not isinstance(data, dict):
+        raise DatasetError(path, f"expected a mapping that starts with `schema: {SCHEMA}`, got {short(data)}")
+    changed: list[Loc] = []
+    for loc, value in _conflicts(data, added, (), frozenset(replaced), changed):
+        stated = f"states {_told(value[0])}, what is imported says {_told(value[1])}: correct the one that is wrong"
+        raise DatasetError(path, stated, lines.get(loc), field_name(loc))
+    if not changed:
+        return text, ()
+    stream = io.StringIO()
+    yaml.dump(data, stream)
+    return stream.getvalue(), tuple(map(field_name, changed))
+
+
+def _conflicts(
+    data: dict[str, Any], added: Mapping[str, Any], at: Loc, replaced: frozenset[Loc], changed: list[Loc]
+) -> list[tuple[Loc, tuple[Any, Any]]]:
+    """Places where both state something else; all others are added to `data`, and named in `changed`."""
+    found = []
+    for key, value in added.items():
+        loc = (*at, key)
+        if (loc in replaced and data.get(key) != value) or data.get(key) is None:
+            data[key] = value
+            changed.append(loc)
+        elif isinstance(value, Mapping) and isinstance(data[key], dict):
+            found += _conflicts(data[key], value, loc, replaced, changed)
+        elif data[key] != value:
+            found.append((loc, (data[key], value)))
+    return found
+
+
+def _told(value: Any) -> str:
+    text = str(list(value) if isinstance(value, list) else value)
+    return text if len(text) <= SHORT else short(value)

@@ -1,0 +1,110 @@
+"""What every import does at its end: it is checked, brought into the cell, and told."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from basecal.cli.terminal import pasted, say
+from basecal.errors import InputError, listed
+
+if TYPE_CHECKING:
+    from basecal.cell import Cell, Recording
+    from basecal.exchange.importing.bring_in import Brought
+    from basecal.exchange.importing.imported import Imported
+
+By = Literal["order", "image", "sample", "stamp_s"]
+_IN_WORDS = {
+    "order": "in order",
+    "image": "by the names of pictures",
+    "sample": "by the number of the sample",
+    "stamp_s": "by time",
+}
+
+
+def finish_import(
+    folder: Path,
+    imported: Imported,
+    *,
+    advice: str,
+    by: By | None = None,
+    link: bool = False,
+    is_strict: bool = True,
+) -> int:
+    """The exit code, after all that was read is in the cell and told; nothing is where that fails.
+
+    Args:
+        folder: The cell, or where one is to be made.
+        imported: What was read.
+        advice: What to do where something cannot be as it was read: which option is likely to be wrong.
+        by: What rows and samples are paired by; None for what both have.
+        link: Whether pictures are linked instead of copied.
+        is_strict: Whether what cannot be is left out; else it is told.
+
+    Raises:
+        InputError: if it cannot be as it was read, does not fit the cell, or would overwrite what is recorded.
+    """
+    from basecal.exchange.importing.bring_in import bring_in
+
+    def check(cell: Cell, recording: Recording) -> None:
+        """Nothing, where the recording can be.
+
+        Raises:
+            InputError: if it cannot.
+        """
+        from basecal.accuracy.input_check.plausibility import impossible_input
+
+        if found := impossible_input(cell, recording):
+            told = f"{imported.source}: {'; '.join(found)}: that cannot be"
+            if is_strict:
+                raise InputError(f"{told}, nothing is imported; {advice}")
+            say(f"basecal: warning: {told}; {advice}", sys.stderr)
+
+    brought = bring_in(folder, imported, check, by, link)
+    for line in (f"read {imported.source}: {imported.what}", *_pairing_lines(brought), *_cell_lines(brought)):
+        say(line)
+    count = len(brought.recording.samples)
+    told = f"{count} samples" if brought.made == count else f"{brought.made} new of {count} samples"
+    made = " and cell.yaml" if brought.is_new_cell else ""
+    say(f"wrote {told}{made} to {folder}: {_next_step(brought.cell, brought.recording, folder)}")
+    return 0
+
+
+def _pairing_lines(brought: Brought) -> list[str]:
+    pairing = brought.pairing
+    if pairing is None:
+        return []
+    lines = []
+    joined = sum(number is not None for number in pairing.numbers) - brought.made
+    if joined:
+        lines.append(f"paired with {joined} samples {_IN_WORDS[pairing.by]}")
+    if pairing.unpaired_rows:
+        lines.append(f"not paired, and left out: {listed(pairing.unpaired_rows)}")
+    if pairing.unpaired_samples:
+        lines.append(f"samples that nothing was imported to: {listed([str(n) for n in pairing.unpaired_samples])}")
+    return lines
+
+
+def _cell_lines(brought: Brought) -> list[str]:
+    if brought.is_new_cell or not brought.changed:
+        return []
+    return [f"written into cell.yaml: {listed(brought.changed)}"]
+
+
+def _next_step(cell: Cell, recording: Recording, folder: Path) -> str:
+    """What is still missing before the cell can be calibrated, or the line that does it."""
+    place = pasted(folder)
+    if not cell.cameras:
+        return f"next, its pictures: basecal import images {place} DIR --camera NAME --on ROBOT"
+    seen = any(sample.images or sample.observations for sample in recording.samples)
+    silent = [name for name in cell.robots if not any(name in sample.robots for sample in recording.samples)]
+    if silent:
+        return (
+            f"next, where {listed(silent)} was: basecal import poses {place} --robot {silent[0]} FILE --format FORMAT"
+        )
+    if not seen:
+        return f"next, its pictures: basecal import images {place} DIR --camera {next(iter(cell.cameras))}"
+    if not cell.targets:
+        return "next, say in cell.yaml which target the pictures show (`targets:`, docs/data_format.md)"
+    return f"basecal calibrate {place}"

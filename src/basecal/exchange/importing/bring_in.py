@@ -1,0 +1,146 @@
+"""An import into a cell's folder: everything is read, paired and checked before anything is written."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from basecal.cell import Cell, Recording, Sample
+from basecal.cell.files import (
+    cell_from_dict,
+    completed_cell_text,
+    completed_recording_text,
+    read_recording,
+    recording_from_text,
+)
+from basecal.cell.format.writing import write_whole
+from basecal.cell.format.yaml_text import parse_yaml, read_text
+from basecal.errors import DatasetError
+from basecal.exchange.importing.imported import Imported, Row
+from basecal.exchange.importing.pairing import By, Pairing, pair, plain_name
+from basecal.exchange.importing.placed import placed
+
+_CELL, _FOLDER = "cell.yaml", "recording"
+_NAMES = f"{_FOLDER}/image_names.json"
+_LARGEST_NAMES = 2**24  # bytes: 200,000 names
+
+
+@dataclass(frozen=True, eq=False)
+class Brought:
+    """What an import did.
+
+    Attributes:
+        cell: As it is now.
+        recording: Likewise.
+        pairing: Which rows went where; None where there were none.
+        made: How many samples are new.
+        changed: Places of `cell.yaml` that are new or other; all of them where there was none.
+        is_new_cell: Whether there was none.
+    """
+
+    cell: Cell
+    recording: Recording
+    pairing: Pairing | None
+    made: int
+    changed: tuple[str, ...]
+    is_new_cell: bool
+
+
+def bring_in(
+    folder: Path,
+    imported: Imported,
+    check: Callable[[Cell, Recording], None],
+    by: By | None = None,
+    link: bool = False,
+) -> Brought:
+    """What was read is in the cell, all of it or nothing.
+
+    Args:
+        folder: The cell, or where one is to be made.
+        imported: What was read.
+        check: Told the cell and what is added to its samples; raises InputError for what cannot be, and nothing is
+            written.
+        by: What rows and samples are paired by; None for what both have.
+        link: Whether pictures are linked instead of copied.
+
+    Raises:
+        InputError: if it does not fit what is there, or would overwrite it.
+    """
+    path = folder / _CELL
+    old = read_text(path, "") if path.exists() else None
+    with placed(imported.files, folder):
+        text, changed = _cell_text(imported, old, str(path))
+        cell = cell_from_dict(parse_yaml(text, str(path)).data, str(path), folder)
+        recorded, names = _recorded(folder, cell), _names(folder)
+        pairing = pair(imported, recorded.samples, names, by) if imported.rows else None
+        samples, pictures = _samples(imported.rows, pairing)
+        journal = completed_recording_text(folder, samples) if samples else ""
+        recording = recording_from_text(journal.encode(), folder, cell) if samples else recorded
+        check(cell, Recording(tuple(samples)))
+        with placed(pictures, folder, link):
+            if text != old:
+                write_whole(path, text)
+            named = {**names, **_named(imported.rows, pairing)}
+            if named != names:
+                write_whole(folder / _NAMES, json.dumps({"samples_by_image": named}) + "\n", within=folder)
+            if samples:
+                write_whole(folder / _FOLDER / "samples.jsonl", journal, within=folder)
+    made = len({sample.sample for sample in samples} - {sample.sample for sample in recorded.samples})
+    return Brought(cell, recording, pairing, made, changed, old is None)
+
+
+def _cell_text(imported: Imported, old: str | None, path: str) -> tuple[str, tuple[str, ...]]:
+    if old is None and imported.new_cell is not None:
+        old = imported.new_cell
+    return completed_cell_text(old, imported.cell, path, imported.replaced)
+
+
+def _recorded(folder: Path, cell: Cell) -> Recording:
+    path = folder / _FOLDER / "samples.jsonl"
+    if not path.exists():
+        return Recording(folder=str(folder))
+    return read_recording(folder, cell)
+
+
+def _names(folder: Path) -> dict[str, int]:
+    """Samples by the names of pictures, as an earlier table had them.
+
+    Raises:
+        DatasetError: if the file is not as it was written.
+    """
+    path = folder / _NAMES
+    if not path.exists():
+        return {}
+    try:
+        data = json.loads(read_text(path, "", _LARGEST_NAMES))["samples_by_image"]
+        return {str(name): int(number) for name, number in data.items()}
+    except (ValueError, LookupError, TypeError, AttributeError):
+        expected = 'expected {"samples_by_image": {"name": 0}}; remove it and import the table again'
+        raise DatasetError(str(path), expected) from None
+
+
+def _named(rows: tuple[Row, ...], pairing: Pairing | None) -> Mapping[str, int]:
+    """Samples of the pictures that rows without pictures name."""
+    numbers = () if pairing is None else pairing.numbers
+    return {
+        plain_name(row.image): number
+        for row, number in zip(rows, numbers, strict=False)
+        if row.image is not None and number is not None and not row.pictures
+    }
+
+
+def _samples(rows: tuple[Row, ...], pairing: Pairing | None) -> tuple[list[Sample], dict[str, Path]]:
+    """What is added to each sample, and the pictures by their path in the cell."""
+    samples, pictures = [], {}
+    for row, number in zip(rows, () if pairing is None else pairing.numbers, strict=False):
+        if number is None:
+            continue
+        images: dict[str, Any] = {}
+        for camera, source in row.pictures.items():
+            images[camera] = f"{_FOLDER}/images/{camera}/{source.name}"
+            pictures[images[camera]] = source
+        samples.append(Sample(number, row.stamp_s, row.robots, row.observations, images))
+    return samples, pictures

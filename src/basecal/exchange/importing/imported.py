@@ -1,0 +1,55 @@
+"""What an import read, in this project's terms: rows of a recording, and lines of a `cell.yaml`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from basecal.cell import Observation, RobotState
+from basecal.cell.format.problems import Loc
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """What is brought to one sample.
+
+    Attributes:
+        robots: Where robots were, by name.
+        observations: What cameras saw.
+        pictures: Files to be copied, by camera.
+        image: Name of the picture it belongs to; None where the file does not say.
+        sample: Number of the sample it belongs to; likewise.
+        stamp_s: Its time [s]; likewise.
+    """
+
+    robots: Mapping[str, RobotState] = field(default_factory=dict)
+    observations: tuple[Observation, ...] = ()
+    pictures: Mapping[str, Path] = field(default_factory=dict)
+    image: str | None = None
+    sample: int | None = None
+    stamp_s: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Imported:
+    """What was read of one source.
+
+    Attributes:
+        source: The file or folder, as the user named it.
+        what: What it holds, in which frames and units: "9 poses left_base_from_left_flange, ur: m, rotation vector".
+        rows: For the recording, in the order of the source.
+        cell: Plain data of a `cell.yaml` that is to be in it: new robots, cameras and targets, and what is known.
+        replaced: Places of `cell.yaml` at which that stands in for what is written there.
+        new_cell: All of a `cell.yaml` where there is none; `cell` makes one where None.
+        files: Other files that the cell needs, such as a URDF, by their path in it.
+    """
+
+    source: str
+    what: str
+    rows: tuple[Row, ...] = ()
+    cell: Mapping[str, Any] = field(default_factory=dict)
+    replaced: frozenset[Loc] = frozenset()
+    new_cell: str | None = None
+    files: Mapping[str, Path] = field(default_factory=dict)

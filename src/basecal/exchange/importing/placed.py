@@ -1,0 +1,77 @@
+"""Files put into a cell, and taken out again where what they were for fails."""
+
+from __future__ import annotations
+
+import filecmp
+import os
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from basecal.cell.format.paths import inside
+from basecal.cell.format.writing import beside, make_folder
+from basecal.errors import InputError
+
+
+@contextmanager
+def placed(files: Mapping[str, Path], folder: Path, link: bool = False) -> Iterator[None]:
+    """Files are in the cell while what follows uses them, and stay unless it fails.
+
+    A file that is there already, the same to the byte, is left as it is.
+
+    Args:
+        files: By their path in the cell.
+        folder: The cell.
+        link: Whether they become hard links, so that nothing is stored twice, instead of copies.
+
+    Raises:
+        InputError: if another file is there, a path leaves the cell, or it cannot be written.
+    """
+    made: list[Path] = []
+    existed = folder.exists()
+    try:
+        path_in_cell = inside(str(folder))
+        for name, source in files.items():
+            target = folder / path_in_cell(name)
+            if not os.path.lexists(target):
+                make_folder(target.parent, folder)
+                made.append(target)
+                _put(source, target, link)
+            elif not target.is_file() or not filecmp.cmp(source, target, shallow=False):
+                raise InputError(f"{target} is there already, and is another file than {source}: it is not overwritten")
+        yield
+    except OSError as error:
+        _take_out(made, folder, existed)
+        raise InputError(f"{error.filename or folder} cannot be written: {error.strerror}") from None
+    except BaseException:
+        _take_out(made, folder, existed)
+        raise
+
+
+def _put(source: Path, target: Path, link: bool) -> None:
+    if link:
+        try:
+            os.link(source, target)
+        except OSError as error:
+            why = f"{source} cannot be linked into {target.parent} ({error.strerror})"
+            raise InputError(f"{why}: hard links need one disk; leave --link away to copy") from None
+        return
+    part = beside(target)
+    try:
+        shutil.copyfile(source, part)
+        os.replace(part, target)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _take_out(made: list[Path], folder: Path, existed: bool) -> None:
+    """Remove files that were made, and folders that are empty then; the cell itself only where it is new."""
+    for path in made:
+        with suppress(OSError):
+            path.unlink(missing_ok=True)
+    above = {parent for path in made for parent in path.parents if parent.is_relative_to(folder)}
+    for parent in sorted(above, key=lambda path: len(path.parts), reverse=True):
+        if parent != folder or not existed:
+            with suppress(OSError):
+                parent.rmdir()

@@ -1,0 +1,77 @@
+"""A journal that is added to: joined by number, never overwritten, other lines as they were."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from basecal.cell import PoseObservation, RobotState, Sample
+from basecal.cell.files import completed_recording_text, recording_from_text
+from basecal.cell.schema.cell_file import cell_from_dict
+from basecal.errors import DatasetError
+from basecal.geometry import SE3
+
+CELL = cell_from_dict(
+    {
+        "schema": "basecal/cell/1",
+        "reference": "left",
+        "robots": {"left": {}, "right": {}},
+        "cameras": {"cam": {"on": "left"}},
+        "targets": {"board": {"on": "right"}},
+    }
+)
+LINE = '{"sample":  0, "robots": {"left": {"base_from_flange": {"t_m": [0.1, 0, 0], "q_xyzw": [0, 0, 0, 1]}}}}\n'
+STATE = RobotState(SE3.from_rotvec([0, 0, 1.0], [0.3, 0.2, 0.1]))
+
+
+def journal(folder: Path, text: str) -> Path:
+    (folder / "recording").mkdir()
+    (folder / "recording" / "samples.jsonl").write_text(text)
+    return folder
+
+
+def test_a_robot_joins_its_line(tmp_path: Path) -> None:
+    """The other robot of a sample is added to it, a sample of a new number is a new line, and both are read back."""
+    added = [Sample(0, 2.5, {"right": STATE}), Sample(7, None, {"right": STATE})]
+    text = completed_recording_text(journal(tmp_path, LINE), added)
+    first, second = recording_from_text(text.encode(), tmp_path, CELL).samples
+    assert (first.sample, first.stamp_s, sorted(first.robots)) == (0, 2.5, ["left", "right"])
+    assert second.sample == 7
+    pose = first.robots["right"].base_from_flange
+    assert pose is not None
+    assert STATE.base_from_flange is not None
+    np.testing.assert_allclose(pose.matrix, STATE.base_from_flange.matrix, atol=1e-15)
+
+
+def test_other_lines_stay_to_the_byte(tmp_path: Path) -> None:
+    """What nothing is added to keeps its spaces; a last line that was cut off is left out."""
+    other = LINE.replace('"sample":  0', '"sample":  4')
+    folder = journal(tmp_path, LINE + other + '{"sample": 5, "rob')
+    text = completed_recording_text(folder, [Sample(0, None, {"right": STATE})])
+    assert text.splitlines(keepends=True)[1:] == [other]
+
+
+@pytest.mark.parametrize(
+    ("added", "named"),
+    [
+        (Sample(0, None, {"left": STATE}), "robots.left"),
+        (Sample(0, None, {}, (), {"cam": "recording/images/cam/b.png"}), "images.cam"),
+        (Sample(0, None, {}, (PoseObservation("cam", "board", SE3.identity()),)), "observations of board by cam"),
+    ],
+)
+def test_nothing_recorded_is_overwritten(tmp_path: Path, added: Sample, named: str) -> None:
+    """A robot, an image or an observation that is there already is an error that names it and its line."""
+    line = LINE[:-2] + (
+        ', "images": {"cam": "images/cam/a.png"}, "observations": [{"camera": "cam", "target": "board", '
+        '"camera_from_target": {"t_m": [0, 0, 1], "q_xyzw": [0, 0, 0, 1]}}]}\n'
+    )
+    with pytest.raises(DatasetError, match=f"samples.jsonl:1: {named}: is recorded already"):
+        completed_recording_text(journal(tmp_path, line), [added])
+
+
+def test_a_damaged_line_is_an_error(tmp_path: Path) -> None:
+    """A line in the middle that is no JSON is named, since nothing could be joined to it."""
+    with pytest.raises(DatasetError, match=r"samples.jsonl:1: not JSON"):
+        completed_recording_text(journal(tmp_path, "{oops\n" + LINE), [Sample(0, None, {"right": STATE})])

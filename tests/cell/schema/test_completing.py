@@ -1,0 +1,54 @@
+"""A cell.yaml that is added to: comments and values stay, contradictions are named."""
+
+from __future__ import annotations
+
+import pytest
+
+from basecal.cell.files import cell_from_dict, completed_cell_text
+from basecal.cell.format.yaml_text import parse_yaml
+from basecal.errors import DatasetError
+
+TEXT = """\
+# Our cell
+schema: basecal/cell/1
+reference: left     # the one by the door
+robots:
+  left: {}          # poses
+cameras:
+  cam:
+    on: left
+    size_px: [1280, 720]   # as delivered
+    intrinsics: {status: free}
+"""
+
+
+def test_comments_and_order_stay() -> None:
+    """A robot is added at the end of the robots, and every line that was there is still there."""
+    text, changed = completed_cell_text(TEXT, {"robots": {"right": {}, "left": {}}}, "cell.yaml")
+    assert [line for line in text.splitlines() if line not in TEXT.splitlines()] == ["  right: {}"]
+    assert set(TEXT.splitlines()) <= set(text.splitlines())
+    assert changed == ("robots.right",)
+    assert list(cell_from_dict(parse_yaml(text, "cell.yaml").data).robots) == ["left", "right"]
+
+
+def test_nothing_new_changes_nothing() -> None:
+    """What stands there already leaves the text as it is, to the byte."""
+    assert completed_cell_text(TEXT, {"cameras": {"cam": {"size_px": [1280, 720]}}}, "cell.yaml") == (TEXT, ())
+
+
+def test_a_contradiction_is_named() -> None:
+    """Another value is an error with line and field, and both values; where it is to be replaced it is."""
+    added = {"cameras": {"cam": {"size_px": [640, 480]}}}
+    with pytest.raises(DatasetError, match=r"cell.yaml:9: cameras.cam.size_px: states .* says") as error:
+        completed_cell_text(TEXT, added, "cell.yaml")
+    assert "[1280, 720]" in str(error.value)
+    assert "[640, 480]" in str(error.value)
+    text, changed = completed_cell_text(TEXT, added, "cell.yaml", {("cameras", "cam", "size_px")})
+    assert cell_from_dict(parse_yaml(text, "cell.yaml").data).cameras["cam"].size_px == (640, 480)
+    assert changed == ("cameras.cam.size_px",)
+
+
+def test_a_new_cell_is_all_that_is_added() -> None:
+    """Where there is none, what is added makes it."""
+    text, _ = completed_cell_text(None, {"reference": "left", "robots": {"left": {}}}, "cell.yaml")
+    assert cell_from_dict(parse_yaml(text, "cell.yaml").data).reference == "left"

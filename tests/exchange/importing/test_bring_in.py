@@ -1,0 +1,94 @@
+"""An import into a folder: made, completed, or nothing at all."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from basecal.cell import Cell, Recording, RobotState
+from basecal.cell.files import read_cell, read_recording
+from basecal.errors import InputError
+from basecal.exchange.importing.bring_in import bring_in
+from basecal.exchange.importing.imported import Imported, Row
+from basecal.geometry import SE3
+
+
+def poses(robot: str, count: int, names: bool = False, **more: object) -> Imported:
+    rows = tuple(
+        Row(
+            {robot: RobotState(SE3.from_rotvec([0, 0, 0.1 * i], [0.4, 0.1 * i, 0.3]))},
+            image=f"IMG_{i}.png" if names else None,
+        )
+        for i in range(count)
+    )
+    return Imported(f"{robot}.csv", "poses", rows, {"robots": {robot: {}}, **more})
+
+
+def fine(cell: Cell, recording: Recording) -> None:
+    """Nothing is wrong."""
+
+
+def pictures(folder: Path, names: list[str]) -> Imported:
+    folder.mkdir()
+    for name in names:
+        (folder / name).write_bytes(name.encode())
+    rows = tuple(Row(pictures={"cam": folder / name}, image=name) for name in names)
+    return Imported(str(folder), "pictures", rows, {"cameras": {"cam": {"on": "left"}}})
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_a_cell_is_made_and_completed(tmp_path: Path) -> None:
+    """The first robot makes cell and recording, the second completes both."""
+    made = bring_in(tmp_path / "c", poses("left", 3, reference="left"), fine)
+    assert (made.is_new_cell, made.made) == (True, 3)
+    done = bring_in(tmp_path / "c", poses("right", 3), fine)
+    assert (done.is_new_cell, done.made, done.changed) == (False, 0, ("robots.right",))
+    assert list(read_cell(tmp_path / "c").robots) == ["left", "right"]
+    assert [sorted(s.robots) for s in read_recording(tmp_path / "c").samples] == [["left", "right"]] * 3
+
+
+@pytest.mark.parametrize("first", ["poses", "pictures"])
+def test_names_pair_in_either_order(tmp_path: Path, first: str) -> None:
+    """Pictures and a table that names them belong together whichever comes first, however they are sorted."""
+    table = poses("left", 3, True, reference="left")
+    folder = pictures(tmp_path / "photos", ["IMG_2.png", "IMG_0.png", "IMG_1.png"])
+    begin = Imported("", "", (), {"reference": "left", "robots": {"left": {}}})
+    for each in [begin, table, folder] if first == "poses" else [begin, folder, table]:
+        bring_in(tmp_path / "c", each, fine)
+    for sample in read_recording(tmp_path / "c").samples:
+        number = int(Path(sample.images["cam"]).stem[4:])
+        pose = sample.robots["left"].base_from_flange
+        assert pose is not None
+        assert pose.translation[1] == pytest.approx(0.1 * number)
+
+
+def test_what_fails_leaves_everything(tmp_path: Path) -> None:
+    """A robot recorded already, another count, and what the check refuses change nothing in the folder."""
+    bring_in(tmp_path, poses("left", 3, reference="left"), fine)
+    before = content(tmp_path)
+
+    def refuse(cell: Cell, recording: Recording) -> None:
+        raise InputError("cannot be")
+
+    with pytest.raises(InputError, match="recorded already"):
+        bring_in(tmp_path, poses("left", 3), fine)
+    with pytest.raises(InputError, match=r"right.csv holds 2, the recording has 3"):
+        bring_in(tmp_path, poses("right", 2), fine)
+    with pytest.raises(InputError, match="cannot be"):
+        bring_in(tmp_path, poses("right", 3), refuse)
+    photos = pictures(tmp_path.with_suffix(".photos"), ["a.png", "b.png"])
+    with pytest.raises(InputError, match=r"holds 2, the recording has 3"):
+        bring_in(tmp_path, photos, fine)
+    assert content(tmp_path) == before
+
+
+def test_the_check_sees_what_is_new_alone(tmp_path: Path) -> None:
+    """What was recorded before is not held against what comes now."""
+    bring_in(tmp_path, poses("left", 2, reference="left"), fine)
+    told: list[Recording] = []
+    bring_in(tmp_path, poses("right", 2), lambda cell, recording: told.append(recording))
+    assert [sorted(sample.robots) for sample in told[0].samples] == [["right"]] * 2

@@ -1,0 +1,64 @@
+"""Which sample a row belongs to."""
+
+from __future__ import annotations
+
+import pytest
+
+from basecal.cell import Sample
+from basecal.errors import InputError
+from basecal.exchange.importing.imported import Imported, Row
+from basecal.exchange.importing.pairing import pair
+
+TIMED = [Sample(n, 10.0 + n) for n in (0, 1, 2)]
+PICTURES = [Sample(n, None, {}, (), {"cam": f"recording/images/cam/IMG_{n}.png"}) for n in (0, 1, 2)]
+
+
+def rows(*each: Row) -> Imported:
+    return Imported("table.csv", "rows", each)
+
+
+def test_first_rows_make_samples() -> None:
+    """Where nothing is recorded rows are numbered from 0, or as they say."""
+    assert pair(rows(Row(), Row()), [], {}).numbers == (0, 1)
+    assert pair(rows(Row(sample=4), Row(sample=9)), [], {}).numbers == (4, 9)
+
+
+def test_by_order() -> None:
+    """As many rows as samples belong together in order; other counts are an error that names both."""
+    assert pair(rows(Row(), Row(), Row()), PICTURES, {}).numbers == (0, 1, 2)
+    with pytest.raises(InputError, match=r"table.csv holds 2, the recording has 3 samples"):
+        pair(rows(Row(), Row()), PICTURES, {})
+
+
+def test_by_name() -> None:
+    """The name of a picture says which, with or without folder and ending; what belongs to none is told."""
+    paired = pair(rows(Row(image="IMG_2.png"), Row(image="x/IMG_0"), Row(image="IMG_7.png")), PICTURES, {})
+    assert (paired.by, paired.numbers) == ("image", (2, 0, None))
+    assert paired.unpaired_rows == ("IMG_7.png",)
+    assert paired.unpaired_samples == (1,)
+
+
+def test_by_names_of_an_earlier_table() -> None:
+    """Pictures belong to the samples whose rows named them before."""
+    paired = pair(rows(Row(image="b.png"), Row(image="a.png")), [Sample(0), Sample(1)], {"a": 0, "b": 1})
+    assert paired.numbers == (1, 0)
+
+
+def test_by_time() -> None:
+    """The nearest in time belong together, up to half a period of a slow camera; others are told."""
+    paired = pair(rows(Row(stamp_s=12.01), Row(stamp_s=9.97), Row(stamp_s=11.4)), TIMED, {})
+    assert (paired.by, paired.numbers) == ("stamp_s", (2, 0, None))
+    assert paired.unpaired_rows == ("row 3 (11.400 s)",)
+    with pytest.raises(InputError, match="no time of a row is within"):
+        pair(rows(Row(stamp_s=1e9)), TIMED, {})
+
+
+def test_a_sample_twice_is_an_error() -> None:
+    """Two rows of one sample are named."""
+    with pytest.raises(InputError, match=r"two rows belong to sample 1 \(IMG_1.png, IMG_1\)"):
+        pair(rows(Row(image="IMG_1.png"), Row(image="IMG_1")), PICTURES, {})
+
+
+def test_asked_for() -> None:
+    """What is asked for wins over what the rows would say."""
+    assert pair(rows(*[Row(image="IMG_2")] * 3), PICTURES, {}, "order").numbers == (0, 1, 2)

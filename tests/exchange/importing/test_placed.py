@@ -1,0 +1,59 @@
+"""Files put into a cell, all or none."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from basecal.errors import InputError
+from basecal.exchange.importing.placed import placed
+
+
+@pytest.fixture
+def source(tmp_path: Path) -> Path:
+    path = tmp_path / "a.png"
+    path.write_bytes(b"picture")
+    return path
+
+
+@pytest.mark.parametrize("link", [False, True])
+def test_files_are_copied_or_linked(tmp_path: Path, source: Path, link: bool) -> None:
+    """A file is in the cell, as the same file where linked; a second time nothing changes."""
+    for _ in range(2):
+        with placed({"recording/images/cam/a.png": source}, tmp_path / "cell", link):
+            pass
+    there = tmp_path / "cell" / "recording" / "images" / "cam" / "a.png"
+    assert there.read_bytes() == b"picture"
+    assert os.path.samefile(there, source) == link
+
+
+def test_a_failure_leaves_nothing(tmp_path: Path, source: Path) -> None:
+    """What follows fails: files and folders that were made are gone, others stay."""
+    (tmp_path / "cell").mkdir()
+    with pytest.raises(ValueError, match="later"), placed({"x/y/a.png": source}, tmp_path / "cell"):
+        raise ValueError("later")
+    assert list((tmp_path / "cell").iterdir()) == []
+    with pytest.raises(ValueError, match="later"), placed({"x/a.png": source}, tmp_path / "new"):
+        raise ValueError("later")
+    assert not (tmp_path / "new").exists()
+
+
+def test_another_file_is_not_overwritten(tmp_path: Path, source: Path) -> None:
+    """A file of other bytes stays, and is named."""
+    (tmp_path / "cell").mkdir()
+    (tmp_path / "cell" / "a.png").write_bytes(b"older")
+    with pytest.raises(InputError, match="is there already"), placed({"a.png": source}, tmp_path / "cell"):
+        pass
+    assert (tmp_path / "cell" / "a.png").read_bytes() == b"older"
+
+
+def test_nothing_leaves_the_cell(tmp_path: Path, source: Path) -> None:
+    """Neither by its path nor by a link."""
+    (tmp_path / "cell").mkdir()
+    (tmp_path / "cell" / "out").symlink_to(tmp_path)
+    for name in ("../b.png", "out/b.png"):
+        with pytest.raises(InputError, match="leaves the cell"), placed({name: source}, tmp_path / "cell"):
+            pass
+    assert not (tmp_path / "b.png").exists()
