@@ -8,7 +8,16 @@ from typing import get_args
 
 import pytest
 
-from basecal.registry import CONTROLLERS, DRIVERS, EXPORTERS, IMPORTS, LENSES, ROBOT_PARAMETERS, TargetKindName
+from basecal.registry import (
+    CONTROLLERS,
+    DRIVERS,
+    EXPORTERS,
+    IMPORTS,
+    LENSES,
+    NOISE_TERMS,
+    ROBOT_PARAMETERS,
+    TargetKindName,
+)
 
 SOURCE = Path(__file__).parents[1] / "src" / "basecal"
 NAMES = {*get_args(TargetKindName), *LENSES}
@@ -69,6 +78,7 @@ def test_the_check_bites(source: str) -> None:
         ("exchange/controllers", CONTROLLERS),
         ("cell/robot_parameters", ROBOT_PARAMETERS),
         ("acquisition/drivers", DRIVERS),
+        ("estimation/noise/terms", tuple(NOISE_TERMS)),
     ],
 )
 def test_every_module_is_registered(folder: str, names: tuple[str, ...]) -> None:
@@ -80,6 +90,7 @@ def test_every_module_is_registered(folder: str, names: tuple[str, ...]) -> None
         "exchange/controllers": "CONVENTION = ",
         "cell/robot_parameters": "class Stated(",
         "acquisition/drivers": "def open_",
+        "estimation/noise/terms": "OVER_STOP = ",
     }[folder]
     faces = {path.stem for path in (SOURCE / folder).glob("*.py") if f"\n{face}" in path.read_text(encoding="utf-8")}
     assert faces == set(names)

@@ -62,6 +62,11 @@ ROBOT_PARAMETERS = (
 )
 """What can be estimated of a robot's own kinematics: modules of `basecal.cell.robot_parameters`."""
 
+NOISE_TERMS = {
+    "smooth": "smooth over {length_m:g} m",
+}
+"""Errors that a robot's stops have in common, with what each is: modules of `basecal.estimation.noise.terms`."""
+
 DRIVERS = (
     "replay",
     "folder",

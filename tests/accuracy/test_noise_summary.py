@@ -52,7 +52,8 @@ def test_an_estimated_sigma_is_compared_with_what_the_detector_claims():
 def test_smooth_errors_have_their_length():
     """Where they were found they stand beside the stops' own sigmas."""
     solution = solve(BARE.cell, BARE.recording, Settings(robot_noise="estimated"))
-    alike = replace(solution, noise=replace(solution.noise, smooth={"eye": np.array([1e-4] * 3 + [2e-4] * 3)}))
+    common = {"smooth": {"eye": np.array([1e-4] * 3 + [2e-4] * 3)}}
+    alike = replace(solution, noise=replace(solution.noise, common=common))
     of = noise_summary(BARE.cell, BARE.recording, alike)["robots"]
     assert of["eye"]["smooth"] == {"sigma": [1e-4] * 3 + [2e-4] * 3, "length_m": 0.7}
     assert "smooth" not in of["hand"]

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from basecal.cell import Cell, PixelObservation, Recording
-from basecal.estimation.noise.smooth_error import LENGTH_M
+from basecal.estimation.noise.terms.term import noise_terms
 from basecal.estimation.solve import Solution
 
 
@@ -15,7 +15,7 @@ def noise_summary(cell: Cell, recording: Recording, solution: Solution) -> dict[
     """Sigmas by their names, those of `cameras` whose noise was estimated, and of `robots`, stated or estimated.
 
     `factor` of a camera is its sigma over the median of those that its detector claims, null where that claims none.
-    `smooth` of a robot is what is alike at stops near one another: sigmas [m, rad], and over what length it changes.
+    What a robot's stops have in common stands by the name of its term: its sigmas [m, rad], and the term's figures.
     """
     noise = solution.noise
     used: dict[str, Any] = {field: getattr(noise.noise, field) for field in noise.estimated}
@@ -30,8 +30,9 @@ def noise_summary(cell: Cell, recording: Recording, solution: Solution) -> dict[
         name: {"sigma_t_m": sigma[:3].tolist(), "sigma_r_rad": sigma[3:].tolist()}
         for name, sigma in {**stated, **noise.robots}.items()
     }
-    for name, sigma in noise.smooth.items():
-        used["robots"][name]["smooth"] = {"sigma": sigma.tolist(), "length_m": LENGTH_M}
+    for term, sigmas in noise.common.items():
+        for name, sigma in sigmas.items():
+            used["robots"][name][term] = {"sigma": sigma.tolist(), **noise_terms()[term].FIGURES}
     return used
 
 

@@ -13,6 +13,7 @@ from basecal.exchange.ros2 import static_transform_publisher
 from basecal.exchange.urdf import origin_line
 from basecal.geometry import Array, Camera, PoseEstimate
 from basecal.geometry.lens import lens_of
+from basecal.registry import NOISE_TERMS
 from basecal.reporting.robots import robot_blocks
 
 _INTRINSICS = ("fx", "fy", "cx", "cy")
@@ -205,12 +206,12 @@ def noise_sentences(calibration: Calibration) -> Iterator[str]:
         elif len(cameras) > 1 and of.get("pixel_px") is not None:
             yield f"pixel noise of {camera}: {of['pixel_px']:.3g} px"
     for robot, sigmas in robots.items():
-        smooth = sigmas.get("smooth")
-        posed = [_sigma(key, value) for key, value in sigmas.items() if key != "smooth" and value is not None]
+        posed = [_sigma(key, value) for key, value in sigmas.items() if key not in NOISE_TERMS and value is not None]
         yield f"pose noise of robot {robot}, 1 sigma per axis: {', '.join(posed)}"
-        if smooth is not None:
-            alike = [_sigma(key, of) for key, of in (("t_m", smooth["sigma"][:3]), ("r_rad", smooth["sigma"][3:]))]
-            yield f"error of robot {robot} that is smooth over {smooth['length_m']:g} m: {', '.join(alike)}"
+        for term in [name for name in NOISE_TERMS if sigmas.get(name) is not None]:
+            sigma, words = sigmas[term]["sigma"], NOISE_TERMS[term].format(**sigmas[term])
+            alike = f"{_sigma('t_m', sigma[:3])}, {_sigma('r_rad', sigma[3:])}"
+            yield f"error of robot {robot} that is {words}: {alike}"
 
 
 def _sigma(key: str, value: float | Array) -> str:

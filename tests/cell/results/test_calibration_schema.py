@@ -138,6 +138,9 @@ def test_a_refused_run_without_transforms(tmp_path: Path) -> None:
     assert read_calibration(path).joint_covariance.shape == (0, 0)
 
 
+SIGMAS = {"sigma_t_m": [1e-3] * 3, "sigma_r_rad": [1e-3] * 3}
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -147,6 +150,8 @@ def test_a_refused_run_without_transforms(tmp_path: Path) -> None:
         ({"joint": {"order": ["a; b_from_c"], "covariance": []}}, "expected the name of a transform"),
         ({"joint": {"order": [], "covariance": [[-1.0]]}}, "a variance below 0"),
         ({"validation": {"kind": "k-fold", "folds": 5.5}}, r"validation\.folds: .*whole number|valid integer"),
+        ({"noise": {"robots": {"arm": SIGMAS | {"smooth": {"sigma": [1.0] * 6}}}}}, r"robots\.arm.*length_m"),
+        ({"noise": {"robots": {"arm": SIGMAS | {"smooth": {"sigma": [1.0], "length_m": 1}}}}}, r"robots\.arm.*sigma"),
         ({"certificate": {"gap": math.inf, "global": True, "reason": ""}}, "finite number"),
     ],
 )
@@ -159,3 +164,4 @@ def test_the_first_wrong_field_is_named(change: dict[str, Any], words: str) -> N
 def test_fields_of_later_programs_are_passed_over() -> None:
     """What is not known is no error."""
     assert calibration_from_dict(EMPTY | {"later": [1]}).verdict == "refused"
+    check_calibration(EMPTY | {"noise": {"robots": {"arm": SIGMAS | {"later": 1}}}})

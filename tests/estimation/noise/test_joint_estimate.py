@@ -131,5 +131,5 @@ def test_smooth_errors_are_found_and_widen_the_covariance():
     none = integrate_sigmas(used, end.state, noise)
     used, end, noise = estimate_jointly(problem, start, 100)
     found = integrate_sigmas(used, end.state, noise)
-    assert not none.smooth
-    assert found.smooth["hand"][3] > 3e-4
+    assert not none.common
+    assert found.common["smooth"]["hand"][3] > 3e-4

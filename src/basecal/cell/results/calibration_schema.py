@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated, Any, Literal
+from string import Formatter
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, create_model, model_validator
 
 from basecal.cell.format.problems import field_name, short
 from basecal.cell.format.values import LARGEST
 from basecal.cell.schema.errors import problems_of
 from basecal.errors import InputError
+from basecal.registry import NOISE_TERMS
 
 _FARTHEST = 1e9  # [m, px]: a thousand times what a cell may hold; squares of it are far from overflow
 
@@ -134,15 +136,26 @@ class _Finding(_Result):
     message: str
 
 
-class _SmoothError(_Result):
-    sigma: list[_Sigma]
-    length_m: float
+class _CommonError(_Result):
+    sigma: Annotated[list[_Sigma], Field(min_length=6, max_length=6)]
 
 
 class _RobotNoise(_Result):
+    """Sigmas of each stop by itself; beside them those of what stops have in common, by the name of its term."""
+
+    model_config = ConfigDict(extra="allow")
     sigma_t_m: _Sigma3
     sigma_r_rad: _Sigma3
-    smooth: _SmoothError | None = None
+
+    @model_validator(mode="after")
+    def _terms(self) -> Self:
+        """Every term has its sigmas, and the figures that its words name."""
+        for name in NOISE_TERMS.keys() & (self.__pydantic_extra__ or {}).keys():
+            figures: dict[str, Any] = {
+                field: (float, ...) for _, field, _, _ in Formatter().parse(NOISE_TERMS[name]) if field
+            }
+            create_model(name, __base__=_CommonError, **figures).model_validate(getattr(self, name))
+        return self
 
 
 class _CameraNoise(_Result):

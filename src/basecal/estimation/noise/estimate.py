@@ -42,10 +42,10 @@ class NoiseEstimate:
         settled: Whether the estimation came to rest.
         robots: Estimated sigmas of robots that state none, (6,) [m, rad], by name.
         cameras: Sigmas by camera; those of `noise` where none is named.
-        smooth: Sigmas of what is smooth in robots' poses, likewise, where the data make it likely.
+        common: Sigmas of what robots' stops have in common, likewise, by term, of the one that the data make likely.
         covariance: (p, p) of all columns, the sigmas integrated over; None where it is the information's inverse.
         surprise: Minus twice the log of the evidence, the sigmas integrated over, but for a constant.
-        plain_surprise: The same of the model without smooth errors alone.
+        plain_surprise: The same of the model without terms in common alone.
         shapes: Of targets whose shape was estimated: its coefficients, (k,), and their covariance, (k, k).
         logs: (k,) logarithms of the sigmas that were estimated jointly; None of others.
     """
@@ -56,7 +56,7 @@ class NoiseEstimate:
     settled: bool
     robots: Mapping[str, Array] = field(default_factory=dict)
     cameras: Mapping[str, Noise] = field(default_factory=dict)
-    smooth: Mapping[str, Array] = field(default_factory=dict)
+    common: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
     covariance: Array | None = None
     surprise: float = 0.0
     plain_surprise: float = 0.0

@@ -5,7 +5,7 @@ board gets wrong as a whole is larger than its points scatter, by 1.1 to 5 on re
 Arms: repeatability by ISO 9283 is 0.01 to 0.1 mm (ABB IRB 120 0.01, UR3e and UR5e 0.03, Motoman MA1400 0.08, KUKA LBR
 iiwa and Franka 0.1 mm), accuracy without calibration 0.5 to 2 mm (Nubiola & Bonev 2013): at a reach of 0.6 m 0.02 to 3
 mrad. Errors of joints are angles, so that those of a place are as large as its distance from the base makes them.
-Smooth errors (geometry, gears, sag) are larger than what differs between neighbouring stops, where there are any.
+What stops have in common is expected in proportion to what each gets wrong by itself, term by term.
 """
 
 from __future__ import annotations
@@ -28,8 +28,7 @@ _ENOUGH_SCATTER = 20  # freedoms that tell a sigma to a sixth, which is little b
 _LEAST_SCATTER = 5e-3
 _ROBOT_RAD = (3e-4, 4.0)  # [rad] the middle of 0.02 to 3 mrad, and the factor of a standard deviation that spans them
 _ROBOTS_APART = 2.0  # factor between the robots of one cell, which are mostly of one make
-_TIE = 1.05  # of a shift to reach times turn: looser, the likelihood splits smooth errors wrongly between the two
-_SMOOTH_OVER_STOP = (2.5, 2.0)  # of smooth errors over those of single stops, and its factor
+_TIE = 1.05  # of a shift to reach times turn: looser, the likelihood splits common errors wrongly between the two
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,12 +56,15 @@ class LogNormals:
         return np.asarray(np.linalg.solve(self.forms, self.mean), dtype=np.float64)
 
 
-def hyperpriors(model: MixedModel, reach_m: Mapping[str, float]) -> LogNormals:
+def hyperpriors(
+    model: MixedModel, reach_m: Mapping[str, float], over_stop: tuple[float, float] | None = None
+) -> LogNormals:
     """What is known beforehand of a model's sigmas.
 
     Args:
         model: The model.
         reach_m: How far each robot's flange is from its base, root of the mean square [m].
+        over_stop: Of the term that stops have in common, where the model has one, see `NoiseTerm`.
     """
     k = sigma_count(model)
     rows: list[tuple[Array, float, float]] = []
@@ -75,12 +77,12 @@ def hyperpriors(model: MixedModel, reach_m: Mapping[str, float]) -> LogNormals:
         at = first + 2 * i
         rows.append((np.eye(k)[at] - np.eye(k)[at + 1], np.log(max(reach_m[robot], 0.1)), np.log(_TIE)))
     rows += _pooled(np.eye(k)[first + 1 : first + 2 * count : 2])
-    if model.smooth.any():
+    if over_stop is not None:
         for i, robot in enumerate(model.robots):
             at, own = first + 2 * (count + i), first + 2 * i
             rows.append((np.eye(k)[at] - np.eye(k)[at + 1], np.log(max(reach_m[robot], 0.1)), np.log(_TIE)))
             over = np.eye(k)[at + 1] - np.eye(k)[own + 1]
-            rows.append((over, np.log(_SMOOTH_OVER_STOP[0]), np.log(_SMOOTH_OVER_STOP[1])))
+            rows.append((over, np.log(over_stop[0]), np.log(over_stop[1])))
     return LogNormals(np.array([r[0] for r in rows]).reshape(-1, k), *(np.array([r[i] for r in rows]) for i in (1, 2)))
 
 

@@ -1,8 +1,8 @@
-"""Sigmas of what states none, all together: views, robots' stops and what is smooth in a robot's pose.
+"""Sigmas of what states none, all together: views, robots' stops and what a robot's stops have in common.
 
-The optimum at some sigmas, the most likely sigmas about it, and again until they rest. Whether errors of arms are
-smooth in pose is a second model beside the first: both count by their evidence in how well the answer is known. The
-answer itself is that of the first, which predicts as well and lets no smooth error take up what belongs to a mount.
+The optimum at some sigmas, the most likely sigmas about it, and again until they rest. Each term that stops may have in
+common is a model beside the first: all count by their evidence in how well the answer is known. The answer itself is
+that of the first, which predicts as well and lets no such term take up what belongs to a mount.
 Source: docs/mathematics.md (5.2), (5.3).
 """
 
@@ -24,8 +24,8 @@ from basecal.estimation.noise.laplace import (
 from basecal.estimation.noise.mixed_model import mixed_model
 from basecal.estimation.noise.reml import open_parts
 from basecal.estimation.noise.robot_noise import stands, stops_made, with_robot_noise, without_errors
-from basecal.estimation.noise.smooth_error import smooth_modes
 from basecal.estimation.noise.target_shape import reshaped
+from basecal.estimation.noise.terms.term import NoiseTerm, noise_terms
 from basecal.estimation.noise.view_estimates import STATED
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.view.measurement import Noise
@@ -33,21 +33,19 @@ from basecal.geometry import Array
 
 _ROUNDS = 6  # of sigmas and optimum in turn: two or three do
 _SETTLED = 0.02  # of logarithms, and of shapes in sigmas: as well as a thousand freedoms tell them
-# Fewer stops show nothing of how errors change over poses.
-_FEWEST_SMOOTH = 4
 _NOMINAL = (5e-4, 1e-3)  # [m, rad] of the first optimum: within a factor of a few of any arm's
 
 
 @dataclass(frozen=True, eq=False)
 class _Sigmas:
-    """Sigmas by name: noise by camera, and of robots those of single stops and smooth ones, (6,) [m, rad].
+    """Sigmas by name: noise by camera, and of robots those of single stops and in common, (6,) [m, rad].
 
     With them, of targets the coefficients of their shape, (k,), and the covariance of these.
     """
 
     cameras: Mapping[str, Noise]
     robots: Mapping[str, Array]
-    smooth: Mapping[str, Array]
+    common: Mapping[str, Array]
     shapes: Mapping[str, tuple[Array, Array]]
 
     def applied(self, problem: Problem) -> Problem:
@@ -90,10 +88,10 @@ def _estimated(
     else:
         used, logs = replace(near.held_by(problem), held=problem.held), near.logs
     end, settled = bundle_adjust(used, start, dof, iterations), False
-    plain = _sigma_posterior(used, end.state, robots, {}, logs)
+    plain = _sigma_posterior(used, end.state, robots, logs)
     for _ in range(_ROUNDS):
         used, end = _readjusted(used, end, plain, dof, iterations)
-        before, plain = plain.logs, _sigma_posterior(used, end.state, robots, {}, plain.logs)
+        before, plain = plain.logs, _sigma_posterior(used, end.state, robots, plain.logs)
         settled = bool(np.abs(plain.logs - before).max(initial=0.0) < _SETTLED) and _shaped_enough(plain)
         if settled:
             break
@@ -108,7 +106,7 @@ def _shaped_enough(of: SigmaPosterior) -> bool:
 
 
 def integrate_sigmas(problem: Problem, state: State, noise: NoiseEstimate) -> NoiseEstimate:
-    """What was estimated jointly, with the covariance over all that the sigmas, and smooth errors, may be.
+    """What was estimated jointly, with the covariance over all that the sigmas, and terms in common, may be.
 
     Args:
         problem: The problem with the most likely sigmas.
@@ -119,14 +117,15 @@ def integrate_sigmas(problem: Problem, state: State, noise: NoiseEstimate) -> No
         return noise
     with np.errstate(all="ignore"):
         robots = open_robots(problem)
-        models = [_sigma_posterior(problem, state, robots, {}, noise.logs)]
-        modes = {name: smooth_modes(problem, name) for name in robots if stops_made(problem, name) >= _FEWEST_SMOOTH}
-        if modes:
-            models.append(_sigma_posterior(problem, state, robots, modes, noise.logs))
-        likeliest = min(models, key=lambda of: of.surprise)
-        covariance = integrated_covariance(models, np.zeros(models[0].model.width))
-    smooth = _sigmas(likeliest, problem).smooth
-    return replace(noise, smooth=smooth, covariance=covariance, surprise=likeliest.surprise)
+        models = {"": _sigma_posterior(problem, state, robots, noise.logs)}
+        for name, term in noise_terms().items():
+            modes = {robot: of for robot in robots if (of := term.modes(problem, robot)).shape[1]}
+            if modes:
+                models[name] = _sigma_posterior(problem, state, robots, noise.logs, term, modes)
+        likeliest = min(models, key=lambda name: models[name].surprise)
+        covariance = integrated_covariance(list(models.values()), np.zeros(problem.width))
+    common = {likeliest: _sigmas(models[likeliest], problem).common} if likeliest else {}
+    return replace(noise, common=common, covariance=covariance, surprise=models[likeliest].surprise)
 
 
 def _readjusted(
@@ -148,14 +147,16 @@ def _sigma_posterior(
     used: Problem,
     state: State,
     robots: Sequence[str],
-    modes: Mapping[str, Array],
-    logs: Array | None = None,
+    logs: Array | None,
+    term: NoiseTerm | None = None,
+    modes: Mapping[str, Array] | None = None,
 ) -> SigmaPosterior:
-    """The sigmas about a state, the most likely ones looked for from `logs`."""
+    """The sigmas about a state, the most likely ones looked for from `logs`; of a model with a term, its modes too."""
     unit = with_robot_noise(used, {name: np.ones(6) for name in robots})
     physical = replace(state, stop_errors=state.stop_errors * _units(used, robots))
     model = mixed_model(unit, physical, robots, modes)
-    prior = hyperpriors(model, {name: _reach(used, name) for name in robots})
+    reach_m = {name: _reach(used, name) for name in robots}
+    prior = hyperpriors(model, reach_m, None if term is None else term.OVER_STOP)
     return sigma_posterior(model, prior, logs)
 
 
@@ -179,11 +180,11 @@ def _sigmas(of: SigmaPosterior, problem: Problem) -> _Sigmas:
     for (camera, name), value in zip(keys, values, strict=False):
         cameras[camera] = cameras.get(camera, Noise())._replace(**{name: float(value)})
     pairs = values[len(keys) :].reshape(-1, 2)
-    single, smooth = pairs[: len(model.robots)], pairs[len(model.robots) :]
+    single, common = pairs[: len(model.robots)], pairs[len(model.robots) :]
     return _Sigmas(
         cameras,
         {name: np.repeat(pair, 3) for name, pair in zip(model.robots, single, strict=True)},
-        {n: np.repeat(pair, 3) for n, pair in zip(model.robots, smooth, strict=False) if n in model.layout.smooth},
+        {n: np.repeat(pair, 3) for n, pair in zip(model.robots, common, strict=False) if n in model.layout.common},
         _shapes(of, problem) if model.layout.shapes else {},
     )
 

@@ -58,7 +58,7 @@ class Layout:
         blocks: How many blocks.
         rows: Rows of each.
         width: How many columns.
-        smooth: By robot the first column of its smooth errors, and what unit errors of each mode are at its stops.
+        common: By robot the first column of what its stops have in common, and what unit errors of each mode are there.
         shapes: By target the columns of its shape.
     """
 
@@ -68,7 +68,7 @@ class Layout:
     blocks: int
     rows: int
     width: int
-    smooth: Mapping[str, tuple[int, Array]]
+    common: Mapping[str, tuple[int, Array]]
     shapes: Mapping[str, slice]
 
 
@@ -78,13 +78,13 @@ class MixedModel:
 
     Attributes:
         parts: What goes by each open sigma, by camera and field of `Noise`; `STATED` as the camera's name where stated.
-        width: How many columns are unknowns of the problem; the others are errors of stops, and smooth ones.
+        width: How many columns are unknowns of the problem; the others are errors of stops and of terms.
         prior: (m, m) information known beforehand, that of errors at unit sigmas.
         prior_gradient: (m,) its gradient.
         prior_cost: Its cost.
         column_robot: (m,) number of the robot whose sigma scales a column, times two, one more for rotations; -1.
         error_robot: (b, q) likewise of errors in blocks.
-        smooth: (m,) whether a column is one of a smooth error.
+        common: (m,) whether a column is of an error that stops have in common.
         white: Sum of squares of points about their view's own estimate at unit sigma, and its freedoms, as `parts`.
         robots: Names of the robots whose sigmas are open.
         layout: Where the errors of stops stand.
@@ -98,7 +98,7 @@ class MixedModel:
     prior_cost: float
     column_robot: IntArray
     error_robot: IntArray
-    smooth: Array
+    common: Array
     white: Mapping[tuple[str, str], tuple[float, int]]
     robots: tuple[str, ...]
     layout: Layout
@@ -113,7 +113,7 @@ class MixedModel:
                 out[stop] = errors[of.block[stop], of.row[stop] : of.row[stop] + 6]
             else:
                 out[stop] = columns[of.column[stop] : of.column[stop] + 6]
-        for robot, (at, modes) in of.smooth.items():
+        for robot, (at, modes) in of.common.items():
             mine = [k for k, name in enumerate(self.robot_of_stop) if name == robot]
             out[mine] += modes @ columns[at : at + 6 * modes.shape[1]].reshape(-1, 6)
         return out
@@ -128,7 +128,7 @@ def mixed_model(
         problem: The problem; stops of `robots` have unit sigmas, so that their errors are in metres and radians.
         state: The state.
         robots: Whose sigmas are open.
-        modes: Of robots with smooth errors, what unit errors of each mode are at each of their stops, (stops, modes).
+        modes: Of a term, by robot what unit errors of each mode are at each of its stops, (stops, k), see `NoiseTerm`.
     """
     layout = _layout(problem, modes or {})
     parts: dict[tuple[str, str], Moments] = {}
@@ -165,15 +165,15 @@ def _layout(problem: Problem, modes: Mapping[str, Array]) -> Layout:
     for stop in sorted(hubs):
         column[stop] = width
         width += 6
-    smooth = {}
+    common = {}
     for robot, shape in modes.items():
-        smooth[robot] = (width, shape)
+        common[robot] = (width, shape)
         width += 6 * shape.shape[1]
     shapes = {}
     for target, count in shaped_targets(problem).items():
         shapes[target] = slice(width, width + count)
         width += count
-    return Layout(block, row, column, blocks, rows, width, smooth, shapes)
+    return Layout(block, row, column, blocks, rows, width, common, shapes)
 
 
 def _tied(partners: list[set[int]]) -> tuple[set[int], list[list[int]]]:
@@ -224,8 +224,8 @@ def _moments(problem: Problem, group: ViewGroup, state: State, view: ViewEstimat
         present += (by_error @ state.stop_errors[stop][..., None])[..., 0]
         _place(fixed, errors, block, stop, by_error, layout)
         robot = problem.stops.robot[stop[0]]
-        if robot in layout.smooth:
-            at, shape = layout.smooth[robot]
+        if robot in layout.common:
+            at, shape = layout.common[robot]
             stand = group.eye_stand if robot == group.eye else group.hand_stand
             spread = by_error[:, :, None, :] * shape[stand][:, None, :, None]
             fixed[:, :, at : at + 6 * shape.shape[1]] += spread.reshape(n, rows, -1)
@@ -300,10 +300,10 @@ def _prior(problem: Problem, state: State, layout: Layout) -> tuple[Array, Array
 
 
 def _scaled_by(problem: Problem, layout: Layout, robots: tuple[str, ...]) -> tuple[IntArray, IntArray, Array]:
-    """See `MixedModel`: of each column and each error its sigma, and which columns are smooth."""
+    """See `MixedModel`: of each column and each error its sigma, and which columns are of a term."""
     column = np.full(layout.width, -1, dtype=np.int64)
     error = np.full((layout.blocks, layout.rows), -1, dtype=np.int64)
-    smooth = np.zeros(layout.width, dtype=bool)
+    common = np.zeros(layout.width, dtype=bool)
     kind = np.repeat([0, 1], 3)
     for stop, robot in enumerate(problem.stops.robot):
         if robot not in robots:
@@ -313,8 +313,8 @@ def _scaled_by(problem: Problem, layout: Layout, robots: tuple[str, ...]) -> tup
             error[layout.block[stop], layout.row[stop] : layout.row[stop] + 6] = which
         else:
             column[layout.column[stop] : layout.column[stop] + 6] = which
-    for robot, (at, shape) in layout.smooth.items():
+    for robot, (at, shape) in layout.common.items():
         width = 6 * shape.shape[1]
         column[at : at + width] = np.tile(2 * robots.index(robot) + kind, shape.shape[1])
-        smooth[at : at + width] = True
-    return column, error, smooth
+        common[at : at + width] = True
+    return column, error, common

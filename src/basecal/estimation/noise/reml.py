@@ -67,7 +67,7 @@ class Posterior:
 
     @property
     def stop_errors(self) -> Array:
-        """(k, 6) most likely errors of all stops, smooth ones among them, in units of the problem."""
+        """(k, 6) most likely errors of all stops, those in common among them, in units of the problem."""
         columns = self.mean_columns * _scales(self.logs, self.of_columns)
         return self.model.stop_errors(self.mean_errors * _scales(self.logs, self.of_errors), columns)
 
@@ -116,8 +116,8 @@ def open_parts(model: MixedModel) -> list[tuple[str, str]]:
 
 
 def sigma_count(model: MixedModel) -> int:
-    """How many sigmas are open: those of `open_parts`, pairs of robots, and pairs of smooth errors."""
-    return len(open_parts(model)) + 2 * len(model.robots) * (2 if model.smooth.any() else 1)
+    """How many sigmas are open: of `open_parts`, and a pair a robot of each stop and of what stops have in common."""
+    return len(open_parts(model)) + 2 * len(model.robots) * (2 if model.common.any() else 1)
 
 
 def posterior(model: MixedModel, logs: Array) -> Posterior:
@@ -157,7 +157,7 @@ def _regular(matrices: Array) -> Array:
 
 def _which(model: MixedModel, first: int) -> tuple[IntArray, IntArray]:
     """Of each column and each error, which logarithm is that of its sigma; -1 where none is open."""
-    shift = np.where(model.smooth, 2 * len(model.robots), 0)
+    shift = np.where(model.common, 2 * len(model.robots), 0)
     columns = np.where(model.column_robot >= 0, first + model.column_robot + shift, -1)
     return columns, np.where(model.error_robot >= 0, first + model.error_robot, -1)
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from basecal.estimation.noise.robot_noise import stands
+from basecal.estimation.noise.robot_noise import stands, stops_made
 from basecal.estimation.problem.problem import Problem
 from basecal.geometry import SE3, Array
 from basecal.geometry.se3 import rotation_log
@@ -17,14 +17,19 @@ from basecal.numerics.spectral import spectrum
 # Errors of real arms correlate over 0.5 to 1.3 m, with an arm of 1 m for angles.
 LENGTH_M = 0.7
 _ARM_M = 1.0
+OVER_STOP = (2.5, 2.0)  # smooth errors are larger than what differs between neighbouring stops
+FIGURES = {"length_m": LENGTH_M}
+_FEWEST_STOPS = 4  # fewer show nothing of how errors change over poses
 _MOST_STOPS = 150  # that the modes are found of: more are between these
 _MOST_MODES = 16  # of each of six coordinates, which bounds the time
 _LEAST_MODE = 1e-2  # of the largest variance: smaller ones are noise of single stops
 
 
-def smooth_modes(problem: Problem, robot: str) -> Array:
-    """What unit errors of each mode are at each stop of a robot, (stops, modes)."""
+def modes(problem: Problem, robot: str) -> Array:
+    """See `NoiseTerm`."""
     poses, seen = stands(problem, robot)
+    if stops_made(problem, robot) < _FEWEST_STOPS:
+        return np.zeros((len(poses), 0))
     few = poses[np.flatnonzero(seen)[:: -(-int(seen.sum()) // _MOST_STOPS)]]
     of = spectrum(_kernel(few, few), _LEAST_MODE)
     return np.asarray(_kernel(poses, few) @ of.inverse_root[:, of.held][:, -_MOST_MODES:])
