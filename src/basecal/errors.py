@@ -96,5 +96,15 @@ class NotConverged(BasecalError):
         super().__init__(message)
 
 
+class MissingExtra(BasecalError, ImportError):
+    """A package that an extra brings is not installed; the message is the line that installs it."""
+
+    exit_code = 2
+
+    def __init__(self, extra: str, what: str) -> None:
+        self.extra = extra
+        super().__init__(f"{what} needs the extra {extra!r}: pip install 'basecal[{extra}]'")
+
+
 class DriverError(BasecalError):
     """A robot or camera does not answer, has nothing more to give, or cannot do what it was asked."""

@@ -54,14 +54,15 @@ def export(
 
     if to not in EXPORTERS:
         raise CycloptsError(msg=f"--to {FrameNotFound(to, list(EXPORTERS))}")
-    given = {"transform": transform, "robot": robot, "camera": camera}
-    takes = exporter(to).OF
-    for option, value in given.items():
-        if value is not None and option != takes:
-            raise CycloptsError(msg=f"--to {to} takes --{takes}, not --{option}")
+    takes = exporter(to).TAKES
+    for option, value in {"transform": transform, "robot": robot, "camera": camera}.items():
+        if value is not None and option not in takes:
+            raise CycloptsError(msg=f"--to {to} takes --{' or --'.join(takes)}, not --{option}")
     described, folder = read_cell(cell), _folder(cell, run)
     calibration = read_calibration(folder)
-    text = exported(calibration, to, given[takes], cell=described, folder=cell, run=folder.name)
+    text = exported(
+        calibration, to, transform, robot=robot, camera=camera, cell=described, folder=cell, run=folder.name
+    )
     _write(text, output)
     if calibration.verdict == "doubtful":
         say(f"basecal: warning: the calibration is doubtful: basecal report {pasted(cell)}", sys.stderr)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from shlex import quote
 
-from basecal.geometry import SE3
+import numpy as np
+
+from basecal.geometry import SE3, Array, PoseEstimate
 
 _FLAGS = ("x", "y", "z", "qx", "qy", "qz", "qw")
 
@@ -27,3 +29,17 @@ def static_transform_publisher(parent_from_child: SE3, frame_id: str, child_fram
     """The command that publishes a transform on `/tf_static`, names quoted for a shell; likewise."""
     words = publisher_arguments(parent_from_child, frame_id, child_frame_id)
     return " ".join(["ros2 run tf2_ros static_transform_publisher", *map(quote, words)])
+
+
+def ros_covariance(parent_from_child: PoseEstimate) -> Array:
+    """Covariance of a pose as `geometry_msgs/PoseWithCovariance` has it, (6, 6) [m, rad].
+
+    Ours is along the axes of the child; that of ROS is of x, y, z of the child's origin in the parent, then of small
+    rotations about axes through that origin which are parallel to the parent's: both halves are turned, and no lever
+    arm enters.
+
+    Source: geometry_msgs/PoseWithCovariance.msg, "fixed-axis representation".
+    """
+    turn = np.kron(np.eye(2), parent_from_child.mean.rotation)
+    covariance: Array = turn @ parent_from_child.covariance @ turn.T
+    return covariance

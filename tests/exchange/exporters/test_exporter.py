@@ -8,19 +8,19 @@ from dataclasses import replace
 import pytest
 
 from basecal import registry
-from basecal.errors import FrameNotFound, RefusedCalibration
+from basecal.errors import FrameNotFound, InputError, RefusedCalibration
 from basecal.exchange.exporters.exporter import export, exporter, pasteable
 from export_example import BASE, CALIBRATION, CELL, INVERSE, POINT, all_poses
 
-OF_TRANSFORMS = [kind for kind in registry.EXPORTERS if exporter(kind).OF == "transform"]
+OF_TRANSFORMS = [kind for kind in registry.EXPORTERS if "transform" in exporter(kind).TAKES]
 
 
 @pytest.mark.parametrize("kind", registry.EXPORTERS)
 def test_every_registered_exporter_exports(kind):
     """Each is a module with the function that gives a file's text, and says of what."""
     assert callable(exporter(kind).exported)
-    assert exporter(kind).OF in ("transform", "robot", "camera")
-    assert exporter(kind).OF == "transform" or not exporter(kind).PASTED
+    assert {"transform", "robot", "camera"} >= {*exporter(kind).TAKES}
+    assert "transform" in exporter(kind).TAKES or not exporter(kind).PASTED
 
 
 @pytest.mark.parametrize("kind", OF_TRANSFORMS)
@@ -45,6 +45,12 @@ def test_an_unknown_kind_is_said():
     """With the nearest one."""
     with pytest.raises(FrameNotFound, match="did you mean 'kuka'"):
         export(CALIBRATION, "kukka")
+
+
+def test_what_a_kind_does_not_take_is_said():
+    """A robot of a kind that is of transforms."""
+    with pytest.raises(InputError, match="ur takes a transform, not a robot"):
+        export(CALIBRATION, "ur", robot="hand")
 
 
 def test_texts_to_paste_are_those_of_the_kinds():

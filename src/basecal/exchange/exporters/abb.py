@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from basecal.exchange.controllers.abb import CONVENTION
-from basecal.exchange.exporters.exporter import Of
+from basecal.exchange.exporters.exporter import Takes
 from basecal.exchange.exports.digits import fixed, length_decimals, written_numbers
 from basecal.exchange.exports.remarks import about, comments
 from basecal.exchange.exports.wanted import NamedTransform, Wanted
 
-OF: Of = "transform"
+TAKES: tuple[Takes, ...] = ("transform",)
 PASTED = True
 _LONGEST_NAME = 32
 """Characters of an identifier. Source: RAPID Overview, "Identifiers"."""

@@ -7,24 +7,24 @@ from pathlib import Path
 from typing import Any, Literal, Protocol
 
 from basecal.cell import Calibration, Cell
-from basecal.errors import FrameNotFound, RefusedCalibration
+from basecal.errors import FrameNotFound, InputError, RefusedCalibration
 from basecal.exchange.exports.choice import both_directions, chosen_transforms
 from basecal.exchange.exports.remarks import provenance
 from basecal.exchange.exports.wanted import Wanted
 from basecal.registry import EXPORTERS
 
-Of = Literal["transform", "robot", "camera"]
+Takes = Literal["transform", "robot", "camera"]
 
 
 class Exporter(Protocol):
     """What a module of this folder has.
 
     Attributes:
-        OF: What of a calibration it writes; that is an option of `basecal export`.
+        TAKES: What of a calibration it can write, what is usual first; each is an option of `basecal export`.
         PASTED: Whether people paste it: of transforms, and text.
     """
 
-    OF: Of
+    TAKES: tuple[Takes, ...]
     PASTED: bool
 
     def exported(self, wanted: Wanted) -> str:
@@ -41,8 +41,10 @@ def exporter(kind: str) -> Exporter:
 def export(
     calibration: Calibration,
     kind: str,
-    of: str | None = None,
+    transform: str | None = None,
     *,
+    robot: str | None = None,
+    camera: str | None = None,
     cell: Cell | None = None,
     folder: Path | None = None,
     run: str | None = None,
@@ -52,8 +54,9 @@ def export(
     Args:
         calibration: What came out.
         kind: For which program, one of `basecal.registry.EXPORTERS`.
-        of: Name of a transform, in whichever direction, or of the robot or camera where the kind takes that; what the
-            cell was calibrated for where None.
+        transform: Name of a transform, in whichever direction; those that the cell was calibrated for where None.
+        robot: Whose file, for kinds that are of a robot.
+        camera: Whose file, for kinds that are of a camera.
         cell: What was calibrated: it names frames, and some kinds need it.
         folder: Where the cell's files are.
         run: Name of the calibration's run, said in comments.
@@ -61,15 +64,21 @@ def export(
     Raises:
         FrameNotFound: if there is no such kind, transform, robot or camera.
         RefusedCalibration: if the calibration is refused.
-        InputError: if what is asked for cannot be exported.
+        InputError: if what is asked for cannot be exported, or the kind does not take it.
     """
     if kind not in EXPORTERS:
         raise FrameNotFound(kind, list(EXPORTERS))
     if calibration.verdict == "refused":
         raise RefusedCalibration(next((f.message for f in calibration.findings if f.severity == "error"), ""))
     found = exporter(kind)
-    transforms = chosen_transforms(calibration, cell, of) if found.OF == "transform" else ()
-    return found.exported(Wanted(transforms, provenance(calibration, run), calibration, cell, folder, of))
+    named = {"transform": transform, "robot": robot, "camera": camera}
+    for option, value in named.items():
+        if value is not None and option not in found.TAKES:
+            raise InputError(f"{kind} takes a {' or a '.join(found.TAKES)}, not a {option}")
+    of_transforms = "transform" in found.TAKES and robot is None and camera is None
+    transforms = chosen_transforms(calibration, cell, transform) if of_transforms else ()
+    remarks = provenance(calibration, run)
+    return found.exported(Wanted(transforms, remarks, calibration, cell, folder, robot, camera))
 
 
 def pasteable(calibration: Calibration, cell: Cell | None = None, run: str | None = None) -> dict[str, dict[str, str]]:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from basecal.exchange.controllers.fanuc import CONVENTION
-from basecal.exchange.exporters.exporter import Of
+from basecal.exchange.exporters.exporter import Takes
 from basecal.exchange.exports.digits import written_numbers
 from basecal.exchange.exports.remarks import about, comments
 from basecal.exchange.exports.wanted import Wanted
 
-OF: Of = "transform"
+TAKES: tuple[Takes, ...] = ("transform",)
 PASTED = True
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 
 from basecal.cell.format.plain import numbers
-from basecal.exchange.exporters.exporter import Of
+from basecal.exchange.exporters.exporter import Takes
 from basecal.exchange.exports.wanted import Wanted
 
-OF: Of = "transform"
+TAKES: tuple[Takes, ...] = ("transform",)
 PASTED = True
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from basecal.exchange.exporters.exporter import Of
+from basecal.exchange.exporters.exporter import Takes
 from basecal.exchange.exports.digits import fixed, length_decimals, unit_decimals
 from basecal.exchange.exports.remarks import about, comments
 from basecal.exchange.exports.wanted import NamedTransform, Wanted
 
-OF: Of = "transform"
+TAKES: tuple[Takes, ...] = ("transform",)
 PASTED = True
 
 

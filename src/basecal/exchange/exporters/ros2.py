@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from basecal.exchange.exporters.exporter import Of
+from basecal.exchange.exporters.exporter import Takes
 from basecal.exchange.exports.remarks import about, comments
 from basecal.exchange.exports.wanted import NamedTransform, Wanted
 from basecal.exchange.ros2 import publisher_arguments, static_transform_publisher
 
-OF: Of = "transform"
+TAKES: tuple[Takes, ...] = ("transform",)
 PASTED = True
 
 

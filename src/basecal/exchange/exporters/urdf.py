@@ -9,17 +9,17 @@ import numpy as np
 from basecal.bounded_file import read_bounded
 from basecal.cell.results.calibration_dict import program_version
 from basecal.errors import FrameNotFound, InputError
-from basecal.exchange.exporters.exporter import Of
+from basecal.exchange.exporters.exporter import Takes
 from basecal.exchange.exports.wanted import Wanted
 from basecal.exchange.urdf import corrected_urdf
 from basecal.kinematics.urdf import LARGEST_BYTES
 
-OF: Of = "robot"
+TAKES: tuple[Takes, ...] = ("robot",)
 PASTED = False
 
 
 def exported(wanted: Wanted) -> str:
-    """The URDF of the robot `of`: at the joints that it records, its flange is where the calibrated one is.
+    """The URDF of the robot asked for: at the joints that it records, its flange is where the calibrated one is.
 
     Offsets that nothing is known of count as zero. A comment in it says what it was made from.
 
@@ -29,7 +29,7 @@ def exported(wanted: Wanted) -> str:
             calibrated: what was found must not be applied twice.
         DatasetError: if its URDF cannot be used.
     """
-    cell, folder, calibration, of = wanted.cell, wanted.folder, wanted.calibration, wanted.of
+    cell, folder, calibration, of = wanted.cell, wanted.folder, wanted.calibration, wanted.robot
     if cell is None or folder is None:
         raise InputError("a corrected URDF needs the cell and its folder")
     if of is None:

@@ -44,7 +44,8 @@ class Wanted:
         calibration: Where they come from.
         cell: What was calibrated; None where it is not known.
         folder: Where the cell's files are; None likewise.
-        of: The robot or camera asked for; None where none was.
+        robot: The robot asked for; None where none was.
+        camera: Likewise the camera.
     """
 
     transforms: tuple[NamedTransform, ...]
@@ -52,4 +53,5 @@ class Wanted:
     calibration: Calibration
     cell: Cell | None = None
     folder: Path | None = None
-    of: str | None = None
+    robot: str | None = None
+    camera: str | None = None

@@ -1,0 +1,54 @@
+"""A camera's lens as a calibration file of ROS, which publishes it as `sensor_msgs/CameraInfo`."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+
+from basecal.errors import InputError
+from basecal.exchange.exporters.exporter import Takes
+from basecal.exchange.exports.cameras import exported_camera, only_camera
+from basecal.exchange.exports.remarks import comments
+from basecal.exchange.exports.wanted import Wanted
+from basecal.exchange.ros_lenses import ros_lens
+from basecal.geometry import Array
+
+TAKES: tuple[Takes, ...] = ("camera",)
+PASTED = False
+
+
+def exported(wanted: Wanted) -> str:
+    """The file that `camera_info_url` names; no rectification, and the projection is that of the lens.
+
+    Raises:
+        FrameNotFound: if there is no such camera.
+        InputError: if none is named of several, its lens or image size is not known, or ROS has no name for the lens.
+
+    Source: github.com/ros-perception/image_common, camera_calibration_parsers.
+    """
+    name = only_camera(wanted)
+    camera = exported_camera(wanted, name)
+    if camera.size_px is None:
+        raise InputError(f"the image size of {name!r} is not known: write `size_px: [width, height]` into cell.yaml")
+    model, distortion = ros_lens(camera)
+    (fx, fy), (cx, cy) = camera.focal, camera.center
+    matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+    lines = [
+        *comments(wanted.remarks, "#"),
+        f"image_width: {camera.size_px[0]}",
+        f"image_height: {camera.size_px[1]}",
+        f"camera_name: {json.dumps(name)}",
+        *_matrix("camera_matrix", matrix),
+        f"distortion_model: {model}",
+        *_matrix("distortion_coefficients", distortion[None]),
+        *_matrix("rectification_matrix", np.eye(3)),
+        *_matrix("projection_matrix", np.hstack([matrix, np.zeros((3, 1))])),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _matrix(name: str, values: Array) -> list[str]:
+    rows, columns = values.shape
+    data = json.dumps([float(value) + 0.0 for value in values.ravel()])
+    return [f"{name}:", f"  rows: {rows}", f"  cols: {columns}", f"  data: {data}"]

@@ -1,0 +1,31 @@
+"""Transforms as a table, a row each, with all their digits and the sigmas along the axes of the child."""
+
+from __future__ import annotations
+
+import csv
+from io import StringIO
+
+from basecal.exchange.exporters.exporter import Takes
+from basecal.exchange.exports.wanted import NamedTransform, Wanted
+
+TAKES: tuple[Takes, ...] = ("transform",)
+PASTED = True
+_HEADER = (
+    *("name", "parent", "child", "x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"),
+    *("sigma_x_m", "sigma_y_m", "sigma_z_m", "sigma_rx_rad", "sigma_ry_rad", "sigma_rz_rad", "status", "from"),
+)
+
+
+def exported(wanted: Wanted) -> str:
+    """Comma-separated values below a header; the last column says where they come from, since CSV has no comments."""
+    text = StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(_HEADER)
+    table.writerows([*_row(one), "; ".join(wanted.remarks)] for one in wanted.transforms)
+    return text.getvalue()
+
+
+def _row(one: NamedTransform) -> list[str]:
+    mean, estimate = one.estimate.mean, one.estimate
+    numbers = [*mean.translation, *mean.quaternion, *estimate.sigma_t, *estimate.sigma_r]
+    return [one.name, one.parent, one.child, *(repr(float(number) + 0.0) for number in numbers), one.status]

@@ -1,0 +1,47 @@
+"""Transforms as bodies of a MuJoCo model (MJCF): a file that loads, and can be included in another."""
+
+from __future__ import annotations
+
+from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring
+
+from basecal.exchange.exporters.exporter import Takes
+from basecal.exchange.exports.remarks import about, comments
+from basecal.exchange.exports.tree import Place, places
+from basecal.exchange.exports.wanted import Wanted
+from basecal.geometry import SE3
+
+TAKES: tuple[Takes, ...] = ("transform",)
+PASTED = True
+
+
+def exported(wanted: Wanted) -> str:
+    """A model whose bodies are the frames, each in the one that it is known in; the first ones stand at the origin.
+
+    Source: mujoco.readthedocs.io, XML Reference, "body": pos in metres, quat with its scalar first.
+    """
+    model = Element("mujoco", model="basecal")
+    for line in comments([*wanted.remarks, *(about(one, "m") for one in wanted.transforms)], ""):
+        model.append(Comment(f"{line.replace('--', '- -')} "))
+    world = SubElement(model, "worldbody")
+    for place in places(wanted.transforms):
+        _add(world, place)
+    indent(model)
+    return tostring(model, encoding="unicode") + "\n"
+
+
+def _add(parent: Element, place: Place) -> None:
+    body = SubElement(parent, "body", name=place.name)
+    if place.parent_from_frame is not None:
+        body.set("pos", _exactly(place.parent_from_frame.translation.tolist()))
+        body.set("quat", _exactly(_scalar_first(place.parent_from_frame)))
+    for child in place.children:
+        _add(body, child)
+
+
+def _scalar_first(pose: SE3) -> list[float]:
+    x, y, z, w = pose.quaternion.tolist()
+    return [w, x, y, z]
+
+
+def _exactly(values: list[float]) -> str:
+    return " ".join(repr(value + 0.0) for value in values)

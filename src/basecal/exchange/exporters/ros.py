@@ -1,0 +1,44 @@
+"""A pose with its covariance as a message of ROS, in YAML: `geometry_msgs/PoseWithCovarianceStamped`."""
+
+from __future__ import annotations
+
+import json
+
+from basecal.errors import InputError
+from basecal.exchange.exporters.exporter import Takes
+from basecal.exchange.exports.remarks import about, comments
+from basecal.exchange.exports.wanted import Wanted
+from basecal.exchange.ros2 import ros_covariance
+
+TAKES: tuple[Takes, ...] = ("transform",)
+PASTED = True
+
+
+def exported(wanted: Wanted) -> str:
+    """One message, as `ros2 topic pub` takes it; the frame whose pose it is stands in a comment, it has no field.
+
+    Raises:
+        InputError: if several transforms are wanted.
+    """
+    if len(wanted.transforms) != 1:
+        names = ", ".join(one.name for one in wanted.transforms)
+        raise InputError(f"a message holds one pose: say which with --transform: {names}")
+    (one,) = wanted.transforms
+    place, turn = one.estimate.mean.translation.tolist(), one.estimate.mean.quaternion.tolist()
+    position = {key: value + 0.0 for key, value in zip("xyz", place, strict=True)}
+    orientation = {key: value + 0.0 for key, value in zip("xyzw", turn, strict=True)}
+    axes = "covariance: x, y, z, then rotations, along and about the fixed axes of the frame in the header"
+    return "\n".join(
+        [
+            *comments([*wanted.remarks, about(one, "m, quaternion x, y, z, w"), f"child frame: {one.child}"], "#"),
+            *comments([axes], "#"),
+            "header:",
+            f"  frame_id: {json.dumps(one.parent)}",
+            "pose:",
+            "  pose:",
+            f"    position: {json.dumps(position)}",
+            f"    orientation: {json.dumps(orientation)}",
+            f"  covariance: {json.dumps(ros_covariance(one.estimate).ravel().tolist())}",
+            "",
+        ]
+    )

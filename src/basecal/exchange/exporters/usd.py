@@ -1,0 +1,53 @@
+"""Transforms as frames of a USD stage, written as text (.usda)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from basecal.errors import MissingExtra
+from basecal.exchange.exporters.exporter import Takes
+from basecal.exchange.exports.remarks import about, comments
+from basecal.exchange.exports.tree import Place, places
+from basecal.exchange.exports.wanted import Wanted
+
+TAKES: tuple[Takes, ...] = ("transform",)
+PASTED = False
+
+
+def exported(wanted: Wanted) -> str:
+    """A stage in metres, z up, whose prims are the frames, each in the one that it is known in.
+
+    Raises:
+        MissingExtra: if the library of USD is not installed.
+
+    Source: openusd.org, UsdGeomXformable: a prim's `xformOp:translate`, then `xformOp:orient` on its right.
+    """
+    try:
+        from pxr import Sdf, Usd, UsdGeom
+    except ImportError:
+        raise MissingExtra("usd", "a file of USD") from None
+    stage = Usd.Stage.CreateInMemory()
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
+    remarks = comments([*wanted.remarks, *(about(one, "m") for one in wanted.transforms)], "")
+    stage.GetRootLayer().documentation = "\n".join(line.strip() for line in remarks)
+    roots = [_define(stage, place, Sdf.Path.absoluteRootPath) for place in places(wanted.transforms)]
+    stage.SetDefaultPrim(roots[0])
+    text: str = stage.GetRootLayer().ExportToString()
+    return text
+
+
+def _define(stage: Any, place: Place, above: Any) -> Any:
+    """The prim of a frame and of all those in it."""
+    from pxr import Gf, Tf, UsdGeom
+
+    prim = UsdGeom.Xform.Define(stage, above.AppendChild(Tf.MakeValidIdentifier(place.name)))
+    if place.parent_from_frame is not None:
+        x, y, z, w = place.parent_from_frame.quaternion.tolist()
+        prim.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble).Set(
+            Gf.Vec3d(*place.parent_from_frame.translation.tolist())
+        )
+        prim.AddOrientOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Quatd(w, x, y, z))
+    for child in place.children:
+        _define(stage, child, prim.GetPath())
+    return prim.GetPrim()

@@ -1,0 +1,22 @@
+"""A pose as Yaskawa's pendants and UFRAME.CND say it: X, Y, Z in mm, Rx, Ry, Rz in degrees."""
+
+from __future__ import annotations
+
+from basecal.exchange.controllers.yaskawa import CONVENTION
+from basecal.exchange.exporters.exporter import Takes
+from basecal.exchange.exports.digits import written_numbers
+from basecal.exchange.exports.remarks import about, comments
+from basecal.exchange.exports.wanted import Wanted
+
+TAKES: tuple[Takes, ...] = ("transform",)
+PASTED = True
+
+
+def exported(wanted: Wanted) -> str:
+    """The numbers by their names, and in the order of a user frame."""
+    lines = comments(wanted.remarks, "'")
+    for one in wanted.transforms:
+        numbers = written_numbers(CONVENTION, one.estimate)
+        named = (f"{name} {number}" for name, number in zip(CONVENTION.names, numbers, strict=True))
+        lines += [*comments([about(one, "mm and deg")], "'"), ", ".join(named), f"////BUSER {','.join(numbers)}"]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,45 @@
+"""Whose lens is exported, and the lens."""
+
+from __future__ import annotations
+
+from basecal.errors import FrameNotFound, InputError
+from basecal.exchange.exports.wanted import Wanted
+from basecal.geometry import Camera
+
+
+def only_camera(wanted: Wanted) -> str:
+    """The camera asked for, or the only one whose lens is known.
+
+    Raises:
+        InputError: if none is asked for and there are several, or none.
+    """
+    if wanted.camera is not None:
+        return wanted.camera
+    names = _names(wanted)
+    if len(names) != 1:
+        raise InputError(f"say whose lens, with --camera: {', '.join(names) or 'no lens is known'}")
+    return names[0]
+
+
+def exported_camera(wanted: Wanted, name: str) -> Camera:
+    """The lens that was estimated of a camera, or else the one that its cell states.
+
+    Raises:
+        FrameNotFound: if there is no such camera.
+        InputError: if its lens is not known.
+    """
+    if name in wanted.calibration.cameras:
+        return wanted.calibration.cameras[name][0]
+    stated = {} if wanted.cell is None else wanted.cell.cameras
+    if name not in stated:
+        raise FrameNotFound(name, _names(wanted))
+    intrinsics = stated[name].intrinsics
+    if intrinsics is None or intrinsics.status != "fixed" or intrinsics.camera is None:
+        raise InputError(f"the lens of {name!r} is not known: it was neither estimated nor is it fixed in cell.yaml")
+    camera = intrinsics.camera
+    return Camera(camera.model, camera.parameters, camera.size_px or stated[name].size_px)
+
+
+def _names(wanted: Wanted) -> list[str]:
+    stated = {} if wanted.cell is None else wanted.cell.cameras
+    return list(dict.fromkeys([*wanted.calibration.cameras, *stated]))

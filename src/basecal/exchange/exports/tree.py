@@ -1,0 +1,50 @@
+"""Frames as a tree, each in the frame that it is known in, for programs whose scenes are trees."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from basecal.exchange.exports.wanted import NamedTransform
+from basecal.geometry import SE3
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """A frame and those that are known in it.
+
+    Attributes:
+        name: What it is called in other programs.
+        parent_from_frame: Where it is in the frame above it; None at the root of a tree.
+        children: Frames known in it.
+    """
+
+    name: str
+    parent_from_frame: SE3 | None
+    children: tuple[Place, ...]
+
+
+def places(transforms: Sequence[NamedTransform]) -> tuple[Place, ...]:
+    """The roots of the trees that transforms make: frames that are no child of any."""
+    children = {one.own_frames[1] for one in transforms}
+    roots = dict.fromkeys(parent for parent, _ in (one.own_frames for one in transforms) if parent not in children)
+    names = _names(transforms)
+    return tuple(_place(root, None, transforms, names) for root in roots)
+
+
+def _names(transforms: Sequence[NamedTransform]) -> dict[str, str]:
+    """What each frame is called elsewhere, or as in the cell where another is called the same."""
+    named = {
+        frame: name for one in transforms for frame, name in zip(one.own_frames, (one.parent, one.child), strict=True)
+    }
+    counts = Counter(named.values())
+    return {frame: name if counts[name] == 1 else frame for frame, name in named.items()}
+
+
+def _place(
+    frame: str, parent_from_frame: SE3 | None, transforms: Sequence[NamedTransform], names: Mapping[str, str]
+) -> Place:
+    known_in_it = [one for one in transforms if one.own_frames[0] == frame]
+    inside = tuple(_place(one.own_frames[1], one.estimate.mean, transforms, names) for one in known_in_it)
+    return Place(names[frame], parent_from_frame, inside)

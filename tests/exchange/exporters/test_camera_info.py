@@ -1,0 +1,41 @@
+"""Calibration files of ROS."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+
+from basecal.errors import InputError
+from basecal.exchange.exporters.camera_info import exported
+from basecal.exchange.exports.wanted import Wanted
+from basecal.geometry import Camera
+from export_example import CALIBRATION
+
+LENS = Camera("pinhole", np.array([800.123456789, 801, 320, 240, -0.1, 0.01, 1e-5, -1e-5]), (640, 480))
+
+
+def of(camera):
+    return Wanted((), ("made by",), replace(CALIBRATION, cameras={"wrist": (camera, np.eye(8))}))
+
+
+def test_what_ros_reads_gives_the_lens_back():
+    """The fields of camera_calibration_parsers, by a parser of YAML."""
+    read = YAML(typ="safe", pure=True).load(exported(of(LENS)))
+    assert (read["image_width"], read["image_height"], read["camera_name"]) == (640, 480, "wrist")
+    assert read["distortion_model"] == "plumb_bob"
+    matrix = np.reshape(read["camera_matrix"]["data"], (3, 3))
+    np.testing.assert_array_equal(matrix, [[800.123456789, 0, 320], [0, 801, 240], [0, 0, 1]])
+    np.testing.assert_array_equal(read["distortion_coefficients"]["data"], [-0.1, 0.01, 1e-5, -1e-5, 0])
+    np.testing.assert_array_equal(np.reshape(read["rectification_matrix"]["data"], (3, 3)), np.eye(3))
+    np.testing.assert_array_equal(np.reshape(read["projection_matrix"]["data"], (3, 4))[:, :3], matrix)
+    for key in ("camera_matrix", "distortion_coefficients", "rectification_matrix", "projection_matrix"):
+        assert read[key]["rows"] * read[key]["cols"] == len(read[key]["data"])
+
+
+def test_an_image_size_that_is_not_known_is_said():
+    """ROS cannot do without it."""
+    with pytest.raises(InputError, match="image size of 'wrist' is not known"):
+        exported(of(Camera("pinhole", LENS.parameters)))

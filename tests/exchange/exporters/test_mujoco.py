@@ -1,0 +1,43 @@
+"""Models of MuJoCo."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+from basecal.exchange.exporters.mujoco import exported
+from export_example import BASE, FIXED, MOUNT, all_poses, wanted
+
+
+def pose_in(data, model, child):
+    """`world_from_child` as MuJoCo computes it."""
+    body = model.body(child).id
+    whole = np.eye(4)
+    whole[:3, :3], whole[:3, 3] = data.xmat[body].reshape(3, 3), data.xpos[body]
+    return whole
+
+
+@pytest.mark.parametrize("name", all_poses())
+def test_mujoco_puts_the_frame_there(name):
+    """To 1e-12; the parent is at its origin."""
+    (one,) = wanted(name).transforms
+    model = mujoco.MjModel.from_xml_string(exported(wanted(name)))
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    np.testing.assert_allclose(pose_in(data, model, one.parent), np.eye(4), atol=1e-15)
+    np.testing.assert_allclose(pose_in(data, model, one.child), one.estimate.mean.matrix, atol=1e-12)
+
+
+def test_several_transforms_are_one_model():
+    """Each frame in its own tree."""
+    several = tuple(wanted(name).transforms[0] for name in (BASE, MOUNT, FIXED))
+    model = mujoco.MjModel.from_xml_string(exported(replace(wanted(), transforms=several)))
+    assert model.nbody == 1 + 6
+
+
+def test_comments_keep_xml_whole():
+    """Two hyphens, which XML forbids there, are parted."""
+    mujoco.MjModel.from_xml_string(exported(replace(wanted(), remarks=("a -- b --- c-",))))

@@ -1,0 +1,48 @@
+"""FileStorage of OpenCV."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from basecal.exchange.exporters.opencv import exported
+from basecal.exchange.exports.wanted import Wanted
+from basecal.geometry import Camera
+from export_example import BASE, CALIBRATION, all_poses, wanted
+
+
+def storage(text):
+    return cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
+
+
+@pytest.mark.parametrize("name", all_poses())
+def test_opencv_reads_the_transform(name):
+    """All digits, and its own rotation vector."""
+    (one,) = wanted(name).transforms
+    file = storage(exported(wanted(name)))
+    node = file.getNode(name)
+    np.testing.assert_array_equal(node.getNode("R").mat(), one.estimate.mean.rotation)
+    np.testing.assert_array_equal(node.getNode("t").mat()[:, 0], one.estimate.mean.translation)
+    np.testing.assert_array_equal(node.getNode("T").mat(), one.estimate.mean.matrix)
+    np.testing.assert_array_equal(node.getNode("covariance").mat(), one.estimate.covariance)
+    np.testing.assert_allclose(cv2.Rodrigues(node.getNode("rvec").mat())[0], one.estimate.mean.rotation, atol=1e-12)
+
+
+def test_opencv_projects_with_the_lens():
+    """As the camera itself does, to 1e-9 px."""
+    lens = Camera("pinhole", np.array([800, 801, 320, 240, -0.1, 0.01, 1e-3, -1e-3, 0.02]), (640, 480))
+    file = storage(exported(Wanted((), (), replace(CALIBRATION, cameras={"wrist": (lens, np.eye(9))}), camera="wrist")))
+    assert (file.getNode("image_width").real(), file.getNode("image_height").real()) == (640, 480)
+    points = np.random.default_rng(0).uniform([-0.3, -0.2, 1], [0.3, 0.2, 2], (20, 3))
+    matrix, terms = (file.getNode(key).mat() for key in ("camera_matrix", "distortion_coefficients"))
+    pixels, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), matrix, terms)
+    np.testing.assert_allclose(pixels[:, 0], lens.project(points), atol=1e-9)
+
+
+def test_several_transforms_are_several_maps():
+    """In one file."""
+    both = replace(wanted(), transforms=(*wanted(BASE).transforms, *wanted("board_from_hand_flange").transforms))
+    assert set(storage(exported(both)).root().keys()) == {BASE, "board_from_hand_flange"}

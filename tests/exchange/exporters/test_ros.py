@@ -1,0 +1,54 @@
+"""Messages of ROS."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rosbags.typesys import Stores, get_typestore
+from ruamel.yaml import YAML
+
+from basecal.errors import InputError
+from basecal.exchange.exporters.ros import exported
+from basecal.exchange.ros2 import ros_covariance
+from basecal.geometry import SE3
+from export_example import BASE, INVERSE, all_poses, wanted
+
+STORE = get_typestore(Stores.ROS2_HUMBLE)
+TYPES = STORE.types
+
+
+def message_of(text):
+    """The text as a message of the types of ROS 2, through its serialisation."""
+    fields = YAML(typ="safe", pure=True).load(text)
+    pose = fields["pose"]["pose"]
+    header = TYPES["std_msgs/msg/Header"](TYPES["builtin_interfaces/msg/Time"](0, 0), fields["header"]["frame_id"])
+    placed = TYPES["geometry_msgs/msg/Pose"](
+        TYPES["geometry_msgs/msg/Point"](**pose["position"]),
+        TYPES["geometry_msgs/msg/Quaternion"](**pose["orientation"]),
+    )
+    covariance = np.array(fields["pose"]["covariance"])
+    known = TYPES["geometry_msgs/msg/PoseWithCovariance"](placed, covariance)
+    kind = "geometry_msgs/msg/PoseWithCovarianceStamped"
+    return STORE.deserialize_cdr(STORE.serialize_cdr(TYPES[kind](header, known), kind), kind)
+
+
+@pytest.mark.parametrize("name", all_poses())
+def test_the_types_of_ros_take_it(name):
+    """And hold the pose and its covariance to 1e-12, row by row, in the parent's frame."""
+    (one,) = wanted(name).transforms
+    read = message_of(exported(wanted(name)))
+    place, turn = read.pose.pose.position, read.pose.pose.orientation
+    again = SE3.from_quaternion([turn.x, turn.y, turn.z, turn.w], [place.x, place.y, place.z])
+    np.testing.assert_allclose(again.matrix, one.estimate.mean.matrix, atol=1e-12)
+    np.testing.assert_allclose(read.pose.covariance.reshape(6, 6), ros_covariance(one.estimate), atol=1e-18)
+    assert read.header.frame_id == one.parent
+    assert f"# child frame: {one.child}\n" in exported(wanted(name))
+
+
+def test_a_message_holds_one_pose():
+    """Which one is asked, where there are several."""
+    both = replace(wanted(), transforms=(*wanted(BASE).transforms, *wanted(INVERSE).transforms))
+    with pytest.raises(InputError, match=f"with --transform: {BASE}, {INVERSE}"):
+        exported(both)

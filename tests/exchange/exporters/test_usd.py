@@ -1,0 +1,52 @@
+"""Stages of USD."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pxr import Sdf, Usd, UsdGeom
+
+from basecal.errors import MissingExtra
+from basecal.exchange.exporters.usd import exported
+from export_example import BASE, MOUNT, all_poses, wanted
+
+
+def stage_of(text):
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    assert layer.ImportFromString(text)
+    return Usd.Stage.Open(layer)
+
+
+@pytest.mark.parametrize("name", all_poses())
+def test_usd_puts_the_frame_there(name):
+    """To 1e-12; USD's vectors are rows, so that its matrices are transposed."""
+    (one,) = wanted(name).transforms
+    stage = stage_of(exported(wanted(name)))
+    root = stage.GetDefaultPrim()
+    (child,) = root.GetChildren()
+    whole = np.array(UsdGeom.Xformable(child).ComputeLocalToWorldTransform(Usd.TimeCode.Default())).T
+    np.testing.assert_allclose(whole, one.estimate.mean.matrix, atol=1e-12)
+    assert UsdGeom.GetStageMetersPerUnit(stage) == 1
+    assert UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z
+
+
+def test_frames_have_valid_names():
+    """What USD cannot say in a name is an underscore."""
+    stage = stage_of(exported(wanted(BASE)))
+    assert [prim.GetName() for prim in stage.Traverse()] == ["left_base_s", "right_base"]
+
+
+def test_several_transforms_are_one_stage():
+    """Each a tree of its own."""
+    several = tuple(wanted(name).transforms[0] for name in (BASE, MOUNT))
+    assert len(list(stage_of(exported(replace(wanted(), transforms=several))).Traverse())) == 4
+
+
+def test_without_its_library_the_install_line_is_said(monkeypatch):
+    """Instead of an error of Python's."""
+    monkeypatch.setitem(sys.modules, "pxr", None)
+    with pytest.raises(MissingExtra, match=r"pip install 'basecal\[usd\]'"):
+        exported(wanted())

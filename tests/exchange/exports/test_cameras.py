@@ -1,0 +1,50 @@
+"""Whose lens is exported."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.cell import CellCamera, Intrinsics
+from basecal.errors import FrameNotFound, InputError
+from basecal.exchange.exports.cameras import exported_camera, only_camera
+from basecal.exchange.exports.wanted import Wanted
+from basecal.geometry import Camera
+from export_example import CALIBRATION, CELL
+
+LENS = Camera("pinhole", np.array([800, 801, 320, 240, -0.1, 0.01, 0, 0, 0]), (640, 480))
+OTHER = Camera("fisheye", np.array([300, 301, 320, 240, 0.1, 0.01, 0, 0]))
+ESTIMATED = replace(CALIBRATION, cameras={"wrist": (LENS, np.eye(9))})
+
+
+def stating(intrinsics):
+    """A cell with a second camera whose lens is stated so."""
+    top = CellCamera("top", "world", size_px=(100, 50), intrinsics=intrinsics)
+    return replace(CELL, cameras={**CELL.cameras, "top": top})
+
+
+def test_what_was_estimated_is_taken_before_what_is_stated():
+    """A stated lens has the image size of its camera."""
+    both = Wanted((), (), ESTIMATED, stating(Intrinsics("fixed", OTHER)))
+    assert exported_camera(both, "wrist") is LENS
+    assert exported_camera(both, "top").model == "fisheye"
+    assert exported_camera(both, "top").size_px == (100, 50)
+
+
+def test_the_only_camera_needs_no_name():
+    """Several do."""
+    assert only_camera(Wanted((), (), ESTIMATED)) == "wrist"
+    assert only_camera(Wanted((), (), ESTIMATED, stating(None), camera="top")) == "top"
+    with pytest.raises(InputError, match="with --camera: wrist, top"):
+        only_camera(Wanted((), (), ESTIMATED, stating(None)))
+
+
+@pytest.mark.parametrize("intrinsics", [None, Intrinsics("free", OTHER), Intrinsics("free")])
+def test_a_lens_that_is_not_known_is_said(intrinsics):
+    """A guess is none."""
+    with pytest.raises(InputError, match="the lens of 'top' is not known"):
+        exported_camera(Wanted((), (), ESTIMATED, stating(intrinsics)), "top")
+    with pytest.raises(FrameNotFound, match="no 'tap'"):
+        exported_camera(Wanted((), (), ESTIMATED, stating(intrinsics)), "tap")
