@@ -237,7 +237,9 @@ class SE3:
         if not np.all(np.isfinite(m)):
             raise InputError(f"{name} holds NaN or infinity")
         if not np.allclose(m[..., 3, :], (0, 0, 0, 1), atol=1e-6):
-            raise InputError(f"{name}: the last row is not (0, 0, 0, 1)")
+            by_columns = np.allclose(m[..., :, 3], (0, 0, 0, 1), atol=1e-6)
+            hint = ", but the last column is: it looks transposed, write matrices by rows" if by_columns else ""
+            raise InputError(f"{name}: the last row is not (0, 0, 0, 1){hint}")
         return cls.adopt(checked_rotation(m[..., :3, :3], name), m[..., :3, 3].copy())
 
     @classmethod

@@ -185,13 +185,13 @@ def _tree(joints: list[_Joint], links: list[str], path: str) -> dict[str, _Joint
 
 
 def _way(above: dict[str, _Joint], base_link: str, flange_link: str, path: str) -> list[_Joint]:
-    way: list[_Joint] = []
-    link = flange_link
-    while link != base_link:
-        if link not in above or len(way) > len(above):
-            raise DatasetError(path, f"{flange_link!r} does not hang under {base_link!r}, but under {link!r}")
-        way.append(above[link])
-        link = way[-1].parent
+    way = _upwards(above, flange_link, base_link)
+    if way is None:
+        exchanged = _upwards(above, base_link, flange_link) is not None
+        hint = ", but above it: exchange base_link and flange_link" if exchanged else ""
+        raise DatasetError(
+            path, f"{flange_link!r} does not hang under {base_link!r}{hint or _root_of(above, flange_link)}"
+        )
     way.reverse()
     turning = sum(joint.kind in _TURNING for joint in way)
     if not 0 < turning <= _MOST_JOINTS:
@@ -303,3 +303,21 @@ def _inertial(element: Element, path: str, link: str) -> tuple[float, Array]:
         got = f"mass {' '.join(words)!r}, origin {' '.join(xyz)!r}"
         raise DatasetError(path, f"expected a mass >= 0 and three numbers, got {got}", field=f"link {link!r} inertial")
     return float(numbers[0]), numbers[1:]
+
+
+def _upwards(above: dict[str, _Joint], link: str, end: str) -> list[_Joint] | None:
+    """The joints from a link up to another; None where that is not above it."""
+    way: list[_Joint] = []
+    while link != end:
+        if link not in above or len(way) > len(above):
+            return None
+        way.append(above[link])
+        link = way[-1].parent
+    return way
+
+
+def _root_of(above: dict[str, _Joint], link: str) -> str:
+    """What a link hangs under in the end, in words."""
+    for _ in above:
+        link = above[link].parent if link in above else link
+    return f"under {link!r}"

@@ -6,9 +6,8 @@ import json
 
 import pytest
 
-from basecal.cell.calibration import Finding
 from basecal.cell.files import cell_from_dict
-from basecal.cell.journal.sample_line import context, line_data, sample_from_line
+from basecal.cell.journal.sample_line import Dropped, context, line_data, sample_from_line
 from basecal.cell.journal.sample_values import Where
 from basecal.errors import DatasetError, InputError
 
@@ -87,11 +86,26 @@ def test_the_largest_number_of_a_sample():
 
 
 def test_a_point_that_is_not_there_drops_the_sample():
-    """A finding says which and why; the rest of the recording counts."""
+    """It is told which and why; the rest of the recording counts."""
     found = read({"sample": 7, "observations": [{**POINT, "ids": [2]}]})
-    assert isinstance(found, Finding)
-    assert (found.code, found.severity, found.about) == ("dropped-sample", "info", ("7",))
-    assert found.message == "samples.jsonl:2: sample 7 is dropped: id 2 is not on 'board', whose ids are 0 to 1"
+    assert isinstance(found, Dropped)
+    assert (found.sample, found.line) == (7, 2)
+    assert str(found.reason) == "id 2 is not on 'board', whose ids are 0 to 1"
+    assert (found.reason.target, found.reason.ids, found.reason.known) == ("board", {2}, {0, 1})
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (b'{"sample": 1},', "remove the comma after the object"),
+        ('{"sample": 1}'.encode("utf-16"), "it is UTF-16, save it as UTF-8"),
+    ],
+)
+def test_usual_slips_have_their_fix(text, words):
+    """A comma between objects, and what a spreadsheet saves."""
+    with pytest.raises(DatasetError) as caught:
+        line_data(text, HERE)
+    assert words in caught.value.reason
 
 
 @pytest.mark.parametrize(

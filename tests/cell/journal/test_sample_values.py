@@ -82,6 +82,23 @@ def test_lists_have_their_shape(value, columns):
         numbers(HERE, "x", value, columns)
 
 
+@pytest.mark.parametrize(
+    ("value", "columns", "words"),
+    [
+        ([[1, 2], None], 2, "got null in row 1, counted from 0: leave that one out"),
+        ([[1, 2], [3, 4], [5, None]], 2, "got [5, null] in row 2, counted from 0: leave that one out"),
+        ([1.0, "0,5"], None, "got '0,5' in row 1, counted from 0"),
+        ([[1, float("nan")]], 2, "[1, nan] in row 0"),
+        ([1, 10**5000], None, "a huge integer in row 1"),
+    ],
+)
+def test_the_row_that_is_amiss_is_told(value, columns, words):
+    """Of many rows the first that is not as it has to be."""
+    with pytest.raises(DatasetError) as caught:
+        numbers(HERE, "x", value, columns)
+    assert words in caught.value.reason
+
+
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), 1.1e6, -1.1e6])
 def test_numbers_of_a_list_are_finite(value):
     """NaN, infinity and what is beyond a million are refused."""

@@ -239,7 +239,7 @@ def test_all_errors_at_once(folder: Path) -> None:
         ("reference: eye", "reference: *a", 2, "aliases and anchors"),
         ("reference: eye", "reference: !!str eye", 2, "tags"),
         ("reference: eye", "reference: !!python/object:os.system eye", 2, "tags"),
-        ("reference: eye", "reference: [eye", 3, "not YAML"),
+        ("reference: eye", "reference: [eye", 2, "not YAML: the bracket that opens here is not closed"),
         ("reference: eye", "? [a]\n: b", 2, "is not a name"),
         ("reference: eye", "<<: {reference: eye}", 2, "<<: unknown field"),
         ("reference: eye", "reference: " + "[" * 5000, 2, "nested deeper"),

@@ -26,6 +26,7 @@ SMALLEST_SIGMA = 1e-12
 """[m, px, rad]: below what any instrument has; the inverse of its square is far from overflow."""
 
 _NO_TURN = 1e-9  # of a rotation matrix from the identity: beyond the digits in which it was written
+_TURN_RAD = 2 * np.pi * 1.001  # [rad] with room for the digits in which a turn was written
 _ROTATIONS = ("q_xyzw", "rotvec_rad", "rpy_deg")
 
 
@@ -114,6 +115,14 @@ class PoseEntry(Entry):
     def _unit(cls, value: list[float] | None) -> list[float] | None:
         if value is not None:
             SE3.from_quaternion(value, np.zeros(3))
+        return value
+
+    @checks("rotvec_rad")
+    @classmethod
+    def _within_a_turn(cls, value: list[float] | None) -> list[float] | None:
+        if value is not None and (length := float(np.linalg.norm(value))) > _TURN_RAD:
+            expected = f"no rotation vector is longer than a turn, {2 * np.pi:.3g} rad"
+            raise ValueError(f"has length {length:.3g}, {expected}: it looks like degrees, write radians")
         return value
 
     @checks("matrix")

@@ -15,6 +15,7 @@ from ruamel.yaml.nodes import MappingNode, ScalarNode, SequenceNode
 
 from basecal.bounded_file import read_bounded
 from basecal.cell.format.problems import CAUSE, Loc, Problem, dataset_error, short
+from basecal.cell.format.yaml_faults import yaml_fault
 from basecal.errors import DatasetError
 
 LARGEST_BYTES = 2**19
@@ -66,9 +67,8 @@ def parse_yaml(text: str, path: str) -> Document:
         _refuse_references(text, path)
         node = _yaml().compose(text)
     except MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        reason = " ".join(str(error.problem or error.context).split())
-        raise DatasetError(path, f"not YAML: {reason}", mark.line + 1 if mark else None) from None
+        fault = yaml_fault(text, error)
+        raise DatasetError(path, f"not YAML: {fault.reason}", fault.line) from None
     except (YAMLError, ValueError) as error:
         raise DatasetError(path, f"not YAML: {' '.join(str(error).split())[:CAUSE]}") from None
     notes = _Notes()

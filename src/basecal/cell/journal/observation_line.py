@@ -30,7 +30,17 @@ _ANY = tuple(dict.fromkeys(field for fields in _FIELDS.values() for field in fie
 
 
 class UnknownPoint(InputError):
-    """An observation of a point that is not on the target, or of one point twice."""
+    """An observation of a point that is not on the target, or of one point twice.
+
+    Attributes:
+        target: What was seen.
+        ids: Of the points.
+        known: Of the target.
+    """
+
+    def __init__(self, message: str, target: str, ids: frozenset[int], known: frozenset[int]) -> None:
+        super().__init__(message)
+        self.target, self.ids, self.known = target, ids, known
 
 
 def observation(
@@ -102,8 +112,10 @@ def _ids(data: dict[str, Any], field: str, where: Where, known: frozenset[int], 
     distinct = set(written)
     if not known >= distinct:
         unknown = min(distinct - known)
-        raise UnknownPoint(f"id {unknown} is not on {data['target']!r}, whose ids are {min(known)} to {max(known)}")
+        message = f"id {unknown} is not on {data['target']!r}, whose ids are {min(known)} to {max(known)}"
+        raise UnknownPoint(message, data["target"], frozenset(distinct), known)
     if len(distinct) != len(ids):
         twice = int(np.sort(ids)[:-1][np.diff(np.sort(ids)) == 0][0])
-        raise UnknownPoint(f"id {twice} of {data['target']!r} is given twice in one observation")
+        message = f"id {twice} of {data['target']!r} is given twice in one observation"
+        raise UnknownPoint(message, data["target"], frozenset(distinct), known)
     return ids

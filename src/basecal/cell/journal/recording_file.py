@@ -15,8 +15,9 @@ from basecal.cell.format.paths import inside, own_file
 from basecal.cell.format.writing import make_folder, open_own, sync_folder, write_whole
 from basecal.cell.journal.image_bounds import check_image_bounds
 from basecal.cell.journal.sample_dict import sample_to_dict
-from basecal.cell.journal.sample_line import Context, context, line_data, sample_from_line
+from basecal.cell.journal.sample_line import Context, Dropped, context, line_data, sample_from_line
 from basecal.cell.journal.sample_values import Where
+from basecal.cell.journal.unknown_points import unknown_points
 from basecal.cell.recording import Recording, Sample
 from basecal.cell.schema.cell_file import read_cell
 from basecal.errors import DatasetError, InputError
@@ -128,6 +129,7 @@ def _recording(text: bytes, path: str, known: Context) -> Recording:
     *lines, tail = text.split(b"\n")
     samples: list[Sample] = []
     findings: list[Finding] = []
+    dropped: list[Dropped] = []
     first_lines: dict[str, int] = {}
     if tail.strip() and not _is_whole(tail):
         cut = _cut_finding(path, len(lines) + 1, "what is left of it is not read")
@@ -139,15 +141,16 @@ def _recording(text: bytes, path: str, known: Context) -> Recording:
         if len(written) > _LONGEST_LINE:
             raise DatasetError(path, f"a line of {len(written)} bytes, no sample has that many", line)
         read = sample_from_line(written, Where(path, line), known)
-        number = str(read.sample) if isinstance(read, Sample) else read.about[0]
+        number = str(read.sample)
         earlier = first_lines.setdefault(number, line)
         if earlier != line:
             message = f"sample {number} is dropped: line {earlier} has the same number; give it a new one"
             findings.append(Finding("dropped-sample", "info", (number,), f"{path}:{line}: {message}"))
-        elif isinstance(read, Finding):
-            findings.append(read)
+        elif isinstance(read, Dropped):
+            dropped.append(read)
         else:
             samples.append(read)
+    findings += unknown_points(dropped, path)
     check_image_bounds(samples, {int(number): line for number, line in first_lines.items()}, path, known.cell)
     return Recording(tuple(samples), tuple(findings if cut is None else [*findings, cut]))
 

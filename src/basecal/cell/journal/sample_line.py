@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import codecs
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
-from basecal.cell.calibration import Finding
 from basecal.cell.cell import Cell
 from basecal.cell.format.problems import CAUSE, short
 from basecal.cell.journal.observation_line import UnknownPoint, observation
@@ -50,16 +50,33 @@ def line_data(text: bytes, where: Where) -> Any:
     try:
         return _DECODER.decode(text.decode("utf-8"))
     except UnicodeDecodeError as error:
-        raise where.error("", f"not UTF-8 text (byte {error.start} of the line); expected one JSON object") from None
+        raise where.error("", f"not UTF-8 text (byte {error.start} of the line){_as_saved(text)}") from None
     except json.JSONDecodeError as error:
-        raise where.error("", f"not JSON ({error.msg}, column {error.colno}); expected one object a line") from None
+        hint = "; remove the comma after the object" if text.rstrip().endswith(b"},") else ""
+        where_and_what = f"not JSON ({error.msg}, column {error.colno}); expected one object a line"
+        raise where.error("", f"{where_and_what}{hint}") from None
     except (ValueError, RecursionError) as error:
         reason = "nested too deeply" if isinstance(error, RecursionError) else str(error)[:CAUSE]
         raise where.error("", f"{reason}; expected one JSON object a line (docs/data_format.md)") from None
 
 
-def sample_from_line(text: bytes, where: Where, known: Context) -> Sample | Finding:
-    """The sample of a line, or why it was dropped.
+def _as_saved(text: bytes) -> str:
+    """What to do about a line that is not UTF-8."""
+    if text.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return ": it is UTF-16, save it as UTF-8"
+    return "; expected one JSON object"
+
+
+class Dropped(NamedTuple):
+    """A sample that cannot be used, the line on which it stands, and why."""
+
+    sample: int
+    line: int
+    reason: UnknownPoint
+
+
+def sample_from_line(text: bytes, where: Where, known: Context) -> Sample | Dropped:
+    """The sample of a line, or why it is dropped.
 
     Raises:
         DatasetError: if the line cannot be read as written.
@@ -80,8 +97,7 @@ def sample_from_line(text: bytes, where: Where, known: Context) -> Sample | Find
         try:
             seen = _observations(data.get("observations", []), where, known)
         except UnknownPoint as error:
-            message = f"{where.path}:{where.line}: sample {index} is dropped: {error}"
-            return Finding("dropped-sample", "info", (str(index),), message)
+            return Dropped(index, where.line, error)
         return Sample(index, stamp, states, seen, images, background)
     except RecursionError:
         raise where.error("", "nested too deeply; expected one JSON object a line") from None

@@ -81,13 +81,33 @@ def numbers(where: Where, field: str, value: Any, columns: int | None = None) ->
         array = array.reshape(0, columns)
     row = () if columns is None else (columns,)
     if array is None or array.dtype.kind not in "iuf" or array.ndim != 1 + len(row) or array.shape[1:] != row:
-        raise where.error(field, f"expected {expected}, got {short(value)}")
+        raise where.error(field, f"expected {expected}, got {_odd_one(value, columns)}")
     # Also false where NaN.
     if not (np.abs(array) <= LARGEST).all():
-        raise where.error(field, f"holds NaN, infinity or a number beyond {LARGEST:g}; expected {expected}")
+        got = f"holds NaN, infinity or a number beyond {LARGEST:g}"
+        raise where.error(field, f"{got}: {_odd_one(value, columns)}; expected {expected}")
     checked: Array = array.astype(np.float64)
     checked.setflags(write=False)
     return checked
+
+
+def _odd_one(value: Any, columns: int | None) -> str:
+    """The first item that is not as the others have to be, and which it is; the whole where there is none."""
+    for index, item in enumerate(value if isinstance(value, list) else ()):
+        row = [item] if columns is None else item
+        if not isinstance(row, list) or len(row) != (columns or 1) or not all(map(_is_number, row)):
+            hint = ": leave that one out" if item is None or (isinstance(item, list) and None in item) else ""
+            words = f"[{', '.join(map(_as_written, item))}]" if isinstance(item, list) else _as_written(item)
+            return f"{words if len(words) <= SHORT else short(item)} in row {index}, counted from 0{hint}"
+    return short(value)
+
+
+def _as_written(value: Any) -> str:
+    return "null" if value is None else short(value)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and abs(value) <= LARGEST
 
 
 def _array(value: Any) -> np.ndarray[Any, Any] | None:

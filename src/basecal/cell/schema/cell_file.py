@@ -22,6 +22,7 @@ from basecal.errors import BasecalError, InputError
 from basecal.kinematics import SerialChain, read_chain
 
 FILE = "cell.yaml"
+_OTHER_NAMES = ("cell.yml", "Cell.yaml", "cell.yaml.txt", "cell.json")
 
 
 def read_cell(folder: str | Path) -> Cell:
@@ -31,8 +32,18 @@ def read_cell(folder: str | Path) -> Cell:
         DatasetError: if it cannot be read as written; the message has a line for each mistake.
     """
     path = own_file(folder, FILE)
-    document = parse_yaml(read_text(path, "a cell is a folder with a cell.yaml (docs/data_format.md)"), str(path))
+    document = parse_yaml(read_text(path, _where_it_may_be(Path(folder))), str(path))
     return _checked(document.data, str(path), Path(folder), document.lines)
+
+
+def _where_it_may_be(folder: Path) -> str:
+    """What to do where a folder has no cell."""
+    other = next((name for name in _OTHER_NAMES if (folder / name).is_file()), None)
+    if other is not None:
+        return f"there is {other}: rename it {FILE}"
+    if (folder.parent / FILE).is_file():
+        return f"there is one in {folder.parent}: give that folder"
+    return f"a cell is a folder with a {FILE} (docs/data_format.md): basecal new makes one"
 
 
 def cell_from_dict(data: Any, path: str = FILE, folder: str | Path | None = None) -> Cell:

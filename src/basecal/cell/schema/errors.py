@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
@@ -23,6 +24,7 @@ _WORDS = {
     "finite_number": "expected a finite number",
     "bool_type": "expected true or false",
 }
+_DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+")
 
 
 def problems_of(error: ValidationError, model: type[BaseModel]) -> list[Problem]:
@@ -45,7 +47,13 @@ def _problem(details: Mapping[str, Any], model: type[BaseModel]) -> Problem:
     if kind == "missing":
         return Problem(loc, _WORDS[kind])
     words = _WORDS.get(kind) or details["msg"].replace("Input should be", "expected")
-    return Problem(loc, f"{words}, got {short(value)}")
+    return Problem(loc, f"{words}, got {short(value)}{_decimal_point(kind, value)}")
+
+
+def _decimal_point(kind: str, value: Any) -> str:
+    """What to write where a number has a decimal comma."""
+    is_meant = kind == "float_type" and isinstance(value, str) and _DECIMAL_COMMA.fullmatch(value)
+    return f"; write a decimal point: {value.replace(',', '.')}" if is_meant else ""
 
 
 def _is_tag(part: str | int) -> bool:

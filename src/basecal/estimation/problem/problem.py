@@ -320,7 +320,10 @@ def check_carriers(cell: Cell, camera: str, target: str) -> None:
     """
     on = cell.cameras[camera].on
     if on == cell.targets[target].on:
+        carriers = {c.on for c in cell.cameras.values()} | {t.on for t in cell.targets.values()}
+        idle = set(cell.robots) - carriers
+        right = f" (on: {idle.pop()}?)" if len(idle) == 1 else ""
         raise InputError(
             f"camera {camera!r} and target {target!r} are both on {on!r}: no robot moves one against the other; "
-            "set the `on` of one of them to what carries it"
+            f"set the `on` of one of them to what carries it{right}"
         )
