@@ -59,7 +59,7 @@ def _of_key(lines: list[str], line: int) -> Fault:
     for number in (above, line):
         if number is not None and _NO_SPACE.match(lines[number - 1]):
             return Fault("a space after the colon is missing: write `key: value`", number)
-    if above is not None and ":" not in lines[above - 1]:
+    if above is not None and ":" not in _content(lines[above - 1]):
         return Fault("expected `key: value`, there is no colon", above)
     if _content(lines[line - 1]).count(": ") > 1:
         return Fault("two colons: put a value that holds one into quotes", line)
