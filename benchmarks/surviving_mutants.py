@@ -10,7 +10,7 @@ UNKNOWN = "no test so far"
 WHY: dict[tuple[str, str, str], str] = {
     ("estimation/outliers/robust_scale.py", "1e-300", "1e-299"): "equivalent: keeps a quotient of zeros finite",
     ("accuracy/residuals/fit.py", "-1", "1"): "equivalent: the last of two axes",
-    ("accuracy/residuals/point_residuals.py", "4", "5"): "equivalent: a Gauss-Newton step more at the optimum",
+    ("accuracy/residuals/fitted_again.py", "4", "5"): "equivalent: a Gauss-Newton step more at the optimum",
     ("accuracy/findings/outlier_samples.py", "-1", "1"): "equivalent: the last of two axes",
     ("estimation/observability/motions.py", "-1", "1"): "equivalent: the last of two axes",
     (

@@ -51,7 +51,7 @@ def test_verbose_prints_the_report_it_writes(simulated: Path, verb: str, capsys:
 def test_a_run_that_did_not_converge_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """One step from a closed form is no optimum: no transform, no lens, no joint covariance, and `report` says so."""
     assert main(["simulate", str(tmp_path), "--samples", "10"]) == 0
-    calibration, _ = calibrate_folder(tmp_path, read_cell(tmp_path), Settings(iterations=1))
+    calibration = calibrate_folder(tmp_path, read_cell(tmp_path), Settings(iterations=1)).calibration
     assert "not-converged" in {finding.code for finding in calibration.findings}
     run = latest_run(tmp_path)
     assert run is not None

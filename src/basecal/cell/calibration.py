@@ -169,8 +169,9 @@ class Calibration:
         condition: Condition number of the whitened, scaled information.
         unobservable: Directions that the data leave open, in words.
         findings: What the user should know.
-        settings: What was asked of the solver.
+        settings: What was asked of the solver, and `tolerance_m` where it is stated how well the answer must be known.
         inputs: `sha256:...` of each file read.
+        versions: Of the programs that were used, by name.
     """
 
     verdict: Verdict
@@ -191,6 +192,7 @@ class Calibration:
     findings: tuple[Finding, ...] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)
     inputs: Mapping[str, str] = field(default_factory=dict)
+    versions: Mapping[str, str] = field(default_factory=dict)
 
     def known_transforms(self, cell: Cell) -> dict[str, SE3]:
         """What is known of the transforms of the cell that was calibrated, by name: fixed there, or found here."""

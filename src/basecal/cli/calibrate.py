@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from basecal.cli.detected import detected_recording
-from basecal.cli.page import print_page_path, write_page
+from basecal.cli.page import StoredRun, print_page_path, write_page
 from basecal.cli.terminal import print_json, print_stages, progress, say
+from basecal.cli.tolerance import tolerance_m
 from basecal.errors import printable
 
 if TYPE_CHECKING:
+    from basecal.accuracy.expected_error import ToleranceCheck
     from basecal.cell import Calibration, Cell
     from basecal.estimation.settings import Settings
 
@@ -25,6 +28,7 @@ def calibrate(
     station_choice: Literal["nearest", "weighted"] = "nearest",
     certify: bool = False,
     robot_noise: Literal["estimated", "stated"] = "estimated",
+    tolerance: str | None = None,
     json: bool = False,
     verbose: bool = False,
 ) -> int:
@@ -34,12 +38,13 @@ def calibrate(
     and its report, as text and as a page to look at, to CELL/runs. Prints the
     verdict, what was asked for with its sigma, the cross-validation error and
     what to do; all else with --verbose. Ends with 0 where the answer is good,
-    with 1 where it is doubtful or refused.
+    with 1 where it is doubtful or refused, or not as exact as --tolerance asks.
 
     For example:
 
         basecal calibrate mycell
         basecal calibrate mycell --json > answer.json
+        basecal calibrate mycell --tolerance 0.5mm
         basecal calibrate mycell --certify
         basecal calibrate mycell --verbose
         basecal calibrate mycell --method axis-shift --task-point 0.8 0.1 0.3
@@ -52,12 +57,14 @@ def calibrate(
         station_choice: With a task point, its nearest station, or all of them weighted by distance.
         certify: Prove that no other answer fits better, or say why that cannot be proven.
         robot_noise: Whether noise of robots that state none is estimated, or these robots are taken for exact.
+        tolerance: Length with its unit, such as 0.5mm, below which 95 % of position errors have to be expected.
         json: Print calibration.json instead of words.
         verbose: Print all of the report, and on stderr how long each stage took.
     """
     from basecal.cell.files import calibration_to_dict, read_cell
     from basecal.estimation.settings import Settings
 
+    needed_m = None if tolerance is None else tolerance_m(tolerance)
     described = read_cell(cell)
     settings = Settings(
         method=method,
@@ -67,24 +74,40 @@ def calibrate(
         certify=certify,
         robot_noise=robot_noise,
     )
-    calibration, run = calibrate_folder(cell, described, settings, verbose)
+    made = calibrate_folder(cell, described, settings, verbose, needed_m)
     if json:
-        print_json(calibration_to_dict(calibration))
+        print_json(calibration_to_dict(made.calibration))
     else:
-        show(described, calibration, verbose)
-        print_page_path(run)
-    return exit_code(calibration)
+        show(described, made.calibration, verbose, made.tolerance)
+        print_page_path(made.run)
+    return exit_code(made.calibration, made.tolerance)
+
+
+@dataclass(frozen=True, eq=False)
+class CalibratedFolder:
+    """What `calibrate_folder` made: the calibration, the folder of its run, how it compares with a tolerance."""
+
+    calibration: Calibration
+    run: Path
+    tolerance: ToleranceCheck | None = None
 
 
 def calibrate_folder(
-    folder: Path, cell: Cell, settings: Settings | None = None, verbose: bool = False
-) -> tuple[Calibration, Path]:
+    folder: Path,
+    cell: Cell,
+    settings: Settings | None = None,
+    verbose: bool = False,
+    needed_m: float | None = None,
+) -> CalibratedFolder:
     """The calibration of the recording of a cell's folder, and the folder of its run, which is written."""
     from dataclasses import replace
 
+    from basecal.accuracy.expected_error import check_tolerance
+    from basecal.accuracy.fit_details import fit_details
     from basecal.accuracy.verdict import calibrate as calibrated
     from basecal.cell.files import input_hashes, write_calibration
     from basecal.cell.format.writing import write_whole
+    from basecal.cell.results.versions import used_versions
     from basecal.estimation.settings import Settings
     from basecal.estimation.stages import Stages
     from basecal.reporting.text import text_report
@@ -96,21 +119,24 @@ def calibrate_folder(
         calibration = calibrated(cell, recording, replace(settings or Settings(), stages=stages))
     if verbose:
         print_stages(stages.seconds)
-    calibration = replace(calibration, inputs=inputs)
+    asked = calibration.settings if needed_m is None else {**calibration.settings, "tolerance_m": needed_m}
+    calibration = replace(calibration, settings=asked, inputs=inputs, versions=used_versions())
     run = write_calibration(calibration, folder).parent
-    write_whole(run / "report.txt", printable(text_report(cell, calibration)) + "\n", within=folder)
-    write_page(run, cell, recording, calibration)
-    return calibration, run
+    details = fit_details(cell, recording, calibration)
+    tolerance = check_tolerance(cell, calibration, details.errors)
+    write_whole(run / "report.txt", printable(text_report(cell, calibration, tolerance)) + "\n", within=folder)
+    write_page(cell, calibration, StoredRun(run, recording, details, ()))
+    return CalibratedFolder(calibration, run, tolerance)
 
 
-def show(cell: Cell, calibration: Calibration, verbose: bool = False) -> None:
+def show(cell: Cell, calibration: Calibration, verbose: bool = False, tolerance: ToleranceCheck | None = None) -> None:
     """Print a calibration: what matters, or the whole report."""
     from basecal.reporting.summary import summary
     from basecal.reporting.text import text_report
 
-    say(text_report(cell, calibration) if verbose else summary(cell, calibration))
+    say((text_report if verbose else summary)(cell, calibration, tolerance))
 
 
-def exit_code(calibration: Calibration) -> int:
-    """0 where the verdict is good, else 1."""
-    return 0 if calibration.verdict == "good" else 1
+def exit_code(calibration: Calibration, tolerance: ToleranceCheck | None = None) -> int:
+    """0 where the verdict is good and what is needed is reached, else 1."""
+    return 0 if calibration.verdict == "good" and (tolerance is None or tolerance.passed) else 1

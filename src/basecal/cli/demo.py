@@ -41,7 +41,8 @@ def demo(folder: Path = Path("demo_cell"), /, *, json: bool = False) -> int:
     _prepare(folder)
     scenario = Scenario(samples=25, robot_noise=(1e-4, 2e-4), state_pixel_noise=False)
     made = write_simulated(folder, simulate(scenario, 0), image_seed=0)
-    calibration, run = calibrate_folder(folder, made.cell)
+    calibrated = calibrate_folder(folder, made.cell)
+    calibration, run = calibrated.calibration, calibrated.run
     estimate = calibration.transforms.get(_BASE)
     error = true_error(estimate, made.truth[_BASE]) if estimate else None
     if json:

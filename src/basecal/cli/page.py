@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import sys
+from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,43 +14,59 @@ from basecal.cli.terminal import say
 from basecal.errors import DatasetError
 
 if TYPE_CHECKING:
+    from basecal.accuracy.fit_details import FitDetails
     from basecal.cell import Calibration, Cell, Recording
 
 FILE = "report.html"
+_STAMP, _STAMP_LENGTH = "%Y%m%dT%H%M%SZ", 16  # of the names of runs, to which a number may be added
 
 
-def write_page(run: Path, cell: Cell, recording: Recording, calibration: Calibration) -> Path:
-    """Path of the page of a calibration that was made from this cell and recording, written into its run."""
-    from basecal.accuracy.residuals.point_residuals import point_residuals
-    from basecal.cell.format.writing import write_whole
-    from basecal.reporting.page import page
+@dataclass(frozen=True, eq=False)
+class StoredRun:
+    """A run with the recording it was made from, as far as that is still there.
 
-    points = point_residuals(cell, recording, calibration)
-    write_whole(run / FILE, page(cell, recording, calibration, points, title=_title(run)), within=run.parent.parent)
-    return run / FILE
-
-
-def rewrite_page(folder: Path, run: Path, cell: Cell, calibration: Calibration) -> Path:
-    """Path of the page of a stored run.
-
-    Where its inputs have changed since, the page says so and shows no residuals of single points.
+    Attributes:
+        run: Its folder.
+        recording: As it is now; empty where it can no longer be read.
+        details: Of the fit; nothing where the inputs have changed since.
+        changed: The inputs that have.
     """
+
+    run: Path
+    recording: Recording
+    details: FitDetails
+    changed: tuple[str, ...]
+
+
+def stored_run(folder: Path, run: Path, cell: Cell, calibration: Calibration) -> StoredRun:
+    """A run of a cell's folder, its recording read and its fit worked out again."""
+    from basecal.accuracy.fit_details import FitDetails, fit_details
     from basecal.cell import Recording
     from basecal.cell.files import input_hashes
-    from basecal.cell.format.writing import write_whole
-    from basecal.reporting.page import page
 
     now = input_hashes(folder, cell)
-    changed = [name for name, hashed in calibration.inputs.items() if now.get(name) != hashed]
+    changed = tuple(name for name, hashed in calibration.inputs.items() if now.get(name) != hashed)
     if not changed:
-        return write_page(run, cell, detected_recording(folder, cell), calibration)
-    note = f"{', '.join(changed)} changed since this run: names and picture are as of now. Calibrate again."
+        recording = detected_recording(folder, cell)
+        return StoredRun(run, recording, fit_details(cell, recording, calibration), ())
     try:
         recording = detected_recording(folder, cell)
     except DatasetError:
         recording = Recording()
-    write_whole(run / FILE, page(cell, recording, calibration, title=_title(run), notes=[note]), within=folder)
-    return run / FILE
+    return StoredRun(run, recording, FitDetails(), changed)
+
+
+def write_page(cell: Cell, calibration: Calibration, stored: StoredRun) -> Path:
+    """Path of the page of a run, which is written; where inputs have changed since, the page says so."""
+    from basecal.cell.format.writing import write_whole
+    from basecal.reporting.page import page
+
+    names = ", ".join(stored.changed)
+    notes = [f"{names} changed since this run: names and picture are as of now. Calibrate again."] if names else []
+    path, title = stored.run / FILE, _title(stored.run)
+    html = page(cell, stored.recording, calibration, stored.details, title=title, made=_made(stored.run), notes=notes)
+    write_whole(path, html, within=stored.run.parent.parent)
+    return path
 
 
 def print_page_path(run: Path) -> None:
@@ -70,5 +88,12 @@ def _from_here(path: str) -> str:
 
 
 def _title(run: Path) -> str:
-    folder = os.fsencode(run.resolve().parents[1].name).decode(errors="replace")
-    return f"{folder}, {run.name}"
+    return os.fsencode(run.resolve().parents[1].name).decode(errors="replace")
+
+
+def _made(run: Path) -> datetime | None:
+    """When a run was made, UTC, by the name of its folder."""
+    try:
+        return datetime.strptime(run.name[:_STAMP_LENGTH], _STAMP).replace(tzinfo=UTC)
+    except ValueError:
+        return None

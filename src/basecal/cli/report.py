@@ -5,12 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from basecal.cli.calibrate import exit_code, show
-from basecal.cli.page import print_page_path, rewrite_page
+from basecal.cli.page import print_page_path, stored_run, write_page
 from basecal.cli.terminal import pasted, print_json
+from basecal.cli.tolerance import tolerance_m
 from basecal.errors import InputError
 
 
-def report(cell: Path, /, *, json: bool = False, verbose: bool = False) -> int:
+def report(cell: Path, /, *, tolerance: str | None = None, json: bool = False, verbose: bool = False) -> int:
     """Tell the latest calibration in plain text, and write its page.
 
     The verdict, what was asked for with its sigma, the cross-validation error
@@ -20,29 +21,43 @@ def report(cell: Path, /, *, json: bool = False, verbose: bool = False) -> int:
     needs no network.
 
     Ends with 0 where the answer is good, with 1 where it is doubtful or
-    refused.
+    refused, or not as exact as --tolerance asks.
 
     For example:
 
         basecal report mycell
         basecal report mycell --verbose
+        basecal report mycell --tolerance 0.5mm
         basecal report mycell --json
 
     Args:
         cell: Folder of the cell.
+        tolerance: Length with its unit, such as 0.5mm, below which 95 % of position errors have to be expected;
+            the one that calibrate was given where none is given here.
         json: Print calibration.json instead.
         verbose: Print all of the report.
     """
+    from dataclasses import replace
+
+    from basecal.accuracy.expected_error import check_tolerance
     from basecal.cell.files import latest_run, read_calibration, read_calibration_data, read_cell
 
     described, run = read_cell(cell), latest_run(cell)
     if run is None:
         raise InputError(f"{cell} has no run yet: basecal calibrate {pasted(cell)}")
     calibration = read_calibration(run)
+    if tolerance is not None:
+        asked = {**calibration.settings, "tolerance_m": tolerance_m(tolerance)}
+        calibration = replace(calibration, settings=asked)
+    if json and calibration.settings.get("tolerance_m") is None:
+        print_json(read_calibration_data(run))
+        return exit_code(calibration)
+    stored = stored_run(cell, run, described, calibration)
+    check = check_tolerance(described, calibration, stored.details.errors)
     if json:
         print_json(read_calibration_data(run))
     else:
-        show(described, calibration, verbose)
-        rewrite_page(cell, run, described, calibration)
+        show(described, calibration, verbose, check)
+        write_page(described, calibration, stored)
         print_page_path(run)
-    return exit_code(calibration)
+    return exit_code(calibration, check)

@@ -7,19 +7,28 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from importlib.resources import files
 from typing import Any
 
 from jinja2 import Environment, FunctionLoader, StrictUndefined
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
-from basecal.accuracy.residuals.point_residuals import PointResiduals
+from basecal.accuracy.fit_details import FitDetails
+from basecal.accuracy.phrases.held_out_error import why_held_out_errors_are_larger
 from basecal.cell import Calibration, Cell, Recording, SampleResidual
-from basecal.cell.results.calibration_dict import program_version
-from basecal.reporting.figures import QUANTITIES, Figure, arrow_figure, bar_figure, histogram
-from basecal.reporting.picture import picture
+from basecal.reporting.cell_view.picture import picture
+from basecal.reporting.cell_view.scene import Scene, scene, scene_data
+from basecal.reporting.figures.bars import QUANTITIES, bar_figure
+from basecal.reporting.figures.figure import Figure
+from basecal.reporting.figures.histogram import histogram
+from basecal.reporting.figures.image_coverage import image_coverage
+from basecal.reporting.figures.orientations import orientation_figure
+from basecal.reporting.figures.residual_map import residual_map
+from basecal.reporting.figures.residual_polar import residual_polar
+from basecal.reporting.overview import overview
+from basecal.reporting.provenance import provenance
 from basecal.reporting.robots import robot_blocks
-from basecal.reporting.scene import Scene, scene, scene_data
 from basecal.reporting.svg import three_digits
 from basecal.reporting.text import (
     by_weight,
@@ -33,8 +42,6 @@ from basecal.reporting.text import (
 from basecal.reporting.transforms import transform_view
 
 _MOST_ROWS = 400
-_MOST_ARROWS = 1500
-_MOST_ARROWS_TOGETHER = 6000
 _MOST_BARS = 600
 _MOST_BARS_TOGETHER = 2700
 _FEWEST = 100
@@ -54,9 +61,10 @@ def page(
     cell: Cell,
     recording: Recording,
     calibration: Calibration,
-    points: Sequence[PointResiduals] = (),
+    details: FitDetails | None = None,
     *,
     title: str = "calibration",
+    made: datetime | None = None,
     notes: Sequence[str] = (),
 ) -> str:
     """The report of a calibration as HTML, everything it needs inside; it asks nothing of any server.
@@ -65,10 +73,12 @@ def page(
         cell: What was calibrated.
         recording: What was seen.
         calibration: What came out.
-        points: How far points are from where the calibration predicts them.
+        details: How the recording fits it; None where that is not known.
         title: What the reader calls it.
+        made: When it was calibrated, UTC.
         notes: Said below the verdict, such as that a file has changed since.
     """
+    known = FitDetails() if details is None else details
     drawn = scene(cell, recording.samples, calibration)
     scripts = [_own(name) for name in _SCRIPTS]
     style = _own("templates/page.css")
@@ -85,9 +95,10 @@ def page(
             drawn=drawn,
             legend=_legend(drawn),
             picture=Markup(picture(drawn)),
-            version=program_version(),
+            overview=overview(cell, recording, calibration, known, made),
+            provenance=provenance(cell, calibration),
             **_answer(cell, calibration),
-            **_fit(cell, calibration, points),
+            **_fit(cell, calibration, known),
         )
     )
 
@@ -102,7 +113,18 @@ def _environment() -> Environment:
     loader = FunctionLoader(lambda name: _own(f"templates/{name}"))
     made = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     made.filters["svg"] = Markup
+    made.filters["words"] = _words
     return made
+
+
+def _words(said: str) -> Markup:
+    """Words whose parts between backticks are what to type."""
+    parts = said.split("`")
+    if len(parts) % 2 == 0:
+        return escape(said)
+    return Markup().join(
+        escape(part) if k % 2 == 0 else Markup("<code>{}</code>").format(part) for k, part in enumerate(parts)
+    )
 
 
 def _policy(style: str, scripts: Sequence[str]) -> str:
@@ -152,29 +174,27 @@ def _answer(cell: Cell, calibration: Calibration) -> dict[str, Any]:
             (name, camera.model, lens_parameters(camera, c)) for name, (camera, c) in calibration.cameras.items()
         ],
         "robots": [(heading, "\n".join(lines)) for heading, *lines in robot_blocks(calibration)],
-        "findings": by_weight(calibration.findings),
+        "grave": [finding for finding in by_weight(calibration.findings) if finding.severity != "info"],
+        "notices": [finding for finding in by_weight(calibration.findings) if finding.severity == "info"],
         "unobservable": calibration.unobservable,
-        "condition": calibration.condition,
-        "settings": dict(calibration.settings),
-        "inputs": dict(calibration.inputs),
     }
 
 
-def _fit(cell: Cell, calibration: Calibration, points: Sequence[PointResiduals]) -> dict[str, Any]:
+def _fit(cell: Cell, calibration: Calibration, details: FitDetails) -> dict[str, Any]:
     """How everything fits, for the template."""
-    seen = [each for each in points if len(each.sample)]
-    cameras = list(dict.fromkeys(each.camera for each in seen))
-    most = _share(_MOST_ARROWS, _MOST_ARROWS_TOGETHER, len(cameras))
+    seen = [each for each in details.points if each.used.any()]
+    by_camera = {name: [each for each in seen if each.camera == name] for name in dict.fromkeys(e.camera for e in seen)}
     views = calibration.residuals.per_sample
     return {
         "fit": [*fit_sentences(calibration), *noise_sentences(calibration)],
         "cross_validation": list(validation_sentences(calibration)),
+        "why_larger": why_held_out_errors_are_larger(calibration),
         "outliers": list(outlier_sentences(calibration)),
-        "arrows": [
-            arrow_figure(name, cell.cameras[name].size_px, [each for each in seen if each.camera == name], most)
-            for name in cameras
-        ],
+        "maps": [residual_map(name, cell.cameras[name].size_px, of) for name, of in by_camera.items()],
+        "polars": [residual_polar(name, of) for name, of in by_camera.items()],
         "histogram": histogram(seen) if seen else None,
+        "coverage": [image_coverage(name, cell.cameras[name].size_px, of) for name, of in by_camera.items()],
+        "orientations": [orientation_figure(views) for views in details.views if len(views.sample)],
         "views": _views(views),
         "rows": _worst_rows(views),
         "view_count": len(views),

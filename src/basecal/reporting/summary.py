@@ -8,9 +8,10 @@ from textwrap import wrap
 
 import numpy as np
 
+from basecal.accuracy.expected_error import ToleranceCheck
 from basecal.cell import Calibration, Cell, Finding, Validation
 from basecal.geometry import Array
-from basecal.reporting.text import by_weight, sigma_norms
+from basecal.reporting.text import by_weight, sigma_norms, tolerance_sentence
 
 WIDTH = 100
 """Characters of a line at most: what terminals show, and mails keep, unbroken."""
@@ -23,12 +24,13 @@ _EXACT_DECIMALS, _MOST_DECIMALS = 4, 6  # of mm and deg: where nothing is uncert
 _COLUMN = 13  # characters of a number in a row
 
 
-def summary(cell: Cell, calibration: Calibration) -> str:
+def summary(cell: Cell, calibration: Calibration, tolerance: ToleranceCheck | None = None) -> str:
     """Lines of at most `WIDTH` characters, joined by newlines; `text_report` tells all else.
 
     Args:
         cell: What was calibrated: it says which transforms are asked for.
         calibration: What came out.
+        tolerance: How it compares with what is needed, where that is stated.
     """
     asked = [name for name in cell.asked if name in calibration.transforms]
     findings = dict.fromkeys(by_weight(calibration.findings))
@@ -41,6 +43,8 @@ def summary(cell: Cell, calibration: Calibration) -> str:
         lines, known[0] = [], f"{word}: {known[0]}"
     for place, (name, sentence) in enumerate(zip(asked, known, strict=True)):
         lines += [*wrapped(sentence), *(_rows(name, calibration) if place < _WHOLE else ())]
+    if tolerance is not None:
+        lines += wrapped(f"tolerance: {tolerance_sentence(tolerance)}")
     lines += _validation(calibration.validation)
     lines += _told(grave[1:_TOLD])
     others = [*grave[_TOLD:], *(finding for finding in findings if finding.severity == "info")]

@@ -33,7 +33,7 @@ def drawing(width: float, height: float, label: str, *inside: str, stretch: bool
     return element("svg", element("title", text(label)), *inside, role="img", **view)
 
 
-def segments(ends: Iterable[Array]) -> str:
+def segments(ends: Iterable[Array | tuple[Array, Array]]) -> str:
     """Path data of straight lines, each (2, 2)."""
     return "".join(f"M{a[0]:.1f} {a[1]:.1f}L{b[0]:.1f} {b[1]:.1f}" for a, b in ends)
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from basecal.accuracy.expected_error import ToleranceCheck
 from basecal.cell import Calibration, Cell, Finding, Validation
 from basecal.exchange.exports.choice import frame_names
 from basecal.exchange.ros2 import static_transform_publisher
@@ -24,16 +25,19 @@ _CONSEQUENCES = ("poor-fit", "inconsistent-folds", "overfit", "weak-direction", 
 _SHOWN_IDS = 10
 
 
-def text_report(cell: Cell, calibration: Calibration) -> str:
+def text_report(cell: Cell, calibration: Calibration, tolerance: ToleranceCheck | None = None) -> str:
     """The report of a calibration, lines joined by newlines.
 
     Args:
         cell: What was calibrated: it says which transforms are asked for, and names frames for other programs.
         calibration: What came out.
+        tolerance: How it compares with what is needed, where that is stated.
     """
     asked = [name for name in cell.asked if name in calibration.transforms]
     others = [name for name in calibration.transforms if name not in asked]
     blocks = [[verdict_sentence(cell, calibration)]]
+    if tolerance is not None:
+        blocks[0].append(f"tolerance: {tolerance_sentence(tolerance)}")
     for name in asked:
         blocks.append(_transform(name, calibration))
         if name not in calibration.points:
@@ -71,6 +75,19 @@ def verdict_sentence(cell: Cell, calibration: Calibration) -> str:
     error = _cross_validation_error(calibration.validation)
     answer = f"{answer}; cross-validation error {error} rms" if error else answer
     return f"DOUBTFUL: {answer}, but: {reason}" if calibration.verdict == "doubtful" else f"GOOD: {answer}."
+
+
+def tolerance_sentence(check: ToleranceCheck) -> str:
+    """Whether what was asked for is known as well as is needed, and how well."""
+    needed = f"{1e3 * check.tolerance_m:.3g} mm"
+    if check.expected_m is None:
+        return f"FAIL: {needed} are asked for, and not everything asked for is known"
+    expected = f"95 % of errors are expected below {1e3 * check.expected_m:.3g} mm"
+    if check.passed:
+        return f"PASS: {expected}, {needed} are asked for"
+    if check.expected_m <= check.tolerance_m:
+        return f"FAIL: {expected} and {needed} are asked for, but only a good calibration proves it"
+    return f"FAIL: {expected}, {needed} are asked for"
 
 
 def _cross_validation_error(validation: Validation | None) -> str:

@@ -11,6 +11,7 @@ import pytest
 
 from basecal.accuracy.residuals.point_residuals import point_residuals
 from basecal.accuracy.verdict import calibrate
+from basecal.cell import Outlier
 from basecal.cell.cell import Status
 from basecal.cell.files import calibration_from_dict, calibration_to_dict
 from basecal.estimation.settings import Settings
@@ -85,3 +86,15 @@ def test_unknown_transforms_leave_views_out() -> None:
     calibration = calibrate(made.cell, made.recording, Settings(robot_noise="stated"))
     without = {n: e for n, e in calibration.transforms.items() if n != "hand_flange_from_board"}
     assert point_residuals(made.cell, made.recording, replace(calibration, transforms=without)) == ()
+
+
+def test_what_was_left_out_is_marked() -> None:
+    """A view left out whole, and single points of another."""
+    made = simulate(Scenario(samples=8), 3)
+    calibration = calibrate(made.cell, made.recording)
+    outliers = (Outlier(2, "wrist", "board", (), "bumped"), Outlier(5, "wrist", "board", (3, 4), "reflection"))
+    (points,) = point_residuals(made.cell, made.recording, replace(calibration, outliers=outliers))
+    left_out = {(int(s), int(i)) for s, i in zip(points.sample[~points.used], points.ids[~points.used], strict=True)}
+    assert {sample for sample, _ in left_out} == {2, 5}
+    assert not np.any(points.used[points.sample == 2])
+    assert {point for sample, point in left_out if sample == 5} == {3, 4}

@@ -83,6 +83,7 @@ def example() -> Calibration:
         findings=(Finding("not-converged", "warning", ("3",), "why"),),
         settings={"seed": np.int64(3), "path": Path("x"), "pair": (1, 2)},
         inputs={"cell.yaml": "sha256:0"},
+        versions={"numpy": "2.0"},
     )
 
 
@@ -142,10 +143,11 @@ def test_round_trip(tmp_path: Path) -> None:
     assert (calibration.points, calibration.status, calibration.order) == (want.points, want.status, want.order)
     assert_array_equal(calibration.joint_covariance, want.joint_covariance)
     assert_array_equal(calibration.cameras["wrist"][0].parameters, want.cameras["wrist"][0].parameters)
-    assert (calibration.findings, calibration.unobservable, calibration.inputs) == (
+    assert (calibration.findings, calibration.unobservable, calibration.inputs, calibration.versions) == (
         want.findings,
         want.unobservable,
         want.inputs,
+        want.versions,
     )
     (loop,), (wanted,) = calibration.residuals.loops, want.residuals.loops
     assert (loop.path, loop.views, loop.rms_m) == (wanted.path, wanted.views, pytest.approx(wanted.rms_m, rel=1e-14))

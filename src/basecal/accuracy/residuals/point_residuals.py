@@ -2,23 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from basecal.accuracy.robot_parameters import kinematics_of
-from basecal.cell import Calibration, Cell, Recording
-from basecal.estimation.least_squares.normal_equations import linearise, retract
-from basecal.estimation.noise.robot_noise import with_robot_noise
-from basecal.estimation.problem.build import build_problem
-from basecal.estimation.problem.correspondence import choose_correspondence
-from basecal.estimation.problem.problem import Problem, State, ViewGroup
-from basecal.estimation.view.measurement import Noise
+from basecal.accuracy.residuals.fitted_again import FittedAgain, fitted_again
+from basecal.cell import Calibration, Cell, Outlier, Recording
+from basecal.estimation.problem.problem import ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.geometry import SE3, Array, Camera, IntArray
-
-_STOP_ROUNDS = 4  # Gauss-Newton steps for the stops' errors, which converge quadratically from zero
+from basecal.geometry import Array, BoolArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +25,7 @@ class PointResiduals:
         ids: (n,) which points.
         pixels: (n, 2) as seen [px].
         off_px: (n, 2) predicted minus seen [px].
+        used: (n,) whether the answer rests on them; the others were left out as outliers.
     """
 
     camera: str
@@ -40,13 +34,11 @@ class PointResiduals:
     ids: IntArray
     pixels: Array
     off_px: Array
+    used: BoolArray
 
 
 def point_residuals(cell: Cell, recording: Recording, calibration: Calibration) -> tuple[PointResiduals, ...]:
     """Predicted minus seen pixels at the transforms of a calibration, fresh or read from its file.
-
-    The errors of the robots' stops, which a calibration does not hold, are the most probable ones at its transforms.
-    Views whose transforms or lens it does not know are left out.
 
     Args:
         cell: What was calibrated.
@@ -56,43 +48,33 @@ def point_residuals(cell: Cell, recording: Recording, calibration: Calibration) 
     Raises:
         InputError: if the cell contradicts the recording.
     """
-    problem, _ = build_problem(cell, recording)
-    transforms, cameras = calibration.known_transforms(cell), _known_lenses(problem, calibration)
-    groups = [g for g in problem.groups if _is_known(g, transforms, cameras)]
-    noise = Noise(**{field: calibration.noise[field] for field in Noise._fields if calibration.noise.get(field)})
-    problem = replace(problem, columns={}, groups=tuple(groups)).with_noise(noise)
-    estimated = {name: of for name, of in calibration.noise.get("robots", {}).items() if name in problem.unstated}
-    sigmas = {name: np.array([*of["sigma_t_m"], *of["sigma_r_rad"]]) for name, of in estimated.items()}
-    problem = with_robot_noise(problem, sigmas)
-    state = State(transforms, cameras, np.zeros((len(problem.stops), 6)), kinematics_of(cell, calibration))
-    problem, _ = choose_correspondence(problem, state)
-    for _ in range(_STOP_ROUNDS if len(problem.stops) else 0):
-        state = retract(problem, state, linearise(problem, state), np.zeros(0))
+    return residuals_of_points(cell, calibration, fitted_again(cell, recording, calibration))
+
+
+def residuals_of_points(cell: Cell, calibration: Calibration, fitted: FittedAgain) -> tuple[PointResiduals, ...]:
+    """The same of what was fitted again already."""
     return tuple(
-        _of_group(target.ids, group, group.measurement, state, problem)
-        for group in problem.groups
+        _of_group(target.ids, group, group.measurement, fitted, calibration.outliers or ())
+        for group in fitted.problem.groups
         if isinstance(group.measurement, PixelMeasurement) and (target := cell.targets[group.target].target)
     )
 
 
-def _known_lenses(problem: Problem, calibration: Calibration) -> dict[str, Camera]:
-    lenses = problem.lenses.items()
-    fixed = {name: lens.camera for name, lens in lenses if lens.status == "fixed" and lens.camera is not None}
-    return fixed | {name: camera for name, (camera, _) in calibration.cameras.items()}
-
-
-def _is_known(group: ViewGroup, transforms: Mapping[str, SE3], cameras: Mapping[str, Camera]) -> bool:
-    """Whether every transform of a group is known, and where its views are in pixels the lens too."""
-    named = (group.camera_mount, group.target_mount, group.eye_base, group.hand_base)
-    has_lens = group.camera in cameras or not isinstance(group.measurement, PixelMeasurement)
-    return has_lens and all(name in transforms for name in named if name is not None)
-
-
 def _of_group(
-    ids: IntArray, group: ViewGroup, measurement: PixelMeasurement, state: State, problem: Problem
+    ids: IntArray,
+    group: ViewGroup,
+    measurement: PixelMeasurement,
+    fitted: FittedAgain,
+    outliers: Sequence[Outlier],
 ) -> PointResiduals:
-    predicted = state.camera_from_target(group, problem.stops)
-    off = measurement.residual_px(predicted, state.cameras[group.camera])
+    predicted = fitted.state.camera_from_target(group, fitted.problem.stops)
+    off = measurement.residual_px(predicted, fitted.state.cameras[group.camera])
     view, point = np.nonzero(np.isfinite(off).all(-1))
     pixels = measurement.pixels[view, point]
-    return PointResiduals(group.camera, group.target, group.sample[view], ids[point], pixels, off[view, point])
+    samples, named = group.sample[view], ids[point]
+    used = np.ones(len(samples), dtype=bool)
+    for outlier in outliers:
+        if (outlier.camera, outlier.target) == (group.camera, group.target):
+            of_view = samples == outlier.sample
+            used[of_view & np.isin(named, outlier.ids) if outlier.ids else of_view] = False
+    return PointResiduals(group.camera, group.target, samples, named, pixels, off[view, point], used)

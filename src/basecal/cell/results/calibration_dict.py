@@ -65,6 +65,7 @@ def calibration_to_dict(calibration: Calibration) -> dict[str, Any]:
         "findings": [finding_to_dict(finding) for finding in calibration.findings],
         "settings": dict(calibration.settings),
         "inputs": dict(calibration.inputs),
+        "versions": dict(calibration.versions),
     }
     plain: dict[str, Any] = _plain(data)
     return plain
@@ -190,6 +191,7 @@ def _calibration(data: dict[str, Any]) -> Calibration:
         findings=tuple(_noun(Finding, {**one, "about": tuple(one["about"])}) for one in data["findings"]),
         settings=data["settings"] or {},
         inputs=data["inputs"] or {},
+        versions=data.get("versions") or {},
     )
 
 

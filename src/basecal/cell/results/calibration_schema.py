@@ -176,6 +176,12 @@ class _Noise(_Result):
     robots: dict[str, _RobotNoise] | None = None
 
 
+class _Settings(_Result):
+    """What was asked, as it is; only what is calculated with is looked at."""
+
+    tolerance_m: Annotated[float, Field(gt=0, le=_FARTHEST)] | None = None
+
+
 class _CalibrationEntry(_Result):
     verdict: Literal["good", "doubtful", "refused"]
     transforms: dict[_Name, _Transform]
@@ -188,8 +194,9 @@ class _CalibrationEntry(_Result):
     observability: _Observability
     certificate: _Certificate | None
     findings: list[_Finding]
-    settings: dict[str, Any] | None
+    settings: _Settings | None
     inputs: dict[str, str] | None
+    versions: dict[str, str] | None = None
 
 
 def check_calibration(data: dict[str, Any]) -> None:

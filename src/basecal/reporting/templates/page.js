@@ -18,9 +18,25 @@
     });
   }
 
+  const pickers = [...document.querySelectorAll(".picker")];
+  const pick = (format) => {
+    for (const picker of pickers) {
+      const panes = [...picker.querySelectorAll(".copy")];
+      const own = panes.some((pane) => pane.dataset.format === format) ? format : panes[0].dataset.format;
+      picker.querySelector("select").value = own;
+      for (const pane of panes) pane.hidden = pane.dataset.format !== own;
+    }
+  };
+  for (const picker of pickers) {
+    const select = picker.querySelector("select");
+    select.addEventListener("change", () => pick(select.value));
+    picker.querySelector(".choice").hidden = false;
+  }
+  if (pickers.length) pick(pickers[0].querySelector("select").value);
+
   const show = window.showSample;
   if (!show) return;
-  const samples = JSON.parse(document.getElementById("scene-data").textContent).samples;
+  const { samples, labels, opening } = JSON.parse(document.getElementById("scene-data").textContent);
   const slider = document.getElementById("sample");
   const output = document.querySelector(".slider output");
   const bars = [...document.querySelectorAll("[data-sample]")];
@@ -28,16 +44,11 @@
     slider.value = index;
     show(index);
     const chosen = String(samples[index]);
-    const values = [];
-    for (const bar of bars) {
-      const own = bar.dataset.sample === chosen;
-      bar.classList.toggle("chosen", own);
-      if (own) values.push(bar.querySelector("title").textContent.split(": ").pop());
-    }
-    output.textContent = `${chosen}${values.length ? ": " + values.join(", ") : ""}`;
+    for (const bar of bars) bar.classList.toggle("chosen", bar.dataset.sample === chosen);
+    output.textContent = `sample ${chosen}${index === opening ? ", the worst" : ""}${labels[index] ? " · " + labels[index] : ""}`;
   };
   const nearest = (sample) => samples.reduce((best, s, i) => Math.abs(s - sample) < Math.abs(samples[best] - sample) ? i : best, 0);
   for (const bar of bars) bar.addEventListener("click", () => choose(nearest(Number(bar.dataset.sample))));
   slider.addEventListener("input", () => choose(Number(slider.value)));
-  choose(Math.floor(samples.length / 2));
+  choose(opening);
 })();

@@ -61,6 +61,62 @@
     made.matrix.makeBasis(a, b, c);
     return made;
   };
+  // What joins a base to its flange: a thread where only poses are known, links between joints where there is a URDF.
+  const thread = (colour) => {
+    const line = lines([[0, 0, 0], [0, 0, 0]], colour);
+    line.frustumCulled = false;
+    return {
+      object: line,
+      follow: (places) => {
+        const ends = line.geometry.attributes.position;
+        ends.setXYZ(1, ...places[places.length - 1]);
+        ends.needsUpdate = true;
+      },
+    };
+  };
+  const SIDES = 20;
+  const tube = () => {
+    // A cylinder of radius and length 1 along z from the origin, open at its ends, which balls close.
+    const made = new THREE.BufferGeometry(), points = [], normals = [], corners = [];
+    for (let k = 0; k <= SIDES; k++) {
+      const [c, s] = [Math.cos(2 * Math.PI * k / SIDES), Math.sin(2 * Math.PI * k / SIDES)];
+      points.push(c, s, 0, c, s, 1);
+      normals.push(c, s, 0, c, s, 0);
+      if (k < SIDES) corners.push(2 * k, 2 * k + 2, 2 * k + 1, 2 * k + 1, 2 * k + 2, 2 * k + 3);
+    }
+    made.setAttribute("position", new THREE.Float32BufferAttribute(points, 3));
+    made.setAttribute("normal", new THREE.Float32BufferAttribute(normals, 3));
+    made.setIndex(corners);
+    return made;
+  };
+  const links = (count, colour) => {
+    const object = new THREE.Group();
+    const radius = 0.016 * size;
+    const skin = material(THREE.MeshLambertMaterial, colour);
+    const bars = [], balls = [];
+    for (let k = 0; k < count; k++) {
+      bars.push(new THREE.Mesh(tube(), skin));
+      balls.push(new THREE.Mesh(new THREE.SphereGeometry(1, 20, 14), skin));
+      object.add(bars[k], balls[k]);
+    }
+    return {
+      object,
+      follow: (places) => {
+        const from = new THREE.Vector3(), to = new THREE.Vector3(), up = new THREE.Vector3(0, 0, 1);
+        for (let k = 0; k < count; k++) {
+          from.set(...places[k]);
+          to.set(...places[k + 1]).sub(from);
+          const length = to.length(), thin = radius * (1 - 0.5 * k / count);
+          bars[k].visible = length > 1e-6;
+          bars[k].position.copy(from);
+          if (bars[k].visible) bars[k].quaternion.setFromUnitVectors(up, to.divideScalar(length));
+          bars[k].scale.set(thin, thin, Math.max(length, 1e-6));
+          balls[k].position.copy(from);
+          balls[k].scale.setScalar(thin);
+        }
+      },
+    };
+  };
   data.arms.forEach((arm, k) => {
     const colour = `--robot-${k % 4}`;
     const base = place(new THREE.Group(), arm.base);
@@ -71,9 +127,8 @@
     const flange = new THREE.Group();
     flange.add(axes(0.05 * size));
     base.add(flange);
-    const reach = lines([[0, 0, 0], [0, 0, 0]], colour);
-    reach.frustumCulled = false;
-    base.add(reach);
+    const reach = arm.joints ? links(arm.joints[0].length + 1, colour) : thread(colour);
+    base.add(reach.object);
     reaches.push([reach, arm]);
     flanges[arm.name] = flange;
     world.add(base);
@@ -103,7 +158,8 @@
     if (object.isGroup) extent.push(object.getWorldPosition(new THREE.Vector3()));
   });
   data.arms.forEach((arm, k) => {
-    for (const pose of [...arm.flanges, [0, 0, 0.15 * size], [0, 0, -0.1 * size]]) {
+    const joints = arm.joints ? arm.joints.flat() : [];
+    for (const pose of [...arm.flanges, ...joints, [0, 0, 0.15 * size], [0, 0, -0.1 * size]]) {
       if (pose) extent.push(new THREE.Vector3(...pose.slice(0, 3)).applyMatrix4(world.children[k].matrixWorld));
     }
   });
@@ -129,17 +185,24 @@
     controls.update();
   };
   const corner = new THREE.Vector3();
-  const label = ([element, object]) => {
+  const label = ([element, object], placed) => {
     object.getWorldPosition(corner).project(eye);
     const shown = object.visible && object.parent.visible && corner.z < 1;
     element.hidden = !shown;
-    const x = Math.min((corner.x + 1) / 2 * box.clientWidth + 8, box.clientWidth - element.offsetWidth - 2);
-    const y = (1 - corner.y) / 2 * box.clientHeight + 4;
+    if (!shown) return;
+    const width = element.offsetWidth, height = element.offsetHeight;
+    const x = Math.min((corner.x + 1) / 2 * box.clientWidth + 8, box.clientWidth - width - 2);
+    let y = (1 - corner.y) / 2 * box.clientHeight + 4;
+    // Below what covers it, until nothing does.
+    const covers = ([left, top, right]) => x < right && left < x + width && Math.abs(y - top) < height;
+    for (let other; (other = placed.find(covers)); ) y = other[1] + height;
+    placed.push([x, y, x + width]);
     element.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)`;
   };
   const draw = () => {
     renderer.render(world, eye);
-    names.forEach(label);
+    const placed = [];
+    for (const one of names) label(one, placed);
   };
   const paint = () => {
     for (const [one, colour] of coloured) one.color.set(css(colour));
@@ -160,12 +223,10 @@
   window.showSample = (index) => {
     for (const [reach, arm] of reaches) {
       const pose = arm.flanges[index], flange = flanges[arm.name];
-      flange.visible = reach.visible = pose !== null;
+      flange.visible = reach.object.visible = pose !== null;
       if (!pose) continue;
       place(flange, pose);
-      const ends = reach.geometry.attributes.position;
-      ends.setXYZ(1, pose[0], pose[1], pose[2]);
-      ends.needsUpdate = true;
+      reach.follow([[0, 0, 0], ...(arm.joints ? arm.joints[index] : []), pose.slice(0, 3)]);
     }
     world.updateMatrixWorld(true);
     draw();

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 
 import numpy as np
 
 from basecal.geometry import SE3, Array
-from basecal.reporting.scene import Arm, Body, Scene
+from basecal.reporting.cell_view.scene import Arm, Body, Scene
 from basecal.reporting.svg import dots, drawing, element, segments, text
 
 _WIDTH, _HEIGHT, _MARGIN = 640.0, 440.0, 44.0
@@ -19,15 +20,15 @@ Project = Callable[[Array], Array]
 
 
 def picture(drawn: Scene) -> str:
-    """A drawing of the scene at its middle sample, seen so that the bases stand beside one another."""
-    middle = len(drawn.samples) // 2
-    project = _projection(drawn, middle)
+    """A drawing of the scene at the sample that it opens at, seen so that the bases stand beside one another."""
+    opening = drawn.opening
+    project = _projection(drawn, opening)
     feet = [project(arm.world_from_base.translation) for arm in drawn.arms]
     parts = [element("path", class_="floor", d=segments(np.stack([feet[0], foot]) for foot in feet[1:]))]
     for number, arm in enumerate(drawn.arms):
-        parts += _arm(arm, number, middle, drawn, project)
+        parts += _arm(arm, number, opening, drawn, project)
     for body in drawn.bodies:
-        parts += _body(body, _world_from_body(drawn, body, middle), drawn.ellipsoid_scale, project)
+        parts += _body(body, _world_from_body(drawn, body, opening), drawn.ellipsoid_scale, project)
     return drawing(_WIDTH, _HEIGHT, "the cell from the side", *parts)
 
 
@@ -50,6 +51,7 @@ def _projection(drawn: Scene, sample: int) -> Project:
     reach = _AXIS_SHARE * drawn.size_m * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=np.float64)
     places = [arm.world_from_base @ reach for arm in drawn.arms]
     places += [(arm.world_from_base @ arm.base_from_flange).translation[arm.known] for arm in drawn.arms]
+    places += [arm.world_from_base @ arm.joints.reshape(-1, 3) for arm in drawn.arms if arm.joints is not None]
     for body in drawn.bodies:
         placed = _world_from_body(drawn, body, sample)
         if placed is not None:
@@ -79,8 +81,11 @@ def _arm(arm: Arm, number: int, sample: int, drawn: Scene, project: Project) -> 
     yield element("path", class_=f"trail robot-{colour}", d=dots(project(flanges)))
     if len(arm.known) and arm.known[sample]:
         world_from_flange = arm.world_from_base @ arm.base_from_flange[sample]
-        reach = np.stack([base, project(world_from_flange.translation)])
-        yield element("path", class_=f"reach robot-{colour}", d=segments([reach]))
+        joints = np.zeros((0, 3)) if arm.joints is None else arm.joints[sample]
+        along = np.stack([np.zeros(3), *joints, arm.base_from_flange[sample].translation])
+        reach = project(arm.world_from_base @ along)
+        kind = "reach" if arm.joints is None else "links"
+        yield element("path", class_=f"{kind} robot-{colour}", d=segments(pairwise(reach)))
         yield from _frame(world_from_flange, 0.4 * _AXIS_SHARE * size, project)
     yield from _frame(arm.world_from_base, _AXIS_SHARE * size, project)
     if arm.ellipsoid is not None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from basecal.cell import WORLD, Calibration, Cell, CellCamera, CellTarget, Robot, Sample, Target
 from basecal.geometry import SE3, Array, BoolArray, Camera
+from basecal.reporting.cell_view.sample_labels import sample_labels, worst_sample
 from basecal.reporting.svg import round_up
 
 _MOST_SAMPLES = 400
@@ -31,6 +32,7 @@ class Arm:
         world_from_base: Where its base is.
         base_from_flange: (n,) where its flange is at each sample of the scene.
         known: (n,) whether that was recorded.
+        joints: (n, k, 3) [m] places of its joints in its base at each sample; None where poses are recorded.
         ellipsoid: (3, 3) semi-axes of one sigma of the base's position as columns, in its own axes [m]; None where its
             place was not asked for.
     """
@@ -39,6 +41,7 @@ class Arm:
     world_from_base: SE3
     base_from_flange: SE3
     known: BoolArray
+    joints: Array | None = None
     ellipsoid: Array | None = None
 
 
@@ -73,6 +76,8 @@ class Scene:
         arms: Those whose place is known.
         bodies: Those whose place is known.
         samples: Numbers of the samples shown.
+        labels: What there is to say of each of these samples.
+        opening: Index of the sample that is shown first, the one that fits worst.
         total: How many samples there are.
         size_m: Length that the whole is about as large as.
         across: (3,) horizontal unit vector that stands across the first view of it.
@@ -83,6 +88,8 @@ class Scene:
     arms: tuple[Arm, ...]
     bodies: tuple[Body, ...]
     samples: tuple[int, ...]
+    labels: tuple[str, ...]
+    opening: int
     total: int
     size_m: float
     across: Array
@@ -92,7 +99,9 @@ class Scene:
 
 def scene(cell: Cell, samples: Sequence[Sample], calibration: Calibration) -> Scene:
     """The scene of a calibration: what it knows, or the cell states as fixed; of many samples some hundred."""
-    shown = samples[:: max(1, -(-len(samples) // _MOST_SAMPLES))]
+    worst = worst_sample(calibration)
+    shown = _shown(samples, worst)
+    numbers = tuple(sample.sample for sample in shown)
     means = {**calibration.known_transforms(cell), cell.base_name(cell.reference): SE3.identity()}
     robots = [robot for robot in cell.robots.values() if cell.base_name(robot.name) in means]
     sure = {name: _semi_axes(name, calibration) for name in cell.asked}
@@ -109,7 +118,9 @@ def scene(cell: Cell, samples: Sequence[Sample], calibration: Calibration) -> Sc
     return Scene(
         arms=arms,
         bodies=bodies,
-        samples=tuple(sample.sample for sample in shown),
+        samples=numbers,
+        labels=tuple(sample_labels(numbers, calibration)),
+        opening=numbers.index(worst) if worst in numbers else len(numbers) // 2,
         total=len(samples),
         size_m=size,
         across=_across(arms),
@@ -118,11 +129,28 @@ def scene(cell: Cell, samples: Sequence[Sample], calibration: Calibration) -> Sc
     )
 
 
+def _shown(samples: Sequence[Sample], worst: int | None) -> list[Sample]:
+    """Evenly some of them, with the one that fits worst."""
+    step = max(1, -(-len(samples) // _MOST_SAMPLES))
+    return [sample for place, sample in enumerate(samples) if place % step == 0 or sample.sample == worst]
+
+
 def _arm(robot: Robot, base: str, means: Mapping[str, SE3], shown: Sequence[Sample], sure: Ellipsoids) -> Arm:
     poses = [_flange(robot, sample) for sample in shown]
     known = np.array([pose is not None for pose in poses], dtype=bool)
     flanges = SE3.stack([pose or SE3.identity() for pose in poses])
-    return Arm(robot.name, means[base], flanges, known, sure.get(base))
+    return Arm(robot.name, means[base], flanges, known, _joints(robot, shown), sure.get(base))
+
+
+def _joints(robot: Robot, shown: Sequence[Sample]) -> Array | None:
+    """Places of an arm's joints in its base by its URDF, (n, k, 3) [m]; at zero where a sample has no joints of it."""
+    states = [sample.robots.get(robot.name) for sample in shown]
+    if robot.chain is None or not any(state and state.joints_rad is not None for state in states):
+        return None
+    at_zero = np.zeros(robot.chain.n)
+    joints = [at_zero if state is None or state.joints_rad is None else state.joints_rad for state in states]
+    frames = robot.chain.joint_frames(np.stack(joints))
+    return np.stack([base_from_joint.translation for base_from_joint in frames], axis=1)
 
 
 def _flange(robot: Robot, sample: Sample) -> SE3 | None:
@@ -149,6 +177,7 @@ def _size(arms: Sequence[Arm]) -> float:
     """Diagonal of the box about all bases and flanges [m]."""
     places = [arm.world_from_base.translation[None] for arm in arms]
     places += [(arm.world_from_base @ arm.base_from_flange).translation[arm.known] for arm in arms]
+    places += [arm.world_from_base @ arm.joints.reshape(-1, 3) for arm in arms if arm.joints is not None]
     every = np.concatenate(places)
     return max(float(np.linalg.norm(every.max(0) - every.min(0))), _SMALLEST_M)
 
@@ -217,6 +246,7 @@ def scene_data(drawn: Scene) -> dict[str, Any]:
                     pose if known else None
                     for pose, known in zip(_rounded(_pose(arm.base_from_flange)), arm.known, strict=True)
                 ],
+                "joints": None if arm.joints is None else _rounded(arm.joints),
                 "ellipsoid": _ellipsoid_data(arm.ellipsoid),
             }
             for arm in drawn.arms
@@ -234,6 +264,8 @@ def scene_data(drawn: Scene) -> dict[str, Any]:
             for body in drawn.bodies
         ],
         "samples": list(drawn.samples),
+        "labels": list(drawn.labels),
+        "opening": drawn.opening,
         "size": _rounded(drawn.size_m),
         "across": _rounded(drawn.across),
         "ellipsoidScale": drawn.ellipsoid_scale,

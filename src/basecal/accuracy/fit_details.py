@@ -1,0 +1,38 @@
+"""What a calibration does not hold and a report of it shows, worked out from it and its recording."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from basecal.accuracy.expected_error import ExpectedError, expected_errors
+from basecal.accuracy.residuals.fitted_again import fitted_again
+from basecal.accuracy.residuals.point_residuals import PointResiduals, residuals_of_points
+from basecal.accuracy.residuals.view_poses import ViewPoses, view_poses
+from basecal.cell import Calibration, Cell, Recording
+
+
+@dataclass(frozen=True, eq=False)
+class FitDetails:
+    """How a recording fits a calibration.
+
+    Attributes:
+        points: How far each point is from where it is predicted, by camera and target.
+        views: Where each camera stood to its target, by camera and target.
+        errors: How far off the transforms asked for are expected to be.
+    """
+
+    points: tuple[PointResiduals, ...] = ()
+    views: tuple[ViewPoses, ...] = ()
+    errors: tuple[ExpectedError, ...] = ()
+
+
+def fit_details(cell: Cell, recording: Recording, calibration: Calibration) -> FitDetails:
+    """The details of a calibration, fresh or read from its file, at the recording that it was made from.
+
+    Raises:
+        InputError: if the cell contradicts the recording.
+    """
+    fitted = fitted_again(cell, recording, calibration)
+    return FitDetails(
+        residuals_of_points(cell, calibration, fitted), view_poses(fitted), expected_errors(cell, calibration, fitted)
+    )

@@ -1,0 +1,35 @@
+"""Why residuals are smaller than the errors of held-out views, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from basecal.cell import Calibration
+
+_CLEARLY = 1.5  # times as large, below which the two may differ by the views they are of
+
+
+def why_held_out_errors_are_larger(calibration: Calibration) -> str | None:
+    """One sentence where the errors of robots' stops absorb what is not in the residuals; else None."""
+    residuals, validation = calibration.residuals, calibration.validation
+    if validation is None or residuals.rms_px is None or validation.rms_px is None:
+        return None
+    robots = list(_sigmas(calibration.noise.get("robots") or {}))
+    if not robots or validation.rms_px < _CLEARLY * residuals.rms_px:
+        return None
+    return (
+        f"Held-out views are off by {validation.rms_px:.3f} px and residuals are {residuals.rms_px:.3f} px because "
+        f"each stop that is used has its own pose error estimated ({'; '.join(robots)}; 1 sigma per axis), which "
+        "absorbs it, while that of a stop held out is not known: the larger figure is what to expect at a new pose."
+    )
+
+
+def _sigmas(robots: Mapping[str, Mapping[str, list[float]]]) -> Iterator[str]:
+    """The pose noise of each robot that has any."""
+    for name, of in robots.items():
+        sigmas = np.array([of["sigma_t_m"], of["sigma_r_rad"]], dtype=np.float64)
+        length, angle = np.sqrt(np.mean(sigmas**2, axis=1)).tolist()
+        if length > 0 or angle > 0:
+            yield f"{name} {1e3 * length:.2g} mm and {1e3 * angle:.2g} mrad"

@@ -1,0 +1,71 @@
+"""A recording as a calibration has it: every view at its transforms, fresh or read from a file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from basecal.accuracy.robot_parameters import kinematics_of
+from basecal.cell import Calibration, Cell, Recording
+from basecal.estimation.least_squares.normal_equations import linearise, retract
+from basecal.estimation.noise.robot_noise import with_robot_noise
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.correspondence import choose_correspondence
+from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.view.measurement import Noise
+from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.geometry import SE3, Camera
+
+_STOP_ROUNDS = 4  # Gauss-Newton steps for the stops' errors, which converge quadratically from zero
+
+
+@dataclass(frozen=True, eq=False)
+class FittedAgain:
+    """The views whose transforms and lens a calibration knows, and the state that it puts them in.
+
+    The errors of the robots' stops, which a calibration does not hold, are the most probable ones at its transforms.
+    """
+
+    problem: Problem
+    state: State
+
+
+def fitted_again(cell: Cell, recording: Recording, calibration: Calibration) -> FittedAgain:
+    """A recording at the transforms of a calibration.
+
+    Args:
+        cell: What was calibrated.
+        recording: What was seen.
+        calibration: What came out.
+
+    Raises:
+        InputError: if the cell contradicts the recording.
+    """
+    problem, _ = build_problem(cell, recording)
+    transforms, cameras = calibration.known_transforms(cell), _known_lenses(problem, calibration)
+    groups = [g for g in problem.groups if _is_known(g, transforms, cameras)]
+    noise = Noise(**{field: calibration.noise[field] for field in Noise._fields if calibration.noise.get(field)})
+    problem = replace(problem, columns={}, groups=tuple(groups)).with_noise(noise)
+    estimated = {name: of for name, of in calibration.noise.get("robots", {}).items() if name in problem.unstated}
+    sigmas = {name: np.array([*of["sigma_t_m"], *of["sigma_r_rad"]]) for name, of in estimated.items()}
+    problem = with_robot_noise(problem, sigmas)
+    state = State(transforms, cameras, np.zeros((len(problem.stops), 6)), kinematics_of(cell, calibration))
+    problem, _ = choose_correspondence(problem, state)
+    for _ in range(_STOP_ROUNDS if len(problem.stops) else 0):
+        state = retract(problem, state, linearise(problem, state), np.zeros(0))
+    return FittedAgain(problem, state)
+
+
+def _known_lenses(problem: Problem, calibration: Calibration) -> dict[str, Camera]:
+    lenses = problem.lenses.items()
+    fixed = {name: lens.camera for name, lens in lenses if lens.status == "fixed" and lens.camera is not None}
+    return fixed | {name: camera for name, (camera, _) in calibration.cameras.items()}
+
+
+def _is_known(group: ViewGroup, transforms: Mapping[str, SE3], cameras: Mapping[str, Camera]) -> bool:
+    """Whether every transform of a group is known, and where its views are in pixels the lens too."""
+    named = (group.camera_mount, group.target_mount, group.eye_base, group.hand_base)
+    has_lens = group.camera in cameras or not isinstance(group.measurement, PixelMeasurement)
+    return has_lens and all(name in transforms for name in named if name is not None)

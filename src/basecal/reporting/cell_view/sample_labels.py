@@ -1,0 +1,42 @@
+"""What the slider says of each sample, and the sample that fits worst."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+from basecal.cell import Calibration, SampleResidual
+
+
+def sample_labels(samples: Sequence[int], calibration: Calibration) -> list[str]:
+    """How each sample fits in words, views one after another; a sample without any view has none."""
+    said: dict[int, list[str]] = {sample: [] for sample in samples}
+    left_out = _left_out(calibration)
+    for view in calibration.residuals.per_sample:
+        if view.sample in said:
+            numbers = ", ".join(_numbers(view))
+            unused = " (left out)" if (view.sample, view.camera, view.target) in left_out else ""
+            said[view.sample].append(f"{view.target} seen by {view.camera}{unused}{': ' if numbers else ''}{numbers}")
+    return ["; ".join(views) for views in said.values()]
+
+
+def worst_sample(calibration: Calibration) -> int | None:
+    """The sample with the view that fits worst, of those that were used; None where no view has a residual."""
+    left_out = _left_out(calibration)
+    used = [v for v in calibration.residuals.per_sample if (v.sample, v.camera, v.target) not in left_out]
+    measured = [view for view in used if view.rms_px is not None or view.loop_m is not None]
+    if not measured:
+        return None
+    return max(measured, key=lambda view: (view.rms_px or 0.0, view.loop_m or 0.0)).sample
+
+
+def _left_out(calibration: Calibration) -> set[tuple[int, str, str]]:
+    return {(o.sample, o.camera, o.target) for o in calibration.outliers or () if not o.ids}
+
+
+def _numbers(view: SampleResidual) -> Iterator[str]:
+    if view.rms_px is not None:
+        yield f"reprojection error {view.rms_px:.3g} px"
+    if view.loop_m is not None:
+        angle = "" if view.loop_rad is None else f" and {math.degrees(view.loop_rad):.3g} deg"
+        yield f"loop-closure error {1e3 * view.loop_m:.3g} mm{angle}"

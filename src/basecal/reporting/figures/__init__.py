@@ -1,0 +1,1 @@
+"""Figures of how a calibration fits, a file for each."""

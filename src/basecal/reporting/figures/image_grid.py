@@ -1,0 +1,75 @@
+"""The squares that an image is divided into, and what fell into each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from basecal.geometry import Array, IntArray
+from basecal.reporting.svg import element, text
+
+IMAGE_WIDTH = 640.0
+FAINTEST = 0.12  # shade of a square with least in it, which must be told from one with nothing
+_ACROSS = 16  # squares along the longer side: enough to see a lens's pattern, each with points of several views
+_LARGEST_ASPECT = 8.0  # of what points without an image cover
+
+
+@dataclass(frozen=True, eq=False)
+class ImageGrid:
+    """Squares over an image.
+
+    Attributes:
+        low: Its top left corner [px].
+        size: Its width and height [px].
+        pitch: Size of a square [px].
+        shape: Columns and rows.
+        square: (n,) which square each point fell into, row by row.
+    """
+
+    low: Array
+    size: Array
+    pitch: float
+    shape: tuple[int, int]
+    square: IntArray
+
+    @property
+    def scale(self) -> float:
+        """Of the drawing [1 / px]."""
+        return IMAGE_WIDTH / float(self.size[0])
+
+    @property
+    def height(self) -> float:
+        """Of the drawing."""
+        return float(self.size[1]) * self.scale
+
+    def sums(self, values: Array) -> Array:
+        """Sums over the points of each square, (columns * rows,) of (n,)."""
+        columns, rows = self.shape
+        summed: Array = np.bincount(self.square, values, columns * rows).astype(np.float64)
+        return summed
+
+    def tile(self, square: int, share: float, label: str) -> str:
+        """A square filled as strongly as its share of the most, which says what it is."""
+        left, top = np.array([square % self.shape[0], square // self.shape[0]]) * self.pitch * self.scale
+        width, height = np.minimum(self.pitch * self.scale, np.array([IMAGE_WIDTH - left, self.height - top]))
+        place = {"x": f"{left:.1f}", "y": f"{top:.1f}", "width": f"{width:.1f}", "height": f"{height:.1f}"}
+        return element("rect", element("title", text(label)), class_="tile", fill_opacity=f"{share:.2f}", **place)
+
+
+def image_grid(size_px: tuple[int, int] | None, pixels: Array) -> ImageGrid:
+    """The squares of an image with points in it, (n, 2) [px]; where its size is not known, as far as they reach."""
+    low, size = _frame(size_px, pixels)
+    pitch = float(size.max()) / _ACROSS
+    columns, rows = (max(1, round(float(side) / pitch + 0.49)) for side in size)
+    at = np.clip(np.floor((pixels - low) / pitch).astype(np.int64), 0, [columns - 1, rows - 1])
+    return ImageGrid(low, size, pitch, (columns, rows), at[:, 1] * columns + at[:, 0])
+
+
+def _frame(size_px: tuple[int, int] | None, pixels: Array) -> tuple[Array, Array]:
+    """Top left corner and size of what is drawn of an image [px]."""
+    if size_px is not None:
+        return np.array([-0.5, -0.5]), np.array(size_px, dtype=np.float64)
+    low, high = pixels.min(0), pixels.max(0)
+    size = np.maximum(high - low, max(float(np.max(high - low)), 1.0) / _LARGEST_ASPECT)
+    return low - 0.05 * size, 1.1 * size

@@ -1,0 +1,45 @@
+"""Residuals by their direction and length."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from basecal.accuracy.residuals.point_residuals import PointResiduals
+from basecal.reporting.figures.figure import Figure
+from basecal.reporting.figures.rings import on_rings, polar_drawing
+from basecal.reporting.svg import dots, element, round_up
+
+_MOST = 1500  # dots: more only cover one another
+_RANGE_RMS = 2.5  # of the length: of normal residuals one in five hundred is longer
+_HALF, _MOST_OF = 50, 95  # percent of residuals within
+
+
+def residual_polar(camera: str, seen: Sequence[PointResiduals]) -> Figure:
+    """A dot for each point, from where it was seen in the middle to where it is predicted.
+
+    Args:
+        camera: Its name.
+        seen: Its points, at least one of them used.
+    """
+    used = np.concatenate([each.used for each in seen])
+    every = np.concatenate([each.off_px for each in seen])
+    off, left_out = every[used], every[~used]
+    length = np.linalg.norm(off, axis=-1)
+    top = round_up(_RANGE_RMS * float(np.sqrt(np.mean(length**2))))
+    shown = off[:: -(-len(off) // _MOST)]
+    cloud = element("path", class_="cloud", d=dots(on_rings(shown, top)))
+    strangers = element("path", class_="left-out", d=dots(on_rings(left_out[:_MOST], top)))
+    rings = [(share, f"{share * top:.3g} px") for share in (0.5, 1.0)]
+    svg = polar_drawing(f"reprojection errors of {camera} by direction", rings, cloud, strangers)
+    half, most = np.percentile(length, [_HALF, _MOST_OF])
+    beyond = int(np.count_nonzero(length > top))
+    outside = f" {beyond} are longer and stand on the outer ring." if beyond else ""
+    also = f" {len(left_out)} red ones were left out." if len(left_out) else ""
+    few = f"{len(shown)} of {len(off)} points drawn. " if len(shown) < len(off) else ""
+    caption = (
+        f"{few}{_HALF} % are shorter than {half:.3g} px, {_MOST_OF} % than {most:.3g} px.{outside}{also} A cloud "
+        "that is not round and centred is an error that points have in common."
+    )
+    return Figure(f"{camera}, residuals by direction", svg, caption)

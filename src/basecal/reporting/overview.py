@@ -1,0 +1,115 @@
+"""A calibration for somebody who decides and does not calibrate: what, when, of what, how good."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import PurePosixPath
+from typing import Any
+
+from basecal.accuracy.expected_error import check_tolerance
+from basecal.accuracy.fit_details import FitDetails
+from basecal.accuracy.sample_use import SampleUse, sample_use
+from basecal.cell import WORLD, Calibration, Cell, CellCamera, CellTarget, Recording, Robot
+from basecal.reporting.text import tolerance_sentence
+
+_LENS = {"fixed": "lens as stated", "prior": "lens stated and refined", "free": "lens estimated"}
+
+
+Rows = tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class Overview:
+    """What stands first on the page.
+
+    Attributes:
+        answer: What came out: a name and a few words each.
+        cell: What it is of, likewise.
+        tolerance: `PASS` or `FAIL`, and why; None where no tolerance is stated.
+    """
+
+    answer: Rows
+    cell: Rows
+    tolerance: tuple[str, str] | None
+
+
+def overview(
+    cell: Cell, recording: Recording, calibration: Calibration, details: FitDetails, made: datetime | None
+) -> Overview:
+    """The overview of a calibration that was made at some time, UTC."""
+    check = check_tolerance(cell, calibration, details.errors)
+    rows = tuple(_answer(cell, recording, calibration, details, made)), tuple(_things(cell))
+    if check is None:
+        return Overview(*rows, None)
+    word, _, why = tolerance_sentence(check).partition(": ")
+    return Overview(*rows, (word, why))
+
+
+def _answer(
+    cell: Cell, recording: Recording, calibration: Calibration, details: FitDetails, made: datetime | None
+) -> Iterator[tuple[str, str]]:
+    """When, what was asked for, how good it is and what it rests on."""
+    if made is not None:
+        yield "Calibrated", f"{made:%A} {made.day} {made:%B %Y, %H:%M} UTC"
+    for name in cell.asked:
+        parent, _, child = name.partition("_from_")
+        yield "Asked for", f"where {child} is, seen from {parent}"
+    for error in details.errors:
+        of = f" ({error.transform})" if len(details.errors) > 1 else ""
+        yield "Expected error", f"95 % below {1e3 * error.length_m:.3g} mm where the arms worked{of}"
+    yield "Samples", _samples(sample_use(recording, calibration))
+
+
+def _things(cell: Cell) -> Iterator[tuple[str, str]]:
+    """Robots, cameras and targets."""
+    yield from (("Robot", _robot(robot, cell)) for robot in cell.robots.values())
+    yield from (("Camera", _camera(camera)) for camera in cell.cameras.values())
+    yield from (("Target", _target(target)) for target in cell.targets.values())
+
+
+def _robot(robot: Robot, cell: Cell) -> str:
+    recorded = "poses recorded" if robot.chain is None else "joints recorded"
+    model = "" if robot.urdf is None else f", {PurePosixPath(robot.urdf).name}"
+    reference = ", the reference" if robot.name == cell.reference else ""
+    return f"{robot.name}{reference}, {recorded}{model}"
+
+
+def _place(thing: CellCamera | CellTarget) -> str:
+    return f"{thing.name}, {'beside the robots' if thing.on == WORLD else f'on the flange of {thing.on}'}"
+
+
+def _camera(camera: CellCamera) -> str:
+    size = "" if camera.size_px is None else f", {camera.size_px[0]} x {camera.size_px[1]} px"
+    lens = "" if camera.intrinsics is None else f", {camera.model}, {_LENS[camera.intrinsics.status]}"
+    return f"{_place(camera)}{size}{lens}"
+
+
+def _target(target: CellTarget) -> str:
+    if target.target is None:
+        return f"{_place(target)}, seen as poses"
+    return f"{_place(target)}, {', '.join([target.target.kind, *_options(target.target.options)])}"
+
+
+def _options(options: Mapping[str, Any]) -> Iterator[str]:
+    """Fields of `cell.yaml` in words: lengths in mm, columns and rows, names; lists of other things by their number."""
+    for key, value in options.items():
+        name = key.removesuffix("_m").replace("_", " ")
+        if isinstance(value, bool):
+            if value:
+                yield name
+        elif isinstance(value, int | float):
+            yield f"{name} {1e3 * value:g} mm" if key.endswith("_m") else f"{name} {value:g}"
+        elif isinstance(value, str):
+            yield value
+        elif len(value) == 2 and all(isinstance(each, int) for each in value):
+            yield f"{value[0]} x {value[1]} {name}"
+        else:
+            yield f"{len(value)} {name}"
+
+
+def _samples(use: SampleUse) -> str:
+    left_out = use.views - use.views_used
+    also = f"; {left_out} of {use.views} views left out" if left_out else ""
+    return f"{use.used} used of {use.recorded} recorded{also}"

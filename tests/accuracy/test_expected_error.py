@@ -1,0 +1,108 @@
+"""Expected errors against random draws, and tolerances against them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import chi, norm
+
+from basecal.accuracy.expected_error import ExpectedError, check_tolerance, length_quantile
+from basecal.accuracy.fit_details import fit_details
+from basecal.accuracy.verdict import calibrate
+from basecal.geometry import SE3
+from basecal.simulation import Scenario, simulate
+
+BASE = "eye_base_from_hand_base"
+
+
+def turned(variances):
+    """A covariance with these variances along axes that are turned."""
+    rotation = SE3.exp(np.array([0, 0, 0, 0.4, -0.7, 0.2])).rotation
+    return rotation @ np.diag(variances) @ rotation.T
+
+
+@pytest.mark.parametrize(
+    ("variances", "quantile"),
+    [
+        ([4.0, 4.0, 4.0], 2 * chi.ppf(0.95, 3)),
+        ([4.0, 0.0, 0.0], 2 * norm.ppf(0.975)),
+        ([9, 9, 0], 3 * chi.ppf(0.95, 2)),
+    ],
+)
+def test_quantile_of_known_shapes(variances, quantile):
+    """A ball, a disc and a needle have closed forms; the mean over directions is within 1e-3 of them."""
+    assert length_quantile(turned(variances)) == pytest.approx(quantile, rel=1e-3)
+
+
+def test_quantile_of_any_shape_against_draws():
+    """Of a million draws 95 % are shorter, within three sigmas of their number (0.07 %)."""
+    covariance = turned([1.0, 0.3, 0.02])
+    drawn = np.random.default_rng(1).multivariate_normal(np.zeros(3), covariance, 1_000_000)
+    shorter = np.mean(np.linalg.norm(drawn, axis=1) < length_quantile(covariance))
+    assert shorter == pytest.approx(0.95, abs=7e-4)
+
+
+def test_no_uncertainty_is_no_error():
+    """What is exact has a quantile of zero."""
+    assert length_quantile(np.zeros((3, 3))) == 0.0
+
+
+@pytest.fixture(scope="module")
+def dual():
+    """Two arms with noise, calibrated."""
+    made = simulate(Scenario(samples=15, robot_noise=(1e-4, 2e-4)), 4)
+    return made, calibrate(made.cell, made.recording)
+
+
+def test_expected_error_is_that_of_a_point_carried_over(dual):
+    """Draws of the transform move the point that is named by as much as is said, and no recorded flange by more."""
+    made, calibration = dual
+    (error,) = fit_details(made.cell, made.recording, calibration).errors
+    estimate = calibration[BASE]
+    tangents = np.random.default_rng(2).multivariate_normal(np.zeros(6), estimate.covariance, 100_000)
+    moved = SE3.exp(tangents)
+
+    def quantile(point):
+        return float(np.quantile(np.linalg.norm(moved @ point[None] - point, axis=-1), 0.95))
+
+    assert error.transform == BASE
+    assert quantile(error.at_m) == pytest.approx(error.length_m, rel=0.01)
+    flanges = [s.robots["hand"].base_from_flange.translation for s in made.recording.samples]
+    assert min(np.linalg.norm(flange - error.at_m) for flange in flanges) < 1e-3
+    assert max(map(quantile, flanges)) <= 1.05 * error.length_m
+
+
+def test_errors_of_mounts_are_where_the_target_is():
+    """Those of a camera are at the target's distance, those of a target at one of its points."""
+    made = simulate(Scenario(samples=15, layout="eye_in_hand", robot_noise=(1e-4, 2e-4)), 4)
+    calibration = calibrate(made.cell, made.recording)
+    details = fit_details(made.cell, made.recording, calibration)
+    by_name = {error.transform: error for error in details.errors}
+    assert set(by_name) == set(made.cell.asked)
+    mount = by_name[made.cell.mount_name("wrist")]
+    (views,) = details.views
+    assert any(np.allclose(mount.at_m, place) for place in views.camera_from_target.translation)
+    target = next(iter(made.cell.targets.values()))
+    at = by_name[made.cell.mount_name(target.name)].at_m
+    assert any(np.allclose(at, point) for point in target.target.points)
+
+
+def test_tolerances(dual):
+    """Passed where the error is below it and the verdict good, and everything asked for is there."""
+    made, calibration = dual
+    errors = [ExpectedError(BASE, 4e-4, np.zeros(3))]
+
+    def check(tolerance_m, verdict="good", found=errors):
+        return check_tolerance(
+            made.cell, replace(calibration, verdict=verdict, settings={"tolerance_m": tolerance_m}), found
+        )
+
+    assert check(None) is None
+    assert check(5e-4).passed
+    assert not check(3e-4).passed
+    assert not check(5e-4, verdict="doubtful").passed
+    assert not check(5e-4, found=[]).passed
+    assert check(5e-4, found=[]).expected_m is None
+    assert check(3e-4).expected_m == 4e-4

@@ -1,0 +1,45 @@
+"""Lengths as they are typed, and what a tolerance does to a run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from basecal.cell.files import latest_run
+from basecal.cli import main
+from basecal.cli.tolerance import tolerance_m
+from basecal.errors import InputError
+
+
+@pytest.mark.parametrize(
+    ("text", "metres"),
+    [("0.5mm", 5e-4), ("0.5 mm", 5e-4), (".5mm", 5e-4), ("500um", 5e-4), ("5e-4m", 5e-4), ("2cm", 0.02)],
+)
+def test_lengths_are_read(text: str, metres: float) -> None:
+    """A number and its unit."""
+    assert tolerance_m(text) == pytest.approx(metres)
+
+
+@pytest.mark.parametrize("text", ["0.5", "mm", "-1mm", "0mm", "1inch", "nanmm", "1e999m", ""])
+def test_what_is_no_length_is_refused(text: str) -> None:
+    """Without a unit nobody knows what is meant; the error shows how it is written."""
+    with pytest.raises(InputError, match=r"such as 0\.5mm"):
+        tolerance_m(text)
+
+
+def test_a_tolerance_decides_and_is_remembered(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Missed, the run ends with 1 and says so; `report` knows it from the run, and takes another one."""
+    main(["simulate", str(tmp_path), "--samples", "12", "--robot-noise-mm", "0.1", "--robot-noise-mrad", "0.2"])
+    capsys.readouterr()
+    assert main(["calibrate", str(tmp_path), "--tolerance", "0.001mm"]) == 1
+    assert "tolerance: FAIL: 95 % of errors" in capsys.readouterr().out
+    assert main(["report", str(tmp_path)]) == 1
+    assert main(["report", str(tmp_path), "--json"]) == 1
+    capsys.readouterr()
+    assert main(["report", str(tmp_path), "--tolerance", "1cm"]) == 0
+    assert "tolerance: PASS: 95 % of errors" in capsys.readouterr().out
+    run = latest_run(tmp_path)
+    assert run is not None
+    assert ">PASS<" in (run / "report.html").read_text(encoding="utf-8")
+    assert "tolerance: FAIL" in (run / "report.txt").read_text(encoding="utf-8")

@@ -1,0 +1,44 @@
+"""Words about samples, and the worst of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.cell import Calibration, Outlier, Residuals, SampleResidual
+from basecal.reporting.cell_view.sample_labels import sample_labels, worst_sample
+
+VIEWS = (
+    SampleResidual(0, "wrist", "board", 0.1234, 1e-3, np.radians(0.5)),
+    SampleResidual(3, "wrist", "board", 0.5),
+    SampleResidual(3, "top", "board", None, 2e-3),
+    SampleResidual(5, "wrist", "board", 9.0),
+)
+CALIBRATION = Calibration(
+    "good", residuals=Residuals(per_sample=VIEWS), outliers=(Outlier(5, "wrist", "board", (), "bumped"),)
+)
+
+
+def test_every_number_has_its_name_and_unit():
+    """Views of a sample one after another; of a sample without views nothing."""
+    first, third, fourth, fifth = sample_labels([0, 3, 4, 5], CALIBRATION)
+    assert first == "board seen by wrist: reprojection error 0.123 px, loop-closure error 1 mm and 0.5 deg"
+    assert third == "board seen by wrist: reprojection error 0.5 px; board seen by top: loop-closure error 2 mm"
+    assert fourth == ""
+    assert fifth == "board seen by wrist (left out): reprojection error 9 px"
+
+
+def test_the_worst_is_one_that_was_used():
+    """What was left out is not the worst; without residuals none is."""
+    assert worst_sample(CALIBRATION) == 3
+    assert worst_sample(Calibration("refused")) is None
+    by_loop = replace(CALIBRATION, residuals=Residuals(per_sample=VIEWS[2:3]))
+    assert worst_sample(by_loop) == 3
+
+
+@pytest.mark.parametrize("views", [(), (SampleResidual(0, "wrist", "led"),)])
+def test_views_without_residuals(views):
+    """A label without numbers is no error."""
+    assert len(sample_labels([0], Calibration("good", residuals=Residuals(per_sample=views)))) == 1

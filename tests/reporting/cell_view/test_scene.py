@@ -1,0 +1,59 @@
+"""The scene: where it opens, what it shows, arms by their URDF."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+
+from basecal.accuracy.verdict import calibrate
+from basecal.cell import Residuals, SampleResidual
+from basecal.reporting.cell_view.picture import picture
+from basecal.reporting.cell_view.scene import scene, scene_data
+from basecal.simulation import Scenario, simulate
+
+
+def test_it_opens_at_the_worst_sample_which_is_always_shown():
+    """Of many samples some are shown, the worst among them."""
+    made = simulate(Scenario(samples=6), 0)
+    calibration = calibrate(made.cell, made.recording)
+    samples = [replace(made.recording.samples[k % 6], sample=k) for k in range(1000)]
+    views = tuple(SampleResidual(k, "wrist", "board", 0.2 + (k == 701)) for k in range(1000))
+    drawn = scene(made.cell, samples, replace(calibration, residuals=Residuals(per_sample=views)))
+    assert drawn.samples[drawn.opening] == 701
+    assert len(drawn.samples) <= 401
+    assert "reprojection error 1.2 px" in drawn.labels[drawn.opening]
+
+
+def test_arms_stand_by_their_joints():
+    """Places of joints in the base lead from it to the flange; a robot known by poses has none."""
+    made = simulate(Scenario(samples=5, joints=True), 0)
+    drawn = scene(made.cell, made.recording.samples, calibrate(made.cell, made.recording))
+    for arm in drawn.arms:
+        chain = made.cell.robots[arm.name].chain
+        for place, sample in enumerate(made.recording.samples):
+            last = chain.joint_frames(sample.robots[arm.name].joints_rad)[-1] @ chain.tip
+            np.testing.assert_allclose(last.translation, arm.base_from_flange[place].translation, atol=1e-12)
+            np.testing.assert_allclose(
+                arm.joints[place, -1], chain.joint_frames(sample.robots[arm.name].joints_rad)[-1].translation
+            )
+    data = json.loads(json.dumps(scene_data(drawn)))
+    assert np.shape(data["arms"][0]["joints"]) == (5, 6, 3)
+    assert 'class="links robot-0"' in picture(drawn)
+    by_pose = simulate(Scenario(samples=5), 0)
+    posed = scene(by_pose.cell, by_pose.recording.samples, calibrate(by_pose.cell, by_pose.recording))
+    assert [arm.joints for arm in posed.arms] == [None, None]
+    assert 'class="reach robot-0"' in picture(posed)
+
+
+def test_a_sample_without_joints_hides_its_arm():
+    """It is drawn at zero and marked as not known."""
+    made = simulate(Scenario(samples=5, joints=True), 0)
+    calibration = calibrate(made.cell, made.recording)
+    first, *others = made.recording.samples
+    lacking = replace(first, robots={"eye": first.robots["eye"]})
+    drawn = scene(made.cell, [lacking, *others], calibration)
+    hand = next(arm for arm in drawn.arms if arm.name == "hand")
+    assert hand.known.tolist() == [False, True, True, True, True]
+    assert hand.joints.shape == (5, 6, 3)

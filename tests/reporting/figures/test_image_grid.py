@@ -1,0 +1,35 @@
+"""Squares of an image and what falls into them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.reporting.figures.image_grid import image_grid
+
+
+def test_points_fall_into_their_squares():
+    """16 squares along the longer side; corners of the image are in the corner squares, the sums are theirs."""
+    pixels = np.array([[-0.5, -0.5], [1279.4, 719.4], [1279.4, 700.0], [80.0, 0.0]])
+    grid = image_grid((1280, 720), pixels)
+    assert (grid.shape, grid.pitch) == ((16, 9), 80.0)
+    assert grid.square.tolist() == [0, 143, 143, 1]
+    sums = grid.sums(np.array([1.0, 2.0, 3.0, 4.0]))
+    assert (sums[0], sums[143], sums[1], sums.sum()) == (1.0, 5.0, 4.0, 10.0)
+
+
+def test_an_image_that_is_not_whole_squares_has_a_last_row_of_less():
+    """Of 1000 x 500 with squares of 62.5 all rows are there, and the last tile ends with the image."""
+    grid = image_grid((1000, 510), np.array([[999.0, 509.0]]))
+    assert grid.shape == (16, 9)
+    assert grid.height == pytest.approx(326.4)
+    assert 'y="320.0"' in grid.tile(9 * 16 - 1, 1.0, "x")
+    assert 'height="6.4"' in grid.tile(9 * 16 - 1, 1.0, "x")
+
+
+@pytest.mark.parametrize("pixels", [np.zeros((1, 2)), np.array([[0.0, 5.0], [100.0, 5.0]])])
+def test_points_without_an_image_have_one(pixels):
+    """A single point, or points on a line, have a frame with some height."""
+    grid = image_grid(None, pixels)
+    assert np.all(grid.size > 0)
+    assert np.all((grid.square >= 0) & (grid.square < grid.shape[0] * grid.shape[1]))
