@@ -78,6 +78,7 @@ NOISE_TERMS = {
 """Errors that a robot's stops have in common, with what each is: modules of `basecal.estimation.noise.terms`."""
 
 DRIVERS = (
+    "simulated",
     "replay",
     "folder",
     "typed",

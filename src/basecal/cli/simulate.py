@@ -37,11 +37,20 @@ def simulate(
     joint_offset_deg: Positive = 0.0,
     seed: Seed = 0,
     images: bool = False,
+    process: bool = False,
+    port: Annotated[int, Parameter(validator=validators.Number(gte=0, lt=2**16))] = 0,
+    speed: Annotated[float, Parameter(validator=validators.Number(gte=0, lte=1000))] = 1.0,
+    fault: tuple[str, ...] = (),
+    until_eof: bool = False,
     json: bool = False,
 ) -> int:
-    """Make a cell and a recording whose truth is known.
+    """Make a cell and a recording whose truth is known, or run such a cell.
 
     Writes cell.yaml, recording/samples.jsonl and truth.yaml.
+
+    With --process nothing is recorded: two UR5e, a camera and a target run as
+    a process that `basecal capture` and other programs talk to
+    (docs/capture.md), until Ctrl-C. The cell is made where there is none yet.
 
     For example:
 
@@ -49,6 +58,8 @@ def simulate(
         basecal calibrate simulated
         basecal simulate rendered --images
         basecal simulate off --joints --joint-offset-deg 0.2
+        basecal simulate running --process
+        basecal simulate pushed --process --speed 10 --fault base-bumped=5@12 --fault sag
 
     Args:
         cell: Folder to make.
@@ -63,8 +74,17 @@ def simulate(
         joint_offset_deg: How far the zero of each joint is off, one sigma; the cell does not state it.
         seed: Another number makes another cell.
         images: Render what the cameras see, instead of giving the points' pixels; pixel-px then says nothing.
-        json: Print what was written as JSON.
+        process: Run the cell; of the other options, --target, --seed and those below count.
+        port: Where the process listens, on this machine alone; 0 takes a free one.
+        speed: Seconds of the cell in a second; at 0 its time goes on only while somebody waits for it.
+        fault: What is wrong with the running cell: NAME, NAME=SIZE or NAME=SIZE@MOVES; an unknown name lists them all.
+        until_eof: End the process when its standard input ends.
+        json: Print what was written, or how the process is reached, as JSON.
     """
+    if process:
+        from basecal.cli.simulated_process import run_process
+
+        return run_process(cell, target, seed, port, speed, fault, until_eof, json)
     from basecal.simulation.scenario import Scenario
     from basecal.simulation.testbed import simulate as simulated
 

@@ -104,9 +104,9 @@ def joints_near(chain: SerialChain, base_from_flange: SE3, start: Array) -> tupl
     Args:
         chain: The arm.
         base_from_flange: (m,) where to.
-        start: (n,) joints that bring it near.
+        start: (n,) joints that bring it near, or (m, n), those of each pose.
     """
-    q = np.tile(start, (len(base_from_flange), 1))
+    q = np.array(np.broadcast_to(start, (len(base_from_flange), chain.n)))
     for _ in range(_STEPS):
         left = (chain.forward(q).inverse() @ base_from_flange).log()
         jacobian = right_jacobian_inverse(-left) @ chain.jacobian(q)

@@ -16,14 +16,17 @@ _NO_FOLLOW = getattr(os, "O_NOFOLLOW", 0)
 _NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | _NO_FOLLOW | getattr(os, "O_BINARY", 0)
 
 
-def write_whole(path: Path, text: str, *, within: Path | None = None, durable: bool = True) -> None:
+def write_whole(
+    path: Path, content: str | bytes, *, within: Path | None = None, durable: bool = True, mode: int = 0o666
+) -> None:
     """Write a file so that a reader sees the old one or the new one, never a half, whenever this is cut off.
 
     Args:
         path: The file; a link of that name is replaced, not followed.
-        text: What it holds then.
+        content: What it holds then; text as UTF-8.
         within: A folder above it, below which no folder may be a link.
         durable: Whether it is on the disk when this returns, and survives a loss of power.
+        mode: Who may do what with it, less what the user's mask takes away.
 
     Raises:
         InputError: if it cannot be written.
@@ -31,8 +34,8 @@ def write_whole(path: Path, text: str, *, within: Path | None = None, durable: b
     part = beside(path)
     try:
         make_folder(path.parent, within)
-        with open_new(part) as file:
-            file.write(text.encode("utf-8", "backslashreplace"))
+        with open_new(part, mode) as file:
+            file.write(content if isinstance(content, bytes) else content.encode("utf-8", "backslashreplace"))
             file.flush()
             if durable:
                 os.fsync(file.fileno())
@@ -43,6 +46,15 @@ def write_whole(path: Path, text: str, *, within: Path | None = None, durable: b
         with suppress(OSError):
             part.unlink(missing_ok=True)
         raise InputError(f"{path} cannot be written: {error.strerror}") from None
+
+
+def write_private(path: Path, text: str, *, within: Path | None = None) -> None:
+    """Write a file that only its owner may read, whole or not at all; see `write_whole`.
+
+    Raises:
+        InputError: if it cannot be written.
+    """
+    write_whole(path, text, within=within, durable=False, mode=0o600)
 
 
 def write_new(path: Path, text: str) -> None:
@@ -101,13 +113,13 @@ def make_folder(folder: Path, within: Path | None = None) -> None:
     folder.mkdir(parents=True, exist_ok=True)
 
 
-def open_new(path: Path) -> BinaryIO:
+def open_new(path: Path, mode: int = 0o666) -> BinaryIO:
     """A file that is not there yet, opened for writing; a link of its name is an error.
 
     Raises:
         OSError: if it cannot be made.
     """
-    return os.fdopen(os.open(path, _NEW, 0o666), "wb")
+    return os.fdopen(os.open(path, _NEW, mode), "wb")
 
 
 def open_own(path: Path, mode: str) -> BinaryIO:

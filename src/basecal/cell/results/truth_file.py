@@ -12,7 +12,7 @@ from basecal.cell.format.plain import pose_dict
 from basecal.cell.format.problems import Problem, dataset_error, short
 from basecal.cell.format.values import PoseEntry, full_pose, pose_se3
 from basecal.cell.format.writing import write_whole
-from basecal.cell.format.yaml_text import parse_yaml, read_text, yaml_text
+from basecal.cell.format.yaml_text import Document, parse_yaml, read_text, yaml_text
 from basecal.cell.schema.errors import problems_of
 from basecal.geometry import SE3
 
@@ -44,12 +44,8 @@ def read_truth(folder: str | Path) -> dict[str, SE3]:
         DatasetError: if there is no `truth.yaml`, or it cannot be read as written.
     """
     path = Path(folder) / FILE
-    document = parse_yaml(read_text(path, "only simulated cells have a truth"), str(path))
-    data = document.data if isinstance(document.data, dict) else {}
-    if data.get("schema") != SCHEMA or not isinstance(data.get("transforms"), dict):
-        message = f"expected `schema: {SCHEMA}` and `transforms`, got {short(data.get('schema'))}"
-        raise dataset_error(str(path), [Problem(("schema",), message)], document.lines)
-    transforms = {}
+    document = _document(path)
+    data, transforms = document.data, {}
     for name, pose in data["transforms"].items():
         loc = ("transforms", name)
         try:
@@ -60,3 +56,22 @@ def read_truth(folder: str | Path) -> dict[str, SE3]:
         except ValueError as error:
             raise dataset_error(str(path), [Problem(loc, str(error))], document.lines) from None
     return transforms
+
+
+def read_truth_extra(folder: str | Path) -> dict[str, Any]:
+    """What else `truth.yaml` says, beside the transforms, as plain data.
+
+    Raises:
+        DatasetError: if there is no `truth.yaml`, or it cannot be read as written.
+    """
+    data = _document(Path(folder) / FILE).data
+    return {key: value for key, value in data.items() if key not in ("schema", "transforms")}
+
+
+def _document(path: Path) -> Document:
+    document = parse_yaml(read_text(path, "only simulated cells have a truth"), str(path))
+    data = document.data if isinstance(document.data, dict) else {}
+    if data.get("schema") != SCHEMA or not isinstance(data.get("transforms"), dict):
+        message = f"expected `schema: {SCHEMA}` and `transforms`, got {short(data.get('schema'))}"
+        raise dataset_error(str(path), [Problem(("schema",), message)], document.lines)
+    return document

@@ -49,11 +49,15 @@ def render_light(
         InputError: if the camera has no size.
     """
     chosen = settings or LightSettings()
-    expected = light_levels(camera, points_in_camera, chosen)
+    return expose_light(light_levels(camera, points_in_camera, chosen), chosen, seed)
+
+
+def expose_light(levels: Array, settings: LightSettings, seed: int = 0) -> Image:
+    """Mean levels with the noise of photons and read-out, rounded and clipped to the range of the image, (h, w)."""
     rng = np.random.default_rng([seed, 3])
-    photons = rng.poisson(np.maximum(expected, 0.0) * chosen.photons_per_level)
-    levels = photons / chosen.photons_per_level + chosen.read_noise * rng.standard_normal(expected.shape)
-    return quantised(levels, chosen.bits)
+    photons = rng.poisson(np.maximum(levels, 0.0) * settings.photons_per_level)
+    counted = photons / settings.photons_per_level + settings.read_noise * rng.standard_normal(levels.shape)
+    return quantised(counted, settings.bits)
 
 
 def light_levels(camera: Camera, points_in_camera: Array, settings: LightSettings) -> Array:

@@ -1,0 +1,115 @@
+"""The arms and cameras of a simulated cell that runs in a process of its own (`basecal simulate CELL --process`)."""
+
+from __future__ import annotations
+
+import base64
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from basecal.acquisition.driver import Picture, Place, Reading, checked_options
+from basecal.cell import RobotState
+from basecal.cell.format.values import Entry
+from basecal.errors import DriverError
+from basecal.simulation.running.protocol import Address, Connection, connect, read_address
+from basecal.vision.image_file import grey_image
+
+
+class SimulatedOptions(Entry):
+    """`port` and `token` of the process; where they are left out, those in the cell's folder."""
+
+    port: Annotated[int, Field(gt=0, lt=2**16)] | None = None
+    token: str | None = None
+
+
+class SimulatedRobot:
+    """An arm of a running cell."""
+
+    is_live = True
+
+    def __init__(self, name: str, cell: Connection) -> None:
+        self._name, self._cell = name, cell
+
+    def state(self) -> Reading:
+        """Its next state.
+
+        Raises:
+            DriverError: if the cell does not answer.
+        """
+        answer = self._cell.ask(do="state", robot=self._name)
+        return Reading(float(answer["stamp_s"]), RobotState(joints_rad=np.array(answer["joints_rad"])))
+
+    def move(self, to: RobotState, speed_rad_s: float) -> None:
+        """Send it to joints.
+
+        Raises:
+            DriverError: if they are beyond its limits, or a pose is asked for.
+        """
+        if to.joints_rad is None:
+            raise DriverError(f"{self._name} goes to joints, not to poses of its flange")
+        self._cell.ask(do="move", robot=self._name, joints_rad=to.joints_rad.tolist(), speed_rad_s=speed_rad_s)
+
+    def stop(self) -> None:
+        """Have it come to rest."""
+        self._cell.ask(do="stop", robot=self._name)
+
+    def close(self) -> None:
+        """Hang up."""
+        self._cell.close()
+
+
+class SimulatedCamera:
+    """A camera of a running cell, and the light it looks at."""
+
+    is_live = True
+
+    def __init__(self, name: str, cell: Connection) -> None:
+        self._name, self._cell = name, cell
+
+    def picture(self) -> Picture:
+        """Its next picture.
+
+        Raises:
+            DriverError: if the cell does not answer.
+        """
+        answer = self._cell.ask(do="picture", camera=self._name)
+        grey = grey_image(base64.b64decode(answer["png_base64"]), None)
+        if isinstance(grey, str):
+            raise DriverError(f"{self._name}: a picture {grey}")
+        return Picture(float(answer["stamp_s"]), grey)
+
+    def light(self, on: bool) -> None:
+        """Switch the light."""
+        self._cell.ask(do="light", on=on)
+
+    def close(self) -> None:
+        """Hang up."""
+        self._cell.close()
+
+
+def open_robot(place: Place) -> SimulatedRobot:
+    """An arm, with a line to its cell.
+
+    Raises:
+        DatasetError: if an option is wrong.
+        DriverError: if no cell runs.
+    """
+    return SimulatedRobot(place.name, _connected(place))
+
+
+def open_camera(place: Place) -> SimulatedCamera:
+    """A camera, with a line to its cell.
+
+    Raises:
+        DatasetError: if an option is wrong.
+        DriverError: if no cell runs.
+    """
+    return SimulatedCamera(place.name, _connected(place))
+
+
+def _connected(place: Place) -> Connection:
+    options = checked_options(place, SimulatedOptions)
+    if options.port is not None and options.token is not None:
+        return connect(Address(port=options.port, token=options.token, pid=0))
+    return connect(read_address(place.folder))

@@ -1,0 +1,80 @@
+"""`basecal simulate CELL --process`: a cell that runs until it is ended."""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
+
+from basecal.cli.terminal import pasted, print_json, say
+from basecal.errors import InputError
+from basecal.registry import TargetKindName
+
+if TYPE_CHECKING:
+    from basecal.simulation.running.faults import Faults
+    from basecal.simulation.running.world import World
+
+
+def run_process(
+    folder: Path, target: str, seed: int, port: int, speed: float, fault: tuple[str, ...], until_eof: bool, json: bool
+) -> int:
+    """Run a cell, which is made where there is none, and answer on a port until interrupted.
+
+    Raises:
+        InputError: if the cell cannot be run, a fault is not known, or the port is taken.
+    """
+    from basecal.simulation.running.clock import Clock
+    from basecal.simulation.running.faults import read_faults
+    from basecal.simulation.running.plant import Plant
+    from basecal.simulation.running.protocol import ADDRESS_FILE, Address, new_token, write_address
+    from basecal.simulation.running.server import CellServer
+
+    world = _world(folder, target, seed, read_faults(fault))
+    with CellServer(Plant(world, Clock(speed)), new_token(), port) as server:
+        write_address(folder, Address(port=server.port, token=server.token, pid=os.getpid()))
+        _say_where(folder, server.port, json)
+        if until_eof:
+            threading.Thread(target=_end_with_input, args=(server,), daemon=True).start()
+        try:
+            server.serve_forever()
+        finally:
+            (folder / ADDRESS_FILE).unlink(missing_ok=True)
+    return 0
+
+
+def _world(folder: Path, target: str, seed: int, faults: Faults) -> World:
+    from basecal.simulation.running.two_arms import two_arms
+    from basecal.simulation.running.world_file import read_world, write_truth_of, write_world
+
+    if (folder / "cell.yaml").exists():
+        world = read_world(folder, faults)
+        write_truth_of(world, folder)
+        return world
+    if target in ("pose", "points3d"):
+        raise InputError(f"a running cell gives pictures; {target!r} is not seen in them: choose a target that is")
+    world = two_arms(cast(TargetKindName, target), seed, faults)
+    write_world(world, folder)
+    return world
+
+
+def _say_where(folder: Path, port: int, json: bool) -> None:
+    from basecal.simulation.running.protocol import ADDRESS_FILE, HOST
+
+    if json:
+        print_json({"cell": str(folder), "host": HOST, "port": port, "address": str(folder / ADDRESS_FILE)})
+    else:
+        say(f"{folder} runs on {HOST}:{port}, its token is in {folder / ADDRESS_FILE}; Ctrl-C ends it")
+        say(f"next, in another terminal: basecal capture {pasted(folder)} --pattern poses --go")
+    if sys.stdout is not None:
+        sys.stdout.flush()
+
+
+def _end_with_input(server: object) -> None:
+    """Shut a server down when the standard input ends, so that it does not outlive who started it."""
+    from basecal.simulation.running.server import CellServer
+
+    if sys.stdin is not None:
+        sys.stdin.buffer.read()
+    cast(CellServer, server).shutdown()

@@ -1,0 +1,144 @@
+"""An arm in time: where it is sent, where its joints say they are, and where its flange truly is."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+
+import numpy as np
+
+from basecal.errors import InputError
+from basecal.estimation.problem.robot_parameters import Kinematics
+from basecal.geometry import SE3, Array
+from basecal.simulation.running.faults import Faults
+
+_FASTEST_RAD_S = np.pi  # a UR5e's joints
+_ACCELERATION_RAD_S2 = 8.0  # of a brisk move
+_PEAK_SPEED, _PEAK_ACCELERATION = 1.875, 5.7735  # of a quintic from rest to rest, over its mean speed and its square
+_STOPPING_S = 0.15
+_REPEATABILITY_RAD = 3e-5  # of each joint at each stop: 0.03 mm at the flange of such an arm
+_RING_S = 0.5
+_RING_HZ = 9.0  # of an arm stretched out
+
+
+@dataclass(frozen=True, eq=False)
+class Leg:
+    """A movement from rest to rest.
+
+    Attributes:
+        begin_s: When it begins.
+        lasts_s: How long it takes.
+        start: (n,) joints where it begins [rad].
+        goal: (n,) where it ends.
+        side_before: (n,) on which side of its play each joint rests before, -1 or 1.
+        error_before: (n,) by how much each stood elsewhere than it was sent [rad].
+        error: (n,) likewise after it.
+    """
+
+    begin_s: float
+    lasts_s: float
+    start: Array
+    goal: Array
+    side_before: Array
+    error_before: Array
+    error: Array
+
+    @property
+    def side(self) -> Array:
+        """On which side of its play each joint comes to rest; one that does not move stays where it is."""
+        moved = self.goal - self.start
+        return np.where(np.abs(moved) > 1e-9, np.sign(moved), self.side_before)
+
+    def share(self, now_s: float) -> float:
+        """How much of the way is done, 0 to 1: a quintic, whose speed and acceleration begin and end with zero."""
+        done = float(np.clip((now_s - self.begin_s) / self.lasts_s, 0.0, 1.0)) if self.lasts_s > 0 else 1.0
+        return done**3 * (10 - 15 * done + 6 * done**2)
+
+
+class RunningArm:
+    """An arm that can be sent somewhere.
+
+    Attributes:
+        moves: How often it was sent.
+    """
+
+    def __init__(self, name: str, kinematics: Kinematics, home: Array, faults: Faults, seed: int) -> None:
+        self.moves = 0
+        self._name, self._kinematics, self._faults, self._seed = name, kinematics, faults, seed
+        self._readings = 0
+        self._leg = Leg(0.0, 0.0, home, home, np.ones(len(home)), np.zeros(len(home)), self._error(home))
+
+    def move(self, joints: Array, speed_rad_s: float, now_s: float) -> None:
+        """Set off for some joints, from wherever it is.
+
+        Raises:
+            InputError: if they are beyond its limits, or not as many as it has.
+        """
+        chain = self._kinematics.chain
+        if joints.shape != (chain.n,) or not np.all((joints >= chain.lower) & (joints <= chain.upper)):
+            raise InputError(
+                f"{self._name} has {chain.n} joints within {chain.lower} to {chain.upper} rad, got {joints}"
+            )
+        if not speed_rad_s > 0:
+            raise InputError(f"speed_rad_s is {speed_rad_s}, expected a number above 0")
+        way = float(np.abs(joints - self.commanded(now_s)).max())
+        speed = min(speed_rad_s, _FASTEST_RAD_S)
+        lasts = max(_PEAK_SPEED * way / speed, float(np.sqrt(_PEAK_ACCELERATION * way / _ACCELERATION_RAD_S2)))
+        self._set_off(joints, lasts, now_s)
+        self.moves += 1
+
+    def stop(self, now_s: float) -> None:
+        """Come to rest a little further along the way."""
+        if now_s < self._leg.begin_s + self._leg.lasts_s:
+            self._set_off(self.commanded(now_s + 0.5 * _STOPPING_S), _STOPPING_S, now_s)
+
+    def _set_off(self, joints: Array, lasts_s: float, now_s: float) -> None:
+        leg, share = self._leg, self._leg.share(now_s)
+        side = leg.side_before + share * (leg.side - leg.side_before)
+        error = leg.error_before + share * (leg.error - leg.error_before)
+        self._leg = Leg(now_s, lasts_s, self.commanded(now_s), joints, side, error, self._error(joints))
+        self._readings = 0
+
+    @property
+    def goal(self) -> Array:
+        """Where it was sent, (n,) [rad]."""
+        return self._leg.goal
+
+    def commanded(self, now_s: float) -> Array:
+        """Where its controller wants the joints, (n,) [rad]."""
+        leg = self._leg
+        return leg.start + leg.share(now_s) * (leg.goal - leg.start)
+
+    def reported(self, now_s: float) -> Array:
+        """What its encoders say, (n,) [rad]; their noise goes by how often they were asked since it set off."""
+        self._readings += 1
+        noise = self._faults.size("encoder-noise")
+        goal = self.commanded(now_s)
+        return goal + noise * self._drawn(self._leg.goal, self._readings) if noise else goal
+
+    def base_from_flange(self, now_s: float) -> SE3:
+        """Where its flange truly is."""
+        leg = self._leg
+        share = leg.share(now_s)
+        play = 0.5 * self._faults.size("backlash") * (leg.side_before + share * (leg.side - leg.side_before))
+        error = leg.error_before + share * (leg.error - leg.error_before)
+        joints = self.commanded(now_s) + play + error + self._ring(now_s)
+        return self._kinematics.forward(joints[None])[0]
+
+    def _ring(self, now_s: float) -> Array:
+        """By how much the joints swing after they arrive: less and less, and not at all after half a second."""
+        since = now_s - self._leg.begin_s - self._leg.lasts_s
+        size = self._faults.size("ringing")
+        if not size or not 0 < since < _RING_S or not self._leg.lasts_s:
+            return np.zeros_like(self._leg.goal)
+        swing = size * (1 - since / _RING_S) * np.cos(2 * np.pi * _RING_HZ * since)
+        return np.full_like(self._leg.goal, swing)
+
+    def _error(self, joints: Array) -> Array:
+        return _REPEATABILITY_RAD * self._drawn(joints, 0)
+
+    def _drawn(self, joints: Array, number: int) -> Array:
+        """Normal numbers, one a joint, that are the same whenever the arm is sent to the same place."""
+        where = np.round(joints, 9) + 0.0
+        words = hashlib.sha256(repr((self._seed, self._name, number, where.tolist())).encode()).digest()
+        return np.random.default_rng(np.frombuffer(words, dtype=np.uint32)).standard_normal(len(joints))

@@ -1,0 +1,116 @@
+"""A cell that runs: its arms, its cameras and its light at every instant."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+
+import numpy as np
+
+from basecal.cell import WORLD
+from basecal.errors import InputError
+from basecal.geometry import SE3, Array
+from basecal.simulation.running.arm import RunningArm
+from basecal.simulation.running.clock import Clock
+from basecal.simulation.running.pictures import CameraView, Seen
+from basecal.simulation.running.world import World
+from basecal.vision.detection import Image
+
+_STATE_S = 1 / 125  # between the states an arm gives
+_FRAME_S = 1 / 30  # between the pictures a camera gives
+_EXPOSURE_S = 0.008
+_TABLE_M = -0.1  # height of the table in the world, which may show a light again
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """A picture (h, w), with the stamp that the camera gives it [s]."""
+
+    stamp_s: float
+    image: Image
+
+
+class Plant:
+    """A running cell; it is asked by one at a time."""
+
+    def __init__(self, world: World, clock: Clock) -> None:
+        self._world, self._clock = world, clock
+        self._arms = {
+            name: RunningArm(name, kinematics, world.home[name], world.faults, world.seed)
+            for name, kinematics in world.robots.items()
+        }
+        reflection = world.faults.size("reflection")
+        self._views = {name: CameraView(lens, reflection) for name, lens in world.lenses.items()}
+        self._lit = True
+        self._shots = 0
+
+    def state(self, robot: str) -> tuple[float, Array]:
+        """The next state of an arm: its stamp [s] and what its encoders say [rad]."""
+        arm, now = self._arm(robot), self._clock.wait(_STATE_S)
+        return now, arm.reported(now)
+
+    def move(self, robot: str, joints: Array, speed_rad_s: float) -> None:
+        """Send an arm somewhere."""
+        self._arm(robot).move(joints, speed_rad_s, self._clock.now())
+        self._shots = 0
+
+    def stop(self, robot: str) -> None:
+        """Have an arm come to rest."""
+        self._arm(robot).stop(self._clock.now())
+
+    def light(self, on: bool) -> None:
+        """Switch the light."""
+        self._lit = on
+
+    def picture(self, camera: str) -> Shot:
+        """The next picture of a camera, after those that were lost."""
+        if camera not in self._views:
+            raise InputError(f"no camera {camera!r}; there are: {', '.join(self._views)}")
+        faults, now = self._world.faults, self._clock.wait(_FRAME_S)
+        self._shots += 1
+        while self._drawn(camera, 1).random() < faults.size("dropped-frames"):
+            now = self._clock.wait(_FRAME_S)
+            self._shots += 1
+        begin, noise = now + faults.size("late-trigger"), int(self._drawn(camera, 2).integers(2**62))
+        image = self._views[camera].picture(lambda at: self._seen(camera, at), begin, _EXPOSURE_S, self._lit, noise)
+        return Shot(now + 0.5 * _EXPOSURE_S + faults.size("clock-offset"), image)
+
+    def _drawn(self, camera: str, what: int) -> np.random.Generator:
+        """Random numbers of a picture, the same for the same one since the arms were sent to the same place."""
+        goals = [arm.goal.round(9).tolist() for arm in self._arms.values()]
+        words = hashlib.sha256(repr((self._world.seed, camera, goals, self._shots, what)).encode()).digest()
+        return np.random.default_rng(np.frombuffer(words, dtype=np.uint32))
+
+    def _arm(self, robot: str) -> RunningArm:
+        if robot not in self._arms:
+            raise InputError(f"no robot {robot!r}; there are: {', '.join(self._arms)}")
+        return self._arms[robot]
+
+    def _seen(self, camera: str, now_s: float) -> Seen:
+        """What is before a camera: the first target that does not hang on the same body."""
+        cell = self._world.cell
+        on = cell.cameras[camera].on
+        name, target = next((name, each) for name, each in cell.targets.items() if each.on != on)
+        world_from_camera = self._carrier(on, now_s) @ self._mount(camera, on)
+        world_from_target = self._carrier(target.on, now_s) @ self._mount(name, target.on)
+        if target.target is None:
+            raise InputError(f"target {name!r} has no shape that could be drawn; state its `kind`")
+        camera_from_world = world_from_camera.inverse()
+        below = (world_from_target @ target.target.points) * [1, 1, -1] + [0, 0, 2 * _TABLE_M]
+        return Seen(target.target, camera_from_world @ world_from_target, camera_from_world @ below)
+
+    def _carrier(self, on: str, now_s: float) -> SE3:
+        """Where a flange is in the world, or the world itself."""
+        if on == WORLD:
+            return SE3.identity()
+        base_from_flange = self._arms[on].base_from_flange(now_s)
+        if on == self._world.cell.reference:
+            return base_from_flange
+        name = self._world.cell.base_name(on)
+        return self._world.transform(name, self._is_pushed("base-bumped", on)) @ base_from_flange
+
+    def _mount(self, name: str, on: str) -> SE3:
+        return self._world.transform(self._world.cell.mount_name(name), self._is_pushed("board-remounted", on))
+
+    def _is_pushed(self, fault: str, robot: str) -> bool:
+        return robot != WORLD and self._arms[robot].moves > self._world.faults.after(fault)

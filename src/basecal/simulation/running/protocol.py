@@ -1,0 +1,134 @@
+"""What is said to a running cell: one JSON object a line, and one for an answer; docs/capture.md describes it."""
+
+from __future__ import annotations
+
+import json
+import secrets
+import socket
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from pydantic import Field, ValidationError
+
+from basecal.cell.format.values import Entry
+from basecal.cell.format.writing import write_private
+from basecal.errors import DriverError, InputError
+
+HOST = "127.0.0.1"
+"""The only address a running cell listens on."""
+
+ADDRESS_FILE = Path("derived", "simulated.json")
+"""Where a cell's folder says how to reach the cell that runs; only its owner may read it."""
+
+LONGEST_LINE = 2**24
+"""Bytes: 16 MB, of which a picture of two megapixels takes a quarter."""
+
+_PATIENCE_S = 60.0  # for an answer: of a picture that is drawn on a busy machine
+_TOKEN_BYTES = 24
+
+
+class Address(Entry):
+    """How a running cell is reached, and which process it is."""
+
+    port: int = Field(gt=0, lt=2**16)
+    token: str
+    pid: int
+
+
+def new_token() -> str:
+    """Words that nobody guesses."""
+    return secrets.token_urlsafe(_TOKEN_BYTES)
+
+
+def write_address(folder: Path, address: Address) -> Path:
+    """Path of the file that says how to reach a running cell.
+
+    Raises:
+        InputError: if it cannot be written.
+    """
+    write_private(folder / ADDRESS_FILE, json.dumps(address.model_dump()) + "\n", within=folder)
+    return folder / ADDRESS_FILE
+
+
+def read_address(folder: Path) -> Address:
+    """How the running cell of a folder is reached.
+
+    Raises:
+        DriverError: if none runs there, as far as the folder says.
+    """
+    path = folder / ADDRESS_FILE
+    try:
+        return Address.model_validate_json(path.read_bytes())
+    except (OSError, ValidationError):
+        raise DriverError(f"no simulated cell runs here: start it with `basecal simulate {folder} --process`") from None
+
+
+def encoded(message: Mapping[str, Any]) -> bytes:
+    """A message as a line."""
+    return json.dumps(message, allow_nan=False).encode() + b"\n"
+
+
+def decoded(line: bytes) -> dict[str, Any]:
+    """A line as a message.
+
+    Raises:
+        InputError: if it is not one whole JSON object.
+    """
+    if not line.endswith(b"\n"):
+        raise InputError("a line was cut off, or is too long")
+    try:
+        message = json.loads(line)
+    except (ValueError, RecursionError):
+        raise InputError("expected one JSON object a line") from None
+    if not isinstance(message, dict):
+        raise InputError("expected one JSON object a line")
+    return message
+
+
+@dataclass(frozen=True, eq=False)
+class Connection:
+    """A line to a running cell."""
+
+    token: str
+    line: socket.socket
+    stream: BinaryIO
+
+    def ask(self, **request: Any) -> dict[str, Any]:
+        """The answer to a request, without its `ok`.
+
+        Raises:
+            DriverError: if the cell refuses, or does not answer any more.
+        """
+        try:
+            self.line.sendall(encoded({"token": self.token, **request}))
+            answer = decoded(self.stream.readline(LONGEST_LINE))
+        except (OSError, InputError) as error:
+            raise DriverError(f"the simulated cell does not answer any more ({error or 'it has ended'})") from None
+        if answer.pop("ok", False) is not True:
+            raise DriverError(f"the simulated cell refuses {request.get('do')!r}: {answer.get('error')}")
+        return answer
+
+    def close(self) -> None:
+        """Hang up."""
+        with suppress(OSError):
+            self.stream.close()
+            self.line.close()
+
+
+def connect(address: Address) -> Connection:
+    """A line to a running cell.
+
+    Raises:
+        DriverError: if nothing listens there.
+    """
+    try:
+        line = socket.create_connection((HOST, address.port), timeout=_PATIENCE_S)
+    except OSError as error:
+        raise DriverError(
+            f"no simulated cell listens on port {address.port} ({error.strerror}): start it again"
+        ) from None
+    line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return Connection(address.token, line, line.makefile("rb"))

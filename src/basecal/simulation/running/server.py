@@ -1,0 +1,134 @@
+"""A running cell on a port of this machine: answers one line with one line, to whoever has the token."""
+
+from __future__ import annotations
+
+import base64
+import hmac
+import socketserver
+import threading
+from collections.abc import Callable
+from typing import Annotated, Any, cast
+
+import numpy as np
+from pydantic import Field, ValidationError
+
+from basecal.cell.format.values import Entry, Number
+from basecal.cell.schema.errors import problems_of
+from basecal.errors import BasecalError, InputError
+from basecal.simulation.running.plant import Plant
+from basecal.simulation.running.protocol import HOST, LONGEST_LINE, decoded, encoded
+from basecal.vision.image_file import png_bytes
+
+_LONGEST_REQUEST = 2**16  # bytes: a request has a few joints
+_MOST_JOINTS = 100
+
+
+class Request(Entry):
+    """What may be asked, with all that any request may say."""
+
+    token: str
+    do: str
+    robot: str = ""
+    camera: str = ""
+    on: bool = True
+    speed_rad_s: Annotated[float, Field(gt=0, le=100)] = 1.0
+    joints_rad: Annotated[list[Number], Field(max_length=_MOST_JOINTS)] = Field(default_factory=list)
+
+
+def _state(plant: Plant, request: Request) -> dict[str, Any]:
+    stamp_s, joints = plant.state(request.robot)
+    return {"stamp_s": stamp_s, "joints_rad": joints.tolist()}
+
+
+def _move(plant: Plant, request: Request) -> dict[str, Any]:
+    plant.move(request.robot, np.array(request.joints_rad, dtype=np.float64), request.speed_rad_s)
+    return {}
+
+
+def _stop(plant: Plant, request: Request) -> dict[str, Any]:
+    plant.stop(request.robot)
+    return {}
+
+
+def _picture(plant: Plant, request: Request) -> dict[str, Any]:
+    shot = plant.picture(request.camera)
+    return {"stamp_s": shot.stamp_s, "png_base64": base64.b64encode(png_bytes(shot.image)).decode()}
+
+
+def _light(plant: Plant, request: Request) -> dict[str, Any]:
+    plant.light(request.on)
+    return {}
+
+
+_DONE: dict[str, Callable[[Plant, Request], dict[str, Any]]] = {
+    "state": _state,
+    "move": _move,
+    "stop": _stop,
+    "picture": _picture,
+    "light": _light,
+}
+
+
+class CellServer(socketserver.ThreadingTCPServer):
+    """A running cell that listens on loopback.
+
+    Attributes:
+        plant: The cell.
+        token: What every request has to say.
+        port: Where it listens.
+    """
+
+    daemon_threads = True
+    allow_reuse_address = True
+
+    def __init__(self, plant: Plant, token: str, port: int = 0) -> None:
+        self.plant, self.token = plant, token
+        self._one_at_a_time = threading.Lock()
+        try:
+            super().__init__((HOST, port), _Handler)
+        except OSError as error:
+            raise InputError(
+                f"port {port} cannot be used ({error.strerror}): choose another, or none for a free one"
+            ) from None
+
+    @property
+    def port(self) -> int:
+        """Where it listens."""
+        return int(self.server_address[1])
+
+    def answer(self, line: bytes) -> dict[str, Any]:
+        """The answer to a line, whatever it holds."""
+        try:
+            request = self._checked(decoded(line))
+            with self._one_at_a_time:
+                return {"ok": True, **_DONE[request.do](self.plant, request)}
+        except BasecalError as error:
+            return {"ok": False, "error": str(error)}
+
+    def _checked(self, message: dict[str, Any]) -> Request:
+        token = message.get("token")
+        if not (isinstance(token, str) and hmac.compare_digest(token.encode(), self.token.encode())):
+            raise InputError("the token is missing or wrong; it stands in derived/simulated.json of the cell")
+        try:
+            request = Request.model_validate(message)
+        except ValidationError as error:
+            problem = problems_of(error, Request)[0]
+            raise InputError(f"{'.'.join(map(str, problem.loc))}: {problem.message}") from None
+        if request.do not in _DONE:
+            raise InputError(f"no request {request.do!r}; there are: {', '.join(_DONE)}")
+        return request
+
+
+class _Handler(socketserver.StreamRequestHandler):
+    disable_nagle_algorithm = True
+
+    def handle(self) -> None:
+        server = cast(CellServer, self.server)
+        while line := self.rfile.readline(_LONGEST_REQUEST):
+            answer = encoded(server.answer(line))
+            try:
+                self.wfile.write(answer if len(answer) < LONGEST_LINE else encoded({"ok": False, "error": "too long"}))
+            except OSError:
+                return
+            if not line.endswith(b"\n"):
+                return

@@ -1,0 +1,36 @@
+"""The UR5e as its maker describes it.
+
+Source: Universal Robots, "DH parameters for calculations of kinematics and dynamics" (UR5e); masses and centres of
+Universal_Robots_ROS2_Description, config/ur5e/physical_parameters.yaml.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.geometry import SE3
+from basecal.kinematics import Masses, SerialChain
+
+BASE_LINK, FLANGE_LINK = "base_link", "tool0"
+_NAMES = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
+_QUARTER = np.pi / 2
+_PLACES = ((0, 0, 0.1625), (0, 0, 0), (-0.425, 0, 0), (-0.3922, 0, 0.1333), (0, -0.0997, 0), (0, 0.0996, 0))
+_TURNS = ((0, 0, 0), (_QUARTER, 0, 0), (0, 0, 0), (0, 0, 0), (_QUARTER, 0, 0), (-_QUARTER, 0, 0))
+_KG = (3.761, 8.058, 2.846, 1.37, 1.3, 0.365)
+_CENTRES = (
+    (0, -0.00193, -0.02561),
+    (-0.2125, 0, 0.11336),
+    (-0.2422, 0, 0.0265),
+    (0, -0.01634, -0.0018),
+    (0, 0.01634, -0.0018),
+    (0, 0, -0.001159),
+)
+_LIMITS = np.array([2 * np.pi, 2 * np.pi, np.pi, 2 * np.pi, 2 * np.pi, 2 * np.pi])
+
+
+def ur5e() -> SerialChain:
+    """Its chain from `base_link` to `tool0`."""
+    origins = SE3.stack([SE3.from_rpy(turn, place) for turn, place in zip(_TURNS, _PLACES, strict=True)])
+    axes = np.tile([0.0, 0.0, 1.0], (len(_NAMES), 1))
+    masses = Masses(np.array(_KG), np.array(_CENTRES))
+    return SerialChain(_NAMES, origins, axes, SE3.identity(), -_LIMITS, _LIMITS, masses)

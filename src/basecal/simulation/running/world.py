@@ -1,0 +1,95 @@
+"""All that is so in a running cell: where everything stands, how the arms are built, and what is wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from basecal.cell import WORLD, Cell
+from basecal.estimation.problem.robot_parameters import Kinematics
+from basecal.geometry import SE3, Array, Camera
+from basecal.simulation import draw
+from basecal.simulation.running.faults import Faults
+
+_TURN_PER_METRE = 1.0  # [rad/m] of what is pushed: a milliradian a millimetre
+_SAG_NM = 50.0  # a shoulder of an arm this size carries about that
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """A cell as it is.
+
+    Attributes:
+        cell: As it is stated.
+        truth: Every transform of the cell, before anything is pushed.
+        lenses: By camera.
+        robots: Kinematics as they are, by robot.
+        home: Joints at which the arms begin [rad], by robot.
+        faults: What is wrong.
+        pushed: What `truth` is multiplied with on the right once it was pushed, by name of the transform.
+        seed: Of all noise.
+    """
+
+    cell: Cell
+    truth: Mapping[str, SE3]
+    lenses: Mapping[str, Camera]
+    robots: Mapping[str, Kinematics]
+    home: Mapping[str, Array]
+    faults: Faults
+    pushed: Mapping[str, SE3] = field(default_factory=dict)
+    seed: int = 0
+
+    def transform(self, name: str, is_pushed: bool) -> SE3:
+        """A transform before or after it was pushed."""
+        return self.truth[name] @ self.pushed[name] if is_pushed and name in self.pushed else self.truth[name]
+
+
+def faulty_world(cell: Cell, truth: Mapping[str, SE3], home: Mapping[str, Array], faults: Faults, seed: int) -> World:
+    """A cell with its faults drawn; the same for the same seed.
+
+    Args:
+        cell: As it is stated; its robots have chains, its cameras lenses.
+        truth: Every transform.
+        home: Where the arms begin [rad], by robot.
+        faults: What is wrong.
+        seed: Of what is drawn, and of all noise.
+    """
+    rng = np.random.default_rng([seed, 7])
+    robots = {}
+    for name, robot in cell.robots.items():
+        assert robot.chain is not None
+        robots[name] = Kinematics(robot.chain, _parameters(robot.chain.n, faults, rng))
+    pushed = {}
+    for fault, transform in (("base-bumped", _base(cell)), ("board-remounted", _mount(cell))):
+        size, direction = faults.size(fault), rng.standard_normal(6)
+        if size and transform is not None:
+            unit = np.concatenate([direction[:3] / np.linalg.norm(direction[:3]), direction[3:]])
+            unit[3:] *= _TURN_PER_METRE / np.linalg.norm(direction[3:])
+            pushed[transform] = SE3.exp(size * unit)
+    lenses = {name: each.intrinsics.camera for name, each in cell.cameras.items() if each.intrinsics}
+    known = {name: lens for name, lens in lenses.items() if lens is not None}
+    return World(cell, truth, known, robots, home, faults, pushed, seed)
+
+
+def _parameters(joints: int, faults: Faults, rng: draw.Generator) -> dict[str, Array]:
+    """What each fault of an arm's own kinematics is, by kind of parameter."""
+    offsets, links, compliance = rng.standard_normal(joints), rng.standard_normal((joints + 1, 6)), rng.random(joints)
+    link_m = faults.size("link-errors")
+    values = {
+        "joint_offsets": faults.size("joint-offsets") * offsets,
+        "link_parameters": np.repeat([link_m, link_m * _TURN_PER_METRE], 3) * links,
+        "deflection": faults.size("sag") / _SAG_NM * (0.5 + compliance),
+    }
+    return {kind: value for kind, value in values.items() if np.any(value)}
+
+
+def _base(cell: Cell) -> str | None:
+    """The base that is pushed: that of the first robot that is not the reference."""
+    return next((cell.base_name(name) for name in cell.robots if name != cell.reference), None)
+
+
+def _mount(cell: Cell) -> str | None:
+    """The mount of the first target that a robot carries."""
+    return next((cell.mount_name(name) for name, target in cell.targets.items() if target.on != WORLD), None)

@@ -1,0 +1,66 @@
+"""Arms and camera of a running cell, as drivers."""
+
+from __future__ import annotations
+
+import threading
+
+import numpy as np
+import pytest
+
+from basecal.acquisition.driver import Camera, Moves, Place, Robot, Switches
+from basecal.acquisition.drivers.simulated import open_camera, open_robot
+from basecal.cell import RobotState
+from basecal.errors import DatasetError, DriverError
+from basecal.geometry import SE3
+from basecal.simulation.running.clock import Clock
+from basecal.simulation.running.plant import Plant
+from basecal.simulation.running.server import CellServer
+from basecal.simulation.running.two_arms import two_arms
+
+WORLD = two_arms("led")
+
+
+@pytest.fixture
+def place(tmp_path):
+    """Where a robot or camera of a running cell is."""
+    with CellServer(Plant(WORLD, Clock(0)), "token") as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield lambda name: Place(name, WORLD.cell, tmp_path, {"port": server.port, "token": "token"})
+        server.shutdown()
+
+
+def test_an_arm_goes_where_it_is_sent(place):
+    """Its states end at the joints it was sent to, with rising stamps; it can be stopped."""
+    arm = open_robot(place("eye"))
+    assert isinstance(arm, Robot)
+    assert isinstance(arm, Moves)
+    there = WORLD.home["eye"] + 0.05
+    arm.move(RobotState(joints_rad=there), 1.0)
+    readings = [arm.state() for _ in range(100)]
+    np.testing.assert_array_equal(readings[-1].state.joints_rad, there)
+    assert np.all(np.diff([reading.stamp_s for reading in readings]) > 0)
+    arm.stop()
+    with pytest.raises(DriverError, match="joints, not to poses"):
+        arm.move(RobotState(SE3.identity()), 1.0)
+    arm.close()
+
+
+def test_a_camera_sees_the_light_switched(place):
+    """Pictures come in the size of the lens, darker where the light is off."""
+    camera = open_camera(place("wrist"))
+    assert isinstance(camera, Camera)
+    assert isinstance(camera, Switches)
+    lit = camera.picture().grey
+    camera.light(False)
+    dark = camera.picture().grey
+    assert lit.shape == (720, 1280)
+    assert int(lit.max()) > 2 * int(dark.max())
+    camera.close()
+
+
+def test_no_cell_and_no_option(tmp_path):
+    """Where nothing runs, and where an option is wrong, a line says what to do."""
+    with pytest.raises(DriverError, match="start it with `basecal simulate"):
+        open_robot(Place("eye", WORLD.cell, tmp_path, {}))
+    with pytest.raises(DatasetError, match=r"robots\.eye\.driver\.port"):
+        open_robot(Place("eye", WORLD.cell, tmp_path, {"port": 70_000}))

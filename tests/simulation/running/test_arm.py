@@ -1,0 +1,102 @@
+"""An arm in time, and what is wrong with it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.errors import InputError
+from basecal.estimation.problem.robot_parameters import Kinematics
+from basecal.simulation.running.arm import RunningArm
+from basecal.simulation.running.faults import read_faults
+from basecal.simulation.running.ur5e import ur5e
+
+HOME = np.array([0.3, -1.3, -1.8, -3.0, -1.2, 3.0])
+THERE = HOME + np.array([0.4, 0, 0.2, -0.3, 0, 0])
+STILL_M = 3e-4  # what stops differ by where nothing is wrong: ten times the repeatability at a reach of a metre
+
+
+def arm(*faults, seed=0):
+    return RunningArm("eye", Kinematics(ur5e(), {}), HOME, read_faults(faults), seed)
+
+
+def away_m(one, joints, now):
+    """How far its flange is from where these joints have it [m]."""
+    return float(np.linalg.norm(one.base_from_flange(now).translation - ur5e().forward(joints).translation))
+
+
+def test_it_goes_from_rest_to_rest_within_its_speed():
+    """The way is smooth, no joint is faster than asked, and the end is reached; then it stays."""
+    one = arm()
+    one.move(THERE, 0.5, 1.0)
+    times = np.linspace(1.0, 4.0, 3001)
+    way = np.stack([one.commanded(t) for t in times])
+    speed = np.abs(np.gradient(way, times, axis=0))
+    assert 0.45 < speed.max() <= 0.5 + 1e-6
+    assert speed[0].max() < 1e-3
+    np.testing.assert_array_equal(way[-1], THERE)
+    assert away_m(one, THERE, 4.0) < STILL_M
+
+
+def test_it_stops_on_the_way():
+    """After a stop it rests between start and goal within a fifth of a second, and can be sent on."""
+    one = arm()
+    one.move(THERE, 0.5, 0.0)
+    one.stop(0.6)
+    rest = one.commanded(0.8)
+    np.testing.assert_array_equal(rest, one.commanded(10.0))
+    assert 0 < rest[0] - HOME[0] < 0.4
+    one.move(THERE, 0.5, 10.0)
+    np.testing.assert_array_equal(one.commanded(20.0), THERE)
+
+
+def test_the_same_place_has_the_same_error():
+    """It stands elsewhere than sent by some hundredths of a millimetre, by the same whenever it is sent there."""
+    one, again = arm(), arm()
+    one.move(THERE, 1.0, 0.0)
+    again.move(HOME + 0.1, 1.0, 0.0)
+    again.move(THERE, 1.0, 10.0)
+    assert 0 < away_m(one, THERE, 20.0) < STILL_M
+    np.testing.assert_array_equal(one.base_from_flange(20.0).matrix, again.base_from_flange(20.0).matrix)
+
+
+def test_backlash_depends_on_the_side_it_comes_from():
+    """From both sides the flange comes to rest in two places, apart by the play of the joint that moved."""
+    play = np.radians(0.5)
+    one = arm("backlash=0.5")
+    rests = []
+    for way in (-0.3, 0.3):
+        one.move(HOME + np.array([way, 0, 0, 0, 0, 0]), 1.0, 0.0)
+        one.move(HOME, 1.0, 10.0)
+        rests.append(one.base_from_flange(20.0))
+    turned = np.linalg.norm((rests[0].inverse() @ rests[1]).rotvec)
+    assert turned == pytest.approx(play, rel=0.02)
+
+
+def test_ringing_ends_after_half_a_second():
+    """The flange swings by millimetres after it arrives, and rests when half a second is over; encoders see nothing."""
+    one = arm("ringing=5")
+    one.move(THERE, 1.0, 0.0)
+    arrival = next(t for t in np.arange(0, 5, 1e-3) if np.array_equal(one.commanded(t), THERE))
+    swings = [away_m(one, THERE, arrival + t) for t in np.linspace(0.002, 0.49, 200)]
+    assert max(swings) > 2e-3
+    assert away_m(one, THERE, arrival + 0.501) < STILL_M
+    assert np.array_equal(one.reported(arrival + 0.01), THERE)
+
+
+def test_encoders_are_noisy():
+    """States scatter by the size of the noise, and the flange does not."""
+    one = arm("encoder-noise=0.1")
+    one.move(THERE, 1.0, 0.0)
+    states = np.stack([one.reported(10.0 + t) for t in range(400)])
+    assert np.std(states - THERE) == pytest.approx(np.radians(0.1), rel=0.06)  # 2400 draws: 1.4 %, four sigmas
+    assert away_m(one, THERE, 10.0) < STILL_M
+
+
+@pytest.mark.parametrize(("joints", "speed"), [(np.zeros(5), 1.0), (np.full(6, 4.0), 1.0), (HOME, 0.0)])
+def test_what_it_cannot_do(joints, speed):
+    """Too few joints, joints beyond their limits and no speed are refused, and it stays where it is."""
+    one = arm()
+    with pytest.raises(InputError):
+        one.move(joints, speed, 0.0)
+    assert one.moves == 0

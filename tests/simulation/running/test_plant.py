@@ -1,0 +1,99 @@
+"""A cell that runs, and the faults that only show as it does."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.errors import InputError
+from basecal.simulation.running.clock import Clock
+from basecal.simulation.running.faults import read_faults
+from basecal.simulation.running.plant import Plant
+from basecal.simulation.running.two_arms import two_arms
+from basecal.vision.detectors import find
+
+
+def plant(*faults, target="led"):
+    world = two_arms(target, faults=read_faults(faults))
+    return world, Plant(world, Clock(0))
+
+
+def spot(cell):
+    """Where the light is seen [px]."""
+    world, running = cell
+    return find(running.picture("wrist").image, world.cell.targets["light"].target).pixels[0]
+
+
+def arrive(running, robot, joints):
+    running.move(robot, joints, 1.0)
+    while np.any(running.state(robot)[1] != joints):
+        pass
+
+
+def test_states_and_pictures_share_a_clock():
+    """Stamps rise through states of both arms and pictures, by what each takes."""
+    _, running = plant()
+    stamps = [running.state("eye")[0], running.picture("wrist").stamp_s, running.state("hand")[0]]
+    assert stamps == sorted(stamps)
+    assert stamps[2] - stamps[0] == pytest.approx(1 / 30 + 1 / 125)
+
+
+@pytest.mark.parametrize(("fault", "ahead_s"), [("clock-offset=0.5", 0.5), ("late-trigger=0.5", 0.0)])
+def test_stamps_of_the_camera(fault, ahead_s):
+    """A clock that is ahead stamps so; a late trigger does not show in the stamp."""
+    _, running = plant(fault)
+    _, sound = plant()
+    assert running.picture("wrist").stamp_s - sound.picture("wrist").stamp_s == pytest.approx(ahead_s)
+
+
+def test_a_late_trigger_takes_what_is_there_later():
+    """While an arm moves, the picture shows the light where it will be."""
+    late, sound = plant("late-trigger=0.3"), plant()
+    places = []
+    for world, running in (late, sound):
+        running.move("hand", world.home["hand"] + [0.05, 0, 0, 0, 0, 0], 1.0)
+        places.append(spot((world, running)))
+    assert np.linalg.norm(places[0] - places[1]) > 5
+
+
+def test_frames_are_lost():
+    """Of many pictures the share asked for never comes: the others take as much longer, and are none the worse."""
+    _, running = plant("dropped-frames=0.5")
+    stamps = [running.picture("wrist").stamp_s for _ in range(30)]
+    frames = np.rint(np.diff(stamps) * 30)
+    assert 1.4 < frames.mean() < 2.9  # 2 +- 0.26
+    assert frames.min() == 1
+
+
+@pytest.mark.parametrize(("fault", "robot"), [("base-bumped=20@1", "hand"), ("board-remounted=20@1", "hand")])
+def test_something_is_pushed_after_some_moves(fault, robot):
+    """At the second move of the arm, not at the first, the light is seen elsewhere than in a sound cell."""
+    off, sound = plant(fault), plant()
+    for moves in (1, 2):
+        for world, running in (off, sound):
+            arrive(running, robot, world.home[robot] + 0.01 * moves)
+        away = float(np.linalg.norm(spot(off) - spot(sound)))
+        assert (away > 3) == (moves == 2)
+
+
+def test_what_it_does_follows_from_what_it_is_asked():
+    """Two cells that are asked the same give the same pictures, to the last bit; a new arrival begins them anew."""
+    pictures = []
+    for _ in range(2):
+        world, running = plant()
+        arrive(running, "eye", world.home["eye"] + 0.01)
+        pictures += [running.picture("wrist").image, running.picture("wrist").image]
+        arrive(running, "eye", world.home["eye"] + 0.01)
+        pictures.append(running.picture("wrist").image)
+    assert np.array_equal(pictures[0], pictures[3])
+    assert np.array_equal(pictures[0], pictures[2])
+    assert not np.array_equal(pictures[0], pictures[1])
+
+
+def test_unknown_names():
+    """A robot or camera that is not there is named with those that are."""
+    _, running = plant()
+    with pytest.raises(InputError, match="no robot 'foot'; there are: eye, hand"):
+        running.state("foot")
+    with pytest.raises(InputError, match="no camera 'hall'; there are: wrist"):
+        running.picture("hall")

@@ -1,0 +1,91 @@
+"""A running cell in a second process, reached as its folder says."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import stat
+import subprocess
+import sys
+
+import pytest
+
+from basecal.errors import DriverError, InputError
+from basecal.simulation.running.protocol import Address, connect, decoded, encoded, read_address
+
+
+@pytest.fixture(scope="module")
+def process(tmp_path_factory):
+    """A cell with a light that runs in its own process, and its folder."""
+    folder = tmp_path_factory.mktemp("cell") / "running"
+    words = [
+        sys.executable,
+        "-m",
+        "basecal",
+        "simulate",
+        str(folder),
+        "--process",
+        "--speed",
+        "0",
+        "--target",
+        "led",
+        "--json",
+    ]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as process:
+        yield process, folder, json.loads(process.stdout.readline())
+        process.kill()
+
+
+def test_it_says_where_it_is(process):
+    """Its first line names the port and the file with the token, which only its owner may read."""
+    started, folder, said = process
+    address = read_address(folder)
+    assert (said["port"], said["host"]) == (address.port, "127.0.0.1")
+    assert address.pid == started.pid
+    assert stat.S_IMODE(os.stat(said["address"]).st_mode) == 0o600
+    assert (folder / "truth.yaml").exists()
+
+
+def test_it_answers(process):
+    """States, pictures and the light, over one line."""
+    line = connect(read_address(process[1]))
+    first, second = (line.ask(do="state", robot="eye") for _ in range(2))
+    assert second["stamp_s"] > first["stamp_s"]
+    assert line.ask(do="picture", camera="wrist")["png_base64"].startswith("iVBORw0KGgo")
+    assert line.ask(do="light", on=False) == {}
+    line.close()
+
+
+def test_it_ends_with_ctrl_c(process):
+    """It takes its address away, and whoever asks then is told to start it."""
+    started, folder, _ = process
+    line = connect(read_address(folder))
+    line.ask(do="state", robot="eye")
+    address = read_address(folder)
+    started.send_signal(signal.SIGINT)
+    assert started.wait(20) == 130
+    with pytest.raises(DriverError, match="does not answer any more"):
+        line.ask(do="state", robot="eye")
+    line.close()
+    with pytest.raises(DriverError, match=r"start it with `basecal simulate .* --process`"):
+        read_address(folder)
+    with pytest.raises(DriverError, match="no simulated cell listens on port"):
+        connect(address)
+
+
+def test_lines():
+    """A message is a line, and a line a message; half a line is none."""
+    assert decoded(encoded({"do": "state"})) == {"do": "state"}
+    for line in (b'{"do": "state"}', b"", b"[]\n", b"{\n", b"[" * 100_000 + b"\n"):
+        with pytest.raises(InputError):
+            decoded(line)
+
+
+def test_an_address_that_is_none(tmp_path):
+    """A file that holds something else is no address."""
+    (tmp_path / "derived").mkdir()
+    (tmp_path / "derived" / "simulated.json").write_text('{"port": "x"}')
+    with pytest.raises(DriverError):
+        read_address(tmp_path)
+    assert Address(port=1, token="t", pid=2).port == 1

@@ -1,0 +1,93 @@
+"""What a running cell answers, whatever it is asked."""
+
+from __future__ import annotations
+
+import json
+import socket
+import threading
+
+import numpy as np
+import pytest
+
+from basecal.errors import DriverError
+from basecal.simulation.running.clock import Clock
+from basecal.simulation.running.plant import Plant
+from basecal.simulation.running.protocol import Address, connect
+from basecal.simulation.running.server import CellServer
+from basecal.simulation.running.two_arms import two_arms
+
+TOKEN = "open-sesame"
+
+
+@pytest.fixture(scope="module")
+def server():
+    with CellServer(Plant(two_arms("led"), Clock(0)), TOKEN) as server:
+        thread = threading.Thread(target=server.serve_forever, daemon=True)
+        thread.start()
+        yield server
+        server.shutdown()
+        thread.join()
+
+
+def address(server, token=TOKEN):
+    return Address(port=server.port, token=token, pid=0)
+
+
+def test_it_listens_on_this_machine_alone(server):
+    """Its address is loopback."""
+    assert server.server_address[0] == "127.0.0.1"
+
+
+def test_a_move_is_seen_in_the_states(server):
+    """An arm that is sent somewhere says so, and stops when it is told to."""
+    line = connect(address(server))
+    joints = np.array(line.ask(do="state", robot="hand")["joints_rad"])
+    line.ask(do="move", robot="hand", joints_rad=(joints + 0.3).tolist(), speed_rad_s=0.5)
+    for _ in range(20):
+        line.ask(do="state", robot="hand")
+    line.ask(do="stop", robot="hand")
+    for _ in range(40):
+        rest = line.ask(do="state", robot="hand")["joints_rad"]
+    assert rest == line.ask(do="state", robot="hand")["joints_rad"]
+    assert 0 < rest[0] - joints[0] < 0.3
+    line.close()
+
+
+@pytest.mark.parametrize(
+    ("said", "message"),
+    [
+        ({"do": "state", "robot": "eye"}, "token"),
+        ({"token": "wrong", "do": "state", "robot": "eye"}, "token"),
+        ({"token": 7, "do": "state"}, "token"),
+        ({"token": TOKEN, "do": "dance"}, "no request 'dance'; there are: state, move"),
+        ({"token": TOKEN, "do": "state", "robot": "foot"}, "no robot 'foot'"),
+        ({"token": TOKEN, "do": "move", "robot": "eye", "joints_rad": [1, 2]}, "6 joints"),
+        ({"token": TOKEN, "do": "move", "robot": "eye", "joints_rad": "all"}, "joints_rad"),
+        ({"token": TOKEN, "do": "state", "robt": "eye"}, "unknown field"),
+        ([1], "one JSON object"),
+        ("not JSON", "one JSON object"),
+    ],
+)
+def test_what_it_refuses(server, said, message):
+    """Anything but a request with the right token gets a line that says why, and the line stays open."""
+    with socket.create_connection(("127.0.0.1", server.port), timeout=10) as line, line.makefile("rb") as answers:
+        line.sendall((said if said == "not JSON" else json.dumps(said)).encode() + b"\n")
+        answer = json.loads(answers.readline())
+        assert (answer["ok"], message in answer["error"]) == (False, True), answer
+        line.sendall(json.dumps({"token": TOKEN, "do": "light", "on": True}).encode() + b"\n")
+        assert json.loads(answers.readline()) == {"ok": True}
+
+
+def test_a_line_without_end_is_cut(server):
+    """More than a request needs, without a newline, is refused and the line closed."""
+    with socket.create_connection(("127.0.0.1", server.port), timeout=10) as line, line.makefile("rb") as answers:
+        line.sendall(b"x" * 2**16)
+        assert json.loads(answers.readline())["ok"] is False
+
+
+def test_wrong_tokens_by_the_driver(server):
+    """A driver with the wrong token is told so."""
+    line = connect(address(server, "guess"))
+    with pytest.raises(DriverError, match="token is missing or wrong"):
+        line.ask(do="state", robot="eye")
+    line.close()

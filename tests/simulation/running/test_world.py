@@ -1,0 +1,51 @@
+"""Faults of a cell as they are drawn: each is there, of its size, and nothing else is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.simulation.running.faults import read_faults
+from basecal.simulation.running.two_arms import two_arms
+
+BASE, MOUNT = "eye_base_from_hand_base", "hand_flange_from_board"
+
+
+def world(*faults):
+    return two_arms(faults=read_faults(faults))
+
+
+@pytest.mark.parametrize(
+    ("fault", "kind", "sigma"),
+    [
+        ("joint-offsets=0.5", "joint_offsets", np.radians(0.5)),
+        ("link-errors=2", "link_parameters", 0.002),
+        ("sag=0.1", "deflection", np.radians(0.1) / 50),
+    ],
+)
+def test_arms_are_built_wrongly(fault, kind, sigma):
+    """Each arm has the parameters of the fault alone, of its size to a factor of two, as few numbers tell it."""
+    drawn = world(fault).robots
+    assert all(list(robot.values) == [kind] for robot in drawn.values())
+    values = np.concatenate([robot.values[kind].ravel() for robot in drawn.values()])
+    if kind == "link_parameters":
+        values = values.reshape(-1, 6)[:, :3].ravel()
+    assert sigma / 2 < np.sqrt(np.mean(values**2)) < 2 * sigma
+
+
+@pytest.mark.parametrize(("fault", "name"), [("base-bumped=4", BASE), ("board-remounted=4", MOUNT)])
+def test_something_is_pushed(fault, name):
+    """Base or mount move by the size, turned by a milliradian a millimetre, and nothing else moves."""
+    pushed = world(fault)
+    assert set(pushed.pushed) == {name}
+    moved = pushed.transform(name, is_pushed=False).inverse() @ pushed.transform(name, is_pushed=True)
+    assert np.linalg.norm(moved.log()[:3]) == pytest.approx(0.004)
+    assert np.linalg.norm(moved.log()[3:]) == pytest.approx(0.004)
+    assert np.array_equal(pushed.transform(BASE, False).matrix, world().truth[BASE].matrix)
+
+
+def test_nothing_is_wrong_by_itself():
+    """Without faults the arms are as stated and nothing is pushed."""
+    sound = world()
+    assert not sound.pushed
+    assert not any(robot.values for robot in sound.robots.values())

@@ -1,0 +1,69 @@
+"""A running cell in its folder."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.cell.files import read_cell, read_truth
+from basecal.cell.results.truth_file import read_truth_extra
+from basecal.errors import DatasetError
+from basecal.simulation.running.faults import FAULTS, read_faults
+from basecal.simulation.running.two_arms import two_arms
+from basecal.simulation.running.world_file import read_world, write_truth_of, write_world
+
+
+def test_a_world_is_read_back(tmp_path):
+    """Truth, arms and where they begin come back to the last bit, the cell names its drivers."""
+    world = two_arms(seed=4)
+    write_world(world, tmp_path)
+    again = read_world(tmp_path)
+    for name, true in world.truth.items():
+        np.testing.assert_allclose(again.truth[name].matrix, true.matrix, atol=1e-14)
+    assert all(np.array_equal(again.home[name], joints) for name, joints in world.home.items())
+    assert again.seed == 4
+    assert read_cell(tmp_path).cameras["wrist"].driver.kind == "simulated"
+
+
+@pytest.mark.parametrize("name", list(FAULTS))
+def test_the_truth_of_each_fault_is_written(tmp_path, name):
+    """Its size and unit; of what is pushed where it stands then; of arms that are built wrongly their parameters."""
+    world = two_arms(faults=read_faults([name]))
+    write_world(world, tmp_path)
+    written = read_truth_extra(tmp_path)
+    kind = FAULTS[name]
+    assert written["faults"] == [
+        {
+            "name": name,
+            "size": pytest.approx(kind.usual),
+            "unit": kind.unit,
+            **({"after_moves": 12} if kind.is_sudden else {}),
+        }
+    ]
+    assert set(written.get("transforms_afterwards", {})) == set(world.pushed)
+    assert bool(world.pushed) == kind.is_sudden
+    for robot, parameters in written.get("robot_parameters", {}).items():
+        for of, values in parameters.items():
+            assert np.array_equal(values, world.robots[robot].values[of])
+    read_truth(tmp_path)
+
+
+def test_faults_belong_to_a_run(tmp_path):
+    """A cell that runs again with another fault draws it for the same cell, and its truth says so."""
+    write_world(two_arms(faults=read_faults(["sag"])), tmp_path)
+    world = read_world(tmp_path, read_faults(["joint-offsets"]))
+    write_truth_of(world, tmp_path)
+    assert [fault["name"] for fault in read_truth_extra(tmp_path)["faults"]] == ["joint-offsets"]
+    assert set(read_truth_extra(tmp_path)["robot_parameters"]["eye"]) == {"joint_offsets"}
+
+
+def test_what_cannot_be_run(tmp_path):
+    """A cell without truth, or whose truth does not say where arms begin, is told what it lacks."""
+    write_world(two_arms(), tmp_path)
+    path = tmp_path / "truth.yaml"
+    path.write_text(path.read_text().replace("running:", "jogging:"))
+    with pytest.raises(DatasetError, match=r"truth\.yaml: running"):
+        read_world(tmp_path)
+    path.unlink()
+    with pytest.raises(DatasetError, match="only simulated cells have a truth"):
+        read_world(tmp_path)

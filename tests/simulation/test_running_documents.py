@@ -1,0 +1,30 @@
+"""The page on capture says what the code does."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from basecal.simulation.running.faults import FAULTS
+from basecal.simulation.running.server import _DONE
+
+PAGE = (Path(__file__).parents[2] / "docs" / "capture.md").read_text(encoding="utf-8")
+
+
+def rows(heading: str) -> list[list[str]]:
+    """Cells of the table under a heading, without its head."""
+    part = PAGE.split(f"\n## {heading}\n")[1].split("\n## ")[0]
+    lines = [line for line in part.splitlines() if line.startswith("|")][2:]
+    return [[cell.strip().strip("`") for cell in line.strip("|").split("|")] for line in lines]
+
+
+def test_every_fault_is_described():
+    """Name, unit, usual size and what it does, in the words of the code."""
+    described = rows("A simulated cell that runs")
+    assert described == [[name, kind.unit, str(kind.usual), kind.about] for name, kind in FAULTS.items()]
+
+
+def test_every_request_is_described():
+    """All that a running cell answers, and nothing else."""
+    assert [row[0] for row in rows("What a running cell answers")] == list(_DONE)
+    assert not re.search(r"TODO|TBD", PAGE)
