@@ -15,7 +15,7 @@ from basecal.errors import InputError
 from basecal.registry import TargetKindName
 
 if TYPE_CHECKING:
-    from basecal.simulation.scenario import SimulatedCell
+    from basecal.simulation.scenario import Scenario, SimulatedCell
 
 Seen = Literal[TargetKindName, "pose", "points3d"]
 Positive = Annotated[float, Parameter(validator=validators.Number(gte=0, lte=1e6))]
@@ -86,9 +86,7 @@ def simulate(
 
         return run_process(cell, target, seed, port, speed, fault, until_eof, json)
     from basecal.simulation.scenario import Scenario
-    from basecal.simulation.testbed import simulate as simulated
 
-    refuse_existing(cell)
     scenario = Scenario(
         samples=samples,
         target=target,
@@ -102,19 +100,23 @@ def simulate(
         joints=joints,
         joint_offset_rad=joint_offset_deg * pi / 180,
     )
+    return _record(cell, scenario, seed, images, json)
+
+
+def _record(cell: Path, scenario: Scenario, seed: int, images: bool, json: bool) -> int:
+    from basecal.simulation.testbed import simulate as simulated
+
+    refuse_existing(cell)
     with progress("simulating"):
         made = simulated(scenario, seed)
     made = write_simulated(cell, made, image_seed=seed if images else None)
-    _print_summary(cell, len(made.recording.samples), seed, json)
-    return 0
-
-
-def _print_summary(cell: Path, samples: int, seed: int, json: bool) -> None:
+    samples = len(made.recording.samples)
     if json:
         print_json({"cell": str(cell), "samples": samples, "seed": seed})
     else:
         say(f"wrote {samples} samples to {cell}, the truth to {cell / 'truth.yaml'}")
         say(f"next: basecal calibrate {pasted(cell)}")
+    return 0
 
 
 def refuse_existing(folder: Path) -> None:
