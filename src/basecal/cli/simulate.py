@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter, validators
 
 from basecal.cli.detected import counting
+from basecal.cli.simulated_process import run_process
 from basecal.cli.terminal import pasted, print_json, progress, say
 from basecal.errors import InputError
 from basecal.registry import TargetKindName
@@ -82,8 +83,6 @@ def simulate(
         json: Print what was written, or how the process is reached, as JSON.
     """
     if process:
-        from basecal.cli.simulated_process import run_process
-
         return run_process(cell, target, seed, port, speed, fault, until_eof, json)
     from basecal.simulation.scenario import Scenario
 
