@@ -32,8 +32,12 @@ CONTROLLERS = (
     "fanuc",
     "yaskawa",
     "staubli",
+    "denso",
+    "franka",
     "doosan",
     "xarm",
+    "ros",
+    "matrix",
 )
 """Robots' controllers whose way to write poses is known: modules of `basecal.exchange.controllers`."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from basecal.cli.terminal import pasted, say
 from basecal.errors import InputError, listed
@@ -65,9 +65,12 @@ def finish_import(
     for line in (f"read {imported.source}: {imported.what}", *_pairing_lines(brought), *_cell_lines(brought)):
         say(line)
     count = len(brought.recording.samples)
-    told = f"{count} samples" if brought.made == count else f"{brought.made} new of {count} samples"
+    told = f"wrote {count} samples" if brought.made == count else f"completed the {count} samples"
+    if 0 < brought.made < count:
+        told += f", {brought.made} of them new,"
     made = " and cell.yaml" if brought.is_new_cell else ""
-    say(f"wrote {told}{made} to {folder}: {_next_step(brought.cell, brought.recording, folder)}")
+    where = f"{'to' if brought.made == count else 'of'} {folder}"
+    say(f"{told}{made} {where}: {_next_step(brought.cell, brought.recording, folder)}")
     return 0
 
 
@@ -108,3 +111,9 @@ def _next_step(cell: Cell, recording: Recording, folder: Path) -> str:
     if not cell.targets:
         return "next, say in cell.yaml which target the pictures show (`targets:`, docs/data_format.md)"
     return f"basecal calibrate {place}"
+
+
+def robot_entry(folder: Path, robot: str) -> dict[str, Any]:
+    """What `cell.yaml` must have for a robot: its name, and that of the reference where there is no cell yet."""
+    entry: dict[str, Any] = {} if (folder / "cell.yaml").exists() else {"reference": robot}
+    return entry | {"robots": {robot: {}}}

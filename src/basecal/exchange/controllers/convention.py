@@ -27,10 +27,12 @@ class RotationForm:
     Attributes:
         read: (..., k) to rotation matrices (..., 3, 3); angles in radians.
         written: And back.
+        words: What the numbers are.
     """
 
     read: Callable[[Array], Array]
     written: Callable[[Array], Array]
+    words: str
 
 
 @dataclass(frozen=True)
@@ -59,10 +61,44 @@ class Convention:
         return np.concatenate([pose.translation / self.length, rotation], -1)
 
 
-def convention(name: str) -> Convention:
+@dataclass(frozen=True)
+class MatrixConvention:
+    """How a controller writes a pose as the 16 numbers of a homogeneous matrix; otherwise as `Convention`.
+
+    Attributes:
+        names: What it calls its numbers.
+        length: One of its lengths [m].
+        is_by_columns: Whether the first four numbers are the first column of the matrix, not its first row.
+    """
+
+    names: tuple[str, ...]
+    length: float
+    is_by_columns: bool
+
+    def read(self, numbers: Array) -> SE3:
+        """Poses of numbers, (..., 16).
+
+        Raises:
+            InputError: if they are no rigid transform.
+        """
+        matrix = numbers.reshape(*numbers.shape[:-1], 4, 4)
+        pose = SE3.from_matrix(_transposed(matrix) if self.is_by_columns else matrix)
+        return SE3(pose.rotation, pose.translation * self.length)
+
+    def written(self, pose: SE3) -> Array:
+        """Numbers of poses, (..., 16)."""
+        matrix = SE3(pose.rotation, pose.translation / self.length).matrix
+        whole = _transposed(matrix) if self.is_by_columns else matrix
+        return whole.reshape(*whole.shape[:-2], 16)
+
+
+AnyConvention = Convention | MatrixConvention
+
+
+def convention(name: str) -> AnyConvention:
     """The convention of a registered controller."""
     module: Any = import_module(f"basecal.exchange.controllers.{name}")
-    found: Convention = module.CONVENTION
+    found: AnyConvention = module.CONVENTION
     return found
 
 
@@ -89,16 +125,26 @@ def _transposed(rotation: Array) -> Array:
     return np.swapaxes(rotation, -1, -2)
 
 
-ROTATION_VECTOR = RotationForm(rotation_exp, rotation_log)
-FIXED_XYZ = RotationForm(_rotation_from_rpy, rpy_of_rotation)
+ROTATION_VECTOR = RotationForm(rotation_exp, rotation_log, "rotation vector")
+FIXED_XYZ = RotationForm(_rotation_from_rpy, rpy_of_rotation, "angles about fixed x, y, z")
 """About the fixed axes x, y, z: Rz(c) Ry(b) Rx(a)."""
-MOVING_ZYX = RotationForm(lambda abc: _rotation_from_rpy(abc[..., ::-1]), lambda r: rpy_of_rotation(r)[..., ::-1])
+MOVING_ZYX = RotationForm(
+    lambda abc: _rotation_from_rpy(abc[..., ::-1]),
+    lambda r: rpy_of_rotation(r)[..., ::-1],
+    "angles about z, the new y, the new x",
+)
 """About z, the new y, the new x: Rz(a) Ry(b) Rx(c); the angles of `FIXED_XYZ` the other way round."""
-MOVING_XYZ = RotationForm(lambda abc: _transposed(_rotation_from_rpy(-abc)), lambda r: -rpy_of_rotation(_transposed(r)))
+MOVING_XYZ = RotationForm(
+    lambda abc: _transposed(_rotation_from_rpy(-abc)),
+    lambda r: -rpy_of_rotation(_transposed(r)),
+    "angles about x, the new y, the new z",
+)
 """About x, the new y, the new z: Rx(a) Ry(b) Rz(c)."""
-MOVING_ZYZ = RotationForm(_rotation_from_zyz, zyz_of_rotation)
+MOVING_ZYZ = RotationForm(_rotation_from_zyz, zyz_of_rotation, "angles about z, the new y, the new z")
 """About z, the new y, the new z: Rz(a) Ry(b) Rz(c)."""
 QUATERNION_WXYZ = RotationForm(
-    lambda q: _rotation_from_unit(np.roll(q, -1, axis=-1)), lambda r: np.roll(quaternion_from_rotation(r), 1, axis=-1)
+    lambda q: _rotation_from_unit(np.roll(q, -1, axis=-1)),
+    lambda r: np.roll(quaternion_from_rotation(r), 1, axis=-1),
+    "quaternion, scalar first",
 )
-QUATERNION_XYZW = RotationForm(_rotation_from_unit, quaternion_from_rotation)
+QUATERNION_XYZW = RotationForm(_rotation_from_unit, quaternion_from_rotation, "quaternion, scalar last")

@@ -1,0 +1,236 @@
+"""Flange poses of a file in a controller's convention, row by row with what says where each belongs."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from basecal.cell import RobotState
+from basecal.errors import BasecalError, DatasetError, InputError, listed
+from basecal.exchange.columns import MOST_POSES, text_of
+from basecal.exchange.controllers.convention import (
+    DEGREE,
+    METRE,
+    MILLIMETRE,
+    RADIAN,
+    AnyConvention,
+    MatrixConvention,
+    convention,
+)
+from basecal.exchange.importing.imported import Row
+from basecal.exchange.importing.text_table import TextRow, TextTable, number_of, read_text_table, rows_of_numbers
+from basecal.exchange.poses import PoseStream, read_poses
+from basecal.geometry import SE3, Array
+from basecal.registry import CONTROLLERS
+
+_KEYS = {
+    "image": ("image", "picture", "file", "filename", "img"),
+    "sample": ("sample",),
+    "stamp_s": ("stamp_s", "stamp", "timestamp", "time_s", "time", "t"),
+}
+# Other names of a number by the one its controller has, in small letters.
+_ALIASES = {
+    **{axis: (f"t{axis}", f"t_{axis}", f"pos_{axis}", f"p{axis}") for axis in "xyz"},
+    **{f"q{axis}": (f"q_{axis}", f"orientation_{axis}") for axis in "xyzw"},
+    **dict(zip(("q1", "q2", "q3", "q4"), (("qw",), ("qx",), ("qy",), ("qz",)), strict=True)),
+}
+_UNIT = re.compile(r"^(.*?)(?:_|\s*[\[(])(mm|m|deg|rad|°)[\])]?$")
+_FULL_TURN = 2 * np.pi  # [rad]
+_SMALL_TURN = np.pi  # degrees up to which angles of arms that calibrate never all stay
+_ROW = 4  # numbers of a row of a matrix
+_FEWEST = 3  # poses of which all are turned little, before that is taken for a unit
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How a file of poses is to be read.
+
+    Attributes:
+        name: Of the controller.
+        length_m: A length in the file [m]; the controller's own where None.
+        angle_rad: An angle in the file [rad]; likewise.
+    """
+
+    name: str
+    length_m: float | None = None
+    angle_rad: float | None = None
+
+    @property
+    def convention(self) -> AnyConvention:
+        """The controller's convention in the file's units.
+
+        Raises:
+            InputError: if the unit of angles is stated and it writes none.
+        """
+        own = convention(self.name)
+        if self.length_m is not None:
+            own = replace(own, length=self.length_m)
+        if self.angle_rad is None:
+            return own
+        if isinstance(own, MatrixConvention) or "quaternion" in own.form.words:
+            raise InputError(f"{self.name} writes no angles: leave --deg and --rad away")
+        return replace(own, angle=self.angle_rad)
+
+    @property
+    def words(self) -> str:
+        """The convention in words, with its units."""
+        how = self.convention
+        length = {METRE: "m", MILLIMETRE: "mm"}[how.length]
+        if isinstance(how, MatrixConvention):
+            return f"4x4 by {'columns' if how.is_by_columns else 'rows'}, {length}"
+        angle = {DEGREE: " in deg", RADIAN: " in rad"}[how.angle] if "quaternion" not in how.form.words else ""
+        return f"{', '.join(how.names)}: {length}, {how.form.words}{angle}"
+
+
+def read_controller_poses(path: str, robot: str, reading: Reading) -> tuple[Row, ...]:
+    """Rows with the pose of a robot.
+
+    Args:
+        path: Text: with or without a header, in any usual separator, or as a controller's program has poses.
+        robot: Its name.
+        reading: The convention and the units.
+
+    Raises:
+        DatasetError: naming the file and line, if it holds anything else; also where angles are in the other unit.
+    """
+    how = reading.convention
+    if reading.name == "matrix" and _is_stacked(path):
+        return _of_stream(read_poses(path, "m"), robot, how.length)
+    table = read_text_table(text_of(path, "a table of poses"), path, how.names)
+    if len(table.rows) > MOST_POSES:
+        raise DatasetError(path, f"{len(table.rows)} poses, expected at most {MOST_POSES}")
+    columns = _columns(table, how.names, reading)
+    numbers = np.array(list(rows_of_numbers(table, columns)))
+    _check_angles(path, numbers, how, reading)
+    poses = _poses(table, numbers, how)
+    return tuple(replace(row, robots={robot: RobotState(poses[i])}) for i, row in enumerate(keyed_rows(table)))
+
+
+def _is_stacked(path: str) -> bool:
+    """Whether a file is an archive, has m00 ... m23 by name, or has the four rows of a matrix one below the other."""
+    if ".npz" in path.lower() or path.lower().endswith((".npy", ".csv")):
+        return True
+    lines = (line.split("#")[0].replace(",", " ").split() for line in text_of(path, "matrices").splitlines())
+    return len(next(filter(None, lines), [])) == _ROW
+
+
+def _of_stream(stream: PoseStream, robot: str, length_m: float) -> tuple[Row, ...]:
+    poses = SE3(stream.poses.rotation, stream.poses.translation * length_m)
+    stamps = [None] * len(poses) if stream.stamps_s is None else stream.stamps_s.tolist()
+    return tuple(Row({robot: RobotState(poses[i])}, stamp_s=stamp) for i, stamp in enumerate(stamps))
+
+
+def guessed_format(path: str) -> str:
+    """The format of a file that says it by itself: of matrices, or of a header with quaternions as of ROS.
+
+    Raises:
+        DatasetError: if it does not.
+    """
+    if not path.lower().endswith(".csv"):
+        return "matrix"
+    first = next(iter(text_of(path, "a table of poses").splitlines()), "")
+    names = {_plain(cell.strip("# \"'")) for cell in re.split("[,;\t]", first)}
+    if "m00" in names:
+        return "matrix"
+    if {"qx", "qy", "qz", "qw"} <= names or {f"q_{axis}" for axis in "xyzw"} <= names:
+        return "ros"
+    raise DatasetError(path, f"does not say by itself what its numbers are: give --format {listed(CONTROLLERS)}")
+
+
+def _columns(table: TextTable, names: Sequence[str], reading: Reading) -> list[str]:
+    """The columns that hold the numbers of a convention, in its order."""
+    if table.header is None:
+        first = {name.lower(): name for name in table.rows[0].cells}
+        return [first.get(name.lower(), name) for name in names]
+    by_name = {_plain(column): column for column in table.header}
+    found = []
+    for name in map(str.lower, names):
+        known = next((each for each in (name, *_ALIASES.get(name, ())) if each in by_name), None)
+        if known is None:
+            raise DatasetError(table.path, _missing(name, table.header, names, reading))
+        found.append(by_name[known])
+    _check_units(table.path, found, reading)
+    return found
+
+
+def _plain(column: str) -> str:
+    """A column's name in small letters without its unit."""
+    return (_UNIT.sub(r"\1", column.strip().lower())).strip()
+
+
+def _missing(name: str, header: Sequence[str], names: Sequence[str], reading: Reading) -> str:
+    there = {_plain(column) for column in header}
+    others = [each for each in CONTROLLERS if {n.lower() for n in convention(each).names} <= there]
+    hint = f"; these columns suit --format {listed(others)}" if others else ""
+    return f"has no column {name!r} but {', '.join(header)}; {reading.name} writes {', '.join(names)}{hint}"
+
+
+def _check_units(path: str, columns: Sequence[str], reading: Reading) -> None:
+    """A unit that a column names must be the one it is read in."""
+    how = reading.convention
+    meant = {"mm": MILLIMETRE, "m": METRE, "deg": DEGREE, "°": DEGREE, "rad": RADIAN}
+    options = {"mm": "--length-unit mm", "m": "--length-unit m", "deg": "--deg", "°": "--deg", "rad": "--rad"}
+    for place, column in enumerate(columns):
+        found = _UNIT.match(column.strip().lower())
+        if found is None or isinstance(how, MatrixConvention):
+            continue
+        read_as = how.length if place < 3 else how.angle
+        if meant[found[2]] != read_as and "quaternion" not in how.form.words:
+            raise DatasetError(
+                path, f"the column says {found[2]}, and it is read otherwise: give {options[found[2]]}", field=column
+            )
+
+
+def _check_angles(path: str, numbers: Array, how: AnyConvention, reading: Reading) -> None:
+    """Degrees taken for radians, and radians taken for degrees, where no other reading can be."""
+    if isinstance(how, MatrixConvention) or "quaternion" in how.form.words:
+        return
+    angles = numbers[:, 3:]
+    if how.angle == RADIAN and np.abs(angles).max() > _FULL_TURN:
+        raise DatasetError(path, f"angles up to {np.abs(angles).max():.4g} are no radians: give --deg")
+    # A rotation vector is as long as the turn; angles about axes may all be small only where nothing turns.
+    is_small = len(numbers) >= _FEWEST and np.abs(angles).max() <= _SMALL_TURN and np.ptp(angles, axis=0).max() > 0
+    if how.angle == DEGREE and is_small and reading.angle_rad is None:
+        raise DatasetError(
+            path,
+            f"no angle of {len(numbers)} poses is beyond {np.abs(angles).max():.3g}: these look like radians, "
+            "give --rad, or --deg where they are degrees",
+        )
+
+
+def _poses(table: TextTable, numbers: Array, how: AnyConvention) -> SE3:
+    found = []
+    for row, values in zip(table.rows, numbers, strict=True):
+        try:
+            found.append(how.read(values))
+        except BasecalError as error:
+            raise DatasetError(table.path, str(error), row.line) from None
+    return SE3.stack(found)
+
+
+def keyed_rows(table: TextTable) -> list[Row]:
+    """A row for each of a table, with what says where it belongs: its columns `image`, `sample` and `stamp_s`.
+
+    Raises:
+        DatasetError: if a sample is no whole number, or a time no number.
+    """
+    there = {_plain(column): column for column in table.rows[0].cells}
+    image, sample, stamp = (next((there[n] for n in names if n in there), None) for names in _KEYS.values())
+    return [
+        Row(
+            image=None if image is None else row.cells[image].strip("\"' "),
+            sample=None if sample is None else _whole(table.path, row, sample),
+            stamp_s=None if stamp is None else number_of(row.cells[stamp], table.path, row.line, stamp),
+        )
+        for row in table.rows
+    ]
+
+
+def _whole(path: str, row: TextRow, column: str) -> int:
+    number = number_of(row.cells[column], path, row.line, column)
+    if number != int(number) or number < 0:
+        raise DatasetError(path, f"{row.cells[column]} is not a whole number from 0", row.line, column)
+    return int(number)

@@ -1,0 +1,183 @@
+"""Tables of numbers as people paste them: usual separators, decimal commas, a header or none, poses in brackets."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from io import StringIO
+
+from basecal.cell.format.problems import short
+from basecal.errors import DatasetError
+
+_SEPARATORS = (";", "\t", ",", None)  # None: white space
+_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+_DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
+_NAMED_NUMBER = re.compile(r"([A-Za-z]\w*)(?:\s*[:=]\s*|\s+)([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)")
+_PICTURE = re.compile(r"\.(?:png|jpe?g|tiff?|bmp|webp|pgm|ppm)$", re.IGNORECASE)
+_COMMENTS = ("#", "!", ";", "//")
+_LARGEST = 1e12  # of any number: times in seconds since 1970 reach 2e9
+
+
+@dataclass(frozen=True)
+class TextRow:
+    """A line: its number in the file, and its cells by the names of their columns."""
+
+    line: int
+    cells: dict[str, str]
+
+
+@dataclass(frozen=True)
+class TextTable:
+    """Rows of cells as they are written.
+
+    Attributes:
+        path: Where they were read.
+        header: Names of the columns; None where the file has none.
+        rows: In the order of the file.
+    """
+
+    path: str
+    header: tuple[str, ...] | None
+    rows: tuple[TextRow, ...]
+
+
+def read_text_table(text: str, path: str, names: Sequence[str]) -> TextTable:
+    """The table in a text.
+
+    Args:
+        text: Lines; empty ones and those that begin with `#`, `!`, `;` or `//` are passed over, but for a header.
+        path: What to call it in an error.
+        names: Of the numbers of a row where there is no header, which poses in brackets hold in this order.
+
+    Raises:
+        DatasetError: if a row has more or fewer cells than the header, or than there are names.
+    """
+    lines = [(number, line.strip()) for number, line in enumerate(StringIO(text), start=1) if line.strip()]
+    content = [(number, line) for number, line in lines if not line.startswith(_COMMENTS)]
+    separator, header = _heading(lines, content)
+    if content and not _brackets(content[0][1]) and _header(content[0][1]):
+        content = content[1:]
+    if not content:
+        raise DatasetError(path, f"holds no row of numbers, expected {', '.join(names)}")
+    in_brackets = _brackets(content[0][1]) is not None
+    header = None if in_brackets else header
+    rows = [TextRow(number, _cells(line, separator, header, names, path, number)) for number, line in content]
+    return TextTable(path, header, tuple(rows))
+
+
+def _heading(
+    lines: Sequence[tuple[int, str]], content: Sequence[tuple[int, str]]
+) -> tuple[str | None, tuple[str, ...] | None]:
+    """Separator and header: the first line where none of its cells is a number, or a comment of as many cells."""
+    if not content:
+        return None, None
+    first = content[0][1]
+    if not _brackets(first) and (found := _header(first)):
+        return found
+    for _, line in lines:
+        if line.startswith(_COMMENTS) and (found := _header(line)) and len(first.split(found[0])) == len(found[1]):
+            return found
+    return _separator(first), None
+
+
+def number_of(cell: str, path: str, line: int, name: str) -> float:
+    """The number in a cell, with a decimal point or comma.
+
+    Raises:
+        DatasetError: if it is none, or not finite.
+    """
+    text = cell.strip().strip("\"'").rstrip(",")
+    try:
+        value = float(text.replace(",", ".") if _DECIMAL_COMMA.fullmatch(text) else text)
+    except ValueError:
+        raise DatasetError(path, f"{short(text)} is not a number", line, name) from None
+    if not abs(value) <= _LARGEST:
+        raise DatasetError(path, f"{short(text)} is not finite, or beyond {_LARGEST:g}", line, name)
+    return value
+
+
+def is_picture(name: str) -> bool:
+    """Whether a name is that of a picture."""
+    return bool(_PICTURE.search(name.strip()))
+
+
+def _brackets(line: str) -> str | None:
+    """What stands in a line from its first bracket on; None where there is none behind a number, as in `x [mm]`."""
+    place = min((line.find(c) for c in "[({" if c in line), default=-1)
+    return line[place:] if place >= 0 and _NUMBER.search(line[place:]) else None
+
+
+def _header(line: str) -> tuple[str | None, tuple[str, ...]] | None:
+    """Separator and names of a line of which no cell is a number."""
+    plain = line.lstrip("#%!").strip()
+    separator = _separator(plain)
+    cells = [cell.strip().strip("\"'") for cell in plain.split(separator)]
+    if any(_is_number(cell) for cell in cells) or any(map(is_picture, cells)):
+        return None
+    return separator, tuple(cells)
+
+
+def _is_number(cell: str) -> bool:
+    return bool(_NUMBER.fullmatch(cell.strip()) or _DECIMAL_COMMA.fullmatch(cell.strip()))
+
+
+def _separator(line: str) -> str | None:
+    if all(_DECIMAL_COMMA.fullmatch(word) or _NUMBER.fullmatch(word) for word in line.split()) and " " in line.strip():
+        return None
+    return next((each for each in _SEPARATORS if each is not None and each in line), None)
+
+
+def _cells(
+    line: str, separator: str | None, header: tuple[str, ...] | None, names: Sequence[str], path: str, number: int
+) -> dict[str, str]:
+    bracketed = _brackets(line)
+    if bracketed is not None:
+        named = {name.lower(): value for name, value in _NAMED_NUMBER.findall(bracketed)}
+        if all(name.lower() in named for name in names):
+            return {**_picture_before(line, bracketed), **{name: named[name.lower()] for name in names}}
+        return _listed(line, bracketed, names, path, number)
+    cells = [cell.strip() for cell in (line.rstrip(";") if separator == ";" else line).split(separator)]
+    if header is None and len(cells) == len(names) + 1 and is_picture(cells[0]):
+        return dict(zip(("image", *names), cells, strict=True))
+    expected = names if header is None else header
+    if len(cells) != len(expected):
+        raise DatasetError(path, _count_message(cells, expected, separator, header is None), number)
+    return dict(zip(expected, cells, strict=True))
+
+
+def _listed(line: str, bracketed: str, names: Sequence[str], path: str, number: int) -> dict[str, str]:
+    """Numbers in brackets; those behind the last name are left out: ABB's targets end in configuration and axes."""
+    values = _NUMBER.findall(bracketed)
+    if len(values) < len(names):
+        raise DatasetError(path, f"{len(values)} numbers in brackets, expected {', '.join(names)}", number)
+    return _picture_before(line, bracketed) | dict(zip(names, values, strict=False))
+
+
+def _picture_before(line: str, bracketed: str) -> dict[str, str]:
+    """The picture whose name stands before a pose in brackets; nothing where none does."""
+    before = re.split(r"[,;\t ]", line[: len(line) - len(bracketed)].strip())[0].strip("\"'")
+    return {"image": before} if is_picture(before) else {}
+
+
+def _count_message(cells: Sequence[str], expected: Sequence[str], separator: str | None, is_bare: bool) -> str:
+    if separator == "," and len(cells) == 2 * len(expected):
+        return (
+            f"{len(cells)} cells for {len(expected)} columns: decimal commas need another separator than a comma, "
+            "such as a semicolon"
+        )
+    of = f"expected {', '.join(expected)}" if is_bare else f"the header has {len(expected)}"
+    return f"{len(cells)} columns, {of}"
+
+
+def rows_of_numbers(table: TextTable, columns: Sequence[str]) -> Iterator[list[float]]:
+    """The numbers of each row in these columns.
+
+    Raises:
+        DatasetError: if a cell is not a number, or a row has not these names.
+    """
+    for row in table.rows:
+        missing = [name for name in columns if name not in row.cells]
+        if missing:
+            raise DatasetError(table.path, f"has no {', '.join(missing)} but {', '.join(row.cells)}", row.line)
+        yield [number_of(row.cells[name], table.path, row.line, name) for name in columns]

@@ -1,0 +1,95 @@
+"""`basecal import poses --robot`: tables of two controllers become one recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from basecal.cell.files import read_cell, read_recording
+from basecal.cli import main
+from basecal.exchange.controllers.convention import convention
+from basecal.geometry import SE3
+
+DRAWN = SE3.exp(np.random.default_rng(3).normal(0, 0.5, (4, 6)))
+
+
+def table(path: Path, name: str, separator: str = ";", images: bool = False) -> str:
+    how = convention(name)
+    rows = [separator.join(f"{value:.12g}" for value in row) for row in how.written(DRAWN)]
+    head = separator.join(how.names)
+    if images:
+        head, rows = f"image{separator}{head}", [f"IMG_{i}.png{separator}{row}" for i, row in enumerate(rows)]
+    path.write_text("\n".join([head, *rows]) + "\n")
+    return str(path)
+
+
+def test_two_controllers_one_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """UR's metres and KUKA's millimetres meet in the same samples; what was read is said with its units."""
+    cell = str(tmp_path / "c")
+    left, right = table(tmp_path / "left.csv", "ur"), table(tmp_path / "right.txt", "kuka", "\t")
+    assert main(["import", "poses", cell, "--robot", "left", left, "--format", "ur", "--length-unit", "m"]) == 0
+    assert (
+        "4 poses left_base_from_left_flange as of ur (x, y, z, rx, ry, rz: m, rotation vec" in capsys.readouterr().out
+    )
+    assert main(["import", "poses", cell, "--robot", "right", right, "--format", "kuka"]) == 0
+    said = capsys.readouterr().out
+    assert "mm, angles about z, the new y, the new x in deg" in said
+    assert "paired with 4 samples in order" in said
+    assert (read_cell(cell).reference, list(read_cell(cell).robots)) == ("left", ["left", "right"])
+    for i, sample in enumerate(read_recording(cell).samples):
+        for state in sample.robots.values():
+            assert state.base_from_flange is not None
+            np.testing.assert_allclose(state.base_from_flange.matrix, DRAWN[i].matrix, atol=1e-9)
+
+
+def test_formats_that_say_themselves_need_no_name(tmp_path: Path) -> None:
+    """A header of quaternions, and matrices."""
+    ros = table(tmp_path / "a.csv", "ros", ",")
+    np.savetxt(tmp_path / "b.txt", DRAWN.matrix.reshape(-1, 4))
+    assert main(["import", "poses", str(tmp_path / "c"), "--robot", "a", ros]) == 0
+    assert main(["import", "poses", str(tmp_path / "c"), "--robot", "b", str(tmp_path / "b.txt")]) == 0
+    sample = read_recording(tmp_path / "c").samples[3]
+    for state in sample.robots.values():
+        assert state.base_from_flange is not None
+        np.testing.assert_allclose(state.base_from_flange.matrix, DRAWN[3].matrix, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [
+        (["--format", "ur"], 2, "--robot is missing"),
+        (["--robot", "left", "--format", "urr"], 2, "did you mean 'ur'"),
+        (["--robot", "left", "--format", "ur", "--deg", "--rad"], 2, "--deg and --rad cannot both be"),
+        (["--robot", "left"], 3, "give --format"),
+        (["--robot", "left", "--format", "ur", "--length-unit", "mm"], 3, "nothing is imported; check --length-unit"),
+        (["--robot", "left", "--format", "kuka"], 3, "these columns suit --format ur"),
+        (["--robot", "Left", "--format", "ur"], 3, "expected a name of a-z"),
+    ],
+)
+def test_mistakes_leave_nothing(
+    tmp_path: Path, words: list[str], code: int, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One line that says what to do, and no cell is begun."""
+    path = table(tmp_path / "left.csv", "ur")
+    assert main(["import", "poses", str(tmp_path / "c"), path, *words]) == code
+    told = capsys.readouterr().err
+    assert said in told
+    assert told.count("\n") == 1
+    assert not (tmp_path / "c").exists()
+
+
+def test_a_robot_is_recorded_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A second import of the same robot, and one of another count, change nothing."""
+    cell, path = str(tmp_path / "c"), table(tmp_path / "left.csv", "ur")
+    assert main(["import", "poses", cell, "--robot", "left", path, "--format", "ur"]) == 0
+    before = (tmp_path / "c" / "recording" / "samples.jsonl").read_bytes()
+    assert main(["import", "poses", cell, "--robot", "left", path, "--format", "ur"]) == 3
+    assert "robots.left: is recorded already" in capsys.readouterr().err
+    short = tmp_path / "short.csv"
+    short.write_text("\n".join(Path(path).read_text().splitlines()[:3]) + "\n")
+    assert main(["import", "poses", cell, "--robot", "right", str(short), "--format", "ur"]) == 3
+    assert "short.csv holds 2, the recording has 4 samples" in capsys.readouterr().err
+    assert (tmp_path / "c" / "recording" / "samples.jsonl").read_bytes() == before
+    assert list(read_cell(cell).robots) == ["left"]

@@ -1,0 +1,81 @@
+"""Tables as people paste them."""
+
+from __future__ import annotations
+
+import pytest
+
+from basecal.errors import DatasetError
+from basecal.exchange.importing.text_table import TextTable, is_picture, number_of, read_text_table, rows_of_numbers
+
+NAMES = ("x", "y", "z")
+
+
+def values(text: str) -> list[list[float]]:
+    table = read_text_table(text, "t.csv", NAMES)
+    return list(rows_of_numbers(table, NAMES))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "x,y,z\n0.1,2,-3e1\n",
+        "x;y;z\n0,1;2;-30\n",
+        "x\ty\tz\n0,1\t2\t-30\n",
+        "x y z\n0,1 2 -30\n",
+        "# x, y, z\n0.1, 2, -30\n",
+        "0.1 2 -30\n",
+        "0,1;2;-30;\n",
+        "0.1,\t2,\t-30\n",
+        "z,x,y\n-30,0.1,2\n",
+        "p[0.1, 2, -30]\n",
+        "pose\n[0.1, 2, -30]\n",
+        "CONST pos p10:=[0.1,2,-30];\n",
+        "{X 0.1, Y 2, Z -30, S 2, T 35}\n",
+        "XP1={Z -30,X=0.1,Y: 2}\n",
+        '"x","y","z"\n"0.1","2","-30"\n',
+        "! a comment\n; another\n// and one more\n\n0.1 2 -30\n",
+        "[[0.1, 2, -30], [1, 0, 0, 0], [0, 0, 0, 0]]\n",
+    ],
+)
+def test_one_row_however_it_is_written(text: str) -> None:
+    """Separators, decimal commas, headers, brackets and names in front of numbers all give the same row."""
+    assert values(text) == [[0.1, 2, -30]]
+
+
+def test_a_picture_in_front_needs_no_header() -> None:
+    """A first cell that ends as a picture does names it, before a pose in brackets too."""
+    for line in ("a.png,1,2,3\n", "a.png;1;2;3\n", "a.png, p[1,2,3]\n", "a.png [1, 2, 3]\n"):
+        (row,) = read_text_table(line, "t.csv", NAMES).rows
+        assert row.cells["image"] == "a.png"
+        assert [float(row.cells[name]) for name in NAMES] == [1, 2, 3]
+    assert is_picture("x/IMG.JPG")
+    assert not is_picture("p10")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "holds no row of numbers, expected x, y, z"),
+        ("x,y,z\n", "holds no row"),
+        ("x,y,z\n1,2\n", "t.csv:2: 2 columns, the header has 3"),
+        ("1,2\n", "t.csv:1: 2 columns, expected x, y, z"),
+        ("x,y,z\n0,1,0,2,0,3\n", "t.csv:2: 6 cells for 3 columns: decimal commas need another separator"),
+        ("x,y,z\n1,zwei,3\n", "t.csv:2: y: 'zwei' is not a number"),
+        ("x,y,z\n1,nan,3\n", "t.csv:2: y: 'nan' is not finite"),
+        ("x,y,z\n1,,3\n", "t.csv:2: y: '' is not a number"),
+        ("p[1,2]\n", "t.csv:1: 2 numbers in brackets, expected x, y, z"),
+        ("x,y,q\n1,2,3\n", "t.csv:2: has no z but x, y, q"),
+    ],
+)
+def test_what_is_no_table_is_said(text: str, said: str) -> None:
+    """Each with its line, and what to do where it is known."""
+    with pytest.raises(DatasetError) as error:
+        values(text)
+    assert said in str(error.value)
+
+
+def test_lines_are_those_of_the_file() -> None:
+    """Empty lines and comments count."""
+    table: TextTable = read_text_table("x,y,z\n\n# one\n1,2,3\n", "t.csv", NAMES)
+    assert table.rows[0].line == 4
+    assert number_of(" '1,5' ", "t.csv", 4, "x") == 1.5

@@ -1,0 +1,199 @@
+"""Files of flange poses as controllers write them, makers' own examples among them."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from tests.shared.real_recordings import data_folder
+
+from basecal.errors import DatasetError, InputError
+from basecal.exchange.controller_poses import Reading, guessed_format, keyed_rows, read_controller_poses
+from basecal.exchange.controllers.convention import convention
+from basecal.exchange.importing.text_table import read_text_table
+from basecal.geometry import SE3
+from basecal.registry import CONTROLLERS
+
+
+def poses(folder: Path, text: str, reading: Reading, name: str = "poses.txt") -> SE3:
+    (folder / name).write_text(text, encoding="utf-8")
+    rows = read_controller_poses(str(folder / name), "left", reading)
+    found = [row.robots["left"].base_from_flange for row in rows]
+    return SE3.stack([pose for pose in found if pose is not None])
+
+
+def by_angles(axes: str, *degrees: float) -> Rotation:
+    return Rotation.from_euler(axes, degrees, degrees=True)
+
+
+# What is written in a document, and the pose that the document says this is.
+EXAMPLES = {
+    # The URScript Programming Language: rotvec2rpy([3.14, 1.57, 0]) is [-2.80856, -0.16202, 0.9].
+    "ur": (
+        "p[0.1, 0.2, 0.3, 3.14, 1.57, 0]",
+        [0.1, 0.2, 0.3],
+        by_angles("xyz", *np.degrees([-2.80856, -0.16202, 0.9])),
+    ),
+    # RAPID Technical reference manual: robtarget p15; and orient: 30 deg about y are [0.965926, 0, 0.258819, 0].
+    "abb": (
+        "CONST robtarget p15 := [ [600, 500, 225.3], [0.965926, 0, 0.258819, 0], [1, 1, 0, 0], "
+        "[ 11, 12.3, 9E9, 9E9, 9E9, 9E9] ];",
+        [0.6, 0.5, 0.2253],
+        by_angles("y", 30),
+    ),
+    # industrial_robot_angle_conversions, test of fanucWPRtoQuaternion.
+    "fanuc": (
+        "100 200 300 -50 125 67",
+        [0.1, 0.2, 0.3],
+        Rotation.from_quat([-0.606432, 0.562658, 0.543574, 0.142067]),
+    ),
+    # RoboDK's KUKA_2_Pose is its Fanuc_2_Pose with the angles the other way round; the numbers as above.
+    "kuka": (
+        "DECL E6POS XP1={X 1620.0,Y 0.0,Z 1910.0,A 67.0,B 125.0,C -50.0,S 2,T 35,E1 0.0}",
+        [1.62, 0, 1.91],
+        Rotation.from_quat([-0.606432, 0.562658, 0.543574, 0.142067]),
+    ),
+    # RoboDK's Pose_2_Staubli is rotx roty rotz; numbers: industrial_robot_angle_conversions, RPYtoQuaternion, x y z.
+    "staubli": (
+        "x y z rx ry rz\n100 200 300 20 86 32",
+        [0.1, 0.2, 0.3],
+        Rotation.from_quat([0.307207, 0.610614, 0.312366, 0.659699]),
+    ),
+    # mathworks.com, eul2rotm, the example of "ZYZ" with [0 pi/2 pi/2].
+    "doosan": (
+        "posx(100, 200, 300, 0, 90, 90)",
+        [0.1, 0.2, 0.3],
+        Rotation.from_matrix([[0, 0, 1], [1, 0, 0], [0, 1, 0]]),
+    ),
+    # libfranka: column-major, metres; the start of its examples by its maker's DH parameters.
+    "franka": (
+        "[1, 0, 0, 0, 0, -1, 0, 0, 0, 0, -1, 0, 0.3069, 0, 0.4869, 1]",
+        [0.3069, 0, 0.4869],
+        by_angles("x", 180),
+    ),
+    # UFACTORY's user manual: Rz(yaw) Ry(pitch) Rx(roll).
+    "xarm": ("300, 0, 300, 180, 20, 30", [0.3, 0, 0.3], by_angles("Z", 30) * by_angles("Y", 20) * by_angles("X", 180)),
+    # DX100, "Configuration of Position Data": turned in the order Rz, Ry and Rx.
+    "yaskawa": (
+        "1000.0,0.0,800.0,180.0000,-5.0000,30.0000",
+        [1, 0, 0.8],
+        by_angles("Z", 30) * by_angles("Y", -5) * by_angles("X", 180),
+    ),
+    # geometry_msgs/Quaternion: the scalar last.
+    "ros": ("0.1 0.2 0.3 0 0.258819 0 0.965926", [0.1, 0.2, 0.3], by_angles("y", 30)),
+}
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_what_documents_write(tmp_path: Path, name: str) -> None:
+    """A line as a document writes it is the pose that the document says it is."""
+    text, translation, rotation = EXAMPLES[name]
+    pose = poses(tmp_path, text + "\n", Reading(name))[0]
+    np.testing.assert_allclose(pose.rotation, rotation.as_matrix(), atol=1e-5)
+    np.testing.assert_allclose(pose.translation, translation, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+@pytest.mark.parametrize("with_header", [True, False])
+def test_every_format_is_read(tmp_path: Path, name: str, with_header: bool) -> None:
+    """Rows of each controller's numbers give the poses back, with its names as a header and without, in mm too."""
+    drawn = SE3.exp(np.random.default_rng(0).normal(0, 0.6, (6, 6)))
+    how = convention(name)
+    lines = [";".join(repr(float(value)).replace(".", ",") for value in row) for row in how.written(drawn)]
+    text = "\n".join([*([";".join(how.names)] if with_header else []), *lines])
+    np.testing.assert_allclose(poses(tmp_path, text, Reading(name)).matrix, drawn.matrix, atol=1e-12)
+    read = poses(tmp_path, text, Reading(name, how.length * 1e-3))
+    np.testing.assert_allclose(read.translation * 1000, drawn.translation, atol=1e-9)
+
+
+def test_columns_by_name_in_any_order(tmp_path: Path) -> None:
+    """The header says which is which, in capitals or not, with units, and what is not asked for is passed over."""
+    text = "image;C [deg];B_deg;A;Z [mm];y;X;speed\na.png;30;20;10;3;2;1;5\n"
+    read = poses(tmp_path, text, Reading("kuka"))
+    np.testing.assert_allclose(read.translation, [[1e-3, 2e-3, 3e-3]])
+    expected = Rotation.from_euler("ZYX", [10, 20, 30], degrees=True).as_matrix()
+    np.testing.assert_allclose(read.rotation[0], expected, atol=1e-12)
+
+
+def test_quaternions_by_their_names(tmp_path: Path) -> None:
+    """Whose scalar is first and who names it qw is read by name."""
+    text = "qx,qy,qz,qw,x,y,z\n0,0,0.6,0.8,1,2,3\n"
+    for name in ("abb", "ros"):
+        read = poses(tmp_path, text, Reading(name, 1.0))
+        np.testing.assert_allclose(read.quaternion, [[0, 0, 0.6, 0.8]], atol=1e-12)
+
+
+def test_stated_units_count(tmp_path: Path) -> None:
+    """Metres and radians of a controller that writes millimetres and degrees."""
+    text = "0.1,0.2,0.3,0.4,0.5,0.6\n"
+    read = poses(tmp_path, text, Reading("fanuc", 1.0, 1.0))
+    np.testing.assert_allclose(read.rpy, [[0.4, 0.5, 0.6]])
+    np.testing.assert_allclose(read.translation, [[0.1, 0.2, 0.3]])
+    assert Reading("fanuc", 1.0, 1.0).words == "X, Y, Z, W, P, R: m, angles about fixed x, y, z in rad"
+    assert Reading("abb").words == "x, y, z, q1, q2, q3, q4: mm, quaternion, scalar first"
+    assert Reading("franka").words == "4x4 by columns, m"
+
+
+@pytest.mark.parametrize(
+    ("text", "reading", "said"),
+    [
+        ("0.1,0.2,0.3,0,180,0\n", Reading("ur"), "angles up to 180 are no radians: give --deg"),
+        ("1,2,3,0.1,0,0\n1,2,3,0.2,0,1\n1,2,3,-3,0,0\n", Reading("kuka"), "these look like radians, give --rad"),
+        ("x_mm,y,z,rx,ry,rz\n1,2,3,0,0,0\n", Reading("ur"), "x_mm: the column says mm, and it is read otherwise"),
+        ("x,y,z,rx_deg,ry,rz\n1,2,3,0,0,0\n", Reading("ur"), "rx_deg: the column says deg, and it is read otherwise"),
+        ("X,Y,Z,A,B,C\n1,2,3,0,0,0\n", Reading("ur"), "these columns suit --format kuka, doosan"),
+        ("1,2,3,1,1,0,0\n", Reading("abb"), "poses.txt:1: q_xyzw has norm 1.41421"),
+        ("x,y,z,rx,ry,rz,sample\n1,2,3,0,0,0,1.5\n", Reading("ur"), "1.5 is not a whole number from 0"),
+    ],
+)
+def test_mistakes_are_named(tmp_path: Path, text: str, reading: Reading, said: str) -> None:
+    """Units and columns that do not belong to the format, with what to give instead."""
+    with pytest.raises(DatasetError) as error:
+        poses(tmp_path, text, reading)
+    assert said in str(error.value)
+
+
+def test_who_writes_no_angles_has_no_unit_of_them() -> None:
+    """Of quaternions and matrices the unit of angles cannot be stated."""
+    for name in ("abb", "ros", "franka", "matrix"):
+        with pytest.raises(InputError, match="writes no angles"):
+            _ = Reading(name, None, 1.0).convention
+
+
+def test_small_angles_are_no_mistake_where_degrees_are_stated(tmp_path: Path) -> None:
+    """A flange that hardly turns is taken as stated; so is one that does not turn at all, stated or not."""
+    text = "1,2,3,0.1,0,0\n1,2,3,0.2,0,1\n1,2,3,-3,0,0\n"
+    assert len(poses(tmp_path, text, Reading("kuka", None, math.radians(1)))) == 3
+    assert len(poses(tmp_path, "1,2,3,0,0,0\n4,5,6,0,0,0\n7,8,9,0,0,0\n", Reading("kuka"))) == 3
+
+
+def test_keys_say_where_rows_belong() -> None:
+    """Columns `image`, `sample` and `stamp_s`, and the usual names of the first and the last."""
+    table = read_text_table("Filename,sample,time_s,x\na.png,4,12.5,1\n", "t.csv", ("x",))
+    (row,) = keyed_rows(table)
+    assert (row.image, row.sample, row.stamp_s) == ("a.png", 4, 12.5)
+
+
+def test_stacked_matrices_of_a_real_recording() -> None:
+    """Ten poses of a UR5e, 4x4 one below the other: each a rotation, within the arm's reach."""
+    file = data_folder() / "ur5e_dual_charuco_2023" / "r1_tf.txt"
+    if not file.exists():
+        pytest.skip(f"{file} is not there: set BASECAL_DATA to the folder of the published recordings")
+    rows = read_controller_poses(str(file), "hand", Reading("matrix", 1.0))
+    lengths = [np.linalg.norm(row.robots["hand"].base_from_flange.translation) for row in rows]
+    assert len(rows) == 10
+    assert 0.2 < min(lengths) < max(lengths) < 0.95
+
+
+def test_the_format_is_guessed_only_where_it_is_said(tmp_path: Path) -> None:
+    """Matrices and ROS's quaternions say what they are; angles do not."""
+    for text, name in (("x,y,z,qx,qy,qz,qw\n", "ros"), ("m00,m01\n", "matrix")):
+        (tmp_path / "a.csv").write_text(text)
+        assert guessed_format(str(tmp_path / "a.csv")) == name
+    assert guessed_format("a.txt") == "matrix"
+    (tmp_path / "a.csv").write_text("x,y,z,rx,ry,rz\n")
+    with pytest.raises(DatasetError, match="give --format"):
+        guessed_format(str(tmp_path / "a.csv"))
