@@ -60,6 +60,8 @@ EXPORTERS = {
     "usd": "frames of a USD stage, as text (.usda); needs the extra `usd`",
     "mujoco": "bodies of an MJCF model",
     "urdf": "with --robot: its URDF with its joint offsets and link errors in the origins of its joints",
+    "urdf_joint": "with --urdf FILE: that URDF, the origin of a fixed joint in it being what was found",
+    "urdf_cell": "one URDF of all robots, each where it was found; with --urdf FILE... from these",
 }
 """Kinds of `basecal export` with what each gives: modules of `basecal.exchange.exporters`."""
 

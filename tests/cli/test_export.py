@@ -101,6 +101,13 @@ def test_files_are_written_whole(solved: Path, tmp_path: Path, capsys: pytest.Ca
     assert out.read_text() == capsys.readouterr().out
 
 
+def test_one_urdf_of_two_robots(solved: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of the files given, one for each robot."""
+    arm = str(Path(__file__).parents[1] / "data" / "urdf" / "six_axis.urdf")
+    assert main(["export", str(solved), "--to", "urdf_cell", "--urdf", arm, arm]) == 0
+    assert '<joint name="eye_base_to_hand_base" type="fixed">' in capsys.readouterr().out
+
+
 def test_what_is_doubtful_says_so_and_what_is_refused_is_kept(
     solved: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -5,6 +5,7 @@ import pytest
 
 from basecal.errors import DatasetError, FrameNotFound
 from basecal.kinematics import parse_chain, read_chain
+from basecal.kinematics.urdf import joint_origins
 
 LINKS = '<link name="base"/><link name="arm"/><link name="tool"/>'
 TURN = """<joint name="turn" type="revolute"><parent link="base"/><child link="arm"/>
@@ -180,3 +181,16 @@ def test_an_arm_has_no_hundred_joints():
         parse_chain(text, "l0", "l100")
     with pytest.raises(FrameNotFound, match=r"l18, l19 and 81 more$"):
         parse_chain(text, "l0", "tool")
+
+
+def test_every_joint_is_told_with_its_origin():
+    """By the link that hangs on it; the root hangs on none."""
+    above = joint_origins(robot(LINKS, TURN, HOLD))
+    assert {link: (joint.name, joint.kind, joint.parent) for link, joint in above.items()} == {
+        "arm": ("turn", "revolute", "base"),
+        "tool": ("hold", "fixed", "arm"),
+    }
+    np.testing.assert_array_equal(above["tool"].parent_from_child.translation, [0.1, 0, 0])
+    assert above["arm"].child == "arm"
+    with pytest.raises(DatasetError, match="not a tree"):
+        joint_origins(robot(LINKS, HOLD, LOOSE))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -23,6 +24,8 @@ def export(
     transform: str | None = None,
     robot: str | None = None,
     camera: str | None = None,
+    urdf: Annotated[tuple[Path, ...], Parameter(consume_multiple=True)] = (),
+    joint: str | None = None,
     run: str | None = None,
     output: Annotated[Path | None, Parameter(alias="-o")] = None,
 ) -> int:
@@ -38,6 +41,7 @@ def export(
         basecal export mycell --to ur
         basecal export mycell --to kuka --transform hand_base_from_eye_base
         basecal export mycell --to urdf --robot hand -o hand_corrected.urdf
+        basecal export mycell --to urdf_cell --urdf eye.urdf hand.urdf -o both.urdf
 
     Args:
         cell: Folder of the cell.
@@ -45,28 +49,49 @@ def export(
         transform: Name of a transform of the calibration, or the inverse's.
         robot: Whose file, for kinds that are of a robot.
         camera: Whose file, for kinds that are of a camera.
+        urdf: URDF files to build on; of several robots, in the order of cell.yaml.
+        joint: Which joint's origin is replaced, where several could be.
         run: Name of a run in the cell's folder `runs`; the latest where not said.
         output: File to write; printed where not said.
     """
     from basecal.cell.files import read_calibration, read_cell
     from basecal.exchange.exporters.exporter import export as exported
-    from basecal.exchange.exporters.exporter import exporter
 
-    if to not in EXPORTERS:
-        raise CycloptsError(msg=f"--to {FrameNotFound(to, list(EXPORTERS))}")
-    takes = exporter(to).TAKES
-    for option, value in {"transform": transform, "robot": robot, "camera": camera}.items():
-        if value is not None and option not in takes:
-            raise CycloptsError(msg=f"--to {to} takes --{' or --'.join(takes)}, not --{option}")
+    _check_usage(to, {"transform": transform, "robot": robot, "camera": camera, "urdf": urdf, "joint": joint})
     described, folder = read_cell(cell), _folder(cell, run)
     calibration = read_calibration(folder)
     text = exported(
-        calibration, to, transform, robot=robot, camera=camera, cell=described, folder=cell, run=folder.name
+        calibration,
+        to,
+        transform,
+        robot=robot,
+        camera=camera,
+        urdf=urdf,
+        joint=joint,
+        cell=described,
+        folder=cell,
+        run=folder.name,
     )
     _write(text, output)
     if calibration.verdict == "doubtful":
         say(f"basecal: warning: the calibration is doubtful: basecal report {pasted(cell)}", sys.stderr)
     return 0
+
+
+def _check_usage(to: str, given: Mapping[str, object]) -> None:
+    """Whether there is such a kind, and each option given is one of its.
+
+    Raises:
+        CycloptsError: if not.
+    """
+    from basecal.exchange.exporters.exporter import exporter
+
+    if to not in EXPORTERS:
+        raise CycloptsError(msg=f"--to: {FrameNotFound(to, list(EXPORTERS))}")
+    takes = exporter(to).TAKES
+    for option, value in given.items():
+        if value and option not in takes:
+            raise CycloptsError(msg=f"--to {to} takes --{' or --'.join(takes)}, not --{option}")
 
 
 def _folder(cell: Path, run: str | None) -> Path:

@@ -64,7 +64,7 @@ def corrected_urdf(
     turns = chain.axes * (np.zeros(chain.n) if offsets is None else offsets)[:, None]
     moved = [SE3.exp(tangents[i]) @ SE3.from_rotvec(turns[i], np.zeros(3)) for i in range(chain.n)]
     joint_moves, tip_move = moved, SE3.exp(tangents[-1])
-    root = _parsed(text)
+    root = parsed_urdf(text)
     by_name = {str(element.get("name")): element for element in root.findall("joint")}
     for name, move in zip(chain.joint_names, joint_moves, strict=True):
         _move(by_name[name], move)
@@ -98,7 +98,7 @@ def chain_urdf(chain: SerialChain, base_link: str, flange_link: str, name: str =
         element = SubElement(root, "link", name=link)
         if chain.masses is not None and 0 < k <= chain.n:
             inertial = SubElement(element, "inertial")
-            SubElement(inertial, "origin", xyz=_exactly(chain.masses.centres[k - 1]))
+            SubElement(inertial, "origin", xyz=exactly(chain.masses.centres[k - 1]))
             SubElement(inertial, "mass", value=repr(float(chain.masses.kg[k - 1])))
     origins = [*(chain.origins[i] for i in range(chain.n)), chain.tip]
     names = (*chain.joint_names, f"{flange_link}_joint")
@@ -108,9 +108,9 @@ def chain_urdf(chain: SerialChain, base_link: str, flange_link: str, name: str =
         element = SubElement(root, "joint", name=joint, type=kind)
         SubElement(element, "parent", link=links[k])
         SubElement(element, "child", link=links[k + 1])
-        SubElement(element, "origin", xyz=_exactly(origin.translation), rpy=_exactly(rpy_of_rotation(origin.rotation)))
+        SubElement(element, "origin", xyz=exactly(origin.translation), rpy=exactly(rpy_of_rotation(origin.rotation)))
         if k < chain.n:
-            SubElement(element, "axis", xyz=_exactly(chain.axes[k]))
+            SubElement(element, "axis", xyz=exactly(chain.axes[k]))
         if limited:
             lower, upper = repr(float(chain.lower[k])), repr(float(chain.upper[k]))
             SubElement(element, "limit", lower=lower, upper=upper, effort="100", velocity="3")
@@ -118,8 +118,8 @@ def chain_urdf(chain: SerialChain, base_link: str, flange_link: str, name: str =
     return tostring(root, encoding="unicode", xml_declaration=True) + "\n"
 
 
-def _parsed(text: str | bytes) -> Element:
-    """The root element, comments inside it kept."""
+def parsed_urdf(text: str | bytes) -> Element:
+    """The root element of a URDF, comments inside it kept."""
     from xml.etree.ElementTree import TreeBuilder
 
     from defusedxml.ElementTree import XMLParser
@@ -140,9 +140,10 @@ def _move(joint: Element, move: SE3) -> None:
     origin = SubElement(joint, "origin") if origin is None else origin
     rpy, xyz = ([float(word) for word in origin.get(key, "0 0 0").split()] for key in ("rpy", "xyz"))
     moved = SE3.from_rpy(rpy, xyz) @ move
-    origin.set("xyz", _exactly(moved.translation))
-    origin.set("rpy", _exactly(rpy_of_rotation(moved.rotation)))
+    origin.set("xyz", exactly(moved.translation))
+    origin.set("rpy", exactly(rpy_of_rotation(moved.rotation)))
 
 
-def _exactly(values: Array) -> str:
+def exactly(values: Array) -> str:
+    """Numbers with as many digits as bring them back."""
     return " ".join(repr(float(value) + 0.0) for value in values)

@@ -94,6 +94,41 @@ def parse_chain(text: str | bytes, base_link: str, flange_link: str, path: str =
     return replace(chain, masses=_masses(chain.joint_names, above, links, path))
 
 
+@dataclass(frozen=True, eq=False)
+class JointOrigin:
+    """Where a joint holds its child, at angle zero.
+
+    Attributes:
+        name: Its name.
+        kind: `fixed`, `revolute` or another type of URDF.
+        parent: The link it hangs on.
+        child: The link that hangs on it.
+        parent_from_child: Its origin.
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    parent_from_child: SE3
+
+
+def joint_origins(text: str | bytes, path: str = "<text>") -> dict[str, JointOrigin]:
+    """The joint above each link but the root, by the name of the link.
+
+    Raises:
+        DatasetError: if the text is no URDF, or no tree of links, or an origin cannot be used; it names `path`.
+    """
+    root = _root(text, path)
+    links = _unique([_attribute(path, element, "name") for element in root.findall("link")], "link", path)
+    joints = [_joint(path, element) for element in root.findall("joint")]
+    _unique([joint.name for joint in joints], "joint", path)
+    above = _tree(joints, links, path)
+    return {
+        link: JointOrigin(joint.name, joint.kind, joint.parent, link, _origin(joint)) for link, joint in above.items()
+    }
+
+
 def way_names(text: str | bytes, base_link: str, flange_link: str, path: str = "<text>") -> tuple[str, ...]:
     """Names of all joints from `base_link` to `flange_link`, fixed ones among them.
 

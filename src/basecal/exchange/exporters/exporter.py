@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal, Protocol
@@ -13,7 +14,7 @@ from basecal.exchange.exports.remarks import provenance
 from basecal.exchange.exports.wanted import Wanted
 from basecal.registry import EXPORTERS
 
-Takes = Literal["transform", "robot", "camera"]
+Takes = Literal["transform", "robot", "camera", "urdf", "joint"]
 
 
 class Exporter(Protocol):
@@ -45,6 +46,8 @@ def export(
     *,
     robot: str | None = None,
     camera: str | None = None,
+    urdf: Sequence[Path] = (),
+    joint: str | None = None,
     cell: Cell | None = None,
     folder: Path | None = None,
     run: str | None = None,
@@ -57,6 +60,8 @@ def export(
         transform: Name of a transform, in whichever direction; those that the cell was calibrated for where None.
         robot: Whose file, for kinds that are of a robot.
         camera: Whose file, for kinds that are of a camera.
+        urdf: URDFs to build on, for kinds that do.
+        joint: Whose origin is replaced in one.
         cell: What was calibrated: it names frames, and some kinds need it.
         folder: Where the cell's files are.
         run: Name of the calibration's run, said in comments.
@@ -71,14 +76,14 @@ def export(
     if calibration.verdict == "refused":
         raise RefusedCalibration(next((f.message for f in calibration.findings if f.severity == "error"), ""))
     found = exporter(kind)
-    named = {"transform": transform, "robot": robot, "camera": camera}
+    named = {"transform": transform, "robot": robot, "camera": camera, "urdf": urdf, "joint": joint}
     for option, value in named.items():
-        if value is not None and option not in found.TAKES:
+        if value and option not in found.TAKES:
             raise InputError(f"{kind} takes a {' or a '.join(found.TAKES)}, not a {option}")
     of_transforms = "transform" in found.TAKES and robot is None and camera is None
     transforms = chosen_transforms(calibration, cell, transform) if of_transforms else ()
     remarks = provenance(calibration, run)
-    return found.exported(Wanted(transforms, remarks, calibration, cell, folder, robot, camera))
+    return found.exported(Wanted(transforms, remarks, calibration, cell, folder, robot, camera, tuple(urdf), joint))
 
 
 def pasteable(calibration: Calibration, cell: Cell | None = None, run: str | None = None) -> dict[str, dict[str, str]]:

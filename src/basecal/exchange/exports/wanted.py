@@ -46,6 +46,8 @@ class Wanted:
         folder: Where the cell's files are; None likewise.
         robot: The robot asked for; None where none was.
         camera: Likewise the camera.
+        urdfs: URDFs to build on.
+        joint: The joint of one that is meant; None where it is clear.
     """
 
     transforms: tuple[NamedTransform, ...]
@@ -55,3 +57,5 @@ class Wanted:
     folder: Path | None = None
     robot: str | None = None
     camera: str | None = None
+    urdfs: tuple[Path, ...] = ()
+    joint: str | None = None

@@ -1,0 +1,65 @@
+"""One URDF of all robots of a cell, each standing where it was found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from basecal.bounded_file import read_bounded
+from basecal.cell import Cell, Robot
+from basecal.errors import InputError
+from basecal.exchange.exporters.exporter import Takes
+from basecal.exchange.exports.remarks import comments
+from basecal.exchange.exports.wanted import Wanted
+from basecal.exchange.urdf_scene import RobotPart, link_names, merged_urdf
+from basecal.kinematics.urdf import LARGEST_BYTES, joint_origins
+
+TAKES: tuple[Takes, ...] = ("urdf",)
+PASTED = False
+
+
+def exported(wanted: Wanted) -> str:
+    """A URDF made of one for each robot: those given, in the order of cell.yaml, or those that the cell names.
+
+    A robot's base is the `base_link` that cell.yaml gives it, or the base of its `frames`, or the root of its URDF.
+
+    Raises:
+        FrameNotFound: if a base link does not exist.
+        InputError: if there are not as many URDFs as robots, or where one stands is not known.
+        DatasetError: if a URDF cannot be used.
+    """
+    cell = wanted.cell
+    if cell is None or wanted.folder is None:
+        raise InputError("a URDF of a cell needs the cell and its folder")
+    paths = _paths(cell, wanted.folder, wanted.urdfs)
+    parts = {robot.name: _part(robot, path) for robot, path in zip(cell.robots.values(), paths, strict=True)}
+    known = wanted.calibration.known_transforms(cell)
+    others = [name for name in cell.robots if name != cell.reference]
+    for name in others:
+        if cell.base_name(name) not in known:
+            raise InputError(f"where {name!r} stands is not known: there is no {cell.base_name(name)}")
+    places = {name: known[cell.base_name(name)] for name in others}
+    remarks = [line.strip() for line in comments([*wanted.remarks, *_said(parts)], "")]
+    return merged_urdf(parts, cell.reference, places, remarks)
+
+
+def _paths(cell: Cell, folder: Path, given: Sequence[Path]) -> list[Path]:
+    named = [folder / robot.urdf for robot in cell.robots.values() if robot.urdf is not None]
+    paths = list(given) or named
+    if len(paths) != len(cell.robots):
+        robots = ", ".join(cell.robots)
+        raise InputError(f"{len(paths)} URDFs for {len(cell.robots)} robots: give one each, --urdf for {robots}")
+    return paths
+
+
+def _part(robot: Robot, path: Path) -> RobotPart:
+    text = read_bounded(path, LARGEST_BYTES)
+    stated = robot.base_link or robot.frames.get("base")
+    if stated is None:
+        above = joint_origins(text, str(path))
+        stated = next(link for link in link_names(text) if link not in above)
+    return RobotPart(text, stated, str(path))
+
+
+def _said(parts: dict[str, RobotPart]) -> list[str]:
+    return [f"{name}: {Path(part.path).name}, its base is the link {part.base_link}" for name, part in parts.items()]
