@@ -10,6 +10,8 @@ import numpy as np
 
 from basecal.accuracy.axis_shift import calibrate_axis_shift
 from basecal.accuracy.certify import certified
+from basecal.accuracy.clocks.search import Clocked, clocked
+from basecal.accuracy.clocks.settle import clock_findings, clock_offsets, clocks_left, settled
 from basecal.accuracy.cross_validation.robot_model_selection import RobotModelChoice, choose_robot_model
 from basecal.accuracy.cross_validation.validation import cross_validate
 from basecal.accuracy.findings.evidence import Evidence, Input
@@ -26,7 +28,7 @@ from basecal.accuracy.robot_parameters import robot_parameters
 from basecal.accuracy.stated_sigmas import ContradictedSigma, contradicted_sigmas, without_contradicted
 from basecal.accuracy.systematic_errors.search import SystematicError, systematic_error
 from basecal.accuracy.widening import widened
-from basecal.cell import Calibration, Cell, Finding, Recording, Residuals
+from basecal.cell import Calibration, Cell, ClockOffset, Finding, Recording, Residuals
 from basecal.cell.calibration import Verdict
 from basecal.estimation.outliers.noise_and_outliers import is_as_of_arms, solve_with_noise, with_noise
 from basecal.estimation.outliers.robust_solve import RobustSolution, solve_robustly
@@ -34,6 +36,7 @@ from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem
 from basecal.estimation.settings import DEFAULT, Settings
 from basecal.estimation.solve import Solution, solve_packed
+from basecal.estimation.streams.streams import streams_of
 
 
 def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) -> Calibration:
@@ -51,6 +54,14 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
         InputError: if the cell contradicts the recording.
         NotObservable: if the axis-shift method is asked for and the recording has no station, or a mount is not known.
     """
+    with settings.stage("clocks"):
+        streams = streams_of(cell, recording)
+        by_clocks = None if streams is None else clocked(streams, settings)
+    return _calibrated(cell, recording if by_clocks is None else by_clocks.recording, settings, by_clocks)
+
+
+def _calibrated(cell: Cell, recording: Recording, settings: Settings, by_clocks: Clocked | None) -> Calibration:
+    """The calibration of samples, made by clocks that were estimated or not."""
     with settings.stage("problem"):
         problem, dropped = build_problem(cell, recording)
     given = Input(problem, (*recording.findings, *dropped))
@@ -83,7 +94,7 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
         stamps = {s.sample: s.stamp_s for s in recording.samples if s.stamp_s is not None}
         refuted = as_stated if any(each.too_small for each in contradicted) else None
         found = systematic_error(robust.solution, problem, stamps, settings, refuted)
-    return _judged(cell, recording, problem, robust, contradicted, found, model, settings, findings)
+    return _judged(cell, recording, problem, robust, contradicted, found, model, settings, findings, by_clocks)
 
 
 def _without_outliers(cell: Cell, settings: Settings, plain: Solution, noisy: Solution | None) -> RobustSolution:
@@ -108,6 +119,7 @@ def _judged(
     model: RobotModelChoice | None,
     settings: Settings,
     findings: list[Finding],
+    by_clocks: Clocked | None,
 ) -> Calibration:
     """The answer with everything that is found about it."""
     stated = replace(settings, robot_noise="stated")
@@ -125,8 +137,14 @@ def _judged(
     rival = None if validated is None else validated.rival
     for other in (systematic, rival, *lenses):
         solution = solution if other is None else widened(solution, other.moved)
+    clocks: dict[str, ClockOffset] = {}
+    if by_clocks is not None:
+        left = clocks_left(by_clocks, robust.solution)
+        solution, clocks = settled(solution, left), clock_offsets(by_clocks, left)
+        findings += clock_findings(by_clocks, left)
     return replace(
         _calibration(cell, recording, solution, fit, settings, findings),
+        clocks=clocks,
         outliers=tuple(map(described_outlier, robust.outliers)),
         validation=None if validated is None else validated.summary,
         certificate=certificate,

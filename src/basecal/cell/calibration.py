@@ -148,6 +148,14 @@ class RobotParameters:
     covariance: Array | None = None
 
 
+@dataclass(frozen=True)
+class ClockOffset:
+    """What is added to the stamps of a device to make them the reference's, and its sigma [s]; 0 where it is fixed."""
+
+    offset_s: float
+    sigma_s: float
+
+
 @dataclass(frozen=True, eq=False)
 class Calibration:
     """The answer, with all that is needed to trust it.
@@ -159,6 +167,7 @@ class Calibration:
         points: Names of the transforms whose rotation is not defined (mounts of a single point).
         cameras: Lenses with the covariance of their parameters, by camera; those not fixed.
         robot_parameters: By kind, then by robot; of those given by joints whose parameters are not fixed.
+        clocks: Of the cameras and robots whose clocks were not all taken for one, by name.
         noise: Sigmas used or estimated: `pixel_px`, `pose_m`, `pose_rad`, `point_m` and by robot.
         order: Names of the transforms of `joint_covariance`, 6 rows each.
         joint_covariance: (6 n, 6 n) [m, rad].
@@ -180,6 +189,7 @@ class Calibration:
     points: frozenset[str] = frozenset()
     cameras: Mapping[str, tuple[Camera, Array]] = field(default_factory=dict)
     robot_parameters: Mapping[str, Mapping[str, RobotParameters]] = field(default_factory=dict)
+    clocks: Mapping[str, ClockOffset] = field(default_factory=dict)
     noise: Mapping[str, Any] = field(default_factory=dict)
     order: tuple[str, ...] = ()
     joint_covariance: Array | None = None

@@ -32,6 +32,21 @@ class Unknown:
     sigma: Array | None = None
 
 
+@dataclass(frozen=True)
+class Clock:
+    """What is known of a device's clock.
+
+    Attributes:
+        status: `fixed` (exactly `offset_s`), `prior` (`offset_s` with `sigma_s`) or `free` (`offset_s` is a guess).
+        offset_s: What is added to its stamps to make them the reference's [s].
+        sigma_s: Of the prior [s]; with `prior` only.
+    """
+
+    status: Status = "fixed"
+    offset_s: float = 0.0
+    sigma_s: float | None = None
+
+
 @dataclass(frozen=True, eq=False)
 class Driver:
     """Which program talks to a robot or a camera.
@@ -58,6 +73,7 @@ class Robot:
         base_link: Name of the chain's root in the URDF.
         flange_link: Name of the chain's tip in the URDF.
         frames: Names of `base` and `flange` in other programs, for export.
+        clock: Of the stamps of its poses; None where nothing is stated.
         driver: What talks to it while a recording is made; None where nothing does.
     """
 
@@ -69,6 +85,7 @@ class Robot:
     base_link: str | None = None
     flange_link: str | None = None
     frames: Mapping[str, str] = field(default_factory=dict)
+    clock: Clock | None = None
     driver: Driver | None = None
 
 
@@ -101,6 +118,7 @@ class CellCamera:
         model: Name of its lens model.
         size_px: Width and height of its images; None where it gives only poses or 3-D points.
         intrinsics: None where it gives only poses or 3-D points.
+        clock: Of the stamps of its images; None where nothing is stated.
         driver: What gives its pictures while a recording is made; None where nothing does.
     """
 
@@ -110,6 +128,7 @@ class CellCamera:
     model: str = "pinhole"
     size_px: tuple[int, int] | None = None
     intrinsics: Intrinsics | None = None
+    clock: Clock | None = None
     driver: Driver | None = None
 
     @property

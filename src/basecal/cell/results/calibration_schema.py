@@ -15,6 +15,7 @@ from basecal.errors import InputError
 from basecal.registry import NOISE_TERMS
 
 _FARTHEST = 1e9  # [m, px]: a thousand times what a cell may hold; squares of it are far from overflow
+_FARTHEST_S = 1e12  # [s] as far as stamps may be
 
 LARGEST_NUMBER = 1e150
 """Of any field: beyond it a square overflows, and nothing that is measured is as large."""
@@ -186,6 +187,8 @@ class _CalibrationEntry(_Result):
     verdict: Literal["good", "doubtful", "refused"]
     transforms: dict[_Name, _Transform]
     intrinsics: dict[str, _Lens] | None
+    clock_offset_s: dict[str, Annotated[float, Field(ge=-_FARTHEST_S, le=_FARTHEST_S)]] | None = None
+    clock_sigma_s: dict[str, Annotated[float, Field(ge=0, le=LARGEST)]] | None = None
     noise: _Noise | None
     joint: _Joint | None
     residuals: _Residuals
@@ -210,6 +213,8 @@ def check_calibration(data: dict[str, Any]) -> None:
     except ValidationError as error:
         problem = problems_of(error, _CalibrationEntry)[0]
         raise InputError(f"{field_name(problem.loc)}: {problem.message}") from None
+    if (entry.clock_offset_s or {}).keys() != (entry.clock_sigma_s or {}).keys():
+        raise InputError("clock_sigma_s: expected a sigma of each of clock_offset_s")
     if entry.joint is not None and len(entry.joint.covariance) != 6 * len(entry.joint.order):
         size, count = len(entry.joint.covariance), len(entry.joint.order)
         raise InputError(f"joint.covariance: has {size} rows, expected 6 for each of {count} transforms")

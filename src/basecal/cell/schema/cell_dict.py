@@ -7,6 +7,7 @@ from typing import Any
 from basecal.cell.cell import Cell, CellCamera, CellTarget, Driver, Intrinsics, Robot, Unknown
 from basecal.cell.format.plain import numbers, one_or_all, pose_dict, sigma_dict
 from basecal.cell.schema.cell_schema import SCHEMA
+from basecal.cell.schema.clock import clock_dict
 
 
 def cell_to_dict(cell: Cell) -> dict[str, Any]:
@@ -38,7 +39,12 @@ def _robot(robot: Robot) -> dict[str, Any]:
         data |= {"urdf": robot.urdf, "base_link": robot.base_link, "flange_link": robot.flange_link}
     stated = {kind: known for kind, known in robot.parameters.items() if known != type(known)()}
     data |= {kind: known.model_dump(exclude_none=True) for kind, known in stated.items()}
-    return data | ({"frames": dict(robot.frames)} if robot.frames else {}) | _driver(robot.driver)
+    return (
+        data
+        | ({"frames": dict(robot.frames)} if robot.frames else {})
+        | clock_dict(robot.clock)
+        | _driver(robot.driver)
+    )
 
 
 def _driver(driver: Driver | None) -> dict[str, Any]:
@@ -51,7 +57,7 @@ def _camera(camera: CellCamera) -> dict[str, Any]:
         data["size_px"] = [int(side) for side in camera.size_px]
     if camera.intrinsics is not None:
         data["intrinsics"] = _intrinsics(camera.intrinsics, camera.distortion_terms)
-    return data | _driver(camera.driver)
+    return data | clock_dict(camera.clock) | _driver(camera.driver)
 
 
 def _intrinsics(lens: Intrinsics, terms: int) -> dict[str, Any]:

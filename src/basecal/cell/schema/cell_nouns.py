@@ -51,6 +51,7 @@ def _robot(name: str, entry: RobotEntry, chain: SerialChain | None) -> Robot:
         base_link=entry.base_link,
         flange_link=entry.flange_link,
         frames=entry.frames.model_dump(exclude_none=True),
+        clock=None if entry.clock is None else entry.clock.noun(),
         driver=_driver(entry.driver),
     )
 
@@ -58,7 +59,9 @@ def _robot(name: str, entry: RobotEntry, chain: SerialChain | None) -> Robot:
 def _camera(name: str, entry: CameraEntry) -> CellCamera:
     size = None if entry.size_px is None else (entry.size_px[0], entry.size_px[1])
     lens = None if entry.intrinsics is None else _intrinsics(entry.intrinsics, entry, size)
-    return CellCamera(name, entry.on, _unknown(entry.mount), entry.model, size, lens, _driver(entry.driver))
+    clock = None if entry.clock is None else entry.clock.noun()
+    driver = _driver(entry.driver)
+    return CellCamera(name, entry.on, _unknown(entry.mount), entry.model, size, lens, clock, driver)
 
 
 def _driver(entry: dict[str, Any] | None) -> Driver | None:

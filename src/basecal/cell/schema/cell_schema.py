@@ -22,6 +22,7 @@ from basecal.cell.format.values import (
     known_names,
 )
 from basecal.cell.robot_parameters.kind import robot_parameter_kinds
+from basecal.cell.schema.clock import ClockEntry
 from basecal.cell.schema.driver import DriverEntry
 from basecal.cell.schema.lens import IntrinsicsEntry, check_lens, check_size
 from basecal.cell.targets.all_kinds import AnyTargetEntry
@@ -65,6 +66,7 @@ class RobotEntry(Entry):
     base_link: str | None = None
     flange_link: str | None = None
     frames: FramesEntry = FramesEntry()
+    clock: ClockEntry | None = None
     driver: DriverEntry | None = None
 
     @property
@@ -100,6 +102,7 @@ class CameraEntry(Entry):
     model: Annotated[str, known_names("lens model", lens_models())] = "pinhole"
     size_px: ImageSize | None = None
     intrinsics: IntrinsicsEntry | None = None
+    clock: ClockEntry | None = None
     driver: DriverEntry | None = None
 
     @checks("intrinsics")

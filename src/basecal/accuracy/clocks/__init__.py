@@ -1,0 +1,1 @@
+"""Offsets of clocks: estimated beside all else, since robots that move stand elsewhere a moment later."""

@@ -1,0 +1,126 @@
+"""Offsets of clocks from nothing: stepped to the optimum, and tried over seconds where that explains no views."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from basecal.accuracy.clocks.step import ClockStep, clock_step
+from basecal.accuracy.input_check.unexplained_motion import is_hopeless
+from basecal.cell import Recording
+from basecal.errors import InputError, NotObservable
+from basecal.estimation.noise.estimate import residual_counts
+from basecal.estimation.outliers.noise_and_outliers import is_as_of_arms, with_noise
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import Solution, solve_packed
+from basecal.estimation.streams.streams import Streams, Synchronised, synchronised
+
+# Offsets that are tried [s]: computers that are not synchronised at all state a guess. Steps converge from twice the
+# spacing of these on arms that move as people and programs move them.
+_TRIED_S = np.linspace(-1.0, 1.0, 21)
+_TRIED_VIEWS = 40  # which a solution of a hundredth of a second needs
+_TRIED_STEPS = 10  # of a descent: where the offset is not within its basin none ends
+_STEPPED_VIEWS = 200  # of which steps are taken until they end
+_STEPS = 8
+_SETTLED = 0.05  # of its sigma, that a step may still be
+
+
+@dataclass(frozen=True, eq=False)
+class Clocked:
+    """A recording by clocks that are so far off.
+
+    Attributes:
+        streams: As each device recorded.
+        offsets_s: By device [s].
+        synchronised: The samples.
+    """
+
+    streams: Streams
+    offsets_s: dict[str, float]
+    synchronised: Synchronised
+
+    @property
+    def recording(self) -> Recording:
+        """The samples, robots where they were at the instants of the views."""
+        return self.synchronised.recording
+
+
+def clocked(streams: Streams, settings: Settings) -> Clocked:
+    """The recording by the most likely offsets of its clocks, of those that are not fixed.
+
+    Raises:
+        InputError: if the cell contradicts the recording.
+    """
+    offsets = streams.stated
+    if not streams.open:
+        return Clocked(streams, offsets, synchronised(streams, offsets))
+    many = streams.thinned(_STEPPED_VIEWS)
+    stepped, explained = _stepped(many, offsets, settings)
+    if not explained:
+        few = streams.thinned(_TRIED_VIEWS)
+        for name in streams.open:
+            offsets = _best(few, offsets, name, settings)
+        stepped, _ = _stepped(many, offsets, settings)
+    if len(many.instants) < len(streams.instants):
+        stepped, _ = _stepped(streams, stepped, settings)
+    return Clocked(streams, stepped, synchronised(streams, stepped))
+
+
+def _best(streams: Streams, offsets: dict[str, float], name: str, settings: Settings) -> dict[str, float]:
+    """The offsets with that of one clock by which views fit best."""
+    clock = streams.clocks[name]
+    reach = _TRIED_S if clock.sigma_s is None else 3 * clock.sigma_s * np.linspace(-1, 1, len(_TRIED_S))
+    tried = [{**offsets, name: clock.offset_s + float(shift)} for shift in reach]
+    misfits = [_misfit(streams, each, settings) for each in tried]
+    return tried[int(np.argmin(misfits))] if np.isfinite(min(misfits)) else offsets
+
+
+def _misfit(streams: Streams, offsets: dict[str, float], settings: Settings) -> float:
+    """Minus twice the log likelihood for each residual, robots taken for exact; infinite where nothing is solved."""
+    exact = {name: replace(robot, noise=None) for name, robot in streams.cell.robots.items()}
+    known = replace(streams, cell=replace(streams.cell, robots=exact))
+    try:
+        solution = _solved(known, offsets, replace(settings, robot_noise="stated", iterations=_TRIED_STEPS))[0]
+    except (InputError, NotObservable, np.linalg.LinAlgError):
+        return np.inf
+    counts = residual_counts(solution.problem)
+    of_sigmas = sum(2 * n * np.log(getattr(solution.noise.noise, f)) for f, n in counts.items() if f != "stated")
+    return float(solution.cost + of_sigmas) / max(sum(counts.values()), 1)
+
+
+def _stepped(streams: Streams, offsets: dict[str, float], settings: Settings) -> tuple[dict[str, float], bool]:
+    """Offsets at which views ask for no further step, and whether noise as arms have it then explains the views."""
+    explained = False
+    for _ in range(_STEPS):
+        try:
+            solution, samples = _solved(streams, offsets, settings)
+        except (NotObservable, np.linalg.LinAlgError):
+            return offsets, False
+        explained = not is_hopeless(solution.problem, solution.state) and _as_noise(solution)
+        found = clock_step(streams, samples, offsets, solution)
+        offsets = _after(offsets, found)
+        if np.all(np.abs(found.step_s) <= _SETTLED * np.sqrt(np.diagonal(found.covariance))):
+            break
+    return offsets, explained
+
+
+def _as_noise(solution: Solution) -> bool:
+    """Whether an arm's noise that was estimated is such as arms have; true where none was."""
+    return is_as_of_arms(solution) or not solution.noise.robots
+
+
+def _after(offsets: dict[str, float], found: ClockStep) -> dict[str, float]:
+    steps = dict(zip(found.clocks, found.step_s.tolist(), strict=True))
+    # A solution beside the optimum may promise more than its velocities hold for.
+    reach = float(_TRIED_S[-1])
+    return {name: offset + float(np.clip(steps.get(name, 0.0), -reach, reach)) for name, offset in offsets.items()}
+
+
+def _solved(streams: Streams, offsets: dict[str, float], settings: Settings) -> tuple[Solution, Synchronised]:
+    samples = synchronised(streams, offsets)
+    problem, _ = build_problem(streams.cell, samples.recording)
+    plain = solve_packed(problem, streams.cell, replace(settings, robot_noise="stated", stages=None))
+    noisy = plain if settings.robot_noise == "stated" else with_noise(plain, replace(settings, stages=None))
+    return noisy, samples

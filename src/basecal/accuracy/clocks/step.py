@@ -1,0 +1,88 @@
+"""What a solution says of clocks: the step of their offsets, its covariance, and how the answer goes with them.
+
+A camera whose stamps lag sees the flanges where they were a moment later: its views move with all flanges' velocities.
+All that the other unknowns can take up is projected out. Source: docs/mathematics.md (12.2).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from basecal.accuracy.systematic_errors.candidates import Candidates
+from basecal.accuracy.systematic_errors.score_tests import linearised, score, sums
+from basecal.accuracy.systematic_errors.situation import Situation
+from basecal.estimation.solve import Solution
+from basecal.estimation.streams.streams import Streams, Synchronised
+from basecal.geometry import Array, BoolArray
+from basecal.numerics.spectral import spectrum
+
+# Sigma of an offset [s] beyond which it is not seen: arms that hardly move, or a velocity that never changes.
+_UNSEEN_S = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class ClockStep:
+    """Where clocks go from the offsets at which a solution was made.
+
+    Attributes:
+        clocks: Names of the devices, q of them.
+        step_s: (q,) to be added to their offsets [s]; 0 of those that are not seen.
+        covariance: (q, q) of the offsets [s^2].
+        by_offsets: (p, q) how the columns of the answer go with the offsets [per s].
+        seen: (q,) whether the data, or a prior, hold each.
+    """
+
+    clocks: tuple[str, ...]
+    step_s: Array
+    covariance: Array
+    by_offsets: Array
+    seen: BoolArray
+
+
+def clock_step(
+    streams: Streams, synchronised: Synchronised, offsets_s: dict[str, float], solution: Solution
+) -> ClockStep:
+    """The most likely step of the open clocks about a solution, to first order.
+
+    Args:
+        streams: What was recorded, with what is known of the clocks.
+        synchronised: The samples that were solved.
+        offsets_s: The offsets they were made with, by device.
+        solution: With its noise.
+    """
+    problem = solution.noise.held_by(solution.problem)
+    situation = Situation(problem, solution.state, problem, {})
+    moves = tuple(_moves(situation, k, streams.open, synchronised) for k in range(len(problem.groups)))
+    about = linearised(problem, solution.state)
+    every = Candidates("clock-offset", ("",), (None,), "s", moves)
+    of_views = score(about, every)
+    known = [streams.clocks[name] for name in streams.open]
+    weight = np.array([0.0 if clock.sigma_s is None else clock.sigma_s**-2 for clock in known])
+    pull = np.array([offsets_s[name] - clock.offset_s for name, clock in zip(streams.open, known, strict=True)])
+    information = of_views.information[0] + np.diag(weight)
+    covariance = spectrum(information).inverse
+    variance = np.diagonal(covariance)
+    seen = np.asarray((variance > 0) & (variance < _UNSEEN_S**2))
+    step = np.where(seen, -covariance @ (of_views.gradient[0] + weight * pull), 0.0)
+    _, across, _ = sums(about, every)
+    by_offsets = -spectrum(about.hessian).inverse @ across[0].T
+    return ClockStep(streams.open, step, covariance * np.outer(seen, seen), by_offsets * seen, seen)
+
+
+def _moves(situation: Situation, k: int, clocks: tuple[str, ...], synchronised: Synchronised) -> Array:
+    """How views of a group go with the offsets of clocks, (n, 1, 6, q)."""
+    group = situation.problem.groups[k]
+    moves = np.zeros((len(group), 1, 6, len(clocks)))
+    for robot in (group.eye, group.hand):
+        if robot is None:
+            continue
+        velocity = np.stack([synchronised.velocity[robot][int(sample)] for sample in group.sample])
+        moved = (situation.by_flange(k, robot) @ velocity[..., None])[..., 0]
+        for q, name in enumerate(clocks):
+            if name == group.camera:
+                moves[:, 0, :, q] += moved
+            elif name == robot:
+                moves[:, 0, :, q] -= moved
+    return moves

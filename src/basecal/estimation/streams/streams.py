@@ -1,0 +1,197 @@
+"""A recording of streams: lines with robots alone or with observations alone, each by the clock of its device."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from basecal.cell import WORLD, Cell, Clock, Finding, Recording, RobotState, Sample
+from basecal.errors import InputError
+from basecal.estimation.streams.path import MOST_APART_S, Path
+from basecal.geometry import SE3, Array
+
+_FREE = Clock("free")
+_KNOWN = Clock()
+_MOSTLY = 0.5  # of the views, beyond which a recording without robots beside them is one of streams
+
+
+@dataclass(frozen=True, eq=False)
+class Streams:
+    """What each device recorded by its own clock.
+
+    Attributes:
+        cell: What exists.
+        recording: As it was read.
+        paths: Of the robots, by name, each by its own clock.
+        instants: What was seen, a sample for each camera's clock, without robots.
+        clocks: What is known of the clock of each robot and camera, by name.
+    """
+
+    cell: Cell
+    recording: Recording
+    paths: Mapping[str, Path]
+    instants: tuple[Sample, ...]
+    clocks: Mapping[str, Clock]
+
+    @property
+    def open(self) -> tuple[str, ...]:
+        """Names of the devices whose clocks are to be estimated."""
+        return tuple(name for name, clock in self.clocks.items() if clock.status != "fixed")
+
+    @property
+    def stated(self) -> dict[str, float]:
+        """Offsets as stated, or guessed [s], by device."""
+        return {name: clock.offset_s for name, clock in self.clocks.items()}
+
+    def thinned(self, count: int) -> Streams:
+        """The same with at most so many instants, spread evenly."""
+        chosen = np.unique(np.linspace(0, len(self.instants) - 1, min(count, len(self.instants))).astype(int))
+        return replace(self, instants=tuple(self.instants[k] for k in chosen))
+
+
+@dataclass(frozen=True, eq=False)
+class Synchronised:
+    """Views with robots where they were at the same instants.
+
+    Attributes:
+        recording: The samples.
+        velocity: Of each robot, by name: by sample (6,), of its flange in its own axes [m/s, rad/s].
+    """
+
+    recording: Recording
+    velocity: Mapping[str, Mapping[int, Array]]
+
+
+def streams_of(cell: Cell, recording: Recording) -> Streams | None:
+    """The streams of a recording; None of one whose robots and cameras are all taken to share one clock.
+
+    Clocks of cameras are free where views have no robots beside them and nothing else is stated.
+
+    Raises:
+        InputError: if a clock is stated, or views stand alone, and a line has no stamp.
+    """
+    asynchronous = _asynchronous(cell, recording)
+    stated = {name: robot.clock for name, robot in cell.robots.items()}
+    stated |= {name: camera.clock for name, camera in cell.cameras.items()}
+    if not asynchronous and not any(stated.values()):
+        return None
+    unstamped = next((s.sample for s in recording.samples if s.stamp_s is None), None)
+    if unstamped is not None:
+        why = "clocks are stated" if any(stated.values()) else "robots and views stand in lines of their own"
+        raise InputError(f"sample {unstamped} has no stamp_s: {why}, which takes the time of every line")
+    clocks = {
+        name: clock or (_FREE if asynchronous and name in cell.cameras else _KNOWN) for name, clock in stated.items()
+    }
+    if all(clock.status == "free" for clock in clocks.values()):
+        clocks[cell.reference] = Clock("fixed", clocks[cell.reference].offset_s)
+    paths = {name: _path(cell, name, recording.samples) for name in cell.robots}
+    streams = Streams(cell, recording, paths, tuple(_instants(recording.samples)), clocks)
+    _check_overlap(streams)
+    return streams
+
+
+def synchronised(streams: Streams, offsets_s: Mapping[str, float]) -> Synchronised:
+    """The views, with robots where they were by clocks that are so far off [s]; those in gaps of a path left out."""
+    needed = [_robots_of(streams.cell, sample) for sample in streams.instants]
+    times = np.array([s.stamp_s + offsets_s[_camera(s)] for s in streams.instants if s.stamp_s is not None])
+    seen = np.ones(len(times), dtype=bool)
+    for robot, path in streams.paths.items():
+        wanted = np.array([robot in names for names in needed], dtype=bool)
+        seen &= ~wanted | path.followed(times - offsets_s[robot])
+    rows = np.flatnonzero(seen)
+    states: list[dict[str, RobotState]] = [{} for _ in rows]
+    velocity: dict[str, dict[int, Array]] = {}
+    for robot, path in streams.paths.items():
+        mine = [k for k, row in enumerate(rows) if robot in needed[row]]
+        points = path.at(times[rows[mine]] - offsets_s[robot]) if mine else None
+        velocity[robot] = {}
+        for j, k in enumerate(mine):
+            assert points is not None
+            joints = None if points.joints is None else points.joints[j]
+            states[k][robot] = RobotState(points.base_from_flange[j] if joints is None else None, joints)
+            velocity[robot][streams.instants[rows[k]].sample] = points.velocity[j]
+    samples = tuple(
+        replace(streams.instants[row], stamp_s=float(times[row]), robots=state)
+        for row, state in zip(rows, states, strict=True)
+    )
+    left = [streams.instants[row].sample for row in np.flatnonzero(~seen)]
+    findings = (*streams.recording.findings, *_not_followed(left))
+    return Synchronised(replace(streams.recording, samples=samples, findings=findings), velocity)
+
+
+def _asynchronous(cell: Cell, recording: Recording) -> bool:
+    """Whether most views stand without a robot that they need, and that other lines have."""
+    recorded = {robot for s in recording.samples for robot in s.robots}
+    views = [s for s in recording.samples if s.observations]
+    alone = sum(bool(_robots_of(cell, s) & recorded - s.robots.keys()) for s in views)
+    return alone > _MOSTLY * len(views)
+
+
+def _robots_of(cell: Cell, sample: Sample) -> set[str]:
+    """Robots that carry what saw or was seen in a sample."""
+    carriers = {c for o in sample.observations for c in (cell.cameras[o.camera].on, cell.targets[o.target].on)}
+    return carriers - {WORLD}
+
+
+def _camera(sample: Sample) -> str:
+    return sample.observations[0].camera
+
+
+def _instants(samples: Sequence[Sample]) -> Iterator[Sample]:
+    """Samples of one camera each; what further cameras saw at the same stamp has numbers beyond all others."""
+    number = max((s.sample for s in samples), default=0)
+    for sample in samples:
+        by_camera = defaultdict(list)
+        for observation in sample.observations:
+            by_camera[observation.camera].append(observation)
+        for k, seen in enumerate(by_camera.values()):
+            number += k > 0
+            yield replace(sample, sample=sample.sample if k == 0 else number, robots={}, observations=tuple(seen))
+
+
+def _path(cell: Cell, robot: str, samples: Sequence[Sample]) -> Path:
+    """What was recorded of a robot; of two records at one stamp the first."""
+    stamped = sorted((s.stamp_s, s.sample) for s in samples if robot in s.robots and s.stamp_s is not None)
+    states = {s.sample: s.robots[robot] for s in samples if robot in s.robots}
+    times, first = np.unique(np.array([stamp for stamp, _ in stamped]), return_index=True)
+    kept = [states[stamped[k][1]] for k in first]
+    joints = [state.joints_rad for state in kept if state.joints_rad is not None]
+    chain = cell.robots[robot].chain
+    if not kept:
+        return Path(times, SE3.identity((0,)))
+    if len(joints) == len(kept):
+        if chain is None:
+            raise InputError(f"robot {robot!r} is recorded by joints and has no urdf")
+        stacked = np.stack(joints)
+        return Path(times, chain.forward(stacked), stacked, chain)
+    poses = [state.base_from_flange for state in kept if state.base_from_flange is not None]
+    if len(poses) < len(kept):
+        raise InputError(f"robot {robot!r} is recorded by poses in some lines and by joints in others: give one kind")
+    return Path(times, SE3.stack(poses))
+
+
+def _check_overlap(streams: Streams) -> None:
+    """Raise where a robot was recorded at other times than what needs it, as by clocks that count from other days."""
+    for robot, path in streams.paths.items():
+        for camera in streams.cell.cameras:
+            seen = [s for s in streams.instants if _camera(s) == camera and robot in _robots_of(streams.cell, s)]
+            shift = streams.clocks[camera].offset_s - streams.clocks[robot].offset_s
+            stamps = [s.stamp_s + shift for s in seen if s.stamp_s is not None]
+            if stamps and len(path.times) and (max(stamps) < path.times[0] or min(stamps) > path.times[-1]):
+                raise InputError(
+                    f"stamps of {camera} and of {robot} share no time: {min(stamps):.3f} to {max(stamps):.3f} s and "
+                    f"{path.times[0]:.3f} to {path.times[-1]:.3f} s; write `clock: {{status: free, offset_s: ...}}` at "
+                    f"{camera} with what is to be added to its stamps, to about a second"
+                )
+
+
+def _not_followed(numbers: Sequence[int]) -> list[Finding]:
+    if not numbers:
+        return []
+    shown = ", ".join(map(str, numbers[:10])) + (", ..." if len(numbers) > 10 else "")
+    why = f"no robot was recorded within {MOST_APART_S} s before and after"
+    about = tuple(map(str, numbers))
+    return [Finding("dropped-sample", "info", about, f"{len(numbers)} view(s) not used, {why}: sample {shown}")]
