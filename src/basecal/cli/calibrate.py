@@ -110,6 +110,7 @@ def calibrate_folder(
     from basecal.cell.results.versions import used_versions
     from basecal.estimation.settings import Settings
     from basecal.estimation.stages import Stages
+    from basecal.estimation.streams.streams import synchronous
     from basecal.reporting.text import text_report
 
     inputs = input_hashes(folder, cell)
@@ -122,6 +123,7 @@ def calibrate_folder(
     asked = calibration.settings if needed_m is None else {**calibration.settings, "tolerance_m": needed_m}
     calibration = replace(calibration, settings=asked, inputs=inputs, versions=used_versions())
     run = write_calibration(calibration, folder).parent
+    recording = synchronous(cell, recording, calibration.clocks)
     details = fit_details(cell, recording, calibration)
     tolerance = check_tolerance(cell, calibration, details.errors)
     write_whole(run / "report.txt", printable(text_report(cell, calibration, tolerance)) + "\n", within=folder)

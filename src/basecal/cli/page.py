@@ -43,11 +43,12 @@ def stored_run(folder: Path, run: Path, cell: Cell, calibration: Calibration) ->
     from basecal.accuracy.fit_details import FitDetails, fit_details
     from basecal.cell import Recording
     from basecal.cell.files import input_hashes
+    from basecal.estimation.streams.streams import synchronous
 
     now = input_hashes(folder, cell)
     changed = tuple(name for name, hashed in calibration.inputs.items() if now.get(name) != hashed)
     if not changed:
-        recording = detected_recording(folder, cell)
+        recording = synchronous(cell, detected_recording(folder, cell), calibration.clocks)
         return StoredRun(run, recording, fit_details(cell, recording, calibration), ())
     try:
         recording = detected_recording(folder, cell)

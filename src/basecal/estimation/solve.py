@@ -19,7 +19,7 @@ from basecal.estimation.problem.correspondence import choose_correspondence
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.settings import DEFAULT, Settings
 from basecal.estimation.start.first_state import first_state, guessed_state, lenses
-from basecal.estimation.streams.streams import streams_of, synchronised
+from basecal.estimation.streams.streams import synchronous
 from basecal.estimation.view.measurement import Noise
 from basecal.geometry import SE3, Array, PoseEstimate
 from basecal.numerics.spectral import spectrum
@@ -97,10 +97,7 @@ def solve(cell: Cell, recording: Recording, settings: Settings = DEFAULT) -> Sol
         NotObservable: if nothing was seen that could be solved for.
         InputError: if the cell contradicts the recording.
     """
-    streams = streams_of(cell, recording)
-    if streams is not None:
-        recording = synchronised(streams, streams.stated).recording
-    problem, findings = build_problem(cell, recording)
+    problem, findings = build_problem(cell, synchronous(cell, recording))
     return solve_packed(problem, cell, settings, tuple(findings))
 
 

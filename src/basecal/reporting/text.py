@@ -50,6 +50,7 @@ def text_report(cell: Cell, calibration: Calibration, tolerance: ToleranceCheck 
             blocks[-1].append(f"  {key:<3}{value:13.5f}    sigma {sigma:.5f} {unit}".rstrip())
     blocks += [
         *robot_blocks(calibration),
+        list(clock_sentences(calibration)),
         list(fit_sentences(calibration)),
         list(validation_sentences(calibration)),
         [f"outlier: {sentence}" for sentence in outlier_sentences(calibration)],
@@ -157,6 +158,13 @@ def lens_parameters(camera: Camera, covariance: Array) -> list[LensParameter]:
     names = [*_INTRINSICS, *distortion][: len(sigmas)]
     units = ["px" if name in _INTRINSICS else "" for name in names]
     return list(map(LensParameter, names, camera.parameters.tolist(), sigmas.tolist(), units))
+
+
+def clock_sentences(calibration: Calibration) -> Iterator[str]:
+    """What is to be added to the stamps of devices, a line each."""
+    for name, clock in calibration.clocks.items():
+        sigma = f", sigma {1e3 * clock.sigma_s:.3f} ms" if clock.sigma_s else ""
+        yield f"clock of {name}: {1e3 * clock.offset_s:+.3f} ms to be added to its stamps{sigma}"
 
 
 def fit_sentences(calibration: Calibration) -> Iterator[str]:

@@ -11,6 +11,7 @@ import pytest
 from basecal.cell.calibration import (
     Calibration,
     Certificate,
+    ClockOffset,
     Finding,
     Loop,
     Outlier,
@@ -65,13 +66,24 @@ def test_units_are_read_back():
 def test_what_is_not_known_is_null():
     """What was not computed or is not finite; the data are plain JSON."""
     assert EMPTY["verdict"] == "refused"
-    for key in ("joint", "outliers", "validation", "certificate", "link_parameters", "clock_offset_s"):
+    for key in ("joint", "outliers", "validation", "certificate", "link_parameters", "clock_offset_s", "clock_sigma_s"):
         assert EMPTY[key] is None
     noise = {"a": np.float64(0.5), "b": float("inf"), "c": np.array([1, np.nan]), "d": (True, {"e": None})}
     data = calibration_to_dict(Calibration("good", noise=noise, condition=np.inf))
     assert data["noise"] == {"a": 0.5, "b": None, "c": [1.0, None], "d": [True, {"e": None}]}
     assert data["observability"]["condition"] is None
     assert json.loads(json.dumps(data, allow_nan=False)) == data
+
+
+def test_clocks():
+    """An offset and its sigma for each device, also of clocks that count from another day."""
+    clocks = {"wrist": ClockOffset(-0.017, 3e-4), "arm": ClockOffset(1.6e9, 0.0)}
+    data = json.loads(json.dumps(calibration_to_dict(Calibration("good", clocks=clocks))))
+    assert data["clock_offset_s"] == {"wrist": -0.017, "arm": 1.6e9}
+    assert data["clock_sigma_s"] == {"wrist": 3e-4, "arm": 0.0}
+    assert calibration_from_dict(data).clocks == clocks
+    with pytest.raises(InputError, match="clock_sigma_s"):
+        calibration_from_dict({**data, "clock_sigma_s": {"wrist": 3e-4}})
 
 
 def test_transforms_and_lenses():

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from basecal.cell import WORLD, Cell, Clock, Finding, Recording, RobotState, Sample
+from basecal.cell import WORLD, Cell, Clock, ClockOffset, Finding, Recording, RobotState, Sample
 from basecal.errors import InputError
 from basecal.estimation.streams.path import MOST_APART_S, Path
 from basecal.geometry import SE3, Array
@@ -120,6 +120,22 @@ def synchronised(streams: Streams, offsets_s: Mapping[str, float]) -> Synchronis
     left = [streams.instants[row].sample for row in np.flatnonzero(~seen)]
     findings = (*streams.recording.findings, *_not_followed(left))
     return Synchronised(replace(streams.recording, samples=samples, findings=findings), velocity)
+
+
+def synchronous(cell: Cell, recording: Recording, found: Mapping[str, ClockOffset] | None = None) -> Recording:
+    """The samples of a recording, whose robots stand where they were at the instants of the views.
+
+    Args:
+        cell: What exists.
+        recording: As it was read; one by a single clock is given back as it is.
+        found: Offsets of clocks, by device; those of all others are as stated, or guessed.
+    """
+    streams = streams_of(cell, recording)
+    if streams is None:
+        return recording
+    return synchronised(
+        streams, streams.stated | {name: clock.offset_s for name, clock in (found or {}).items()}
+    ).recording
 
 
 def _asynchronous(cell: Cell, recording: Recording) -> bool:

@@ -1,0 +1,50 @@
+"""Offsets of clocks from nothing."""
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.clocks.search import clocked
+from basecal.cell import Clock
+from basecal.estimation.settings import Settings
+from basecal.estimation.streams.streams import streams_of
+from stream_cells import Streamed, streamed
+
+SIGMA_S = 4e-4  # of the offset of these recordings, at most
+
+
+def found(made: Streamed, settings: Settings | None = None) -> dict[str, float]:
+    streams = streams_of(made.cell, made.recording)
+    assert streams is not None
+    return clocked(streams, settings or Settings()).offsets_s
+
+
+@pytest.mark.parametrize("offset_s", [0.0, -0.04, 0.43])
+@pytest.mark.parametrize("stated", [True, False])
+def test_an_offset_is_found(offset_s: float, stated: bool) -> None:
+    assert found(streamed(offset_s, stated=stated))["wrist"] == pytest.approx(offset_s, abs=3.3 * SIGMA_S)
+
+
+def test_an_offset_is_found_beside_a_guess() -> None:
+    made = streamed(1.6e9, clock=Clock("free", 1.6e9 + 0.2))
+    assert found(made)["wrist"] - 1.6e9 == pytest.approx(0.0, abs=3.3 * SIGMA_S)
+
+
+def test_a_fixed_offset_stays() -> None:
+    assert found(streamed(0.03, clock=Clock("fixed", 0.011)))["wrist"] == 0.011
+
+
+def test_many_views_end_where_all_do() -> None:
+    made = streamed(0.02, seconds=26.0)
+    streams = streams_of(made.cell, made.recording)
+    assert streams is not None
+    assert len(streams.instants) > 200
+    assert clocked(streams, Settings()).offsets_s["wrist"] == pytest.approx(0.02, abs=3.3 * SIGMA_S)
+
+
+def test_the_samples_are_by_the_offsets_that_were_found() -> None:
+    made = streamed(0.03)
+    streams = streams_of(made.cell, made.recording)
+    assert streams is not None
+    of = clocked(streams, Settings())
+    stamps = [s.stamp_s for s in of.recording.samples]
+    np.testing.assert_allclose(stamps, np.arange(0.5, 7.5, 0.1) - 0.03 + of.offsets_s["wrist"], atol=1e-9)

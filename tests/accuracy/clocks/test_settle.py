@@ -1,0 +1,79 @@
+"""Answers with their clocks."""
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.clocks.search import Clocked
+from basecal.accuracy.clocks.settle import clock_findings, clock_offsets, clocks_left, settled
+from basecal.accuracy.verdict import calibrate
+from basecal.cell import Clock
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.solve import Solution, solve_packed
+from basecal.estimation.streams.streams import streams_of, synchronised
+from stream_cells import MOUNT, Streamed, streamed
+
+NAME = "arm_flange_from_wrist"
+
+
+def solved(made: Streamed, offset_s: float) -> tuple[Clocked, Solution]:
+    streams = streams_of(made.cell, made.recording)
+    assert streams is not None
+    offsets = {"arm": 0.0, "wrist": offset_s}
+    of = Clocked(streams, offsets, synchronised(streams, offsets))
+    return of, solve_packed(build_problem(made.cell, of.recording)[0], made.cell)
+
+
+def test_the_answer_moves_to_the_optimum_of_the_offset() -> None:
+    """Two milliseconds aside, and moved, it is where solving at the optimum has it."""
+    made = streamed()
+    at, optimum = solved(made, 0.03)
+    best_s = 0.03 + float(clocks_left(at, optimum).step_s[0])
+    _, optimum = solved(made, best_s)
+    aside, solution = solved(made, best_s + 2e-3)
+    moved = settled(solution, clocks_left(aside, solution))
+    before, after = (
+        (optimum.state.transforms[NAME].inverse() @ s.state.transforms[NAME]).log() for s in (solution, moved)
+    )
+    assert np.linalg.norm(after) < 0.02 * np.linalg.norm(before)
+
+
+def test_its_covariance_holds_that_of_the_offset() -> None:
+    of, solution = solved(streamed(), 0.03)
+    left = clocks_left(of, solution)
+    wider = settled(solution, left).covariance - solution.covariance
+    np.testing.assert_allclose(wider, left.covariance[0, 0] * left.by_offsets @ left.by_offsets.T, atol=1e-18)
+    assert np.trace(wider) > 0.05 * np.trace(solution.covariance)
+
+
+def test_offsets_that_were_found_or_stated_are_told() -> None:
+    of, solution = solved(streamed(), 0.03)
+    (clock,) = clock_offsets(of, clocks_left(of, solution)).values()
+    assert clock.offset_s == pytest.approx(0.03, abs=3.3 * clock.sigma_s)
+    of, solution = solved(streamed(clock=Clock(offset_s=0.03)), 0.03)
+    assert {n: (c.offset_s, c.sigma_s) for n, c in clock_offsets(of, clocks_left(of, solution)).items()} == {
+        "wrist": (0.03, 0.0)
+    }
+
+
+def test_a_clock_that_nothing_shows_is_said_and_not_told() -> None:
+    found = calibrate(*(lambda m: (m.cell, m.recording))(streamed(still=True)))
+    assert "wrist" not in found.clocks
+    said = [f for f in found.findings if f.about == ("wrist",)]
+    assert [(f.code, f.severity) for f in said] == [("unobservable-direction", "info")]
+    assert "nothing moves enough" in said[0].message
+
+
+def test_a_prior_that_is_contradicted_is_named() -> None:
+    of, solution = solved(streamed(clock=Clock("prior", 0.01, 1e-3)), 0.029)
+    (finding,) = clock_findings(of, clocks_left(of, solution))
+    assert (finding.code, finding.severity) == ("prior-contradicted", "warning")
+    assert "clock of wrist" in finding.message
+
+
+def test_a_calibration_of_streams_is_true_and_says_its_clock() -> None:
+    made = streamed()
+    found = calibrate(made.cell, made.recording)
+    assert found.verdict == "good"
+    assert found.clocks["wrist"].offset_s == pytest.approx(0.03, abs=3.3 * found.clocks["wrist"].sigma_s)
+    xi = (found[NAME].mean.inverse() @ MOUNT).log()
+    assert xi @ np.linalg.solve(found[NAME].covariance, xi) < 22.5  # the 99.9 % of six freedoms

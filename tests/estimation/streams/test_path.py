@@ -1,0 +1,87 @@
+"""A robot between the instants at which it was recorded."""
+
+import numpy as np
+import pytest
+
+from basecal.estimation.streams.path import MOST_APART_S, Path
+from basecal.geometry import SE3
+from planar_arm import planar
+from stream_cells import along
+
+
+def off(path: Path, times: np.ndarray) -> float:
+    """The largest difference from where the flange truly is, in any coordinate."""
+    return float(np.abs((along(times).inverse() @ path.at(times).base_from_flange).log()).max())
+
+
+def recorded(rate: float) -> Path:
+    times = np.arange(0.0, 4.0, 1 / rate)
+    return Path(times, along(times))
+
+
+def test_it_goes_through_what_was_recorded() -> None:
+    path = recorded(20.0)
+    assert off(path, path.times) < 1e-12
+
+
+def test_it_is_of_third_order_between_records() -> None:
+    """Half the spacing leaves an eighth of the error, of smooth motion: a line would leave a quarter."""
+    times = np.linspace(1.0, 3.0, 777)
+    coarse, fine = off(recorded(10.0), times), off(recorded(20.0), times)
+    assert fine < 1e-4
+    assert 6.0 < coarse / fine < 20.0
+
+
+def test_its_velocity_is_its_derivative() -> None:
+    path, times, step = recorded(20.0), np.linspace(1.003, 3.0, 41), 1e-6
+    before, after = path.at(times - step).base_from_flange, path.at(times + step).base_from_flange
+    np.testing.assert_allclose(path.at(times).velocity, (before.inverse() @ after).log() / (2 * step), atol=1e-6)
+
+
+def test_records_at_unequal_times_are_followed_as_well() -> None:
+    times = np.sort(np.random.default_rng(3).uniform(0.0, 4.0, 200))
+    assert off(Path(times, along(times)), np.linspace(0.5, 3.5, 99)) < 2e-3
+
+
+def test_a_gap_is_not_followed() -> None:
+    times = np.concatenate([np.arange(0.0, 1.0, 0.05), np.arange(2.0, 3.0, 0.05)])
+    path = Path(times, along(times))
+    np.testing.assert_array_equal(path.followed(np.array([-0.1, 0.5, 1.2, 1.5, 2.5, 3.5])), [0, 1, 0, 0, 1, 0])
+
+
+def test_beside_a_gap_slopes_are_of_their_own_side() -> None:
+    times = np.concatenate([np.arange(0.0, 1.0, 0.05), np.arange(2.0, 3.0, 0.05)])
+    near = np.array([0.93, 2.02])
+    assert off(Path(times, along(times)), near) < 1e-3
+
+
+def test_a_record_alone_is_of_a_robot_that_stands() -> None:
+    times = np.array([0.0, 5.0, 10.0])
+    path = Path(times, along(times))
+    asked = np.array([4.9, 5.2, 10.1, 6.0])
+    np.testing.assert_array_equal(path.followed(asked), [1, 1, 1, 0])
+    there = path.at(asked[:3])
+    np.testing.assert_array_equal(there.velocity, 0.0)
+    np.testing.assert_allclose(there.base_from_flange.matrix, along(times[[1, 1, 2]]).matrix, atol=1e-12)
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_too_few_records_are_no_path(count: int) -> None:
+    path = Path(np.arange(count, dtype=float), SE3.identity((count,)))
+    assert not path.followed(np.array([0.0, MOST_APART_S])).any()
+
+
+def test_joints_are_interpolated_as_joints() -> None:
+    """Far from each other, the flange goes on a curve that only the joints know."""
+    chain = planar(0.4, 0.3, 0.2)
+    times = np.arange(0.0, 2.0, 0.1)
+    joints = np.sin(times)[:, None] * np.linspace(0.5, 1.5, chain.n)
+    path = Path(times, chain.forward(joints), joints, chain)
+    asked = np.linspace(0.3, 1.6, 29)
+    there = path.at(asked)
+    assert there.joints is not None
+    np.testing.assert_allclose(there.joints, np.sin(asked)[:, None] * np.linspace(0.5, 1.5, chain.n), atol=2e-4)
+    np.testing.assert_allclose(there.base_from_flange.matrix, chain.forward(there.joints).matrix, atol=1e-12)
+    step = 1e-6
+    moved = path.at(asked - step).base_from_flange.inverse() @ path.at(asked + step).base_from_flange
+    np.testing.assert_allclose(there.velocity, moved.log() / (2 * step), atol=1e-6)
