@@ -89,10 +89,10 @@ class Path:
             turned, rate = self._cubic(first, times, [self.joints[k] - at_first for k in self._around(first)])
             there = self.chain.at(at_first + turned)
             return PathPoints(there.base_from_flange, at_first + turned, _times(there.by_joints, rate))
-        base_from_first = self.base_from_flange[first]
-        away = [(base_from_first.inverse() @ self.base_from_flange[k]).log() for k in self._around(first)]
+        at_first = self.base_from_flange[first]
+        away = [(at_first.inverse() @ self.base_from_flange[k]).log() for k in self._around(first)]
         tangent, rate = self._cubic(first, times, away)
-        return PathPoints(base_from_first @ SE3.exp(tangent), None, _times(right_jacobian(tangent), rate))
+        return PathPoints(at_first @ SE3.exp(tangent), None, _times(right_jacobian(tangent), rate))
 
     def _before(self, times: Array) -> IntArray:
         """Which record comes before each instant, the last but one at most."""
