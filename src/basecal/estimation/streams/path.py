@@ -85,10 +85,10 @@ class Path:
         """Between records, at instants (m,)."""
         first = self._before(times)
         if self.joints is not None and self.chain is not None:
-            at_first = self.joints[first]
-            turned, rate = self._cubic(first, times, [self.joints[k] - at_first for k in self._around(first)])
-            there = self.chain.at(at_first + turned)
-            return PathPoints(there.base_from_flange, at_first + turned, _times(there.by_joints, rate))
+            start = self.joints[first]
+            turned, rate = self._cubic(first, times, [self.joints[k] - start for k in self._around(first)])
+            there = self.chain.at(start + turned)
+            return PathPoints(there.base_from_flange, start + turned, _times(there.by_joints, rate))
         at_first = self.base_from_flange[first]
         away = [(at_first.inverse() @ self.base_from_flange[k]).log() for k in self._around(first)]
         tangent, rate = self._cubic(first, times, away)
