@@ -69,7 +69,7 @@ def two_arms(target: TargetKindName = "charuco", seed: int = 0, faults: Faults |
         cameras={
             "wrist": CellCamera(
                 "wrist", "eye", known["eye_flange_from_wrist"], _LENS.model, _LENS.size_px, Intrinsics("fixed", _LENS),
-                driver,
+                driver=driver,
             )
         },
         targets={name: CellTarget(name, "hand", known[f"hand_flange_from_{name}"], shape)},
