@@ -68,6 +68,15 @@ EXPORTERS = {
 IMPORTS = (
     "poses",
     "pixels",
+    "easy-handeye",
+    "moveit-samples",
+    "industrial-calibration",
+    "robot-cal-tools",
+    "camera-info",
+    "kalibr",
+    "opencv",
+    "colmap",
+    "mrcal",
 )
 """Kinds of `basecal import`: modules `basecal.cli.import_<kind>`, with `_` for `-`."""
 

@@ -64,13 +64,17 @@ def finish_import(
     brought = bring_in(folder, imported, check, by, link)
     for line in (f"read {imported.source}: {imported.what}", *_pairing_lines(brought), *_cell_lines(brought)):
         say(line)
+    then = _next_step(brought.cell, brought.recording, folder)
+    if brought.pairing is None:
+        say(f"wrote {folder / 'cell.yaml'}: {then}")
+        return 0
     count = len(brought.recording.samples)
     told = f"wrote {count} samples" if brought.made == count else f"completed the {count} samples"
     if 0 < brought.made < count:
         told += f", {brought.made} of them new,"
     made = " and cell.yaml" if brought.is_new_cell else ""
     where = f"{'to' if brought.made == count else 'of'} {folder}"
-    say(f"{told}{made} {where}: {_next_step(brought.cell, brought.recording, folder)}")
+    say(f"{told}{made} {where}: {then}")
     return 0
 
 

@@ -1,0 +1,1 @@
+"""What hand-eye programs recorded, each as it means its poses."""

@@ -1,0 +1,150 @@
+"""What easy_handeye (ROS 1) and easy_handeye2 (ROS 2) write: `.samples`, and calibrations (`.yaml`, `.calib`).
+
+Metres and quaternions x, y, z, w, as ROS has them. `tracking` is camera_from_target in both arrangements. `robot` is
+base_from_flange with the eye in hand, but its inverse with the eye on the base: the program so solves both by one
+equation, and here it is turned back. A calibration is flange_from_camera in the first, base_from_camera in the second.
+The `.samples` of easy_handeye2 leave the arrangement empty; the equation being one, no number tells it either. What
+does, in this order: the user, the file, a calibration of its name beside it, and the file's name, where it holds the
+words that the program's own examples have (`eih`, `eob`). easy_handeye keeps no file of its samples: what its service
+take_sample or get_sample_list answered (hand_world_samples, camera_marker_samples) is read.
+Source: HandeyeSampler and HandeyeCalibration of IFL-CAMP/easy_handeye and marcoesposito1988/easy_handeye2.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from basecal.errors import DatasetError, listed
+from basecal.exchange.fields import Field, read_fields
+from basecal.exchange.hand_eye.record import HandEyeRecord
+from basecal.geometry import SE3
+
+_LARGEST = 2**22  # bytes: five thousand samples
+_ON_ROBOT = {"eye_in_hand": True, "eye_on_hand": True, "eye_on_base": False}
+_IN_NAMES = {"eih": True, "eob": False, **_ON_ROBOT}
+_FRAMES = {"base": "robot_base_frame", "flange": "robot_effector_frame"}
+
+
+@dataclass(frozen=True)
+class _Arrangement:
+    """Whether the robot carries the camera, and what said so."""
+
+    on_robot: bool
+    by: str
+
+
+def read_easy_handeye(path: str | Path, camera_on_robot: bool | None = None) -> HandEyeRecord:
+    """Samples or a calibration of easy_handeye.
+
+    Args:
+        path: The file.
+        camera_on_robot: Whether the robot carries the camera, where the user says so.
+
+    Raises:
+        DatasetError: if it is neither, or nothing says what the robot carries.
+    """
+    root = read_fields(path, _LARGEST)
+    arrangement = _arrangement(root, camera_on_robot)
+    frames = {name: _frame(root, key) for name, key in _FRAMES.items()}
+    named = {name: frame for name, frame in frames.items() if frame}
+    mount = root.first("transform", "transformation")
+    carried = "flange" if arrangement.on_robot else "base"
+    if mount is not None:
+        what = f"a calibration of easy_handeye, {carried}_from_camera (m; {arrangement.by})"
+        return HandEyeRecord(str(path), what, arrangement.on_robot, frames=named, camera_mount=mount.pose())
+    robot, tracking = _samples(root)
+    inverted = "" if arrangement.on_robot else ", written as flange_from_base and turned back here"
+    what = f"{len(robot)} samples of easy_handeye (m): base_from_flange{inverted}, and camera_from_target"
+    return HandEyeRecord(
+        str(path),
+        f"{what}; {'camera on the robot' if arrangement.on_robot else 'target on the robot'} ({arrangement.by})",
+        arrangement.on_robot,
+        _stacked(robot) if arrangement.on_robot else _stacked(robot).inverse(),
+        _stacked(tracking),
+        frames=named,
+    )
+
+
+def _arrangement(root: Field, told: bool | None) -> _Arrangement:
+    """Which arrangement it is, by the first that says so.
+
+    Raises:
+        DatasetError: if nothing does, or the user and the file contradict each other.
+    """
+    stated = _stated(root)
+    if told is not None and stated is not None and stated.on_robot != told:
+        raise root.error(f"{stated.by}, the opposite of what --camera-on, or cell.yaml, says")
+    found = stated or (None if told is None else _Arrangement(told, "as told"))
+    found = found or _beside(Path(root.path)) or _by_name(Path(root.path))
+    if found is None:
+        raise root.error(
+            "does not say whether the camera is on the robot (eye_in_hand) or beside it (eye_on_base), on which the "
+            "direction of its robot poses depends: give --camera-on robot or --camera-on world"
+        )
+    return found
+
+
+def _stated(root: Field) -> _Arrangement | None:
+    place = root.first("parameters") or root
+    if (kind := place.first("calibration_type")) is not None and kind.text():
+        if kind.data not in _ON_ROBOT:
+            raise kind.error(f"is {kind.data!r}, expected one of {listed(list(_ON_ROBOT))}")
+        return _Arrangement(_ON_ROBOT[kind.data], f"calibration_type is {kind.data}")
+    if (on_hand := place.first("eye_on_hand")) is not None:
+        return _Arrangement(on_hand.yes(), f"eye_on_hand is {str(on_hand.yes()).lower()}")
+    return None
+
+
+def _beside(path: Path) -> _Arrangement | None:
+    """What the calibration of the same name says."""
+    for ending in (".calib", ".yaml", ".yml"):
+        other = path.with_suffix(ending)
+        if other != path and other.is_file():
+            found = _stated(read_fields(other, _LARGEST))
+            return found and _Arrangement(found.on_robot, f"{found.by} in {other.name}")
+    return None
+
+
+def _by_name(path: Path) -> _Arrangement | None:
+    words = f"_{re.sub(r'[^a-z0-9]+', '_', path.stem.lower())}_"
+    found = {on_robot: word for word, on_robot in _IN_NAMES.items() if f"_{word}_" in words}
+    if len(found) != 1:
+        return None
+    ((on_robot, word),) = found.items()
+    return _Arrangement(on_robot, f"by {word} in its name; --camera-on says otherwise")
+
+
+def _frame(root: Field, key: str) -> str:
+    place = root.first("parameters") or root
+    name = place.first(key)
+    return "" if name is None else name.text().lstrip("/")
+
+
+def _samples(root: Field) -> tuple[list[SE3], list[SE3]]:
+    """Robot and tracking of each sample."""
+    inner = root.first("samples")
+    if inner is not None and isinstance(inner.data, list):
+        entries = inner.items("samples")
+        return (
+            [entry.at("robot").pose() for entry in entries],
+            [entry.at("tracking", "optical").pose() for entry in entries],
+        )
+    lists = inner or root
+    if lists.first("hand_world_samples") is None:
+        held = listed(list(root.data)) if isinstance(root.data, dict) else "no fields"
+        raise root.error(f"holds {held}, expected samples, hand_world_samples, transform or transformation")
+    robot, tracking = (_transforms(lists.at(key)) for key in ("hand_world_samples", "camera_marker_samples"))
+    if len(robot) != len(tracking):
+        raise DatasetError(root.path, f"{len(robot)} hand_world_samples and {len(tracking)} camera_marker_samples")
+    return robot, tracking
+
+
+def _transforms(where: Field) -> list[SE3]:
+    return [each.pose() for each in (where.first("transforms") or where).items("transforms")]
+
+
+def _stacked(poses: Sequence[SE3]) -> SE3:
+    return SE3.stack(list(poses))

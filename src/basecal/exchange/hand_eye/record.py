@@ -1,0 +1,41 @@
+"""What a hand-eye program recorded with one robot and one camera."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from basecal.geometry import SE3
+
+
+@dataclass(frozen=True, eq=False)
+class HandEyeRecord:
+    """Poses of a robot, what its camera saw at each, and what is known of the rest.
+
+    Attributes:
+        path: The file.
+        what: What it holds, in which frames and units.
+        camera_on_robot: Whether the robot carries the camera, and not the target.
+        base_from_flange: (n,) poses of the robot; none where the file has only a result.
+        camera_from_target: (n,) poses of the target; None where there are pictures instead.
+        pictures: One for each pose; none where there are poses.
+        frames: What the file calls the robot's `base` and `flange`.
+        camera_mount: Where the camera was found to be, in the flange or the base; None where the file does not say.
+        target_mount: Likewise the target.
+        lens: What `cell.yaml` says of the camera's lens; nothing where the file does not.
+        target: What it says of the target's kind and sizes; likewise.
+    """
+
+    path: str
+    what: str
+    camera_on_robot: bool
+    base_from_flange: SE3 = field(default_factory=lambda: SE3.identity((0,)))
+    camera_from_target: SE3 | None = None
+    pictures: tuple[Path, ...] = ()
+    frames: Mapping[str, str] = field(default_factory=dict)
+    camera_mount: SE3 | None = None
+    target_mount: SE3 | None = None
+    lens: Mapping[str, Any] = field(default_factory=dict)
+    target: Mapping[str, Any] = field(default_factory=dict)

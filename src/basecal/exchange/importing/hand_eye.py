@@ -1,0 +1,146 @@
+"""What a hand-eye program recorded, as what an import brings into a cell."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from basecal.cell import WORLD, Cell, PoseObservation, RobotState, Unknown
+from basecal.cell.format.plain import pose_dict
+from basecal.errors import InputError, listed
+from basecal.exchange.hand_eye.moveit import JointStates
+from basecal.exchange.hand_eye.record import HandEyeRecord
+from basecal.exchange.importing.imported import Imported, Row
+from basecal.geometry import SE3
+
+
+@dataclass(frozen=True)
+class Names:
+    """What a cell calls the robot, the camera and the target of a hand-eye recording."""
+
+    robot: str
+    camera: str
+    target: str
+
+
+def chosen_names(cell: Cell | None, robot: str | None, camera: str | None, target: str | None, on_robot: bool) -> Names:
+    """The names that were given, else those of the only ones in the cell, else those of a new cell.
+
+    Args:
+        cell: The cell there is; None where one is made.
+        robot: As given.
+        camera: As given.
+        target: As given.
+        on_robot: Whether the robot carries the camera, and not the target.
+
+    Raises:
+        InputError: if one is not given and the cell has several.
+    """
+    if cell is None:
+        return Names(robot or ("eye" if on_robot else "hand"), camera or "camera", target or "target")
+    camera = camera or _only("camera", cell.cameras, "camera")
+    target = target or _only("target", cell.targets, "target")
+    carried = cell.cameras.get(camera) if on_robot else cell.targets.get(target)
+    if robot is None and carried is not None and carried.on in cell.robots:
+        robot = carried.on
+    return Names(robot or _only("robot", cell.robots, "eye"), camera, target)
+
+
+def told_by_cell(cell: Cell | None, camera: str | None) -> bool | None:
+    """Whether a robot of the cell carries the camera; None where the cell does not say."""
+    if cell is None or (camera is None and len(cell.cameras) != 1):
+        return None
+    found = cell.cameras.get(camera or next(iter(cell.cameras)))
+    return None if found is None else found.on != WORLD
+
+
+def _only(what: str, known: Mapping[str, Any], usual: str) -> str:
+    if len(known) > 1:
+        raise InputError(f"which {what}? --{what} is one of: {listed(list(known))}")
+    return next(iter(known), usual)
+
+
+def imported_hand_eye(cell: Cell | None, record: HandEyeRecord, names: Names) -> Imported:
+    """Rows of a recording, and what the cell must have for them; what it states already stays.
+
+    Args:
+        cell: The cell there is; None where one is made.
+        record: What was read.
+        names: What the cell calls robot, camera and target.
+    """
+    carriers = (names.robot, WORLD) if record.camera_on_robot else (WORLD, names.robot)
+    known_camera = None if cell is None else cell.cameras.get(names.camera)
+    known_target = None if cell is None else cell.targets.get(names.target)
+    camera: dict[str, Any] = {
+        "on": carriers[0],
+        **_mount(None if known_camera is None else known_camera.mount, record.camera_mount),
+    }
+    target: dict[str, Any] = {
+        "on": carriers[1],
+        **_mount(None if known_target is None else known_target.mount, record.target_mount),
+    }
+    if known_camera is None or known_camera.intrinsics is None:
+        camera |= record.lens
+    if known_target is None or known_target.target is None:
+        target |= record.target
+    robots: dict[str, Any] = {names.robot: _frames(cell, record, names.robot)}
+    data: dict[str, Any] = {"reference": names.robot} if cell is None else {}
+    data |= {"robots": robots, "cameras": {names.camera: camera}, "targets": {names.target: target}}
+    return Imported(record.path, record.what, _rows(record, names), data)
+
+
+def _mount(known: Unknown | None, found: SE3 | None) -> dict[str, Any]:
+    """A guess of a mount of which nothing is known."""
+    if known is None:
+        return {"mount": {"status": "free"} if found is None else {"status": "free", "guess": pose_dict(found)}}
+    if found is None or known.status != "free" or known.mean is not None:
+        return {}
+    return {"mount": {"status": "free", "guess": pose_dict(found)}}
+
+
+def _frames(cell: Cell | None, record: HandEyeRecord, robot: str) -> dict[str, Any]:
+    known = None if cell is None else cell.robots.get(robot)
+    return {"frames": dict(record.frames)} if record.frames and (known is None or not known.frames) else {}
+
+
+def _rows(record: HandEyeRecord, names: Names) -> tuple[Row, ...]:
+    rows = []
+    for i in range(len(record.base_from_flange)):
+        poses = record.camera_from_target
+        seen = () if poses is None else (PoseObservation(names.camera, names.target, poses[i]),)
+        pictures = {names.camera: record.pictures[i]} if record.pictures else {}
+        image = record.pictures[i].name if record.pictures else None
+        rows.append(Row({names.robot: RobotState(record.base_from_flange[i])}, seen, pictures, image))
+    return tuple(rows)
+
+
+def imported_joint_states(cell: Cell | None, states: JointStates, source: str, robot: str | None) -> Imported:
+    """Joint states of a robot whose URDF the cell has, a row a sample.
+
+    Args:
+        cell: The cell there is.
+        states: What was read.
+        source: The file, as the user named it.
+        robot: Its name in the cell; the only one with a URDF where None.
+
+    Raises:
+        InputError: if the cell has no such robot, or its joints have other names.
+    """
+    chains = {} if cell is None else {name: each.chain for name, each in cell.robots.items() if each.chain is not None}
+    name = robot or (next(iter(chains)) if len(chains) == 1 else None)
+    if name is None or name not in chains:
+        known = listed(list(chains))
+        raise InputError(
+            f"{source}: joint states need a robot with a URDF in cell.yaml, --robot; with one there are: {known}"
+        )
+    wanted = chains[name].joint_names
+    missing = [joint for joint in wanted if joint not in states.names]
+    if missing:
+        raise InputError(
+            f"{source}: has joints {listed(states.names)}, the chain of {name!r} in its URDF {listed(wanted)}: "
+            f"{listed(missing)} not recorded"
+        )
+    columns = [states.names.index(joint) for joint in wanted]
+    rows = tuple(Row({name: RobotState(joints_rad=row)}) for row in states.joints_rad[:, columns])
+    return Imported(source, f"{len(rows)} joint states of {name} by MoveIt (rad), joints by their names", rows)

@@ -1,0 +1,1 @@
+"""Files of lenses, each as the program that wrote it means them."""

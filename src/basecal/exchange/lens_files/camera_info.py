@@ -1,0 +1,76 @@
+"""The lens in a `camera_info` file of ROS, and in a `sensor_msgs/CameraInfo` that `topic echo` printed.
+
+The terms of `plumb_bob` and `rational_polynomial` are in OpenCV's order (k1 k2 p1 p2 k3 ...), those of `equidistant`
+are the fisheye's; the centre of the top-left pixel is (0, 0). The matrix is of the whole sensor: pictures that are
+binned or cropped afterwards have another one.
+Source: REP 104; sensor_msgs/CameraInfo and sensor_msgs/distortion_models; camera_calibration_parsers of image_common.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from basecal.errors import DatasetError, listed
+from basecal.exchange.fields import Field, read_fields
+from basecal.exchange.lens_files.stated import StatedLens, made_camera, matrix_parameters, opencv_terms
+
+_FISHEYE = {"equidistant", "fisheye"}
+_PINHOLE = {"plumb_bob", "rational_polynomial", "thin_prism", ""}
+_FISHEYE_TERMS = 4
+_EXPECTED = "a camera_info file of ROS has image_width, image_height, camera_matrix, distortion_model"
+
+
+def read_camera_info(path: str | Path) -> StatedLens:
+    """The lens of a `camera_info` YAML.
+
+    Raises:
+        DatasetError: if it is none, is not calibrated, or is of a lens or a part of an image that has no equal here.
+    """
+    root = read_fields(path)
+    try:
+        matrix = root.at("camera_matrix", "K", "k")
+    except DatasetError as error:
+        raise root.error(f"{error.reason}: {_EXPECTED}") from None
+    size = (root.at("image_width", "width").whole(), root.at("image_height", "height").whole())
+    _refuse_parts(root, size)
+    kind = root.first("distortion_model")
+    named = "" if kind is None else kind.text()
+    terms = root.first("distortion_coefficients", "D", "d")
+    values = [] if terms is None else _data(terms).numbers()
+    parameters = matrix_parameters(matrix, _data(matrix).numbers(9))
+    if named in _FISHEYE:
+        if len(values) != _FISHEYE_TERMS:
+            raise root.error(f"{len(values)} distortion coefficients, {named} has {_FISHEYE_TERMS}")
+        camera = made_camera(matrix, "fisheye", [*parameters, *values], size)
+    elif named in _PINHOLE:
+        camera = made_camera(matrix, "pinhole", [*parameters, *opencv_terms(terms or root, values)], size)
+    else:
+        known = listed(sorted((_PINHOLE | _FISHEYE) - {""}))
+        raise root.at("distortion_model").error(f"{named!r} has no equal here; there are: {known}")
+    name = root.first("camera_name")
+    return StatedLens(
+        camera,
+        f"camera_info of ROS, {named or 'no distortion model'}, {size[0]} x {size[1]} px, the centre of the top-left "
+        "pixel is (0, 0)",
+        None if name is None else str(name.data),
+    )
+
+
+def _data(where: Field) -> Field:
+    """The numbers of a matrix: beside `rows` and `cols` in a file, alone in a message."""
+    return where.at("data") if isinstance(where.data, dict) else where
+
+
+def _refuse_parts(root: Field, size: tuple[int, int]) -> None:
+    """Nothing, where the pictures are of the whole sensor.
+
+    Raises:
+        DatasetError: if they are binned or cropped.
+    """
+    for axis in ("binning_x", "binning_y"):
+        if (binning := root.first(axis)) is not None and binning.whole(0) > 1:
+            raise binning.error("the matrix is of the unbinned image, the pictures are not: give that of the pictures")
+    part = root.first("roi")
+    sides = [0, 0] if part is None else [part.at(side).whole(0) for side in ("width", "height")]
+    if part is not None and all(sides) and tuple(sides) != size:
+        raise part.error("the matrix is of the whole image, the pictures are a part of it: give that of the pictures")

@@ -1,0 +1,164 @@
+"""The lenses of a reconstruction of COLMAP: `cameras.txt` or `cameras.bin`.
+
+COLMAP counts pixels from the corner of the image: the centre of the top-left pixel is (0.5, 0.5) there and (0, 0)
+here, so half a pixel is taken off the principal point. A model of one focal length has it twice, one of fewer radial
+terms has zeros for the others.
+Source: COLMAP's documentation, "Output Format", "Camera Models" and "Database Format"; src/colmap/sensor/models.h.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from basecal.bounded_file import read_bounded
+from basecal.cell.format.problems import short
+from basecal.errors import DatasetError, listed, nearest
+from basecal.exchange.columns import text_of
+from basecal.exchange.fields import Field
+from basecal.exchange.lens_files.stated import StatedLens, made_camera
+
+_TO_PIXEL_CENTRES = -0.5
+_LARGEST = 2**24  # bytes: a hundred thousand cameras
+
+
+@dataclass(frozen=True)
+class _Model:
+    """One of COLMAP's models.
+
+    Attributes:
+        number: Its number in binary files.
+        count: How many parameters it has.
+        lens: What it is here; None where nothing is.
+        focals: How many focal lengths it begins with.
+        terms: Distortion terms of the lens here, as places among the parameters behind the principal point; None for
+            a zero.
+    """
+
+    number: int
+    count: int
+    lens: str | None = None
+    focals: int = 2
+    terms: tuple[int | None, ...] = ()
+
+
+_MODELS = {
+    "SIMPLE_PINHOLE": _Model(0, 3, "pinhole", 1),
+    "PINHOLE": _Model(1, 4, "pinhole"),
+    "SIMPLE_RADIAL": _Model(2, 4, "pinhole", 1, (0, None, None, None)),
+    "RADIAL": _Model(3, 5, "pinhole", 1, (0, 1, None, None)),
+    "OPENCV": _Model(4, 8, "pinhole", 2, (0, 1, 2, 3)),
+    "OPENCV_FISHEYE": _Model(5, 8, "fisheye", 2, (0, 1, 2, 3)),
+    "FULL_OPENCV": _Model(6, 12, "pinhole", 2, (0, 1, 2, 3, 4, 5, 6, 7)),
+    "FOV": _Model(7, 5),
+    "SIMPLE_RADIAL_FISHEYE": _Model(8, 4, "fisheye", 1, (0, None, None, None)),
+    "RADIAL_FISHEYE": _Model(9, 5, "fisheye", 1, (0, 1, None, None)),
+    "THIN_PRISM_FISHEYE": _Model(10, 12),
+    "RAD_TAN_THIN_PRISM_FISHEYE": _Model(11, 16),
+}
+_BY_NUMBER = {model.number: name for name, model in _MODELS.items()}
+
+
+class _Entry(NamedTuple):
+    """A camera as the file has it: its number, model, size and parameters; `where` is its place, for errors."""
+
+    number: int
+    model: str
+    size_px: tuple[int, int]
+    parameters: Sequence[float]
+    where: Field
+
+
+def read_colmap(path: str | Path) -> dict[int, StatedLens]:
+    """The lenses of a reconstruction by their CAMERA_ID.
+
+    Args:
+        path: `cameras.txt`, `cameras.bin`, or the folder that holds one of them; the binary is taken before the text,
+            as COLMAP does.
+
+    Raises:
+        DatasetError: if it is neither, or a lens has no equal here.
+    """
+    file = _file(Path(path))
+    entries = list(_binary(file) if file.suffix.lower() == ".bin" else _text(file))
+    if not entries:
+        raise DatasetError(str(file), "holds no camera, expected lines `CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]`")
+    return {entry.number: _lens(entry) for entry in entries}
+
+
+def _file(path: Path) -> Path:
+    if not path.is_dir():
+        return path
+    found = [path / name for name in ("cameras.bin", "cameras.txt") if (path / name).exists()]
+    if not found:
+        raise DatasetError(str(path), "holds neither cameras.bin nor cameras.txt: give the folder of a reconstruction")
+    return found[0]
+
+
+def _text(path: Path) -> Iterator[_Entry]:
+    lines = text_of(str(path), "lines `CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]`").splitlines()
+    for number, line in enumerate(lines, start=1):
+        words = line.split("#")[0].split()
+        where = Field(str(path), words, {(): number})
+        if not words:
+            continue
+        if len(words) < 5:
+            raise where.error(f"{len(words)} words, expected CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]")
+        try:
+            sides = (int(words[2]), int(words[3]))
+            yield _Entry(int(words[0]), words[1], sides, [float(word) for word in words[4:]], where)
+        except ValueError:
+            raise where.error(f"{short(line)} has a word that is not a number, behind the model's name") from None
+
+
+def _binary(path: Path) -> Iterator[_Entry]:
+    """Little-endian: how many, then number, model's number, width, height and parameters of each."""
+    data = read_bounded(path, _LARGEST)
+    try:
+        (count,) = struct.unpack_from("<Q", data)
+        at = 8
+        for i in range(count):
+            where = Field(str(path), None, {}, (f"camera {i}",))
+            number, model, width, height = struct.unpack_from("<iiQQ", data, at)
+            if model not in _BY_NUMBER:
+                raise where.error(f"is of model {model}, expected 0 to {max(_BY_NUMBER)}: is this cameras.bin?")
+            size = _MODELS[_BY_NUMBER[model]].count
+            yield _Entry(
+                number, _BY_NUMBER[model], (width, height), struct.unpack_from(f"<{size}d", data, at + 24), where
+            )
+            at += 24 + 8 * size
+    except struct.error:
+        raise DatasetError(str(path), "is cut off, or is not cameras.bin of COLMAP") from None
+
+
+def _lens(entry: _Entry) -> StatedLens:
+    model = _MODELS.get(entry.model)
+    if model is None:
+        known = [name for name, each in _MODELS.items() if each.lens]
+        raise entry.where.error(
+            f"no model {short(entry.model)}{nearest(entry.model, known)}; there are: {listed(known)}"
+        )
+    if model.lens is None:
+        raise entry.where.error(f"{entry.model} has no equal here: calibrate with OPENCV or OPENCV_FISHEYE")
+    if len(entry.parameters) != model.count:
+        raise entry.where.error(f"{len(entry.parameters)} parameters, {entry.model} has {model.count}")
+    at = Field(entry.where.path, list(entry.parameters), entry.where.lines, entry.where.loc)
+    values = at.numbers()
+    focal, (cx, cy), rest = (
+        values[: model.focals],
+        values[model.focals : model.focals + 2],
+        values[model.focals + 2 :],
+    )
+    fx, fy = focal * (3 - model.focals)
+    terms = [0.0 if place is None else rest[place] for place in model.terms]
+    centre = (cx + _TO_PIXEL_CENTRES, cy + _TO_PIXEL_CENTRES)
+    width, height = entry.size_px
+    return StatedLens(
+        made_camera(entry.where, model.lens, [fx, fy, *centre, *terms], entry.size_px),
+        f"camera {entry.number} of COLMAP, {entry.model}, {width} x {height} px; half a pixel taken off its principal "
+        "point, since COLMAP's top-left pixel has its centre at (0.5, 0.5)",
+        str(entry.number),
+    )

@@ -1,0 +1,74 @@
+"""Files of OpenCV's FileStorage, YAML, XML and JSON, as plain data.
+
+Its YAML begins with `%YAML:1.0`, which no standard knows, and tags matrices `!!opencv-matrix`; its XML has one element
+a field, a matrix being rows, cols, dt and data. Source: OpenCV's modules/core/src/persistence*.cpp.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from basecal.cell.format.problems import CAUSE, Loc
+from basecal.cell.format.yaml_text import LARGEST_BYTES, read_text
+from basecal.errors import DatasetError
+from basecal.exchange.fields import Field, fields_of
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
+
+_HEAD = re.compile(r"\A%YAML[: ][^\n]*")
+_TAG = re.compile(r"!!(opencv|python)[-\w/.:]*")
+_COMMENTS = re.compile(r"/\*.*?\*/|^[ \t]*//[^\n]*", re.S | re.M)  # which OpenCV's JSON may have
+_DEEPEST = 32  # levels, as of YAML
+
+
+def read_file_storage(path: str | Path) -> Field:
+    """All of a file that OpenCV's FileStorage wrote.
+
+    Raises:
+        DatasetError: if it cannot be read.
+    """
+    text, name = read_text(Path(path), "", LARGEST_BYTES), str(path)
+    start = text.lstrip()[:1]
+    if start == "<":
+        return _xml(text, name)
+    if start == "{":
+        text = _COMMENTS.sub(lambda comment: "\n" * comment[0].count("\n"), text).replace("\t", " ")
+    return fields_of(_TAG.sub("", _HEAD.sub("", text)), name)
+
+
+def _xml(text: str, path: str) -> Field:
+    from xml.etree.ElementTree import ParseError
+
+    from defusedxml.common import DefusedXmlException
+    from defusedxml.ElementTree import fromstring
+
+    try:
+        root = fromstring(text.encode())
+    except (ParseError, ValueError, DefusedXmlException) as error:
+        line = getattr(error, "position", (None, 0))[0]
+        raise DatasetError(path, f"not XML: {str(error)[:CAUSE]}", line) from None
+    lines: dict[Loc, int] = {}
+    return Field(path, _plain(root, path, 0), lines)
+
+
+def _plain(element: Element, path: str, depth: int) -> Any:
+    """The data of an element: a mapping of those in it, a list of those named `_`, or words."""
+    if depth > _DEEPEST:
+        raise DatasetError(path, f"nested deeper than {_DEEPEST} levels; nothing of OpenCV's is")
+    inner = list(element)
+    if any(child.tag != "_" for child in inner):
+        return {child.tag: _plain(child, path, depth + 1) for child in inner}
+    if inner:
+        return [_plain(child, path, depth + 1) for child in inner]
+    words = [_word(word) for word in (element.text or "").split()]
+    return words[0] if len(words) == 1 else words
+
+
+def _word(word: str) -> Any:
+    try:
+        return int(word) if re.fullmatch(r"[+-]?\d{1,18}", word) else float(word)
+    except ValueError:
+        return word.strip('"')

@@ -1,0 +1,125 @@
+"""Kalibr's chain of cameras, and its description of a target.
+
+`pinhole` with `radtan` has terms k1 k2 p1 p2 in OpenCV's order, with `equidistant` the fisheye's four; `T_cn_cnm1` is
+camera n from camera n - 1, metres. Where the IMU stands (`T_cam_imu`, `timeshift_cam_imu`) is nothing a cell holds.
+Corners are found by OpenCV, so the centre of the top-left pixel is (0, 0). A checkerboard is counted by inner corners;
+an asymmetric grid of circles has circle c of row r at ((2 c + r mod 2) spacing, r spacing), as OpenCV's.
+Source: Kalibr's wiki, "yaml formats", "supported models" and "calibration targets"; GridCalibrationTargetCirclegrid.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from basecal.errors import listed
+from basecal.exchange.fields import Field, read_fields
+from basecal.exchange.lens_files.stated import StatedLens, made_camera
+
+_PROJECTION = "pinhole"  # the one of Kalibr's that lenses here have
+_MODELS = {"radtan": ("pinhole", 4), "equidistant": ("fisheye", 4), "none": ("pinhole", 0)}
+_FAMILY = "tag36h11"  # the one that Kalibr's own boards are printed in
+_SAME = 1e-6  # of both sides of a square: below what any printer keeps
+
+
+def read_camchain(path: str | Path) -> tuple[StatedLens, ...]:
+    """The lenses of a `camchain.yaml`, in their order, where each stands from the one before.
+
+    Raises:
+        DatasetError: if it is none, or a lens has no equal here.
+    """
+    root = read_fields(path)
+    names = [name for name in root.data if name.startswith("cam")] if isinstance(root.data, dict) else []
+    if not names:
+        held = listed(list(root.data)) if isinstance(root.data, dict) else "no fields"
+        raise root.error(f"holds {held}: a camchain of Kalibr has cam0, cam1, ...; a target of it has target_type")
+    return tuple(_lens(root.at(name), name) for name in names)
+
+
+def _lens(camera: Field, name: str) -> StatedLens:
+    projection = camera.at("camera_model")
+    if projection.text() != _PROJECTION:
+        raise projection.error(f"{projection.data!r} has no equal here: calibrate with pinhole-radtan or pinhole-equi")
+    distortion = camera.at("distortion_model")
+    if distortion.text() not in _MODELS:
+        raise distortion.error(f"{distortion.data!r} has no equal here; there are: {listed(list(_MODELS))}")
+    model, count = _MODELS[distortion.data]
+    terms = camera.at("distortion_coeffs").numbers(count) if count else []
+    width, height = (side.whole() for side in _pair(camera.at("resolution")))
+    intrinsics = camera.at("intrinsics")
+    made = made_camera(intrinsics, model, [*intrinsics.numbers(4), *terms], (width, height))
+    before = camera.first("T_cn_cnm1")
+    return StatedLens(
+        made,
+        f"{name} of Kalibr, pinhole-{distortion.data}, {width} x {height} px, the centre of the top-left pixel is "
+        "(0, 0)",
+        name,
+        None if before is None else before.pose(),
+    )
+
+
+def _pair(where: Field) -> list[Field]:
+    sides = where.items("width and height")
+    if len(sides) != 2:
+        raise where.error(f"has {len(sides)} numbers, expected width and height")
+    return sides
+
+
+def is_target(path: str | Path) -> bool:
+    """Whether a file of Kalibr's describes a target.
+
+    Raises:
+        DatasetError: if it cannot be read.
+    """
+    return read_fields(path).first("target_type") is not None
+
+
+def read_target(path: str | Path) -> dict[str, Any]:
+    """What `cell.yaml` says of the target in a `target.yaml`: its kind and sizes.
+
+    Raises:
+        DatasetError: if it is none, or has no equal here.
+    """
+    root = read_fields(path)
+    kind = root.at("target_type")
+    if kind.text() not in _TARGETS:
+        raise kind.error(f"{kind.data!r} is no target of Kalibr's; there are: {listed(list(_TARGETS))}")
+    return _TARGETS[kind.data](root)
+
+
+def _aprilgrid(root: Field) -> dict[str, Any]:
+    if (first := root.first("codeOffset")) is not None and first.whole(0):
+        raise first.error("the tags of a grid here begin with number 0: print one that does")
+    return {
+        "kind": "aprilgrid",
+        "tags": [root.at("tagCols").whole(), root.at("tagRows").whole()],
+        "tag_m": root.at("tagSize").number(),
+        "spacing": root.at("tagSpacing").number(),
+        "family": _FAMILY,
+    }
+
+
+def _checkerboard(root: Field) -> dict[str, Any]:
+    across, down = root.at("colSpacingMeters"), root.at("rowSpacingMeters")
+    if abs(across.number() - down.number()) > _SAME * abs(across.number()):
+        raise down.error(f"is {down.data}, colSpacingMeters {across.data}: the squares of a board here are square")
+    corners = [root.at("targetCols").whole(2), root.at("targetRows").whole(2)]
+    return {"kind": "chessboard", "corners": corners, "square_m": across.number()}
+
+
+def _circlegrid(root: Field) -> dict[str, Any]:
+    asymmetric = root.first("asymmetricGrid")
+    return {
+        "kind": "circles",
+        "circles": [root.at("targetCols").whole(2), root.at("targetRows").whole(2)],
+        "spacing_m": root.at("spacingMeters").number(),
+        "asymmetric": asymmetric is not None and asymmetric.yes(),
+    }
+
+
+_TARGETS: dict[str, Callable[[Field], dict[str, Any]]] = {
+    "aprilgrid": _aprilgrid,
+    "checkerboard": _checkerboard,
+    "circlegrid": _circlegrid,
+}

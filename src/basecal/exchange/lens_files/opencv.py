@@ -1,0 +1,118 @@
+"""The lens that a script wrote with OpenCV: FileStorage (YAML, XML, JSON) or a NumPy archive, under the usual names.
+
+The pixels are OpenCV's: the centre of the top-left pixel is (0, 0). Four terms are k1 k2 p1 p2 or the fisheye's, which
+only the file's `fisheye_model`, or the user, can tell. Source: OpenCV's tutorials on camera calibration, whose sample
+writes camera_matrix and distortion_coefficients and whose Python page writes mtx and dist; stereo_calib's M1, D1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from basecal.errors import listed
+from basecal.exchange.fields import Field
+from basecal.exchange.lens_files.file_storage import read_file_storage
+from basecal.exchange.lens_files.stated import StatedLens, made_camera, matrix_parameters, opencv_terms
+from basecal.exchange.npz import read_arrays
+from basecal.geometry.lens import term_counts
+
+# Without underscores, in lower case.
+_MATRIX = ("cameramatrix", "cameramat", "intrinsicmatrix", "intrinsics", "intrinsic", "mtx", "k", "m", "matrix")
+_TERMS = ("distortioncoefficients", "distortioncoeffs", "distcoeffs", "distcoeff", "distortion", "dist", "d", "coeffs")
+_SIZE = ("imagesize", "imgsize", "size", "resolution", "framesize")
+_WIDTHS, _HEIGHTS = ("imagewidth", "width", "w"), ("imageheight", "height", "h")
+_FISHEYE = ("fisheyemodel", "fisheye", "isfisheye")
+_MATRIX_SIZE = 9
+
+
+def read_opencv(path: str | Path, model: str | None = None, which: int | None = None) -> StatedLens:
+    """The lens of a file that OpenCV, or NumPy in a script, wrote.
+
+    Args:
+        path: `.yml`, `.yaml`, `.xml`, `.json`, or `.npz`.
+        model: What it is of; the file's word, else the pinhole, where None.
+        which: Of two cameras in a file, 1 or 2: M1, D1 or M2, D2.
+
+    Raises:
+        DatasetError: if there is no camera matrix, or there are two and none is chosen, or it is no lens.
+    """
+    name = str(path)
+    root = _archive(name) if name.lower().endswith((".npz", ".npy")) else read_file_storage(path)
+    if (ros := root.first("distortion_model")) is not None:
+        raise ros.error("says how ROS distorts, which OpenCV does not write: basecal import camera-info")
+    named = _by_plain_name(root)
+    suffix = "" if which is None else str(which)
+    matrix = _one_of(named, (f"{each}{suffix}" for each in _MATRIX), _MATRIX_SIZE)
+    if matrix is None:
+        both = _one_of(named, (f"{each}1" for each in _MATRIX), _MATRIX_SIZE)
+        if which is None and both is not None:
+            raise root.error(f"holds two cameras ({listed(list(root.data))}): say which by --which 1 or --which 2")
+        expected = "expected camera_matrix, cameraMatrix, mtx or K, 3 x 3"
+        raise root.error(f"has no camera matrix; it has {listed(_names(root))}: {expected}")
+    terms = _one_of(named, (f"{each}{suffix}" for each in _TERMS))
+    values = [] if terms is None else _data(terms).numbers()
+    said = next((named[each] for each in _FISHEYE if each in named), None)
+    lens = model or ("fisheye" if said is not None and said.yes() else "pinhole")
+    parameters = matrix_parameters(matrix, _data(matrix).numbers(_MATRIX_SIZE))
+    size = _size(named)
+    usual = values if len(values) in term_counts(lens) else opencv_terms(terms or root, values)
+    return StatedLens(
+        made_camera(terms or matrix, lens, [*parameters, *usual], size),
+        f"OpenCV's {matrix.loc[-1]}, {lens} of {len(usual)} distortion terms"
+        f"{'' if size is None else f', {size[0]} x {size[1]} px'}, the centre of the top-left pixel is (0, 0)",
+    )
+
+
+def _archive(name: str) -> Field:
+    file, arrays = read_arrays(name)
+    return Field(file, {key: array.ravel().tolist() for key, array in arrays.items()}, {})
+
+
+def _names(root: Field) -> list[str]:
+    return list(root.data) if isinstance(root.data, dict) else []
+
+
+def _by_plain_name(root: Field) -> dict[str, Field]:
+    """Fields by name without underscores in lower case, also those one mapping deeper."""
+    found: dict[str, Field] = {}
+    for name in _names(root):
+        field = root.first(name)
+        if field is None:
+            continue
+        if isinstance(field.data, dict) and "data" not in field.data:
+            found |= {**_by_plain_name(field), **found}
+        found[str(name).replace("_", "").replace("-", "").lower()] = field
+    return found
+
+
+def _one_of(named: dict[str, Field], names: Iterable[str], count: int | None = None) -> Field | None:
+    """The first field that holds a matrix, of `count` numbers where given."""
+    for name in names:
+        field = named.get(name)
+        rows = None if field is None else _data(field).data
+        if isinstance(rows, list) and count in (None, sum(len(row) if isinstance(row, list) else 1 for row in rows)):
+            return field
+    return None
+
+
+def _data(where: Field) -> Field:
+    """The numbers of a matrix, which FileStorage has beside its `rows` and `cols`."""
+    return where.at("data") if isinstance(where.data, dict) else where
+
+
+def _size(named: dict[str, Field]) -> tuple[int, int] | None:
+    width = next((named[name] for name in _WIDTHS if name in named), None)
+    height = next((named[name] for name in _HEIGHTS if name in named), None)
+    if width is not None and height is not None:
+        return (_scalar(width).whole(), _scalar(height).whole())
+    both = next((named[name] for name in _SIZE if name in named), None)
+    if both is None or not isinstance(both.data, list) or len(both.data) != 2:
+        return None
+    first, second = both.items("width and height")
+    return (first.whole(), second.whole())
+
+
+def _scalar(where: Field) -> Field:
+    """A number that NumPy keeps as an array."""
+    return where.items("one number")[0] if isinstance(where.data, list) else where

@@ -1,0 +1,112 @@
+"""Hand-eye recordings as what is brought into a cell."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from basecal.cell import Cell, PoseObservation, Recording
+from basecal.cell.files import read_cell
+from basecal.cell.format.yaml_text import yaml_text
+from basecal.errors import InputError
+from basecal.exchange.hand_eye.moveit import JointStates
+from basecal.exchange.hand_eye.record import HandEyeRecord
+from basecal.exchange.importing.bring_in import bring_in
+from basecal.exchange.importing.hand_eye import (
+    Names,
+    chosen_names,
+    imported_hand_eye,
+    imported_joint_states,
+    told_by_cell,
+)
+from basecal.geometry import SE3
+from cell_example import URDF
+
+POSES = SE3.exp(np.random.default_rng(7).normal(size=(3, 6)) * 0.4)
+SEEN = SE3.exp(np.random.default_rng(8).normal(size=(3, 6)) * 0.4)
+
+
+def recorded(on_robot: bool, **more: object) -> HandEyeRecord:
+    return HandEyeRecord("a.samples", "3 samples", on_robot, POSES, SEEN, **more)  # type: ignore[arg-type]
+
+
+def cell_in(folder: Path, **more: object) -> Cell:
+    words = {"schema": "basecal/cell/1", "reference": "arm", "robots": {"arm": {}}, **more}
+    (folder / "cell.yaml").write_text(yaml_text(words))
+    return read_cell(folder)
+
+
+def brought(folder: Path, cell: Cell | None, record: HandEyeRecord, names: Names) -> tuple[Cell, Recording]:
+    done = bring_in(folder, imported_hand_eye(cell, record, names), lambda _, __: None)
+    return done.cell, done.recording
+
+
+@pytest.mark.parametrize(("on_robot", "robot"), [(True, "eye"), (False, "hand")])
+def test_a_new_cell(tmp_path: Path, on_robot: bool, robot: str) -> None:
+    """The robot carries the camera or the target, the other stands on the world; frames and guesses are kept."""
+    names = chosen_names(None, None, None, None, on_robot)
+    assert names == Names(robot, "camera", "target")
+    record = recorded(on_robot, frames={"base": "base_link"}, camera_mount=POSES[0])
+    cell, recording = brought(tmp_path, None, record, names)
+    assert (cell.cameras["camera"].on, cell.targets["target"].on) == (
+        (robot, "world") if on_robot else ("world", robot)
+    )
+    assert cell.robots[robot].frames["base"] == "base_link"
+    assert cell.cameras["camera"].mount.status == "free"
+    assert cell.cameras["camera"].mount.mean is not None
+    state = recording.samples[1].robots[robot].base_from_flange
+    assert state is not None
+    np.testing.assert_allclose(state.matrix, POSES[1].matrix, atol=1e-12)
+    (seen,) = recording.samples[1].observations
+    assert isinstance(seen, PoseObservation)
+    np.testing.assert_allclose(seen.camera_from_target.matrix, SEEN[1].matrix, atol=1e-12)
+
+
+def test_a_cell_that_is_there_tells_names_and_arrangement(tmp_path: Path) -> None:
+    """The only camera and target, and the robot that carries the one that is carried; its mount stays as stated."""
+    mount = {"status": "fixed", "t_m": [0, 0, 0.1], "q_xyzw": [0, 0, 0, 1]}
+    cell = cell_in(tmp_path, cameras={"wrist": {"on": "arm", "mount": mount}}, targets={"tag": {"on": "world"}})
+    assert told_by_cell(cell, None) is True
+    names = chosen_names(cell, None, None, None, True)
+    assert names == Names("arm", "wrist", "tag")
+    after, recording = brought(tmp_path, cell, recorded(True, camera_mount=POSES[0]), names)
+    assert after.cameras["wrist"].mount.status == "fixed"
+    assert len(recording.samples) == 3
+    assert told_by_cell(None, None) is None
+    assert told_by_cell(cell, "other") is None
+
+
+def test_another_carrier_is_told(tmp_path: Path) -> None:
+    """Where cell.yaml has the camera on the world and the file on the robot, its line is named."""
+    cell = cell_in(tmp_path, cameras={"hall": {"on": "world"}}, targets={"tag": {"on": "arm"}})
+    with pytest.raises(InputError, match=r"cell.yaml:\d+: cameras.hall.on: states world, what is imported says arm"):
+        brought(tmp_path, cell, recorded(True), Names("arm", "hall", "tag"))
+
+
+def test_several_of_a_kind_are_asked_for(tmp_path: Path) -> None:
+    """Two cameras, or two robots, need a name."""
+    cell = cell_in(tmp_path, cameras={"a": {"on": "arm"}, "b": {"on": "arm"}}, targets={"t": {"on": "world"}})
+    with pytest.raises(InputError, match=r"which camera\? --camera is one of: a, b"):
+        chosen_names(cell, None, None, None, True)
+    assert chosen_names(cell, None, "b", None, True) == Names("arm", "b", "t")
+
+
+def test_joint_states_by_the_names_of_the_joints(tmp_path: Path) -> None:
+    """Columns go to the joints of their names; a robot without a URDF, and joints of other names, are told."""
+    (tmp_path / "arm.urdf").write_text(URDF)
+    links = {"urdf": "arm.urdf", "base_link": "base", "flange_link": "tool0"}
+    cell = cell_in(tmp_path, robots={"arm": links})
+    chain = cell.robots["arm"].chain
+    assert chain is not None
+    names = (*reversed(chain.joint_names), "gripper")
+    rows = np.arange(2.0 * len(names)).reshape(2, -1) / 10
+    imported = imported_joint_states(cell, JointStates(names, rows), "j.yaml", None)
+    joints = imported.rows[1].robots["arm"].joints_rad
+    assert joints is not None
+    np.testing.assert_array_equal(joints, rows[1, :-1][::-1])
+    with pytest.raises(InputError, match=r"joint states need a robot with a URDF in cell.yaml"):
+        imported_joint_states(None, JointStates(names, rows), "j.yaml", None)
+    with pytest.raises(InputError, match=r"j.yaml: has joints gripper, the chain of 'arm' in its URDF .* not recorded"):
+        imported_joint_states(cell, JointStates(("gripper",), rows[:, -1:]), "j.yaml", "arm")

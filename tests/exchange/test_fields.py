@@ -1,0 +1,99 @@
+"""Fields of other programs' files: what is asked for, and what is said of what is not there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from basecal.errors import DatasetError
+from basecal.exchange.fields import fields_of, read_fields
+
+TEXT = """\
+name: wrist
+size: [640, 480]
+matrix:
+  data: [[1, 2], [3, 4.5]]
+on: true
+pose: {x: 0.1, y: 0.2, z: 0.3, qx: 0, qy: 0, qz: 0, qw: 1}
+"""
+
+
+def test_what_is_written_is_found() -> None:
+    """Text, whole numbers, nested rows, yes and no, and the first of several names."""
+    root = fields_of(TEXT, "a.yaml")
+    assert root.at("camera", "name").text() == "wrist"
+    assert [side.whole() for side in root.at("size").items("sides")] == [640, 480]
+    assert root.at("matrix").at("data").numbers(4) == [1, 2, 3, 4.5]
+    assert root.at("on").yes()
+    assert root.first("nothing") is None
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "{x: 1, y: 2, z: 3, qx: 0, qy: 0, qz: 1, qw: 0}",
+        "{translation: {x: 1, y: 2, z: 3}, rotation: {x: 0, y: 0, z: 1, w: 0}}",
+        "{position: {x: 1, y: 2, z: 3}, orientation: {x: 0, y: 0, z: 1, w: 0}}",
+        "[-1, 0, 0, 1, 0, -1, 0, 2, 0, 0, 1, 3, 0, 0, 0, 1]",
+        "[[-1, 0, 0, 1], [0, -1, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]]",
+    ],
+)
+def test_poses_in_every_way_to_write_them(text: str) -> None:
+    """A half turn about z at (1, 2, 3), as ROS, as seven numbers beside each other and as a matrix."""
+    expected = [[-1, 0, 0, 1], [0, -1, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]]
+    np.testing.assert_allclose(fields_of(text, "a.yaml").pose().matrix, expected, atol=1e-15)
+
+
+@pytest.mark.parametrize("ending", ["---\n", "\n---", "...\n", "---\n---\n\n"])
+def test_messages_end_with_a_separator(ending: str) -> None:
+    """What `topic echo` prints after a message is no second document."""
+    assert fields_of("a: 1\n" + ending, "a.yaml").at("a").whole() == 1
+
+
+@pytest.mark.parametrize(
+    ("ask", "message"),
+    [
+        (lambda root: root.at("nme"), r"a.yaml:1: has no nme \(did you mean 'name'\?\); it has name, size"),
+        (lambda root: root.at("name").number(), r"a.yaml:1: name: is 'wrist', expected a number"),
+        (lambda root: root.at("on").number(), r"a.yaml:5: on: is True, expected a number"),
+        (lambda root: root.at("size").numbers(3), r"a.yaml:2: size: has 2 numbers, expected 3"),
+        (lambda root: root.at("name").at("x"), r"name: is 'wrist', expected a mapping with 'x'"),
+        (lambda root: root.at("name").items("sides"), r"name: is 'wrist', expected a list of sides"),
+        (lambda root: root.at("size").text(), r"size: is a list of 2, expected text"),
+        (lambda root: root.at("name").yes(), r"name: is 'wrist', expected true or false"),
+        (
+            lambda root: root.at("matrix").at("data").items("rows")[1].items("x")[1].whole(),
+            r"matrix.data\[1\]\[1\]: is",
+        ),
+        (lambda root: root.at("size").pose(), r"a.yaml:2: size: has 2 numbers, expected 16"),
+    ],
+)
+def test_what_is_not_there_is_told_with_its_place(ask: object, message: str) -> None:
+    """Path, line and field, what stands there and what was expected."""
+    with pytest.raises(DatasetError, match=message):
+        ask(fields_of(TEXT, "a.yaml"))  # type: ignore[operator]
+
+
+@pytest.mark.parametrize("value", [".nan", ".inf", "1e300", "[]", "null", "'1'"])
+def test_no_number_is_taken_for_one(value: str) -> None:
+    """Not finite, far beyond any length, and what only looks like a number."""
+    with pytest.raises(DatasetError):
+        fields_of(f"a: {value}", "a.yaml").at("a").number()
+
+
+@pytest.mark.parametrize("quaternion", ["qx: 0, qy: 0, qz: 0, qw: 0", "qx: 0, qy: 0, qz: 0.5, qw: 1"])
+def test_no_rotation_is_told(quaternion: str) -> None:
+    """A quaternion that is none is named with its norm, at its line."""
+    with pytest.raises(DatasetError, match=r"a.yaml:2: p: quaternion has norm"):
+        fields_of(f"\np: {{x: 0, y: 0, z: 0, {quaternion}}}", "a.yaml").at("p").pose()
+
+
+def test_files_that_cannot_be_read_are_told(tmp_path: Path) -> None:
+    """A missing file, a folder, one that is no text, and one that is no YAML."""
+    (tmp_path / "bytes.yaml").write_bytes(b"\xff\xfe\x00")
+    (tmp_path / "open.yaml").write_text("a: [1, 2\n")
+    for name in ("none.yaml", ".", "bytes.yaml", "open.yaml"):
+        with pytest.raises(DatasetError, match=name):
+            read_fields(tmp_path / name)
