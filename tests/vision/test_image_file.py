@@ -101,10 +101,14 @@ def test_random_bytes_never_fail() -> None:
 
 def test_missing_and_folder(tmp_path: Path) -> None:
     """A path that is not there or not a file is told in words."""
-    assert read_bytes(tmp_path / "none.png") == "is missing"
+    assert read_bytes(tmp_path / "none.png") == "is missing, its folder is empty"
+    assert read_bytes(tmp_path / "no" / "none.png") == "is missing, as is its folder"
     assert read_bytes(tmp_path) == "is not a file"
     (tmp_path / "some").write_bytes(b"abc")
     assert read_bytes(tmp_path / "some") == b"abc"
+    assert read_bytes(tmp_path / "none.png") == "is missing"
+    (tmp_path / "none.jpg").write_bytes(b"abc")
+    assert read_bytes(tmp_path / "none.png") == "is missing (did you mean .jpg?)"
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes on this system")
@@ -200,12 +204,21 @@ def test_as_the_sensor_gave_it(orientation: int) -> None:
     assert is_turned(data) == (orientation != 1)
 
 
+TO_DO = "give these, or size_px and the lens of the pictures that there are"
+
+
 @pytest.mark.parametrize(
     ("size_px", "cause"),
     [
         ((48, 64), ": width and height look swapped, of it and of its lens; pixels count as the sensor gave them"),
-        ((128, 96), ": the lens seems to be of pictures scaled by 2"),
-        ((32, 24), ": the lens seems to be of pictures scaled by 0.5"),
+        (
+            (128, 96),
+            f": the lens seems to be of pictures scaled by 2; {TO_DO}",
+        ),
+        (
+            (32, 24),
+            f": the lens seems to be of pictures scaled by 0.5; {TO_DO}",
+        ),
         ((60, 48), ""),
     ],
 )

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from basecal.vision.losses import Searched, lost_images
+from basecal.vision.losses import Searched, lost_images, why_none
 from vision_scenes import TARGETS, scene
 
 
@@ -41,12 +41,29 @@ def test_targets_seen_in_turn(tmp_path: Path) -> None:
 
 
 def test_unusable_images_count(tmp_path: Path) -> None:
-    """Images that cannot be used are lost as well, and nothing is said of light."""
-    images = [*searched(2, 0), Searched(2, "wrist", "a.png"), Searched(3, "wrist", "b.png")]
-    (told,) = lost_images(images, {"board": TARGETS["charuco"]}, tmp_path)
-    assert told.message == (
-        "2 of 4 images of 'wrist' show no target: none of these can be used, each for the reason that is told"
-    )
+    """Images that cannot be used are lost as well, each reason is told once, and nothing is said of light."""
+    images = [*searched(2, 0), *(Searched(k, "wrist", f"{k}.png", unusable="is missing") for k in (2, 3))]
+    few, dropped = lost_images(images, {"board": TARGETS["charuco"]}, tmp_path)
+    assert few.message == ("2 of 4 images of 'wrist' show no target: each of them, such as 2.png, is missing")
+    assert dropped.about == ("2", "3", "wrist")
+    assert dropped.message == "each of samples 2, 3, such as 2.png, is missing; what 'wrist' saw then is left out"
+
+
+def test_one_unusable_image_is_told_by_itself(tmp_path: Path) -> None:
+    """With its path."""
+    (told,) = lost_images([*searched(9, 0), Searched(9, "wrist", "9.png", unusable="is empty")], {}, tmp_path)
+    assert told.message == "sample 9: 9.png is empty; what 'wrist' saw then is left out"
+
+
+def test_why_there_is_nothing(tmp_path: Path) -> None:
+    """Known where images cannot be used or show something else; not where one shows a target."""
+    board = {"board": TARGETS["charuco"]}
+    cv2.imwrite(str(tmp_path / "0.png"), np.full((480, 640), 128, np.uint8))
+    assert why_none(searched(0, 1), board, tmp_path) == ""
+    cv2.imwrite(str(tmp_path / "0.png"), scene(TARGETS["legacy"]))
+    assert "write dictionary: DICT_5X5_50" in why_none(searched(0, 1), board, tmp_path)
+    assert why_none(searched(1, 1), board, tmp_path) == ""
+    assert why_none([], board, tmp_path) == ""
 
 
 def test_what_is_there_instead(tmp_path: Path) -> None:
@@ -56,7 +73,8 @@ def test_what_is_there_instead(tmp_path: Path) -> None:
     (tmp_path / "3.png").write_bytes(b"no image")
     first, *_ = lost_images(searched(1, 5), {"board": TARGETS["charuco"]}, tmp_path)
     assert first.message == (
-        "5 of 6 images of 'wrist' show no target: 'board': no board of DICT_4X4_50; DICT_5X5_50 has 20 markers here"
+        "5 of 6 images of 'wrist' show no target: 'board': no board of DICT_4X4_50; "
+        "DICT_5X5_50 has 20 markers here: write dictionary: DICT_5X5_50"
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
@@ -14,6 +15,7 @@ from basecal.cell.targets.circles import circles_target
 from basecal.cell.targets.led import led_target
 from basecal.geometry import SE3
 from basecal.vision.detectors import find, what_is_there
+from basecal.vision.survey import blurred
 from vision_scenes import STRAIGHT, TARGETS, scene, shrunk
 
 LEANT = SE3.from_rpy((0.1, 0.1, -0.2), (0.0, 0.0, 0.55))
@@ -31,17 +33,17 @@ CASES = {
     "another dictionary": (
         "charuco",
         charuco_target((5, 7), 0.04, 0.03, "DICT_5X5_50"),
-        "no board of DICT_5X5_50; DICT_4X4_50 has 17 markers here",
+        "no board of DICT_5X5_50; DICT_4X4_50 has 17 markers here: write dictionary: DICT_4X4_50",
     ),
     "rows for columns": (
         "charuco",
         charuco_target((7, 5), 0.04, 0.03, "DICT_4X4_50"),
-        "5x7 squares without legacy_pattern fit, not 7x5 squares without legacy_pattern",
+        "5x7 squares without legacy_pattern fit, not 7x5 squares without legacy_pattern: write squares: [5, 7]",
     ),
     "another pattern": (
         "legacy",
         charuco_target((5, 8), 0.035, 0.026, "DICT_5X5_100"),
-        "5x8 squares with legacy_pattern fit, not 5x8 squares without legacy_pattern",
+        "5x8 squares with legacy_pattern fit, not 5x8 squares without legacy_pattern: write legacy_pattern: true",
     ),
     "corner too many": ("chessboard", chessboard_target((9, 7), 0.03), "9x6 inner corners are seen, not 9x7"),
     "squares for corners": ("chessboard", chessboard_target((10, 7), 0.03), "9x6 inner corners are seen, not 10x7"),
@@ -77,7 +79,28 @@ def test_ids_beyond_the_board() -> None:
     """Markers of the right dictionary and no corner: which are there is told, and which the board has."""
     far = apriltag_target("DICT_4X4_50", [(40 + k, 0.1, SE3(np.eye(3), np.array([0.15 * k, 0, 0]))) for k in range(2)])
     words = what_is_there([scene(far)], TARGETS["charuco"])
-    assert words == "markers 40, 41 of DICT_4X4_50 are there, the board stated has 0 to 16"
+    assert words is not None
+    assert words.startswith("markers 40, 41 of DICT_4X4_50 are there, the board stated has 0 to 16: count its squares")
+
+
+@pytest.mark.parametrize("kind", ["chessboard", "circles"])
+def test_markers_where_none_are_stated(kind: str) -> None:
+    """A board with markers is of another kind."""
+    words = what_is_there([scene(TARGETS["charuco"], pose=pose) for pose in (STRAIGHT, LEANT)], TARGETS[kind])
+    assert words is not None
+    assert words.startswith("DICT_4X4_50 has 17 markers here: write kind: charuco")
+
+
+@pytest.mark.parametrize("blur_px", [6.0, 12.0])
+def test_blur_is_named_with_its_width(blur_px: float) -> None:
+    """Within a third; what is read although it is blurred, and noise, are not called blurred."""
+    sharp = [scene(TARGETS["charuco"], pose=pose) for pose in (STRAIGHT, LEANT)]
+    words = blurred([cv2.GaussianBlur(image, (0, 0), blur_px) for image in sharp])
+    assert words is not None
+    assert float(words.split("about ")[1].split()[0]) == pytest.approx(blur_px, rel=0.34)
+    assert "look at focus" in words
+    assert blurred(sharp) is None
+    assert blurred([cv2.GaussianBlur(image, (0, 0), 2.5) for image in sharp]) is None
 
 
 @pytest.mark.parametrize("kind", list(TARGETS))

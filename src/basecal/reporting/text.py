@@ -21,7 +21,9 @@ _INTRINSICS = ("fx", "fy", "cx", "cy")
 _READ_IN = {"px": (1.0, "px"), "m": (1e3, "mm"), "rad": (1e3, "mrad")}
 _RANK = {"error": 0, "warning": 1, "info": 2}
 # What follows from something else is listed after it.
-_CONSEQUENCES = ("poor-fit", "inconsistent-folds", "overfit", "weak-direction", "not-converged")
+_CONSEQUENCES = ("poor-fit", "inconsistent-folds", "overfit", "weak-direction", "not-converged", "too-few-samples")
+# What leaves too few samples comes before that there are too few.
+_LOSSES = ("few-images", "dropped-sample")
 _SHOWN_IDS = 10
 
 
@@ -116,7 +118,15 @@ def _first_reason(findings: Iterable[Finding]) -> str:
 
 def by_weight(findings: Iterable[Finding]) -> list[Finding]:
     """Errors, then warnings, then the rest; what follows from others after them."""
-    return sorted(findings, key=lambda f: (_RANK[f.severity], f.code in _CONSEQUENCES))
+    found = list(findings)
+    too_few = any(f.code == "too-few-samples" for f in found)
+
+    def weight(f: Finding) -> tuple[int, bool]:
+        """The place of a finding: the less, the earlier."""
+        is_cause = too_few and f.severity == "warning" and f.code in _LOSSES
+        return _RANK["error" if is_cause else f.severity], f.code in _CONSEQUENCES
+
+    return sorted(found, key=weight)
 
 
 def _row(values: Array, digits: int) -> str:

@@ -65,4 +65,4 @@ def what_is_there(images: Iterable[Image], target: Target) -> str | None:
     """
     grey = [eight_bit(image) for image in images]
     look = None if target.found_by is None else SURVEYS.get(target.found_by)
-    return (look(grey, target) if look else None) or survey.dark(grey)
+    return (look(grey, target) if look else None) or survey.dark(grey) or survey.blurred(grey)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import stat
+from itertools import islice
 from pathlib import Path
 
 import cv2
@@ -20,6 +21,7 @@ _LARGEST_BYTES = 2**28  # 256 MiB: 16 bits and two channels of 64 megapixels
 _MOST_PIXELS = 2**26  # 64 megapixels: the largest sensors of machine vision have that
 _MOST_DECODED_BYTES = 2**28  # 256 MiB, of which decoders hold two and the grey image is a third
 _AT_ONCE = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
+_MOST_NAMES = 10_000  # of a folder that are looked through
 _TURNED = range(2, 9)  # EXIF's orientations of pictures that are shown in another way than they are stored
 
 
@@ -28,7 +30,7 @@ def read_bytes(path: Path) -> bytes | str:
     try:
         descriptor = os.open(path, os.O_RDONLY | _AT_ONCE)
     except FileNotFoundError:
-        return "is missing"
+        return f"is missing{_elsewhere(path)}"
     except (OSError, ValueError) as error:
         return f"cannot be read ({getattr(error, 'strerror', None) or 'no name of a file'})"
     try:
@@ -45,6 +47,21 @@ def read_bytes(path: Path) -> bytes | str:
     finally:
         os.close(descriptor)
     return f"has more than {_LARGEST_BYTES // 2**20} MB, more than an image has" if too_large else data
+
+
+def _elsewhere(path: Path) -> str:
+    """Where a file that is missing may be instead, as the end of a sentence."""
+    if not path.parent.is_dir():
+        return ", as is its folder"
+    try:
+        with os.scandir(path.parent) as entries:
+            names = [entry.name for entry in islice(entries, _MOST_NAMES)]
+    except OSError:
+        return ""
+    if not names:
+        return ", its folder is empty"
+    others = {os.path.splitext(name)[1] for name in names if os.path.splitext(name)[0] == path.stem}
+    return f" (did you mean {min(others)}?)" if others - {""} else ""
 
 
 def grey_image(data: bytes, size_px: tuple[int, int] | None) -> Image | str:
@@ -102,7 +119,8 @@ def _cause(size: tuple[int, int], size_px: tuple[int, int]) -> str:
     if size == (size_px[1], size_px[0]):
         return ": width and height look swapped, of it and of its lens; pixels count as the sensor gave them"
     if size[0] * size_px[1] == size[1] * size_px[0]:
-        return f": the lens seems to be of pictures scaled by {size_px[0] / size[0]:g}"
+        scale = f"the lens seems to be of pictures scaled by {size_px[0] / size[0]:g}"
+        return f": {scale}; give these, or size_px and the lens of the pictures that there are"
     return ""
 
 

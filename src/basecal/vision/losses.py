@@ -15,7 +15,6 @@ _MANY = 1 / 3  # of a camera's images without any target: targets leave the view
 _MOST = 1 / 2  # of them: then another target than the one stated may be in all of them
 _SURVEYED = 3  # images in which others are looked for, spread over the recording
 _ADVICE = "look at light, focus and distance, and whether cell.yaml describes the target as it is printed"
-_UNUSABLE = "none of these can be used, each for the reason that is told"
 _SHOWN = 10  # samples in a sentence
 
 
@@ -30,6 +29,7 @@ class Searched:
         found: Targets that it shows.
         missed: Targets that were looked for and are not found.
         turned: Whether EXIF asks to turn it.
+        unusable: Why it cannot be used; empty where it can.
     """
 
     sample: int
@@ -38,6 +38,7 @@ class Searched:
     found: tuple[str, ...] = ()
     missed: tuple[str, ...] = ()
     turned: bool = False
+    unusable: str = ""
 
 
 def lost_images(searched: Sequence[Searched], targets: Mapping[str, Target], folder: Path) -> Iterator[Finding]:
@@ -54,6 +55,7 @@ def lost_images(searched: Sequence[Searched], targets: Mapping[str, Target], fol
     for camera, images in by_camera.items():
         yield from _few(camera, images, targets, folder)
     for camera, images in by_camera.items():
+        yield from _unusable(camera, images)
         yield from _turned(camera, images)
         for name in dict.fromkeys(name for image in images for name in image.missed):
             where = [image.sample for image in images if name in image.missed]
@@ -61,16 +63,57 @@ def lost_images(searched: Sequence[Searched], targets: Mapping[str, Target], fol
             yield Finding("dropped-sample", "info", (camera, name), message)
 
 
+def why_none(searched: Sequence[Searched], targets: Mapping[str, Target], folder: Path) -> str:
+    """Why images show no target, as the end of a sentence; empty where one does, or nobody knows."""
+    if not searched or any(image.found for image in searched):
+        return ""
+    return "; ".join([*_reasons(searched), *_hints(searched, targets, folder)])
+
+
 def _few(camera: str, images: Sequence[Searched], targets: Mapping[str, Target], folder: Path) -> Iterator[Finding]:
     empty = [image for image in images if not image.found]
     if len(empty) <= _MANY * len(images):
         return
-    hints = []
+    why = _reasons(empty)
     if len(empty) > _MOST * len(images):
-        hints = [hint for name, target in targets.items() if (hint := _hint(name, target, empty, folder))]
-    advice = _ADVICE if any(image.missed for image in empty) else _UNUSABLE
-    message = f"{len(empty)} of {len(images)} images of {camera!r} show no target: {'; '.join(hints) or advice}"
+        why += _hints(empty, targets, folder)
+    message = f"{len(empty)} of {len(images)} images of {camera!r} show no target: {'; '.join(why) or _ADVICE}"
     yield Finding("few-images", "warning", (camera,), message)
+
+
+def _reasons(images: Sequence[Searched]) -> list[str]:
+    """Why images cannot be used, each reason once, the most frequent first."""
+    by_reason = _by_reason(images)
+    often = sorted(by_reason.items(), key=lambda each: -len(each[1]))
+    return [f"{_some_of(of, images)} {reason}" for reason, of in often]
+
+
+def _by_reason(images: Sequence[Searched]) -> dict[str, list[Searched]]:
+    by_reason: dict[str, list[Searched]] = {}
+    for image in images:
+        if image.unusable:
+            by_reason.setdefault(image.unusable, []).append(image)
+    return by_reason
+
+
+def _some_of(some: Sequence[Searched], images: Sequence[Searched]) -> str:
+    """Which of several images, by the samples where these are not all."""
+    if len(some) == 1:
+        return f"sample {some[0].sample}: {some[0].path}"
+    which = "each of them" if len(some) == len(images) else f"each of samples {_listed([i.sample for i in some])}"
+    return f"{which}, such as {some[0].path},"
+
+
+def _unusable(camera: str, images: Sequence[Searched]) -> Iterator[Finding]:
+    """One finding for each reason why images cannot be used."""
+    for reason, of in _by_reason(images).items():
+        about = (*(str(image.sample) for image in of), camera)
+        message = f"{_some_of(of, images)} {reason}; what {camera!r} saw then is left out"
+        yield Finding("dropped-sample", "info", about, message)
+
+
+def _hints(empty: Sequence[Searched], targets: Mapping[str, Target], folder: Path) -> list[str]:
+    return [hint for name, target in targets.items() if (hint := _hint(name, target, empty, folder))]
 
 
 def _hint(name: str, target: Target, empty: Sequence[Searched], folder: Path) -> str | None:

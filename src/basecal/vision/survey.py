@@ -23,6 +23,9 @@ _WAYS = (Way(), Way(stretched=True))  # each is tried with every dictionary
 _SMALLEST = 3  # corners each way of a chessboard that OpenCV begins with, and adds to
 _CLEARLY_DARK = 40  # level that 99 of 100 pixels are below
 _PERCENT = 99
+_BLURRED_PX = 4.0  # sigma of edges: markers are read up to 3 px, whose codes have cells of some 8 px
+_DENOISED_PX = 1.0  # sigma of a smoothing that leaves little of the noise of single pixels
+_STEEPEST_PERCENT = 99.9  # of the slopes: some hundred pixels are on the sharpest edges
 
 
 def dark(images: list[Grey]) -> str | None:
@@ -31,6 +34,30 @@ def dark(images: list[Grey]) -> str | None:
     if top >= _CLEARLY_DARK:
         return None
     return f"the images are dark: {_PERCENT} % of their pixels are below level {top + 1:.0f} of 255"
+
+
+def blurred(images: list[Grey]) -> str | None:
+    """That edges are wide in all images: by how steep the steepest are, for the levels that there are."""
+    widths = [width for image in images if (width := _edge_px(image)) is not None]
+    if len(widths) < len(images) or min(widths, default=0.0) < _BLURRED_PX:
+        return None
+    return f"the images are blurred, their edges by about {min(widths):.0f} px: look at focus, and record at rest"
+
+
+def _edge_px(image: Grey) -> float | None:
+    """One sigma of the blur of the sharpest edges; None where there is hardly any contrast.
+
+    The steepest slope of a step that is blurred by a Gaussian is its height over sqrt(2 pi) sigma. What smooths noise
+    away is taken off.
+    """
+    low, high = np.percentile(image, (100 - _PERCENT, _PERCENT))
+    if high - low < _CLEARLY_DARK:
+        return None
+    smooth = cv2.GaussianBlur(image, (0, 0), _DENOISED_PX).astype(np.float64)
+    down, right = np.gradient(smooth)
+    slope = float(np.percentile(np.hypot(down, right), _STEEPEST_PERCENT))
+    blur = float(high - low) / (np.sqrt(2 * np.pi) * max(slope, 1e-9))
+    return float(np.sqrt(max(blur**2 - _DENOISED_PX**2, 0.0)))
 
 
 def other_tags(images: list[Grey], target: Target) -> str | None:
@@ -51,12 +78,16 @@ def other_charuco(images: list[Grey], target: Target) -> str | None:
     seen, stated = _seen(images, of["dictionary"]), of["squares"][0] * of["squares"][1] // 2
     if not seen:
         other = _other_set(images, of["dictionary"], "marker")
-        return None if other is None else f"no board of {of['dictionary']}; {other}"
+        if other is None:
+            return None
+        return f"no board of {of['dictionary']}; {other}: write dictionary: {other.partition(' ')[0]}"
     for board in _other_layouts(target):
         if any(charuco.detect(image, board) is not None for image in images):
-            return f"{_layout(board)} fit, not {_layout(target)}"
+            return f"{_layout(board)} fit, not {_layout(target)}: write {_fields(board, target)}"
     ids = f"markers {_ids(seen)} of {of['dictionary']} are there"
-    return f"{ids}, the board stated has 0 to {stated - 1}" if max(seen) >= stated else f"{ids}, but no corner between"
+    if max(seen) < stated:
+        return f"{ids}, but no corner between"
+    return f"{ids}, the board stated has 0 to {stated - 1}: count its squares, squares: [columns, rows]"
 
 
 def _other_layouts(target: Target) -> Iterator[Target]:
@@ -72,6 +103,20 @@ def _layout(target: Target) -> str:
     return f"{columns}x{rows} squares{' with' if target.options['legacy_pattern'] else ' without'} legacy_pattern"
 
 
+def _fields(board: Target, stated: Target) -> str:
+    """What to write in place of what is stated."""
+    columns, rows = board.options["squares"]
+    fields = {"squares": f"squares: [{columns}, {rows}]"}
+    fields["legacy_pattern"] = f"legacy_pattern: {str(bool(board.options['legacy_pattern'])).lower()}"
+    return ", ".join(text for name, text in fields.items() if board.options[name] != stated.options[name])
+
+
+def markers_instead(images: list[Grey]) -> str | None:
+    """Markers, of a target that is said to have none."""
+    other = _other_set(images, "", "marker")
+    return None if other is None else f"{other}: write kind: charuco, aprilgrid or apriltag, whichever it is"
+
+
 def other_chessboard(images: list[Grey], target: Target) -> str | None:
     """A board of another size."""
     stated = tuple(target.options["corners"])
@@ -79,7 +124,7 @@ def other_chessboard(images: list[Grey], target: Target) -> str | None:
     size, times = max(sizes.items(), key=lambda each: each[1], default=((0, 0), 0))
     # What OpenCV grows from a few corners may be a part of a board; it is not the same part in two images.
     if times < min(len(images), 2) or sorted(size) == sorted(stated):
-        return None
+        return markers_instead(images)
     return f"{max(size)}x{min(size)} inner corners are seen, not {stated[0]}x{stated[1]}"
 
 
@@ -107,7 +152,7 @@ def other_circles(images: list[Grey], target: Target) -> str | None:
             other = circles_target(size, target.options["spacing_m"], asymmetric=kind)
             if any(circles.is_seen(image, other) for image in images):
                 return f"{_grid_of(other)} circles fits, not {_grid_of(target)}"
-    return None
+    return markers_instead(images)
 
 
 def _grid_of(target: Target) -> str:

@@ -13,7 +13,8 @@ def many_dropped_samples(given: Input) -> list[Finding]:
     about = {name for f in given.findings if f.code == "dropped-sample" for name in f.about}
     dropped = {name for name in about if name.isdecimal()}
     total = len({int(number) for group in given.problem.groups for number in group.sample}) + len(dropped)
-    if len(dropped) <= _MANY * total:
+    if len(dropped) <= _MANY * total or any(f.code == "few-images" for f in given.findings):
         return []
-    message = f"{len(dropped)} of {total} samples could not be used; see the other findings for the reasons"
+    most = max((f for f in given.findings if f.code == "dropped-sample"), key=lambda f: len(f.about))
+    message = f"{len(dropped)} of {total} samples could not be used: {most.message}"
     return [Finding("dropped-sample", "warning", (), message)]
