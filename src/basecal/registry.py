@@ -66,6 +66,7 @@ EXPORTERS = {
 """Kinds of `basecal export` with what each gives: modules of `basecal.exchange.exporters`."""
 
 IMPORTS = (
+    "images",
     "poses",
     "pixels",
     "easy-handeye",

@@ -7,6 +7,7 @@ from collections.abc import Collection, Mapping
 from typing import Any
 
 from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
 from basecal.cell.format.problems import SHORT, Loc, field_name, short
 from basecal.cell.format.yaml_text import parse_yaml, yaml_text
@@ -58,13 +59,28 @@ def _conflicts(
     for key, value in added.items():
         loc = (*at, key)
         if (loc in replaced and data.get(key) != value) or data.get(key) is None:
-            data[key] = value
+            data[key] = _as_written(value)
             changed.append(loc)
         elif isinstance(value, Mapping) and isinstance(data[key], dict):
             found += _conflicts(data[key], value, loc, replaced, changed)
         elif data[key] != value:
             found.append((loc, (data[key], value)))
     return found
+
+
+def _as_written(value: Any) -> Any:
+    """The value as a hand would write it: a line for each innermost mapping or list."""
+    if isinstance(value, Mapping):
+        inner = {key: _as_written(each) for key, each in value.items()}
+        mapping = CommentedMap(inner)
+        if not any(isinstance(each, Mapping) for each in inner.values()):
+            mapping.fa.set_flow_style()
+        return mapping
+    if isinstance(value, list | tuple):
+        sequence = CommentedSeq([_as_written(each) for each in value])
+        sequence.fa.set_flow_style()
+        return sequence
+    return value
 
 
 def _told(value: Any) -> str:

@@ -48,7 +48,10 @@ def pair(imported: Imported, samples: Sequence[Sample], names: Mapping[str, int]
         InputError: if it is by order and there are more or fewer rows than samples, or two rows belong to one sample.
     """
     rows = imported.rows
-    known = {**{name: s.sample for s in samples for name in map(plain_name, s.images.values())}, **names}
+    known = dict(names)
+    if by == "image" or not any(row.pictures for row in rows):
+        # Pictures of one camera are named by chance as those of another.
+        known = {**{name: s.sample for s in samples for name in map(plain_name, s.images.values())}, **names}
     chosen = _by(rows, samples, known) if by is None else by
     if not samples and chosen != "sample":
         numbers: list[int | None] = list(range(len(rows)))

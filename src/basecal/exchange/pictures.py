@@ -1,0 +1,80 @@
+"""A folder of pictures: which they are, in the order that people mean, and when they were taken by their names."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+from basecal.errors import DatasetError, listed
+
+ENDINGS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".ppm")
+"""Of pictures that can be read, in small letters."""
+
+_OTHER_PICTURES = frozenset(
+    (".heic", ".heif", ".gif", ".raw", ".cr2", ".cr3", ".nef", ".arw", ".dng", ".exr", ".jp2", ".avif", ".npy")
+) | {".mp4", ".avi", ".mov", ".mkv", ".bag", ".mcap"}
+_MOST_PICTURES = 200_000  # as many as a recording may have samples
+_PARTS = re.compile(r"(\d+)")
+_STAMP = re.compile(r"\d+(?:[._]\d+)?")
+# Digits before the point of a time since 1970 in each unit, and the unit [s].
+_SINCE_1970 = {10: 1.0, 13: 1e-3, 16: 1e-6, 19: 1e-9}
+
+
+def pictures_of(folder: Path) -> tuple[Path, ...]:
+    """The pictures of a folder; 2.png stands before 10.png.
+
+    Raises:
+        DatasetError: if there is none, or the folder is not one; it says what is there instead.
+    """
+    if not folder.is_dir():
+        raise DatasetError(str(folder), "is no folder; give the folder of one camera's pictures")
+    files = [path for path in folder.iterdir() if not path.name.startswith(".")]
+    found = [path for path in files if path.suffix.lower() in ENDINGS and path.is_file()]
+    if not found:
+        raise DatasetError(str(folder), _instead(files))
+    if len(found) > _MOST_PICTURES:
+        raise DatasetError(str(folder), f"{len(found)} pictures, expected at most {_MOST_PICTURES}")
+    return tuple(sorted(found, key=_natural))
+
+
+def unreadable_pictures(folder: Path) -> tuple[str, ...]:
+    """Names of files beside the pictures that are pictures, or films, of a kind that is not read."""
+    return tuple(sorted(path.name for path in folder.iterdir() if path.suffix.lower() in _OTHER_PICTURES))
+
+
+def usual_size(sizes: Sequence[tuple[int, int]]) -> tuple[int, int]:
+    """The size that most pictures have; the first of those that are as frequent."""
+    return Counter(sizes).most_common(1)[0][0]
+
+
+def stamp_of(name: str) -> float | None:
+    """The time [s] that is a picture's name, such as 1682512345.123.png or 1682512345123456789.png; None of others.
+
+    Ten digits before the point are seconds since 1970, 13 milliseconds, 16 microseconds and 19 nanoseconds; fewer than
+    ten are seconds since some beginning of their own where there is a point.
+    """
+    stem = name.rpartition(".")[0]
+    if not _STAMP.fullmatch(stem):
+        return None
+    whole, _, part = stem.replace("_", ".").partition(".")
+    if len(whole) in _SINCE_1970:
+        return float(f"{whole}.{part or 0}") * _SINCE_1970[len(whole)]
+    return float(f"{whole}.{part}") if part and len(whole) < min(_SINCE_1970) else None
+
+
+def _natural(path: Path) -> tuple[tuple[int | str, ...], str]:
+    """A key by which numbers in names count as numbers."""
+    parts = _PARTS.split(path.stem.lower())
+    return tuple(int(part) if i % 2 else part for i, part in enumerate(parts)), path.name
+
+
+def _instead(files: Sequence[Path]) -> str:
+    """What a folder without pictures holds, and what to do."""
+    inner = [path.name for path in files if path.is_dir() and any(p.suffix.lower() in ENDINGS for p in path.iterdir())]
+    if inner:
+        return f"holds no pictures but folders of them: {listed(sorted(inner))}; import one camera's at a time"
+    others = Counter(path.suffix.lower() or "no ending" for path in files if path.is_file())
+    there = ", ".join(f"{count} of {ending}" for ending, count in others.most_common(3)) or "nothing"
+    return f"holds no pictures that are read, but {there}; expected {', '.join(ENDINGS)}"

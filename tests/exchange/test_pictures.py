@@ -1,0 +1,73 @@
+"""Folders of pictures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from basecal.errors import DatasetError
+from basecal.exchange.pictures import pictures_of, stamp_of, unreadable_pictures, usual_size
+
+
+def filled(folder: Path, *names: str) -> Path:
+    for name in names:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(b"")
+    return folder
+
+
+def test_numbers_count_as_numbers(tmp_path: Path) -> None:
+    """2 stands before 10, with or without zeros in front; hidden files and others are passed over."""
+    filled(tmp_path, "img10.png", "img2.JPG", "img001.png", ".img0.png", "notes.txt")
+    assert [path.name for path in pictures_of(tmp_path)] == ["img001.png", "img2.JPG", "img10.png"]
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        ((), "but nothing; expected .png"),
+        (("a.raw", "b.raw", "c.txt"), "but 2 of .raw, 1 of .txt; expected .png"),
+        (("left/a.png", "right/a.png"), "folders of them: left, right; import one camera's at a time"),
+    ],
+)
+def test_what_is_there_instead_is_said(tmp_path: Path, names: tuple[str, ...], said: str) -> None:
+    """Other endings, and folders inside."""
+    with pytest.raises(DatasetError, match=said):
+        pictures_of(filled(tmp_path, *names))
+
+
+def test_a_file_is_no_folder(tmp_path: Path) -> None:
+    """Nor is nothing."""
+    for name in ("a.png", "none"):
+        with pytest.raises(DatasetError, match="is no folder"):
+            pictures_of(filled(tmp_path, "a.png") / name)
+
+
+def test_pictures_of_other_kinds_are_named(tmp_path: Path) -> None:
+    """Those that people would miss; a list or a note is none."""
+    assert unreadable_pictures(filled(tmp_path, "a.png", "b.HEIC", "c.mp4", "d.txt")) == ("b.HEIC", "c.mp4")
+
+
+@pytest.mark.parametrize(
+    ("name", "stamp"),
+    [
+        ("1682512345.25.png", 1682512345.25),
+        ("1682512345_250000.png", 1682512345.25),
+        ("1682512345250.png", 1682512345.25),
+        ("1682512345250000.png", 1682512345.25),
+        ("1682512345250000000.png", 1682512345.25),
+        ("12.5.png", 12.5),
+        ("000012.png", None),
+        ("img12.5.png", None),
+        ("12345678901.png", None),
+    ],
+)
+def test_times_that_are_names(name: str, stamp: float | None) -> None:
+    """Since 1970 in the unit that its digits say, or since another beginning with a point; a number is no time."""
+    assert stamp_of(name) == (None if stamp is None else pytest.approx(stamp, abs=1e-6))
+
+
+def test_the_usual_size() -> None:
+    """That of most."""
+    assert usual_size([(4, 3), (8, 6), (8, 6)]) == (8, 6)
