@@ -402,6 +402,8 @@ MIRRORED = (
     "estimation",
     "exchange",
     "accuracy",
+    "simulation",
+    "studies",
     "planning",
     "acquisition",
 )

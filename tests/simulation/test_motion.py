@@ -1,0 +1,147 @@
+"""Where robots go, and what of a target is seen from there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.errors import InputError
+from basecal.geometry import SE3, Camera
+from basecal.numerics.batch import concatenate
+from basecal.simulation.layout import layout_of
+from basecal.simulation.motion import draw_motions, points_in_camera, seen_points, visible
+from basecal.simulation.scenario import Scenario
+from basecal.simulation.scene import draw_scene, front
+
+LENS = Camera("pinhole", np.array([100.0, 100.0, 49.5, 49.5]), (100, 100))
+VIEW = ("wrist", "board")
+
+
+def scene_of(scenario):
+    return draw_scene(scenario, layout_of(scenario.layout, scenario.robots), np.random.default_rng(1))
+
+
+def drawn(scenario, scene=None):
+    return draw_motions(scene or scene_of(scenario), scenario, np.random.default_rng(2), {})
+
+
+@pytest.mark.parametrize(("pixel", "seen"), [(1.9, False), (2.1, True), (96.9, True), (97.1, False)])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_the_margin_is_kept_at_every_border(pixel, seen, axis):
+    """Two pixels inside of the first and the last pixel's centre, 0 and 99."""
+    at = np.array([49.5, 49.5])
+    at[axis] = pixel
+    point = np.append((at - 49.5) / 100, 1.0)
+    assert visible(LENS, point, 2.0) == seen
+
+
+def test_what_is_behind_is_not_seen():
+    """Of a camera that says its size, and of one that does not."""
+    ends = np.array([[0, 0, 1.0], [0, 0, -1.0]])
+    assert visible(LENS, ends, 2.0).tolist() == [True, False]
+    assert visible(Camera("pinhole", LENS.parameters), ends, 2.0).tolist() == [True, False]
+
+
+def test_points_are_those_of_the_target_where_it_stands():
+    """By the chain through bases, flanges and mounts, written out."""
+    scene = scene_of(Scenario())
+    home = scene.homes[0]
+    eye = scene.bases["eye"] @ home["eye"] @ scene.mounts["wrist"]
+    hand = scene.bases["hand"] @ home["hand"] @ scene.mounts["board"]
+    expected = eye.inverse() @ (hand @ scene.shapes["board"].points)
+    states = {robot: concatenate([pose[None], pose[None]]) for robot, pose in home.items()}
+    np.testing.assert_allclose(points_in_camera(scene, VIEW, states)[1], expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(("angle_deg", "seen"), [(0, True), (70, True), (80, False), (180, False)])
+def test_a_board_is_seen_from_its_front_and_not_too_flat(angle_deg, seen):
+    """Turned about its middle, half a metre before the camera: cos 75.5 deg is a quarter."""
+    scenario = Scenario(pixel_px=0.0)
+    scene = scene_of(scenario)
+    board = scene.shapes["board"]
+
+    turn = SE3.from_rotvec(np.radians([angle_deg, 0, 0]), np.zeros(3)).rotation @ front(board).T
+    camera_from_board = SE3(turn, np.array([0, 0, 2.5]) - turn @ board.points.mean(0))
+    eye = scene.world_from("wrist", scene.homes[0])
+    hand = scene.bases["hand"].inverse() @ eye @ camera_from_board @ scene.mounts["board"].inverse()
+    states = {"eye": scene.homes[0]["eye"][None], "hand": hand[None]}
+    assert seen_points(scene, scenario, VIEW, states).all() == seen
+
+
+def test_noise_widens_the_margin():
+    """By five sigmas of a pixel: what was in view at 2 px from the border is not where it may be moved by 30."""
+    scene = scene_of(Scenario(pixel_px=0.0))
+    states = {robot: pose[None] for robot, pose in scene.homes[0].items()}
+    low = scene.lenses["wrist"].project(points_in_camera(scene, VIEW, states)).min()
+    for pixel_px, seen in (((low - 4) / 5, True), (low / 5, False)):
+        assert seen_points(scene, Scenario(pixel_px=pixel_px), VIEW, states).all() == seen
+
+
+@pytest.mark.parametrize(
+    ("arms", "eye_stops", "hand_stops"),
+    [("both", 12, 12), ("eye_still", 1, 12), ("hand_still", 12, 1), ("halves", 7, 7), ("stations", 3, 12)],
+)
+def test_arms_stand_still_as_the_scenario_says(arms, eye_stops, hand_stops):
+    """Of 12 samples so many places of each."""
+    motions = drawn(Scenario(samples=12, arms=arms, stations=3))
+    for robot, stops in (("eye", eye_stops), ("hand", hand_stops)):
+        places = np.concatenate([motion.recorded[robot].matrix for motion in motions])
+        assert len(places) == 12
+        assert len(np.unique(np.round(places, 9), axis=0)) == stops
+
+
+def test_a_still_robot_errs_once_and_a_moving_one_each_time():
+    """Errors of recorded poses, with their sigmas to a fifth."""
+    scenario = Scenario(samples=200, arms="eye_still", robot_noise=(1e-3, 2e-3))
+    (motion,) = drawn(scenario)
+    eye, hand = ((motion.recorded[r].inverse() @ motion.true[r]).log() for r in ("eye", "hand"))
+    np.testing.assert_allclose(eye, np.tile(eye[0], (200, 1)), atol=1e-12)
+    assert np.abs(eye[0]).max() > 0
+    np.testing.assert_allclose(hand.std(0), np.repeat([1e-3, 2e-3], 3), rtol=0.2)
+
+
+def test_no_motion_is_one_place():
+    """Without spread nothing moves, whatever moves otherwise."""
+    (motion,) = drawn(Scenario(samples=3, spread_rad=0.0, position_m=0.0))
+    for robot in ("eye", "hand"):
+        assert np.ptp(motion.recorded[robot].matrix, axis=0).max() == 0
+
+
+def test_groups_share_the_samples():
+    """Seven samples of a ring of three: three, two, two, one pair after another."""
+    motions = drawn(Scenario(samples=7, layout="chain"))
+    assert [(motion.group, len(motion.recorded["r1" if motion.group != 1 else "r2"])) for motion in motions] == [
+        (0, 3),
+        (1, 2),
+        (2, 2),
+    ]
+
+
+def test_parts_of_a_view_are_kept_where_asked_for():
+    """Near the border whole boards are the only ones; partial views add those of eight points and more."""
+    near = Scenario(samples=30, distance_m=(0.25, 0.35), position_m=0.2)
+    counts = {}
+    for partial in (False, True):
+        scenario = replace(near, partial=partial)
+        scene = scene_of(scenario)
+        (motion,) = drawn(scenario, scene)
+        seen = seen_points(scene, scenario, VIEW, motion.true).sum(1)
+        counts[partial] = seen.min(), seen.max()
+    whole = counts[False][1]
+    assert counts[False] == (whole, whole)
+    assert 8 <= counts[True][0] < whole
+
+
+def test_too_few_that_see_the_target_are_said():
+    """An image of four pixels holds no board: how many were found, and what to change."""
+    scenario = Scenario(samples=5, camera=Camera("pinhole", LENS.parameters, (4, 4)))
+    with pytest.raises(InputError, match=r"only 0 of 5 samples see the target after 2600 tries: make spread_rad"):
+        drawn(scenario)
+
+
+def test_one_robot_cannot_stand_still():
+    """There is no other to move."""
+    with pytest.raises(InputError, match="'eye_still' needs two robots"):
+        drawn(Scenario(arms="eye_still", layout="eye_in_hand"))

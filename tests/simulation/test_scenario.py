@@ -1,0 +1,49 @@
+"""Scenarios that cannot be are said when they are made."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.errors import InputError
+from basecal.simulation.scenario import Scenario
+
+CHOICES = ("target", "arms", "layout", "lens", "base", "camera_mount", "target_mount", "intrinsics")
+PARAMETERS = ("joint_offsets", "link_parameters", "deflection")
+
+
+@pytest.mark.parametrize("name", [*CHOICES, *PARAMETERS])
+def test_choices_are_named(name):
+    """The field, what it is, and what it may be, the usual value among these."""
+    with pytest.raises(InputError, match=rf"^{name} is 'unheard-of', expected one of: .*{getattr(Scenario(), name)}"):
+        Scenario(**{name: "unheard-of"})
+
+
+@pytest.mark.parametrize("counts", [{"samples": 0}, {"stations": 0}, {"robots": 1}])
+def test_counts_have_a_least(counts):
+    """One less than the least is an error, the least is not."""
+    with pytest.raises(InputError, match="needs samples >= 1, stations >= 1 and robots >= 2"):
+        Scenario(**counts)
+    Scenario(**{name: value + 1 for name, value in counts.items()})
+
+
+@pytest.mark.parametrize("value", [-1e-9, float("nan")])
+@pytest.mark.parametrize(
+    "name",
+    ["pixel_px", "correlated_px", "point_m", "joint_offset_rad", "compliance", "spread_rad", "position_m"],
+)
+def test_sigmas_and_spreads_are_not_negative(name, value):
+    """Nor are they no numbers; zero is."""
+    with pytest.raises(InputError, match="must be numbers >= 0"):
+        Scenario(**{name: value})
+    assert getattr(Scenario(**{name: 0.0}), name) == 0
+
+
+@pytest.mark.parametrize("name", ["robot_noise", "pose_noise", "link_error"])
+@pytest.mark.parametrize("place", [0, 1])
+def test_neither_sigma_of_a_pair_is_negative(name, place):
+    """Of translation and of rotation."""
+    pair = np.full(2, 1e-3)
+    pair[place] = -1e-3
+    with pytest.raises(InputError, match="must be numbers >= 0"):
+        Scenario(**{name: tuple(pair)})

@@ -1,0 +1,117 @@
+"""What a simulated cell tells a solver of its truth."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.simulation.arms import with_arms
+from basecal.simulation.layout import layout_of
+from basecal.simulation.scenario import Scenario
+from basecal.simulation.scene import draw_scene
+from basecal.simulation.stated_cell import stated_cell, truth
+
+
+def told(seed=0, **fields):
+    """The scene and the cell as stated."""
+    scenario = Scenario(**fields)
+    scene = draw_scene(scenario, layout_of(scenario.layout), np.random.default_rng(1))
+    scene, arms = with_arms(scene, scenario, np.random.default_rng(2)) if scenario.joints else (scene, {})
+    return scene, stated_cell(scene, scenario, np.random.default_rng(seed), arms)
+
+
+def test_free_tells_nothing_and_fixed_the_truth():
+    """Of bases and of mounts."""
+    scene, cell = told(base="free", camera_mount="fixed", target_mount="fixed")
+    assert cell.bases["hand"].mean is None
+    assert cell.cameras["wrist"].mount.mean is scene.mounts["wrist"]
+    assert cell.targets["board"].mount.mean is scene.mounts["board"]
+
+
+def test_priors_miss_the_truth_by_their_sigmas():
+    """In units of these the truth is off by a unit normal: 300 tangents, the root of their mean square to 8 %."""
+    off = []
+    for seed in range(50):
+        scene, cell = told(seed, base="prior", base_prior=(0.01, 0.02))
+        prior = cell.bases["hand"]
+        np.testing.assert_array_equal(prior.sigma, [0.01] * 3 + [0.02] * 3)
+        off.append((prior.mean.inverse() @ scene.bases["hand"]).log() / prior.sigma)
+    assert np.sqrt(np.mean(np.square(off))) == pytest.approx(1.0, abs=0.1)
+
+
+def test_the_prior_of_a_light_has_no_rotation():
+    """As its truth has none."""
+    _, cell = told(target="led", target_mount="prior")
+    np.testing.assert_array_equal(cell.targets["board"].mount.mean.rotation, np.eye(3))
+    assert np.abs(told(target="charuco", target_mount="prior")[1].targets["board"].mount.mean.rotvec).max() > 0
+
+
+def test_lenses_are_told_as_asked():
+    """Exactly, with a prior that misses by its sigmas, not at all but for the number of terms; none beside poses."""
+    scene, cell = told(intrinsics="fixed")
+    lens = scene.lenses["wrist"]
+    assert cell.cameras["wrist"].intrinsics.camera is lens
+    free = told(intrinsics="free")[1].cameras["wrist"].intrinsics
+    assert (free.camera, free.distortion_terms) == (None, len(lens.distortion))
+    prior = told(intrinsics="prior", intrinsics_prior=(4.0, 3.0, 0.02))[1].cameras["wrist"].intrinsics
+    assert prior.sigma.tolist() == [4.0, 4.0, 3.0, 3.0] + [0.02] * len(lens.distortion)
+    off = (prior.camera.parameters - lens.parameters) / prior.sigma
+    assert 0.1 < np.abs(off).max() < 5
+    poses = told(target="pose")[1].cameras["wrist"]
+    assert poses.intrinsics is None
+    assert poses.size_px is None
+
+
+@pytest.mark.parametrize(
+    ("fields", "pixel", "common"),
+    [
+        ({"pixel_px": 0.3}, 0.3, None),
+        ({"pixel_px": 0.3, "correlated_px": 0.1}, 0.3, 0.1),
+        ({"pixel_px": 0.3, "correlated_px": 0.1, "state_pixel_noise": False}, None, None),
+        ({"pixel_px": 0.0, "correlated_px": 0.1}, None, None),
+        ({"pixel_px": 0.3, "target": "pose"}, None, None),
+        ({"pixel_px": 0.3, "target": "points3d"}, None, None),
+    ],
+)
+def test_noise_of_pixels_is_told_where_there_is_any(fields, pixel, common):
+    """And where the scenario says that it is."""
+    _, cell = told(**fields)
+    assert (cell.pixel_px, cell.correlated_px) == (pixel, common)
+
+
+def test_noise_of_robots_is_told_where_there_is_any():
+    """Three sigmas of translation, three of rotation; none where it is zero or not to be told."""
+    noise = (1e-3, 2e-3)
+    assert told(robot_noise=noise)[1].robots["eye"].noise.tolist() == [1e-3] * 3 + [2e-3] * 3
+    assert told(robot_noise=noise, state_robot_noise=False)[1].robots["eye"].noise is None
+    assert told()[1].robots["eye"].noise is None
+
+
+def test_arms_state_their_parameters():
+    """A prior by its true sigmas, free ones by none, fixed ones not at all."""
+    fields = {"joint_offset_rad": 0.01, "link_error": (1e-3, 2e-3), "compliance": 1e-4}
+    _, cell = told(joints=True, joint_offsets="prior", link_parameters="prior", deflection="free", **fields)
+    robot = cell.robots["eye"]
+    assert robot.chain is not None
+    assert robot.parameters["joint_offsets"].sigma_rad == 0.01
+    assert (robot.parameters["link_parameters"].sigma_m, robot.parameters["link_parameters"].sigma_rad) == (1e-3, 2e-3)
+    assert robot.parameters["deflection"].status == "free"
+    assert robot.parameters["deflection"].sigma_rad_per_nm is None
+    assert told(joints=True)[1].robots["eye"].parameters == {}
+    assert told()[1].robots["eye"].chain is None
+
+
+def test_targets_have_a_shape_unless_poses_are_seen():
+    """Then the solver is not told any."""
+    scene, cell = told()
+    assert cell.targets["board"].target is scene.shapes["board"]
+    assert told(target="pose")[1].targets["board"].target is None
+
+
+def test_the_truth_has_every_transform_of_the_cell():
+    """By the cell's names."""
+    scene, cell = told()
+    named = truth(scene, cell)
+    assert named.keys() == cell.transforms.keys()
+    assert named["eye_base_from_hand_base"] is scene.bases["hand"]
+    assert named["eye_flange_from_wrist"] is scene.mounts["wrist"]
