@@ -12,7 +12,8 @@ from pathlib import Path
 from basecal.cli import main
 from basecal.errors import BasecalError
 
-LONGEST_S = 20  # of a trial with a dozen samples: more is a hang
+LONGEST_S = 20  # of the processor, of a trial with a dozen samples: more is a hang
+_WAITING = 10  # times as long by the clock: beside other programs, or waiting for what never comes
 CODES = {0: "answered", 1: "answered", 2: "refused", 3: "refused", 130: "interrupted"}
 
 
@@ -27,13 +28,16 @@ def time_limit(seconds: int = LONGEST_S) -> Iterator[None]:
     def hang(*_: object) -> None:
         raise Fell(f"took more than {seconds} s")
 
-    before = signal.signal(signal.SIGALRM, hang)
-    signal.alarm(seconds)
+    limits = ((signal.SIGPROF, signal.ITIMER_PROF, 1), (signal.SIGALRM, signal.ITIMER_REAL, _WAITING))
+    before = [signal.signal(sent, hang) for sent, _, _ in limits]
+    for _, timer, times in limits:
+        signal.setitimer(timer, times * seconds)
     try:
         yield
     finally:
-        signal.alarm(0)
-        signal.signal(signal.SIGALRM, before)
+        for (sent, timer, _), handler in zip(limits, before, strict=True):
+            signal.setitimer(timer, 0)
+            signal.signal(sent, handler)
 
 
 def of_reader(read: Callable[[], object]) -> str:

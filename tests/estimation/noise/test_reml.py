@@ -96,3 +96,19 @@ def test_slope_is_the_derivative(arms, smooth):
     steps = 1e-4 * np.eye(len(logs))
     differences = [(posterior(model, logs + h).value - posterior(model, logs - h).value) / 2e-4 for h in steps]
     np.testing.assert_allclose(posterior(model, logs).slope(), differences, rtol=1e-3, atol=1e-3)
+
+
+def test_blocks_at_a_time_change_nothing(monkeypatch):
+    """Taken one by one, blocks give what they give together: value, slope, means and covariance."""
+    problem, state = at_truth(replace(NOISY, arms="halves", state_pixel_noise=False))
+    model = mixed_model(problem, state, ROBOTS)
+    logs = np.log([0.3, 1e-3, 2e-3, 1e-3, 2e-3])
+    together = posterior(model, logs)
+    slope = together.slope()
+    monkeypatch.setattr("basecal.estimation.noise.reml._AT_ONCE", 1)
+    apart = posterior(model, logs)
+    assert model.layout.blocks > 2
+    assert apart.value == pytest.approx(together.value, rel=1e-12)
+    np.testing.assert_allclose(apart.slope(), slope, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(apart.mean_errors, together.mean_errors, rtol=1e-8, atol=1e-12)
+    np.testing.assert_allclose(apart.covariance, together.covariance, rtol=1e-8)

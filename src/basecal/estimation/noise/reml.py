@@ -14,6 +14,7 @@ Source: Patterson & Thompson 1971, Harville 1977, Dempster, Laird & Rubin 1977 (
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from basecal.numerics.spectral import floored
 _FLOOR = 1e-11  # of the scaled information where there is none: four digits above rounding
 _ROUNDS_ONE = 1e12  # an entry of this size leaves the identity beside it four digits
 _ROUNDING = 1e-13  # of such entries, which keeps it regular
+_AT_ONCE = 2**17  # numbers of an array over blocks: a megabyte stays near the processor, which memory keeps waiting
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,20 +75,25 @@ class Posterior:
 
     def slope(self) -> Array:
         """(k,) derivative of the value to the logarithms."""
-        across = self.back @ self.spread
-        of_errors = np.diagonal(self.own, axis1=-2, axis2=-1) + np.einsum("bqm,bqm->bq", across, self.back)
         slope = np.zeros(len(self.logs))
-        for which, squares in (
-            (self.of_errors, of_errors + self.mean_errors**2),
+        keys = open_parts(self.model)
+        squares = np.array([_squares_of_mean(self.model.parts[key], self) for key in keys])
+        of_errors = self.mean_errors**2
+        for here in _chunks(self.back):
+            back = self.back[here]
+            across = back @ self.spread
+            covariance = self.own[here] + across @ np.swapaxes(back, -1, -2)
+            of_errors[here] += np.diagonal(covariance, axis1=-2, axis2=-1)
+            for i, key in enumerate(keys):
+                squares[i] += _squares_of_spread(self.model.parts[key], self, here, across, covariance)
+        for which, expected in (
+            (self.of_errors, of_errors),
             (self.of_columns, np.diag(self.spread) + self.mean_columns**2),
         ):
             scaled = which >= 0
-            slope += np.bincount(which[scaled], 2 * (1 - squares[scaled]), len(slope))
-        covariance = self.own + across @ np.swapaxes(self.back, -1, -2)
-        for i, key in enumerate(open_parts(self.model)):
-            part = self.model.parts[key]
-            squares = _squares(part, self, across, covariance)
-            slope[i] += 2 * (part.count - np.exp(-2 * self.logs[i]) * squares)
+            slope += np.bincount(which[scaled], 2 * (1 - expected[scaled]), len(slope))
+        for i, key in enumerate(keys):
+            slope[i] += 2 * (self.model.parts[key].count - np.exp(-2 * self.logs[i]) * squares[i])
         return slope
 
     def average_information(self) -> Array:
@@ -126,26 +133,37 @@ def posterior(model: MixedModel, logs: Array) -> Posterior:
     weights = dict.fromkeys(model.parts, 1.0) | {k: float(np.exp(-2 * v)) for k, v in zip(keys, logs, strict=False)}
     of_columns, of_errors = _which(model, len(keys))
     x, u = _scales(logs, of_columns), _scales(logs, of_errors)
-    total = _weighed(model, weights)
-    uu = total.errors_errors * u[:, :, None] * u[:, None, :] + np.eye(u.shape[1])
-    ux = total.errors_fixed * u[:, :, None] * x
-    bu, bx = total.errors * u, total.fixed * x + model.prior_gradient
-    xx = total.fixed_fixed * x[:, None] * x + model.prior
+    cost, fixed, fixed_fixed = _weighed(model, weights, ("cost", "fixed", "fixed_fixed"), ...)
+    gradient, told = fixed * x + model.prior_gradient, fixed_fixed * x[:, None] * x + model.prior
+    before = np.diag(told).copy()
+    value = sum(2 * model.parts[k].count * v for k, v in zip(keys, logs, strict=False)) + cost + model.prior_cost
     m = len(x)
-    factor = np.linalg.cholesky(_regular(uu))
-    root = np.asarray(np.linalg.inv(factor), dtype=np.float64)
-    whitened = root @ np.concatenate([ux, bu[..., None]], -1)
-    flat, cu = whitened[..., :m].reshape(u.size, m), whitened[..., m].reshape(u.size)
-    gradient = bx - flat.T @ cu
-    spread, log_det = _inverse(xx - flat.T @ flat, np.diag(xx))
+    alone, back, own = np.empty(u.shape), np.empty((*u.shape, m)), np.empty((*u.shape, u.shape[1]))
+    for here in _chunks(back):
+        scale = u[here]
+        bu, ux, uu = _weighed(model, weights, ("errors", "errors_fixed", "errors_errors"), here)
+        uu = uu * scale[:, :, None] * scale[:, None, :] + np.eye(u.shape[1])
+        factor = np.linalg.cholesky(_regular(uu))
+        root = np.asarray(np.linalg.inv(factor), dtype=np.float64)
+        whitened = root @ np.concatenate([ux * scale[:, :, None] * x, (bu * scale)[..., None]], -1)
+        flat, cu = whitened[..., :m].reshape(-1, m), whitened[..., m].reshape(-1)
+        gradient -= flat.T @ cu
+        told -= flat.T @ flat
+        value += 2 * float(np.log(np.diagonal(factor, axis1=-2, axis2=-1)).sum()) - float(cu @ cu)
+        solved = np.swapaxes(root, -1, -2) @ whitened
+        back[here], alone[here] = solved[..., :m], solved[..., m]
+        own[here] = np.swapaxes(root, -1, -2) @ root
+    spread, log_det = _inverse(told, before)
     mean_x = -spread @ gradient
-    value = sum(2 * model.parts[k].count * v for k, v in zip(keys, logs, strict=False))
-    value += total.cost + model.prior_cost - float(cu @ cu) + float(gradient @ mean_x)
-    value += 2 * float(np.log(np.diagonal(factor, axis1=-2, axis2=-1)).sum()) + log_det
-    solved = np.swapaxes(root, -1, -2) @ whitened
-    back, own = solved[..., :m], np.swapaxes(root, -1, -2) @ root
-    mean_u = -(solved[..., m] + back @ mean_x)
+    value += float(gradient @ mean_x) + log_det
+    mean_u = -(alone + back @ mean_x)
     return Posterior(model, logs, value, of_columns, of_errors, mean_x, mean_u, spread, back, own)
+
+
+def _chunks(back: Array) -> list[slice]:
+    """So many blocks of (b, q, m) at a time."""
+    blocks, size = len(back), max(1, _AT_ONCE // max(1, back[0].size if len(back) else 1))
+    return [slice(first, first + size) for first in range(0, blocks, size)]
 
 
 def _regular(matrices: Array) -> Array:
@@ -167,11 +185,10 @@ def _scales(logs: Array, which: IntArray) -> Array:
     return scales
 
 
-def _weighed(model: MixedModel, weights: dict[tuple[str, str], float]) -> Moments:
+def _weighed(model: MixedModel, weights: dict[tuple[str, str], float], fields: tuple[str, ...], here: Any) -> list[Any]:
+    """Fields of the moments of all parts, or of some blocks of them, each part by its weight."""
     parts = [(weights[key], part) for key, part in model.parts.items()]
-    fields = ("fixed", "errors", "fixed_fixed", "errors_fixed", "errors_errors")
-    cost = sum(w * part.cost for w, part in parts)
-    return Moments(0, cost, *(sum(w * getattr(part, field) for w, part in parts) for field in fields))
+    return [sum(w * np.asarray(getattr(part, field))[here] for w, part in parts) for field in fields]
 
 
 def _inverse(hessian: Array, before: Array) -> tuple[Array, float]:
@@ -189,16 +206,19 @@ def _inverse(hessian: Array, before: Array) -> tuple[Array, float]:
     return root.T @ root, log_det - 2 * float(np.log(size).sum())
 
 
-def _squares(part: Moments, of: Posterior, across: Array, covariance: Array) -> float:
-    """Expected sum of squares of a part's residuals at unit sigma, given all data."""
-    x, u = _scales(of.logs, of.of_columns), _scales(of.logs, of.of_errors)
-    at_x, at_u = of.mean_columns * x, of.mean_errors * u
-    mean = part.cost + 2 * (part.fixed @ at_x + np.sum(part.errors * at_u)) + at_x @ part.fixed_fixed @ at_x
-    mean += np.sum(at_u * (2 * part.errors_fixed @ at_x + (part.errors_errors @ at_u[..., None])[..., 0]))
-    by_x = np.sum(part.fixed_fixed * x[:, None] * x * of.spread)
-    both = np.sum(part.errors_fixed * u[:, :, None] * x * across)
-    by_u = np.sum(part.errors_errors * u[:, :, None] * u[:, None, :] * covariance)
-    return float(mean + by_x - 2 * both + by_u)
+def _squares_of_mean(part: Moments, of: Posterior) -> float:
+    """Sum of squares of a part's residuals at unit sigma at the mean, with what the columns' spread adds."""
+    x = _scales(of.logs, of.of_columns)
+    squares, _, _ = _at_mean(part, of, 1.0)
+    return squares + float(np.sum(part.fixed_fixed * x[:, None] * x * of.spread))
+
+
+def _squares_of_spread(part: Moments, of: Posterior, here: slice, across: Array, covariance: Array) -> float:
+    """What is expected to come to that by the errors of some blocks, given all data."""
+    x, u = _scales(of.logs, of.of_columns), _scales(of.logs, of.of_errors[here])
+    both = np.sum(part.errors_fixed[here] * u[:, :, None] * x * across)
+    by_u = np.sum(part.errors_errors[here] * u[:, :, None] * u[:, None, :] * covariance)
+    return float(by_u - 2 * both)
 
 
 def _at_mean(part: Moments, of: Posterior, weight: float) -> tuple[float, Array, Array]:
