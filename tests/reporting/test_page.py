@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import replace
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +19,8 @@ from basecal.accuracy.residuals.point_residuals import PointResiduals, point_res
 from basecal.accuracy.residuals.view_poses import ViewPoses
 from basecal.accuracy.verdict import calibrate
 from basecal.cell import Calibration, Cell, Finding, Outlier, Recording, Residuals, SampleResidual
+from basecal.cell.files import latest_run
+from basecal.cli import main
 from basecal.geometry import SE3
 from basecal.reporting.page import page
 from basecal.reporting.text import text_report
@@ -25,6 +28,7 @@ from basecal.simulation.scenario import LayoutName, Scenario, Seen
 from basecal.simulation.testbed import simulate
 
 VOID = {"meta", "input", "br", "hr", "img", "link"}
+EMBEDDED = re.compile(r"data:image/jpeg;base64,[A-Za-z0-9+/]+=*")
 HOSTILE = '</script><script>alert(1)</script><img src=x onerror="alert(2)">&\'"'
 
 
@@ -156,10 +160,12 @@ def test_page_fetches_nothing(html: str) -> None:
     """No attribute or style names another file, and the policy forbids any request."""
     walker = Walker(html)
     fetching = {"src", "href", "srcset", "data", "action", "poster", "xlink:href", "style"}
-    assert [each for each in walker.attributes if each[1] in fetching or each[1].startswith("on")] == []
+    named = [each for each in walker.attributes if each[1] in fetching or each[1].startswith("on")]
+    assert [each for each in named if each[:2] != ("image", "href") or not EMBEDDED.fullmatch(each[2])] == []
     assert all("url(" not in style and "@import" not in style for style in walker.inside["style"])
     assert "default-src 'none'" in policy(walker)
     assert "unsafe" not in policy(walker)
+    assert set(re.findall(r"[a-z]+:", policy(walker))) == {"data:"}
 
 
 def policy(walker: Walker) -> str:
@@ -257,3 +263,26 @@ def test_exact_fit_has_a_page() -> None:
     details = fit_details(simulated.cell, simulated.recording, calibration)
     zero = tuple(replace(each, off_px=np.zeros_like(each.off_px)) for each in details.points)
     assert Walker(page(simulated.cell, simulated.recording, calibration, replace(details, points=zero))).faults == []
+
+
+def test_pictures_are_embedded(tmp_path: Path) -> None:
+    """Images that are recorded stand on the page as data, and it still fetches nothing."""
+    assert main(["simulate", str(tmp_path / "cell"), "--images", "--samples", "8"]) == 0
+    main(["calibrate", str(tmp_path / "cell")])
+    run = latest_run(tmp_path / "cell")
+    assert run is not None
+    html = (run / "report.html").read_text(encoding="utf-8")
+    walker = Walker(html)
+    assert len([value for tag, name, value in walker.attributes if (tag, name) == ("image", "href")]) == 8
+    assert walker.faults == []
+    assert len(html.encode()) < 3e6
+    test_page_fetches_nothing(html)
+
+
+def test_what_is_to_be_typed_is_code(made: tuple[Cell, Recording, Calibration]) -> None:
+    """Words between backticks in a message, and nothing where one of a pair is missing; both escaped."""
+    cell, recording, calibration = made
+    findings = tuple(Finding("robot-model", "warning", (), said) for said in ("write `a: <b>` there", "a ` alone <i>"))
+    html = page(cell, recording, replace(calibration, findings=findings))
+    assert "write <code>a: &lt;b&gt;</code> there" in html
+    assert "a ` alone &lt;i&gt;" in html

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from basecal.cell import Calibration, Recording
+from basecal.cell import Calibration, Recording, SampleResidual
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,15 @@ class SampleUse:
 
 def sample_use(recording: Recording, calibration: Calibration) -> SampleUse:
     """What a calibration used of a recording: a view is left out whole, or it counts."""
-    views = [(view.sample, view.camera, view.target) for view in calibration.residuals.per_sample]
-    left_out = {(o.sample, o.camera, o.target) for o in calibration.outliers or () if not o.ids}
+    views, left_out = calibration.residuals.per_sample, views_left_out(calibration)
     used = [view for view in views if view not in left_out]
-    return SampleUse(len({sample for sample, *_ in used}), len(recording.samples), len(used), len(views))
+    return SampleUse(len({view.sample for view in used}), len(recording.samples), len(used), len(views))
+
+
+def views_left_out(calibration: Calibration) -> frozenset[SampleResidual]:
+    """The views that are outliers as a whole."""
+    whole = {
+        (outlier.sample, outlier.camera, outlier.target) for outlier in calibration.outliers or () if not outlier.ids
+    }
+    views = calibration.residuals.per_sample
+    return frozenset(view for view in views if (view.sample, view.camera, view.target) in whole)

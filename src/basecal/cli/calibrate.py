@@ -105,7 +105,7 @@ def calibrate_folder(
     from basecal.accuracy.expected_error import check_tolerance
     from basecal.accuracy.fit_details import fit_details
     from basecal.accuracy.verdict import calibrate as calibrated
-    from basecal.cell.files import input_hashes, write_calibration
+    from basecal.cell.files import input_hashes, read_calibration, write_calibration
     from basecal.cell.format.writing import write_whole
     from basecal.cell.results.versions import used_versions
     from basecal.estimation.settings import Settings
@@ -123,11 +123,12 @@ def calibrate_folder(
     asked = calibration.settings if needed_m is None else {**calibration.settings, "tolerance_m": needed_m}
     calibration = replace(calibration, settings=asked, inputs=inputs, versions=used_versions())
     run = write_calibration(calibration, folder).parent
-    recording = synchronous(cell, recording, calibration.clocks)
-    details = fit_details(cell, recording, calibration)
-    tolerance = check_tolerance(cell, calibration, details.errors)
+    stored = read_calibration(run)  # what `report` will find, to the last digit
+    recording = synchronous(cell, recording, stored.clocks)
+    details = fit_details(cell, recording, stored)
+    tolerance = check_tolerance(cell, stored, details.errors)
     write_whole(run / "report.txt", printable(text_report(cell, calibration, tolerance)) + "\n", within=folder)
-    write_page(cell, calibration, StoredRun(run, recording, details, ()))
+    write_page(cell, stored, StoredRun(run, recording, details, ()))
     return CalibratedFolder(calibration, run, tolerance)
 
 

@@ -65,7 +65,16 @@ def write_page(cell: Cell, calibration: Calibration, stored: StoredRun) -> Path:
     names = ", ".join(stored.changed)
     notes = [f"{names} changed since this run: names and picture are as of now. Calibrate again."] if names else []
     path, title = stored.run / FILE, _title(stored.run)
-    html = page(cell, stored.recording, calibration, stored.details, title=title, made=_made(stored.run), notes=notes)
+    html = page(
+        cell,
+        stored.recording,
+        calibration,
+        stored.details,
+        title=title,
+        made=_made(stored.run),
+        run=stored.run.name,
+        notes=notes,
+    )
     write_whole(path, html, within=stored.run.parent.parent)
     return path
 

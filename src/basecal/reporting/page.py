@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from importlib.resources import files
@@ -16,7 +16,9 @@ from markupsafe import Markup, escape
 
 from basecal.accuracy.fit_details import FitDetails
 from basecal.accuracy.phrases.held_out_error import why_held_out_errors_are_larger
+from basecal.accuracy.sample_use import views_left_out
 from basecal.cell import Calibration, Cell, Recording, SampleResidual
+from basecal.exchange.exporters.exporter import pasteable
 from basecal.reporting.cell_view.picture import picture
 from basecal.reporting.cell_view.scene import Scene, scene, scene_data
 from basecal.reporting.figures.bars import QUANTITIES, bar_figure
@@ -26,6 +28,7 @@ from basecal.reporting.figures.image_coverage import image_coverage
 from basecal.reporting.figures.orientations import orientation_figure
 from basecal.reporting.figures.residual_map import residual_map
 from basecal.reporting.figures.residual_polar import residual_polar
+from basecal.reporting.figures.thumbnails import thumbnails
 from basecal.reporting.overview import overview
 from basecal.reporting.provenance import provenance
 from basecal.reporting.robots import robot_blocks
@@ -65,6 +68,7 @@ def page(
     *,
     title: str = "calibration",
     made: datetime | None = None,
+    run: str | None = None,
     notes: Sequence[str] = (),
 ) -> str:
     """The report of a calibration as HTML, everything it needs inside; it asks nothing of any server.
@@ -76,6 +80,7 @@ def page(
         details: How the recording fits it; None where that is not known.
         title: What the reader calls it.
         made: When it was calibrated, UTC.
+        run: Name of its run, said in what is pasted.
         notes: Said below the verdict, such as that a file has changed since.
     """
     known = FitDetails() if details is None else details
@@ -97,7 +102,8 @@ def page(
             picture=Markup(picture(drawn)),
             overview=overview(cell, recording, calibration, known, made),
             provenance=provenance(cell, calibration),
-            **_answer(cell, calibration),
+            thumbnails=thumbnails(cell, recording, calibration, known.points),
+            **_answer(cell, calibration, run),
             **_fit(cell, calibration, known),
         )
     )
@@ -131,7 +137,8 @@ def _policy(style: str, scripts: Sequence[str]) -> str:
     """The Content-Security-Policy: nothing runs but these scripts, nothing is fetched."""
     allowed = " ".join(_source_hash(script) for script in scripts)
     style_hash = _source_hash(style)
-    return f"default-src 'none'; script-src {allowed}; style-src {style_hash}; base-uri 'none'; form-action 'none'"
+    own = f"script-src {allowed}; style-src {style_hash}; img-src data:"
+    return f"default-src 'none'; {own}; base-uri 'none'; form-action 'none'"
 
 
 def _source_hash(source: str) -> str:
@@ -158,8 +165,9 @@ def _legend(drawn: Scene) -> list[str]:
     return sentences
 
 
-def _answer(cell: Cell, calibration: Calibration) -> dict[str, Any]:
+def _answer(cell: Cell, calibration: Calibration, run: str | None) -> dict[str, Any]:
     """What came out, for the template."""
+    pasted = pasteable(calibration, cell, run)
     asked = [name for name in cell.asked if name in calibration.transforms]
     others = [name for name in calibration.transforms if name not in asked]
     word, _, rest = verdict_sentence(cell, calibration).partition(": ")
@@ -167,9 +175,9 @@ def _answer(cell: Cell, calibration: Calibration) -> dict[str, Any]:
         "verdict": calibration.verdict,
         "word": word,
         "sentence": rest,
-        "asked": [transform_view(name, cell, calibration) for name in asked],
+        "asked": [transform_view(name, cell, calibration, pasted) for name in asked],
         "lacking": [name for name in cell.asked if name not in calibration.transforms],
-        "others": [transform_view(name, cell, calibration) for name in others],
+        "others": [transform_view(name, cell, calibration, pasted) for name in others],
         "lenses": [
             (name, camera.model, lens_parameters(camera, c)) for name, (camera, c) in calibration.cameras.items()
         ],
@@ -195,7 +203,7 @@ def _fit(cell: Cell, calibration: Calibration, details: FitDetails) -> dict[str,
         "histogram": histogram(seen) if seen else None,
         "coverage": [image_coverage(name, cell.cameras[name].size_px, of) for name, of in by_camera.items()],
         "orientations": [orientation_figure(views) for views in details.views if len(views.sample)],
-        "views": _views(views),
+        "views": _views(views, views_left_out(calibration)),
         "rows": _worst_rows(views),
         "view_count": len(views),
     }
@@ -206,13 +214,13 @@ def _share(most: int, together: int, figures: int) -> int:
     return max(_FEWEST, min(most, together // max(figures, 1)))
 
 
-def _views(views: Sequence[SampleResidual]) -> list[Views]:
+def _views(views: Sequence[SampleResidual], left_out: Collection[SampleResidual]) -> list[Views]:
     pairs = dict.fromkeys((view.camera, view.target) for view in views)
     most = _share(_MOST_BARS, _MOST_BARS_TOGETHER, len(pairs) * len(QUANTITIES))
     shown = []
     for camera, target in pairs:
         own = [view for view in views if (view.camera, view.target) == (camera, target)]
-        figures = [bar_figure(own, quantity, most) for quantity in QUANTITIES]
+        figures = [bar_figure(own, quantity, most, left_out) for quantity in QUANTITIES]
         shown.append(Views(f"{target} seen by {camera}", tuple(f for f in figures if f is not None)))
     return [each for each in shown if each.figures]
 

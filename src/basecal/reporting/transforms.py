@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,9 +13,12 @@ from basecal.exchange.exports.choice import frame_names
 from basecal.exchange.ros2 import static_transform_publisher
 from basecal.exchange.urdf import numbers, origin_line
 from basecal.geometry import Array
+from basecal.registry import EXPORTERS
 from basecal.reporting.text import sigma_norms
 
 _DIGITS = 4
+Pasted = Mapping[str, Mapping[str, str]]
+"""Texts by transform, and then by kind."""
 
 
 @dataclass(frozen=True)
@@ -30,9 +34,18 @@ class Row:
 
 @dataclass(frozen=True)
 class ToCopy:
-    """A text to paste into another program."""
+    """A text to paste into another program.
 
-    name: str
+    Attributes:
+        kind: For what, a word.
+        about: In what form.
+        way: Which transform it is of: this one, or the same the other way round.
+        text: To paste.
+    """
+
+    kind: str
+    about: str
+    way: str
     text: str
 
 
@@ -48,6 +61,7 @@ class TransformView:
         rows: Translation, and rotation unless it is a point.
         quaternion: (x, y, z, w); nothing for a point.
         copies: Forms for other programs.
+        ways: The transforms that these are of.
     """
 
     name: str
@@ -57,10 +71,11 @@ class TransformView:
     rows: tuple[Row, ...]
     quaternion: tuple[str, ...]
     copies: tuple[ToCopy, ...]
+    ways: tuple[str, ...]
 
 
-def transform_view(name: str, cell: Cell, calibration: Calibration) -> TransformView:
-    """How the page shows a transform that the calibration has."""
+def transform_view(name: str, cell: Cell, calibration: Calibration, pasted: Pasted) -> TransformView:
+    """How the page shows a transform that the calibration has, with what is pasted of all transforms."""
     estimate, status = calibration[name], calibration.status.get(name, "free")
     is_point = name in calibration.points
     given = status == "fixed"
@@ -70,6 +85,7 @@ def transform_view(name: str, cell: Cell, calibration: Calibration) -> Transform
         sigma_deg = np.degrees(estimate.sigma_r)
         rows.append(_row("rpy", "deg", np.degrees(estimate.mean.rpy), None if given else (sigma_deg, norm_deg)))
     parent, _, child = name.partition("_from_")
+    copies = () if is_point else (*_copies(name, cell, calibration), *_for_programs(name, pasted))
     return TransformView(
         name=name,
         status=f"{status}, a point" if is_point else status,
@@ -77,7 +93,8 @@ def transform_view(name: str, cell: Cell, calibration: Calibration) -> Transform
         child=child,
         rows=tuple(rows),
         quaternion=() if is_point else tuple(numbers(estimate.mean.quaternion).split()),
-        copies=() if is_point else _copies(name, cell, calibration),
+        copies=copies,
+        ways=tuple(dict.fromkeys(copy.way for copy in copies)),
     )
 
 
@@ -91,14 +108,22 @@ def _row(name: str, unit: str, values: Array, sigma: tuple[Array, float] | None)
 def _copies(name: str, cell: Cell, calibration: Calibration) -> tuple[ToCopy, ...]:
     estimate = calibration[name]
     parent, child = frame_names(cell, name)
-    matrix = ",\n ".join(f"[{', '.join(numbers(row).split())}]" for row in estimate.mean.matrix)
     covariance = ",\n ".join(json.dumps([float(f"{value:.6g}") for value in row]) for row in estimate.covariance)
     return (
-        ToCopy("URDF", origin_line(estimate.mean)),
-        ToCopy("ROS 2", static_transform_publisher(estimate.mean, parent, child)),
-        ToCopy("4 x 4 matrix [m]", f"[{matrix}]"),
+        ToCopy("urdf", "origin of a joint, m and rad", name, origin_line(estimate.mean)),
+        ToCopy("ros2 run", "publishes on /tf_static", name, static_transform_publisher(estimate.mean, parent, child)),
         ToCopy(
-            f"covariance, translation [m] before rotation [rad], in axes of {name.partition('_from_')[2]}",
+            "covariance",
+            f"translation [m] before rotation [rad], in axes of {name.partition('_from_')[2]}",
+            name,
             f"[{covariance}]",
         ),
     )
+
+
+def _for_programs(name: str, pasted: Pasted) -> Iterator[ToCopy]:
+    """What is pasted of a transform into other programs, and of the same the other way round."""
+    parent, _, child = name.partition("_from_")
+    for way in (name, f"{child}_from_{parent}"):
+        for kind, text in pasted.get(way, {}).items():
+            yield ToCopy(kind, EXPORTERS[kind], way, text.strip("\n"))

@@ -5,33 +5,30 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
+from basecal.accuracy.sample_use import views_left_out
 from basecal.cell import Calibration, SampleResidual
 
 
 def sample_labels(samples: Sequence[int], calibration: Calibration) -> list[str]:
     """How each sample fits in words, views one after another; a sample without any view has none."""
     said: dict[int, list[str]] = {sample: [] for sample in samples}
-    left_out = _left_out(calibration)
+    left_out = views_left_out(calibration)
     for view in calibration.residuals.per_sample:
         if view.sample in said:
             numbers = ", ".join(_numbers(view))
-            unused = " (left out)" if (view.sample, view.camera, view.target) in left_out else ""
+            unused = " (left out)" if view in left_out else ""
             said[view.sample].append(f"{view.target} seen by {view.camera}{unused}{': ' if numbers else ''}{numbers}")
     return ["; ".join(views) for views in said.values()]
 
 
 def worst_sample(calibration: Calibration) -> int | None:
     """The sample with the view that fits worst, of those that were used; None where no view has a residual."""
-    left_out = _left_out(calibration)
-    used = [v for v in calibration.residuals.per_sample if (v.sample, v.camera, v.target) not in left_out]
+    left_out = views_left_out(calibration)
+    used = [view for view in calibration.residuals.per_sample if view not in left_out]
     measured = [view for view in used if view.rms_px is not None or view.loop_m is not None]
     if not measured:
         return None
     return max(measured, key=lambda view: (view.rms_px or 0.0, view.loop_m or 0.0)).sample
-
-
-def _left_out(calibration: Calibration) -> set[tuple[int, str, str]]:
-    return {(o.sample, o.camera, o.target) for o in calibration.outliers or () if not o.ids}
 
 
 def _numbers(view: SampleResidual) -> Iterator[str]:

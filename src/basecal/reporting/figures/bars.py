@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,27 +29,37 @@ QUANTITIES = (
 )
 
 
-def bar_figure(views: Sequence[SampleResidual], quantity: Quantity, most: int) -> Figure | None:
-    """A bar for each view by sample, of more than `most` the largest; None where no view has the quantity."""
-    given = [
-        (v.sample, getattr(v, quantity.field) * quantity.factor)
-        for v in views
-        if getattr(v, quantity.field) is not None
-    ]
+def bar_figure(
+    views: Sequence[SampleResidual], quantity: Quantity, most: int, left_out: Collection[SampleResidual] = ()
+) -> Figure | None:
+    """A bar for each view by sample, of more than `most` the largest; None where no view has the quantity.
+
+    Those left out are marked; they are in no mean, and their bars end with the figure.
+    """
+    given = [view for view in views if getattr(view, quantity.field) is not None]
     if not given:
         return None
-    largest = sorted(range(len(given)), key=lambda k: -given[k][1])[:most]
+    largest = sorted(range(len(given)), key=lambda k: -getattr(given[k], quantity.field))[:most]
     shown = [given[k] for k in sorted(largest)]
-    rms = float(np.sqrt(np.mean([value**2 for _, value in given])))
-    top = round_up(max(value for _, value in shown))
+    value = {id(view): getattr(view, quantity.field) * quantity.factor for view in given}
+    used = [value[id(view)] for view in given if view not in left_out] or list(value.values())
+    rms = float(np.sqrt(np.mean(np.square(used))))
+    top = round_up(max(used))
     bars = [
-        bar(k * BAR, BAR, value / top, f"sample {sample}: {value:.3g} {quantity.unit}", sample)
-        for k, (sample, value) in enumerate(shown)
+        _bar(place, view, value[id(view)], top, quantity.unit, view in left_out) for place, view in enumerate(shown)
     ]
     level = f"M0 {HEIGHT * (1 - rms / top):.2f}H{len(shown) * BAR:g}"
     line = element("path", class_="level", d=level, vector_effect="non-scaling-stroke")
     svg = drawing(len(shown) * BAR, HEIGHT, f"{quantity.name} by view", *bars, line, stretch=True)
     worst = f"the {len(shown)} largest of {len(given)} views; " if len(shown) < len(given) else ""
-    caption = f"{worst}dashed: rms over all views, {rms:.3g} {quantity.unit}"
-    ends = (f"sample {shown[0][0]}", f"{shown[-1][0]}") if len(shown) > 1 else (f"sample {shown[0][0]}",)
+    strangers = "; red: left out" if any(view in left_out for view in shown) else ""
+    caption = f"{worst}dashed: rms over the views used, {rms:.3g} {quantity.unit}{strangers}"
+    first, last = shown[0].sample, shown[-1].sample
+    ends = (f"sample {first}", f"{last}") if len(shown) > 1 else (f"sample {first}",)
     return Figure(quantity.name, svg, caption, ends, (f"{top:g} {quantity.unit}", f"{top / 2:g}", "0"))
+
+
+def _bar(place: int, view: SampleResidual, value: float, top: float, unit: str, left_out: bool) -> str:
+    """The bar of a view."""
+    label = f"sample {view.sample}: {value:.3g} {unit}{', left out' if left_out else ''}"
+    return bar(place * BAR, BAR, value / top, label, view.sample, "view stranger" if left_out else "view")

@@ -19,20 +19,25 @@
   }
 
   const pickers = [...document.querySelectorAll(".picker")];
-  const pick = (format) => {
+  // The kind is chosen for all transforms at once, the way round for each.
+  const pick = (kind) => {
     for (const picker of pickers) {
       const panes = [...picker.querySelectorAll(".copy")];
-      const own = panes.some((pane) => pane.dataset.format === format) ? format : panes[0].dataset.format;
-      picker.querySelector("select").value = own;
-      for (const pane of panes) pane.hidden = pane.dataset.format !== own;
+      const kinds = picker.querySelector(".kind"), ways = picker.querySelector(".way");
+      const own = panes.some((pane) => pane.dataset.kind === kind) ? kind : panes[0].dataset.kind;
+      const way = ways ? ways.value : panes[0].dataset.way;
+      const exact = panes.some((pane) => pane.dataset.kind === own && pane.dataset.way === way);
+      kinds.value = own;
+      for (const pane of panes) pane.hidden = pane.dataset.kind !== own || (exact && pane.dataset.way !== way);
     }
   };
   for (const picker of pickers) {
-    const select = picker.querySelector("select");
-    select.addEventListener("change", () => pick(select.value));
-    picker.querySelector(".choice").hidden = false;
+    const kinds = picker.querySelector(".kind"), ways = picker.querySelector(".way");
+    kinds.addEventListener("change", () => pick(kinds.value));
+    if (ways) ways.addEventListener("change", () => pick(kinds.value));
+    picker.querySelector(".choices").hidden = false;
   }
-  if (pickers.length) pick(pickers[0].querySelector("select").value);
+  if (pickers.length) pick(pickers[0].querySelector(".kind").value);
 
   const show = window.showSample;
   if (!show) return;

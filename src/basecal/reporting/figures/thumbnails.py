@@ -1,0 +1,149 @@
+"""Small pictures of views with what was found in them, the worst first."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from basecal.accuracy.residuals.point_residuals import PointResiduals
+from basecal.cell import Calibration, Cell, Recording, Sample
+from basecal.geometry import Array, BoolArray
+from basecal.reporting.svg import dots, drawing, element, round_up, segments
+from basecal.vision.image_file import read_bytes
+from basecal.vision.thumbnail import thumbnail
+
+_MOST, _MOST_LEFT_OUT = 18, 6  # pictures of views that were used, and of those left out: some rows of each
+_WIDTH = 360  # [px]: twice what a picture takes on the page, for screens that are fine
+_MOST_BYTES = 700_000  # of all pictures, so that a page stays below 3 MB
+_MOST_POINTS = 300  # drawn in a picture
+_LONGEST_SHARE = 0.05  # of a picture's width, for a residual as long as the ruler's
+
+
+@dataclass(frozen=True)
+class Thumbnail:
+    """A picture with its words.
+
+    Attributes:
+        svg: The picture with points on it.
+        sample: Number of its sample.
+        words: By whom, and how it fits.
+        left_out: Whether the view was left out whole.
+    """
+
+    svg: str
+    sample: int
+    words: str
+    left_out: bool
+
+
+@dataclass(frozen=True)
+class Thumbnails:
+    """Pictures with what holds for all of them."""
+
+    pictures: tuple[Thumbnail, ...]
+    caption: str
+
+
+@dataclass(frozen=True, eq=False)
+class _View:
+    """All that a camera saw in a sample, (n, 2) points, how far off, whether used; and its rms [px]."""
+
+    sample: int
+    camera: str
+    pixels: Array
+    off_px: Array
+    used: BoolArray
+
+    @property
+    def left_out(self) -> bool:
+        """Whether nothing of it was used."""
+        return not np.any(self.used)
+
+    @property
+    def rms_px(self) -> float:
+        """Per coordinate, of the points that were used, or else of all."""
+        off = self.off_px if self.left_out else self.off_px[self.used]
+        return float(np.sqrt(np.mean(off**2)))
+
+
+def thumbnails(
+    cell: Cell, recording: Recording, calibration: Calibration, seen: Sequence[PointResiduals]
+) -> Thumbnails | None:
+    """Pictures of the views that fit worst and of some that were left out; None where no images are recorded.
+
+    Args:
+        cell: What was calibrated.
+        recording: Its images are read.
+        calibration: What came out.
+        seen: The points of all views.
+    """
+    images = {sample.sample: sample for sample in recording.samples if sample.images}
+    if recording.folder is None or not images or not seen:
+        return None
+    views = sorted(_views(seen, images), key=lambda view: -view.rms_px)
+    chosen = [view for view in views if not view.left_out][:_MOST]
+    chosen += [view for view in views if view.left_out][:_MOST_LEFT_OUT]
+    rms = calibration.residuals.rms_px or max((view.rms_px for view in chosen), default=0.0)
+    longest_px = round_up(2 * rms)
+    pictures = list(_pictures(cell, Path(recording.folder), images, chosen, longest_px))
+    if not pictures:
+        return None
+    caption = (
+        f"{len(pictures)} of {len(views)} views. Circles: points as they were found; red ones were left out. Lines: "
+        f"towards where they are predicted, {longest_px:g} px as long as a twentieth of the picture is wide."
+    )
+    return Thumbnails(tuple(pictures), caption)
+
+
+def _views(seen: Sequence[PointResiduals], images: dict[int, Sample]) -> Iterator[_View]:
+    """What each camera saw in each sample that has its image."""
+    for camera in dict.fromkeys(each.camera for each in seen):
+        of_camera = [each for each in seen if each.camera == camera]
+        sample, pixels, off_px, used = (
+            np.concatenate([getattr(each, name) for each in of_camera])
+            for name in ("sample", "pixels", "off_px", "used")
+        )
+        for number in np.unique(sample).tolist():
+            if number in images and camera in images[number].images:
+                own = sample == number
+                yield _View(number, camera, pixels[own], off_px[own], used[own])
+
+
+def _pictures(
+    cell: Cell, folder: Path, images: dict[int, Sample], views: Sequence[_View], longest_px: float
+) -> Iterator[Thumbnail]:
+    """As many as there is room for, of images that can be read."""
+    room = _MOST_BYTES
+    for view in views:
+        size_px = cell.cameras[view.camera].size_px
+        data = read_bytes(folder / images[view.sample].images[view.camera])
+        jpeg = None if isinstance(data, str) or size_px is None else thumbnail(data, size_px, _WIDTH)
+        if jpeg is None or size_px is None or len(jpeg) > room:
+            continue
+        room -= len(jpeg)
+        state = ", left out" if view.left_out else ""
+        words = f"{view.camera}, {view.rms_px:.3g} px rms{state}"
+        yield Thumbnail(_drawn(view, jpeg, size_px, longest_px), view.sample, words, view.left_out)
+
+
+def _drawn(view: _View, jpeg: bytes, size_px: tuple[int, int], longest_px: float) -> str:
+    """The picture with its points."""
+    scale = _WIDTH / size_px[0]
+    height = size_px[1] * scale
+    some = slice(None, None, -(-len(view.pixels) // _MOST_POINTS))
+    at, used = (view.pixels[some] + 0.5) * scale, view.used[some]
+    tip = at + view.off_px[some] * (_LONGEST_SHARE * _WIDTH / longest_px)
+    address = f"data:image/jpeg;base64,{base64.b64encode(jpeg).decode()}"
+    return drawing(
+        _WIDTH,
+        height,
+        f"sample {view.sample} seen by {view.camera}",
+        element("image", href=address, width=f"{_WIDTH:g}", height=f"{height:.1f}"),
+        element("path", class_="off", d=segments(np.stack([at[used], tip[used]], 1))),
+        element("path", class_="found", d=dots(at[used])),
+        element("path", class_="left-out", d=dots(at[~used])),
+    )

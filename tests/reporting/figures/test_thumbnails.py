@@ -1,0 +1,72 @@
+"""Pictures of the worst views."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.seen_points import seen
+
+from basecal.cell import Calibration, Recording, Residuals, Sample
+from basecal.reporting.figures.thumbnails import thumbnails
+from basecal.simulation import Scenario, simulate
+from basecal.vision.image_file import write_png
+
+CELL = simulate(Scenario(samples=2), 0).cell
+CALIBRATION = Calibration("good", residuals=Residuals(0.2))
+
+
+def points(*errors_px, left_out=()):
+    """Two points in each sample, as far off as is said."""
+    made = seen([[300.0, 200.0], [640.0, 360.0]] * len(errors_px), np.repeat(errors_px, 2)[:, None] * [1.0, 0.0])
+    sample = np.repeat(np.arange(len(errors_px)), 2)
+    return replace(made, sample=sample, used=~np.isin(sample, left_out))
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
+    """Forty samples that share an image of noise, the worst case for its size."""
+    folder = tmp_path_factory.mktemp("cell")
+    image = np.random.default_rng(1).integers(0, 255, (720, 1280)).astype(np.uint8)
+    write_png(Path(folder) / "a.png", image)
+    return Recording(tuple(Sample(k, images={"wrist": "a.png"}) for k in range(40)), folder=str(folder))
+
+
+def test_the_worst_come_first_and_what_was_left_out_last(recording):
+    """By their rms, each with its number, what was left out marked."""
+    made = thumbnails(CELL, recording, CALIBRATION, [points(0.1, 0.5, 0.3, 9.0, left_out=[3])])
+    assert [one.sample for one in made.pictures] == [1, 2, 0, 3]
+    assert [one.left_out for one in made.pictures] == [False, False, False, True]
+    assert made.pictures[0].words == "wrist, 0.354 px rms"
+    assert made.pictures[3].words.endswith(", left out")
+    assert made.caption.startswith("4 of 4 views.")
+
+
+def test_points_and_where_they_are_predicted(recording):
+    """A line from each point, as long as the caption says: 0.5 px of 0.5 px is a twentieth of 360."""
+    (only,) = thumbnails(CELL, recording, CALIBRATION, [points(0.5)]).pictures
+    x, to_x = map(float, re.search(r'class="off" d="M(\S+) \S+?L(\S+) ', only.svg).groups())
+    assert to_x - x == pytest.approx(18, abs=0.11)
+    assert x == pytest.approx((300.5) * 360 / 1280, abs=0.06)
+    assert re.search(r'href="data:image/jpeg;base64,[A-Za-z0-9+/=]+"', only.svg)
+
+
+def test_size_is_bounded(recording):
+    """Of forty views with the largest pictures there can be, so many are shown that they stay below a megabyte."""
+    made = thumbnails(CELL, recording, CALIBRATION, [points(*np.linspace(0.1, 0.9, 40))])
+    assert 5 < len(made.pictures) <= 18
+    assert sum(len(one.svg) for one in made.pictures) < 1e6
+
+
+def test_missing_images_are_left_out(recording):
+    """A file that is gone, a recording without images, or one from nowhere."""
+    gone = replace(recording, samples=(Sample(0, images={"wrist": "gone.png"}), *recording.samples[1:]))
+    assert [one.sample for one in thumbnails(CELL, gone, CALIBRATION, [points(0.9, 0.1)]).pictures] == [1]
+    only_gone = replace(gone, samples=gone.samples[:1])
+    assert thumbnails(CELL, only_gone, CALIBRATION, [points(0.9)]) is None
+    assert thumbnails(CELL, Recording((Sample(0),), folder="."), CALIBRATION, [points(0.9)]) is None
+    assert thumbnails(CELL, replace(recording, folder=None), CALIBRATION, [points(0.9)]) is None
+    assert thumbnails(CELL, recording, CALIBRATION, []) is None
