@@ -27,11 +27,13 @@ if TYPE_CHECKING:
     from basecal.estimation.settings import Settings as Settings
     from basecal.estimation.solve import Solution as Solution
     from basecal.estimation.solve import solve as solve
+    from basecal.estimation.stages import Stages as Stages
     from basecal.exchange.exporters.exporter import export as export
     from basecal.exchange.exporters.exporter import pasteable as pasteable
     from basecal.geometry import SE3 as SE3
     from basecal.geometry import Camera as Camera
     from basecal.geometry import PoseEstimate as PoseEstimate
+    from basecal.reporting.notebook import html_summary as html_summary
     from basecal.reporting.text import text_report as text_report
     from basecal.simulation.scenario import Scenario as Scenario
     from basecal.simulation.scenario import SimulatedCell as SimulatedCell
@@ -51,10 +53,12 @@ _HOME = {
     "Settings": "estimation.settings",
     "SimulatedCell": "simulation.scenario",
     "Solution": "estimation.solve",
+    "Stages": "estimation.stages",
     "calibrate": "accuracy.verdict",
     "calibration_to_dict": "cell.files",
     "detect": "vision.detect",
     "export": "exchange.exporters.exporter",
+    "html_summary": "reporting.notebook",
     "latest_run": "cell.files",
     "pasteable": "exchange.exporters.exporter",
     "read_calibration": "cell.files",

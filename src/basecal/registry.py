@@ -48,6 +48,7 @@ EXPORTERS = {
     "fanuc": "X, Y, Z, W, P, R in mm and deg",
     "yaskawa": "X, Y, Z, Rx, Ry, Rz in mm and deg, and the line of UFRAME.CND",
     "staubli": "{x, y, z, rx, ry, rz} of VAL 3 in mm and deg",
+    "denso": "P(X, Y, Z, RX, RY, RZ) of PacScript in mm and deg",
     "doosan": "posx(x, y, z, a, b, c) of DRL in mm and deg",
     "xarm": "[x, y, z, roll, pitch, yaw] in mm and deg",
     "ros": "geometry_msgs/PoseWithCovarianceStamped as YAML",

@@ -35,6 +35,16 @@ def test_too_few_samples_are_refused(count):
     assert not calibration.transforms
 
 
+def test_what_is_found_is_logged(caplog):
+    """The verdict, and each finding by its weight."""
+    s = simulate(Scenario(), seed=0)
+    with caplog.at_level("INFO", logger="basecal"):
+        calibrate(s.cell, Recording(()))
+    said = {record.getMessage().partition(":")[0]: record.levelname for record in caplog.records}
+    assert said["verdict"] == "INFO"
+    assert said["too-few-samples"] == "ERROR"
+
+
 @pytest.mark.parametrize("count", [2, 3])
 def test_two_or_three_samples_do_not_give_three_free_mounts(count):
     """Where no view is left to check the others, nothing is given."""

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 import pytest
 
+import basecal
 from basecal.cell import Calibration, RobotParameters
 from basecal.errors import FrameNotFound
 from basecal.geometry import SE3, PoseEstimate
+from basecal.registry import EXPORTERS
+from export_example import BASE, CALIBRATION, CELL
 
 
 def test_transforms_are_found_by_name():
@@ -27,3 +32,20 @@ def test_what_was_found_of_a_robot():
     calibration = Calibration("good", robot_parameters={"joint_offsets": {"eye": offsets}, "deflection": {}})
     assert calibration.parameters_of("eye") == {"joint_offsets": offsets}
     assert calibration.parameters_of("hand") == {}
+
+
+def test_a_calibration_exports_itself():
+    """By a method for each kind of export, named as the kind is; others are none."""
+    for kind in EXPORTERS:
+        assert callable(getattr(CALIBRATION, f"to_{kind}"))
+    assert CALIBRATION.to_ur(BASE, cell=CELL) == basecal.export(CALIBRATION, "ur", BASE, cell=CELL)
+    assert CALIBRATION.to_ros() == basecal.export(CALIBRATION, "ros")
+    for name in ("to_sdf", "tour", "ur"):
+        with pytest.raises(AttributeError, match=f"a calibration has no '{name}'"):
+            getattr(CALIBRATION, name)
+    assert copy.deepcopy(CALIBRATION).verdict == "good"
+
+
+def test_a_notebook_shows_its_summary():
+    """As HTML."""
+    assert CALIBRATION._repr_html_() == basecal.html_summary(CALIBRATION)

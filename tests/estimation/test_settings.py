@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import logging
+import subprocess
+import sys
+
 from basecal.estimation.settings import DEFAULT, Settings
 from basecal.estimation.stages import Stages
 
@@ -27,3 +31,13 @@ def test_work_is_done_whether_its_time_is_counted_or_not():
         with settings.stage("work"):
             done.append(settings)
     assert len(done) == 2
+
+
+def test_stages_are_logged_and_nothing_is_printed(caplog):
+    """By the standard module, as `basecal`; who sets no handler sees nothing."""
+    with caplog.at_level(logging.INFO, logger="basecal"), DEFAULT.stage("work"):
+        pass
+    assert [record.getMessage() for record in caplog.records] == ["stage: work"]
+    quiet = "import logging, basecal\nbasecal.Settings()\nlogging.getLogger('basecal').error('x')"
+    said = subprocess.run([sys.executable, "-c", quiet], capture_output=True, text=True, check=True)
+    assert (said.stdout, said.stderr) == ("", "")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -34,9 +35,11 @@ from basecal.estimation.outliers.noise_and_outliers import is_as_of_arms, solve_
 from basecal.estimation.outliers.robust_solve import RobustSolution, solve_robustly
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem
-from basecal.estimation.settings import DEFAULT, Settings
+from basecal.estimation.settings import DEFAULT, LOG, Settings
 from basecal.estimation.solve import Solution, solve_packed
 from basecal.estimation.streams.streams import streams_of
+
+_LEVELS = {"error": logging.ERROR, "warning": logging.WARNING, "info": logging.INFO}
 
 
 def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) -> Calibration:
@@ -57,7 +60,12 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
     with settings.stage("clocks"):
         streams = streams_of(cell, recording)
         by_clocks = None if streams is None else clocked(streams, settings)
-    return _calibrated(cell, recording if by_clocks is None else by_clocks.recording, settings, by_clocks)
+    samples = recording if by_clocks is None else by_clocks.recording
+    calibration = _calibrated(cell, samples, settings, by_clocks)
+    LOG.info("verdict: %s", calibration.verdict)
+    for finding in calibration.findings:
+        LOG.log(_LEVELS[finding.severity], "%s: %s", finding.code, finding.message)
+    return calibration
 
 
 def _calibrated(cell: Cell, recording: Recording, settings: Settings, by_clocks: Clocked | None) -> Calibration:

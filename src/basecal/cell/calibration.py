@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from functools import partial
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Literal
 
 from basecal.cell.cell import Cell
 from basecal.errors import FrameNotFound
 from basecal.geometry import SE3, Array, BoolArray, Camera, PoseEstimate
+from basecal.registry import EXPORTERS
 
 Severity = Literal["info", "warning", "error"]
 Verdict = Literal["good", "doubtful", "refused"]
@@ -213,6 +216,20 @@ class Calibration:
         """What was found of a robot's own kinematics, by kind."""
         return {kind: found[robot] for kind, found in self.robot_parameters.items() if robot in found}
 
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        html: str = _public("html_summary")(self)
+        return html
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """`to_ur()`, and so on by kind of `basecal export`: `basecal.export` of this calibration."""
+            kind = name.removeprefix("to_")
+            if kind == name or kind not in EXPORTERS:
+                raise AttributeError(f"a calibration has no {name!r}")
+            return partial(_public("export"), self, kind)
+
     def __getitem__(self, name: str) -> PoseEstimate:
         """The estimate of a transform, such as `calibration["eye_base_from_hand_base"]`.
 
@@ -222,3 +239,13 @@ class Calibration:
         if name not in self.transforms:
             raise FrameNotFound(name, list(self.transforms))
         return self.transforms[name]
+
+
+def _public(name: str) -> Callable[..., Any]:
+    """A function of the package's own table of public names.
+
+    What is above this layer is asked for by its public name when a user calls it, as the user would: nothing above is
+    known here, and importing nouns loads no verbs.
+    """
+    function: Callable[..., Any] = getattr(import_module("basecal"), name)
+    return function

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import logging
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, fields
 from typing import Any, Literal
 
 from basecal.estimation.stages import Stages
 
+LOG = logging.getLogger("basecal")
 Method = Literal["maximum-likelihood", "axis-shift"]
 Start = Literal["closed", "thorough", "guess", "axis-shift"]
 StationChoice = Literal["nearest", "weighted"]
@@ -46,8 +48,10 @@ class Settings:
         return {f.name: getattr(self, f.name) for f in fields(self) if f.name != "stages"}
 
     def stage(self, name: str) -> AbstractContextManager[None]:
-        """A part of the work, whose time is counted where that is asked for."""
+        """A part of the work: it is logged as it begins, and its time is counted where that is asked for."""
+        LOG.info("stage: %s", name)
         return nullcontext() if self.stages is None else self.stages.stage(name)
 
 
 DEFAULT = Settings()
+LOG.addHandler(logging.NullHandler())  # quiet, unless who uses this package says where its words go

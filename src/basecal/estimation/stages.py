@@ -10,6 +10,10 @@ from contextlib import contextmanager
 class Stages:
     """Time by stage, and word of each as it begins.
 
+    Args:
+        tell: Called with the name of each stage as it begins.
+        clock: Where the time comes from [s].
+
     Attributes:
         seconds: By stage, in the order in which they first began [s].
     """

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
+from pathlib import Path
 from typing import get_args
 
 import pytest
@@ -54,6 +56,15 @@ def test_what_a_kind_does_not_take_is_said():
     """A robot of a kind that is of transforms."""
     with pytest.raises(InputError, match="ur takes a transform, not a robot"):
         export(CALIBRATION, "ur", robot="hand")
+
+
+def test_every_kind_is_documented():
+    """docs/exporting.md has a section for each, in the registry's order, which begins with what the registry says."""
+    page = (Path(__file__).parents[3] / "docs" / "exporting.md").read_text(encoding="utf-8")
+    sections = re.findall(r"^### `(\w+)`\n\n(.+)\.$", page, re.MULTILINE)
+    assert [(kind, line.casefold()) for kind, line in sections] == [
+        (kind, what.casefold()) for kind, what in registry.EXPORTERS.items()
+    ]
 
 
 def test_texts_to_paste_are_those_of_the_kinds():

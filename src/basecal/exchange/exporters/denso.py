@@ -1,0 +1,21 @@
+"""A pose as DENSO's controllers say it: X, Y, Z in mm, RX, RY, RZ in degrees."""
+
+from __future__ import annotations
+
+from basecal.exchange.controllers.denso import CONVENTION
+from basecal.exchange.exporters.exporter import Takes
+from basecal.exchange.exports.digits import written_numbers
+from basecal.exchange.exports.remarks import about, comments
+from basecal.exchange.exports.wanted import Wanted
+
+TAKES: tuple[Takes, ...] = ("transform",)
+PASTED = True
+
+
+def exported(wanted: Wanted) -> str:
+    """Positions of PacScript, each below its comment; the figure is not said, since it is none of a frame's."""
+    lines = comments(wanted.remarks, "'")
+    for one in wanted.transforms:
+        lines += comments([about(one, "mm and deg")], "'")
+        lines.append(f"P({', '.join(written_numbers(CONVENTION, one.estimate))})")
+    return "\n".join(lines) + "\n"
