@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from basecal.cell import Calibration, Cell
 from basecal.errors import FrameNotFound, InputError
 from basecal.exchange.exports.wanted import NamedTransform
+from basecal.geometry import PoseEstimate
 
 
 def chosen_transforms(
@@ -33,8 +36,9 @@ def chosen_transforms(
 
 
 def both_directions(calibration: Calibration, cell: Cell | None = None) -> tuple[NamedTransform, ...]:
-    """Every transform of a calibration that is no point, each followed by its inverse."""
-    names = [name for name in calibration.transforms if name not in calibration.points]
+    """Every transform of a calibration that can be exported, each followed by its inverse."""
+    known = {name for name, estimate in calibration.transforms.items() if _is_covariance(estimate)}
+    names = [name for name in calibration.transforms if name in known and name not in calibration.points]
     return tuple(_named(calibration, cell, each) for name in names for each in (name, _turned_round(name)))
 
 
@@ -62,9 +66,18 @@ def _named(calibration: Calibration, cell: Cell | None, name: str) -> NamedTrans
         raise FrameNotFound(name, list(calibration.transforms))
     if found in calibration.points:
         raise InputError(f"{found} is the place of a point and has no rotation: there is no pose to export")
+    if not _is_covariance(calibration[found]):
+        raise InputError(f"the covariance of {found} is none, a variance is negative or not finite: calibrate again")
     estimate = calibration[found] if found == name else calibration[found].inverse()
     parent, child = name.split("_from_") if cell is None else frame_names(cell, name)
     return NamedTransform(name, parent, child, estimate, calibration.status.get(found, "free"))
+
+
+def _is_covariance(estimate: PoseEstimate) -> bool:
+    """Whether sigmas can be taken of it; what a damaged file holds may be nothing of the kind."""
+    if not np.all(np.isfinite(estimate.covariance)):
+        return False
+    return all(np.all(np.diag(each.covariance) >= 0) for each in (estimate, estimate.inverse()))
 
 
 def _turned_round(name: str) -> str:
