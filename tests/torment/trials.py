@@ -21,6 +21,7 @@ from basecal.cell.files import (
 )
 from basecal.errors import InputError
 from basecal.reporting.page import page
+from torment import system_calls
 from torment.cells import KINDS, calibration, made, write
 from torment.damage import HOSTILE_TEXTS, damaged, places
 from torment.outcome import Fell, of_command
@@ -179,4 +180,6 @@ WHOLE: dict[str, Trial] = {
     "command line": command_line,
     "page": hostile_page,
     "write faults": write_fault,
+    "kills at system calls": system_calls.kill,
+    "faults of system calls": system_calls.fault,
 }

@@ -10,12 +10,10 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from random import Random
-from shutil import copytree
 from typing import Any
 
-from basecal.cell.files import read_cell, read_recording
-from torment.cells import made
 from torment.outcome import Fell, of_command
+from torment.verbs import VERBS, check_after, files, prepared
 
 _CALLS = ("open", "mkdir", "replace", "rename", "fsync", "unlink", "rmdir")
 _FAULTS = (errno.ENOSPC, errno.EROFS, errno.EIO, errno.EACCES, errno.EDQUOT)
@@ -82,59 +80,18 @@ def faulty(at: int, fault: int | None) -> Iterator[_Faults]:
             setattr(os, name, function)
 
 
-def _words(verb: str, cell: Path, folder: Path) -> list[str]:
-    poses = str(folder / "poses.txt")
-    streams = [word for name in ("eye-base-from-flange", "camera-from-target") for word in (f"--{name}", poses)]
-    return {
-        "calibrate": ["calibrate", str(cell)],
-        "report": ["report", str(cell)],
-        "new": ["new", str(folder / "new")],
-        "simulate": ["simulate", str(folder / "new"), "--samples", "3", "--joints"],
-        "import": ["import", "poses", str(folder / "new"), "--length-unit", "m", *streams],
-    }[verb]
-
-
-VERBS = ("calibrate", "report", "new", "simulate", "import")
-
-
 def write_fault(chance: Random, folder: Path) -> str:
     """A verb killed, or told that the disk is full or read-only, at one of its writes.
 
     What was there before is as it was, nothing half is taken for whole, and the same command again is right.
     """
-    verb = chance.choice(VERBS)
-    cell = copytree(made("pose").folder, folder / "cell")
-    (folder / "poses.txt").write_text("1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n" * 5)
-    words, before = _words(verb, cell, folder), _files(cell)
+    verb = chance.choice(list(VERBS))
+    words = prepared(verb, folder)
+    before = files(folder)
     at, fault = chance.randint(1, 20), chance.choice([None, *_FAULTS])
     with faulty(at, fault) as faults, suppress(Killed):
         _, code, _ = of_command(words)
         if faults.count >= at and fault is not None and code not in (0, 1, 3):
             raise Fell(f"{verb}: exit code {code} at write {at}")
-    changed = [name for name, content in before.items() if _files(cell).get(name) != content]
-    if [name for name in changed if not name.endswith(("report.html", "report.txt"))]:
-        raise Fell(f"{verb}, write {at}: changed {changed}")
-    _right_again(verb, words, folder / "new")
+    check_after(verb, folder, words, before)
     return "no fault" if faults.count < at else "killed" if fault is None else "refused"
-
-
-def _right_again(verb: str, words: list[str], new: Path) -> None:
-    """The same command again: it does what it says, or what it made is there as a whole."""
-    _, code, _ = of_command(words)
-    if verb in ("calibrate", "report") and code not in (0, 1):
-        raise Fell(f"{verb} again: exit code {code}")
-    if verb == "new" and _reads(new) is False:
-        raise Fell("new again: no cell")
-    if verb in ("simulate", "import"):
-        wanted = 3 if verb == "simulate" else 5
-        found = len(read_recording(new).samples)
-        if found != wanted:
-            raise Fell(f"{verb} again: {found} of {wanted} samples")
-
-
-def _reads(folder: Path) -> bool:
-    return bool(read_cell(folder).robots)
-
-
-def _files(folder: Path) -> dict[str, bytes]:
-    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}

@@ -105,13 +105,10 @@ def _folder(cell: Path, run: str | None) -> Path:
 
 
 def _write(text: str, output: Path | None) -> None:
-    from basecal.cell.format.writing import write_whole
+    from basecal.cell.format.writing import write_asked_for
 
     if output is None:
         say(text.rstrip("\n"))
-    elif output.exists() and not output.is_file():
-        output.write_text(text, encoding="utf-8")  # a pipe or a device is not replaced
     else:
-        write_whole(output, text)
-    if output is not None:
+        write_asked_for(output, text)
         say(f"written: {output}")

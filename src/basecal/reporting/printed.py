@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from basecal.cell import Target
+from basecal.cell.format.writing import write_asked_for
 from basecal.errors import InputError
 from basecal.geometry import Array
 from basecal.reporting import pdf
@@ -82,17 +83,17 @@ def write_pages(pages: Sequence[PrintedPage], path: Path) -> list[Path]:
     """Write pages as `.pdf`, one file, or `.svg`, one file a page; the files written.
 
     Raises:
-        InputError: if the name ends otherwise.
+        InputError: if the name ends otherwise, or it cannot be written.
     """
     if path.suffix == ".pdf":
-        path.write_bytes(_pdf(pages))
+        write_asked_for(path, _pdf(pages))
         return [path]
     if path.suffix != ".svg":
         raise InputError(f"{path} ends in {path.suffix!r}: expected .pdf or .svg")
     several = len(pages) > 1
     names = [path.with_stem(f"{path.stem}_{k}") if several else path for k in range(len(pages))]
     for name, page in zip(names, pages, strict=True):
-        name.write_text(page_svg(page), encoding="utf-8")
+        write_asked_for(name, page_svg(page))
     return names
 
 

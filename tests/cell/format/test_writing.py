@@ -9,7 +9,16 @@ from pathlib import Path
 import pytest
 
 from basecal.cell.format import writing
-from basecal.cell.format.writing import beside, make_folder, open_new, open_own, staged, write_new, write_whole
+from basecal.cell.format.writing import (
+    beside,
+    make_folder,
+    open_new,
+    open_own,
+    staged,
+    write_asked_for,
+    write_new,
+    write_whole,
+)
 from basecal.errors import InputError
 
 
@@ -33,6 +42,20 @@ def test_a_file_is_written_whole(tmp_path):
     assert [each.name for each in path.parent.iterdir()] == ["a.json"]
     with pytest.raises(InputError, match=r"a\.json/b cannot be written: "):
         write_whole(path / "b", "x")
+
+
+def test_what_is_asked_for_is_whole_or_goes_into_a_pipe(tmp_path, monkeypatch):
+    """A file of a name that was given is the old one or the new one; a pipe of that name is written to."""
+    path = tmp_path / "a.svg"
+    write_asked_for(path, b"old")
+    monkeypatch.setattr(os, "fsync", fail(errno.ENOSPC))
+    with pytest.raises(InputError, match="No space left"):
+        write_asked_for(path, "new")
+    assert path.read_bytes() == b"old"
+    assert names(tmp_path) == ["a.svg"]
+    write_asked_for(Path(os.devnull), "gone")
+    with pytest.raises(InputError, match="cannot be written"):
+        write_asked_for(tmp_path, "a folder")
 
 
 @pytest.mark.parametrize("call", ["fsync", "replace"])

@@ -68,6 +68,21 @@ def write_new(path: Path, text: str) -> None:
     write_whole(path, text)
 
 
+def write_asked_for(path: Path, content: str | bytes) -> None:
+    """Write a file of a name that was given: whole or not at all, but into what is a pipe or a device.
+
+    Raises:
+        InputError: if it cannot be written.
+    """
+    if not path.exists() or path.is_file():
+        write_whole(path, content)
+        return
+    try:
+        path.write_bytes(content if isinstance(content, bytes) else content.encode("utf-8", "backslashreplace"))
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error.strerror}") from None
+
+
 @contextmanager
 def staged(folder: Path) -> Iterator[Path]:
     """A new folder beside `folder`, to write into; at the end all that is in it appears in `folder` at once.

@@ -1,0 +1,64 @@
+"""Kills and faults at system calls, and that what does not stand them is found."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from torment import system_calls, verbs
+from torment.outcome import Fell
+from torment.system_calls import Site, is_possible
+from torment.verbs import VERBS, Verb, files, prepared
+
+pytestmark = pytest.mark.skipif(not is_possible(), reason="needs strace, and leave to hold other processes")
+
+
+class _Chosen(Random):
+    """Chance that chooses a verb and a site of it."""
+
+    def __init__(self, *answers: object) -> None:
+        super().__init__(0)
+        self._answers = list(answers)
+
+    def choice(self, options: object) -> object:
+        return self._answers.pop(0)
+
+
+def test_new_is_killed_everywhere(tmp_path: Path) -> None:
+    """Each system call of `new` that writes is a site, and after a kill at any of them the same command makes it."""
+    sites = system_calls._sites("new")
+    assert [call for call, _ in sites].count("rename") == 1
+    for k, site in enumerate(sites):
+        (tmp_path / str(k)).mkdir()
+        assert system_calls.kill(_Chosen("new", site), tmp_path / str(k)) == "killed"
+
+
+def test_full_disk(tmp_path: Path) -> None:
+    """A write for which there is no space is told with the file."""
+    site = next(site for site in system_calls._sites("new") if site.call == "write")
+    assert system_calls.fault(_Chosen("ENOSPC", "new", site), tmp_path) == "refused"
+
+
+def test_what_is_written_in_place_falls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A verb that empties what was there before it writes is found."""
+
+    def main(words: list[str]) -> int:
+        (tmp_path / "poses.txt").write_text("new")
+        return 0
+
+    monkeypatch.setitem(verbs.VERBS, "in place", Verb("pose", lambda folder: ["in place"], lambda folder: True))
+    monkeypatch.setattr(system_calls, "main", main)
+    prepared("in place", tmp_path / "a")
+    with pytest.raises(Fell, match=r"changed \['poses\.txt'\]"):
+        system_calls.kill(_Chosen("in place", Site("write", 1)), tmp_path)
+
+
+def test_every_verb_has_its_start(tmp_path: Path) -> None:
+    """What each verb starts from is there, and is not yet what it makes."""
+    for name in ("new", "simulate", "export", "target"):
+        assert prepared(name, tmp_path / name)
+        assert "cell/cell.yaml" in files(tmp_path / name)
+        with pytest.raises((OSError, ValueError)):
+            VERBS[name].right(tmp_path / name)
