@@ -69,6 +69,7 @@ EXPORTERS = {
 IMPORTS = (
     "images",
     "poses",
+    "joints",
     "pixels",
     "easy-handeye",
     "moveit-samples",

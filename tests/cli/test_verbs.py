@@ -13,8 +13,10 @@ import pytest
 from basecal.cell.files import read_cell, read_recording, read_truth
 from basecal.cli import main
 from basecal.geometry import SE3
+from basecal.registry import IMPORTS
 
-VERBS = ["new", "simulate", "demo", "calibrate", "report", "export", "import poses", "import pixels"]
+VERBS = ["new", "simulate", "demo", "calibrate", "report", "export", "merge"]
+VERBS += [f"import {kind}" for kind in IMPORTS]
 
 
 def drawn(count: int, seed: int) -> SE3:

@@ -1,0 +1,44 @@
+"""`basecal merge`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import CycloptsError, Parameter
+
+from basecal.cli.terminal import pasted, say
+
+_FEWEST = 2
+
+
+def merge(*cells: Path, output: Annotated[Path, Parameter(alias="-o")]) -> int:
+    """Make one cell of several that were recorded apart, such as each arm with the
+    other still.
+
+    Robots, cameras and targets of one name must be the same in all; the others
+    are added. The first cell's reference and its comments are kept, samples are
+    numbered on, pictures and URDFs are taken along, and the cells stay as they
+    are.
+
+    For example:
+
+        basecal merge left_moves right_moves -o both
+
+    Args:
+        cells: Folders of two cells or more.
+        output: Folder to make.
+    """
+    from basecal.exchange.merging import merge_cells
+
+    if len(cells) < _FEWEST:
+        raise CycloptsError(msg="give two cells or more: basecal merge A B -o C")
+    merged = merge_cells(cells, output)
+    for part, first in zip(merged.parts, merged.first_numbers, strict=True):
+        samples = part.recording.samples
+        robots = ", ".join(dict.fromkeys(name for sample in samples for name in sample.robots)) or "no robot"
+        say(f"{part.folder}: {len(samples)} samples of {robots}, from number {first} on")
+        for finding in part.recording.findings:
+            say(f"left out: {finding.message}")
+    say(f"wrote {len(merged.recording.samples)} samples and cell.yaml to {output}: basecal calibrate {pasted(output)}")
+    return 0

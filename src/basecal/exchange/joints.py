@@ -1,0 +1,98 @@
+"""Joints of a file, in the order of a chain, row by row with what says where each belongs."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from basecal.cell import RobotState
+from basecal.errors import DatasetError
+from basecal.exchange.columns import MOST_POSES, text_of
+from basecal.exchange.controller_poses import keyed_rows
+from basecal.exchange.importing.imported import Row
+from basecal.exchange.importing.text_table import TextTable, read_text_table, rows_of_numbers
+from basecal.geometry import Array
+from basecal.kinematics import SerialChain
+
+_BEYOND_LIMIT_RAD = 0.1  # past the URDF's limits, which some leave out or round
+_UNLIMITED_RAD = 2.2 * math.pi  # of a joint without limits: a turn and a bit
+_FEWEST = 3  # rows in which nothing moves beyond some degrees, before that is taken for a unit
+_DEGREE = math.radians(1)
+# How controllers number joints: j1, q1, a1 (KUKA), joint_1, theta1; from 0 or from 1.
+_NUMBERED = re.compile(r"(?:joint|axis|theta|j|q|a)[_ ]?(\d+)(?:[_. ]?(?:deg|rad|pos))?", re.IGNORECASE)
+
+
+def read_joints(path: str, robot: str, chain: SerialChain, in_degrees: bool) -> tuple[Row, ...]:
+    """Rows with the joints of a robot [rad].
+
+    Args:
+        path: Text in any usual separator, with a header that names the chain's joints or numbers them (j1, q1, A1), or
+            none.
+        robot: Its name.
+        chain: Its kinematics.
+        in_degrees: Whether they are in degrees, not radians.
+
+    Raises:
+        DatasetError: naming the file and line, if it holds anything else; also where a joint cannot be where it is, and
+            in the other unit could.
+    """
+    table = read_text_table(text_of(path, "a table of joints"), path, chain.joint_names)
+    if len(table.rows) > MOST_POSES:
+        raise DatasetError(path, f"{len(table.rows)} rows, expected at most {MOST_POSES}")
+    values = np.array(list(rows_of_numbers(table, _columns(table, chain))))
+    joints = values * _DEGREE if in_degrees else values
+    _check_limits(table, values, joints, chain, in_degrees)
+    return tuple(
+        replace(row, robots={robot: RobotState(joints_rad=joints[i])}) for i, row in enumerate(keyed_rows(table))
+    )
+
+
+def _columns(table: TextTable, chain: SerialChain) -> list[str]:
+    """The columns of the chain's joints, in its order."""
+    names = chain.joint_names
+    if table.header is None or all(name in table.header for name in names):
+        return list(names)
+    # LeRobot and others write `shoulder_pan.pos`.
+    by_stem = {column.rpartition(".")[0] or column: column for column in table.header}
+    if all(name in by_stem for name in names):
+        return [by_stem[name] for name in names]
+    numbered = {int(found[1]): column for column in table.header if (found := _NUMBERED.fullmatch(column.strip()))}
+    if len(numbered) == len(names):
+        return [numbered[number] for number in sorted(numbered)]
+    there = ", ".join(table.header)
+    expected = f"expected {', '.join(names)}, or {len(names)} numbered ones such as j1, q1 or A1"
+    raise DatasetError(table.path, f"has columns {there}; {expected}")
+
+
+def _check_limits(table: TextTable, values: Array, joints: Array, chain: SerialChain, in_degrees: bool) -> None:
+    """Nothing, where every joint is within its limits, or a turn, by a margin."""
+    lower = np.where(np.isfinite(chain.lower), chain.lower - _BEYOND_LIMIT_RAD, -_UNLIMITED_RAD)
+    upper = np.where(np.isfinite(chain.upper), chain.upper + _BEYOND_LIMIT_RAD, _UNLIMITED_RAD)
+    if in_degrees and len(values) >= _FEWEST and np.abs(values).max() <= math.pi and np.ptp(values, axis=0).max() > 0:
+        most = f"no joint of {len(values)} rows is beyond {np.abs(values).max():.3g} degrees"
+        raise DatasetError(table.path, f"{most}: leave --deg away, these look like radians")
+    outside = (joints < lower) | (joints > upper)
+    if not outside.any():
+        return
+    row, joint = np.argwhere(outside)[0]
+    line, name = table.rows[row].line, chain.joint_names[joint]
+    there = f"{joints[row, joint]:.4g} rad, its limits are {chain.lower[joint]:.4g} to {chain.upper[joint]:.4g}"
+    turned = values * _DEGREE
+    if not in_degrees and np.abs(values).max() > _UNLIMITED_RAD and ((turned >= lower) & (turned <= upper)).all():
+        hint = "give --deg, these are degrees"
+    elif (row_order := _fitting_order(joints, lower, upper)) is not None:
+        hint = f"the columns may be in another order, such as {', '.join(chain.joint_names[k] for k in row_order)}"
+    else:
+        hint = "check the order of the joints, and that the URDF is this robot's"
+    raise DatasetError(table.path, f"is at {there}: {hint}", line, name)
+
+
+def _fitting_order(joints: Array, lower: Array, upper: Array) -> Sequence[int] | None:
+    """The other way round, where all limits then hold: the one slip of order that is usual."""
+    turned = joints[:, ::-1]
+    fits = bool(((turned >= lower) & (turned <= upper)).all())
+    return tuple(range(joints.shape[1] - 1, -1, -1)) if fits else None

@@ -1,0 +1,216 @@
+"""Cells recorded apart as one: what has one name in several must be the same thing, samples are numbered on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from basecal.cell import WORLD, Cell, Recording, Sample
+from basecal.cell.files import (
+    cell_from_dict,
+    cell_to_dict,
+    completed_cell_text,
+    read_cell,
+    read_recording,
+    write_recording,
+)
+from basecal.cell.format.writing import write_new
+from basecal.cell.format.yaml_text import parse_yaml, read_text
+from basecal.errors import InputError
+from basecal.exchange.importing.placed import placed
+
+_SECTIONS = ("robots", "bases", "cameras", "targets")
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A cell that is merged: its folder, what it describes and what was recorded in it."""
+
+    folder: Path
+    cell: Cell
+    recording: Recording
+
+
+@dataclass(frozen=True, eq=False)
+class Merged:
+    """What came of it.
+
+    Attributes:
+        cell: Of all parts.
+        recording: Likewise.
+        parts: What was merged, in order.
+        first_numbers: Of each part's samples.
+    """
+
+    cell: Cell
+    recording: Recording
+    parts: tuple[Part, ...]
+    first_numbers: tuple[int, ...]
+
+
+def merge_cells(folders: Sequence[Path], output: Path) -> Merged:
+    """A new cell with all that is in several.
+
+    Args:
+        folders: Cells, two or more; the first one's text and reference are kept.
+        output: Where the new one is made.
+
+    Raises:
+        DatasetError: if one cannot be read.
+        InputError: if they contradict one another, or there is a cell already.
+    """
+    parts = [_part(folder) for folder in folders]
+    text = _joined_text(parts)
+    _check_times(parts)
+    files: dict[str, Path] = {}
+    samples: list[Sample] = []
+    first_numbers = []
+    for part in parts:
+        _add_models(files, part)
+        shift = _shift(samples, part.recording.samples)
+        samples += _moved(part, shift, files)
+        first_numbers.append(min((sample.sample + shift for sample in part.recording.samples), default=0))
+    recording = Recording(tuple(samples), folder=str(output))
+    with placed(files, output):
+        cell = cell_from_dict(parse_yaml(text, str(output / "cell.yaml")).data, str(output / "cell.yaml"), output)
+        write_new(output / "cell.yaml", text)
+        write_recording(recording, output)
+    return Merged(cell, recording, tuple(parts), tuple(first_numbers))
+
+
+def _part(folder: Path) -> Part:
+    cell = read_cell(folder)
+    return Part(folder, cell, read_recording(folder, cell))
+
+
+def _joined_text(parts: Sequence[Part]) -> str:
+    """The text of the first `cell.yaml` with what only others have.
+
+    Raises:
+        InputError: if two have something of one name that differs.
+    """
+    first = parts[0]
+    known = _entries(first)
+    text = read_text(first.folder / "cell.yaml", "")
+    for part in parts[1:]:
+        _check_reference(first, part)
+        path = part.folder / "cell.yaml"
+        written = parse_yaml(read_text(path, ""), str(path)).data
+        added: dict[str, Any] = {}
+        for (section, name), entry in _entries(part).items():
+            there, ours = known.setdefault((section, name), (part.folder, entry[1]))
+            if ours != entry[1]:
+                raise InputError(_difference(f"{section}.{name}".rstrip("."), there, ours, *entry))
+            if there == part.folder and name:
+                added.setdefault(section, {})[name] = written[section][name] or {}
+        text = completed_cell_text(text, added, str(first.folder / "cell.yaml"))[0]
+    return text
+
+
+def _entries(part: Part) -> dict[tuple[str, str], tuple[Path, Any]]:
+    """What a cell says of each thing by section and name, and of its noise; a base of which it says nothing is none."""
+    data = cell_to_dict(part.cell)
+    found = {(section, name): entry for section in _SECTIONS for name, entry in (data.get(section) or {}).items()}
+    said = {key: entry for key, entry in found.items() if key[0] != "bases" or entry != {"status": "free"}}
+    return {key: (part.folder, entry) for key, entry in {**said, ("noise", ""): data.get("noise")}.items()}
+
+
+def _check_reference(first: Part, other: Part) -> None:
+    """What a cell says of the world it says of its reference's base, which must be the same robot's.
+
+    Raises:
+        InputError: if it is not, and something stands there.
+    """
+    if other.cell.reference == first.cell.reference:
+        return
+    cameras = [camera.name for camera in other.cell.cameras.values() if camera.on == WORLD]
+    targets = [target.name for target in other.cell.targets.values() if target.on == WORLD]
+    bases = [name for section, name in _entries(other) if section == "bases"]
+    if standing := [*cameras, *targets, *bases]:
+        raise InputError(
+            f"{other.folder}: {standing[0]!r} stands in the base of {other.cell.reference!r}, and the reference of "
+            f"{first.folder} is {first.cell.reference!r}: give both cells the same reference"
+        )
+
+
+def _difference(what: str, first: Path, ours: Any, other: Path, theirs: Any) -> str:
+    """Where two entries differ, to the field."""
+    if isinstance(ours, dict) and isinstance(theirs, dict):
+        key = next(key for key in {**ours, **theirs} if ours.get(key) != theirs.get(key))
+        return _difference(f"{what}.{key}", first, ours.get(key), other, theirs.get(key))
+    states = f"{what}: {first} states {_told(ours)}, {other} {_told(theirs)}"
+    return f"{states}: give them other names, or correct the one that is wrong"
+
+
+def _told(value: Any) -> str:
+    return "nothing" if value is None else str(value)
+
+
+def _check_times(parts: Sequence[Part]) -> None:
+    """Lines of robots alone are interpolated by time: two recordings at one time would be taken for one.
+
+    Raises:
+        InputError: if they would.
+    """
+    spans = []
+    for part in parts:
+        stamps = [s.stamp_s for s in part.recording.samples if s.stamp_s is not None]
+        is_stream = any(bool(s.robots) != bool(s.observations or s.images) for s in part.recording.samples)
+        if stamps:
+            spans.append((min(stamps), max(stamps), is_stream, part.folder))
+    spans.sort(key=lambda span: span[0])
+    for (_, end, is_stream, folder), (start, _, is_stream_too, other) in pairwise(spans):
+        if start <= end and (is_stream or is_stream_too):
+            raise InputError(
+                f"{folder} and {other} overlap in time ({start:g} to {end:g} s) and have robots and "
+                "pictures on lines of their own, which are joined by time: shift the times of one of them"
+            )
+
+
+def _add_models(files: dict[str, Path], part: Part) -> None:
+    """The URDFs of a part, by their path in the new cell.
+
+    Raises:
+        InputError: if another one has that path.
+    """
+    for robot in part.cell.robots.values():
+        if robot.urdf is None:
+            continue
+        source = part.folder / robot.urdf
+        earlier = files.setdefault(robot.urdf, source)
+        if earlier.read_bytes() != source.read_bytes():
+            raise InputError(f"{earlier} and {source} differ, and would be one file: rename one, in its cell.yaml too")
+
+
+def _shift(before: Sequence[Sample], samples: Sequence[Sample]) -> int:
+    """By how much numbers rise so that they go on behind those before; none where there are none before."""
+    if not before or not samples:
+        return 0
+    return max(sample.sample for sample in before) + 1 - min(sample.sample for sample in samples)
+
+
+def _moved(part: Part, shift: int, files: dict[str, Path]) -> list[Sample]:
+    """The samples of a part renumbered; their pictures join `files`, under other names where theirs are taken."""
+    moved = []
+    for sample in part.recording.samples:
+        number = sample.sample + shift
+        images, background = (
+            {camera: _picture(part, path, number, files) for camera, path in paths.items()}
+            for paths in (sample.images, sample.background)
+        )
+        moved.append(replace(sample, sample=number, images=images, background=background))
+    return moved
+
+
+def _picture(part: Part, path: str, number: int, files: dict[str, Path]) -> str:
+    """Where a picture is in the new cell; one that is missing keeps its path, to be found missing there."""
+    source, place = part.folder / path, PurePosixPath(path)
+    if not source.is_file():
+        return path
+    if files.setdefault(path, source) != source:
+        place = place.with_name(f"{number:06d}_{place.name}")
+        files[str(place)] = source
+    return str(place)

@@ -1,0 +1,54 @@
+"""`basecal import joints`: joints with the URDF they are of."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.shared.real_recordings import data_folder
+
+from basecal.cell.files import read_cell, read_recording
+from basecal.cli import main
+
+
+@pytest.fixture
+def motoman() -> Path:
+    """Two Motoman arms with their URDFs, as they were recorded."""
+    folder = data_folder() / "motoman_dual_joints"
+    if not folder.exists():
+        pytest.skip(f"{folder} is not there: set BASECAL_DATA to the folder of the published recordings")
+    return folder
+
+
+def table(motoman: Path, path: Path, robot: str, factor: float = 1.0) -> tuple[str, np.ndarray]:
+    samples = [sample for sample in read_recording(motoman).samples if robot in sample.robots][:20]
+    joints = np.array([sample.robots[robot].joints_rad for sample in samples])
+    np.savetxt(path, factor * joints, delimiter=";")
+    return str(path), joints
+
+
+def test_a_real_arm_in_degrees(motoman: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its joints come back in radians with its URDF beside them; in the wrong unit they are refused by the limits."""
+    robot = read_cell(motoman).robots["left"]
+    assert robot.urdf is not None
+    model = ["--urdf", str(motoman / robot.urdf), "--base-link", robot.base_link, "--flange-link", robot.flange_link]
+    path, joints = table(motoman, tmp_path / "q.csv", "left", np.degrees(1.0))
+    base = ["import", "joints", str(tmp_path / "c"), "--robot", "left", path]
+    assert main([*base, *model]) == 3
+    assert "give --deg, these are degrees" in capsys.readouterr().err
+    assert not (tmp_path / "c").exists()
+    assert main([*base, *model, "--deg"]) == 0
+    assert (tmp_path / "c" / robot.urdf).read_bytes() == (motoman / robot.urdf).read_bytes()
+    found = [sample.robots["left"].joints_rad for sample in read_recording(tmp_path / "c").samples]
+    np.testing.assert_allclose(found, joints, atol=1e-9)
+    right, _ = table(motoman, tmp_path / "r.csv", "right")
+    assert main(["import", "joints", str(tmp_path / "c"), "--robot", "right", right]) == 3
+    assert "has no URDF of 'right', which joints need: give --urdf FILE" in capsys.readouterr().err
+
+
+def test_the_model_is_given_whole(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A URDF without its links is wrong usage."""
+    words = ["import", "joints", str(tmp_path / "c"), "--robot", "left", "q.csv", "--urdf", "a.urdf"]
+    assert main(words) == 2
+    assert "go together: give all three" in capsys.readouterr().err

@@ -1,0 +1,96 @@
+"""Files of joints, in the order of a chain and within its limits."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from basecal.errors import DatasetError
+from basecal.exchange.joints import read_joints
+from basecal.kinematics import SerialChain
+
+ROWS = np.radians([[10, -90, 100, -45, 60, 340], [-20, -80, 90, -40, 70, -170], [30, -70, 80, -35, 80, 0]])
+
+
+@pytest.fixture
+def limited(arm: SerialChain) -> SerialChain:
+    """The arm with the limits of a small industrial one, narrow at the wrist."""
+    limits = np.radians([170, 190, 150, 180, 120, 350])
+    return replace(arm, lower=-limits, upper=limits)
+
+
+def read(folder: Path, text: str, chain: SerialChain, in_degrees: bool = False) -> np.ndarray:
+    (folder / "q.csv").write_text(text)
+    rows = read_joints(str(folder / "q.csv"), "left", chain, in_degrees)
+    return np.array([row.robots["left"].joints_rad for row in rows])
+
+
+def lines(values: np.ndarray, separator: str = ",") -> str:
+    return "".join(separator.join(f"{value:.12g}" for value in row) + "\n" for row in values)
+
+
+def test_in_order_by_name_and_by_number(tmp_path: Path, limited: SerialChain) -> None:
+    """Without a header in the chain's order; by its joints' names in any order; numbered from 0 or 1; with `.pos`."""
+    names = list(limited.joint_names)
+    turned = ROWS[:, ::-1]
+    for text in (
+        lines(ROWS),
+        ",".join(names) + "\n" + lines(ROWS),
+        ",".join(names[::-1]) + "\n" + lines(turned),
+        ",".join(f"{name}.pos" for name in names[::-1]) + "\n" + lines(turned),
+        ";".join(f"q{i}" for i in range(6)) + "\n" + lines(ROWS, ";"),
+        "\t".join(f"A{i}" for i in range(6, 0, -1)) + "\n" + lines(turned, "\t"),
+        "".join(f"[{row}]\n" for row in lines(ROWS).splitlines()),
+    ):
+        np.testing.assert_allclose(read(tmp_path, text, limited), ROWS, atol=1e-10)
+
+
+def test_degrees_where_they_are_said(tmp_path: Path, limited: SerialChain) -> None:
+    """With decimal commas too."""
+    text = lines(np.degrees(ROWS), ";").replace(".", ",")
+    np.testing.assert_allclose(read(tmp_path, text, limited, True), ROWS, atol=1e-10)
+
+
+def test_degrees_taken_for_radians_are_named(tmp_path: Path, limited: SerialChain) -> None:
+    """With the line, the joint, its limits and what to give."""
+    name = limited.joint_names[0]
+    expected = rf"q.csv:1: {name}: is at 10 rad, its limits are -2.967 to 2.967: give --deg, these are degrees"
+    with pytest.raises(DatasetError, match=expected):
+        read(tmp_path, lines(np.degrees(ROWS)), limited)
+
+
+def test_joints_the_other_way_round_are_named(tmp_path: Path, limited: SerialChain) -> None:
+    """Where no unit explains a joint beyond its limits and the reverse order does."""
+    order = re.escape(", ".join(limited.joint_names[::-1]))
+    assert np.abs(ROWS[:, 5]).max() > limited.upper[0]
+    with pytest.raises(DatasetError, match=f"may be in another order, such as {order}"):
+        read(tmp_path, lines(np.degrees(ROWS)[:, ::-1]), limited, True)
+
+
+def test_radians_taken_for_degrees_are_named(tmp_path: Path, limited: SerialChain) -> None:
+    """No arm calibrates within three degrees of its zero."""
+    with pytest.raises(DatasetError, match="leave --deg away, these look like radians"):
+        read(tmp_path, lines(ROWS / 2), limited, True)
+
+
+def test_what_fits_nothing_is_said(tmp_path: Path, limited: SerialChain) -> None:
+    """A joint that no unit and no order explains, and columns of another arm."""
+    wrong = ROWS.copy()
+    wrong[2, 2] = wrong[2, 3] = 3.0
+    wrong[0] = np.radians([10, 10, 160, 160, 10, 10])
+    with pytest.raises(DatasetError, match=r"q.csv:1: .* check the order of the joints, and that the URDF is"):
+        read(tmp_path, lines(wrong), limited)
+    with pytest.raises(DatasetError, match="or 6 numbered ones such as j1, q1 or A1"):
+        read(tmp_path, "a1,a2,a3\n1,2,3\n", limited)
+
+
+def test_a_joint_without_limits_may_turn_once(tmp_path: Path, arm: SerialChain) -> None:
+    """Degrees are found where the URDF has no limits."""
+    free = replace(arm, lower=np.full(6, -np.inf), upper=np.full(6, np.inf))
+    np.testing.assert_allclose(read(tmp_path, lines(ROWS), free), ROWS, atol=1e-10)
+    with pytest.raises(DatasetError, match="give --deg"):
+        read(tmp_path, lines(np.degrees(ROWS)), free)

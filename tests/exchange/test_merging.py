@@ -1,0 +1,114 @@
+"""Cells recorded apart, as one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from basecal.cell import RobotState, Sample
+from basecal.cell.files import append_samples, read_cell, read_recording
+from basecal.errors import InputError
+from basecal.exchange.merging import merge_cells
+from basecal.geometry import SE3
+
+BASE = "schema: basecal/cell/1\nreference: left  # by the door\nrobots:\n  left: {}\n"
+CAMERA = "cameras:\n  cam: {on: left, size_px: [64, 48], intrinsics: {status: free}}\n"
+
+
+def cell(folder: Path, text: str, numbers: range = range(3), stamps: float | None = None, robot: str = "left") -> Path:
+    folder.mkdir()
+    (folder / "cell.yaml").write_text(text)
+    samples = [
+        Sample(n, None if stamps is None else stamps + n, {robot: RobotState(SE3.from_rotvec([0, 0, n], [0.3, 0, 0]))})
+        for n in numbers
+    ]
+    append_samples(folder, samples)
+    return folder
+
+
+def with_pictures(folder: Path, content: bytes) -> Path:
+    images = folder / "recording" / "images" / "cam"
+    images.mkdir(parents=True)
+    (images / "0.png").write_bytes(content)
+    append_samples(folder, [Sample(90, None, {}, (), {"cam": "recording/images/cam/0.png"})])
+    return folder
+
+
+def test_robots_are_joined_and_samples_numbered_on(tmp_path: Path) -> None:
+    """What only one cell has is added to the first one's text; its samples follow, the cells stay as they were."""
+    a = cell(tmp_path / "a", BASE + CAMERA)
+    b = cell(
+        tmp_path / "b", BASE + "  right: {noise: {sigma_t_m: 1e-4, sigma_r_rad: 2e-4}}\n", range(5, 7), robot="right"
+    )
+    merged = merge_cells([a, b], tmp_path / "c")
+    assert merged.first_numbers == (0, 3)
+    assert "# by the door" in (tmp_path / "c" / "cell.yaml").read_text()
+    described = read_cell(tmp_path / "c")
+    assert list(described.robots) == ["left", "right"]
+    assert described.robots["right"].noise is not None
+    samples = read_recording(tmp_path / "c").samples
+    assert [(s.sample, *s.robots) for s in samples] == [
+        (0, "left"),
+        (1, "left"),
+        (2, "left"),
+        (3, "right"),
+        (4, "right"),
+    ]
+    pose = samples[3].robots["right"].base_from_flange
+    assert pose is not None
+    assert pose.rotvec[2] == pytest.approx(5 - 2 * 3.141592653589793)
+    assert len(read_recording(a).samples) == 3
+
+
+def test_pictures_of_one_name_both_come_along(tmp_path: Path) -> None:
+    """A picture whose path is taken gets the number of its sample before its name."""
+    parts = [with_pictures(cell(tmp_path / n, BASE + CAMERA, range(2)), n.encode()) for n in "ab"]
+    merge_cells(parts, tmp_path / "c")
+    last = read_recording(tmp_path / "c").samples[-1]
+    paths = [s.images["cam"] for s in read_recording(tmp_path / "c").samples if s.images]
+    assert [(tmp_path / "c" / path).read_bytes() for path in paths] == [b"a", b"b"]
+    assert Path(paths[1]).name == f"{last.sample:06d}_0.png"
+
+
+def test_three_at_once(tmp_path: Path) -> None:
+    """Any number are merged in order."""
+    parts = [cell(tmp_path / n, BASE, range(2)) for n in "abc"]
+    assert [s.sample for s in merge_cells(parts, tmp_path / "d").recording.samples] == list(range(6))
+
+
+@pytest.mark.parametrize(
+    ("other", "said"),
+    [
+        (BASE + CAMERA.replace("64, 48", "32, 24"), r"cameras.cam.size_px: .*a states \[64, 48\], .*b \[32, 24\]"),
+        (BASE + CAMERA.replace("on: left", "on: world"), "cameras.cam.on: .*a states left, .*b world"),
+        (BASE + CAMERA + "noise: {pixel_px: 0.2}\n", "noise: .*a states nothing, .*b {'pixel_px': 0.2}"),
+        (
+            "schema: basecal/cell/1\nreference: right\nrobots: {right: {}}\ntargets: {board: {on: world}}\n",
+            "'board' stands in the base of 'right', and the reference of .*a is 'left'",
+        ),
+    ],
+)
+def test_contradictions_are_named(tmp_path: Path, other: str, said: str) -> None:
+    """Both values with their cells, to the field; nothing is written."""
+    a = cell(tmp_path / "a", BASE + CAMERA)
+    b = cell(tmp_path / "b", other, robot="right" if "reference: right" in other else "left")
+    with pytest.raises(InputError, match=said):
+        merge_cells([a, b], tmp_path / "c")
+    assert not (tmp_path / "c").exists()
+
+
+def test_streams_at_one_time_are_not_mixed(tmp_path: Path) -> None:
+    """Lines of robots alone are joined by time with those of pictures: recordings must not overlap."""
+    a, b = (cell(tmp_path / n, BASE, range(3), stamps) for n, stamps in (("a", 0.0), ("b", 1.5)))
+    with pytest.raises(InputError, match=r"overlap in time \(1.5 to 2 s\)"):
+        merge_cells([a, b], tmp_path / "c")
+
+
+def test_an_existing_cell_is_left_alone(tmp_path: Path) -> None:
+    """Nothing is written into a folder with a cell."""
+    a = cell(tmp_path / "a", BASE)
+    before = (a / "recording" / "samples.jsonl").read_bytes()
+    with pytest.raises(InputError, match="not overwritten"):
+        merge_cells([a, cell(tmp_path / "b", BASE)], a)
+    assert (a / "recording" / "samples.jsonl").read_bytes() == before
