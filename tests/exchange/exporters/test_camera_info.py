@@ -11,6 +11,7 @@ from ruamel.yaml import YAML
 from basecal.errors import InputError
 from basecal.exchange.exporters.camera_info import exported
 from basecal.exchange.exports.wanted import Wanted
+from basecal.exchange.lens_files.camera_info import read_camera_info
 from basecal.geometry import Camera
 from export_example import CALIBRATION
 
@@ -39,3 +40,14 @@ def test_an_image_size_that_is_not_known_is_said():
     """ROS cannot do without it."""
     with pytest.raises(InputError, match="image size of 'wrist' is not known"):
         exported(of(Camera("pinhole", LENS.parameters)))
+
+
+@pytest.mark.parametrize(("model", "terms"), [("pinhole", 5), ("pinhole", 8), ("fisheye", 4)])
+def test_our_own_import_reads_it(model, terms, tmp_path):
+    """As the same lens."""
+    camera = Camera(model, np.array([800.5, 801, 320, 240, *(0.01 * np.arange(1, terms + 1))]), (640, 480))
+    path = tmp_path / "ost.yaml"
+    path.write_text(exported(of(camera)))
+    read = read_camera_info(path)
+    assert (read.camera.model, read.camera.size_px) == (model, (640, 480))
+    np.testing.assert_array_equal(read.camera.parameters, camera.parameters)

@@ -8,10 +8,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
+import numpy as np
 import pytest
 
 from basecal import registry
 from basecal.errors import FrameNotFound, InputError, RefusedCalibration
+from basecal.exchange.controller_poses import Reading, read_controller_poses
 from basecal.exchange.exporters.exporter import Takes, export, exporter, pasteable
 from export_example import BASE, CALIBRATION, CELL, INVERSE, POINT, all_poses
 
@@ -65,6 +67,17 @@ def test_every_kind_is_documented():
     assert [(kind, line.casefold()) for kind, line in sections] == [
         (kind, what.casefold()) for kind, what in registry.EXPORTERS.items()
     ]
+
+
+@pytest.mark.parametrize("kind", ["ur", "kuka", "abb", "staubli", "doosan", "xarm", "matrix"])
+def test_our_own_import_reads_what_controllers_are_given(kind, tmp_path):
+    """Comments are skipped, and each pose in it is the one exported, to the digits written."""
+    path = tmp_path / "pasted.txt"
+    path.write_text(export(CALIBRATION, kind, BASE, cell=CELL), encoding="utf-8")
+    rows = read_controller_poses(str(path), "eye", Reading(kind))
+    assert rows
+    for row in rows:
+        np.testing.assert_allclose(row.robots["eye"].base_from_flange.matrix, CALIBRATION[BASE].mean.matrix, atol=2e-6)
 
 
 def test_texts_to_paste_are_those_of_the_kinds():
