@@ -148,7 +148,10 @@ def without_contradicted(
     everything = any(not f.about for f in small)
     cameras = {f.about for f in small if not f.of_robot}
     robots = {name for name in solution.problem.stops.robot if everything or name in {f.about for f in small}}
-    groups = (_unstated(g) if everything or g.camera in cameras else g for g in solution.problem.groups)
+    groups = (
+        replace(g, measurement=_without_sigmas(g.measurement)) if everything or g.camera in cameras else g
+        for g in solution.problem.groups
+    )
     problem = replace(solution.problem.with_groups(groups), held=False)
     if settings.robot_noise == "stated":
         estimated = solve_from(problem, solution.state, settings, solution.findings)
@@ -163,10 +166,6 @@ def without_contradicted(
 def _without_stops(group: ViewGroup) -> ViewGroup:
     nowhere = np.full(len(group), -1, dtype=np.int64)
     return replace(group, eye_stop=nowhere, hand_stop=nowhere)
-
-
-def _unstated(group: ViewGroup) -> ViewGroup:
-    return replace(group, measurement=_without_sigmas(group.measurement))
 
 
 def _without_sigmas(measurement: Measurement) -> Measurement:

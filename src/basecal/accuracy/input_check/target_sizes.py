@@ -14,7 +14,7 @@ from basecal.errors import BasecalError
 from basecal.estimation.least_squares.bundle_adjustment import Optimum, bundle_adjust
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.start.pair_views import PairViews
 from basecal.estimation.view.points import PointMeasurement
 from basecal.geometry import SE3, Array, Camera
@@ -98,7 +98,11 @@ def _by_translations(sight: PairViews, candidates: SE3, fit: LoopFit, problem: P
     x, y, _ = fit.triple
     seen = (a.rotation @ x.rotation @ candidates[:, 0].translation[..., None])[..., 0]
     parts = (a.rotation, np.broadcast_to(-np.eye(3), a.rotation.shape), -(y.rotation @ c.rotation))
-    fixed = (_fixed(problem, group.camera_mount), _fixed(problem, *_bases(group)), _fixed(problem, group.target_mount))
+    fixed = (
+        _fixed(problem, group.camera_mount),
+        _fixed(problem, *(name for name in (group.eye_base, group.hand_base) if name is not None)),
+        _fixed(problem, group.target_mount),
+    )
     right = (y.rotation @ c.translation.T).T - a.translation
     columns = [seen[..., None]]
     for part, transform, known in zip(parts, fit.triple, fixed, strict=True):
@@ -108,10 +112,6 @@ def _by_translations(sight: PairViews, candidates: SE3, fit: LoopFit, problem: P
             columns.append(part)
     rows = np.concatenate(columns, -1)
     return float(least_norm(rows.reshape(-1, rows.shape[-1]), right.reshape(-1))[0])
-
-
-def _bases(group: ViewGroup) -> list[str]:
-    return [name for name in (group.eye_base, group.hand_base) if name is not None]
 
 
 def _fixed(problem: Problem, *names: str) -> bool:

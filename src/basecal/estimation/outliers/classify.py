@@ -142,7 +142,7 @@ def _readmitted(
         prior = _prior(about, k, some, scale.variance)
         few = measurement.take(some)
         camera = about.state.cameras.get(group.camera)
-        limit = float(of_points.limit(np.array(_coordinates(measurement))))
+        limit = float(of_points.limit(np.array(2 if isinstance(measurement, PixelMeasurement) else 3)))
         found = view_ransac(few, prior.camera_from_target, camera, limit, prior)
         tension = prior.tension(found.camera_from_target)[0] * scale.variance
         left, all_points = found.points.sum(-1), few.seen.sum(-1)
@@ -159,10 +159,6 @@ def _agrees_with_itself(few: Points, found: RansacViews, camera: Camera | None, 
     """Whether all points of a view, (n,), agree with one another: then the view is off, not its points."""
     alone = explained(few, refined(few, found.camera_from_target, camera).camera_from_target, camera, limit)
     return np.asarray(alone.points.sum(-1) == few.seen.sum(-1))
-
-
-def _coordinates(measurement: PixelMeasurement | PointMeasurement) -> int:
-    return 2 if isinstance(measurement, PixelMeasurement) else 3
 
 
 def _prior(about: LeaveOneOut, k: int, some: IntArray, variance: float) -> Prior:

@@ -9,7 +9,6 @@ import numpy as np
 from basecal.cell import Cell
 from basecal.estimation.outliers.classify import Classification
 from basecal.estimation.outliers.inlier_mask import InlierMask, masked
-from basecal.estimation.outliers.robust_scale import Scale
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.point_jacobians import point_jacobians
@@ -68,8 +67,12 @@ def measure_left_out(
         for view in np.flatnonzero(~kept.views[k]):
             found.append(_of_view(group, state, expected, int(view), float(sigmas[view])))
         shape = cell.targets[group.target].target
-        if shape is not None:
-            found += _of_points(shape.ids, recorded.groups[k], group, problem, state, kept, k, judgement.point_scale)
+        few = _with_lost_points(group, kept.views[k], kept.points[k])
+        if shape is not None and few is not None:
+            ids = _ids_by_view(shape.ids, recorded.groups[k], group)[few.rows]
+            predicted = state.camera_from_target(group, problem.stops)[few.rows]
+            distances = _distances(few, predicted, state.cameras.get(group.camera))
+            found += _of_points(few, group, ids, distances, float(np.sqrt(judgement.point_scale.variance)))
     return tuple(sorted(found, key=lambda o: (o.sample, o.camera, o.target)))
 
 
@@ -103,55 +106,56 @@ def _pixels_off(one: ViewGroup, state: State, expected: SE3) -> float:
     return float(np.nanmax(off)) if np.isfinite(off).any() else np.nan
 
 
-def _of_points(
-    ids: IntArray,
-    recorded: ViewGroup,
-    group: ViewGroup,
-    problem: Problem,
-    state: State,
-    kept: InlierMask,
-    k: int,
-    scale: Scale,
-) -> list[LeftOut]:
-    """Points of views that are kept, in sigmas by which points of one view scatter."""
+@dataclass(frozen=True, eq=False)
+class _LostPoints:
+    """Views that are kept, but for some of their points: `rows` (n,) in their group, `lost` and `used` (n, p)."""
+
+    rows: IntArray
+    measurement: PixelMeasurement | PointMeasurement
+    lost: BoolArray
+    used: BoolArray
+
+
+def _with_lost_points(group: ViewGroup, views: BoolArray, points: BoolArray) -> _LostPoints | None:
+    """The views of a group that lost points, by its views (n,) and points (n, p) that are kept; None without any."""
     measurement = group.measurement
     if not isinstance(measurement, PixelMeasurement | PointMeasurement):
-        return []
-    lost = measurement.seen & ~kept.points[k] & kept.views[k][:, None]
-    views = np.flatnonzero(lost.any(-1))
-    if not len(views):
-        return []
-    predicted = state.camera_from_target(group, problem.stops)[views]
-    distances = _distances(measurement.take(views), kept.points[k][views], predicted, state.cameras.get(group.camera))
-    in_pixels = isinstance(measurement, PixelMeasurement)
+        return None
+    lost = measurement.seen & ~points & views[:, None]
+    rows = np.flatnonzero(lost.any(-1))
+    return _LostPoints(rows, measurement.take(rows), lost[rows], points[rows]) if len(rows) else None
+
+
+def _of_points(few: _LostPoints, group: ViewGroup, ids: IntArray, distances: Array, sigma: float) -> list[LeftOut]:
+    """What is said of lost points, by ids (n, p) and distances (n, p), in sigmas by which these scatter."""
     found = []
-    for v, distance in zip(views, distances, strict=True):
-        numbers = ids[::-1] if _is_turned(recorded, group, int(v)) else ids
-        sigmas = distance[lost[v]] * measurement.weight[v][lost[v]] / np.sqrt(scale.variance)
+    for v, row in enumerate(few.rows):
+        off = distances[v][few.lost[v]]
+        sigmas = off * few.measurement.weight[v][few.lost[v]] / sigma
         worst = int(np.argmax(sigmas))
-        off = float(distance[lost[v]][worst])
-        which = tuple(sorted(int(i) for i in numbers[lost[v]]))
-        off_m, off_px = (None, off) if in_pixels else (off, None)
-        place = int(group.sample[v]), group.camera, group.target
+        which = tuple(sorted(int(i) for i in ids[v][few.lost[v]]))
+        in_pixels = isinstance(few.measurement, PixelMeasurement)
+        off_m, off_px = (None, float(off[worst])) if in_pixels else (float(off[worst]), None)
+        place = int(group.sample[row]), group.camera, group.target
         found.append(LeftOut(*place, which, float(sigmas[worst]), off_m, None, off_px))
     return found
 
 
-def _is_turned(recorded: ViewGroup, group: ViewGroup, view: int) -> bool:
-    """Whether a view is read from the other end of its grid than it was recorded."""
+def _ids_by_view(ids: IntArray, recorded: ViewGroup, group: ViewGroup) -> IntArray:
+    """Ids as recorded, (n, p), which views that are read from the other end of their grid have the other way round."""
     first, now = recorded.measurement, group.measurement
+    every = np.broadcast_to(ids, (len(group), len(ids)))
     if group.half_turn is None or not isinstance(first, PixelMeasurement) or not isinstance(now, PixelMeasurement):
-        return False
-    return not np.array_equal(first.pixels[view], now.pixels[view])
+        return every
+    as_recorded = np.all(first.pixels == now.pixels, axis=(1, 2))
+    return np.where(as_recorded[:, None], every, every[:, ::-1])
 
 
-def _distances(
-    measurement: PixelMeasurement | PointMeasurement, points: BoolArray, predicted: SE3, lens: Camera | None
-) -> Array:
+def _distances(few: _LostPoints, predicted: SE3, lens: Camera | None) -> Array:
     """How far each point is from where the kept points of its view, or all else, put it, (n, p) [px or m]."""
-    left = masked(measurement, points)
+    left = masked(few.measurement, few.used)
     pose = refined(left, predicted, lens, _STEPS).camera_from_target if (left.equations() >= 6).all() else predicted
-    rows = point_jacobians(measurement, pose, lens, False)
+    rows = point_jacobians(few.measurement, pose, lens, False)
     assert rows is not None
-    weight = np.where(measurement.weight > 0, measurement.weight, 1.0)
+    weight = np.where(few.measurement.weight > 0, few.measurement.weight, 1.0)
     return np.where(rows.seen, np.linalg.norm(rows.residual, axis=-1) / weight, np.inf)

@@ -17,7 +17,6 @@ from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.least_squares.studentized import MahalanobisSquared, judged_by_view, studentized
 from basecal.estimation.outliers.robust_scale import Scale
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
-from basecal.estimation.view.measurement import Measurement
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.point_jacobians import point_jacobians
 from basecal.estimation.view.points import PointMeasurement
@@ -40,7 +39,7 @@ def graduated_truncation(problem: Problem, state: State, scale_of: ScaleOf) -> S
         scale_of: The scale of squared deviations.
     """
     views = [np.ones(len(g)) for g in problem.groups]
-    points = [_all_points(g.measurement) for g in problem.groups]
+    points = [np.ones((len(g.measurement.equations()), 1)) for g in problem.groups]
     control = 0.0
     for _ in range(_ROUNDS):
         weighted = problem.with_groups(_weighted(g, w) for g, w in zip(problem.groups, points, strict=True))
@@ -68,10 +67,6 @@ def _weights(ratio: Array, control: float) -> Array:
     """By squares over their limit and the control parameter mu of the paper, eq. (14)."""
     between = np.sqrt(control * (control + 1) / np.maximum(ratio, 1e-300)) - control
     return np.where(ratio <= control / (control + 1), 1.0, np.where(ratio >= (control + 1) / control, 0.0, between))
-
-
-def _all_points(measurement: Measurement) -> Array:
-    return np.ones((len(measurement.equations()), 1))
 
 
 def _weighted(group: ViewGroup, weights: Array) -> ViewGroup:

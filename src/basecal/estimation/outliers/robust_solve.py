@@ -168,15 +168,11 @@ def _is_answer(end: Consensus, plain: Solution) -> bool:
 
 def _fits(solution: Solution) -> bool:
     """Whether residuals are such as the stated noise explains, or as a detector may have."""
-    ratio = _ratio(solution)
+    ratio = float(np.sqrt(solution.cost / max(solution.dof, 1)))
     weights = [m.weight[m.weight > 0] for m in _with_points(solution.problem.groups) if isinstance(m, PixelMeasurement)]
     if not weights:
         return ratio < _PLAUSIBLE_SIGMAS or not is_stated(solution.problem)
     return ratio < max(CONTRADICTED, PLAUSIBLE_PX * float(np.median(np.concatenate(weights))))
-
-
-def _ratio(solution: Solution) -> float:
-    return float(np.sqrt(solution.cost / max(solution.dof, 1)))
 
 
 def _implausible(plain: Solution, judgement: Classification) -> bool:

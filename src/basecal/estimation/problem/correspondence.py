@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from basecal.cell import Target
-from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, IntArray
 
@@ -50,18 +50,14 @@ def choose_correspondence(problem: Problem, state: State) -> tuple[Problem, bool
         if len(group.readings) < 2:
             groups.append(group)
             continue
-        best = _best(problem, group, state)
+        predicted, camera = state.camera_from_target(group, problem.stops), state.cameras[group.camera]
+        costs = np.stack([reading.linearise(predicted, camera, False).cost for reading in group.readings])
+        best = np.asarray(np.argmin(costs, axis=0), dtype=np.int64)
         measurement = _selected(group.readings, best)
         assert isinstance(group.measurement, PixelMeasurement)
         changed |= bool(np.any(measurement.pixels != group.measurement.pixels))
         groups.append(replace(group, measurement=measurement))
     return (problem.with_groups(groups), True) if changed else (problem, False)
-
-
-def _best(problem: Problem, group: ViewGroup, state: State) -> IntArray:
-    predicted, camera = state.camera_from_target(group, problem.stops), state.cameras[group.camera]
-    costs = np.stack([reading.linearise(predicted, camera, False).cost for reading in group.readings])
-    return np.asarray(np.argmin(costs, axis=0), dtype=np.int64)
 
 
 def _selected(readings: tuple[PixelMeasurement, ...], best: IntArray) -> PixelMeasurement:

@@ -7,8 +7,6 @@ leaves open is seen in where the flange went, not in the arm. Source: docs/mathe
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from basecal.geometry import SE3, Array, IntArray
@@ -70,8 +68,4 @@ def told_joints(moves: Array, others: Array) -> IntArray:
         held.append(int(np.argmax(share)))
         along = left[held[-1]] / np.linalg.norm(left[held[-1]])
         left = left - np.outer(left @ along, along)
-    return np.setdiff1d(np.arange(moves.shape[-1]), _integers(held))
-
-
-def _integers(values: Sequence[int]) -> IntArray:
-    return np.array(values, dtype=np.int64)
+    return np.setdiff1d(np.arange(moves.shape[-1]), np.array(held, dtype=np.int64))

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.estimation.problem.problem import ViewGroup
-from basecal.geometry import Array, BoolArray, IntArray
+from basecal.geometry import Array, BoolArray
 
 _ROUNDS = 20
 # What is further off than this [rad] is no better for being nearer: it is wrong in any case.
@@ -35,13 +35,9 @@ def _motions(group: ViewGroup) -> tuple[Array, BoolArray]:
     """Angle that one robot turned between views, (n, n) [rad], and where the other stood still."""
     eye, hand = group.eye_base_from_eye_flange.rotation, group.hand_base_from_hand_flange.rotation
     of_eye, of_hand = (_angle(np.swapaxes(r, -1, -2)[:, None] @ r[None]) for r in (eye, hand))
-    eye_still, hand_still = (_same(stand) for stand in (group.eye_stand, group.hand_stand))
+    eye_still, hand_still = (np.asarray(stand[:, None] == stand[None]) for stand in (group.eye_stand, group.hand_stand))
     told = (eye_still != hand_still) & ~np.eye(len(eye), dtype=bool)
     return np.where(hand_still, of_eye, of_hand), told
-
-
-def _same(stand: IntArray) -> BoolArray:
-    return np.asarray(stand[:, None] == stand[None])
 
 
 def _misfits(rotations: Array, angle: Array, told: BoolArray) -> Array:

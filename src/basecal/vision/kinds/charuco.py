@@ -32,7 +32,12 @@ def detect(image: Image, target: Target) -> Detection | None:
     Raises:
         InputError: if the image is not grey of 8 or 16 bits, or the dictionary has too few markers.
     """
-    rough = best(eight_bit(image), MARKER_WAYS, partial(_read, _detector(target)), _ENOUGH * len(target.ids))
+    rough = best(
+        eight_bit(image),
+        MARKER_WAYS,
+        partial(_read, cv2.aruco.CharucoDetector(charuco_board(target))),
+        _ENOUGH * len(target.ids),
+    )
     if rough is None:
         return None
     at = target.points[rough.ids, :2]
@@ -57,10 +62,6 @@ class _Rough:
 
     def __len__(self) -> int:
         return len(self.ids)
-
-
-def _detector(target: Target) -> Any:
-    return cv2.aruco.CharucoDetector(charuco_board(target))
 
 
 def _read(detector: Any, image: Grey, way: Way) -> _Rough:

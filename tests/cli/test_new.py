@@ -1,0 +1,47 @@
+"""`basecal new`."""
+
+from __future__ import annotations
+
+import pytest
+
+from basecal.cell.files import read_cell, read_recording
+from basecal.cli import main
+
+
+def test_a_cell_and_an_empty_recording_are_made(tmp_path, capsys):
+    """The answer says both paths, and what comes next, ready to paste."""
+    folder = tmp_path / "my cell"
+    assert main(["new", str(folder), "--robots", "1", "--target", "led"]) == 0
+    told = capsys.readouterr().out
+    assert str(folder / "cell.yaml") in told
+    assert str(folder / "recording" / "samples.jsonl") in told
+    assert f"basecal calibrate '{folder}'" in told
+    assert read_cell(folder).targets["target"].target.kind == "led"
+    assert (folder / "recording" / "samples.jsonl").read_bytes() == b""
+
+
+def test_samples_that_are_there_stay(tmp_path):
+    """A recording without a cell is completed."""
+    samples = tmp_path / "recording" / "samples.jsonl"
+    samples.parent.mkdir()
+    samples.write_text('{"sample": 1}\n')
+    assert main(["new", str(tmp_path)]) == 0
+    assert samples.read_text() == '{"sample": 1}\n'
+
+
+def test_an_existing_cell_stays(tmp_path, capsys):
+    """It is named, nothing of it changes, and no recording is begun."""
+    (tmp_path / "cell.yaml").write_text("mine")
+    assert main(["new", str(tmp_path)]) == 3
+    assert "cell.yaml" in capsys.readouterr().err
+    assert (tmp_path / "cell.yaml").read_text() == "mine"
+    assert not (tmp_path / "recording").exists()
+
+
+@pytest.mark.parametrize("robots", ["0", "10"])
+def test_one_to_nine_robots(tmp_path, robots):
+    """Others are wrong usage."""
+    assert main(["new", str(tmp_path / "c"), "--robots", robots]) == 2
+    assert main(["new", str(tmp_path / "c"), "--robots", "9"]) == 0
+    assert len(read_cell(tmp_path / "c").robots) == 9
+    assert read_recording(tmp_path / "c").samples == ()

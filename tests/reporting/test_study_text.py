@@ -1,0 +1,99 @@
+"""The study of the paper as text and as figures."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from basecal.reporting.study_text import length_figures, paper_text
+
+LEVELS = {"1%": 1.0, "5%": 5.0}
+
+
+def transform(number):
+    return {"R": [[number + row + 0.1 * k for k in range(3)] for row in range(3)], "t": [number, -number, 0.5]}
+
+
+def row(shift_m):
+    keys = ("closed_form", "maximum_likelihood", "bound")
+    numbers = {f"{key}_{unit}": (1 + k) * shift_m for k, key in enumerate(keys) for unit in ("deg", "mm")}
+    return {"shift_m": shift_m, **numbers}
+
+
+STUDY = {
+    "settings": {"draws": 123, "sigma_px": 0.25},
+    "noiseless": {"camera_from_led": transform(1), "eye_base_from_hand_base": transform(2)},
+    "table1_camera_from_led": {
+        level: {
+            **transform(3 + n),
+            "paper_quantile": {"rotation": 0.25, "translation": 0.75},
+            "t_sd": [0.011, 0.022, 0.033],
+        }
+        for level, n in LEVELS.items()
+    },
+    "table2_orthonormalised": {level: transform(10 + n)["R"] for level, n in LEVELS.items()},
+    "table3_eye_base_from_hand_base": {level: transform(20 + n) for level, n in LEVELS.items()},
+    "orders_of_orthonormalising": {
+        level: {"translation_error_before": n, "translation_error_after": 2 * n, "rotations_differ_by": 3e-16}
+        for level, n in LEVELS.items()
+    },
+    "shift_length": [row(0.1), row(0.4)],
+    "paper": {
+        "noiseless": {"camera_from_led": transform(31), "eye_base_from_hand_base": transform(32)},
+        "table1_camera_from_led": {level: transform(33 + n) for level, n in LEVELS.items()},
+        "table2_orthonormalised": {level: transform(40 + n)["R"] for level, n in LEVELS.items()},
+        "table3_eye_base_from_hand_base": {level: transform(50 + n) for level, n in LEVELS.items()},
+        "known_slips_of_the_paper": ["a sign", "a column"],
+    },
+}
+BLOCKS = {block.splitlines()[0].split(" (")[0]: block.splitlines() for block in paper_text(STUDY).split("\n\n")}
+
+
+def numbers(line):
+    return [float(word) for word in re.findall(r"-?\d+\.\d+", line)]
+
+
+@pytest.mark.parametrize(
+    ("title", "theirs", "ours"),
+    [
+        ("noiseless camera_from_light: the paper, ours", 31, 1),
+        ("noiseless eye_base_from_hand_base: the paper, ours", 32, 2),
+        ("table 3, 5%, from table 2 by eq.", 55, 25),
+    ],
+)
+def test_the_paper_stands_left_of_ours(title, theirs, ours):
+    """Rows of the rotations, then the translations, with four decimals."""
+    _, *rows, last = BLOCKS[title]
+    expected = [[*a, *b] for a, b in zip(transform(theirs)["R"], transform(ours)["R"], strict=True)]
+    assert [numbers(line) for line in rows] == [pytest.approx(each) for each in expected]
+    assert numbers(last) == pytest.approx([*transform(theirs)["t"], *transform(ours)["t"]])
+
+
+def test_single_draws_stand_among_many():
+    """The spread of ours, and how many are nearer the truth than the paper's."""
+    block = BLOCKS["table 1, 1% noise"]
+    assert "ours: mean of 123 draws" in block[0]
+    assert numbers(block[1])[:3] == pytest.approx(transform(34)["R"][0])
+    assert numbers(block[-2]) == [0.011, 0.022, 0.033]
+    assert block[-1].endswith("rotation 25%, translation 75%")
+
+
+def test_orders_lengths_and_slips_are_told():
+    """Before and after, one line a length, one line a slip."""
+    orders = next(lines for title, lines in BLOCKS.items() if title.startswith("error of the base's"))
+    assert orders[2] == "  5%: 5.0000 before, 10.0000 after; rotations differ by 3e-16"
+    lengths = next(lines for title, lines in BLOCKS.items() if title.startswith("rms error of one"))
+    assert numbers(lengths[1]) == pytest.approx([0.1, 0.1, 0.2, 0.3, 0.1, 0.2, 0.3])
+    assert BLOCKS["slips of the paper:"] == ["slips of the paper:", "  - a sign", "  - a column"]
+
+
+def test_figures_have_a_line_for_each_way():
+    """Of rotation in deg and of translation in mm, with the pixel noise in the title."""
+    figures = length_figures(STUDY)
+    assert figures.keys() == {"shift_length_rotation.svg", "shift_length_translation.svg"}
+    for what, unit in (("rotation", "deg"), ("translation", "mm")):
+        drawn = figures[f"shift_length_{what}.svg"]
+        assert f"Error of {what} of one station, 0.25 px" in drawn
+        assert f"[{unit}]" in drawn
+        assert all(name in drawn for name in ("closed form", "maximum likelihood", "Cramer-Rao bound"))
