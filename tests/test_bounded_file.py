@@ -12,6 +12,10 @@ import pytest
 from basecal.bounded_file import read_bounded
 from basecal.cell.files import read_calibration, read_cell, read_recording, read_truth
 from basecal.errors import DatasetError
+from basecal.exchange.lens_files.camera_info import read_camera_info
+from basecal.exchange.lens_files.colmap import read_colmap
+from basecal.exchange.lens_files.mrcal import read_cameramodel
+from basecal.exchange.lens_files.opencv import read_opencv
 from basecal.exchange.pixels import read_pixels
 from basecal.exchange.poses import read_poses
 from basecal.kinematics import read_chain
@@ -68,6 +72,10 @@ READERS: dict[str, tuple[str, Callable[[Path], object]]] = {
     "csv": ("a.csv", lambda path: read_poses(path, "m")),
     "npz": ("a.npz", lambda path: read_poses(path, "m")),
     "pixels": ("a.csv", read_pixels),
+    "fields": ("a.yaml", read_camera_info),
+    "file storage": ("a.yml", read_opencv),
+    "cameras of COLMAP": ("cameras.bin", read_colmap),
+    "cameramodel": ("a.cameramodel", read_cameramodel),
 }
 
 

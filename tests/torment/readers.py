@@ -26,6 +26,7 @@ from basecal.vision.image_file import grey_image, read_bytes
 from cell_example import CELL, LINES, URDF, journal
 from torment.cells import KINDS, cell_text, made
 from torment.damage import ODD_NUMBERS, damaged, torn, torn_bytes
+from torment.foreign import FOREIGN
 from torment.outcome import Fell, of_reader
 
 Trial = Callable[[Random, Path], str]
@@ -177,4 +178,5 @@ READERS: dict[str, Trial] = {
     "poses": read_damaged_poses,
     "pixels": read_damaged_pixels,
     "image": read_damaged_image,
+    **FOREIGN,
 }

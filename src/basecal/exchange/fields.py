@@ -94,7 +94,8 @@ class Field:
             DatasetError: if it is none.
         """
         data = self.data
-        if not isinstance(data, int | float) or isinstance(data, bool) or not math.isfinite(data):
+        is_number = isinstance(data, int | float) and not isinstance(data, bool)
+        if not is_number or (isinstance(data, float) and not math.isfinite(data)):
             raise self.error(f"is {short(data)}, expected a number")
         if abs(data) > LARGEST:
             raise self.error(f"is {short(data)}, beyond {LARGEST:g}")

@@ -94,7 +94,9 @@ def _file(path: Path) -> Path:
         return path
     found = [path / name for name in ("cameras.bin", "cameras.txt") if (path / name).exists()]
     if not found:
-        raise DatasetError(str(path), "holds neither cameras.bin nor cameras.txt: give the folder of a reconstruction")
+        raise DatasetError(
+            str(path), "cannot be read: holds neither cameras.bin nor cameras.txt; give a reconstruction's folder"
+        )
     return found[0]
 
 

@@ -1,0 +1,138 @@
+"""Files of other programs, damaged by a seed: lenses, targets and hand-eye recordings."""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Callable
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import numpy as np
+
+from basecal.exchange.hand_eye.easy_handeye import read_easy_handeye
+from basecal.exchange.hand_eye.industrial import read_data_set
+from basecal.exchange.hand_eye.moveit import is_joint_states, read_joint_states, read_moveit_samples
+from basecal.exchange.lens_files.camera_info import read_camera_info
+from basecal.exchange.lens_files.colmap import read_colmap
+from basecal.exchange.lens_files.kalibr import read_camchain, read_target
+from basecal.exchange.lens_files.mrcal import read_cameramodel
+from basecal.exchange.lens_files.opencv import read_opencv
+from torment.damage import damaged, torn_bytes
+from torment.outcome import of_reader
+
+Trial = Callable[[Random, Path], str]
+_BY_BYTES = 0.4  # of the trials; in the others the data is damaged, and written as JSON
+_MATRIX = [766.5, 0.0, 640.9, 0.0, 765.4, 358.8, 0.0, 0.0, 1.0]
+_POSE = {"translation": {"x": 0.1, "y": 0.2, "z": 0.3}, "rotation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}}
+_FLAT = {"x": 0.1, "y": 0.2, "z": 0.3, "qx": 0.0, "qy": 0.0, "qz": 0.0, "qw": 1.0}
+_LENS = {"fx": 550.0, "fy": 551.0, "cx": 320.0, "cy": 240.0}
+_CAMERA = {
+    "camera_model": "pinhole",
+    "intrinsics": [460.0, 461.0, 360.0, 240.0],
+    "distortion_model": "radtan",
+    "distortion_coeffs": [-0.2, 0.06, 0.0, 0.0],
+    "resolution": [752, 480],
+    "T_cn_cnm1": np.eye(4).tolist(),
+}
+_XML = """<?xml version="1.0"?>
+<opencv_storage><camera_matrix type_id="opencv-matrix"><rows>3</rows><cols>3</cols><dt>d</dt>
+<data>5e2 0. 320. 0. 5e2 240. 0. 0. 1.</data></camera_matrix><dist>0.1 0. 0. 0.</dist></opencv_storage>
+"""
+_YAML = """%YAML:1.0
+---
+K: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 5e2, 0., 320., 0., 5e2, 240., 0., 0., 1. ]
+"""
+_MODEL = """{ 'lensmodel': 'LENSMODEL_OPENCV4', 'intrinsics': [600, 601, 320, 240, 0.1, -0.2, 0, 0],
+ 'extrinsics': [0,0,0,0,0,0], 'imagersize': [640, 480], 'optimization_inputs': b'P)h>@6aWAK' }"""
+_COLMAP = struct.pack("<QiiQQ8d", 1, 1, 4, 640, 480, 600, 601, 320.5, 240.5, 0.1, -0.2, 0, 0)
+
+
+def _of_data(data: Any, name: str, read: Callable[[Path], object]) -> Trial:
+    """A trial on plain data, of which fields or bytes are damaged."""
+
+    def trial(chance: Random, folder: Path) -> str:
+        content = json.dumps(data, indent=chance.choice([None, 1])).encode()
+        if chance.random() < _BY_BYTES:
+            content = torn_bytes(content, chance)
+        else:
+            content = json.dumps(damaged(data, chance)).encode()
+        (folder / name).write_bytes(content)
+        return of_reader(lambda: read(folder / name))
+
+    return trial
+
+
+def _of_texts(texts: dict[str, bytes], read: Callable[[Path], object]) -> Trial:
+    """A trial on the bytes of one of several files, by their names."""
+
+    def trial(chance: Random, folder: Path) -> str:
+        name = chance.choice(list(texts))
+        (folder / name).write_bytes(torn_bytes(texts[name], chance, faults=2))
+        return of_reader(lambda: read(folder / name))
+
+    return trial
+
+
+def _moveit(path: Path) -> object:
+    return read_joint_states(path) if is_joint_states(path) else read_moveit_samples(path, True)
+
+
+def _data_set(path: Path) -> object:
+    (path.parent / "0.png").write_bytes(b"")
+    (path.parent / "0.yaml").write_text(json.dumps(_FLAT))
+    return read_data_set(path)
+
+
+FOREIGN: dict[str, Trial] = {
+    "easy-handeye": _of_data(
+        {"parameters": {"calibration_type": "eye_on_base"}, "samples": [{"robot": _POSE, "tracking": _POSE}]},
+        "a.samples",
+        read_easy_handeye,
+    ),
+    "easy-handeye result": _of_data(
+        {"parameters": {"eye_on_hand": True, "robot_base_frame": "b"}, "transformation": _FLAT}, "a", read_easy_handeye
+    ),
+    "moveit-samples": _of_data(
+        [{"effector_wrt_world": np.eye(4).ravel().tolist(), "object_wrt_sensor": np.eye(4).tolist()}], "a", _moveit
+    ),
+    "moveit joints": _of_data({"joint_names": ["a", "b"], "joint_values": [[0.1, 0.2], [0.3, 0.4]]}, "a", _moveit),
+    "industrial": _of_data(
+        {
+            "data": [{"image": "0.png", "pose": "0.yaml"}],
+            "intrinsics": _LENS,
+            "static_camera": True,
+            "camera_mount_to_camera_guess": _FLAT,
+            "target_finder": {"type": "ModifiedCircleGridTargetFinder", "rows": 9, "cols": 10, "spacing": 0.0254},
+        },
+        "cal_data.yaml",
+        _data_set,
+    ),
+    "camera-info": _of_data(
+        {
+            "image_width": 1280,
+            "image_height": 720,
+            "camera_matrix": {"rows": 3, "cols": 3, "data": _MATRIX},
+            "distortion_model": "plumb_bob",
+            "distortion_coefficients": {"data": [-0.35, 0.179, 0.0, 0.0, 0.0]},
+            "roi": {"width": 0, "height": 0},
+        },
+        "a.yaml",
+        read_camera_info,
+    ),
+    "kalibr": _of_data({"cam1": _CAMERA}, "a.yaml", read_camchain),
+    "kalibr target": _of_data(
+        {"target_type": "aprilgrid", "tagCols": 6, "tagRows": 5, "tagSize": 0.088, "tagSpacing": 0.3}, "a", read_target
+    ),
+    "opencv": _of_data({"camera_matrix": _MATRIX, "dist": [0.1, 0, 0, 0], "image_size": [1280, 720]}, "a", read_opencv),
+    "opencv storage": _of_texts({"a.xml": _XML.encode(), "a.yml": _YAML.encode()}, read_opencv),
+    "colmap": _of_texts(
+        {"cameras.bin": _COLMAP, "cameras.txt": b"1 OPENCV 640 480 600 601 320 240 0.1 0 0 0\n"}, read_colmap
+    ),
+    "mrcal": _of_texts({"a.cameramodel": _MODEL.encode()}, read_cameramodel),
+}
