@@ -15,6 +15,7 @@ from basecal.registry import (
     IMPORTS,
     LENSES,
     NOISE_TERMS,
+    PATTERNS,
     ROBOT_PARAMETERS,
     TargetKindName,
 )
@@ -78,6 +79,7 @@ def test_the_check_bites(source: str) -> None:
         ("exchange/controllers", CONTROLLERS),
         ("cell/robot_parameters", ROBOT_PARAMETERS),
         ("acquisition/drivers", DRIVERS),
+        ("planning", tuple(PATTERNS)),
         ("estimation/noise/terms", tuple(NOISE_TERMS)),
     ],
 )
@@ -90,6 +92,7 @@ def test_every_module_is_registered(folder: str, names: tuple[str, ...]) -> None
         "exchange/controllers": "CONVENTION = ",
         "cell/robot_parameters": "class Stated(",
         "acquisition/drivers": "def open_",
+        "planning": "def plan(",
         "estimation/noise/terms": "OVER_STOP = ",
     }[folder]
     faces = {path.stem for path in (SOURCE / folder).glob("*.py") if f"\n{face}" in path.read_text(encoding="utf-8")}

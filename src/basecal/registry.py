@@ -103,3 +103,9 @@ DRIVERS = (
     "opencv",
 )
 """What talks to robots and cameras: modules of `basecal.acquisition.drivers`; others come as entry points."""
+
+PATTERNS = {
+    "poses": "both arms turn about the target, as far as they reach",
+    "shifts": "from stations, the target is shifted along its axes before a still camera",
+}
+"""Where arms can be sent by a plan, and what it does: modules of `basecal.planning`."""

@@ -1,6 +1,7 @@
 """Every file of a cell, read and written: the one module to import for that."""
 
 from basecal.cell.journal.completing import completed_recording_text
+from basecal.cell.journal.plan_file import read_plan, write_plan
 from basecal.cell.journal.recording_file import (
     append_sample,
     append_samples,
@@ -38,6 +39,7 @@ __all__ = [
     "read_calibration",
     "read_calibration_data",
     "read_cell",
+    "read_plan",
     "read_recording",
     "read_truth",
     "recording_from_text",
@@ -45,6 +47,7 @@ __all__ = [
     "sample_to_dict",
     "write_calibration",
     "write_cell",
+    "write_plan",
     "write_recording",
     "write_truth",
 ]

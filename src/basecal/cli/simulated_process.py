@@ -40,6 +40,7 @@ def run_process(
         try:
             server.serve_forever()
         finally:
+            server.rest()
             (folder / ADDRESS_FILE).unlink(missing_ok=True)
     return 0
 

@@ -57,6 +57,23 @@ def write_private(path: Path, text: str, *, within: Path | None = None) -> None:
     write_whole(path, text, within=within, durable=False, mode=0o600)
 
 
+def append_durably(path: Path, text: str, *, within: Path | None = None) -> None:
+    """Append to a file, which is made where it is not there; when this returns the disk has it.
+
+    Raises:
+        InputError: if it cannot be written.
+    """
+    try:
+        make_folder(path.parent, within)
+        with open_own(path, "ab") as file:
+            file.write(text.encode("utf-8", "backslashreplace"))
+            file.flush()
+            os.fsync(file.fileno())
+        sync_folder(path.parent)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error.strerror}") from None
+
+
 def write_new(path: Path, text: str) -> None:
     """Write a file that is not there yet, whole or not at all.
 

@@ -96,6 +96,10 @@ class CellServer(socketserver.ThreadingTCPServer):
         """Where it listens."""
         return int(self.server_address[1])
 
+    def rest(self) -> None:
+        """Answer nobody any more, once the present request is done: a process that ends while it draws is aborted."""
+        self._one_at_a_time.acquire()
+
     def answer(self, line: bytes) -> dict[str, Any]:
         """The answer to a line, whatever it holds."""
         try:

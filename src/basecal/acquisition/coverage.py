@@ -1,0 +1,87 @@
+"""Which part of the picture was covered, and how far arms were turned."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from basecal.cell import CandidateObservation, PixelObservation, Sample
+from basecal.geometry import Array, BoolArray
+from basecal.planning.sketch import Sketch
+
+GRID = (4, 6)
+"""Rows and columns into which a picture is divided."""
+
+_ENOUGH_RAD = np.radians(15.0)  # of turn between samples about an axis, below which a person is told to turn further
+_SOONEST = 5  # samples, before which nothing is said
+
+
+@dataclass(frozen=True, eq=False)
+class Coverage:
+    """What samples cover.
+
+    Attributes:
+        cells: Where in the picture points were seen, of `GRID`.
+        turned_rad: Between which angles each arm was turned about its flange's axes, (3,) by robot [rad].
+    """
+
+    cells: BoolArray
+    turned_rad: dict[str, Array]
+
+    @property
+    def share(self) -> float:
+        """Of the picture."""
+        return float(self.cells.mean())
+
+    def advice(self, samples: int) -> str:
+        """What to do to see more; empty where there is nothing to say."""
+        if samples < _SOONEST:
+            return ""
+        for robot, turned in self.turned_rad.items():
+            axis = int(np.argmin(turned))
+            if turned[axis] < _ENOUGH_RAD:
+                return f"turn {robot} further about {'xyz'[axis]}"
+        return ""
+
+
+def coverage_of(sketch: Sketch, samples: Sequence[Sample]) -> Coverage:
+    """What samples cover, of the camera and the robots of a sketch."""
+    cells = np.zeros(GRID, dtype=bool)
+    size = sketch.lens.size_px
+    for sample in samples:
+        for seen in sample.observations:
+            if (
+                size is not None
+                and isinstance(seen, PixelObservation | CandidateObservation)
+                and seen.camera == sketch.view[0]
+            ):
+                at = seen.pixels[:, ::-1] / np.array(size[::-1]) * GRID
+                rows, columns = np.clip(at.astype(int), 0, np.array(GRID) - 1).T
+                cells[rows, columns] = True
+    return Coverage(cells, {robot: _turned(sketch, samples, robot) for robot in sketch.movers})
+
+
+def _turned(sketch: Sketch, samples: Sequence[Sample], robot: str) -> Array:
+    poses = [sketch.base_from_flange(robot, sample.robots[robot]) for sample in samples if robot in sample.robots]
+    if len(poses) < 2:
+        return np.zeros(3)
+    angles = np.stack([(poses[0].inverse() @ pose).rotvec for pose in poses])
+    return np.asarray(angles.max(0) - angles.min(0))
+
+
+def alike(sketch: Sketch, sample: Sample, others: Sequence[Sample], m: float, rad: float) -> int | None:
+    """The number of another sample with all arms within so much of this one; None where there is none."""
+    for other in others:
+        away = []
+        for robot in sketch.movers:
+            if robot not in other.robots:
+                break
+            here, there = (sketch.base_from_flange(robot, each.robots[robot]) for each in (sample, other))
+            away.append((here.inverse() @ there).log())
+        if len(away) == len(sketch.movers) and all(
+            np.linalg.norm(each[:3]) < m and np.linalg.norm(each[3:]) < rad for each in away
+        ):
+            return other.sample
+    return None

@@ -1,0 +1,136 @@
+"""Waiting until arms and picture are still, judged from states and from pixels."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from basecal.acquisition.driver import Camera, Picture, Reading, Robot
+from basecal.cell import RobotState
+from basecal.cell.target import Target
+from basecal.geometry import SE3, Array
+from basecal.geometry.se3 import nearest_rotation
+from basecal.vision.detectors import LIGHT, find
+from basecal.vision.picture_motion import Levels, shift_between, small
+
+_WINDOW = 12  # states that are looked at: a tenth of a second of most controllers
+_STILL_RAD_M = 1e-4  # by which the two halves of them may differ: 0.1 mm at a metre
+_BEYOND_NOISE = 4.0  # sigmas of that difference, where states are noisy
+_ARRIVED_RAD_M = 2e-3  # from where an arm was sent: controllers round, and some stop a little short
+_STILL_PX = 0.1  # by which a picture may differ from those before it
+_PICTURES = 3  # in a row: of two, a swing may happen to be at the same place
+
+
+class Unfit(Exception):
+    """What is before the camera cannot be used as it is; the text is told to the person."""
+
+
+class Moving(Unfit):
+    """It may be used when it is looked at again: something still moved."""
+
+
+def wait_for_arms(
+    robots: Mapping[str, Robot], goals: Mapping[str, RobotState], patience_s: float
+) -> dict[str, Reading]:
+    """Where arms are, once all stand still; the mean of their last states.
+
+    Args:
+        robots: By name; of one whose states do not come by themselves the next one is taken as it is.
+        goals: Where they were sent, by name; of one that is not there, anywhere will do.
+        patience_s: How long, by the states' own stamps.
+
+    Raises:
+        Moving: if one is still moving then.
+    """
+    latest: dict[str, deque[Reading]] = {name: deque(maxlen=_WINDOW) for name in robots}
+    began: float | None = None
+    while True:
+        for name, robot in robots.items():
+            if robot.is_live or not latest[name]:
+                latest[name].append(robot.state())
+        live = [name for name, robot in robots.items() if robot.is_live]
+        moving = [name for name in live if not _is_still(latest[name], goals.get(name))]
+        if not moving:
+            return {name: _mean(readings) for name, readings in latest.items()}
+        now = latest[live[0]][-1].stamp_s
+        began = now if began is None else began
+        if now - began > patience_s:
+            raise Moving(f"arm still moving: {', '.join(moving)}")
+
+
+def _is_still(readings: Sequence[Reading], goal: RobotState | None) -> bool:
+    if len(readings) < _WINDOW:
+        return False
+    values = np.stack([_vector(reading.state) for reading in readings])
+    half = _WINDOW // 2
+    between = np.abs(values[half:].mean(0) - values[:half].mean(0))
+    noise = np.diff(values, axis=0).std(0) / np.sqrt(2)
+    if np.any(between > np.maximum(_STILL_RAD_M, _BEYOND_NOISE * noise * np.sqrt(2 / half))):
+        return False
+    return goal is None or bool(np.abs(values.mean(0) - _vector(goal)).max() < _ARRIVED_RAD_M)
+
+
+def _mean(readings: Sequence[Reading]) -> Reading:
+    last = readings[-1]
+    values = np.stack([_vector(reading.state) for reading in readings]).mean(0)
+    if last.state.joints_rad is not None:
+        return Reading(last.stamp_s, RobotState(joints_rad=values))
+    return Reading(last.stamp_s, RobotState(SE3(nearest_rotation(values[3:].reshape(3, 3)), values[:3])))
+
+
+def _vector(state: RobotState) -> Array:
+    """Joints [rad], or position [m] and rotation matrix of a pose."""
+    if state.joints_rad is not None:
+        return state.joints_rad
+    pose = state.base_from_flange
+    assert pose is not None
+    return np.concatenate([pose.translation, pose.rotation.ravel()])
+
+
+def wait_for_picture(camera: Camera, targets: Sequence[Target], patience_s: float) -> Picture:
+    """The last of three pictures that show no movement; of a camera that is not live, the next one.
+
+    Args:
+        camera: The camera.
+        targets: What it looks at; a light is a few pixels, and is followed by itself.
+        patience_s: How long, by the pictures' own stamps.
+
+    Raises:
+        Moving: if something still moves then.
+    """
+    looks = [_look(camera, targets)]
+    if not camera.is_live:
+        return looks[0].picture
+    began, still = looks[0].picture.stamp_s, 0
+    while still < _PICTURES - 1:
+        looks = [*looks[1 - _PICTURES :], _look(camera, targets)]
+        moves = any(_moved(before, looks[-1]) for before in looks[:-1])
+        still = 0 if moves else still + 1
+        if moves and looks[-1].picture.stamp_s - began > patience_s:
+            raise Moving("picture still moving: something shakes, or somebody walks through the picture")
+    return looks[-1].picture
+
+
+@dataclass(frozen=True, eq=False)
+class _Look:
+    """A picture, made small, and where its lights are [px]."""
+
+    picture: Picture
+    small: Levels
+    lights: tuple[Array | None, ...]
+
+
+def _look(camera: Camera, targets: Sequence[Target]) -> _Look:
+    picture = camera.picture()
+    found = [find(picture.grey, target) for target in targets if target.found_by == LIGHT]
+    return _Look(picture, small(picture.grey), tuple(None if each is None else each.pixels[0] for each in found))
+
+
+def _moved(before: _Look, after: _Look) -> bool:
+    for one, other in zip(before.lights, after.lights, strict=True):
+        if one is not None and other is not None and np.linalg.norm(other - one) > _STILL_PX:
+            return True
+    return shift_between(before.small, after.small) > _STILL_PX

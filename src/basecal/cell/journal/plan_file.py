@@ -1,0 +1,49 @@
+"""Samples that are to be taken: lines like those of a recording, with nothing but where robots shall be."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from basecal.bounded_file import read_bounded
+from basecal.cell.cell import Cell
+from basecal.cell.format.paths import inside
+from basecal.cell.format.writing import write_whole
+from basecal.cell.journal.recording_file import BOM, FOLDER, LARGEST_BYTES, line_of
+from basecal.cell.journal.sample_line import context, sample_from_line
+from basecal.cell.journal.sample_values import Where
+from basecal.cell.recording import Sample
+
+
+def read_plan(path: str | Path, folder: str | Path, cell: Cell) -> tuple[Sample, ...]:
+    """The samples of a plan: of each its number, and where its robots shall be.
+
+    Args:
+        path: The plan, or a recording whose places are to be gone to again.
+        folder: The cell's folder.
+        cell: The cell.
+
+    Raises:
+        DatasetError: if a line cannot be read as written, or says of no robot where it shall be.
+    """
+    known = context(cell, inside(str(folder), FOLDER))
+    text = read_bounded(Path(path), LARGEST_BYTES, "a plan has one JSON object a line, with its robots")
+    samples: list[Sample] = []
+    for number, line in enumerate(text.removeprefix(BOM).split(b"\n"), start=1):
+        if not line.strip():
+            continue
+        where = Where(str(path), number)
+        read = sample_from_line(line, where, known)
+        if not isinstance(read, Sample) or not read.robots:
+            raise where.error("robots", "expected where robots shall be, joints or poses of their flanges")
+        samples.append(Sample(read.sample, robots=read.robots))
+    return tuple(samples)
+
+
+def write_plan(samples: Iterable[Sample], path: Path, folder: Path) -> None:
+    """Write samples that are to be taken, whole or not at all, below a folder.
+
+    Raises:
+        InputError: if it cannot be written.
+    """
+    write_whole(path, "".join(map(line_of, samples)), within=folder)

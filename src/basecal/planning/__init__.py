@@ -1,0 +1,1 @@
+"""Where arms should go so that a calibration follows: programmed shifts, and poses all around."""

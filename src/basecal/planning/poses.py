@@ -1,0 +1,93 @@
+"""Poses all around: both arms turn about the target, which stays in view, as far as they reach."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from basecal.cell import RobotState, Sample
+from basecal.errors import InputError
+from basecal.geometry import SE3, Array
+from basecal.geometry.se3 import rotation_exp
+from basecal.planning.feasible import Feasible
+from basecal.planning.reach import state_at
+from basecal.planning.sketch import Sketch
+
+_TURN_RAD = 0.6  # of each arm about the target at most: with both, views of a board up to 50 degrees apart
+_SHIFT_M = 0.12  # of each arm besides
+_TRIES = 200  # for each sample: of these one in ten is feasible with arms near their limits
+
+
+def plan(
+    sketch: Sketch, home: Mapping[str, RobotState], feasible: Feasible, samples: int, seed: int = 0
+) -> list[Sample]:
+    """Samples with both arms at new places each, in an order that makes their way short.
+
+    Args:
+        sketch: What is known of the cell.
+        home: Where the robots are, with the target in view.
+        feasible: Whether a sample can be taken.
+        samples: How many.
+        seed: Of the draws.
+
+    Raises:
+        InputError: if hardly any is feasible.
+    """
+    rng = np.random.default_rng([seed, 17])
+    found: list[Sample] = []
+    for _ in range(_TRIES * samples):
+        sample = _drawn(sketch, home, rng)
+        if sample is not None and feasible(sample):
+            found.append(sample)
+        if len(found) == samples:
+            return in_order(sketch, home, found)
+    raise InputError(
+        f"only {len(found)} of {samples} poses are within the arms' limits, in view and clear: begin with the target "
+        "in the middle of the picture, half a metre to a metre away, and the arms far from their limits"
+    )
+
+
+def _drawn(sketch: Sketch, home: Mapping[str, RobotState], rng: np.random.Generator) -> Sample | None:
+    shape = sketch.target.target
+    centre = np.zeros(3) if shape is None else shape.points.mean(0)
+    pivot: Array = sketch.world_from(sketch.target.name, home) @ centre
+    states = dict(home)
+    for robot in sketch.movers:
+        turn, shift = rotation_exp(_in_ball(rng, _TURN_RAD)), _in_ball(rng, _SHIFT_M)
+        world_from_base = sketch.world_from_base(robot)
+        world_from_flange = world_from_base @ sketch.base_from_flange(robot, home[robot])
+        moved = SE3(turn, pivot + shift - turn @ pivot) @ world_from_flange
+        state = state_at(sketch.cell.robots[robot], world_from_base.inverse() @ moved, home[robot])
+        if state is None:
+            return None
+        states[robot] = state
+    return Sample(0, robots=states)
+
+
+def _in_ball(rng: np.random.Generator, radius: float) -> Array:
+    direction = rng.standard_normal(3)
+    return np.asarray(radius * np.cbrt(rng.random()) * direction / np.linalg.norm(direction))
+
+
+def in_order(sketch: Sketch, home: Mapping[str, RobotState], samples: list[Sample]) -> list[Sample]:
+    """Samples so that each is followed by the nearest of those left, numbered from 0."""
+    left, at, ordered = list(samples), Sample(0, robots=dict(home)), list[Sample]()
+    while left:
+        nearest = min(range(len(left)), key=lambda k: _way(sketch, at, left[k]))
+        at = left.pop(nearest)
+        ordered.append(Sample(len(ordered), robots=at.robots))
+    return ordered
+
+
+def _way(sketch: Sketch, start: Sample, end: Sample) -> float:
+    """How far the arms go: the largest joint angle [rad], or of poses the distance [m] and the turn [rad]."""
+    ways = []
+    for robot in sketch.movers:
+        one, other = start.robots[robot], end.robots[robot]
+        if one.joints_rad is not None and other.joints_rad is not None:
+            ways.append(float(np.abs(one.joints_rad - other.joints_rad).max()))
+        else:
+            between = sketch.base_from_flange(robot, one).inverse() @ sketch.base_from_flange(robot, other)
+            ways.append(float(np.abs(between.log()).max()))
+    return max(ways, default=0.0)

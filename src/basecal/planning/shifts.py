@@ -1,0 +1,88 @@
+"""Programmed shifts: from stations over the workspace, the target is shifted along its axes before a still camera.
+
+Source: "Base Calibration for Dual Robot System", section 2: the shifts (2.2), and that they are done several times at
+different positions (2.4). We differ: shifts to both sides, of which what the closed form neglects is
+of second order, and a length that weighs it against the noise of pixels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from basecal.cell import RobotState, Sample
+from basecal.errors import InputError
+from basecal.geometry import SE3, Array
+from basecal.planning import poses
+from basecal.planning.feasible import Feasible
+from basecal.planning.reach import state_at
+from basecal.planning.sketch import Sketch
+
+_ASSUMED_PX = 0.1  # [px] of a light's centre where the cell states no noise: that of a fitted spot
+_DIRECTIONS = np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
+_TRIES = 40  # stations that are looked at for each that is wanted
+
+
+def plan(
+    sketch: Sketch, home: Mapping[str, RobotState], feasible: Feasible, samples: int, seed: int = 0
+) -> list[Sample]:
+    """Stations with seven samples each: the target at its origin, and shifted to both sides along its three axes.
+
+    Args:
+        sketch: What is known of the cell.
+        home: Where the robots are, with the target in view.
+        feasible: Whether a sample can be taken.
+        samples: How many at least; whole stations are made of them.
+        seed: Of the draws.
+
+    Raises:
+        InputError: if the target is on the world, or hardly any station is feasible.
+    """
+    hand = sketch.target.on
+    if hand not in sketch.cell.robots:
+        raise InputError(f"shifts need a target that a robot carries; {sketch.target.name!r} is on the world")
+    wanted = max(1, -(-samples // len(_DIRECTIONS)))
+    found: list[list[Sample]] = []
+    for tried in range(_TRIES):
+        for candidate in poses.plan(sketch, home, feasible, wanted, seed + tried):
+            station = station_at(sketch, candidate, shift_length(sketch, candidate))
+            if station is not None and all(feasible(sample) for sample in station):
+                found.append(station)
+            if len(found) == wanted:
+                return [Sample(k, robots=each.robots) for k, each in enumerate(s for station in found for s in station)]
+    raise InputError(f"only {len(found)} of {wanted} stations can be shifted from: begin farther from the arms' limits")
+
+
+def station_at(sketch: Sketch, origin: Sample, length_m: float) -> list[Sample] | None:
+    """The origin and its six shifts; None where the arm does not reach one.
+
+    Args:
+        sketch: What is known of the cell.
+        origin: Where the shifts start from.
+        length_m: Of a shift.
+    """
+    hand = sketch.target.on
+    flange_from_target = sketch.transforms[sketch.cell.mount_name(sketch.target.name)]
+    at = sketch.base_from_flange(hand, origin.robots[hand])
+    samples: list[Sample] = []
+    for direction in _DIRECTIONS:
+        target_from_shifted = SE3(np.eye(3), length_m * direction)
+        flange_from_shifted = flange_from_target @ target_from_shifted @ flange_from_target.inverse()
+        state = state_at(sketch.cell.robots[hand], at @ flange_from_shifted, origin.robots[hand])
+        if state is None:
+            return None
+        samples.append(Sample(len(samples), robots={**origin.robots, hand: state}))
+    return samples
+
+
+def shift_length(sketch: Sketch, sample: Sample) -> float:
+    """The length of shifts to both sides [m] at which pixel noise and neglected depth turn the answer the least.
+
+    Noise of s px turns the closed form by a = s d / (sqrt(2) f L) at depth d; the neglected change of depth, which to
+    first order cancels between the two sides, by (L / d)^2. Their sum is least at L = d (s / (2 sqrt(2) f))^(1/3).
+    """
+    depth = float(np.linalg.norm(sketch.camera_from_target(sample).translation))
+    focal: Array = sketch.lens.focal
+    sigma = sketch.cell.pixel_px or _ASSUMED_PX
+    return depth * float(np.cbrt(sigma / (2 * np.sqrt(2) * focal.mean())))

@@ -1,0 +1,102 @@
+"""A cell as far as it is known before anything was seen: good enough to keep a target in view."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from basecal.cell import WORLD, Cell, CellCamera, CellTarget, RobotState, Sample
+from basecal.errors import InputError
+from basecal.geometry import SE3, Camera
+
+View = tuple[str, str]
+"""A camera and a target."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sketch:
+    """A cell with a value for every transform: known, stated as a prior, or guessed.
+
+    Attributes:
+        cell: The cell.
+        transforms: By name.
+        view: The camera and the target that are looked at.
+    """
+
+    cell: Cell
+    transforms: Mapping[str, SE3]
+    view: View
+
+    @property
+    def camera(self) -> CellCamera:
+        """The camera that looks."""
+        return self.cell.cameras[self.view[0]]
+
+    @property
+    def target(self) -> CellTarget:
+        """The target that is looked at."""
+        return self.cell.targets[self.view[1]]
+
+    @property
+    def lens(self) -> Camera:
+        """The camera's lens.
+
+        Raises:
+            InputError: if the cell states none.
+        """
+        lens = None if self.camera.intrinsics is None else self.camera.intrinsics.camera
+        if lens is None:
+            raise InputError(f"{self.camera.name}: a plan needs a lens; state intrinsics, as a guess if need be")
+        return lens
+
+    @property
+    def movers(self) -> tuple[str, ...]:
+        """Robots that carry the camera or the target, the camera's first."""
+        return tuple(dict.fromkeys(on for on in (self.camera.on, self.target.on) if on != WORLD))
+
+    def base_from_flange(self, robot: str, state: RobotState) -> SE3:
+        """Where a flange is.
+
+        Raises:
+            InputError: if joints are given of a robot without a chain.
+        """
+        if state.base_from_flange is not None:
+            return state.base_from_flange
+        chain = self.cell.robots[robot].chain
+        if chain is None or state.joints_rad is None:
+            raise InputError(f"{robot}: joints need urdf, base_link and flange_link in cell.yaml")
+        return chain.forward(state.joints_rad)
+
+    def world_from_base(self, robot: str) -> SE3:
+        """Where a robot stands."""
+        return SE3.identity() if robot == self.cell.reference else self.transforms[self.cell.base_name(robot)]
+
+    def world_from(self, name: str, states: Mapping[str, RobotState]) -> SE3:
+        """Where a camera or target is, with the robots at these states."""
+        mount = self.transforms[self.cell.mount_name(name)]
+        on = (self.cell.cameras.get(name) or self.cell.targets[name]).on
+        return mount if on == WORLD else self.world_from_base(on) @ self.base_from_flange(on, states[on]) @ mount
+
+    def camera_from_target(self, sample: Sample) -> SE3:
+        """What the camera would see."""
+        camera, target = self.view
+        return self.world_from(camera, sample.robots).inverse() @ self.world_from(target, sample.robots)
+
+
+def sketch_of(cell: Cell) -> Sketch:
+    """The sketch of a cell: of its first camera, and the first target that does not hang on the same body.
+
+    Raises:
+        InputError: if it has none, or a transform without a value; the message names it.
+    """
+    views = [(c.name, t.name) for c in cell.cameras.values() for t in cell.targets.values() if c.on != t.on]
+    if not views:
+        raise InputError("the cell has no camera with a target to look at: add one of each to cell.yaml")
+    open_names = [name for name, unknown in cell.transforms.items() if unknown.mean is None]
+    if open_names:
+        raise InputError(
+            f"a plan needs to know roughly where things are: in cell.yaml, give {open_names[0]} a value, or with "
+            "`status: free` a `guess: {t_m: ..., rpy_deg: ...}` by tape measure and eye"
+        )
+    means = {name: unknown.mean for name, unknown in cell.transforms.items() if unknown.mean is not None}
+    return Sketch(cell, means, views[0])

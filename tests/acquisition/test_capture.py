@@ -1,0 +1,116 @@
+"""Captures of a cell that runs."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from basecal.acquisition import capture as module
+from basecal.acquisition.capture import GIVEN_UP, PLAN, CaptureSettings, capture, store_plan, unfinished
+from basecal.acquisition.rig import open_rig
+from basecal.cell import RobotState, Sample
+from basecal.cell.files import read_recording
+from basecal.planning import poses, shifts
+from basecal.planning.feasible import feasible_in
+from basecal.planning.sketch import sketch_of
+from running_cell import home, running
+
+FAST = CaptureSettings(speed_rad_s=2.0, patience_s=3.0)
+
+
+def planned(world, folder, count, pattern=poses):
+    sketch = sketch_of(world.cell)
+    plan = pattern.plan(sketch, home(world), feasible_in(sketch), count, 0)
+    return sketch, store_plan(folder, world.cell, plan)
+
+
+def journal(folder):
+    return (folder / "recording" / "samples.jsonl").read_text().splitlines()
+
+
+def test_a_plan_is_captured(tmp_path):
+    """Every sample is in the journal when it is told of, with its picture, states near its plan, and what was seen."""
+    with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
+        sketch, plan = planned(world, tmp_path, 4)
+        for count, step in enumerate(capture(rig, sketch, tmp_path, plan, FAST), start=1):
+            assert (step.sample, step.why_not, step.taken, step.planned) == (count - 1, "", count, 4)
+            assert len(journal(tmp_path)) == count
+        assert step.sigma is not None
+        assert unfinished(tmp_path, world.cell) == ()
+    recording = read_recording(tmp_path)
+    for sample, wanted in zip(recording.samples, plan, strict=True):
+        assert (tmp_path / sample.images["wrist"]).exists()
+        for name, state in sample.robots.items():
+            np.testing.assert_allclose(state.joints_rad, wanted.robots[name].joints_rad, atol=1e-9)
+    assert sorted(recording.samples, key=lambda s: s.stamp_s) == list(recording.samples)
+
+
+def test_a_light_is_seen_on_and_off(tmp_path):
+    """At each stop there is a picture with the light and one without, and the light is on again in the end."""
+    with running(tmp_path, target="led") as world, open_rig(world.cell, tmp_path) as rig:
+        sketch, plan = planned(world, tmp_path, 7, shifts)
+        assert [step.why_not for step in capture(rig, sketch, tmp_path, plan[:2], FAST)] == ["", ""]
+        assert rig.cameras["wrist"].picture().grey.max() > 100
+    for sample in read_recording(tmp_path).samples:
+        assert sample.background["wrist"].endswith("_off.png")
+        assert (tmp_path / sample.background["wrist"]).exists()
+
+
+def test_it_goes_on_where_it_was_and_asks_nothing_twice(tmp_path):
+    """A capture that ended after two of four samples takes the other two, under the numbers they had."""
+    with running(tmp_path) as world:
+        with open_rig(world.cell, tmp_path) as rig:
+            sketch, plan = planned(world, tmp_path, 4)
+            for step in capture(rig, sketch, tmp_path, plan, FAST):
+                if step.taken == 2:
+                    break
+        before = journal(tmp_path)
+        left = unfinished(tmp_path, world.cell)
+        assert [sample.sample for sample in left] == [2, 3]
+        with open_rig(world.cell, tmp_path) as rig:
+            assert [step.sample for step in capture(rig, sketch, tmp_path, left, FAST)] == [2, 3]
+    assert journal(tmp_path)[:2] == before
+    assert [sample.sample for sample in read_recording(tmp_path).samples] == [0, 1, 2, 3]
+
+
+def test_what_cannot_be_used_is_told_and_not_asked_again(tmp_path):
+    """A place where the board is out of view, and one like another, are given up with words, and stay so."""
+    with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
+        sketch = sketch_of(world.cell)
+        away = {**home(world), "hand": RobotState(joints_rad=world.home["hand"] + [0, 0, 0, 0, 1.2, 0])}
+        plan = store_plan(tmp_path, world.cell, [Sample(0, robots=each) for each in (home(world), away, home(world))])
+        steps = list(capture(rig, sketch, tmp_path, plan, FAST))
+        assert [step.why_not for step in steps] == ["", "target not seen by wrist", "too like sample 0"]
+        assert unfinished(tmp_path, world.cell) == ()
+        assert [json.loads(line)["sample"] for line in (tmp_path / GIVEN_UP).read_text().splitlines()] == [1, 2]
+        assert store_plan(tmp_path, world.cell, plan[:1])[0].sample == 3
+
+
+def test_blurred_pictures_are_told(tmp_path, monkeypatch):
+    """Edges wider than five pixels are too blurred; here the limit is set below what a sharp picture has."""
+    monkeypatch.setattr(module, "_WIDEST_EDGE_PX", 2.0)
+    with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
+        sketch, plan = planned(world, tmp_path, 1)
+        (step,) = capture(rig, sketch, tmp_path, plan, FAST)
+    assert step.why_not.startswith("too blurred: edges of board are ")
+    assert not (tmp_path / "recording" / "samples.jsonl").exists()
+
+
+def test_an_arm_that_does_not_arrive_is_told(tmp_path):
+    """With less patience than the way takes, the arm is still moving."""
+    with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
+        sketch, plan = planned(world, tmp_path, 1)
+        (step,) = capture(rig, sketch, tmp_path, plan, CaptureSettings(0.01, 0.5))
+    assert step.why_not.startswith("arm still moving: ")
+
+
+@pytest.mark.parametrize("torn", ["", '{"sample": 7', '{"why": 3}\n'])
+def test_a_torn_note_is_no_note(tmp_path, torn):
+    """What was cut off while it was given up is tried again."""
+    with running(tmp_path) as world:
+        planned(world, tmp_path, 1)
+        (tmp_path / GIVEN_UP).write_text(torn)
+        assert len(unfinished(tmp_path, world.cell)) == 1
+    assert (tmp_path / PLAN).exists()

@@ -1,0 +1,112 @@
+"""Waiting until arms and picture are still."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.acquisition.driver import Picture, Reading
+from basecal.acquisition.rig import open_rig
+from basecal.acquisition.stillness import Unfit, wait_for_arms, wait_for_picture
+from basecal.cell import RobotState
+from basecal.geometry import SE3
+from running_cell import running
+
+STATE_S, RING_S = 1 / 125, 0.5
+
+
+class Arm:
+    """An arm that glides to rest: joint 0 is `goal - exp(-t)` with noise, 100 states a second."""
+
+    is_live = True
+
+    def __init__(self, noise=0.0, speed=10.0):
+        self.t, self.noise, self.speed, self.rng = 0.0, noise, speed, np.random.default_rng(0)
+
+    def state(self):
+        self.t += 0.01
+        at = 1.0 - np.exp(-self.speed * self.t) + self.noise * self.rng.standard_normal()
+        return Reading(self.t, RobotState(joints_rad=np.array([at, 0.0])))
+
+
+GOAL = {"arm": RobotState(joints_rad=np.array([1.0, 0.0]))}
+
+
+def test_an_arm_that_glides_is_waited_for():
+    """It counts as still when a tenth of a second moves it by less than 0.1 mrad, near where it was sent."""
+    found = wait_for_arms({"arm": Arm()}, GOAL, 5.0)["arm"]
+    assert 0.7 < found.stamp_s < 1.2
+    assert found.state.joints_rad[0] == pytest.approx(1.0, abs=1e-3)
+
+
+def test_noise_is_no_motion_and_is_averaged():
+    """States that scatter by ten times that are still, and their mean of twelve is what is taken."""
+    found = wait_for_arms({"arm": Arm(noise=1e-3, speed=1000.0)}, GOAL, 5.0)["arm"]
+    assert abs(found.state.joints_rad[0] - 1) < 1e-3  # sigma is 1e-3 / sqrt(12)
+
+
+def test_arms_that_never_rest_or_stop_short():
+    """One that is still moving after the patience, and one that rests elsewhere than it was sent, are told."""
+    with pytest.raises(Unfit, match="arm still moving: arm"):
+        wait_for_arms({"arm": Arm(speed=0.1)}, GOAL, 2.0)
+    with pytest.raises(Unfit, match="arm still moving: arm"):
+        wait_for_arms({"arm": Arm()}, {"arm": RobotState(joints_rad=np.array([2.0, 0.0]))}, 2.0)
+
+
+def test_a_typed_pose_is_taken_as_it_is():
+    """A robot whose states do not come by themselves is asked once."""
+    arm = Arm()
+    arm.is_live = False
+    arm.state = lambda: Reading(3.0, RobotState(SE3.identity()))
+    assert wait_for_arms({"arm": arm}, {}, 1.0)["arm"].stamp_s == 3.0
+
+
+class Film:
+    """A camera whose pictures show a bright square that swings to rest within a second, 30 pictures a second."""
+
+    is_live = True
+
+    def __init__(self, swing_px):
+        self.t, self.swing_px, self.rng = 0.0, swing_px, np.random.default_rng(1)
+
+    def picture(self):
+        self.t += 1 / 30
+        at = 200 + self.swing_px * max(0.0, 1 - self.t) * np.cos(60 * self.t)
+        u, v = np.meshgrid(np.arange(400.0), np.arange(300.0))
+        inside = 1 / (1 + np.exp(-(40 - np.maximum(np.abs(u - at), np.abs(v - 150))) / 0.7))
+        return Picture(self.t, np.clip(60 + 120 * inside + self.rng.normal(0, 2, u.shape), 0, 255).astype(np.uint8))
+
+
+def test_a_picture_that_swings_is_waited_for():
+    """None is taken before the swing is below a tenth of a pixel, and none long after."""
+    assert 0.9 < wait_for_picture(Film(5.0), [], 5.0).stamp_s < 1.3
+    assert wait_for_picture(Film(0.0), [], 5.0).stamp_s == pytest.approx(3 / 30)
+    with pytest.raises(Unfit, match="picture still moving"):
+        wait_for_picture(Film(50.0), [], 0.4)
+
+
+def test_a_camera_that_gives_one_picture():
+    """Of a folder the next picture is taken as it is: a person vouches that all was still."""
+    film = Film(5.0)
+    film.is_live = False
+    assert wait_for_picture(film, [], 5.0).stamp_s == pytest.approx(1 / 30)
+
+
+@pytest.mark.parametrize(("target", "places"), [pytest.param("charuco", 10, marks=pytest.mark.slow), ("led", 1)])
+def test_ringing_arms_are_outwaited(tmp_path, target, places):
+    """After arrival at a place, each picture was taken when the ringing was over, and at most 0.3 s later."""
+    with running(tmp_path, "ringing=4", target=target) as world, open_rig(world.cell, tmp_path) as rig:
+        shape = next(iter(world.cell.targets.values())).target
+        rng = np.random.default_rng(0)
+        for _ in range(places):
+            goals = {name: RobotState(joints_rad=q + rng.uniform(-0.05, 0.05, 6)) for name, q in world.home.items()}
+            for name, goal in goals.items():
+                rig.robots[name].move(goal, 1.0)
+            while not all(
+                np.array_equal(rig.robots[n].state().state.joints_rad, g.joints_rad) for n, g in goals.items()
+            ):
+                pass
+            arrived = rig.robots["eye"].state().stamp_s
+            wait_for_arms(rig.robots, goals, 5.0)
+            picture = wait_for_picture(rig.cameras["wrist"], [shape], 5.0)
+            assert RING_S - 4 * STATE_S < picture.stamp_s - arrived < RING_S + 0.3

@@ -1,0 +1,11 @@
+"""Patterns by name."""
+
+from __future__ import annotations
+
+from basecal.planning import poses, shifts
+from basecal.planning.patterns import pattern
+
+
+def test_patterns_are_found_by_name():
+    """Each name gives the plan of its module."""
+    assert (pattern("poses"), pattern("shifts")) == (poses.plan, shifts.plan)

@@ -1,0 +1,54 @@
+"""Poses all around a target."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.cell import Sample
+from basecal.errors import InputError
+from basecal.planning import poses
+from basecal.planning.feasible import feasible_in
+from basecal.planning.sketch import sketch_of
+from basecal.simulation.running.two_arms import two_arms
+from running_cell import home
+
+WORLD = two_arms()
+SKETCH, HOME = sketch_of(WORLD.cell), home(WORLD)
+
+
+def test_every_pose_is_feasible_and_they_differ():
+    """Each passes what it was asked to, both arms turn by more than half a radian between some, numbers count up."""
+    feasible = feasible_in(SKETCH)
+    plan = poses.plan(SKETCH, HOME, feasible, 12)
+    assert [sample.sample for sample in plan] == list(range(12))
+    assert all(map(feasible, plan))
+    for robot in ("eye", "hand"):
+        flanges = [SKETCH.base_from_flange(robot, sample.robots[robot]) for sample in plan]
+        turns = [np.linalg.norm((flanges[0].inverse() @ flange).rotvec) for flange in flanges]
+        assert max(turns) > 0.5
+
+
+def test_only_what_is_feasible_is_planned(monkeypatch):
+    """What the caller refuses is not in the plan; where it refuses all, an error says what to do."""
+
+    def narrow(sample):
+        return sample.robots["eye"].joints_rad[0] > WORLD.home["eye"][0]
+
+    plan = poses.plan(SKETCH, HOME, narrow, 4)
+    assert all(map(narrow, plan))
+    monkeypatch.setattr(poses, "_TRIES", 5)
+    with pytest.raises(InputError, match="only 0 of 1 poses"):
+        poses.plan(SKETCH, HOME, lambda sample: False, 1)
+
+
+def test_the_way_is_short():
+    """Put in order, the way from one to the next is no longer than as drawn."""
+    drawn = [Sample(0, robots=sample.robots) for sample in poses.plan(SKETCH, HOME, lambda sample: True, 12, seed=3)]
+    shuffled = [drawn[k] for k in np.random.default_rng(0).permutation(12)]
+
+    def way(samples):
+        joints = np.stack([np.concatenate([s.robots[r].joints_rad for r in ("eye", "hand")]) for s in samples])
+        return np.abs(np.diff(joints, axis=0)).max(1).sum()
+
+    assert way(poses.in_order(SKETCH, HOME, shuffled)) < way(shuffled)

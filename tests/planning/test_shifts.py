@@ -1,0 +1,55 @@
+"""The paper's programmed shifts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.cell import Sample
+from basecal.errors import InputError
+from basecal.planning import shifts
+from basecal.planning.feasible import feasible_in
+from basecal.planning.sketch import sketch_of
+from basecal.simulation.running.two_arms import two_arms
+from running_cell import home
+
+WORLD = two_arms("led")
+SKETCH, HOME = sketch_of(WORLD.cell), home(WORLD)
+
+
+def test_stations_are_as_the_paper_has_them():
+    """At each the camera stands still and the light goes to both sides of its origin along its own axes."""
+    plan = shifts.plan(SKETCH, HOME, feasible_in(SKETCH), 14)
+    assert len(plan) == 14
+    for station in (plan[:7], plan[7:]):
+        assert all(np.array_equal(s.robots["eye"].joints_rad, station[0].robots["eye"].joints_rad) for s in station)
+        mount = SKETCH.transforms["hand_flange_from_light"]
+        lights = [SKETCH.base_from_flange("hand", s.robots["hand"]) @ mount for s in station]
+        moved = np.stack([(lights[0].inverse() @ light).log() for light in lights])
+        length = shifts.shift_length(SKETCH, station[0])
+        np.testing.assert_allclose(moved[1:, :3], length * np.concatenate([np.eye(3), -np.eye(3)]), atol=1e-8)
+        np.testing.assert_allclose(moved[:, 3:], 0, atol=1e-8)
+    assert not np.array_equal(plan[0].robots["eye"].joints_rad, plan[7].robots["eye"].joints_rad)
+
+
+def test_the_length_is_the_best():
+    """Of noise over the length and neglected depth over its square, the sum is least there."""
+    at = Sample(0, robots=HOME)
+    length = shifts.shift_length(SKETCH, at)
+    depth = np.linalg.norm(SKETCH.camera_from_target(at).translation)
+
+    def error(shift):
+        return 0.1 * depth / (np.sqrt(2) * SKETCH.lens.focal.mean() * shift) + (shift / depth) ** 2
+
+    assert error(length) < min(error(0.97 * length), error(1.03 * length))
+
+
+def test_targets_that_nobody_carries():
+    """A light on the world cannot be shifted."""
+    light = replace(WORLD.cell.targets["light"], on="world")
+    truth = {**SKETCH.transforms, "eye_base_from_light": SKETCH.transforms["hand_flange_from_light"]}
+    still = replace(SKETCH, cell=replace(WORLD.cell, targets={"light": light}), transforms=truth)
+    with pytest.raises(InputError, match="'light' is on the world"):
+        shifts.plan(still, HOME, lambda sample: True, 7)

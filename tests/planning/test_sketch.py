@@ -1,0 +1,57 @@
+"""A cell as far as it is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.cell import Sample, Unknown
+from basecal.errors import InputError
+from basecal.planning.sketch import sketch_of
+from basecal.simulation.running.two_arms import two_arms
+from running_cell import home
+
+WORLD = two_arms()
+
+
+def with_truth(cell):
+    """The cell with every transform known as it is."""
+    known = {name: Unknown("fixed", true) for name, true in WORLD.truth.items()}
+    camera, board = cell.cameras["wrist"], cell.targets["board"]
+    return replace(
+        cell,
+        bases={"hand": known["eye_base_from_hand_base"]},
+        cameras={"wrist": replace(camera, mount=known["eye_flange_from_wrist"])},
+        targets={"board": replace(board, mount=known["hand_flange_from_board"])},
+    )
+
+
+def test_it_predicts_what_is_seen():
+    """With the truth the board stands straight before the camera, 0.65 m away, as the cell was made."""
+    seen = sketch_of(with_truth(WORLD.cell)).camera_from_target(Sample(0, robots=home(WORLD)))
+    middle = seen @ WORLD.cell.targets["board"].target.points.mean(0)
+    np.testing.assert_allclose(middle, [0, 0, 0.65], atol=1e-9)
+
+
+def test_guesses_will_do():
+    """With what the cell states it is off by some centimetres, and says which arms move."""
+    sketch = sketch_of(WORLD.cell)
+    middle = sketch.camera_from_target(Sample(0, robots=home(WORLD))) @ WORLD.cell.targets["board"].target.points.mean(
+        0
+    )
+    assert 1e-3 < np.linalg.norm(middle - [0, 0, 0.65]) < 0.2
+    assert (sketch.view, sketch.movers) == (("wrist", "board"), ("eye", "hand"))
+
+
+def test_what_is_missing_is_named():
+    """A base nobody guessed, and a cell without a target, are told with what to write."""
+    with pytest.raises(InputError, match=r"give eye_base_from_hand_base a value, or .* `guess:"):
+        sketch_of(replace(WORLD.cell, bases={"hand": Unknown()}))
+    with pytest.raises(InputError, match="no camera with a target"):
+        sketch_of(replace(WORLD.cell, targets={}))
+    with pytest.raises(InputError, match="wrist: a plan needs a lens"):
+        _ = sketch_of(
+            replace(WORLD.cell, cameras={"wrist": replace(WORLD.cell.cameras["wrist"], intrinsics=None)})
+        ).lens

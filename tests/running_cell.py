@@ -1,0 +1,37 @@
+"""A cell that runs inside the test's own process, reached as one in a process of its own is."""
+
+from __future__ import annotations
+
+import os
+import threading
+from contextlib import contextmanager
+
+from basecal.cell import RobotState
+from basecal.simulation.running.clock import Clock
+from basecal.simulation.running.faults import read_faults
+from basecal.simulation.running.plant import Plant
+from basecal.simulation.running.protocol import Address, write_address
+from basecal.simulation.running.server import CellServer
+from basecal.simulation.running.two_arms import two_arms
+from basecal.simulation.running.world_file import write_world
+
+
+@contextmanager
+def running(folder, *faults, target="charuco", seed=0):
+    """The world of a cell that runs while this lasts, as its folder says; its time goes on as somebody waits."""
+    world = two_arms(target, seed, read_faults(faults))
+    write_world(world, folder)
+    with CellServer(Plant(world, Clock(0)), "token") as server:
+        thread = threading.Thread(target=server.serve_forever, daemon=True)
+        thread.start()
+        write_address(folder, Address(port=server.port, token="token", pid=os.getpid()))
+        try:
+            yield world
+        finally:
+            server.shutdown()
+            thread.join()
+
+
+def home(world):
+    """Where the arms of a world begin, as states."""
+    return {name: RobotState(joints_rad=joints) for name, joints in world.home.items()}

@@ -1,0 +1,46 @@
+"""How wide edges are."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.geometry import SE3
+from basecal.simulation.running.two_arms import two_arms
+from basecal.vision.draw.motion_blur import smeared
+from basecal.vision.draw.render import RenderSettings, expose, radiance
+from basecal.vision.edge_width import edge_width
+
+WORLD = two_arms()
+BOARD, LENS = WORLD.cell.targets["board"].target, WORLD.lenses["wrist"]
+AT = SE3(np.eye(3), np.array([0.0, 0.0, 0.65]) - BOARD.points.mean(0))
+PIXELS = LENS.project(AT @ BOARD.points)
+
+
+def width(way=(0.0, 0.0), **settings):
+    chosen = RenderSettings(**settings)
+    return edge_width(expose(smeared(radiance(LENS, [(BOARD, AT)], chosen), np.array(way)), chosen, 0), PIXELS)
+
+
+def test_a_sharp_board_has_narrow_edges():
+    """Edges of a sharp picture, dark or bright, noisy or not, are 2 to 4 px wide."""
+    assert 2 < width() < 4
+    assert 2 < width(white=90.0, black=40.0, noise=1.0) < 4
+
+
+@pytest.mark.parametrize("way", [(6.0, 0.0), (0.0, 6.0), (5.0, 5.0)])
+def test_motion_widens_them_in_any_direction(way):
+    """Six pixels of motion make them wider than 5 px, though edges along it stay sharp."""
+    assert width(way) > 5
+
+
+def test_focus_widens_them():
+    """So does a point spread of 2 px."""
+    assert width(blur_px=2.0) > 5
+
+
+def test_nothing_to_measure():
+    """A plain picture, or points at its very border, have no edges."""
+    plain = np.full((100, 100), 90, dtype=np.uint8)
+    assert edge_width(plain, np.array([[50.0, 50.0]])) is None
+    assert edge_width(plain, np.array([[500.0, 50.0]])) is None

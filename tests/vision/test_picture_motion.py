@@ -1,0 +1,46 @@
+"""How far a picture moves."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.errors import InputError
+from basecal.geometry import SE3
+from basecal.simulation.running.two_arms import two_arms
+from basecal.vision.draw.render import RenderSettings, expose, radiance
+from basecal.vision.picture_motion import picture_shift, shift_between, small
+
+WORLD = two_arms()
+BOARD, LENS = WORLD.cell.targets["board"].target, WORLD.lenses["wrist"]
+SETTINGS = RenderSettings(texture=6.0)
+AT = SE3(np.eye(3), np.array([0.0, 0.0, 0.65]) - BOARD.points.mean(0))
+
+
+def levels(px):
+    """The board moved by so many pixels, along both axes alike."""
+    along = px / 1010 * 0.65 / np.sqrt(2)
+    return radiance(LENS, [(BOARD, SE3(np.eye(3), np.array([along, along, 0])) @ AT)], SETTINGS)
+
+
+STILL = levels(0.0)
+
+
+def test_noise_is_no_motion():
+    """Of twenty pictures of the same board none seems to move."""
+    first = expose(STILL, SETTINGS, 0)
+    assert [picture_shift(first, expose(STILL, SETTINGS, seed)) for seed in range(1, 21)] == [0.0] * 20
+
+
+@pytest.mark.parametrize("px", [0.2, 0.5, 1.0])
+def test_a_shift_is_measured(px):
+    """A fifth of a pixel is seen, and measured to a fifth of itself."""
+    assert picture_shift(expose(STILL, SETTINGS, 0), expose(levels(px), SETTINGS, 1)) == pytest.approx(px, rel=0.2)
+
+
+def test_nothing_to_see_and_other_sizes():
+    """A plain picture moves nowhere; pictures of two cameras are refused."""
+    plain = np.full((240, 320), 100, dtype=np.uint8)
+    assert picture_shift(plain, plain) == 0.0
+    with pytest.raises(InputError, match="not of one camera"):
+        shift_between(small(plain), small(plain[:200]))
