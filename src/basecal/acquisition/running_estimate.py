@@ -61,8 +61,7 @@ class RunningEstimate:
             return None
         found = spectrum(self.information)
         sigmas = np.sqrt(np.maximum(np.diag(found.inverse)[columns], 0.0))
-        open_directions = np.linalg.eigvalsh(self.information)[0] < 1 / _KNOWN**2
-        if open_directions or not np.all((sigmas > 0) & (sigmas < _KNOWN)):
+        if found.rank < len(self.information) or not np.all((sigmas > 0) & (sigmas < _KNOWN)):
             return None
         return float(np.sqrt(np.mean(sigmas[:3] ** 2))), float(np.sqrt(np.mean(sigmas[3:] ** 2)))
 

@@ -67,9 +67,9 @@ def station_at(sketch: Sketch, origin: Sample, length_m: float) -> list[Sample] 
     at = sketch.base_from_flange(hand, origin.robots[hand])
     samples: list[Sample] = []
     for direction in _DIRECTIONS:
-        target_from_shifted = SE3(np.eye(3), length_m * direction)
-        flange_from_shifted = flange_from_target @ target_from_shifted @ flange_from_target.inverse()
-        state = state_at(sketch.cell.robots[hand], at @ flange_from_shifted, origin.robots[hand])
+        shift = SE3(np.eye(3), length_m * direction)
+        shifted = at @ flange_from_target @ shift @ flange_from_target.inverse()
+        state = state_at(sketch.cell.robots[hand], shifted, origin.robots[hand])
         if state is None:
             return None
         samples.append(Sample(len(samples), robots={**origin.robots, hand: state}))

@@ -50,8 +50,9 @@ def shift_between(first: Levels, second: Levels) -> float:
     along_u, along_v = (cv2.Sobel(middle, cv2.CV_32F, *which, ksize=1, scale=0.5) for which in ((1, 0), (0, 1)))
     uu, uv, vv = (_summed(each) for each in (along_u * along_u, along_u * along_v, along_v * along_v))
     downhill = np.stack([_summed(along_u * change), _summed(along_v * change)], -1)
-    strength, axes = np.linalg.eigh(np.stack([np.stack([uu, uv], -1), np.stack([uv, vv], -1)], -2))
-    strongest, axis = np.maximum(strength[..., 1], _NO_EDGES), axes[..., :, 1]
+    strongest = np.maximum(0.5 * (uu + vv + np.hypot(uu - vv, 2 * uv)), _NO_EDGES)
+    along = 0.5 * np.arctan2(2 * uv, uu - vv)
+    axis = np.stack([np.cos(along), np.sin(along)], -1)
     # Smoothed noise of neighbours is alike: so many pixels count as one.
     alike = 1.0 + 4 * np.pi * _SMOOTH_PX**2
     noise = _TO_SIGMA * float(np.median(np.abs(change[::_EVERY, ::_EVERY]))) * np.sqrt(alike)
