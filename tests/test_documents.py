@@ -7,6 +7,16 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import basecal
+from basecal.exchange.controllers.convention import (
+    DEGREE,
+    METRE,
+    MILLIMETRE,
+    RADIAN,
+    Convention,
+    MatrixConvention,
+    convention,
+)
+from basecal.registry import CONTROLLERS, IMPORTS
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -91,6 +101,26 @@ def test_glossary_says_each_word_once() -> None:
     for table in tables:
         rows = [row.lower() for row in table if row != "---"]
         assert rows == sorted(rows)
+
+
+def test_every_import_is_documented() -> None:
+    """Each kind of import has its section, in the order of the registry, and no other has one."""
+    page = (DOCS / "importing.md").read_text(encoding="utf-8")
+    assert re.findall(r"^## `(.+)`$", page, re.MULTILINE) == list(IMPORTS)
+
+
+def test_every_format_is_documented_with_its_numbers_and_units() -> None:
+    """The table of formats has each controller with the names, the length and the angle of its convention."""
+    page = (DOCS / "importing.md").read_text(encoding="utf-8")
+    rows = {row[0]: row[1:] for row in re.findall(r"^\| `(\w+)` \| (.+?) \| (m|mm) \| (.+?) \|$", page, re.MULTILINE)}
+    assert list(rows) == list(CONTROLLERS)
+    for name, (numbers, length, rotation) in rows.items():
+        how = convention(name)
+        many = f"{how.names[0]} to {how.names[-1]}"
+        assert numbers == (many if isinstance(how, MatrixConvention) else ", ".join(how.names))
+        assert {"m": METRE, "mm": MILLIMETRE}[length] == how.length
+        if isinstance(how, Convention) and "quaternion" not in how.form.words:
+            assert {"rad": RADIAN, "deg": DEGREE}[rotation.split(", ")[-1]] == how.angle
 
 
 def test_documents_load_nothing_from_outside() -> None:
