@@ -40,6 +40,12 @@ class InputError(BasecalError, ValueError):
     """What was given cannot be used as it is; the message says what was expected."""
 
 
+class UsageError(InputError):
+    """Options that do not go together; the message says which and what to give instead."""
+
+    exit_code = 2
+
+
 class DatasetError(InputError):
     """A file cannot be read as written.
 

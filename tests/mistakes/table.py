@@ -148,7 +148,7 @@ _UNITS = [
         "board",
         in_cell(lambda c: c["targets"]["board"].update(square_m=0.033, marker_m=0.0242)),
         "board-size",
-        ("board", "0.909", "square_m would be 0.03"),
+        ("board", "0.909", "square_m would be"),
     ),
 ]
 
@@ -185,9 +185,9 @@ _ROTATIONS = [
     Mistake(
         "roll, pitch, yaw read as a rotation vector",
         "board",
-        each_pose("eye", of=changes.relist("xyz", "")),
+        each_pose("hand", of=changes.relist("xyz", "")),
         "euler-order",
-        ("eye", "roll, pitch, yaw"),
+        ("hand", "roll, pitch, yaw"),
     ),
     Mistake(
         "moving axes read as fixed",
@@ -252,7 +252,7 @@ _DIRECTIONS = [
         "a stated mount inverted",
         "stated mount",
         in_cell(lambda c: _inverted(c["cameras"]["wrist"]["mount"])),
-        "mount-inverted",
+        "transform-inverted",
         ("eye_flange_from_wrist", "inverted", "invert"),
     ),
     Mistake(
@@ -267,22 +267,22 @@ _DIRECTIONS = [
         "the target on the wrong robot",
         "board",
         in_cell(lambda c: c["targets"]["board"].update(on="eye")),
-        "wrong-robot",
-        ("board", "hand", "on:"),
+        UNREADABLE,
+        ("'board'", "both on 'eye'", "on: hand?"),
     ),
     Mistake(
         "the camera on the wrong robot",
         "board",
         in_cell(lambda c: c["cameras"]["wrist"].update(on="hand")),
-        "wrong-robot",
-        ("wrist", "eye", "on:"),
+        UNREADABLE,
+        ("'wrist'", "both on 'hand'", "on: eye?"),
     ),
     Mistake(
         "camera and target exchanged",
         "board",
         in_cell(lambda c: (c["cameras"]["wrist"].update(on="hand"), c["targets"]["board"].update(on="eye"))),
-        "wrong-robot",
-        ("eye", "hand"),
+        "robots-swapped",
+        ("eye and hand", "exchange", "`on`"),
     ),
 ]
 
@@ -345,7 +345,13 @@ _PAIRS = [
         "repeated-view",
         ("samples 0 and 4", "samples 1 and 6", "other poses"),
     ),
-    Mistake("rows copied", "board", changes.all_lines(_copied_rows), "duplicate-samples", ("3", "counts once")),
+    Mistake(
+        "rows copied",
+        "board",
+        changes.all_lines(_copied_rows),
+        "duplicate-samples",
+        ("samples 100 to 102", "counts once"),
+    ),
     Mistake(
         "a number twice",
         "board",
@@ -357,8 +363,8 @@ _PAIRS = [
         "all poses equal",
         "board",
         changes.all_lines(lambda lines: [{**line, "robots": lines[0]["robots"]} for line in lines]),
-        "robot-still",
-        ("eye and hand", "same pose", "record"),
+        "unobservable-direction",
+        ("eye never moves", "hand never moves", "rotate each about two axes"),
     ),
 ]
 
@@ -395,7 +401,7 @@ _PICTURES = [
         "few-images",
         ("6x8", "8x6", "squares: [6, 8]"),
     ),
-    Mistake("another size of board", "pictures", _board(squares=[4, 5]), "few-images", ("6x8", "4x5")),
+    Mistake("another size of board", "pictures", _board(squares=[4, 5]), "few-images", ("has 0 to 9", "squares")),
     Mistake(
         "another kind of target",
         "pictures",
@@ -413,12 +419,14 @@ _PICTURES = [
     Mistake(
         "some pictures of another size",
         "pictures",
-        each_picture(_smaller, every=3),
+        each_picture(_smaller, every=4),
         "dropped-sample",
-        ("3 of 8", "320 x 240", "640 x 480"),
+        ("2 of 8", "320 x 240", "640 x 480"),
     ),
     Mistake("blurred pictures", "pictures", each_picture(_blurred), "few-images", ("blurred", "focus")),
-    Mistake("dark pictures", "pictures", each_picture(lambda image: image // 20), "few-images", ("dark", "light")),
+    Mistake(
+        "dark pictures", "pictures", each_picture(lambda image: image // 250), "few-images", ("dark", "more light")
+    ),
     Mistake("another ending of all pictures", "pictures", _all_endings, "few-images", ("did you mean .png?",)),
     Mistake(
         "no folder of pictures",
@@ -471,7 +479,13 @@ _PICTURES = [
         UNREADABLE,
         ("size_px", "resolution"),
     ),
-    Mistake("u and v exchanged", "board", changes.each_pixel(lambda p: p[:, ::-1]), UNREADABLE, ("u and v", "swapped")),
+    Mistake(
+        "u and v exchanged",
+        "board",
+        changes.each_pixel(lambda p: p[:, ::-1]),
+        "pixels-swapped",
+        ("u and v", "exchange"),
+    ),
     Mistake(
         "u and v exchanged, no size known",
         "board",
@@ -509,7 +523,9 @@ def _same_key(folder: Path) -> None:
 
 
 _FILES = [
-    Mistake("tabs in YAML", "board", in_text("    on: eye", "\ton: eye"), UNREADABLE, ("cell.yaml:9", "tab", "spaces")),
+    Mistake(
+        "tabs in YAML", "board", in_text("    on: eye", "\ton: eye"), UNREADABLE, ("cell.yaml:10", "tab", "spaces")
+    ),
     Mistake(
         "a colon without a space",
         "board",
@@ -525,7 +541,7 @@ _FILES = [
         "board",
         in_text("    mount: {status: free}", "   mount: {status: free}"),
         UNREADABLE,
-        ("cell.yaml:10", "indent"),
+        ("cell.yaml:11", "indent"),
     ),
     Mistake(
         "a quote left open", "board", in_text("model: pinhole", 'model: "pinhole'), UNREADABLE, ("cell.yaml:", "quote")
@@ -605,14 +621,14 @@ _FILES = [
         "board",
         each_line(lambda line: line["sample"] == 4 and line["observations"][0]["pixels"].__setitem__(7, None)),
         UNREADABLE,
-        ("samples.jsonl:5", "pixels[7]", "null"),
+        ("samples.jsonl:5", "row 7", "null"),
     ),
     Mistake(
         "a null coordinate",
         "board",
         each_line(lambda line: line["sample"] == 4 and line["observations"][0]["pixels"].__setitem__(7, [3.0, None])),
         UNREADABLE,
-        ("samples.jsonl:5", "pixels[7]", "null"),
+        ("samples.jsonl:5", "row 7", "null"),
     ),
     Mistake(
         "NaN in a pose",
@@ -623,7 +639,7 @@ _FILES = [
             )
         ),
         UNREADABLE,
-        ("samples.jsonl:5", "t_m", "NaN"),
+        ("samples.jsonl:5", "t_m", "nan"),
     ),
     Mistake(
         "single quotes",
@@ -683,7 +699,7 @@ _FILES = [
         "board",
         _nothing,
         USAGE,
-        ("--station-choice", "--task-point"),
+        ("--station-choice", "--method axis-shift"),
         _with("--station-choice", "weighted"),
     ),
 ]

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from basecal.accuracy.at_the_door.repeated_views import repeated_views
+from basecal.accuracy.at_the_door.units import impossible_units
 from basecal.accuracy.axis_shift import calibrate_axis_shift
 from basecal.accuracy.certify import certified
 from basecal.accuracy.clocks.search import Clocked, clocked
@@ -70,9 +72,11 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
 
 def _calibrated(cell: Cell, recording: Recording, settings: Settings, by_clocks: Clocked | None) -> Calibration:
     """The calibration of samples, made by clocks that were estimated or not."""
+    if units := impossible_units(cell, recording):
+        return Calibration("refused", findings=(*units, *recording.findings), settings=settings.as_dict())
     with settings.stage("problem"):
         problem, dropped = build_problem(cell, recording)
-    given = Input(problem, (*recording.findings, *dropped))
+    given = Input(problem, (*recording.findings, *repeated_views(cell, recording), *dropped))
     findings = [*given.findings, *(finding for check in INPUT_CHECKS for finding in check(given))]
     if verdict_of(findings) == "refused":
         return Calibration("refused", findings=tuple(findings), settings=settings.as_dict())

@@ -10,7 +10,7 @@ from basecal.cli.detected import detected_recording
 from basecal.cli.page import StoredRun, print_page_path, write_page
 from basecal.cli.terminal import print_json, print_stages, progress, say
 from basecal.cli.tolerance import tolerance_m
-from basecal.errors import printable
+from basecal.errors import UsageError, printable
 
 if TYPE_CHECKING:
     from basecal.accuracy.expected_error import ToleranceCheck
@@ -65,6 +65,7 @@ def calibrate(
     from basecal.estimation.settings import Settings
 
     needed_m = None if tolerance is None else tolerance_m(tolerance)
+    _refuse_unused(method, start, task_point, station_choice)
     described = read_cell(cell)
     settings = Settings(
         method=method,
@@ -90,6 +91,23 @@ class CalibratedFolder:
     calibration: Calibration
     run: Path
     tolerance: ToleranceCheck | None = None
+
+
+def _refuse_unused(method: str, start: str, task_point: object, station_choice: str) -> None:
+    """Refuse what the method makes no use of, rather than let somebody believe it did.
+
+    Raises:
+        UsageError: naming the option and what it goes with.
+    """
+    if method != "axis-shift" and (task_point is not None or station_choice != "nearest"):
+        option = "--task-point" if task_point is not None else "--station-choice"
+        raise UsageError(f"{option} says nothing to --method {method}: give --method axis-shift, or leave it out")
+    if method == "axis-shift" and task_point is None and station_choice != "nearest":
+        raise UsageError("--station-choice needs a point to choose stations for: give --task-point x y z")
+    if method == "axis-shift" and start != "closed":
+        raise UsageError(
+            f"--start {start} says nothing to --method axis-shift, which starts from nothing: leave it out"
+        )
 
 
 def calibrate_folder(

@@ -23,6 +23,10 @@ def detected_recording(folder: Path, cell: Cell) -> Recording:
     recording = read_recording(folder, cell)
     if not any(sample.images for sample in recording.samples):
         return recording
+    from basecal.accuracy.at_the_door.units import impossible_units
+
+    if impossible_units(cell, recording):  # the verdict is known, and a search of images takes minutes
+        return recording
     from basecal.vision.detect import detect
 
     with counting("detecting") as step:

@@ -33,7 +33,8 @@ def dark(images: list[Grey]) -> str | None:
     top = max((float(np.percentile(image, _PERCENT)) for image in images), default=255.0)
     if top >= _CLEARLY_DARK:
         return None
-    return f"the images are dark: {_PERCENT} % of their pixels are below level {top + 1:.0f} of 255"
+    level = f"{_PERCENT} % of their pixels are below level {top + 1:.0f} of 255"
+    return f"the images are dark: {level}; more light, or a longer exposure"
 
 
 def blurred(images: list[Grey]) -> str | None:

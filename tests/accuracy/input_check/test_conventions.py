@@ -238,14 +238,14 @@ def test_what_explains_the_data_better_is_an_error_with_both_errors():
     (found,) = findings_about(predicted(1e-3), predicted(0.5e-3, moved=5))
     assert (found.severity, found.about) == ("error", ("eye", "hand0"))
     errors = "0.5 mm a metre (or mrad) instead of 1 mm a metre (or mrad)"
-    assert found.message == f"words 0: so read, the cross-validation error is {errors}; fix"
+    assert found.message == f"words 0: fix (so read, the cross-validation error is {errors})"
 
 
 def test_what_cannot_be_is_said():
     """Where a reading only fits as well, but the declared one contradicts facts."""
     (found,) = findings_about(predicted(1e-3), predicted(1e-3), impossible=("a reach of 9 m", "a board in a wall"))
     assert found.message == (
-        "words 0: as declared it fits as well, but a reach of 9 m and a board in a wall cannot be; fix"
+        "words 0: fix (as declared it fits as well, but a reach of 9 m and a board in a wall cannot be)"
     )
     assert found.severity == "error"
 

@@ -91,8 +91,8 @@ def test_3d_points_and_lights():
 
 
 def test_joints_have_angles_and_no_poses():
-    """Degrees or radians for each arm; nothing is inverted, exchanged or in millimetres."""
-    assert told(JOINTS) == {"angle-unit": 4, **PAIRINGS, "board-size": 1, "intrinsics": 1}
+    """Degrees or radians for each arm and for both; nothing is inverted, exchanged or in millimetres."""
+    assert told(JOINTS) == {"angle-unit": 6, **PAIRINGS, "board-size": 1, "intrinsics": 1}
 
 
 def test_a_lens_that_is_not_fixed_is_not_doubted():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from basecal.accuracy.input_check.rare_hypotheses import rare_hypotheses
+from basecal.accuracy.input_check.rare_hypotheses import rare_hypotheses, with_stated_inverted
 from basecal.accuracy.input_check.rewriting import turned_round, with_robots
 from basecal.accuracy.verdict import calibrate
 from basecal.geometry import SE3
@@ -38,13 +38,14 @@ def read_as(recording, listed, read):
 
 
 def test_how_many_there_are():
-    """Of each stream the reverse order and shifts by 3 to 5 both ways; of each subset of arms 48 lists of angles."""
+    """Of each stream the reverse order and shifts by 3 to 5 both ways; of each subset of arms 44 lists of angles."""
     assert Counter(h.code for h in rare_hypotheses(MADE.cell, MADE.recording)) == {
-        "pairing-shifted": 3 * (1 + 6), "matrix-transposed": 3, "euler-order": 3 * (6 + 14 * 3),
+        "pairing-shifted": 3 * (1 + 6), "matrix-transposed": 3, "euler-order": 3 * (6 + 10 * 3 + 4 * 2),
+        "pixels-swapped": 1,
     }  # fmt: skip
     poses = simulate(Scenario(samples=8, target="pose", layout="eye_in_hand"), 1)
     assert Counter(h.code for h in rare_hypotheses(poses.cell, poses.recording)) == {
-        "pairing-shifted": 1, "matrix-transposed": 2, "euler-order": 2 * 48,
+        "pairing-shifted": 1, "matrix-transposed": 2, "euler-order": 2 * 44,
     }  # fmt: skip
 
 
@@ -104,3 +105,42 @@ def test_a_hypothesis_leaves_others_alone():
     seen = turned_round(MADE.recording, None)
     assert seen.samples[0].observations == MADE.recording.samples[-1].observations
     np.testing.assert_array_equal(rotations(seen), rotations(MADE.recording))
+
+
+@pytest.mark.parametrize("robots", [("hand",), ("eye", "hand")])
+def test_radians_read_as_degrees_are_undone(robots):
+    """Rolls, pitches and yaws, where no flange turns far from its base's axes; of arms in order there are none."""
+    assert hypotheses(MADE, "angle-unit") == []
+
+    def as_degrees(poses):
+        return SE3.from_rpy(np.radians(poses.rpy), poses.translation)
+
+    mixed = with_robots(MADE.recording, dict.fromkeys(robots, as_degrees))
+    found = [h for h in rare_hypotheses(MADE.cell, mixed) if h.code == "angle-unit" and h.about == robots]
+    undone = [h.apply(MADE.cell, mixed)[1] for h in found]
+    assert len(undone) == 2
+    for robot in robots:
+        assert any(np.allclose(rotations(each, robot), rotations(MADE.recording, robot)) for each in undone)
+
+
+def test_what_is_stated_inverted_is_undone():
+    """A base and both mounts, where they are stated; nothing is said of what is free."""
+    known = simulate(Scenario(samples=5, base="fixed", camera_mount="prior", target_mount="fixed"), 1)
+    found = hypotheses(known, "transform-inverted")
+    assert {h.about[0] for h in found} == set(known.cell.transforms)
+    for h in found:
+        name = h.about[0]
+        (once, _) = h.apply(known.cell, known.recording)
+        twice = with_stated_inverted(once, name).transforms[name].mean
+        stated = known.cell.transforms[name].mean
+        np.testing.assert_allclose(once.transforms[name].mean.matrix, stated.inverse().matrix, atol=1e-12)
+        np.testing.assert_allclose(twice.matrix, stated.matrix, atol=1e-12)
+    assert with_stated_inverted(known.cell, "no_such_from_name") is known.cell
+
+
+def test_pixels_are_exchanged():
+    """Of every view, and twice is as it was."""
+    (swap,) = hypotheses(MADE, "pixels-swapped")
+    _, once = swap.apply(MADE.cell, MADE.recording)
+    seen = MADE.recording.samples[0].observations[0]
+    np.testing.assert_array_equal(once.samples[0].observations[0].pixels, seen.pixels[:, ::-1])

@@ -351,7 +351,7 @@ def _named(tried: _Tried, declared: _Tried, certain: bool) -> Finding:
         why = f"so read, the cross-validation error is {errors}"
     else:
         why = f"as declared it fits as well, but {' and '.join(declared.impossible)} cannot be"
-    return Finding(hypothesis.code, severity, hypothesis.about, f"{hypothesis.words}: {why}; {hypothesis.fix}")
+    return Finding(hypothesis.code, severity, hypothesis.about, f"{hypothesis.words}: {hypothesis.fix} ({why})")
 
 
 def _poor(declared: _Tried) -> Finding:

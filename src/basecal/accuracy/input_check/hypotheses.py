@@ -205,23 +205,30 @@ def resized(cell: Cell, factors: dict[str, float]) -> Cell:
 
 
 def _of_joints(robots: list[str]) -> Iterator[ConventionHypothesis]:
-    for robot in robots:
+    for names in subsets(robots):
+        who = listed(names)
         for factor, words, advice in (
             (np.pi / 180, "in degrees", "turn them into radians"),
             (180 / np.pi, "turned from degrees into radians though they were radians", "leave them as they were"),
         ):
             yield ConventionHypothesis(
                 "angle-unit",
-                (robot,),
-                f"the joints of {robot} are {words}",
-                f"joints_rad of {robot} is in radians: {advice}",
-                f"move every joint of {robot} further",
-                _joints_times(robot, factor),
+                names,
+                f"the joints of {who} are {words}",
+                f"joints_rad of {who} is in radians: {advice}",
+                f"move every joint of {who} further",
+                _joints_times(names, factor),
             )
 
 
-def _joints_times(robot: str, factor: float) -> Callable[[Cell, Recording], Rewritten]:
-    return lambda cell, recording: (cell, rewriting.with_joints(recording, robot, factor))
+def _joints_times(robots: tuple[str, ...], factor: float) -> Callable[[Cell, Recording], Rewritten]:
+    def apply(cell: Cell, recording: Recording) -> Rewritten:
+        """The cell and the recording so read."""
+        for robot in robots:
+            recording = rewriting.with_joints(recording, robot, factor)
+        return cell, recording
+
+    return apply
 
 
 def _of_quaternions(robots: list[str], poses: bool) -> Iterator[ConventionHypothesis]:
@@ -253,7 +260,7 @@ def _of_exchanges(cell: Cell, recording: Recording, robots: list[str]) -> Iterat
             "robots-swapped",
             (first, second),
             f"the poses of {first} and {second} are exchanged",
-            f"exchange the poses of {first} and {second}",
+            f"exchange them, or what cell.yaml says is `on` {first} and on {second}",
             "turn every arm further about two axes between samples",
             _exchange(first, second),
         )

@@ -26,10 +26,13 @@ from basecal.accuracy.input_check.hypotheses import (
     streams,
     subsets,
 )
-from basecal.cell import Cell, PoseObservation, Recording
+from basecal.cell import CandidateObservation, Cell, PixelObservation, PoseObservation, Recording, Unknown
 from basecal.geometry import SE3, Array
 
 _FAR_SHIFTS = tuple(by for far in (3, 4, 5, 6) for by in (far, -far))  # samples; up to two are usual slips
+_RADIANS_AS_DEGREES_RAD = np.radians(2 * np.pi)  # of three angles up to half a turn each, read as degrees
+_CENTRES = 20  # rotations of which one is in the middle of most
+_NO_TURN_RAD = 1e-9  # [rad] below which a rotation vector has no direction
 # How controllers list three numbers of a rotation, by SciPy's names: capitals are axes that turn with the flange.
 _LISTINGS = {
     "roll, pitch, yaw about fixed axes x, y, z (ROS, FANUC)": "xyz",
@@ -49,7 +52,83 @@ def rare_hypotheses(cell: Cell, recording: Recording) -> list[ConventionHypothes
         *_of_order(moved, recording),
         *(hypothesis for names in subsets(robots) for hypothesis in _of_rotations(names, of_robots, listed(names))),
         *(_of_rotations((), lambda _, of: of_targets(of), "the observed target") if poses else ()),
+        *_of_small_angles(robots, recording),
+        *_of_stated(cell),
+        *_of_pixels(recording),
     ]
+
+
+def _of_small_angles(robots: list[str], recording: Recording) -> Iterator[ConventionHypothesis]:
+    """Roll, pitch and yaw, or rotation vectors, in radians that were read as degrees: then no flange turns far."""
+    small = [name for name in robots if _turns_rad(recording, name) < _RADIANS_AS_DEGREES_RAD]
+    for names in subsets(small):
+        who = listed(names)
+        for what, of in (("roll, pitch and yaw", rewriting.degrees_of_rpy), ("rotation vectors", rewriting.degrees)):
+            yield ConventionHypothesis(
+                "angle-unit",
+                names,
+                f"the {what} of {who} are in radians that were read as degrees",
+                f"rpy_deg is in degrees: turn those of {who} into degrees, or write rotvec_rad",
+                f"turn {who} further between samples",
+                of_robots(names, of),
+            )
+
+
+def _turns_rad(recording: Recording, robot: str) -> float:
+    """How far the flange of a robot turns from its base's axes at most [rad]; infinite where nothing tells."""
+    poses = [s.robots[robot].base_from_flange for s in recording.samples if robot in s.robots]
+    found = [float(np.linalg.norm(pose.rotvec)) for pose in poses if pose is not None]
+    return max(found, default=np.inf)
+
+
+def _of_stated(cell: Cell) -> Iterator[ConventionHypothesis]:
+    """A base or a mount that is stated the wrong way round."""
+    for name, unknown in cell.transforms.items():
+        if unknown.status == "free" or unknown.mean is None:
+            continue
+        end, _, start = name.partition("_from_")
+        yield ConventionHypothesis(
+            "transform-inverted",
+            (name,),
+            f"{name} is stated inverted ({start}_from_{end})",
+            f"invert what cell.yaml states of {name}",
+            "turn every arm further about two axes between samples",
+            _inverted_in_cell(name),
+        )
+
+
+def _inverted_in_cell(name: str) -> Callable[[Cell, Recording], Rewritten]:
+    return lambda cell, recording: (with_stated_inverted(cell, name), recording)
+
+
+def with_stated_inverted(cell: Cell, name: str) -> Cell:
+    """The cell with one of its transforms stated the other way round."""
+    for robot in cell.bases:
+        if cell.base_name(robot) == name:
+            return replace(cell, bases={**cell.bases, robot: _other_way(cell.bases[robot])})
+    for camera, of in cell.cameras.items():
+        if cell.mount_name(camera) == name:
+            return replace(cell, cameras={**cell.cameras, camera: replace(of, mount=_other_way(of.mount))})
+    for target, shown in cell.targets.items():
+        if cell.mount_name(target) == name:
+            return replace(cell, targets={**cell.targets, target: replace(shown, mount=_other_way(shown.mount))})
+    return cell
+
+
+def _other_way(unknown: Unknown) -> Unknown:
+    return unknown if unknown.mean is None else replace(unknown, mean=unknown.mean.inverse())
+
+
+def _of_pixels(recording: Recording) -> Iterator[ConventionHypothesis]:
+    if any(isinstance(o, PixelObservation | CandidateObservation) for s in recording.samples for o in s.observations):
+        yield ConventionHypothesis(
+            "pixels-swapped",
+            (),
+            "u and v of the pixels are exchanged",
+            "write [u, v], u along the width of the image: exchange them",
+            "move every arm further between samples",
+            lambda cell, recording: (cell, rewriting.with_pixels(recording, lambda pixels: pixels[:, ::-1])),
+        )
 
 
 def _of_order(moved: list[str | None], recording: Recording) -> Iterator[ConventionHypothesis]:
@@ -89,7 +168,10 @@ def _of_rotations(
     for meant, read in permutations(_LISTINGS, 2):
         # Two lists of angles give one rotation. The middle one of three axes is usually within a quarter turn.
         of_three_axes = all(len(set(_LISTINGS[each])) == len("xyz") for each in (meant, read))
-        for choose in (_first,) if of_three_axes else (_first, _second, _shorter):
+        choices = (
+            (_first, _together) if not _LISTINGS[read] else (_first,) if of_three_axes else (_first, _second, _shorter)
+        )
+        for choose in choices:
             yield ConventionHypothesis(
                 "euler-order",
                 names,
@@ -118,6 +200,15 @@ def _second(numbers: Array) -> Array:
     return numbers[:, 1]
 
 
+def _together(numbers: Array) -> Array:
+    """Of each rotation the list that is nearest to those of the others: arms turn about a home, and lists with them."""
+    centres = numbers[:_CENTRES].reshape(-1, 3)
+    off = np.abs((numbers[None] - centres[:, None, None] + np.pi) % (2 * np.pi) - np.pi).sum(-1)
+    best = off[np.argmin(off.min(axis=-1).sum(axis=-1))]
+    chosen: Array = numbers[np.arange(len(numbers)), np.argmin(best, axis=-1)]
+    return chosen
+
+
 def _shorter(numbers: Array) -> Array:
     chosen: Array = numbers[np.arange(len(numbers)), np.argmin(np.linalg.norm(numbers, axis=-1), axis=-1)]
     return chosen
@@ -127,7 +218,9 @@ def _numbers(rotation: Array, listing: str) -> Array:
     """The two lists of three numbers that give each rotation, (n, 2, 3) [rad]; of a rotation vector one, twice."""
     turned = Rotation.from_matrix(rotation)
     if not listing:
-        return np.repeat(turned.as_rotvec()[:, None], 2, axis=1)
+        vector = turned.as_rotvec()
+        angle = np.linalg.norm(vector, axis=-1, keepdims=True)
+        return np.stack([vector, vector * (1 - 2 * np.pi / np.maximum(angle, _NO_TURN_RAD))], axis=1)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # where two axes align any split of the angles is right
         angles = turned.as_euler(listing)

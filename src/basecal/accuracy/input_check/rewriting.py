@@ -7,8 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from basecal.cell import Observation, PointObservation, PoseObservation, Recording, RobotState, Sample
-from basecal.geometry import SE3
+from basecal.cell import (
+    CandidateObservation,
+    Observation,
+    PixelObservation,
+    PointObservation,
+    PoseObservation,
+    Recording,
+    RobotState,
+    Sample,
+)
+from basecal.geometry import SE3, Array
 
 PoseMap = Callable[[SE3], SE3]
 
@@ -26,6 +35,16 @@ def scaled(factor: float) -> PoseMap:
 def reordered(order: tuple[int, int, int, int]) -> PoseMap:
     """Rotations whose quaternion's components are taken in another order; a sign does not matter."""
     return lambda poses: SE3.from_quaternion(poses.quaternion[..., list(order)], poses.translation)
+
+
+def degrees(poses: SE3) -> SE3:
+    """Rotations whose vectors are turned from radians into degrees: those of radians that were read as degrees."""
+    return SE3.from_rotvec(np.degrees(poses.rotvec), poses.translation)
+
+
+def degrees_of_rpy(poses: SE3) -> SE3:
+    """The same of roll, pitch and yaw about fixed axes."""
+    return SE3.from_rpy(np.degrees(poses.rpy), poses.translation)
 
 
 def through_the_camera(poses: SE3) -> SE3:
@@ -95,6 +114,15 @@ def with_points(recording: Recording, factor: float) -> Recording:
             for o in s.observations
         ]
         for s in recording.samples
+    ]
+    return _with_observations(recording, samples)
+
+
+def with_pixels(recording: Recording, of: Callable[[Array], Array]) -> Recording:
+    """The recording with the pixels of every observation, (n, 2), mapped."""
+    samples: list[list[Observation]] = [
+        [replace(o, pixels=of(o.pixels)) if isinstance(o, PixelObservation | CandidateObservation) else o for o in seen]
+        for seen in (s.observations for s in recording.samples)
     ]
     return _with_observations(recording, samples)
 

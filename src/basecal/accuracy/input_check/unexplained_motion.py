@@ -5,28 +5,32 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.accuracy.input_check.loop_fit import trimmed
-from basecal.accuracy.input_check.view_errors import moved_views, off_views
+from basecal.accuracy.input_check.view_errors import PIXEL_SCALE, moved_views, off_views
 from basecal.cell import Finding
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import IntArray
 
 _AGREEING = 0.5  # share of the views that counts, the best: as many may be outliers
 _LEAST_MOTION = 0.02  # [rad], or thousands of pixels: noise is a part of less, whatever the robots do
 # Of real recordings in order 0.07 at most is unexplained (an arm of hobby grade), of boards mispaired 0.25 and more.
 _HOPELESS = 0.2
+_FEWEST_STOPS = 5  # of robots that moved at all: of fewer nothing but the lack of motion is told
+_USELESS_PX = 50.0  # [px] likewise, half of what a glance at the picture would show: hobby arms reach 20
 
 
 def is_hopeless(problem: Problem, state: State) -> bool:
     """Whether robots and views do not belong together: no noise of arms or cameras is as large as what is left."""
-    return unexplained_motion(problem, state) > _HOPELESS
+    return unexplained_motion(problem, state) > _HOPELESS or _left_px(problem, state) > _USELESS_PX
 
 
 def hopeless(problem: Problem, state: State) -> Finding:
     """An error that says so."""
-    share = unexplained_motion(problem, state)
+    share, left_px = unexplained_motion(problem, state), _left_px(problem, state)
+    left = f"{100 * share:.0f} % of that motion is" if share > _HOPELESS else f"residuals of {left_px:.0f} px are"
     message = (
-        f"the recorded poses do not explain how the targets move: {100 * share:.0f} % of that motion is left even in "
-        "the better half of the views, and no convention, unit, order or pairing that was tried mends it"
+        f"the recorded poses do not explain how the targets move: {left} left even in the better half of the views, "
+        "and no convention, unit, order or pairing that was tried mends it"
     )
     advice = (
         "check that poses and pictures of a sample are of one instant, that poses are base_from_flange in metres of "
@@ -47,6 +51,15 @@ def unexplained_motion(problem: Problem, state: State) -> float:
     left = trimmed(np.concatenate([off_views(problem, group, state) for group in groups]), _AGREEING)
     whole = trimmed(np.concatenate([moved_views(group.measurement) for group in groups]), _AGREEING)
     return float(min(left / whole, 1.0)) if whole > _LEAST_MOTION else 0.0
+
+
+def _left_px(problem: Problem, state: State) -> float:
+    """Residuals in the images, rms over the better half of the views with robots as recorded [px]; 0 without any."""
+    in_pixels = [group for group in problem.groups if len(group) and isinstance(group.measurement, PixelMeasurement)]
+    seen = [group.take(_one_a_stop(group)) for group in in_pixels]
+    if sum(map(len, seen)) < _FEWEST_STOPS:
+        return 0.0
+    return trimmed(np.concatenate([off_views(problem, group, state) for group in seen]), _AGREEING) / PIXEL_SCALE
 
 
 def _one_a_stop(group: ViewGroup) -> IntArray:

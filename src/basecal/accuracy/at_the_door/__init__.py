@@ -1,0 +1,1 @@
+"""What is told of a recording before anything is solved."""

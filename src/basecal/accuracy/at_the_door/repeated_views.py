@@ -1,0 +1,70 @@
+"""`repeated-view`: a picture or a view that stands under two places of the robots."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.accuracy.phrases.sample_list import list_samples
+from basecal.cell import Cell, Finding, PixelObservation, PointObservation, PoseObservation, Recording
+from basecal.cell.recording import Sample
+from basecal.geometry import Array
+
+_READ_BACK = 5e-3  # [m, rad]: a robot that stands still is read back within
+_FEWEST_NUMBERS = 8  # of a view: with fewer, two may be the same by rounding
+_SHOWN = 5  # pairs of samples in a sentence
+
+
+def repeated_views(cell: Cell, recording: Recording) -> list[Finding]:
+    """A warning where a camera saw the very same twice, to the last bit, while what moves it stood elsewhere."""
+    first: dict[tuple[str, str, bytes], Sample] = {}
+    pairs: list[tuple[int, int]] = []
+    for sample in recording.samples:
+        for seen in sample.observations:
+            numbers = _numbers(seen)
+            if numbers is None:
+                continue
+            key = (seen.camera, seen.target, numbers)
+            earlier = first.setdefault(key, sample)
+            carriers = {cell.cameras[seen.camera].on, cell.targets[seen.target].on}
+            if earlier is not sample and _stands_elsewhere(sample, earlier, carriers):
+                pairs.append((earlier.sample, sample.sample))
+    if not pairs:
+        return []
+    listed = ", ".join(f"{list_samples(pair).replace(', ', ' and ')}" for pair in pairs[:_SHOWN])
+    more = f" and {len(pairs) - _SHOWN} more pairs" if len(pairs) > _SHOWN else ""
+    message = (
+        f"the same picture or view stands twice under other poses, at {listed}{more}: pair poses and pictures anew, or "
+        "remove the copies"
+    )
+    about = tuple(str(number) for number in dict.fromkeys(number for pair in pairs for number in pair))
+    return [Finding("repeated-view", "warning", about, message)]
+
+
+def _numbers(seen: object) -> bytes | None:
+    """All that a view says, as bytes; None where it is too little to be told from another."""
+    if isinstance(seen, PixelObservation) and seen.pixels.size >= _FEWEST_NUMBERS:
+        return seen.ids.tobytes() + seen.pixels.tobytes()
+    if isinstance(seen, PointObservation) and seen.points_in_camera.size >= _FEWEST_NUMBERS:
+        return seen.ids.tobytes() + seen.points_in_camera.tobytes()
+    if isinstance(seen, PoseObservation):
+        return bytes(seen.camera_from_target.matrix.tobytes())
+    return None
+
+
+def _stands_elsewhere(sample: Sample, other: Sample, robots: set[str]) -> bool:
+    """Whether one of these robots stands elsewhere, by more than robots are read back anew."""
+    return any(
+        name in sample.robots and name in other.robots and _differ(_state(sample, name), _state(other, name))
+        for name in robots
+    )
+
+
+def _state(sample: Sample, name: str) -> Array:
+    state = sample.robots[name]
+    if state.base_from_flange is not None:
+        return np.asarray(state.base_from_flange.matrix).ravel()
+    return np.asarray(state.joints_rad)
+
+
+def _differ(one: Array, other: Array) -> bool:
+    return bool(one.shape != other.shape or np.abs(one - other).max() > _READ_BACK)

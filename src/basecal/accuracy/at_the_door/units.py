@@ -1,0 +1,92 @@
+"""Units that cannot be, told from the input alone: before images are searched and anything is solved."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from basecal.cell import Cell, Finding, PixelObservation, PointObservation, PoseObservation, Recording, Robot
+from basecal.geometry import Array
+
+# Beyond what any arm reaches and any target spans, and within a thousand times of it: it is told by its size alone.
+_TOO_FAR_M = 50.0  # [m] of flanges from their base, or targets from their camera, the median
+_TOO_LARGE_M = 20.0  # [m] of a target's longest side
+_TURNS_RAD = 2.2 * np.pi  # [rad] of a joint: a turn and a bit; some wrists turn without end, but not two joints
+_BEYOND_LIMIT_RAD = 0.1  # [rad] past the URDF's limits, which some leave out or round
+
+
+def impossible_units(cell: Cell, recording: Recording) -> list[Finding]:
+    """An error for each unit that is certainly another one: degrees for radians, millimetres for metres.
+
+    Only what its size alone decides is told; all else is left to the test of conventions, which fits.
+    """
+    return [*_degrees(cell, recording), *_millimetres(recording), *_of_views(recording), *_of_targets(cell, recording)]
+
+
+def _degrees(cell: Cell, recording: Recording) -> Iterator[Finding]:
+    names = [name for name, robot in cell.robots.items() if _is_in_degrees(robot, recording)]
+    if names:
+        who = " and ".join(names)
+        message = f"the joints of {who} are in degrees: joints_rad is in radians, turn them into radians"
+        reach = max(float(np.abs(_joints(recording, name)).max()) for name in names)
+        yield Finding("angle-unit", "error", tuple(names), f"{message} (they reach {reach:.3g})")
+
+
+def _is_in_degrees(robot: Robot, recording: Recording) -> bool:
+    """Whether joints turn farther than joints do, and in degrees are where the URDF lets them be."""
+    joints = _joints(recording, robot.name)
+    if robot.chain is None or not len(joints):
+        return False
+    most = np.abs(joints).max(axis=0)
+    beyond = int(np.sum(most > _TURNS_RAD))
+    in_radians = np.radians(joints)
+    within = np.all(in_radians >= robot.chain.lower - _BEYOND_LIMIT_RAD) and np.all(
+        in_radians <= robot.chain.upper + _BEYOND_LIMIT_RAD
+    )
+    return bool(beyond >= min(2, joints.shape[1]) and within)
+
+
+def _joints(recording: Recording, robot: str) -> Array:
+    states = [s.robots[robot].joints_rad for s in recording.samples if robot in s.robots]
+    return np.array([joints for joints in states if joints is not None])
+
+
+def _millimetres(recording: Recording) -> Iterator[Finding]:
+    lengths: dict[str, list[float]] = {}
+    for sample in recording.samples:
+        for name, state in sample.robots.items():
+            if state.base_from_flange is not None:
+                lengths.setdefault(name, []).append(float(np.linalg.norm(state.base_from_flange.translation)))
+    far = {name: float(np.median(of)) for name, of in lengths.items() if np.median(of) > _TOO_FAR_M}
+    if far:
+        who = " and ".join(far)
+        message = f"the poses of {who} are in millimetres: lengths are in metres, divide them by 1000"
+        reached = f"a flange {max(far.values()):.0f} m from its base"
+        yield Finding("length-unit", "error", tuple(far), f"{message} (they tell of {reached})")
+
+
+def _of_views(recording: Recording) -> Iterator[Finding]:
+    seen = [o for s in recording.samples for o in s.observations]
+    kinds = {
+        "the observed poses": [o.camera_from_target.translation for o in seen if isinstance(o, PoseObservation)],
+        "the observed 3-D points": [o.points_in_camera.mean(0) for o in seen if isinstance(o, PointObservation)],
+    }
+    for who, places in kinds.items():
+        distance = float(np.median(np.linalg.norm(places, axis=-1))) if places else 0.0
+        if distance > _TOO_FAR_M:
+            message = f"{who} are in millimetres: lengths are in metres, divide them by 1000"
+            yield Finding("length-unit", "error", (), f"{message} (they tell of a target {distance:.0f} m away)")
+
+
+def _of_targets(cell: Cell, recording: Recording) -> Iterator[Finding]:
+    pixels = {o.target for s in recording.samples for o in s.observations if isinstance(o, PixelObservation)}
+    searched = bool(any(s.images for s in recording.samples))
+    for name, entry in cell.targets.items():
+        shape = entry.target
+        if shape is None or shape.is_point or not (name in pixels or searched):
+            continue
+        size = float(np.ptp(shape.points, axis=0).max())
+        if size > _TOO_LARGE_M:
+            message = f"the size of {name} is in millimetres: lengths are in metres, divide it by 1000"
+            yield Finding("board-size", "error", (name,), f"{message} (it is stated to be {size:.0f} m wide)")

@@ -1,0 +1,41 @@
+"""Each mistake is named first, with what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from mistakes.outcome import outcome
+from mistakes.table import MISTAKES, UNREADABLE, USAGE, Mistake
+
+# What is told at the door takes no time; what has to be fitted, or searched for in pictures, does.
+QUICK = {UNREADABLE, USAGE, "length-unit", "angle-unit", "board-size", "too-few-samples", "intrinsics"}
+
+
+def marked(mistake: Mistake) -> object:
+    marks = () if mistake.code in QUICK else (pytest.mark.slow,)
+    return pytest.param(mistake, id=mistake.name, marks=marks)
+
+
+def test_there_are_many() -> None:
+    """At least forty, each with its own name."""
+    assert len({mistake.name for mistake in MISTAKES}) == len(MISTAKES) >= 40
+
+
+@pytest.mark.parametrize("mistake", list(map(marked, MISTAKES)))
+def test_it_is_named_with_its_fix(
+    mistake: Mistake, copied: Callable[[str], Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The first sentence says what is wrong and what to do, and has the expected code.
+
+    Rows that stand twice are counted once and the answer is good: then it is said below.
+    """
+    folder = copied(mistake.cell)
+    mistake.change(folder)
+    found = outcome(mistake.words(folder), folder, capsys)
+    assert found.code == mistake.code, found.text
+    said = " ".join(found.text.split()) if found.verdict == "good" else found.first
+    assert [words for words in mistake.says if words not in said] == []
+    assert found.verdict != "good" or mistake.code in ("duplicate-samples", "dropped-sample")
