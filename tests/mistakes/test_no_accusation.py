@@ -1,0 +1,51 @@
+"""Nobody is accused of a mistake that he did not make."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from basecal.accuracy.at_the_door.repeated_views import repeated_views
+from basecal.accuracy.at_the_door.units import impossible_units
+from basecal.accuracy.verdict import calibrate
+from basecal.cell.files import read_cell, read_recording
+from basecal.simulation import simulate
+from shared.kinds import KINDS, scenario_of
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+MIX_UPS = {
+    "angle-unit", "length-unit", "board-size", "quaternion-order", "euler-order", "matrix-transposed", "mirrored",
+    "robot-pose-inverted", "target-pose-inverted", "transform-inverted", "robots-swapped", "pixels-swapped",
+    "pairing-shifted", "board-symmetry", "intrinsics", "repeated-view", "few-images",
+}  # fmt: skip
+FIRST = 900  # seed, of cells that nothing was tuned by
+SEEDS = 8  # of each of 25 kinds: 200 cells
+
+
+@pytest.mark.parametrize("kind", list(KINDS))
+def test_nothing_is_said_at_the_door(kind: str) -> None:
+    """Of two cells of each kind: no unit is another one, no view stands twice."""
+    for seed in (FIRST, FIRST + 1):
+        made = simulate(scenario_of(kind, seed), seed)
+        assert impossible_units(made.cell, made.recording) == []
+        assert repeated_views(made.cell, made.recording) == []
+
+
+@pytest.mark.parametrize("name", ["ur5e_dual", "ur5e_images", "rct_charuco"])
+def test_nothing_is_said_of_the_examples(name: str) -> None:
+    """Of recordings of real arms."""
+    cell = read_cell(EXAMPLES / name)
+    recording = read_recording(EXAMPLES / name, cell)
+    assert impossible_units(cell, recording) == []
+    assert repeated_views(cell, recording) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(FIRST, FIRST + SEEDS))
+@pytest.mark.parametrize("kind", list(KINDS))
+def test_no_mix_up_is_found_where_there_is_none(kind: str, seed: int) -> None:
+    """Of 200 cells in order, calibrated whole: 25 kinds, eight seeds each."""
+    made = simulate(scenario_of(kind, seed), seed)
+    found = calibrate(made.cell, made.recording)
+    assert [f.code for f in found.findings if f.code in MIX_UPS and f.severity != "info"] == []
