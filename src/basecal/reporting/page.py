@@ -35,6 +35,7 @@ from basecal.reporting.robots import robot_blocks
 from basecal.reporting.svg import three_digits
 from basecal.reporting.text import (
     by_weight,
+    clock_sentences,
     fit_sentences,
     lens_parameters,
     noise_sentences,
@@ -194,7 +195,7 @@ def _fit(cell: Cell, calibration: Calibration, details: FitDetails) -> dict[str,
     by_camera = {name: [each for each in seen if each.camera == name] for name in dict.fromkeys(e.camera for e in seen)}
     views = calibration.residuals.per_sample
     return {
-        "fit": [*fit_sentences(calibration), *noise_sentences(calibration)],
+        "fit": [*fit_sentences(calibration), *noise_sentences(calibration), *clock_sentences(calibration)],
         "cross_validation": list(validation_sentences(calibration)),
         "why_larger": why_held_out_errors_are_larger(calibration),
         "outliers": list(outlier_sentences(calibration)),

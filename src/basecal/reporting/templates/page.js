@@ -12,8 +12,13 @@
   for (const box of document.querySelectorAll(".copy")) {
     const button = box.querySelector("button");
     button.hidden = false;
-    button.addEventListener("click", () => {
-      button.textContent = copied(box.querySelector("pre")) ? "copied" : "selected";
+    button.addEventListener("click", async () => {
+      const pre = box.querySelector("pre");
+      let done = copied(pre);
+      if (!done && navigator.clipboard) {
+        done = await navigator.clipboard.writeText(pre.textContent).then(() => true, () => false);
+      }
+      button.textContent = done ? "copied" : "selected";
       setTimeout(() => { button.textContent = "copy"; }, 1500);
     });
   }

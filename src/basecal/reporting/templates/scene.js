@@ -194,8 +194,12 @@
     const x = Math.min((corner.x + 1) / 2 * box.clientWidth + 8, box.clientWidth - width - 2);
     let y = (1 - corner.y) / 2 * box.clientHeight + 4;
     // Below what covers it, until nothing does.
-    const covers = ([left, top, right]) => x < right && left < x + width && Math.abs(y - top) < height;
-    for (let other; (other = placed.find(covers)); ) y = other[1] + height;
+    const covers = ([left, top, right]) => x < right && left < x + width && Math.abs(y - top) < height - 0.5;
+    for (let tries = placed.length; tries > 0; tries--) {
+      const other = placed.find(covers);
+      if (!other) break;
+      y = other[1] + height;
+    }
     placed.push([x, y, x + width]);
     element.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)`;
   };
