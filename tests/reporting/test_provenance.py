@@ -35,3 +35,5 @@ def test_noise_is_stated_estimated_or_none():
     known = provenance(cell, estimated)["What was known"]
     assert known["noise of eye"] == "estimated"
     assert known["noise of hand"] == "none, taken for exact"
+    refused = provenance(cell, Calibration("refused", settings={"robot_noise": "estimated"}))
+    assert refused["What was known"]["noise of eye"] == "not estimated"

@@ -37,4 +37,6 @@ def _noise(robot: str, cell: Cell, calibration: Calibration) -> str:
     """Where the sigmas of a robot's poses come from."""
     if cell.robots[robot].noise is not None:
         return "stated"
-    return "estimated" if robot in (calibration.noise.get("robots") or {}) else "none, taken for exact"
+    if robot in (calibration.noise.get("robots") or {}):
+        return "estimated"
+    return "not estimated" if calibration.settings.get("robot_noise") == "estimated" else "none, taken for exact"

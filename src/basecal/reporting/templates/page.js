@@ -55,7 +55,7 @@
     show(index);
     const chosen = String(samples[index]);
     for (const bar of bars) bar.classList.toggle("chosen", bar.dataset.sample === chosen);
-    output.textContent = `sample ${chosen}${index === opening ? ", the worst" : ""}${labels[index] ? " · " + labels[index] : ""}`;
+    output.textContent = `sample ${chosen}${index === opening && labels[index] ? ", the worst" : ""}${labels[index] ? " · " + labels[index] : ""}`;
   };
   const nearest = (sample) => samples.reduce((best, s, i) => Math.abs(s - sample) < Math.abs(samples[best] - sample) ? i : best, 0);
   for (const bar of bars) bar.addEventListener("click", () => choose(nearest(Number(bar.dataset.sample))));

@@ -159,7 +159,7 @@
   });
   data.arms.forEach((arm, k) => {
     const joints = arm.joints ? arm.joints.flat() : [];
-    for (const pose of [...arm.flanges, ...joints, [0, 0, 0.15 * size], [0, 0, -0.1 * size]]) {
+    for (const pose of [...arm.flanges, ...joints, [0.13 * size, 0, 0], [0, 0.13 * size, 0], [0, 0, 0.15 * size], [0, 0, -0.1 * size]]) {
       if (pose) extent.push(new THREE.Vector3(...pose.slice(0, 3)).applyMatrix4(world.children[k].matrixWorld));
     }
   });
