@@ -9,7 +9,7 @@ BENCHMARKS := held_out two_arms semi_synthetic few_pictures real calibrate mutat
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help setup demo test test-slow torment lint docs bench mutants clean
+.PHONY: help setup demo test test-slow torment wheels lint docs bench mutants clean
 .NOTPARALLEL:
 
 help:
@@ -17,6 +17,7 @@ help:
 	@echo "make demo       simulate a cell, calibrate it, compare with the truth; installs the core alone"
 	@echo "make test       the fast tests;   make test-slow   the statistics"
 	@echo "make torment    damaged input, faults and hostile words, until SECONDS are over (else until Ctrl-C); SEED=0"
+	@echo "make wheels     the wheel in empty environments: the lowest versions allowed, and each Python from 3.11"
 	@echo "make lint       ruff and mypy;    make docs        the documents, in site/"
 	@echo "make mutants    which small faults in the sources the tests of their room miss"
 	@echo "make bench      benchmarks;       make clean       remove what was made"
@@ -34,6 +35,9 @@ test-slow: $(VENV)/.test
 
 torment: $(VENV)/.test
 	PYTHONPATH=.:tests $(BIN)/python -m torment.run --seed $(or $(SEED),0) $(if $(SECONDS),--seconds $(SECONDS)) $(if $(RECORD),--record)
+
+wheels:
+	.ci/wheels
 
 lint: $(VENV)/.lint
 	$(BIN)/ruff check .

@@ -29,6 +29,7 @@ GROUPS = {"readers": list(READERS), "whole": list(WHOLE)}
 _READERS_AT_ONCE = 20  # trials of a reader for each of the others, which take so much longer
 _RECORDED_AT_ONCE = {name: 500 if name in READERS else 10 for name in TRIALS}  # a few seconds
 _FIRST_RECORDED = 10_000_000  # seeds below are for tests and for looking at by hand
+_LONGEST_WHY = 300  # characters of what fell that are kept
 _MEMORY = Path("/dev/shm")  # a folder in memory, where there is one
 _LARGEST_MB = 1024  # of this process at any time: what is refused takes no more
 
@@ -62,7 +63,7 @@ def some(name: str, first: int, count: int) -> Row:
         try:
             what = tried(name, seed)
         except Fell as error:
-            what, why = "fell", str(error)
+            what, why = "fell", str(error)[:_LONGEST_WHY]
             print(f"{name}, seed {seed}: {error}", file=sys.stderr, flush=True)
         came[what] += 1
         if what in REMARKABLE:

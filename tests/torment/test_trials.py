@@ -20,6 +20,7 @@ FOUND = (
     ("samples.jsonl", 882),
     ("calibration.json", 102868),
     ("cell.yaml", 500451),
+    ("cell.yaml", 10011602),
 )
 
 

@@ -70,3 +70,11 @@ def test_own_files_are_no_links_out(tmp_path):
     (cell / "recording").symlink_to(tmp_path)
     with pytest.raises(DatasetError, match=r"samples\.jsonl: is a link that leads out of the cell"):
         own_file(cell, "recording/samples.jsonl")
+
+
+@pytest.mark.parametrize("written", ["a" * 256, "ä" * 128 + "/b.png", "a/" * 501 + "b"])
+def test_names_longer_than_any_file_has(tmp_path, written):
+    """A name that no file system takes is refused before it is asked for, and not written out in full."""
+    with pytest.raises(InputError, match=r"is longer than|has more than") as told:
+        inside(str(tmp_path))(written)
+    assert len(str(told.value)) < 200
