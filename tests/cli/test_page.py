@@ -37,6 +37,20 @@ def test_stored_run_gives_the_same_page(calibrated: Path, capsys: pytest.Capture
     assert str(calibrated.parent) not in fresh
 
 
+def test_a_page_belongs_to_its_own_run(calibrated: Path) -> None:
+    """A second calibration writes its page beside its own answer, and `report` that of the run written last."""
+    first = page_of(calibrated)
+    kept = first.read_bytes()
+    main(["calibrate", str(calibrated)])
+    second = page_of(calibrated)
+    assert second.parent != first.parent
+    main(["report", str(calibrated)])
+    assert first.read_bytes() == kept
+    for path in (first, second):
+        assert path.parent.name in path.read_text(encoding="utf-8")
+    assert first.parent.name not in second.read_text(encoding="utf-8").replace(second.parent.name, "")
+
+
 def test_changed_inputs_are_said(calibrated: Path) -> None:
     """Where a file changed after the run, the page says which and shows no residuals of single points."""
     with (calibrated / "cell.yaml").open("a") as file:

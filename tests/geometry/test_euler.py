@@ -11,7 +11,7 @@ from basecal.geometry.euler import rpy_of_rotation, zyz_of_rotation
 from basecal.geometry.se3 import rotation_exp
 
 NEAR = [0.0, 1e-12, 1e-9, 1e-8, 1e-7, 1e-4, 0.1, 1.0]
-DRAWN = Rotation.random(200, rng=np.random.default_rng(0)).as_matrix()
+DRAWN = Rotation.from_quat(np.random.default_rng(0).normal(size=(200, 4))).as_matrix()
 LOCKED = [
     np.stack([np.full(len(NEAR), 0.7), sign * (quarter - np.array(NEAR)), np.full(len(NEAR), -1.9)], -1)
     for quarter in (0.0, np.pi / 2, np.pi)

@@ -20,7 +20,7 @@ from basecal.exchange.controllers.convention import (
 from basecal.geometry import SE3
 from basecal.registry import CONTROLLERS
 
-DRAWN = Rotation.random(100, rng=np.random.default_rng(0))
+DRAWN = Rotation.from_quat(np.random.default_rng(0).normal(size=(100, 4)))
 HARD = Rotation.from_euler("ZYX", [[0.3, np.pi / 2, 0.2], [0.3, -np.pi / 2 + 1e-9, 0.2], [0, 0, 0], [np.pi, 0, 0]])
 POSES = SE3(
     np.concatenate([DRAWN.as_matrix(), HARD.as_matrix()]), np.random.default_rng(1).uniform(-2, 2, (len(DRAWN) + 4, 3))
