@@ -20,10 +20,12 @@ SKETCH, HOME = sketch_of(WORLD.cell), home(WORLD)
 
 
 def test_stations_are_as_the_paper_has_them():
-    """At each the camera stands still and the light goes to both sides of its origin along its own axes."""
+    """At each the camera looks straight at the light, and the light goes to both sides along its own axes."""
     plan = shifts.plan(SKETCH, HOME, feasible_in(SKETCH), 14)
     assert len(plan) == 14
     for station in (plan[:7], plan[7:]):
+        light = SKETCH.camera_from_target(station[0]) @ np.zeros(3)
+        assert np.linalg.norm(light[:2]) < 1e-6 * light[2]
         assert all(np.array_equal(s.robots["eye"].joints_rad, station[0].robots["eye"].joints_rad) for s in station)
         mount = SKETCH.transforms["hand_flange_from_light"]
         lights = [SKETCH.base_from_flange("hand", s.robots["hand"]) @ mount for s in station]

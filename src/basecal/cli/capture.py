@@ -14,7 +14,7 @@ from basecal.errors import InputError
 from basecal.registry import PATTERNS
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from basecal.acquisition.capture import Step
     from basecal.acquisition.rig import Rig
@@ -58,7 +58,7 @@ def capture(
         seed: Another number makes another plan.
         json: Print what was captured as JSON.
     """
-    from basecal.acquisition.capture import CaptureSettings
+    from basecal.acquisition.capture import CaptureSettings, store_plan
     from basecal.acquisition.capture import capture as captured
     from basecal.acquisition.rig import open_rig
     from basecal.cell.files import read_cell
@@ -73,13 +73,28 @@ def capture(
             if json:
                 print_json({"cell": str(cell), "planned": len(plan), "captured": [], "given_up": []})
             return 0
-        plan = _stored(sketch, cell, plan) if is_new else plan
-        steps = list[Step]() if TYPE_CHECKING else []
+        plan = store_plan(cell, sketch.cell, plan) if is_new else plan
+        steps: list[Step] = []
         for step in captured(rig, sketch, cell, plan, CaptureSettings(radians(speed_limit_deg_s))):
             steps.append(step)
             if not json:
-                _say_step(step, len(steps))
+                say_step(step, len(steps))
     return _summed_up(cell, steps, json)
+
+
+def captured_steps(folder: Path, pattern: str, samples: int, speed_deg_s: float) -> Iterator[Step]:
+    """What becomes of each sample of a pattern, while a cell is captured."""
+    from basecal.acquisition.capture import CaptureSettings, store_plan
+    from basecal.acquisition.capture import capture as captured
+    from basecal.acquisition.rig import open_rig
+    from basecal.cell.files import read_cell
+    from basecal.planning.sketch import sketch_of
+
+    sketch = sketch_of(read_cell(folder))
+    with open_rig(sketch.cell, folder) as rig:
+        plan, is_new = _plan(rig, sketch, folder, pattern, samples, seed=0)
+        plan = store_plan(folder, sketch.cell, plan) if is_new else plan
+        yield from captured(rig, sketch, folder, plan, CaptureSettings(radians(speed_deg_s)))
 
 
 def _plan(
@@ -107,12 +122,6 @@ def _plan(
     return named(pattern)(sketch, home, feasible_in(sketch), samples, seed), True
 
 
-def _stored(sketch: Sketch, folder: Path, plan: Sequence[Sample]) -> Sequence[Sample]:
-    from basecal.acquisition.capture import store_plan
-
-    return store_plan(folder, sketch.cell, plan)
-
-
 def _say_plan(rig: Rig, sketch: Sketch, plan: Sequence[Sample], is_new: bool, speed: float, go: bool) -> None:
     from basecal.acquisition.driver import Moves
 
@@ -129,7 +138,8 @@ def _say_plan(rig: Rig, sketch: Sketch, plan: Sequence[Sample], is_new: bool, sp
         sys.stdout.flush()
 
 
-def _say_step(step: Step, place: int) -> None:
+def say_step(step: Step, place: int) -> None:
+    """Print what has become of a sample."""
     sigma = "" if step.sigma is None else f"; base +-{1e3 * step.sigma[0]:.2f} mm {57.2958 * step.sigma[1]:.3f} deg"
     said = f"not taken: {step.why_not}" if step.why_not else f"taken, {100 * step.coverage.share:.0f} % of the picture"
     advice = step.coverage.advice(step.taken)

@@ -7,58 +7,87 @@ from typing import TYPE_CHECKING, Any
 
 from basecal.cli.calibrate import calibrate_folder, exit_code, show
 from basecal.cli.page import print_page_path
-from basecal.cli.simulate import refuse_existing, write_simulated
+from basecal.cli.simulate import refuse_existing
+from basecal.cli.simulated_process import simulated_process
 from basecal.cli.terminal import pasted, print_json, say
 
 if TYPE_CHECKING:
+    from basecal.cell import Cell
     from basecal.geometry import SE3, PoseEstimate
 
 _MARK = ".made-by-basecal-demo"
 _BASE = "eye_base_from_hand_base"
+_SAMPLES = {"poses": 25, "shifts": 35}  # by pattern; of shifts five stations of seven
+_SPEED_DEG_S = 120.0  # as fast as simulated arms go without a person near them
+_JOURNALS = ("samples", "plan", "given_up")
 _UNIT = {"t": (1e3, "mm"), "r": (57.29577951308232, "deg")}
 
 
-def demo(folder: Path = Path("demo_cell"), /, *, json: bool = False) -> int:
-    """Simulate two arms, calibrate, and compare with the truth.
+def demo(folder: Path = Path("demo_cell"), /, *, led: bool = False, json: bool = False) -> int:
+    """Run two simulated arms, capture, calibrate, and compare with the truth.
 
-    The robots' poses are off by 0.1 mm and 0.2 mrad per axis and stop; mounts
-    and base are unknown. The camera's images are rendered, with blur and noise,
-    and the board is found in them.
+    Two UR5e, a camera and a board run as a process of their own; the arms are
+    sent to 25 places, pictures are taken when all is still, and the board is
+    found in them. Mounts and base are unknown. With --led it is the paper's
+    sequence: from stations a light is shifted along its axes before a still
+    camera, seen on and off; its closed form and maximum likelihood stand
+    beside each other and the truth.
 
     For example:
 
         basecal demo
+        basecal demo --led
         basecal demo elsewhere --json
 
     Args:
         folder: Where to write the cell; one that an earlier demo made is written anew.
+        led: Shift a light as the paper does, instead of looking at a board.
         json: Print calibration and true error as JSON.
     """
-    from basecal.cell.files import calibration_to_dict
-    from basecal.simulation.scenario import Scenario
-    from basecal.simulation.testbed import simulate
+    from basecal.cell.files import calibration_to_dict, read_cell, read_truth
+    from basecal.estimation.settings import Settings
 
     _prepare(folder)
-    scenario = Scenario(samples=25, robot_noise=(1e-4, 2e-4), state_pixel_noise=False)
-    made = write_simulated(folder, simulate(scenario, 0), image_seed=0)
-    calibrated = calibrate_folder(folder, made.cell)
-    calibration, run = calibrated.calibration, calibrated.run
-    estimate = calibration.transforms.get(_BASE)
-    error = true_error(estimate, made.truth[_BASE]) if estimate else None
+    with simulated_process(folder, "led" if led else "charuco"):
+        _capture(folder, "shifts" if led else "poses", quiet=json)
+    cell, truth = read_cell(folder), read_truth(folder)[_BASE]
+    closed_form = _closed_form(folder, cell) if led else None
+    found = calibrate_folder(folder, cell, Settings())
+    estimate = found.calibration.transforms.get(_BASE)
+    error = true_error(estimate, truth) if estimate else None
     if json:
-        answer = calibration_to_dict(calibration)
-        print_json({"folder": str(folder), "calibration": answer, "true_error": {_BASE: error}})
+        answer = calibration_to_dict(found.calibration)
+        others = {"closed_form_error": true_error(closed_form, truth)} if closed_form else {}
+        print_json({"folder": str(folder), "calibration": answer, "true_error": {_BASE: error}, **others})
     else:
-        show(made.cell, calibration)
-        print_page_path(run)
-        say(_compared(estimate, error, folder) if estimate and error else "")
-    return exit_code(calibration)
+        show(cell, found.calibration)
+        print_page_path(found.run)
+        if closed_form:
+            say(_compared(closed_form, true_error(closed_form, truth), "the paper's closed form"))
+        say(_compared(estimate, error, "maximum likelihood" if led else _BASE) if estimate and error else "")
+        say(_next(folder))
+    return exit_code(found.calibration)
+
+
+def _closed_form(folder: Path, cell: Cell) -> PoseEstimate | None:
+    """The base by the paper's closed form; None where it finds none."""
+    from basecal.estimation.settings import Settings
+
+    return calibrate_folder(folder, cell, Settings(method="axis-shift")).calibration.transforms.get(_BASE)
+
+
+def _capture(folder: Path, pattern: str, quiet: bool) -> None:
+    from basecal.cli.capture import captured_steps, say_step
+
+    for place, step in enumerate(captured_steps(folder, pattern, _SAMPLES[pattern], _SPEED_DEG_S), start=1):
+        if not quiet:
+            say_step(step, place)
 
 
 def _prepare(folder: Path) -> None:
     """Make the folder, or clear what an earlier demo wrote there; anything else is left alone."""
     if (folder / _MARK).exists():
-        for path in ("cell.yaml", "truth.yaml", "recording/samples.jsonl"):
+        for path in ("cell.yaml", "truth.yaml", *(f"recording/{name}.jsonl" for name in _JOURNALS)):
             (folder / path).unlink(missing_ok=True)
     refuse_existing(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -84,8 +113,8 @@ def true_error(estimate: PoseEstimate, truth: SE3) -> dict[str, Any]:
     }
 
 
-def _compared(estimate: PoseEstimate, error: dict[str, Any], folder: Path) -> str:
-    lines = ["", f"{_BASE} against the truth, along x y z of hand_base:"]
+def _compared(estimate: PoseEstimate, error: dict[str, Any], what: str) -> str:
+    lines = ["", f"{what} against the truth, along x y z of hand_base:"]
     for half, sigma in (("t", estimate.sigma_t), ("r", estimate.sigma_r)):
         scale, unit = _UNIT[half]
         off = error["t_m" if half == "t" else "r_rad"]
@@ -94,11 +123,15 @@ def _compared(estimate: PoseEstimate, error: dict[str, Any], folder: Path) -> st
         lines.append(f"  in sigmas  {_three(value / one for value, one in zip(off, sigma, strict=True))}")
     lines += [
         f"  all six together: {error['squared_sigmas']:.1f} squared sigmas; 6 is the mean, 16.8 is passed once in 100",
-        "",
-        f"next: look into {folder / 'cell.yaml'}; basecal report {pasted(folder)}; "
-        "for your own robots: basecal new mycell",
     ]
     return "\n".join(lines)
+
+
+def _next(folder: Path) -> str:
+    return (
+        f"\nnext: look into {folder / 'cell.yaml'}; basecal report {pasted(folder)}; "
+        "for your own robots: basecal new mycell"
+    )
 
 
 def _three(values: Any) -> str:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
 import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
@@ -15,6 +18,9 @@ from basecal.registry import TargetKindName
 if TYPE_CHECKING:
     from basecal.simulation.running.faults import Faults
     from basecal.simulation.running.world import World
+
+
+_PATIENCE_S = 10.0  # for a process to end, which may be drawing a picture
 
 
 def run_process(
@@ -43,6 +49,30 @@ def run_process(
             server.rest()
             (folder / ADDRESS_FILE).unlink(missing_ok=True)
     return 0
+
+
+@contextmanager
+def simulated_process(folder: Path, target: str, seed: int = 0, faults: Sequence[str] = ()) -> Iterator[None]:
+    """A cell that runs in a process of its own while this lasts, whose time goes on as somebody waits.
+
+    Raises:
+        InputError: if it does not begin to run.
+    """
+    words = [sys.executable, "-m", "basecal", "simulate", str(folder), "--process", "--json", "--until-eof"]
+    words += ["--speed", "0", "--target", target, "--seed", str(seed), *(f"--fault={fault}" for fault in faults)]
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        try:
+            if not process.stdout.readline():
+                raise InputError(f"the simulated cell in {folder} did not begin to run")
+            yield
+        finally:
+            process.stdin.close()
+            try:
+                process.wait(_PATIENCE_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
 
 
 def _world(folder: Path, target: str, seed: int, faults: Faults) -> World:

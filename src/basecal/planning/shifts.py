@@ -1,8 +1,8 @@
 """Programmed shifts: from stations over the workspace, the target is shifted along its axes before a still camera.
 
 Source: "Base Calibration for Dual Robot System", section 2: the shifts (2.2), and that they are done several times at
-different positions (2.4). We differ: shifts to both sides, of which what the closed form neglects is
-of second order, and a length that weighs it against the noise of pixels.
+different positions (2.4). We differ: the camera looks straight at the light, shifts go to both sides, so that what the
+closed form neglects is of second order, and their length weighs it against the noise of pixels.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from basecal.planning.sketch import Sketch
 
 _ASSUMED_PX = 0.1  # [px] of a light's centre where the cell states no noise: that of a fitted spot
 _DIRECTIONS = np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
+_NO_TURN = 1e-12  # sine of an angle that is none
 _TRIES = 40  # stations that are looked at for each that is wanted
 
 
@@ -45,13 +46,40 @@ def plan(
     wanted = max(1, -(-samples // len(_DIRECTIONS)))
     found: list[list[Sample]] = []
     for tried in range(_TRIES):
-        for candidate in poses.plan(sketch, home, feasible, wanted, seed + tried):
-            station = station_at(sketch, candidate, shift_length(sketch, candidate))
+        for drawn in poses.plan(sketch, home, feasible, wanted, seed + tried):
+            candidate = aimed(sketch, drawn)
+            station = None if candidate is None else station_at(sketch, candidate, shift_length(sketch, candidate))
             if station is not None and all(feasible(sample) for sample in station):
                 found.append(station)
             if len(found) == wanted:
                 return [Sample(k, robots=each.robots) for k, each in enumerate(s for station in found for s in station)]
     raise InputError(f"only {len(found)} of {wanted} stations can be shifted from: begin farther from the arms' limits")
+
+
+def aimed(sketch: Sketch, sample: Sample) -> Sample | None:
+    """The sample with its camera turned towards the target; None where the arm does not reach, or nobody carries it.
+
+    The closed form takes the camera's axis for the ray to the light: what it neglects grows with the angle between
+    them, however short the shifts are.
+    """
+    eye = sketch.camera.on
+    if eye not in sketch.cell.robots:
+        return sample
+    at = sketch.camera_from_target(sample) @ _centre(sketch)
+    ahead, ray = np.array([0.0, 0.0, 1.0]), at / np.linalg.norm(at)
+    across = np.cross(ahead, ray)
+    sine = float(np.linalg.norm(across))
+    turn = np.arctan2(sine, float(ray[2])) / max(sine, _NO_TURN) * across
+    flange_from_camera = sketch.transforms[sketch.cell.mount_name(sketch.camera.name)]
+    base_from_camera = sketch.base_from_flange(eye, sample.robots[eye]) @ flange_from_camera
+    turned = base_from_camera @ SE3.from_rotvec(turn, np.zeros(3)) @ flange_from_camera.inverse()
+    state = state_at(sketch.cell.robots[eye], turned, sample.robots[eye])
+    return None if state is None else Sample(sample.sample, robots={**sample.robots, eye: state})
+
+
+def _centre(sketch: Sketch) -> Array:
+    shape = sketch.target.target
+    return np.zeros(3) if shape is None else np.asarray(shape.points.mean(0))
 
 
 def station_at(sketch: Sketch, origin: Sample, length_m: float) -> list[Sample] | None:
