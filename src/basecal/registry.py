@@ -70,6 +70,7 @@ IMPORTS = (
     "images",
     "poses",
     "joints",
+    "lerobot",
     "pixels",
     "easy-handeye",
     "moveit-samples",

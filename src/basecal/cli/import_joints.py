@@ -3,15 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
-from cyclopts import CycloptsError
-
-from basecal.cli.imported import finish_import, robot_entry
-from basecal.errors import InputError
-
-if TYPE_CHECKING:
-    from basecal.kinematics import SerialChain
+from basecal.cli.imported import finish_import
+from basecal.cli.joint_model import joint_model
 
 
 def import_joints(
@@ -51,37 +45,8 @@ def import_joints(
     from basecal.exchange.importing.imported import Imported
     from basecal.exchange.joints import read_joints
 
-    links = (urdf, base_link, flange_link)
-    if any(each is not None for each in links) and None in links:
-        raise CycloptsError(msg="--urdf, --base-link and --flange-link go together: give all three")
-    if urdf is not None and base_link is not None and flange_link is not None:
-        chain, entry, files = _new_model(cell, robot, urdf, base_link, flange_link)
-    else:
-        chain, entry, files = _known_model(cell, robot), {}, {}
+    chain, entry, files = joint_model(cell, robot, urdf, base_link, flange_link)
     rows = read_joints(file, robot, chain, deg)
     what = f"{len(rows)} x {chain.n} joints of {robot!r} in {'deg' if deg else 'rad'}: {', '.join(chain.joint_names)}"
     imported = Imported(file, what, rows, entry, files=files)
     return finish_import(cell, imported, advice="check --deg, the order of the joints and the URDF")
-
-
-def _new_model(
-    cell: Path, robot: str, urdf: Path, base_link: str, flange_link: str
-) -> tuple[SerialChain, dict[str, Any], dict[str, Path]]:
-    """The chain of a URDF, the robot's entry in `cell.yaml` and where the file goes."""
-    from basecal.kinematics import read_chain
-
-    chain = read_chain(urdf, base_link, flange_link)
-    entry = robot_entry(cell, robot)
-    entry["robots"] = {robot: {"urdf": urdf.name, "base_link": base_link, "flange_link": flange_link}}
-    return chain, entry, {urdf.name: urdf}
-
-
-def _known_model(cell: Path, robot: str) -> SerialChain:
-    from basecal.cell.files import read_cell
-
-    robots = read_cell(cell).robots if (cell / "cell.yaml").exists() else {}
-    chain = robots[robot].chain if robot in robots else None
-    if chain is None:
-        give = "give --urdf FILE --base-link LINK --flange-link LINK"
-        raise InputError(f"{cell} has no URDF of {robot!r}, which joints need: {give}")
-    return chain

@@ -1,0 +1,65 @@
+"""`basecal import lerobot`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import CycloptsError, Parameter, validators
+
+from basecal.cli.imported import finish_import
+from basecal.cli.joint_model import joint_model
+
+
+def import_lerobot(
+    cell: Path,
+    folder: Path,
+    /,
+    *,
+    robot: str,
+    unit: Literal["deg", "rad", "normalised"],
+    episode: Annotated[int, Parameter(validator=validators.Number(gte=0))] = 0,
+    every_s: Annotated[float, Parameter(validator=validators.Number(gte=0))] = 1.0,
+    calibration: Path | None = None,
+    urdf: Path | None = None,
+    base_link: str | None = None,
+    flange_link: str | None = None,
+) -> int:
+    """Import a robot's joints from an episode that LeRobot recorded (v2 or v3).
+
+    The gripper is left out, the other motors are found by the names of the
+    URDF's joints, or taken in order. Samples that have times are paired by time;
+    where nothing is recorded a frame a second makes a sample. Values are degrees
+    (`use_degrees=true`), or normalised to -100 to 100, which needs the arm's
+    calibration file. Films are not read: save their frames under their times,
+    and import them by `basecal import images --by time`.
+
+    For example:
+
+        basecal import lerobot mycell my_dataset --robot left --unit deg \\
+            --urdf so101.urdf --base-link base_link --flange-link gripper_link
+
+    Args:
+        cell: Folder of the cell.
+        folder: Folder of the dataset, with meta/ and data/ in it.
+        robot: Name of the robot.
+        unit: What the joints are in.
+        episode: Which episode.
+        every_s: Time between frames that are taken [s]; 0 for all.
+        calibration: LeRobot's calibration file of the arm, for normalised values.
+        urdf: The robot's URDF, where the cell has none of it.
+        base_link: Link of that URDF that the robot stands on.
+        flange_link: Link of that URDF that is the flange.
+    """
+    from basecal.exchange.importing.imported import Imported
+    from basecal.exchange.lerobot import joint_rows, read_episode, read_motor_ranges
+
+    if calibration is not None and unit != "normalised":
+        raise CycloptsError(msg="--calibration belongs to --unit normalised")
+    chain, entry, files = joint_model(cell, robot, urdf, base_link, flange_link)
+    ranges = None if calibration is None else read_motor_ranges(calibration)
+    recorded = read_episode(folder, episode)
+    rows = joint_rows(recorded, robot, chain, unit, ranges, every_s)
+    what = f"{len(rows)} of {len(recorded.stamps_s)} frames of episode {episode}: joints of {robot!r} in {unit}"
+    advice = "check --unit, the calibration and the URDF"
+    return finish_import(cell, Imported(str(folder), what, rows, entry, files=files), advice=advice)

@@ -1,0 +1,103 @@
+"""LeRobot's recordings, laid out as its documents say."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from basecal.errors import DatasetError, InputError
+from basecal.exchange.lerobot import joint_rows, read_episode, read_motor_ranges
+from basecal.kinematics import SerialChain
+
+pyarrow = pytest.importorskip("pyarrow")
+parquet = pytest.importorskip("pyarrow.parquet")
+
+DEGREES = np.array([[0, -90, 90, 10, -20, 30, 40.0], [5, -80, 80, 12, -22, 33, 41], [9, -70, 70, 14, -24, 36, 42]])
+
+
+def dataset(folder: Path, names: object, layout: str = "data/chunk-000/episode_{0:06d}.parquet") -> Path:
+    """Two episodes of three frames, half a second apart; the second one's first motor is 1 higher."""
+    (folder / "meta").mkdir(parents=True)
+    info = {"codebase_version": "v2.1", "fps": 2, "features": {"observation.state": {"shape": [7], "names": names}}}
+    (folder / "meta" / "info.json").write_text(json.dumps(info))
+    tables: dict[Path, list[dict[str, object]]] = {}
+    for episode in (0, 1):
+        for frame, row in enumerate(DEGREES + episode * np.eye(7)[0]):
+            state = {"observation.state": [float(v) for v in row], "timestamp": frame / 2, "frame_index": frame}
+            tables.setdefault(folder / layout.format(episode), []).append({**state, "episode_index": episode})
+    for path, rows in tables.items():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        parquet.write_table(pyarrow.Table.from_pylist(rows), path)
+    return folder
+
+
+def names_of(chain: SerialChain) -> list[str]:
+    return [*(f"{name}.pos" for name in chain.joint_names), "gripper.pos"]
+
+
+@pytest.mark.parametrize("layout", ["data/chunk-000/episode_{0:06d}.parquet", "data/chunk-000/file-000.parquet"])
+@pytest.mark.parametrize("motors", [False, True])
+def test_degrees_of_an_episode(tmp_path: Path, arm: SerialChain, layout: str, motors: bool) -> None:
+    """A file for each episode (v2.1) or one for all (v3.0), names as a list or by motors; the gripper is left out."""
+    names: object = {"motors": names_of(arm)} if motors else names_of(arm)
+    for number in (0, 1):
+        episode = read_episode(dataset(tmp_path / f"d{number}", names, layout), number)
+        rows = joint_rows(episode, "left", arm, "deg", None, 0.0)
+        joints = np.array([row.robots["left"].joints_rad for row in rows])
+        np.testing.assert_allclose(np.degrees(joints), DEGREES[:, :6] + number * np.eye(6)[0], atol=1e-9)
+        assert [row.stamp_s for row in rows] == [0, 0.5, 1]
+
+
+def test_joints_by_name_or_in_order(tmp_path: Path, arm: SerialChain) -> None:
+    """By name in any order; where names differ in theirs; where neither fits it is said."""
+    names = names_of(arm)
+    turned = read_episode(dataset(tmp_path / "a", [*names[1:6], names[6], names[0]]), 0)
+    first = joint_rows(turned, "left", arm, "deg", None, 0.0)[0].robots["left"].joints_rad
+    np.testing.assert_allclose(np.degrees(first), DEGREES[0, [6, 0, 1, 2, 3, 4]])
+    other = read_episode(dataset(tmp_path / "b", ["gripper", *"abcdef"]), 0)
+    first = joint_rows(other, "left", arm, "deg", None, 0.0)[0].robots["left"].joints_rad
+    np.testing.assert_allclose(np.degrees(first), DEGREES[0, 1:])
+    with pytest.raises(InputError, match="motors a, b, c, d, e, f, g, the URDF has the joints"):
+        joint_rows(read_episode(dataset(tmp_path / "c", list("abcdefg")), 0), "left", arm, "deg", None, 0.0)
+
+
+def test_normalised_by_the_range(tmp_path: Path, arm: SerialChain) -> None:
+    """-100 to 100 is a motor's range about its middle, 4095 ticks a turn, turned round by its drive mode."""
+    episode = read_episode(dataset(tmp_path / "d", names_of(arm)), 0)
+    motor = {"id": 1, "drive_mode": 0, "homing_offset": 12, "range_min": 1024, "range_max": 3072}
+    motors = {name: motor | {"drive_mode": int(i == 1)} for i, name in enumerate(arm.joint_names)}
+    (tmp_path / "arm.json").write_text(json.dumps(motors))
+    ranges = read_motor_ranges(tmp_path / "arm.json")
+    first = joint_rows(episode, "left", arm, "normalised", ranges, 0.0)[0].robots["left"].joints_rad
+    assert first is not None
+    # lerobot: norm = (ticks - min) / (max - min) * 200 - 100, degrees = (ticks - middle) * 360 / 4095.
+    ticks = (np.array([0, 90, 90, 10, -20, 30]) + 100) / 200 * 2048 + 1024
+    np.testing.assert_allclose(np.degrees(first), (ticks - 2048) * 360 / 4095, atol=1e-9)
+    with pytest.raises(InputError, match="give --calibration"):
+        joint_rows(episode, "left", arm, "normalised", None, 0.0)
+
+
+def test_a_frame_every_so_often(tmp_path: Path, arm: SerialChain) -> None:
+    """Frames in between are passed over."""
+    episode = read_episode(dataset(tmp_path / "d", names_of(arm)), 0)
+    assert [row.stamp_s for row in joint_rows(episode, "left", arm, "deg", None, 1.0)] == [0, 1]
+
+
+def test_what_is_no_dataset_is_said(tmp_path: Path) -> None:
+    """An episode that is not there, a folder without its info, a table without its columns, and a calibration."""
+    with pytest.raises(DatasetError, match="has no episode 7; there are: 0, 1"):
+        read_episode(dataset(tmp_path / "a", list("abcdefg")), 7)
+    with pytest.raises(DatasetError, match=r"info.json: cannot be read"):
+        read_episode(tmp_path, 0)
+    folder = dataset(tmp_path / "b", list("abcdefg"))
+    (folder / "data" / "chunk-000" / "episode_000000.parquet").write_bytes(b"PAR1 and no more")
+    with pytest.raises(DatasetError, match="not a table of LeRobot"):
+        read_episode(folder, 0)
+    with pytest.raises(DatasetError, match="expected 6 finite numbers"):
+        read_episode(dataset(tmp_path / "c", list("abcdef")), 0)
+    (tmp_path / "x.json").write_text('{"a": {"range_min": 5, "range_max": 5, "drive_mode": 0}}')
+    with pytest.raises(DatasetError, match="a: range_min and range_max"):
+        read_motor_ranges(tmp_path / "x.json")
