@@ -468,7 +468,7 @@ _PICTURES = [
         "board",
         in_cell(lambda c: _halved(c["cameras"]["wrist"]["intrinsics"])),
         "intrinsics",
-        ("wrist", "640 x 360", "1280 x 720"),
+        ("wrist", "looks like that of images of about", "1280 x 720"),
     ),
     Mistake(
         "lens and size of another resolution",
