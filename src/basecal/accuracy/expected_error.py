@@ -93,7 +93,7 @@ def length_quantile(covariance: Array, level: float = LEVEL) -> float:
     if variances[-1] <= 0:
         return 0.0
     largest = float(np.sqrt(variances[-1]))
-    stretched = np.sqrt(_sphere(_DIRECTIONS) ** 2 @ (variances / variances[-1]))
+    stretched = np.sqrt(sphere(_DIRECTIONS) ** 2 @ (variances / variances[-1]))
 
     def excess(length: float) -> float:
         """Its probability beyond the level."""
@@ -103,7 +103,7 @@ def length_quantile(covariance: Array, level: float = LEVEL) -> float:
     return largest * float(brentq(excess, 1.0, 4.0))
 
 
-def _sphere(count: int) -> Array:
+def sphere(count: int) -> Array:
     """Directions spread evenly, (count, 3). Source: Gonzalez 2010, the Fibonacci lattice."""
     k = np.arange(count) + 0.5
     z, turn = 1 - 2 * k / count, np.pi * (1 + 5**0.5) * k

@@ -10,7 +10,7 @@ import numpy as np
 from basecal.accuracy.robot_parameters import kinematics_of
 from basecal.cell import Calibration, Cell, Recording
 from basecal.estimation.least_squares.normal_equations import linearise, retract
-from basecal.estimation.noise.robot_noise import with_robot_noise
+from basecal.estimation.noise.robot_noise import with_robot_noise, without_errors
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.correspondence import choose_correspondence
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
@@ -43,19 +43,36 @@ def fitted_again(cell: Cell, recording: Recording, calibration: Calibration) -> 
     Raises:
         InputError: if the cell contradicts the recording.
     """
-    problem, _ = build_problem(cell, recording)
-    transforms, cameras = calibration.known_transforms(cell), _known_lenses(problem, calibration)
-    groups = [g for g in problem.groups if _is_known(g, transforms, cameras)]
-    noise = Noise(**{field: calibration.noise[field] for field in Noise._fields if calibration.noise.get(field)})
-    problem = replace(problem, columns={}, groups=tuple(groups)).with_noise(noise)
-    estimated = {name: of for name, of in calibration.noise.get("robots", {}).items() if name in problem.unstated}
+    known = known_views(cell, recording, calibration)
+    estimated = {n: of for n, of in calibration.noise.get("robots", {}).items() if n in known.problem.unstated}
     sigmas = {name: np.array([*of["sigma_t_m"], *of["sigma_r_rad"]]) for name, of in estimated.items()}
-    problem = with_robot_noise(problem, sigmas)
-    state = State(transforms, cameras, np.zeros((len(problem.stops), 6)), kinematics_of(cell, calibration))
+    problem = with_robot_noise(known.problem, sigmas)
+    state = without_errors(problem, known.state)
     problem, _ = choose_correspondence(problem, state)
     for _ in range(_STOP_ROUNDS if len(problem.stops) else 0):
         state = retract(problem, state, linearise(problem, state), np.zeros(0))
     return FittedAgain(problem, state)
+
+
+def known_views(cell: Cell, recording: Recording, calibration: Calibration) -> FittedAgain:
+    """The views whose transforms and lens a calibration knows, by the noise that it found; no stop has an error.
+
+    Raises:
+        InputError: if the cell contradicts the recording.
+    """
+    problem, _ = build_problem(cell, recording)
+    transforms, cameras = calibration.known_transforms(cell), _known_lenses(problem, calibration)
+    groups = [_with_noise(g, calibration) for g in problem.groups if _is_known(g, transforms, cameras)]
+    problem = replace(problem, columns={}, groups=tuple(groups))
+    state = State(transforms, cameras, np.zeros((0, 6)), kinematics_of(cell, calibration))
+    return FittedAgain(problem, without_errors(problem, state))
+
+
+def _with_noise(group: ViewGroup, calibration: Calibration) -> ViewGroup:
+    """A group with the sigmas that its camera's noise was found to have."""
+    of_camera = calibration.noise.get("cameras", {}).get(group.camera, {})
+    known = {field: of_camera.get(field) or calibration.noise.get(field) for field in Noise._fields}
+    return group.with_noise(Noise(**{field: sigma for field, sigma in known.items() if sigma}))
 
 
 def _known_lenses(problem: Problem, calibration: Calibration) -> dict[str, Camera]:

@@ -31,13 +31,13 @@ def modes(problem: Problem, robot: str) -> Array:
     if stops_made(problem, robot) < _FEWEST_STOPS:
         return np.zeros((len(poses), 0))
     few = poses[np.flatnonzero(seen)[:: -(-int(seen.sum()) // _MOST_STOPS)]]
-    of = spectrum(_kernel(few, few), _LEAST_MODE)
-    return np.asarray(_kernel(poses, few) @ of.inverse_root[:, of.held][:, -_MOST_MODES:])
+    of = spectrum(kernel(few, few), _LEAST_MODE)
+    return np.asarray(kernel(poses, few) @ of.inverse_root[:, of.held][:, -_MOST_MODES:])
 
 
-def _kernel(first: SE3, second: SE3) -> Array:
+def kernel(first: SE3, second: SE3) -> Array:
+    """How alike errors are at poses of a flange, (n,) and (m,) to (n, m): 1 at the same."""
     apart = first.translation[:, None] - second.translation[None]
     turn = rotation_log(np.swapaxes(first.rotation, -1, -2)[:, None] @ second.rotation[None])
     squared = np.sum(apart**2, -1) + _ARM_M**2 * np.sum(turn**2, -1)
-    kernel: Array = np.exp(-0.5 * squared / LENGTH_M**2)
-    return kernel
+    return np.asarray(np.exp(-0.5 * squared / LENGTH_M**2))

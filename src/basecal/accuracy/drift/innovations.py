@@ -1,0 +1,181 @@
+"""How far new views are from where a calibration predicts them, and how far they may be.
+
+Each view tells of the tangent of its `camera_from_target` as much as its information H = S S': times S' that is a
+number of unit variance for each column.
+which stops have in common, and which are alike at poses near one another where that was found.
+Source: docs/mathematics.md (13.1).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from basecal.accuracy.residuals.fitted_again import known_views
+from basecal.accuracy.systematic_errors.situation import Situation
+from basecal.cell import Calibration, Cell, Recording
+from basecal.estimation.least_squares.normal_equations import linearise
+from basecal.estimation.noise.robot_noise import without_errors
+from basecal.estimation.noise.terms.smooth import kernel
+from basecal.estimation.problem.build import recorded_by_joints
+from basecal.estimation.problem.correspondence import choose_correspondence
+from basecal.estimation.problem.problem import Stops, ViewGroup
+from basecal.geometry import SE3, Array, IntArray
+from basecal.numerics.batch import concatenate
+from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
+
+MOST_VIEWS = 300  # that are compared, spread evenly: their covariance has six rows each
+
+
+@dataclass(frozen=True, eq=False)
+class Innovations:
+    """New views as a calibration sees them, of all groups one after another, n in all.
+
+    Attributes:
+        situation: The problem at the calibration's transforms.
+        root: (n, 6, 6) S of each view's information S S'.
+        off: (6 n,) S' times the tangent by which each view is off its prediction, of unit variance but for predictions.
+        predicted: (6 n, 6 n) covariance of that by the predictions.
+        sample: (n,) numbers of the samples.
+    """
+
+    situation: Situation
+    root: Array
+    off: Array
+    predicted: Array
+    sample: IntArray
+
+    @cached_property
+    def covariance_inverse(self) -> Array:
+        """(6 n, 6 n) inverse of the covariance of `off`."""
+        return np.asarray(np.linalg.inv(np.eye(len(self.off)) + self.predicted), dtype=np.float64)
+
+    def of(self, tangents: Array) -> Array:
+        """What tangents of the views, (n, 6, k), do to `off`, (6 n, k)."""
+        return np.asarray((np.swapaxes(self.root, -1, -2) @ tangents).reshape(len(self.off), -1))
+
+    @property
+    def robots(self) -> tuple[str, ...]:
+        """Names of the robots that carry what saw or was seen."""
+        groups = self.situation.problem.groups
+        return tuple(sorted({robot for g in groups for robot in (g.eye, g.hand) if robot is not None}))
+
+    def by_frame(self, name: str) -> Array:
+        """How views go with a right tangent of a transform, (n, 6, 6)."""
+        parts = [self.situation.by_frame(k, name) for k in range(len(self.situation.problem.groups))]
+        return np.concatenate([np.zeros((0, 6, 6)), *parts])
+
+    def by_flange(self, robot: str) -> Array:
+        """How views go with a right tangent of a robot's flange, (n, 6, 6)."""
+        parts = [self.situation.by_flange(k, robot) for k in range(len(self.situation.problem.groups))]
+        return np.concatenate([np.zeros((0, 6, 6)), *parts])
+
+    def by_joints(self, robot: str) -> Array:
+        """How views go with the joints of a robot, (n, 6, joints); none where they were not recorded."""
+        chain = self.situation.problem.chains.get(robot)
+        groups = self.situation.problem.groups
+        if chain is None or not recorded_by_joints(self.situation.problem, robot):
+            return np.zeros((len(self.sample), 6, 0))
+        joints = [g.eye_joints if g.eye == robot else g.hand_joints if g.hand == robot else None for g in groups]
+        each = [
+            np.zeros((len(g), 6, chain.n)) if q is None else chain.jacobian(q)
+            for g, q in zip(groups, joints, strict=True)
+        ]
+        return self.by_flange(robot) @ np.concatenate(each)
+
+    def stands(self, robot: str) -> tuple[SE3, IntArray]:
+        """Recorded poses of a robot's flange in all views, (n,), and the numbers of its stops, -1 where it has none."""
+        groups = self.situation.problem.groups
+        poses = [self.situation.recorded_pose(k, robot) for k in range(len(groups))]
+        stops = [g.eye_stand if g.eye == robot else g.hand_stand if g.hand == robot else _none(g) for g in groups]
+        return concatenate(poses), np.concatenate(stops)
+
+    def without(self, sample: int) -> Innovations:
+        """The same without a sample."""
+        kept = self.sample != sample
+        rows = np.repeat(kept, 6)
+        groups, at = [], 0
+        for group in self.situation.problem.groups:
+            groups.append(group.take(np.flatnonzero(kept[at : at + len(group)])))
+            at += len(group)
+        situation = replace(self.situation, problem=self.situation.problem.with_groups(groups))
+        predicted = self.predicted[np.ix_(rows, rows)]
+        return Innovations(situation, self.root[kept], self.off[rows], predicted, self.sample[kept])
+
+
+def innovations(cell: Cell, calibration: Calibration, recording: Recording) -> Innovations:
+    """New samples against a calibration; views whose transforms it does not know are left out.
+
+    Args:
+        cell: What was calibrated.
+        calibration: What came out.
+        recording: The new samples.
+
+    Raises:
+        InputError: if the cell contradicts the recording.
+    """
+    situation = _at(cell, calibration, recording)
+    groups = situation.problem.groups
+    root, off = [np.zeros((0, 6, 6))], [np.zeros((0, 6))]
+    for views in linearise(situation.problem, situation.state).views:
+        of = spectrum(views.information[:, :6, :6], VIEW_ROUNDING)
+        root.append(of.root)
+        off.append(-(np.swapaxes(of.inverse_root, -1, -2) @ views.gradient[:, :6, None])[..., 0])
+    sample = np.concatenate([np.zeros(0, dtype=np.int64), *(group.sample for group in groups)])
+    flat = np.concatenate(off).ravel()
+    exact = Innovations(situation, np.concatenate(root), flat, np.zeros((len(flat), len(flat))), sample)
+    predicted = _of_transforms(exact, calibration) + _of_robots(exact, calibration)
+    return replace(exact, predicted=predicted)
+
+
+def _at(cell: Cell, calibration: Calibration, recording: Recording) -> Situation:
+    """The views that a calibration predicts, at its transforms, robots taken for exact."""
+    known = known_views(cell, recording, calibration)
+    every = max(-(-sum(map(len, known.problem.groups)) // MOST_VIEWS), 1)
+    few = [_exact(group.take(np.arange(0, len(group), every))) for group in known.problem.groups]
+    problem = replace(known.problem, groups=tuple(few), stops=Stops(np.zeros((0, 6))))
+    state = without_errors(problem, known.state)
+    problem, _ = choose_correspondence(problem, state)
+    return Situation(problem, state, problem, {})
+
+
+def _none(group: ViewGroup) -> IntArray:
+    """No stop in any view of a group."""
+    return np.full(len(group), -1, dtype=np.int64)
+
+
+def _exact(group: ViewGroup) -> ViewGroup:
+    return replace(group, eye_stop=_none(group), hand_stop=_none(group))
+
+
+def _of_transforms(of: Innovations, calibration: Calibration) -> Array:
+    """What the covariance of the calibration's transforms leaves open."""
+    if calibration.joint_covariance is None or not calibration.order:
+        return np.zeros(of.predicted.shape)
+    moves = [of.of(of.by_frame(name)) for name in calibration.order]
+    by_transforms = np.concatenate(moves, axis=-1)
+    return np.asarray(by_transforms @ calibration.joint_covariance @ by_transforms.T)
+
+
+def _of_robots(of: Innovations, calibration: Calibration) -> Array:
+    """What the errors of the robots' poses leave open."""
+    out = np.zeros(of.predicted.shape)
+    for robot in of.robots:
+        known = calibration.noise.get("robots", {}).get(robot, {})
+        by_flange = of.by_flange(robot)
+        poses, stand = of.stands(robot)
+        parts = [(_sigmas(known), stand[:, None] == stand[None])]
+        parts += [(np.array(known["smooth"]["sigma"]), kernel(poses, poses))] if "smooth" in known else []
+        for sigma, alike in parts:
+            each = np.swapaxes(of.root, -1, -2) @ (by_flange * sigma)
+            out += np.einsum("iar,ij,jbr->iajb", each, alike, each).reshape(out.shape)
+    return out
+
+
+def _sigmas(known: Mapping[str, Any]) -> Array:
+    """Of a robot's pose [m, rad], (6,); zeros where nothing is known."""
+    return np.array([*known["sigma_t_m"], *known["sigma_r_rad"]]) if known else np.zeros(6)

@@ -1,0 +1,115 @@
+"""Whether one thing has moved since a calibration, by how much, and how small a shift would be seen.
+
+With y the innovations, V their covariance and E how they go with a shift t of the thing, the best t is
+(E'V^-1 E)^+ E'V^-1 y, and t' (E'V^-1 E) t is chi-square where nothing moved, noncentral by the true shift where it did.
+Source: docs/mathematics.md (13.2), (13.3).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.special import chdtri
+from scipy.stats import chi2, ncx2
+
+from basecal.accuracy.drift.innovations import Innovations
+from basecal.accuracy.expected_error import sphere
+from basecal.geometry import Array
+from basecal.numerics.spectral import spectrum
+
+_HIDDEN = 1e-6  # share of its information in any one coordinate below which a direction of a shift is not seen
+_DIRECTIONS = 100  # over which the chance to see a shift is averaged, to a thousandth
+_LARGEST_M = 10.0  # a shift that no cell has [m]: what is not seen then is not seen at all
+
+
+@dataclass(frozen=True, eq=False)
+class Shift:
+    """What new views say of one thing that may have moved.
+
+    Attributes:
+        frame: What moved: a base, a camera, a target, or the flange of a robot whose joint's zero did.
+        transform: The transform that is no longer true; empty for a joint.
+        joint: Number of the joint whose zero moved, from 0; None for a frame.
+        size: (k,) the best shift, a right tangent of the transform [m, rad], or the joint's [rad].
+        covariance: (k, k); directions that are not seen hold nothing.
+        information: (k, k) of the shift.
+        statistic: Chi-square where it did not move.
+        freedoms: Of that; directions in which the views would see it.
+    """
+
+    frame: str
+    transform: str
+    joint: int | None
+    size: Array
+    covariance: Array
+    information: Array
+    statistic: float
+    freedoms: int
+
+    @property
+    def log_chance(self) -> float:
+        """Logarithm of the chance of a statistic so large where it did not move."""
+        return float(chi2.logsf(self.statistic, self.freedoms)) if self.freedoms else 0.0
+
+    @property
+    def shift_m(self) -> float:
+        """By how far its origin moved [m]; 0 of a joint."""
+        return 0.0 if self.joint is not None else float(np.linalg.norm(self.size[:3]))
+
+    @property
+    def shift_rad(self) -> float:
+        """By how much it turned [rad]."""
+        return float(np.linalg.norm(self.size[3:] if self.joint is None else self.size))
+
+
+def frame_shifts(of: Innovations) -> Iterator[Shift]:
+    """Each base, camera and target that views depend on."""
+    for name in of.situation.frames:
+        frame = name.partition("_from_")[2]
+        yield _shift(of, frame, name, None, of.by_frame(name))
+
+
+def joint_shifts(of: Innovations) -> Iterator[Shift]:
+    """The zero of each joint of the robots that were recorded by joints."""
+    for robot in of.robots:
+        by_joints = of.by_joints(robot)
+        for joint in range(by_joints.shape[-1]):
+            yield _shift(of, f"{robot}_flange", "", joint, by_joints[..., joint : joint + 1])
+
+
+def _shift(of: Innovations, frame: str, transform: str, joint: int | None, moves: Array) -> Shift:
+    by_shift = of.of(moves)
+    weighed = by_shift.T @ of.covariance_inverse
+    information = weighed @ by_shift
+    seen = spectrum(0.5 * (information + information.T), _HIDDEN)
+    size = seen.inverse @ (weighed @ of.off)
+    return Shift(
+        frame, transform, joint, size, seen.inverse, information, float(size @ information @ size), int(seen.rank)
+    )
+
+
+def detectable_m(shift: Shift, level: float, power: float) -> float | None:
+    """The length of a shift of a frame, alike likely in every direction, that is seen with a chance of `power` [m].
+
+    Args:
+        shift: Of the frame.
+        level: Chance by which one is seen where there is none.
+        power: That chance.
+
+    Returns:
+        None where no shift that a cell may have is seen so.
+    """
+    along = sphere(_DIRECTIONS)
+    visible = np.maximum(np.einsum("di,ij,dj->d", along, shift.information[:3, :3], along), 0.0)
+    if not shift.freedoms:
+        return None
+    threshold = float(chdtri(shift.freedoms, level))
+
+    def seen(length_m: float) -> float:
+        """The chance to see a shift of a length, less what is asked."""
+        return float(np.mean(ncx2.sf(threshold, shift.freedoms, length_m**2 * visible))) - power
+
+    return None if seen(_LARGEST_M) < 0 else float(brentq(seen, 0.0, _LARGEST_M, xtol=1e-9))

@@ -1,0 +1,87 @@
+"""Whether a cell is still as it was calibrated, what moved if it is not, and what would have been seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from basecal.accuracy.drift.innovations import Innovations, innovations
+from basecal.accuracy.drift.shifts import Shift, detectable_m, frame_shifts, joint_shifts
+from basecal.cell import Calibration, Cell, Recording
+
+LEVEL = 5e-3
+"""The chance of an alarm where nothing moved: once in two hundred checks, about a year of working days."""
+
+POWER = 0.95
+"""The chance by which a shift of the length that is given as detectable is seen."""
+
+_ALIKE = 6.0  # of the statistic: explanations that are not e^3 times less likely than the best are not told from it
+_FEWEST_TO_BLAME = 4  # samples of which one may be the odd one out
+_AS_BEFORE = 0.05  # chance of the others, above which they are as calibrated without it
+
+
+@dataclass(frozen=True, eq=False)
+class Verification:
+    """What new samples say of a calibration.
+
+    Attributes:
+        moved: Whether something did; None where that cannot be told.
+        chance: Of samples so far off, where nothing moved.
+        shift: The most likely thing to have moved, whether it did or not; None where nothing is compared.
+        alike: Others that explain the samples about as well, where something moved.
+        detectable_m: The shift of what was calibrated that would be seen with the chance `POWER` [m]; None where none.
+        samples: Numbers of the samples that were compared.
+        outliers: Numbers of samples that alone are off, and were left out.
+    """
+
+    moved: bool | None
+    chance: float
+    shift: Shift | None
+    alike: tuple[Shift, ...]
+    detectable_m: float | None
+    samples: tuple[int, ...]
+    outliers: tuple[int, ...] = ()
+
+
+def verify(cell: Cell, calibration: Calibration, recording: Recording) -> Verification:
+    """New samples of a cell against its calibration.
+
+    Args:
+        cell: What was calibrated.
+        calibration: What came out.
+        recording: The new samples, one or more.
+
+    Raises:
+        InputError: if the cell contradicts the recording.
+    """
+    of = innovations(cell, calibration, recording)
+    found = _verified(cell, of)
+    if not found.moved or len(found.samples) < _FEWEST_TO_BLAME:
+        return found
+    # One sample that is off alone is a bad sample: what moved is off in all that come after.
+    others = [(sample, _verified(cell, of.without(sample))) for sample in found.samples]
+    sample, rest = max(others, key=lambda each: each[1].chance)
+    return found if rest.chance < _AS_BEFORE else Verification(**{**vars(rest), "outliers": (sample,)})
+
+
+def _verified(cell: Cell, of: Innovations) -> Verification:
+    samples = tuple(sorted({int(sample) for sample in of.sample}))
+    frames = list(frame_shifts(of))
+    if not frames:
+        return Verification(None, 1.0, None, (), None, samples)
+    level = LEVEL / len(frames)
+    chance = min(1.0, len(frames) * float(np.exp(min(each.log_chance for each in frames))))
+    asked = [each for each in frames if each.transform in cell.asked] or frames
+    lengths = [detectable_m(each, level, POWER) for each in asked]
+    seen = None if None in lengths else max(length for length in lengths if length is not None)
+    moved = chance < LEVEL
+    explanations = sorted([*frames, *joint_shifts(of)], key=lambda each: each.log_chance)
+    best = explanations[0]
+    alike = [each for each in explanations[1:] if _score(each) > _score(best) - _ALIKE] if moved else []
+    return Verification(True if moved else None if seen is None else False, chance, best, tuple(alike), seen, samples)
+
+
+def _score(shift: Shift) -> float:
+    """The statistic less what the freedoms alone gain on average."""
+    return shift.statistic - shift.freedoms
