@@ -6,6 +6,7 @@ from basecal.cell.journal.recording_file import (
     append_sample,
     append_samples,
     read_recording,
+    read_samples,
     recording_from_text,
     write_recording,
 )
@@ -41,6 +42,7 @@ __all__ = [
     "read_cell",
     "read_plan",
     "read_recording",
+    "read_samples",
     "read_truth",
     "recording_from_text",
     "run_folder",

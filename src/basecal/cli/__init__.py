@@ -13,7 +13,20 @@ from basecal.cli.terminal import say
 from basecal.errors import BasecalError, DatasetError
 from basecal.registry import IMPORTS
 
-_VERBS = ("new", "target", "simulate", "demo", "capture", "detect", "calibrate", "report", "export", "merge")
+_VERBS = (
+    "new",
+    "target",
+    "simulate",
+    "demo",
+    "capture",
+    "detect",
+    "calibrate",
+    "verify",
+    "compare",
+    "report",
+    "export",
+    "merge",
+)
 _STUDIES = ("paper",)
 _HELP = """Where robot bases stand relative to each other, from what a camera sees, and
 how sure that is.

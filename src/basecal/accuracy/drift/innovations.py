@@ -1,8 +1,8 @@
 """How far new views are from where a calibration predicts them, and how far they may be.
 
 Each view tells of the tangent of its `camera_from_target` as much as its information H = S S': times S' that is a
-number of unit variance for each column.
-which stops have in common, and which are alike at poses near one another where that was found.
+number of unit variance for each column. Predictions are uncertain by the calibration's covariance, and by the errors
+of robots, which stops have in common, and which are alike at poses near one another where that was found.
 Source: docs/mathematics.md (13.1).
 """
 
@@ -56,7 +56,7 @@ class Innovations:
 
     def of(self, tangents: Array) -> Array:
         """What tangents of the views, (n, 6, k), do to `off`, (6 n, k)."""
-        return np.asarray((np.swapaxes(self.root, -1, -2) @ tangents).reshape(len(self.off), -1))
+        return np.asarray((np.swapaxes(self.root, -1, -2) @ tangents).reshape(len(self.off), tangents.shape[-1]))
 
     @property
     def robots(self) -> tuple[str, ...]:

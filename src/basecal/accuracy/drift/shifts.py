@@ -13,10 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 from scipy.special import chdtri
-from scipy.stats import chi2, ncx2
+from scipy.stats import ncx2
 
 from basecal.accuracy.drift.innovations import Innovations
 from basecal.accuracy.expected_error import sphere
+from basecal.accuracy.systematic_errors.score_tests import log_chance_of
 from basecal.geometry import Array
 from basecal.numerics.spectral import spectrum
 
@@ -52,7 +53,7 @@ class Shift:
     @property
     def log_chance(self) -> float:
         """Logarithm of the chance of a statistic so large where it did not move."""
-        return float(chi2.logsf(self.statistic, self.freedoms)) if self.freedoms else 0.0
+        return log_chance_of(self.statistic, self.freedoms)
 
     @property
     def shift_m(self) -> float:

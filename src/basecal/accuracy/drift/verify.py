@@ -9,6 +9,7 @@ import numpy as np
 from basecal.accuracy.drift.innovations import Innovations, innovations
 from basecal.accuracy.drift.shifts import Shift, detectable_m, frame_shifts, joint_shifts
 from basecal.cell import Calibration, Cell, Recording
+from basecal.estimation.streams.streams import synchronous
 
 LEVEL = 5e-3
 """The chance of an alarm where nothing moved: once in two hundred checks, about a year of working days."""
@@ -55,7 +56,7 @@ def verify(cell: Cell, calibration: Calibration, recording: Recording) -> Verifi
     Raises:
         InputError: if the cell contradicts the recording.
     """
-    of = innovations(cell, calibration, recording)
+    of = innovations(cell, calibration, synchronous(cell, recording, calibration.clocks))
     found = _verified(cell, of)
     if not found.moved or len(found.samples) < _FEWEST_TO_BLAME:
         return found

@@ -53,6 +53,17 @@ def read_recording(folder: str | Path, cell: Cell | None = None) -> Recording:
     return recording_from_text(text, folder, known)
 
 
+def read_samples(path: str | Path, folder: str | Path, cell: Cell) -> Recording:
+    """Samples of a journal that stands anywhere, of a cell; paths of images are those of the cell's own recording.
+
+    Raises:
+        DatasetError: if a line cannot be read as written.
+    """
+    text = read_bounded(path, LARGEST_BYTES, "expected new samples of the cell, one JSON object a line")
+    known = context(cell, inside(str(folder), FOLDER))
+    return replace(_recording(text.removeprefix(BOM), str(path), known), folder=str(folder))
+
+
 def recording_from_text(text: bytes, folder: str | Path, cell: Cell) -> Recording:
     """The recording that a cell has where its journal holds this text.
 

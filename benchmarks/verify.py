@@ -1,0 +1,185 @@
+"""Whether new samples tell that something moved, and say nothing where nothing did.
+
+Simulated: cells of two arms, calibrated from 25 samples, checked with one to six more. `still`: nothing moved, alarms
+are false. `detectable`: the hand's base is shifted, in any direction, by the length that the check says it would see.
+`named`: by three times that, with four samples and more; what moved is to be named first. Real: recordings halved at
+random, one half calibrated, six samples of the other checked; then the same with a mount shifted by the larger of 2 mm
+and twice the detectable length.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from basecal.accuracy.drift.verify import LEVEL, POWER, Verification, verify
+from basecal.accuracy.verdict import calibrate
+from basecal.cell import WORLD, Calibration, Cell, Recording, RobotState
+from basecal.errors import DatasetError
+from basecal.geometry import SE3, Array
+from basecal.simulation import Scenario, simulate
+from benchmarks.calibrate import recordings
+from benchmarks.common import on_one_core, table, write
+
+BASE, FRAME = "eye_base_from_hand_base", "hand_base"
+CALIBRATED, MOST_NEW, FEWEST_NAMED = 25, 6, 4
+CELLS = 500
+SPLITTINGS = 20
+REAL = ("rct_charuco", "rct_10x10", "visp_franka_in_hand", "visp_franka_to_hand", "moveit_pose_samples", "ur5e_dual")
+LEAST_SHIFT_M = 2e-3
+MOST_ALARMS = 0.01
+LOW, HIGH = 0.92, 0.98
+NAMED = 0.95
+HEAD = ("samples", "trials", "false alarms", "detectable shift seen", "first named at three times it", "median [mm]")
+HEAD_REAL = ("recording", "checks", "as calibrated", "shifts seen", "named, alone or among", "median [mm]")
+
+
+def shifted(cell: Cell, recording: Recording, transform: str, tangent: Array) -> Recording:
+    """A recording of a cell of which one transform moved: what a robot recorded is of another base, or flange."""
+    back = SE3.exp(tangent)
+    samples = []
+    for sample in recording.samples:
+        robots = dict(sample.robots)
+        for name, state in robots.items():
+            pose = state.base_from_flange
+            if pose is not None and transform == cell.base_name(name):
+                robots[name] = RobotState(back.inverse() @ pose)
+        samples.append(replace(sample, robots=robots))
+    return Recording(tuple(samples), recording.findings, recording.folder)
+
+
+def direction(seed: int) -> Array:
+    """A shift of length 1 in a direction that the seed draws, as a tangent."""
+    along = np.random.default_rng(seed).standard_normal(3)
+    return np.array([*(along / np.linalg.norm(along)), 0.0, 0.0, 0.0])
+
+
+def simulated(seed: int) -> dict[str, Any] | None:
+    """One cell: whether there was an alarm, a shift was seen, and the base named; None where nothing was calibrated."""
+    new = 1 + seed % MOST_NEW
+    stated = seed // MOST_NEW % 2 == 0
+    noise = {"robot_noise": (1e-4, 2e-4), "state_robot_noise": stated, "state_pixel_noise": stated}
+    made = simulate(Scenario(samples=CALIBRATED + new, **noise), 7000 + seed)
+    taken = made.recording.samples
+    calibration = calibrate(made.cell, Recording(taken[:CALIBRATED]))
+    if calibration.verdict == "refused":
+        return None
+    later = Recording(taken[CALIBRATED:])
+    still = verify(made.cell, calibration, later)
+    length = still.detectable_m
+    if length is None:
+        return {"new": new, "alarm": bool(still.moved), "detectable_m": None, "seen": None, "named": None}
+    seen, far = (
+        verify(made.cell, calibration, shifted(made.cell, later, BASE, factor * length * direction(seed)))
+        for factor in (1.0, 3.0)
+    )
+    named = bool(far.moved) and far.shift is not None and far.shift.frame == FRAME
+    return {"new": new, "alarm": bool(still.moved), "detectable_m": length, "seen": bool(seen.moved), "named": named}
+
+
+def real(name: str, splittings: int) -> dict[str, Any]:
+    """One recording, halved so often."""
+    cell, recording = recordings()[name]()
+    found, moved, lengths, named = [], [], [], []
+    for seed in range(splittings):
+        order = np.random.default_rng(seed).permutation(len(recording.samples))
+        half = len(order) // 2
+        first, second = (
+            Recording(tuple(recording.samples[k] for k in sorted(part))) for part in np.split(order, [half])
+        )
+        calibration = calibrate(cell, first)
+        if calibration.verdict == "refused":
+            continue
+        checked = Recording(second.samples[:MOST_NEW])
+        still = verify(cell, calibration, checked)
+        found.append(still.moved is False)
+        if still.detectable_m is None:
+            continue
+        lengths.append(still.detectable_m)
+        length = max(LEAST_SHIFT_M, 2 * still.detectable_m)
+        transform, far = _moved_mount(cell, calibration, checked, length * direction(seed))
+        moved.append(bool(far.moved))
+        frames = [] if far.shift is None else [far.shift.transform, *(other.transform for other in far.alike)]
+        named.append(bool(far.moved) and transform in frames)
+    return {
+        "recording": name,
+        "checks": len(found),
+        "as_calibrated": float(np.mean(found)) if found else None,
+        "seen": float(np.mean(moved)) if moved else None,
+        "named": float(np.mean(named)) if named else None,
+        "detectable_m": float(np.median(lengths)) if lengths else None,
+    }
+
+
+def _moved_mount(cell: Cell, calibration: Calibration, later: Recording, tangent: Array) -> tuple[str, Verification]:
+    """A calibration whose mount, or base, is so far off: as if that had moved since, by the opposite."""
+    asked = [name for name in cell.asked if name in calibration.transforms]
+    target = next(iter(cell.targets.values()))
+    name = cell.mount_name(target.name) if target.on == WORLD or len(asked) > 1 else asked[0]
+    name = name if name in calibration.transforms else asked[0]
+    estimate = calibration[name]
+    moved = {**calibration.transforms, name: replace(estimate, mean=estimate.mean @ SE3.exp(tangent))}
+    return name, verify(cell, replace(calibration, transforms=moved), later)
+
+
+def summary(found: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Shares over simulated cells."""
+    told = [f for f in found if f["detectable_m"] is not None]
+    many = [f["named"] for f in told if f["new"] >= FEWEST_NAMED]
+    return {
+        "trials": len(found),
+        "alarms": sum(f["alarm"] for f in found),
+        "seen": float(np.mean([f["seen"] for f in told])),
+        "told": len(told),
+        "named": float(np.mean(many)) if many else None,
+        "detectable_m": float(np.median([f["detectable_m"] for f in told])),
+    }
+
+
+def row(name: str, of: dict[str, Any]) -> tuple[object, ...]:
+    """A line of the table with `HEAD`."""
+    named = "" if of["named"] is None else f"{100 * of['named']:.1f} %"
+    alarms = f"{of['alarms']} ({100 * of['alarms'] / of['trials']:.1f} %)"
+    return name, of["trials"], alarms, f"{100 * of['seen']:.1f} %", named, f"{1e3 * of['detectable_m']:.2f}"
+
+
+def row_real(of: dict[str, Any]) -> tuple[object, ...]:
+    """A line of the table with `HEAD_REAL`."""
+    shares = ["" if of[key] is None else f"{100 * of[key]:.0f} %" for key in ("as_calibrated", "seen", "named")]
+    length = "" if of["detectable_m"] is None else f"{1e3 * of['detectable_m']:.2f}"
+    return of["recording"], of["checks"], *shares, length
+
+
+def main(arguments: list[str]) -> None:
+    """Draw and print; of all cells results/verify.json too."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.verify", description=__doc__)
+    parser.add_argument("--cells", type=int, default=CELLS, help="simulated")
+    parser.add_argument("--splittings", type=int, default=SPLITTINGS, help="of each real recording")
+    parser.add_argument("--recordings", nargs="*", default=list(REAL), choices=list(recordings()), metavar="NAME")
+    asked = parser.parse_args(arguments)
+    on_one_core()
+    drawn = [found for found in map(simulated, range(asked.cells)) if found is not None]
+    parts = {"1 to 6": drawn} | {
+        text: [f for f in drawn if low <= f["new"] <= high] for text, low, high in (("1", 1, 1), ("4 to 6", 4, 6))
+    }
+    rows = {name: summary(part) for name, part in parts.items() if part}
+    print(table(HEAD, [row(name, of) for name, of in rows.items()]), flush=True)
+    real_rows = []
+    for name in asked.recordings:
+        try:
+            real_rows.append(real(name, asked.splittings))
+        except DatasetError as error:
+            print(f"left out: {error}", file=sys.stderr)
+            continue
+        print(table(HEAD_REAL, [row_real(real_rows[-1])]), flush=True)
+    if asked.cells >= CELLS:
+        write("verify", {"level": LEVEL, "power": POWER, "rows": rows, "real": real_rows})
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

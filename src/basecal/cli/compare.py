@@ -1,0 +1,46 @@
+"""`basecal compare`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from cyclopts import CycloptsError
+
+from basecal.cli.runs import run_of
+from basecal.cli.terminal import print_json, say
+
+
+def compare(*runs: Path, json: bool = False) -> int:
+    """Tell whether two runs or more agree, and what differs between them.
+
+    Every run is compared with the first: how far apart its transforms are, in
+    mm and in sigmas, which files it was made from have changed, and which
+    settings. A cell's folder stands for its latest run. Errors of two runs
+    count as independent; those of the same samples differ by less.
+
+    Ends with 0 where all agree within what their covariances explain, else
+    with 1.
+
+    For example:
+
+        basecal compare mycell/runs/20260102T030405Z mycell/runs/20260109T030405Z
+        basecal compare mycell backup/mycell --json
+
+    Args:
+        runs: Folders of runs or of cells, two or more.
+        json: Print one JSON object instead of words.
+    """
+    from basecal.accuracy.compare import compare as compared
+    from basecal.cell.files import read_calibration
+    from basecal.reporting.drift_text import comparison_dict, comparison_text
+
+    if len(runs) < 2:
+        raise CycloptsError(msg="say two runs or more: basecal compare RUN RUN")
+    names = [str(run) for run in runs]
+    first, *others = [read_calibration(run_of(run)) for run in runs]
+    found = [compared(first, other) for other in others]
+    if json:
+        print_json(comparison_dict(names, found))
+    else:
+        say(comparison_text(names, found))
+    return 0 if all(each.agree for each in found) else 1

@@ -1,0 +1,127 @@
+"""What a verification and a comparison say, in words and as JSON."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from basecal.accuracy.compare import Comparison
+from basecal.accuracy.drift.shifts import Shift
+from basecal.accuracy.drift.verify import POWER, Verification
+
+_SHOWN = 6  # numbers of samples in a line
+
+
+def verification_dict(found: Verification) -> dict[str, Any]:
+    """One JSON object; lengths in mm, angles in degrees, null where nothing can be told."""
+    shift = found.shift
+    return {
+        "moved": found.moved,
+        "frame": shift.frame if shift is not None and found.moved else None,
+        "transform": (shift.transform or None) if shift is not None and found.moved else None,
+        "joint": shift.joint + 1 if shift is not None and found.moved and shift.joint is not None else None,
+        "shift_mm": 1e3 * shift.shift_m if shift is not None and found.moved else None,
+        "shift_deg": math.degrees(shift.shift_rad) if shift is not None and found.moved else None,
+        "alike": [_thing(other) for other in found.alike],
+        "p": found.chance,
+        "detectable_mm": None if found.detectable_m is None else 1e3 * found.detectable_m,
+        "power": POWER,
+        "samples": list(found.samples),
+        "outliers": list(found.outliers),
+    }
+
+
+def verification_text(found: Verification) -> str:
+    """Lines joined by newlines: whether something moved, what, by how much, and what would have been seen."""
+    return "\n".join([*_verdict(found), *_power(found), *_left_out(found)])
+
+
+def _verdict(found: Verification) -> list[str]:
+    if found.moved is None or found.shift is None:
+        return [
+            "CANNOT TELL: these samples do not show whether anything moved: take more of them, of the targets that "
+            "were calibrated, with both arms turned"
+        ]
+    count = f"{len(found.samples)} sample{'s' if len(found.samples) > 1 else ''}"
+    if not found.moved:
+        return [f"NOT MOVED: {count} as calibrated (p = {found.chance:.2g})"]
+    lines = [f"MOVED: {count} cannot be as calibrated (p = {found.chance:.2g}); most likely {_words(found.shift)}"]
+    if found.alike:
+        others = ", ".join(_thing(other) for other in found.alike)
+        lines.append(f"as likely, or nearly: {others}; samples with other turns of both arms tell them apart")
+    return [*lines, "look what was bumped or loosened there, and calibrate again"]
+
+
+def _words(shift: Shift) -> str:
+    sigma = [math.sqrt(max(float(v), 0.0)) for v in shift.covariance.diagonal()]
+    if shift.joint is not None:
+        off, doubt = math.degrees(float(shift.size[0])), math.degrees(sigma[0])
+        return f"the zero of {_thing(shift)}, by {off:.3f} +/- {doubt:.3f} deg"
+    length, angle = 1e3 * shift.shift_m, math.degrees(shift.shift_rad)
+    doubt_mm, doubt_deg = 1e3 * math.hypot(*sigma[:3]), math.degrees(math.hypot(*sigma[3:]))
+    return f"{shift.frame}, by {length:.2f} +/- {doubt_mm:.2f} mm and {angle:.3f} +/- {doubt_deg:.3f} deg"
+
+
+def _thing(shift: Shift) -> str:
+    return shift.frame if shift.joint is None else f"joint {shift.joint + 1} of {shift.frame.removesuffix('_flange')}"
+
+
+def _power(found: Verification) -> list[str]:
+    if found.detectable_m is None:
+        return []
+    return [f"a shift of {1e3 * found.detectable_m:.2g} mm would be seen with {POWER:.0%} chance"]
+
+
+def _left_out(found: Verification) -> list[str]:
+    return [f"sample {number} is off by itself and was left out" for number in found.outliers[:_SHOWN]]
+
+
+def comparison_dict(names: Sequence[str], found: Sequence[Comparison]) -> dict[str, Any]:
+    """One JSON object: every run but the first against the first."""
+    return {
+        "runs": list(names),
+        "agree": _all_agree(found),
+        "differences": [
+            {
+                "run": name,
+                "agree": each.agree,
+                "transforms": {
+                    transform: {
+                        "shift_mm": 1e3 * d.shift_m,
+                        "shift_deg": math.degrees(d.shift_rad),
+                        "sigmas": d.sigmas,
+                        "p": d.chance,
+                    }
+                    for transform, d in each.transforms.items()
+                },
+                "only": {transform: names[0] if which == 0 else name for transform, which in each.only.items()},
+                "inputs": list(each.inputs),
+                "settings": {key: list(values) for key, values in each.settings.items()},
+            }
+            for name, each in zip(names[1:], found, strict=True)
+        ],
+    }
+
+
+def _all_agree(found: Sequence[Comparison]) -> bool | None:
+    if any(each.agree is False for each in found):
+        return False
+    return None if any(each.agree is None for each in found) else True
+
+
+def comparison_text(names: Sequence[str], found: Sequence[Comparison]) -> str:
+    """Lines joined by newlines: whether they agree, and what differs."""
+    verdict = {True: "AGREE", False: "DISAGREE", None: "CANNOT TELL: no transform is in both"}[_all_agree(found)]
+    lines = [verdict]
+    for name, each in zip(names[1:], found, strict=True):
+        lines.append(f"{name} against {names[0]}")
+        for transform, d in each.transforms.items():
+            sigmas = "" if d.sigmas is None else f"  {d.sigmas:.1f} sigma (p = {d.chance:.2g})"
+            lines.append(f"  {transform}  {1e3 * d.shift_m:.3f} mm  {math.degrees(d.shift_rad):.4f} deg{sigmas}")
+        lines += [
+            f"  {transform} is only in {names[0] if which == 0 else name}" for transform, which in each.only.items()
+        ]
+        lines += [f"  other {file}" for file in each.inputs]
+        lines += [f"  {key}: {a} there, {b} here" for key, (a, b) in each.settings.items()]
+    return "\n".join(lines)

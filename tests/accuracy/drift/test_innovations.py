@@ -1,0 +1,79 @@
+"""New views against what a calibration predicts."""
+
+import numpy as np
+
+from basecal.accuracy.drift.innovations import MOST_VIEWS, innovations
+from basecal.cell import Recording
+from drift_cells import BASE, later
+
+
+def test_they_are_as_uncertain_as_they_are_said_to_be() -> None:
+    """Whitened by their covariance their squares have the mean 1, over six cells of six views of six numbers.
+
+    216 of them: their mean has a standard error of 0.1, of which the band is three and a half.
+    """
+    squares = []
+    for seed in range(6):
+        made = later(seed)
+        of = innovations(made.cell, made.calibration, made.recording)
+        squares.append(float(of.off @ of.covariance_inverse @ of.off) / len(of.off))
+    assert 0.65 < np.mean(squares) < 1.35
+
+
+def test_without_the_uncertainty_of_predictions_they_would_not_be() -> None:
+    made = later()
+    of = innovations(made.cell, made.calibration, made.recording)
+    assert float(of.off @ of.off) / len(of.off) > 3.0
+
+
+def test_a_moved_base_moves_them_as_its_derivative_says() -> None:
+    made, tangent = later(), np.array([1e-4, -5e-5, 2e-5, 1e-4, 0.0, -1e-4])
+    before = innovations(made.cell, made.calibration, made.recording)
+    after = innovations(made.cell, made.calibration, made.with_base_moved(tangent))
+    expected = before.of(before.by_frame(BASE)) @ tangent
+    np.testing.assert_allclose(after.off - before.off, expected, atol=0.02 * np.abs(expected).max())
+
+
+def test_leaving_a_sample_out_is_as_not_having_it() -> None:
+    made = later()
+    number = made.recording.samples[2].sample
+    less = Recording(tuple(s for s in made.recording.samples if s.sample != number))
+    without = innovations(made.cell, made.calibration, made.recording).without(number)
+    never = innovations(made.cell, made.calibration, less)
+    np.testing.assert_allclose(without.off, never.off, atol=1e-9)
+    np.testing.assert_allclose(without.predicted, never.predicted, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(without.by_frame(BASE), never.by_frame(BASE), atol=1e-9)
+
+
+def test_views_of_one_stop_share_the_error_of_the_arm() -> None:
+    made = later(robot_noise=(1e-3, 1e-3))
+    apart = innovations(made.cell, made.calibration, made.recording)
+    number = apart.situation.problem.groups[0]
+    assert len(set(number.hand_stand.tolist())) == len(number)
+    one, other = made.recording.samples[:2]
+    same = Recording((one, other.__class__(**{**vars(other), "robots": one.robots})))
+    of = innovations(made.cell, made.calibration, same)
+    across = of.predicted[:6, 6:]
+    assert np.linalg.norm(across) > 0.5 * np.linalg.norm(of.predicted[:6, :6])
+
+
+def test_too_many_views_are_thinned() -> None:
+    made = later()
+    many = [
+        sample.__class__(**{**vars(sample), "sample": 1000 * k + sample.sample})
+        for k in range(60)
+        for sample in made.recording.samples
+    ]
+    shaken = [  # no two views alike to the last bit, which would count once
+        sample.__class__(
+            **{
+                **vars(sample),
+                "observations": tuple(
+                    o.__class__(**{**vars(o), "pixels": o.pixels + 1e-6 * k}) for o in sample.observations
+                ),
+            }
+        )
+        for k, sample in enumerate(many)
+    ]
+    of = innovations(made.cell, made.calibration, Recording(tuple(shaken)))
+    assert 0.4 * MOST_VIEWS < len(of.sample) <= MOST_VIEWS

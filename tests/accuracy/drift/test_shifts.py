@@ -1,0 +1,71 @@
+"""What one thing may have moved by, and what would be seen."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from basecal.accuracy.drift.innovations import innovations
+from basecal.accuracy.drift.shifts import detectable_m, frame_shifts, joint_shifts
+from drift_cells import BASE, later
+
+TANGENT = np.array([3e-3, -2e-3, 1e-3, 4e-3, -2e-3, 1e-3])
+
+
+def of_base(recording=None):
+    made = later()
+    of = innovations(made.cell, made.calibration, made.recording if recording is None else recording)
+    return next(each for each in frame_shifts(of) if each.transform == BASE)
+
+
+def test_a_shift_is_found_with_its_sigma() -> None:
+    found = of_base(later().with_base_moved(TANGENT))
+    off = found.size - TANGENT
+    assert found.freedoms == 6
+    assert off @ np.linalg.solve(found.covariance, off) < 22.5  # the 99.9 % of six freedoms
+    assert found.shift_m == pytest.approx(np.linalg.norm(found.size[:3]))
+    assert found.shift_rad == pytest.approx(np.linalg.norm(found.size[3:]))
+    assert found.log_chance < np.log(1e-6) < of_base().log_chance
+
+
+def test_every_frame_is_tried() -> None:
+    made = later()
+    of = innovations(made.cell, made.calibration, made.recording)
+    assert {each.frame for each in frame_shifts(of)} == {"hand_base", "wrist", "board"}
+    assert list(joint_shifts(of)) == []
+
+
+def test_the_zero_of_a_joint_is_tried_where_joints_are_recorded() -> None:
+    made = later(joints=True, spread_rad=0.5)
+    shifted = [
+        replace(s, robots={**s.robots, "hand": replace(s.robots["hand"], joints_rad=s.robots["hand"].joints_rad - q)})
+        for s in made.recording.samples
+        for q in [np.array([0, 0, 0.02, 0, 0, 0])]
+    ]
+    of = innovations(made.cell, made.calibration, replace(made.recording, samples=tuple(shifted)))
+    best = min(joint_shifts(of), key=lambda each: each.log_chance)
+    assert (best.frame, best.joint) == ("hand_flange", 2)
+    assert best.size[0] == pytest.approx(0.02, abs=4 * np.sqrt(best.covariance[0, 0]))
+
+
+def test_what_is_detectable_is_seen_so_often() -> None:
+    """The chance of the noncentral chi-square by 20,000 draws of it, within three standard errors of 0.0015."""
+    shift, level, power = of_base(), 2e-3, 0.95
+    length = detectable_m(shift, level, power)
+    assert length is not None
+    rng = np.random.default_rng(4)
+    along = rng.standard_normal((20_000, 3))
+    tangents = np.zeros((20_000, 6))
+    tangents[:, :3] = length * along / np.linalg.norm(along, axis=1)[:, None]
+    root = np.linalg.cholesky(shift.information)
+    drawn = np.sum((tangents @ root + rng.standard_normal((20_000, 6))) ** 2, axis=1)
+    assert np.mean(drawn > chi2.isf(level, 6)) == pytest.approx(power, abs=0.005)
+
+
+def test_what_is_not_seen_has_no_detectable_size() -> None:
+    shift = of_base()
+    blind = replace(shift, information=np.zeros((6, 6)), freedoms=0)
+    assert detectable_m(blind, 1e-3, 0.95) is None
+    one_way = replace(shift, information=np.diag([1e8, 0, 0, 0, 0, 0.0]), freedoms=1)
+    assert detectable_m(one_way, 1e-3, 0.99) is None or detectable_m(one_way, 1e-3, 0.99) > 1e-3

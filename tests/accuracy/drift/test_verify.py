@@ -1,0 +1,77 @@
+"""Whether a cell is still as calibrated."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.drift.verify import LEVEL, verify
+from basecal.cell import Recording, RobotState, Unknown
+from basecal.geometry import SE3
+from drift_cells import BASE, Later, later
+
+
+def verified(made: Later, recording: Recording | None = None):
+    return verify(made.cell, made.calibration, made.recording if recording is None else recording)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_nothing_moved(seed: int) -> None:
+    found = verified(later(seed))
+    assert found.moved is False
+    assert found.chance > LEVEL
+    assert found.detectable_m is not None
+    assert len(found.samples) == 6
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_base_that_moved_is_named(seed: int) -> None:
+    made = later(seed)
+    length = 3 * verified(made).detectable_m
+    direction = np.random.default_rng(seed).standard_normal(3)
+    tangent = np.array([*(length * direction / np.linalg.norm(direction)), 0, 0, 0])
+    found = verified(made, made.with_base_moved(tangent))
+    assert found.moved is True
+    assert found.shift.frame == "hand_base"
+    assert found.shift.transform == BASE
+
+
+def test_a_single_sample_sees_that_something_moved_and_not_what() -> None:
+    made = later().first(1)
+    tangent = np.array([0.01, 0, 0, 0, 0, 0])
+    found = verified(made, made.with_base_moved(tangent))
+    assert found.moved is True
+    assert "hand_base" in {found.shift.frame, *(other.frame for other in found.alike)}
+    assert found.alike
+
+
+def test_a_sample_that_is_off_alone_is_left_out() -> None:
+    made = later()
+    first, *others = made.recording.samples
+    hand = first.robots["hand"].base_from_flange
+    bumped = replace(first, robots={**first.robots, "hand": RobotState(SE3.exp(np.full(6, 0.02)) @ hand)})
+    found = verified(made, Recording((bumped, *others)))
+    assert found.moved is False
+    assert found.outliers == (first.sample,)
+
+
+def test_a_cell_with_everything_fixed_is_checked_too() -> None:
+    made = later(seed=1)
+    known = {name: Unknown("fixed", estimate.mean) for name, estimate in made.calibration.transforms.items()}
+    cell = replace(
+        made.cell,
+        bases={"hand": known[BASE]},
+        cameras={n: replace(c, mount=known[made.cell.mount_name(n)]) for n, c in made.cell.cameras.items()},
+        targets={n: replace(t, mount=known[made.cell.mount_name(n)]) for n, t in made.cell.targets.items()},
+    )
+    fixed = replace(made.calibration, transforms={}, order=(), joint_covariance=None)
+    found = verify(cell, fixed, made.with_base_moved(np.array([0.02, 0, 0, 0, 0, 0])))
+    assert found.moved is True
+
+
+def test_samples_of_nothing_that_was_calibrated_tell_nothing() -> None:
+    made = later()
+    blind = Recording(tuple(replace(s, observations=()) for s in made.recording.samples))
+    found = verified(made, blind)
+    assert found.moved is None
+    assert found.detectable_m is None

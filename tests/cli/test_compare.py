@@ -1,0 +1,51 @@
+"""`basecal compare` of runs."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from basecal.cli import main
+
+
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A cell with two runs, of which the second states its robots' noise."""
+    folder = tmp_path_factory.mktemp("compared") / "cell"
+    assert main(["simulate", str(folder), "--samples", "15", "--seed", "5"]) == 0
+    assert main(["calibrate", str(folder)]) == 0
+    assert main(["calibrate", str(folder), "--robot-noise", "stated"]) in (0, 1)
+    return folder
+
+
+def test_runs_of_one_recording_agree(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    first, second = sorted((cell / "runs").iterdir())
+    assert main(["compare", str(first), str(second), "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert data["agree"] is True
+    (difference,) = data["differences"]
+    assert difference["settings"]["robot_noise"] == ["estimated", "stated"]
+    assert difference["inputs"] == []
+    assert "eye_base_from_hand_base" in difference["transforms"]
+
+
+def test_a_cell_stands_for_its_latest_run(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    first, _ = sorted((cell / "runs").iterdir())
+    assert main(["compare", str(first), str(cell)]) == 0
+    assert capsys.readouterr().out.startswith("AGREE\n")
+
+
+def test_one_run_is_too_few(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["compare", str(cell)]) == 2
+    assert "two runs or more" in capsys.readouterr().err
+
+
+def test_another_cell_disagrees(cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    other = tmp_path / "other"
+    assert main(["simulate", str(other), "--samples", "15", "--seed", "6"]) == 0
+    assert main(["calibrate", str(other)]) == 0
+    capsys.readouterr()
+    assert main(["compare", str(cell), str(other)]) == 1
+    assert capsys.readouterr().out.startswith("DISAGREE\n")

@@ -1,0 +1,59 @@
+"""`basecal verify` and `basecal compare` on a cell's folder."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from basecal.cli import main
+
+
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A calibrated cell, and files of samples that it was not calibrated with."""
+    folder = tmp_path_factory.mktemp("verified") / "cell"
+    assert main(["simulate", str(folder), "--samples", "26", "--seed", "3"]) == 0
+    journal = folder / "recording" / "samples.jsonl"
+    lines = journal.read_text().splitlines(keepends=True)
+    journal.write_text("".join(lines[:20]))
+    (folder / "new.jsonl").write_text("".join(lines[20:]))
+    moved = [json.loads(line) for line in lines[20:]]
+    for sample in moved:
+        sample["robots"]["hand"]["base_from_flange"]["t_m"][1] += 0.05
+    (folder / "moved.jsonl").write_text("".join(json.dumps(sample) + "\n" for sample in moved))
+    assert main(["calibrate", str(folder)]) == 0
+    return folder
+
+
+def test_a_cell_as_calibrated_ends_with_0(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["verify", str(cell), str(cell / "new.jsonl"), "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert data["moved"] is False
+    assert data["detectable_mm"] > 0
+
+
+def test_a_cell_that_moved_ends_with_1(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["verify", str(cell), str(cell / "moved.jsonl"), "--json"]) == 1
+    data = json.loads(capsys.readouterr().out)
+    assert data["moved"] is True
+    assert data["frame"] == "hand_base"
+    assert data["shift_mm"] == pytest.approx(50.0, abs=5.0)
+    assert main(["verify", str(cell), str(cell / "moved.jsonl")]) == 1
+    assert capsys.readouterr().out.startswith("MOVED: 6 samples")
+
+
+def test_what_cannot_be_read_ends_with_3(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["verify", str(cell), str(cell / "missing.jsonl")]) == 3
+    assert "missing.jsonl" in capsys.readouterr().err
+    (cell / "broken.jsonl").write_text('{"sample": 1, "wrong": 2}\n')
+    assert main(["verify", str(cell), str(cell / "broken.jsonl")]) == 3
+    assert "broken.jsonl:1" in capsys.readouterr().err
+
+
+def test_a_cell_without_a_run_says_what_to_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["simulate", str(tmp_path / "cell"), "--samples", "5"]) == 0
+    journal = tmp_path / "cell" / "recording" / "samples.jsonl"
+    assert main(["verify", str(tmp_path / "cell"), str(journal)]) == 3
+    assert "has no run yet: basecal calibrate" in capsys.readouterr().err
