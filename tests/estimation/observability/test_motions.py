@@ -110,3 +110,13 @@ def test_arms_of_few_joints(axes, count):
     made = recorded_arm(Scenario(samples=15), 0, axes, 0.3)
     problem, _ = build_problem(made.cell, made.recording)
     assert len(motions(problem)["hand"].twists_in_base) == count
+
+
+@pytest.mark.parametrize("kind", [kind for kind, count in LEFT_OPEN.items() if count])
+def test_every_pose_carries_a_twist_to_one_of_the_flange(kind):
+    """Those of the base, in its own axes: carried to the flange by each pose they are alike, and not before."""
+    problem, _ = packed(MOVES[kind])
+    (group,) = problem.groups
+    for twist in motions(problem)["hand"].twists_in_base:
+        carried = group.hand_base_from_hand_flange.inverse().adjoint() @ twist
+        np.testing.assert_allclose(carried, np.tile(carried[0], (len(carried), 1)), atol=1e-6)
