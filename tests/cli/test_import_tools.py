@@ -193,3 +193,13 @@ def test_a_data_set_of_robot_cal_tools(tmp_path: Path) -> None:
         assert there is not None
         np.testing.assert_allclose(here.matrix, there.matrix, atol=1e-12)
         assert (tmp_path / "c" / got.images["camera"]).stat().st_size > 0
+
+
+KINDS = ("easy-handeye", "moveit-samples", "industrial-calibration", "robot-cal-tools")
+LENSES = ("camera-info", "kalibr", "opencv", "colmap", "mrcal")
+
+
+def test_each_is_documented() -> None:
+    """The page of other programs' files has every command."""
+    page = (Path(__file__).parents[2] / "docs" / "importing_tools.md").read_text(encoding="utf-8")
+    assert [kind for kind in (*KINDS, *LENSES) if f"`basecal import {kind}" not in page] == []
