@@ -15,7 +15,7 @@ from basecal.cell.files import read_recording
 from basecal.planning import poses, shifts
 from basecal.planning.feasible import feasible_in
 from basecal.planning.sketch import sketch_of
-from running_cell import home, running
+from shared.running_cell import home, running
 
 FAST = CaptureSettings(speed_rad_s=2.0, patience_s=3.0)
 

@@ -10,7 +10,7 @@ from basecal.acquisition.coverage import GRID, alike, coverage_of
 from basecal.cell import PixelObservation, RobotState, Sample
 from basecal.planning.sketch import sketch_of
 from basecal.simulation.running.two_arms import two_arms
-from running_cell import home
+from shared.running_cell import home
 
 WORLD = two_arms()
 SKETCH, HOME = sketch_of(WORLD.cell), home(WORLD)

@@ -10,7 +10,7 @@ from basecal.acquisition.rig import open_rig
 from basecal.acquisition.stillness import Unfit, wait_for_arms, wait_for_picture
 from basecal.cell import RobotState
 from basecal.geometry import SE3
-from running_cell import running
+from shared.running_cell import running
 
 STATE_S, RING_S = 1 / 125, 0.5
 

@@ -13,7 +13,7 @@ from basecal.planning.feasible import feasible_in, in_view, is_clear, within_lim
 from basecal.planning.reach import state_at
 from basecal.planning.sketch import sketch_of
 from basecal.simulation.running.two_arms import two_arms
-from running_cell import home
+from shared.running_cell import home
 
 WORLD = two_arms()
 SKETCH, HOME = sketch_of(WORLD.cell), home(WORLD)

@@ -13,7 +13,7 @@ from basecal.planning import shifts
 from basecal.planning.feasible import feasible_in
 from basecal.planning.sketch import sketch_of
 from basecal.simulation.running.two_arms import two_arms
-from running_cell import home
+from shared.running_cell import home
 
 WORLD = two_arms("led")
 SKETCH, HOME = sketch_of(WORLD.cell), home(WORLD)

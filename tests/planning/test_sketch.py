@@ -11,7 +11,7 @@ from basecal.cell import Sample, Unknown
 from basecal.errors import InputError
 from basecal.planning.sketch import sketch_of
 from basecal.simulation.running.two_arms import two_arms
-from running_cell import home
+from shared.running_cell import home
 
 WORLD = two_arms()
 

@@ -1,0 +1,98 @@
+"""The driver of the page on capture, as a stranger has it: another package, an arm behind HTTP, and a capture."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import importlib.util
+import json
+import sys
+import threading
+from dataclasses import replace
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from basecal.acquisition import rig as rig_module
+from basecal.acquisition.capture import CaptureSettings, capture, store_plan
+from basecal.acquisition.driver import Moves, Robot
+from basecal.acquisition.rig import GROUP, open_rig
+from basecal.cell import Driver
+from basecal.planning import poses
+from basecal.planning.feasible import feasible_in
+from basecal.planning.sketch import sketch_of
+from basecal.simulation.running.protocol import connect, read_address
+from shared.running_cell import home, running
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "capture.md").read_text(encoding="utf-8")
+DRIVER = ROOT / "docs" / "my_arm.py"
+LONGEST = 40  # lines with the module's words, of which thirty do something
+
+
+@pytest.fixture
+def installed(monkeypatch):
+    """The page's driver as the entry point of another package."""
+    spec = importlib.util.spec_from_file_location("my_arm", DRIVER)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    monkeypatch.setitem(sys.modules, "my_arm", module)
+    point = importlib.metadata.EntryPoint("my_arm", "my_arm", GROUP)
+    monkeypatch.setattr(rig_module, "entry_points", lambda **wanted: [point])
+    return module
+
+
+@pytest.fixture
+def controller(tmp_path):
+    """A simulated cell whose first arm is reached by HTTP, as the page's driver asks: its world and its address."""
+    with running(tmp_path) as world:
+        cell = connect(read_address(tmp_path))
+
+        class Handler(BaseHTTPRequestHandler):
+            def do_POST(self):
+                said = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
+                answer = {}
+                if self.path == "/joints":
+                    answer = {"degrees": np.degrees(cell.ask(do="state", robot="eye")["joints_rad"]).tolist()}
+                elif self.path == "/move":
+                    joints, speed = np.radians(said["degrees"]).tolist(), float(np.radians(said["speed"]))
+                    cell.ask(do="move", robot="eye", joints_rad=joints, speed_rad_s=speed)
+                else:
+                    cell.ask(do="stop", robot="eye")
+                self.send_response(200)
+                self.end_headers()
+                self.wfile.write(json.dumps(answer).encode())
+
+            def log_message(self, *words):
+                pass
+
+        with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
+            thread = threading.Thread(target=server.serve_forever, daemon=True)
+            thread.start()
+            yield world, f"http://127.0.0.1:{server.server_port}"
+            server.shutdown()
+            thread.join()
+        cell.close()
+
+
+@pytest.mark.parametrize("samples", [2, pytest.param(20, marks=pytest.mark.slow)])
+def test_it_captures(tmp_path, installed, controller, samples):
+    """With it for one arm, and the simulated driver for the rest, samples are captured."""
+    world, address = controller
+    eye = replace(world.cell.robots["eye"], driver=Driver("my_arm", {"address": address}))
+    sketch = sketch_of(replace(world.cell, robots={**world.cell.robots, "eye": eye}))
+    with open_rig(sketch.cell, tmp_path) as rig:
+        assert isinstance(rig.robots["eye"], installed.MyArm)
+        assert isinstance(rig.robots["eye"], Robot)
+        assert isinstance(rig.robots["eye"], Moves)
+        plan = store_plan(tmp_path, sketch.cell, poses.plan(sketch, home(world), feasible_in(sketch), samples, 0))
+        steps = list(capture(rig, sketch, tmp_path, plan, CaptureSettings(speed_rad_s=2.0)))
+        rig.stop()
+    assert [step.why_not for step in steps] == [""] * samples
+
+
+def test_the_page_shows_it():
+    """The page includes the file that is tested here, and it is short."""
+    assert '--8<-- "docs/my_arm.py"' in PAGE
+    assert len(DRIVER.read_text(encoding="utf-8").splitlines()) <= LONGEST
