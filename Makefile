@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 INSTALL := $(PIP) install -c constraints.txt
-BENCHMARKS := held_out two_arms semi_synthetic few_pictures real calibrate mutations wrong_answers starts consistency outliers robot_model solve batch scaling detectors peers certificate report
+BENCHMARKS := held_out two_arms semi_synthetic few_pictures real calibrate mutations wrong_answers starts consistency outliers robot_model solve batch scaling detectors peers certificate capture report
 # The matrices are small: more threads only wait for one another.
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
@@ -14,7 +14,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 
 help:
 	@echo "make setup      .venv with the package (editable) and what the tests need"
-	@echo "make demo       simulate a cell, calibrate it, compare with the truth; installs the core alone"
+	@echo "make demo       run two simulated arms, capture, calibrate, compare with the truth; installs the core alone"
 	@echo "make test       the fast tests;   make test-slow   the statistics"
 	@echo "make torment    damaged input, faults and hostile words, until SECONDS are over (else until Ctrl-C); SEED=0"
 	@echo "make wheels     the wheel in empty environments: the lowest versions allowed, and each Python from 3.11"
