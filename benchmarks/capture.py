@@ -87,15 +87,15 @@ def row(name: str, outcomes: Sequence[Outcome]) -> list[object]:
     """Of cells alike."""
     verdicts = Counter(each.verdict.split(":")[0] for each in outcomes)
     expected = EXPECTED.get(name, set())
-    held = sum(each.nees < chi2.ppf(0.997, 6) for each in outcomes)
+    held = sum(bool(each.nees < chi2.ppf(0.997, 6)) for each in outcomes)
     safe = sum(
-        each.nees < chi2.ppf(0.997, 6) or (each.verdict != "good" and bool(expected & set(each.findings[:1])))
+        bool(each.nees < chi2.ppf(0.997, 6)) or (each.verdict != "good" and bool(expected & set(each.findings[:1])))
         for each in outcomes
     )
     errors = [each.error_mm for each in outcomes if np.isfinite(each.error_mm)]
     codes = Counter(each.findings[0] for each in outcomes if each.findings)
     first = ", ".join(f"{code} {count}" for code, count in codes.most_common(3))
-    within = sum(each.nees < chi2.ppf(0.95, 6) for each in outcomes)
+    within = sum(bool(each.nees < chi2.ppf(0.95, 6)) for each in outcomes)
     error = f"{np.median(errors):.2f}" if errors else "-"
     given_up = sum(each.given_up for each in outcomes)
     return [name or "none", len(outcomes), verdicts["good"], within, held, safe, error, given_up, first]
