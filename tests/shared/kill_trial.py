@@ -44,20 +44,21 @@ class KillTrial:
 def kill_trial(folder: Path, samples: int, kills: int, seed: int) -> KillTrial:
     """A capture killed up to so often, resumed each time, beside one that nobody killed."""
     rng, done, lost, told = np.random.default_rng(seed), 0, 0, list[int]()
-    with running(folder / "killed") as world:
+    with running(folder / "whole") as world:
         sketch = sketch_of(world.cell)
         write_plan(poses.plan(sketch, home(world), feasible_in(sketch), samples, seed), folder / "plan.jsonl", folder)
-        words = _words(folder, "killed")
+        began = time.monotonic()
+        _run(_words(folder, "whole"), LONGEST_S)
+        whole_s = time.monotonic() - began
+    with running(folder / "killed"):
         while True:
-            wait_s = rng.uniform(0.3, 6.0) if done < kills else LONGEST_S
-            said, was_killed = _run(words, wait_s)
+            wait_s = rng.uniform(0.0, whole_s) if done < kills else LONGEST_S
+            said, was_killed = _run(_words(folder, "killed"), wait_s)
             told += said
             lost += len(set(told) - _in_journal(folder / "killed"))
             if not was_killed:
                 break
             done += 1
-    with running(folder / "whole"):
-        _run(_words(folder, "whole"), LONGEST_S)
     same = _contents(folder / "killed") == _contents(folder / "whole")
     return KillTrial(done, lost, len(told) - len(set(told)), same)
 

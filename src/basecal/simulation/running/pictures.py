@@ -14,7 +14,6 @@ from basecal.vision.draw.light import LightSettings, expose_light, light_levels
 from basecal.vision.draw.motion_blur import smeared
 from basecal.vision.draw.render import RenderSettings, background, checked_size, expose, radiance
 
-_SAME_M_RAD = 1e-6  # views that differ by less are one picture: a thousandth of a pixel at most
 _CLUTTER = 6.0  # levels of structure in what stands behind
 _BOARD = RenderSettings(texture=_CLUTTER)
 _LIGHT = LightSettings(texture=_CLUTTER / 2)
@@ -65,8 +64,8 @@ class CameraView:
     def _levels(self, seen: Seen, lit: bool) -> Array:
         if self._kept is not None:
             pose, was_lit, levels = self._kept
-            away = np.abs((pose.inverse() @ seen.camera_from_target).log()).max()
-            if was_lit == lit and away < _SAME_M_RAD:
+            # To the last bit, so that what is drawn follows from where things are, not from what was drawn before.
+            if was_lit == lit and np.array_equal(pose.matrix, seen.camera_from_target.matrix):
                 return levels
         levels = self._drawn(seen, lit)
         self._kept = (seen.camera_from_target, lit, levels)

@@ -7,6 +7,7 @@ import hmac
 import socketserver
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Annotated, Any, cast
 
 import numpy as np
@@ -128,11 +129,9 @@ class _Handler(socketserver.StreamRequestHandler):
 
     def handle(self) -> None:
         server = cast(CellServer, self.server)
-        while line := self.rfile.readline(_LONGEST_REQUEST):
-            answer = encoded(server.answer(line))
-            try:
+        with suppress(OSError):  # whoever asked was cut off
+            while line := self.rfile.readline(_LONGEST_REQUEST):
+                answer = encoded(server.answer(line))
                 self.wfile.write(answer if len(answer) < LONGEST_LINE else encoded({"ok": False, "error": "too long"}))
-            except OSError:
-                return
-            if not line.endswith(b"\n"):
-                return
+                if not line.endswith(b"\n"):
+                    return

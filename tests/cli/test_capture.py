@@ -1,0 +1,90 @@
+"""`basecal capture`: what it says, what it leaves alone, how it ends."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from basecal.cli import main
+from basecal.simulation.running.protocol import connect, read_address
+from shared.running_cell import running
+
+
+def joints(folder: Path) -> np.ndarray:
+    """Where the first arm of a running cell says it is."""
+    line = connect(read_address(folder))
+    found = np.array(line.ask(do="state", robot="eye")["joints_rad"])
+    line.close()
+    return found
+
+
+def test_nothing_moves_without_go(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """It says which robots would move, how fast and how often; arms stay, and nothing is written."""
+    with running(tmp_path) as world:
+        assert main(["capture", str(tmp_path), "--samples", "3"]) == 0
+        told = capsys.readouterr().out
+        assert "3 samples; eye and hand will move, no joint faster than 30 deg/s" in told
+        assert "add --go" in told
+        assert np.array_equal(joints(tmp_path), world.home["eye"])
+    assert not (tmp_path / "recording").exists()
+
+
+def test_a_program_reads_what_was_captured(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """With --json one object says which samples there are, and what is known of the base; a second run adds more."""
+    with running(tmp_path):
+        for first in (0, 2):
+            words = ["capture", str(tmp_path), "--samples", "2", "--go", "--json", "--speed-limit-deg-s", "120"]
+            assert main([*words, "--seed", str(first)]) == 0
+            answer = json.loads(capsys.readouterr().out)
+            assert answer["captured"] == [first, first + 1]
+            assert (answer["given_up"], answer["planned"]) == ([], 2)
+            assert 0 < answer["covered"] <= 1
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--pattern", "pose"], "no pattern 'pose' (did you mean 'poses'?)"),
+        (["--pattern", "none.jsonl"], "or a file"),
+        (["--speed-limit-deg-s", "0"], "speed-limit-deg-s"),
+    ],
+)
+def test_what_it_refuses(tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], message: str) -> None:
+    """A pattern that is none and a speed of nothing are told in a line."""
+    with running(tmp_path):
+        assert main(["capture", str(tmp_path), *words]) in (2, 3)
+    assert message in capsys.readouterr().err
+
+
+def test_a_cell_that_is_not_ready(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A new cell, of which nobody guessed anything, and a simulated one that does not run, say what to do."""
+    main(["new", str(tmp_path / "new")])
+    assert main(["capture", str(tmp_path / "new"), "--go"]) == 3
+    assert "give eye_base_from_hand_base a value" in capsys.readouterr().err
+    with running(tmp_path / "stopped"):
+        pass
+    (tmp_path / "stopped" / "derived" / "simulated.json").unlink()
+    assert main(["capture", str(tmp_path / "stopped"), "--go"]) == 3
+    assert "--process`" in capsys.readouterr().err
+
+
+def test_ctrl_c_stops_the_arms(tmp_path: Path) -> None:
+    """Interrupted on the way, it ends with 130 and the arm is at rest short of where it was sent."""
+    with running(tmp_path) as world:
+        words = [sys.executable, "-m", "basecal", "capture", str(tmp_path), "--samples", "2", "--go"]
+        with subprocess.Popen([*words, "--speed-limit-deg-s", "0.2"], stdout=subprocess.PIPE, text=True) as process:
+            process.stdout.readline()
+            while np.array_equal(joints(tmp_path), world.home["eye"]):
+                pass
+            process.send_signal(signal.SIGINT)
+            assert process.wait(60) == 130
+        for _ in range(40):
+            rest = joints(tmp_path)
+        assert np.array_equal(rest, joints(tmp_path))
+        assert not np.array_equal(rest, world.home["eye"])
