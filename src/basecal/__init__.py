@@ -9,6 +9,8 @@ from importlib import import_module
 
 TYPE_CHECKING = False  # not from `typing`, whose import is most of what a command does before it can be interrupted
 if TYPE_CHECKING:
+    from basecal.accuracy.compare import compare as compare
+    from basecal.accuracy.drift.verify import verify as verify
     from basecal.accuracy.verdict import calibrate as calibrate
     from basecal.cell import Calibration as Calibration
     from basecal.cell import Cell as Cell
@@ -56,6 +58,7 @@ _HOME = {
     "Stages": "estimation.stages",
     "calibrate": "accuracy.verdict",
     "calibration_to_dict": "cell.files",
+    "compare": "accuracy.compare",
     "detect": "vision.detect",
     "export": "exchange.exporters.exporter",
     "html_summary": "reporting.notebook",
@@ -68,6 +71,7 @@ _HOME = {
     "simulate": "simulation.testbed",
     "solve": "estimation.solve",
     "text_report": "reporting.text",
+    "verify": "accuracy.drift.verify",
     "write_calibration": "cell.files",
     "write_cell": "cell.files",
     "write_recording": "cell.files",
