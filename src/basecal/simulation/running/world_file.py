@@ -72,8 +72,12 @@ def read_world(folder: Path, faults: Faults | None = None) -> World:
     """
     cell, truth = read_cell(folder), read_truth(folder)
     path = str(folder / FILE)
+    said = read_truth_extra(folder).get("running")
+    if said is None:
+        message = "this cell was not made to run: give a folder that is not there yet, or say where its arms begin"
+        raise DatasetError(path, message, field="running.home_joints_rad")
     try:
-        running = RunningEntry.model_validate(read_truth_extra(folder).get("running"))
+        running = RunningEntry.model_validate(said)
     except ValidationError as error:
         problems = [Problem(("running", *p.loc), p.message) for p in problems_of(error, RunningEntry)]
         raise dataset_error(path, problems, {}) from None
