@@ -66,7 +66,7 @@ def expected_errors(cell: Cell, calibration: Calibration, fitted: FittedAgain) -
             continue
         places = np.concatenate([np.zeros((0, 3)), *_places(name, cell, fitted)])
         if len(places):
-            covariances = _at_points(calibration[name].covariance, places)
+            covariances = at_points(calibration[name].covariance, places)
             worst = int(np.argmax(np.trace(covariances, axis1=1, axis2=2)))
             found.append(ExpectedError(name, length_quantile(covariances[worst]), places[worst]))
     return tuple(found)
@@ -111,8 +111,8 @@ def sphere(count: int) -> Array:
     return np.stack([flat * np.cos(turn), flat * np.sin(turn), z], axis=-1)
 
 
-def _at_points(covariance: Array, places: Array) -> Array:
-    """Covariances of points' positions, (n, 3, 3), by that of a transform in its right tangent, (6, 6)."""
+def at_points(covariance: Array, places: Array) -> Array:
+    """Covariances of points' positions, (n, 3, 3), in the axes of the source of a transform with this one, (6, 6)."""
     moved = np.concatenate([np.broadcast_to(np.eye(3), (len(places), 3, 3)), -hat(places)], axis=-1)
     at: Array = moved @ covariance @ np.swapaxes(moved, 1, 2)
     return at

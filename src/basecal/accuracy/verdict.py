@@ -30,6 +30,8 @@ from basecal.accuracy.residuals.fit import residuals
 from basecal.accuracy.robot_parameters import robot_parameters
 from basecal.accuracy.stated_sigmas import ContradictedSigma, contradicted_sigmas, without_contradicted
 from basecal.accuracy.systematic_errors.search import SystematicError, systematic_error
+from basecal.accuracy.task.at_task import CLOCKS, MODEL, at_task
+from basecal.accuracy.task.task import placing
 from basecal.accuracy.widening import widened
 from basecal.cell import Calibration, Cell, ClockOffset, Finding, Recording, Residuals
 from basecal.cell.calibration import Verdict
@@ -56,9 +58,11 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
         The calibration; with verdict `refused` and findings that say why where the data fall short of an answer.
 
     Raises:
-        InputError: if the cell contradicts the recording.
+        InputError: if the cell contradicts the recording, or a task point is named and nothing is placed for it.
         NotObservable: if the axis-shift method is asked for and the recording has no station, or a mount is not known.
     """
+    if settings.task_point is not None and settings.method != "axis-shift":
+        placing(cell)
     with settings.stage("clocks"):
         streams = streams_of(cell, recording)
         by_clocks = None if streams is None else clocked(streams, settings)
@@ -144,18 +148,25 @@ def _judged(
         lenses = lens_structures(solution, settings)
     judged = (solution, fit, validated, model, contradicted, systematic, lenses)
     evidence = Evidence(cell, settings, recorded, robust, *judged)
+    fitted = solution
     with settings.stage("findings"):
         findings += [finding for check in ANSWER_CHECKS for finding in check(evidence)]
     rival = None if validated is None else validated.rival
     for other in (systematic, rival, *lenses):
         solution = solution if other is None else widened(solution, other.moved)
+    widenings = {MODEL: solution.covariance - fitted.covariance}
     clocks: dict[str, ClockOffset] = {}
     if by_clocks is not None:
         left = clocks_left(by_clocks, robust.solution)
         solution, clocks = settled(solution, left), clock_offsets(by_clocks, left)
+        widenings[CLOCKS] = solution.covariance - fitted.covariance - widenings[MODEL]
         findings += clock_findings(by_clocks, left)
+    calibration = _calibration(cell, recording, solution, fit, settings, findings)
+    if settings.task_point is not None:
+        with settings.stage("task"):
+            calibration = at_task(cell, calibration, fitted, widenings, np.array(settings.task_point))
     return replace(
-        _calibration(cell, recording, solution, fit, settings, findings),
+        calibration,
         clocks=clocks,
         outliers=tuple(map(described_outlier, robust.outliers)),
         validation=None if validated is None else validated.summary,

@@ -1,9 +1,11 @@
 """The nouns of a calibration and their files."""
 
 from basecal.cell.calibration import (
+    BudgetEntry,
     Calibration,
     Certificate,
     ClockOffset,
+    ErrorMap,
     Finding,
     Loop,
     Outlier,
@@ -38,6 +40,7 @@ from basecal.cell.target import Target
 
 __all__ = [
     "WORLD",
+    "BudgetEntry",
     "Calibration",
     "CandidateObservation",
     "Cell",
@@ -47,6 +50,7 @@ __all__ = [
     "Clock",
     "ClockOffset",
     "Driver",
+    "ErrorMap",
     "Finding",
     "Intrinsics",
     "Loop",

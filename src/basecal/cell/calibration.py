@@ -159,6 +159,38 @@ class ClockOffset:
     sigma_s: float
 
 
+@dataclass(frozen=True)
+class BudgetEntry:
+    """What one source adds to the error at the task.
+
+    Attributes:
+        source: In words, with the name of what it is of.
+        rms_m: Root of the variance that comes of it [m]; those of all sources add up in squares.
+        share: Of the whole variance.
+        halved_rms_m: What the whole error would be with the source's sigma half as large [m].
+    """
+
+    source: str
+    rms_m: float
+    share: float
+    halved_rms_m: float
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorMap:
+    """The error to be expected where two robots meet.
+
+    Attributes:
+        points_m: (n, 3) in the reference's base [m].
+        length_95_m: (n,) the distance that 95 of 100 errors stay below [m].
+        angle_95_rad: (n,) likewise the angle [rad].
+    """
+
+    points_m: Array
+    length_95_m: Array
+    angle_95_rad: Array
+
+
 @dataclass(frozen=True, eq=False)
 class Calibration:
     """The answer, with all that is needed to trust it.
@@ -180,6 +212,8 @@ class Calibration:
         certificate: Whether the optimum is proven; None where it was not asked.
         condition: Condition number of the whitened, scaled information.
         unobservable: Directions that the data leave open, in words.
+        budget: The error at the task by source, the largest first; None where no task is named.
+        error_map: The error over the workspace; None where no task is named.
         findings: What the user should know.
         settings: What was asked of the solver, and `tolerance_m` where it is stated how well the answer must be known.
         inputs: `sha256:...` of each file read.
@@ -202,6 +236,8 @@ class Calibration:
     certificate: Certificate | None = None
     condition: float | None = None
     unobservable: tuple[str, ...] = ()
+    budget: tuple[BudgetEntry, ...] | None = None
+    error_map: ErrorMap | None = None
     findings: tuple[Finding, ...] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)
     inputs: Mapping[str, str] = field(default_factory=dict)

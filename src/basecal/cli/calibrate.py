@@ -45,6 +45,7 @@ def calibrate(
         basecal calibrate mycell
         basecal calibrate mycell --json > answer.json
         basecal calibrate mycell --tolerance 0.5mm
+        basecal calibrate mycell --task-point 0.8 0.1 0.3
         basecal calibrate mycell --certify
         basecal calibrate mycell --verbose
         basecal calibrate mycell --method axis-shift --task-point 0.8 0.1 0.3
@@ -53,7 +54,8 @@ def calibrate(
         cell: Folder of the cell.
         method: axis-shift is the closed form for a light shifted before a still camera.
         start: Where the solver starts: a closed form, a search, the cell's guesses, or the axis-shift method.
-        task_point: Where the axis-shift method should fit best, x y z [m] in the eye robot's base.
+        task_point: Where the work is done, x y z [m] in the reference robot's base: the error there is told by source,
+            and the axis-shift method fits best there.
         station_choice: With a task point, its nearest station, or all of them weighted by distance.
         certify: Prove that no other answer fits better, or say why that cannot be proven.
         robot_noise: Whether noise of robots that state none is estimated, or these robots are taken for exact.
@@ -99,9 +101,10 @@ def _refuse_unused(method: str, start: str, task_point: object, station_choice: 
     Raises:
         UsageError: naming the option and what it goes with.
     """
-    if method != "axis-shift" and (task_point is not None or station_choice != "nearest"):
-        option = "--task-point" if task_point is not None else "--station-choice"
-        raise UsageError(f"{option} says nothing to --method {method}: give --method axis-shift, or leave it out")
+    if method != "axis-shift" and station_choice != "nearest":
+        raise UsageError(
+            f"--station-choice says nothing to --method {method}: give --method axis-shift, or leave it out"
+        )
     if method == "axis-shift" and task_point is None and station_choice != "nearest":
         raise UsageError("--station-choice needs a point to choose stations for: give --task-point x y z")
     if method == "axis-shift" and start != "closed":

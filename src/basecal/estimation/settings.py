@@ -25,8 +25,9 @@ class Settings:
         iterations: Steps of the descent, at most.
         start: `closed` (a closed form, or a search where the data need it), `thorough` (always a search), `guess` (the
             cell's means and guesses) or `axis-shift` (the paper's closed form).
-        task_point: (x, y, z) [m] in the eye robot's base where the axis-shift method should fit best; None for a mean
-            of all stations.
+        task_point: (x, y, z) [m] in the reference robot's base, about which the error is told by source and place, and
+            where the axis-shift method, for which it is the eye robot's base, should fit best; None for a mean of all
+            stations.
         robot_noise: `stated` (robots that state none are exact) or `estimated` where none is stated, together with all
             other noise; None for `stated` by `solve`, and for `estimated` by `calibrate`.
         station_choice: With a task point: the `nearest` station, or all of them `weighted` by distance.

@@ -29,6 +29,7 @@ from basecal.reporting.figures.orientations import orientation_figure
 from basecal.reporting.figures.residual_map import residual_map
 from basecal.reporting.figures.residual_polar import residual_polar
 from basecal.reporting.figures.thumbnails import thumbnails
+from basecal.reporting.figures.workspace import workspace
 from basecal.reporting.overview import overview
 from basecal.reporting.provenance import provenance
 from basecal.reporting.robots import robot_blocks
@@ -40,6 +41,7 @@ from basecal.reporting.text import (
     lens_parameters,
     noise_sentences,
     outlier_sentences,
+    task_rows,
     validation_sentences,
     verdict_sentence,
 )
@@ -207,6 +209,9 @@ def _fit(cell: Cell, calibration: Calibration, details: FitDetails) -> dict[str,
         "views": _views(views, views_left_out(calibration)),
         "rows": _worst_rows(views),
         "view_count": len(views),
+        "task": list(task_rows(calibration)),
+        "budget": calibration.budget or (),
+        "workspace": [] if calibration.error_map is None else list(workspace(calibration.error_map)),
     }
 
 

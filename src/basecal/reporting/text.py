@@ -25,6 +25,7 @@ _CONSEQUENCES = ("poor-fit", "inconsistent-folds", "overfit", "weak-direction", 
 # What leaves too few samples comes before that there are too few.
 _LOSSES = ("few-images", "dropped-sample")
 _SHOWN_IDS = 10
+_SHOWN_SOURCES = 3  # of a budget, in one line
 
 
 def text_report(cell: Cell, calibration: Calibration, tolerance: ToleranceCheck | None = None) -> str:
@@ -57,6 +58,7 @@ def text_report(cell: Cell, calibration: Calibration, tolerance: ToleranceCheck 
         list(validation_sentences(calibration)),
         [f"outlier: {sentence}" for sentence in outlier_sentences(calibration)],
         list(noise_sentences(calibration)),
+        list(task_rows(calibration)),
         list(_findings(calibration.findings)),
     ]
     return "\n\n".join("\n".join(block) for block in blocks if block)
@@ -247,6 +249,28 @@ def noise_sentences(calibration: Calibration) -> Iterator[str]:
             sigma, words = sigmas[term]["sigma"], NOISE_TERMS[term].format(**sigmas[term])
             alike = f"{_sigma('t_m', sigma[:3])}, {_sigma('r_rad', sigma[3:])}"
             yield f"error of robot {robot} that is {words}: {alike}"
+
+
+def task_sentence(calibration: Calibration) -> str:
+    """The error at the task and the sources that matter most; empty where no task is named."""
+    if not calibration.budget:
+        return ""
+    total_mm = 1e3 * sum(entry.rms_m**2 for entry in calibration.budget) ** 0.5
+    largest = [f"{entry.source} {100 * entry.share:.0f} %" for entry in calibration.budget[:_SHOWN_SOURCES]]
+    return f"error at the task {total_mm:.2g} mm rms, of its variance {', '.join(largest)}"
+
+
+def task_rows(calibration: Calibration) -> Iterator[str]:
+    """The error at the task by source, and over the workspace, a line each."""
+    if calibration.budget:
+        yield task_sentence(calibration)
+        for entry in calibration.budget:
+            halved = f"{1e3 * entry.halved_rms_m:.3g} mm with half of it"
+            yield f"  {1e3 * entry.rms_m:8.4f} mm {100 * entry.share:5.1f} %  {entry.source}; in all {halved}"
+    if calibration.error_map is not None:
+        lengths, angles = 1e3 * calibration.error_map.length_95_m, np.degrees(calibration.error_map.angle_95_rad)
+        spread = f"{lengths.min():.2g} to {lengths.max():.2g} mm and {angles.max():.2g} deg"
+        yield f"over the workspace 95 % of errors of one flange to another are expected below {spread}"
 
 
 def _sigma(key: str, value: float | Array) -> str:

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from basecal.cell.calibration import (
+    BudgetEntry,
     Calibration,
     Certificate,
     ClockOffset,
+    ErrorMap,
     Finding,
     Loop,
     Outlier,
@@ -73,6 +75,25 @@ def test_what_is_not_known_is_null():
     assert data["noise"] == {"a": 0.5, "b": None, "c": [1.0, None], "d": [True, {"e": None}]}
     assert data["observability"]["condition"] is None
     assert json.loads(json.dumps(data, allow_nan=False)) == data
+
+
+def test_task():
+    """Millimetres, percent and degrees; read back alike, and an error is needed of each point."""
+    points, errors = np.array([[0.1, 0.2, 0.3], [1.0, 0, 0]]), np.array([1e-3, 2e-3])
+    given = Calibration(
+        "good", budget=(BudgetEntry("views of a", 3e-4, 0.25, 5e-4),), error_map=ErrorMap(points, errors, errors)
+    )
+    data = json.loads(json.dumps(calibration_to_dict(given)))
+    (entry,) = data["budget"]
+    assert entry == pytest.approx({"source": "views of a", "mm": 0.3, "percent": 25.0, "total_mm_if_halved": 0.5})
+    assert data["error_map"]["mm_95"] == pytest.approx([1.0, 2.0])
+    assert data["error_map"]["deg_95"] == pytest.approx(np.degrees(errors).tolist())
+    back = calibration_from_dict(data)
+    assert back.budget[0].rms_m == pytest.approx(3e-4)
+    np.testing.assert_allclose(back.error_map.points_m, points)
+    np.testing.assert_allclose(back.error_map.angle_95_rad, errors)
+    with pytest.raises(InputError, match="error_map"):
+        calibration_from_dict({**data, "error_map": {**data["error_map"], "mm_95": [1.0]}})
 
 
 def test_clocks():

@@ -86,6 +86,18 @@ def test_information_is_the_slope_of_the_gradient_where_nothing_is_left_over(kin
     )
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_noisier_views_say_less(kind):
+    """With sigmas twice as large all is a quarter."""
+    measurement, pose, camera = made(kind, 1.0)
+    for plain, noisier in zip(
+        measurement.linearise(pose, camera, False),
+        measurement.noisier(2.0).linearise(pose, camera, False),
+        strict=True,
+    ):
+        np.testing.assert_allclose(4 * noisier, plain, rtol=1e-12, atol=1e-12 * np.abs(plain).max())
+
+
 @pytest.mark.parametrize("kind", ["pixels", "fisheye pixels"])
 def test_lens_columns_are_the_slope_of_the_gradient(kind):
     """The same with the lens's parameters, each scaled to order one."""

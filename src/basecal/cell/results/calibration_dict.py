@@ -11,9 +11,11 @@ from typing import Any, TypeVar
 import numpy as np
 
 from basecal.cell.calibration import (
+    BudgetEntry,
     Calibration,
     Certificate,
     ClockOffset,
+    ErrorMap,
     Finding,
     Loop,
     Outlier,
@@ -64,6 +66,8 @@ def calibration_to_dict(calibration: Calibration) -> dict[str, Any]:
         "validation": _entry(calibration.validation),
         "observability": {"condition": calibration.condition, "unobservable": list(calibration.unobservable)},
         "certificate": None if proof is None else {"gap": proof.gap, "global": proof.is_global, "reason": proof.reason},
+        "budget": None if calibration.budget is None else [_budget_entry(entry) for entry in calibration.budget],
+        "error_map": None if calibration.error_map is None else _error_map(calibration.error_map),
         "findings": [finding_to_dict(finding) for finding in calibration.findings],
         "settings": dict(calibration.settings),
         "inputs": dict(calibration.inputs),
@@ -157,6 +161,33 @@ def _noun(of: type[N], data: Mapping[str, Any]) -> N:
     return of(**values)
 
 
+def _budget_entry(entry: BudgetEntry) -> dict[str, Any]:
+    halved_mm = 1e3 * entry.halved_rms_m
+    return {
+        "source": entry.source,
+        "mm": 1e3 * entry.rms_m,
+        "percent": 100 * entry.share,
+        "total_mm_if_halved": halved_mm,
+    }
+
+
+def _budget_of(data: Mapping[str, Any]) -> BudgetEntry:
+    return BudgetEntry(data["source"], data["mm"] / 1e3, data["percent"] / 100, data["total_mm_if_halved"] / 1e3)
+
+
+def _error_map(found: ErrorMap) -> dict[str, Any]:
+    return {
+        "points_m": numbers(found.points_m),
+        "mm_95": numbers(1e3 * found.length_95_m),
+        "deg_95": numbers(np.degrees(found.angle_95_rad)),
+    }
+
+
+def _error_map_of(data: Mapping[str, Any]) -> ErrorMap:
+    points, mm, degrees = (np.array(data[key], dtype=np.float64) for key in ("points_m", "mm_95", "deg_95"))
+    return ErrorMap(read_only(points.reshape(-1, 3)), read_only(mm / 1e3), read_only(np.radians(degrees)))
+
+
 def finding_to_dict(finding: Finding) -> dict[str, Any]:
     """A finding as JSON holds it."""
     about = list(finding.about)
@@ -191,6 +222,8 @@ def _calibration(data: dict[str, Any]) -> Calibration:
         certificate=None if proof is None else Certificate(proof["gap"], proof["global"], proof["reason"]),
         condition=data["observability"]["condition"],
         unobservable=tuple(data["observability"]["unobservable"]),
+        budget=None if data.get("budget") is None else tuple(map(_budget_of, data["budget"])),
+        error_map=None if data.get("error_map") is None else _error_map_of(data["error_map"]),
         findings=tuple(_noun(Finding, {**one, "about": tuple(one["about"])}) for one in data["findings"]),
         settings=data["settings"] or {},
         inputs=data["inputs"] or {},

@@ -45,6 +45,7 @@ _Status = Literal["fixed", "prior", "free"]
 _Sigma = Annotated[float, Field(ge=0, le=LARGEST)] | None
 _Sigma3 = Annotated[list[_Sigma], _Three]
 _Number = Annotated[float, Field(ge=-_FARTHEST, le=_FARTHEST)]
+_Length = Annotated[float, Field(ge=0, le=_FARTHEST)]
 
 
 class _Result(BaseModel):
@@ -124,6 +125,26 @@ class _Observability(_Result):
     unobservable: list[str]
 
 
+class _BudgetEntry(_Result):
+    source: str
+    mm: _Length
+    percent: float
+    total_mm_if_halved: _Length
+
+
+class _ErrorMap(_Result):
+    points_m: list[Annotated[list[_Number], _Three]]
+    mm_95: list[_Length]
+    deg_95: list[_Length]
+
+    @model_validator(mode="after")
+    def _of_each(self) -> Self:
+        """Every point has its error."""
+        if not len(self.points_m) == len(self.mm_95) == len(self.deg_95):
+            raise ValueError("expected an error in mm and in deg for each point")
+        return self
+
+
 class _Certificate(_Result):
     gap: float | None
     is_global: Annotated[bool | None, Field(alias="global")]
@@ -196,6 +217,8 @@ class _CalibrationEntry(_Result):
     validation: _Validation | None
     observability: _Observability
     certificate: _Certificate | None
+    budget: list[_BudgetEntry] | None = None
+    error_map: _ErrorMap | None = None
     findings: list[_Finding]
     settings: _Settings | None
     inputs: dict[str, str] | None

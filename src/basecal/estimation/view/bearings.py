@@ -47,6 +47,10 @@ class BearingMeasurement(TargetPoints):
         """See `Measurement`; its weights are its own."""
         return self
 
+    def noisier(self, factor: float) -> BearingMeasurement:
+        """See `Measurement`."""
+        return replace(self, weight=self.weight / factor)
+
     def of_batch(self, rows: Rows) -> BearingMeasurement:
         """See `Measurement`."""
         bearings, weight = of_batch_rows(self.bearings_in_camera, rows, 3), of_batch_rows(self.weight, rows, 2)

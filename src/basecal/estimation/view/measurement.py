@@ -59,6 +59,10 @@ class Measurement(Protocol):
         """The same with the sigmas that were not stated."""
         ...
 
+    def noisier(self, factor: float) -> Measurement:
+        """The same with all sigmas in use, stated or not, so many times as large."""
+        ...
+
     def take(self, views: Rows) -> Measurement:
         """The views at these indices."""
         ...

@@ -140,6 +140,10 @@ class PixelMeasurement(TargetPoints):
         relative = 1.0 if self.relative is None else self.relative
         return replace(self, weight=self.stated + unstated * relative / noise.pixel_px)
 
+    def noisier(self, factor: float) -> PixelMeasurement:
+        """See `Measurement`."""
+        return replace(self, weight=self.weight / factor, common_px=self.common_px * factor)
+
     def of_batch(self, rows: Rows) -> PixelMeasurement:
         """See `Measurement`."""
         seen = self.seen[rows] if self.seen.ndim > 2 else self.seen

@@ -49,6 +49,10 @@ class PointMeasurement(TargetPoints):
         """See `Measurement`."""
         return replace(self, weight=self.stated + (self.seen & (self.stated == 0)) / noise.point_m)
 
+    def noisier(self, factor: float) -> PointMeasurement:
+        """See `Measurement`."""
+        return replace(self, weight=self.weight / factor)
+
     def of_batch(self, rows: Rows) -> PointMeasurement:
         """See `Measurement`."""
         seen = self.seen[rows] if self.seen.ndim > 2 else self.seen

@@ -49,6 +49,10 @@ class PoseMeasurement:
         default = 1 / np.array([noise.pose_m] * 3 + [noise.pose_rad] * 3)
         return replace(self, weight=np.where(self.stated == 0, default, self.stated))
 
+    def noisier(self, factor: float) -> PoseMeasurement:
+        """See `Measurement`."""
+        return replace(self, weight=self.weight / factor)
+
     def take(self, views: Rows) -> PoseMeasurement:
         """See `Measurement`."""
         return PoseMeasurement(self.measured_camera_from_target[views], self.stated[views], self.weight[views])

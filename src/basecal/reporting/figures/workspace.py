@@ -1,0 +1,57 @@
+"""The expected error over the workspace that robots share, one drawing a height."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from basecal.cell import ErrorMap
+from basecal.geometry import Array
+from basecal.reporting.figures.figure import Figure
+from basecal.reporting.figures.image_grid import FAINTEST
+from basecal.reporting.svg import drawing, element, text
+
+_TILE = 40.0  # of a point on the drawing, along each edge
+_GAP = 2.0
+
+
+def workspace(found: ErrorMap) -> Iterator[Figure]:
+    """Of each height, from the lowest: squares shaded by the error, x to the right and y upwards."""
+    low, high = found.length_95_m.min() * 1e3, found.length_95_m.max() * 1e3
+    across, along = np.unique(found.points_m[:, 0]), np.unique(found.points_m[:, 1])
+    for height in np.unique(found.points_m[:, 2]):
+        here = np.flatnonzero(found.points_m[:, 2] == height)
+        tiles = [_tile(found, int(k), across, along, high) for k in here]
+        size = _TILE * len(across), _TILE * len(along)
+        frame = element("rect", class_="frame", width=f"{size[0]:g}", height=f"{size[1]:g}")
+        title = f"at z = {height:.3f} m"
+        svg = drawing(*size, f"expected error {title}", frame, *tiles)
+        of = found.length_95_m[here] * 1e3
+        caption = f"95 % of errors below {of.min():.2g} to {of.max():.2g} mm here, {low:.2g} to {high:.2g} mm in all."
+        yield Figure(title, svg, caption, _ends(across, "x"), _ends(along[::-1], "y"))
+
+
+def _ends(values: Array, axis: str) -> tuple[str, ...]:
+    if len(values) == 1:
+        return (f"{axis} {values[0]:.2f} m",)
+    return f"{axis} {values[0]:.2f} m", f"{values[-1]:.2f} m"
+
+
+def _tile(found: ErrorMap, number: int, across: Array, along: Array, highest_mm: float) -> str:
+    """The square of a point, which says its error; the darker the larger."""
+    x, y, z = found.points_m[number]
+    mm, degrees = 1e3 * found.length_95_m[number], float(np.degrees(found.angle_95_rad[number]))
+    label = f"({x:.3f}, {y:.3f}, {z:.3f}) m: {mm:.3g} mm and {degrees:.2g} deg"
+    column, row = np.searchsorted(across, x), len(along) - 1 - np.searchsorted(along, y)
+    share = mm / highest_mm if highest_mm > 0 else 0.0
+    return element(
+        "rect",
+        element("title", text(label)),
+        class_="tile",
+        x=f"{_TILE * column + _GAP / 2:g}",
+        y=f"{_TILE * row + _GAP / 2:g}",
+        width=f"{_TILE - _GAP:g}",
+        height=f"{_TILE - _GAP:g}",
+        fill_opacity=f"{FAINTEST + (1 - FAINTEST) * share:.2f}",
+    )

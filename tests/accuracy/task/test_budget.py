@@ -1,0 +1,108 @@
+"""The error at the task by source: sums, and what halving brings, against trials."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.task.budget import REST, budget
+from basecal.accuracy.task.task import Task, task_at
+from basecal.accuracy.verdict import calibrate
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import Solution, solve
+from basecal.simulation import Scenario, simulate
+
+POINT = (0.5, 0.1, 0.3)
+PRIORS = Scenario(
+    samples=15,
+    robot_noise=(1e-4, 2e-4),
+    camera_mount="prior",
+    intrinsics="prior",
+    joints=True,
+    joint_offset_rad=1e-3,
+    joint_offsets="prior",
+)
+
+
+def at(solution: Solution, name: str) -> tuple[Task, float]:
+    task = task_at(name, solution.state.transforms, np.array([POINT]))
+    return task, task.variance_m2(solution.transforms[name].covariance)
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+@pytest.mark.parametrize(
+    "scenario",
+    [
+        Scenario(samples=12, target="pose", robot_noise=(1e-4, 2e-4)),
+        Scenario(samples=15, target="pose", arms="stations", robot_noise=(1e-4, 2e-4)),
+        PRIORS,
+    ],
+    ids=["poses", "stops shared by views", "priors"],
+)
+def test_sources_add_to_the_total(scenario, seed):
+    """Within 0.1 % of the covariance's own variance, nothing left over being called a source."""
+    made = simulate(scenario, seed)
+    solution = solve(made.cell, made.recording)
+    task, total = at(solution, "eye_base_from_hand_base")
+    entries = budget(solution, task, total, {})
+    assert {entry.source for entry in entries}.isdisjoint({REST}) or entries[-1].share < 1e-3
+    assert sum(entry.rms_m**2 for entry in entries) == pytest.approx(total, rel=1e-3)
+    assert sum(entry.share for entry in entries) == pytest.approx(1.0, rel=1e-3)
+
+
+def test_what_is_added_is_a_source():
+    """A widening has its own line, is quartered when halved, and what remains is said to be of the sigmas."""
+    made = simulate(Scenario(samples=12, target="pose", robot_noise=(1e-4, 2e-4)), 3)
+    solution = solve(made.cell, made.recording)
+    task, total = at(solution, "eye_base_from_hand_base")
+    entries = {e.source: e for e in budget(solution, task, 3 * total, {"clocks": total})}
+    assert entries["clocks"].share == pytest.approx(1 / 3)
+    assert entries["clocks"].halved_rms_m ** 2 == pytest.approx(2.25 * total)
+    assert entries[REST].share == pytest.approx(1 / 3, rel=1e-2)
+
+
+HALVED = {
+    "views of wrist": {"pose_noise": (5e-4, 1.5e-3)},
+    "repeatability of arm": {"robot_noise": (2e-4, 5e-4)},
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("source", HALVED)
+def test_halving_a_source_does_what_is_told(source):
+    """Over 300 cells whose arm makes as large errors as the views the true error falls as told, within 10 %.
+
+    The draws are the same with the whole sigma and half of it, so that chance leaves about 3 % of the ratio.
+    """
+    scenario = Scenario(samples=12, target="pose", layout="eye_in_hand", robot_noise=(4e-4, 1e-3))
+    halved = replace(scenario, **HALVED[source])
+    told, found = np.zeros(2), np.zeros(2)
+    for seed in range(300):
+        whole, half = simulate(scenario, seed), simulate(halved, seed)
+        solutions = solve(whole.cell, whole.recording), solve(half.cell, half.recording)
+        task, total = at(solutions[0], "arm_base_from_board")
+        entry = next(e for e in budget(solutions[0], task, total, {}) if e.source == source)
+        told += [total, entry.halved_rms_m**2]
+        found += [error_m2(made.truth, each) for made, each in zip((whole, half), solutions, strict=True)]
+    ratio = np.sqrt(told[1] / told[0])
+    assert ratio < 0.9  # the source matters
+    assert np.sqrt(found[1] / found[0]) == pytest.approx(ratio, rel=0.1)
+
+
+def error_m2(truth, solution: Solution) -> float:
+    """By how much the point is off where the calibration has it [m^2]."""
+    true, found = truth["arm_base_from_board"], solution.state.transforms["arm_base_from_board"]
+    return float(np.sum((found @ true.inverse() @ np.array(POINT) - POINT) ** 2))
+
+
+def test_a_calibration_has_a_budget_where_a_task_is_named():
+    """It adds up to the error of the base at the task, estimated noise and all; without a task there is none."""
+    made = simulate(Scenario(samples=15, robot_noise=(1e-4, 2e-4), state_robot_noise=False), 4)
+    calibration = calibrate(made.cell, made.recording, Settings(task_point=POINT))
+    base = calibration["eye_base_from_hand_base"]
+    total = task_at("b", {"b": base.mean}, np.array([POINT])).variance_m2(base.covariance)
+    assert sum(entry.rms_m**2 for entry in calibration.budget) == pytest.approx(total, rel=1e-6)
+    assert {e.source for e in calibration.budget} >= {"views of wrist", "repeatability of eye", "repeatability of hand"}
+    assert calibrate(made.cell, made.recording).budget is None

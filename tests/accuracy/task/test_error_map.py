@@ -1,0 +1,73 @@
+"""The expected error over the workspace, against draws of what it is made of."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.task.error_map import STEPS, error_map
+from basecal.accuracy.verdict import calibrate
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import solve
+from basecal.geometry import SE3
+from basecal.simulation import Scenario, simulate
+
+BASE = "eye_base_from_hand_base"
+POINT = np.array([0.5, 0.1, 0.3])
+
+
+@pytest.fixture(scope="module")
+def mapped():
+    made = simulate(Scenario(samples=15, robot_noise=(3e-4, 5e-4)), 4)
+    calibration = calibrate(made.cell, made.recording, Settings(task_point=tuple(POINT)))
+    return made, calibration, calibration.error_map
+
+
+def test_the_box_holds_the_task_and_every_target(mapped):
+    """Its corners are the farthest of the places where the target was, and of the task."""
+    made, _, found = mapped
+    base_from_board = made.true_base_from_flange["hand"] @ made.truth["hand_flange_from_board"]
+    places = np.concatenate([(made.truth[BASE] @ base_from_board).translation, POINT[None]])
+    assert len(found.points_m) == STEPS**3
+    np.testing.assert_allclose(found.points_m.min(0), places.min(0), atol=5e-3)
+    np.testing.assert_allclose(found.points_m.max(0), places.max(0), atol=5e-3)
+
+
+@pytest.mark.parametrize("number", [0, STEPS**3 // 2, STEPS**3 - 1])
+def test_errors_drawn_are_below_in_95_of_100(mapped, number):
+    """Draws of the base by its covariance and of both robots by their noise, within three sigmas of 20,000 (0.5 %)."""
+    _, calibration, found = mapped
+    rng, base = np.random.default_rng(5), calibration[BASE]
+    drawn = base.mean @ SE3.exp(rng.multivariate_normal(np.zeros(6), base.covariance, 20_000))
+    point = found.points_m[number]
+    robots = [np.repeat([3e-4, 5e-4], 3) * rng.standard_normal((20_000, 6)) for _ in range(2)]
+    moved = drawn @ (base.mean.inverse() @ point) - point + robots[0][:, :3] + robots[1][:, :3]
+    assert np.mean(np.linalg.norm(moved, axis=1) < found.length_95_m[number]) == pytest.approx(0.95, abs=5e-3)
+    turned = (base.mean.inverse() @ drawn).log()[:, 3:] + robots[0][:, 3:] + robots[1][:, 3:]
+    assert np.mean(np.linalg.norm(turned, axis=1) < found.angle_95_rad[number]) == pytest.approx(0.95, abs=5e-3)
+
+
+def test_errors_smooth_in_the_pose_count(mapped):
+    """A smooth error of a robot widens the map as its noise does."""
+    made, calibration, found = mapped
+    solution = solve(made.cell, made.recording)
+    robots = dict(calibration.noise["robots"])
+    robots["hand"] = {**robots["hand"], "smooth": {"sigma": [2e-3] * 3 + [1e-3] * 3, "length_m": 0.7}}
+    wider = replace(calibration, noise={**calibration.noise, "robots": robots})
+    larger = error_map(made.cell, wider, solution, POINT)
+    assert larger.length_95_m.min() > found.length_95_m.min() + 1e-3
+    assert larger.angle_95_rad[0] > found.angle_95_rad[0]
+
+
+def test_a_flat_box_has_one_layer():
+    """A board that stays where it is, on the world: the camera's places make the box, which the task may flatten."""
+    made = simulate(Scenario(samples=10, layout="eye_in_hand", robot_noise=(1e-4, 1e-4)), 1)
+    calibration = calibrate(made.cell, made.recording, Settings(task_point=(0.0, 0.0, 0.3)))
+    assert len(calibration.error_map.points_m) == STEPS**3
+    solution = solve(made.cell, made.recording)
+    (group,) = solution.problem.groups
+    few = replace(solution, problem=solution.problem.with_groups([group.take(np.array([2]))]))
+    at = (group.eye_base_from_eye_flange @ solution.state.transforms["arm_flange_from_wrist"]).translation[2]
+    assert len(error_map(made.cell, calibration, few, at + np.array([0.1, 0, 0])).points_m) == STEPS
