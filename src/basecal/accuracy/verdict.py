@@ -30,7 +30,7 @@ from basecal.accuracy.residuals.fit import residuals
 from basecal.accuracy.robot_parameters import robot_parameters
 from basecal.accuracy.stated_sigmas import ContradictedSigma, contradicted_sigmas, without_contradicted
 from basecal.accuracy.systematic_errors.search import SystematicError, systematic_error
-from basecal.accuracy.task.at_task import CLOCKS, MODEL, at_task
+from basecal.accuracy.task.at_task import at_task
 from basecal.accuracy.task.task import placing
 from basecal.accuracy.widening import widened
 from basecal.cell import Calibration, Cell, ClockOffset, Finding, Recording, Residuals
@@ -154,17 +154,11 @@ def _judged(
     rival = None if validated is None else validated.rival
     for other in (systematic, rival, *lenses):
         solution = solution if other is None else widened(solution, other.moved)
-    widenings = {MODEL: solution.covariance - fitted.covariance}
-    clocks: dict[str, ClockOffset] = {}
-    if by_clocks is not None:
-        left = clocks_left(by_clocks, robust.solution)
-        solution, clocks = settled(solution, left), clock_offsets(by_clocks, left)
-        widenings[CLOCKS] = solution.covariance - fitted.covariance - widenings[MODEL]
-        findings += clock_findings(by_clocks, left)
+    as_modelled = solution
+    solution, clocks = _by_clocks(solution, robust, by_clocks, findings)
     calibration = _calibration(cell, recording, solution, fit, settings, findings)
-    if settings.task_point is not None:
-        with settings.stage("task"):
-            calibration = at_task(cell, calibration, fitted, widenings, np.array(settings.task_point))
+    with settings.stage("task"):
+        calibration = at_task(cell, calibration, settings, (fitted, as_modelled, solution))
     return replace(
         calibration,
         clocks=clocks,
@@ -172,6 +166,17 @@ def _judged(
         validation=None if validated is None else validated.summary,
         certificate=certificate,
     )
+
+
+def _by_clocks(
+    solution: Solution, robust: RobustSolution, by_clocks: Clocked | None, findings: list[Finding]
+) -> tuple[Solution, dict[str, ClockOffset]]:
+    """The solution with what is left of the clocks' offsets, and these; what is to be said of them joins the findings."""
+    if by_clocks is None:
+        return solution, {}
+    left = clocks_left(by_clocks, robust.solution)
+    findings += clock_findings(by_clocks, left)
+    return settled(solution, left), clock_offsets(by_clocks, left)
 
 
 def verdict_of(findings: Sequence[Finding]) -> Verdict:

@@ -2,25 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
+
+import numpy as np
 
 from basecal.accuracy.task.budget import calibration_budget
 from basecal.accuracy.task.error_map import error_map
 from basecal.cell import Calibration, Cell
+from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution
-from basecal.geometry import Array
 
-MODEL = "what is systematic: robots, lens, fits that differ"
-"""What widens an answer where something is found that noise is not."""
-
-CLOCKS = "offsets of clocks"
-"""What widens it where clocks are estimated."""
+_MODEL = "what is systematic: robots, lens, fits that differ"
+_CLOCKS = "offsets of clocks"
 
 
 def at_task(
-    cell: Cell, calibration: Calibration, solution: Solution, widenings: Mapping[str, Array], point_m: Array
+    cell: Cell, calibration: Calibration, settings: Settings, steps: tuple[Solution, Solution, Solution]
 ) -> Calibration:
-    """The calibration with its budget and its map; see `calibration_budget` and `error_map`."""
-    found = calibration_budget(cell, calibration, solution, widenings, point_m)
-    return replace(calibration, budget=found, error_map=error_map(cell, calibration, solution, point_m))
+    """The calibration with its budget and its map; as it is where no task point is named.
+
+    Args:
+        cell: What was calibrated.
+        calibration: What came out.
+        settings: With the task point.
+        steps: The solution, the same widened by what noise is not, and that widened by clocks.
+    """
+    if settings.task_point is None:
+        return calibration
+    point_m = np.array(settings.task_point)
+    fitted, as_modelled, by_clocks = steps
+    widenings = {
+        _MODEL: as_modelled.covariance - fitted.covariance,
+        _CLOCKS: by_clocks.covariance - as_modelled.covariance,
+    }
+    found = calibration_budget(cell, calibration, fitted, widenings, point_m)
+    return replace(calibration, budget=found, error_map=error_map(cell, calibration, by_clocks, point_m))
