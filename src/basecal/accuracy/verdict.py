@@ -171,7 +171,7 @@ def _judged(
 def _by_clocks(
     solution: Solution, robust: RobustSolution, by_clocks: Clocked | None, findings: list[Finding]
 ) -> tuple[Solution, dict[str, ClockOffset]]:
-    """The solution with what is left of the clocks' offsets, and these; what is to be said of them joins the findings."""
+    """The solution with what is left of the clocks' offsets, and these; what is to be said joins the findings."""
     if by_clocks is None:
         return solution, {}
     left = clocks_left(by_clocks, robust.solution)

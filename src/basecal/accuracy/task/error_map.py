@@ -1,8 +1,8 @@
 """The error to be expected where two robots meet, over the workspace that they share.
 
 Both are sent to one point: how far their flanges are then from where they should be to one another is the error of the
-base between them there, and each robot's own, of a stop by itself and smooth in its pose. Source: docs/mathematics.md
-(14.3).
+base between them there, and each robot's own, of a stop by itself and smooth in its pose.
+Source: docs/mathematics.md (14.3).
 """
 
 from __future__ import annotations
