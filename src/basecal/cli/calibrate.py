@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 from basecal.cli.detected import detected_recording
 from basecal.cli.page import StoredRun, print_page_path, write_page
 from basecal.cli.terminal import print_json, print_stages, progress, say
-from basecal.cli.tolerance import tolerance_m
+from basecal.cli.typed_length import length_m
 from basecal.errors import UsageError, printable
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def calibrate(
     from basecal.cell.files import calibration_to_dict, read_cell
     from basecal.estimation.settings import Settings
 
-    needed_m = None if tolerance is None else tolerance_m(tolerance)
+    needed_m = None if tolerance is None else length_m(tolerance)
     _refuse_unused(method, start, task_point, station_choice)
     described = read_cell(cell)
     settings = Settings(

@@ -6,10 +6,12 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from basecal.cli.described_target import UNSAID, Shape, target_entry
 from basecal.cli.detected import counting
 from basecal.cli.imported import By, finish_import
 from basecal.cli.terminal import pasted, say
 from basecal.errors import InputError, listed
+from basecal.registry import TargetKindName
 
 if TYPE_CHECKING:
     from basecal.cell import Cell, CellCamera
@@ -26,17 +28,23 @@ def import_images(
     on: str | None = None,
     by: Literal["order", "name", "time"] | None = None,
     link: bool = False,
+    target: TargetKindName | None = None,
+    target_on: str | None = None,
+    target_name: str = "board",
+    shape: Shape = UNSAID,
 ) -> int:
     """Copy one camera's pictures into a recording; several cameras by several calls.
 
     Picture i, in the order of their names (2.png before 10.png), belongs to
     sample i; where a table had a column `image`, its names say which. Where
     nothing is recorded, each picture makes a sample. A camera that is not in the
-    cell is added to it, with a free lens.
+    cell is added to it, with a free lens. So is the target that the pictures show,
+    where it is described here.
 
     For example:
 
-        basecal import images mycell photos --camera wrist --on left
+        basecal import images mycell photos --camera wrist --on left \\
+            --target charuco --squares 5x7 --square 40mm --target-on right
         basecal import images mycell /data/cam2 --camera door --on world --link
 
     Args:
@@ -46,6 +54,10 @@ def import_images(
         on: What carries a camera that is new: a robot (its flange), or `world`; the robot where there is one alone.
         by: What pairs pictures with samples: their order, names in the recording, or times that their names are.
         link: Make hard links instead of copies.
+        target: Kind of the target in the pictures, where the cell does not describe it; its sizes are below.
+        target_on: What carries it: a robot (its flange), or `world`; if not said, the only robot without the camera.
+        target_name: Its name.
+        shape: Its counts and sizes.
     """
     from basecal.exchange.importing.imported import Imported, Row
     from basecal.exchange.pictures import pictures_of, stamp_of, unreadable_pictures
@@ -54,6 +66,7 @@ def import_images(
     files = pictures_of(folder)
     size_px = _checked_size(folder, files)
     said = entry["cameras"][camera]
+    shown = target_entry(cell, target, shape, {target_name: target_on}, {camera: said.get("on")})
     entry["cameras"] = {camera: {key: said[key] for key in ("on",) if key in said} | {"size_px": list(size_px)} | said}
     stamps = [stamp_of(path.name) for path in files]
     if by == "time" and None in stamps:
@@ -67,6 +80,9 @@ def import_images(
     carried = f", on {said['on']}" if on is None and "on" in said else ""
     advice = " (where it stands beside the robot, correct `on: world` in cell.yaml)" if carried else ""
     what = f"{len(rows)} pictures of {camera!r}{carried}, {size_px[0]} x {size_px[1]} px{advice}"
+    for name, described in shown.get("targets", {}).items():
+        what += f"; target {name!r}, {described['kind']} on {described['on']!r}"
+    entry |= {"robots": {**entry.get("robots", {}), **shown.pop("robots", {})}} | shown if shown else {}
     imported = Imported(str(folder), what, rows, entry, replaced)
     return finish_import(cell, imported, advice="check --camera", by=None if by is None else _BY[by], link=link)
 

@@ -103,7 +103,7 @@ def _next_step(cell: Cell, recording: Recording, folder: Path) -> str:
     """What is still missing before the cell can be calibrated, or the line that does it."""
     place = pasted(folder)
     if not cell.cameras:
-        return f"next, its pictures: basecal import images {place} DIR --camera NAME --on ROBOT"
+        return f"next, its pictures: basecal import images {place} DIR --camera NAME --on ROBOT --target KIND ..."
     seen = any(sample.images or sample.observations for sample in recording.samples)
     silent = [name for name in cell.robots if not any(name in sample.robots for sample in recording.samples)]
     if silent:

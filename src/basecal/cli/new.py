@@ -6,8 +6,9 @@ import os
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import Parameter, validators
+from cyclopts import CycloptsError, Parameter, validators
 
+from basecal.cli.described_target import UNSAID, Shape, is_described, target_fields
 from basecal.cli.template import Kind, cell_text
 from basecal.cli.terminal import pasted, say
 
@@ -16,28 +17,44 @@ def new(
     cell: Path,
     /,
     *,
-    robots: Annotated[int, Parameter(validator=validators.Number(gte=1, lte=9))] = 2,
+    robots: Annotated[int | None, Parameter(validator=validators.Number(gte=1, lte=9))] = None,
+    names: Annotated[tuple[str, ...], Parameter(consume_multiple=True)] = (),
     target: Kind = "charuco",
+    shape: Shape = UNSAID,
 ) -> int:
     """Write a working cell.yaml to fill in, and an empty recording.
 
     One robot: a camera on its flange looks at a target on the world. Two: the
-    camera is on `eye`, the target on `hand`. More: each robot's camera sees the
-    target of the next. An existing cell is never overwritten.
+    camera is on the first, `eye`, the target on the second, `hand`. More: each
+    robot's camera sees the target of the next. With the target's sizes given
+    nothing is left to fill in before poses and pictures are imported. An
+    existing cell is never overwritten.
 
     For example:
 
         basecal new mycell --robots 2 --target charuco
+        basecal new mycell --names left right --squares 5x7 --square 40mm
         basecal calibrate mycell
 
     Args:
         cell: Folder to make.
-        robots: How many robots.
+        robots: How many robots; two where neither this nor names are given.
+        names: Names of the robots, the first being the reference, in whose base all is expressed.
         target: What the cameras look at; `pose` where another program gives the target's pose.
+        shape: Counts and sizes of the targets.
     """
+    from basecal.cell.files import cell_from_dict
     from basecal.cell.format.writing import make_folder, open_new
+    from basecal.cell.format.yaml_text import parse_yaml
 
-    start_cell(cell, cell_text(robots, target))
+    if names and robots not in (None, len(names)):
+        raise CycloptsError(msg=f"--robots {robots} and {len(names)} --names: leave --robots away")
+    if target == "pose" and is_described(shape):
+        raise CycloptsError(msg="--target pose is seen as poses, and has no sizes: leave them away")
+    fields = target_fields(target, shape) if is_described(shape) else None
+    text = cell_text(names or robots or 2, target, shape=fields)
+    cell_from_dict(parse_yaml(text, str(cell)).data, str(cell / "cell.yaml"))
+    start_cell(cell, text)
     samples = cell / "recording" / "samples.jsonl"
     make_folder(samples.parent, cell)
     if not os.path.lexists(samples):

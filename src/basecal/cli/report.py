@@ -7,7 +7,7 @@ from pathlib import Path
 from basecal.cli.calibrate import exit_code, show
 from basecal.cli.page import print_page_path, stored_run, write_page
 from basecal.cli.terminal import pasted, print_json
-from basecal.cli.tolerance import tolerance_m
+from basecal.cli.typed_length import length_m
 from basecal.errors import InputError
 
 
@@ -47,7 +47,7 @@ def report(cell: Path, /, *, tolerance: str | None = None, json: bool = False, v
         raise InputError(f"{cell} has no run yet: basecal calibrate {pasted(cell)}")
     calibration = read_calibration(run)
     if tolerance is not None:
-        asked = {**calibration.settings, "tolerance_m": tolerance_m(tolerance)}
+        asked = {**calibration.settings, "tolerance_m": length_m(tolerance)}
         calibration = replace(calibration, settings=asked)
     if json and calibration.settings.get("tolerance_m") is None:
         print_json(read_calibration_data(run))

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from basecal.cli.described_target import printed_fields
 from basecal.cli.terminal import say
 from basecal.errors import InputError
 from basecal.registry import TargetKindName
 
 if TYPE_CHECKING:
     from basecal.cell import Target
-    from basecal.cell.targets.kind import PrintSizes
 
 
 def target(
@@ -66,7 +66,7 @@ def target(
     else:
         square, marker = square_mm / 1e3, (0.75 * square_mm if marker_mm is None else marker_mm) / 1e3
         sizes = PrintSizes(columns, rows, round(square, 9), round(marker, 9), dictionary, family, tag)
-        fields = _fields(kind, sizes, field)
+        fields = printed_fields(kind, sizes, field)
         title, shape = _described(kind, fields)
     pages = printed_pages(shape, title)
     for path in write_pages(pages, out):
@@ -76,23 +76,6 @@ def target(
         for key, value in fields.items():
             say(f"    {key}: {value if isinstance(value, str) else dumps(value)}")
     return 0
-
-
-def _fields(kind: TargetKindName, sizes: PrintSizes, given: tuple[str, ...]) -> dict[str, Any]:
-    """The target's fields in `cell.yaml`: as its kind makes them of the sizes, and those given one by one."""
-    from basecal.cell.format.yaml_text import parse_yaml
-    from basecal.cell.targets.all_kinds import target_kind
-
-    printed = target_kind(kind).printed
-    if printed is None:
-        raise InputError(f"a target of kind {kind!r} needs more than sizes: describe it in a cell, then --cell CELL")
-    fields = dict(printed(sizes))
-    for each in given:
-        name, equals, value = each.partition("=")
-        if not equals:
-            raise InputError(f"--set takes FIELD=VALUE, such as legacy_pattern=true, got {each!r}")
-        fields |= parse_yaml(f"{name}: {value}", "--set").data
-    return fields
 
 
 def _described(kind: str, fields: dict[str, Any]) -> tuple[str, Target]:

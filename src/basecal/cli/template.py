@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import Literal
+from json import dumps
+from typing import Any, Literal
 
 from basecal.registry import TargetKindName
 
@@ -21,15 +23,20 @@ robots:                              # by recorded flange poses; for joints: {ur
 _NOISE_HELP = "# optional: {noise: {sigma_t_m: 1e-4, sigma_r_rad: 1e-4}}, of its recorded pose, per axis"
 
 
-def cell_text(robots: int, kind: Kind, camera_on_world: bool = False) -> str:
+def cell_text(
+    robots: int | Sequence[str], kind: Kind, camera_on_world: bool = False, shape: Mapping[str, Any] | None = None
+) -> str:
     """A `cell.yaml` to fill in.
 
     Args:
-        robots: One robot looks at a target on the world; of more, each sees the target that the next one carries.
+        robots: How many, or their names. One robot looks at a target on the world; of more, each sees the target that
+            the next one carries.
         kind: Kind of the targets; `pose` for targets whose pose another program gives.
         camera_on_world: Whether the camera stands beside a single robot, which then carries the target.
+        shape: Fields of the targets, with their kind; those of an example where None.
     """
-    names = ["hand"] if camera_on_world else robot_names(robots)
+    counted = robot_names(robots) if isinstance(robots, int) else list(robots)
+    names = ["hand"] if camera_on_world else counted
     # What carries each camera, and what carries the target it looks at.
     alone = ("world", names[0]) if camera_on_world else (names[0], "world")
     pairs = list(pairwise(names)) if len(names) > 1 else [alone]
@@ -44,7 +51,8 @@ def cell_text(robots: int, kind: Kind, camera_on_world: bool = False) -> str:
         about = f"{names[0]}_base_from_{name}_base; free is the default; `guess: {{...}}` is optional"
         parts.append(f"{f'  {name}: {{status: free}}':<37}# {about}\n")
     parts += ["cameras:\n", *(_camera(_numbered("camera", i), on, names[0], kind) for i, (on, _) in enumerate(pairs))]
-    parts += ["targets:\n", *(_target(_numbered("target", i), on, names[0], kind) for i, (_, on) in enumerate(pairs))]
+    places = [(_numbered("target", i), on) for i, (_, on) in enumerate(pairs)]
+    parts += ["targets:\n", *(_target(name, on, names[0], kind, shape) for name, on in places)]
     parts += (
         []
         if kind == "pose"
@@ -88,8 +96,12 @@ def _camera(name: str, on: str, reference: str, kind: Kind) -> str:
     return text + f"    {advice}\n    intrinsics: {known}\n"
 
 
-def _target(name: str, on: str, reference: str, kind: Kind) -> str:
+def _target(name: str, on: str, reference: str, kind: Kind, shape: Mapping[str, Any] | None) -> str:
     from basecal.cell.targets.all_kinds import target_kind
 
-    shape = "" if kind == "pose" else target_kind(kind).template
-    return f"  {name}:\n{_mount(on, reference, name)}{shape}"
+    if shape is not None:
+        plain = {key: value if isinstance(value, str) else dumps(value) for key, value in shape.items()}
+        lines = "".join(f"    {key}: {value}\n" for key, value in plain.items())
+    else:
+        lines = "" if kind == "pose" else target_kind(kind).template
+    return f"  {name}:\n{_mount(on, reference, name)}{lines}"

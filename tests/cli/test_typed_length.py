@@ -1,4 +1,4 @@
-"""Lengths as they are typed, and what a tolerance does to a run."""
+"""Lengths and counts as they are typed, and what a tolerance does to a run."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pytest
 
 from basecal.cell.files import latest_run
 from basecal.cli import main
-from basecal.cli.tolerance import tolerance_m
+from basecal.cli.typed_length import columns_rows, length_m
 from basecal.errors import InputError
 
 
@@ -18,14 +18,22 @@ from basecal.errors import InputError
 )
 def test_lengths_are_read(text: str, metres: float) -> None:
     """A number and its unit."""
-    assert tolerance_m(text) == pytest.approx(metres)
+    assert length_m(text) == pytest.approx(metres)
 
 
 @pytest.mark.parametrize("text", ["0.5", "mm", "-1mm", "0mm", "1inch", "nanmm", "1e999m", ""])
 def test_what_is_no_length_is_refused(text: str) -> None:
     """Without a unit nobody knows what is meant; the error shows how it is written."""
     with pytest.raises(InputError, match=r"such as 0\.5mm"):
-        tolerance_m(text)
+        length_m(text)
+
+
+def test_counts_are_read() -> None:
+    """Columns first; what is not two numbers names the option."""
+    assert columns_rows("5x7", "--squares") == columns_rows("5, 7", "--squares") == (5, 7)
+    for text in ("5", "5x", "axb", "5x7x9", "-5x7"):
+        with pytest.raises(InputError, match=r"--squares .*such as 5x7"):
+            columns_rows(text, "--squares")
 
 
 def test_a_tolerance_decides_and_is_remembered(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

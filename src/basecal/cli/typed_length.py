@@ -1,0 +1,38 @@
+"""Lengths with their unit, and counts, as they are typed: 0.5mm, 5x7."""
+
+from __future__ import annotations
+
+import math
+import re
+
+from basecal.errors import InputError
+
+_UNITS_M = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0}
+_LENGTH = re.compile(r"\s*([0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]+)?)\s*([a-z]*)\s*")
+_COUNTS = re.compile(r"\s*([0-9]{1,4})\s*[xX,]\s*([0-9]{1,4})\s*")
+
+
+def length_m(text: str, option: str = "--tolerance", example: str = "0.5mm") -> float:
+    """The length that an option states [m]; the example shows how one is written.
+
+    Raises:
+        InputError: if it is no positive number with a unit of length.
+    """
+    found = _LENGTH.fullmatch(text)
+    unit = _UNITS_M.get(found[2]) if found else None
+    length = float(found[1]) * unit if found and unit else 0.0
+    if not (length > 0 and math.isfinite(length)):
+        raise InputError(f"{option} {text!r}: expected a length above zero with its unit, such as {example}")
+    return length
+
+
+def columns_rows(text: str, option: str) -> tuple[int, int]:
+    """The columns and rows that an option states.
+
+    Raises:
+        InputError: if it is no two numbers.
+    """
+    found = _COUNTS.fullmatch(text)
+    if found is None:
+        raise InputError(f"{option} {text!r}: expected columns and rows, such as 5x7")
+    return int(found[1]), int(found[2])
