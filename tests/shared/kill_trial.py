@@ -21,6 +21,7 @@ from tests.shared.running_cell import home, running
 
 TOLD = re.compile(r"sample (\d+): taken")
 LONGEST_S = 300.0
+_DIGITS = 12  # [rad]: means of twelve joints round at 1e-16
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ class KillTrial:
         kills: How often it was killed before its end.
         lost: Samples that it had told were taken, and that were not in a journal that could be read then.
         twice: Samples that it told of more than once.
-        is_equal: Whether the journal is in the end that of a capture that nobody killed, but for the times, and the
+        is_equal: Whether the journal is in the end that of a capture that nobody killed, but for times and rounding, and the
             pictures are the same to the last byte.
     """
 
@@ -100,11 +101,11 @@ def _in_journal(folder: Path) -> set[int]:
 
 
 def _contents(folder: Path) -> list[tuple[object, ...]]:
-    """Of every sample its number, its states and its pictures."""
+    """Of every sample its number, its states but for the rounding of a mean, and its pictures."""
     return [
         (
             sample.sample,
-            [(name, state.joints_rad.tolist()) for name, state in sorted(sample.robots.items())],
+            [(name, state.joints_rad.round(_DIGITS).tolist()) for name, state in sorted(sample.robots.items())],
             [(folder / path).read_bytes() for path in sample.images.values()],
         )
         for sample in _recording(folder).samples
