@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import CycloptsError, Parameter
 
-from basecal.cli.imported import finish_import, robot_entry
+from basecal.cli.pose_table import PoseTable, import_robot_poses, import_target_poses
 from basecal.cli.streams import Inverted, Streams, Unit, import_streams
-from basecal.errors import FrameNotFound
 from basecal.registry import CONTROLLERS
 
 _FORMATS = ", ".join(CONTROLLERS)
-_METRES = {"m": 1.0, "mm": 1e-3}
 
 
 def import_poses(
@@ -33,6 +30,9 @@ def import_poses(
     camera: str | None = None,
     target: str | None = None,
     invert: Annotated[tuple[Inverted, ...], Parameter(consume_multiple=True)] = (),
+    streams: bool = False,
+    on: str | None = None,
+    target_on: str | None = None,
 ) -> int:
     """Import robots' flange poses as their controllers write them, a robot at a time;
     or make a recording of matrices of all robots and of a target at once.
@@ -42,7 +42,10 @@ def import_poses(
     p[...], {X ..., A ...}, [[...],[...]]. Rows belong to the samples that are
     there in order, unless a column `image`, `sample` or `stamp_s` says otherwise;
     where nothing is recorded they make the samples. A robot that is recorded is
-    never overwritten.
+    never overwritten. With --camera and --target instead of --robot the table is of
+    the target's poses in the camera. With --streams rows keep the times they have
+    and make lines of their own: devices that recorded each at its own rate, by its
+    own clock; `basecal calibrate` finds by how much the clocks differ.
 
     For example:
 
@@ -51,8 +54,11 @@ def import_poses(
         basecal import poses mycell --length-unit mm \\
             --eye-base-from-flange A.txt --hand-base-from-flange C.txt \\
             --camera-from-target B.txt
+        basecal import poses mycell --robot arm arm.csv --format ros --streams
+        basecal import poses mycell tag.csv --camera wrist --target tag \\
+            --on arm --format ros --streams
 
-    Without --robot, pose i of each file belongs to the same instant. A file is
+    Without FILE, pose i of each file belongs to the same instant. A file is
     then 4x4 matrices one below the other (.txt: rows of four numbers), an array
     (n, 4, 4) (.npz, .npz:key, .npy), or a .csv whose header names x, y, z, qx,
     qy, qz, qw or m00 ... m23. Without a hand file the target stands on the
@@ -60,7 +66,7 @@ def import_poses(
 
     Args:
         cell: Folder of the cell.
-        file: Flange poses of one robot, in its base.
+        file: Flange poses of one robot, in its base; or a target's in a camera.
         robot: Its name; added to the cell where it is new.
         convention: Whose numbers they are.
         length_unit: What lengths are in; the controller's own unit where not stated.
@@ -69,12 +75,27 @@ def import_poses(
         camera_from_target: Poses of the target in the camera.
         eye_base_from_flange: Poses of the flange that carries the camera, in its robot's base.
         hand_base_from_flange: Poses of the flange that carries the target, in its robot's base.
-        camera: Name of the camera, where the cell has several.
-        target: Name of the target, where the cell has several.
-        invert: Files that hold the inverse, by the name of their option.
+        camera: Name of the camera, where the cell has several, or of the one that saw what a table holds.
+        target: Likewise of the target.
+        invert: Files that hold the inverse, by the name of their option; a table of a target is camera-from-target.
+        streams: Each row, at its time (column stamp_s, else the first), makes a line of its own.
+        on: What carries a camera that is new, with a table of a target: a robot, or world.
+        target_on: What carries a target that is new; the world where the camera is on a robot.
     """
+    if file is not None and robot is None and camera is not None and target is not None:
+        from basecal.exchange.importing.seen_poses import Sight
+
+        table = PoseTable(file, convention, length_unit, deg, rad, streams)
+        return import_target_poses(cell, table, Sight(camera, target, on, target_on), _is_inverted(invert))
+    if on is not None or target_on is not None:
+        raise CycloptsError(msg="--on and --target-on belong to a table of a target: CELL FILE --camera C --target T")
     if robot is not None or file is not None:
-        return _one_robot(cell, robot, file, convention, length_unit, deg, rad)
+        if robot is None or file is None:
+            missing = "--robot" if robot is None else "FILE"
+            raise CycloptsError(msg=f"{missing} is missing: CELL --robot NAME FILE")
+        return import_robot_poses(cell, robot, PoseTable(file, convention, length_unit, deg, rad, streams))
+    if streams:
+        raise CycloptsError(msg="--streams belongs to a table: CELL --robot NAME FILE, one after the other")
     if camera_from_target is None or length_unit is None:
         missing = "--camera-from-target" if camera_from_target is None else "--length-unit"
         raise CycloptsError(msg=f"{missing} is missing; for one robot's poses: CELL --robot NAME FILE --format FORMAT")
@@ -82,22 +103,8 @@ def import_poses(
     return import_streams(cell, files, camera, target)
 
 
-def _one_robot(
-    cell: Path, robot: str | None, file: str | None, name: str | None, unit: Unit | None, deg: bool, rad: bool
-) -> int:
-    from basecal.exchange.controller_poses import Reading, guessed_format, read_controller_poses
-    from basecal.exchange.importing.imported import Imported
-
-    if robot is None or file is None:
-        raise CycloptsError(msg=f"{'--robot' if robot is None else 'FILE'} is missing: CELL --robot NAME FILE")
-    if name is not None and name not in CONTROLLERS:
-        raise CycloptsError(msg=f"--format {FrameNotFound(name, CONTROLLERS)}")
-    if deg and rad:
-        raise CycloptsError(msg="--deg and --rad cannot both be")
-    angle = math.radians(1) if deg else 1.0 if rad else None
-    reading = Reading(name or guessed_format(file), None if unit is None else _METRES[unit], angle)
-    rows = read_controller_poses(file, robot, reading)
-    frames = f"{robot}_base_from_{robot}_flange"
-    what = f"{len(rows)} poses {frames} as of {reading.name} ({reading.words})"
-    imported = Imported(file, what, rows, robot_entry(cell, robot))
-    return finish_import(cell, imported, advice="check --length-unit and --format")
+def _is_inverted(invert: tuple[Inverted, ...]) -> bool:
+    """Whether a table of a target holds the camera's poses in it."""
+    if others := [each for each in invert if each != "camera-from-target"]:
+        raise CycloptsError(msg=f"--invert {others[0]}, but no file is given by --{others[0]}")
+    return bool(invert)

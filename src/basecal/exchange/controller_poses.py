@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,10 +27,11 @@ from basecal.exchange.poses import PoseStream, read_poses
 from basecal.geometry import SE3, Array
 from basecal.registry import CONTROLLERS
 
+_STAMP = "stamp_s"
 _KEYS = {
     "image": ("image", "picture", "file", "filename", "img"),
     "sample": ("sample",),
-    "stamp_s": ("stamp_s", "stamp", "timestamp", "time_s", "time", "t"),
+    _STAMP: ("stamp_s", "stamp", "timestamp", "time_s", "time", "t"),
 }
 # Other names of a number by the one its controller has, in small letters.
 _ALIASES = {
@@ -85,28 +87,49 @@ class Reading:
         return f"{', '.join(how.names)}: {length}, {how.form.words}{angle}"
 
 
-def read_controller_poses(path: str, robot: str, reading: Reading) -> tuple[Row, ...]:
+class PoseRows(NamedTuple):
+    """Poses of a file, (n,), and for each a row with what says where it belongs."""
+
+    poses: SE3
+    rows: tuple[Row, ...]
+
+
+def read_controller_poses(path: str, robot: str, reading: Reading, is_stream: bool = False) -> tuple[Row, ...]:
     """Rows with the pose of a robot.
 
     Args:
         path: Text: with or without a header, in any usual separator, or as a controller's program has poses.
         robot: Its name.
         reading: The convention and the units.
+        is_stream: Whether every row has a time, the first column where there is no header.
 
     Raises:
         DatasetError: naming the file and line, if it holds anything else; also where angles are in the other unit.
     """
+    found = read_pose_rows(path, reading, is_stream)
+    return tuple(replace(row, robots={robot: RobotState(found.poses[i])}) for i, row in enumerate(found.rows))
+
+
+def read_pose_rows(path: str, reading: Reading, is_stream: bool = False) -> PoseRows:
+    """Poses of a file, whosever they are; likewise."""
+    found = _pose_rows(path, reading, is_stream)
+    if is_stream and any(row.stamp_s is None for row in found.rows):
+        raise DatasetError(path, "no time in its rows, which a stream takes: a column stamp_s [s], the first of all")
+    return found
+
+
+def _pose_rows(path: str, reading: Reading, is_stream: bool) -> PoseRows:
     how = reading.convention
     if reading.name == "matrix" and _is_stacked(path):
-        return _of_stream(read_poses(path, "m"), robot, how.length)
-    table = read_text_table(text_of(path, "a table of poses"), path, how.names)
+        return _of_stream(read_poses(path, "m"), how.length)
+    names = (_STAMP, *how.names) if is_stream else how.names
+    table = read_text_table(text_of(path, "a table of poses"), path, names)
     if len(table.rows) > MOST_POSES:
         raise DatasetError(path, f"{len(table.rows)} poses, expected at most {MOST_POSES}")
     columns = _columns(table, how.names, reading)
     numbers = np.array(list(rows_of_numbers(table, columns)))
     _check_angles(path, numbers, how, reading)
-    poses = _poses(table, numbers, how)
-    return tuple(replace(row, robots={robot: RobotState(poses[i])}) for i, row in enumerate(keyed_rows(table)))
+    return PoseRows(_poses(table, numbers, how), tuple(keyed_rows(table)))
 
 
 def _is_stacked(path: str) -> bool:
@@ -117,10 +140,10 @@ def _is_stacked(path: str) -> bool:
     return len(next(filter(None, lines), [])) == _ROW
 
 
-def _of_stream(stream: PoseStream, robot: str, length_m: float) -> tuple[Row, ...]:
+def _of_stream(stream: PoseStream, length_m: float) -> PoseRows:
     poses = SE3(stream.poses.rotation, stream.poses.translation * length_m)
     stamps = [None] * len(poses) if stream.stamps_s is None else stream.stamps_s.tolist()
-    return tuple(Row({robot: RobotState(poses[i])}, stamp_s=stamp) for i, stamp in enumerate(stamps))
+    return PoseRows(poses, tuple(Row(stamp_s=stamp) for stamp in stamps))
 
 
 def guessed_format(path: str) -> str:

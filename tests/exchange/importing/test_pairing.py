@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from basecal.cell import Sample
+from basecal.cell import RobotState, Sample
 from basecal.errors import InputError
 from basecal.exchange.importing.imported import Imported, Row
 from basecal.exchange.importing.pairing import pair
+from basecal.geometry import SE3
 
 TIMED = [Sample(n, 10.0 + n) for n in (0, 1, 2)]
 PICTURES = [Sample(n, None, {}, (), {"cam": f"recording/images/cam/IMG_{n}.png"}) for n in (0, 1, 2)]
@@ -62,3 +63,13 @@ def test_a_sample_twice_is_an_error() -> None:
 def test_asked_for() -> None:
     """What is asked for wins over what the rows would say."""
     assert pair(rows(*[Row(image="IMG_2")] * 3), PICTURES, {}, "order").numbers == (0, 1, 2)
+
+
+def test_streams_get_lines_of_their_own() -> None:
+    """Numbers go on after those that are recorded; what is recorded is not recorded beside itself."""
+    samples = [Sample(7, 1.0, {"a": RobotState(SE3.identity())})]
+    new = Imported("b.csv", "", (Row({"b": RobotState(SE3.identity())}, stamp_s=1.0),) * 2, is_stream=True)
+    assert pair(new, samples, {}).numbers == (8, 9)
+    again = Imported("a.csv", "", (Row({"a": RobotState(SE3.identity())}, stamp_s=1.0),), is_stream=True)
+    with pytest.raises(InputError, match="robot 'a' is recorded already"):
+        pair(again, samples, {})

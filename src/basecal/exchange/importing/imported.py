@@ -44,6 +44,7 @@ class Imported:
         replaced: Places of `cell.yaml` at which that stands in for what is written there.
         new_cell: All of a `cell.yaml` where there is none; `cell` makes one where None.
         files: Other files that the cell needs, such as a URDF, by their path in it.
+        is_stream: Whether each row makes a line of its own, by the clock of what recorded it.
     """
 
     source: str
@@ -53,3 +54,4 @@ class Imported:
     replaced: frozenset[Loc] = frozenset()
     new_cell: str | None = None
     files: Mapping[str, Path] = field(default_factory=dict)
+    is_stream: bool = False

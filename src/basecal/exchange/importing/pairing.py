@@ -45,9 +45,12 @@ def pair(imported: Imported, samples: Sequence[Sample], names: Mapping[str, int]
         by: What to pair by; what the rows and the samples both have where None.
 
     Raises:
-        InputError: if it is by order and there are more or fewer rows than samples, or two rows belong to one sample.
+        InputError: if it is by order and there are more or fewer rows than samples, or two rows belong to one sample;
+            of a stream, if what it tells of is recorded already.
     """
     rows = imported.rows
+    if imported.is_stream:
+        return _lines_of_their_own(imported, samples)
     known = dict(names)
     if by == "image" or not any(row.pictures for row in rows):
         # Pictures of one camera are named by chance as those of another.
@@ -71,6 +74,28 @@ def pair(imported: Imported, samples: Sequence[Sample], names: Mapping[str, int]
         tuple(_name(row, i) for i, row in enumerate(rows) if numbers[i] is None),
         tuple(sample.sample for sample in samples if sample.sample not in paired),
     )
+
+
+def _lines_of_their_own(imported: Imported, samples: Sequence[Sample]) -> Pairing:
+    """Numbers beyond all that are recorded.
+
+    Raises:
+        InputError: if a robot, or a camera's view of a target, is recorded already.
+    """
+    again = sorted(_told(imported.rows) & _told(samples))
+    if again:
+        raise InputError(
+            f"{imported.source}: {listed(again)} is recorded already, and a stream would stand beside it; "
+            "import into another folder"
+        )
+    first = max((sample.sample for sample in samples), default=-1) + 1
+    return Pairing("sample", tuple(range(first, first + len(imported.rows))))
+
+
+def _told(lines: Sequence[Row | Sample]) -> set[str]:
+    """What lines tell of, in words."""
+    robots = {f"robot {name!r}" for line in lines for name in line.robots}
+    return robots | {f"target {o.target!r} seen by {o.camera!r}" for line in lines for o in line.observations}
 
 
 def _by(rows: Sequence[Row], samples: Sequence[Sample], known: Mapping[str, int]) -> By:
