@@ -94,4 +94,5 @@ def import_target_poses(cell: Path, table: PoseTable, sight: Sight, is_inverted:
     written = f"{sight.target}_from_{sight.camera}, inverted," if is_inverted else f"{sight.camera}_from_{sight.target}"
     what = f"{len(rows)} poses {written} as of {reading.name} ({reading.words})"
     entry = sight_entry(known_cell(cell), sight)
-    return finish_import(cell, Imported(table.file, what, rows, entry, is_stream=table.is_stream), advice=_ADVICE)
+    imported = Imported(table.file, what, rows, entry, is_stream=table.is_stream)
+    return finish_import(cell, imported, advice=f"{_ADVICE}, and whether it takes --invert camera-from-target")
