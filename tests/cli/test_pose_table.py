@@ -17,7 +17,6 @@ from basecal.cell.files import read_cell, read_recording
 from basecal.cli import main
 from basecal.geometry import SE3
 
-
 TURNED = SE3.exp(np.array([0, 0, 0, np.pi, 0, 0]))  # so that the camera looks at the tag
 
 
