@@ -77,3 +77,12 @@ def test_a_joint_that_is_off_is_said_once(evidence, monkeypatch):
 def test_nothing_found_is_silent(evidence):
     """Without an error there is no finding."""
     assert systematic_error(evidence()) == []
+
+
+def test_what_may_be_chance_is_an_info(evidence):
+    """The covariance covers it, and the verdict stays."""
+    error, words = WORDS["short"]
+    (finding,) = systematic_error(evidence(systematic_error=replace(error, is_certain=False)))
+    assert (finding.code, finding.severity) == ("length-scale", "info")
+    assert finding.message.startswith("perhaps chance, and the covariance covers it: ")
+    assert words in finding.message

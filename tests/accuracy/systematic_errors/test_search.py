@@ -186,3 +186,17 @@ def test_a_joint_that_is_off_is_found():
     alone, both = (s.covariance_of([base]) for s in (solution, widened(solution, error.moved)))
     assert off @ np.linalg.solve(alone, off) > MOST_SQUARED
     assert off @ np.linalg.solve(both, off) < MOST_SQUARED
+
+
+def test_what_chance_may_make_is_kept_where_held_out_blocks_confirm_it(monkeypatch):
+    """At a level that nothing reaches the same error is found, and said to be uncertain."""
+    cell, recording = as_recorded(KINDS["length-scale"][0])
+    _, certain = found_in(cell, recording)
+    monkeypatch.setattr("basecal.accuracy.systematic_errors.search.CONFIRMED_SIGNIFICANCE", 0.0)
+    with np.errstate(divide="ignore"):
+        _, possible = found_in(cell, recording)
+    assert certain is not None
+    assert possible is not None
+    assert (certain.is_certain, possible.is_certain) == (True, False)
+    assert (possible.code, possible.about) == (certain.code, certain.about)
+    np.testing.assert_array_equal(possible.moved, certain.moved)

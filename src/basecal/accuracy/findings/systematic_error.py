@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,14 +18,19 @@ _AGAIN = "calibrate again when it is mended: the answer leaves it out, and its c
 
 
 def systematic_error(of: Evidence) -> list[Finding]:
-    """A warning that names what explains the residuals far better than noise; see `accuracy.systematic_errors`.
+    """What explains the residuals far better than noise, a warning; an info where chance may do that, too.
+
+    See `accuracy.systematic_errors`.
 
     A joint that is off is left to `robot_model` where that finds its robots off, too: it says how far by all joints.
     """
     found = of.systematic_error
     if found is None or (found.joint is not None and robot_model(of)):
         return []
-    return [_WORDS[found.code](found)]
+    said = _WORDS[found.code](found)
+    if found.is_certain:
+        return [said]
+    return [replace(said, severity="info", message=f"perhaps chance, and the covariance covers it: {said.message}")]
 
 
 def _length_scale(found: SystematicError) -> Finding:

@@ -45,6 +45,7 @@ class SystematicError:
         covariance: (q, q).
         moved: (p,) by how much the answer's columns move where the recording is corrected.
         joint: Which joint of the robot has it, from 0; None where none does.
+        is_certain: Whether chance makes it too rarely to be one; others predict held-out blocks better all the same.
     """
 
     code: str
@@ -57,6 +58,7 @@ class SystematicError:
     covariance: Array
     moved: Array
     joint: int | None = None
+    is_certain: bool = True
 
     @property
     def sigma(self) -> float:
@@ -102,7 +104,8 @@ def systematic_error(
         as_stated: The solution with the sigmas as stated, where its residuals contradict them.
 
     Returns:
-        The error that is least likely to be chance; None where there is none.
+        The error that is least likely to be chance; one that may be chance, and predicts held-out blocks better, where
+        none is certain; None where there is none.
     """
     if not solution.converged or not np.isfinite(solution.cost) or not solution.problem.groups:
         return None
@@ -119,11 +122,14 @@ def systematic_error(
         return None if alike is None else _described(situation, alike, solution, solution)
     known = solution.noise.logs is not None or not suspects
     before = solution if known else _solved_again(solution, settings)
+    possible = None
     for suspect in suspects:
         after = _solved_again(_without(solution, situation, suspect), settings)
+        found = _described(situation, suspect, solution, after)
         if min(suspect.log_chance, _log_chance(suspect, before, after)) < np.log(CONFIRMED_SIGNIFICANCE):
-            return _described(situation, suspect, solution, after)
-    return None
+            return found
+        possible = possible or replace(found, is_certain=False)
+    return possible
 
 
 def _reconciling(
