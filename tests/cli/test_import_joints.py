@@ -10,6 +10,8 @@ from tests.shared.real_recordings import data_folder
 
 from basecal.cell.files import read_cell, read_recording
 from basecal.cli import main
+from basecal.exchange.urdf import chain_urdf
+from basecal.kinematics import SerialChain
 
 
 @pytest.fixture
@@ -52,3 +54,16 @@ def test_the_model_is_given_whole(tmp_path: Path, capsys: pytest.CaptureFixture[
     words = ["import", "joints", str(tmp_path / "c"), "--robot", "left", "q.csv", "--urdf", "a.urdf"]
     assert main(words) == 2
     assert "go together: give all three" in capsys.readouterr().err
+
+
+def test_offsets_of_the_joints_get_a_prior(tmp_path: Path, arm: SerialChain) -> None:
+    """With the URDF or after it, in radians; another one than is stated is an error."""
+    (tmp_path / "arm.urdf").write_text(chain_urdf(arm, "base", "tool"))
+    (tmp_path / "j.csv").write_text("0,10,20,30,40,50\n1,11,21,31,41,51\n")
+    base = ["import", "joints", str(tmp_path / "c"), str(tmp_path / "j.csv"), "--robot", "left", "--deg"]
+    base += ["--urdf", str(tmp_path / "arm.urdf"), "--base-link", "base", "--flange-link", "tool"]
+    assert main([*base, "--offset-sigma-deg", "2"]) == 0
+    stated = read_cell(tmp_path / "c").robots["left"].parameters["joint_offsets"]
+    assert stated.status == "prior"
+    assert stated.model_dump()["sigma_rad"] == pytest.approx(np.radians(2), abs=1e-5)
+    assert main([*base, "--offset-sigma-deg", "0"]) == 2

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from basecal.cli.imported import finish_import
-from basecal.cli.joint_model import joint_model
+from basecal.cli.joint_model import SigmaDeg, joint_model, with_offsets
 
 
 def import_joints(
@@ -18,6 +18,7 @@ def import_joints(
     urdf: Path | None = None,
     base_link: str | None = None,
     flange_link: str | None = None,
+    offset_sigma_deg: SigmaDeg | None = None,
 ) -> int:
     """Import a robot's joints; they are checked against the limits of its URDF.
 
@@ -41,11 +42,13 @@ def import_joints(
         urdf: The robot's URDF, where the cell has none of it.
         base_link: Link of that URDF that the robot stands on.
         flange_link: Link of that URDF that is the flange.
+        offset_sigma_deg: How far each joint's zero may be off, one sigma; they are then estimated with the rest.
     """
     from basecal.exchange.importing.imported import Imported
     from basecal.exchange.joints import read_joints
 
     chain, entry, files = joint_model(cell, robot, urdf, base_link, flange_link)
+    entry = with_offsets(entry, robot, offset_sigma_deg)
     rows = read_joints(file, robot, chain, deg)
     what = f"{len(rows)} x {chain.n} joints of {robot!r} in {'deg' if deg else 'rad'}: {', '.join(chain.joint_names)}"
     imported = Imported(file, what, rows, entry, files=files)

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from cyclopts import CycloptsError, Parameter, validators
 
 from basecal.cli.imported import finish_import
-from basecal.cli.joint_model import joint_model
+from basecal.cli.joint_model import SigmaDeg, joint_model, with_offsets
 
 
 def import_lerobot(
@@ -24,6 +24,7 @@ def import_lerobot(
     urdf: Path | None = None,
     base_link: str | None = None,
     flange_link: str | None = None,
+    offset_sigma_deg: SigmaDeg | None = None,
 ) -> int:
     """Import a robot's joints from an episode that LeRobot recorded (v2 or v3).
 
@@ -37,7 +38,8 @@ def import_lerobot(
     For example:
 
         basecal import lerobot mycell my_dataset --robot left --unit deg \\
-            --urdf so101.urdf --base-link base_link --flange-link gripper_link
+            --urdf so101.urdf --base-link base_link --flange-link gripper_link \\
+            --offset-sigma-deg 2
 
     Args:
         cell: Folder of the cell.
@@ -50,6 +52,7 @@ def import_lerobot(
         urdf: The robot's URDF, where the cell has none of it.
         base_link: Link of that URDF that the robot stands on.
         flange_link: Link of that URDF that is the flange.
+        offset_sigma_deg: How far each joint's zero may be off, one sigma; they are then estimated with the rest.
     """
     from basecal.exchange.importing.imported import Imported
     from basecal.exchange.lerobot import joint_rows, read_episode, read_motor_ranges
@@ -57,6 +60,7 @@ def import_lerobot(
     if calibration is not None and unit != "normalised":
         raise CycloptsError(msg="--calibration belongs to --unit normalised")
     chain, entry, files = joint_model(cell, robot, urdf, base_link, flange_link)
+    entry = with_offsets(entry, robot, offset_sigma_deg)
     ranges = None if calibration is None else read_motor_ranges(calibration)
     recorded = read_episode(folder, episode)
     rows = joint_rows(recorded, robot, chain, unit, ranges, every_s)

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from cyclopts import CycloptsError
+from cyclopts import CycloptsError, Parameter, validators
 
 from basecal.cli.imported import robot_entry
 from basecal.errors import InputError
 
 if TYPE_CHECKING:
     from basecal.kinematics import SerialChain
+
+_WIDEST_DEG = 45.0  # of a joint's offset: beyond this nothing is known of it
+SigmaDeg = Annotated[float, Parameter(validator=validators.Number(gt=0, lte=_WIDEST_DEG))]
+"""How far the zero of a joint may be off, one sigma [deg]."""
 
 
 def joint_model(
@@ -34,6 +39,15 @@ def joint_model(
     entry = robot_entry(cell, robot)
     entry["robots"] = {robot: {"urdf": urdf.name, "base_link": base_link, "flange_link": flange_link}}
     return chain, entry, {urdf.name: urdf}
+
+
+def with_offsets(entry: dict[str, Any], robot: str, sigma_deg: float | None) -> dict[str, Any]:
+    """What `cell.yaml` must have, with a prior of that sigma [deg] of each joint's offset; as it was where None."""
+    if sigma_deg is None:
+        return entry
+    offsets = {"status": "prior", "sigma_rad": round(math.radians(sigma_deg), 5)}
+    described = entry.get("robots", {}).get(robot, {})
+    return {**entry, "robots": {robot: {**described, "joint_offsets": offsets}}}
 
 
 def _known_model(cell: Path, robot: str) -> SerialChain:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.accuracy.cross_validation.robot_model_selection import choose_robot_model
+from basecal.accuracy.cross_validation.robot_model_selection import choose_robot_model, suggested_sigma
 from basecal.accuracy.findings.robot_model import robot_model_findings
 from basecal.accuracy.robot_parameters import robot_parameters
 from basecal.accuracy.verdict import calibrate
@@ -98,3 +98,11 @@ def test_there_is_nothing_to_choose_where_poses_are_recorded_or_offsets_estimate
     few = simulate(replace(ARMS, samples=12, joint_offset_rad=0.2 * DEGREE), 0)
     for made in (posed, asked, few):
         assert choose_robot_model(solve(made.cell, made.recording)) is None
+
+
+@pytest.mark.parametrize(
+    ("offsets_deg", "sigma_rad"), [([], 0.005), ([0.1, -0.2], 0.005), ([1.9, -0.3], 0.04), ([-8.0], 0.2)]
+)
+def test_a_suggested_sigma_does_not_contradict_what_was_found(offsets_deg: list[float], sigma_rad: float) -> None:
+    """It is as wide as the largest offset, and never less than what is usual of arms."""
+    assert suggested_sigma(DEGREE * np.array(offsets_deg)) == sigma_rad

@@ -60,7 +60,7 @@ def test_offsets_that_help():
     gain, entry = found.message.split("; ")
     assert gain.startswith("freeing the joint offsets of arm and hand lowers the cross-validation error from 4 to 2 mm")
     assert gain.endswith("the clearest, of joint 2 of hand, is -0.57 +/- 0.11 deg")
-    assert entry == "write `joint_offsets: {status: prior, sigma_rad: 0.005}` at arm and hand in cell.yaml"
+    assert entry == "write `joint_offsets: {status: prior, sigma_rad: 0.02}` at arm and hand in cell.yaml"
 
 
 def test_a_single_joint(offsets):

@@ -35,6 +35,7 @@ _FEWEST_VIEWS = 15  # of fewer, a fifth held out is two views
 _MOST_SAMPLES = 200  # enough to tell models apart; bounds the time
 _CERTAIN, _DOUBTED = 3.0, 2.0  # standard errors: chances of 1 and 23 in 1,000
 _JOINTS_TRIED = 3  # single joints, those that the data call for most: one that is off alone is the first of them
+_ROUNDING = 1e-9  # of a digit, that is not rounded up for
 _WORTH_A_LOOK = 6.0  # what a parameter more lowers the cost by, in units of its expectation by chance
 
 OFFSETS, LINKS = "joint_offsets", "link_parameters"
@@ -42,6 +43,16 @@ _OFFSETS: dict[str, Parameters] = {OFFSETS: joint_offsets.Stated(status="prior",
 _OF_LINKS = link_parameters.Stated(status="prior", sigma_rad=LINK_SIGMA_RAD, sigma_m=LINK_SIGMA_M)
 
 Models = Mapping[str, RobotModel]
+
+
+def suggested_sigma(offsets_rad: Array) -> float:
+    """Sigma of a prior of joint offsets that found ones do not contradict [rad]: the largest, to one digit upwards.
+
+    It is not below what is usual of arms that were mastered.
+    """
+    largest = float(np.abs(offsets_rad).max(initial=SIGMA_RAD))
+    digit = 10.0 ** np.floor(np.log10(largest))
+    return round(float(np.ceil(largest / digit - _ROUNDING) * digit), 9)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,9 +9,9 @@ from basecal.accuracy.cross_validation.robot_model_selection import (
     LINK_SIGMA_RAD,
     LINKS,
     OFFSETS,
-    SIGMA_RAD,
     Candidate,
     RobotModelChoice,
+    suggested_sigma,
 )
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.robot_parameters import robot_parameters
@@ -34,7 +34,7 @@ def robot_model_findings(choice: RobotModelChoice) -> list[Finding]:
     message = f"{_freed(chosen)} lowers {_from_to(none, chosen)}: {_largest(choice)}"
     if choice.better is not None:
         message += f"; whether {_freed(choice.better)} helps more is undecided"
-    return [Finding("robot-model", "warning", chosen.robots, f"{message}; {_to_write(chosen)}")]
+    return [Finding("robot-model", "warning", chosen.robots, f"{message}; {_to_write(choice)}")]
 
 
 def _freed(candidate: Candidate) -> str:
@@ -67,8 +67,11 @@ def _largest(choice: RobotModelChoice) -> str:
     return f"{whose} is {value:.2f} +/- {sigma:.2g} deg"
 
 
-def _to_write(candidate: Candidate) -> str:
-    entry = f"`joint_offsets: {{status: prior, sigma_rad: {SIGMA_RAD}}}`"
+def _to_write(choice: RobotModelChoice) -> str:
+    candidate = choice.chosen
+    offsets = robot_parameters(choice.solution).get(OFFSETS, {})
+    found = np.concatenate([np.zeros(0), *(of.values[of.seen] for of in offsets.values())])
+    entry = f"`joint_offsets: {{status: prior, sigma_rad: {suggested_sigma(found)}}}`"
     if candidate.kind == "links":
         sigmas = f"sigma_rad: {LINK_SIGMA_RAD}, sigma_m: {LINK_SIGMA_M}"
         entry += f" and `link_parameters: {{status: prior, {sigmas}}}`"

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from basecal.accuracy.cross_validation.robot_model_selection import SIGMA_RAD
+from basecal.accuracy.cross_validation.robot_model_selection import suggested_sigma
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.findings.robot_model import robot_model
 from basecal.accuracy.systematic_errors.search import SystematicError
@@ -86,9 +86,10 @@ def _joint_offset(found: SystematicError) -> Finding:
     assert found.joint is not None
     per_rad = 180 / np.pi
     offset = _rounded(per_rad * found.size[0], per_rad * found.sigma)
+    sigma = suggested_sigma(found.size[:1])
     what = (
         f"joint {found.joint + 1} of {found.about} is off by {offset} deg, which is to be added to what it records: "
-        f"check its zero, or write `joint_offsets: {{status: prior, sigma_rad: {SIGMA_RAD}}}` at {found.about}"
+        f"check its zero, or write `joint_offsets: {{status: prior, sigma_rad: {sigma}}}` at {found.about}"
     )
     return Finding("robot-model", "warning", (found.about,), f"{what}; {_AGAIN}")
 
