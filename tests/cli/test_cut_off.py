@@ -4,26 +4,27 @@ from __future__ import annotations
 
 from itertools import count
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
 
 from basecal.cell.files import read_recording
-from basecal.cell.journal import recording_file
+from basecal.cell.journal import completing, recording_file
 from basecal.cli import main
 from basecal.geometry import SE3
 
 
-def cut_at(monkeypatch: pytest.MonkeyPatch, sample: int) -> None:
+def cut_at(monkeypatch: pytest.MonkeyPatch, writer: ModuleType, sample: int) -> None:
     """Interrupt the writing of a recording at a sample."""
-    whole, done = recording_file._line, count()
+    whole, done = recording_file.line_of, count()
 
     def line(each):
         if next(done) == sample:
             raise KeyboardInterrupt
         return whole(each)
 
-    monkeypatch.setattr(recording_file, "_line", line)
+    monkeypatch.setattr(writer, "line_of", line)
 
 
 def words(folder: Path) -> list[str]:
@@ -39,7 +40,7 @@ def words(folder: Path) -> list[str]:
 def test_an_import_that_is_cut_off_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """No sample is there, so that nothing is calibrated as if whole, and the same import again is not blocked."""
     with monkeypatch.context() as patched:
-        cut_at(patched, 23)
+        cut_at(patched, completing, 23)
         assert main(words(tmp_path)) == 130
     assert not (tmp_path / "cell" / "recording" / "samples.jsonl").exists()
     assert main(["calibrate", str(tmp_path / "cell")]) == 3
@@ -57,7 +58,7 @@ def test_an_import_fills_an_empty_recording(tmp_path: Path) -> None:
 def test_a_simulation_that_is_cut_off_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing is left of it, and the same again is not blocked."""
     with monkeypatch.context() as patched:
-        cut_at(patched, 3)
+        cut_at(patched, recording_file, 3)
         assert main(["simulate", str(tmp_path / "cell"), "--samples", "5"]) == 130
     assert list(tmp_path.iterdir()) == []
     assert main(["simulate", str(tmp_path / "cell"), "--samples", "5"]) == 0
