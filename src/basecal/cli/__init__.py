@@ -9,6 +9,7 @@ from importlib import import_module
 
 from cyclopts import App, CycloptsError, Parameter
 
+from basecal.cli.task_point import numbers_apart
 from basecal.cli.terminal import say
 from basecal.errors import BasecalError, DatasetError
 from basecal.registry import IMPORTS
@@ -20,6 +21,7 @@ _VERBS = (
     "demo",
     "capture",
     "detect",
+    "plan",
     "calibrate",
     "verify",
     "compare",
@@ -93,7 +95,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if arguments is None:
         _own_process()
     try:
-        result = build_app()(arguments, exit_on_error=False, print_error=False)
+        words = list(numbers_apart(sys.argv[1:] if arguments is None else arguments))
+        result = build_app()(words, exit_on_error=False, print_error=False)
         if sys.stdout is not None:
             sys.stdout.flush()
     except CycloptsError as error:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 from basecal.cli.detected import detected_recording
 from basecal.cli.page import StoredRun, print_page_path, write_page
+from basecal.cli.task_point import Point
 from basecal.cli.terminal import print_json, print_stages, progress, say
 from basecal.cli.typed_length import length_m
 from basecal.errors import UsageError, printable
@@ -24,7 +25,7 @@ def calibrate(
     *,
     method: Literal["maximum-likelihood", "axis-shift"] = "maximum-likelihood",
     start: Literal["closed", "thorough", "guess", "axis-shift"] = "closed",
-    task_point: tuple[float, float, float] | None = None,
+    task_point: Point | None = None,
     station_choice: Literal["nearest", "weighted"] = "nearest",
     certify: bool = False,
     robot_noise: Literal["estimated", "stated"] = "estimated",

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from basecal.cell import WORLD, Sample
-from basecal.geometry import Array
+from basecal.geometry import SE3, Array, BoolArray
 from basecal.planning.sketch import Sketch
 
 Feasible = Callable[[Sample], bool]
@@ -16,6 +16,7 @@ Feasible = Callable[[Sample], bool]
 _MARGIN = 0.05  # of the image's width: what guesses of a degree or two are off by
 _FACING = 0.35  # cosine of a board to the ray, at least: flatter, its corners run together
 _NEAREST_M, _FARTHEST_M = 0.2, 3.0
+_NEAR_AXIS = 0.9  # cosine of a point's ray to the camera's axis, at least: half of what depth cameras look at
 _CLEAR_M = 0.16  # between the middles of two arms' links: twice the radius of a link, and some air
 _STEP_M = 0.05  # between points on a link
 
@@ -39,23 +40,38 @@ def within_limits(sketch: Sketch, sample: Sample) -> bool:
 
 def in_view(sketch: Sketch, sample: Sample) -> bool:
     """Whether the whole target is in the picture, with a margin, and shows its front."""
-    shape, lens = sketch.target.target, sketch.lens
-    points = np.zeros((1, 3)) if shape is None else shape.points
-    seen = sketch.camera_from_target(sample)
-    in_camera = seen @ points
-    depth = in_camera[:, 2]
-    if not np.all((depth > _NEAREST_M) & (depth < _FARTHEST_M) & lens.sees(in_camera)):
-        return False
-    if lens.size_px is not None:
-        margin = _MARGIN * lens.size_px[0]
-        pixels = lens.project(in_camera)
-        if not np.all((pixels >= margin) & (pixels <= np.array(lens.size_px) - 1 - margin)):
-            return False
-    if shape is None or not shape.sheets:
-        return True
-    normal = seen.rotation @ shape.sheets[0].target_from_sheet.rotation[:, 2]
-    centre = in_camera.mean(0)
-    return bool(normal @ centre > _FACING * np.linalg.norm(centre))
+    return bool(seen_whole(sketch, SE3.stack([sketch.camera_from_target(sample)]))[0])
+
+
+def seen_whole(sketch: Sketch, camera_from_target: SE3) -> BoolArray:
+    """As `in_view`, of many poses of the target, (n,); of a camera without a lens, near its axis."""
+    points = np.zeros((1, 3)) if sketch.target.target is None else sketch.target.target.points
+    turned: Array = points @ np.swapaxes(camera_from_target.rotation, -1, -2)
+    in_camera = turned + camera_from_target.translation[:, None]
+    depth = in_camera[..., 2]
+    seen: BoolArray = np.all((depth > _NEAREST_M) & (depth < _FARTHEST_M), axis=-1)
+    if sketch.camera.intrinsics is None:
+        seen &= np.all(depth > _NEAR_AXIS * np.linalg.norm(in_camera, axis=-1), axis=-1)
+    else:
+        seen &= _in_picture(sketch, in_camera)
+    shape = sketch.target.target
+    if shape is not None and shape.sheets:
+        normal = camera_from_target.rotation @ shape.sheets[0].target_from_sheet.rotation[:, 2]
+        centre = in_camera.mean(1)
+        seen &= np.einsum("ni,ni->n", normal, centre) > _FACING * np.linalg.norm(centre, axis=-1)
+    return seen
+
+
+def _in_picture(sketch: Sketch, in_camera: Array) -> BoolArray:
+    """Whether all points, (n, p, 3), are in the picture, (n,)."""
+    lens = sketch.lens
+    seen: BoolArray = np.all(lens.sees(in_camera), axis=-1)
+    if lens.size_px is None:
+        return seen
+    margin = _MARGIN * lens.size_px[0]
+    pixels = lens.project(in_camera)
+    inside: BoolArray = np.all((pixels >= margin) & (pixels <= np.array(lens.size_px) - 1 - margin), axis=(-1, -2))
+    return seen & inside
 
 
 def is_clear(sketch: Sketch, sample: Sample) -> bool:

@@ -66,7 +66,7 @@ def calibration_to_dict(calibration: Calibration) -> dict[str, Any]:
         "validation": _entry(calibration.validation),
         "observability": {"condition": calibration.condition, "unobservable": list(calibration.unobservable)},
         "certificate": None if proof is None else {"gap": proof.gap, "global": proof.is_global, "reason": proof.reason},
-        "budget": None if calibration.budget is None else [_budget_entry(entry) for entry in calibration.budget],
+        "budget": None if calibration.budget is None else [budget_entry(entry) for entry in calibration.budget],
         "error_map": None if calibration.error_map is None else _error_map(calibration.error_map),
         "findings": [finding_to_dict(finding) for finding in calibration.findings],
         "settings": dict(calibration.settings),
@@ -161,7 +161,8 @@ def _noun(of: type[N], data: Mapping[str, Any]) -> N:
     return of(**values)
 
 
-def _budget_entry(entry: BudgetEntry) -> dict[str, Any]:
+def budget_entry(entry: BudgetEntry) -> dict[str, Any]:
+    """A line of a budget as JSON holds it."""
     halved_mm = 1e3 * entry.halved_rms_m
     return {
         "source": entry.source,

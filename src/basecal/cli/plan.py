@@ -1,0 +1,170 @@
+"""`basecal plan`."""
+
+from __future__ import annotations
+
+from itertools import product
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter, validators
+
+from basecal.cli.detected import detected_recording
+from basecal.cli.task_point import Box, Point
+from basecal.cli.terminal import pasted, print_json, progress, say
+from basecal.cli.tolerance import tolerance_m
+from basecal.errors import BasecalError, UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from basecal.cell import Calibration, Cell, Recording
+    from basecal.planning.plan import Plan
+
+
+def plan(
+    cell: Path,
+    /,
+    *,
+    task_point: Point | None = None,
+    task_box: Box | None = None,
+    tolerance: str | None = None,
+    samples: Annotated[int | None, Parameter(validator=validators.Number(gte=1, lte=1000))] = None,
+    anew: bool = False,
+    seed: Annotated[int, Parameter(validator=validators.Number(gte=0, lt=2**31))] = 0,
+    output: Annotated[Path | None, Parameter(alias="-o")] = None,
+    json: bool = False,
+) -> int:
+    """Say which samples to record, and how many, so that a task point is known well enough.
+
+    The samples are those that lower the error at the task the most: both arms
+    near taught poses, the whole target in view. What is recorded already
+    counts. Where no samples reach the tolerance it says which source of error
+    forbids it. With -o the samples are written for `basecal capture --pattern`.
+
+    Ends with 0 where the tolerance is reached, or none is asked for, else 1.
+
+    For example:
+
+        basecal plan mycell --tolerance 0.2mm --task-point 0.8 0.1 0.3
+        basecal plan mycell --tolerance 0.2mm --task-point "0.8 0.1 0.3" --json
+        basecal plan mycell --samples 12 --task-point 0.8 0.1 0.3 -o plan.jsonl
+        basecal plan mycell --tolerance 1mm --task-box 0.6 -0.2 0.1 1.0 0.2 0.5
+
+    Args:
+        cell: Folder of the cell, with at least one taught pose in its recording.
+        task_point: Where the work is done, x y z [m] in the reference robot's base.
+        task_box: Two opposite corners of where it is done, instead of a point.
+        tolerance: Length with its unit, such as 0.2mm, below which 95 % of position errors there shall be.
+        samples: How many to plan; as many as the tolerance needs where it is left out.
+        anew: Plan as if nothing had been recorded yet.
+        seed: Another number draws other candidates.
+        output: File to write the samples to: .jsonl lines for capture, else all of it as JSON.
+        json: Print one JSON object instead of words.
+    """
+    from dataclasses import replace
+
+    import numpy as np
+
+    from basecal.cell import Recording
+    from basecal.cell.files import read_cell
+    from basecal.planning.plan import plan as planned
+
+    points = np.array(_task(task_point, task_box))
+    needed_m = None if tolerance is None else tolerance_m(tolerance)
+    if needed_m is None and samples is None:
+        raise UsageError("give --tolerance, or --samples, or both: without them nothing says how many to plan")
+    described = read_cell(cell)
+    recording = detected_recording(cell, described)
+    with progress("planning"):
+        calibration = _calibrated(cell, described, recording)
+        if anew:
+            recording = Recording(tuple(replace(sample, observations=()) for sample in recording.samples))
+        found = planned(described, recording, calibration, points, needed_m, samples, seed)
+    data = plan_dict(found, needed_m)
+    if output is not None:
+        _write(found, data, output)
+    if json:
+        print_json(data)
+    else:
+        say(_words(found, needed_m, cell, output))
+    return 1 if found.reachable is False else 0
+
+
+def plan_dict(found: Plan, needed_m: float | None) -> dict[str, Any]:
+    """A plan as plain data; what was not asked, or is not reached, is null."""
+    from basecal.cell.files import sample_to_dict
+    from basecal.cell.results.calibration_dict import budget_entry
+
+    return {
+        "samples": [sample_to_dict(sample, "") for sample in found.samples],
+        "needed": found.needed,
+        "predicted_mm": None if found.expected_m is None else 1e3 * found.expected_m,
+        "reachable": found.reachable,
+        "tolerance_mm": None if needed_m is None else 1e3 * needed_m,
+        "recorded": found.recorded,
+        "forbidden_by": found.budget[0].source if found.reachable is False and found.budget else None,
+        "budget": [budget_entry(entry) for entry in found.budget],
+    }
+
+
+def _write(found: Plan, data: Mapping[str, Any], output: Path) -> None:
+    """What capture takes, or all of it, by the file's ending."""
+    from json import dumps
+
+    from basecal.cell.files import write_plan
+    from basecal.cell.format.writing import write_asked_for
+
+    if output.suffix == ".jsonl":
+        write_plan(found.samples, output, output.parent)
+    else:
+        write_asked_for(output, dumps(data, allow_nan=False) + "\n")
+
+
+def _task(point: Point | None, box: Box | None) -> list[Point]:
+    """The point, or the corners and the middle of the box."""
+    if point is not None and box is None:
+        return [point]
+    if point is not None or box is None:
+        raise UsageError("give either --task-point x y z or --task-box x y z x y z, in the reference robot's base [m]")
+    edges = [(low, high) for low, high in zip(box[:3], box[3:], strict=True)]
+    x, y, z = ((low, (low + high) / 2, high) for low, high in edges)
+    return [(x[1], y[1], z[1]), *product(x[::2], y[::2], z[::2])]
+
+
+def _calibrated(folder: Path, cell: Cell, recording: Recording) -> Calibration | None:
+    """The latest run where it is of this recording, else what the recording gives now; None where it gives nothing."""
+    from basecal.accuracy.verdict import calibrate
+    from basecal.cell.files import input_hashes, latest_run, read_calibration
+
+    run = latest_run(folder)
+    if run is not None:
+        stored = read_calibration(run)
+        if dict(stored.inputs) == input_hashes(folder, cell):
+            return stored
+    if not any(sample.observations for sample in recording.samples):
+        return None
+    try:
+        return calibrate(cell, recording)
+    except BasecalError:  # too little was recorded for it: the cell's own guesses have to do
+        return None
+
+
+def _words(found: Plan, needed_m: float | None, cell: Path, output: Path | None) -> str:
+    expected = "an unknown error" if found.expected_m is None else f"{1e3 * found.expected_m:.2g} mm"
+    needed = "" if needed_m is None else f"{1e3 * needed_m:.3g} mm"
+    many = f"{len(found.samples)} samples" + (f" beside the {found.recorded} recorded" if found.recorded else "")
+    if found.reachable is False:
+        source = f": {found.budget[0].source} forbids it" if found.budget else ""
+        lines = [f"{needed} cannot be reached{source}; {many} leave 95 % of errors below {expected}"]
+    elif needed_m is not None:
+        lines = [f"{needed} at the task: {found.needed} samples reach it; {many} leave 95 % of errors below {expected}"]
+    else:
+        lines = [f"{many} leave 95 % of errors at the task below {expected}"]
+    for entry in found.budget:
+        halved = f"{1e3 * entry.halved_rms_m:.2g} mm rms in all with half of it"
+        lines.append(f"  {100 * entry.share:5.1f} % of the variance: {entry.source}; {halved}")
+    if found.samples and output is None:
+        lines.append("write them with -o plan.jsonl")
+    elif output is not None:
+        lines.append(f"next: basecal capture {pasted(cell)} --pattern {pasted(output)}")
+    return "\n".join(lines)

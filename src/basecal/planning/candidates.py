@@ -1,0 +1,121 @@
+"""Samples that could be taken: both arms at offsets from taught poses, about the target, which stays in view."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from basecal.cell import WORLD, Robot, RobotState, Sample
+from basecal.errors import InputError, NotConverged
+from basecal.geometry import SE3, Array, BoolArray, IntArray
+from basecal.geometry.se3 import rotation_exp
+from basecal.kinematics.inverse import inverse
+from basecal.planning.feasible import is_clear, seen_whole
+from basecal.planning.sketch import Sketch
+
+Taught = Mapping[str, RobotState]
+
+_TURN_RAD, _SHIFT_M = 0.6, 0.12  # of an arm sent by poses, about a taught pose: what it mostly reaches from there
+_TURN_BY_JOINTS_RAD, _SHIFT_BY_JOINTS_M = 1.0, 0.25  # of an arm whose limits are known
+_ROUNDS = 20  # of draws, before those are taken that were found
+_STEPS = 40  # of the inverse at most: what is farther than a taught pose is from this one is not reached
+_REACHED = 1e-8  # [m, rad] of an inverse that did not converge everywhere, where it did
+
+
+def candidates(sketch: Sketch, taught: Sequence[Taught], count: int, seed: int = 0) -> list[Sample]:
+    """Feasible samples, at most `count`; none at a taught pose, whose stop would be one that is recorded.
+
+    Args:
+        sketch: What is known of the cell.
+        taught: States of all robots where the target was seen.
+        count: How many.
+        seed: Of the draws.
+
+    Raises:
+        InputError: if none is feasible.
+    """
+    rng = np.random.default_rng([seed, 29])
+    poses = {robot: SE3.stack([sketch.base_from_flange(robot, t[robot]) for t in taught]) for robot in sketch.movers}
+    found: list[Sample] = []
+    for _ in range(_ROUNDS):
+        if len(found) >= count:
+            break
+        near = rng.integers(len(taught), size=count)
+        found += _feasible(sketch, taught, near, _drawn(sketch, taught, near, poses, rng))
+    if not found:
+        raise InputError(
+            "no sample near the taught poses is within the arms' limits, with the whole target in view and clear: "
+            "teach poses with the target in the middle of the picture, half a metre to a metre away"
+        )
+    return [Sample(k, robots=sample.robots) for k, sample in enumerate(found[:count])]
+
+
+def _drawn(
+    sketch: Sketch, taught: Sequence[Taught], near: IntArray, poses: Mapping[str, SE3], rng: np.random.Generator
+) -> dict[str, SE3]:
+    """Flanges, (n,) in the bases of the robots that move, turned about the target and shifted, each by itself."""
+    shape = sketch.target.target
+    centre = np.zeros(3) if shape is None else shape.points.mean(0)
+    pivots = np.array([sketch.world_from(sketch.target.name, t) @ centre for t in taught])[near]
+    drawn = {}
+    for robot in sketch.movers:
+        known = sketch.cell.robots[robot].chain is not None
+        most_rad, most_m = (_TURN_BY_JOINTS_RAD, _SHIFT_BY_JOINTS_M) if known else (_TURN_RAD, _SHIFT_M)
+        turn = rotation_exp(most_rad * _in_ball(rng, len(near)))
+        away = pivots + most_m * _in_ball(rng, len(near)) - (turn @ pivots[..., None])[..., 0]
+        world_from_base = sketch.world_from_base(robot)
+        drawn[robot] = world_from_base.inverse() @ SE3(turn, away) @ world_from_base @ poses[robot][near]
+    return drawn
+
+
+def _in_ball(rng: np.random.Generator, count: int) -> Array:
+    """Uniform in the unit ball, (n, 3)."""
+    direction = rng.standard_normal((count, 3))
+    return np.asarray(np.cbrt(rng.random((count, 1))) * direction / np.linalg.norm(direction, axis=-1, keepdims=True))
+
+
+def _feasible(sketch: Sketch, taught: Sequence[Taught], near: IntArray, drawn: Mapping[str, SE3]) -> list[Sample]:
+    """Of drawn flanges, (n,), the samples that can be taken."""
+    rows = np.flatnonzero(seen_whole(sketch, _camera_from_target(sketch, taught, near, drawn)))
+    states: dict[str, list[RobotState]] = {}
+    reached = np.ones(len(rows), dtype=bool)
+    for robot, poses in drawn.items():
+        start = [taught[k][robot].joints_rad for k in near[rows]]
+        states[robot], mine = _states(sketch.cell.robots[robot], poses[rows], start)
+        reached &= mine
+    samples = []
+    for place in np.flatnonzero(reached):
+        moved = {robot: each[place] for robot, each in states.items()}
+        sample = Sample(0, robots={**taught[near[rows[place]]], **moved})
+        if is_clear(sketch, sample):
+            samples.append(sample)
+    return samples
+
+
+def _camera_from_target(sketch: Sketch, taught: Sequence[Taught], near: IntArray, drawn: Mapping[str, SE3]) -> SE3:
+    world_from = []
+    for thing in (sketch.camera, sketch.target):
+        mount = sketch.transforms[sketch.cell.mount_name(thing.name)]
+        if thing.on == WORLD:
+            world_from.append(SE3.stack([mount] * len(near)))
+        else:
+            world_from.append(sketch.world_from_base(thing.on) @ drawn[thing.on] @ mount)
+    return world_from[0].inverse() @ world_from[1]
+
+
+def _states(robot: Robot, poses: SE3, start: Sequence[Array | None]) -> tuple[list[RobotState], BoolArray]:
+    """States in which the flange is at poses, (n,), by joints near those at the start where there are any."""
+    joints = [each for each in start if each is not None]
+    if robot.chain is None or len(joints) < len(start) or not joints:
+        return [RobotState(poses[k]) for k in range(len(poses))], np.ones(len(poses), dtype=bool)
+    try:
+        found, reached = (
+            inverse(robot.chain, poses, np.stack(joints), iterations=_STEPS),
+            np.ones(len(poses), dtype=bool),
+        )
+    except NotConverged as error:
+        found = np.asarray(error.state)
+        left = (robot.chain.forward(found).inverse() @ poses).log()
+        reached = np.abs(left).max(-1) < _REACHED
+    return [RobotState(joints_rad=each) for each in found], reached

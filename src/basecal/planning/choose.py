@@ -1,0 +1,120 @@
+"""Which of many samples say most about the task: greedy, with exchange, by their information alone.
+
+With C the covariance and U U' what a sample adds to its inverse, C falls by C U (I + U'C U)^-1 U'C (Woodbury): each
+candidate costs the inverse of a matrix as small as its own information. The criterion is trace(W C), A-optimality at
+the task. Source: Fedorov 1972 (exchange); docs/mathematics.md (15.1), (15.2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from basecal.geometry import Array
+
+_PASSES = 3  # over what is chosen: the third exchanges next to nothing
+_GAIN = 1e-4  # of the criterion, below which an exchange is not worth another pass
+
+Enough = Callable[[Array], bool]
+
+
+def greedy(roots: Array, covariance: Array, weight: Array) -> Iterator[tuple[int, Array]]:
+    """Candidates in the order of what each adds to those before, none twice, with the covariance then, (p, p).
+
+    Args:
+        roots: (n, p, q) U of each candidate.
+        covariance: (p, p) to begin with.
+        weight: (p, p) W.
+    """
+    left = np.ones(len(roots), dtype=bool)
+    while left.any():
+        best = int(np.argmax(np.where(left, gains(roots, covariance, weight), -np.inf)))
+        left[best] = False
+        covariance = with_sample(covariance, roots[best])
+        yield best, covariance
+
+
+def exchanged(roots: Array, chosen: list[int], covariance: Array, weight: Array) -> tuple[list[int], Array]:
+    """What is chosen after each was given up for the best of all that are not, and the covariance then.
+
+    Args:
+        roots: (n, p, q).
+        chosen: Which were chosen.
+        covariance: (p, p) with them.
+        weight: (p, p).
+    """
+    chosen = list(chosen)
+    for _ in range(_PASSES):
+        before = float(np.trace(weight @ covariance))
+        for place, old in enumerate(chosen):
+            without = without_sample(covariance, roots[old])
+            of_each = gains(roots, without, weight)
+            of_each[[k for k in chosen if k != old]] = -np.inf
+            chosen[place] = int(np.argmax(of_each))
+            covariance = with_sample(without, roots[chosen[place]])
+        if before - float(np.trace(weight @ covariance)) < _GAIN * before:
+            break
+    return chosen, covariance
+
+
+def fewest(roots: Array, covariance: Array, weight: Array, most: int, enough: Enough) -> tuple[list[int], bool]:
+    """As few candidates as are enough, or the best `most` of them, and whether they are enough.
+
+    Args:
+        roots: (n, p, q).
+        covariance: (p, p) to begin with.
+        weight: (p, p).
+        most: How many at most.
+        enough: Whether a covariance is.
+    """
+    if enough(covariance):
+        return [], True
+    chosen: list[int] = []
+    now = covariance
+    for best, now in greedy(roots, covariance, weight):
+        chosen.append(best)
+        if enough(now) or len(chosen) == most:
+            break
+    chosen, now = exchanged(roots, chosen, now, weight)
+    if not enough(now):
+        return chosen, False
+    while len(chosen) > 1:
+        fewer, after = _one_less(roots, chosen, now, weight)
+        if not enough(after):
+            break
+        chosen, now = fewer, after
+    return chosen, True
+
+
+def _one_less(roots: Array, chosen: list[int], covariance: Array, weight: Array) -> tuple[list[int], Array]:
+    """The chosen but the one that says least, exchanged again."""
+    losses = [float(np.trace(weight @ without_sample(covariance, roots[k]))) for k in chosen]
+    dropped = chosen[int(np.argmin(losses))]
+    return exchanged(roots, [k for k in chosen if k != dropped], without_sample(covariance, roots[dropped]), weight)
+
+
+def gains(roots: Array, covariance: Array, weight: Array) -> Array:
+    """By how much the criterion falls with each candidate by itself, (n,)."""
+    n, p, q = roots.shape
+    flat = np.swapaxes(roots, 0, 1).reshape(p, n * q)
+    carried = np.swapaxes((covariance @ flat).reshape(p, n, q), 0, 1)
+    at_task = np.swapaxes(carried, 1, 2) @ weight @ carried
+    inner = np.eye(q) + np.swapaxes(roots, 1, 2) @ carried
+    return np.asarray(np.trace(np.linalg.solve(inner, at_task), axis1=1, axis2=2))
+
+
+def with_sample(covariance: Array, root: Array) -> Array:
+    """The covariance with one sample more."""
+    carried = covariance @ root
+    return _symmetric(covariance - carried @ np.linalg.solve(np.eye(root.shape[1]) + root.T @ carried, carried.T))
+
+
+def without_sample(covariance: Array, root: Array) -> Array:
+    """The covariance with one sample less."""
+    carried = covariance @ root
+    return _symmetric(covariance + carried @ np.linalg.solve(np.eye(root.shape[1]) - root.T @ carried, carried.T))
+
+
+def _symmetric(matrix: Array) -> Array:
+    return np.asarray(0.5 * (matrix + matrix.T))

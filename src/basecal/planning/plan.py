@@ -1,0 +1,188 @@
+"""A plan: the samples that a tolerance at the task needs, or why no samples reach it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import islice
+
+import numpy as np
+
+from basecal.accuracy.expected_error import at_points, length_quantile
+from basecal.accuracy.task.budget import budget
+from basecal.accuracy.task.task import Task, least_known, placing, task_at
+from basecal.cell import BudgetEntry, Calibration, Cell, Recording, RobotState, Sample
+from basecal.errors import InputError
+from basecal.estimation.solve import Solution
+from basecal.estimation.streams.streams import synchronous
+from basecal.geometry import Array
+from basecal.planning.candidates import candidates
+from basecal.planning.choose import exchanged, fewest, greedy
+from basecal.planning.poses import in_order
+from basecal.planning.prospects import Prospects, prospects, sketches
+from basecal.planning.sketch import Sketch
+
+MOST_SAMPLES = 60
+"""Of a plan: with twice as many the error falls by a third at most, and an hour of an arm's time is gone."""
+
+CANDIDATES = 600
+"""Drawn to choose from: of arms with joints each takes some milliseconds to be found free of collision."""
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What to record.
+
+    Attributes:
+        samples: Where the robots shall be, in an order that makes their way short.
+        needed: How many samples the tolerance needs beside those recorded; None where it is not reached, or not stated.
+        expected_m: The distance that 95 of 100 errors at the task stay below, with the samples taken [m]; None where
+            even then a direction is open.
+        reachable: Whether the tolerance is; None where none is stated.
+        recorded: How many samples are recorded already and count.
+        budget: The error at the task by source, with the samples taken.
+    """
+
+    samples: tuple[Sample, ...]
+    needed: int | None
+    expected_m: float | None
+    reachable: bool | None
+    recorded: int
+    budget: tuple[BudgetEntry, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Goal:
+    """The tasks of all that is placed, and the tolerance."""
+
+    tasks: tuple[Task, ...]
+    tolerance_m: float
+
+    def expected_m(self, covariance_of: dict[str, Array]) -> float:
+        """The largest error of any of them at any of its points [m]."""
+        return max(
+            length_quantile(at) for task in self.tasks for at in at_points(covariance_of[task.transform], task.points_m)
+        )
+
+
+def plan(
+    cell: Cell,
+    recording: Recording,
+    calibration: Calibration | None,
+    points_m: Array,
+    tolerance_m: float | None = None,
+    count: int | None = None,
+    seed: int = 0,
+) -> Plan:
+    """The samples to record for a task.
+
+    Args:
+        cell: The cell.
+        recording: Samples with observations count as recorded; all show where the arms may stand.
+        calibration: Of them; None where nothing is calibrated, and the cell's own guesses are taken.
+        points_m: (n, 3) the task in the reference's base [m].
+        tolerance_m: The error that 95 of 100 are to stay below [m].
+        count: How many samples; as many as the tolerance needs where None.
+        seed: Of the draws.
+
+    Raises:
+        InputError: if nothing is placed that the task is about, no pose is taught, or a transform has no guess.
+    """
+    names = placing(cell)
+    known = sketches(cell, calibration)
+    recording = synchronous(cell, recording, {} if calibration is None else calibration.clocks)
+    views = _views(known, recording, seed)
+    prospect = prospects(cell, recording, calibration, views)
+    tasks = tuple(task_at(name, known[0].transforms, points_m) for name in names)
+    goal = _Goal(tasks, np.inf if tolerance_m is None else tolerance_m)
+    weight = _weight(prospect, goal)
+    columns = prospect.problem.columns
+
+    def enough(covariance: Array) -> bool:
+        """Whether the tolerance is met."""
+        return goal.expected_m({n: _padded(covariance, columns[n]) for n in names}) <= goal.tolerance_m
+
+    chosen: list[int] = []
+    reached: bool | None = None
+    if tolerance_m is not None:
+        chosen, reached = fewest(prospect.roots, prospect.covariance, weight, MOST_SAMPLES, enough)
+    needed = len(chosen) if reached else None
+    if count is not None and count != len(chosen):
+        chosen = best(prospect, weight, count)
+    solution = prospect.solution(chosen)
+    return Plan(
+        _ordered(known[0], prospect, recording, chosen),
+        needed,
+        _expected(solution, goal),
+        reached,
+        len(prospect.recorded),
+        _budget(solution, goal),
+    )
+
+
+def best(prospect: Prospects, weight: Array, count: int) -> list[int]:
+    """So many candidates, greedy with exchange."""
+    steps = list(islice(greedy(prospect.roots, prospect.covariance, weight), count))
+    return exchanged(prospect.roots, [found for found, _ in steps], steps[-1][1], weight)[0]
+
+
+def _views(known: Sequence[Sketch], recording: Recording, seed: int) -> list[tuple[Sketch, list[Sample]]]:
+    """Candidates of each camera and target that were seen, of the first ones where nothing was."""
+    seen = {(o.camera, o.target) for sample in recording.samples for o in sample.observations}
+    looked = [sketch for sketch in known if sketch.view in seen] or [known[0]]
+    taught = [sample for sample in recording.samples if set(known[0].cell.robots) <= sample.robots.keys()]
+    if not taught:
+        raise InputError(
+            "a plan begins at taught poses: jog the arms so that the target is in the middle of the picture, and "
+            "record that once or more (basecal capture, or lines with `robots` alone in recording/samples.jsonl)"
+        )
+    return [
+        (sketch, candidates(sketch, _taught(sketch, taught), -(-CANDIDATES // len(looked)), seed)) for sketch in looked
+    ]
+
+
+def _taught(sketch: Sketch, samples: Sequence[Sample]) -> list[dict[str, RobotState]]:
+    """Where the robots stood when the view was seen, or anywhere where nothing was."""
+    own = [s for s in samples if any((o.camera, o.target) == sketch.view for o in s.observations)]
+    return [dict(sample.robots) for sample in own or samples]
+
+
+def _weight(prospect: Prospects, goal: _Goal) -> Array:
+    """The criterion's weight of all columns, (p, p)."""
+    weight = np.zeros((prospect.problem.width, prospect.problem.width))
+    for task in goal.tasks:
+        where = prospect.problem.columns[task.transform]
+        size = where.stop - where.start
+        weight[where, where] += task.weight()[:size, :size]
+    return weight
+
+
+def _padded(covariance: Array, where: slice) -> Array:
+    """The covariance of a transform, (6, 6); of a point's mount without rotation."""
+    own, size = np.zeros((6, 6)), where.stop - where.start
+    own[:size, :size] = covariance[where, where]
+    return own
+
+
+def _ordered(sketch: Sketch, prospect: Prospects, recording: Recording, chosen: Sequence[int]) -> tuple[Sample, ...]:
+    if not chosen:
+        return ()
+    home = next(s.robots for s in reversed(recording.samples) if set(sketch.cell.robots) <= s.robots.keys())
+    samples = in_order(sketch, home, [prospect.samples[k] for k in chosen])
+    first = prospect.samples[0].sample
+    return tuple(Sample(first + k, robots=sample.robots) for k, sample in enumerate(samples))
+
+
+def _expected(solution: Solution, goal: _Goal) -> float | None:
+    names = [task.transform for task in goal.tasks]
+    if solution.observability.unobservable & set(names):
+        return None
+    return goal.expected_m({name: solution.transforms[name].covariance for name in names})
+
+
+def _budget(solution: Solution, goal: _Goal) -> tuple[BudgetEntry, ...]:
+    if _expected(solution, goal) is None:
+        return ()
+    covariances = {task.transform: solution.transforms[task.transform].covariance for task in goal.tasks}
+    task = least_known(goal.tasks, covariances)
+    return budget(solution, task, task.variance_m2(covariances[task.transform]), {})

@@ -1,0 +1,187 @@
+"""What samples would say of a cell before they are taken: the views predicted, with the noise that is known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from basecal.accuracy.robot_parameters import kinematics_of
+from basecal.cell import (
+    Calibration,
+    Cell,
+    Observation,
+    PixelObservation,
+    PoseObservation,
+    Recording,
+    Sample,
+    Unknown,
+)
+from basecal.estimation.least_squares.normal_equations import linearise
+from basecal.estimation.noise.estimate import NoiseEstimate
+from basecal.estimation.noise.robot_noise import with_robot_noise, without_errors
+from basecal.estimation.observability.observability import observability_of
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.solve import Solution
+from basecal.estimation.view.measurement import Noise
+from basecal.geometry import Array, PoseEstimate
+from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
+from basecal.planning.sketch import Sketch, sketch_of
+
+ASSUMED = Noise(pixel_px=0.3, pose_m=1e-3, pose_rad=3e-3, point_m=1e-3)
+"""Of views, where nothing is stated and nothing was calibrated: what detectors and trackers have on real pictures."""
+
+ASSUMED_ROBOT = np.repeat([2e-4, 4e-4], 3)
+"""[m, rad] of a robot's pose, likewise: real arms have 0.1 to 0.5 mm and 0.2 to 1 mrad a stop."""
+
+_OPEN = 0.3  # [m, rad] a sigma of what nothing is known of, to begin with
+_OPEN_LENS = 1e3  # [px] likewise of a lens; of its distortion more than any has
+
+
+@dataclass(frozen=True, eq=False)
+class Prospects:
+    """A cell with what was recorded of it and what could be.
+
+    Attributes:
+        problem: All views, those recorded and those of candidates.
+        state: Where they are predicted.
+        recorded: Numbers of the samples that were recorded.
+        samples: The candidates, numbered beyond those.
+        roots: (n, p, q) of each candidate: U U' is what it adds to the information.
+        covariance: (p, p) of what was recorded, finite where nothing was.
+    """
+
+    problem: Problem
+    state: State
+    recorded: frozenset[int]
+    samples: tuple[Sample, ...]
+    roots: Array
+    covariance: Array
+
+    def solution(self, chosen: Sequence[int]) -> Solution:
+        """What the recorded samples and the chosen candidates would be solved to."""
+        numbers = [*self.recorded, *(self.samples[k].sample for k in chosen)]
+        problem = _of_samples(self.problem, numbers)
+        seen = observability_of(problem, self.state, linearise(problem, self.state).hessian, 1.0)
+        noise = NoiseEstimate(Noise(), 1.0, (), True)
+        return Solution(problem, self.state, seen.inverse, seen, noise, 0.0, 0, True, ())
+
+
+def prospects(
+    cell: Cell,
+    recording: Recording,
+    calibration: Calibration | None,
+    views: Sequence[tuple[Sketch, Sequence[Sample]]],
+) -> Prospects:
+    """What candidates would add to a recording.
+
+    Args:
+        cell: The cell.
+        recording: What counts as recorded already; without observations nothing does.
+        calibration: Of it; None where there is none.
+        views: For each camera and target the candidates that show it.
+    """
+    recorded = tuple(sample for sample in recording.samples if sample.observations)
+    first = max((sample.sample for sample in recording.samples), default=-1) + 1
+    drawn = [(sketch, sample) for sketch, samples in views for sample in samples]
+    samples = [
+        Sample(first + k, robots=sample.robots, observations=(_predicted(sketch, sample),))
+        for k, (sketch, sample) in enumerate(drawn)
+    ]
+    problem, _ = build_problem(cell, Recording((*recorded, *samples)))
+    problem = _with_noise(problem, calibration)
+    state = _state(cell, problem, calibration, views[0][0])
+    roots = np.zeros((len(samples), problem.width, 0))
+    for group, views_of in zip(problem.groups, linearise(problem, state).views, strict=True):
+        mine = np.flatnonzero(group.sample >= first)
+        more = views_of.by_unknowns[mine].swapaxes(1, 2) @ spectrum(views_of.information[mine], VIEW_ROUNDING).root
+        each = np.zeros((len(samples), problem.width, more.shape[-1]))
+        each[np.ix_(group.sample[mine] - first, views_of.columns)] = more
+        roots = _side_by_side(roots, each)
+    known = linearise(_of_samples(problem, [sample.sample for sample in recorded]), state).hessian
+    opened = np.full(problem.width, _OPEN)
+    for name in problem.lenses.keys() & problem.columns.keys():
+        opened[problem.columns[name]] = _OPEN_LENS
+    covariance = np.asarray(np.linalg.inv(known + np.diag(opened**-2)), dtype=np.float64)
+    bare = tuple(Sample(sample.sample, robots=sample.robots) for sample in samples)
+    return Prospects(problem, state, frozenset(s.sample for s in recorded), bare, roots, covariance)
+
+
+def _side_by_side(first: Array, second: Array) -> Array:
+    """Roots of which each candidate has one, (n, p, q) of as few columns as do."""
+    if first.shape[-1] == second.shape[-1]:
+        return first + second
+    return np.concatenate([first, second], axis=-1)
+
+
+def _of_samples(problem: Problem, numbers: Sequence[int]) -> Problem:
+    """The problem with the views of some samples alone."""
+    return problem.with_groups(g.take(np.flatnonzero(np.isin(g.sample, list(numbers)))) for g in problem.groups)
+
+
+def _predicted(sketch: Sketch, sample: Sample) -> Observation:
+    """What the camera would see: all points of the target, or its pose where it has no lens."""
+    camera_from_target = sketch.camera_from_target(sample)
+    camera, target = sketch.view
+    shape = sketch.target.target
+    if sketch.camera.intrinsics is None or shape is None:
+        return PoseObservation(camera, target, camera_from_target)
+    return PixelObservation(camera, target, shape.ids, sketch.lens.project(camera_from_target @ shape.points))
+
+
+def _with_noise(problem: Problem, calibration: Calibration | None) -> Problem:
+    """The problem with the sigmas of a calibration for what states none, or those that are assumed."""
+    found = {} if calibration is None else calibration.noise
+    groups = []
+    for group in problem.groups:
+        of_camera = found.get("cameras", {}).get(group.camera, {})
+        known = {field: of_camera.get(field) or found.get(field) for field in Noise._fields}
+        groups.append(group.with_noise(ASSUMED._replace(**{f: sigma for f, sigma in known.items() if sigma})))
+    robots = {}
+    for name in problem.unstated:
+        noise = found.get("robots", {}).get(name)
+        robots[name] = ASSUMED_ROBOT if noise is None else np.array([*noise["sigma_t_m"], *noise["sigma_r_rad"]])
+    return with_robot_noise(problem.with_groups(groups), robots)
+
+
+def _state(cell: Cell, problem: Problem, calibration: Calibration | None, sketch: Sketch) -> State:
+    """The cell as the calibration has it, or as it is sketched; no stop has an error."""
+    cameras = {
+        name: camera.intrinsics.camera
+        for name, camera in sketch.cell.cameras.items()
+        if camera.intrinsics is not None and camera.intrinsics.camera is not None
+    }
+    robots = {} if calibration is None else kinematics_of(cell, calibration)
+    return without_errors(problem, State(dict(sketch.transforms), cameras, np.zeros((0, 6)), robots))
+
+
+def sketches(cell: Cell, calibration: Calibration | None) -> tuple[Sketch, ...]:
+    """The cell as a calibration has it, or as it is guessed, one sketch for each camera and target that it may see.
+
+    Raises:
+        InputError: if it has none, or a transform without a value; the message names it.
+    """
+    found = {} if calibration is None else dict(calibration.transforms)
+    lenses = {} if calibration is None else dict(calibration.cameras)
+    cameras = {
+        name: replace(camera, intrinsics=replace(camera.intrinsics, camera=lenses[name][0]))
+        if name in lenses and camera.intrinsics is not None
+        else camera
+        for name, camera in cell.cameras.items()
+    }
+    bases = {robot: _moved(unknown, found.get(cell.base_name(robot))) for robot, unknown in cell.bases.items()}
+    others = set(cell.robots) - set(bases) - {cell.reference}
+    bases |= {robot: _moved(Unknown(), found.get(cell.base_name(robot))) for robot in others}
+    cameras = {name: replace(c, mount=_moved(c.mount, found.get(cell.mount_name(name)))) for name, c in cameras.items()}
+    targets = {
+        name: replace(t, mount=_moved(t.mount, found.get(cell.mount_name(name)))) for name, t in cell.targets.items()
+    }
+    first = sketch_of(replace(cell, bases=bases, cameras=cameras, targets=targets))
+    views = [(c.name, t.name) for c in cell.cameras.values() for t in cell.targets.values() if c.on != t.on]
+    return tuple(replace(first, view=view) for view in views)
+
+
+def _moved(unknown: Unknown, found: PoseEstimate | None) -> Unknown:
+    return unknown if found is None else replace(unknown, mean=found.mean)

@@ -1,0 +1,68 @@
+"""`basecal plan` from end to end."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from basecal.cell.files import read_cell, read_plan
+from basecal.cli import main
+
+
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("plan") / "cell"
+    assert main(["simulate", str(folder), "--samples", "12", "--seed", "3", "--target", "points"]) == 0
+    assert main(["calibrate", str(folder)]) == 0
+    return folder
+
+
+def test_json_is_what_programs_rely_on(cell, capsys):
+    """Samples with robots alone, as many as are needed, and what is predicted; a point between quotes is one."""
+    capsys.readouterr()
+    asked = ["plan", str(cell), "--tolerance", "0.5mm", "--task-point", "-0.3 0.7 0.1", "--json", "--anew"]
+    assert main(asked) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["reachable"] is True
+    assert found["needed"] == len(found["samples"])
+    assert 0 < found["predicted_mm"] <= 0.5005
+    assert all(set(sample) == {"sample", "robots"} for sample in found["samples"])
+    assert found["forbidden_by"] is None
+
+
+def test_out_of_reach(cell, capsys):
+    """Exit 1, and the source that forbids it."""
+    asked = ["plan", str(cell), "--tolerance", "1um", "--task-point", "-0.3", "0.7", "0.1"]
+    assert main(asked) == 1
+    assert "cannot be reached: " in capsys.readouterr().out
+    assert main([*asked, "--json"]) == 1
+    found = json.loads(capsys.readouterr().out)
+    assert (found["needed"], found["reachable"]) == (None, False)
+    assert found["forbidden_by"] == found["budget"][0]["source"]
+
+
+def test_a_file_for_capture(cell, tmp_path, capsys):
+    """Its lines are a plan that is read back."""
+    file = tmp_path / "plan.jsonl"
+    assert main(["plan", str(cell), "--samples", "4", "--task-box", "-0.4 0.6 0 -0.2 0.8 0.2", "-o", str(file)]) == 0
+    assert f"--pattern {file}" in capsys.readouterr().out
+    assert len(read_plan(file, cell, read_cell(cell))) == 4
+    assert main(["plan", str(cell), "--samples", "3", "--task-point", "0 0 0", "-o", str(tmp_path / "plan.json")]) == 0
+    assert len(json.loads((tmp_path / "plan.json").read_text())["samples"]) == 3
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ["--samples", "3"],
+        ["--task-point", "0 0 0"],
+        ["--task-point", "0 0", "--samples", "3"],
+        ["--task-point", "0 0 0", "--task-box", "0 0 0 1 1 1", "--samples", "3"],
+        ["--task-point", "0 0 0", "--tolerance", "0.2"],
+    ],
+)
+def test_bad_options_are_one_line(cell, options, capsys):
+    """Nothing to plan for, nothing to reach, a point of two numbers, both a point and a box, no unit."""
+    assert main(["plan", str(cell), *options]) in (2, 3)
+    assert capsys.readouterr().err.count("\n") == 1

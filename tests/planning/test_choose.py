@@ -1,0 +1,70 @@
+"""Choosing among candidates, against inverses and exhaustive search."""
+
+from __future__ import annotations
+
+from itertools import combinations, islice
+
+import numpy as np
+import pytest
+
+from basecal.planning.choose import exchanged, fewest, gains, greedy, with_sample, without_sample
+
+
+@pytest.fixture
+def made():
+    """Roots (n, p, q), a covariance and a weight of two directions."""
+    rng = np.random.default_rng(3)
+    roots, start, ahead = rng.standard_normal((14, 8, 3)), rng.standard_normal((8, 8)), rng.standard_normal((8, 2))
+    return roots, start @ start.T + np.eye(8), ahead @ ahead.T
+
+
+def criterion(roots, covariance, weight, chosen) -> float:
+    """By the inverse, the long way."""
+    information = np.linalg.inv(covariance) + sum((roots[k] @ roots[k].T for k in chosen), start=np.zeros((8, 8)))
+    return float(np.trace(weight @ np.linalg.inv(information)))
+
+
+def test_gains_are_those_of_the_inverse(made):
+    """Of each candidate by itself."""
+    roots, covariance, weight = made
+    of_each = [criterion(*made, []) - criterion(*made, [k]) for k in range(len(roots))]
+    np.testing.assert_allclose(gains(roots, covariance, weight), of_each, rtol=1e-10)
+
+
+def test_a_sample_goes_as_it_came(made):
+    """With and without are inverse to one another."""
+    roots, covariance, _ = made
+    np.testing.assert_allclose(without_sample(with_sample(covariance, roots[0]), roots[0]), covariance, rtol=1e-9)
+
+
+def test_greedy_takes_each_once_and_the_best_first(made):
+    """The covariance told with each is that of all so far."""
+    steps = list(greedy(*made))
+    assert sorted(k for k, _ in steps) == list(range(14))
+    assert steps[0][0] == np.argmin([criterion(*made, [k]) for k in range(14)])
+    for count in (1, 5, 14):
+        chosen = [k for k, _ in steps[:count]]
+        assert np.trace(made[2] @ steps[count - 1][1]) == pytest.approx(criterion(*made, chosen), rel=1e-9)
+
+
+def test_exchange_is_within_a_hundredth_of_the_best(made):
+    """Of all 2,002 sets of five; the covariance is that of what is chosen."""
+    roots, _, weight = made
+    steps = list(islice(greedy(*made), 5))
+    chosen, after = exchanged(roots, [k for k, _ in steps], steps[-1][1], weight)
+    best = min(criterion(*made, each) for each in combinations(range(14), 5))
+    assert len(set(chosen)) == 5
+    assert criterion(*made, chosen) == pytest.approx(np.trace(weight @ after), rel=1e-9)
+    assert criterion(*made, chosen) <= 1.01 * best
+
+
+def test_fewest_are_as_few_as_any(made):
+    """One less is not enough, whichever they are; none where nothing is needed, all tried where nothing is enough."""
+    roots, covariance, weight = made
+    limit = 1.02 * min(criterion(*made, each) for each in combinations(range(14), 4))
+    chosen, reached = fewest(roots, covariance, weight, 14, lambda c: bool(np.trace(weight @ c) <= limit))
+    assert (len(chosen), reached) == (4, True)
+    assert criterion(*made, chosen) <= limit
+    assert fewest(roots, covariance, weight, 14, lambda c: True) == ([], True)
+    tried, reached = fewest(roots, covariance, weight, 3, lambda c: False)
+    assert (len(tried), reached) == (3, False)

@@ -1,0 +1,65 @@
+"""What samples would say, against the solution of samples that were taken so."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.verdict import calibrate
+from basecal.cell import Recording, Sample
+from basecal.errors import InputError
+from basecal.planning.candidates import candidates
+from basecal.planning.prospects import ASSUMED, prospects, sketches
+from basecal.simulation import Scenario, simulate
+
+BASE = "eye_base_from_hand_base"
+
+
+@pytest.fixture(scope="module")
+def cell():
+    made = simulate(Scenario(samples=12, robot_noise=(1e-4, 2e-4)), 3)
+    calibration = calibrate(made.cell, made.recording)
+    sketch = sketches(made.cell, calibration)[0]
+    drawn = candidates(sketch, [dict(s.robots) for s in made.recording.samples], 10)
+    return made, calibration, sketch, drawn
+
+
+def test_information_adds_up_to_what_is_solved(cell):
+    """The covariance of recorded and chosen samples by their roots is that of the problem with all of them."""
+    made, calibration, sketch, drawn = cell
+    prospect = prospects(made.cell, made.recording, calibration, [(sketch, drawn)])
+    chosen = [1, 4, 7]
+    information = np.linalg.inv(prospect.covariance) + sum(prospect.roots[k] @ prospect.roots[k].T for k in chosen)
+    where = prospect.problem.columns[BASE]
+    solved = prospect.solution(chosen).transforms[BASE].covariance
+    np.testing.assert_allclose(
+        np.linalg.inv(information)[where, where], solved, rtol=1e-3, atol=1e-3 * np.abs(solved).max()
+    )
+
+
+def test_what_was_recorded_is_known_as_well_as_calibrated(cell):
+    """With nothing chosen the covariance is the calibration's, where its noise is stated: to a twentieth."""
+    made, calibration, sketch, drawn = cell
+    prospect = prospects(made.cell, made.recording, calibration, [(sketch, drawn)])
+    solved = prospect.solution([]).transforms[BASE]
+    np.testing.assert_allclose(solved.sigma_t, calibration[BASE].sigma_t, rtol=0.05)
+
+
+def test_without_observations_nothing_is_recorded(cell):
+    """Then the assumed noise counts for what states none, and numbers go on after the taught samples."""
+    made, _, sketch, drawn = cell
+    bare = Recording(tuple(Sample(s.sample, robots=s.robots) for s in made.recording.samples))
+    quiet = replace(made.cell, pixel_px=None)
+    prospect = prospects(quiet, bare, None, [(sketch, drawn)])
+    assert prospect.recorded == frozenset()
+    assert prospect.samples[0].sample == 12
+    (group,) = prospect.problem.groups
+    assert group.measurement.weight.max() == pytest.approx(1 / ASSUMED.pixel_px)
+
+
+def test_a_cell_without_guesses_needs_a_calibration(cell):
+    """The transform without a value is named."""
+    with pytest.raises(InputError, match=BASE):
+        sketches(cell[0].cell, None)
