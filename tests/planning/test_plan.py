@@ -7,7 +7,7 @@ import pytest
 from basecal.accuracy.verdict import calibrate
 from basecal.cell import Recording, Sample
 from basecal.errors import InputError
-from basecal.planning.plan import MOST_SAMPLES, plan
+from basecal.planning.plan import MOST_SAMPLES, plan_for_task
 from basecal.simulation import Scenario, simulate
 
 BASE = "eye_base_from_hand_base"
@@ -24,7 +24,7 @@ def cell():
 def test_a_tolerance_is_reached_with_as_many_as_are_needed(cell):
     """All of the samples are needed, none has an observation, and they are numbered beyond the recording."""
     described, _, bare, calibration, point = cell
-    found = plan(described, bare, calibration, point, tolerance_m=6e-4)
+    found = plan_for_task(described, bare, calibration, point, tolerance_m=6e-4)
     assert found.reachable is True
     assert found.needed == len(found.samples) > 0
     assert found.expected_m <= 6e-4 * 1.001
@@ -36,17 +36,17 @@ def test_a_tolerance_is_reached_with_as_many_as_are_needed(cell):
 def test_what_is_recorded_counts(cell):
     """Fewer samples are needed beside a recording, and none where it is enough."""
     described, recording, bare, calibration, point = cell
-    beside = plan(described, recording, calibration, point, tolerance_m=6e-4)
+    beside = plan_for_task(described, recording, calibration, point, tolerance_m=6e-4)
     assert beside.recorded == 12
-    assert beside.needed < plan(described, bare, calibration, point, tolerance_m=6e-4).needed
-    enough = plan(described, recording, calibration, point, tolerance_m=0.1)
+    assert beside.needed < plan_for_task(described, bare, calibration, point, tolerance_m=6e-4).needed
+    enough = plan_for_task(described, recording, calibration, point, tolerance_m=0.1)
     assert (enough.needed, enough.samples, enough.reachable) == (0, (), True)
 
 
 def test_what_cannot_be_reached_is_said(cell):
     """A micrometre is beyond the most that is planned; the sources stand in the budget, the worst first."""
     described, _, bare, calibration, point = cell
-    found = plan(described, bare, calibration, point, tolerance_m=1e-6)
+    found = plan_for_task(described, bare, calibration, point, tolerance_m=1e-6)
     assert (found.reachable, found.needed, len(found.samples)) == (False, None, MOST_SAMPLES)
     shares = [entry.share for entry in found.budget]
     assert shares == sorted(shares, reverse=True)
@@ -55,9 +55,9 @@ def test_what_cannot_be_reached_is_said(cell):
 def test_so_many_are_planned_as_are_asked_for(cell):
     """Another count than the tolerance needs, or without any; more of them leave a smaller error."""
     described, _, bare, calibration, point = cell
-    twelve = plan(described, bare, calibration, point, count=12)
+    twelve = plan_for_task(described, bare, calibration, point, count=12)
     assert (len(twelve.samples), twelve.needed, twelve.reachable) == (12, None, None)
-    both = plan(described, bare, calibration, point, tolerance_m=6e-4, count=20)
+    both = plan_for_task(described, bare, calibration, point, tolerance_m=6e-4, count=20)
     assert len(both.samples) == 20 != both.needed
     assert both.expected_m < twelve.expected_m
 
@@ -66,4 +66,4 @@ def test_a_plan_needs_a_taught_pose(cell):
     """An empty recording says what to do."""
     described, _, _, calibration, point = cell
     with pytest.raises(InputError, match="taught poses"):
-        plan(described, Recording(()), calibration, point, tolerance_m=1e-3)
+        plan_for_task(described, Recording(()), calibration, point, tolerance_m=1e-3)

@@ -11,7 +11,7 @@ from cyclopts import Parameter, validators
 from basecal.cli.detected import detected_recording
 from basecal.cli.task_point import Box, Point
 from basecal.cli.terminal import pasted, print_json, progress, say
-from basecal.cli.tolerance import tolerance_m
+from basecal.cli.typed_length import length_m
 from basecal.errors import BasecalError, UsageError
 
 if TYPE_CHECKING:
@@ -67,10 +67,10 @@ def plan(
 
     from basecal.cell import Recording
     from basecal.cell.files import read_cell
-    from basecal.planning.plan import plan as planned
+    from basecal.planning.plan import plan_for_task
 
     points = np.array(_task(task_point, task_box))
-    needed_m = None if tolerance is None else tolerance_m(tolerance)
+    needed_m = None if tolerance is None else length_m(tolerance)
     if needed_m is None and samples is None:
         raise UsageError("give --tolerance, or --samples, or both: without them nothing says how many to plan")
     described = read_cell(cell)
@@ -79,7 +79,7 @@ def plan(
         calibration = _calibrated(cell, described, recording)
         if anew:
             recording = Recording(tuple(replace(sample, observations=()) for sample in recording.samples))
-        found = planned(described, recording, calibration, points, needed_m, samples, seed)
+        found = plan_for_task(described, recording, calibration, points, needed_m, samples, seed)
     data = plan_dict(found, needed_m)
     if output is not None:
         _write(found, data, output)

@@ -65,7 +65,7 @@ class _Goal:
         )
 
 
-def plan(
+def plan_for_task(
     cell: Cell,
     recording: Recording,
     calibration: Calibration | None,
