@@ -71,6 +71,7 @@ IMPORTS = (
     "poses",
     "joints",
     "lerobot",
+    "bag",
     "pixels",
     "easy-handeye",
     "moveit-samples",

@@ -85,8 +85,8 @@ def _lines_of_their_own(imported: Imported, samples: Sequence[Sample]) -> Pairin
     again = sorted(_told(imported.rows) & _told(samples))
     if again:
         raise InputError(
-            f"{imported.source}: {listed(again)} is recorded already, and a stream would stand beside it; "
-            "import into another folder"
+            f"{imported.source}: {listed(again)} is recorded already, and would stand beside itself; "
+            "import into another folder, and `basecal merge` both"
         )
     first = max((sample.sample for sample in samples), default=-1) + 1
     return Pairing("sample", tuple(range(first, first + len(imported.rows))))

@@ -26,7 +26,11 @@ def read_camera_info(path: str | Path) -> StatedLens:
     Raises:
         DatasetError: if it is none, is not calibrated, or is of a lens or a part of an image that has no equal here.
     """
-    root = read_fields(path)
+    return camera_info_lens(read_fields(path))
+
+
+def camera_info_lens(root: Field) -> StatedLens:
+    """The lens of the fields of a camera_info; likewise."""
     try:
         matrix = root.at("camera_matrix", "K", "k")
     except DatasetError as error:

@@ -1,0 +1,192 @@
+"""What of a bag is taken: as it was asked for, as the cell says, or as frames and topics are usually called."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+from basecal.cell import WORLD, Cell, Robot
+from basecal.errors import BasecalError, FrameNotFound, InputError, listed
+from basecal.exchange.bags.bag import POSE, Bag
+from basecal.exchange.bags.frames import Tree, hint
+from basecal.exchange.bags.sources import Asked, ByFrames, ByJoints, ByPoses, CameraSource, Taken
+from basecal.exchange.bags.survey import Survey, plain
+from basecal.kinematics import SerialChain, parse_chain
+
+# As URDFs of Universal Robots, Franka, KUKA, ABB, FANUC, Yaskawa, UFACTORY and Doosan name them, the first that is.
+_FLANGES = ("tool0", "flange", "link8", "link_eef", "ee_link", "link_ee", "link_6")
+_BASES = ("base_link", "base", "link0", "link_base")
+_TAIL = re.compile(rf"^(.*?)({'|'.join(_FLANGES)})$")
+_USUAL = ("image_raw", "image_mono", "image_color", "image", "image_rect", "image_rect_color")  # the best first
+_COMPRESSED = "/compressed"
+_DEPTH = "depth"
+
+
+def chosen(bag: Bag, survey: Survey, asked: Asked, cell: Cell | None) -> Taken:
+    """What is taken.
+
+    Raises:
+        FrameNotFound: if a topic or frame that is asked for is not there.
+        InputError: if no robot is found, or it is not clear what carries a camera.
+    """
+    frames = _frames_of_robots(survey.tree, asked, cell)
+    robots = {name: _robot(bag, survey, name, words, asked, cell) for name, words in frames.items()}
+    topics = _topics_of_cameras(survey, asked, cell)
+    cameras = {name: _camera(survey, robots, name, topic, asked, cell) for name, topic in topics.items()}
+    views = {key: _by_words(bag, survey.tree, words) for key, words in asked.views.items()}
+    return Taken(robots, cameras, views)
+
+
+def _frames_of_robots(tree: Tree, asked: Asked, cell: Cell | None) -> dict[str, str]:
+    """`BASE,FLANGE`, or a topic, by robot."""
+    if asked.robots:
+        return dict(asked.robots)
+    known = {} if cell is None else {name: _stated_frames(robot) for name, robot in cell.robots.items()}
+    stated = {name: words for name, words in known.items() if words is not None}
+    if stated and len(stated) == len(known):
+        return stated
+    found = _usual_frames(tree)
+    if known and set(found) != set(known):
+        raise InputError(
+            f"which frames are {listed(list(known))}? give --robot NAME=BASE,FLANGE for each; {hint(tree)}"
+        )
+    if not found:
+        raise InputError(
+            f"no robot is found by the names of frames: give --robot NAME=BASE,FLANGE or NAME=/TOPIC; {hint(tree)}"
+        )
+    return found
+
+
+def _stated_frames(robot: Robot) -> str | None:
+    """The frames that a cell says are a robot's."""
+    base, flange = robot.frames.get("base", robot.base_link), robot.frames.get("flange", robot.flange_link)
+    return None if base is None or flange is None else f"{base},{flange}"
+
+
+def _usual_frames(tree: Tree) -> dict[str, str]:
+    """Robots by the usual names of their frames; what stands before these is the robot's."""
+    found: dict[str, str] = {}
+    tips = [(match[1], match[2], frame) for frame in tree.names if (match := _TAIL.match(frame))]
+    for prefix, _, tip in sorted(tips, key=lambda each: _FLANGES.index(each[1])):
+        above = tree.above(tip)
+        base = next((prefix + name for name in _BASES if prefix + name in above), None)
+        name = prefix.strip("_/").replace("/", "_") or "arm"
+        if base is not None and base not in tree.rigid_above(tip) and name not in found:
+            found[name] = f"{base},{tip}"
+    return dict(sorted(found.items()))
+
+
+def _robot(
+    bag: Bag, survey: Survey, name: str, words: str, asked: Asked, cell: Cell | None
+) -> ByFrames | ByPoses | ByJoints:
+    """By joints where they and a URDF are there, else by tf; or by what the words say."""
+    known = None if cell is None else cell.robots.get(name)
+    base, comma, flange = words.partition(",")
+    if not comma:
+        return _by_words(bag, survey.tree, words)
+    if not asked.by_tf and known is not None and known.chain is not None:
+        topic = _joint_topic(survey, known.chain)
+        if topic is not None:
+            return ByJoints(topic, known.chain, known.base_link or base, known.flange_link or flange)
+    for urdf, text in {} if asked.by_tf else survey.urdfs.items():
+        chain = _chain(text, base, flange)
+        topic = None if chain is None else _joint_topic(survey, chain)
+        if chain is not None and topic is not None:
+            return ByJoints(topic, chain, base, flange, urdf)
+    return _by_words(bag, survey.tree, words)
+
+
+def _chain(text: str, base: str, flange: str) -> SerialChain | None:
+    """The chain of a URDF; None where it has no such links, or is none."""
+    try:
+        return parse_chain(text, base, flange)
+    except BasecalError:
+        return None
+
+
+def _joint_topic(survey: Survey, chain: SerialChain) -> str | None:
+    """The joint states that hold all joints of a chain."""
+    return next((topic for topic, names in sorted(survey.joints.items()) if names.issuperset(chain.joint_names)), None)
+
+
+def _by_words(bag: Bag, tree: Tree, words: str) -> ByFrames | ByPoses:
+    """What `PARENT,CHILD` or a topic says."""
+    parent, comma, child = words.partition(",")
+    if comma:
+        source = ByFrames(plain(parent.strip()), plain(child.strip()))
+        tree.way(source.parent, source.child)
+        return source
+    poses = [topic.name for topic in bag.of_kind(POSE)]
+    if words not in poses:
+        if words in bag.topics:
+            raise InputError(f"{words} holds {bag.topics[words].kind}, expected one of {POSE}: {listed(poses)}")
+        raise FrameNotFound(words, sorted(bag.topics))
+    return ByPoses(words)
+
+
+def _topics_of_cameras(survey: Survey, asked: Asked, cell: Cell | None) -> dict[str, str]:
+    """Topics of pictures by camera."""
+    there = [topic.name for topic in survey.images]
+    for topic in asked.cameras.values():
+        if topic not in there:
+            raise FrameNotFound(topic, there)
+    if asked.cameras:
+        return dict(asked.cameras)
+    found = _usual_cameras(there)
+    known = [] if cell is None else list(cell.cameras)
+    if len(known) == len(found) == 1:
+        return {known[0]: next(iter(found.values()))}
+    strangers = [name for name in found if known and name not in known]
+    if strangers and not asked.views:
+        topics = listed(list(found.values()))
+        raise InputError(f"the cell has {listed(known)}: say whose pictures are {topics}, --camera NAME=TOPIC for each")
+    return {} if strangers else found
+
+
+def _usual_cameras(topics: list[str]) -> dict[str, str]:
+    """A topic of pictures for each namespace: raw rather than compressed, as seen rather than rectified."""
+    best: dict[str, tuple[tuple[int, bool], str]] = {}
+    for topic in topics:
+        plainly = topic.removesuffix(_COMPRESSED)
+        space, _, last = plainly.rpartition("/")
+        if _DEPTH in topic.lower() or last not in _USUAL:
+            continue
+        rank = (_USUAL.index(last), plainly != topic)
+        best[space] = min(best.get(space, (rank, topic)), (rank, topic))
+    return {space.strip("/").replace("/", "_") or "camera": topic for space, (_, topic) in sorted(best.items())}
+
+
+def _camera(
+    survey: Survey,
+    robots: Mapping[str, ByFrames | ByPoses | ByJoints],
+    name: str,
+    topic: str,
+    asked: Asked,
+    cell: Cell | None,
+) -> CameraSource:
+    space = topic.removesuffix(_COMPRESSED).rpartition("/")[0]
+    info = f"{space}/camera_info"
+    known = None if cell is None else cell.cameras.get(name)
+    on = asked.on.get(name) if known is None else known.on
+    if on is None:
+        on = _carrier(survey.tree, robots, survey.frame_ids[topic])
+    if on is None:
+        frame = survey.frame_ids[topic] or "of no name"
+        why = f"its frame {frame} is not in tf" if len(robots) > 1 else "it is new"
+        raise InputError(f"what carries camera {name!r}? {why}: give --on {name}=ROBOT or {name}={WORLD}")
+    if on != WORLD and on not in robots and (cell is None or on not in cell.robots):
+        raise InputError(f"camera {name!r} on {on!r}: there is no such robot; there are {listed([*robots, WORLD])}")
+    return CameraSource(topic, info if info in survey.infos else None, on)
+
+
+def _carrier(tree: Tree, robots: Mapping[str, ByFrames | ByPoses | ByJoints], frame: str) -> str | None:
+    """The robot with whose flange a frame goes, or the world; None where tf does not have the frame."""
+    frame = plain(frame)
+    if frame not in tree.names:
+        return next(iter(robots)) if len(robots) == 1 else None
+    rigid = tree.rigid_above(frame)
+    for name, source in robots.items():
+        flange = source.child if isinstance(source, ByFrames) else source.flange if isinstance(source, ByJoints) else ""
+        if flange in tree.names and set(rigid) & set(tree.rigid_above(flange)):
+            return name
+    return WORLD

@@ -1,0 +1,91 @@
+"""Pictures of a bag as files: compressed ones as they are, raw ones as PGM or PPM, every bit of them.
+
+Source: sensor_msgs/image_encodings.hpp; netpbm's pages of PGM and PPM.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from basecal.errors import InputError, listed
+from basecal.exchange.bags.bag import COMPRESSED, Message
+
+_MAGIC = {b"\xff\xd8\xff": ".jpg", b"\x89PNG": ".png"}
+
+
+class _Layout(NamedTuple):
+    """How pixels lie: bytes of a channel, channels, and which of these are red, green and blue; one of grey."""
+
+    depth: int
+    channels: int
+    taken: tuple[int, ...]
+
+
+_GREY, _COLOUR, _TURNED = (0,), (0, 1, 2), (2, 1, 0)
+_LAYOUTS = {
+    "mono8": _Layout(1, 1, _GREY),
+    "8UC1": _Layout(1, 1, _GREY),
+    "mono16": _Layout(2, 1, _GREY),
+    "16UC1": _Layout(2, 1, _GREY),
+    "rgb8": _Layout(1, 3, _COLOUR),
+    "rgba8": _Layout(1, 4, _COLOUR),
+    "bgr8": _Layout(1, 3, _TURNED),
+    "8UC3": _Layout(1, 3, _TURNED),
+    "bgra8": _Layout(1, 4, _TURNED),
+    "8UC4": _Layout(1, 4, _TURNED),
+    "rgb16": _Layout(2, 3, _COLOUR),
+    "bgr16": _Layout(2, 3, _TURNED),
+    # Of YUV the brightness.
+    "yuv422": _Layout(1, 2, (1,)),
+    "uyvy": _Layout(1, 2, (1,)),
+    "yuv422_yuy2": _Layout(1, 2, _GREY),
+    "yuyv": _Layout(1, 2, _GREY),
+}
+
+
+class PictureFile(NamedTuple):
+    """A file's ending, and what it holds."""
+
+    ending: str
+    content: bytes
+
+
+def picture_file(message: Message, path: str) -> PictureFile:
+    """A picture as a file.
+
+    Args:
+        message: An Image or a CompressedImage.
+        path: What to call the bag in an error.
+
+    Raises:
+        InputError: if it is of an encoding that is not read, or has more or fewer bytes than its size.
+    """
+    where = f"{path}: {message.topic.name}"
+    if message.topic.kind != COMPRESSED:
+        return _netpbm(message.data, where)
+    content = bytes(message.data.data)
+    ending = next((end for magic, end in _MAGIC.items() if content.startswith(magic)), None)
+    if ending is None:
+        raise InputError(f"{where}: compressed as {message.data.format!r}, expected jpeg or png")
+    return PictureFile(ending, content)
+
+
+def _netpbm(image: Any, where: str) -> PictureFile:
+    layout = _LAYOUTS.get(image.encoding)
+    if layout is None:
+        why = ": single colours side by side; record the debayered topic" if "bayer" in image.encoding else ""
+        raise InputError(f"{where}: pictures are {image.encoding!r}{why}; expected {listed(list(_LAYOUTS))}")
+    width, height, row = int(image.width), int(image.height), int(image.step)
+    needed = width * layout.channels * layout.depth
+    data = np.asarray(image.data, dtype=np.uint8)
+    if row < needed or len(data) < row * height or not width or not height:
+        raise InputError(f"{where}: {len(data)} bytes for {width} x {height} pixels of {image.encoding}: is damaged")
+    rows = np.ascontiguousarray(data[: row * height].reshape(height, row)[:, :needed])
+    kind = np.dtype(np.uint8 if layout.depth == 1 else np.uint16).newbyteorder(">" if image.is_bigendian else "<")
+    pixels = rows.view(kind).reshape(height, width, layout.channels)[..., layout.taken]
+    is_grey = len(layout.taken) == 1
+    head = f"P{5 if is_grey else 6}\n{width} {height}\n{256**layout.depth - 1}\n"
+    content = pixels.astype(kind.newbyteorder(">")).tobytes()
+    return PictureFile(".pgm" if is_grey else ".ppm", head.encode() + content)

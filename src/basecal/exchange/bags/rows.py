@@ -1,0 +1,116 @@
+"""Rows of a recording from what a bag tells: one for each stop, or one for each message."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from basecal.cell import PoseObservation, RobotState
+from basecal.errors import DatasetError, InputError
+from basecal.exchange.bags.bag import Bag, stamp_of
+from basecal.exchange.bags.pictures import picture_file
+from basecal.exchange.bags.sources import Taken
+from basecal.exchange.bags.stops import Look, looks_of, stops_of, why_none
+from basecal.exchange.bags.tracks import Track, Tracks
+from basecal.exchange.importing.imported import Row
+
+_ENDINGS = (".jpg", ".png", ".pgm", ".ppm")
+_MOST_ROWS = 200_000  # as many as a recording may have samples
+
+
+@dataclass(frozen=True, eq=False)
+class Instant:
+    """A line of a recording before its pictures are written."""
+
+    stamp_s: float
+    robots: Mapping[str, RobotState]
+    looks: tuple[Look, ...] = ()
+
+
+def still_instants(tracks: Tracks, path: str) -> tuple[Instant, ...]:
+    """One for each stop of the robots.
+
+    Raises:
+        InputError: if there is none.
+    """
+    stops = stops_of(tracks)
+    if not stops:
+        raise InputError(
+            f"{path}: {why_none(tracks)}: with --streams all of it is taken as it moves, each device by its own clock"
+        )
+    return tuple(Instant(stop.looks[0].stamp_s, stop.robots, stop.looks) for stop in stops)
+
+
+def stream_instants(tracks: Tracks, path: str) -> tuple[Instant, ...]:
+    """One for each record of a robot, and one for each look, by time.
+
+    Raises:
+        InputError: if they are more than a recording holds.
+    """
+    found = [
+        Instant(float(time), {name: _state(track, k)})
+        for name, track in tracks.robots.items()
+        for k, time in enumerate(track.times)
+    ]
+    found += [Instant(look.stamp_s, {}, (look,)) for look in looks_of(tracks)]
+    if len(found) > _MOST_ROWS:
+        raise InputError(f"{path}: {len(found)} lines, expected at most {_MOST_ROWS}: cut it, as by `ros2 bag convert`")
+    return tuple(sorted(found, key=lambda instant: instant.stamp_s))
+
+
+def write_pictures(bag: Bag, taken: Taken, instants: Sequence[Instant], folder: Path) -> None:
+    """The pictures of instants are in a folder, each written as it is read.
+
+    Raises:
+        InputError: if one cannot be read, or written.
+    """
+    wanted = {(look.channel, look.place): look for instant in instants for look in instant.looks}
+    cameras = {source.topic: name for name, source in taken.cameras.items()}
+    seen = dict.fromkeys(cameras.values(), 0)
+    for message in bag.read(cameras):
+        camera = cameras[message.topic.name]
+        look = wanted.get((camera, seen[camera]))
+        seen[camera] += 1
+        if look is None:
+            continue
+        if stamp_of(message.data.header, message.recorded_s) != look.stamp_s:
+            raise DatasetError(bag.path, f"{message.topic.name} was read in another order than before")
+        picture = picture_file(message, bag.path)
+        target = _with_ending(_file(folder, look), picture.ending)
+        target.parent.mkdir(exist_ok=True)
+        target.write_bytes(picture.content)
+
+
+def rows_of(tracks: Tracks, instants: Sequence[Instant], folder: Path) -> Iterator[Row]:
+    """A row for each instant, with its pictures where they were written."""
+    for instant in instants:
+        pictures, views = {}, []
+        for look in instant.looks:
+            if isinstance(look.channel, str):
+                pictures[look.channel] = _written(_file(folder, look))
+            else:
+                poses = tracks.views[look.channel].poses
+                assert poses is not None
+                views.append(PoseObservation(*look.channel, poses[look.place]))
+        yield Row(instant.robots, tuple(views), pictures, stamp_s=instant.stamp_s)
+
+
+def _file(folder: Path, look: Look) -> Path:
+    """Where a picture goes, but for its ending: under its time, by which it can be imported again."""
+    return folder / str(look.channel) / f"{look.stamp_s:.6f}"
+
+
+def _written(path: Path) -> Path:
+    return next(found for ending in _ENDINGS if (found := _with_ending(path, ending)).exists())
+
+
+def _state(track: Track, k: int) -> RobotState:
+    if track.joints is not None:
+        return RobotState(joints_rad=track.joints[k])
+    assert track.poses is not None
+    return RobotState(track.poses[k])
+
+
+def _with_ending(path: Path, ending: str) -> Path:
+    return path.with_name(path.name + ending)

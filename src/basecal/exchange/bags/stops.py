@@ -1,0 +1,135 @@
+"""Instants at which all robots stood, judged from their states: one for each stop."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from basecal.cell import RobotState
+from basecal.exchange.bags.tracks import Track, Tracks
+from basecal.geometry import SE3, Array
+from basecal.geometry.se3 import nearest_rotation
+
+_AROUND_S = 0.15  # before and after a picture, in which robots must stand: longer than a camera lags behind
+_MOST_APART_S = 0.25  # of the nearest record before or after a picture: what is recorded more seldom may have moved
+_STILL_RAD_M = 1e-4  # by which states may differ: 0.1 mm at a metre
+_BEYOND_NOISE = 8.0  # sigmas of the noise of states by which they may: the spread of 75 of them is five
+_MOST_NOISE = 5e-4  # that a read-back is taken to have [m, rad]
+_SAME_STOP = 1e-3  # from where a stop began [m, rad]: places where arms are sent are further apart
+_SECOND_DIFFERENCE = np.sqrt(6.0)  # its sigma in those of a state
+
+Channel = str | tuple[str, str]
+
+
+class Look(NamedTuple):
+    """A picture of a camera, or a view of a target by a camera: which one of its channel, and when [s]."""
+
+    channel: Channel
+    place: int
+    stamp_s: float
+
+
+@dataclass(frozen=True, eq=False)
+class Stop:
+    """Robots that stood, and what was looked at then, one look of each channel."""
+
+    looks: tuple[Look, ...]
+    robots: Mapping[str, RobotState]
+
+
+def looks_of(tracks: Tracks) -> list[Look]:
+    """All pictures and views, by time; of two pictures of one camera at one time the first."""
+    times: dict[Channel, Array] = {key: view.times for key, view in tracks.views.items()}
+    times.update(tracks.pictures)
+    found = []
+    for channel, stamps in times.items():
+        _, first = np.unique(stamps, return_index=True)
+        found += [Look(channel, int(k), float(stamps[k])) for k in first]
+    return sorted(found, key=lambda look: look.stamp_s)
+
+
+def stops_of(tracks: Tracks) -> tuple[Stop, ...]:
+    """The stops at which something was looked at."""
+    return tuple(_stop(tracks, looks) for looks in _standing(tracks, looks_of(tracks)))
+
+
+def why_none(tracks: Tracks) -> str:
+    """Why no instant is still, in words."""
+    if not looks_of(tracks):
+        return "there is no picture and no pose of a target"
+    rare = [name for name, track in tracks.robots.items() if _usual_gap(track) > _MOST_APART_S]
+    if rare:
+        gap = _usual_gap(tracks.robots[rare[0]])
+        return f"{rare[0]} was recorded every {gap:.2g} s, and {_MOST_APART_S} s or less would tell that it stands"
+    return f"no robot stands for {2 * _AROUND_S} s around a picture"
+
+
+def _usual_gap(track: Track) -> float:
+    return float(np.median(np.diff(track.times))) if len(track.times) > 1 else np.inf
+
+
+def _standing(tracks: Tracks, looks: Sequence[Look]) -> Iterator[list[Look]]:
+    """Looks of each stop."""
+    stop: list[Look] = []
+    began: dict[str, Array] = {}
+    for look in looks:
+        states = {name: _standing_state(track, look.stamp_s) for name, track in tracks.robots.items()}
+        stood = {name: state for name, state in states.items() if state is not None}
+        is_still = len(stood) == len(states)
+        if stop and not (is_still and all(np.abs(stood[n] - began[n]).max() < _SAME_STOP for n in stood)):
+            yield stop
+            stop = []
+        if is_still:
+            began = began if stop else stood
+            stop.append(look)
+    if stop:
+        yield stop
+
+
+def _stop(tracks: Tracks, looks: Sequence[Look]) -> Stop:
+    """Of each channel the look nearest to the middle of a stop; robots at the first of these."""
+    middle = (looks[0].stamp_s + looks[-1].stamp_s) / 2
+    nearest: dict[Channel, Look] = {}
+    for look in sorted(looks, key=lambda look: abs(look.stamp_s - middle)):
+        nearest.setdefault(look.channel, look)
+    chosen = tuple(nearest.values())
+    robots = {}
+    for name, track in tracks.robots.items():
+        values = _standing_state(track, chosen[0].stamp_s)
+        assert values is not None
+        robots[name] = _state(track, values)
+    return Stop(chosen, robots)
+
+
+def _standing_state(track: Track, time: float) -> Array | None:
+    """The mean of the states around an instant; None where they differ by more than read-back, or are not there."""
+    times = track.times
+    if time - _AROUND_S < times[0] or time + _AROUND_S > times[-1]:
+        return None
+    before, after = int(np.searchsorted(times, time, side="right")) - 1, int(np.searchsorted(times, time))
+    if max(time - times[before], times[after] - time) > _MOST_APART_S:
+        return None
+    low = min(before, int(np.searchsorted(times, time - _AROUND_S)))
+    high = max(after, int(np.searchsorted(times, time + _AROUND_S, side="right")) - 1)
+    values = _vectors(track, slice(low, high + 1))
+    noise = np.diff(values, n=2, axis=0).std(axis=0) / _SECOND_DIFFERENCE if len(values) > 3 else np.zeros(1)
+    allowed = np.maximum(_STILL_RAD_M, _BEYOND_NOISE * np.minimum(noise, _MOST_NOISE))
+    return None if np.any(np.ptp(values, axis=0) > allowed) else np.asarray(values.mean(axis=0))
+
+
+def _vectors(track: Track, part: slice) -> Array:
+    """(n, k) joints [rad], or positions [m] and rotation matrices."""
+    if track.joints is not None:
+        return track.joints[part]
+    assert track.poses is not None
+    poses = track.poses[part]
+    return np.concatenate([poses.translation, poses.rotation.reshape(-1, 9)], axis=1)
+
+
+def _state(track: Track, values: Array) -> RobotState:
+    if track.joints is not None:
+        return RobotState(joints_rad=values)
+    return RobotState(SE3(nearest_rotation(values[3:].reshape(3, 3)), values[:3]))

@@ -1,0 +1,80 @@
+"""What a bag holds before anything of it is taken: frames, first pictures, lenses, URDFs, names of joints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from basecal.exchange.bags.bag import CAMERA_INFO, COMPRESSED, IMAGE, JOINTS, TEXT, TF, Bag, Topic
+from basecal.exchange.bags.frames import Hang, Tree, values_of
+
+_STATIC = "tf_static"
+_DESCRIPTION = "robot_description"
+
+
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """What a bag holds.
+
+    Attributes:
+        tree: Frames of tf.
+        images: Topics of pictures, raw or compressed.
+        frame_ids: Frame of the pictures of each of them.
+        infos: First camera_info of each topic.
+        urdfs: Text of each robot_description.
+        joints: Names of the joints of each topic of joint states, all that any of its messages has.
+    """
+
+    tree: Tree
+    images: tuple[Topic, ...] = ()
+    frame_ids: Mapping[str, str] = field(default_factory=dict)
+    infos: Mapping[str, Any] = field(default_factory=dict)
+    urdfs: Mapping[str, str] = field(default_factory=dict)
+    joints: Mapping[str, frozenset[str]] = field(default_factory=dict)
+
+
+def surveyed(bag: Bag) -> Survey:
+    """What a bag holds; pictures are looked at once for each topic."""
+    images = tuple(bag.of_kind(IMAGE, COMPRESSED))
+    texts = [topic for topic in bag.of_kind(TEXT) if topic.name.endswith(_DESCRIPTION)]
+    joints: dict[str, frozenset[str]] = {}
+    for message in bag.read(topic.name for topic in bag.of_kind(JOINTS)):
+        known = joints.get(message.topic.name, frozenset())
+        if not known.issuperset(message.data.name):
+            joints[message.topic.name] = known.union(message.data.name)
+    firsts = {topic.name: _first(bag, topic) for topic in (*images, *bag.of_kind(CAMERA_INFO), *texts)}
+    return Survey(
+        _tree(bag),
+        images,
+        {topic.name: str(firsts[topic.name].header.frame_id) for topic in images},
+        {topic.name: firsts[topic.name] for topic in bag.of_kind(CAMERA_INFO)},
+        {topic.name: str(firsts[topic.name].data) for topic in texts},
+        joints,
+    )
+
+
+def _first(bag: Bag, topic: Topic) -> Any:
+    return next(bag.read([topic.name])).data
+
+
+def _tree(bag: Bag) -> Tree:
+    """How frames hang on one another; one whose transform differs between messages moves."""
+    hangs: dict[str, Hang] = {}
+    for message in bag.read(topic.name for topic in bag.of_kind(TF)):
+        is_timed = not message.topic.name.endswith(_STATIC)
+        for each in message.data.transforms:
+            child, parent = plain(each.child_frame_id), plain(each.header.frame_id)
+            known = hangs.get(child)
+            if known is None:
+                hangs[child] = Hang(parent, values_of(each.transform), True, is_timed)
+            elif known.is_fixed and is_timed and not np.array_equal(values_of(each.transform), known.values):
+                hangs[child] = known._replace(is_fixed=False, is_timed=True)
+    return Tree(hangs)
+
+
+def plain(frame: str) -> str:
+    """A frame's name as tf2 has it: tf of ROS 1 wrote a slash before it."""
+    return frame.removeprefix("/")

@@ -1,0 +1,189 @@
+"""Where robots and targets were, and when pictures were taken: one pass over a bag, in which no picture is kept."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from basecal.errors import InputError
+from basecal.exchange.bags.bag import TF, Bag, Message, stamp_of
+from basecal.exchange.bags.frames import Tree, along, pose_of, values_of
+from basecal.exchange.bags.sources import ByFrames, ByJoints, ByPoses, Taken
+from basecal.exchange.bags.survey import Survey, plain
+from basecal.geometry import SE3, Array
+
+LEAST_APART_S = 0.0075
+"""Between records of one robot that are kept [s]: 125 a second, as many as arms that stand or swing say anything by."""
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """Something at instants.
+
+    Attributes:
+        times: (n,) [s], rising.
+        poses: (n,); None where joints were recorded.
+        joints: (n, k) [rad]; None where poses were.
+    """
+
+    times: Array
+    poses: SE3 | None = None
+    joints: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Tracks:
+    """All that was read in one pass.
+
+    Attributes:
+        robots: By name.
+        views: Poses of targets in cameras, by their names.
+        pictures: Of each camera, by name, the times [s] of its pictures in the order in which they were recorded.
+    """
+
+    robots: Mapping[str, Track]
+    views: Mapping[tuple[str, str], Track]
+    pictures: Mapping[str, Array]
+
+
+@dataclass(eq=False)
+class _Gathered:
+    """Numbers of one source as they come."""
+
+    width: int
+    times: array[float] = field(default_factory=lambda: array("d"))
+    values: array[float] = field(default_factory=lambda: array("d"))
+
+    def add(self, time: float, values: Array) -> None:
+        """Keep them, unless they are hardly later than the last that were kept."""
+        if not self.times or not 0 <= time - self.times[-1] < LEAST_APART_S:
+            self.times.append(time)
+            self.values.extend(values.tolist())
+
+    def sorted(self) -> tuple[Array, Array]:
+        """Times, rising, and values, (n, width)."""
+        times, first = np.unique(np.array(self.times), return_index=True)
+        return times, np.array(self.values).reshape(-1, self.width)[first]
+
+
+def read_tracks(bag: Bag, survey: Survey, taken: Taken) -> Tracks:
+    """Where all that is taken was.
+
+    Raises:
+        InputError: if something was never recorded, or what was is no pose.
+    """
+    listeners: dict[str, list[Callable[[Message], None]]] = {}
+    sources: dict[str | tuple[str, str], ByFrames | ByPoses | ByJoints] = dict(taken.robots.items())
+    sources.update(taken.views.items())
+    gathered = {key: _listening(bag, survey.tree, source, listeners) for key, source in sources.items()}
+    pictures = {name: array("d") for name in taken.cameras}
+    for name, camera in taken.cameras.items():
+        listeners.setdefault(camera.topic, []).append(_noting(pictures[name]))
+    for message in bag.read(listeners):
+        for listener in listeners[message.topic.name]:
+            listener(message)
+    tracks = {key: _track(bag.path, survey.tree, key, source, gathered[key]) for key, source in sources.items()}
+    return Tracks(
+        {name: tracks[name] for name in taken.robots},
+        {key: tracks[key] for key in taken.views},
+        {name: np.array(times) for name, times in pictures.items()},
+    )
+
+
+def _listening(
+    bag: Bag,
+    tree: Tree,
+    source: ByFrames | ByPoses | ByJoints,
+    listeners: dict[str, list[Callable[[Message], None]]],
+) -> _Gathered:
+    """What will be gathered of a source, when its listeners hear its messages."""
+    if isinstance(source, ByFrames):
+        moving = _moving(tree, source)
+        found = _Gathered(7 * len(moving))
+        for topic in bag.of_kind(TF):
+            listeners.setdefault(topic.name, []).append(_following(found, moving))
+    elif isinstance(source, ByPoses):
+        found = _Gathered(7)
+        listeners.setdefault(source.topic, []).append(_posing(found))
+    else:
+        found = _Gathered(len(source.chain.joint_names))
+        listeners.setdefault(source.topic, []).append(_joining(found, source.chain.joint_names))
+    return found
+
+
+def _moving(tree: Tree, source: ByFrames) -> list[str]:
+    """The frames of a way that move, or where none does one that /tf tells of again and again."""
+    children = [step.child for step in tree.way(source.parent, source.child)]
+    moving = [child for child in children if not tree.hangs[child].is_fixed]
+    timed = [child for child in children if tree.hangs[child].is_timed]
+    if not moving and not timed:
+        raise InputError(f"{source}: nothing but /tf_static is between them, so that nothing says when: other frames?")
+    return moving or timed[:1]
+
+
+def _following(found: _Gathered, moving: list[str]) -> Callable[[Message], None]:
+    """A listener to /tf, which keeps instants that all frames that move have."""
+    latest: dict[str, tuple[int, Array]] = {}
+
+    def listen(message: Message) -> None:
+        for each in message.data.transforms:
+            child = plain(each.child_frame_id)
+            if child not in moving:
+                continue
+            stamp = each.header.stamp
+            latest[child] = (stamp.sec * 10**9 + stamp.nanosec, values_of(each.transform))
+            if len(latest) == len(moving) and len({time for time, _ in latest.values()}) == 1:
+                values = np.concatenate([latest[child][1] for child in moving])
+                found.add(stamp_of(each.header, message.recorded_s), values)
+
+    return listen
+
+
+def _posing(found: _Gathered) -> Callable[[Message], None]:
+    def listen(message: Message) -> None:
+        pose = message.data.pose
+        p, q = pose.position, pose.orientation
+        values = np.array([p.x, p.y, p.z, q.x, q.y, q.z, q.w], dtype=np.float64)
+        found.add(stamp_of(message.data.header, message.recorded_s), values)
+
+    return listen
+
+
+def _joining(found: _Gathered, names: tuple[str, ...]) -> Callable[[Message], None]:
+    def listen(message: Message) -> None:
+        place = {name: k for k, name in enumerate(message.data.name)}
+        if all(name in place and place[name] < len(message.data.position) for name in names):
+            values = np.array([message.data.position[place[name]] for name in names], dtype=np.float64)
+            found.add(stamp_of(message.data.header, message.recorded_s), values)
+
+    return listen
+
+
+def _noting(times: array[float]) -> Callable[[Message], None]:
+    def listen(message: Message) -> None:
+        times.append(stamp_of(message.data.header, message.recorded_s))
+
+    return listen
+
+
+def _track(
+    path: str, tree: Tree, key: str | tuple[str, str], source: ByFrames | ByPoses | ByJoints, found: _Gathered
+) -> Track:
+    name = key if isinstance(key, str) else " seen by ".join(reversed(key))
+    if not found.times:
+        why = "its frames never have one stamp" if isinstance(source, ByFrames) else "no message says where it was"
+        raise InputError(f"{path}: {name}: {source}: {why}")
+    times, values = found.sorted()
+    about = f"{path}: {name}: {source}"
+    if not np.isfinite(values).all():
+        raise InputError(f"{about}: not all numbers are finite")
+    if isinstance(source, ByJoints):
+        return Track(times, joints=values)
+    if isinstance(source, ByPoses):
+        return Track(times, pose_of(values, about))
+    moving = _moving(tree, source)
+    moved = {child: values[:, 7 * k : 7 * k + 7] for k, child in enumerate(moving)}
+    return Track(times, along(tree, tree.way(source.parent, source.child), moved, about))

@@ -1,0 +1,223 @@
+"""`basecal import bag`: a bag of each kind gives the base that its cell gives; what cannot be is told in a line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from tests.bag_of_cell import BEGIN_S, KINDS, RATE, Kind, bag_by_tf, between, journey, middles, new_bag
+from tests.stream_cells import streamed
+
+from basecal.accuracy.verdict import calibrate
+from basecal.cell import Calibration
+from basecal.cell.files import read_cell, read_recording, write_cell
+from basecal.cli import main
+from basecal.exchange.urdf import chain_urdf
+from basecal.geometry import SE3
+from basecal.kinematics import SerialChain
+from basecal.simulation import Scenario, SimulatedCell, simulate
+
+STOPS = 10
+
+
+@pytest.fixture(scope="module")
+def simulated() -> SimulatedCell:
+    """Two arms, and poses of a board as another program would measure them."""
+    return simulate(Scenario(samples=STOPS, target="pose", state_observation_noise=False), 1)
+
+
+@pytest.fixture(scope="module")
+def expected(simulated: SimulatedCell) -> Calibration:
+    return calibrate(simulated.cell, simulated.recording)
+
+
+def views(simulated: SimulatedCell) -> list[str]:
+    seen = simulated.recording.samples[0].observations
+    return ["--view", *(f"{view.camera},{view.target}=/{view.camera}/{view.target}" for view in seen)]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_same_base_as_from_the_cell(
+    kind: Kind, tmp_path: Path, simulated: SimulatedCell, expected: Calibration, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """To 1e-9, by frames found by their names; --list writes nothing."""
+    bag, cell = bag_by_tf(tmp_path, kind, simulated.recording).close(), tmp_path / "c"
+    write_cell(simulated.cell, cell)
+    before = sorted(tmp_path.rglob("*"))
+    assert main(["import", "bag", str(cell), str(bag), "--list", *views(simulated)]) == 0
+    said = capsys.readouterr().out
+    assert "/tf  tf2_msgs/msg/TFMessage" in said
+    assert "would take robot 'eye': tf, eye_base_link to eye_tool0" in said
+    assert sorted(tmp_path.rglob("*")) == before
+    assert main(["import", "bag", str(cell), str(bag), *views(simulated)]) == 0
+    assert f"{STOPS} stops" in capsys.readouterr().out
+    found = calibrate(read_cell(cell), read_recording(cell))
+    for name in expected.transforms:
+        away = (expected[name].mean.inverse() @ found[name].mean).log()
+        np.testing.assert_allclose(away, 0, atol=1e-9, err_msg=name)
+    assert main(["import", "bag", str(cell), str(bag), *views(simulated)]) == 3
+    assert "is recorded already" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_bag_that_was_cut_off(
+    kind: Kind, tmp_path: Path, simulated: SimulatedCell, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One line that names the bag, and nothing is written, wherever it was cut."""
+    bag = bag_by_tf(tmp_path, kind, simulated.recording).close()
+    file = bag if bag.is_file() else next(each for each in bag.iterdir() if each.suffix in (".db3", ".mcap"))
+    whole = file.read_bytes()
+    for share in (0.0, 0.01, 0.3, 0.5, 0.9, 0.999):
+        file.write_bytes(whole[: int(share * len(whole))])
+        code = main(["import", "bag", str(tmp_path / "c"), str(bag), *views(simulated), "--on", "wrist=eye"])
+        said = capsys.readouterr().err
+        assert code == 3, (share, said)
+        assert said.count("\n") == 1
+        assert str(bag) in said
+        assert not (tmp_path / "c").exists()
+        assert not list(tmp_path.glob(".bag-*"))
+
+
+def test_joints_and_the_urdf_of_the_bag(tmp_path: Path, arm: SerialChain, capsys: pytest.CaptureFixture[str]) -> None:
+    """The URDF is written into the cell; with --tf joints are left alone; pictures stay as they were to the bit."""
+    rng = np.random.default_rng(0)
+    places = rng.uniform(-0.5, 0.5, (4, arm.n))
+    bag = new_bag(tmp_path, "mcap")
+    bag.text("/robot_description", chain_urdf(arm, "base_link", "tool0"))
+    names = list(arm.joint_names)
+    for time, stop, share in journey(4):
+        at = places[stop] if stop + 1 >= 4 else (1 - share) * places[stop] + share * places[stop + 1]
+        bag.joints("/joint_states", time, ["gripper", *names[::-1]], np.array([0.0, *at[::-1]]))
+        bag.transforms("/tf", time, {("base_link", "tool0"): arm.forward(at)})
+    grey = rng.integers(0, 256, (24, 32), dtype=np.uint8)
+    colour = rng.integers(0, 256, (24, 32, 3), dtype=np.uint8)
+    jpeg = cv2.imencode(".jpg", grey)[1].tobytes()
+    for time in middles(4):
+        bag.image("/wrist/image_raw", float(time), grey)
+        bag.image("/door/image_raw", float(time) + 0.01, colour, "bgr8")
+        bag.compressed("/roof/image_raw/compressed", float(time) - 0.01, jpeg)
+        bag.image("/wrist/depth/image_raw", float(time), grey.astype(np.uint16), "16UC1")
+    bag.camera_info("/wrist/camera_info", BEGIN_S, (32, 24), np.array([50.0, 0, 16, 0, 50, 12, 0, 0, 1]), np.zeros(5))
+    path, cell = bag.close(), tmp_path / "c"
+    words = ["import", "bag", str(cell), str(path), "--on", "wrist=arm", "door=world", "roof=world"]
+    assert main(words) == 0
+    assert "robot 'arm': /joint_states, 6 joints from base_link to tool0" in capsys.readouterr().out
+    found, recording = read_cell(cell), read_recording(cell)
+    assert found.robots["arm"].chain is not None
+    assert (found.cameras["wrist"].size_px, found.cameras["door"].size_px) == ((32, 24), (32, 24))
+    lens = found.cameras["wrist"].intrinsics
+    assert lens is not None
+    assert lens.status == "fixed"
+    for k, sample in enumerate(recording.samples):
+        np.testing.assert_allclose(sample.robots["arm"].joints_rad, places[k], atol=1e-12)
+        assert set(sample.images) == {"wrist", "door", "roof"}
+        np.testing.assert_array_equal(cv2.imread(str(cell / sample.images["wrist"]), cv2.IMREAD_UNCHANGED), grey)
+        np.testing.assert_array_equal(cv2.imread(str(cell / sample.images["door"]), cv2.IMREAD_UNCHANGED), colour)
+        assert (cell / sample.images["roof"]).read_bytes() == jpeg
+    assert len(recording.samples) == 4
+    words[2] = str(tmp_path / "by_tf")
+    assert main([*words, "--tf"]) == 0
+    pose = read_recording(words[2]).samples[2].robots["arm"].base_from_flange
+    assert pose is not None
+    np.testing.assert_allclose(pose.matrix, arm.forward(places[2]).matrix, atol=1e-12)
+
+
+def test_streams_of_two_clocks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """An arm and views that move: the offset that was put in is found."""
+    turned = SE3.exp(np.array([0, 0, 0, np.pi, 0, 0]))  # so that the camera looks at the tag
+    bag = new_bag(tmp_path, "sqlite3")
+    for sample in streamed(stated=False).recording.samples:
+        time = BEGIN_S + sample.stamp_s
+        for state in sample.robots.values():
+            bag.pose("/arm/pose", time, state.base_from_flange)
+        for view in sample.observations:
+            bag.pose("/tag/pose", time, turned @ view.camera_from_target)
+    words = ["import", "bag", str(tmp_path / "c"), str(bag.close()), "--robot", "arm=/arm/pose"]
+    words += ["--view", "wrist,tag=/tag/pose", "--on", "wrist=arm"]
+    assert main(words) == 3
+    assert "no robot stands for 0.3 s around a picture: with --streams" in capsys.readouterr().err
+    assert not (tmp_path / "c").exists()
+    assert main([*words, "--streams"]) == 0
+    found = calibrate(read_cell(tmp_path / "c"), read_recording(tmp_path / "c"))
+    assert found.clocks["wrist"].offset_s == pytest.approx(0.03, abs=4 * found.clocks["wrist"].sigma_s)
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [
+        (["--robot", "eye=/eye/pose"], 3, "no '/eye/pose'; there are: /tf, /tf_static, /wrist/board"),
+        (["--robot", "eye=eye_base,eye_tool0"], 3, "no 'eye_base' (did you mean 'eye_base_link'?)"),
+        (["--robot", "eye=/tf"], 3, "/tf holds tf2_msgs/msg/TFMessage, expected one of geometry_msgs/msg/PoseStamped"),
+        (["--robot", "eye=eye_base_link,hand_tool0"], 3, "no transform of tf joins 'eye_base_link' and 'hand_tool0'"),
+        (["--robot", "eye=eye_wrist,eye_tool0"], 3, "nothing but /tf_static is between them"),
+        (["--camera", "wrist=/wrist/image_raw"], 3, "no '/wrist/image_raw'"),
+        (["--robot", "eye"], 2, "--robot eye: expected NAME=BASE,FLANGE"),
+        (["--robot", "eye=a,b", "eye=a,b"], 2, "given twice"),
+        (["--view", "wrist=/wrist/board"], 2, "expected CAMERA,TARGET=/TOPIC"),
+        ([], 3, "there is no picture and no pose of a target"),
+    ],
+)
+def test_what_is_not_there(
+    words: list[str],
+    code: int,
+    said: str,
+    tmp_path: Path,
+    simulated: SimulatedCell,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """One line in words; nothing is written."""
+    bag = bag_by_tf(tmp_path, "ros1", simulated.recording).close()
+    assert main(["import", "bag", str(tmp_path / "c"), str(bag), *words]) == code
+    told = capsys.readouterr().err
+    assert said in told
+    assert told.count("\n") == 1
+    assert not (tmp_path / "c").exists()
+
+
+def test_two_cameras_of_nobody(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Two cameras whose carriers nothing tells: asked for, not guessed; by their frames in tf they are found."""
+    where = SE3.exp(np.random.default_rng(1).normal(0, 0.3, (6, 6)))
+    for frames in (("", ""), ("left_eye", "post")):
+        bag = new_bag(tmp_path, "mcap")
+        bag.path = tmp_path / f"bag{frames[0]}"
+        fixed = {
+            ("left_tool0", "left_eye"): where[4],
+            ("world", "post"): where[5],
+            ("world", "left_base_link"): where[3],
+        }
+        bag.transforms("/tf_static", BEGIN_S, fixed)
+        for time, stop, share in journey(3):
+            moved = {(f"{name}_base_link", f"{name}_tool0"): between(where, stop, share) for name in ("left", "right")}
+            bag.transforms("/tf", time, moved)
+        for time in middles(3):
+            for camera, frame in zip(("a", "b"), frames, strict=True):
+                bag.image(f"/{camera}/image_raw", float(time), np.zeros((8, 8), np.uint8), frame=frame)
+        code = main(["import", "bag", str(tmp_path / "c"), str(bag.close())])
+        said = capsys.readouterr()
+        if frames[0]:
+            assert code == 0
+            cameras = read_cell(tmp_path / "c").cameras
+            assert {name: camera.on for name, camera in cameras.items()} == {"a": "left", "b": "world"}
+        else:
+            assert code == 3
+            assert "what carries camera 'a'?" in said.err
+            assert "--on a=ROBOT" in said.err
+            assert not (tmp_path / "c").exists()
+
+
+def test_a_picture_between_stops_is_left_out(tmp_path: Path) -> None:
+    """Pictures all the time: one for each stop, and it is from its middle."""
+    where = SE3.exp(np.random.default_rng(2).normal(0, 0.3, (3, 6)))
+    bag = new_bag(tmp_path, "ros1")
+    for k, (time, stop, share) in enumerate(journey(3)):
+        bag.transforms("/tf", time, {("base_link", "tool0"): between(where, stop, share)})
+        if k % 3 == 0:
+            bag.image("/cam/image_raw", time, np.full((8, 8), stop if share == 0 else 255, np.uint8))
+    assert main(["import", "bag", str(tmp_path / "c"), str(bag.close()), "--on", "cam=arm"]) == 0
+    samples = read_recording(tmp_path / "c").samples
+    assert len(samples) == 3
+    for stop, (sample, middle) in enumerate(zip(samples, middles(3), strict=True)):
+        assert cv2.imread(str(tmp_path / "c" / sample.images["cam"]), cv2.IMREAD_UNCHANGED).max() == stop
+        assert sample.stamp_s == pytest.approx(middle, abs=6 / RATE)

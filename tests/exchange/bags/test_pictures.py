@@ -1,0 +1,76 @@
+"""Pictures become files without losing a bit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from tests.bag_of_cell import BEGIN_S, new_bag
+
+from basecal.errors import InputError
+from basecal.exchange.bags.bag import Message, Topic
+from basecal.exchange.bags.pictures import picture_file
+
+RNG = np.random.default_rng(0)
+GREY = RNG.integers(0, 256, (4, 6), dtype=np.uint8)
+DEEP = RNG.integers(0, 65536, (4, 6), dtype=np.uint16)
+BGR = RNG.integers(0, 256, (4, 6, 3), dtype=np.uint8)
+
+
+def message(tmp_path: Path, pixels: np.ndarray, encoding: str) -> Message:
+    bag = new_bag(tmp_path, "mcap")
+    bag.image("/eye/image_raw", BEGIN_S, pixels, encoding)
+    topic, kind, time, data = bag.messages[0]
+    return Message(Topic(topic, kind, 1), time, data)
+
+
+@pytest.mark.parametrize(
+    ("pixels", "encoding", "expected"),
+    [
+        (GREY, "mono8", GREY),
+        (DEEP, "mono16", DEEP),
+        (BGR, "bgr8", BGR),
+        (BGR[..., ::-1], "rgb8", BGR),
+        (np.dstack([BGR, GREY]), "bgra8", BGR),
+        (np.dstack([GREY, GREY // 2]), "yuv422_yuy2", GREY),
+        (np.dstack([GREY // 2, GREY]), "uyvy", GREY),
+    ],
+)
+def test_raw(pixels: np.ndarray, encoding: str, expected: np.ndarray, tmp_path: Path) -> None:
+    found = picture_file(message(tmp_path, pixels, encoding), "x.bag")
+    read = cv2.imdecode(np.frombuffer(found.content, np.uint8), cv2.IMREAD_UNCHANGED)
+    assert found.ending == (".pgm" if expected.ndim == 2 else ".ppm")
+    np.testing.assert_array_equal(read, expected)
+
+
+def test_rows_with_padding_and_the_other_order_of_bytes(tmp_path: Path) -> None:
+    """`step` is longer than a row, and 16 bits are written big end first."""
+    given = message(tmp_path, np.hstack([DEEP, DEEP[:, :2]]).astype(">u2").view(np.uint16), "mono16")
+    given.data.width, given.data.is_bigendian = 6, 1
+    read = cv2.imdecode(np.frombuffer(picture_file(given, "x.bag").content, np.uint8), cv2.IMREAD_UNCHANGED)
+    np.testing.assert_array_equal(read, DEEP)
+
+
+def test_compressed_ones_are_as_they_were(tmp_path: Path) -> None:
+    for ending in (".png", ".jpg"):
+        content = cv2.imencode(ending, GREY)[1].tobytes()
+        bag = new_bag(tmp_path, "ros1")
+        bag.compressed("/eye/image_raw/compressed", BEGIN_S, content)
+        topic, kind, time, data = bag.messages[0]
+        assert picture_file(Message(Topic(topic, kind, 1), time, data), "x.bag") == (ending, content)
+        data.data = data.data[4:]
+        with pytest.raises(InputError, match="expected jpeg or png"):
+            picture_file(Message(Topic(topic, kind, 1), time, data), "x.bag")
+
+
+def test_what_is_not_read(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="record the debayered topic"):
+        picture_file(message(tmp_path, GREY, "bayer_rggb8"), "x.bag")
+    with pytest.raises(InputError, match="32FC1"):
+        picture_file(message(tmp_path, GREY, "32FC1"), "x.bag")
+    cut = message(tmp_path, GREY, "mono8")
+    cut.data.data = cut.data.data[:-1]
+    with pytest.raises(InputError, match="23 bytes for 6 x 4 pixels"):
+        picture_file(cut, "x.bag")

@@ -1,0 +1,38 @@
+"""What a bag holds before anything is taken."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from tests.bag_of_cell import BEGIN_S, new_bag
+
+from basecal.exchange.bags.bag import opened
+from basecal.exchange.bags.survey import plain, surveyed
+from basecal.geometry import SE3
+
+
+def test_all_that_may_be_taken(tmp_path: Path) -> None:
+    """Frames that move and that do not, frames of pictures, lenses, URDFs and joints of all messages."""
+    writer = new_bag(tmp_path, "ros1")
+    here, there = SE3.identity(), SE3.exp(np.full(6, 0.1))
+    writer.transforms("/tf_static", BEGIN_S, {("/base", "/plate"): here})
+    for k, pose in enumerate((here, there)):
+        writer.transforms("/tf", BEGIN_S + k, {("base", "tool"): pose, ("tool", "eye"): here})
+        writer.joints("/joint_states", BEGIN_S + k, ["a"] if k else ["b", "c"], np.zeros(1 if k else 2))
+    writer.text("/left/robot_description", "<robot/>")
+    writer.text("/chatter", "hello")
+    writer.image("/eye/image_raw", BEGIN_S, np.zeros((4, 6), np.uint8), frame="/eye")
+    writer.camera_info("/eye/camera_info", BEGIN_S, (6, 4), np.zeros(9), np.zeros(0))
+    with opened(writer.close()) as bag:
+        found = surveyed(bag)
+    assert set(found.tree.names) == {"base", "plate", "tool", "eye"}
+    assert not found.tree.hangs["tool"].is_fixed
+    assert found.tree.hangs["eye"].is_fixed
+    assert found.tree.hangs["eye"].is_timed
+    assert not found.tree.hangs["plate"].is_timed
+    assert found.frame_ids == {"/eye/image_raw": "/eye"}
+    assert found.infos["/eye/camera_info"].width == 6
+    assert found.urdfs == {"/left/robot_description": "<robot/>"}
+    assert found.joints == {"/joint_states": frozenset("abc")}
+    assert plain("/eye") == "eye"

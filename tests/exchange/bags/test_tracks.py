@@ -1,0 +1,75 @@
+"""Where robots were, in one pass."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.bag_of_cell import BEGIN_S, new_bag
+
+from basecal.errors import InputError
+from basecal.exchange.bags.bag import opened
+from basecal.exchange.bags.sources import ByFrames, ByPoses, CameraSource, Taken
+from basecal.exchange.bags.survey import surveyed
+from basecal.exchange.bags.tracks import LEAST_APART_S, Tracks, read_tracks
+from basecal.geometry import SE3
+
+POSES = SE3.exp(np.random.default_rng(0).normal(0, 0.4, (5, 6)))
+
+
+def read(path: Path, taken: Taken) -> Tracks:
+    with opened(path) as bag:
+        return read_tracks(bag, surveyed(bag), taken)
+
+
+def test_frames_that_move_are_read_where_they_have_one_stamp(tmp_path: Path) -> None:
+    """Two moving frames of one message, and a third that never moves though /tf has it."""
+    writer, times = new_bag(tmp_path, "mcap"), BEGIN_S + np.arange(5) * 0.1
+    for k, time in enumerate(times):
+        both = {("base", "elbow"): POSES[k], ("elbow", "wrist"): POSES[-k], ("wrist", "tool"): POSES[2]}
+        writer.transforms("/tf", float(time), both)
+    track = read(writer.close(), Taken({"arm": ByFrames("base", "tool")})).robots["arm"]
+    np.testing.assert_allclose(track.times, times, rtol=0, atol=1e-6)
+    assert track.poses is not None
+    for k in range(5):
+        np.testing.assert_allclose(track.poses[k].matrix, (POSES[k] @ POSES[-k] @ POSES[2]).matrix, atol=1e-12)
+
+
+def test_stamps_that_never_meet(tmp_path: Path) -> None:
+    writer = new_bag(tmp_path, "mcap")
+    for k in range(4):
+        writer.transforms("/tf", BEGIN_S + k * 0.1, {("base", "elbow"): POSES[k]})
+        writer.transforms("/tf", BEGIN_S + k * 0.1 + 0.03, {("elbow", "tool"): POSES[k]})
+    with pytest.raises(InputError, match="its frames never have one stamp"):
+        read(writer.close(), Taken({"arm": ByFrames("base", "tool")}))
+
+
+def test_an_arm_that_never_moves_is_where_it_is(tmp_path: Path) -> None:
+    writer = new_bag(tmp_path, "ros1")
+    for k in range(4):
+        writer.transforms("/tf", BEGIN_S + k * 0.1, {("base", "tool"): POSES[1]})
+    track = read(writer.close(), Taken({"arm": ByFrames("base", "tool")})).robots["arm"]
+    assert len(track.times) == 4
+
+
+def test_more_than_is_needed_is_thinned(tmp_path: Path) -> None:
+    """A thousand a second become no more than one in 7.5 ms; times of pictures are all there, pictures are not."""
+    writer = new_bag(tmp_path, "mcap")
+    for k in range(200):
+        writer.pose("/pose", BEGIN_S + k * 1e-3, POSES[k % 5])
+        if k % 50 == 0:
+            writer.image("/eye/image_raw", BEGIN_S + k * 1e-3, np.zeros((2, 2), np.uint8))
+    taken = Taken({"arm": ByPoses("/pose")}, {"eye": CameraSource("/eye/image_raw", None, "arm")})
+    found = read(writer.close(), taken)
+    assert np.diff(found.robots["arm"].times).min() >= LEAST_APART_S - 1e-6
+    assert len(found.robots["arm"].times) == 25
+    np.testing.assert_allclose(found.pictures["eye"] - BEGIN_S, [0, 0.05, 0.1, 0.15], atol=1e-6)
+
+
+def test_what_is_no_pose(tmp_path: Path) -> None:
+    writer = new_bag(tmp_path, "mcap")
+    writer.pose("/pose", BEGIN_S, POSES[0])
+    writer.messages[0][3].pose.position.x = float("nan")
+    with pytest.raises(InputError, match="not all numbers are finite"):
+        read(writer.close(), Taken({"arm": ByPoses("/pose")}))
