@@ -26,7 +26,8 @@ def poses(folder: Path, text: str, reading: Reading, name: str = "poses.txt") ->
 
 
 def by_angles(axes: str, *degrees: float) -> Rotation:
-    return Rotation.from_euler(axes, degrees, degrees=True)
+    """One rotation: SciPy up to 1.15 makes a stack of one of a single axis' list of one angle."""
+    return Rotation.from_euler(axes, degrees if len(axes) > 1 else degrees[0], degrees=True)
 
 
 # What is written in a document, and the pose that the document says this is.

@@ -11,7 +11,6 @@ import numpy as np
 from basecal.estimation.noise.robot_noise import stands, stops_made
 from basecal.estimation.problem.problem import Problem
 from basecal.geometry import SE3, Array
-from basecal.geometry.se3 import rotation_log
 from basecal.numerics.spectral import spectrum
 
 # Errors of real arms correlate over 0.5 to 1.3 m, with an arm of 1 m for angles.
@@ -38,6 +37,8 @@ def modes(problem: Problem, robot: str) -> Array:
 def kernel(first: SE3, second: SE3) -> Array:
     """How alike errors are at poses of a flange, (n,) and (m,) to (n, m): 1 at the same."""
     apart = first.translation[:, None] - second.translation[None]
-    turn = rotation_log(np.swapaxes(first.rotation, -1, -2)[:, None] @ second.rotation[None])
-    squared = np.sum(apart**2, -1) + _ARM_M**2 * np.sum(turn**2, -1)
+    # The trace of R' S, 1 + 2 cos of the angle between them, is the sum of the products of their entries.
+    traces = first.rotation.reshape(-1, 9) @ second.rotation.reshape(-1, 9).T
+    turn = np.arccos(np.clip((traces - 1) / 2, -1, 1))
+    squared = np.sum(apart**2, -1) + _ARM_M**2 * turn**2
     return np.asarray(np.exp(-0.5 * squared / LENGTH_M**2))
