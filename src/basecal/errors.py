@@ -55,7 +55,7 @@ class DatasetError(InputError):
     def __init__(self, path: str, message: str, line: int | None = None, field: str | None = None) -> None:
         message, field = printable(message), None if field is None else printable(field)
         self.path, self.line, self.field, self.reason = path, line, field, message
-        where = path if line is None else f"{path}:{line}"
+        where = printable(path if line is None else f"{path}:{line}")
         super().__init__(f"{where}: {field}: {message}" if field else f"{where}: {message}")
 
 

@@ -21,6 +21,8 @@ FOUND = (
     ("calibration.json", 102868),
     ("cell.yaml", 500451),
     ("cell.yaml", 10011602),
+    ("industrial", 10003224),
+    ("industrial", 10003812),
 )
 
 

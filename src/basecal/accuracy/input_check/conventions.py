@@ -44,6 +44,7 @@ from basecal.geometry import SE3, Camera
 
 _SCREENED = 25  # samples of the quick look, of which a closed form of poses needs three
 _SOLVED = 40  # samples of a fit in earnest: enough to tell hypotheses apart; bounds the time
+_REWRITTEN = 400  # samples that are rewritten and judged by hard facts, which hold of all of them or of none
 _LIGHTS_SCREENED = 14  # views of a light, each two equations: twice as many as there are unknowns
 _FEWEST = 5  # samples, of which three folds leave three to fit
 _MARGIN = 1.25  # equations over unknowns without the largest fold
@@ -163,13 +164,18 @@ def _try(
     declared: _Tried,
 ) -> list[_Tried]:
     """The hypothesis fitted in earnest; nothing where it contradicts a fact, or is out of the race."""
-    other_cell, rewritten = hypothesis.apply(cell, recording)
+    other_cell, rewritten = _applied(hypothesis, cell, recording)
     if impossible_input(other_cell, rewritten):
         return []
     few = thinned(rewritten, _SOLVED)
     state = state_of(build_problem(other_cell, few)[0], *start) if isinstance(start, tuple) else start
     fit = fit_hypothesis(other_cell, few, settings, state, _OUT_OF_THE_RACE * declared.fit.core)
     return [] if fit is None else [_Tried(hypothesis, fit, impossible_answer(other_cell, fit))]
+
+
+def _applied(hypothesis: ConventionHypothesis, cell: Cell, recording: Recording) -> tuple[Cell, Recording]:
+    """What a hypothesis says of as many samples as tell."""
+    return hypothesis.apply(cell, recording if hypothesis.by_order else thinned(recording, _REWRITTEN))
 
 
 def _surviving(
@@ -181,7 +187,7 @@ def _surviving(
     for hypothesis in among:
         if hypothesis.nested or (hypothesis.code == "pairing-shifted" and not set(hypothesis.about) <= set(moving)):
             continue
-        rewritten = hypothesis.apply(cell, recording)
+        rewritten = _applied(hypothesis, cell, recording)
         if not impossible_input(*rewritten):
             hypotheses.append(hypothesis)
             inputs.append(rewritten)

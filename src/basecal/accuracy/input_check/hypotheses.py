@@ -38,6 +38,7 @@ class ConventionHypothesis:
         tell: What would tell it from the declared one where both fit.
         apply: The cell and the recording that say so.
         nested: Whether it has the declared hypothesis as a special case and so never fits worse.
+        by_order: Whether it goes by where samples stand among the others, so that `apply` needs all of them.
     """
 
     code: str
@@ -47,6 +48,7 @@ class ConventionHypothesis:
     tell: str
     apply: Callable[[Cell, Recording], Rewritten]
     nested: bool = False
+    by_order: bool = False
 
 
 AS_DECLARED = ConventionHypothesis("", (), "it is as declared", "", "", lambda cell, recording: (cell, recording))
@@ -295,6 +297,7 @@ def shift(stream: str | None, by: int, start: int = 0, first: int | None = None)
         f"pair it so{lost}",
         "let the arms stand in clearly different poses from one sample to the next",
         lambda cell, recording: (cell, rewriting.shifted(recording, stream, by, start)),
+        by_order=True,
     )
 
 

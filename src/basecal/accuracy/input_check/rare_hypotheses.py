@@ -148,6 +148,7 @@ def _turned_round(stream: str | None) -> ConventionHypothesis:
         "turn its order round",
         "let the arms stand in clearly different poses from one sample to the next",
         lambda cell, recording: (cell, rewriting.turned_round(recording, stream)),
+        by_order=True,
     )
 
 

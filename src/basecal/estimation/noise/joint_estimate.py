@@ -24,6 +24,7 @@ from basecal.estimation.noise.laplace import (
 from basecal.estimation.noise.mixed_model import mixed_model
 from basecal.estimation.noise.reml import open_parts
 from basecal.estimation.noise.robot_noise import stands, stops_made, with_robot_noise, without_errors
+from basecal.estimation.noise.some_views import some_views
 from basecal.estimation.noise.target_shape import reshaped
 from basecal.estimation.noise.terms.term import NoiseTerm, noise_terms
 from basecal.estimation.noise.view_estimates import STATED
@@ -33,6 +34,8 @@ from basecal.geometry import Array
 
 _ROUNDS = 6  # of sigmas and optimum in turn: two or three do
 _SETTLED = 0.02  # of logarithms, and of shapes in sigmas: as well as a thousand freedoms tell them
+# Of a group: of so many a search is mostly waiting, and so few tell a sigma to three in a hundred, two steps away.
+_MANY_VIEWS, _SOME_VIEWS = 2000, 500
 _NOMINAL = (5e-4, 1e-3)  # [m, rad] of the first optimum: within a factor of a few of any arm's
 
 
@@ -151,13 +154,23 @@ def _sigma_posterior(
     term: NoiseTerm | None = None,
     modes: Mapping[str, Array] | None = None,
 ) -> SigmaPosterior:
-    """The sigmas about a state, the most likely ones looked for from `logs`; of a model with a term, its modes too."""
+    """The sigmas about a state, the most likely ones looked for from `logs`; of a model with a term, its modes too.
+
+    Where nothing near them is known, those of some of the views come first.
+    """
     unit = with_robot_noise(used, {name: np.ones(6) for name in robots})
     physical = replace(state, stop_errors=state.stop_errors * _units(used, robots))
-    model = mixed_model(unit, physical, robots, modes)
     reach_m = {name: _reach(used, name) for name in robots}
-    prior = hyperpriors(model, reach_m, None if term is None else term.OVER_STOP)
-    return sigma_posterior(model, prior, logs)
+
+    def most_likely(problem: Problem, at: State, near: Array | None) -> SigmaPosterior:
+        """Those of a problem's views."""
+        model = mixed_model(problem, at, robots, modes)
+        return sigma_posterior(model, hyperpriors(model, reach_m, None if term is None else term.OVER_STOP), near)
+
+    is_near = logs is not None and term is None
+    if not is_near and max(map(len, unit.groups), default=0) > _MANY_VIEWS:
+        logs = most_likely(*some_views(unit, physical, _SOME_VIEWS), logs).logs
+    return most_likely(unit, physical, logs)
 
 
 def _units(used: Problem, robots: Sequence[str]) -> Array:

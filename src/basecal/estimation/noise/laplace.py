@@ -16,7 +16,7 @@ import numpy as np
 
 from basecal.estimation.noise.hyperpriors import LogNormals
 from basecal.estimation.noise.mixed_model import MixedModel
-from basecal.estimation.noise.reml import Posterior, open_parts, posterior
+from basecal.estimation.noise.reml import Columns, Posterior, columns_given, open_parts, posterior
 from basecal.geometry import Array
 from basecal.numerics.spectral import floored, spectrum
 
@@ -33,6 +33,7 @@ _FEW_STOPS = 40
 # Of drawn nodes: half their number, freedoms of Student's t, and how much wider it is than the approximation.
 _PAIRS, _TAILS, _WIDER = 64, 5.0, 1.2
 _SEED = 20240422
+_LEAST_SHARE = 1e-6  # of a model: with a smaller one a hundred times the covariance adds a ten-thousandth
 _LEAST_CURVATURE = 0.1  # of a logarithm no prior leaves so wide, a factor of 20: keeps saddles from endless steps
 _MOST_OFF = float(np.log(400.0))  # how far a sigma is looked for from what is expected: any device's is within
 _LEAST_OF_VIEWS = float(np.log(20.0))  # how far below that those of views: less is rounding of made-up data
@@ -139,16 +140,17 @@ def integrated_covariance(models: Sequence[SigmaPosterior], about: Array) -> Arr
     shares = np.exp(-0.5 * np.array([of.surprise - least for of in models]))
     total = np.zeros((len(about), len(about)))
     for share, of in zip(shares / shares.sum(), models, strict=True):
-        total += share * _over_nodes(of, about)
+        if share > _LEAST_SHARE:
+            total += share * _over_nodes(of, about)
     return total
 
 
 def _over_nodes(of: SigmaPosterior, about: Array) -> Array:
     if not len(of.logs):
-        return _spread(of.at_mode, about)
+        return _spread(columns_given(of.model, of.logs), about)
     tails = np.diag(of.covariance).max() > _NEARLY_NORMAL**2 and of.model.layout.blocks <= _FEW_STOPS
     nodes, drawn = _drawn(of) if tails else _cubature(of)
-    known = [posterior(of.model, node) for node in nodes]
+    known = [columns_given(of.model, node) for node in nodes]
     values = np.array([each.value + of.prior.value(each.logs)[0] for each in known])
     values = np.where(np.isfinite(values), values, np.inf) - drawn
     weights = np.exp(-0.5 * (values - values.min()))
@@ -186,6 +188,6 @@ def _root(covariance: Array) -> Array:
         return spectrum(covariance).root.T
 
 
-def _spread(of: Posterior, about: Array) -> Array:
+def _spread(of: Columns, about: Array) -> Array:
     off = of.step - about
     return of.covariance + np.outer(off, off)

@@ -30,6 +30,35 @@ _AT_ONCE = 2**17  # numbers of an array over blocks: a megabyte stays near the p
 
 
 @dataclass(frozen=True, eq=False)
+class Columns:
+    """The columns alone, given sigmas: what a node of the sigmas asks for.
+
+    Attributes:
+        model: The model.
+        logs: (k,) logarithms of the sigmas.
+        value: Minus twice the log of the restricted likelihood.
+        mean: (m,) most likely values, those of scaled columns in sigmas.
+        spread: (m, m) their covariance.
+    """
+
+    model: MixedModel
+    logs: Array
+    value: float
+    mean: Array
+    spread: Array
+
+    @property
+    def step(self) -> Array:
+        """(p,) from the state to the most likely unknowns."""
+        return self.mean[: self.model.width]
+
+    @property
+    def covariance(self) -> Array:
+        """(p, p) of the unknowns."""
+        return self.spread[: self.model.width, : self.model.width]
+
+
+@dataclass(frozen=True, eq=False)
 class Posterior:
     """All that is unknown, given sigmas, to second order about the model's state.
 
@@ -79,7 +108,7 @@ class Posterior:
         keys = open_parts(self.model)
         squares = np.array([_squares_of_mean(self.model.parts[key], self) for key in keys])
         of_errors = self.mean_errors**2
-        for here in _chunks(self.back):
+        for here in _chunks(*self.back.shape):
             back = self.back[here]
             across = back @ self.spread
             covariance = self.own[here] + across @ np.swapaxes(back, -1, -2)
@@ -129,40 +158,67 @@ def sigma_count(model: MixedModel) -> int:
 
 def posterior(model: MixedModel, logs: Array) -> Posterior:
     """The restricted likelihood at logarithms of sigmas, (k,), and what is known of everything else there."""
+    _, of_errors = _which(model, len(open_parts(model)))
+    b, q, m = *of_errors.shape, len(model.prior)
+    blocks = _Blocks(np.empty((b, q)), np.empty((b, q, m)), np.empty((b, q, q)))
+    known = columns_given(model, logs, blocks)
+    of_columns, _ = _which(model, len(open_parts(model)))
+    errors = -(blocks.alone + blocks.back @ known.mean)
+    of_all = (of_columns, of_errors, known.mean, errors, known.spread)
+    return Posterior(model, logs, known.value, *of_all, blocks.back, blocks.own)
+
+
+@dataclass(frozen=True, eq=False)
+class _Blocks:
+    """Of errors in blocks: what they are where the columns are zero, negative, and `back` and `own` of `Posterior`."""
+
+    alone: Array
+    back: Array
+    own: Array
+
+
+def columns_given(model: MixedModel, logs: Array, blocks: _Blocks | None = None) -> Columns:
+    """The restricted likelihood at logarithms of sigmas, (k,), and what is known of the columns there.
+
+    Args:
+        model: The model.
+        logs: The logarithms.
+        blocks: Filled with what is known of the errors in blocks, where that is asked for.
+    """
     keys = open_parts(model)
     weights = dict.fromkeys(model.parts, 1.0) | {k: float(np.exp(-2 * v)) for k, v in zip(keys, logs, strict=False)}
     of_columns, of_errors = _which(model, len(keys))
     x, u = _scales(logs, of_columns), _scales(logs, of_errors)
     cost, fixed, fixed_fixed = _weighed(model, weights, ("cost", "fixed", "fixed_fixed"), ...)
-    gradient, told = fixed * x + model.prior_gradient, fixed_fixed * x[:, None] * x + model.prior
-    before = np.diag(told).copy()
     value = sum(2 * model.parts[k].count * v for k, v in zip(keys, logs, strict=False)) + cost + model.prior_cost
     m = len(x)
-    alone, back, own = np.empty(u.shape), np.empty((*u.shape, m)), np.empty((*u.shape, u.shape[1]))
-    for here in _chunks(back):
+    explained, by_errors = np.zeros((m, m)), np.zeros(m)
+    for here in _chunks(*u.shape, m):
         scale = u[here]
         bu, ux, uu = _weighed(model, weights, ("errors", "errors_fixed", "errors_errors"), here)
-        uu = uu * scale[:, :, None] * scale[:, None, :] + np.eye(u.shape[1])
-        factor = np.linalg.cholesky(_regular(uu))
+        factor = np.linalg.cholesky(_regular(uu * scale[:, :, None] * scale[:, None, :] + np.eye(u.shape[1])))
         root = np.asarray(np.linalg.inv(factor), dtype=np.float64)
-        whitened = root @ np.concatenate([ux * scale[:, :, None] * x, (bu * scale)[..., None]], -1)
-        flat, cu = whitened[..., :m].reshape(-1, m), whitened[..., m].reshape(-1)
-        gradient -= flat.T @ cu
-        told -= flat.T @ flat
-        value += 2 * float(np.log(np.diagonal(factor, axis1=-2, axis2=-1)).sum()) - float(cu @ cu)
-        solved = np.swapaxes(root, -1, -2) @ whitened
-        back[here], alone[here] = solved[..., :m], solved[..., m]
-        own[here] = np.swapaxes(root, -1, -2) @ root
-    spread, log_det = _inverse(told, before)
-    mean_x = -spread @ gradient
-    value += float(gradient @ mean_x) + log_det
-    mean_u = -(alone + back @ mean_x)
-    return Posterior(model, logs, value, of_columns, of_errors, mean_x, mean_u, spread, back, own)
+        scaled = root * scale[:, None, :]
+        whitened, cu = scaled @ ux, (scaled @ bu[..., None])[..., 0]
+        flat = whitened.reshape(-1, m)
+        by_errors += flat.T @ cu.reshape(-1)
+        explained += flat.T @ flat
+        value += 2 * float(np.log(np.diagonal(factor, axis1=-2, axis2=-1)).sum()) - float(np.sum(cu**2))
+        if blocks is not None:
+            back = np.swapaxes(root, -1, -2)
+            np.multiply(back @ whitened, x, out=blocks.back[here])
+            blocks.alone[here] = (back @ cu[..., None])[..., 0]
+            blocks.own[here] = back @ root
+    gradient = (fixed - by_errors) * x + model.prior_gradient
+    told = (fixed_fixed - explained) * x[:, None] * x + model.prior
+    spread, log_det = _inverse(told, np.diag(fixed_fixed) * x**2 + np.diag(model.prior))
+    mean = -spread @ gradient
+    return Columns(model, logs, value + float(gradient @ mean) + log_det, mean, spread)
 
 
-def _chunks(back: Array) -> list[slice]:
-    """So many blocks of (b, q, m) at a time."""
-    blocks, size = len(back), max(1, _AT_ONCE // max(1, back[0].size if len(back) else 1))
+def _chunks(blocks: int, rows: int, columns: int) -> list[slice]:
+    """So many blocks at a time."""
+    size = max(1, _AT_ONCE // max(1, rows * columns))
     return [slice(first, first + size) for first in range(0, blocks, size)]
 
 
@@ -187,8 +243,12 @@ def _scales(logs: Array, which: IntArray) -> Array:
 
 def _weighed(model: MixedModel, weights: dict[tuple[str, str], float], fields: tuple[str, ...], here: Any) -> list[Any]:
     """Fields of the moments of all parts, or of some blocks of them, each part by its weight."""
-    parts = [(weights[key], part) for key, part in model.parts.items()]
-    return [sum(w * np.asarray(getattr(part, field))[here] for w, part in parts) for field in fields]
+    (first, part), *others = model.parts.items()
+    found = [weights[first] * np.asarray(getattr(part, field))[here] for field in fields]
+    for key, other in others:
+        for k, field in enumerate(fields):
+            found[k] = found[k] + weights[key] * np.asarray(getattr(other, field))[here]
+    return found
 
 
 def _inverse(hessian: Array, before: Array) -> tuple[Array, float]:

@@ -9,6 +9,7 @@ Source: industrial_calibration's docs/extrinsic_hand_eye_calibration.md and exam
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -72,7 +73,7 @@ def read_data_set(
 
 def _picture(entry: Field, folder: Path) -> Path:
     path = folder / entry.text()
-    if not path.is_file():
+    if not os.path.isfile(path):  # a name longer than any file's is none, too
         raise entry.error(f"there is no picture {path}: put the pictures beside the file, or correct the path")
     return path
 

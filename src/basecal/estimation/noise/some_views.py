@@ -1,0 +1,23 @@
+"""A problem of some of its views, from whose sigmas the search among all of them starts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from basecal.estimation.problem.problem import Problem, State, Stops
+
+
+def some_views(problem: Problem, state: State, most: int) -> tuple[Problem, State]:
+    """The problem of at most so many views of each group, spread evenly, and of their stops alone; the state of it."""
+    groups = [g.take(np.arange(0, len(g), -(-len(g) // most))) for g in problem.groups if len(g)]
+    seen = np.zeros(len(problem.stops) + 1, dtype=bool)
+    for group in groups:
+        seen[group.eye_stop] = seen[group.hand_stop] = True
+    kept = np.flatnonzero(seen[:-1])  # the last stands for views without a stop
+    row = np.full(len(seen), -1, dtype=np.int64)
+    row[kept] = np.arange(len(kept))
+    stops = Stops(problem.stops.sigma[kept], tuple(problem.stops.robot[k] for k in kept))
+    taken = (replace(g, eye_stop=row[g.eye_stop], hand_stop=row[g.hand_stop]) for g in groups)
+    return replace(problem.with_groups(taken), stops=stops), replace(state, stop_errors=state.stop_errors[kept])

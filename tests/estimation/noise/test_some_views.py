@@ -1,0 +1,59 @@
+"""Some of the views are a problem like any other, and lead to the sigmas of all of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.estimation.noise import joint_estimate
+from basecal.estimation.noise.some_views import some_views
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import State
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import integrated, solve_at_mode
+from basecal.simulation import Scenario, simulate
+
+NOISY = Scenario(samples=60, target="pose", robot_noise=(3e-4, 5e-4))
+
+
+@pytest.mark.parametrize("arms", ["both", "halves", "stations"])
+def test_stops_are_those_of_the_views_kept(arms):
+    """Every view has the stop, its sigma and its error that it had, and no stop is without a view."""
+    made = simulate(replace(NOISY, arms=arms), 0)
+    problem, _ = build_problem(made.cell, made.recording)
+    errors = np.arange(6.0 * len(problem.stops)).reshape(-1, 6)
+    few, state = some_views(problem, State(made.truth, {}, errors), 20)
+    (before,), (after,) = problem.groups, few.groups
+    assert after.sample.tolist() == before.sample[::3].tolist()
+    for was, now in ((before.eye_stop[::3], after.eye_stop), (before.hand_stop[::3], after.hand_stop)):
+        np.testing.assert_array_equal(state.stop_errors[now], errors[was])
+        np.testing.assert_array_equal(few.stops.sigma[now], problem.stops.sigma[was])
+        assert [few.stops.robot[k] for k in now] == [problem.stops.robot[k] for k in was]
+    assert set(after.eye_stop) | set(after.hand_stop) == set(range(len(few.stops)))
+
+
+def test_sigmas_are_those_of_all_views(monkeypatch):
+    """Started from those of some views, the sigmas, their evidence and the covariance are as without, to a thousandth.
+
+    The search ends where a step gains a thousandth of what one standard deviation changes.
+    """
+    made = simulate(replace(NOISY, state_robot_noise=False, state_pixel_noise=False), 0)
+    problem, _ = build_problem(made.cell, made.recording)
+    start = State(made.truth, {}, np.zeros((len(problem.stops), 6)))
+
+    def found():
+        return integrated(solve_at_mode(problem, start, Settings(robot_noise="estimated"), ()))
+
+    whole = found()
+    taken = []
+    monkeypatch.setattr(joint_estimate, "_MANY_VIEWS", 40)
+    monkeypatch.setattr(joint_estimate, "_SOME_VIEWS", 20)
+    monkeypatch.setattr(joint_estimate, "some_views", lambda *of: taken.append(of) or some_views(*of))
+    after = found()
+    assert len(taken) == 2  # the first search, and that with errors in common
+    sigmas = [np.concatenate([each.noise.robots[robot] for robot in ("eye", "hand")]) for each in (whole, after)]
+    np.testing.assert_allclose(sigmas[1], sigmas[0], rtol=0.02)
+    assert after.noise.surprise == pytest.approx(whole.noise.surprise, abs=0.05)
+    np.testing.assert_allclose(np.diag(after.noise.covariance), np.diag(whole.noise.covariance), rtol=0.02)
