@@ -193,7 +193,7 @@ def columns_given(model: MixedModel, logs: Array, blocks: _Blocks | None = None)
     value = sum(2 * model.parts[k].count * v for k, v in zip(keys, logs, strict=False)) + cost + model.prior_cost
     m = len(x)
     explained, by_errors = np.zeros((m, m)), np.zeros(m)
-    for here in _chunks(*u.shape, m):
+    for here in _chunks(len(u), u.shape[1], m):
         scale = u[here]
         bu, ux, uu = _weighed(model, weights, ("errors", "errors_fixed", "errors_errors"), here)
         factor = np.linalg.cholesky(_regular(uu * scale[:, :, None] * scale[:, None, :] + np.eye(u.shape[1])))
