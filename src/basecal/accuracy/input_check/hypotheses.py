@@ -287,13 +287,12 @@ def streams(robots: list[str]) -> list[str | None]:
 def shift(stream: str | None, by: int, start: int = 0, first: int | None = None) -> ConventionHypothesis:
     """One stream paired with other samples; `first` is the number of the sample at position `start`."""
     who = "what the cameras saw" if stream is None else f"what {stream} recorded"
-    where = "" if first is None else f" from sample {first} on"
     late = f"{abs(by)} sample{'s' if abs(by) > 1 else ''} {'later' if by > 0 else 'earlier'}"
     lost = " (was a detection missed or given twice there?)" if start else ""
     return ConventionHypothesis(
         "pairing-shifted",
         () if stream is None else (stream,),
-        f"{who}{where} belongs {late}",
+        f"{who}{'' if first is None else f' from sample {first} on'} belongs {late}",
         f"pair it so{lost}",
         "let the arms stand in clearly different poses from one sample to the next",
         lambda cell, recording: (cell, rewriting.shifted(recording, stream, by, start)),
