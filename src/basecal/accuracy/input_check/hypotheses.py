@@ -288,12 +288,11 @@ def shift(stream: str | None, by: int, start: int = 0, first: int | None = None)
     """One stream paired with other samples; `first` is the number of the sample at position `start`."""
     who = "what the cameras saw" if stream is None else f"what {stream} recorded"
     late = f"{abs(by)} sample{'s' if abs(by) > 1 else ''} {'later' if by > 0 else 'earlier'}"
-    lost = " (was a detection missed or given twice there?)" if start else ""
     return ConventionHypothesis(
         "pairing-shifted",
         () if stream is None else (stream,),
         f"{who}{'' if first is None else f' from sample {first} on'} belongs {late}",
-        f"pair it so{lost}",
+        f"pair it so{' (was a detection missed or given twice there?)' if start else ''}",
         "let the arms stand in clearly different poses from one sample to the next",
         lambda cell, recording: (cell, rewriting.shifted(recording, stream, by, start)),
         by_order=True,
