@@ -17,6 +17,7 @@ from basecal.registry import (
     NOISE_TERMS,
     PATTERNS,
     ROBOT_PARAMETERS,
+    SOLVERS,
     TargetKindName,
 )
 
@@ -81,6 +82,7 @@ def test_the_check_bites(source: str) -> None:
         ("acquisition/drivers", DRIVERS),
         ("planning", tuple(PATTERNS)),
         ("estimation/noise/terms", tuple(NOISE_TERMS)),
+        ("studies/solvers", tuple(SOLVERS)),
     ],
 )
 def test_every_module_is_registered(folder: str, names: tuple[str, ...]) -> None:
@@ -94,6 +96,7 @@ def test_every_module_is_registered(folder: str, names: tuple[str, ...]) -> None
         "acquisition/drivers": "def open_",
         "planning": "def plan(",
         "estimation/noise/terms": "OVER_STOP = ",
+        "studies/solvers": "BLOCKS = ",
     }[folder]
     faces = {path.stem for path in (SOURCE / folder).glob("*.py") if f"\n{face}" in path.read_text(encoding="utf-8")}
     assert faces == set(names)

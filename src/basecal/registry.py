@@ -111,3 +111,10 @@ PATTERNS = {
     "shifts": "from stations, the target is shifted along its axes before a still camera",
 }
 """Where arms can be sent by a plan, and what it does: modules of `basecal.planning`."""
+
+SOLVERS = {
+    "maximum_likelihood": "all at once, as `basecal.solve`",
+    "closed_form": "the paper's, of a light shifted before a still camera",
+    "opencv": "solvePnP, then calibrateRobotWorldHandEye",
+}
+"""What a study may solve with: modules of `basecal.studies.solvers`."""

@@ -15,7 +15,7 @@ from basecal.cli import main
 from basecal.geometry import SE3
 from basecal.registry import IMPORTS
 
-VERBS = ["new", "simulate", "demo", "calibrate", "report", "export", "merge"]
+VERBS = ["new", "simulate", "demo", "calibrate", "report", "export", "merge", "study"]
 VERBS += [f"import {kind}" for kind in IMPORTS]
 
 
@@ -69,6 +69,8 @@ def test_help_lists_the_verbs(capsys: pytest.CaptureFixture[str]) -> None:
         ["simulate", "x", "--pixel-px", "-1"],
         ["simulate", "x", "--pixel-px", "nan"],
         ["simulate", "x", "--seed", "-1"],
+        ["study"],
+        ["study", "x.yaml", "--workers", "0"],
         ["study", "paper", "--seed", "-1"],
         ["study", "paper", "--draws", "1"],
         ["import", "poses", "x", "--camera-from-target", "b.txt"],

@@ -66,7 +66,8 @@ def build_app() -> App:
     for place, kind in enumerate(IMPORTS):
         imports.command(_function(f"import_{kind.replace('-', '_')}"), name=kind, sort_key=place)
     app.command(imports)
-    studies = App(name="study", help="Reproduce published figures.", sort_key=len(_VERBS) + 1)
+    studies = App(name="study", help_format="plaintext", sort_key=len(_VERBS) + 1)
+    studies.default(_function("study"))
     for verb in _STUDIES:
         studies.command(_function(f"study_{verb}"), name=verb)
     app.command(studies)

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
 import json
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from importlib.resources import files
 from typing import Any
 
-from jinja2 import Environment, FunctionLoader, StrictUndefined
-from markupsafe import Markup, escape
+from markupsafe import Markup
 
 from basecal.accuracy.fit_details import FitDetails
 from basecal.accuracy.phrases.held_out_error import why_held_out_errors_are_larger
@@ -34,6 +30,7 @@ from basecal.reporting.overview import overview
 from basecal.reporting.provenance import provenance
 from basecal.reporting.robots import robot_blocks
 from basecal.reporting.svg import three_digits
+from basecal.reporting.templates.environment import environment, own_file, policy
 from basecal.reporting.text import (
     by_weight,
     clock_sentences,
@@ -51,7 +48,6 @@ _MOST_ROWS = 400
 _MOST_BARS = 600
 _MOST_BARS_TOGETHER = 2700
 _FEWEST = 100
-_FOLDER = files("basecal.reporting")
 _SCRIPTS = ("vendor/three.min.js", "templates/scene.js", "templates/page.js")
 
 
@@ -88,15 +84,15 @@ def page(
     """
     known = FitDetails() if details is None else details
     drawn = scene(cell, recording.samples, calibration)
-    scripts = [_own(name) for name in _SCRIPTS]
-    style = _own("templates/page.css")
+    scripts = [own_file(name) for name in _SCRIPTS]
+    style = own_file("templates/page.css")
     return (
-        _environment()
+        environment()
         .get_template("page.html")
         .render(
             title=title,
             notes=notes,
-            policy=_policy(style, scripts),
+            policy=policy(style, scripts),
             style=Markup(style),
             scripts=[Markup(script) for script in scripts],
             scene_json=Markup(_json_inside_html(scene_data(drawn))),
@@ -110,43 +106,6 @@ def page(
             **_fit(cell, calibration, known),
         )
     )
-
-
-def _own(name: str) -> str:
-    """A file of this package as text."""
-    return _FOLDER.joinpath(*name.split("/")).read_text(encoding="utf-8")
-
-
-def _environment() -> Environment:
-    """Templates of this package; whatever they are given is escaped."""
-    loader = FunctionLoader(lambda name: _own(f"templates/{name}"))
-    made = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    made.filters["svg"] = Markup
-    made.filters["words"] = _words
-    return made
-
-
-def _words(said: str) -> Markup:
-    """Words whose parts between backticks are what to type."""
-    parts = said.split("`")
-    if len(parts) % 2 == 0:
-        return escape(said)
-    return Markup().join(
-        escape(part) if k % 2 == 0 else Markup("<code>{}</code>").format(part) for k, part in enumerate(parts)
-    )
-
-
-def _policy(style: str, scripts: Sequence[str]) -> str:
-    """The Content-Security-Policy: nothing runs but these scripts, nothing is fetched."""
-    allowed = " ".join(_source_hash(script) for script in scripts)
-    style_hash = _source_hash(style)
-    own = f"script-src {allowed}; style-src {style_hash}; img-src data:"
-    return f"default-src 'none'; {own}; base-uri 'none'; form-action 'none'"
-
-
-def _source_hash(source: str) -> str:
-    digest = base64.b64encode(hashlib.sha256(source.encode()).digest()).decode()
-    return f"'sha256-{digest}'"
 
 
 def _json_inside_html(data: Mapping[str, Any]) -> str:

@@ -1,0 +1,138 @@
+"""Lines over an axis of a study, each with the band in which nine of ten errors lie."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from basecal.reporting.figures.figure import Figure
+from basecal.reporting.svg import drawing, element, text
+
+_WIDTH, _HEIGHT = 640.0, 330.0
+_LEFT, _RIGHT, _TOP, _BOTTOM = 62.0, 14.0, 12.0, 42.0
+_WIDE = 8.0  # from the least to the greatest value of an axis: more is drawn on a logarithmic scale
+_ROOM = 0.06  # of the drawing beside what is outermost
+COLOURS = 6
+"""Lines that a figure can tell apart."""
+
+
+@dataclass(frozen=True)
+class Band:
+    """At a value of the axis: the median, and the ends of the band; all None where there is no answer."""
+
+    at: float | str
+    low: float | None
+    middle: float | None
+    high: float | None
+
+
+@dataclass(frozen=True)
+class Line:
+    """A named line."""
+
+    name: str
+    bands: tuple[Band, ...]
+
+
+@dataclass(frozen=True)
+class _Scale:
+    low: float
+    high: float
+    start: float
+    end: float
+    logarithmic: bool
+
+    def at(self, value: float) -> float:
+        """Where a value stands on the drawing."""
+        value = math.log10(value) if self.logarithmic else value
+        return self.start + (value - self.low) / (self.high - self.low) * (self.end - self.start)
+
+    def ticks(self) -> list[float]:
+        """Round values in range."""
+        if self.logarithmic:
+            decades = range(math.floor(self.low), math.ceil(self.high) + 1)
+            every = [m * 10.0**d for d in decades for m in (1, 2, 5)]
+            return [tick for tick in every if self.low <= math.log10(tick) <= self.high]
+        step = 10.0 ** math.floor(math.log10(self.high - self.low))
+        return [k * step for k in range(math.ceil(self.low / step), math.floor(self.high / step) + 1)]
+
+
+def curves(title: str, axis: str, unit: str, lines: Sequence[Line]) -> Figure:
+    """Medians over an axis, joined, with their bands; at most `COLOURS` lines.
+
+    Args:
+        title: What it is of.
+        axis: Name of the axis.
+        unit: Of the errors.
+        lines: All with the same values of the axis.
+    """
+    places = [band.at for band in lines[0].bands]
+    along = _along(places)
+    values = [value for line in lines for band in line.bands for value in (band.low, band.high) if value is not None]
+    up = _scale(values or [1.0], _HEIGHT - _BOTTOM, _TOP)
+    inside = [*_grid(places, along, up), *(_line(k, line, along, up) for k, line in enumerate(lines))]
+    svg = drawing(_WIDTH, _HEIGHT, f"{title} over {axis}", *inside)
+    caption = f"{axis} across, errors [{unit}] upwards: the median, and the band from 5 % to 95 % of the trials."
+    return Figure(title, svg, caption)
+
+
+def _along(places: Sequence[float | str]) -> dict[float | str, float]:
+    """Where each value of the axis stands: by its size where all are numbers, else one after the other."""
+    numbers = [place for place in places if isinstance(place, int | float) and not isinstance(place, bool)]
+    start, end = _LEFT, _WIDTH - _RIGHT
+    if len(numbers) == len(places):
+        scale = _scale(numbers, start, end)
+        return {place: scale.at(place) for place in numbers}
+    return {place: start + (k + 0.5) * (end - start) / len(places) for k, place in enumerate(places)}
+
+
+def _scale(values: Sequence[float], start: float, end: float) -> _Scale:
+    least, most = min(values), max(values)
+    logarithmic = least > 0 and most > _WIDE * least
+    low, high = (math.log10(least), math.log10(most)) if logarithmic else (least, most)
+    room = _ROOM * (high - low) or 0.5 * abs(high) or 1.0
+    return _Scale(low - room, high + room, start, end, logarithmic)
+
+
+def _grid(places: Sequence[float | str], along: dict[float | str, float], up: _Scale) -> list[str]:
+    parts = []
+    for tick in up.ticks():
+        y = f"{up.at(tick):.1f}"
+        parts.append(element("path", class_="rule", d=f"M{_LEFT} {y}H{_WIDTH - _RIGHT}"))
+        parts.append(element("text", text(f"{tick:.3g}"), class_="tick", x=_LEFT - 6, y=y, text_anchor="end"))
+    for place in places:
+        x, label = f"{along[place]:.1f}", f"{place:g}" if isinstance(place, float) else str(place)
+        parts.append(element("path", class_="rule", d=f"M{x} {_TOP}V{_HEIGHT - _BOTTOM}"))
+        parts.append(element("text", text(label), class_="tick", x=x, y=_HEIGHT - _BOTTOM + 18, text_anchor="middle"))
+    return parts
+
+
+def _line(number: int, line: Line, along: dict[float | str, float], up: _Scale) -> str:
+    """A line and its band; broken where there is no answer."""
+    kind = f"line-{number % COLOURS}"
+    parts: list[str] = []
+    for run in _runs(line.bands):
+        ends = [(along[b.at], up.at(b.low), up.at(b.middle), up.at(b.high)) for b in run if _known(b)]  # type: ignore[arg-type]
+        edge = [f"{x:.1f} {high:.1f}" for x, _, _, high in ends]
+        back = [f"{x:.1f} {low:.1f}" for x, low, _, _ in reversed(ends)]
+        parts.append(element("path", class_="band", d=f"M{'L'.join([*edge, *back])}Z"))
+        parts.append(element("path", class_="median", d="M" + "L".join(f"{x:.1f} {m:.1f}" for x, _, m, _ in ends)))
+        parts += [element("path", class_="whisker", d=f"M{x:.1f} {low:.1f}V{high:.1f}") for x, low, _, high in ends]
+        parts += [element("circle", cx=f"{x:.1f}", cy=f"{middle:.1f}", r=3.5) for x, _, middle, _ in ends]
+    return element("g", element("title", text(line.name)), *parts, class_=kind)
+
+
+def _known(band: Band) -> bool:
+    return band.low is not None and band.middle is not None and band.high is not None
+
+
+def _runs(bands: Sequence[Band]) -> list[list[Band]]:
+    """Bands with answers that are next to one another."""
+    runs: list[list[Band]] = [[]]
+    for band in bands:
+        if _known(band):
+            runs[-1].append(band)
+        elif runs[-1]:
+            runs.append([])
+    return [run for run in runs if run]

@@ -1,0 +1,68 @@
+"""A number for each pair of values of two axes, the darker the larger."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from basecal.reporting.figures.figure import Figure
+from basecal.reporting.svg import drawing, element, text
+
+_TILE_WIDTH, _TILE_HEIGHT = 84.0, 34.0
+_LEFT, _TOP, _EDGE = 210.0, 12.0, 26.0
+_LONGEST = 32  # characters of a label
+_FAINTEST, _STRONGEST = 0.08, 0.85  # opacity of the smallest number and of the largest
+
+
+def heat_map(
+    title: str,
+    columns: tuple[str, Sequence[object]],
+    rows: tuple[str, Sequence[object]],
+    values: Sequence[Sequence[float | None]],
+    unit: str,
+) -> Figure:
+    """Numbers on tiles, shaded by their logarithm.
+
+    Args:
+        title: What it is of.
+        columns: Name and values of the axis across.
+        rows: Likewise of the axis downwards.
+        values: By row, then by column; None where there is no answer.
+        unit: Of the numbers.
+    """
+    shades = _shades(values)
+    tiles = [
+        _tile(_LEFT + i * _TILE_WIDTH, _TOP + k * _TILE_HEIGHT, value, shades)
+        for k, row in enumerate(values)
+        for i, value in enumerate(row)
+    ]
+    bottom = _TOP + len(rows[1]) * _TILE_HEIGHT
+    labels = [
+        *(_label(_LEFT - 8, _TOP + (k + 0.6) * _TILE_HEIGHT, value, "end") for k, value in enumerate(rows[1])),
+        *(_label(_LEFT + (i + 0.5) * _TILE_WIDTH, bottom + 17, value, "middle") for i, value in enumerate(columns[1])),
+    ]
+    svg = drawing(_LEFT + len(columns[1]) * _TILE_WIDTH + 8, bottom + _EDGE, title, *tiles, *labels)
+    return Figure(title, svg, f"{columns[0]} across, {rows[0]} downwards; median error of the trials [{unit}].")
+
+
+def _shades(values: Sequence[Sequence[float | None]]) -> tuple[float, float]:
+    """Least and greatest logarithm."""
+    logs = [math.log10(value) for row in values for value in row if value is not None and value > 0]
+    return (min(logs), max(logs)) if logs else (0.0, 0.0)
+
+
+def _tile(x: float, y: float, value: float | None, shades: tuple[float, float]) -> str:
+    low, high = shades
+    place = {"x": f"{x:g}", "y": f"{y:g}", "width": f"{_TILE_WIDTH:g}", "height": f"{_TILE_HEIGHT:g}"}
+    shown = _label(x + 0.5 * _TILE_WIDTH, y + 0.6 * _TILE_HEIGHT, "-" if value is None else f"{value:.3g}", "middle")
+    if value is None or value <= 0:
+        return element("rect", class_="frame", **place) + shown
+    share = (math.log10(value) - low) / (high - low) if high > low else 0.0
+    opacity = f"{_FAINTEST + share * (_STRONGEST - _FAINTEST):.2f}"
+    return element("rect", class_="tile", fill_opacity=opacity, **place) + shown
+
+
+def _label(x: float, y: float, value: object, anchor: str) -> str:
+    said = f"{value:g}" if isinstance(value, float) else str(value)
+    short = said if len(said) <= _LONGEST else f"{said[: _LONGEST - 1]}…"
+    return element("text", element("title", text(said)), text(short), class_="tick", x=x, y=y, text_anchor=anchor)

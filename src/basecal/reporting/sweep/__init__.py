@@ -1,0 +1,1 @@
+"""A study of many points as text and as a page; computes nothing."""

@@ -1,0 +1,100 @@
+"""A study of many points as one HTML file that opens offline."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import combinations, product
+from typing import Any
+
+from markupsafe import Markup
+
+from basecal.reporting.figures.curves import COLOURS, Band, Line, curves
+from basecal.reporting.figures.figure import Figure
+from basecal.reporting.figures.heat_map import heat_map
+from basecal.reporting.sweep.text import HEAD, cells_of
+from basecal.reporting.templates.environment import environment, own_file, policy
+
+_QUANTITIES = (("error_mm", "error of the translation", "mm"), ("error_deg", "error of the rotation", "deg"))
+_MOST_TILES = 40  # along a side of a map
+_MOST_MAPS = 6
+_MOST_ROWS = 1000
+
+
+def sweep_page(summary: Mapping[str, Any], file: str) -> str:
+    """The study as HTML, everything it needs inside; it asks nothing of any server.
+
+    Args:
+        summary: As `studies.summary` gives it.
+        file: The study's own file.
+    """
+    style = own_file("templates/page.css") + own_file("templates/study.css")
+    reasons = dict.fromkeys(reason for point in summary["points"] for reason in point["reasons"])
+    rows = [[*map(str, point["at"].values()), *cells_of(point)] for point in summary["points"]]
+    return (
+        environment()
+        .get_template("study.html")
+        .render(
+            summary=summary,
+            style=Markup(style),
+            policy=policy(style),
+            groups=[(axis, _curves(summary, axis)) for axis in _varied(summary)],
+            maps=_maps(summary),
+            head=[*summary["axes"], *HEAD],
+            rows=rows[:_MOST_ROWS],
+            row_count=len(rows),
+            reasons=list(reasons),
+            file=file,
+        )
+    )
+
+
+def _varied(summary: Mapping[str, Any]) -> list[str]:
+    return [axis for axis, values in summary["axes"].items() if len(values) > 1]
+
+
+def _others(summary: Mapping[str, Any], axes: Sequence[str]) -> list[dict[str, Any]]:
+    """Every combination of values of the other axes."""
+    left = {axis: values for axis, values in summary["axes"].items() if axis not in axes}
+    return [dict(zip(left, values, strict=True)) for values in product(*left.values())]
+
+
+def _points(summary: Mapping[str, Any], at: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """The points that have these values."""
+    return [p for p in summary["points"] if all(p["at"][axis] == value for axis, value in at.items())]
+
+
+def _said(at: Mapping[str, Any]) -> str:
+    return ", ".join(f"{axis} {value}" for axis, value in at.items())
+
+
+def _curves(summary: Mapping[str, Any], axis: str) -> tuple[list[Figure], list[str]]:
+    """Errors over an axis, and the lines' names: a line for each combination of the others, as many as can be told."""
+    others = _others(summary, [axis])[:COLOURS]
+    figures = []
+    for key, title, unit in _QUANTITIES:
+        lines = [
+            Line(_said(at), tuple(_band(point["at"][axis], point[key]) for point in _points(summary, at)))
+            for at in others
+        ]
+        figures.append(curves(title, axis, unit, lines))
+    return figures, [_said(at) for at in others if at]
+
+
+def _band(at: Any, spread: Mapping[str, float] | None) -> Band:
+    return Band(at, *(None if spread is None else spread[name] for name in ("p05", "median", "p95")))
+
+
+def _maps(summary: Mapping[str, Any]) -> list[Figure]:
+    """Median errors over every two axes, a map for each combination of the others."""
+    maps = []
+    axes = [axis for axis in _varied(summary) if len(summary["axes"][axis]) <= _MOST_TILES]
+    for down, across in combinations(axes, 2):
+        for at in _others(summary, [down, across]):
+            by_place = {(p["at"][down], p["at"][across]): p["error_mm"] for p in _points(summary, at)}
+            values = [
+                [(spread := by_place[d, a]) and spread["median"] for a in summary["axes"][across]]
+                for d in summary["axes"][down]
+            ]
+            title = f"error of the translation{f', {_said(at)}' if at else ''}"
+            maps.append(heat_map(title, (across, summary["axes"][across]), (down, summary["axes"][down]), values, "mm"))
+    return maps[:_MOST_MAPS]

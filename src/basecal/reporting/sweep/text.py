@@ -1,0 +1,39 @@
+"""A study's points as a table in plain text."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+HEAD = ("solved", "median mm", "95% mm", "sigma mm", "median deg", "95% deg", "sigma deg", "NEES", "coverage", "ms")
+"""Of the columns after the axes."""
+
+
+def cells_of(point: Mapping[str, Any]) -> list[str]:
+    """What a point's row says under `HEAD`; nothing where it was not computed."""
+    mm, deg, nees, coverage = point["error_mm"], point["error_deg"], point["nees"], point["coverage"]
+    return [
+        f"{point['solved']}/{point['trials']}",
+        *(number(mm and mm[key]) for key in ("median", "p95")),
+        number(point["sigma_mm"]),
+        *(number(deg and deg[key]) for key in ("median", "p95")),
+        number(point["sigma_deg"]),
+        "" if nees is None else f"{nees['mean']:.2f} for {nees['expected']}",
+        "" if coverage is None else f"{coverage['share']:.1%}",
+        f"{1e3 * point['time_s']:.3g}",
+    ]
+
+
+def number(value: float | None) -> str:
+    """Three digits; nothing where there is no number."""
+    return "" if value is None else f"{value:.3g}"
+
+
+def sweep_text(summary: Mapping[str, Any]) -> str:
+    """The study's name, a row for each point, and why trials have no answer."""
+    rows = [[*summary["axes"], *HEAD]]
+    rows += [[*map(str, point["at"].values()), *cells_of(point)] for point in summary["points"]]
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    lines = ["  ".join(word.rjust(width) for word, width in zip(row, widths, strict=True)) for row in rows]
+    reasons = dict.fromkeys(reason for point in summary["points"] for reason in point["reasons"])
+    return "\n".join([summary["title"], *lines, *(f"no answer: {reason}" for reason in reasons)])

@@ -1,0 +1,49 @@
+"""Pages that open offline: templates that escape what they are given, and a policy that lets nothing else in."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from collections.abc import Sequence
+from importlib.resources import files
+
+from jinja2 import Environment, FunctionLoader, StrictUndefined
+from markupsafe import Markup, escape
+
+_FOLDER = files("basecal.reporting")
+
+
+def own_file(name: str) -> str:
+    """A file of the package `reporting` as text."""
+    return _FOLDER.joinpath(*name.split("/")).read_text(encoding="utf-8")
+
+
+def environment() -> Environment:
+    """Templates of this package; whatever they are given is escaped."""
+    loader = FunctionLoader(lambda name: own_file(f"templates/{name}"))
+    made = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    made.filters["svg"] = Markup
+    made.filters["words"] = _words
+    return made
+
+
+def _words(said: str) -> Markup:
+    """Words whose parts between backticks are what to type."""
+    parts = said.split("`")
+    if len(parts) % 2 == 0:
+        return escape(said)
+    return Markup().join(
+        escape(part) if k % 2 == 0 else Markup("<code>{}</code>").format(part) for k, part in enumerate(parts)
+    )
+
+
+def policy(style: str, scripts: Sequence[str] = ()) -> str:
+    """The Content-Security-Policy: nothing runs but these scripts, nothing is fetched."""
+    allowed = " ".join(_source_hash(script) for script in scripts) or "'none'"
+    own = f"script-src {allowed}; style-src {_source_hash(style)}; img-src data:"
+    return f"default-src 'none'; {own}; base-uri 'none'; form-action 'none'"
+
+
+def _source_hash(source: str) -> str:
+    digest = base64.b64encode(hashlib.sha256(source.encode()).digest()).decode()
+    return f"'sha256-{digest}'"

@@ -1,0 +1,93 @@
+"""The cells of a study: simulated by its settings, those of one number the same at all its points as far as they go."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, cast
+
+import numpy as np
+
+from basecal.cell.cell import WORLD
+from basecal.geometry import SE3, Camera
+from basecal.simulation import Scenario, SimulatedCell, simulate
+from basecal.simulation.draw import lens, rotations
+from basecal.simulation.layout import layout_of
+from basecal.simulation.scenario import LayoutName
+from basecal.simulation.shifts import simulate_shifts
+
+SHIFTS = "shifts"
+"""The layout of the paper's method: a light that one robot shifts along its axes before a still camera."""
+
+_NEARER, _FARTHER = 0.8, 1.2  # of the distance at home poses: cells differ, and its mean is what is asked for
+_OFF_AXIS = 0.1  # of the distance: where the light is seen before its shifts, at most
+_BASES_M = 1.5  # between the bases of the paper's method, about as in its own cell
+
+Settings = Mapping[str, Any]
+
+
+def statuses(settings: Settings) -> dict[str, str]:
+    """What the cells of these settings state of each transform, by name."""
+    if settings["layout"] == SHIFTS:
+        fixed = dict.fromkeys(("eye_flange_from_camera", "hand_flange_from_light"), "fixed")
+        return {"eye_base_from_hand_base": "free", **fixed}
+    plan = layout_of(cast(LayoutName, settings["layout"]), settings["robots"])
+    reference, *others = plan.robots
+
+    def mounts(carried: Mapping[str, str], status: str) -> dict[str, str]:
+        """Statuses of what is carried."""
+        ends = {name: f"{reference}_base" if on == WORLD else f"{on}_flange" for name, on in carried.items()}
+        return {f"{end}_from_{name}": status for name, end in ends.items()}
+
+    bases = {f"{reference}_base_from_{other}_base": settings["base"] for other in others}
+    return bases | mounts(plan.cameras, settings["camera_mount"]) | mounts(plan.targets, settings["target_mount"])
+
+
+def simulated(settings: Settings, seed: int) -> SimulatedCell:
+    """A cell of these settings, its recording and the truth.
+
+    Raises:
+        InputError: if the settings do not go together, or hardly any pose sees the target.
+    """
+    return _shifted(settings, seed) if settings["layout"] == SHIFTS else simulate(_scenario(settings), seed)
+
+
+def _scenario(settings: Settings) -> Scenario:
+    same = {f: settings[f] for f in ("samples", "arms", "layout", "stations", "robots", "base", "camera_mount")}
+    same |= {f: settings[f] for f in ("target_mount", "intrinsics", "lens", "pixel_px", "correlated_px")}
+    same |= {f: settings[f] for f in ("state_pixel_noise", "state_robot_noise", "spread_rad", "position_m")}
+    board, away = settings["board"], settings["distance_m"]
+    return Scenario(
+        target=settings["target"] if board is None else board.kind,
+        board=None if board is None else board.shape(),
+        robot_noise=(settings["robot_sigma_t_m"], settings["robot_sigma_r_rad"]),
+        distance_m=(_NEARER * away, _FARTHER * away),
+        **same,
+    )
+
+
+def _shifted(settings: Settings, seed: int) -> SimulatedCell:
+    """One station of the paper's method, camera, light and bases standing anyhow."""
+    rng = np.random.default_rng(seed)
+    drawn = lens(rng, Scenario(lens=settings["lens"]))
+    camera = Camera("pinhole", drawn.parameters[:4], drawn.size_px)
+    turned = rotations(rng, 4)
+    away = rng.uniform(_NEARER, _FARTHER) * settings["distance_m"]
+    seen_at = away * np.array([*rng.uniform(-_OFF_AXIS, _OFF_AXIS, 2), 1.0])
+    camera_from_light = SE3(turned[0], seen_at)
+    eye_base_from_camera = SE3(turned[1], rng.uniform(-0.5, 0.5, 3))
+    eye_base_from_hand_base = SE3(turned[2], _BASES_M * turned[3][0])
+    hand_base_from_light = eye_base_from_hand_base.inverse() @ eye_base_from_camera @ camera_from_light
+    made = simulate_shifts(
+        eye_base_from_hand_base,
+        SE3.stack([eye_base_from_camera]),
+        SE3.stack([hand_base_from_light]),
+        camera,
+        settings["shift_m"],
+        pixel_px=settings["pixel_px"] if settings["state_pixel_noise"] else 0.0,
+    )
+    sigmas = (settings["robot_sigma_t_m"], settings["robot_sigma_r_rad"])
+    if not (settings["state_robot_noise"] and any(sigmas)):
+        return made
+    robots = {name: replace(robot, noise=np.repeat(sigmas, 3)) for name, robot in made.cell.robots.items()}
+    return replace(made, cell=replace(made.cell, robots=robots))

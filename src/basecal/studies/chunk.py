@@ -1,0 +1,147 @@
+"""A chunk of a study worked on, and the file that keeps what came out."""
+
+from __future__ import annotations
+
+import io
+import json
+import time
+import zipfile
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+
+from basecal.bounded_file import read_bounded
+from basecal.cell.format.writing import write_whole
+from basecal.errors import BasecalError, DatasetError, printable
+from basecal.geometry import SE3, Array, BoolArray, IntArray
+from basecal.studies.draws import DrawnCell, cell_of, draw
+from basecal.studies.solvers.solver import Answers, solver, unsolved
+from basecal.studies.study import Chunk, Piece, Study
+
+_LARGEST_BYTES = 2**26  # of a chunk's file: the closed form's have some MB
+
+
+@dataclass(frozen=True, eq=False)
+class Trials:
+    """What came of trials, (n,) each; NaN where there is no answer, or no covariance.
+
+    Attributes:
+        point: Which point of the study.
+        trial: Number among the point's trials.
+        cell: On which cell.
+        error_mm: Length of the error's translation, in the axes of the transform's source [mm].
+        error_deg: Angle of the error [deg].
+        sigma_mm: Root of the summed predicted variances of the translation [mm].
+        sigma_deg: Likewise of the rotation [deg].
+        nees: Squared length of the error in predicted sigmas, over all its directions.
+        directions: How many these are; 0 without a covariance.
+        solved: Whether there is an answer.
+        time_s: Wall time of drawing and solving, shared evenly by what was solved side by side [s].
+    """
+
+    point: IntArray
+    trial: IntArray
+    cell: IntArray
+    error_mm: Array
+    error_deg: Array
+    sigma_mm: Array
+    sigma_deg: Array
+    nees: Array
+    directions: IntArray
+    solved: BoolArray
+    time_s: Array
+
+
+COLUMNS = tuple(f.name for f in fields(Trials))
+
+
+@dataclass(frozen=True, eq=False)
+class ChunkResult:
+    """The trials of a chunk, and why those without an answer have none."""
+
+    trials: Trials
+    reasons: tuple[str, ...]
+
+
+def worked(study: Study, chunk: Chunk) -> ChunkResult:
+    """What comes of a chunk, whoever works on it, whenever."""
+    parts, reasons, cells = [], dict[str, None](), dict[int, DrawnCell]()
+    for piece in chunk.pieces:
+        begin = time.perf_counter()
+        try:
+            if piece.cell not in cells:
+                cells[piece.cell] = cell_of(chunk.point.settings, study.seed, piece.cell, study.transform)
+            draws = draw(cells[piece.cell], chunk.point.settings, (study.seed, piece.cell, piece.block), piece.count)
+            answers = solver(chunk.point.settings["solver"]).solve(draws)
+            truth = draws.truth
+        except BasecalError as error:  # a cell that cannot be made is no answer, and says why
+            answers, truth = unsolved(piece.count, str(error)), SE3.identity()
+        took = (time.perf_counter() - begin) / piece.count
+        parts.append(_judged(chunk, piece, answers, truth, took))
+        if answers.reason:
+            reasons[answers.reason] = None
+    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in COLUMNS}
+    return ChunkResult(Trials(**joined), tuple(reasons))
+
+
+def _judged(chunk: Chunk, piece: Piece, answers: Answers, truth: SE3, took: float) -> Trials:
+    """How far answers are from the truth, in millimetres, degrees and their own sigmas."""
+    n, covariance = piece.count, answers.covariance
+    error = (answers.transform.inverse() @ truth).log()
+    width = 0 if covariance is None else covariance.shape[-1]
+    sigmas, nees = np.full((n, 2), np.nan), np.full(n, np.nan)
+    stated = answers.solved.copy()
+    if covariance is not None:
+        held = np.where(stated[:, None, None], covariance, np.eye(width))
+        variances = np.diagonal(held, axis1=-2, axis2=-1)
+        sigmas = np.sqrt(np.stack([variances[:, :3].sum(-1), variances[:, 3:].sum(-1)], -1))
+        nees = np.sum(error[:, :width] * np.linalg.solve(held, error[:, :width, None])[..., 0], axis=-1)
+    lengths = [np.linalg.norm(part, axis=-1) for part in (error[:, :3], error[:, 3:])]
+    numbers = {
+        "error_mm": 1e3 * lengths[0],
+        "error_deg": np.degrees(lengths[1]),
+        "sigma_mm": 1e3 * sigmas[:, 0],
+        "sigma_deg": np.degrees(sigmas[:, 1]),
+        "nees": nees,
+    }
+    return Trials(
+        point=np.full(n, chunk.point.index),
+        trial=np.arange(piece.first, piece.first + n),
+        cell=np.full(n, piece.cell),
+        **{name: np.where(answers.solved, values, np.nan) for name, values in numbers.items()},
+        directions=np.full(n, width),
+        solved=answers.solved,
+        time_s=np.full(n, took),
+    )
+
+
+def chunk_path(folder: Path, chunk: Chunk) -> Path:
+    """The file of a chunk of the study in a folder."""
+    return folder / "chunks" / f"{chunk.index:06d}.npz"
+
+
+def write_chunk(folder: Path, study: Study, chunk: Chunk, result: ChunkResult) -> None:
+    """Write a chunk's file, whole or not at all.
+
+    Raises:
+        InputError: if it cannot be written.
+    """
+    stream = io.BytesIO()
+    about = json.dumps({"study": study.identity, "reasons": result.reasons})
+    np.savez(stream, about=np.array(about), **{name: getattr(result.trials, name) for name in COLUMNS})
+    write_whole(chunk_path(folder, chunk), stream.getvalue(), within=folder)
+
+
+def read_chunk(folder: Path, study: Study, chunk: Chunk) -> ChunkResult | None:
+    """What a chunk's file keeps; None where there is none, or it is damaged or of another study."""
+    path = chunk_path(folder, chunk)
+    try:
+        with np.load(io.BytesIO(read_bounded(path, _LARGEST_BYTES)), allow_pickle=False) as data:
+            about = json.loads(str(data["about"]))
+            trials = Trials(**{name: data[name] for name in COLUMNS})
+    except (DatasetError, ValueError, KeyError, OSError, EOFError, zipfile.BadZipFile):
+        return None
+    if about.get("study") != study.identity or len(trials.trial) != chunk.trials:
+        return None
+    return ChunkResult(trials, tuple(printable(str(reason)) for reason in about.get("reasons", ())))

@@ -1,0 +1,153 @@
+"""Draws of all noise about one simulated cell, as one batch."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from basecal.errors import InputError
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import Problem, ViewGroup
+from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.geometry import SE3, Array, IntArray
+from basecal.simulation import SimulatedCell
+from basecal.studies.cells import Settings, simulated
+
+_CELLS, _NOISE = 0, 1  # what a generator is for
+
+
+@dataclass(frozen=True, eq=False)
+class Draws:
+    """Trials on one cell: what its robots recorded is the same in all, what they and the cameras did is not.
+
+    Attributes:
+        made: The cell, with a recording that is the shape of all.
+        problem: What is solved for, its views' pixels (trials, n, p, 2).
+        transform: Name of the transform that is judged.
+        count: How many trials.
+    """
+
+    made: SimulatedCell
+    problem: Problem
+    transform: str
+    count: int
+
+    @property
+    def truth(self) -> SE3:
+        """Of the transform that is judged."""
+        return self.made.truth[self.transform]
+
+    def measurement(self, group: int = 0) -> PixelMeasurement:
+        """What the views of a group saw, in all trials."""
+        return pixels_of(self.problem.groups[group])
+
+
+def pixels_of(group: ViewGroup) -> PixelMeasurement:
+    """What a group saw, which in a study is pixels."""
+    if not isinstance(group.measurement, PixelMeasurement):
+        raise InputError(f"{group.camera} sees {group.target} not as pixels")
+    return group.measurement
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnCell:
+    """A cell of a study as it is built once, before noise is drawn."""
+
+    made: SimulatedCell
+    problem: Problem
+    transform: str
+
+
+def cell_of(settings: Settings, seed: int, cell: int, transform: str | None) -> DrawnCell:
+    """A cell by its number; the noise that is in its own recording is in no draw.
+
+    Raises:
+        InputError: if the settings do not go together, or hardly any pose sees the target.
+    """
+    made = simulated(settings, int(np.random.SeedSequence([seed, _CELLS, cell]).generate_state(1, np.uint64)[0] >> 1))
+    problem, _ = build_problem(made.cell, made.recording)
+    return DrawnCell(made, problem, transform or made.cell.asked[0])
+
+
+def draw(cell: DrawnCell, settings: Settings, seed: tuple[int, ...], count: int) -> Draws:
+    """So many draws; the first of them are the same whatever their number.
+
+    Where a robot's pose has an error the recorded poses stay, and the cameras see what is where the robots truly are.
+    What was in view is as in the cell's own recording.
+
+    Args:
+        cell: What does not change.
+        settings: Sizes of the noise, and faults.
+        seed: Of the noise.
+        count: How many.
+    """
+    for_robots, *for_groups = np.random.SeedSequence((*seed[:1], _NOISE, *seed[1:])).spawn(1 + len(cell.problem.groups))
+    errors = _robot_errors(cell.problem, settings, for_robots, count)
+    groups = [
+        _redrawn(cell, group, errors, settings, np.random.default_rng(own), count)
+        for group, own in zip(cell.problem.groups, for_groups, strict=True)
+    ]
+    return Draws(cell.made, cell.problem.with_groups(groups), cell.transform, count)
+
+
+def _robot_errors(problem: Problem, settings: Settings, seed: np.random.SeedSequence, count: int) -> dict[str, SE3]:
+    """Where each robot truly was as it recorded a pose, `recorded_from_true`, (count, stands); none without noise."""
+    sigma = np.repeat([settings["robot_sigma_t_m"], settings["robot_sigma_r_rad"]], 3)
+    if not sigma.any():
+        return {}
+    each = zip(sorted(problem.stands), seed.spawn(len(problem.stands)), strict=True)
+    return {
+        name: SE3.exp(sigma * np.random.default_rng(own).standard_normal((count, problem.stands[name], 6)))
+        for name, own in each
+    }
+
+
+def _redrawn(
+    cell: DrawnCell,
+    group: ViewGroup,
+    errors: Mapping[str, SE3],
+    settings: Settings,
+    rng: np.random.Generator,
+    count: int,
+) -> ViewGroup:
+    """The group as each trial sees it."""
+    measurement = pixels_of(group)
+    exact = _exact_pixels(cell.made, group, errors, settings)
+    shape = (count, *measurement.pixels.shape)
+    pixels = exact + settings["pixel_px"] * rng.standard_normal(shape)
+    if settings["correlated_px"]:
+        pixels += settings["correlated_px"] * rng.standard_normal((*shape[:-2], 1, 2))
+    if settings["outlier_share"]:
+        off = rng.random(shape[:-1]) < settings["outlier_share"]
+        pixels += off[..., None] * rng.uniform(-settings["outlier_px"], settings["outlier_px"], shape)
+    pixels[:, ~measurement.seen] = 0.0
+    return replace(group, measurement=replace(measurement, pixels=pixels), readings=())
+
+
+def _exact_pixels(made: SimulatedCell, group: ViewGroup, errors: Mapping[str, SE3], settings: Settings) -> Array:
+    """What the camera sees without noise, (n, p, 2), or (count, n, p, 2) where the robots have errors [px]."""
+    world_from_camera = _placed(made, group.eye_base, group.eye_base_from_eye_flange) @ _error(
+        errors, group.eye, group.eye_stand
+    )
+    world_from_target = _placed(made, group.hand_base, group.hand_base_from_hand_flange) @ _error(
+        errors, group.hand, group.hand_stand
+    )
+    world_from_camera = world_from_camera @ made.truth[group.camera_mount]
+    world_from_target = world_from_target @ made.truth[group.target_mount]
+    camera_from_target = world_from_camera.inverse() @ world_from_target
+    true_points = settings["board_scale"] * pixels_of(group).points_in_target
+    lens = made.cameras[group.camera]
+    scale = np.concatenate([np.full(2, settings["focal_scale"]), np.ones(len(lens.parameters) - 2)])
+    return lens.with_parameters(scale * lens.parameters).project(camera_from_target.spread() @ true_points)
+
+
+def _placed(made: SimulatedCell, base: str | None, base_from_flange: SE3) -> SE3:
+    """`world_from_flange` as recorded, (n,)."""
+    return base_from_flange if base is None else made.truth[base] @ base_from_flange
+
+
+def _error(errors: Mapping[str, SE3], robot: str | None, stand: IntArray) -> SE3:
+    """Error of a robot at each view's stand, (count, n); none where it has none."""
+    return errors[robot][:, stand] if robot is not None and robot in errors else SE3.identity()

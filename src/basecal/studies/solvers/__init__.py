@@ -1,0 +1,1 @@
+"""What a study may solve with, a file for each."""

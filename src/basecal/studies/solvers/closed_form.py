@@ -1,0 +1,33 @@
+"""The paper's closed form, of all trials at once; it gives no covariance."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.estimation.axis_shift.closed_form import base_of_station, estimate, image_gradient
+from basecal.studies.cells import SHIFTS, Settings
+from basecal.studies.draws import Draws
+from basecal.studies.solvers.solver import Answers
+
+BLOCKS = 64
+
+
+def unfit(settings: Settings) -> str | None:
+    """Why it cannot solve what these settings make; None where it can."""
+    if settings["layout"] != SHIFTS:
+        return f"closed_form needs layout {SHIFTS}: a light shifted before a still camera"
+    return None
+
+
+def solve(draws: Draws) -> Answers:
+    """The base by eqs. (7)-(10) from what each trial saw of the light before and after its shifts."""
+    group = draws.problem.groups[0]
+    lens = draws.made.cameras[group.camera]
+    image = draws.measurement().pixels[..., 0, :] - lens.center
+    hand_base_from_light = group.hand_base_from_hand_flange @ draws.made.truth[group.target_mount]
+    eye_base_from_camera = group.eye_base_from_eye_flange[0] @ draws.made.truth[group.camera_mount]
+    shifts = (hand_base_from_light[0].inverse() @ hand_base_from_light).translation[1:]
+    gradient = image_gradient(image[..., 1:, :] - image[..., :1, :], shifts)
+    found = estimate(image[..., 0, :], gradient, lens.focal)
+    base = base_of_station(eye_base_from_camera, found.camera_from_light, hand_base_from_light[0])
+    return Answers(base, None, np.ones(draws.count, dtype=bool))

@@ -1,0 +1,96 @@
+"""Our own solver: the first trial from nothing, the others side by side from where it ends.
+
+A trial that from there ends where its residuals cannot be noise, or nowhere, is solved from nothing as well.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from basecal.errors import BasecalError
+from basecal.estimation.problem.problem import Problem
+from basecal.estimation.solve import Solution, solve_packed
+from basecal.estimation.solve_batch import solve_batch
+from basecal.geometry import SE3, Array, BoolArray
+from basecal.studies.cells import Settings
+from basecal.studies.draws import Draws, pixels_of
+from basecal.studies.solvers.solver import Answers, unsolved
+
+BLOCKS = 1
+_PLAUSIBLE_SIGMAS = 4.0  # root of a trial's cost over the median's: noise does not reach it, another optimum does
+
+
+def unfit(settings: Settings) -> str | None:
+    """None: it solves everything."""
+    return None
+
+
+def solve(draws: Draws) -> Answers:
+    """All trials."""
+    try:
+        first = _alone(draws, 0)
+    except (BasecalError, np.linalg.LinAlgError) as error:
+        return unsolved(draws.count, str(error))
+    if draws.transform in first.observability.unobservable:
+        return unsolved(draws.count, f"{draws.transform} is not observable")
+    if first.observability.unobservable:  # the batch inverts the information of everything
+        return _each(draws, _placeholder(draws), np.ones(draws.count, dtype=bool))
+    try:
+        found = solve_batch(draws.problem, first.state.spread(draws.problem, draws.count))
+    except np.linalg.LinAlgError:  # the information of one of them
+        return _each(draws, _placeholder(draws), np.ones(draws.count, dtype=bool))
+    where = draws.problem.columns[draws.transform]
+    together = _Together(
+        found.state.transforms[draws.transform], found.covariance[:, where, where], found.converged.copy()
+    )
+    return _each(draws, together, ~found.converged | (found.cost > _PLAUSIBLE_SIGMAS**2 * np.median(found.cost)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Together:
+    """Transforms (b,), covariances (b, w, w) and whether they are optima (b,), of all trials."""
+
+    transform: SE3
+    covariance: Array
+    converged: BoolArray
+
+
+def _placeholder(draws: Draws) -> _Together:
+    where = draws.problem.columns[draws.transform]
+    width = where.stop - where.start
+    return _Together(
+        SE3.identity((draws.count,)), np.zeros((draws.count, width, width)), np.zeros(draws.count, dtype=bool)
+    )
+
+
+def _each(draws: Draws, found: _Together, again: BoolArray) -> Answers:
+    """What was found, those of `again` solved by themselves."""
+    rotation, translation = found.transform.rotation.copy(), found.transform.translation.copy()
+    covariance, solved = found.covariance.copy(), found.converged.copy()
+    where = draws.problem.columns[draws.transform]
+    for trial in np.flatnonzero(again):
+        try:
+            own = _alone(draws, int(trial))
+        except (BasecalError, np.linalg.LinAlgError):
+            solved[trial] = False
+            continue
+        transform = own.state.transforms[draws.transform]
+        rotation[trial], translation[trial] = transform.rotation, transform.translation
+        covariance[trial] = own.covariance[where, where]
+        solved[trial] = own.converged and draws.transform not in own.observability.unobservable
+    return Answers(SE3(rotation, translation), covariance, solved, "" if solved.all() else "not converged")
+
+
+def _alone(draws: Draws, trial: int) -> Solution:
+    """A trial solved by itself, from nothing."""
+    return solve_packed(_trial(draws.problem, trial), draws.made.cell)
+
+
+def _trial(problem: Problem, trial: int) -> Problem:
+    groups = [
+        replace(group, measurement=replace(pixels_of(group), pixels=pixels_of(group).pixels[trial]))
+        for group in problem.groups
+    ]
+    return problem.with_groups(groups)

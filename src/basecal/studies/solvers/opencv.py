@@ -1,0 +1,59 @@
+"""OpenCV: each view's pose by `solvePnP`, then `calibrateRobotWorldHandEye`; it gives no covariance."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.geometry import SE3, Array
+from basecal.studies.cells import Settings
+from basecal.studies.draws import Draws
+from basecal.studies.solvers.solver import Answers
+from basecal.vision.robot_world import RobotWorld, camera_from_target, robot_world
+
+BLOCKS = 1
+
+
+def unfit(settings: Settings) -> str | None:
+    """Why it cannot solve what these settings make; None where it can."""
+    alone = settings["layout"] in ("eye_in_hand", "eye_to_hand")
+    if not alone and not (settings["layout"] == "dual" and settings["camera_mount"] == "fixed"):
+        return "opencv has two unknowns: layout eye_in_hand or eye_to_hand, or dual with camera_mount fixed"
+    if settings["intrinsics"] != "fixed":
+        return "opencv takes the lens as known: intrinsics fixed"
+    return None
+
+
+def solve(draws: Draws) -> Answers:
+    """Each trial by itself."""
+    found = [_solved(draws, pixels) for pixels in draws.measurement().pixels]
+    solved = np.array([each is not None for each in found])
+    transforms = SE3.stack([SE3.identity() if each is None else each for each in found])
+    return Answers(transforms, None, solved, "" if solved.all() else "OpenCV found nothing")
+
+
+def _solved(draws: Draws, pixels: Array) -> SE3 | None:
+    """The transform that is judged, from the pixels of a trial, (n, p, 2)."""
+    group, measurement = draws.problem.groups[0], draws.measurement()
+    lens, points = draws.made.cameras[group.camera], measurement.points_in_target
+    views = [camera_from_target(lens, points, *of) for of in zip(pixels, measurement.seen, strict=True)]
+    kept = [k for k, view in enumerate(views) if view is not None]
+    if not kept:
+        return None
+    seen = SE3.stack([view for view in views if view is not None])
+    eye, hand = group.eye_base_from_eye_flange[kept], group.hand_base_from_hand_flange[kept]
+    if group.hand is None:
+        return _named(draws, robot_world(seen, eye.inverse()), True)
+    if group.eye is None:
+        return _named(draws, robot_world(seen, hand), True)
+    known = draws.made.truth[group.camera_mount]
+    return _named(draws, robot_world(eye @ known @ seen, hand), False)
+
+
+def _named(draws: Draws, found: RobotWorld | None, of_camera: bool) -> SE3 | None:
+    """The one of the two unknowns that is judged; the first is the camera's mount turned about, or the base."""
+    group = draws.problem.groups[0]
+    if found is None:
+        return None
+    if draws.transform == group.target_mount:
+        return found.last
+    return found.first.inverse() if of_camera else found.first

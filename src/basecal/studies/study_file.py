@@ -1,0 +1,206 @@
+"""A study's file: its shape, read with every mistake at once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, get_args
+
+from pydantic import BeforeValidator, Field, ValidationError, create_model
+from pydantic import model_validator as checks_whole
+from pydantic.fields import FieldInfo
+
+from basecal.cell.format.problems import Loc, Problem, dataset_error, short
+from basecal.cell.format.values import LARGEST, Entry, Status, empty, known_names
+from basecal.cell.format.yaml_text import parse_yaml, read_text
+from basecal.cell.schema.errors import problems_of
+from basecal.cell.targets.all_kinds import AnyTargetEntry
+from basecal.geometry.lens import lens_models
+from basecal.registry import SOLVERS, TargetKindName
+from basecal.simulation.scenario import Arms, LayoutName
+from basecal.studies.cells import SHIFTS, statuses
+from basecal.studies.solvers.solver import solver
+from basecal.studies.study import Point, Study
+
+SCHEMA = "basecal/study/1"
+_MOST_TRIALS = 10_000_000  # of a point: a table of some gigabytes
+_MOST_CELLS = 10_000
+_MOST_VALUES = 1000  # of an axis
+_MOST_POINTS = 100_000
+_LONGEST_TEXT = 10_000  # characters of what is said about a study
+
+_Count = Annotated[int, Field(ge=1, le=100_000)]
+_Size = Annotated[float, Field(ge=0, le=LARGEST)]
+_Share = Annotated[float, Field(ge=0, le=1)]
+_Factor = Annotated[float, Field(ge=0.5, le=2)]
+_Turn = Annotated[float, Field(ge=0, le=3.15)]
+_Solver = Annotated[str, known_names("solver", tuple(SOLVERS))]
+_Lens = Annotated[str, known_names("lens", lens_models())]
+_Layout = Annotated[str, known_names("layout", (*get_args(LayoutName), SHIFTS))]
+
+
+def _standing_anywhere(value: Any) -> Any:
+    """A target's entry, which `cell.yaml` would have stand on something."""
+    return {"on": "world", **value} if isinstance(value, dict) else value
+
+
+_Board = Annotated[AnyTargetEntry, BeforeValidator(_standing_anywhere)]
+
+
+class SettingsEntry(Entry):
+    """What is simulated and how it is solved; each field may be an axis."""
+
+    solver: _Solver = "maximum_likelihood"
+    layout: _Layout = "dual"
+    arms: Arms = "both"
+    samples: Annotated[int, Field(ge=1, le=10_000)] = 30
+    stations: Annotated[int, Field(ge=1, le=1000)] = 5
+    robots: Annotated[int, Field(ge=2, le=100)] = 3
+    target: TargetKindName = "charuco"
+    board: _Board | None = None
+    lens: _Lens = "pinhole"
+    distance_m: Annotated[float, Field(gt=0, le=1000)] = 0.7
+    spread_rad: _Turn = 0.6
+    position_m: _Size = 0.12
+    shift_m: Annotated[float, Field(gt=0, le=10)] = 0.1
+    base: Status = "free"
+    camera_mount: Status = "free"
+    target_mount: Status = "free"
+    intrinsics: Status = "fixed"
+    pixel_px: _Size = 0.2
+    correlated_px: _Size = 0.0
+    robot_sigma_t_m: _Size = 0.0
+    robot_sigma_r_rad: _Size = 0.0
+    state_pixel_noise: bool = True
+    state_robot_noise: bool = True
+    outlier_share: _Share = 0.0
+    outlier_px: _Size = 20.0
+    board_scale: _Factor = 1.0
+    focal_scale: _Factor = 1.0
+
+
+def _axis(field: FieldInfo) -> tuple[Any, None]:
+    """A list of values of a field, or nothing."""
+    value = Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
+    values = Annotated[list[value], Field(min_length=1, max_length=_MOST_VALUES)]  # type: ignore[valid-type]
+    return values | None, None
+
+
+if TYPE_CHECKING:
+
+    class AxesEntry(Entry):
+        """The same fields, each a list of values."""
+else:
+    _FIELDS = {name: _axis(field) for name, field in SettingsEntry.model_fields.items()}
+    AxesEntry = create_model("AxesEntry", __base__=Entry, **_FIELDS)
+
+
+class StudyEntry(Entry):
+    """All of a study's file."""
+
+    version: Literal["basecal/study/1"] = Field(alias="schema")
+    title: Annotated[str, Field(max_length=_LONGEST_TEXT)] = ""
+    about: Annotated[str, Field(max_length=_LONGEST_TEXT)] = ""
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
+    trials: Annotated[int, Field(ge=1, le=_MOST_TRIALS)]
+    cells: Annotated[int, Field(ge=1, le=_MOST_CELLS)] = 10
+    transform: str | None = None
+    hold: Annotated[SettingsEntry, BeforeValidator(empty)] = SettingsEntry()
+    axes: Annotated[AxesEntry, BeforeValidator(empty)] = AxesEntry()
+
+    @checks_whole(mode="after")
+    def _cells_share_the_trials(self) -> Self:
+        if self.cells > self.trials:
+            raise ValueError(f"{self.trials} trials cannot be spread over {self.cells} cells: give fewer cells")
+        return self
+
+
+def read_study(path: str | Path) -> Study:
+    """The study that a file describes.
+
+    Raises:
+        DatasetError: if it cannot be read as written; the message has a line for each mistake.
+    """
+    text = read_text(Path(path), "a study is a YAML file (docs/studies.md)")
+    return study_from_text(text, str(path))
+
+
+def study_from_text(text: str, path: str) -> Study:
+    """As `read_study`, from what the file holds."""
+    document = parse_yaml(text, path)
+    data, lines = document.data, document.lines
+    if not isinstance(data, dict):
+        message = f"expected a mapping that starts with `schema: {SCHEMA}`, got {short(data)}"
+        raise dataset_error(path, [Problem((), message)], lines)
+    if data.get("schema") != SCHEMA:
+        got = short(data["schema"]) if "schema" in data else "none"
+        raise dataset_error(path, [Problem(("schema",), f"expected {SCHEMA}, got {got}")], lines)
+    try:
+        entry = StudyEntry.model_validate(data)
+    except ValidationError as error:
+        raise dataset_error(path, problems_of(error, StudyEntry), lines) from None
+    study = _study(entry, data, text, path, lines)
+    problems = [*_twice(study), *(Problem(loc, said) for loc, said in _unfit(study, data))]
+    if problems:
+        raise dataset_error(path, problems, lines)
+    return study
+
+
+def _study(entry: StudyEntry, data: dict[str, Any], text: str, path: str, lines: Mapping[Loc, int]) -> Study:
+    given = {name: getattr(entry.axes, name) for name in data.get("axes") or {}}
+    axes = {name: tuple(values) for name, values in given.items() if values is not None}
+    count = 1
+    for name, values in axes.items():
+        count *= len(values)
+        if name in (data.get("hold") or {}):
+            raise dataset_error(path, [Problem(("hold", name), "is an axis too: keep one of both")], lines)
+    if count > _MOST_POINTS:
+        raise dataset_error(path, [Problem(("axes",), f"make {count} points, at most {_MOST_POINTS} do")], lines)
+    held = {name: getattr(entry.hold, name) for name in SettingsEntry.model_fields}
+    return Study(
+        title=entry.title or Path(path).stem,
+        about=entry.about,
+        seed=entry.seed,
+        trials=entry.trials,
+        cells=entry.cells,
+        transform=entry.transform,
+        held=held,
+        axes=axes,
+        text=text,
+    )
+
+
+def _twice(study: Study) -> list[Problem]:
+    """Values that stand twice on an axis."""
+    return [
+        Problem(("axes", name, k), "stands on this axis already: remove it")
+        for name, values in study.axes.items()
+        for k, value in enumerate(values)
+        if value in values[:k]
+    ]
+
+
+def _unfit(study: Study, data: dict[str, Any]) -> list[tuple[Loc, str]]:
+    """What does not go together at some point of the study, each once, at the field to change."""
+    found: dict[str, Loc] = {}
+    for point in study.points:
+        for name, said in unfit(point, study.transform):
+            section = "axes" if name in study.axes else "hold"
+            found.setdefault(said, (section, name) if name in (data.get(section) or {}) else ("transform",)[: not name])
+    return [(loc, said) for said, loc in found.items()]
+
+
+def unfit(point: Point, transform: str | None) -> list[tuple[str, str]]:
+    """What does not go together at a point: the name of the field to change (none for `transform`), and words."""
+    s, found = point.settings, []
+    if refusal := solver(s["solver"]).unfit(s):
+        found.append(("solver", refusal))
+    if s["board"] is not None and s["board"].shape() is None:
+        found.append(("board", "needs `kind`, with the sizes of that kind"))
+    known = {name: status for name, status in statuses(s).items() if status != "fixed"}
+    if not known:
+        found.append(("base", "nothing is left to solve for: every transform is fixed"))
+    elif transform is not None and transform not in known:
+        there = f"there are: {', '.join(known)}"
+        found.append(("", f"{short(transform)} is none that layout {s['layout']} solves for; {there}"))
+    return found

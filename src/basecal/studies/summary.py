@@ -1,0 +1,84 @@
+"""What a study says of each point, as the plain data of `summary.json`."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.stats import chi2
+
+from basecal.geometry import Array
+from basecal.studies.chunk import COLUMNS, Trials
+from basecal.studies.study import Point, Study, label
+from basecal.studies.table import results
+
+SCHEMA = "basecal/study-result/1"
+COVERAGE = 0.95
+"""Of the ellipsoid that a covariance predicts, in which the truth should lie as often."""
+
+_QUANTILES = {"p05": 0.05, "median": 0.5, "p95": 0.95}
+
+
+def summarise(study: Study, folder: Path) -> dict[str, Any]:
+    """The study's points with the quantities of each; what was not computed is null.
+
+    Raises:
+        InputError: if a chunk is missing.
+    """
+    points = []
+    for point, group in itertools.groupby(results(study, folder), key=lambda each: each[0].point):
+        made = [result for _, result in group]
+        joined = {name: np.concatenate([getattr(result.trials, name) for result in made]) for name in COLUMNS}
+        reasons = dict.fromkeys(reason for result in made for reason in result.reasons)
+        points.append(_of_point(point, Trials(**joined), list(reasons)))
+    return {
+        "schema": SCHEMA,
+        "title": study.title,
+        "about": study.about,
+        "seed": study.seed,
+        "trials": study.trials,
+        "cells": study.cells,
+        "transform": study.transform,
+        "study": f"sha256:{study.identity}",
+        "axes": {name: [label(value) for value in values] for name, values in study.axes.items()},
+        "points": points,
+    }
+
+
+def _of_point(point: Point, trials: Trials, reasons: list[str]) -> dict[str, Any]:
+    solved = trials.solved
+    nees, directions = trials.nees[solved], trials.directions[solved]
+    judged = bool(len(nees)) and bool(np.all(directions > 0))
+    inside = nees <= chi2.ppf(COVERAGE, np.maximum(directions, 1)) if judged else np.zeros(0)
+    return {
+        "at": point.label,
+        "trials": len(solved),
+        "solved": int(solved.sum()),
+        "error_mm": _spread(trials.error_mm[solved]),
+        "error_deg": _spread(trials.error_deg[solved]),
+        "sigma_mm": _rms(trials.sigma_mm[solved]),
+        "sigma_deg": _rms(trials.sigma_deg[solved]),
+        "nees": {"mean": float(nees.mean()), "expected": int(directions[0]), **_range(nees)} if judged else None,
+        "coverage": {"share": float(inside.mean()), "expected": COVERAGE} if judged else None,
+        "time_s": float(trials.time_s.mean()),
+        "reasons": reasons,
+    }
+
+
+def _range(nees: Array) -> dict[str, float | None]:
+    """Standard error of the mean; nothing of a single trial."""
+    return {"standard_error": float(nees.std(ddof=1) / np.sqrt(len(nees))) if len(nees) > 1 else None}
+
+
+def _spread(errors: Array) -> dict[str, float] | None:
+    """Quantiles and root mean square; nothing without answers."""
+    if not len(errors):
+        return None
+    found = {name: float(np.quantile(errors, share)) for name, share in _QUANTILES.items()}
+    return {**found, "rms": float(np.sqrt(np.mean(errors**2)))}
+
+
+def _rms(sigmas: Array) -> float | None:
+    return float(np.sqrt(np.mean(sigmas**2))) if len(sigmas) and np.isfinite(sigmas).all() else None

@@ -1,0 +1,65 @@
+"""`basecal study`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from basecal.cli import main
+from study_example import SMALL
+
+TEXT = (
+    f"schema: basecal/study/1\ntitle: Small\ntrials: 4\ncells: 2\nhold: {{{SMALL}}}\naxes: {{pixel_px: [0.1, 0.2]}}\n"
+)
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "small.yaml"
+    path.write_text(TEXT)
+    return path
+
+
+def test_json_is_the_summary(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """One object, with where table and page are; the same summary stands in the folder."""
+    folder = file.parent / "out"
+    assert main(["study", str(file), "--workers", "1", "-o", str(folder), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert [point["at"] for point in told["points"]] == [{"pixel_px": 0.1}, {"pixel_px": 0.2}]
+    assert Path(told["table"]).is_file()
+    assert "Small" in Path(told["page"]).read_text()
+    kept = json.loads((folder / "summary.json").read_text())
+    assert {key: told[key] for key in kept} == kept
+    assert (folder / "study.yaml").read_text() == TEXT
+
+
+def test_words_and_the_folder_of_the_files_name(
+    file: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without -o what comes out stands in a folder here that is named as the file."""
+    monkeypatch.chdir(file.parent)
+    assert main(["study", file.name, "--workers", "1"]) == 0
+    said = capsys.readouterr().out
+    assert "4/4" in said
+    assert "page: small/report.html" in said
+    assert (file.parent / "small" / "report.html").is_file()
+
+
+def test_bad_files_are_three(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """One line with path, line and field; nothing is written."""
+    file.write_text(TEXT.replace("trials", "trails"))
+    assert main(["study", str(file), "-o", str(file.parent / "out")]) == 3
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert f"{file}:3: trails: unknown field (did you mean 'trials'?)" in said.err
+    assert said.err.count("\n") == 1
+    assert not (file.parent / "out").exists()
+
+
+def test_a_folder_of_other_things_is_left_alone(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The folder of the file itself is none for what comes out."""
+    assert main(["study", str(file), "--workers", "1", "-o", str(file.parent)]) == 3
+    assert "choose another folder" in capsys.readouterr().err
+    assert [path.name for path in file.parent.iterdir()] == ["small.yaml"]

@@ -1,0 +1,66 @@
+"""Our solver on batches of draws."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.estimation.solve import solve_packed
+from basecal.estimation.solve_batch import SolutionBatch
+from basecal.studies.draws import Draws, cell_of, draw, pixels_of
+from basecal.studies.solvers import maximum_likelihood
+from basecal.studies.solvers.maximum_likelihood import solve
+from study_example import SMALL, study
+
+
+def drawn(hold: str, count: int = 4) -> Draws:
+    settings = study(hold=f"{SMALL}, {hold}").points[0].settings
+    return draw(cell_of(settings, 2, 0, None), settings, (2, 0, 0), count)
+
+
+@pytest.mark.parametrize(
+    "hold",
+    ["pixel_px: 0.2", "state_pixel_noise: false", "robot_sigma_t_m: 2e-4, robot_sigma_r_rad: 2e-4, arms: stations"],
+)
+def test_together_is_as_one_by_one(hold: str) -> None:
+    """Transform and covariance of each trial as `solve` has them from nothing, to a thousandth of a sigma."""
+    draws = drawn(hold)
+    found = solve(draws)
+    group = draws.problem.groups[0]
+    for trial in range(draws.count):
+        pixels = pixels_of(group).pixels[trial]
+        alone = draws.problem.with_groups([replace(group, measurement=replace(pixels_of(group), pixels=pixels))])
+        own = solve_packed(alone, draws.made.cell).transforms[draws.transform]
+        apart = (own.mean.inverse() @ found.transform[trial]).log()
+        assert np.abs(apart / np.sqrt(np.diag(own.covariance))).max() < 1e-3
+        np.testing.assert_allclose(found.covariance[trial], own.covariance, rtol=1e-2, atol=1e-5 * own.covariance.max())
+
+
+def test_a_trial_in_another_valley_is_solved_by_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that the batch leaves at a great cost, or without an end, ends where its own solution is."""
+    draws = drawn("pixel_px: 0.2", 5)
+    right, batch = solve(draws), maximum_likelihood.solve_batch
+
+    def astray(problem, starts) -> SolutionBatch:
+        """A batch whose first two entries went wrong."""
+        found = batch(problem, starts)
+        cost, converged = found.cost.copy(), found.converged.copy()
+        cost[0], converged[1] = 1e9, False
+        found.state.transforms[draws.transform].translation.setflags(write=True)
+        found.state.transforms[draws.transform].translation[:2] += 1.0
+        return replace(found, cost=cost, converged=converged)
+
+    monkeypatch.setattr(maximum_likelihood, "solve_batch", astray)
+    found = solve(draws)
+    assert found.solved.all()
+    np.testing.assert_allclose(found.transform.matrix, right.transform.matrix, atol=1e-8)
+
+
+def test_what_cannot_be_seen_has_no_answer() -> None:
+    """Two samples leave the base open."""
+    settings = study(hold=SMALL.replace("samples: 8", "samples: 2")).points[0].settings
+    found = solve(draw(cell_of(settings, 0, 0, None), settings, (0, 0, 0), 3))
+    assert not found.solved.any()
+    assert found.reason

@@ -1,0 +1,28 @@
+"""The face of solvers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.registry import SOLVERS
+from basecal.studies.solvers.solver import solver, unsolved
+from study_example import study
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_every_solver_has_the_face(name: str) -> None:
+    """Blocks of a chunk, what it cannot solve, and the verb."""
+    found = solver(name)
+    assert found.BLOCKS >= 1
+    assert callable(found.solve)
+    refusal = found.unfit(study(hold="layout: chain").points[0].settings)
+    assert refusal is None if name == "maximum_likelihood" else name in refusal
+
+
+def test_unsolved_has_no_answers() -> None:
+    """But a reason."""
+    none = unsolved(3, "because")
+    assert not none.solved.any()
+    assert (len(none.transform), none.covariance, none.reason) == (3, None, "because")
+    assert np.array_equal(none.transform.matrix[0], np.eye(4))

@@ -1,0 +1,76 @@
+"""A chunk worked on, kept and read again."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from basecal.geometry import SE3
+from basecal.studies import chunk as module
+from basecal.studies.chunk import COLUMNS, chunk_path, read_chunk, worked, write_chunk
+from basecal.studies.solvers.solver import Answers
+from study_example import SMALL, study
+
+
+def test_a_chunk_is_a_function_of_the_study() -> None:
+    """Worked on twice it gives the same numbers to the last digit, time apart."""
+    made = study(hold=SMALL)
+    first, again = (worked(made, made.chunks[0]).trials for _ in range(2))
+    for name in set(COLUMNS) - {"time_s"}:
+        assert np.array_equal(getattr(first, name), getattr(again, name)), name
+
+
+def test_errors_are_judged_in_their_own_axes_and_sigmas(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An answer that is off by 3 mm and 2 deg with sigmas of 1 mm and 1 deg an axis has a squared length of 9 + 4."""
+    made = study(trials=2, cells=1, hold=SMALL)
+    degree = np.radians(1.0)
+
+    class Off:
+        """A solver that is off by what is known."""
+
+        @staticmethod
+        def solve(draws):
+            """The truth, moved."""
+            off = SE3.exp([0.003, 0, 0, 0, 0, 0]) @ SE3.exp([0, 0, 0, 0, 2 * degree, 0])
+            covariance = np.diag([1e-6] * 3 + [degree**2] * 3)
+            moved = SE3.stack([draws.truth @ off.inverse()] * 2)
+            return Answers(moved, np.stack([covariance] * 2), np.array([True, False]), "no more")
+
+    monkeypatch.setattr(module, "solver", lambda name: Off)
+    result = worked(made, made.chunks[0])
+    trials = result.trials
+    assert trials.error_mm[0] == pytest.approx(3, rel=1e-3)
+    assert trials.error_deg[0] == pytest.approx(2, rel=1e-6)
+    assert trials.sigma_mm[0] == pytest.approx(np.sqrt(3))
+    assert trials.sigma_deg[0] == pytest.approx(np.sqrt(3))
+    assert trials.nees[0] == pytest.approx(13, rel=1e-3)
+    assert np.isnan([trials.error_mm[1], trials.sigma_mm[1], trials.nees[1]]).all()
+    assert result.reasons == ("no more",)
+
+
+def test_a_cell_that_cannot_be_made_says_why() -> None:
+    """Its trials have no answer, and the study goes on."""
+    made = study(trials=3, cells=1, hold=f"{SMALL}, layout: eye_in_hand, arms: halves")
+    result = worked(made, made.chunks[0])
+    assert not result.trials.solved.any()
+    assert "needs two robots" in result.reasons[0]
+
+
+def test_files_are_read_back_or_not_at_all(tmp_path: Path) -> None:
+    """What is written is read; what is damaged, cut short or of another study is no chunk."""
+    made = study(hold=SMALL)
+    chunk = made.chunks[0]
+    assert read_chunk(tmp_path, made, chunk) is None
+    result = worked(made, chunk)
+    write_chunk(tmp_path, made, chunk, result)
+    again = read_chunk(tmp_path, made, chunk)
+    assert all(np.array_equal(getattr(again.trials, n), getattr(result.trials, n), equal_nan=True) for n in COLUMNS)
+    assert read_chunk(tmp_path, dataclasses.replace(made, seed=1), chunk) is None
+    path = chunk_path(tmp_path, chunk)
+    whole = path.read_bytes()
+    for damaged in (b"", whole[: len(whole) // 2], b"PK" + bytes(100), whole[:200] + b"\xff" * 40 + whole[240:]):
+        path.write_bytes(damaged)
+        assert read_chunk(tmp_path, made, chunk) is None

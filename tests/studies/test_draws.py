@@ -1,0 +1,59 @@
+"""Draws of noise about a cell."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.studies.cells import Settings
+from basecal.studies.draws import Draws, cell_of, draw
+from study_example import SMALL, study
+
+
+def drawn(hold: str, count: int = 400, seed: int = 0) -> tuple[Draws, Settings]:
+    settings = study(hold=f"{SMALL}, {hold}").points[0].settings
+    return draw(cell_of(settings, seed, 0, None), settings, (seed, 0, 0), count), settings
+
+
+def test_first_draws_do_not_depend_on_their_number() -> None:
+    """Ten draws are the first ten of twenty, also of robots' errors."""
+    hold = "pixel_px: 0.2, robot_sigma_t_m: 1e-4, robot_sigma_r_rad: 1e-4"
+    few, many = (drawn(hold, count)[0].measurement().pixels for count in (10, 20))
+    assert np.array_equal(few, many[:10])
+
+
+def test_pixel_noise_has_its_size() -> None:
+    """Its spread over draws is as stated, by 3 %: 400 draws of 8 x 12 x 2 numbers, 0.4 % of chance."""
+    assert drawn("pixel_px: 0.3")[0].measurement().pixels.std(0).mean() == pytest.approx(0.3, rel=0.03)
+
+
+def test_common_noise_is_common() -> None:
+    """Without noise of single points all points of a view are off alike."""
+    pixels = drawn("pixel_px: 0.0, correlated_px: 0.5")[0].measurement().pixels
+    off = pixels - pixels.mean(0)
+    assert np.abs(off - off.mean(2, keepdims=True)).max() < 1e-9
+    assert off[:, :, 0].std() == pytest.approx(0.5, rel=0.03)
+
+
+def test_robots_errors_move_what_is_seen() -> None:
+    """Recorded poses stay and pixels move, by about focal length times angle; one error serves all points of a view."""
+    draws, _ = drawn("pixel_px: 0.0, robot_sigma_r_rad: 1e-3")
+    assert draws.problem.groups[0].eye_base_from_eye_flange.shape == (8,)
+    assert 0.5 < draws.measurement().pixels.std(0).mean() < 10
+
+
+def test_without_noise_pixels_are_the_recordings_own() -> None:
+    """Exact pixels are those that were simulated without noise."""
+    draws, settings = drawn("pixel_px: 0.0", count=2)
+    own = cell_of(settings, 0, 0, None).problem.groups[0].measurement
+    np.testing.assert_allclose(draws.measurement().pixels[1], own.pixels, atol=1e-8)
+
+
+def test_faults_are_in_what_is_seen() -> None:
+    """Outliers are as many as asked; another board or focal length moves the points' image."""
+    exact = drawn("pixel_px: 0.0")[0].measurement().pixels
+    off = np.abs(drawn("pixel_px: 0.0, outlier_share: 0.1")[0].measurement().pixels - exact).max(-1) > 1e-6
+    assert off.mean() == pytest.approx(0.1, abs=0.01)
+    for fault in ("board_scale: 1.01", "focal_scale: 1.01"):
+        moved = np.linalg.norm(drawn(f"pixel_px: 0.0, {fault}", 1)[0].measurement().pixels - exact[:1], axis=-1)
+        assert 0.3 < moved.mean() < 20

@@ -1,0 +1,132 @@
+"""Studies worked through: the same tables however that is done, and whatever dies meanwhile."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from basecal.errors import InputError
+from basecal.studies import run as module
+from basecal.studies.chunk import COLUMNS
+from basecal.studies.run import run_study
+from basecal.studies.study import Study
+from basecal.studies.study_file import study_from_text
+from basecal.studies.table import results
+from study_example import SMALL, study
+
+AXES = "solver: [maximum_likelihood, opencv], samples: [6, 8]"
+HOLD = f"{SMALL.removeprefix('samples: 8, ')}, layout: eye_in_hand, robot_sigma_t_m: 1e-4, robot_sigma_r_rad: 1e-4"
+
+
+def numbers(made: Study, folder: Path) -> dict[str, bytes]:
+    """All columns but the time, as bytes."""
+    trials = [result.trials for _, result in results(made, folder)]
+    named = {name: np.concatenate([getattr(each, name) for each in trials]) for name in COLUMNS}
+    return {name: values.tobytes() for name, values in named.items() if name != "time_s"}
+
+
+@pytest.mark.slow
+def test_one_process_and_two_make_the_same_table(tmp_path: Path) -> None:
+    """To the last digit, time apart."""
+    made = study(trials=60, hold=HOLD, axes=AXES)
+    for workers in (1, 2):
+        run_study(made, tmp_path / str(workers), workers)
+    assert numbers(made, tmp_path / "1") == numbers(made, tmp_path / "2")
+
+
+def test_what_is_done_is_not_done_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Cut off after a chunk the study goes on with the second, and tells the trials done from the first on."""
+    made = study(hold=SMALL, axes="pixel_px: [0.1, 0.2, 0.3]")
+    work, done = module.worked, []
+
+    def once(study, chunk):
+        """A chunk, until one was done."""
+        if done:
+            raise KeyboardInterrupt
+        done.append(chunk.index)
+        return work(study, chunk)
+
+    monkeypatch.setattr(module, "worked", once)
+    with pytest.raises(KeyboardInterrupt):
+        run_study(made, tmp_path / "cut", 1)
+    monkeypatch.setattr(module, "worked", lambda study, chunk: done.append(chunk.index) or work(study, chunk))
+    told: list[tuple[int, int]] = []
+    run_study(made, tmp_path / "cut", 1, lambda *at: told.append(at))
+    assert done == [0, 1, 2]
+    assert told == [(8, 24), (16, 24), (24, 24)]
+    run_study(made, tmp_path / "whole", 1)
+    assert numbers(made, tmp_path / "cut") == numbers(made, tmp_path / "whole")
+
+
+LONG = f"""schema: basecal/study/1
+trials: 120
+cells: 4
+hold: {{{HOLD}}}
+axes: {{samples: [6, 8, 10, 12, 14, 16]}}
+"""
+
+
+def started(file: Path, folder: Path) -> subprocess.Popen[bytes]:
+    words = [sys.executable, "-m", "basecal", "study", str(file), "--workers", "2", "-o", str(folder)]
+    return subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+
+
+def children(process: subprocess.Popen[bytes]) -> list[int]:
+    """Processes that work for one, by Linux."""
+    ids = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+    return [pid for pid in map(int, ids) if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+
+
+def first_chunk(folder: Path) -> None:
+    end = time.monotonic() + 60
+    while not list(folder.glob("chunks/*.npz")):
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks for processes in /proc")
+@pytest.mark.parametrize("whom", ["a worker", "all"])
+def test_a_kill_changes_nothing(tmp_path: Path, whom: str) -> None:
+    """With -9, midway: a worker, and the study ends by itself; or the command, which is started again."""
+    file, folder = tmp_path / "long.yaml", tmp_path / "out"
+    file.write_text(LONG)
+    process = started(file, folder)
+    first_chunk(folder)
+    workers = children(process)
+    os.kill(workers[0] if whom == "a worker" else process.pid, signal.SIGKILL)
+    if whom == "all":
+        process.communicate(timeout=60)
+        end = time.monotonic() + 30
+        while any(Path(f"/proc/{pid}").exists() for pid in workers):  # none outlives who asked it
+            assert time.monotonic() < end
+            time.sleep(0.02)
+        kept = {path.name: path.stat().st_mtime_ns for path in folder.glob("chunks/*.npz")}
+        process = started(file, folder)
+    _, said = process.communicate(timeout=120)
+    assert process.returncode == 0, said
+    made = study_from_text(LONG, "long.yaml")
+    run_study(made, tmp_path / "whole", 1)
+    assert numbers(made, folder) == numbers(made, tmp_path / "whole")
+    if whom == "all":
+        assert kept
+        assert all((folder / "chunks" / name).stat().st_mtime_ns == at for name, at in kept.items())
+
+
+def test_another_study_is_not_mixed_in(tmp_path: Path) -> None:
+    """A folder that holds another study, or something else, is refused and left alone."""
+    run_study(study(trials=2, hold=SMALL), tmp_path / "one", 1)
+    with pytest.raises(InputError, match="holds another study"):
+        run_study(study(trials=3, hold=SMALL), tmp_path / "one", 1)
+    (tmp_path / "notes").mkdir()
+    (tmp_path / "notes" / "mine.txt").write_text("mine")
+    with pytest.raises(InputError, match="holds other files"):
+        run_study(study(trials=2, hold=SMALL), tmp_path / "notes", 1)
+    assert [path.name for path in (tmp_path / "notes").iterdir()] == ["mine.txt"]

@@ -1,0 +1,88 @@
+"""A study's file, and everything wrong with one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from basecal.errors import DatasetError
+from basecal.studies.study_file import read_study, study_from_text
+
+EXAMPLES = sorted((Path(__file__).parents[2] / "examples" / "studies").glob("*.yaml"))
+HEAD = "schema: basecal/study/1\ntrials: 10\ncells: 2\n"
+
+
+def test_defaults() -> None:
+    """Title and axes may be left out: a study of one point, named by its file."""
+    made = study_from_text(HEAD, "some/where.yaml")
+    assert (made.title, len(made.points), made.seed, made.transform) == ("where", 1, 0, None)
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_examples_can_be_read(path: Path) -> None:
+    """Every example has points, a title and something said about it."""
+    made = read_study(path)
+    assert len(made.points) > 4
+    assert made.title
+    assert made.about
+
+
+def test_there_are_examples() -> None:
+    """The three questions that the documents answer."""
+    assert [path.stem for path in EXAMPLES] == ["how_many_samples", "which_board", "which_shift_length"]
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "field", "words"),
+    [
+        ("[]", 1, None, "expected a mapping that starts with `schema: basecal/study/1`"),
+        ("schema: basecal/cell/1", 1, "schema", "expected basecal/study/1"),
+        ("schema: basecal/study/1", 1, "trials", "missing"),
+        (f"{HEAD}hold: {{sampels: 3}}", 4, "hold.sampels", "did you mean 'samples'?"),
+        (f"{HEAD}axes: {{sampels: [3]}}", 4, "axes.sampels", "did you mean 'samples'?"),
+        (f"{HEAD}trails: 3", 4, "trails", "did you mean 'trials'?"),
+        (f"{HEAD}axes:\n  samples: []", 5, "axes.samples", "at least 1"),
+        (f"{HEAD}axes:\n  samples: 5", 5, "axes.samples", "expected a list"),
+        (f"{HEAD}axes:\n  samples: [5, x]", 5, "axes.samples[1]", "expected a whole number"),
+        (f"{HEAD}axes:\n  samples:\n    - 5\n    - 5", 7, "axes.samples[1]", "already"),
+        (f"{HEAD}hold: {{samples: 5}}\naxes: {{samples: [5, 6]}}", 4, "hold.samples", "keep one of both"),
+        (f"{HEAD}hold: {{pixel_px: .nan}}", 4, "hold.pixel_px", "finite"),
+        (f"{HEAD}hold: {{pixel_px: -1}}", 4, "hold.pixel_px", "greater than or equal to 0"),
+        (f"{HEAD}hold: {{solver: open_cv}}", 4, "hold.solver", "did you mean 'opencv'?"),
+        (f"{HEAD}hold: {{solver: opencv}}", 4, "hold.solver", "two unknowns"),
+        (f"{HEAD}axes: {{solver: [closed_form]}}", 4, "axes.solver", "needs layout shifts"),
+        (f"{HEAD}hold: {{layout: duo}}", 4, "hold.layout", "no layout 'duo'"),
+        (f"{HEAD}hold: {{board: {{kind: charucco}}}}", 4, "hold.board.kind", "did you mean 'charuco'?"),
+        (f"{HEAD}hold: {{board: {{}}}}", 4, "hold.board", "needs `kind`"),
+        (f"{HEAD}transform: eye_base", 4, "transform", "there are: eye_base_from_hand_base"),
+        (f"{HEAD}hold: {{base: fixed, camera_mount: fixed, target_mount: fixed}}", 4, "hold.base", "nothing is left"),
+        ("schema: basecal/study/1\ntrials: 2\ncells: 5", 1, None, "2 trials cannot be spread over 5 cells"),
+    ],
+)
+def test_mistakes_are_told_with_line_and_field(text: str, line: int, field: str | None, words: str) -> None:
+    """Each with what was expected."""
+    with pytest.raises(DatasetError) as told:
+        study_from_text(text, "study.yaml")
+    assert (told.value.line, told.value.field) == (line, field)
+    assert words in told.value.reason
+
+
+def test_all_mistakes_at_once() -> None:
+    """In the order of the file, a line each."""
+    with pytest.raises(DatasetError) as told:
+        study_from_text(f"{HEAD}hold:\n  sampels: 3\n  pixel_px: much\n", "study.yaml")
+    assert [line.split(": ")[0] for line in str(told.value).splitlines()] == ["study.yaml:5", "study.yaml:6"]
+
+
+def test_many_points_are_refused() -> None:
+    """Before they are made."""
+    values = ", ".join(str(k) for k in range(1, 1001))
+    with pytest.raises(DatasetError, match="1000000 points"):
+        study_from_text(f"{HEAD}axes:\n  samples: [{values}]\n  stations: [{values}]\n", "study.yaml")
+
+
+def test_missing_file(tmp_path: Path) -> None:
+    """The path is named."""
+    with pytest.raises(DatasetError, match="there is no such file"):
+        read_study(tmp_path / "none.yaml")

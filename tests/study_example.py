@@ -1,0 +1,17 @@
+"""Small studies for tests."""
+
+from __future__ import annotations
+
+from basecal.studies.study import Study
+from basecal.studies.study_file import study_from_text
+
+BOARD = "board: {kind: chessboard, corners: [4, 3], square_m: 0.06}"
+
+
+def study(trials: int = 8, cells: int = 2, hold: str = "", axes: str = "", more: str = "") -> Study:
+    """A study with cells of a few samples; `hold` and `axes` are entries in braces' place."""
+    text = f"schema: basecal/study/1\ntrials: {trials}\ncells: {cells}\n{more}\nhold: {{{hold}}}\naxes: {{{axes}}}\n"
+    return study_from_text(text, "study.yaml")
+
+
+SMALL = f"samples: 8, {BOARD}"

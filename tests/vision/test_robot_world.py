@@ -1,0 +1,42 @@
+"""OpenCV's own solvers, in our frames."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.geometry import SE3, Camera
+from basecal.vision.robot_world import camera_from_target, robot_world
+
+LENS = Camera("pinhole", np.array([900.0, 905.0, 640.0, 350.0, -0.2, 0.05, 0.001, -0.001, 0.0]), (1280, 720))
+
+
+def test_pose_of_a_view() -> None:
+    """From exact pixels, the lens's distortion and all."""
+    points = np.array([[x, y, 0.0] for x in (0, 0.1, 0.2) for y in (0, 0.1)])
+    true = SE3.exp([-0.1, 0.05, 0.8, 0.2, -0.3, 0.1])
+    seen = np.array([True] * 5 + [False])
+    pixels = LENS.project(true @ points)
+    pixels[5] = 1e4  # not looked at
+    found = camera_from_target(LENS, points, pixels, seen)
+    np.testing.assert_allclose((true.inverse() @ found).log(), 0, atol=1e-6)
+
+
+def test_too_few_points_are_none() -> None:
+    """Three points leave several poses, and OpenCV finds none by this way."""
+    points = np.eye(3)
+    assert camera_from_target(LENS, points, np.zeros((3, 2)), np.array([True, True, False])) is None
+
+
+def test_two_unknowns_about_a_moving_transform() -> None:
+    """`outer == first @ inner @ last` gives both."""
+    rng = np.random.default_rng(0)
+    first, last, inner = (SE3.exp(rng.normal(size=s)) for s in (6, 6, (12, 6)))
+    found = robot_world(first @ inner @ last, inner)
+    np.testing.assert_allclose(found.first.matrix, first.matrix, atol=1e-9)
+    np.testing.assert_allclose(found.last.matrix, last.matrix, atol=1e-9)
+
+
+def test_too_few_poses_are_none() -> None:
+    """OpenCV wants three."""
+    one = SE3.identity((1,))
+    assert robot_world(one, one) is None
