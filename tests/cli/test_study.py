@@ -53,7 +53,7 @@ def test_bad_files_are_three(file: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert main(["study", str(file), "-o", str(file.parent / "out")]) == 3
     said = capsys.readouterr()
     assert said.out == ""
-    assert f"{file}:3: trails: unknown field (did you mean 'trials'?)" in said.err
+    assert f"{file}:1: trials: missing; add it; line 3: trails: unknown field (did you mean 'trials'?)" in said.err
     assert said.err.count("\n") == 1
     assert not (file.parent / "out").exists()
 
