@@ -57,3 +57,13 @@ def test_a_cell_without_a_run_says_what_to_do(tmp_path: Path, capsys: pytest.Cap
     journal = tmp_path / "cell" / "recording" / "samples.jsonl"
     assert main(["verify", str(tmp_path / "cell"), str(journal)]) == 3
     assert "has no run yet: basecal calibrate" in capsys.readouterr().err
+
+
+def test_samples_may_be_those_of_another_cell(cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A folder that new samples were imported into: its own recording is read, and what the calibrated cell says."""
+    (tmp_path / "today" / "recording").mkdir(parents=True)
+    (tmp_path / "today" / "recording" / "samples.jsonl").write_text((cell / "new.jsonl").read_text())
+    assert main(["verify", str(cell), str(tmp_path / "today")]) == 0
+    assert capsys.readouterr().out.startswith("NOT MOVED: 6 samples")
+    assert main(["verify", str(cell), str(tmp_path)]) == 3
+    assert "samples.jsonl" in capsys.readouterr().err

@@ -15,7 +15,8 @@ def verify(cell: Path, samples: Path, /, *, against: Path | None = None, json: b
     Says whether anything moved, what (a base, a camera, a target, the zero of
     a joint) and by how much with its sigma, and which shift would have been
     seen. SAMPLES is a file of lines as in recording/samples.jsonl, its images
-    in the recording's folder. Nothing is written.
+    in the recording's folder; or a folder that poses and pictures of the same
+    robots and cameras were imported into. Nothing is written.
 
     Ends with 0 where nothing moved, with 1 where something did or that cannot
     be told, so that a scheduled check can raise an alarm. Where nothing moved
@@ -24,12 +25,13 @@ def verify(cell: Path, samples: Path, /, *, against: Path | None = None, json: b
     For example:
 
         basecal verify mycell today.jsonl
+        basecal verify mycell today
         basecal verify mycell today.jsonl --json
         basecal verify mycell today.jsonl --against mycell/runs/20260102T030405Z
 
     Args:
         cell: Folder of the cell.
-        samples: New samples, one JSON object a line.
+        samples: New samples, one JSON object a line; or the folder of a cell that they were imported into.
         against: Folder of the run to verify; the latest where none is given.
         json: Print one JSON object instead of words.
     """
@@ -39,7 +41,9 @@ def verify(cell: Path, samples: Path, /, *, against: Path | None = None, json: b
 
     described = read_cell(cell)
     calibration = read_calibration(run_of(cell) if against is None else against)
-    recording = read_samples(samples, cell, described)
+    is_cell = samples.is_dir()
+    journal = samples / "recording" / "samples.jsonl" if is_cell else samples
+    recording = read_samples(journal, samples if is_cell else cell, described)
     if any(sample.images for sample in recording.samples):
         from basecal.vision.detect import detect
 

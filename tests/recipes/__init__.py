@@ -1,0 +1,1 @@
+"""The recipes and the tutorial: what they tell users to type."""

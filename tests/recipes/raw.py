@@ -1,0 +1,143 @@
+"""The raw files that each recipe begins with, by the name of its page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from basecal.cell import Recording
+from basecal.cell.targets.charuco import charuco_target
+from basecal.simulation import SimulatedCell
+from basecal.simulation.images import render_recording
+from tests.journeys.raw import FIRST_STAMP_NS, cell, photographs, recorded, written
+from tests.journeys.test_hobby_arms import OFFSET_DEG, dataset
+from tests.journeys.test_production import krl, rapid
+from tests.journeys.test_ros2 import PERIOD_NS, trajectory
+from tests.journeys.test_ur import teach_pendant
+
+OF_ARMS = (("eye", "left"), ("hand", "right"))
+
+
+def ur(folder: Path) -> None:
+    """Poses of two arms and photographs."""
+    made = cell(samples=15, seed=3)
+    photographs(made, folder, lambda i: f"IMG_{i + 1}.png")
+    for robot, name in OF_ARMS:
+        written(folder / f"{name}.txt", teach_pendant(*recorded(made, robot)))
+
+
+def kuka_abb(folder: Path) -> None:
+    """Lines of two pendants' programs, and pictures."""
+    made = cell(samples=18, seed=5)
+    photographs(made, folder, lambda i: f"cam0_{i + 1:04d}.png")
+    written(folder / "calib.dat", krl(*recorded(made, "eye")))
+    written(folder / "calib.mod", rapid(*recorded(made, "hand")))
+
+
+def ros2(folder: Path) -> None:
+    """Trajectories, and pictures whose names are stamps."""
+    made = cell(samples=15, seed=11)
+    photographs(made, folder, lambda i: f"{FIRST_STAMP_NS + i * PERIOD_NS}.png")
+    for robot, name in OF_ARMS:
+        written(folder / f"{name}.txt", trajectory(*recorded(made, robot)))
+
+
+def lerobot(folder: Path) -> None:
+    """Episodes of two arms whose zeros are off, and frames."""
+    made = cell(samples=40, seed=1, joints=True, joint_offset_rad=np.radians(OFFSET_DEG), robot_noise=(0.0, 0.0))
+    photographs(made, folder, lambda i: f"frame_{i:06d}.png")
+    for robot, name in (("eye", "leader"), ("hand", "follower")):
+        dataset(made, robot, folder / name)
+
+
+def two_cameras(folder: Path) -> None:
+    """Two arms, a camera on each; both look at one board at every sample."""
+    made = cell(samples=15, seed=4, layout="two_cameras")
+    for robot in ("left", "right"):
+        written(folder / f"{robot}.txt", teach_pendant(*recorded(made, robot)))
+    recording = render_recording(made, folder / "rendered")
+    for camera in made.cell.cameras:
+        name = f"photos_{made.cell.cameras[camera].on}"
+        (folder / name).mkdir()
+        for i, sample in enumerate(recording.samples):
+            (folder / "rendered" / sample.images[camera]).rename(folder / name / f"{i + 1}.png")
+
+
+def camera_beside(folder: Path) -> None:
+    """One arm that shows a board to a camera on a tripod."""
+    made = cell(samples=18, seed=6, layout="eye_to_hand")
+    photographs(made, folder, lambda i: f"{i + 1}.png")
+    written(folder / "arm.txt", teach_pendant(*recorded(made, "arm")))
+
+
+def three_robots(folder: Path) -> None:
+    """Two cameras, each of which has pictures of samples of its own; tables name them."""
+    made = _with_another_board(cell(samples=45, seed=7, layout="chain"), "r3")
+    pairs = [("r1", "r2"), ("r2", "r3")]
+    on = {name: camera.on for name, camera in made.cell.cameras.items()}
+    kept = [
+        sample
+        for sample in made.recording.samples
+        if any((on[o.camera], made.cell.targets[o.target].on) in pairs for o in sample.observations)
+    ]
+    pictures = render_recording(made, folder / "rendered")
+    names = {}
+    for carrier, called in (("r1", "photos_left"), ("r2", "photos_middle")):
+        (folder / called).mkdir()
+        mine = [s for s in kept if any(on[o.camera] == carrier for o in s.observations)]
+        for sample in mine:
+            (path,) = pictures.samples[sample.sample].images.values()
+            names[sample.sample] = f"{called[7:]}_{sample.sample:03d}.png"
+            (folder / "rendered" / path).rename(folder / called / names[sample.sample])
+    for robot, called in (("r1", "left"), ("r2", "middle"), ("r3", "right")):
+        some = [sample for sample in kept if robot in sample.robots]
+        positions, turns = recorded(_of(made, some), robot)
+        rows = np.column_stack([positions, turns.as_rotvec()])
+        lines = [
+            f"{names[sample.sample]}," + ",".join(f"{number:.9g}" for number in row)
+            for sample, row in zip(some, rows, strict=True)
+        ]
+        written(folder / f"{called}.csv", ["image,x,y,z,rx,ry,rz", *lines])
+
+
+def _with_another_board(made: SimulatedCell, robot: str) -> SimulatedCell:
+    other = charuco_target((5, 7), 0.03, 0.0225, "DICT_5X5_50")
+    targets = {n: replace(t, target=other) if t.on == robot else t for n, t in made.cell.targets.items()}
+    return replace(made, cell=replace(made.cell, targets=targets))
+
+
+def _of(made: SimulatedCell, samples: list) -> SimulatedCell:  # type: ignore[type-arg]
+    return replace(made, recording=Recording(tuple(samples)))
+
+
+def tutorial(folder: Path) -> None:
+    """A first day and a second of the same cell, in which nothing has moved."""
+    made = cell(samples=24, seed=8)
+    first, later = made.recording.samples[:20], made.recording.samples[20:]
+    photographs(made, folder, lambda i: f"{i + 1:02d}.png")
+    (folder / "photos_today").mkdir()
+    for picture in sorted((folder / "photos").iterdir())[20:]:
+        picture.rename(folder / "photos_today" / picture.name)
+    for robot, name in OF_ARMS:
+        written(folder / f"{name}.txt", teach_pendant(*recorded(_of(made, list(first)), robot)))
+        written(folder / f"{name}_today.txt", teach_pendant(*recorded(_of(made, list(later)), robot)))
+
+
+def nothing(folder: Path) -> None:
+    """A page that begins with nothing."""
+
+
+RAW: dict[str, Callable[[Path], None]] = {
+    "ur": ur,
+    "kuka_abb": kuka_abb,
+    "ros2": ros2,
+    "lerobot": lerobot,
+    "two_cameras": two_cameras,
+    "camera_beside": camera_beside,
+    "three_robots": three_robots,
+    "led_shifts": nothing,
+    "tutorial": tutorial,
+}

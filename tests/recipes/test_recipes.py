@@ -1,0 +1,54 @@
+"""Every command of the recipes and of the tutorial runs as it stands there, and ends as the page says."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from basecal.cell.files import latest_run, read_calibration
+from basecal.cli import main
+from tests.recipes.raw import RAW
+
+ROOT = Path(__file__).parents[2]
+PAGES = {path.stem: path for path in (*sorted((ROOT / "docs" / "recipes").glob("*.md")), ROOT / "docs" / "tutorial.md")}
+NEEDED = {"lerobot": "pyarrow"}
+QUICK = {"camera_beside"}
+"""Pages that run with the fast tests: one."""
+
+
+def commands(page: Path) -> list[list[str]]:
+    """The words of each command of a page, in order; lines that end in a backslash go on."""
+    blocks = re.findall(r"^```bash\n(.*?)^```", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+    lines = "".join(blocks).replace("\\\n", " ").splitlines()
+    return [words for line in lines if (words := shlex.split(line, comments=True))]
+
+
+@pytest.mark.parametrize(
+    "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in sorted(PAGES)]
+)
+def test_commands_run_and_end_in_good(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Each ends with 0, and every cell that was calibrated is good."""
+    if name in NEEDED:
+        pytest.importorskip(NEEDED[name], reason=f"the extra for {NEEDED[name]} is not installed")
+    RAW[name](tmp_path)
+    monkeypatch.chdir(tmp_path)
+    for program, *words in commands(PAGES[name]):
+        assert program == "basecal"
+        assert main(words) == 0, (words, capsys.readouterr())
+    runs = [run for folder in tmp_path.iterdir() if (run := latest_run(folder)) is not None]
+    assert runs
+    assert {read_calibration(run).verdict for run in runs} == {"good"}
+
+
+def test_every_page_is_tried_and_listed() -> None:
+    """Pages, raw files, the documents' contents and the list of recipes name the same."""
+    assert {*RAW} == {*PAGES}
+    contents = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+    for name, path in PAGES.items():
+        assert f"- {path.relative_to(ROOT / 'docs')}\n" in contents, name
+        assert commands(path), name
