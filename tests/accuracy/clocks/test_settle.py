@@ -1,12 +1,14 @@
 """Answers with their clocks."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from basecal.accuracy.clocks.search import Clocked
 from basecal.accuracy.clocks.settle import clock_findings, clock_offsets, clocks_left, settled
 from basecal.accuracy.verdict import calibrate
-from basecal.cell import Clock
+from basecal.cell import Clock, Recording
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.solve import Solution, solve_packed
 from basecal.estimation.streams.streams import streams_of, synchronised
@@ -77,3 +79,17 @@ def test_a_calibration_of_streams_is_true_and_says_its_clock() -> None:
     assert found.clocks["wrist"].offset_s == pytest.approx(0.03, abs=3.3 * found.clocks["wrist"].sigma_s)
     xi = (found[NAME].mean.inverse() @ MOUNT).log()
     assert xi @ np.linalg.solve(found[NAME].covariance, xi) < 22.5  # the 99.9 % of six freedoms
+
+
+def test_what_an_offset_cannot_mend_is_named():
+    """A clock that drifts by 20 ms in 8 s, of which the views see seven: the growth is found beside the offset."""
+    made = streamed()
+    drifting = tuple(
+        replace(sample, stamp_s=sample.stamp_s + 0.02 * (sample.stamp_s / 8 - 0.5)) if sample.observations else sample
+        for sample in made.recording.samples
+    )
+    found = calibrate(made.cell, Recording(drifting))
+    (finding,) = [finding for finding in found.findings if finding.code == "clock-offset"]
+    assert (finding.severity, finding.about) == ("warning", ("wrist",))
+    assert "the clock of wrist drifts: its images fall behind" in finding.message
+    assert found.verdict == "doubtful"

@@ -41,6 +41,14 @@ WORDS = {
         found("clock-offset", [0.5], 0.1, "eye", "samples"),
         "poses of eye lag behind the other devices by 0.50 +/- 0.10 samples",
     ),
+    "camera drifts": (
+        found("clock-drift", [-0.021], 1e-3, "wrist", "s", kind="camera"),
+        "the clock of wrist drifts: its images fall behind the other devices by 21.0 +/- 1.0 ms more at the last",
+    ),
+    "robot drifts": (
+        found("clock-drift", [-0.021], 1e-3, "eye", "s"),
+        "the clock of eye drifts: its poses run ahead of the other devices by 21.0 +/- 1.0 ms more at the last",
+    ),
     "step": (
         found("base-moved", [3e-3, 4e-3, 0, 0, 0, np.radians(0.5)], 1e-3, "hand_base", since=12),
         "hand_base moved by 5.0 +/- 1.0 mm and 0.500 +/- 0.057 deg at about sample 12",
@@ -58,7 +66,8 @@ def test_words(evidence, kind):
     """Each is a warning about whom it concerns, with its size, its sigma in the same unit, and its direction."""
     error, words = WORDS[kind]
     (finding,) = systematic_error(evidence(systematic_error=error))
-    assert (finding.code, finding.severity, finding.about) == (error.code, "warning", (error.about,))
+    code = {"clock-drift": "clock-offset"}.get(error.code, error.code)
+    assert (finding.code, finding.severity, finding.about) == (code, "warning", (error.about,))
     assert words in finding.message
 
 

@@ -97,8 +97,8 @@ def test_clean_cells_have_none(seed):
     assert found_in(cell, recording)[1] is None
 
 
-def on_a_path(lag_s):
-    """Poses of a hand on a path, and of what a world camera saw a moment before."""
+def on_a_path(lag_s, grows_s=0.0):
+    """Poses of a hand on a path, and of what a world camera saw a moment before, which may grow to the end."""
     made = simulate(Scenario(samples=1, layout="eye_to_hand", target="pose"), 0)
     cell, first = made.cell, made.recording.samples[0]
     home = first.robots["arm"].base_from_flange
@@ -113,7 +113,7 @@ def on_a_path(lag_s):
     flange_from_board = made.truth["arm_flange_from_board"]
     samples = []
     for k in range(50):
-        seen = overhead_from_base @ at(0.2 * k - lag_s) @ flange_from_board
+        seen = overhead_from_base @ at(0.2 * k - lag_s - grows_s * (k / 49 - 0.5)) @ flange_from_board
         noisy = seen @ SE3.exp(rng.standard_normal(6) * np.repeat([1e-3, 3e-3], 3))
         observed = type(first.observations[0])("overhead", "board", noisy, np.repeat([1e-3, 3e-3], 3))
         samples.append(Sample(k, 0.2 * k, {"arm": RobotState(at(0.2 * k))}, (observed,)))
@@ -132,6 +132,15 @@ def test_a_camera_that_lags(lag_s):
     assert (error.code, error.about, error.unit) == ("clock-offset", "overhead", "s")
     assert abs(error.size[0] + lag_s) < 4 * error.sigma
     assert error.sigma < 0.01
+
+
+def test_a_camera_whose_clock_drifts():
+    """By how much more it lags at the end than at the beginning, within four sigmas."""
+    _, error = found_in(*on_a_path(0.0, 0.2))
+    assert error is not None
+    assert (error.code, error.about, error.unit) == ("clock-drift", "overhead", "s")
+    assert abs(error.size[0] + 0.2) < 4 * error.sigma
+    assert error.sigma < 0.03
 
 
 def test_an_error_that_reconciles_residuals_with_their_sigmas():

@@ -2,9 +2,19 @@
 
 import numpy as np
 import pytest
+from tests.accuracy.systematic_errors.test_search import on_a_path
 
 from basecal.accuracy.systematic_errors.situation import Situation
-from basecal.accuracy.systematic_errors.table import TABLE, drifts, joint_offsets, length_scales, sag, steps
+from basecal.accuracy.systematic_errors.table import (
+    TABLE,
+    clock_drifts,
+    clock_offsets,
+    drifts,
+    joint_offsets,
+    length_scales,
+    sag,
+    steps,
+)
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.solve import solve_packed
 from basecal.geometry import SE3
@@ -101,3 +111,16 @@ def test_every_row_has_moves_for_all_views(of):
         for kind in make(of):
             assert kind.moves[0].shape[:3] == (12, len(kind.about), 6)
             assert len(kind.since) == len(kind.about)
+
+
+def test_a_clock_that_drifts_is_right_in_the_middle():
+    """Half of a clock's offset at the last sample, and less than none at the first; of stamps that say when."""
+    cell, recording = on_a_path(0.0)
+    problem, _ = build_problem(cell, recording)
+    of = Situation(
+        problem, solve_packed(problem, cell).state, problem, {s.sample: s.stamp_s for s in recording.samples}
+    )
+    (offset,), (drift,) = clock_offsets(of), clock_drifts(of)
+    share = np.linspace(-0.5, 0.5, 50)[of.rank(problem.groups[0])]
+    np.testing.assert_allclose(drift.moves[0], share[:, None, None, None] * offset.moves[0], atol=1e-12)
+    assert not list(clock_drifts(Situation(problem, of.state, problem, {})))

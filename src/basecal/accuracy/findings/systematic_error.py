@@ -57,6 +57,18 @@ def _clock_offset(found: SystematicError) -> Finding:
     return Finding("clock-offset", "warning", (found.about,), f"{what}; {_AGAIN}")
 
 
+def _clock_drift(found: SystematicError) -> Finding:
+    value, sigma = 1e3 * found.size[0], 1e3 * found.sigma
+    late = value < 0 if found.is_camera else value > 0
+    way = "fall behind" if late else "run ahead of"
+    what = (
+        f"the clock of {found.about} drifts: its {'images' if found.is_camera else 'poses'} {way} the other devices by "
+        f"{_rounded(abs(value), sigma)} ms more at the last sample than at the first: synchronise the "
+        "clocks, as by PTP or NTP, or record for a shorter time"
+    )
+    return Finding("clock-offset", "warning", (found.about,), f"{what}; {_AGAIN}")
+
+
 def _base_moved(found: SystematicError) -> Finding:
     what = (
         f"{found.about} moved by {_tangent(found)} at about sample {found.since}: look what was bumped, loosened or "
@@ -117,6 +129,7 @@ def _rounded(value: float, sigma: float) -> str:
 _WORDS: dict[str, Callable[[SystematicError], Finding]] = {
     "length-scale": _length_scale,
     "clock-offset": _clock_offset,
+    "clock-drift": _clock_drift,
     "base-moved": _base_moved,
     "drift": _drift,
     "deflection": _deflection,

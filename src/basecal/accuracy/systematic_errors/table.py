@@ -46,11 +46,26 @@ def _larger(of: Situation, k: int, target: str) -> Array:
 
 def clock_offsets(of: Situation) -> Iterator[Candidates]:
     """Clocks of each camera against all robots, and of each robot against the others, where arms move along paths."""
+    for name, late in _late(of):
+        yield _one("clock-offset", name, "s" if of.timed else "samples", late)
+
+
+def clock_drifts(of: Situation) -> Iterator[Candidates]:
+    """The same clocks, each by so much more at the last sample than at the first, and right in the middle."""
+    if not of.timed or len(of.samples) < _FEWEST_IN_TIME:
+        return
+    share = _share(of) - 0.5
+    for name, late in _late(of):
+        moves = tuple(share[of.rank(g)][:, None, None] * m for m, g in zip(late, of.problem.groups, strict=True))
+        yield _one("clock-drift", name, "s", moves)
+
+
+def _late(of: Situation) -> Iterator[tuple[str, tuple[Array, ...]]]:
+    """How views move by the unit of time that poses are read later, by the camera or robot whose clock says so."""
     velocity = {robot: of.velocity(robot) for robot in of.robots}
     paths = {robot: v for robot, v in velocity.items() if v is not None}
     if not paths:
         return
-    unit = "s" if of.timed else "samples"
     groups = of.problem.groups
     moved = {
         robot: [of.by_flange(k, robot) @ along[of.rank(g)][..., None] for k, g in enumerate(groups)]
@@ -58,10 +73,9 @@ def clock_offsets(of: Situation) -> Iterator[Candidates]:
     }
     for camera in sorted({g.camera for g in groups}):
         all_arms = [np.sum([of_robot[k] for of_robot in moved.values()], axis=0) for k in range(len(groups))]
-        mine = tuple(m * (g.camera == camera) for m, g in zip(all_arms, groups, strict=True))
-        yield _one("clock-offset", camera, unit, mine)
+        yield camera, tuple(m * (g.camera == camera) for m, g in zip(all_arms, groups, strict=True))
     for robot in paths if len(paths) > 1 else ():
-        yield _one("clock-offset", robot, unit, tuple(moved[robot]))
+        yield robot, tuple(moved[robot])
 
 
 def steps(of: Situation) -> Iterator[Candidates]:
@@ -84,7 +98,7 @@ def drifts(of: Situation) -> Iterator[Candidates]:
     """Each base and mount moved steadily, by a tangent from the first sample to the last."""
     if len(of.samples) < _FEWEST_IN_TIME:
         return
-    share = (of.times - of.times[0]) / max(of.times[-1] - of.times[0], 1e-300)
+    share = _share(of)
     for name in of.frames:
         moves = [share[of.rank(g)][:, None, None] * of.by_frame(k, name) for k, g in enumerate(of.problem.groups)]
         yield _one("drift", name, "", tuple(moves))
@@ -118,6 +132,11 @@ def joint_offsets(of: Situation) -> Iterator[Candidates]:
         yield Candidates("joint-offset", (robot,) * chain.n, (None,) * chain.n, "rad", tuple(moves), every)
 
 
+def _share(of: Situation) -> Array:
+    """Of the time from the first sample to the last, what has passed at each, 0 to 1."""
+    return np.asarray((of.times - of.times[0]) / max(of.times[-1] - of.times[0], 1e-300))
+
+
 def _one(code: str, about: str, unit: str, moves: tuple[Array, ...]) -> Candidates:
     return Candidates(code, (about,), (None,), unit, tuple(m[:, None] for m in moves))
 
@@ -125,6 +144,7 @@ def _one(code: str, about: str, unit: str, moves: tuple[Array, ...]) -> Candidat
 TABLE: tuple[Callable[[Situation], Iterator[Candidates]], ...] = (
     length_scales,
     clock_offsets,
+    clock_drifts,
     steps,
     drifts,
     sag,
