@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import pytest
 
 from basecal.errors import DatasetError
+from basecal.studies.run import run_study
 from basecal.studies.study_file import read_study, study_from_text
+from basecal.studies.summary import summarise
 
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples" / "studies").glob("*.yaml"))
 HEAD = "schema: basecal/study/1\ntrials: 10\ncells: 2\n"
@@ -26,6 +29,15 @@ def test_examples_can_be_read(path: Path) -> None:
     assert len(made.points) > 4
     assert made.title
     assert made.about
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_examples_run(path: Path, tmp_path: Path) -> None:
+    """With a trial at each point, every one has an answer."""
+    made = dataclasses.replace(read_study(path), trials=1, cells=1)
+    run_study(made, tmp_path / "out", 1)
+    assert all(point["solved"] == 1 for point in summarise(made, tmp_path / "out")["points"])
 
 
 def test_there_are_examples() -> None:

@@ -175,3 +175,14 @@ def test_a_recording_without_stations_says_what_is_needed():
     free = simulate(Scenario(target="led"), seed=0)
     with pytest.raises(NotObservable, match="eye_flange_from_wrist"):
         calibrate(free.cell, free.recording, Settings(method="axis-shift"))
+
+
+@pytest.mark.parametrize("angle", [1e-9, 1e-5, 2e-4, 0.3, 1.5, 3.0])
+def test_two_rows_and_what_is_across_them_turn_to_the_nearest_rotation(angle):
+    """As by singular values, whatever the angle between the rows; by 1e-9 where both are known to as many digits."""
+    rng = np.random.default_rng(4)
+    turned = SE3.exp(np.concatenate([np.zeros((20, 3)), rng.normal(size=(20, 3))], -1)).rotation
+    gradient = 100 * np.array([[1.0, 0, 0], [np.cos(angle), np.sin(angle), 0]]) @ turned
+    found = estimate(np.zeros((20, 2)), gradient, np.array([800.0, 800.0]))
+    expected = nearest_rotation(found.raw_rotation)
+    assert np.abs(found.camera_from_light.rotation - expected).max() < 1e-9

@@ -21,6 +21,7 @@ from basecal.geometry.se3 import hat, nearest_rotation
 from basecal.numerics.spectral import principal_axes, pseudo_inverse
 
 _FLAT_SHIFTS = 1e-3  # third singular value of the shifts over the first: below, they lie in a plane
+_NEARLY_PARALLEL = 1e-4  # [rad] between two rows: below, their plane is known to fewer than twelve digits
 _NEWTON_STEPS = 100  # at most
 _NEWTON_SETTLED = 1e-14  # rounding of a rotation
 
@@ -69,7 +70,22 @@ def estimate(light_px: Array, gradient: Array, focal_px: Array) -> ShiftEstimate
     raw = np.stack([k1, k2, np.cross(k1, k2)], axis=-2)  # eq. (8)
     depth = np.mean(focal_px / per_length, axis=-1)  # eq. (9), t_z
     t = np.concatenate([light_px * depth[..., None] / focal_px, depth[..., None]], axis=-1)
-    return ShiftEstimate(raw, SE3(nearest_rotation(raw), t))
+    return ShiftEstimate(raw, SE3(_nearest_to(raw), t))
+
+
+def _nearest_to(raw: Array) -> Array:
+    """The rotations nearest to rows k1, k2 of length one and k1 x k2, (..., 3, 3).
+
+    The third is across the others, so that these alone are turned in their plane, each by half of what their angle
+    lacks: their sum and their difference stay where they are. Where k1 and k2 are nearly parallel, rounding decides.
+    """
+    k1, k2 = raw[..., 0, :], raw[..., 1, :]
+    total, apart = k1 + k2, k1 - k2
+    lengths = [np.linalg.norm(each, axis=-1, keepdims=True) for each in (total, apart)]
+    if min(float(each.min(initial=1.0)) for each in lengths) < _NEARLY_PARALLEL:
+        return nearest_rotation(raw)
+    a, b = (np.sqrt(0.5) * each / length for each, length in zip((total, apart), lengths, strict=True))
+    return np.stack([a + b, a - b, np.cross(a + b, a - b)], axis=-2)
 
 
 def base_of_station(eye_base_from_camera: SE3, camera_from_light: SE3, hand_base_from_light: SE3) -> SE3:
