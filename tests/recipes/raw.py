@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from shutil import copytree, ignore_patterns
 
 import numpy as np
 
@@ -27,6 +28,13 @@ def ur(folder: Path) -> None:
     photographs(made, folder, lambda i: f"IMG_{i + 1}.png")
     for robot, name in OF_ARMS:
         written(folder / f"{name}.txt", teach_pendant(*recorded(made, robot)))
+
+
+def readme(folder: Path) -> None:
+    """A shipped example, and what the recipe of UR arms begins with."""
+    example = Path(__file__).parents[2] / "examples" / "ur5e_dual"
+    copytree(example, folder / "examples" / "ur5e_dual", ignore=ignore_patterns("runs", "derived"))
+    ur(folder)
 
 
 def kuka_abb(folder: Path) -> None:
@@ -131,6 +139,7 @@ def nothing(folder: Path) -> None:
 
 
 RAW: dict[str, Callable[[Path], None]] = {
+    "README": readme,
     "ur": ur,
     "kuka_abb": kuka_abb,
     "ros2": ros2,

@@ -1,4 +1,4 @@
-"""Every command of the recipes and of the tutorial runs as it stands there, and ends as the page says."""
+"""Every command of the recipes, of the tutorial and of the README runs as it stands there, and ends as the page says."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ from basecal.cli import main
 from tests.recipes.raw import RAW
 
 ROOT = Path(__file__).parents[2]
-PAGES = {path.stem: path for path in (*sorted((ROOT / "docs" / "recipes").glob("*.md")), ROOT / "docs" / "tutorial.md")}
+LISTED = {
+    path.stem: path for path in (*sorted((ROOT / "docs" / "recipes").glob("*.md")), ROOT / "docs" / "tutorial.md")
+}
+PAGES = {**LISTED, "README": ROOT / "README.md"}
 NEEDED = {"lerobot": "pyarrow"}
 QUICK = {"camera_beside"}
 """Pages that run with the fast tests: one."""
@@ -40,7 +43,9 @@ def test_commands_run_and_end_in_good(
     for program, *words in commands(PAGES[name]):
         assert program == "basecal"
         assert main(words) == 0, (words, capsys.readouterr())
-    runs = [run for folder in tmp_path.iterdir() if (run := latest_run(folder)) is not None]
+    runs = [
+        run for folder in (*tmp_path.iterdir(), *tmp_path.glob("examples/*")) if (run := latest_run(folder)) is not None
+    ]
     assert runs
     assert {read_calibration(run).verdict for run in runs} == {"good"}
 
@@ -49,6 +54,6 @@ def test_every_page_is_tried_and_listed() -> None:
     """Pages, raw files, the documents' contents and the list of recipes name the same."""
     assert {*RAW} == {*PAGES}
     contents = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
-    for name, path in PAGES.items():
+    for name, path in LISTED.items():
         assert f"- {path.relative_to(ROOT / 'docs')}\n" in contents, name
         assert commands(path), name
