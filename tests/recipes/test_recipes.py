@@ -1,4 +1,4 @@
-"""Every command of the recipes, of the tutorial and of the README runs as it stands there, and ends as the page says."""
+"""Every command of the recipes, the tutorial and the README runs as it stands there, and ends well."""
 
 from __future__ import annotations
 
@@ -43,9 +43,8 @@ def test_commands_run_and_end_in_good(
     for program, *words in commands(PAGES[name]):
         assert program == "basecal"
         assert main(words) == 0, (words, capsys.readouterr())
-    runs = [
-        run for folder in (*tmp_path.iterdir(), *tmp_path.glob("examples/*")) if (run := latest_run(folder)) is not None
-    ]
+    folders = [*tmp_path.iterdir(), *tmp_path.glob("examples/*")]
+    runs = [run for folder in folders if (run := latest_run(folder)) is not None]
     assert runs
     assert {read_calibration(run).verdict for run in runs} == {"good"}
 
