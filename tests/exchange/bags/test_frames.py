@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from basecal.errors import FrameNotFound, InputError
-from basecal.exchange.bags.frames import Hang, Tree, along, hint
+from basecal.exchange.bags.frames import Hang, Tree, along, hint, pose_of
 from basecal.geometry import SE3
 
 POSES = SE3.exp(np.random.default_rng(0).normal(0, 0.5, (4, 6)))
@@ -56,3 +56,10 @@ def test_what_is_not_joined() -> None:
 def test_a_circle_ends() -> None:
     both = {"a": Hang("b", values(POSES[0]), True, True), "b": Hang("a", values(POSES[0]), True, True)}
     assert Tree(both).above("a") == ["a", "b"]
+
+
+def test_what_is_no_pose() -> None:
+    """Numbers that are none, or beyond any length, are told before anything is reckoned with them."""
+    for bad in (np.nan, np.inf, 1e200):
+        with pytest.raises(InputError, match="x: not all numbers are finite"):
+            pose_of(np.array([bad, 0, 0, 0, 0, 0, 1]), "x")

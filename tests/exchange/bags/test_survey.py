@@ -5,9 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 from tests.bag_of_cell import BEGIN_S, new_bag
 
-from basecal.exchange.bags.bag import opened
+from basecal.errors import DatasetError
+from basecal.exchange.bags.bag import IMAGE, Bag, Topic, opened
 from basecal.exchange.bags.survey import plain, surveyed
 from basecal.geometry import SE3
 
@@ -36,3 +38,10 @@ def test_all_that_may_be_taken(tmp_path: Path) -> None:
     assert found.urdfs == {"/left/robot_description": "<robot/>"}
     assert found.joints == {"/joint_states": frozenset("abc")}
     assert plain("/eye") == "eye"
+
+
+def test_a_topic_that_holds_less_than_it_says() -> None:
+    """As where a name in a bag is damaged."""
+    bag = Bag("x.bag", {"/eye": Topic("/eye", IMAGE, 3)}, lambda names: iter(()))
+    with pytest.raises(DatasetError, match="/eye says 3 messages and holds none"):
+        surveyed(bag)

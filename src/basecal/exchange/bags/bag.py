@@ -120,10 +120,10 @@ def _messages(path: Path, reader: Any, decode: Callable[[bytes, str], Any], name
 
 @contextmanager
 def _in_words(path: Path) -> Iterator[None]:
-    """What a damaged bag makes the library raise, of which it has a dozen kinds, is an error that names the bag."""
+    """What a damaged bag makes the library raise, of a dozen kinds down to sizes beyond any memory, names the bag."""
     try:
         yield
-    except (BasecalError, MemoryError):
+    except BasecalError:
         raise
     except OSError as error:
         raise DatasetError(str(path), f"cannot be read: {error.strerror or error}") from None

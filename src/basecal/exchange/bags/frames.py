@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from basecal.cell.format.values import LARGEST
 from basecal.errors import FrameNotFound, InputError, listed
 from basecal.geometry import SE3, Array
 
@@ -92,6 +93,8 @@ def pose_of(values: Array, about: str) -> SE3:
     Raises:
         InputError: if one is none.
     """
+    if not np.all(np.abs(values) <= LARGEST):
+        raise InputError(f"{about}: not all numbers are finite, and within {LARGEST:g}")
     return SE3.from_quaternion(values[..., 3:], values[..., :3], about)
 
 

@@ -102,7 +102,12 @@ def _file(folder: Path, look: Look) -> Path:
 
 
 def _written(path: Path) -> Path:
-    return next(found for ending in _ENDINGS if (found := _with_ending(path, ending)).exists())
+    found = next((each for ending in _ENDINGS if (each := _with_ending(path, ending)).exists()), None)
+    if found is None:
+        raise InputError(
+            f"a picture of {path.parent.name} at {path.name} s was there, and is not when it is read again"
+        )
+    return found
 
 
 def _state(track: Track, k: int) -> RobotState:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from basecal.errors import DatasetError
 from basecal.exchange.bags.bag import CAMERA_INFO, COMPRESSED, IMAGE, JOINTS, TEXT, TF, Bag, Topic
 from basecal.exchange.bags.frames import Hang, Tree, values_of
 
@@ -57,7 +58,10 @@ def surveyed(bag: Bag) -> Survey:
 
 
 def _first(bag: Bag, topic: Topic) -> Any:
-    return next(bag.read([topic.name])).data
+    first = next(bag.read([topic.name]), None)
+    if first is None:
+        raise DatasetError(bag.path, f"{topic.name} says {topic.messages} messages and holds none: it is damaged")
+    return first.data
 
 
 def _tree(bag: Bag) -> Tree:

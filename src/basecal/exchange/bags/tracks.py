@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from basecal.cell.format.values import LARGEST
 from basecal.errors import InputError
 from basecal.exchange.bags.bag import TF, Bag, Message, stamp_of
 from basecal.exchange.bags.frames import Tree, along, pose_of, values_of
@@ -178,8 +179,8 @@ def _track(
         raise InputError(f"{path}: {name}: {source}: {why}")
     times, values = found.sorted()
     about = f"{path}: {name}: {source}"
-    if not np.isfinite(values).all():
-        raise InputError(f"{about}: not all numbers are finite")
+    if not np.all(np.abs(values) <= LARGEST):
+        raise InputError(f"{about}: not all numbers are finite, and within {LARGEST:g}")
     if isinstance(source, ByJoints):
         return Track(times, joints=values)
     if isinstance(source, ByPoses):
