@@ -23,6 +23,7 @@ FOUND = (
     ("cell.yaml", 10011602),
     ("industrial", 10003224),
     ("industrial", 10003812),
+    ("write faults", 1),
 )
 
 

@@ -47,6 +47,8 @@ def finish_import(
     """
     from basecal.exchange.importing.bring_in import bring_in
 
+    doubts: list[str] = []  # told once all is written: a command that fails says one line
+
     def check(cell: Cell, recording: Recording) -> None:
         """Nothing, where the recording can be.
 
@@ -59,9 +61,11 @@ def finish_import(
             told = f"{imported.source}: {'; '.join(found)}: that cannot be"
             if is_strict:
                 raise InputError(f"{told}, nothing is imported; {advice}")
-            say(f"basecal: warning: {told}; {advice}", sys.stderr)
+            doubts.append(f"{told}; {advice}")
 
     brought = bring_in(folder, imported, check, by, link)
+    for doubt in doubts:
+        say(f"basecal: warning: {doubt}", sys.stderr)
     for line in (f"read {imported.source}: {imported.what}", *_pairing_lines(brought), *_cell_lines(brought)):
         say(line)
     then = _next_step(brought.cell, brought.recording, folder)
