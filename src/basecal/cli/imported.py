@@ -50,18 +50,8 @@ def finish_import(
     doubts: list[str] = []  # told once all is written: a command that fails says one line
 
     def check(cell: Cell, recording: Recording) -> None:
-        """Nothing, where the recording can be.
-
-        Raises:
-            InputError: if it cannot.
-        """
-        from basecal.accuracy.input_check.plausibility import impossible_input
-
-        if found := impossible_input(cell, recording):
-            told = f"{imported.source}: {'; '.join(found)}: that cannot be"
-            if is_strict:
-                raise InputError(f"{told}, nothing is imported; {advice}")
-            doubts.append(f"{told}; {advice}")
+        """Keep what cannot be; see `_impossible`."""
+        doubts.extend(_impossible(imported.source, cell, recording, advice, is_strict))
 
     brought = bring_in(folder, imported, check, by, link)
     for doubt in doubts:
@@ -77,9 +67,23 @@ def finish_import(
     if 0 < brought.made < count:
         told += f", {brought.made} of them new,"
     made = " and cell.yaml" if brought.is_new_cell else ""
-    where = f"{'to' if brought.made == count else 'of'} {folder}"
-    say(f"{told}{made} {where}: {then}")
+    say(f"{told}{made} {'to' if brought.made == count else 'of'} {folder}: {then}")
     return 0
+
+
+def _impossible(source: str, cell: Cell, recording: Recording, advice: str, is_strict: bool) -> list[str]:
+    """What of a recording cannot be, in a line; none where all can.
+
+    Raises:
+        InputError: if something cannot, and that is not merely to be told.
+    """
+    from basecal.accuracy.input_check.plausibility import impossible_input
+
+    found = impossible_input(cell, recording)
+    told = f"{source}: {'; '.join(found)}: that cannot be"
+    if found and is_strict:
+        raise InputError(f"{told}, nothing is imported; {advice}")
+    return [f"{told}; {advice}"] if found else []
 
 
 def _pairing_lines(brought: Brought) -> list[str]:
