@@ -69,6 +69,7 @@ def test_few_views_say_nothing():
     assert lens_structures(solve(cell.cell, bent(cell)), SETTINGS) == []
 
 
+@pytest.mark.slow
 def test_calibrate_names_it():
     """An info, since the answer moves by less than its sigmas; a clean recording has none."""
     cell = made(1)

@@ -125,6 +125,7 @@ def test_report_before_calibrate(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert f"basecal calibrate {tmp_path}" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_demo_tells_its_true_error(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -198,6 +199,7 @@ def test_frames_of_the_cell_reach_the_report(
     assert "--frame-id left_base_link --child-frame-id hand_base" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_certificate_is_told_where_asked(simulated: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """With `--certify` the JSON says that the optimum is proven and so does the report."""
     assert main(["calibrate", str(simulated), "--certify", "--json"]) == 0

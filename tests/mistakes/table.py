@@ -687,14 +687,6 @@ _FILES = [
         ("did you mean 'observations'?",),
     ),
     Mistake(
-        "a task point that nothing asks for",
-        "board",
-        _nothing,
-        USAGE,
-        ("--task-point", "--method axis-shift"),
-        _with("--task-point", "0.5", "0", "0.3"),
-    ),
-    Mistake(
         "a choice of stations that nothing asks for",
         "board",
         _nothing,

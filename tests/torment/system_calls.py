@@ -21,7 +21,7 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from basecal.cli import main
-from torment.outcome import LONGEST_S, Fell
+from torment.outcome import LONGEST_S, Fell, of_command
 from torment.verbs import VERBS, check_after, files, prepared
 
 _CALLS = "openat,write,pwrite64,rename,renameat,renameat2,mkdir,mkdirat,unlink,unlinkat,rmdir,fsync,ftruncate,fchmod"
@@ -78,6 +78,8 @@ def _trial(chance: Random, folder: Path, injected: str) -> str:
 @cache
 def _sites(verb: str) -> list[Site]:
     """Every system call of a verb that writes to files."""
+    with TemporaryDirectory(prefix="torment-") as name:
+        of_command(prepared(verb, Path(name)))  # imports what it needs here, so that all later calls have their numbers
     with TemporaryDirectory(prefix="torment-") as name:
         folder = Path(name)
         code = _traced(prepared(verb, folder), folder, [], folder / "trace")

@@ -51,6 +51,7 @@ def test_bumped_samples_are_told_and_make_doubtful():
     assert found.residuals.per_sample[5].rms_px > 5
 
 
+@pytest.mark.slow
 def test_a_base_that_was_moved_meanwhile_is_told():
     """With 9 of 22 samples on the other side of the move: these are left out, and the words say when and what."""
     s = simulate(Scenario(samples=22, robot_noise=(3e-4, 5e-4)), seed=0)
@@ -90,6 +91,7 @@ def test_clean_data_have_no_outliers():
     assert calibrate(s.cell, s.recording).outliers == ()
 
 
+@pytest.mark.slow
 def test_a_recording_that_mostly_had_to_go_is_doubtful():
     """Half of a light's views are reflections: doubtful, and half of the samples are named."""
     s = simulate(Scenario(target="led", camera_mount="fixed", target_mount="fixed", samples=40), seed=2)

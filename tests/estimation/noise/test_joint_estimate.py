@@ -101,6 +101,7 @@ def test_few_samples_give_a_covariance_that_holds_the_truth(samples):
     assert np.sum(6 * np.array(nees(silent, range(10))) > 12.59) <= 3
 
 
+@pytest.mark.slow
 def test_a_light_says_little_of_noise_and_that_widens_the_covariance():
     """Two equations a view, neither sigma told: the bases of 8 cells keep within what is said of them."""
     light = Scenario(samples=25, target="led", robot_noise=(2e-4, 3e-4), state_robot_noise=False)
