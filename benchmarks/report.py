@@ -25,6 +25,7 @@ from benchmarks import (
     robot_model,
     scaling,
     semi_synthetic,
+    study,
     two_arms,
     verify,
     wrong_answers,
@@ -333,6 +334,14 @@ samples of the other checked, and checked again with a mount shifted by the larg
     return f"{about}\n\n{table(verify.HEAD, rows)}\n\n{table(verify.HEAD_REAL, real_rows)}"
 
 
+def _study(result: Result) -> str:
+    about = """\
+Calibrations through `basecal study`, by the clock: cells, draws, starts, processes and the table among it. At pixel level
+30 samples of 24 points, three free mounts, with the covariance, 256 draws of a cell from one start; the paper's closed
+form; OpenCV's robot-world solver on such samples."""
+    return f"{about}\n\n{table(study.HEAD, map(study.row, result['rows']))}"
+
+
 SECTIONS: dict[str, tuple[str, Callable[[Result], str]]] = {
     "held_out": ("Held-out error on real recordings", _held_out),
     "two_arms": ("Held-out loops of two real arms", _two_arms),
@@ -350,6 +359,7 @@ SECTIONS: dict[str, tuple[str, Callable[[Result], str]]] = {
     "verify": ("Whether anything has moved", _verify),
     "solve": ("Speed beside other solvers", _solve),
     "batch": ("Calibrations a second", _batch),
+    "study": ("Studies", _study),
     "scaling": ("Time and memory", _scaling),
     "detectors": ("Detectors beside OpenCV", _detectors),
     "peers": ("Errors beside today's practice", _peers),
