@@ -336,9 +336,9 @@ samples of the other checked, and checked again with a mount shifted by the larg
 
 def _study(result: Result) -> str:
     about = """\
-Calibrations through `basecal study`, by the clock: cells, draws, starts, processes and the table among it. At pixel level
-30 samples of 24 points, three free mounts, with the covariance, 256 draws of a cell from one start; the paper's closed
-form; OpenCV's robot-world solver on such samples."""
+Calibrations through `basecal study`, by the clock: cells, draws, starts, processes and the table among it. At pixel
+level 30 samples of 24 points, three free mounts, with the covariance, 256 draws of a cell from one start; the paper's
+closed form; OpenCV's robot-world solver on such samples."""
     return f"{about}\n\n{table(study.HEAD, map(study.row, result['rows']))}"
 
 
