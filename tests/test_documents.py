@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import basecal
 from basecal.exchange.controllers.convention import (
@@ -16,7 +19,7 @@ from basecal.exchange.controllers.convention import (
     MatrixConvention,
     convention,
 )
-from basecal.registry import CONTROLLERS, IMPORTS
+from basecal.registry import CONTROLLERS, DRIVERS, IMPORTS
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -107,6 +110,36 @@ def test_every_import_is_documented() -> None:
     """Each kind of import has its section, in the order of the registry, and no other has one."""
     page = (DOCS / "importing.md").read_text(encoding="utf-8")
     assert re.findall(r"^## `(.+)`$", page, re.MULTILINE) == list(IMPORTS)
+
+
+def test_every_driver_is_documented() -> None:
+    """The table has each driver with all of its options; a section has each option with what it is unless stated."""
+    rows = dict(re.findall(r"^\| `(\w+)` \| (?:both|robots|cameras) \| (.+?) \|", page("data_format.md"), re.MULTILINE))
+    assert list(rows) == list(DRIVERS)
+    for name in DRIVERS:
+        assert [option for option in options_of(name) if f"`{option}`" not in rows[name]] == []
+    for section in page("drivers.md").split("\n## ")[1:]:
+        options = re.findall(r"^\| `(\w+)` \|", section, re.MULTILINE)
+        assert options == list(options_of(section.split("`")[1]))
+
+
+def options_of(driver: str) -> dict[str, Any]:
+    """Fields of a driver's options by name, which its module defines or imports as `<Driver>Options`."""
+    module = import_module(f"basecal.acquisition.drivers.{driver}")
+    options = getattr(module, f"{driver.capitalize()}Options", None)
+    return {} if options is None else dict(options.model_fields)
+
+
+def page(name: str) -> str:
+    """A page of the documents."""
+    return (DOCS / name).read_text(encoding="utf-8")
+
+
+def test_every_extra_is_documented() -> None:
+    """Each extra of the package stands in a table of the documents, or in a sentence, as such."""
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
+    text = " ".join(path.read_text(encoding="utf-8") for path in DOCS.glob("*.md"))
+    assert [name for name in extras if f"extra `{name}`" not in text and f"| `{name}` |" not in text] == []
 
 
 def test_every_format_is_documented_with_its_numbers_and_units() -> None:

@@ -103,6 +103,7 @@ DRIVERS = (
     "folder",
     "typed",
     "opencv",
+    "ur",
 )
 """What talks to robots and cameras: modules of `basecal.acquisition.drivers`; others come as entry points."""
 

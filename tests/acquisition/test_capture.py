@@ -9,7 +9,7 @@ import pytest
 
 from basecal.acquisition import capture as module
 from basecal.acquisition.capture import GIVEN_UP, PLAN, CaptureSettings, capture, store_plan, unfinished
-from basecal.acquisition.rig import open_rig
+from basecal.acquisition.rig import Rig, open_rig
 from basecal.cell import RobotState, Sample
 from basecal.cell.files import read_recording
 from basecal.planning import poses, shifts
@@ -73,6 +73,41 @@ def test_it_goes_on_where_it_was_and_asks_nothing_twice(tmp_path):
             assert [step.sample for step in capture(rig, sketch, tmp_path, left, FAST)] == [2, 3]
     assert journal(tmp_path)[:2] == before
     assert [sample.sample for sample in read_recording(tmp_path).samples] == [0, 1, 2, 3]
+
+
+class LedArm:
+    """An arm in freedrive: whenever it is let go, somebody leads it to the next of some places."""
+
+    is_live = True
+
+    def __init__(self, arm, places):
+        self.arm, self.places, self.said = arm, iter(places), []
+
+    def state(self):
+        return self.arm.state()
+
+    def freedrive(self, on):
+        self.said.append(on)
+        if on:
+            self.arm.move(next(self.places), 2.0)
+
+    def close(self):
+        self.arm.close()
+
+
+def test_an_arm_that_is_led_is_taken_wherever_it_stands(tmp_path):
+    """It is let go before each sample and held again, and what is noted is where it was led, not what was proposed."""
+    with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
+        sketch, plan = planned(world, tmp_path, 3)
+        led_to = [sample.robots["hand"] for sample in plan[::-1]]
+        led = LedArm(rig.robots["hand"], led_to)
+        mixed = Rig({"eye": rig.robots["eye"], "hand": led}, rig.cameras)
+        steps = list(capture(mixed, sketch, tmp_path, plan, FAST))
+    assert led.said == [True, False] * 3
+    assert [step.sample for step in steps] == [0, 1, 2]
+    for sample in read_recording(tmp_path).samples:
+        wanted = led_to[sample.sample].joints_rad
+        np.testing.assert_allclose(sample.robots["hand"].joints_rad, wanted, atol=1e-3)
 
 
 def test_what_cannot_be_used_is_told_and_not_asked_again(tmp_path):

@@ -7,7 +7,7 @@ import pytest
 
 from basecal.acquisition.driver import Picture, Reading
 from basecal.acquisition.rig import open_rig
-from basecal.acquisition.stillness import Unfit, wait_for_arms, wait_for_picture
+from basecal.acquisition.stillness import Unfit, wait_for_arms, wait_for_picture, wait_until_led
 from basecal.cell import RobotState
 from basecal.geometry import SE3
 from shared.running_cell import running
@@ -43,6 +43,17 @@ def test_noise_is_no_motion_and_is_averaged():
     """States that scatter by ten times that are still, and their mean of twelve is what is taken."""
     found = wait_for_arms({"arm": Arm(noise=1e-3, speed=1000.0)}, GOAL, 5.0)["arm"]
     assert abs(found.state.joints_rad[0] - 1) < 1e-3  # sigma is 1e-3 / sqrt(12)
+
+
+def test_an_arm_that_is_led_comes_to_another_place():
+    """It counts once it stands away from where it was; one that nobody leads is told after the patience."""
+    wait_until_led({"arm": Arm()}, {"arm": RobotState(joints_rad=np.array([0.9, 0.0]))}, 5.0)
+    arm = Arm()
+    wait_until_led({"arm": arm}, {}, 5.0)
+    assert arm.t < 1.5
+    with pytest.raises(Unfit, match="arm not led to another place: arm"):
+        wait_until_led({"arm": arm}, GOAL, 2.0)
+    assert arm.t > 2.0
 
 
 def test_arms_that_never_rest_or_stop_short():

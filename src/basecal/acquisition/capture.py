@@ -8,15 +8,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from basecal.acquisition.coverage import Coverage, alike, coverage_of
-from basecal.acquisition.driver import Grey, Moves, Reading, Switches
+from basecal.acquisition.driver import Freedrives, Grey, Moves, Reading, Switches
 from basecal.acquisition.rig import Rig
 from basecal.acquisition.running_estimate import RunningEstimate, running_estimate
-from basecal.acquisition.stillness import Moving, Unfit, wait_for_arms, wait_for_picture
-from basecal.cell import CandidateObservation, Cell, PixelObservation, Recording, Sample, Target
+from basecal.acquisition.stillness import Moving, Unfit, wait_for_arms, wait_for_picture, wait_until_led
+from basecal.cell import CandidateObservation, Cell, PixelObservation, Recording, RobotState, Sample, Target
 from basecal.cell.files import append_sample, read_plan, read_recording, write_plan
 from basecal.cell.format.writing import append_durably, write_whole
 from basecal.errors import InputError
@@ -44,10 +45,12 @@ class CaptureSettings:
     Attributes:
         speed_rad_s: The fastest that any joint may turn.
         patience_s: How long an arm or a picture may take to come to rest after it was sent.
+        lead_patience_s: How long a person may take to lead an arm to another place.
     """
 
     speed_rad_s: float
     patience_s: float = 20.0
+    lead_patience_s: float = 600.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,8 +114,10 @@ def capture(
     estimate: RunningEstimate = running_estimate(sketch)
     for sample in taken:
         estimate = estimate.added(sample)
+    led_from: dict[str, RobotState] = {}
     for wanted in plan:
         try:
+            led_from = _led(rig, led_from, settings.lead_patience_s)
             found = _with_attempts(rig, sketch, folder, wanted, settings, taken)
         except Unfit as why:
             _give_up(folder, wanted.sample, str(why))
@@ -122,6 +127,24 @@ def capture(
         taken.append(found)
         estimate = estimate.added(found)
         yield Step(wanted.sample, "", len(taken), len(plan), coverage_of(sketch, taken), estimate.sigma())
+
+
+def _led(rig: Rig, before: Mapping[str, RobotState], patience_s: float) -> dict[str, RobotState]:
+    """Where arms that a person leads have come to: of those that are live, but are not sent.
+
+    Raises:
+        Unfit: if they were not led to another place in time.
+    """
+    led = {name: robot for name, robot in rig.robots.items() if robot.is_live and not isinstance(robot, Moves)}
+    if not led:
+        return {}
+    with ExitStack() as held:
+        for robot in led.values():
+            if isinstance(robot, Freedrives):
+                robot.freedrive(True)
+                held.callback(robot.freedrive, False)
+        wait_until_led(led, before, patience_s)
+    return {name: robot.state().state for name, robot in led.items()}
 
 
 def _with_attempts(
@@ -147,7 +170,8 @@ def _take(
         robot = rig.robots.get(name)
         if isinstance(robot, Moves):
             robot.move(state, settings.speed_rad_s)
-    before = wait_for_arms(rig.robots, wanted.robots, settings.patience_s)
+    goals = {name: state for name, state in wanted.robots.items() if isinstance(rig.robots.get(name), Moves)}
+    before = wait_for_arms(rig.robots, goals, settings.patience_s)
     shots = {name: _shot(rig, sketch.cell, name, settings.patience_s) for name in rig.cameras}
     after = _states_after(rig, before, settings.patience_s)
     states = {name: reading.state for name, reading in after.items()}

@@ -20,6 +20,7 @@ _WINDOW = 12  # states that are looked at: a tenth of a second of most controlle
 _STILL_RAD_M = 1e-4  # by which the two halves of them may differ: 0.1 mm at a metre
 _BEYOND_NOISE = 4.0  # sigmas of that difference, where states are noisy
 _ARRIVED_RAD_M = 2e-3  # from where an arm was sent: controllers round, and some stop a little short
+_ELSEWHERE_RAD_M = 2e-3  # from where a person began to lead an arm
 _STILL_PX = 0.1  # by which a picture may differ from those before it
 _PICTURES = 3  # in a row: of two, a swing may happen to be at the same place
 
@@ -59,6 +60,32 @@ def wait_for_arms(
         began = now if began is None else began
         if now - began > patience_s:
             raise Moving(f"arm still moving: {', '.join(moving)}")
+
+
+def wait_until_led(robots: Mapping[str, Robot], before: Mapping[str, RobotState], patience_s: float) -> None:
+    """Wait until every arm that is led by hand stands still at another place.
+
+    Args:
+        robots: Those that are led, by name.
+        before: Where they were; of one that is not there, every place is another.
+        patience_s: How long, by the states' own stamps.
+
+    Raises:
+        Moving: if one is still moving then, or has not been moved.
+    """
+    began: float | None = None
+    while True:
+        here = wait_for_arms(robots, {}, patience_s)
+        if all(name not in before or _is_elsewhere(here[name].state, before[name]) for name in robots):
+            return
+        now = next(iter(here.values())).stamp_s
+        began = now if began is None else began
+        if now - began > patience_s:
+            raise Moving(f"arm not led to another place: {', '.join(robots)}")
+
+
+def _is_elsewhere(here: RobotState, before: RobotState) -> bool:
+    return bool(np.abs(_vector(here) - _vector(before)).max() > _ELSEWHERE_RAD_M)
 
 
 def _is_still(readings: Sequence[Reading], goal: RobotState | None) -> bool:

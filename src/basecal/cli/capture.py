@@ -126,12 +126,15 @@ def _say_plan(rig: Rig, sketch: Sketch, plan: Sequence[Sample], is_new: bool, sp
     from basecal.acquisition.driver import Moves
 
     moving = [name for name, robot in rig.robots.items() if isinstance(robot, Moves)]
+    led = [name for name, robot in rig.robots.items() if robot.is_live and name not in moving]
     camera, target = sketch.view
     begun = "" if is_new else "goes on with what was begun: "
     say(
         f"{begun}{len(plan)} samples; {' and '.join(moving) or 'no robot'} will move, no joint faster than "
         f"{speed:g} deg/s, with {target} in view of {camera} at every stop; the way between stops is not checked"
     )
+    if led:
+        say(f"{' and '.join(led)} will be led by hand: wherever all stand still anew, a sample is taken")
     if not go:
         say("nothing has moved: add --go, with a hand on the emergency stop")
     if sys.stdout is not None:

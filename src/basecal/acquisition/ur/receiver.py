@@ -1,0 +1,124 @@
+"""States of a UR controller with its own stamps, over RTDE; a connection that is lost is made again."""
+
+from __future__ import annotations
+
+import struct
+import time
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+
+from basecal.acquisition.driver import Reading
+from basecal.acquisition.freshness import STALE_S, Stale, Waits, next_of
+from basecal.acquisition.reach import reached
+from basecal.acquisition.ur.options import UrOptions, in_a_line
+from basecal.cell import RobotState
+from basecal.errors import DriverError, MissingExtra
+from basecal.exchange.controllers.convention import convention
+
+_PORT = 30004
+_VERSION_2 = struct.pack(">HBH", 5, 86, 2)  # asks for the second version of the protocol: size, kind "V", version
+_ACCEPTED = struct.pack(">HBB", 4, 86, 1)
+_VARIABLES = ["timestamp", "actual_q", "actual_TCP_pose", "robot_status_bits", "safety_status_bits"]
+_TRY_AGAIN_S = 0.2  # between two attempts to connect
+
+
+class Receiver:
+    """What a controller sends."""
+
+    def __init__(self, name: str, options: UrOptions, gives_joints: bool) -> None:
+        self._name, self._options, self._gives_joints = name, options, gives_joints
+        self._waits = Waits(name)
+        self._line = _opened(name, options)
+        self._last_s = -1.0
+
+    def state(self) -> Reading:
+        """The next state, with the controller's stamp: seconds since it was switched on.
+
+        Raises:
+            DriverError: if it stands in a protective or emergency stop, or no state comes, though tried again.
+        """
+        began_s = time.monotonic()
+        until_s, is_new = began_s + STALE_S + self._options.reconnect_s, False
+        while True:
+            try:
+                reading = next_of(self._newer)
+            except Stale:
+                if is_new and time.monotonic() > until_s:
+                    raise DriverError(
+                        f"{self._name}: its stamps stand still at {self._last_s:.3f} s: the controller sends old "
+                        f"states; restart it"
+                    ) from None
+                self._reconnect(until_s)
+                began_s, is_new = time.monotonic(), True
+                continue
+            self._waits.add(time.monotonic() - began_s)
+            return reading
+
+    def _newer(self) -> Reading | None:
+        stamp_s = self._line.getTimestamp()
+        values = self._line.getActualQ() if self._gives_joints else self._line.getActualTCPPose()
+        if stamp_s == self._last_s or stamp_s != self._line.getTimestamp():
+            return None  # the same as before, or another state came while this one was read
+        self._check_safety()
+        self._last_s = stamp_s
+        numbers = np.array(values)
+        state = RobotState(joints_rad=numbers) if self._gives_joints else RobotState(convention("ur").read(numbers))
+        return Reading(stamp_s, state)
+
+    def _check_safety(self) -> None:
+        stops = {"emergency": self._line.isEmergencyStopped, "protective": self._line.isProtectiveStopped}
+        for word, is_stopped in stops.items():
+            if is_stopped():
+                raise DriverError(
+                    f"{self._name}: {word} stop: release it at the pendant, then start again; what was recorded stays"
+                )
+
+    def _reconnect(self, until_s: float) -> None:
+        """A new connection.
+
+        Raises:
+            DriverError: if none can be made until then [s].
+        """
+        self._waits.forget()
+        self.close()
+        while True:
+            try:
+                self._line = _opened(self._name, self._options)
+                return
+            except DriverError as error:
+                if time.monotonic() > until_s:
+                    raise DriverError(f"{error}; tried again for {self._options.reconnect_s:g} s") from None
+            time.sleep(_TRY_AGAIN_S)
+
+    def close(self) -> None:
+        """Hang up."""
+        with suppress(RuntimeError):
+            self._line.disconnect()
+
+
+def _opened(name: str, options: UrOptions) -> Any:
+    try:
+        from rtde_receive import RTDEReceiveInterface
+    except ImportError:
+        raise MissingExtra("ur", "the driver 'ur'") from None
+    _check_protocol(name, options.host)
+    try:
+        return RTDEReceiveInterface(options.host, options.rate_hz, _VARIABLES)
+    except (RuntimeError, ValueError) as error:
+        raise DriverError(f"{name}: {in_a_line(error)}") from None
+
+
+def _check_protocol(name: str, host: str) -> None:
+    """Ask for the version first: where another program listens, ur-rtde would wait for ever."""
+    with reached(name, host, _PORT, "a UR controller") as line:
+        try:
+            line.sendall(_VERSION_2)
+            answer = line.recv(len(_ACCEPTED))
+        except OSError:
+            answer = b""
+    if answer != _ACCEPTED:
+        raise DriverError(
+            f"{name}: what listens at {host}:{_PORT} does not speak RTDE 2: is this a UR with PolyScope 3.3 or later?"
+        )

@@ -1,0 +1,110 @@
+"""States of a UR controller in a process of its own, by ur-rtde's client."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from basecal.acquisition.driver import Freedrives, Moves, Place
+from basecal.acquisition.drivers.ur import open_robot
+from basecal.errors import DriverError
+from shared.second_process import own_host
+from shared.ur_place import CELL, controller
+
+pytest.importorskip("rtde_receive")
+
+
+@pytest.fixture(scope="module")
+def switched_on():
+    with controller() as there:
+        yield there
+
+
+@pytest.fixture
+def there(switched_on):
+    """A controller as after it was switched on, and where its robot is."""
+    switched_on[0].tell("reset")
+    return switched_on
+
+
+def take(robot, count):
+    """So many states of a robot."""
+    return [robot.state() for _ in range(count)]
+
+
+def test_states_have_the_controllers_stamps(there):
+    """Joints and stamp are of one state: this controller's last joint is a function of its stamp."""
+    process, place = there
+    robot = open_robot(place(motion="watch", rate_hz=500))
+    assert not isinstance(robot, Moves)
+    assert not isinstance(robot, Freedrives)
+    process.tell("spin")
+    readings = [robot.state() for _ in range(300)][100:]
+    stamps = np.array([reading.stamp_s for reading in readings])
+    assert np.all(np.diff(stamps) > 0)
+    assert np.diff(stamps).mean() < 0.01
+    last = np.array([reading.state.joints_rad[5] for reading in readings])
+    np.testing.assert_array_equal(last, stamps)
+    robot.close()
+
+
+@pytest.mark.parametrize(
+    ("fault", "error"),
+    [
+        ("protective_stop", "eye: protective stop: release it at the pendant"),
+        ("freeze on", r"eye: its stamps stand still at 10\d\d\.\d+ s"),
+        ("slow 0.2", r"eye: only [4-7][.0-9]* states in a second, at least 10 are needed"),
+    ],
+)
+def test_what_goes_wrong_is_a_line(there, fault, error):
+    """A protective stop, stamps that stand still and a slow network end in one line that says what to do."""
+    process, place = there
+    robot = open_robot(place(motion="watch", reconnect_s=0.5))
+    robot.state()
+    process.tell(fault)
+    with pytest.raises(DriverError, match=error) as raised:
+        take(robot, 30)
+    assert "\n" not in str(raised.value)
+    robot.close()
+
+
+def test_a_lost_connection_is_made_again(there):
+    """Hung up on, it connects again, and states go on."""
+    process, place = there
+    robot = open_robot(place(motion="watch"))
+    before = robot.state().stamp_s
+    process.tell("hang_up")
+    assert robot.state().stamp_s > before
+    after = [robot.state().stamp_s for _ in range(5)]
+    assert np.all(np.diff(after) > 0)
+    robot.close()
+
+
+def test_a_controller_that_is_gone():
+    """After as long as it is to be tried, one line says that nothing listens any more."""
+    with controller() as (process, place):
+        robot = open_robot(place(motion="watch", reconnect_s=0.3))
+        robot.state()
+        process.process.kill()
+        process.process.wait()
+        with pytest.raises(DriverError, match=r"nothing listens at .*:30004: .*; tried again for 0\.3 s"):
+            take(robot, 1000)
+        robot.close()
+
+
+def test_another_program_at_the_port():
+    """Something that answers otherwise, or not at all, is told apart from a controller."""
+    host = own_host()
+
+    def answer(server):
+        with server.accept()[0] as line:
+            line.sendall(b"HTTP/1.1 400\r\n")
+
+    with socket.create_server((host, 30004)) as server:
+        threading.Thread(target=answer, args=(server,), daemon=True).start()
+        with pytest.raises(DriverError, match="does not speak RTDE 2"):
+            open_robot(Place("eye", CELL, Path("."), {"host": host}))

@@ -1,0 +1,60 @@
+"""A module of the tests that runs as a process of its own, as a robot's controller or another computer would."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+TESTS = Path(__file__).parents[1]
+_COUNT = itertools.count(1)
+
+
+class SecondProcess:
+    """One that obeys lines on its standard input, and answers each with a line."""
+
+    def __init__(self, process: subprocess.Popen[str]) -> None:
+        self.process = process
+
+    def tell(self, *words: object) -> str:
+        """What it answers to a line of words."""
+        assert self.process.stdin is not None
+        self.process.stdin.write(" ".join(map(str, words)) + "\n")
+        self.process.stdin.flush()
+        return self.line()
+
+    def line(self) -> str:
+        """Its next line."""
+        assert self.process.stdout is not None
+        return self.process.stdout.readline().strip()
+
+
+@contextmanager
+def second_process(module: str, *words: object, **environment: str) -> Iterator[SecondProcess]:
+    """The module, once it has said that it is ready; its standard input ends at the end, and so does it."""
+    command = [sys.executable, "-m", module, *map(str, words)]
+    surroundings = {**os.environ, "PYTHONPATH": f"{TESTS.parent / 'src'}:{TESTS.parent}", **environment}
+    with subprocess.Popen(
+        command, cwd=TESTS, env=surroundings, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
+        second = SecondProcess(process)
+        try:
+            assert second.line() == "ready"
+            yield second
+        finally:
+            assert process.stdin is not None
+            process.stdin.close()
+            try:
+                process.wait(timeout=5)
+            except subprocess.TimeoutExpired:
+                process.kill()
+
+
+def own_host() -> str:
+    """A number of this computer that no other test uses: protocols that fix their port need one of their own."""
+    process = os.getpid() % 65536
+    return f"127.{1 + next(_COUNT) % 250}.{process >> 8}.{1 + process % 250}"

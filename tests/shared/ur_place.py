@@ -1,0 +1,20 @@
+"""A UR controller in a process of its own, and where its robot is in a cell."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from pathlib import Path
+
+from basecal.acquisition.driver import Place
+from basecal.simulation.running.two_arms import two_arms
+from shared.second_process import own_host, second_process
+
+CELL = two_arms("led").cell
+
+
+@contextmanager
+def controller(*words):
+    """A controller, and where its robot is in a cell with URDFs."""
+    host = own_host()
+    with second_process("shared.ur_controller", host, *words) as process:
+        yield process, lambda **options: Place("eye", CELL, Path("."), {"host": host, "reconnect_s": 1.0, **options})
