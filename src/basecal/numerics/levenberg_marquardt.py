@@ -73,7 +73,7 @@ class Stop:
         iterations: Steps at most.
         dof: Residuals less unknowns, a number or (b,), which scales the sigmas.
         hidden: Whether more moves than steps show, as errors that are eliminated do: then the cost must besides have
-            fallen as predicted, to `STRAIGHT_SIGMAS`.
+            fallen as predicted, to `STRAIGHT_SIGMAS`, or to `sigmas` where that is more.
         sigmas: What may be left to go; where `dof` is 1 the square of it is a share of the cost.
     """
 
@@ -237,7 +237,7 @@ def _settled(flight: _Flight[S, L], step: Array, expected: Array, stop: Stop) ->
     scale = _scale(flight)
     shrinks = (flight.expected > 0) & (flight.damping <= _UNDAMPED)
     rate = np.where(shrinks, np.minimum(1.0, expected / np.where(shrinks, flight.expected, 1.0)), 1.0)
-    near = (expected * rate <= stop.sigmas**2 * scale) & (flight.bent <= STRAIGHT_SIGMAS**2 * scale)
+    near = (expected * rate <= stop.sigmas**2 * scale) & (flight.bent <= max(stop.sigmas, STRAIGHT_SIGMAS) ** 2 * scale)
     settled: BoolArray = near | (np.abs(step).max(-1, initial=0.0) < _SMALLEST_STEP)
     return settled
 

@@ -16,9 +16,13 @@ from basecal.accuracy.input_check.hypothesis_fit import HypothesisFit
 from basecal.accuracy.input_check.rewriting import inverted, with_robots, with_targets
 from basecal.accuracy.verdict import calibrate
 from basecal.errors import DatasetError
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import solve_packed
 from basecal.geometry import SE3, Camera
 from basecal.simulation import Scenario, simulate
 
+STATED = Settings(robot_noise="stated")
 BOARD = simulate(Scenario(samples=20), 7)
 POSES = simulate(Scenario(samples=20, target="pose"), 7)
 LIGHT = simulate(Scenario(samples=24, target="led", camera_mount="fixed", target_mount="fixed"), 7)
@@ -70,6 +74,18 @@ def test_a_mix_up_is_named(made, name, code, about):
 def test_clean_cells_are_left_alone(made):
     """Two arms that turn freely: no other reading comes near, and the verdict is good."""
     assert calibrate(made.cell, made.recording).verdict == "good"
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.2])
+def test_links_explain_no_mix_up(factor):
+    """Arms by joints, whose links are estimated: no mix-up is suspected, and a size that is wrong is found."""
+    scenario = Scenario(samples=16, joints=True, link_error=(5e-4, 1e-3), link_parameters="prior")
+    made = simulate(scenario, 7)
+    cell = resized(made.cell, {"board": factor})
+    problem, _ = build_problem(cell, made.recording)
+    plain = solve_packed(problem, cell, STATED)
+    found = conventions.check_conventions(cell, made.recording, problem, plain, STATED)
+    assert [f.code for f in found] == (["board-size"] if factor > 1 else [])
 
 
 @pytest.mark.slow

@@ -7,7 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.estimation.least_squares.bundle_adjustment import batch_of, bundle_adjust, bundle_adjust_batch
+from basecal.estimation.least_squares.bundle_adjustment import (
+    ROUGH_SIGMAS,
+    batch_of,
+    bundle_adjust,
+    bundle_adjust_batch,
+)
 from basecal.estimation.least_squares.normal_equations import linearise, retract
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem, State
@@ -57,6 +62,19 @@ def test_the_end_does_not_depend_on_errors_of_stops_at_the_start(seed):
     end = bundle_adjust(problem, start, 100)
     again = bundle_adjust(problem, replace(end.state, stop_errors=np.zeros_like(end.state.stop_errors)), 100)
     assert again.cost == pytest.approx(end.cost, rel=1e-8)
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_a_rough_end_is_near_and_sooner(seed):
+    """Within what may be left to go of the end, in its sigmas, after fewer steps, where errors of stops are large."""
+    noise = (2e-3, 0.03)
+    scenario = Scenario(layout="eye_to_hand", target="pose", spread_rad=0.6, pose_noise=noise, robot_noise=noise)
+    problem, start = problem_and_start(scenario, 0.02, seed)
+    end = bundle_adjust(problem, start, 100)
+    rough = bundle_adjust(problem, start, 100, sigmas=ROUGH_SIGMAS)
+    assert rough.converged
+    assert rough.iterations < end.iterations
+    assert np.sqrt(linearise(problem, rough.state).cost - end.cost) < ROUGH_SIGMAS * np.sqrt(end.cost / 100)
 
 
 def test_information_without_rank_is_no_error():

@@ -31,6 +31,7 @@ from basecal.accuracy.input_check.unexplained_motion import unexplained_motion
 from basecal.accuracy.significance import CONFIRMED_SIGNIFICANCE
 from basecal.cell import Cell, Finding, Recording
 from basecal.cell.calibration import Severity
+from basecal.cell.robot_parameters.kind import robot_parameter_kinds
 from basecal.errors import BasecalError
 from basecal.estimation.noise.robot_noise import stops_made
 from basecal.estimation.problem.build import build_problem
@@ -95,7 +96,7 @@ def check_conventions(
         An error for each hypothesis that explains the data better than the declared one, or as well where the declared
         one cannot be; one `ambiguous-convention` for those that explain it as well. Nothing where no hypothesis does.
     """
-    recording = in_order(recording)
+    cell, recording = _links_held(cell), in_order(recording)
     if len(recording.samples) < _FEWEST or not _can_hold_out(problem):
         return ()
     whole = _as_declared(cell, recording, settings, solution)
@@ -108,6 +109,16 @@ def check_conventions(
     tried = _tried(cell, recording, problem, declared, replace(settings, start="closed"))
     still = frozenset(r for r in cell.robots if stops_made(problem, r) == 1)
     return _decided(cell, declared, tried, explained, still)
+
+
+def _links_held(cell: Cell) -> Cell:
+    """The cell with links that are not estimated: no mix-up is as small as their errors, which chase all others."""
+    kinds = robot_parameter_kinds()
+    held = {
+        name: replace(robot, parameters={k: of for k, of in robot.parameters.items() if kinds[k].BY_JOINT})
+        for name, robot in cell.robots.items()
+    }
+    return replace(cell, robots=held)
 
 
 def _can_hold_out(problem: Problem) -> bool:

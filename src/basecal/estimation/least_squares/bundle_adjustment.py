@@ -9,7 +9,9 @@ from basecal.estimation.least_squares.normal_equations import NormalEquations, l
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import Array, BoolArray, IntArray
 from basecal.numerics.batch import concatenate, take
-from basecal.numerics.levenberg_marquardt import Optima, Stop, levenberg_marquardt
+from basecal.numerics.levenberg_marquardt import SETTLED_SIGMAS, Optima, Stop, levenberg_marquardt
+
+ROUGH_SIGMAS = 1e-2  # what may be left to go where more rounds follow
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +66,12 @@ class OptimumBatch:
 
 
 def bundle_adjust(
-    problem: Problem, state: State, dof: float, iterations: int = 100, weights: Sequence[Array] | None = None
+    problem: Problem,
+    state: State,
+    dof: float,
+    iterations: int = 100,
+    weights: Sequence[Array] | None = None,
+    sigmas: float = SETTLED_SIGMAS,
 ) -> Optimum:
     """The optimum downhill of `state`; see `numerics.levenberg_marquardt`.
 
@@ -74,8 +81,9 @@ def bundle_adjust(
         dof: Residuals less unknowns, which scales the sigmas.
         iterations: At most.
         weights: What each view counts, (n,) by group; 1 where None.
+        sigmas: What may be left to go.
     """
-    optima = _run(problem, state.spread(problem, 1), dof, iterations, weights)
+    optima = _run(problem, state.spread(problem, 1), weights, _stop(problem, iterations, dof, sigmas))
     only = take(optima, 0)
     normal = replace(only.about, cost=only.cost)
     return Optimum(only.state, float(only.cost), normal, bool(only.converged), int(only.iterations))
@@ -87,6 +95,7 @@ def bundle_adjust_batch(
     dof: float | Array,
     iterations: int = 100,
     weights: Sequence[Array] | None = None,
+    sigmas: float = SETTLED_SIGMAS,
 ) -> OptimumBatch:
     """The optima downhill of a batch of states (b,), each by itself.
 
@@ -96,8 +105,9 @@ def bundle_adjust_batch(
         dof: Residuals less unknowns, a number or (b,).
         iterations: At most.
         weights: What each view counts, (n,) or (b, n) by group; 1 where None.
+        sigmas: What may be left to go.
     """
-    return _outcome(_run(problem, states, dof, iterations, weights))
+    return _outcome(_run(problem, states, weights, _stop(problem, iterations, dof, sigmas)))
 
 
 def batch_of(problem: Problem, states: Sequence[State]) -> State:
@@ -109,8 +119,11 @@ def _outcome(optima: Optima[State, NormalEquations]) -> OptimumBatch:
     return OptimumBatch(optima.state, optima.cost, optima.about.hessian, optima.converged, optima.iterations)
 
 
+def _stop(problem: Problem, iterations: int, dof: float | Array, sigmas: float) -> Stop:
+    return Stop(iterations, dof, hidden=len(problem.stops) > 0, sigmas=sigmas)
+
+
 def _run(
-    problem: Problem, states: State, dof: float | Array, iterations: int, weights: Sequence[Array] | None
+    problem: Problem, states: State, weights: Sequence[Array] | None, stop: Stop
 ) -> Optima[State, NormalEquations]:
-    stop = Stop(iterations, dof, hidden=len(problem.stops) > 0)
     return levenberg_marquardt(_Bundle(problem, weights), states, stop)

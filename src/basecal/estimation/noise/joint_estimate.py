@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from basecal.estimation.least_squares.bundle_adjustment import Optimum, bundle_adjust
+from basecal.estimation.least_squares.bundle_adjustment import ROUGH_SIGMAS, Optimum, bundle_adjust
 from basecal.estimation.noise.estimate import NoiseEstimate, degrees_of_freedom, estimate_noise, residual_counts
 from basecal.estimation.noise.hyperpriors import hyperpriors
 from basecal.estimation.noise.laplace import (
@@ -31,6 +31,7 @@ from basecal.estimation.noise.view_estimates import STATED
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.view.measurement import Noise
 from basecal.geometry import Array
+from basecal.numerics.levenberg_marquardt import SETTLED_SIGMAS
 
 _ROUNDS = 6  # of sigmas and optimum in turn: two or three do
 _SETTLED = 0.02  # of logarithms, and of shapes in sigmas: as well as a thousand freedoms tell them
@@ -90,10 +91,10 @@ def _estimated(
         start = without_errors(used, start)
     else:
         used, logs = replace(near.held_by(problem), held=problem.held), near.logs
-    end, settled = bundle_adjust(used, start, dof, iterations), False
+    end, settled = bundle_adjust(used, start, dof, iterations, sigmas=ROUGH_SIGMAS), False
     plain = _sigma_posterior(used, end.state, robots, logs)
     for _ in range(_ROUNDS):
-        used, end = _readjusted(used, end, plain, dof, iterations)
+        used, end = _readjusted(used, end, plain, dof, iterations, ROUGH_SIGMAS)
         before, plain = plain.logs, _sigma_posterior(used, end.state, robots, plain.logs)
         settled = bool(np.abs(plain.logs - before).max(initial=0.0) < _SETTLED) and _shaped_enough(plain)
         if settled:
@@ -132,11 +133,16 @@ def integrate_sigmas(problem: Problem, state: State, noise: NoiseEstimate) -> No
 
 
 def _readjusted(
-    used: Problem, end: Optimum, found: SigmaPosterior, dof: int, iterations: int
+    used: Problem,
+    end: Optimum,
+    found: SigmaPosterior,
+    dof: int,
+    iterations: int,
+    sigmas: float = SETTLED_SIGMAS,
 ) -> tuple[Problem, Optimum]:
     """The problem with the most likely sigmas, and its optimum near the last."""
     used, state = _rescaled(used, end.state, found)
-    return used, bundle_adjust(used, state, dof, iterations)
+    return used, bundle_adjust(used, state, dof, iterations, sigmas=sigmas)
 
 
 def _rescaled(used: Problem, state: State, found: SigmaPosterior) -> tuple[Problem, State]:
