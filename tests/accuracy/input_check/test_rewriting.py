@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.input_check import rewriting
+from basecal.estimation.problem.problem import State
+from basecal.estimation.problem.robot_parameters import Kinematics
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
@@ -20,6 +22,16 @@ def test_inverting_one_robot_leaves_the_other():
     told = rewriting.with_robots(given, {"eye": rewriting.inverted})
     np.testing.assert_allclose(np.linalg.inv(poses(told, "eye")), poses(given, "eye"), atol=1e-12)
     np.testing.assert_array_equal(poses(told, "hand"), poses(given, "hand"))
+
+
+def test_without_links_offsets_are_estimated_still():
+    """Of both kinds of parameters, and of their values, those of the joints are left."""
+    made = simulate(Scenario(samples=4, joints=True, joint_offsets="free", link_parameters="free"), 0)
+    values = {"joint_offsets": np.full(6, 0.1), "link_parameters": np.ones((7, 6))}
+    robots = {name: Kinematics(robot.chain, values) for name, robot in made.cell.robots.items()}
+    cell, state = rewriting.without_links(made.cell, State(made.truth, made.cameras, np.zeros((0, 6)), robots))
+    assert [set(robot.parameters) for robot in cell.robots.values()] == [{"joint_offsets"}] * 2
+    assert [set(of.values) for of in state.robots.values()] == [{"joint_offsets"}] * 2
 
 
 def test_quaternion_orders_undo_one_another():

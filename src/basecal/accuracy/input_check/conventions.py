@@ -26,12 +26,12 @@ from basecal.accuracy.input_check.noise_evidence import noise_evidence
 from basecal.accuracy.input_check.pairing import half_turns, pairing_errors
 from basecal.accuracy.input_check.plausibility import impossible_answer, impossible_input
 from basecal.accuracy.input_check.rare_hypotheses import rare_hypotheses
+from basecal.accuracy.input_check.rewriting import LINKS, without_links
 from basecal.accuracy.input_check.target_sizes import size_hypotheses
 from basecal.accuracy.input_check.unexplained_motion import unexplained_motion
 from basecal.accuracy.significance import CONFIRMED_SIGNIFICANCE
 from basecal.cell import Cell, Finding, Recording
 from basecal.cell.calibration import Severity
-from basecal.cell.robot_parameters.kind import robot_parameter_kinds
 from basecal.errors import BasecalError
 from basecal.estimation.noise.robot_noise import stops_made
 from basecal.estimation.problem.build import build_problem
@@ -96,7 +96,10 @@ def check_conventions(
         An error for each hypothesis that explains the data better than the declared one, or as well where the declared
         one cannot be; one `ambiguous-convention` for those that explain it as well. Nothing where no hypothesis does.
     """
-    cell, recording = _links_held(cell), in_order(recording)
+    recording = in_order(recording)
+    if any(LINKS in model.columns for model in problem.models.values()):
+        cell, known = without_links(cell, solution.state)
+        problem, solution = build_problem(cell, recording)[0], replace(solution, state=known)
     if len(recording.samples) < _FEWEST or not _can_hold_out(problem):
         return ()
     whole = _as_declared(cell, recording, settings, solution)
@@ -109,16 +112,6 @@ def check_conventions(
     tried = _tried(cell, recording, problem, declared, replace(settings, start="closed"))
     still = frozenset(r for r in cell.robots if stops_made(problem, r) == 1)
     return _decided(cell, declared, tried, explained, still)
-
-
-def _links_held(cell: Cell) -> Cell:
-    """The cell with links that are not estimated: no mix-up is as small as their errors, which chase all others."""
-    kinds = robot_parameter_kinds()
-    held = {
-        name: replace(robot, parameters={k: of for k, of in robot.parameters.items() if kinds[k].BY_JOINT})
-        for name, robot in cell.robots.items()
-    }
-    return replace(cell, robots=held)
 
 
 def _can_hold_out(problem: Problem) -> bool:

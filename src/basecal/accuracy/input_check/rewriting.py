@@ -1,4 +1,4 @@
-"""A recording rewritten: poses mapped, streams paired anew; pure functions on its nouns."""
+"""What is given, rewritten: poses mapped, streams paired anew, links as stated; pure functions on its nouns."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from basecal.cell import (
     CandidateObservation,
+    Cell,
     Observation,
     PixelObservation,
     PointObservation,
@@ -17,8 +18,10 @@ from basecal.cell import (
     RobotState,
     Sample,
 )
+from basecal.estimation.problem.problem import State
 from basecal.geometry import SE3, Array
 
+LINKS = "link_parameters"
 PoseMap = Callable[[SE3], SE3]
 
 
@@ -169,3 +172,16 @@ def _paired(sample: Sample, source: Sample, stream: str | None) -> Sample | None
     if stream not in source.robots:
         return None
     return replace(sample, robots={**sample.robots, stream: source.robots[stream]})
+
+
+def without_links(cell: Cell, state: State) -> tuple[Cell, State]:
+    """Both with links as stated: no mix-up is as small as their errors, which would chase what they cannot explain."""
+    robots = {
+        name: replace(robot, parameters={k: of for k, of in robot.parameters.items() if k != LINKS})
+        for name, robot in cell.robots.items()
+    }
+    kinematics = {
+        name: replace(of, values={k: values for k, values in of.values.items() if k != LINKS})
+        for name, of in state.robots.items()
+    }
+    return replace(cell, robots=robots), replace(state, robots=kinematics)
