@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+import numpy as np
+
+from basecal.studies.chunk import COLUMNS
 from basecal.studies.study import Study
 from basecal.studies.study_file import study_from_text
+from basecal.studies.table import results
 
 BOARD = "board: {kind: chessboard, corners: [4, 3], square_m: 0.06}"
 
@@ -15,3 +21,10 @@ def study(trials: int = 8, cells: int = 2, hold: str = "", axes: str = "", more:
 
 
 SMALL = f"samples: 8, {BOARD}"
+
+
+def numbers(made: Study, folder: Path) -> dict[str, bytes]:
+    """All columns but the time, as bytes."""
+    trials = [result.trials for _, result in results(made, folder)]
+    named = {name: np.concatenate([getattr(each, name) for each in trials]) for name in COLUMNS}
+    return {name: values.tobytes() for name, values in named.items() if name != "time_s"}

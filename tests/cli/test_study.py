@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from basecal.cell.files import write_cell, write_recording
 from basecal.cli import main
+from basecal.simulation import Scenario, simulate
 from study_example import SMALL
 
 TEXT = (
@@ -63,3 +65,39 @@ def test_a_folder_of_other_things_is_left_alone(file: Path, capsys: pytest.Captu
     assert main(["study", str(file), "--workers", "1", "-o", str(file.parent)]) == 3
     assert "choose another folder" in capsys.readouterr().err
     assert [path.name for path in file.parent.iterdir()] == ["small.yaml"]
+
+
+def test_cells_are_calibrated(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A row for each, the bad ones among them; without -o in a folder that is named after theirs, here."""
+    made = simulate(Scenario(samples=10, target="pose"), 1)
+    for name in ("a", "b"):
+        write_cell(made.cell, tmp_path / "line" / name)
+        write_recording(made.recording, tmp_path / "line" / name)
+    (tmp_path / "line" / "b" / "cell.yaml").write_text("gossip: 1\n")
+    monkeypatch.chdir(tmp_path)
+    assert main(["study", "--cells", "line", "--workers", "1", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["cells"] == 2
+    assert told["verdicts"]["unreadable"] == 1
+    assert Path(told["table"]).parent == Path("line_calibrated")
+    assert "unreadable" in Path(told["page"]).read_text()
+    assert main(["study", "--cells", "line", "--workers", "1"]) == 0
+    said = capsys.readouterr().out
+    assert "b: unreadable" in said
+    assert "page: line_calibrated/report.html" in said
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ([], "give the file of a study, or --cells"),
+        (["x.yaml", "--cells", "x"], "one of them"),
+        (["x.yaml", "--workers", "2", "--scheduler", "tcp://127.0.0.1:1"], "give one of them"),
+    ],
+)
+def test_options_that_do_not_go_together(words: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Are wrong usage, told in a line."""
+    assert main(["study", *words]) == 2
+    assert said in capsys.readouterr().err

@@ -10,7 +10,7 @@ import pytest
 
 from basecal.geometry import SE3
 from basecal.studies import chunk as module
-from basecal.studies.chunk import COLUMNS, chunk_path, read_chunk, worked, write_chunk
+from basecal.studies.chunk import COLUMNS, chunk_path, keep_chunk, packed, read_chunk, worked
 from basecal.studies.solvers.solver import Answers
 from study_example import SMALL, study
 
@@ -65,7 +65,7 @@ def test_files_are_read_back_or_not_at_all(tmp_path: Path) -> None:
     chunk = made.chunks[0]
     assert read_chunk(tmp_path, made, chunk) is None
     result = worked(made, chunk)
-    write_chunk(tmp_path, made, chunk, result)
+    keep_chunk(tmp_path, chunk, packed(made, result))
     again = read_chunk(tmp_path, made, chunk)
     assert all(np.array_equal(getattr(again.trials, n), getattr(result.trials, n), equal_nan=True) for n in COLUMNS)
     assert read_chunk(tmp_path, dataclasses.replace(made, seed=1), chunk) is None

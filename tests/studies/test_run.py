@@ -9,27 +9,17 @@ import sys
 import time
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from basecal.errors import InputError
 from basecal.studies import run as module
-from basecal.studies.chunk import COLUMNS
+from basecal.studies.jobs import Where
 from basecal.studies.run import run_study
-from basecal.studies.study import Study
 from basecal.studies.study_file import study_from_text
-from basecal.studies.table import results
-from study_example import SMALL, study
+from study_example import SMALL, numbers, study
 
 AXES = "solver: [maximum_likelihood, opencv], samples: [6, 8]"
 HOLD = f"{SMALL.removeprefix('samples: 8, ')}, layout: eye_in_hand, robot_sigma_t_m: 1e-4, robot_sigma_r_rad: 1e-4"
-
-
-def numbers(made: Study, folder: Path) -> dict[str, bytes]:
-    """All columns but the time, as bytes."""
-    trials = [result.trials for _, result in results(made, folder)]
-    named = {name: np.concatenate([getattr(each, name) for each in trials]) for name in COLUMNS}
-    return {name: values.tobytes() for name, values in named.items() if name != "time_s"}
 
 
 @pytest.mark.slow
@@ -37,7 +27,7 @@ def test_one_process_and_two_make_the_same_table(tmp_path: Path) -> None:
     """To the last digit, time apart."""
     made = study(trials=60, hold=HOLD, axes=AXES)
     for workers in (1, 2):
-        run_study(made, tmp_path / str(workers), workers)
+        run_study(made, tmp_path / str(workers), Where(workers))
     assert numbers(made, tmp_path / "1") == numbers(made, tmp_path / "2")
 
 
@@ -55,13 +45,13 @@ def test_what_is_done_is_not_done_again(tmp_path: Path, monkeypatch: pytest.Monk
 
     monkeypatch.setattr(module, "worked", once)
     with pytest.raises(KeyboardInterrupt):
-        run_study(made, tmp_path / "cut", 1)
+        run_study(made, tmp_path / "cut", Where(1))
     monkeypatch.setattr(module, "worked", lambda study, chunk: done.append(chunk.index) or work(study, chunk))
     told: list[tuple[int, int]] = []
-    run_study(made, tmp_path / "cut", 1, lambda *at: told.append(at))
+    run_study(made, tmp_path / "cut", Where(1), lambda *at: told.append(at))
     assert done == [0, 1, 2]
     assert told == [(8, 24), (16, 24), (24, 24)]
-    run_study(made, tmp_path / "whole", 1)
+    run_study(made, tmp_path / "whole", Where(1))
     assert numbers(made, tmp_path / "cut") == numbers(made, tmp_path / "whole")
 
 
@@ -113,7 +103,7 @@ def test_a_kill_changes_nothing(tmp_path: Path, whom: str) -> None:
     _, said = process.communicate(timeout=120)
     assert process.returncode == 0, said
     made = study_from_text(LONG, "long.yaml")
-    run_study(made, tmp_path / "whole", 1)
+    run_study(made, tmp_path / "whole", Where(1))
     assert numbers(made, folder) == numbers(made, tmp_path / "whole")
     if whom == "all":
         assert kept
@@ -122,11 +112,11 @@ def test_a_kill_changes_nothing(tmp_path: Path, whom: str) -> None:
 
 def test_another_study_is_not_mixed_in(tmp_path: Path) -> None:
     """A folder that holds another study, or something else, is refused and left alone."""
-    run_study(study(trials=2, hold=SMALL), tmp_path / "one", 1)
+    run_study(study(trials=2, hold=SMALL), tmp_path / "one", Where(1))
     with pytest.raises(InputError, match="holds another study"):
-        run_study(study(trials=3, hold=SMALL), tmp_path / "one", 1)
+        run_study(study(trials=3, hold=SMALL), tmp_path / "one", Where(1))
     (tmp_path / "notes").mkdir()
     (tmp_path / "notes" / "mine.txt").write_text("mine")
     with pytest.raises(InputError, match="holds other files"):
-        run_study(study(trials=2, hold=SMALL), tmp_path / "notes", 1)
+        run_study(study(trials=2, hold=SMALL), tmp_path / "notes", Where(1))
     assert [path.name for path in (tmp_path / "notes").iterdir()] == ["mine.txt"]

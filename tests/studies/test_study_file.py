@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from basecal.errors import DatasetError
+from basecal.studies.jobs import Where
 from basecal.studies.run import run_study
 from basecal.studies.study_file import read_study, study_from_text
 from basecal.studies.summary import summarise
@@ -36,7 +37,7 @@ def test_examples_can_be_read(path: Path) -> None:
 def test_examples_run(path: Path, tmp_path: Path) -> None:
     """With a trial at each point, every one has an answer."""
     made = dataclasses.replace(read_study(path), trials=1, cells=1)
-    run_study(made, tmp_path / "out", 1)
+    run_study(made, tmp_path / "out", Where(1))
     assert all(point["solved"] == 1 for point in summarise(made, tmp_path / "out")["points"])
 
 

@@ -18,14 +18,11 @@ Step = Callable[[int, int], None]
 
 def detected_recording(folder: Path, cell: Cell) -> Recording:
     """The recording of a cell's folder with what is detected in its images; a bar shows how far the detection is."""
+    from basecal.accuracy.at_the_door.images import worth_searching
     from basecal.cell.files import read_recording
 
     recording = read_recording(folder, cell)
-    if not any(sample.images for sample in recording.samples):
-        return recording
-    from basecal.accuracy.at_the_door.units import impossible_units
-
-    if impossible_units(cell, recording):  # the verdict is known, and a search of images takes minutes
+    if not worth_searching(cell, recording):
         return recording
     from basecal.vision.detect import detect
 

@@ -10,65 +10,117 @@ from cyclopts import Parameter, validators
 
 from basecal.cli.detected import counting
 from basecal.cli.terminal import print_json, progress, say
+from basecal.errors import UsageError
 
 if TYPE_CHECKING:
+    from basecal.studies.jobs import Where
     from basecal.studies.study import Study
 
 Workers = Annotated[int | None, Parameter(validator=validators.Number(gte=1, lte=1024))]
 Output = Annotated[Path | None, Parameter(name=["--output", "-o"])]
 
 
-def study(file: Path, /, *, workers: Workers = None, output: Output = None, json: bool = False) -> int:
-    """Try calibrations out, thousands of times: which board, how many samples.
+def study(
+    file: Path | None = None,
+    /,
+    *,
+    cells: Path | None = None,
+    workers: Workers = None,
+    scheduler: str | None = None,
+    output: Output = None,
+    json: bool = False,
+) -> int:
+    """Try calibrations out, thousands of times; or calibrate a folder of cells.
 
     FILE says what is varied, what is held and how often it is tried
-    (docs/studies.md). Writes a table of all trials, a summary and a page to
-    look at. What is done is kept: started again after it was cut off, the
-    study goes on where it was. The numbers depend on FILE alone, not on how
-    many processes work on it.
+    (docs/studies.md): which board, how many samples. Writes a table of all
+    trials, a summary and a page to look at. With --cells instead, each cell
+    below a folder is calibrated: a row for each, whatever is wrong with it.
+    What is done is kept: started again after it was cut off, the command goes
+    on where it was. The numbers do not depend on how many work on them.
 
     For example:
 
         basecal study examples/studies/which_board.yaml
         basecal study which_board.yaml --workers 8 -o results --json
+        basecal study which_board.yaml --scheduler tcp://10.0.0.1:8786
+        basecal study --cells all_cells -o calibrated
         basecal study paper
 
     Args:
         file: The study.
+        cells: Folder of cells, at any depth, that are calibrated.
         workers: How many processes; as many as the machine has cores where none is given.
-        output: Folder for what comes out; FILE's name without its ending where none is given.
+        scheduler: Address of a Dask scheduler whose workers do it instead; needs the extra `cluster`.
+        output: Folder for what comes out; FILE's name without its ending, or the name of the folder of cells with
+            `_calibrated`, where none is given.
         json: Print the summary as JSON.
     """
+    from basecal.studies.jobs import Where
+
+    if scheduler is not None and workers is not None:
+        raise UsageError("--workers are processes of this machine, --scheduler has its own: give one of them")
+    where = Where(workers or os.cpu_count() or 1, scheduler)
+    if (file is None) == (cells is None):
+        raise UsageError("give the file of a study, or --cells with a folder of cells: one of them")
+    summary = _study(file, output, where) if file is not None else _fleet(cells or Path(), output, where)
+    if json:
+        print_json({name: value for name, value in summary.items() if name != "words"})
+    else:
+        say(f"{summary['words']}\ntable: {summary['table']}\npage: {summary['page']}")
+    return 0
+
+
+def _study(file: Path, output: Path | None, where: Where) -> dict[str, Any]:
+    """The summary of a study, which is tried and written."""
+    from basecal.reporting.sweep.text import sweep_text
     from basecal.studies.run import run_study
     from basecal.studies.study_file import read_study
 
     asked = read_study(file)
     folder = Path(file.stem) if output is None else output
     with counting("trying") as step:
-        run_study(asked, folder, min(workers or os.cpu_count() or 1, len(asked.chunks)), step)
+        run_study(asked, folder, where, step)
     with progress("writing"):
         summary = _written(asked, folder)
-    if json:
-        print_json(summary)
-    else:
-        from basecal.reporting.sweep.text import sweep_text
-
-        say(sweep_text(summary))
-        say(f"table: {summary['table']}\npage: {summary['page']}")
-    return 0
+    return {**summary, "words": sweep_text(summary)}
 
 
 def _written(asked: Study, folder: Path) -> dict[str, Any]:
     """The summary, after it, the table and the page are written."""
-    import json
-
-    from basecal.cell.format.writing import write_whole
     from basecal.reporting.sweep.page import sweep_page
     from basecal.studies.summary import summarise
     from basecal.studies.table import write_table
 
-    paths = {"folder": str(folder), "table": str(write_table(asked, folder)), "page": str(folder / "report.html")}
+    table = write_table(asked, folder)
     summary = summarise(asked, folder)
+    return {**summary, "folder": str(folder), **_kept(summary, table, sweep_page(summary, asked.text))}
+
+
+def _fleet(cells: Path, output: Path | None, where: Where) -> dict[str, Any]:
+    """The summary of a folder of cells, which are calibrated."""
+    from basecal.reporting.fleet.page import fleet_page
+    from basecal.reporting.fleet.text import fleet_text
+    from basecal.studies.fleet.run import fleet_of, run_fleet
+    from basecal.studies.fleet.summary import rows_of, summarise_fleet, write_fleet_table
+
+    fleet = fleet_of(cells, Path(f"{cells.resolve().name}_calibrated") if output is None else output)
+    with counting("calibrating") as step:
+        run_fleet(fleet, where, step)
+    with progress("writing"):
+        rows = rows_of(fleet)
+        table, summary = write_fleet_table(rows, fleet.output), summarise_fleet(fleet, rows)
+        paths = _kept(summary, table, fleet_page(summary, rows))
+    return {**summary, **paths, "words": fleet_text(summary, rows)}
+
+
+def _kept(summary: dict[str, Any], table: Path, page: str) -> dict[str, str]:
+    """Paths of table and page, after the page and the summary are written beside the table."""
+    import json
+
+    from basecal.cell.format.writing import write_whole
+
+    folder = table.parent
     write_whole(folder / "summary.json", json.dumps(summary, indent=1, allow_nan=False) + "\n", within=folder)
-    write_whole(folder / "report.html", sweep_page(summary, asked.text), within=folder)
-    return {**summary, **paths}
+    write_whole(folder / "report.html", page, within=folder)
+    return {"table": str(table), "page": str(folder / "report.html")}

@@ -121,16 +121,21 @@ def chunk_path(folder: Path, chunk: Chunk) -> Path:
     return folder / "chunks" / f"{chunk.index:06d}.npz"
 
 
-def write_chunk(folder: Path, study: Study, chunk: Chunk, result: ChunkResult) -> None:
+def packed(study: Study, result: ChunkResult) -> bytes:
+    """What a chunk's file holds."""
+    stream = io.BytesIO()
+    about = json.dumps({"study": study.identity, "reasons": result.reasons})
+    np.savez(stream, about=np.array(about), **{name: getattr(result.trials, name) for name in COLUMNS})
+    return stream.getvalue()
+
+
+def keep_chunk(folder: Path, chunk: Chunk, content: bytes) -> None:
     """Write a chunk's file, whole or not at all.
 
     Raises:
         InputError: if it cannot be written.
     """
-    stream = io.BytesIO()
-    about = json.dumps({"study": study.identity, "reasons": result.reasons})
-    np.savez(stream, about=np.array(about), **{name: getattr(result.trials, name) for name in COLUMNS})
-    write_whole(chunk_path(folder, chunk), stream.getvalue(), within=folder)
+    write_whole(chunk_path(folder, chunk), content, within=folder)
 
 
 def read_chunk(folder: Path, study: Study, chunk: Chunk) -> ChunkResult | None:

@@ -1,24 +1,18 @@
-"""All trials of a study as one table: Parquet where pyarrow is installed, else CSV."""
+"""All trials of a study as one table."""
 
 from __future__ import annotations
 
-import csv
-import importlib.util
-import io
-import os
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from basecal.cell.format.writing import beside, open_new
 from basecal.errors import InputError
 from basecal.studies.chunk import COLUMNS, ChunkResult, read_chunk
+from basecal.studies.columns import write_columns
 from basecal.studies.study import Chunk, Study
 
-_NAME = "table"
 _ROWS = 100_000  # held at a time: some tens of megabytes
 
 
@@ -41,24 +35,7 @@ def write_table(study: Study, folder: Path) -> Path:
     Raises:
         InputError: if it cannot be written.
     """
-    parquet = importlib.util.find_spec("pyarrow") is not None
-    path = folder / f"{_NAME}.{'parquet' if parquet else 'csv'}"
-    with _appearing(path) as part:
-        (_write_parquet if parquet else _write_csv)(study, folder, part)
-    return path
-
-
-@contextmanager
-def _appearing(path: Path) -> Iterator[Path]:
-    """A name to write to, which is the file's at the end."""
-    part = beside(path)
-    try:
-        yield part
-        os.replace(part, path)
-    except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror}") from None
-    finally:
-        part.unlink(missing_ok=True)
+    return write_columns(folder, _batches(study, folder))
 
 
 def _batches(study: Study, folder: Path) -> Iterator[dict[str, Any]]:
@@ -78,44 +55,3 @@ def _columns(study: Study, held: list[tuple[Chunk, ChunkResult]]) -> dict[str, A
         name: [label for chunk, _ in held for label in [chunk.point.label[name]] * chunk.trials] for name in study.axes
     }
     return axes | {name: np.concatenate([getattr(result.trials, name) for _, result in held]) for name in COLUMNS}
-
-
-def _write_parquet(study: Study, folder: Path, part: Path) -> None:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    writer = None
-    try:
-        for columns in _batches(study, folder):
-            arrays = {name: _arrow(pa, values) for name, values in columns.items()}
-            batch = pa.table(arrays)
-            writer = writer or pq.ParquetWriter(part, batch.schema)
-            writer.write_table(batch)
-    finally:
-        if writer is not None:
-            writer.close()
-
-
-def _arrow(pa: Any, values: Any) -> Any:
-    """A column of Arrow, missing where there is no number."""
-    if isinstance(values, list):
-        return pa.array(values)
-    return pa.array(values, mask=np.isnan(values) if values.dtype.kind == "f" else None)
-
-
-def _write_csv(study: Study, folder: Path, part: Path) -> None:
-    with open_new(part) as binary:
-        text = io.TextIOWrapper(binary, encoding="utf-8", newline="")
-        writer = csv.writer(text)
-        writer.writerow([*study.axes, *COLUMNS])
-        for columns in _batches(study, folder):
-            writer.writerows(zip(*(_plain(values) for values in columns.values()), strict=True))
-        text.flush()
-        text.detach()
-
-
-def _plain(values: Any) -> list[Any]:
-    """A column's values, nothing where there is no number."""
-    if isinstance(values, list):
-        return values
-    return ["" if value != value else value for value in values.tolist()]

@@ -1,0 +1,1 @@
+"""A folder of calibrated cells as text and as a page."""

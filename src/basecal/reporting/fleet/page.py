@@ -1,0 +1,44 @@
+"""A fleet as one HTML file that opens offline."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from markupsafe import Markup
+
+from basecal.reporting.fleet.text import HEAD, cells_of, worst_first
+from basecal.reporting.templates.environment import environment, own_file, policy
+
+_MOST_ROWS = 2000
+_NAMES = {
+    "sigma_mm": "sigma of the translation [mm]",
+    "sigma_deg": "sigma of the rotation [deg]",
+    "held_out_mm": "held-out error [mm]",
+    "held_out_deg": "held-out error [deg]",
+    "time_s": "time of a cell [s]",
+}
+
+
+def fleet_page(summary: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> str:
+    """The fleet as HTML, everything it needs inside; it asks nothing of any server.
+
+    Args:
+        summary: As `studies.fleet.summary` gives it.
+        rows: Of all cells, as the table has them.
+    """
+    style = own_file("templates/page.css") + own_file("templates/study.css")
+    shown = worst_first(rows)[:_MOST_ROWS]
+    spreads = {label: summary[name] for name, label in _NAMES.items() if summary[name] is not None}
+    return (
+        environment()
+        .get_template("fleet.html")
+        .render(
+            summary=summary,
+            style=Markup(style),
+            policy=policy(style),
+            spreads=[(label, [f"{value:.3g}" for value in spread.values()]) for label, spread in spreads.items()],
+            head=HEAD,
+            rows=[cells_of(row) for row in shown],
+        )
+    )

@@ -1,0 +1,94 @@
+"""Calls made by the workers of a Dask cluster; all that goes wrong with it in words."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Sequence
+from concurrent.futures import CancelledError
+from contextlib import contextmanager
+from functools import partial
+from importlib import import_module
+from importlib.metadata import version
+from typing import Any
+
+from basecal.errors import BasecalError, InputError, MissingExtra
+
+_PATIENCE_S = 10  # until a scheduler answers that is there
+
+
+def called_on_cluster(address: str, calls: Sequence[partial[bytes]]) -> Iterator[tuple[int, bytes | str]]:
+    """Calls by their place in the sequence, as they are done, with their bytes; or why one kills whoever does it.
+
+    Args:
+        address: Of a Dask scheduler, such as tcp://10.0.0.1:8786.
+        calls: What is called.
+
+    Raises:
+        MissingExtra: if Dask is not installed.
+        InputError: if no scheduler answers, it goes away, or workers do not have this version of basecal.
+    """
+    with _client(address) as client:
+        place, suspects = {future: k for k, future in enumerate(client.map(_made, calls, pure=False))}, []
+        for future in _dask().as_completed(list(place)):
+            found, k = _result(future, address), place.pop(future)  # popped: nobody holds what was handed on
+            if isinstance(found, str):
+                suspects.append(k)
+            else:
+                yield k, found
+        for k in suspects:  # what merely waited where another call killed its workers is done by itself
+            yield k, _result(client.submit(_made, calls[k], pure=False), address)
+
+
+def _made(call: partial[bytes]) -> bytes:
+    return call()
+
+
+def _result(future: Any, address: str) -> bytes | str:
+    try:
+        made: bytes = future.result()
+    except _dask().KilledWorker:
+        return "the workers that did it were killed again and again: is there memory enough?"
+    except CancelledError:
+        raise InputError(
+            f"the scheduler at {address} went away; what is done is kept: start the same command again"
+        ) from None
+    except ImportError as error:
+        if isinstance(error, BasecalError):
+            raise
+        raise InputError(f"a worker lacks what it needs ({error}): install the same packages there as here") from None
+    return made
+
+
+@contextmanager
+def _client(address: str) -> Iterator[Any]:
+    dask = _dask()
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters of it is told here
+    try:
+        client = dask.Client(address, timeout=_PATIENCE_S)
+    except (OSError, ValueError) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(
+            f"no Dask scheduler answers at {address} ({reason}): start one with `dask scheduler`, give its address"
+        ) from None
+    with client:
+        _check_workers(client)
+        yield client
+
+
+def _dask() -> Any:
+    try:
+        return import_module("distributed")
+    except ImportError:
+        raise MissingExtra("cluster", "--scheduler") from None
+
+
+def _check_workers(client: Any) -> None:
+    here = version("basecal")
+    for worker, there in client.run(_version, on_error="return").items():
+        if there != here:
+            has = f"basecal {there}" if isinstance(there, str) else "no basecal"
+            raise InputError(f"the worker {worker} has {has}, here is {here}: install the same version there")
+
+
+def _version() -> str:
+    return version("basecal")

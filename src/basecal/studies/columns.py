@@ -1,0 +1,92 @@
+"""Columns as one file: Parquet where pyarrow is installed, else CSV."""
+
+from __future__ import annotations
+
+import csv
+import importlib.util
+import io
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from basecal.cell.format.writing import beside, open_new
+from basecal.errors import InputError
+
+_NAME = "table"
+Columns = Mapping[str, Any]
+"""By name a list, None where nothing is known, or an array, NaN likewise; all of one length."""
+
+
+def write_columns(folder: Path, batches: Iterator[Columns]) -> Path:
+    """Path of the table written into a folder.
+
+    Args:
+        folder: Where.
+        batches: Consecutive rows, all with the same columns; one at least.
+
+    Raises:
+        InputError: if it cannot be written.
+    """
+    parquet = importlib.util.find_spec("pyarrow") is not None
+    path = folder / f"{_NAME}.{'parquet' if parquet else 'csv'}"
+    with _appearing(path) as part:
+        (_write_parquet if parquet else _write_csv)(batches, part)
+    return path
+
+
+@contextmanager
+def _appearing(path: Path) -> Iterator[Path]:
+    """A name to write to, which is the file's at the end."""
+    part = beside(path)
+    try:
+        yield part
+        os.replace(part, path)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error.strerror}") from None
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _write_parquet(batches: Iterator[Columns], part: Path) -> None:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    writer = None
+    try:
+        for columns in batches:
+            batch = pa.table({name: _arrow(pa, values) for name, values in columns.items()})
+            writer = writer or pq.ParquetWriter(part, batch.schema)
+            writer.write_table(batch)
+    finally:
+        if writer is not None:
+            writer.close()
+
+
+def _arrow(pa: Any, values: Any) -> Any:
+    """A column of Arrow, missing where there is no number."""
+    if isinstance(values, list):
+        return pa.array(values)
+    return pa.array(values, mask=np.isnan(values) if values.dtype.kind == "f" else None)
+
+
+def _write_csv(batches: Iterator[Columns], part: Path) -> None:
+    with open_new(part) as binary:
+        text = io.TextIOWrapper(binary, encoding="utf-8", newline="")
+        writer = csv.writer(text)
+        for number, columns in enumerate(batches):
+            if number == 0:
+                writer.writerow(columns)
+            writer.writerows(zip(*(_plain(values) for values in columns.values()), strict=True))
+        text.flush()
+        text.detach()
+
+
+def _plain(values: Any) -> list[Any]:
+    """A column's values, nothing where there is no number."""
+    if isinstance(values, list):
+        return values
+    return ["" if value != value else value for value in values.tolist()]

@@ -1,0 +1,161 @@
+"""What a cell of a fleet gives: a row, and its calibration where there is one."""
+
+from __future__ import annotations
+
+import json
+import time
+import traceback
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from basecal.accuracy.at_the_door.images import worth_searching
+from basecal.accuracy.verdict import calibrate
+from basecal.cell import Calibration, Cell, Finding, Recording
+from basecal.cell.files import calibration_to_dict, input_hashes, read_cell, read_recording
+from basecal.cell.results.versions import used_versions
+from basecal.errors import BasecalError, printable
+
+VERDICTS = ("good", "doubtful", "refused", "unreadable", "failed")
+"""Of a row: those of a calibration; then files that cannot be read as written, and faults of this program."""
+
+_WORST_FIRST = {"error": 0, "warning": 1, "info": 2}
+
+
+@dataclass(frozen=True)
+class Row:
+    """A cell of a fleet; None where there is no number.
+
+    Attributes:
+        cell: Its path in the fleet's folder.
+        verdict: One of `VERDICTS`.
+        findings: Codes of its errors and warnings, the worst first.
+        said: The worst of them in words, or why there is no calibration.
+        samples: How many its recording has.
+        transform: Which transform of those asked for the following is: the first that was found.
+        x_m: Where it stands [m]; y_m, z_m likewise.
+        y_m: See x_m.
+        z_m: See x_m.
+        qx: Its rotation as a quaternion, scalar last; qy, qz, qw likewise.
+        qy: See qx.
+        qz: See qx.
+        qw: See qx.
+        sigma_mm: Root of the summed variances of its translation [mm].
+        sigma_deg: Likewise of its rotation [deg].
+        rms_px: Of the residuals of a coordinate [px].
+        held_out_mm: Rms distance by which held-out samples are missed [mm].
+        held_out_deg: Likewise the angle [deg].
+        time_s: Wall time of reading, detecting and calibrating [s].
+    """
+
+    cell: str
+    verdict: str
+    findings: str = ""
+    said: str = ""
+    samples: int | None = None
+    transform: str | None = None
+    x_m: float | None = None
+    y_m: float | None = None
+    z_m: float | None = None
+    qx: float | None = None
+    qy: float | None = None
+    qz: float | None = None
+    qw: float | None = None
+    sigma_mm: float | None = None
+    sigma_deg: float | None = None
+    rms_px: float | None = None
+    held_out_mm: float | None = None
+    held_out_deg: float | None = None
+    time_s: float | None = None
+
+
+COLUMNS = tuple(f.name for f in fields(Row))
+
+
+def calibrated(folder: str, cell: str) -> bytes:
+    """The row of a cell, its calibration, and the traceback of a fault of this program, as JSON.
+
+    Args:
+        folder: Of the fleet.
+        cell: The cell's path in it.
+    """
+    begin, row, calibration, fault = time.perf_counter(), Row(cell, "failed"), None, ""
+    try:
+        row, calibration = _calibrated(Path(folder, cell), cell)
+    except BasecalError as error:
+        row = Row(cell, "unreadable", said=_one_line(error))
+    except MemoryError:
+        row = Row(cell, "failed", said="there is not memory enough for it")
+    except Exception as error:  # one cell's fault ends no other's calibration
+        fault = printable(traceback.format_exc())
+        row = Row(cell, "failed", said=_one_line(f"a fault of basecal itself ({type(error).__name__}: {error})"))
+    took = asdict(row) | {"time_s": time.perf_counter() - begin}
+    return _written(took, calibration, fault)
+
+
+def killed(cell: str, why: str) -> bytes:
+    """As `calibrated`, of a cell that kills whoever works on it."""
+    return _written(asdict(Row(cell, "failed", said=why)), None, "")
+
+
+def _written(row: dict[str, Any], calibration: dict[str, Any] | None, fault: str) -> bytes:
+    found = {"row": row, "calibration": calibration, "fault": fault}
+    return json.dumps(found, allow_nan=False).encode("utf-8", "backslashreplace")
+
+
+def _one_line(error: object) -> str:
+    return " ".join(printable(str(error)).split())
+
+
+def _calibrated(folder: Path, name: str) -> tuple[Row, dict[str, Any]]:
+    cell = read_cell(folder)
+    hashes = input_hashes(folder, cell)
+    recording = read_recording(folder, cell)
+    if worth_searching(cell, recording):
+        from basecal.vision.detect import detect
+
+        recording = detect(cell, recording)
+    made = calibrate(cell, recording)
+    written = calibration_to_dict(made) | {"inputs": hashes, "versions": used_versions()}
+    return _row(name, cell, recording, made), written
+
+
+def _row(name: str, cell: Cell, recording: Recording, made: Calibration) -> Row:
+    worst = sorted(made.findings, key=lambda finding: _WORST_FIRST[finding.severity])
+    bad = [finding for finding in worst if finding.severity != "info"]
+    valid = made.validation
+    found = next((each for each in cell.asked if each in made.transforms), None)
+    return Row(
+        name,
+        made.verdict,
+        _codes(bad),
+        _one_line(bad[0].message) if bad else "",
+        len(recording.samples),
+        **({} if found is None else _placed(found, made)),
+        rms_px=made.residuals.rms_px,
+        held_out_mm=None if valid is None or valid.target_m is None else 1e3 * valid.target_m,
+        held_out_deg=None if valid is None or valid.target_rad is None else float(np.degrees(valid.target_rad)),
+    )
+
+
+def _codes(findings: Sequence[Finding]) -> str:
+    return " ".join(dict.fromkeys(finding.code for finding in findings))
+
+
+def _placed(name: str, made: Calibration) -> dict[str, Any]:
+    """The columns of a transform."""
+    estimate = made.transforms[name]
+    variances = np.diagonal(estimate.covariance)
+    place = dict(zip(("x_m", "y_m", "z_m"), map(float, estimate.mean.translation), strict=True))
+    turn = dict(zip(("qx", "qy", "qz", "qw"), map(float, estimate.mean.quaternion), strict=True))
+    sigmas = [float(np.sqrt(part.sum())) for part in (variances[:3], variances[3:])]
+    return {
+        "transform": name,
+        **place,
+        **turn,
+        "sigma_mm": 1e3 * sigmas[0],
+        "sigma_deg": float(np.degrees(sigmas[1])),
+    }

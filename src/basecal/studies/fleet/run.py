@@ -1,0 +1,123 @@
+"""A fleet worked through, here or on a cluster; what has not changed since is not calibrated again.
+
+Nothing is written among the cells but what `basecal detect` keeps there: rows and calibrations stand in a folder of
+their own, each whole or not at all.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from basecal.bounded_file import read_bounded
+from basecal.cell.format.writing import make_folder, write_whole
+from basecal.errors import DatasetError, InputError
+from basecal.studies.fleet.folder import cells_in, fingerprint
+from basecal.studies.fleet.row import COLUMNS, calibrated, killed
+from basecal.studies.jobs import Job, Where, done_jobs
+
+ROW, CALIBRATION, FAULT = "row.json", "calibration.json", "fault.txt"
+FLEET = "fleet.json"
+SCHEMA = "basecal/fleet/1"
+_CELLS = "cells"
+_LARGEST_BYTES = 2**20  # of a row: it has some hundred
+Step = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class Fleet:
+    """The cells of a folder, and where what comes of them is kept.
+
+    Attributes:
+        folder: With the cells in it.
+        cells: Their paths in it.
+        output: Where rows and calibrations stand.
+    """
+
+    folder: Path
+    cells: tuple[str, ...]
+    output: Path
+
+    def kept(self, cell: str, name: str) -> Path:
+        """A file that is kept of a cell."""
+        return self.output / _CELLS / cell / name
+
+    def fingerprint(self, cell: str) -> str:
+        """What tells whether a cell, or this program, has changed."""
+        return fingerprint(self.folder / cell, version("basecal"))
+
+    def row(self, cell: str, of: str | None = None) -> Mapping[str, Any] | None:
+        """The row that is kept of a cell; None where there is none, or of another fingerprint than `of`."""
+        try:
+            kept = json.loads(read_bounded(self.kept(cell, ROW), _LARGEST_BYTES))
+        except (DatasetError, ValueError, RecursionError):
+            return None
+        if not isinstance(kept, dict) or (kept.pop("fingerprint", None) != of and of is not None):
+            return None
+        return kept if tuple(kept) == COLUMNS else None
+
+    def keep(self, cell: str, of: str, content: bytes) -> None:
+        """Keep what `calibrated` gave of a cell of that fingerprint; the row last, which says that all is there.
+
+        Raises:
+            InputError: if it cannot be written.
+        """
+        found = json.loads(content)
+        for name, text in ((CALIBRATION, _as_text(found["calibration"])), (FAULT, found["fault"])):
+            if text:
+                write_whole(self.kept(cell, name), text, within=self.output, durable=False)
+            else:
+                self.kept(cell, name).unlink(missing_ok=True)
+        row = found["row"] | {"fingerprint": of}
+        write_whole(self.kept(cell, ROW), _as_text(row), within=self.output, durable=False)
+
+
+def _as_text(data: Any) -> str:
+    return "" if data is None else json.dumps(data, indent=1, allow_nan=False) + "\n"
+
+
+def fleet_of(folder: Path, output: Path) -> Fleet:
+    """The cells of a folder, with a folder made for what comes of them.
+
+    Raises:
+        InputError: if there is no cell, or that folder is of something else, or among the cells.
+    """
+    cells = cells_in(folder)
+    if output.resolve().is_relative_to(folder.resolve()):
+        raise InputError(f"{output} is among the cells: choose a folder outside of {folder} with -o")
+    make_folder(output)
+    mark = output / FLEET
+    if not mark.exists() and any(output.iterdir()):
+        raise InputError(f"{output} holds other files and no fleet: choose another folder with -o")
+    write_whole(mark, _as_text({"schema": SCHEMA, "cells": str(folder.resolve())}))
+    return Fleet(folder, cells, output)
+
+
+def run_fleet(fleet: Fleet, where: Where, step: Step | None = None) -> None:
+    """Calibrate each cell that has changed since it was, or never was; its row stands in the output folder then.
+
+    Args:
+        fleet: The cells.
+        where: Who works; workers of a cluster see the folder of the cells under the same path.
+        step: Called with the cells done and all.
+
+    Raises:
+        InputError: if something cannot be written, or the cluster is not there.
+    """
+    tell = step or (lambda done, total: None)
+    now = {cell: fleet.fingerprint(cell) for cell in fleet.cells}
+    left = [cell for cell, of in now.items() if fleet.row(cell, of) is None]
+    done, total = len(now) - len(left), len(now)
+    tell(done, total)
+    folder = str(fleet.folder.resolve())
+    jobs = [Job(k, 1, partial(calibrated, folder, cell), partial(killed, cell)) for k, cell in enumerate(left)]
+    for job, content in done_jobs(jobs, where):
+        cell = left[job.number]
+        fleet.keep(cell, now[cell], content)
+        done += 1
+        tell(done, total)

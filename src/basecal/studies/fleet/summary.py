@@ -1,0 +1,71 @@
+"""What a fleet's rows say together, and their table."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from basecal.errors import InputError
+from basecal.studies.columns import write_columns
+from basecal.studies.fleet.row import COLUMNS, VERDICTS
+from basecal.studies.fleet.run import SCHEMA, Fleet
+
+_LISTS = ("cell", "verdict", "findings", "said", "samples", "transform")
+_SPREAD = ("sigma_mm", "sigma_deg", "held_out_mm", "held_out_deg", "time_s")
+_QUANTILES = {"p05": 0.05, "median": 0.5, "p95": 0.95}
+
+Row = Mapping[str, Any]
+
+
+def rows_of(fleet: Fleet) -> list[Row]:
+    """The rows of all cells, in the fleet's order.
+
+    Raises:
+        InputError: if one is missing.
+    """
+    found = []
+    for cell in fleet.cells:
+        row = fleet.row(cell)
+        if row is None:
+            raise InputError(f"{fleet.output} lacks the row of {cell}: run the command again to complete it")
+        found.append(row)
+    return found
+
+
+def write_fleet_table(rows: Sequence[Row], folder: Path) -> Path:
+    """Path of the table written into a folder: a row for each cell.
+
+    Raises:
+        InputError: if it cannot be written.
+    """
+    return write_columns(folder, iter([{name: _column(name, rows) for name in COLUMNS}]))
+
+
+def _column(name: str, rows: Sequence[Row]) -> Any:
+    values = [row[name] for row in rows]
+    return values if name in _LISTS else np.array([np.nan if value is None else value for value in values], dtype=float)
+
+
+def summarise_fleet(fleet: Fleet, rows: Sequence[Row]) -> dict[str, Any]:
+    """Verdicts, findings and spreads of a fleet, as plain data."""
+    verdicts = Counter(row["verdict"] for row in rows)
+    return {
+        "schema": SCHEMA,
+        "cells": len(rows),
+        "verdicts": {verdict: verdicts[verdict] for verdict in VERDICTS},
+        "findings": dict(Counter(code for row in rows for code in row["findings"].split()).most_common()),
+        **{name: _spread(row[name] for row in rows) for name in _SPREAD},
+        "folder": str(fleet.output),
+    }
+
+
+def _spread(values: Iterable[float | None]) -> dict[str, float] | None:
+    """Quantiles and the largest of what is known; nothing where nothing is."""
+    known = [value for value in values if value is not None]
+    if not known:
+        return None
+    return {**{n: float(np.quantile(known, share)) for n, share in _QUANTILES.items()}, "largest": max(known)}

@@ -1,0 +1,26 @@
+"""Images that are worth a search."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from basecal.accuracy.at_the_door.images import worth_searching
+from basecal.cell import Recording
+from basecal.geometry import SE3
+from basecal.simulation import Scenario, simulate
+
+
+def test_images_of_poses_in_metres_are(tmp_path) -> None:
+    """Those of poses in millimetres are not, nor is a recording without any."""
+    made = simulate(Scenario(samples=4), 1)
+    shown = [replace(sample, images={"wrist": "images/wrist/0.png"}) for sample in made.recording.samples]
+    assert not worth_searching(made.cell, made.recording)
+    assert worth_searching(made.cell, Recording(tuple(shown)))
+
+    def in_millimetres(state):
+        """The pose as a controller that counts in them says it."""
+        pose = state.base_from_flange
+        return replace(state, base_from_flange=SE3(pose.rotation, 1e3 * pose.translation))
+
+    wrong = [replace(s, robots={name: in_millimetres(of) for name, of in s.robots.items()}) for s in shown]
+    assert not worth_searching(made.cell, Recording(tuple(wrong)))

@@ -1,0 +1,21 @@
+"""A fleet as a page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from basecal.reporting.fleet.page import fleet_page
+from basecal.studies.fleet.run import Fleet
+from basecal.studies.fleet.summary import summarise_fleet
+from fleet_example import ROWS
+
+
+def test_the_page_holds_every_cell_escaped() -> None:
+    """The worst first, its findings counted; names of folders are no HTML."""
+    page = fleet_page(summarise_fleet(Fleet(Path(), (), Path()), ROWS), ROWS)
+    assert "<td>drift</td><td>2</td>" in page
+    assert "&lt;c&gt;" in page
+    assert "<c>" not in page
+    assert "<gossip>" not in page
+    assert page.index("it moved, too") < page.index("it moved<")
+    assert "default-src &#39;none&#39;" in page or "default-src 'none'" in page

@@ -1,0 +1,78 @@
+"""What a cell gives: a row, whatever is wrong with it."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from basecal.cell.files import calibration_from_dict, input_hashes, write_cell, write_recording
+from basecal.simulation import Scenario, simulate
+from basecal.studies.fleet import row as module
+from basecal.studies.fleet.row import COLUMNS, calibrated, killed
+
+
+@pytest.fixture
+def folder(tmp_path):
+    made = simulate(Scenario(samples=10, target="pose"), 1)
+    write_cell(made.cell, tmp_path / "a")
+    write_recording(made.recording, tmp_path / "a")
+    return tmp_path
+
+
+def test_a_good_cell_has_numbers(folder) -> None:
+    """Those of its calibration, which is given too, with hashes of what was read."""
+    found = json.loads(calibrated(str(folder), "a"))
+    row, made = found["row"], calibration_from_dict(found["calibration"])
+    assert tuple(row) == COLUMNS
+    assert (row["cell"], row["verdict"], row["samples"]) == ("a", made.verdict, 10)
+    base = made["eye_base_from_hand_base"]
+    assert row["transform"] == "eye_base_from_hand_base"
+    assert [row[name] for name in ("x_m", "y_m", "z_m")] == pytest.approx(list(base.mean.translation), abs=1e-12)
+    assert row["sigma_mm"] == pytest.approx(1e3 * base.covariance[:3, :3].trace() ** 0.5)
+    assert dict(made.inputs) == input_hashes(folder / "a")
+    assert found["fault"] == ""
+
+
+def test_a_cell_that_cannot_be_read_is_a_row(folder) -> None:
+    """With what `calibrate` says of it, on one line."""
+    (folder / "a" / "cell.yaml").write_text("gossip: 1\n")
+    found = json.loads(calibrated(str(folder), "a"))
+    assert found["row"]["verdict"] == "unreadable"
+    assert "cell.yaml" in found["row"]["said"]
+    assert "\n" not in found["row"]["said"]
+    assert found["calibration"] is None
+    assert json.loads(calibrated(str(folder), "none"))["row"]["verdict"] == "unreadable"
+
+
+def test_a_refused_cell_has_its_finding(folder) -> None:
+    """Its code, and what it says."""
+    samples = folder / "a" / "recording" / "samples.jsonl"
+    samples.write_text(samples.read_text().splitlines()[0] + "\n")
+    row = json.loads(calibrated(str(folder), "a"))["row"]
+    assert (row["verdict"], row["transform"], row["sigma_mm"]) == ("refused", None, None)
+    assert "too-few-samples" in row["findings"].split()
+    assert row["said"]
+
+
+@pytest.mark.parametrize(
+    ("error", "said"), [(TypeError("odd"), "TypeError: odd"), (MemoryError(), "not memory enough")]
+)
+def test_a_fault_is_a_row(folder, monkeypatch, error, said) -> None:
+    """Of ours with its traceback; of too little memory without."""
+
+    def fails(cell, recording):
+        """As a fault does."""
+        raise error
+
+    monkeypatch.setattr(module, "calibrate", fails)
+    found = json.loads(calibrated(str(folder), "a"))
+    assert found["row"]["verdict"] == "failed"
+    assert said in found["row"]["said"]
+    assert ("Traceback" in found["fault"]) == isinstance(error, TypeError)
+
+
+def test_a_cell_that_kills_is_a_row() -> None:
+    """It says why."""
+    row = json.loads(killed("a", "is there memory enough?"))["row"]
+    assert (row["cell"], row["verdict"], row["said"]) == ("a", "failed", "is there memory enough?")

@@ -1,0 +1,110 @@
+"""A Dask cluster does what processes of this machine do, or says in a line why not."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from basecal.errors import InputError, MissingExtra
+from basecal.studies import cluster as module
+from basecal.studies.cluster import called_on_cluster
+from basecal.studies.jobs import Job, Where, done_jobs
+from basecal.studies.run import run_study
+from job_examples import deadly, lacking, named, slowly
+from study_example import SMALL, numbers, study
+
+
+@contextmanager
+def local_cluster(workers: int) -> Iterator[object]:
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=workers, threads_per_worker=1, dashboard_address=None, silence_logs="CRITICAL"
+    ) as cluster:
+        yield cluster
+
+
+def test_no_scheduler_is_one_line(monkeypatch) -> None:
+    """The address, and what to do."""
+    pytest.importorskip("distributed")
+    monkeypatch.setattr(module, "_PATIENCE_S", 0.2)
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        address = f"tcp://127.0.0.1:{taken.getsockname()[1]}"
+        with pytest.raises(InputError, match=f"no Dask scheduler answers at {address}.*dask scheduler"):
+            list(called_on_cluster(address, []))
+    with pytest.raises(InputError, match="no Dask scheduler answers at gossip://x"):
+        list(called_on_cluster("gossip://x", []))
+
+
+def test_without_dask_the_extra_is_named(monkeypatch) -> None:
+    """As other extras are."""
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(MissingExtra, match=r"pip install 'basecal\[cluster\]'"):
+        list(called_on_cluster("tcp://127.0.0.1:1", []))
+
+
+@pytest.mark.slow
+def test_workers_that_differ_are_refused(monkeypatch) -> None:
+    """Of another version before anything is done; without a package as the first call needs it."""
+    with local_cluster(1) as cluster:
+        with pytest.raises(InputError, match=r"a worker lacks what it needs .*no_such_package"):
+            list(called_on_cluster(cluster.scheduler_address, [partial(lacking, 1)]))
+        monkeypatch.setattr(module, "version", lambda name: "0.0.0")
+        with pytest.raises(InputError, match=r"here is 0\.0\.0: install the same version there"):
+            list(called_on_cluster(cluster.scheduler_address, []))
+
+
+@pytest.mark.slow
+def test_a_job_that_kills_its_workers_is_given_up() -> None:
+    """By Dask itself, after its first death; the others are done, those too that waited where it died."""
+    dask = pytest.importorskip("dask")
+    with dask.config.set({"distributed.scheduler.allowed-failures": 0}), local_cluster(2) as cluster:
+        bad = Job(0, 1, partial(deadly, 0), lambda why: why.encode())
+        rest = [Job(k, 1, partial(named, k)) for k in (1, 2, 3)]
+        done = {job.number: content for job, content in done_jobs([bad, *rest], Where(1, cluster.scheduler_address))}
+    assert b"killed again and again" in done.pop(0)
+    assert done == {number: named(number) for number in (1, 2, 3)}
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="kills a process")
+def test_a_scheduler_that_goes_away_is_told() -> None:
+    """In a line, and what is done is kept by whoever asked."""
+    with local_cluster(1) as cluster:
+        jobs = [Job(k, 1, partial(slowly, k)) for k in range(100)]
+        threading.Timer(1.0, cluster.close).start()
+        with pytest.raises(InputError, match="went away"):
+            list(done_jobs(jobs, Where(1, cluster.scheduler_address)))
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="kills a process")
+@pytest.mark.parametrize("workers", [2, 4])
+def test_the_same_table_by_any_number_of_workers(tmp_path: Path, workers: int) -> None:
+    """To the last digit as by this process, time apart; with two, one of them killed midway."""
+    made = study(trials=80, cells=8, hold=SMALL, axes="pixel_px: [0.1, 0.2, 0.3], robot_sigma_t_m: [0, 1e-4, 2e-4]")
+    with local_cluster(workers) as cluster:
+        if workers == 2:
+            threading.Thread(target=kill_after_a_chunk, args=(cluster, tmp_path / "dask"), daemon=True).start()
+        run_study(made, tmp_path / "dask", Where(1, cluster.scheduler_address))
+    run_study(made, tmp_path / "here", Where(1))
+    assert numbers(made, tmp_path / "dask") == numbers(made, tmp_path / "here")
+
+
+def kill_after_a_chunk(cluster, folder: Path) -> None:
+    """A worker, with -9, once a chunk is kept."""
+    end = time.monotonic() + 60
+    while not list(folder.glob("chunks/*.npz")):
+        assert time.monotonic() < end
+        time.sleep(0.01)
+    os.kill(next(iter(cluster.workers.values())).pid, signal.SIGKILL)
