@@ -80,7 +80,8 @@ def _calibrated(cell: Cell, recording: Recording, settings: Settings, by_clocks:
         return Calibration("refused", findings=(*units, *recording.findings), settings=settings.as_dict())
     with settings.stage("problem"):
         problem, dropped = build_problem(cell, recording)
-    given = Input(problem, (*recording.findings, *repeated_views(cell, recording), *dropped))
+    read = (*recording.findings, *repeated_views(cell, recording), *dropped)
+    given = Input(problem, read, on_paths=by_clocks is not None)
     findings = [*given.findings, *(finding for check in INPUT_CHECKS for finding in check(given))]
     if verdict_of(findings) == "refused":
         return Calibration("refused", findings=tuple(findings), settings=settings.as_dict())

@@ -81,6 +81,15 @@ def test_a_calibration_of_streams_is_true_and_says_its_clock() -> None:
     assert xi @ np.linalg.solve(found[NAME].covariance, xi) < 22.5  # the 99.9 % of six freedoms
 
 
+def test_arms_on_paths_make_no_stops():
+    """Views a third of a millisecond apart, where the arm moved by hundredths of a millimetre: no `same-stop`."""
+    made, other = streamed(seconds=4.0), streamed(seconds=4.0, seed=1)
+    views = [sample for sample in other.recording.samples if sample.observations]
+    later = tuple(replace(s, sample=5000 + s.sample, stamp_s=s.stamp_s + 3e-4) for s in views)
+    found = calibrate(made.cell, Recording((*made.recording.samples, *later)))
+    assert "same-stop" not in {f.code for f in found.findings}
+
+
 def test_what_an_offset_cannot_mend_is_named():
     """A clock that drifts by 20 ms in 8 s, of which the views see seven: the growth is found beside the offset."""
     made = streamed()

@@ -15,7 +15,7 @@ from basecal.simulation import Scenario, simulate
 
 @pytest.mark.parametrize("jitter_m", [0.0, 2e-5])
 def test_jitter_within_stops_is_told(jitter_m):
-    """The robot whose read-back varies is named with how far; stops read back alike say nothing."""
+    """The robot whose read-back varies is named with how far; stops read back alike, and paths, say nothing."""
     made = simulate(Scenario(samples=12, target="led", arms="stations", stations=3), 0)
     rng = np.random.default_rng(0)
     samples = []
@@ -27,3 +27,4 @@ def test_jitter_within_stops_is_told(jitter_m):
     found = same_stop(Input(problem, ()))
     assert [(f.code, f.severity, f.about) for f in found] == ([("same-stop", "info", ("eye",))] if jitter_m else [])
     assert not found or "its 3 stops" in found[0].message
+    assert same_stop(Input(problem, (), on_paths=True)) == []

@@ -24,10 +24,12 @@ class Input:
     Attributes:
         problem: Of cell and recording.
         findings: Made while these were read.
+        on_paths: Whether robots' poses are read off their paths at the instants of views, not at stops.
     """
 
     problem: Problem
     findings: tuple[Finding, ...]
+    on_paths: bool = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,9 @@ _ROUNDING = 1e-9  # [m, rad] of numbers written with all their digits
 
 
 def same_stop(given: Input) -> list[Finding]:
-    """An info about each robot whose recorded poses vary within its stops."""
+    """An info about each robot whose recorded poses vary within its stops; arms on paths make none of their own."""
+    if given.on_paths:
+        return []
     robots = sorted({robot for g in given.problem.groups for robot in (g.eye, g.hand) if robot is not None})
     return [f for robot in robots for f in _of_robot(given.problem, robot)]
 
