@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter, validators
 
 from basecal.cli.detected import counting
-from basecal.cli.simulated_process import run_process
+from basecal.cli.simulated_process import RendererName, run_process
 from basecal.cli.terminal import pasted, print_json, progress, say
 from basecal.errors import InputError
 from basecal.registry import TargetKindName
@@ -42,6 +42,7 @@ def simulate(
     port: Annotated[int, Parameter(validator=validators.Number(gte=0, lt=2**16))] = 0,
     speed: Annotated[float, Parameter(validator=validators.Number(gte=0, lte=1000))] = 1.0,
     fault: tuple[str, ...] = (),
+    renderer: RendererName = "auto",
     until_eof: bool = False,
     json: bool = False,
 ) -> int:
@@ -79,11 +80,13 @@ def simulate(
         port: Where the process listens, on this machine alone; 0 takes a free one.
         speed: Seconds of the cell in a second; at 0 its time goes on only while somebody waits for it.
         fault: What is wrong with the running cell: NAME, NAME=SIZE or NAME=SIZE@MOVES; an unknown name lists them all.
+        renderer: What draws its pictures: mujoco (arms, table and clutter around the target; the extra sim), analytic
+            (the target alone), or auto: MuJoCo where it can.
         until_eof: End the process when its standard input ends.
         json: Print what was written, or how the process is reached, as JSON.
     """
     if process:
-        return run_process(cell, target, seed, port, speed, fault, until_eof, json)
+        return run_process(cell, target, seed, port, speed, fault, renderer, until_eof, json)
     from basecal.simulation.scenario import Scenario
 
     scenario = Scenario(

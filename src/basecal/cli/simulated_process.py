@@ -9,7 +9,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Literal, cast
 
 from basecal.cli.terminal import pasted, print_json, say
 from basecal.errors import InputError
@@ -20,11 +20,22 @@ if TYPE_CHECKING:
     from basecal.simulation.running.world import World
 
 
+RendererName = Literal["auto", "mujoco", "analytic"]
+"""What draws a running cell: MuJoCo with arms and table, or the target alone; by auto MuJoCo where it can."""
+
 _PATIENCE_S = 10.0  # for a process to end, which may be drawing a picture
 
 
 def run_process(
-    folder: Path, target: str, seed: int, port: int, speed: float, fault: tuple[str, ...], until_eof: bool, json: bool
+    folder: Path,
+    target: str,
+    seed: int,
+    port: int,
+    speed: float,
+    fault: tuple[str, ...],
+    renderer: RendererName,
+    until_eof: bool,
+    json: bool,
 ) -> int:
     """Run a cell, which is made where there is none, and answer on a port until interrupted.
 
@@ -38,15 +49,17 @@ def run_process(
     from basecal.simulation.running.server import CellServer
 
     world = _world(folder, target, seed, read_faults(fault))
-    with CellServer(Plant(world, Clock(speed)), new_token(), port) as server:
+    with_mujoco = _draws_surroundings(renderer)
+    with CellServer(Plant(world, Clock(speed), with_mujoco), new_token(), port) as server:
         write_address(folder, Address(port=server.port, token=server.token, pid=os.getpid()))
-        _say_where(folder, server.port, json)
+        _say_where(folder, server.port, with_mujoco, json)
         if until_eof:
             threading.Thread(target=_end_with_input, args=(server,), daemon=True).start()
         try:
             server.serve_forever()
         finally:
             server.rest()
+            server.plant.close()
             (folder / ADDRESS_FILE).unlink(missing_ok=True)
     return 0
 
@@ -90,11 +103,30 @@ def _world(folder: Path, target: str, seed: int, faults: Faults) -> World:
     return world
 
 
-def _say_where(folder: Path, port: int, json: bool) -> None:
+def _draws_surroundings(renderer: RendererName) -> bool:
+    """Whether MuJoCo draws what stands around the target.
+
+    Raises:
+        InputError: if it is asked for and cannot.
+    """
+    if renderer == "analytic":
+        return False
+    from basecal.simulation.surroundings.graphics import why_none
+
+    why = why_none()
+    if why is not None and renderer == "mujoco":
+        raise InputError(why)
+    if why is not None:
+        say(f"the target is drawn alone, without arms and table: {why}", sys.stderr)
+    return why is None
+
+
+def _say_where(folder: Path, port: int, with_mujoco: bool, json: bool) -> None:
     from basecal.simulation.running.protocol import ADDRESS_FILE, HOST
 
     if json:
-        print_json({"cell": str(folder), "host": HOST, "port": port, "address": str(folder / ADDRESS_FILE)})
+        where = {"cell": str(folder), "host": HOST, "port": port, "address": str(folder / ADDRESS_FILE)}
+        print_json({**where, "renderer": "mujoco" if with_mujoco else "analytic"})
     else:
         say(f"{folder} runs on {HOST}:{port}, its token is in {folder / ADDRESS_FILE}; Ctrl-C ends it")
         say(f"next, in another terminal: basecal capture {pasted(folder)} --pattern poses --go")

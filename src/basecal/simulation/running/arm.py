@@ -10,6 +10,7 @@ import numpy as np
 from basecal.errors import InputError
 from basecal.estimation.problem.robot_parameters import Kinematics
 from basecal.geometry import SE3, Array
+from basecal.kinematics import SerialChain
 from basecal.simulation.running.faults import Faults
 
 _FASTEST_RAD_S = np.pi  # a UR5e's joints
@@ -116,14 +117,25 @@ class RunningArm:
         goal = self.commanded(now_s)
         return goal + noise * self._drawn(self._leg.goal, self._readings) if noise else goal
 
+    @property
+    def chain(self) -> SerialChain:
+        """As it is stated."""
+        return self._kinematics.chain
+
     def base_from_flange(self, now_s: float) -> SE3:
         """Where its flange truly is."""
+        return self._kinematics.forward(self._true_joints(now_s)[None])[0]
+
+    def joint_frames(self, now_s: float) -> list[SE3]:
+        """`base_from_joint` of each joint, as near as what is drawn needs it: links as stated."""
+        return self.chain.joint_frames(self._true_joints(now_s))
+
+    def _true_joints(self, now_s: float) -> Array:
         leg = self._leg
         share = leg.share(now_s)
         play = 0.5 * self._faults.size("backlash") * (leg.side_before + share * (leg.side - leg.side_before))
         error = leg.error_before + share * (leg.error - leg.error_before)
-        joints = self.commanded(now_s) + play + error + self._ring(now_s)
-        return self._kinematics.forward(joints[None])[0]
+        return self.commanded(now_s) + play + error + self._ring(now_s)
 
     def _ring(self, now_s: float) -> Array:
         """By how much the joints swing after they arrive: less and less, and not at all after half a second."""

@@ -7,19 +7,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from basecal.cell import WORLD
+from basecal.cell import WORLD, CellTarget, Target
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array
 from basecal.simulation.running.arm import RunningArm
 from basecal.simulation.running.clock import Clock
 from basecal.simulation.running.pictures import CameraView, Seen
 from basecal.simulation.running.world import World
+from basecal.simulation.surroundings.drawn import Scene, Surroundings
+from basecal.simulation.surroundings.model import TABLE_M, Stage
 from basecal.vision.detection import Image
 
 _STATE_S = 1 / 125  # between the states an arm gives
 _FRAME_S = 1 / 30  # between the pictures a camera gives
 _EXPOSURE_S = 0.008
-_TABLE_M = -0.1  # height of the table in the world, which may show a light again
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,16 +32,22 @@ class Shot:
 
 
 class Plant:
-    """A running cell; it is asked by one at a time."""
+    """A running cell; it is asked by one at a time.
 
-    def __init__(self, world: World, clock: Clock) -> None:
-        self._world, self._clock = world, clock
+    With `surroundings` MuJoCo draws what stands around the target.
+    """
+
+    def __init__(self, world: World, clock: Clock, surroundings: bool = False) -> None:
+        self._world, self._clock, self._has_surroundings = world, clock, surroundings
         self._arms = {
             name: RunningArm(name, kinematics, world.home[name], world.faults, world.seed)
             for name, kinematics in world.robots.items()
         }
         reflection = world.faults.size("reflection")
-        self._views = {name: CameraView(lens, reflection) for name, lens in world.lenses.items()}
+        self._views = {
+            name: CameraView(lens, reflection, Surroundings(self._stage(name), lens) if surroundings else None)
+            for name, lens in world.lenses.items()
+        }
         self._lit = True
         self._shots = 0
 
@@ -75,6 +82,11 @@ class Plant:
         image = self._views[camera].picture(lambda at: self._seen(camera, at), begin, _EXPOSURE_S, self._lit, noise)
         return Shot(now + 0.5 * _EXPOSURE_S + faults.size("clock-offset"), image)
 
+    def close(self) -> None:
+        """Let go of what draws."""
+        for view in self._views.values():
+            view.close()
+
     def _drawn(self, camera: str, what: int) -> np.random.Generator:
         """Random numbers of a picture, the same for the same one since the arms were sent to the same place."""
         goals = [arm.goal.round(9).tolist() for arm in self._arms.values()]
@@ -87,27 +99,50 @@ class Plant:
         return self._arms[robot]
 
     def _seen(self, camera: str, now_s: float) -> Seen:
-        """What is before a camera: the first target that does not hang on the same body."""
-        cell = self._world.cell
-        on = cell.cameras[camera].on
-        name, target = next((name, each) for name, each in cell.targets.items() if each.on != on)
+        """What is before a camera."""
+        on, target, shape = self._world.cell.cameras[camera].on, self._target(camera), self._shape(camera)
         world_from_camera = self._carrier(on, now_s) @ self._mount(camera, on)
-        world_from_target = self._carrier(target.on, now_s) @ self._mount(name, target.on)
-        if target.target is None:
-            raise InputError(f"target {name!r} has no shape that could be drawn; state its `kind`")
+        world_from_target = self._carrier(target.on, now_s) @ self._mount(target.name, target.on)
         camera_from_world = world_from_camera.inverse()
-        below = (world_from_target @ target.target.points) * [1, 1, -1] + [0, 0, 2 * _TABLE_M]
-        return Seen(target.target, camera_from_world @ world_from_target, camera_from_world @ below)
+        below = (world_from_target @ shape.points) * [1, 1, -1] + [0, 0, 2 * TABLE_M]
+        scene = None
+        if self._has_surroundings:
+            scene = Scene(world_from_camera, world_from_target, {name: self._links(name, now_s) for name in self._arms})
+        return Seen(shape, camera_from_world @ world_from_target, camera_from_world @ below, scene)
+
+    def _target(self, camera: str) -> CellTarget:
+        """What a camera sees: the first target that does not hang on the same body."""
+        cell = self._world.cell
+        return next(each for each in cell.targets.values() if each.on != cell.cameras[camera].on)
+
+    def _shape(self, camera: str) -> Target:
+        target = self._target(camera)
+        if target.target is None:
+            raise InputError(f"target {target.name!r} has no shape that could be drawn; state its `kind`")
+        return target.target
+
+    def _stage(self, camera: str) -> Stage:
+        chains = {name: arm.chain for name, arm in self._arms.items()}
+        bases = {name: self._base(name).translation for name in self._arms}
+        return Stage(chains, bases, self._shape(camera), self._world.seed)
+
+    def _links(self, robot: str, now_s: float) -> tuple[SE3, ...]:
+        """Frames of an arm's base and joints in the world."""
+        base = self._base(robot)
+        return (base, *(base @ frame for frame in self._arms[robot].joint_frames(now_s)))
 
     def _carrier(self, on: str, now_s: float) -> SE3:
         """Where a flange is in the world, or the world itself."""
         if on == WORLD:
             return SE3.identity()
         base_from_flange = self._arms[on].base_from_flange(now_s)
-        if on == self._world.cell.reference:
-            return base_from_flange
-        name = self._world.cell.base_name(on)
-        return self._world.transform(name, self._is_pushed("base-bumped", on)) @ base_from_flange
+        return base_from_flange if on == self._world.cell.reference else self._base(on) @ base_from_flange
+
+    def _base(self, robot: str) -> SE3:
+        """Where an arm stands in the world."""
+        if robot == self._world.cell.reference:
+            return SE3.identity()
+        return self._world.transform(self._world.cell.base_name(robot), self._is_pushed("base-bumped", robot))
 
     def _mount(self, name: str, on: str) -> SE3:
         return self._world.transform(self._world.cell.mount_name(name), self._is_pushed("board-remounted", on))

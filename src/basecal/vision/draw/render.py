@@ -91,12 +91,31 @@ def radiance(camera: Camera, views: Sequence[View], settings: RenderSettings, se
     """
     size_px = checked_size(camera)
     plain = background(size_px, settings.background, settings.texture, seed).astype(np.float32)
-    image = plain.repeat(_FINER, axis=0).repeat(_FINER, axis=1)
+    return focused(painted(finer(plain), camera, views, settings), settings, size_px)
+
+
+def finer(levels: Levels) -> Levels:
+    """Levels in the finer pixels that are painted on."""
+    return levels.repeat(_FINER, axis=0).repeat(_FINER, axis=1)
+
+
+def painted(fine: Levels, camera: Camera, views: Sequence[View], settings: RenderSettings) -> Levels:
+    """An image of finer pixels with targets painted on it, in place; nearer sheets hide others.
+
+    Raises:
+        InputError: if a target is not printed.
+    """
     placed = [(pose @ sheet.target_from_sheet, sheet) for target, pose in views for sheet in target_drawing(target)]
     for camera_from_sheet, sheet in sorted(placed, key=lambda each: -float(each[0].translation[2])):
-        _paint(image, camera, camera_from_sheet, sheet, settings)
-    fine = blurred(image, _FINER * settings.blur_px)
-    return np.asarray(cv2.resize(fine, size_px, interpolation=cv2.INTER_AREA), dtype=np.float64)
+        _paint(fine, camera, camera_from_sheet, sheet, settings)
+    return fine
+
+
+def focused(fine: Levels, settings: RenderSettings, size_px: tuple[int, int]) -> Array:
+    """An image of finer pixels under its point spread, in pixels, (h, w)."""
+    return np.asarray(
+        cv2.resize(blurred(fine, _FINER * settings.blur_px), size_px, interpolation=cv2.INTER_AREA), dtype=np.float64
+    )
 
 
 def expose(levels: Array, settings: RenderSettings, seed: int = 0) -> Image:

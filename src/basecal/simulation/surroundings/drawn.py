@@ -1,0 +1,132 @@
+"""What a camera sees of arms, table and clutter, and of a target's paper, drawn by MuJoCo through the camera's lens.
+
+MuJoCo puts nothing anywhere by itself: it is told where each piece is. Its pictures are those of a camera without
+distortion, whose pixels are then looked up where the lens has them. A target's print is not in them: MuJoCo's edges are
+off by a tenth of a pixel, those of `vision.draw` by a thousandth. It gives the light on the paper, and what hides it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from basecal.geometry import SE3, Array, BoolArray, Camera
+from basecal.geometry.se3 import quaternion_from_rotation
+from basecal.simulation.surroundings.model import TABLE, Stage, body_names, mjcf
+from basecal.vision.draw.backdrop import Backdrop, Flat, flat_for
+
+_HIDDEN_M = 0.02  # before a light: what is nearer to it is its own body
+_LIFT = np.array([0.0, 0.0, 1e-3])  # [m] off the table, so that a ray does not start in it
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Where everything is at an instant.
+
+    Attributes:
+        world_from_camera: Of the camera.
+        world_from_target: Of the target.
+        world_from_links: Of each arm its base and the frames of its joints, by robot, in the order of the stage.
+    """
+
+    world_from_camera: SE3
+    world_from_target: SE3
+    world_from_links: Mapping[str, tuple[SE3, ...]]
+
+    def __eq__(self, other: object) -> bool:
+        """Whether everything is at the same place, to the last bit."""
+        return isinstance(other, Scene) and np.array_equal(self.poses.matrix, other.poses.matrix)
+
+    @property
+    def poses(self) -> SE3:
+        """Of all bodies of a stage, in its order, and of the camera."""
+        links = [frame for frames in self.world_from_links.values() for frame in frames]
+        return SE3.stack([*links, self.world_from_target, self.world_from_camera])
+
+
+class Surroundings:
+    """What one camera sees of a stage. All is drawn in one thread, since OpenGL knows no others."""
+
+    def __init__(self, stage: Stage, lens: Camera) -> None:
+        self._flat: Flat = flat_for(lens)
+        self._thread = ThreadPoolExecutor(max_workers=1)
+        self._thread.submit(self._open, stage).result()
+
+    def _open(self, stage: Stage) -> None:
+        import mujoco
+
+        self._mujoco: Any = mujoco
+        fovy = 2 * math.degrees(math.atan(0.5 * self._flat.size_px[1] / self._flat.focal_px))
+        self._model: Any = mujoco.MjModel.from_xml_string(mjcf(stage, self._flat.size_px, fovy))
+        self._data: Any = mujoco.MjData(self._model)
+        self._renderer: Any = mujoco.Renderer(self._model, self._flat.size_px[1], self._flat.size_px[0])
+        self._table: int = self._model.geom(TABLE).id
+        bodies = [self._model.body(name) for name in (*body_names(stage), "eye")]
+        self._places = np.array([int(body.mocapid[0]) for body in bodies])
+
+    def backdrop(self, scene: Scene) -> Backdrop:
+        """The picture without what is printed on the target."""
+        return self._thread.submit(self._drawn, scene).result()
+
+    def shines(self, scene: Scene, points_in_world: Array) -> BoolArray:
+        """Whether nothing stands between the camera and points, (n, 3) [m], (n,)."""
+        return self._thread.submit(self._seen, scene, points_in_world).result()
+
+    def mirrored(self, scene: Scene, points_in_world: Array, below: Array) -> BoolArray:
+        """Whether the camera sees points again in the table, (n,).
+
+        Args:
+            scene: Where everything is.
+            points_in_world: (n, 3) [m].
+            below: Where they seem to be, (n, 3) [m].
+        """
+        return self._thread.submit(self._reflected, scene, points_in_world, below).result()
+
+    def close(self) -> None:
+        """Let go of the library that draws."""
+        self._thread.submit(self._renderer.close).result()
+        self._thread.shutdown()
+
+    def _put(self, scene: Scene) -> None:
+        poses = scene.poses
+        self._data.mocap_pos[self._places] = poses.translation
+        self._data.mocap_quat[self._places] = np.roll(quaternion_from_rotation(poses.rotation), 1, axis=-1)
+        self._mujoco.mj_forward(self._model, self._data)
+
+    def _drawn(self, scene: Scene) -> Backdrop:
+        self._put(scene)
+        self._renderer.update_scene(self._data, "eye")
+        return self._flat.backdrop(self._renderer.render())
+
+    def _seen(self, scene: Scene, points_in_world: Array) -> BoolArray:
+        self._put(scene)
+        eye = scene.world_from_camera.translation
+        return np.array([self._is_free(eye, point) for point in points_in_world], dtype=bool)
+
+    def _reflected(self, scene: Scene, points_in_world: Array, below: Array) -> BoolArray:
+        self._put(scene)
+        eye = scene.world_from_camera.translation
+        seen = []
+        for point, image in zip(points_in_world, below, strict=True):
+            hit, away = self._first(eye, image)
+            at = eye + away * (image - eye) / np.linalg.norm(image - eye)
+            seen.append(hit == self._table and self._is_free(at + _LIFT, point))
+        return np.array(seen, dtype=bool)
+
+    def _is_free(self, start: Array, end: Array) -> bool:
+        hit, away = self._first(start, end)
+        return hit < 0 or away > float(np.linalg.norm(end - start)) - _HIDDEN_M
+
+    def _first(self, start: Array, towards: Array) -> tuple[int, float]:
+        """The first geometry on a way, -1 where there is none, and how far it is [m]."""
+        geometry = np.full(1, -1, dtype=np.int32)
+        way = towards - start
+        away = self._mujoco.mj_ray(
+            self._model, self._data, start, way / np.linalg.norm(way), None, 1, -1, geometry, None
+        )
+        return int(geometry[0]), float(away)

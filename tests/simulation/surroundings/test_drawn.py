@@ -1,0 +1,128 @@
+"""What MuJoCo draws agrees with what is so."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.cell.targets.led import led_target
+from basecal.geometry import SE3, Camera
+from basecal.simulation.running.clock import Clock
+from basecal.simulation.running.plant import Plant
+from basecal.simulation.running.two_arms import two_arms
+from basecal.simulation.running.ur5e import ur5e
+from basecal.simulation.surroundings.drawn import Scene, Surroundings
+from basecal.simulation.surroundings.graphics import why_none
+from basecal.simulation.surroundings.model import TABLE_M, Stage
+from basecal.vision.detectors import find
+
+WHY = why_none()
+pytestmark = pytest.mark.skipif(WHY is not None, reason=f"MuJoCo draws nothing here: {WHY}")
+LENS = Camera("pinhole", np.array([500.0, 498.0, 322.0, 236.0, -0.2, 0.08, 0.001, -0.001, 0.0]), (640, 480))
+FAR = SE3(np.eye(3), np.array([0.0, 0.0, -50.0]))  # where nothing is in the way
+
+
+@pytest.fixture(scope="module")
+def world():
+    return two_arms("charuco")
+
+
+@pytest.fixture(scope="module")
+def board(world):
+    return world.cell.targets["board"].target
+
+
+def around(target, chains=None):
+    return Surroundings(Stage(chains or {}, {"eye": np.zeros(3)}, target, 0), LENS)
+
+
+def looking_down(target, height_m=1.0):
+    """A camera above the table that looks down at a target half way."""
+    down = np.diag([1.0, -1.0, -1.0])
+    world_from_camera = SE3(down, np.array([0.0, 0.0, height_m]))
+    return Scene(world_from_camera, world_from_camera @ SE3(np.eye(3), np.array([0.0, 0.0, 0.5])), {})
+
+
+def test_corners_are_where_they_project(world):
+    """Of a running cell, through a lens that distorts: found within 0.2 px of the truth."""
+    running = Plant(world, Clock(0), surroundings=True)
+    try:
+        shape = world.cell.targets["board"].target
+        found = find(running.picture("wrist").image, shape)
+        seen = running._seen("wrist", 0.0)
+        true = world.lenses["wrist"].project(seen.camera_from_target @ shape.points)
+        assert len(found.ids) == len(shape.ids)
+        assert np.abs(found.pixels - true[shape.rows(found.ids)]).max() < 0.2
+    finally:
+        running.close()
+
+
+def test_paper_is_where_it_projects(board):
+    """The border of the plate that MuJoCo draws is that of the sheet, through the lens, within a third of a pixel."""
+    view = around(board)
+    scene = looking_down(board)
+    try:
+        paper = view.backdrop(scene).paper
+    finally:
+        view.close()
+    left, top, right, bottom = board.sheets[0].paper
+    corners = np.array([[left, top, 0], [right, top, 0], [right, bottom, 0], [left, bottom, 0]])
+    camera_from_sheet = scene.world_from_camera.inverse() @ scene.world_from_target @ board.sheets[0].target_from_sheet
+    edge = np.linspace(corners, np.roll(corners, -1, axis=0), 400, axis=1).reshape(-1, 3)
+    u, v = LENS.project(camera_from_sheet @ edge).T
+    pieces = u * np.roll(v, -1) - np.roll(u, -1) * v
+    area = 0.5 * float(pieces.sum())
+    middle = [float((pieces * (each + np.roll(each, -1))).sum()) / (6 * area) for each in (u, v)]
+    perimeter = float(np.sum(np.hypot(np.diff(u), np.diff(v))))
+    assert paper.sum() == pytest.approx(abs(area), abs=perimeter / 3)
+    down, across = np.mgrid[: paper.shape[0], : paper.shape[1]]
+    assert np.allclose([np.average(each, weights=paper) for each in (across, down)], middle, atol=0.2)
+
+
+def test_an_arm_hides_the_board(board):
+    """Where a link stands before it there is no paper; elsewhere there is as much as before."""
+    view = around(board, {"eye": ur5e()})
+    free = looking_down(board)
+    frames = [FAR] * 7
+    before = Scene(free.world_from_camera, free.world_from_target, {"eye": tuple(frames)})
+    frames[3] = SE3(np.eye(3), np.array([0.2, 0.03, 0.7]))
+    after = Scene(free.world_from_camera, free.world_from_target, {"eye": tuple(frames)})
+    try:
+        shown, left = (view.backdrop(scene).paper for scene in (before, after))
+    finally:
+        view.close()
+    assert 0.1 < 1 - left.sum() / shown.sum() < 0.9
+    assert (left - shown).max() < 0.01
+
+
+def test_a_light_is_hidden_and_mirrored():
+    """What stands before a light hides it; the table shows it again where nothing is between."""
+    light = led_target()
+    view = around(light)
+    at, away = np.array([[0.0, 0.0, 0.3]]), np.array([50.0, 0.0, 0.0])
+    scene = Scene(
+        SE3(np.diag([1.0, -1.0, -1.0]), np.array([0.3, 0.0, 1.0])), SE3(np.eye(3), at[0] - light.points[0]), {}
+    )
+    below = at * [1, 1, -1] + [0, 0, 2 * TABLE_M]
+    under = np.array([[0.0, 0.0, TABLE_M - 0.3]])
+    try:
+        assert view.shines(scene, at).tolist() == [True]
+        assert view.shines(scene, under).tolist() == [False]
+        assert view.mirrored(scene, at, below).tolist() == [True]
+        assert view.mirrored(scene, at + away, below + away).tolist() == [False]
+    finally:
+        view.close()
+
+
+def test_a_picture_follows_from_where_things_are(board):
+    """The same scene gives the same picture again, after another one."""
+    view = around(board)
+    scene, other = looking_down(board), looking_down(board, 1.1)
+    try:
+        first, between, again = (view.backdrop(each).levels for each in (scene, other, scene))
+    finally:
+        view.close()
+    assert np.array_equal(first, again)
+    assert not np.array_equal(first, between)
+    assert scene == looking_down(board)
+    assert scene != other

@@ -1,0 +1,71 @@
+"""Prints in pictures of what stands around them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.cell.targets.charuco import charuco_target
+from basecal.errors import InputError
+from basecal.geometry import SE3, Camera
+from basecal.vision.detectors import find
+from basecal.vision.draw.backdrop import Backdrop, flat_for, printed_on
+from basecal.vision.draw.render import RenderSettings, expose
+
+LENS = Camera("pinhole", np.array([500.0, 490.0, 322.0, 236.0, -0.2, 0.08, 0.001, -0.001, 0.0]), (640, 480))
+BOARD = charuco_target((5, 7), 0.04, 0.03, "DICT_4X4_50")
+POSE = SE3.from_rpy([0.2, -0.3, 0.1], [-0.1, -0.12, 0.6])
+SOFT = RenderSettings(noise=0.5)
+
+
+def backdrop(paper=1.0, level=200.0):
+    return Backdrop(np.full((480, 640), level, np.float32), np.full((480, 640), paper, np.float32))
+
+
+def test_a_pixel_looks_where_the_lens_has_it():
+    """A ramp drawn without a lens is read off at the place where each pixel of the lens looks."""
+    flat = flat_for(LENS)
+    width, height = flat.size_px
+    ramp = np.linspace(0, 255, width)
+    colours = np.broadcast_to(np.rint(ramp).astype(np.uint8)[None, :, None], (height, width, 3))
+    pixels = np.array([[20.0, 30.0], [320.0, 240.0], [600.0, 460.0]])
+    rays, _ = LENS.undistort(pixels)
+    at = flat.focal_px * rays[:, 0] / rays[:, 2] + (width - 1) / 2
+    levels = flat.backdrop(colours).levels
+    assert np.allclose([levels[int(v), int(u)] for u, v in pixels], np.interp(at, np.arange(width), ramp), atol=0.6)
+
+
+def test_only_paper_is_told_by_its_colour():
+    """Grey is none, whatever its brightness; what has no blue is all paper, and black is nothing."""
+    flat = flat_for(Camera("pinhole", np.array([50.0, 50.0, 31.5, 31.5]), (64, 64)))
+    colours = np.zeros((flat.size_px[1], flat.size_px[0], 3), dtype=np.uint8)
+    colours[:, :20] = 77
+    colours[:, 40:] = [180, 180, 0]
+    paper = flat.backdrop(colours).paper[32]
+    assert np.all(paper[:15] == 0)
+    assert np.all(paper[24:34] == 0)
+    assert np.all(paper[45:] == 1)
+
+
+def test_a_print_on_paper_is_found_where_it_is():
+    """Corners of a board on paper all over are within a tenth of a pixel."""
+    image = expose(printed_on(LENS, [(BOARD, POSE)], backdrop(), SOFT), SOFT)
+    found = find(image, BOARD)
+    true = LENS.project(POSE @ BOARD.points)[BOARD.rows(found.ids)]
+    assert len(found.ids) == len(BOARD.ids)
+    assert np.abs(found.pixels - true).max() < 0.1
+
+
+def test_nothing_is_printed_but_on_paper():
+    """Where the paper is hidden the backdrop stays; half hidden pixels are half as dark."""
+    bare, half, whole = (printed_on(LENS, [(BOARD, POSE)], backdrop(share), SOFT) for share in (0.0, 0.5, 1.0))
+    assert np.allclose(bare, 200.0, atol=1e-3)
+    assert np.allclose(half, (bare + whole) / 2, atol=1e-3)
+    assert whole.min() == pytest.approx(200 * SOFT.black / SOFT.white, abs=2)
+
+
+def test_a_lens_that_sees_to_the_side_is_refused():
+    """A fisheye of 180 degrees has no flat picture."""
+    lens = Camera("fisheye", np.array([200.0, 200.0, 319.5, 239.5, 0.0, 0.0, 0.0, 0.0]), (640, 480))
+    with pytest.raises(InputError, match="too far to the sides"):
+        flat_for(lens)
