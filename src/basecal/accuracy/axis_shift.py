@@ -45,7 +45,7 @@ def calibrate_axis_shift(cell: Cell, problem: Problem, settings: Settings, findi
         raise NotObservable("the axis-shift method finds the base of one robot from another's camera: ask for one base")
     stations = stations_of(problem, cell)
     sigma = cell.pixel_px or _ASSUMED_PX
-    base, weights = _chosen(stations, settings)
+    base, weights = chosen(stations, settings)
     random, systematic = _errors(stations, weights, sigma)
     found = [*findings, *_of_stations(stations), *_of_sigma(cell), *_of_neglected_depth(random, systematic)]
     covariance = random + np.outer(systematic, systematic)
@@ -63,7 +63,7 @@ def calibrate_axis_shift(cell: Cell, problem: Problem, settings: Settings, findi
     )
 
 
-def _chosen(stations: Sequence[Station], settings: Settings) -> tuple[SE3, Array]:
+def chosen(stations: Sequence[Station], settings: Settings) -> tuple[SE3, Array]:
     """The base for the task, and the weights of the stations in it."""
     bases = [s.base() for s in stations]
     depth = np.array([np.linalg.norm(s.camera_from_light().translation) for s in stations])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from basecal.accuracy.closed_form_beside import ClosedFormBeside, closed_form_beside
 from basecal.accuracy.expected_error import ExpectedError, expected_errors
 from basecal.accuracy.residuals.fitted_again import fitted_again
 from basecal.accuracy.residuals.point_residuals import PointResiduals, residuals_of_points
@@ -19,11 +20,13 @@ class FitDetails:
         points: How far each point is from where it is predicted, by camera and target.
         views: Where each camera stood to its target, by camera and target.
         errors: How far off the transforms asked for are expected to be.
+        closed_form: The paper's closed form beside the answer; None where the recording has no programmed shifts.
     """
 
     points: tuple[PointResiduals, ...] = ()
     views: tuple[ViewPoses, ...] = ()
     errors: tuple[ExpectedError, ...] = ()
+    closed_form: ClosedFormBeside | None = None
 
 
 def fit_details(cell: Cell, recording: Recording, calibration: Calibration) -> FitDetails:
@@ -34,5 +37,8 @@ def fit_details(cell: Cell, recording: Recording, calibration: Calibration) -> F
     """
     fitted = fitted_again(cell, recording, calibration)
     return FitDetails(
-        residuals_of_points(cell, calibration, fitted), view_poses(fitted), expected_errors(cell, calibration, fitted)
+        residuals_of_points(cell, calibration, fitted),
+        view_poses(fitted),
+        expected_errors(cell, calibration, fitted),
+        closed_form_beside(cell, recording, calibration),
     )

@@ -8,13 +8,16 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
+import numpy as np
 from markupsafe import Markup
 
+from basecal.accuracy.closed_form_beside import ClosedFormBeside
 from basecal.accuracy.fit_details import FitDetails
 from basecal.accuracy.phrases.held_out_error import why_held_out_errors_are_larger
 from basecal.accuracy.sample_use import views_left_out
 from basecal.cell import Calibration, Cell, Recording, SampleResidual
 from basecal.exchange.exporters.exporter import pasteable
+from basecal.geometry import Array
 from basecal.reporting.cell_view.picture import picture
 from basecal.reporting.cell_view.scene import Scene, scene, scene_data
 from basecal.reporting.figures.bars import QUANTITIES, bar_figure
@@ -102,6 +105,7 @@ def page(
             overview=overview(cell, recording, calibration, known, made),
             provenance=provenance(cell, calibration),
             thumbnails=thumbnails(cell, recording, calibration, known.points),
+            closed_form=None if known.closed_form is None else _closed_form(known.closed_form),
             **_answer(cell, calibration, run),
             **_fit(cell, calibration, known),
         )
@@ -148,6 +152,40 @@ def _answer(cell: Cell, calibration: Calibration, run: str | None) -> dict[str, 
         "notices": [finding for finding in by_weight(calibration.findings) if finding.severity == "info"],
         "unobservable": calibration.unobservable,
     }
+
+
+def _closed_form(beside: ClosedFormBeside) -> dict[str, Any]:
+    """Two methods beside each other, and each station, for the template."""
+    both = {"closed form of the paper": beside.estimate, "maximum likelihood": beside.other}
+    largest = max(station.weight for station in beside.stations)
+    return {
+        "name": beside.name,
+        "methods": [
+            (how, *_three(1e3 * of.mean.translation), *_three(np.degrees(of.mean.rpy)), *_sizes(of.sigma_t, of.sigma_r))
+            for how, of in both.items()
+        ],
+        "apart": _sizes(beside.off[:3], beside.off[3:]),
+        "stations": [
+            (
+                f"{station.samples[0]} to {station.samples[-1]}",
+                *_three(1e3 * station.light),
+                *_sizes(station.off[:3], station.off[3:]),
+                f"{100 * station.weight:.0f}",
+                station.weight == largest,
+            )
+            for station in beside.stations
+        ],
+        "is_one": largest == 1.0,
+    }
+
+
+def _three(values: Array) -> list[str]:
+    return [f"{value:.3f}" for value in values]
+
+
+def _sizes(t: Array, r: Array) -> list[str]:
+    """Lengths of a translation [mm] and a rotation [deg]."""
+    return [f"{1e3 * float(np.linalg.norm(t)):.3f}", f"{np.degrees(float(np.linalg.norm(r))):.4f}"]
 
 
 def _fit(cell: Cell, calibration: Calibration, details: FitDetails) -> dict[str, Any]:
