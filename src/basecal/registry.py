@@ -113,6 +113,14 @@ PATTERNS = {
 }
 """Where arms can be sent by a plan, and what it does: modules of `basecal.planning`."""
 
+MOTIONS = {
+    "joints": "joints of all robots as JSON [rad]",
+    "ur-script": "with --robot: a program of URScript that waits at each sample",
+    "ros2-trajectory": "goals of FollowJointTrajectory as YAML, one document for each robot, in step with one another",
+    "csv": "a row for each sample: joints, and poses of the flanges",
+}
+"""Ways to write where a plan sends the arms: modules of `basecal.exchange.motions`, with `_` for `-`."""
+
 SOLVERS = {
     "maximum_likelihood": "all at once, as `basecal.solve`",
     "closed_form": "the paper's, of a light shifted before a still camera",

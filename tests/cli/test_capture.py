@@ -52,6 +52,8 @@ def test_a_program_reads_what_was_captured(tmp_path: Path, capsys: pytest.Captur
     [
         (["--pattern", "pose"], "no pattern 'pose' (did you mean 'poses'?)"),
         (["--pattern", "none.jsonl"], "or a file"),
+        (["--plan", "none.jsonl"], "or a file"),
+        (["--plan", "plan.jsonl", "--pattern", "shifts"], "give one of them"),
         (["--speed-limit-deg-s", "0"], "speed-limit-deg-s"),
     ],
 )

@@ -46,16 +46,33 @@ def test_a_file_for_capture(cell, tmp_path, capsys):
     """Its lines are a plan that is read back."""
     file = tmp_path / "plan.jsonl"
     assert main(["plan", str(cell), "--samples", "4", "--task-box", "-0.4 0.6 0 -0.2 0.8 0.2", "-o", str(file)]) == 0
-    assert f"--pattern {file}" in capsys.readouterr().out
+    assert f"--plan {file}" in capsys.readouterr().out
     assert len(read_plan(file, cell, read_cell(cell))) == 4
     assert main(["plan", str(cell), "--samples", "3", "--task-point", "0 0 0", "-o", str(tmp_path / "plan.json")]) == 0
     assert len(json.loads((tmp_path / "plan.json").read_text())["samples"]) == 3
+
+
+def test_what_robots_run(cell, tmp_path, capsys):
+    """Each kind is printed, or written with -o; a program of one arm asks which."""
+    asked = ["plan", str(cell), "--samples", "3", "--task-point", "-0.3 0.7 0.1"]
+    capsys.readouterr()
+    assert main([*asked, "--to", "csv"]) == 0
+    assert capsys.readouterr().out.startswith("sample,eye_")
+    file = tmp_path / "eye.script"
+    assert main([*asked, "--to", "ur-script", "--robot", "eye", "-o", str(file)]) == 0
+    assert f"written: {file}" in capsys.readouterr().out
+    assert file.read_text().count("movej(p[") == 3
+    assert main([*asked, "--to", "ur-script"]) == 3
+    assert "--robot: eye, hand" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
     "options",
     [
         ["--samples", "3"],
+        ["--task-point", "0 0 0", "--samples", "3", "--to", "krl"],
+        ["--task-point", "0 0 0", "--samples", "3", "--robot", "eye"],
+        ["--task-point", "0 0 0", "--samples", "3", "--to", "csv", "--json"],
         ["--task-point", "0 0 0"],
         ["--task-point", "0 0", "--samples", "3"],
         ["--task-point", "0 0 0", "--task-box", "0 0 0 1 1 1", "--samples", "3"],

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter, validators
 
 from basecal.cli.terminal import pasted, print_json, say
-from basecal.errors import InputError
+from basecal.errors import InputError, UsageError
 from basecal.registry import PATTERNS
 
 if TYPE_CHECKING:
@@ -27,6 +27,7 @@ def capture(
     /,
     *,
     pattern: str = "poses",
+    plan: Path | None = None,
     samples: Annotated[int, Parameter(validator=validators.Number(gte=1, lte=10_000))] = 25,
     go: bool = False,
     speed_limit_deg_s: Annotated[float, Parameter(validator=validators.Number(gt=0, lte=360))] = 30.0,
@@ -47,11 +48,12 @@ def capture(
         basecal capture mycell
         basecal capture mycell --pattern poses --samples 25 --go
         basecal capture mycell --pattern shifts --go --speed-limit-deg-s 10
-        basecal capture mycell --pattern plan.jsonl --go
+        basecal capture mycell --plan plan.jsonl --go
 
     Args:
         cell: Folder of the cell.
         pattern: poses (all around), shifts (the paper's), or a file with lines of samples whose robots are gone to.
+        plan: File of samples to go to, as `basecal plan -o` writes it; the same as --pattern FILE.
         samples: How many; shifts are rounded up to whole stations of seven.
         go: Move the arms.
         speed_limit_deg_s: The fastest that any joint may turn.
@@ -64,18 +66,20 @@ def capture(
     from basecal.cell.files import read_cell
     from basecal.planning.sketch import sketch_of
 
+    if plan is not None and pattern != "poses":
+        raise UsageError("--plan and --pattern both say where to go: give one of them")
     sketch = sketch_of(read_cell(cell))
     with open_rig(sketch.cell, cell) as rig:
-        plan, is_new = _plan(rig, sketch, cell, pattern, samples, seed)
+        wanted, is_new = _plan(rig, sketch, cell, pattern if plan is None else str(plan), samples, seed)
         if not json:
-            _say_plan(rig, sketch, plan, is_new, speed_limit_deg_s, go)
+            _say_plan(rig, sketch, wanted, is_new, speed_limit_deg_s, go)
         if not go:
             if json:
-                print_json({"cell": str(cell), "planned": len(plan), "captured": [], "given_up": []})
+                print_json({"cell": str(cell), "planned": len(wanted), "captured": [], "given_up": []})
             return 0
-        plan = store_plan(cell, sketch.cell, plan) if is_new else plan
+        wanted = store_plan(cell, sketch.cell, wanted) if is_new else wanted
         steps: list[Step] = []
-        for step in captured(rig, sketch, cell, plan, CaptureSettings(radians(speed_limit_deg_s))):
+        for step in captured(rig, sketch, cell, wanted, CaptureSettings(radians(speed_limit_deg_s))):
             steps.append(step)
             if not json:
                 say_step(step, len(steps))

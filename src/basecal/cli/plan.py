@@ -12,7 +12,10 @@ from basecal.cli.detected import detected_recording
 from basecal.cli.task_point import Box, Point
 from basecal.cli.terminal import pasted, print_json, progress, say
 from basecal.cli.typed_length import length_m
-from basecal.errors import BasecalError, UsageError
+from basecal.errors import BasecalError, FrameNotFound, UsageError
+from basecal.registry import MOTIONS
+
+_KINDS = "; ".join(f"{name}: {what}" for name, what in MOTIONS.items())
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -31,6 +34,10 @@ def plan(
     samples: Annotated[int | None, Parameter(validator=validators.Number(gte=1, lte=1000))] = None,
     anew: bool = False,
     seed: Annotated[int, Parameter(validator=validators.Number(gte=0, lt=2**31))] = 0,
+    to: Annotated[str | None, Parameter(help=f"Write the samples for a robot's own program. {_KINDS}.")] = None,
+    robot: str | None = None,
+    speed_limit_deg_s: Annotated[float, Parameter(validator=validators.Number(gt=0, lte=360))] = 30.0,
+    hold_s: Annotated[float, Parameter(validator=validators.Number(gte=0, lte=3600))] = 2.0,
     output: Annotated[Path | None, Parameter(alias="-o")] = None,
     json: bool = False,
 ) -> int:
@@ -39,7 +46,8 @@ def plan(
     The samples are those that lower the error at the task the most: both arms
     near taught poses, the whole target in view. What is recorded already
     counts. Where no samples reach the tolerance it says which source of error
-    forbids it. With -o the samples are written for `basecal capture --pattern`.
+    forbids it. With -o the samples are written for `basecal capture --plan`,
+    with --to as robots' own programs take them.
 
     Ends with 0 where the tolerance is reached, or none is asked for, else 1.
 
@@ -48,6 +56,7 @@ def plan(
         basecal plan mycell --tolerance 0.2mm --task-point 0.8 0.1 0.3
         basecal plan mycell --tolerance 0.2mm --task-point "0.8 0.1 0.3" --json
         basecal plan mycell --samples 12 --task-point 0.8 0.1 0.3 -o plan.jsonl
+        basecal plan mycell --samples 12 --task-point 0.8 0.1 0.3 --to ur-script --robot eye -o eye.script
         basecal plan mycell --tolerance 1mm --task-box 0.6 -0.2 0.1 1.0 0.2 0.5
 
     Args:
@@ -58,7 +67,11 @@ def plan(
         samples: How many to plan; as many as the tolerance needs where it is left out.
         anew: Plan as if nothing had been recorded yet.
         seed: Another number draws other candidates.
-        output: File to write the samples to: .jsonl lines for capture, else all of it as JSON.
+        to: Write the samples for a robot's own program.
+        robot: Of which robot that is; of all where it is left out, and the kind can say several.
+        speed_limit_deg_s: With --to: the fastest that any joint may turn.
+        hold_s: With --to: how long arms stand still at each sample.
+        output: File to write the samples to: with --to as said there, else .jsonl lines for capture, else JSON.
         json: Print one JSON object instead of words.
     """
     from dataclasses import replace
@@ -67,12 +80,19 @@ def plan(
 
     from basecal.cell import Recording
     from basecal.cell.files import read_cell
+    from basecal.cell.format.writing import write_asked_for
     from basecal.planning.plan import plan_for_task
 
     points = np.array(_task(task_point, task_box))
     needed_m = None if tolerance is None else length_m(tolerance)
     if needed_m is None and samples is None:
         raise UsageError("give --tolerance, or --samples, or both: without them nothing says how many to plan")
+    if to is not None and to not in MOTIONS:
+        raise UsageError(f"--to: {FrameNotFound(to, list(MOTIONS))}")
+    if to is None and robot is not None:
+        raise UsageError("--robot says whose program is written: give --to with it, such as --to ur-script")
+    if to is not None and json and output is None:
+        raise UsageError("--to and --json both want to be printed: give -o FILE for what --to writes")
     described = read_cell(cell)
     recording = detected_recording(cell, described)
     with progress("planning"):
@@ -81,12 +101,18 @@ def plan(
             recording = Recording(tuple(replace(sample, observations=()) for sample in recording.samples))
         found = plan_for_task(described, recording, calibration, points, needed_m, samples, seed)
     data = plan_dict(found, needed_m)
-    if output is not None:
+    if to is not None:
+        text = _motion(described, found, to, robot, speed_limit_deg_s, hold_s)
+        if output is None:
+            say(text.rstrip("\n"))
+            return 1 if found.reachable is False else 0
+        write_asked_for(output, text)
+    elif output is not None:
         _write(found, data, output)
     if json:
         print_json(data)
     else:
-        say(_words(found, needed_m, cell, output))
+        say(_words(found, needed_m, cell, output, to))
     return 1 if found.reachable is False else 0
 
 
@@ -105,6 +131,15 @@ def plan_dict(found: Plan, needed_m: float | None) -> dict[str, Any]:
         "forbidden_by": found.budget[0].source if found.reachable is False and found.budget else None,
         "budget": [budget_entry(entry) for entry in found.budget],
     }
+
+
+def _motion(cell: Cell, found: Plan, to: str, robot: str | None, speed_deg_s: float, hold_s: float) -> str:
+    """The samples as a robot's own program takes them."""
+    from math import radians
+
+    from basecal.exchange.motions.way import motion, way_of
+
+    return motion(to).written(way_of(cell, found.samples, robot, radians(speed_deg_s), hold_s))
 
 
 def _write(found: Plan, data: Mapping[str, Any], output: Path) -> None:
@@ -149,7 +184,7 @@ def _calibrated(folder: Path, cell: Cell, recording: Recording) -> Calibration |
         return None
 
 
-def _words(found: Plan, needed_m: float | None, cell: Path, output: Path | None) -> str:
+def _words(found: Plan, needed_m: float | None, cell: Path, output: Path | None, to: str | None = None) -> str:
     expected = "an unknown error" if found.expected_m is None else f"{1e3 * found.expected_m:.2g} mm"
     needed = "" if needed_m is None else f"{1e3 * needed_m:.3g} mm"
     many = f"{len(found.samples)} samples" + (f" beside the {found.recorded} recorded" if found.recorded else "")
@@ -165,6 +200,8 @@ def _words(found: Plan, needed_m: float | None, cell: Path, output: Path | None)
         lines.append(f"  {100 * entry.share:5.1f} % of the variance: {entry.source}; {halved}")
     if found.samples and output is None:
         lines.append("write them with -o plan.jsonl")
+    elif to is not None:
+        lines.append(f"written: {output}")
     elif output is not None:
-        lines.append(f"next: basecal capture {pasted(cell)} --pattern {pasted(output)}")
+        lines.append(f"next: basecal capture {pasted(cell)} --plan {pasted(output)}")
     return "\n".join(lines)

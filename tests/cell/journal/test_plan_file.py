@@ -38,3 +38,12 @@ def test_lines_that_say_nothing(tmp_path, line):
     (tmp_path / "plan.jsonl").write_text("\n" + line + "\n")
     with pytest.raises(DatasetError, match=r"plan\.jsonl:2: robots"):
         read_plan(tmp_path / "plan.jsonl", tmp_path, CELL)
+
+
+def test_a_plan_in_one_object(tmp_path):
+    """What `basecal plan --json` prints is a plan as its lines are; what else stands in it is left alone."""
+    write_plan(PLAN, tmp_path / "plan.jsonl", tmp_path)
+    lines = (tmp_path / "plan.jsonl").read_text().splitlines()
+    (tmp_path / "plan.json").write_text('{"needed": 3, "samples": [' + ",\n".join(lines) + "]}\n")
+    found = read_plan(tmp_path / "plan.json", tmp_path, CELL)
+    assert [sample.sample for sample in found] == [3, 4, 5]

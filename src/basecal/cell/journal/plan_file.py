@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -19,7 +20,7 @@ def read_plan(path: str | Path, folder: str | Path, cell: Cell) -> tuple[Sample,
     """The samples of a plan: of each its number, and where its robots shall be.
 
     Args:
-        path: The plan, or a recording whose places are to be gone to again.
+        path: The plan, lines or one object of all `samples`, or a recording whose places are to be gone to again.
         folder: The cell's folder.
         cell: The cell.
 
@@ -29,7 +30,7 @@ def read_plan(path: str | Path, folder: str | Path, cell: Cell) -> tuple[Sample,
     known = context(cell, inside(str(folder), FOLDER))
     text = read_bounded(Path(path), LARGEST_BYTES, "a plan has one JSON object a line, with its robots")
     samples: list[Sample] = []
-    for number, line in enumerate(text.removeprefix(BOM).split(b"\n"), start=1):
+    for number, line in enumerate(_lines(text.removeprefix(BOM)), start=1):
         if not line.strip():
             continue
         where = Where(str(path), number)
@@ -38,6 +39,16 @@ def read_plan(path: str | Path, folder: str | Path, cell: Cell) -> tuple[Sample,
             raise where.error("robots", "expected where robots shall be, joints or poses of their flanges")
         samples.append(Sample(read.sample, robots=read.robots))
     return tuple(samples)
+
+
+def _lines(text: bytes) -> list[bytes]:
+    """A line for each sample, also of an object that has them all, as `basecal plan --json` prints it."""
+    try:
+        whole = json.loads(text)
+    except (ValueError, RecursionError):
+        return text.split(b"\n")
+    samples = whole.get("samples") if isinstance(whole, dict) else None
+    return [json.dumps(each).encode() for each in samples] if isinstance(samples, list) else text.split(b"\n")
 
 
 def write_plan(samples: Iterable[Sample], path: Path, folder: Path) -> None:

@@ -1,0 +1,162 @@
+"""Whether the map of expected errors holds the true ones: both flanges sent to one point, on simulated cells.
+
+Cells of two arms are solved from 25 samples. At the middle of the box of the map and at one of its corners both robots
+are told to bring their flanges to the same point, turned as in the recorded pose nearest to it. How far the flanges
+truly are from one another is to be within what the map expects of 95 in 100, and so is the angle between what is and
+what was meant. `poses`: robots recorded by poses, off by 0.1 mm and 0.2 mrad per axis and stop. `joints`: arms of six
+axes with offsets of 0.05 deg and links off by 0.1 mm and 0.2 mrad besides. `stated`: all sigmas are, and offsets and
+links are estimated; `estimated`: nothing is stated, and arms are taken as their URDF has them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from basecal.accuracy.noise_summary import noise_summary
+from basecal.accuracy.robot_parameters import kinematics_of, robot_parameters
+from basecal.accuracy.task.error_map import error_map
+from basecal.cell import Calibration, ErrorMap
+from basecal.errors import NotConverged
+from basecal.estimation.problem.robot_parameters import Kinematics
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import Solution, solve
+from basecal.geometry import SE3, Array
+from basecal.kinematics.inverse import inverse
+from basecal.simulation import Scenario, SimulatedCell, simulate
+from benchmarks.common import on_one_core, table, write
+
+BASE = "eye_base_from_hand_base"
+TRIALS = 500
+NOISE = (1e-4, 2e-4)
+LOW, HIGH = 0.92, 0.98
+PLACES = ("middle", "corner")
+HEAD = ("cells", "trials", "mm, middle", "mm, corner", "deg, middle", "deg, corner", "expected, middle [mm]", "corner")
+
+_POSES = Scenario(samples=25, robot_noise=NOISE)
+_JOINTS = replace(_POSES, joints=True, joint_offset_rad=np.radians(0.05), link_error=NOISE)
+_UNSTATED = {"state_robot_noise": False, "state_pixel_noise": False}
+KINDS = {
+    "poses, stated": _POSES,
+    "poses, estimated": replace(_POSES, **_UNSTATED),
+    "joints, stated": replace(_JOINTS, joint_offsets="prior", link_parameters="prior"),
+    "joints, estimated": replace(_JOINTS, **_UNSTATED),
+}
+
+
+def calibrated(made: SimulatedCell, solution: Solution) -> Calibration:
+    """The solution as a calibration, for what the map needs of it."""
+    return Calibration(
+        "good",
+        dict(solution.transforms),
+        noise=noise_summary(made.cell, made.recording, solution),
+        robot_parameters=robot_parameters(solution),
+    )
+
+
+def trial(kind: str, seed: int) -> list[dict[str, Any]]:
+    """One cell: at each place the true error and the one expected; none where an arm does not reach."""
+    made = simulate(KINDS[kind], 40_000 + seed)
+    solution = solve(made.cell, made.recording, Settings(robot_noise="estimated"))
+    calibration = calibrated(made, solution)
+    point = made.truth[BASE].translation / 2
+    found = error_map(made.cell, calibration, solution, point)
+    assert found is not None
+    rng = np.random.default_rng([seed, 13])
+    return list(_at_places(made, calibration, found, rng))
+
+
+def _at_places(
+    made: SimulatedCell, calibration: Calibration, found: ErrorMap, rng: np.random.Generator
+) -> Iterator[dict[str, Any]]:
+    low, high = found.points_m.min(0), found.points_m.max(0)
+    corner = np.where(rng.random(3) < 0.5, low, high)
+    believed = kinematics_of(made.cell, calibration)
+    for place, wanted in zip(PLACES, ((low + high) / 2, corner), strict=True):
+        k = int(np.argmin(np.linalg.norm(found.points_m - wanted, axis=1)))
+        meant = {robot: _meant(made, calibration, robot, found.points_m[k]) for robot in ("eye", "hand")}
+        try:
+            true = {robot: _true(made, believed, robot, *meant[robot], rng) for robot in meant}
+        except NotConverged:
+            continue
+        eye, hand = true["eye"], made.truth[BASE] @ true["hand"]
+        turn = (meant["eye"][0].inverse() @ calibration[BASE].mean @ meant["hand"][0]).rotvec
+        off = eye.inverse() @ hand @ SE3.from_rotvec(turn, np.zeros(3)).inverse()
+        yield {
+            "place": place,
+            "mm": 1e3 * float(np.linalg.norm(hand.translation - eye.translation)),
+            "deg": float(np.degrees(np.linalg.norm(off.rotvec))),
+            "mm_95": 1e3 * float(found.length_95_m[k]),
+            "deg_95": float(np.degrees(found.angle_95_rad[k])),
+        }
+
+
+def _meant(made: SimulatedCell, calibration: Calibration, robot: str, point_m: Array) -> tuple[SE3, int]:
+    """Where a flange is told to be in its base, and the number of the sample whose turn it has."""
+    in_base = point_m if robot == "eye" else calibration[BASE].mean.inverse() @ point_m
+    poses = made.true_base_from_flange[robot]
+    nearest = int(np.argmin(np.linalg.norm(poses.translation - in_base, axis=1)))
+    return SE3(poses[nearest].rotation, in_base), nearest
+
+
+def _true(
+    made: SimulatedCell,
+    believed: Mapping[str, Kinematics],
+    robot: str,
+    meant: SE3,
+    nearest: int,
+    rng: np.random.Generator,
+) -> SE3:
+    """Where the flange truly is that is told to be somewhere."""
+    stop = SE3.exp(rng.standard_normal(6) * np.repeat(NOISE, 3))
+    chain, joints = made.cell.robots[robot].chain, made.recording.samples[nearest].robots[robot].joints_rad
+    if chain is None or joints is None:
+        return meant @ stop
+    as_believed = believed.get(robot) or Kinematics(chain)
+    for _ in range(3):  # of the chain as stated, corrected by what parameters move it
+        moved = as_believed.forward(joints) @ chain.forward(joints).inverse()
+        joints = inverse(chain, moved.inverse() @ meant, joints)
+    return made.robots[robot].forward(joints) @ stop
+
+
+def summary(found: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Shares of trials within what was expected, by place."""
+    told: dict[str, Any] = {}
+    for place in PLACES:
+        mine = [each for each in found if each["place"] == place]
+        told[place] = {
+            "trials": len(mine),
+            "mm": float(np.mean([each["mm"] <= each["mm_95"] for each in mine])),
+            "deg": float(np.mean([each["deg"] <= each["deg_95"] for each in mine])),
+            "median_mm_95": float(np.median([each["mm_95"] for each in mine])),
+        }
+    return told
+
+
+def row(kind: str, of: dict[str, Any]) -> tuple[object, ...]:
+    """A line of the table with `HEAD`."""
+    shares = [f"{100 * of[place][key]:.1f} %" for key in ("mm", "deg") for place in PLACES]
+    expected = [f"{of[place]['median_mm_95']:.2f}" for place in PLACES]
+    return kind, of[PLACES[0]]["trials"], *shares, *expected
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Draw and print; of all trials results/error_map.json too."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.error_map", description=__doc__)
+    parser.add_argument("--trials", type=int, default=TRIALS, help="of each kind")
+    parser.add_argument("--kinds", nargs="*", default=list(KINDS), choices=list(KINDS))
+    asked = parser.parse_args(arguments)
+    on_one_core()
+    rows = {kind: summary([each for seed in range(asked.trials) for each in trial(kind, seed)]) for kind in asked.kinds}
+    print(table(HEAD, [row(kind, of) for kind, of in rows.items()]))
+    if asked.trials >= TRIALS and set(asked.kinds) == set(KINDS):
+        write("error_map", {"rows": rows})
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

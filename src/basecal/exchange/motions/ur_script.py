@@ -1,0 +1,34 @@
+"""A program of URScript for one arm, that waits at each sample until somebody goes on.
+
+`movej` takes joints [rad], or a pose of the flange, of which the controller finds the joints: the tool has to be the
+flange itself then, which `set_tcp` sees to.
+"""
+
+from __future__ import annotations
+
+from basecal.exchange.controllers.ur import CONVENTION
+from basecal.exchange.motions.way import Way
+
+_ACCELERATION = 0.5  # [rad/s^2], a third of what the arms begin with
+
+
+def written(way: Way) -> str:
+    """The program.
+
+    Raises:
+        InputError: if several robots are sent.
+    """
+    robot = way.only()
+    lines = [f"def basecal_{robot}():", "  set_tcp(p[0, 0, 0, 0, 0, 0])"]
+    for place, sample in enumerate(way.samples, start=1):
+        joints = sample.robots[robot].joints_rad
+        numbers = CONVENTION.written(way.pose(robot, sample)) if joints is None else joints
+        target = f"{'p' if joints is None else ''}[{', '.join(f'{float(number):.6f}' for number in numbers)}]"
+        what = f"sample {sample.sample}, {place} of {len(way.samples)}"
+        lines += [
+            f'  textmsg("basecal: {what}")',
+            f"  movej({target}, a={_ACCELERATION:g}, v={way.speed_rad_s:.4g})",
+            f"  sleep({way.hold_s:g})",
+            f'  popup("{what}: take the picture, then continue", title="basecal", blocking=True)',
+        ]
+    return "\n".join([*lines, "end", f"basecal_{robot}()"]) + "\n"
