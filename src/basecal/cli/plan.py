@@ -80,19 +80,13 @@ def plan(
 
     from basecal.cell import Recording
     from basecal.cell.files import read_cell
-    from basecal.cell.format.writing import write_asked_for
     from basecal.planning.plan import plan_for_task
 
     points = np.array(_task(task_point, task_box))
     needed_m = None if tolerance is None else length_m(tolerance)
     if needed_m is None and samples is None:
         raise UsageError("give --tolerance, or --samples, or both: without them nothing says how many to plan")
-    if to is not None and to not in MOTIONS:
-        raise UsageError(f"--to: {FrameNotFound(to, list(MOTIONS))}")
-    if to is None and robot is not None:
-        raise UsageError("--robot says whose program is written: give --to with it, such as --to ur-script")
-    if to is not None and json and output is None:
-        raise UsageError("--to and --json both want to be printed: give -o FILE for what --to writes")
+    _check_output(to, robot, output, json)
     described = read_cell(cell)
     recording = detected_recording(cell, described)
     with progress("planning"):
@@ -100,20 +94,48 @@ def plan(
         if anew:
             recording = Recording(tuple(replace(sample, observations=()) for sample in recording.samples))
         found = plan_for_task(described, recording, calibration, points, needed_m, samples, seed)
-    data = plan_dict(found, needed_m)
-    if to is not None:
-        text = _motion(described, found, to, robot, speed_limit_deg_s, hold_s)
-        if output is None:
-            say(text.rstrip("\n"))
-            return 1 if found.reachable is False else 0
-        write_asked_for(output, text)
+    motion = None if to is None else _motion(described, found, to, robot, speed_limit_deg_s, hold_s)
+    _tell(found, plan_dict(found, needed_m), motion, cell, output, json)
+    return 1 if found.reachable is False else 0
+
+
+def _check_output(to: str | None, robot: str | None, output: Path | None, json: bool) -> None:
+    """Whether what is asked of the output goes together.
+
+    Raises:
+        UsageError: if not.
+    """
+    if to is not None and to not in MOTIONS:
+        raise UsageError(f"--to: {FrameNotFound(to, list(MOTIONS))}")
+    if to is None and robot is not None:
+        raise UsageError("--robot says whose program is written: give --to with it, such as --to ur-script")
+    if to is not None and json and output is None:
+        raise UsageError("--to and --json both want to be printed: give -o FILE for what --to writes")
+
+
+def _tell(
+    found: Plan, data: Mapping[str, Any], motion: str | None, cell: Path, output: Path | None, json: bool
+) -> None:
+    """Print and write what is asked for: a robot's program alone where it is printed."""
+    from basecal.cell.format.writing import write_asked_for
+
+    if motion is not None and output is None:
+        say(motion.rstrip("\n"))
+        return
+    if output is not None and motion is not None:
+        write_asked_for(output, motion)
     elif output is not None:
         _write(found, data, output)
     if json:
         print_json(data)
-    else:
-        say(_words(found, needed_m, cell, output, to))
-    return 1 if found.reachable is False else 0
+        return
+    say(_words(found, data["tolerance_mm"]))
+    if motion is not None:
+        say(f"written: {output}")
+    elif output is not None:
+        say(f"next: basecal capture {pasted(cell)} --plan {pasted(output)}")
+    elif found.samples:
+        say("write them with -o plan.jsonl")
 
 
 def plan_dict(found: Plan, needed_m: float | None) -> dict[str, Any]:
@@ -184,24 +206,18 @@ def _calibrated(folder: Path, cell: Cell, recording: Recording) -> Calibration |
         return None
 
 
-def _words(found: Plan, needed_m: float | None, cell: Path, output: Path | None, to: str | None = None) -> str:
+def _words(found: Plan, tolerance_mm: float | None) -> str:
     expected = "an unknown error" if found.expected_m is None else f"{1e3 * found.expected_m:.2g} mm"
-    needed = "" if needed_m is None else f"{1e3 * needed_m:.3g} mm"
+    needed = "" if tolerance_mm is None else f"{tolerance_mm:.3g} mm"
     many = f"{len(found.samples)} samples" + (f" beside the {found.recorded} recorded" if found.recorded else "")
     if found.reachable is False:
         source = f": {found.budget[0].source} forbids it" if found.budget else ""
         lines = [f"{needed} cannot be reached{source}; {many} leave 95 % of errors below {expected}"]
-    elif needed_m is not None:
+    elif tolerance_mm is not None:
         lines = [f"{needed} at the task: {found.needed} samples reach it; {many} leave 95 % of errors below {expected}"]
     else:
         lines = [f"{many} leave 95 % of errors at the task below {expected}"]
     for entry in found.budget:
         halved = f"{1e3 * entry.halved_rms_m:.2g} mm rms in all with half of it"
         lines.append(f"  {100 * entry.share:5.1f} % of the variance: {entry.source}; {halved}")
-    if found.samples and output is None:
-        lines.append("write them with -o plan.jsonl")
-    elif to is not None:
-        lines.append(f"written: {output}")
-    elif output is not None:
-        lines.append(f"next: basecal capture {pasted(cell)} --plan {pasted(output)}")
     return "\n".join(lines)
