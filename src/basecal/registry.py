@@ -104,6 +104,7 @@ DRIVERS = (
     "typed",
     "opencv",
     "ur",
+    "opcua",
 )
 """What talks to robots and cameras: modules of `basecal.acquisition.drivers`; others come as entry points."""
 

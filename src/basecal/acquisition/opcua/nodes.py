@@ -1,0 +1,97 @@
+"""The nodes that hold a robot's joints: those that a cell names, or those of the Robotics companion specification.
+
+Source: OPC 40010-1, OPC UA for Robotics, 7.1 and 7.2: Objects/DeviceSet/<system>/MotionDevices/<device>/Axes/<axis>/
+ParameterSet/ActualPosition, each with its EngineeringUnits.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from typing import Any
+
+from basecal.errors import DriverError, listed
+
+_RADIANS_OF_UNIT = {b"C81": 1.0, b"DD": math.radians(1)}  # codes of UN/ECE recommendation 20 for rad and deg
+_RADIANS_OF_WORD = {"rad": 1.0, "deg": math.radians(1)}
+
+
+def named_nodes(client: Any, name: str, paths: str | Sequence[str]) -> list[Any]:
+    """Nodes by their ids (`ns=2;s=Axis1`), or by browse names from the objects on (`DeviceSet/Robot/Axis1`).
+
+    Raises:
+        DriverError: if there is none of a name; it says what there is instead.
+    """
+    return [_node(client, name, path) for path in ([paths] if isinstance(paths, str) else paths)]
+
+
+def _node(client: Any, name: str, path: str) -> Any:
+    if re.match(r"(ns=\d+;)?[isgb]=", path):
+        return client.get_node(path)
+    node = client.nodes.objects
+    for word in path.removeprefix("Objects/").split("/"):
+        children = _children(node)
+        if word not in children:
+            raise DriverError(f"{name}: no node {word!r} of {path!r}; there are: {listed(sorted(children))}")
+        node = children[word]
+    return node
+
+
+def axes_of_devices(client: Any, name: str, device: str | None) -> list[Any]:
+    """The positions of all axes of a motion device, by number where their names end in one.
+
+    Raises:
+        DriverError: if the server has no such device, or several and none is named.
+    """
+    systems = _children(_children(client.nodes.objects).get("DeviceSet"))
+    devices = {
+        key: each
+        for system in systems.values()
+        for key, each in _children(_children(system).get("MotionDevices")).items()
+    }
+    if device is None and len(devices) == 1:
+        device = next(iter(devices))
+    if device not in devices:
+        what = f"no motion device {device!r}" if device else "`device` is not said" if devices else "no motion device"
+        raise DriverError(
+            f"{name}: {what}; there are: {listed(sorted(devices))}. Name the device, or the nodes of its `joints`"
+        )
+    axes = _children(_children(devices[device]).get("Axes"))
+    positions = [_children(_children(axes[key]).get("ParameterSet")).get("ActualPosition") for key in _in_order(axes)]
+    return [each for each in positions if each is not None]
+
+
+def _children(node: Any) -> dict[str, Any]:
+    """What a node holds by browse names; nothing where there is no node."""
+    return {} if node is None else {each.read_browse_name().Name: each for each in node.get_children()}
+
+
+def _in_order(names: Sequence[str] | dict[str, Any]) -> list[str]:
+    numbers = {name: re.search(r"\d+$", name) for name in names}
+    if all(numbers.values()):
+        return sorted(names, key=lambda name: int(re.findall(r"\d+$", name)[0]))
+    return list(names)
+
+
+def radians_of(node: Any, name: str, stated: str | None) -> float:
+    """How many radians one of a node's numbers is.
+
+    Raises:
+        DriverError: if neither the node nor the cell says it, or they say different things.
+    """
+    said = None
+    units = _children(node).get("EngineeringUnits")
+    if units is not None:
+        unit = units.read_value()
+        code = unit.UnitId.to_bytes(4, "big").lstrip(b"\0") if unit.UnitId > 0 else b""
+        said = _RADIANS_OF_UNIT.get(code, _RADIANS_OF_WORD.get(unit.DisplayName.Text or ""))
+    if stated is not None and said is not None and said != _RADIANS_OF_WORD[stated]:
+        raise DriverError(
+            f"{name}: the server says that joints are not in {stated}: leave `unit` out, or look at {node}"
+        )
+    if stated is not None:
+        return _RADIANS_OF_WORD[stated]
+    if said is None:
+        raise DriverError(f"{name}: {node} does not say its unit: say `unit: deg` or `unit: rad` in cell.yaml")
+    return said

@@ -1,0 +1,59 @@
+"""What a cell says of a robot that answers OPC UA."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from basecal.cell.format.values import Entry, known_names
+from basecal.registry import CONTROLLERS
+
+Path = Annotated[str, Field(min_length=1)]
+
+
+class OpcuaOptions(Entry):
+    """What stands beside `kind: opcua`; without nodes the axes of the Robotics companion specification are taken.
+
+    Attributes:
+        url: Of the server, as `opc.tcp://192.168.0.20:4840`.
+        device: Name of the motion device, where the server has several.
+        joints: Nodes of the joints in the order of the URDF, or one that holds them all.
+        unit: Of joints whose nodes do not say it.
+        pose: Nodes of the pose of the flange, or one that holds its numbers.
+        notation: The controller whose convention the pose's numbers follow.
+        user: Who signs on, where not everybody may.
+        password_in: Name of the environment variable that holds the password.
+        rate_hz: How often the nodes are read.
+        reconnect_s: How long a connection that is lost is tried again.
+    """
+
+    url: Annotated[str, Field(pattern=r"^opc\.tcp://[^/:\s]+(:\d{1,5})?(/\S*)?$")]
+    device: str | None = None
+    joints: list[Path] | Path | None = None
+    unit: Literal["rad", "deg"] | None = None
+    pose: list[Path] | Path | None = None
+    notation: Annotated[str, known_names("notation", CONTROLLERS)] | None = None
+    user: str | None = None
+    password_in: str | None = None
+    rate_hz: Annotated[float, Field(ge=20, le=500)] = 50.0
+    reconnect_s: Annotated[float, Field(ge=0, le=3600)] = 10.0
+
+    @model_validator(mode="after")
+    def _joints_or_a_pose(self) -> OpcuaOptions:
+        if self.joints is not None and self.pose is not None:
+            raise ValueError("joints and pose are both named; expected one of them")
+        if (self.pose is None) != (self.notation is None):
+            raise ValueError("a pose needs its notation, and a notation a pose")
+        return self
+
+    @property
+    def host(self) -> str:
+        """Name or number of the server."""
+        return self.url.removeprefix("opc.tcp://").split("/")[0].split(":")[0]
+
+    @property
+    def port(self) -> int:
+        """The server's port; the one that is registered for OPC UA where the address has none."""
+        _, _, port = self.url.removeprefix("opc.tcp://").split("/")[0].partition(":")
+        return int(port or 4840)

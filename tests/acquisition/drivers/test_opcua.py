@@ -1,0 +1,75 @@
+"""Robots that answer OPC UA, in processes of their own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from basecal.acquisition.driver import Moves, Place
+from basecal.acquisition.drivers.opcua import open_robot
+from basecal.cell import Cell, Robot
+from basecal.errors import DatasetError, DriverError
+from basecal.exchange.controllers.convention import convention
+
+pytest.importorskip("asyncua")
+DEGREES = np.array([10.0, -90.0, 90.0, 0.0, 30.0, 5.0])
+
+
+def test_joints_are_those_of_the_companion_specification(opcua_robot):
+    """Without a named node the axes of the one motion device are read, by number, in the unit that they say."""
+    place = opcua_robot.place
+    robot = open_robot(place())
+    assert not isinstance(robot, Moves)
+    np.testing.assert_allclose(robot.state().state.joints_rad, np.radians(DEGREES))
+    opcua_robot.tell("turn", 1.5)
+    turned = robot.state()
+    np.testing.assert_allclose(turned.state.joints_rad, np.radians(DEGREES + 1.5))
+    opcua_robot.tell("turn", 0)
+    assert robot.state().stamp_s > turned.stamp_s > 1.6e9
+    robot.close()
+
+
+@pytest.mark.parametrize("path", ["ns=2;s=joints", "Own/Joints", "Objects/Own/Joints"])
+def test_nodes_may_be_named(opcua_robot, path):
+    """One that holds all joints, by its id or by browse names; its unit is said in the cell."""
+    robot = open_robot(opcua_robot.place(joints=path, unit="rad"))
+    np.testing.assert_array_equal(robot.state().state.joints_rad, np.full(6, 0.1))
+    robot.close()
+
+
+def test_a_pose_is_read_in_its_convention(opcua_robot):
+    """A robot without URDF gives the pose that a node holds, in the notation of its maker."""
+    options = opcua_robot.place(pose="Own/Pose", notation="kuka").options
+    robot = open_robot(Place("arm", Cell("arm", {"arm": Robot("arm")}), Path("."), options))
+    wanted = convention("kuka").read(np.array([100.0, 200, 300, 10, 20, 30]))
+    np.testing.assert_allclose(robot.state().state.base_from_flange.matrix, wanted.matrix)
+    robot.close()
+
+
+def test_numbers_that_are_not_those_of_the_robot(opcua_robot):
+    """Five numbers for six joints are told, and never a state."""
+    place = opcua_robot.place
+    robot = open_robot(place(joints="Own/Joints", unit="rad"))
+    opcua_robot.tell("few")
+    with pytest.raises(DriverError, match="eye: the nodes hold 5 numbers, expected 6"):
+        robot.state()
+    robot.close()
+
+
+def test_stamps_that_do_not_go_with_their_values(opcua_robot):
+    """Values that change under a stamp that stands still would be paired wrongly with pictures: it is told."""
+    opcua_robot.tell("turn_unstamped", 0)
+    robot = open_robot(opcua_robot.place())
+    robot.state()
+    opcua_robot.tell("turn_unstamped", 1)
+    with pytest.raises(DriverError, match="eye: stale stamps: values changed"):
+        robot.state()
+    robot.close()
+
+
+def test_joints_need_a_urdf(tmp_path):
+    """Of a robot without one only a pose can be read."""
+    with pytest.raises(DatasetError, match=r"robots\.arm\.driver: joints need urdf"):
+        open_robot(Place("arm", Cell("arm", {"arm": Robot("arm")}), tmp_path, {"url": "opc.tcp://10.0.0.2"}))

@@ -1,0 +1,109 @@
+"""Which nodes of an OPC UA server hold a robot's joints."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import pytest
+
+from basecal.acquisition.opcua.nodes import axes_of_devices, named_nodes, radians_of
+from basecal.errors import DriverError
+
+
+class Node:
+    """A node with children by name, of which a value may be read."""
+
+    def __init__(self, name, *children, value=None):
+        self.name, self.children, self.value = name, children, value
+
+    def read_browse_name(self):
+        return SimpleNamespace(Name=self.name)
+
+    def get_children(self):
+        return self.children
+
+    def read_value(self):
+        return self.value
+
+    def __str__(self):
+        return self.name
+
+
+def axis(name):
+    return Node(name, Node("ParameterSet", Node("ActualPosition", value=name)))
+
+
+def device(name, *axes):
+    return Node(name, Node("Axes", *map(axis, axes)))
+
+
+def client(*devices):
+    """A server with a system of these devices."""
+    system = Node("System", Node("MotionDevices", *devices), Node("Controllers"))
+    objects = Node("Objects", Node("DeviceSet", system), Node("Server"))
+    return SimpleNamespace(nodes=SimpleNamespace(objects=objects), get_node=lambda words: f"node {words}")
+
+
+def found(*args):
+    return [node.value for node in axes_of_devices(*args)]
+
+
+def test_axes_are_in_the_order_of_their_numbers():
+    """A server may list the tenth before the second; where names have no number its own order stands."""
+    assert found(client(device("arm", "A10", "A2", "A1")), "eye", None) == ["A1", "A2", "A10"]
+    assert found(client(device("arm", "Swing", "Lift")), "eye", None) == ["Swing", "Lift"]
+
+
+def test_one_of_several_devices_is_named():
+    """Unnamed, unknown and absent devices are told with those that there are."""
+    several = client(device("left", "A1"), device("right", "B1"))
+    assert found(several, "eye", "right") == ["B1"]
+    with pytest.raises(DriverError, match="eye: `device` is not said; there are: left, right"):
+        found(several, "eye", None)
+    with pytest.raises(DriverError, match="eye: no motion device 'middle'; there are: left, right"):
+        found(several, "eye", "middle")
+    with pytest.raises(DriverError, match=r"eye: no motion device; there are: none\. Name the device, or the nodes"):
+        found(client(), "eye", None)
+
+
+def test_nodes_are_named_by_id_or_path():
+    """An id is asked for as it is; a path is walked, and where it ends too early what there is instead is told."""
+    there = client(device("arm", "A1"))
+    assert named_nodes(there, "eye", "ns=2;s=axis") == ["node ns=2;s=axis"]
+    assert [node.name for node in named_nodes(there, "eye", ["DeviceSet/System", "Objects/Server"])] == [
+        "System",
+        "Server",
+    ]
+    with pytest.raises(DriverError, match="eye: no node 'Sytem' of 'DeviceSet/Sytem'; there are: System"):
+        named_nodes(there, "eye", ["DeviceSet/Sytem"])
+
+
+def said(unit, word=""):
+    """A node that says its unit, by code or word."""
+    information = SimpleNamespace(UnitId=unit, DisplayName=SimpleNamespace(Text=word))
+    return Node("A1", Node("EngineeringUnits", value=information))
+
+
+@pytest.mark.parametrize(
+    ("node", "stated", "radians"),
+    [
+        (said(17476), None, math.radians(1)),  # DD, degrees
+        (said(4405297), None, 1.0),  # C81, radians
+        (said(-1, "deg"), None, math.radians(1)),
+        (said(-1, "turns"), "rad", 1.0),
+        (Node("A1"), "deg", math.radians(1)),
+        (said(17476), "deg", math.radians(1)),
+    ],
+)
+def test_units_are_those_that_are_said(node, stated, radians):
+    """By the server with its code or word, else by the cell."""
+    assert radians_of(node, "eye", stated) == radians
+
+
+def test_units_are_never_guessed():
+    """Where nobody says them, and where two say different things, it is an error."""
+    with pytest.raises(DriverError, match="eye: A1 does not say its unit: say `unit: deg` or `unit: rad`"):
+        radians_of(Node("A1"), "eye", None)
+    with pytest.raises(DriverError, match="eye: the server says that joints are not in rad"):
+        radians_of(said(17476), "eye", "rad")

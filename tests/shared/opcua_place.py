@@ -1,0 +1,31 @@
+"""A robot that answers OPC UA in a process of its own, and where it is in a cell."""
+
+from __future__ import annotations
+
+import socket
+from contextlib import contextmanager
+from pathlib import Path
+
+from basecal.acquisition.driver import Place
+from basecal.simulation.running.two_arms import two_arms
+from shared.second_process import second_process
+
+CELL = two_arms("led").cell
+
+
+def free_port():
+    """A port of this computer at which nothing listens."""
+    with socket.socket() as line:
+        line.bind(("127.0.0.1", 0))
+        return line.getsockname()[1]
+
+
+@contextmanager
+def opcua_robot():
+    """A server; its `port`, and `place` of its robot in a cell with URDFs."""
+    port = free_port()
+    url = f"opc.tcp://127.0.0.1:{port}/robot"
+    with second_process("shared.opcua_robot", port) as process:
+        process.port = port
+        process.place = lambda **options: Place("eye", CELL, Path("."), {"url": url, "reconnect_s": 1.0, **options})
+        yield process
