@@ -30,7 +30,7 @@ class OpcuaRobot:
     def __init__(self, name: str, options: OpcuaOptions, joints: int) -> None:
         self._name, self._options, self._joints = name, options, joints
         self._waits = Waits(name)
-        self._scale: Array | None = None
+        self._scale: Array = np.ones(joints)
         self._session = Session(name, options, self._found)
         self._next_s, self._last = 0.0, Values(float("-inf"), np.full(1, np.nan))
 
