@@ -24,7 +24,7 @@ from basecal.accuracy.verdict import calibrate
 from basecal.cell import Calibration, Cell, Observation, PixelObservation, PoseObservation, Recording
 from basecal.errors import DatasetError
 from basecal.geometry import SE3, Array, BoolArray, Camera
-from basecal.geometry.se3 import nearest_rotation
+from basecal.geometry.rotation import nearest_rotation
 from benchmarks.calibrate import recordings
 from benchmarks.common import on_one_core, table, write
 from benchmarks.peers.by_opencv import METHODS, one_arm

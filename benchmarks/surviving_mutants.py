@@ -18,6 +18,7 @@ WHY: dict[tuple[str, str, str], str] = {
         "newton >= low",
         "newton < low",
     ): "equivalent: halves the bracket in place of Newton",
+    ("geometry/rotation.py", "3", "4"): "equivalent: a coefficient more is computed and not used",
     ("geometry/se3.py", "3", "4"): "equivalent: a coefficient more is computed and not used",
     (
         "numerics/levenberg_marquardt.py",

@@ -24,7 +24,7 @@ from basecal.accuracy.verdict import calibrate
 from basecal.cell import PoseObservation, Recording, RobotState, Sample
 from basecal.errors import DatasetError
 from basecal.geometry import SE3, Array
-from basecal.geometry.se3 import nearest_rotation
+from basecal.geometry.rotation import nearest_rotation
 from benchmarks.common import on_one_core, table, write
 from benchmarks.peers.by_opencv import CHAINS, METHODS, TwoArms, concatenated
 

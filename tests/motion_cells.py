@@ -9,7 +9,7 @@ import numpy as np
 
 from basecal.cell import Recording, RobotState, Sample
 from basecal.geometry import SE3
-from basecal.geometry.se3 import rotation_exp
+from basecal.geometry.rotation import rotation_exp
 from basecal.kinematics import SerialChain
 from basecal.simulation import Scenario, SimulatedCell, draw
 from basecal.simulation.layout import layout_of

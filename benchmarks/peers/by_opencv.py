@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 
 from basecal.geometry import SE3
-from basecal.geometry.se3 import nearest_rotation
+from basecal.geometry.rotation import nearest_rotation
 from benchmarks.peers.task import DesignName, Task
 
 _HAND_EYE = {

@@ -13,7 +13,7 @@ import numpy as np
 from basecal.cell.recording import Observation, PixelObservation
 from basecal.cell.target import Target
 from basecal.geometry import SE3, Array, Camera
-from basecal.geometry.se3 import right_jacobian
+from basecal.geometry.se3_jacobians import right_jacobian
 from basecal.simulation import Scenario, SimulatedCell, simulate
 
 DesignName = Literal["halves", "both", "hand-eye"]

@@ -8,7 +8,7 @@ from basecal.estimation.least_squares.jacobians import by_unknowns
 from basecal.estimation.problem.problem import Problem, State, chain
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import Array
-from basecal.geometry.se3 import right_jacobian
+from basecal.geometry.se3_jacobians import right_jacobian
 from benchmarks.solve.task import moved
 
 

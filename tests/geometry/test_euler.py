@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from basecal.geometry import SE3
 from basecal.geometry.euler import rpy_of_rotation, zyz_of_rotation
-from basecal.geometry.se3 import rotation_exp
+from basecal.geometry.rotation import rotation_exp
 
 NEAR = [0.0, 1e-12, 1e-9, 1e-8, 1e-7, 1e-4, 0.1, 1.0]
 DRAWN = Rotation.from_quat(np.random.default_rng(0).normal(size=(200, 4))).as_matrix()

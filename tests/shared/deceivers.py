@@ -13,7 +13,7 @@ from basecal.estimation.solve import Solution, solve_from
 from basecal.estimation.start.closed_form import Loop
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array
-from basecal.geometry.se3 import rotation_exp
+from basecal.geometry.rotation import rotation_exp
 from basecal.simulation.draw import in_ball
 from tests.shared.random_starts import Trio, least_cost, least_value, random_rotations, random_trio
 

@@ -8,7 +8,8 @@ import numpy as np
 
 from basecal.estimation.start.closed_form import Loop, Rotations, solve_translations
 from basecal.geometry import SE3, Array
-from basecal.geometry.se3 import right_jacobian_inverse, rotation_from_quaternion
+from basecal.geometry.rotation import rotation_from_quaternion
+from basecal.geometry.se3_jacobians import right_jacobian_inverse
 
 _SETTLED = 1e-7
 _FIRST_DAMPING = 1e-4

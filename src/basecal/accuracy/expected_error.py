@@ -13,7 +13,7 @@ from basecal.accuracy.residuals.fitted_again import FittedAgain
 from basecal.cell import Calibration, Cell
 from basecal.estimation.problem.problem import ViewGroup
 from basecal.geometry import Array
-from basecal.geometry.se3 import hat
+from basecal.geometry.rotation import hat
 
 LEVEL = 0.95
 _DIRECTIONS = 4096  # on the sphere, over which the mean is exact to 1e-4 of the quantile for a covariance of any shape

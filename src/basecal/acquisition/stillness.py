@@ -12,7 +12,7 @@ from basecal.acquisition.driver import Camera, Picture, Reading, Robot
 from basecal.cell import RobotState
 from basecal.cell.target import Target
 from basecal.geometry import SE3, Array
-from basecal.geometry.se3 import nearest_rotation
+from basecal.geometry.rotation import nearest_rotation
 from basecal.vision.detectors import LIGHT, find
 from basecal.vision.picture_motion import Levels, shift_between, small
 

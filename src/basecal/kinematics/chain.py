@@ -9,7 +9,7 @@ import numpy as np
 
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array, read_only
-from basecal.geometry.se3 import hat, rotation_exp
+from basecal.geometry.rotation import hat, rotation_exp
 from basecal.kinematics.masses import Masses
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from basecal.errors import InputError, NotConverged
 from basecal.geometry import SE3, Array, IntArray
-from basecal.geometry.se3 import right_jacobian_inverse
+from basecal.geometry.se3_jacobians import right_jacobian_inverse
 from basecal.kinematics.chain import SerialChain
 from basecal.numerics.levenberg_marquardt import Quadratic, Stop, levenberg_marquardt
 

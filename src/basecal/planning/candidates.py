@@ -9,7 +9,7 @@ import numpy as np
 from basecal.cell import WORLD, Robot, RobotState, Sample
 from basecal.errors import InputError, NotConverged
 from basecal.geometry import SE3, Array, BoolArray, IntArray
-from basecal.geometry.se3 import rotation_exp
+from basecal.geometry.rotation import rotation_exp
 from basecal.kinematics.inverse import inverse
 from basecal.planning.feasible import is_clear, seen_whole
 from basecal.planning.sketch import Sketch

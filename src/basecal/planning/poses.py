@@ -9,7 +9,7 @@ import numpy as np
 from basecal.cell import RobotState, Sample
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array
-from basecal.geometry.se3 import rotation_exp
+from basecal.geometry.rotation import rotation_exp
 from basecal.planning.feasible import Feasible
 from basecal.planning.reach import state_at
 from basecal.planning.sketch import Sketch

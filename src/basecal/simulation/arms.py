@@ -13,7 +13,7 @@ from basecal.cell.cell import WORLD
 from basecal.errors import InputError
 from basecal.estimation.problem.robot_parameters import Kinematics
 from basecal.geometry import SE3, Array, BoolArray
-from basecal.geometry.se3 import right_jacobian_inverse
+from basecal.geometry.se3_jacobians import right_jacobian_inverse
 from basecal.kinematics import Masses, SerialChain
 from basecal.simulation.draw import Generator
 from basecal.simulation.scenario import Scenario

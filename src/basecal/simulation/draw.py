@@ -8,7 +8,7 @@ from basecal.cell.target import Target
 from basecal.cell.targets.all_kinds import target_kind
 from basecal.geometry import SE3, Array, Camera
 from basecal.geometry.lens import lenses_of
-from basecal.geometry.se3 import rotation_from_quaternion
+from basecal.geometry.rotation import rotation_from_quaternion
 from basecal.simulation.scenario import Scenario
 
 Generator = np.random.Generator

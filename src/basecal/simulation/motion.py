@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array, Camera
-from basecal.geometry.se3 import rotation_exp
+from basecal.geometry.rotation import rotation_exp
 from basecal.numerics.batch import concatenate, take
 from basecal.simulation import draw
 from basecal.simulation.arms import Arm, joints_near

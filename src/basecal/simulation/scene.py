@@ -9,7 +9,7 @@ import numpy as np
 from basecal.cell.cell import WORLD
 from basecal.cell.target import Target
 from basecal.geometry import SE3, Array, Camera
-from basecal.geometry.se3 import rotation_exp
+from basecal.geometry.rotation import rotation_exp
 from basecal.simulation import draw
 from basecal.simulation.draw import Generator
 from basecal.simulation.layout import Layout, View

@@ -23,7 +23,7 @@ from basecal.estimation.axis_shift.closed_form import (
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.view_pose import refined
 from basecal.geometry import SE3, Array, Camera
-from basecal.geometry.se3 import nearest_rotation, rotation_log
+from basecal.geometry.rotation import nearest_rotation, rotation_log
 from basecal.simulation.shifts import shift_directions
 
 DRAWS = 10_000

@@ -13,7 +13,7 @@ from basecal.acquisition.drivers.typed import TypedRobot, open_robot
 from basecal.cell import Cell, Robot
 from basecal.errors import DatasetError, DriverError
 from basecal.geometry import SE3
-from basecal.geometry.se3 import rotation_exp
+from basecal.geometry.rotation import rotation_exp
 
 CELL = Cell("arm", {"arm": Robot("arm")})
 X, Y, Z = np.eye(3)

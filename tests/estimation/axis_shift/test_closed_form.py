@@ -16,7 +16,7 @@ from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
 from basecal.estimation.start.first_state import lenses
 from basecal.geometry import SE3, Camera
-from basecal.geometry.se3 import nearest_rotation
+from basecal.geometry.rotation import nearest_rotation
 from basecal.simulation.shifts import simulate_shifts
 
 PAPER = json.loads(files("basecal.studies").joinpath("paper_numbers.json").read_text())

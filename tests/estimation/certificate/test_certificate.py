@@ -21,7 +21,7 @@ from basecal.estimation.problem.problem import State
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve, solve_from
 from basecal.geometry import SE3
-from basecal.geometry.se3 import rotation_exp, rotation_log
+from basecal.geometry.rotation import rotation_exp, rotation_log
 from basecal.simulation import Scenario, simulate
 
 NOISY = {"pose_noise": (2e-3, 0.1), "robot_noise": (2e-3, 0.1), "spread_rad": 1.2, "target": "pose"}

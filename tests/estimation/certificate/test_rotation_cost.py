@@ -14,7 +14,7 @@ from basecal.estimation.certificate.view_rotation import ViewCosts
 from basecal.estimation.problem.problem import Problem, State, Stops, ViewGroup
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3
-from basecal.geometry.se3 import rotation_log
+from basecal.geometry.rotation import rotation_log
 
 X, Y, Z = "eye_flange_from_camera", "eye_base_from_hand_base", "hand_flange_from_target"
 

@@ -13,7 +13,7 @@ from basecal.estimation.noise.reml import columns_given, posterior, sigma_count
 from basecal.estimation.noise.robot_noise import stops_made, with_robot_noise, without_errors
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State, chain
-from basecal.geometry.se3 import right_jacobian_inverse
+from basecal.geometry.se3_jacobians import right_jacobian_inverse
 from basecal.simulation import Scenario, simulate
 
 ROBOTS = ("eye", "hand")

@@ -9,7 +9,7 @@ import pytest
 
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.start.half_turns import turned_views
-from basecal.geometry.se3 import rotation_exp
+from basecal.geometry.rotation import rotation_exp
 from basecal.simulation import Scenario, simulate
 
 HALF_TURN = np.diag([-1.0, -1.0, 1.0])

@@ -14,7 +14,7 @@ from basecal.estimation.problem.problem import State
 from basecal.estimation.start.pair_views import as_light, pair_views, umeyama
 from basecal.estimation.view.bearings import BearingMeasurement
 from basecal.geometry import SE3
-from basecal.geometry.se3 import rotation_exp
+from basecal.geometry.rotation import rotation_exp
 from basecal.simulation import Scenario, simulate
 
 

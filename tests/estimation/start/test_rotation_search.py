@@ -14,7 +14,7 @@ from basecal.estimation.start.rotation_search import (
     search_rotations,
 )
 from basecal.geometry import SE3
-from basecal.geometry.se3 import rotation_exp, rotation_log
+from basecal.geometry.rotation import rotation_exp, rotation_log
 
 
 def loop(truth, unknown, n, seed, noise=0.0):

@@ -3,15 +3,26 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
-from basecal.estimation.view.moments import UPPER, dot, gradient_and_information, monomials
-from basecal.geometry.se3 import hat, rotation_exp
+from basecal.estimation.view.moments import UPPER, Monomials, dot, gradient_and_information
+from basecal.geometry.rotation import hat, rotation_exp
 
 
 def test_monomials_are_all_products_of_one_and_the_coordinates():
     """Of 1, x, y and z each with each, once, those with 1 first."""
-    (row,) = monomials(np.array([[2.0, 3.0, 5.0]]))
-    assert row.tolist() == [1, 2, 3, 5, 4, 6, 10, 9, 15, 25]
+    of = Monomials.of(np.array([[2.0, 3.0, 5.0]]))
+    assert of.linear == 4
+    assert of.values.tolist() == [[1, 2, 3, 5, 4, 6, 10, 9, 15, 25]]
+
+
+def test_monomials_that_are_zero_throughout_are_left_out():
+    """Of a plane those with z, of a point at the origin all but 1."""
+    assert Monomials.of(np.array([[2.0, 3.0, 0.0], [0.0, 1.0, 0.0]])).values.tolist() == [
+        [1, 2, 3, 4, 6, 9],
+        [1, 0, 1, 0, 0, 1],
+    ]
+    assert Monomials.of(np.zeros((1, 3))).values.tolist() == [[1]]
 
 
 def test_dot_is_the_sum_of_products():
@@ -22,14 +33,15 @@ def test_dot_is_the_sum_of_products():
     np.testing.assert_array_equal(a, [1, 2])
 
 
-def test_moments_are_the_sums_over_points(rng):
+@pytest.mark.parametrize("extent", [(1, 1, 1), (1, 1, 0), (0, 1, 0), (0, 0, 0)], ids=str)
+def test_moments_are_the_sums_over_points(rng, extent):
     """J'r and J'J with J = P R [I, -hat(p)], added up point by point, for a batch of two with three views each."""
-    points, rotation = rng.standard_normal((5, 3)), rotation_exp(rng.standard_normal((2, 3, 3)))
+    points, rotation = rng.standard_normal((5, 3)) * extent, rotation_exp(rng.standard_normal((2, 3, 3)))
     by_point, residual = rng.standard_normal((2, 3, 5, 2, 3)), rng.standard_normal((2, 3, 5, 2))
     forces = np.einsum("bnpki,bnpk->ibnp", by_point, residual)
     squares = [np.einsum("bnpk,bnpk->bnp", by_point[..., i], by_point[..., j]) for i, j in UPPER]
     motion = np.concatenate([np.broadcast_to(np.eye(3), (5, 3, 3)), -hat(points)], -1)
     jacobian = by_point @ rotation[:, :, None] @ motion
-    gradient, information = gradient_and_information(forces, squares, rotation, monomials(points))
+    gradient, information = gradient_and_information(forces, squares, rotation, Monomials.of(points))
     np.testing.assert_allclose(gradient, np.einsum("bnpki,bnpk->bni", jacobian, residual), atol=1e-12)
     np.testing.assert_allclose(information, np.einsum("bnpki,bnpkj->bnij", jacobian, jacobian), atol=1e-12)

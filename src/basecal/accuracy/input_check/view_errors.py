@@ -13,7 +13,7 @@ from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array, BoolArray
-from basecal.geometry.se3 import nearest_rotation
+from basecal.geometry.rotation import nearest_rotation
 
 PIXEL_SCALE = 1e-3  # [rad/px] of a usual lens, so that errors in pixels and angles are of one size
 _SHORTEST_M = 1e-12  # [m] of a distance to a target, which is divided by

@@ -10,7 +10,7 @@ from basecal.accuracy.systematic_errors.candidates import Candidates
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.estimation.problem.build import recorded_by_joints
 from basecal.geometry import Array
-from basecal.geometry.se3 import hat
+from basecal.geometry.rotation import hat
 
 _MOST_SPLITS = 32  # of a recording in time: where a step is looked for
 _LEAST_SIDE = 3  # samples before and after a step

@@ -10,7 +10,7 @@ import numpy as np
 from basecal.cell import Cell
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array
-from basecal.geometry.se3 import hat
+from basecal.geometry.rotation import hat
 
 
 @dataclass(frozen=True, eq=False)

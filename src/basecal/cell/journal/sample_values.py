@@ -14,7 +14,7 @@ from basecal.cell.format.values import LARGEST, SMALLEST_SIGMA, PoseEntry, full_
 from basecal.cell.schema.errors import problems_of
 from basecal.errors import DatasetError, nearest
 from basecal.geometry import SE3, Array, IntArray
-from basecal.geometry.se3 import ROTATION_TOLERANCE
+from basecal.geometry.rotation import ROTATION_TOLERANCE
 
 _SIGMAS = {"sigma_t_m", "sigma_r_rad"}
 

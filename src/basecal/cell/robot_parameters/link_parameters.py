@@ -12,7 +12,7 @@ from basecal.cell.format.parameters import Parameters
 from basecal.cell.format.values import Sigma
 from basecal.cell.robot_parameters.kind import Columns, Posture
 from basecal.geometry import Array, read_only
-from basecal.geometry.se3 import right_jacobian
+from basecal.geometry.se3_jacobians import right_jacobian
 from basecal.kinematics import SerialChain
 
 BY_JOINT = False

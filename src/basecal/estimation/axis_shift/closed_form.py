@@ -17,7 +17,7 @@ import numpy as np
 
 from basecal.errors import NotConverged, NotObservable
 from basecal.geometry import SE3, Array
-from basecal.geometry.se3 import hat, nearest_rotation
+from basecal.geometry.rotation import hat, nearest_rotation
 from basecal.numerics.spectral import principal_axes, pseudo_inverse
 
 _FLAT_SHIFTS = 1e-3  # third singular value of the shifts over the first: below, they lie in a plane

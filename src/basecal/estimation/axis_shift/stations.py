@@ -16,7 +16,7 @@ from basecal.estimation.axis_shift.closed_form import base_of_station, estimate,
 from basecal.estimation.problem.problem import Problem, ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Array, Camera, IntArray
-from basecal.geometry.se3 import nearest_rotation
+from basecal.geometry.rotation import nearest_rotation
 from basecal.numerics.spectral import principal_axes
 
 _STILL_M = 2e-4  # travel of a camera that stands still: twice the repeatability of an arm [m]

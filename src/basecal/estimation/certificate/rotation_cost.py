@@ -17,7 +17,7 @@ from basecal.estimation.certificate.view_rotation import ViewCosts
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
 from basecal.estimation.start.closed_form import Loop, Rotations
 from basecal.geometry import SE3, Array, IntArray
-from basecal.geometry.se3 import quaternion_from_rotation, rotation_from_quaternion
+from basecal.geometry.rotation import quaternion_from_rotation, rotation_from_quaternion
 
 _CONJUGATE = np.array([-1.0, -1.0, -1.0, 1.0])
 _CHUNK = 2048

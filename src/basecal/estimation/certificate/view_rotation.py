@@ -21,7 +21,7 @@ from basecal.estimation.view.points import PointMeasurement
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.estimation.view.view_pose import FEWEST_POINTS, refined, view_poses
 from basecal.geometry import SE3, Array, Camera
-from basecal.geometry.se3 import rotation_log
+from basecal.geometry.rotation import rotation_log
 from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
 
 _ITERATIONS = 15  # steps of a view's pose: at most

@@ -11,7 +11,7 @@ import numpy as np
 from basecal.estimation.problem.problem import Chain, Problem, State, Stops, ViewGroup, has_noise
 from basecal.estimation.problem.robot_parameters import by_columns
 from basecal.geometry import SE3, Array, IntArray
-from basecal.geometry.se3 import right_jacobian
+from basecal.geometry.se3_jacobians import right_jacobian
 
 
 def by_unknowns(problem: Problem, group: ViewGroup, links: Chain, rows: int) -> tuple[Array, IntArray]:

@@ -18,7 +18,7 @@ from basecal.estimation.least_squares.schur_complement import SchurAccumulator, 
 from basecal.estimation.problem.problem import Problem, State, ViewGroup, chain
 from basecal.estimation.problem.robot_parameters import after_step, column_values
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
-from basecal.geometry.se3 import right_jacobian_inverse
+from basecal.geometry.se3_jacobians import right_jacobian_inverse
 from basecal.numerics.batch import SHARED
 
 _ROUNDS_ONE = 1e14  # an entry of this size rounds the identity beside it away

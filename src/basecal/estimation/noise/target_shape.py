@@ -16,7 +16,7 @@ from basecal.estimation.noise.board_bow import COEFFICIENTS, bow_of
 from basecal.estimation.problem.problem import Problem, ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import Array
-from basecal.geometry.se3 import hat
+from basecal.geometry.rotation import hat
 from basecal.numerics.spectral import dimension
 
 # Fewer points hardly tell a shape from a view's pose: a tag's four corners do not at all.

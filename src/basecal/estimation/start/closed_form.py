@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from basecal.geometry import SE3, Array
-from basecal.geometry.se3 import nearest_rotation
+from basecal.geometry.rotation import nearest_rotation
 from basecal.numerics.spectral import NullVector, least_norm, null_vector
 
 

@@ -16,7 +16,7 @@ from basecal.estimation.view.points import PointMeasurement
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.estimation.view.view_pose import view_poses
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
-from basecal.geometry.se3 import nearest_rotation
+from basecal.geometry.rotation import nearest_rotation
 from basecal.numerics.spectral import dimension
 
 _LOOKS_ALIKE = 25.0  # five sigmas: below, a plane's second pose fits as well

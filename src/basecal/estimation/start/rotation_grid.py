@@ -13,7 +13,7 @@ import numpy as np
 
 from basecal.estimation.start.closed_form import Loop
 from basecal.geometry import SE3, Array
-from basecal.geometry.se3 import rotation_from_quaternion
+from basecal.geometry.rotation import rotation_from_quaternion
 
 _RIDGE = 1e-6  # keeps translations of least norm where views do not determine them
 _MOST_VIEWS = 40  # views by which cells of the grid are ranked

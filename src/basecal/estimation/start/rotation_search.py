@@ -17,7 +17,7 @@ import numpy as np
 from basecal.estimation.start.closed_form import Loop, Rotations
 from basecal.estimation.start.rotation_grid import icosahedral_rotations
 from basecal.geometry import Array, IntArray
-from basecal.geometry.se3 import nearest_rotation
+from basecal.geometry.rotation import nearest_rotation
 
 # Cells of the grid that are refined; for how many rounds, and how many of the best go on then.
 _CELLS = 16

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from basecal.geometry import SE3, Array, BoolArray, IntArray
-from basecal.geometry.se3 import right_jacobian
+from basecal.geometry.se3_jacobians import right_jacobian
 from basecal.kinematics import SerialChain
 
 MOST_APART_S = 0.25

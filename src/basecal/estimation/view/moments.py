@@ -9,6 +9,7 @@ are products with matrices that depend on the target alone; the rotation follows
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -17,12 +18,34 @@ from basecal.geometry import Array
 
 UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 _MONOMIALS = tuple((a, b) for a in range(4) for b in range(a, 4))
+_FIRST, _SECOND = np.array(_MONOMIALS).T
 
 
-def monomials(points: Array) -> Array:
-    """Products of 1, x, y and z of points, (p, 3) to (p, 10), those with 1 first."""
-    h = np.concatenate([np.ones((len(points), 1)), points], -1)
-    return np.stack([h[:, a] * h[:, b] for a, b in _MONOMIALS], -1)
+@dataclass(frozen=True, eq=False)
+class Monomials:
+    """Products of 1, x, y and z of a target's points, but for those that are zero: of a board in a plane four of ten.
+
+    Attributes:
+        values: (p, k), the `linear` first of them with 1.
+        linear: How many these are.
+        to_gradient: (3 linear, 6) from sums of (R'P'r)_i h_a over points to J'r.
+        to_information: (6 k, 36) from sums of (R'P'PR)_ij h_a h_b, upper halves, to J'J.
+    """
+
+    values: Array
+    linear: int
+    to_gradient: Array
+    to_information: Array
+
+    @classmethod
+    def of(cls, points: Array) -> Monomials:
+        """Those of points, (p, 3)."""
+        h = np.concatenate([np.ones((len(points), 1)), points], -1)
+        values = h[:, _FIRST] * h[:, _SECOND]
+        kept = np.flatnonzero(values.any(0))
+        linear = int(np.count_nonzero(kept < len(_TO_GRADIENT)))
+        to_gradient = _TO_GRADIENT[kept[:linear]].swapaxes(0, 1).reshape(-1, 6)
+        return cls(values[:, kept], linear, to_gradient, _TO_INFORMATION[:, kept].reshape(-1, 36))
 
 
 def dot(left: Sequence[Array], right: Sequence[Array]) -> Array:
@@ -34,7 +57,7 @@ def dot(left: Sequence[Array], right: Sequence[Array]) -> Array:
 
 
 def gradient_and_information(
-    forces: Iterable[Array], squares: Iterable[Array], rotation: Array, of_points: Array
+    forces: Iterable[Array], squares: Iterable[Array], rotation: Array, of_points: Monomials
 ) -> tuple[Array, Array]:
     """J'r, (..., 6), and J'J, (..., 6, 6), of views.
 
@@ -42,18 +65,18 @@ def gradient_and_information(
         forces: P'r, three arrays (..., p).
         squares: The upper half of P'P by rows, six arrays (..., p), see `UPPER`.
         rotation: Of camera_from_target, (..., 3, 3).
-        of_points: `monomials` of the points.
+        of_points: Of the points.
     """
     shape, flat = rotation.shape[:-2], rotation.reshape(-1, 3, 3)
-    first = np.swapaxes(flat, -1, -2) @ _moments(forces, of_points[:, :4])
+    first = np.swapaxes(flat, -1, -2) @ _moments(forces, of_points.values[:, : of_points.linear])
     # What takes the upper half of a symmetric M to that of R'MR, (n, 6, 6).
     entries = flat.reshape(-1, 9)
     carried = entries[:, _LEFT] * entries[:, _RIGHT]
     carried += entries[:, _LEFT_SWAPPED] * entries[:, _RIGHT_SWAPPED]
     carried *= _ONCE
-    second = carried.reshape(-1, 6, 6) @ _moments(squares, of_points)
-    gradient = first.reshape(-1, len(_TO_GRADIENT)) @ _TO_GRADIENT
-    information = second.reshape(-1, len(_TO_INFORMATION)) @ _TO_INFORMATION
+    second = carried.reshape(-1, 6, 6) @ _moments(squares, of_points.values)
+    gradient = first.reshape(-1, len(of_points.to_gradient)) @ of_points.to_gradient
+    information = second.reshape(-1, len(of_points.to_information)) @ of_points.to_information
     return gradient.reshape(*shape, 6), information.reshape(*shape, 6, 6)
 
 
@@ -73,17 +96,16 @@ def _motion() -> Array:
 
 
 def _to_information() -> Array:
-    """From (R'P'PR)_ij h_a h_b, upper halves, (60,), to J'J, (36,)."""
-    motion = _motion()
+    """From (R'P'PR)_ij h_a h_b, upper halves, (6, 10), to J'J, (36,)."""
     out = np.zeros((len(UPPER), len(_MONOMIALS), 6, 6))
     for row, (i, j) in enumerate(UPPER):
         for column, (a, b) in enumerate(_MONOMIALS):
             for (m, n), (left, right) in product({(i, j), (j, i)}, {(a, b), (b, a)}):
-                out[row, column] += np.outer(motion[left, m], motion[right, n])
-    return out.reshape(-1, 36)
+                out[row, column] += np.outer(_TO_GRADIENT[left, m], _TO_GRADIENT[right, n])
+    return out.reshape(len(UPPER), len(_MONOMIALS), 36)
 
 
-_TO_GRADIENT = _motion().transpose(1, 0, 2).reshape(12, 6).copy()
+_TO_GRADIENT = _motion()
 _TO_INFORMATION = _to_information()
 # (R'MR)_ij gathers M_ab from R_ai R_bj and, off the diagonal, R_bi R_aj.
 _TERMS = [(i, j, a, b) for i, j in UPPER for a, b in UPPER]

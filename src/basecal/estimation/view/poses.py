@@ -13,7 +13,7 @@ from basecal.estimation.view.measurement import (
     of_batch_rows,
 )
 from basecal.geometry import SE3, Array, Camera, IntArray, Rows
-from basecal.geometry.se3 import right_jacobian_inverse
+from basecal.geometry.se3_jacobians import right_jacobian_inverse
 
 
 @dataclass(frozen=True, eq=False)

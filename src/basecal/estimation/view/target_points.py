@@ -11,7 +11,7 @@ import numpy as np
 
 from basecal.errors import InputError
 from basecal.estimation.view.measurement import ViewInformation
-from basecal.estimation.view.moments import gradient_and_information, monomials
+from basecal.estimation.view.moments import Monomials, gradient_and_information
 from basecal.geometry import SE3, Array, Camera, Rows
 from basecal.numerics.batch import SHARED, take
 
@@ -39,8 +39,8 @@ class TargetPoints:
         return ViewInformation(cost, *gradient_and_information(forces, squares, rotation, self._monomials))
 
     @cached_property
-    def _monomials(self) -> Array:
-        return monomials(self.points_in_target)
+    def _monomials(self) -> Monomials:
+        return Monomials.of(self.points_in_target)
 
     def take(self, views: Rows) -> Self:
         """See `Measurement`."""

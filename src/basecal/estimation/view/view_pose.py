@@ -13,7 +13,7 @@ import numpy as np
 
 from basecal.estimation.view.measurement import Measurement, ViewInformation
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
-from basecal.geometry.se3 import nearest_rotation, rotation_exp
+from basecal.geometry.rotation import nearest_rotation, rotation_exp
 from basecal.numerics.batch import concatenate
 from basecal.numerics.levenberg_marquardt import Stop, levenberg_marquardt
 from basecal.numerics.spectral import principal_axes

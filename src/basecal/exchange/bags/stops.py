@@ -11,7 +11,7 @@ import numpy as np
 from basecal.cell import RobotState
 from basecal.exchange.bags.tracks import Track, Tracks
 from basecal.geometry import SE3, Array
-from basecal.geometry.se3 import nearest_rotation
+from basecal.geometry.rotation import nearest_rotation
 
 _AROUND_S = 0.15  # before and after a picture, in which robots must stand: longer than a camera lags behind
 _MOST_APART_S = 0.25  # of the nearest record before or after a picture: what is recorded more seldom may have moved

@@ -12,7 +12,7 @@ import numpy as np
 
 from basecal.geometry import SE3, Array
 from basecal.geometry.euler import rpy_of_rotation, zyz_of_rotation
-from basecal.geometry.se3 import quaternion_from_rotation, rotation_exp, rotation_log
+from basecal.geometry.rotation import quaternion_from_rotation, rotation_exp, rotation_log
 
 MILLIMETRE = 1e-3
 METRE = 1.0

@@ -11,7 +11,7 @@ from basecal.cell import Cell, CellCamera, CellTarget, Driver, Intrinsics, Robot
 from basecal.cell.targets.all_kinds import target_kind
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array, Camera
-from basecal.geometry.se3 import rotation_exp
+from basecal.geometry.rotation import rotation_exp
 from basecal.kinematics import SerialChain
 from basecal.registry import TargetKindName
 from basecal.simulation import draw

@@ -7,7 +7,7 @@ import numpy as np
 from basecal.estimation.noise.robot_noise import stands
 from basecal.estimation.noise.terms.smooth import LENGTH_M, modes
 from basecal.estimation.problem.build import build_problem
-from basecal.geometry.se3 import rotation_log
+from basecal.geometry.rotation import rotation_log
 from basecal.simulation import Scenario, simulate
 
 

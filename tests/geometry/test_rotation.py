@@ -1,0 +1,52 @@
+"""Rotation matrices: half turns, cross products and projections; exponentials are tested with SE(3)'s."""
+
+import numpy as np
+import pytest
+
+from basecal.errors import InputError
+from basecal.geometry.rotation import checked_rotation, hat, nearest_rotation, rotation_exp, rotation_log
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(11)
+
+
+@pytest.mark.parametrize("axis", [*np.eye(3), np.array([0.6, 0.8, 0.0]), np.array([-0.48, 0.6, 0.64])])
+def test_half_turns(axis):
+    """At exactly pi the log is a rotation by pi about the axis, with either sign."""
+    rotation = 2 * np.outer(axis, axis) - np.eye(3)
+    w = rotation_log(rotation)
+    np.testing.assert_allclose(np.linalg.norm(w), np.pi, atol=1e-15)
+    np.testing.assert_allclose(abs(w @ axis), np.pi, atol=1e-14)
+    np.testing.assert_allclose(rotation_exp(w), rotation, atol=1e-14)
+
+
+def test_hat_is_the_cross_product(rng):
+    """`hat(w) @ v` is `cross(w, v)`."""
+    w, v = rng.normal(size=(2, 6, 3))
+    np.testing.assert_allclose((hat(w) @ v[..., None])[..., 0], np.cross(w, v), atol=1e-15)
+
+
+def test_nearest_rotation_is_nearest(rng):
+    """No rotation in any direction is nearer than the one given, even where the matrix is nearer a reflection."""
+    matrices = rotation_exp(rng.normal(size=(20, 3))) + 0.3 * rng.normal(size=(20, 3, 3))
+    matrices[:5, :, 0] *= -1
+    nearest = nearest_rotation(matrices)
+    np.testing.assert_allclose(
+        nearest @ np.swapaxes(nearest, -1, -2), np.broadcast_to(np.eye(3), (20, 3, 3)), atol=1e-14
+    )
+    np.testing.assert_allclose(np.linalg.det(nearest), 1.0, atol=1e-14)
+    distance = np.linalg.norm(nearest - matrices, axis=(-2, -1))
+    for turn in rotation_exp(rng.normal(size=(200, 1, 3))):
+        assert np.all(np.linalg.norm(nearest @ turn - matrices, axis=(-2, -1)) >= distance - 1e-12)
+
+
+def test_a_rounded_rotation_is_projected():
+    """A rotation written with four digits is accepted and made one; one that is off by more is refused."""
+    rotation = rotation_exp(np.array([0.3, -0.5, 0.8]))
+    projected = checked_rotation(np.round(rotation, 4))
+    np.testing.assert_allclose(projected @ projected.T, np.eye(3), atol=1e-15)
+    np.testing.assert_allclose(projected, rotation, atol=1e-4)
+    with pytest.raises(InputError, match="not a rotation"):
+        checked_rotation(np.round(rotation, 2))
