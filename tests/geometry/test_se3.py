@@ -3,11 +3,11 @@
 import mpmath
 import numpy as np
 import pytest
-from exact_se3 import CASES, DIGITS, IDS, TOLERANCE, as_array, exact_exp, exact_hat, tangent
 
 from basecal.errors import InputError
 from basecal.geometry import SE3
 from basecal.geometry.rotation import rotation_from_quaternion
+from exact_se3 import CASES, DIGITS, IDS, TOLERANCE, as_array, exact_exp, exact_hat, tangent
 
 SHAPES = [(), (1,), (4,), (2, 3), (0,)]
 

@@ -3,11 +3,11 @@
 import mpmath
 import numpy as np
 import pytest
-from exact_se3 import CASES, DIGITS, IDS, TOLERANCE, as_array, exact_right_jacobian, tangent
 
 from basecal.geometry import SE3
 from basecal.geometry.se3_jacobians import right_jacobian, right_jacobian_inverse
 from derivatives import check_derivative
+from exact_se3 import CASES, DIGITS, IDS, TOLERANCE, as_array, exact_right_jacobian, tangent
 
 
 @pytest.fixture(params=CASES, ids=IDS)

@@ -35,12 +35,14 @@ def by_unknowns(problem: Problem, group: ViewGroup, links: Chain, rows: int) -> 
     present = [(sign, link, problem.columns[name]) for name, sign, link in parts if name and name in problem.columns]
     lens = problem.columns.get(group.camera) if rows > 6 else None
     columns = [np.arange(c.start, c.stop) for _, _, c in present] + ([np.arange(lens.start, lens.stop)] if lens else [])
-    width = sum(map(len, columns))
-    out = np.zeros((*links.target_from_camera.shape, rows, width))
+    out = np.zeros((*links.target_from_camera.shape, rows, sum(map(len, columns))))
     at = 0
     for (sign, link, _), where in zip(present, columns, strict=False):
-        block = np.eye(6) if link is None else link.adjoint()
-        np.multiply(block[..., : len(where)], sign, out=out[..., :6, at : at + len(where)])
+        block = out[..., :6, at : at + len(where)]
+        if link is None:
+            block[...] = sign * np.eye(6, len(where))
+        else:
+            link.put_adjoint(block, sign)
         at += len(where)
     if lens:
         out[..., 6:, at:] = np.eye(rows - 6)
