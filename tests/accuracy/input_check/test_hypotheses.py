@@ -14,8 +14,8 @@ from basecal.accuracy.input_check.hypotheses import (
     resized,
     shift,
     streams,
-    target_size,
 )
+from basecal.accuracy.input_check.target_sizes import target_size
 from basecal.simulation import Scenario, simulate
 
 BOARD = simulate(Scenario(samples=7), 0)

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from basecal.accuracy.input_check.hypotheses import target_size
 from basecal.accuracy.input_check.hypothesis_fit import fit_hypothesis
 from basecal.accuracy.input_check.noise_evidence import noise_evidence
+from basecal.accuracy.input_check.target_sizes import target_size
 from basecal.estimation.settings import Settings
 from basecal.simulation import Scenario, simulate
 

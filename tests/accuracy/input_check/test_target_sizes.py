@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.accuracy.input_check.hypotheses import resized, target_size
+from basecal.accuracy.input_check.hypotheses import resized
 from basecal.accuracy.input_check.rewriting import scaled, with_targets
-from basecal.accuracy.input_check.target_sizes import size_hypotheses
+from basecal.accuracy.input_check.target_sizes import size_hypotheses, target_size
 from basecal.estimation.solve import solve
 from basecal.simulation import Scenario, simulate
 

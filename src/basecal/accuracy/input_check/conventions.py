@@ -7,11 +7,19 @@ for. Nothing is ever applied. docs/conventions_test.md says which mix-ups can be
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from basecal.accuracy.input_check.hypotheses import AS_DECLARED, ConventionHypothesis, convention_hypotheses, streams
+from basecal.accuracy.input_check.hypothesis_choice import (
+    WIDER,
+    TriedHypothesis,
+    better,
+    decide_hypotheses,
+    has_tail,
+    is_observable,
+)
 from basecal.accuracy.input_check.hypothesis_fit import (
     FOLDS,
     HypothesisFit,
@@ -22,16 +30,13 @@ from basecal.accuracy.input_check.hypothesis_fit import (
     thinned,
 )
 from basecal.accuracy.input_check.loop_fit import LoopFit, ReadyViews, fit_loops, state_of, trimmed
-from basecal.accuracy.input_check.noise_evidence import noise_evidence
 from basecal.accuracy.input_check.pairing import half_turns, pairing_errors
 from basecal.accuracy.input_check.plausibility import impossible_answer, impossible_input
 from basecal.accuracy.input_check.rare_hypotheses import rare_hypotheses
 from basecal.accuracy.input_check.rewriting import LINKS, without_links
 from basecal.accuracy.input_check.target_sizes import size_hypotheses
 from basecal.accuracy.input_check.unexplained_motion import unexplained_motion
-from basecal.accuracy.significance import CONFIRMED_SIGNIFICANCE
 from basecal.cell import Cell, Finding, Recording
-from basecal.cell.calibration import Severity
 from basecal.errors import BasecalError
 from basecal.estimation.noise.robot_noise import stops_made
 from basecal.estimation.problem.build import build_problem
@@ -41,7 +46,7 @@ from basecal.estimation.solve import Solution
 from basecal.estimation.start.lens import lens_from_views
 from basecal.estimation.start.pair_views import PairViews
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.geometry import SE3, Camera
+from basecal.geometry import Camera
 
 _SCREENED = 25  # samples of the quick look, of which a closed form of poses needs three
 _SOLVED = 40  # samples of a fit in earnest: enough to tell hypotheses apart; bounds the time
@@ -49,12 +54,8 @@ _REWRITTEN = 400  # samples that are rewritten and judged by hard facts, which h
 _LIGHTS_SCREENED = 14  # views of a light, each two equations: twice as many as there are unknowns
 _FEWEST = 5  # samples, of which three folds leave three to fit
 _MARGIN = 1.25  # equations over unknowns without the largest fold
-_CERTAIN = 100.0  # twice the log ratio of likelihoods: true sizes gain up to 40 where arms have errors of their own
-_ALIKE = 1.1  # cross-validation errors that differ by less are alike: that of 40 samples is known to a tenth
+
 _OUT_OF_THE_RACE = 2.0  # times the error of the declared one, before the noise of poses is known
-_FAR_WORSE = 2.0  # ratio of such errors that no choice of samples makes
-# A wider model takes up some of the errors of arms and lenses: below this it is no mix-up that it found.
-_WIDER = 1.5
 _NEAR = 3.0  # how many times worse than the best a hypothesis may close its loops and still be fitted
 _FLOOR_RAD = 0.01  # [rad] of loops of poses, within which the quick look of few samples does not rank
 _LIGHT_FLOOR_RAD = 0.002  # [rad] likewise of directions to a light, which have no rotation of their own
@@ -62,21 +63,11 @@ _HOPELESS_RAD = 0.25  # [rad] of loops that even the best hypothesis does not cl
 _LIGHT_HOPELESS_RAD = 0.05  # [rad] likewise of directions
 _MOST_SOLVED = 8  # hypotheses to fit, which bounds the time
 _ODD = 0.08  # share of the motion unexplained that no recording in order has had, so that rare mix-ups are tried
-_SIGMAS = 3.0  # by which an answer has to move to count as another
-_SMALLEST_SIGMA = 1e-9  # [m, rad] below which a difference is rounding
+
 _EXPLAINED = 1.15  # residuals over stated sigmas: nothing is left that a better hypothesis could explain
 
 Lenses = Mapping[str, Camera]
 Fits = Mapping[tuple[str, str], LoopFit]
-
-
-@dataclass(frozen=True, eq=False)
-class _Tried:
-    """A hypothesis and how it predicts; `impossible` holds the facts that it contradicts."""
-
-    hypothesis: ConventionHypothesis
-    fit: HypothesisFit
-    impossible: tuple[str, ...]
 
 
 def check_conventions(
@@ -105,13 +96,15 @@ def check_conventions(
     whole = _as_declared(cell, recording, settings, solution)
     if whole is None:
         return ()
-    declared = _Tried(AS_DECLARED, whole, (*impossible_input(cell, recording), *impossible_answer(cell, whole)))
-    if plausible(whole) and not declared.impossible and not _is_observable(cell, whole):
+    declared = TriedHypothesis(
+        AS_DECLARED, whole, (*impossible_input(cell, recording), *impossible_answer(cell, whole))
+    )
+    if plausible(whole) and not declared.impossible and not is_observable(cell, whole):
         return ()
     # A guess or the axis-shift start belongs to the declared hypothesis alone.
     tried = _tried(cell, recording, problem, declared, replace(settings, start="closed"))
     still = frozenset(r for r in cell.robots if stops_made(problem, r) == 1)
-    return _decided(cell, declared, tried, explained, still)
+    return decide_hypotheses(cell, declared, tried, explained, still)
 
 
 def _can_hold_out(problem: Problem) -> bool:
@@ -131,20 +124,22 @@ def _as_declared(cell: Cell, recording: Recording, settings: Settings, solution:
     return min(found, key=lambda each: each.core, default=None)
 
 
-def _tried(cell: Cell, recording: Recording, problem: Problem, declared: _Tried, settings: Settings) -> list[_Tried]:
+def _tried(
+    cell: Cell, recording: Recording, problem: Problem, declared: TriedHypothesis, settings: Settings
+) -> list[TriedHypothesis]:
     """Hypotheses that survive a quick look, fitted in earnest."""
     lenses = _lenses(cell, problem, declared.fit)
     known = declared.fit.solution.state
-    found: list[_Tried] = []
+    found: list[TriedHypothesis] = []
     for hypothesis, fits in _surviving(cell, recording, lenses, convention_hypotheses(cell, recording)):
         found += _try(cell, recording, hypothesis, settings, (fits, lenses), declared)
-    if any(plausible(each.fit) and not each.impossible and _better(each.fit, declared.fit, _WIDER) for each in found):
+    if any(plausible(each.fit) and not each.impossible and better(each.fit, declared.fit, WIDER) for each in found):
         return found
     if not _explained(declared.fit):
         wider = [r for r in convention_hypotheses(cell, recording) if r.nested]
         for hypothesis in [*wider, *size_hypotheses(cell, thinned(recording, _SOLVED), lenses, known)]:
             found += _try(cell, recording, hypothesis, settings, known, declared)
-    if _has_tail(declared.fit) or not any(plausible(each.fit) and not each.impossible for each in (declared, *found)):
+    if has_tail(declared.fit) or not any(plausible(each.fit) and not each.impossible for each in (declared, *found)):
         for hypothesis, fits in pairing_errors(cell, recording, lenses, streams(_moving(recording))):
             found += _try(cell, recording, hypothesis, settings, (fits, lenses), declared)
         for hypothesis in half_turns(cell, recording):
@@ -155,7 +150,7 @@ def _tried(cell: Cell, recording: Recording, problem: Problem, declared: _Tried,
     return found
 
 
-def _is_odd(tried: _Tried) -> bool:
+def _is_odd(tried: TriedHypothesis) -> bool:
     return unexplained_motion(tried.fit.solution.problem, tried.fit.solution.state) > _ODD
 
 
@@ -165,8 +160,8 @@ def _try(
     hypothesis: ConventionHypothesis,
     settings: Settings,
     start: State | tuple[Fits, Lenses] | None,
-    declared: _Tried,
-) -> list[_Tried]:
+    declared: TriedHypothesis,
+) -> list[TriedHypothesis]:
     """The hypothesis fitted in earnest; nothing where it contradicts a fact, or is out of the race."""
     other_cell, rewritten = _applied(hypothesis, cell, recording)
     if impossible_input(other_cell, rewritten):
@@ -174,7 +169,7 @@ def _try(
     few = thinned(rewritten, _SOLVED)
     state = state_of(build_problem(other_cell, few)[0], *start) if isinstance(start, tuple) else start
     fit = fit_hypothesis(other_cell, few, settings, state, _OUT_OF_THE_RACE * declared.fit.core)
-    return [] if fit is None else [_Tried(hypothesis, fit, impossible_answer(other_cell, fit))]
+    return [] if fit is None else [TriedHypothesis(hypothesis, fit, impossible_answer(other_cell, fit))]
 
 
 def _applied(hypothesis: ConventionHypothesis, cell: Cell, recording: Recording) -> tuple[Cell, Recording]:
@@ -260,130 +255,4 @@ def _lenses(cell: Cell, problem: Problem, declared: HypothesisFit) -> dict[str, 
 
 def _explained(fit: HypothesisFit) -> bool:
     """Whether stated sigmas explain every residual, so that no wider model can gain a tenth."""
-    return not fit.solution.noise.estimated and ratio(fit.solution) < _EXPLAINED and not _has_tail(fit)
-
-
-def _has_tail(fit: HypothesisFit) -> bool:
-    return bool(np.isfinite(fit.core) and fit.whole > _FAR_WORSE * fit.core)
-
-
-def _is_observable(cell: Cell, fit: HypothesisFit) -> bool:
-    return not any(name in fit.solution.observability.unobservable for name in cell.asked)
-
-
-def _alike(fit: HypothesisFit, other: HypothesisFit) -> bool:
-    """Whether a fit predicts at least about as well as another."""
-    return fit.core <= _ALIKE * other.core and fit.whole <= _ALIKE * other.whole
-
-
-def _better(fit: HypothesisFit, other: HypothesisFit, times: float = _ALIKE) -> bool:
-    """Whether a fit predicts most samples or all of them so many times better, and neither worse."""
-    return _alike(fit, other) and (times * fit.core < other.core or times * fit.whole < other.whole)
-
-
-def _decided(
-    cell: Cell,
-    declared: _Tried,
-    tried: Sequence[_Tried],
-    explained: bool = False,
-    still: frozenset[str] = frozenset(),
-) -> tuple[Finding, ...]:
-    possible = [t for t in tried if not t.impossible and _is_observable(cell, t.fit) and plausible(t.fit)]
-    winning = _beyond_noise([t for t in possible if _wins(cell, t, declared)], declared, explained)
-    if winning:
-        best = min(winning, key=lambda w: w[0].fit.core * w[0].fit.whole)[0]
-        named = [_named(t, declared, certain) for t, certain in winning if _alike(t.fit, best.fit)]
-        return tuple(dict.fromkeys(named))
-    if not plausible(declared.fit):
-        return () if declared.fit.in_pixels else (_poor(declared),)
-    if not _is_observable(cell, declared.fit):
-        return ()
-    rivals = [
-        t
-        for t in possible
-        if not t.hypothesis.nested and _alike(t.fit, declared.fit) and _moved(cell, t, declared.fit, declared.fit)
-    ]
-    # Whatever is done to the one pose of an arm that stands still, its base makes up for it: no data tell otherwise.
-    of_still = [t for t in rivals if set(t.hypothesis.about) <= still]
-    others = [t for t in rivals if t not in of_still]
-    kinds: tuple[tuple[Severity, list[_Tried]], ...] = (("warning", others), ("info", of_still))
-    return tuple(_ambiguous(cell, declared, of, severity) for severity, of in kinds if of)
-
-
-def _wins(cell: Cell, tried: _Tried, declared: _Tried) -> bool:
-    """Whether a hypothesis is to be believed rather than the declared one."""
-    if declared.impossible and _alike(tried.fit, declared.fit) and not tried.hypothesis.nested:
-        return True
-    if tried.hypothesis.nested:
-        return _better(tried.fit, declared.fit, _WIDER)
-    if not _better(tried.fit, declared.fit):
-        return False
-    return _better(tried.fit, declared.fit, _FAR_WORSE) or _moved(cell, tried, declared.fit, tried.fit)
-
-
-def _moved(cell: Cell, tried: _Tried, declared: HypothesisFit, scale: HypothesisFit) -> bool:
-    """Whether a hypothesis moves the transforms asked for by more than three sigmas of `scale`."""
-    ignored = cell.mount_name(tried.hypothesis.about[0]) if tried.hypothesis.code == "board-symmetry" else None
-    for name in cell.asked:
-        if name == ignored and cell.transforms[name].status == "free":
-            continue
-        off = np.abs(_step(declared, tried.fit, name).log())
-        sigma = np.sqrt(np.maximum(np.diag(scale.solution.covariance_of([name])), 0.0))
-        if np.any(off > _SIGMAS * np.maximum(sigma, _SMALLEST_SIGMA)):
-            return True
-    return False
-
-
-def _step(fit: HypothesisFit, other: HypothesisFit, name: str) -> SE3:
-    return fit.solution.state.transforms[name].inverse() @ other.solution.state.transforms[name]
-
-
-def _beyond_noise(winning: Sequence[_Tried], declared: _Tried, explained: bool) -> list[tuple[_Tried, bool]]:
-    """Those that the data still ask for where arms have noise, and whether they leave no doubt."""
-    found = []
-    for tried in winning:
-        if not tried.hypothesis.nested or not (explained or plausible(declared.fit)):
-            found.append((tried, True))
-            continue
-        evidence = noise_evidence(tried.fit, declared.fit) if explained else None
-        if evidence is None:
-            found.append((tried, _better(tried.fit, declared.fit, _FAR_WORSE)))
-        elif evidence.chance < CONFIRMED_SIGNIFICANCE:
-            found.append((tried, evidence.gain > _CERTAIN))
-    return found
-
-
-def _named(tried: _Tried, declared: _Tried, certain: bool) -> Finding:
-    hypothesis = tried.hypothesis
-    severity: Severity = "error" if certain else "warning"
-    if _better(tried.fit, declared.fit):
-        errors = f"{tried.fit.error_in_words()} instead of {declared.fit.error_in_words()}"
-        why = f"so read, the cross-validation error is {errors}"
-    else:
-        why = f"as declared it fits as well, but {' and '.join(declared.impossible)} cannot be"
-    return Finding(hypothesis.code, severity, hypothesis.about, f"{hypothesis.words}: {hypothesis.fix} ({why})")
-
-
-def _poor(declared: _Tried) -> Finding:
-    message = (
-        f"the loop-closure error is {declared.fit.error_in_words()}, and no other convention of the input that was "
-        "tried closes the loops: look at the samples with the largest residuals, and at what the frames mean"
-    )
-    return Finding("poor-fit", "warning", (), message)
-
-
-def _ambiguous(cell: Cell, declared: _Tried, rivals: Sequence[_Tried], severity: Severity) -> Finding:
-    """One finding for all hypotheses that fit as well as the declared one."""
-    name = cell.asked[0]
-    moves = [1e3 * float(np.linalg.norm(_step(declared.fit, t.fit, name).translation)) for t in rivals]
-    listed = " or ".join(
-        f"{t.hypothesis.words} ({t.hypothesis.code}: {t.fit.error_in_words()}, {name} {mm:.3g} mm away)"
-        for t, mm in zip(rivals, moves, strict=True)
-    )
-    about = tuple(dict.fromkeys(each for t in rivals for each in t.hypothesis.about))
-    tell = "; ".join(dict.fromkeys(t.hypothesis.tell for t in rivals))
-    message = (
-        f"held-out samples are predicted as well ({declared.fit.error_in_words()} as declared) if {listed}: check "
-        f"which is so; to tell them apart, {tell}"
-    )
-    return Finding("ambiguous-convention", severity, about, message)
+    return not fit.solution.noise.estimated and ratio(fit.solution) < _EXPLAINED and not has_tail(fit)

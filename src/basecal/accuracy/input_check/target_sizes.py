@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from basecal.accuracy.input_check.hypotheses import ConventionHypothesis, target_size
+from basecal.accuracy.input_check import rewriting
+from basecal.accuracy.input_check.hypotheses import ConventionHypothesis, resized
 from basecal.accuracy.input_check.loop_fit import LoopFit, fit_loops, sight_for
-from basecal.cell import Cell, Recording
+from basecal.cell import Cell, PoseObservation, Recording
 from basecal.errors import BasecalError
 from basecal.estimation.least_squares.bundle_adjustment import Optimum, bundle_adjust
 from basecal.estimation.least_squares.normal_equations import linearise
@@ -57,6 +58,44 @@ def size_hypotheses(
             tried = [vertex] if abs(vertex) < _NEAR_LOG else [float(np.log(f)) for f in (linear, *_TRIED) if f > 0]
             found.append(target_size(name, _refined(sized, tried, linear, state), cell))
     return found
+
+
+def target_size(name: str, factor: float, cell: Cell) -> ConventionHypothesis:
+    """A target `factor` times as large as stated, or so much further away than its observed poses say."""
+    return ConventionHypothesis(
+        "board-size",
+        (name,),
+        f"{name} is {factor:.4g} times as large as stated",
+        f"measure {name} and state its true size{_of_square(cell, name, factor)}",
+        "",
+        lambda cell, recording: (resized(cell, {name: factor}), _further(recording, name, factor)),
+        nested=True,
+    )
+
+
+def _of_square(cell: Cell, name: str, factor: float) -> str:
+    """What the first length among a target's fields would be; nothing where it has none, such as points."""
+    shape = cell.targets[name].target
+    for field, value in ({} if shape is None else shape.options).items():
+        if field.endswith("_m") and isinstance(value, float):
+            return f": {field} would be {value * factor:.5g}"
+    return ""
+
+
+def _further(recording: Recording, name: str, factor: float) -> Recording:
+    samples = [
+        [
+            replace(o, camera_from_target=rewriting.scaled(factor)(o.camera_from_target))
+            if isinstance(o, PoseObservation) and o.target == name
+            else o
+            for o in s.observations
+        ]
+        for s in recording.samples
+    ]
+    return replace(
+        recording,
+        samples=tuple(replace(s, observations=tuple(o)) for s, o in zip(recording.samples, samples, strict=True)),
+    )
 
 
 def _parabola(sized: _Sized, state: State) -> tuple[float, float]:

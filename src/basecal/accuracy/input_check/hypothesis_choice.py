@@ -1,0 +1,172 @@
+"""Which of the hypotheses of an input that were fitted are named: those that predict better, or as well elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from basecal.accuracy.input_check.hypotheses import ConventionHypothesis
+from basecal.accuracy.input_check.hypothesis_fit import HypothesisFit, plausible
+from basecal.accuracy.input_check.noise_evidence import noise_evidence
+from basecal.accuracy.significance import CONFIRMED_SIGNIFICANCE
+from basecal.cell import Cell, Finding
+from basecal.cell.calibration import Severity
+from basecal.geometry import SE3
+
+_CERTAIN = 100.0  # twice the log ratio of likelihoods: true sizes gain up to 40 where arms have errors of their own
+_ALIKE = 1.1  # cross-validation errors that differ by less are alike: that of 40 samples is known to a tenth
+_FAR_WORSE = 2.0  # ratio of such errors that no choice of samples makes
+_SIGMAS = 3.0  # by which an answer has to move to count as another
+_SMALLEST_SIGMA = 1e-9  # [m, rad] below which a difference is rounding
+# A wider model takes up some of the errors of arms and lenses: below this it is no mix-up that it found.
+WIDER = 1.5
+
+
+@dataclass(frozen=True, eq=False)
+class TriedHypothesis:
+    """A hypothesis and how it predicts; `impossible` holds the facts that it contradicts."""
+
+    hypothesis: ConventionHypothesis
+    fit: HypothesisFit
+    impossible: tuple[str, ...]
+
+
+def has_tail(fit: HypothesisFit) -> bool:
+    """Whether some samples are predicted far worse than most."""
+    return bool(np.isfinite(fit.core) and fit.whole > _FAR_WORSE * fit.core)
+
+
+def is_observable(cell: Cell, fit: HypothesisFit) -> bool:
+    """Whether a fit determines all that is asked for."""
+    return not any(name in fit.solution.observability.unobservable for name in cell.asked)
+
+
+def _alike(fit: HypothesisFit, other: HypothesisFit) -> bool:
+    """Whether a fit predicts at least about as well as another."""
+    return fit.core <= _ALIKE * other.core and fit.whole <= _ALIKE * other.whole
+
+
+def better(fit: HypothesisFit, other: HypothesisFit, times: float = _ALIKE) -> bool:
+    """Whether a fit predicts most samples or all of them so many times better, and neither worse."""
+    return _alike(fit, other) and (times * fit.core < other.core or times * fit.whole < other.whole)
+
+
+def decide_hypotheses(
+    cell: Cell,
+    declared: TriedHypothesis,
+    tried: Sequence[TriedHypothesis],
+    explained: bool = False,
+    still: frozenset[str] = frozenset(),
+) -> tuple[Finding, ...]:
+    """Findings about the hypotheses that are to be believed rather than the declared one, or as much.
+
+    Args:
+        cell: As declared.
+        declared: The declared hypothesis.
+        tried: Others.
+        explained: Whether noise such as arms have explains what robots taken for exact leave over.
+        still: Robots that stand still throughout.
+    """
+    possible = [t for t in tried if not t.impossible and is_observable(cell, t.fit) and plausible(t.fit)]
+    winning = _beyond_noise([t for t in possible if _wins(cell, t, declared)], declared, explained)
+    if winning:
+        best = min(winning, key=lambda w: w[0].fit.core * w[0].fit.whole)[0]
+        named = [_named(t, declared, certain) for t, certain in winning if _alike(t.fit, best.fit)]
+        return tuple(dict.fromkeys(named))
+    if not plausible(declared.fit):
+        return () if declared.fit.in_pixels else (_poor(declared),)
+    if not is_observable(cell, declared.fit):
+        return ()
+    rivals = [
+        t
+        for t in possible
+        if not t.hypothesis.nested and _alike(t.fit, declared.fit) and _moved(cell, t, declared.fit, declared.fit)
+    ]
+    # Whatever is done to the one pose of an arm that stands still, its base makes up for it: no data tell otherwise.
+    of_still = [t for t in rivals if set(t.hypothesis.about) <= still]
+    others = [t for t in rivals if t not in of_still]
+    kinds: tuple[tuple[Severity, list[TriedHypothesis]], ...] = (("warning", others), ("info", of_still))
+    return tuple(_ambiguous(cell, declared, of, severity) for severity, of in kinds if of)
+
+
+def _wins(cell: Cell, tried: TriedHypothesis, declared: TriedHypothesis) -> bool:
+    """Whether a hypothesis is to be believed rather than the declared one."""
+    if declared.impossible and _alike(tried.fit, declared.fit) and not tried.hypothesis.nested:
+        return True
+    if tried.hypothesis.nested:
+        return better(tried.fit, declared.fit, WIDER)
+    if not better(tried.fit, declared.fit):
+        return False
+    return better(tried.fit, declared.fit, _FAR_WORSE) or _moved(cell, tried, declared.fit, tried.fit)
+
+
+def _moved(cell: Cell, tried: TriedHypothesis, declared: HypothesisFit, scale: HypothesisFit) -> bool:
+    """Whether a hypothesis moves the transforms asked for by more than three sigmas of `scale`."""
+    ignored = cell.mount_name(tried.hypothesis.about[0]) if tried.hypothesis.code == "board-symmetry" else None
+    for name in cell.asked:
+        if name == ignored and cell.transforms[name].status == "free":
+            continue
+        off = np.abs(_step(declared, tried.fit, name).log())
+        sigma = np.sqrt(np.maximum(np.diag(scale.solution.covariance_of([name])), 0.0))
+        if np.any(off > _SIGMAS * np.maximum(sigma, _SMALLEST_SIGMA)):
+            return True
+    return False
+
+
+def _step(fit: HypothesisFit, other: HypothesisFit, name: str) -> SE3:
+    return fit.solution.state.transforms[name].inverse() @ other.solution.state.transforms[name]
+
+
+def _beyond_noise(
+    winning: Sequence[TriedHypothesis], declared: TriedHypothesis, explained: bool
+) -> list[tuple[TriedHypothesis, bool]]:
+    """Those that the data still ask for where arms have noise, and whether they leave no doubt."""
+    found = []
+    for tried in winning:
+        if not tried.hypothesis.nested or not (explained or plausible(declared.fit)):
+            found.append((tried, True))
+            continue
+        evidence = noise_evidence(tried.fit, declared.fit) if explained else None
+        if evidence is None:
+            found.append((tried, better(tried.fit, declared.fit, _FAR_WORSE)))
+        elif evidence.chance < CONFIRMED_SIGNIFICANCE:
+            found.append((tried, evidence.gain > _CERTAIN))
+    return found
+
+
+def _named(tried: TriedHypothesis, declared: TriedHypothesis, certain: bool) -> Finding:
+    hypothesis = tried.hypothesis
+    severity: Severity = "error" if certain else "warning"
+    if better(tried.fit, declared.fit):
+        errors = f"{tried.fit.error_in_words()} instead of {declared.fit.error_in_words()}"
+        why = f"so read, the cross-validation error is {errors}"
+    else:
+        why = f"as declared it fits as well, but {' and '.join(declared.impossible)} cannot be"
+    return Finding(hypothesis.code, severity, hypothesis.about, f"{hypothesis.words}: {hypothesis.fix} ({why})")
+
+
+def _poor(declared: TriedHypothesis) -> Finding:
+    message = (
+        f"the loop-closure error is {declared.fit.error_in_words()}, and no other convention of the input that was "
+        "tried closes the loops: look at the samples with the largest residuals, and at what the frames mean"
+    )
+    return Finding("poor-fit", "warning", (), message)
+
+
+def _ambiguous(cell: Cell, declared: TriedHypothesis, rivals: Sequence[TriedHypothesis], severity: Severity) -> Finding:
+    """One finding for all hypotheses that fit as well as the declared one."""
+    name = cell.asked[0]
+    moves = [1e3 * float(np.linalg.norm(_step(declared.fit, t.fit, name).translation)) for t in rivals]
+    listed = " or ".join(
+        f"{t.hypothesis.words} ({t.hypothesis.code}: {t.fit.error_in_words()}, {name} {mm:.3g} mm away)"
+        for t, mm in zip(rivals, moves, strict=True)
+    )
+    about = tuple(dict.fromkeys(each for t in rivals for each in t.hypothesis.about))
+    tell = "; ".join(dict.fromkeys(t.hypothesis.tell for t in rivals))
+    message = (
+        f"held-out samples are predicted as well ({declared.fit.error_in_words()} as declared) if {listed}: check "
+        f"which is so; to tell them apart, {tell}"
+    )
+    return Finding("ambiguous-convention", severity, about, message)
