@@ -9,6 +9,7 @@ import pytest
 from tests.shared.mutate import lines_of, mutations, recording_of
 from tests.shared.real_recordings import example, nao_cell
 
+from basecal.accuracy.input_check import conventions
 from basecal.accuracy.input_check.hypotheses import resized
 from basecal.accuracy.input_check.rewriting import inverted, with_robots, with_targets
 from basecal.accuracy.verdict import calibrate

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from basecal.geometry import SE3, Array, BoolArray, Camera
-from basecal.geometry.se3 import quaternion_from_rotation
+from basecal.geometry.rotation import quaternion_from_rotation
 from basecal.simulation.surroundings.model import TABLE, Stage, body_names, mjcf
 from basecal.vision.draw.backdrop import Backdrop, Flat, flat_for
 
