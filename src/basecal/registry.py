@@ -105,6 +105,7 @@ DRIVERS = (
     "opencv",
     "ur",
     "opcua",
+    "ros2",
 )
 """What talks to robots and cameras: modules of `basecal.acquisition.drivers`; others come as entry points."""
 

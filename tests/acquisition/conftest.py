@@ -19,3 +19,20 @@ def opcua_robot(_opcua_process):
     """The robot, as it began."""
     _opcua_process.tell("reset")
     return _opcua_process
+
+
+@pytest.fixture(scope="session")
+def _ros2_process():
+    pytest.importorskip("cyclonedds")
+    from shared.ros2_domain import ros2, watching
+
+    with ros2(cell=watching(None)) as process:
+        yield process
+
+
+@pytest.fixture
+def ros2_cell(_ros2_process):
+    """What drivers of ROS 2 send: 100 joint states and 30 small pictures a second, tf."""
+    for words in (("rate", "joints", 100), ("rate", "pictures", 30), ("freeze", "off"), ("partial", "off")):
+        _ros2_process.tell(*words)
+    return _ros2_process

@@ -1,0 +1,145 @@
+"""Robots and cameras of a running ROS 2, over DDS, without an installation of ROS.
+
+A robot comes by joint states, by poses, or by two frames of tf; a camera by its pictures, raw or compressed. Robots are
+only watched: moving them is the business of their own drivers.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from basecal.acquisition.driver import Picture, Place, Reading, checked_options
+from basecal.acquisition.freshness import Waits
+from basecal.acquisition.ros2.dds import domain_of
+from basecal.acquisition.ros2.states import StatesByFrames, StatesByTopic
+from basecal.acquisition.ros2.stream import Stream, stamp_s
+from basecal.cell.format.values import Entry
+from basecal.errors import BasecalError, DatasetError, DriverError
+from basecal.exchange.bags.bag import COMPRESSED, IMAGE, Message, Topic
+from basecal.exchange.bags.pictures import picture_file
+from basecal.vision.image_file import grey_image
+
+_LAST_DOMAIN = 232
+_DEPTH = 1  # pictures that are kept: the newest
+
+Name = Annotated[str, Field(min_length=1)]
+
+
+class Ros2Options(Entry):
+    """What stands beside `kind: ros2`.
+
+    Attributes:
+        topic: Of a robot's joint states or poses, or of a camera's pictures.
+        frames: Base and flange of a robot in tf, instead of a topic.
+        domain: Of DDS; where it is not stated, that of ROS_DOMAIN_ID, else 0.
+        reconnect_s: How long a topic is waited for, at the beginning and when nothing comes any more.
+    """
+
+    topic: Annotated[str, Field(pattern=r"^/[^\s]+$")] | None = None
+    frames: Annotated[list[Name], Field(min_length=2, max_length=2)] | None = None
+    domain: Annotated[int, Field(ge=0, le=_LAST_DOMAIN)] | None = None
+    reconnect_s: Annotated[float, Field(ge=0, le=3600)] = 10.0
+
+
+class Ros2Robot:
+    """A robot that ROS 2 knows."""
+
+    is_live = True
+
+    def __init__(self, name: str, states: StatesByTopic | StatesByFrames) -> None:
+        self._states, self._waits = states, Waits(name)
+
+    def state(self) -> Reading:
+        """Its next state, with the stamp of its driver [s].
+
+        Raises:
+            DriverError: if none comes, or they come too seldom.
+        """
+        began_s = time.monotonic()
+        reading = self._states.next()
+        self._waits.add(time.monotonic() - began_s)
+        return reading
+
+    def close(self) -> None:
+        """Nothing is held that the next one could not use as well."""
+
+
+class Ros2Camera:
+    """A camera that ROS 2 knows."""
+
+    is_live = True
+
+    def __init__(self, name: str, stream: Stream, topic: str, size_px: tuple[int, int] | None) -> None:
+        self._name, self._stream, self._topic, self._size_px = name, stream, topic, size_px
+        self._last_s = float("-inf")
+
+    def picture(self) -> Picture:
+        """Its next picture, with the stamp of its driver [s].
+
+        Raises:
+            DriverError: if none comes, or it is of an encoding or size that is not read.
+        """
+        message = self._stream.newest(self._if_new)
+        now_s = stamp_s(message.header)
+        self._last_s = now_s
+        try:
+            file = picture_file(Message(Topic(self._topic, self._stream.kind, 0), now_s, message), self._name)
+        except BasecalError as error:
+            raise DriverError(str(error)) from None
+        grey = grey_image(file.content, self._size_px)
+        if isinstance(grey, str):
+            raise DriverError(f"{self._name}: a picture of {self._topic} {grey}")
+        return Picture(now_s, grey)
+
+    def _if_new(self, message: Any) -> Any:
+        return message if stamp_s(message.header) > max(self._last_s, 0.0) else None
+
+    def close(self) -> None:
+        """Nothing is held that the next one could not use as well."""
+
+
+def open_robot(place: Place) -> Ros2Robot:
+    """A robot by its topic, or by its frames.
+
+    Raises:
+        DatasetError: if an option is wrong.
+        DriverError: if nobody sends the topic.
+        MissingExtra: if cyclonedds or ros2-pyterfaces is not installed.
+    """
+    options = checked_options(place, Ros2Options)
+    domain = domain_of(options.domain)
+    if options.frames is not None:
+        if options.topic is not None:
+            raise _wrong(place, "robots", "topic and frames are both stated; expected one of them")
+        base, flange = options.frames
+        return Ros2Robot(place.name, StatesByFrames(place.name, domain, base, flange, options.reconnect_s))
+    chain = place.cell.robots[place.name].chain
+    joints = () if chain is None else chain.joint_names
+    if chain is None and options.topic is None:
+        message = "joint states need urdf, base_link and flange_link; or state `frames: [BASE, FLANGE]`"
+        raise _wrong(place, "robots", message)
+    topic = options.topic or "/joint_states"
+    return Ros2Robot(place.name, StatesByTopic(place.name, domain, topic, joints, options.reconnect_s))
+
+
+def open_camera(place: Place) -> Ros2Camera:
+    """A camera by the topic of its pictures.
+
+    Raises:
+        DatasetError: if an option is wrong.
+        DriverError: if nobody sends the topic.
+        MissingExtra: if cyclonedds or ros2-pyterfaces is not installed.
+    """
+    options = checked_options(place, Ros2Options)
+    if options.topic is None or options.frames is not None:
+        raise _wrong(place, "cameras", "expected the topic of its pictures, as `topic: /camera/image_raw`")
+    domain = domain_of(options.domain)
+    stream = Stream(place.name, domain, options.topic, (IMAGE, COMPRESSED), _DEPTH, options.reconnect_s)
+    return Ros2Camera(place.name, stream, options.topic, place.cell.cameras[place.name].size_px)
+
+
+def _wrong(place: Place, section: str, message: str) -> DatasetError:
+    return DatasetError(str(place.folder / "cell.yaml"), message, field=f"{section}.{place.name}.driver")

@@ -1,0 +1,1 @@
+"""ROS 2 without ROS: its types, their serialisation, and topics over DDS."""

@@ -1,0 +1,130 @@
+"""Where a robot is, by joint states, by poses, or by frames of tf."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from basecal.acquisition.driver import Reading
+from basecal.acquisition.ros2.stream import Stream, stamp_s
+from basecal.cell import RobotState
+from basecal.errors import BasecalError, DriverError, listed
+from basecal.exchange.bags.bag import JOINTS, POSE, TF
+from basecal.exchange.bags.frames import Hang, Tree, along, pose_of, values_of
+
+_DEPTH = 50  # messages of states that are kept: a tenth of a second of the fastest
+_FRAMES_DEPTH = 200  # of tf: all publishers together
+_TOGETHER_S = 5e-3  # by which stamps of frames of one way may differ: those of one publisher are equal
+
+
+class StatesByTopic:
+    """A robot whose joints, or whose pose, comes on a topic."""
+
+    def __init__(self, name: str, domain: int, topic: str, joints: Sequence[str], wait_s: float) -> None:
+        self._name, self._joints, self._last_s = name, list(joints), float("-inf")
+        kinds = (JOINTS, POSE) if joints else (POSE,)
+        self._stream = Stream(name, domain, topic, kinds, _DEPTH, wait_s)
+        self._topic = topic
+        self._names: set[str] = set()
+
+    def next(self) -> Reading:
+        """The next state, with the stamp of its header.
+
+        Raises:
+            DriverError: if there is none.
+        """
+        try:
+            return self._stream.newest(self._reading)
+        except DriverError as error:
+            missing = [joint for joint in self._joints if joint not in self._names]
+            if self._names and missing and self._last_s == float("-inf"):
+                raise DriverError(
+                    f"{self._name}: {self._topic} lacks joints of the URDF: {listed(missing)}; it has "
+                    f"{listed(sorted(self._names))}"
+                ) from None
+            raise error
+
+    def _reading(self, message: Any) -> Reading | None:
+        now_s = stamp_s(message.header)
+        if self._stream.kind == JOINTS:
+            self._names.update(message.name)
+        if not now_s > 0 or now_s <= self._last_s:
+            return None
+        state = self._pose(message) if self._stream.kind == POSE else self._joint_state(message)
+        if state is None:
+            return None
+        self._last_s = now_s
+        return Reading(now_s, state)
+
+    def _pose(self, message: Any) -> RobotState:
+        pose = message.pose
+        p, q = pose.position, pose.orientation
+        return RobotState(pose_of(np.array([p.x, p.y, p.z, q.x, q.y, q.z, q.w]), f"{self._name}, {self._topic}"))
+
+    def _joint_state(self, message: Any) -> RobotState | None:
+        """None where the message is of other joints, or only of some."""
+        at = dict(zip(message.name, message.position, strict=False))
+        if not all(joint in at for joint in self._joints):
+            return None
+        values = np.array([at[joint] for joint in self._joints], dtype=float)
+        if not np.all(np.isfinite(values)):
+            raise DriverError(f"{self._name}: {self._topic} has joints that are not finite: {values}")
+        return RobotState(joints_rad=values)
+
+
+class StatesByFrames:
+    """A robot whose flange is a frame of tf."""
+
+    def __init__(self, name: str, domain: int, base: str, flange: str, wait_s: float) -> None:
+        self._name, self._base, self._flange = name, base, flange
+        self._hangs: dict[str, Hang] = {}
+        self._stamps: dict[str, float] = {}
+        self._last_s = float("-inf")
+        self._moving = Stream(name, domain, "/tf", (TF,), _FRAMES_DEPTH, wait_s)
+        try:
+            self._still = [Stream(name, domain, "/tf_static", (TF,), _FRAMES_DEPTH, 0.5)]
+        except DriverError:  # a robot without fixed frames has none
+            self._still = []
+
+    def next(self) -> Reading:
+        """The next state, once all frames on the way have one stamp.
+
+        Raises:
+            DriverError: if nothing joins the frames, or their stamps stand still.
+        """
+        try:
+            return self._moving.newest(self._reading)
+        except DriverError as error:
+            try:
+                self._tree().way(self._base, self._flange)
+            except BasecalError as why:
+                raise DriverError(f"{self._name}: {why}") from None
+            raise error
+
+    def _tree(self) -> Tree:
+        return Tree(self._hangs)
+
+    def _reading(self, message: Any) -> Reading | None:
+        for still in self._still:
+            for each in still.messages():
+                self._take(each, is_fixed=True)
+        self._take(message, is_fixed=False)
+        try:
+            way = self._tree().way(self._base, self._flange)
+        except BasecalError:  # not all frames have come yet
+            return None
+        stamps = [self._stamps[step.child] for step in way if not self._hangs[step.child].is_fixed]
+        if not stamps or max(stamps) - min(stamps) > _TOGETHER_S or min(stamps) <= self._last_s:
+            return None
+        self._last_s = min(stamps)
+        return Reading(self._last_s, RobotState(along(self._tree(), way, {}, self._name)))
+
+    def _take(self, message: Any, is_fixed: bool) -> None:
+        for each in message.transforms:
+            now_s, child = stamp_s(each.header), each.child_frame_id.lstrip("/")
+            if is_fixed or now_s > self._stamps.get(child, float("-inf")):
+                values = values_of(each.transform)
+                self._hangs[child] = Hang(each.header.frame_id.lstrip("/"), values, is_fixed, not is_fixed)
+                self._stamps[child] = now_s

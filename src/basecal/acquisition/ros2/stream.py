@@ -1,0 +1,79 @@
+"""A topic that is followed: its messages from now on, each newer than those before by its own stamp."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
+
+from basecal.acquisition.freshness import STALE_S
+from basecal.acquisition.ros2.dds import Discovery, Listener
+from basecal.acquisition.ros2.types import type_hash
+from basecal.errors import DriverError, listed
+
+_NANO = 1e-9  # [s]
+
+Given = TypeVar("Given")
+
+
+def stamp_s(header: Any) -> float:
+    """The time of a `std_msgs/Header` [s]."""
+    return float(header.stamp.sec + _NANO * header.stamp.nanosec)
+
+
+class Stream:
+    """A topic in a domain.
+
+    Attributes:
+        kind: The type of its messages.
+    """
+
+    def __init__(self, name: str, domain: int, topic: str, kinds: Sequence[str], depth: int, wait_s: float) -> None:
+        self._name, self._domain, self._topic, self._wait_s = name, domain, topic, wait_s
+        self._discovery = Discovery(domain)
+        offer = self._discovery.wait_for(topic, wait_s)
+        if offer is None:
+            known = listed(sorted(self._discovery.offers()))
+            raise DriverError(
+                f"{name}: nobody sends {topic} in domain {domain}; there are: {known}. "
+                f"Is ROS_DOMAIN_ID the same there, and does the network let DDS pass?"
+            )
+        if offer.kind not in kinds:
+            raise DriverError(f"{name}: {topic} is of {offer.kind}, expected {listed(list(kinds))}")
+        if offer.type_hash and offer.type_hash != type_hash(offer.kind):
+            raise DriverError(
+                f"{name}: {topic} has another definition of {offer.kind} than ROS 2's releases: {offer.type_hash}"
+            )
+        self.kind = offer.kind
+        self._listener = Listener(domain, offer, depth)
+
+    def messages(self, wait_s: float = 0.0) -> list[Any]:
+        """What came since the last time, the oldest first; waits for so long [s] where nothing did."""
+        return self._listener.messages(wait_s)
+
+    def newest(self, read: Callable[[Any], Given | None]) -> Given:
+        """What `read` makes of the newest message of which it makes anything, once there is one; it is given them all.
+
+        Raises:
+            DriverError: if none comes, or what comes is always old.
+        """
+        until_s, came = time.monotonic() + STALE_S + self._wait_s, 0
+        while True:
+            messages = self.messages(STALE_S)
+            came += len(messages)
+            made = [given for given in map(read, messages) if given is not None]
+            if made:
+                return made[-1]
+            if time.monotonic() > until_s:
+                raise DriverError(f"{self._name}: {self._why_nothing(came)}")
+
+    def _why_nothing(self, came: int) -> str:
+        waited = f"for {STALE_S + self._wait_s:g} s"
+        if came:
+            return (
+                f"stale stamps: {came} messages came on {self._topic} {waited}, none newer than the last that was "
+                f"taken and with all that is needed; look at `ros2 topic echo {self._topic}`"
+            )
+        if self._topic not in self._discovery.offers():
+            return f"nobody sends {self._topic} any more: is its node still running, and the network plugged in?"
+        return f"nothing came on {self._topic} {waited}, though somebody offers it: is what it stems from switched on?"

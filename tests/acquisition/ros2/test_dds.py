@@ -1,0 +1,75 @@
+"""Topics of ROS 2 over DDS on this computer."""
+
+from __future__ import annotations
+
+import os
+from types import SimpleNamespace
+
+import pytest
+
+from basecal.acquisition.ros2.types import type_hash
+from basecal.errors import InputError
+
+pytest.importorskip("cyclonedds")
+from basecal.acquisition.ros2.dds import Discovery, Listener, Speaker, domain_of
+from shared.ros2_domain import DOMAIN, LOOPBACK
+
+TEXT = "std_msgs/msg/String"
+
+
+@pytest.fixture(autouse=True)
+def on_this_computer():
+    os.environ["CYCLONEDDS_URI"] = LOOPBACK
+
+
+def said(messages):
+    return [message.data for message in messages]
+
+
+def test_a_topic_is_offered_as_ros_does():
+    """With its name, type, hash and what it promises; a listener that comes later hears what is latched."""
+    latched = Speaker(DOMAIN, "/latched", TEXT, is_latched=True)
+    plain = Speaker(DOMAIN, "/plain", TEXT, is_latched=False)
+    latched.send(SimpleNamespace(data="before"))
+    plain.send(SimpleNamespace(data="before"))
+    offers = Discovery(DOMAIN)
+    found = {name: offers.wait_for(name, 5.0) for name in ("/latched", "/plain")}
+    assert {name: offer.is_latched for name, offer in found.items()} == {"/latched": True, "/plain": False}
+    assert {(offer.kind, offer.type_hash, offer.is_reliable) for offer in found.values()} == {
+        (TEXT, type_hash(TEXT), True)
+    }
+    assert said(Listener(DOMAIN, found["/latched"], 5).messages(2.0)) == ["before"]
+    late = Listener(DOMAIN, found["/plain"], 5)
+    assert said(late.messages(0.2)) == []
+    plain.send(SimpleNamespace(data="after"))
+    assert said(late.messages(2.0)) == ["after"]
+
+
+def test_only_the_newest_are_kept():
+    """Of what comes while nobody listens as many are kept as were asked for: memory stays as it is."""
+    speaker = Speaker(DOMAIN, "/many", TEXT, is_latched=False, depth=100)
+    listener = Listener(DOMAIN, Discovery(DOMAIN).wait_for("/many", 5.0), 3)
+    for number in range(50):
+        speaker.send(SimpleNamespace(data=str(number)))
+    heard = said(listener.messages(2.0))
+    while more := said(listener.messages(0.2)):
+        heard += more
+    assert heard[-1] == "49"
+    assert len(heard) <= 50
+
+
+def test_a_topic_that_nobody_sends():
+    """After the time is up there is none."""
+    assert Discovery(DOMAIN).wait_for("/nothing", 0.1) is None
+
+
+def test_the_domain_is_that_of_the_environment(monkeypatch):
+    """Where none is stated; a variable that is no domain is told."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", "7")
+    assert (domain_of(None), domain_of(3)) == (7, 3)
+    monkeypatch.delenv("ROS_DOMAIN_ID")
+    assert domain_of(None) == 0
+    for wrong in ("x", "-1", "233"):
+        monkeypatch.setenv("ROS_DOMAIN_ID", wrong)
+        with pytest.raises(InputError, match=r"ROS_DOMAIN_ID is .*: expected a number from 0 to 232"):
+            domain_of(None)

@@ -1,0 +1,61 @@
+"""A topic that is followed."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+from basecal.acquisition.ros2 import stream as module
+from basecal.acquisition.ros2.dds import Offer
+from basecal.acquisition.ros2.stream import Stream, stamp_s
+from basecal.errors import DriverError
+
+pytest.importorskip("ros2_pyterfaces")
+TEXT = "std_msgs/msg/String"
+
+
+@pytest.fixture
+def network(monkeypatch):
+    """What is offered and what comes on it, as lists that a test fills."""
+    there = SimpleNamespace(offers={"/text": Offer("/text", TEXT, True, False, "")}, coming=[])
+    discovery = SimpleNamespace(offers=lambda: there.offers, wait_for=lambda name, wait_s: there.offers.get(name))
+    listener = SimpleNamespace(messages=lambda wait_s: there.coming.pop(0) if there.coming else [])
+    monkeypatch.setattr(module, "Discovery", lambda domain: discovery)
+    monkeypatch.setattr(module, "Listener", lambda *_: listener)
+    monkeypatch.setattr(module, "STALE_S", 0.01)
+    return there
+
+
+def test_the_newest_that_can_be_used_is_given(network):
+    """It waits until there is one, and is given all of them in the order in which they came."""
+    network.coming = [[], [1], [2, 4, 5, 6, 7]]
+    seen = []
+    stream = Stream("eye", 0, "/text", (TEXT,), 5, 1.0)
+    assert stream.newest(lambda each: (seen.append(each), each if each % 2 == 0 else None)[1]) == 6
+    assert seen == [1, 2, 4, 5, 6, 7]
+
+
+def test_a_definition_that_is_not_that_of_ros_is_refused(network):
+    """Somebody's own JointState would be read wrongly."""
+    network.offers["/text"] = Offer("/text", TEXT, True, False, "RIHS01_00")
+    with pytest.raises(DriverError, match="/text has another definition of std_msgs/msg/String"):
+        Stream("eye", 0, "/text", (TEXT,), 5, 1.0)
+
+
+def test_nothing_that_comes_is_told_with_its_reason(network):
+    """Old messages, silence, and a sender that has gone are three things."""
+    stream = Stream("eye", 0, "/text", (TEXT,), 5, 0.0)
+    network.coming = [[1, 2]]
+    with pytest.raises(DriverError, match="eye: stale stamps: 2 messages came on /text"):
+        stream.newest(lambda each: None)
+    with pytest.raises(DriverError, match=r"eye: nothing came on /text .* though somebody offers it"):
+        stream.newest(lambda each: each)
+    network.offers.clear()
+    with pytest.raises(DriverError, match="eye: nobody sends /text any more"):
+        stream.newest(lambda each: each)
+
+
+def test_a_stamp_is_in_seconds():
+    """Of seconds and nanoseconds."""
+    assert stamp_s(SimpleNamespace(stamp=SimpleNamespace(sec=3, nanosec=500_000_000))) == 3.5

@@ -1,0 +1,37 @@
+"""A domain of DDS on this computer alone, and in it a second process that sends what drivers of ROS 2 send."""
+
+from __future__ import annotations
+
+import os
+from contextlib import contextmanager
+from pathlib import Path
+
+from basecal.acquisition.driver import Place
+from basecal.cell import Cell, CellCamera
+from basecal.simulation.running.two_arms import two_arms
+from shared.second_process import second_process
+
+LOOPBACK = (
+    "<CycloneDDS><Domain><General><Interfaces><NetworkInterface name='lo' multicast='false'/></Interfaces>"
+    "<AllowMulticast>false</AllowMulticast><MaxMessageSize>65500B</MaxMessageSize></General>"
+    "<Discovery><ParticipantIndex>auto</ParticipantIndex><Peers><Peer address='127.0.0.1'/></Peers></Discovery>"
+    "</Domain></CycloneDDS>"
+)
+DOMAIN = 1 + os.getpid() % 200
+CELL = two_arms("led").cell
+
+
+@contextmanager
+def ros2(*words, cell=CELL):
+    """The process, and where a robot or camera of it is in a cell; words are rates and sizes as it takes them."""
+    os.environ["CYCLONEDDS_URI"] = LOOPBACK
+    with second_process("shared.ros2_publisher", DOMAIN, *words) as process:
+        process.place = lambda name, **options: Place(
+            name, cell, Path("."), {"domain": DOMAIN, "reconnect_s": 5.0, **options}
+        )
+        yield process
+
+
+def watching(size_px):
+    """A cell whose camera has pictures of a size, and robots as in the simulated one."""
+    return Cell(CELL.reference, CELL.robots, cameras={"wrist": CellCamera("wrist", "eye", size_px=size_px)})

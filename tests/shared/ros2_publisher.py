@@ -1,0 +1,137 @@
+"""What drivers of ROS 2 send, in a process of its own: `python -m shared.ros2_publisher DOMAIN [HZ HZ W H]`.
+
+The rates are of joint states and of pictures, which have W x H pixels. Joint states hold their own stamp as positions,
+pictures as the values of their first pixels, so that whoever reads them can tell whether a stamp and what it stands at
+belong together. Lines on the standard input are faults.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from types import SimpleNamespace as Message
+
+import numpy as np
+
+from basecal.acquisition.ros2.dds import Speaker
+from basecal.simulation.running.two_arms import two_arms
+
+JOINTS = two_arms("led").cell.robots["eye"].chain.joint_names
+HALF_TURN = (0.0, 0.0, 1.0, 0.0)
+
+
+def header(stamp_ns, frame_id=""):
+    return Message(stamp=Message(sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9), frame_id=frame_id)
+
+
+def positions(stamp_ns):
+    """Joints that say their own stamp: seconds by thousands and the rest, then nanoseconds."""
+    sec, nanosec = divmod(stamp_ns, 10**9)
+    return np.array([sec // 1000, sec % 1000, nanosec, 0.0, 0.5, 1.0])
+
+
+def joint_state(stamp_ns, names=JOINTS):
+    backwards = slice(None, None, -1)  # drivers sort joints by name, not along the arm
+    none = np.zeros(0)
+    return Message(
+        header=header(stamp_ns),
+        name=["gripper", *list(names)[backwards]],
+        position=[0.04, *positions(stamp_ns)[backwards]],
+        velocity=none,
+        effort=none,
+    )
+
+
+def picture(stamp_ns, width, height, ground):
+    """Grey, the first eight pixels being its stamp."""
+    data = ground.copy()
+    data[:8] = np.frombuffer(stamp_ns.to_bytes(8, "big"), np.uint8)
+    return Message(
+        header=header(stamp_ns, "wrist"),
+        height=height,
+        width=width,
+        encoding="mono8",
+        is_bigendian=0,
+        step=width,
+        data=data,
+    )
+
+
+def camera_info(stamp_ns, width, height):
+    zero = Message(x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
+    k = np.array([900.0, 0, (width - 1) / 2, 0, 900, (height - 1) / 2, 0, 0, 1])
+    p = np.insert(k.reshape(3, 3), 3, 0, axis=1).ravel()
+    return Message(
+        header=header(stamp_ns, "wrist"), height=height, width=width, distortion_model="plumb_bob", d=np.zeros(5), k=k,
+        r=np.eye(3).ravel(), p=p, binning_x=0, binning_y=0, roi=zero,
+    )  # fmt: skip
+
+
+def transform(stamp_ns, parent, child, x, q=(0.0, 0.0, 0.0, 1.0)):
+    t = Message(translation=Message(x=x, y=0.0, z=0.0), rotation=Message(**dict(zip("xyzw", q, strict=True))))
+    return Message(header=header(stamp_ns, parent), child_frame_id=child, transform=t)
+
+
+class Publisher:
+    def __init__(self, domain, joints_hz, pictures_hz, width, height):
+        self.rates = {"joints": joints_hz, "pictures": pictures_hz}
+        self.width, self.height = width, height
+        self.ground = (np.arange(width * height) % 251).astype(np.uint8)
+        self.frozen, self.partial, self.running = False, False, True
+        latched = {"is_latched": True, "depth": 10}
+        plain = {"is_latched": False}
+        self.joints = Speaker(domain, "/joint_states", "sensor_msgs/msg/JointState", depth=50, **plain)
+        self.tf = Speaker(domain, "/tf", "tf2_msgs/msg/TFMessage", depth=50, **plain)
+        self.images = Speaker(domain, "/wrist/image_raw", "sensor_msgs/msg/Image", **plain)
+        self.infos = Speaker(domain, "/wrist/camera_info", "sensor_msgs/msg/CameraInfo", **plain)
+        self.still = Speaker(domain, "/tf_static", "tf2_msgs/msg/TFMessage", **latched)
+        self.still.send(Message(transforms=[transform(1, "link", "tool0", 0.25, HALF_TURN)]))
+        self.stopped_ns = time.time_ns()
+
+    def now(self):
+        return self.stopped_ns if self.frozen else time.time_ns()
+
+    def send_joints(self):
+        stamp_ns = self.now()
+        self.joints.send(joint_state(stamp_ns, JOINTS[:3] if self.partial else JOINTS))
+        x = stamp_ns % 10**9 * 1e-9
+        self.tf.send(Message(transforms=[transform(stamp_ns, "base_link", "link", x)]))
+
+    def send_picture(self):
+        stamp_ns = self.now()
+        self.images.send(picture(stamp_ns, self.width, self.height, self.ground))
+        self.infos.send(camera_info(stamp_ns, self.width, self.height))
+
+    def repeat(self, name, send):
+        due = time.monotonic()
+        while self.running:
+            rate = self.rates[name]
+            due = max(due + 1 / rate, time.monotonic() - 1.0) if rate else time.monotonic() + 0.05
+            time.sleep(max(0.0, due - time.monotonic()))
+            if rate:
+                send()
+
+    def obey(self, words):
+        word, *rest = words
+        if word == "rate":
+            self.rates[rest[0]] = float(rest[1])
+        elif word == "freeze":
+            self.stopped_ns, self.frozen = time.time_ns(), rest == ["on"]
+        elif word == "partial":
+            self.partial = rest == ["on"]
+
+
+def main(domain, joints_hz=100.0, pictures_hz=30.0, width=64, height=48):
+    publisher = Publisher(int(domain), float(joints_hz), float(pictures_hz), int(width), int(height))
+    for name, send in (("joints", publisher.send_joints), ("pictures", publisher.send_picture)):
+        threading.Thread(target=publisher.repeat, args=(name, send), daemon=True).start()
+    print("ready", flush=True)
+    for line in sys.stdin:
+        publisher.obey(line.split())
+        print("ok", flush=True)
+    publisher.running = False
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
