@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from basecal.cell import CandidateObservation, PixelObservation, PointObservation, Recording, Robot, RobotState, Sample
-from basecal.errors import InputError
+from basecal.cell import PixelObservation, PointObservation, Recording, Robot, RobotState, Sample
 from basecal.estimation.problem.build import build_problem, canonical_order
 from basecal.estimation.problem.problem import Problem
 from basecal.geometry import SE3
@@ -104,29 +103,3 @@ def test_one_camera_may_see_pixels_and_points_of_one_target():
     problem, _ = build_problem(s.cell, Recording((mixed, *s.recording.samples[1:])))
     assert [len(g) for g in problem.groups] == [3, 1]
     assert {g.camera_mount for g in problem.groups} == {"eye_flange_from_wrist"}
-
-
-def test_an_error_in_common_needs_the_noise_of_single_points():
-    """`correlated_px` without `pixel_px` is an error, and with it reaches the measurement."""
-    s = simulate(Scenario(samples=4, correlated_px=0.3), seed=0)
-    problem, _ = build_problem(s.cell, s.recording)
-    assert problem.groups[0].measurement.common_px == 0.3
-    with pytest.raises(InputError, match="correlated_px needs pixel_px"):
-        build_problem(replace(s.cell, pixel_px=None), s.recording)
-
-
-@pytest.mark.parametrize(("spots", "readings"), [(1, 0), (2, 2), (3, 3)])
-def test_candidates_are_read_in_as_many_ways(spots, readings):
-    """Each spot of a view may be the light; of one there is no choice, and none where corners were seen."""
-    s = simulate(Scenario(samples=4, target="led"), seed=0)
-    samples = []
-    for sample in s.recording.samples:
-        (seen,) = sample.observations
-        pixels = np.concatenate([seen.pixels, np.arange(2.0 * spots - 2).reshape(-1, 2)])
-        samples.append(replace(sample, observations=(CandidateObservation(seen.camera, seen.target, pixels),)))
-    (group,) = build_problem(s.cell, Recording(tuple(samples)))[0].groups
-    assert len(group.readings) == readings
-    for k, reading in enumerate(group.readings):
-        np.testing.assert_array_equal(reading.pixels[0, 0], samples[0].observations[0].pixels[k])
-    board = simulate(Scenario(samples=4), seed=0)
-    assert build_problem(board.cell, board.recording)[0].groups[0].readings == ()

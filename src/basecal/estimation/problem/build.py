@@ -15,25 +15,20 @@ from basecal.cell import (
     Intrinsics,
     Observation,
     PixelObservation,
-    PointObservation,
-    PoseObservation,
     Recording,
     RobotState,
     Sample,
-    Target,
 )
 from basecal.errors import InputError
-from basecal.estimation.problem.correspondence import MOST_CANDIDATES, half_turn, half_turned
+from basecal.estimation.problem.correspondence import half_turn
+from basecal.estimation.problem.measurements import measurement_of, readings_of
 from basecal.estimation.problem.point_mounts import point_mounts
 from basecal.estimation.problem.problem import Problem, Stops, ViewGroup, carrier, check_carriers
 from basecal.estimation.problem.repeated_views import repeated_views, view_content
 from basecal.estimation.problem.robot_parameters import RobotModel, robot_model
 from basecal.estimation.problem.same_stop import stop_numbers
-from basecal.estimation.view.measurement import Measurement, Noise
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.estimation.view.points import PointMeasurement
-from basecal.estimation.view.poses import PoseMeasurement
-from basecal.geometry import SE3, Array, BoolArray, IntArray
+from basecal.geometry import SE3, Array, IntArray
 
 Views = list[tuple[int, Observation]]
 
@@ -147,17 +142,12 @@ def _flanges(cell: Cell, robot: str, states: list[RobotState]) -> SE3:
     if with_joints:
         if chain is None:
             raise InputError(f"robot {robot!r} is recorded by joints and has no urdf")
-        forward = chain.forward(np.stack([_joints(states[i]) for i in with_joints]))
+        forward = chain.forward(np.stack([j for s in states if (j := s.joints_rad) is not None]))
         rotation[with_joints], translation[with_joints] = forward.rotation, forward.translation
     for i, state in enumerate(states):
         if state.base_from_flange is not None:
             rotation[i], translation[i] = state.base_from_flange.rotation, state.base_from_flange.translation
     return SE3(rotation, translation)
-
-
-def _joints(state: RobotState) -> Array:
-    assert state.joints_rad is not None
-    return state.joints_rad
 
 
 def _number_stops(cell: Cell, poses: Mapping[str, _Poses]) -> Stops:
@@ -186,11 +176,11 @@ def _views(
     for i, sample in enumerate(samples):
         for observation in sample.observations:
             camera, target = observation.camera, observation.target
-            needed = [cell.cameras[camera].on, cell.targets[target].on]
+            needed, shape = [cell.cameras[camera].on, cell.targets[target].on], cell.targets[target].target
             missing = [r for r in needed if r in cell.robots and i not in poses[r].row]
             if missing:
                 lacking[f"no pose of {missing[0]} in the same sample"].append(sample.sample)
-            elif _cannot_choose(cell, observation):
+            elif isinstance(observation, CandidateObservation) and (shape is None or not shape.is_point):
                 lacking["candidates for several lights, which cannot be told apart"].append(sample.sample)
             else:
                 stops = [int(poses[r].stand[poses[r].row[i]]) for r in needed if r in cell.robots]
@@ -213,11 +203,6 @@ def _kind(observation: Observation) -> str:
     return "PixelObservation" if pixels else type(observation).__name__
 
 
-def _cannot_choose(cell: Cell, observation: Observation) -> bool:
-    shape = cell.targets[observation.target].target
-    return isinstance(observation, CandidateObservation) and not (shape is not None and shape.is_point)
-
-
 def _dropped(why: str, numbers: list[int]) -> Finding:
     shown = ", ".join(map(str, numbers[:10])) + (", ..." if len(numbers) > 10 else "")
     return Finding(
@@ -233,8 +218,8 @@ def _group(
     index = [i for i, _ in views]
     shape = cell.targets[target].target
     observations = [o for _, o in views]
-    measurement = _measurement(cell, camera, target, kind, observations)
-    readings = _readings(measurement, shape, observations)
+    measurement = measurement_of(cell, camera, target, kind, observations)
+    readings = readings_of(measurement, shape, observations)
     eye_flange, eye_stop, eye_stand, eye_joints = _at(poses, eye, index)
     hand_flange, hand_stop, hand_stand, hand_joints = _at(poses, hand, index)
     return ViewGroup(
@@ -271,103 +256,6 @@ def _at(
     of = poses[robot]
     rows = np.array([of.row[i] for i in index])
     return of.base_from_flange[rows], of.stop[rows], of.stand[rows], None if of.joints is None else of.joints[rows]
-
-
-def _measurement(cell: Cell, camera: str, target: str, kind: str, observations: list[Observation]) -> Measurement:
-    shape = cell.targets[target].target
-    if kind == "PoseObservation":
-        return _pose_measurement([o for o in observations if isinstance(o, PoseObservation)])
-    if shape is None:
-        raise InputError(f"target {target!r} is seen as points and has no `kind`")
-    if kind == "PointObservation":
-        return _point_measurement(shape, [o for o in observations if isinstance(o, PointObservation)])
-    if cell.cameras[camera].intrinsics is None:
-        raise InputError(
-            f"camera {camera!r} gives pixels and has no `intrinsics`; `intrinsics: {{status: free}}` estimates them"
-        )
-    if cell.correlated_px is not None and cell.pixel_px is None:
-        raise InputError("correlated_px needs pixel_px: state the noise of single points too")
-    pixels = [_as_pixels(o) for o in observations if isinstance(o, PixelObservation | CandidateObservation)]
-    return replace(_pixel_measurement(shape, pixels, cell.pixel_px), common_px=cell.correlated_px or 0.0)
-
-
-def _as_pixels(observation: PixelObservation | CandidateObservation, which: int = 0) -> PixelObservation:
-    """An observation of pixels; of candidates the one asked for, or the first where there are fewer."""
-    if isinstance(observation, PixelObservation):
-        return observation
-    o, k = observation, which if which < len(observation.pixels) else 0
-    sigma = None if o.sigma_px is None else o.sigma_px[k : k + 1]
-    return PixelObservation(o.camera, o.target, np.zeros(1, dtype=np.int64), o.pixels[k : k + 1], sigma, o.detected)
-
-
-def _readings(
-    measurement: Measurement, shape: Target | None, observations: list[Observation]
-) -> tuple[PixelMeasurement, ...]:
-    """All ways to read the views, the measurement's own first; none where there is no choice."""
-    if not isinstance(measurement, PixelMeasurement) or shape is None:
-        return ()
-    if half_turn(shape) is not None:
-        return measurement, half_turned(measurement)
-    candidates = [o for o in observations if isinstance(o, CandidateObservation)]
-    most = min(max((len(o.pixels) for o in candidates), default=1), MOST_CANDIDATES)
-    return tuple(_nth_reading(measurement, observations, k) for k in range(most)) if most > 1 else ()
-
-
-def _nth_reading(measurement: PixelMeasurement, observations: list[Observation], which: int) -> PixelMeasurement:
-    pixels = measurement.pixels.copy()
-    for view, observation in enumerate(observations):
-        if isinstance(observation, CandidateObservation):
-            pixels[view] = _as_pixels(observation, which).pixels
-    return replace(measurement, pixels=pixels)
-
-
-def _pose_measurement(observations: list[PoseObservation]) -> Measurement:
-    poses = SE3.stack([o.camera_from_target for o in observations])
-    stated = np.stack([np.zeros(6) if o.sigma is None else 1 / o.sigma for o in observations])
-    return PoseMeasurement(poses, stated, stated).with_noise(Noise())
-
-
-def _scatter(
-    target: Target, ids: list[IntArray], values: list[Array], inverse_sigmas: list[Array]
-) -> tuple[Array, BoolArray, Array]:
-    """Ragged points of views as (n, p, d) values, (n, p) seen and (n, p) 1 / sigma."""
-    view = np.repeat(np.arange(len(ids)), [len(i) for i in ids])
-    row = target.rows(np.concatenate(ids))
-    n, p = len(ids), len(target.ids)
-    out = np.zeros((n, p, values[0].shape[-1]))
-    seen, stated = np.zeros((n, p), dtype=bool), np.zeros((n, p))
-    out[view, row] = np.concatenate(values)
-    seen[view, row] = True
-    stated[view, row] = np.concatenate(inverse_sigmas)
-    return out, seen, stated
-
-
-def _pixel_measurement(
-    target: Target, observations: list[PixelObservation], pixel_px: float | None
-) -> PixelMeasurement:
-    default = 0.0 if pixel_px is None else 1 / pixel_px
-    relative = _relative_precision(observations)
-    inverse = [
-        default * share if o.sigma_px is None or o.detected else 1 / o.sigma_px
-        for o, share in zip(observations, relative, strict=True)
-    ]
-    ids, pixels = [o.ids for o in observations], [o.pixels for o in observations]
-    values = _scatter(target, ids, pixels, inverse)
-    shares = _scatter(target, ids, pixels, relative)[2] if any(o.detected for o in observations) else None
-    return PixelMeasurement(target.points, *values, weight=values[2], relative=shares).with_noise(Noise())
-
-
-def _relative_precision(observations: list[PixelObservation]) -> list[Array]:
-    """1 / sigma of each point as its detector has it, over that of the median point; 1 where none has it."""
-    sigmas = [o.sigma_px for o in observations if o.detected and o.sigma_px is not None]
-    middle = float(np.median(np.concatenate(sigmas))) if sigmas else 1.0
-    return [middle / o.sigma_px if o.detected and o.sigma_px is not None else np.ones(len(o.ids)) for o in observations]
-
-
-def _point_measurement(target: Target, observations: list[PointObservation]) -> Measurement:
-    inverse = [np.zeros(len(o.ids)) if o.sigma_m is None else 1 / o.sigma_m for o in observations]
-    values = _scatter(target, [o.ids for o in observations], [o.points_in_camera for o in observations], inverse)
-    return PointMeasurement(target.points, *values, weight=values[2]).with_noise(Noise())
 
 
 def _problem(cell: Cell, groups: tuple[ViewGroup, ...], stops: Stops) -> Problem:

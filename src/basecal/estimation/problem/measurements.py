@@ -1,0 +1,123 @@
+"""Observations of views as arrays: measurements, and the ways in which they may be read."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from basecal.cell import (
+    CandidateObservation,
+    Cell,
+    Observation,
+    PixelObservation,
+    PointObservation,
+    PoseObservation,
+    Target,
+)
+from basecal.errors import InputError
+from basecal.estimation.problem.correspondence import MOST_CANDIDATES, half_turn, half_turned
+from basecal.estimation.view.measurement import Measurement, Noise
+from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.estimation.view.points import PointMeasurement
+from basecal.estimation.view.poses import PoseMeasurement
+from basecal.geometry import SE3, Array, BoolArray, IntArray
+
+
+def measurement_of(cell: Cell, camera: str, target: str, kind: str, observations: list[Observation]) -> Measurement:
+    """What one camera's observations of one target say, all of one `kind`, a name of an observation's type.
+
+    Raises:
+        InputError: if points are seen of a target without any, a camera with pixels has no lens, or `correlated_px`
+            stands without `pixel_px`.
+    """
+    shape = cell.targets[target].target
+    if kind == "PoseObservation":
+        with_pose = [o for o in observations if isinstance(o, PoseObservation)]
+        poses = SE3.stack([o.camera_from_target for o in with_pose])
+        stated = np.stack([np.zeros(6) if o.sigma is None else 1 / o.sigma for o in with_pose])
+        return PoseMeasurement(poses, stated, stated).with_noise(Noise())
+    if shape is None:
+        raise InputError(f"target {target!r} is seen as points and has no `kind`")
+    if kind == "PointObservation":
+        return _point_measurement(shape, [o for o in observations if isinstance(o, PointObservation)])
+    if cell.cameras[camera].intrinsics is None:
+        raise InputError(
+            f"camera {camera!r} gives pixels and has no `intrinsics`; `intrinsics: {{status: free}}` estimates them"
+        )
+    if cell.correlated_px is not None and cell.pixel_px is None:
+        raise InputError("correlated_px needs pixel_px: state the noise of single points too")
+    pixels = [_as_pixels(o) for o in observations if isinstance(o, PixelObservation | CandidateObservation)]
+    return replace(_pixel_measurement(shape, pixels, cell.pixel_px), common_px=cell.correlated_px or 0.0)
+
+
+def _as_pixels(observation: PixelObservation | CandidateObservation, which: int = 0) -> PixelObservation:
+    """An observation of pixels; of candidates the one asked for, or the first where there are fewer."""
+    if isinstance(observation, PixelObservation):
+        return observation
+    o, k = observation, which if which < len(observation.pixels) else 0
+    sigma = None if o.sigma_px is None else o.sigma_px[k : k + 1]
+    return PixelObservation(o.camera, o.target, np.zeros(1, dtype=np.int64), o.pixels[k : k + 1], sigma, o.detected)
+
+
+def readings_of(
+    measurement: Measurement, shape: Target | None, observations: list[Observation]
+) -> tuple[PixelMeasurement, ...]:
+    """All ways to read the views, the measurement's own first; none where there is no choice."""
+    if not isinstance(measurement, PixelMeasurement) or shape is None:
+        return ()
+    if half_turn(shape) is not None:
+        return measurement, half_turned(measurement)
+    candidates = [o for o in observations if isinstance(o, CandidateObservation)]
+    most = min(max((len(o.pixels) for o in candidates), default=1), MOST_CANDIDATES)
+    found = []
+    for k in range(most if most > 1 else 0):
+        pixels = measurement.pixels.copy()
+        for view, observation in enumerate(observations):
+            if isinstance(observation, CandidateObservation):
+                pixels[view] = _as_pixels(observation, k).pixels
+        found.append(replace(measurement, pixels=pixels))
+    return tuple(found)
+
+
+def _scatter(
+    target: Target, ids: list[IntArray], values: list[Array], inverse_sigmas: list[Array]
+) -> tuple[Array, BoolArray, Array]:
+    """Ragged points of views as (n, p, d) values, (n, p) seen and (n, p) 1 / sigma."""
+    view = np.repeat(np.arange(len(ids)), [len(i) for i in ids])
+    row = target.rows(np.concatenate(ids))
+    n, p = len(ids), len(target.ids)
+    out = np.zeros((n, p, values[0].shape[-1]))
+    seen, stated = np.zeros((n, p), dtype=bool), np.zeros((n, p))
+    out[view, row] = np.concatenate(values)
+    seen[view, row] = True
+    stated[view, row] = np.concatenate(inverse_sigmas)
+    return out, seen, stated
+
+
+def _pixel_measurement(
+    target: Target, observations: list[PixelObservation], pixel_px: float | None
+) -> PixelMeasurement:
+    default = 0.0 if pixel_px is None else 1 / pixel_px
+    relative = _relative_precision(observations)
+    inverse = [
+        default * share if o.sigma_px is None or o.detected else 1 / o.sigma_px
+        for o, share in zip(observations, relative, strict=True)
+    ]
+    ids, pixels = [o.ids for o in observations], [o.pixels for o in observations]
+    values = _scatter(target, ids, pixels, inverse)
+    shares = _scatter(target, ids, pixels, relative)[2] if any(o.detected for o in observations) else None
+    return PixelMeasurement(target.points, *values, weight=values[2], relative=shares).with_noise(Noise())
+
+
+def _relative_precision(observations: list[PixelObservation]) -> list[Array]:
+    """1 / sigma of each point as its detector has it, over that of the median point; 1 where none has it."""
+    sigmas = [o.sigma_px for o in observations if o.detected and o.sigma_px is not None]
+    middle = float(np.median(np.concatenate(sigmas))) if sigmas else 1.0
+    return [middle / o.sigma_px if o.detected and o.sigma_px is not None else np.ones(len(o.ids)) for o in observations]
+
+
+def _point_measurement(target: Target, observations: list[PointObservation]) -> Measurement:
+    inverse = [np.zeros(len(o.ids)) if o.sigma_m is None else 1 / o.sigma_m for o in observations]
+    values = _scatter(target, [o.ids for o in observations], [o.points_in_camera for o in observations], inverse)
+    return PointMeasurement(target.points, *values, weight=values[2]).with_noise(Noise())

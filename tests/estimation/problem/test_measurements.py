@@ -1,0 +1,70 @@
+"""Observations as arrays: sigmas stated, detected and in common, and the ways in which views may be read."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.cell import CandidateObservation, PixelObservation, PoseObservation, Recording
+from basecal.errors import InputError
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.measurements import measurement_of
+from basecal.geometry import SE3
+from basecal.simulation import Scenario, simulate
+
+
+def test_a_stated_sigma_is_kept_and_a_detected_one_weighs():
+    """Of two points, detected 0.1 and 0.3 px apart from the median 0.2 px, one counts twice, one two thirds."""
+    cell = replace(simulate(Scenario(samples=4), seed=0).cell, pixel_px=None)
+    stated = PixelObservation("wrist", "board", np.array([0, 2]), np.ones((2, 2)), np.array([0.1, 0.3]))
+    of_detector = replace(stated, detected=True)
+    measurement = measurement_of(cell, "wrist", "board", "PixelObservation", [stated, of_detector])
+    np.testing.assert_allclose(measurement.stated[:, [0, 2]], [[10, 1 / 0.3], [0, 0]])
+    np.testing.assert_allclose(measurement.relative[1, [0, 2]], [2, 2 / 3])
+    assert np.count_nonzero(measurement.seen) == 4
+
+
+def test_poses_state_a_sigma_or_none():
+    """1 / sigma of each freedom where it was stated, zero where it was not."""
+    cell = simulate(Scenario(samples=4, target="pose"), seed=0).cell
+    seen = [PoseObservation("wrist", "board", SE3.identity(), sigma) for sigma in (None, np.full(6, 0.25))]
+    measurement = measurement_of(cell, "wrist", "board", "PoseObservation", seen)
+    np.testing.assert_array_equal(measurement.stated, [[0.0] * 6, [4.0] * 6])
+
+
+def test_points_of_a_target_without_a_kind_are_refused():
+    """And pixels of a camera without a lens; each says what is missing."""
+    cell = simulate(Scenario(samples=4), seed=0).cell
+    (board,), (wrist,) = cell.targets.values(), cell.cameras.values()
+    with pytest.raises(InputError, match="'board' is seen as points and has no `kind`"):
+        measurement_of(replace(cell, targets={"board": replace(board, target=None)}), "wrist", "board", "Pixel", [])
+    with pytest.raises(InputError, match="'wrist' gives pixels and has no `intrinsics`"):
+        measurement_of(replace(cell, cameras={"wrist": replace(wrist, intrinsics=None)}), "wrist", "board", "P", [])
+
+
+def test_an_error_in_common_needs_the_noise_of_single_points():
+    """`correlated_px` without `pixel_px` is an error, and with it reaches the measurement."""
+    s = simulate(Scenario(samples=4, correlated_px=0.3), seed=0)
+    problem, _ = build_problem(s.cell, s.recording)
+    assert problem.groups[0].measurement.common_px == 0.3
+    with pytest.raises(InputError, match="correlated_px needs pixel_px"):
+        build_problem(replace(s.cell, pixel_px=None), s.recording)
+
+
+@pytest.mark.parametrize(("spots", "readings"), [(1, 0), (2, 2), (3, 3)])
+def test_candidates_are_read_in_as_many_ways(spots, readings):
+    """Each spot of a view may be the light; of one there is no choice, and none where corners were seen."""
+    s = simulate(Scenario(samples=4, target="led"), seed=0)
+    samples = []
+    for sample in s.recording.samples:
+        (seen,) = sample.observations
+        pixels = np.concatenate([seen.pixels, np.arange(2.0 * spots - 2).reshape(-1, 2)])
+        samples.append(replace(sample, observations=(CandidateObservation(seen.camera, seen.target, pixels),)))
+    (group,) = build_problem(s.cell, Recording(tuple(samples)))[0].groups
+    assert len(group.readings) == readings
+    for k, reading in enumerate(group.readings):
+        np.testing.assert_array_equal(reading.pixels[0, 0], samples[0].observations[0].pixels[k])
+    board = simulate(Scenario(samples=4), seed=0)
+    assert build_problem(board.cell, board.recording)[0].groups[0].readings == ()
