@@ -95,3 +95,12 @@ def test_errors_of_stops_that_are_not_used_are_zero():
     fewer = problem.with_groups(g.take(np.array([0, 2])) for g in problem.groups)
     np.testing.assert_array_equal(at_stops_of(fewer, state).stop_errors[:, 0], [1, 0, 1])
     np.testing.assert_array_equal(at_stops_of(problem, state).stop_errors, 1.0)
+
+
+def test_what_both_masks_use():
+    """A view, and a point, that one of them leaves out is left out."""
+    first = InlierMask((np.array([True, True, False]),), (np.array([[True, False], [True, True], [True, True]]),))
+    second = InlierMask((np.array([True, False, True]),), (np.array([[True, True], [False, True], [True, True]]),))
+    both = first.both(second)
+    np.testing.assert_array_equal(both.views[0], [True, False, False])
+    np.testing.assert_array_equal(both.points[0], [[True, False], [False, True], [True, True]])

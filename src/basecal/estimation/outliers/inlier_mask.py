@@ -32,6 +32,13 @@ class InlierMask:
         pairs = zip((*self.views, *self.points), (*other.views, *other.points), strict=True)
         return all(np.array_equal(a, b) for a, b in pairs)
 
+    def both(self, other: InlierMask) -> InlierMask:
+        """What both use."""
+        return InlierMask(
+            tuple(a & b for a, b in zip(self.views, other.views, strict=True)),
+            tuple(a & b for a, b in zip(self.points, other.points, strict=True)),
+        )
+
     @property
     def weights(self) -> tuple[Array, ...]:
         """By group, (n,): 1 for a view that is used, else 0."""

@@ -7,22 +7,27 @@ by what all others predict, left out and taken back until none changes sides. So
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeGuard
 
 import numpy as np
 
 from basecal.cell import Cell
 from basecal.errors import BasecalError
 from basecal.estimation.least_squares.studentized import judged_by_view, studentized
-from basecal.estimation.noise.estimate import CONTRADICTED
 from basecal.estimation.outliers.agreeing_samples import agreeing_samples
 from basecal.estimation.outliers.classify import (
     Classification,
     classify_inliers,
     is_stated,
     view_scale,
+)
+from basecal.estimation.outliers.consensus import (
+    Consensus,
+    best_consensus,
+    convincing,
+    fits,
+    implausible,
+    is_answer,
 )
 from basecal.estimation.outliers.inlier_mask import (
     InlierMask,
@@ -32,36 +37,22 @@ from basecal.estimation.outliers.inlier_mask import (
     without_points,
 )
 from basecal.estimation.outliers.left_out import LeftOut, measure_left_out
-from basecal.estimation.outliers.point_inliers import PLAUSIBLE_PX, points_within
+from basecal.estimation.outliers.point_inliers import points_within
 from basecal.estimation.outliers.reweighted import graduated_truncation
 from basecal.estimation.outliers.subset_starts import score, subset_states
 from basecal.estimation.problem.correspondence import choose_correspondence
-from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.settings import DEFAULT, Settings
 from basecal.estimation.solve import Solution, solve_from, solve_packed
 from basecal.estimation.view.measurement import Noise
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement
-from basecal.geometry import BoolArray, IntArray
+from basecal.geometry import IntArray
 
 _ROUNDS = 12  # of leaving out and taking back, at most
 _FREE_ROUNDS = 6  # after these nothing is taken back: no circle
-_LARGEST_UNSUSPECTED_PX = 1.0  # noise a detector has without outliers hiding in it [px]
-_LEAST_KEPT = 0.5  # of the views an answer rests on: fewer may agree by chance
-_CLEAR_SHARE = 0.6  # of the views that agree convince, so that no further start is tried
+
 _FEW_OUT = 0.9  # of the views that agree: what is left out could not have pulled the state aside
-_QUIETER = 4.0  # times less variance: unstated noise spreads over all views alike
-_PLAUSIBLE_SIGMAS = 10.0  # residual of poses and points that an answer may have
-
-
-@dataclass(frozen=True, eq=False)
-class Consensus:
-    """Where leaving out and taking back came to rest: all that was seen, what is used of it, its solution."""
-
-    problem: Problem
-    kept: InlierMask
-    solution: Solution
-    judgement: Classification
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,11 +100,11 @@ def solve_robustly(
     whole = all_inliers(plain.problem)
     judgement = classify_inliers(plain.problem, plain.state, whole)
     agreeing: tuple[int, ...] = ()
-    if not judgement.kept.same_as(whole) or _implausible(plain, judgement):
+    if not judgement.kept.same_as(whole) or implausible(plain, judgement):
         # States far from the truth meet points at the camera's centre; what overflows there is left out by its cost.
         with np.errstate(all="ignore"):
             ends, states = _ends(plain, whole, judgement, cell, settings)
-        best = _best([e for e in ends if _is_answer(e, plain)])
+        best = best_consensus([e for e in ends if is_answer(e, plain)])
         if best is not None and not best.kept.same_as(whole):
             return _told(cell, problem, best)
         agreeing = () if best is not None else agreeing_samples(plain.problem, states)
@@ -139,54 +130,8 @@ def judged_again(
     with np.errstate(all="ignore"):
         end = _end(noisy.noise.held_by(rest.problem), rest.kept, noisy.state, settings)
     sees = rest.solution.observability.unobservable
-    convinces = _convincing(end) and end.solution.converged and end.solution.observability.unobservable <= sees
+    convinces = convincing(end) and end.solution.converged and end.solution.observability.unobservable <= sees
     return _told(cell, recorded, end) if end is not None and convinces else None
-
-
-def _best(ends: Sequence[Consensus]) -> Consensus | None:
-    """The end that rests on most, of those whose views scatter about as little as clearly most views can.
-
-    Noise that nobody stated spreads over all views alike; what leaves most of them with a quarter of its variance is
-    no noise. Where all noise is stated, what keeps within it goes before what does not.
-    """
-    clear = [_spread(e) for e in ends if _share_kept(e) >= _CLEAR_SHARE]
-    limit = _QUIETER * min(clear, default=np.inf)
-    return max(ends, key=lambda e: (_within_stated(e), _spread(e) <= limit, _used(e)), default=None)
-
-
-def _spread(end: Consensus) -> float:
-    """Variance of whole views: over the stated one, or in pixels where none was stated."""
-    unit = 1.0 if is_stated(end.problem) else end.solution.noise.noise.pixel_px**2
-    return end.judgement.view_scale.variance * unit
-
-
-def _is_answer(end: Consensus, plain: Solution) -> bool:
-    """Whether an end rests on most of the views, fits, is an optimum, and sees what all views together do."""
-    sees = end.solution.observability.unobservable <= plain.observability.unobservable
-    return sees and end.solution.converged and _fits(end.solution) and _share_kept(end) >= _LEAST_KEPT
-
-
-def _fits(solution: Solution) -> bool:
-    """Whether residuals are such as the stated noise explains, or as a detector may have."""
-    ratio = float(np.sqrt(solution.cost / max(solution.dof, 1)))
-    weights = [m.weight[m.weight > 0] for m in _with_points(solution.problem.groups) if isinstance(m, PixelMeasurement)]
-    if not weights:
-        return ratio < _PLAUSIBLE_SIGMAS or not is_stated(solution.problem)
-    return ratio < max(CONTRADICTED, PLAUSIBLE_PX * float(np.median(np.concatenate(weights))))
-
-
-def _implausible(plain: Solution, judgement: Classification) -> bool:
-    """Whether scales are such that gross outliers may hide in them."""
-    if is_stated(plain.problem):
-        return max(judgement.view_scale.variance, judgement.point_scale.variance) > CONTRADICTED**2
-    if judgement.view_scale.variance > CONTRADICTED**2:
-        return True
-    return plain.noise.noise.pixel_px > _LARGEST_UNSUSPECTED_PX and "pixel_px" in plain.noise.estimated
-
-
-def _used(end: Consensus) -> int:
-    """How many points, or poses, an end rests on."""
-    return sum(sum(g.measurement.counts().values()) for g in end.solution.problem.groups)
 
 
 def _ends(
@@ -195,35 +140,20 @@ def _ends(
     """Where the plain state leads and, where that does not convince, where subsets of the samples do; these states."""
     full, kept, state = _agreeing_within(plain, whole, judgement, cell, settings)
     direct = _end(full, kept, state, settings)
-    if _convincing(direct, _FEW_OUT):
+    if convincing(direct, _FEW_OUT):
         return [direct], []
     ends = [_end(full, kept, _annealed(full, kept, state), settings)]
     states: list[State] = []
     least = np.inf
-    for start in () if _convincing(ends[0]) else subset_states(without_points(full, kept.points), cell, state):
+    for start in () if convincing(ends[0]) else subset_states(without_points(full, kept.points), cell, state):
         cost = _cost(full, kept, start)
         if cost < least:
             least = cost
             states.append(start)
             ends.append(_end(full, kept, start, settings))
-            if _convincing(ends[-1]):
+            if convincing(ends[-1]):
                 break
     return [e for e in ends if e is not None], states
-
-
-def _convincing(end: Consensus | None, share: float = _CLEAR_SHARE) -> TypeGuard[Consensus]:
-    """Whether so many of the views agree, within the noise that was stated or that a detector may have."""
-    return end is not None and _share_kept(end) >= share and _fits(end.solution) and _within_noise(end)
-
-
-def _within_noise(end: Consensus) -> bool:
-    """Whether whole views scatter no more than the noise in use explains."""
-    return end.judgement.view_scale.variance <= CONTRADICTED**2
-
-
-def _within_stated(end: Consensus) -> bool:
-    """Whether whole views scatter no more than was stated; false where a robot's noise or another was not."""
-    return is_stated(end.problem) and not end.problem.unstated and _within_noise(end)
 
 
 def _cost(full: Problem, kept: InlierMask, state: State) -> float:
@@ -232,11 +162,6 @@ def _cost(full: Problem, kept: InlierMask, state: State) -> float:
         return score(without_points(problem, now.points), state, is_stated(full))
     except np.linalg.LinAlgError:
         return np.inf
-
-
-def _share_kept(end: Consensus) -> float:
-    views = np.concatenate(end.kept.views)
-    return float(views.mean()) if len(views) else 0.0
 
 
 def _agreeing_within(
@@ -250,7 +175,7 @@ def _agreeing_within(
         return plain.problem, whole, plain.state
     cleaned = without_points(plain.problem, points).with_noise(Noise())
     again = solve_from(cleaned, plain.state, settings)
-    if not (again.converged and _fits(again)):
+    if not (again.converged and fits(again)):
         again = solve_packed(cleaned, cell, settings)
     full, kept = _rechosen(plain.problem.with_noise(again.noise.noise), kept, again.state)
     return full, kept, again.state
@@ -260,7 +185,7 @@ def _suspect(plain: Solution, judgement: Classification, k: int) -> IntArray:
     """Views of a group, of many points, of which some are not where the others put them."""
     own = judged_by_view(plain.problem.groups[k].measurement)
     beyond = judgement.point_scale.beyond(judgement.points[k]).any(-1)
-    return np.flatnonzero(own & (beyond | _implausible(plain, judgement)))
+    return np.flatnonzero(own & (beyond | implausible(plain, judgement)))
 
 
 def _annealed(full: Problem, kept: InlierMask, state: State) -> State:
@@ -286,10 +211,10 @@ def _end(full: Problem, kept: InlierMask, state: State, settings: Settings) -> C
     before: list[InlierMask] = []
     free = True
     for k in range(_ROUNDS):
-        if not _enough(full, kept):
+        left = inlier_problem(full, kept)
+        if sum(int(g.measurement.equations().sum()) for g in left.groups) <= left.width:
             return None
         try:
-            left = inlier_problem(full, kept)
             solution = solve_from(left, at_stops_of(left, state), settings)
         except (BasecalError, np.linalg.LinAlgError):
             return None
@@ -300,25 +225,12 @@ def _end(full: Problem, kept: InlierMask, state: State, settings: Settings) -> C
         judgement = classify_inliers(full, state, kept)
         # What was kept before comes again: a view goes and is taken back in turns, and is left out.
         free &= k < _FREE_ROUNDS and not any(map(judgement.kept.same_as, before))
-        now = judgement.kept if free else _common(judgement.kept, kept)
+        now = judgement.kept if free else judgement.kept.both(kept)
         if now.same_as(kept):
             break
         before.append(kept)
         kept = now
     return Consensus(full, kept, solution, judgement)
-
-
-def _common(first: InlierMask, second: InlierMask) -> InlierMask:
-    return InlierMask(
-        tuple(a & b for a, b in zip(first.views, second.views, strict=True)),
-        tuple(a & b for a, b in zip(first.points, second.points, strict=True)),
-    )
-
-
-def _enough(full: Problem, kept: InlierMask) -> bool:
-    """Whether what is kept has an equation for each unknown and more."""
-    left = inlier_problem(full, kept)
-    return sum(int(g.measurement.equations().sum()) for g in left.groups) > left.width
 
 
 def _rechosen(full: Problem, kept: InlierMask, state: State) -> tuple[Problem, InlierMask]:
@@ -329,15 +241,11 @@ def _rechosen(full: Problem, kept: InlierMask, state: State) -> tuple[Problem, I
     points = list(kept.points)
     for k, (old, new) in enumerate(zip(full.groups, after.groups, strict=True)):
         if new.half_turn is not None:
-            turned = _differs(old, new)
+            assert isinstance(old.measurement, PixelMeasurement)
+            assert isinstance(new.measurement, PixelMeasurement)
+            turned = np.any(old.measurement.pixels != new.measurement.pixels, axis=(1, 2))
             points[k] = np.where(turned[:, None], points[k][:, ::-1], points[k])
     return after, replace(kept, points=tuple(points))
-
-
-def _differs(old: ViewGroup, new: ViewGroup) -> BoolArray:
-    assert isinstance(old.measurement, PixelMeasurement)
-    assert isinstance(new.measurement, PixelMeasurement)
-    return np.asarray(np.any(old.measurement.pixels != new.measurement.pixels, axis=(1, 2)))
 
 
 def _told(cell: Cell, problem: Problem, end: Consensus) -> RobustSolution:
@@ -354,9 +262,5 @@ def _sample_count(problem: Problem) -> int:
 
 
 def _point_count(problem: Problem) -> int:
-    return sum(int(m.seen.sum()) for m in _with_points(problem.groups))
-
-
-def _with_points(groups: Iterable[ViewGroup]) -> list[PixelMeasurement | PointMeasurement]:
-    measurements = [g.measurement for g in groups]
-    return [m for m in measurements if isinstance(m, PixelMeasurement | PointMeasurement)]
+    measurements = [g.measurement for g in problem.groups]
+    return sum(int(m.seen.sum()) for m in measurements if isinstance(m, PixelMeasurement | PointMeasurement))

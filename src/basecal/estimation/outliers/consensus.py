@@ -1,0 +1,97 @@
+"""Where leaving out and taking back came to rest, and whether that is an answer to go by."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeGuard
+
+import numpy as np
+
+from basecal.estimation.noise.estimate import CONTRADICTED
+from basecal.estimation.outliers.classify import Classification, is_stated
+from basecal.estimation.outliers.inlier_mask import InlierMask
+from basecal.estimation.outliers.point_inliers import PLAUSIBLE_PX
+from basecal.estimation.problem.problem import Problem
+from basecal.estimation.solve import Solution
+from basecal.estimation.view.pixels import PixelMeasurement
+
+_LARGEST_UNSUSPECTED_PX = 1.0  # noise a detector has without outliers hiding in it [px]
+_LEAST_KEPT = 0.5  # of the views an answer rests on: fewer may agree by chance
+_CLEAR_SHARE = 0.6  # of the views that agree convince, so that no further start is tried
+_QUIETER = 4.0  # times less variance: unstated noise spreads over all views alike
+_PLAUSIBLE_SIGMAS = 10.0  # residual of poses and points that an answer may have
+
+
+@dataclass(frozen=True, eq=False)
+class Consensus:
+    """Where leaving out and taking back came to rest: all that was seen, what is used of it, its solution."""
+
+    problem: Problem
+    kept: InlierMask
+    solution: Solution
+    judgement: Classification
+
+
+def best_consensus(ends: Sequence[Consensus]) -> Consensus | None:
+    """The end that rests on most, of those whose views scatter about as little as clearly most views can.
+
+    Noise that nobody stated spreads over all views alike; what leaves most of them with a quarter of its variance is
+    no noise. Where all noise is stated, what keeps within it goes before what does not.
+    """
+    clear = [_spread(e) for e in ends if _share_kept(e) >= _CLEAR_SHARE]
+    limit = _QUIETER * min(clear, default=np.inf)
+
+    def merit(end: Consensus) -> tuple[bool, bool, int]:
+        """Within what was stated of all noise; as quiet as others; how many points, or poses, it rests on."""
+        stated = is_stated(end.problem) and not end.problem.unstated and _within_noise(end)
+        used = sum(sum(g.measurement.counts().values()) for g in end.solution.problem.groups)
+        return stated, _spread(end) <= limit, used
+
+    return max(ends, key=merit, default=None)
+
+
+def _spread(end: Consensus) -> float:
+    """Variance of whole views: over the stated one, or in pixels where none was stated."""
+    unit = 1.0 if is_stated(end.problem) else end.solution.noise.noise.pixel_px**2
+    return end.judgement.view_scale.variance * unit
+
+
+def is_answer(end: Consensus, plain: Solution) -> bool:
+    """Whether an end rests on most of the views, fits, is an optimum, and sees what all views together do."""
+    sees = end.solution.observability.unobservable <= plain.observability.unobservable
+    return sees and end.solution.converged and fits(end.solution) and _share_kept(end) >= _LEAST_KEPT
+
+
+def fits(solution: Solution) -> bool:
+    """Whether residuals are such as the stated noise explains, or as a detector may have."""
+    ratio = float(np.sqrt(solution.cost / max(solution.dof, 1)))
+    pixels = [g.measurement for g in solution.problem.groups if isinstance(g.measurement, PixelMeasurement)]
+    weights = [m.weight[m.weight > 0] for m in pixels]
+    if not weights:
+        return ratio < _PLAUSIBLE_SIGMAS or not is_stated(solution.problem)
+    return ratio < max(CONTRADICTED, PLAUSIBLE_PX * float(np.median(np.concatenate(weights))))
+
+
+def implausible(plain: Solution, judgement: Classification) -> bool:
+    """Whether scales are such that gross outliers may hide in them."""
+    if is_stated(plain.problem):
+        return max(judgement.view_scale.variance, judgement.point_scale.variance) > CONTRADICTED**2
+    if judgement.view_scale.variance > CONTRADICTED**2:
+        return True
+    return plain.noise.noise.pixel_px > _LARGEST_UNSUSPECTED_PX and "pixel_px" in plain.noise.estimated
+
+
+def convincing(end: Consensus | None, share: float = _CLEAR_SHARE) -> TypeGuard[Consensus]:
+    """Whether so many of the views agree, within the noise that was stated or that a detector may have."""
+    return end is not None and _share_kept(end) >= share and fits(end.solution) and _within_noise(end)
+
+
+def _within_noise(end: Consensus) -> bool:
+    """Whether whole views scatter no more than the noise in use explains."""
+    return end.judgement.view_scale.variance <= CONTRADICTED**2
+
+
+def _share_kept(end: Consensus) -> float:
+    views = np.concatenate(end.kept.views)
+    return float(views.mean()) if len(views) else 0.0

@@ -1,0 +1,84 @@
+"""Which end of a search for outliers is an answer, and which of several the best."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.estimation.outliers.classify import classify_inliers
+from basecal.estimation.outliers.consensus import Consensus, best_consensus, convincing, fits, implausible, is_answer
+from basecal.estimation.outliers.inlier_mask import InlierMask, all_inliers, inlier_problem
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.solve import solve_packed
+from basecal.simulation import Scenario, simulate
+
+MADE = simulate(Scenario(samples=10), 0)
+
+
+@pytest.fixture(scope="module")
+def plain():
+    """The solution of a clean recording, all noise stated."""
+    problem, _ = build_problem(MADE.cell, MADE.recording)
+    return solve_packed(problem, MADE.cell)
+
+
+def end_of(plain, views=10, variance=1.0):
+    """An end that keeps so many views of ten, which scatter by so many times their variance."""
+    whole = all_inliers(plain.problem)
+    kept = InlierMask((np.arange(10) < views,), whole.points)
+    judgement = classify_inliers(plain.problem, plain.state, whole)
+    judgement = replace(judgement, view_scale=replace(judgement.view_scale, variance=variance))
+    return Consensus(plain.problem, kept, replace(plain, problem=inlier_problem(plain.problem, kept)), judgement)
+
+
+def test_six_of_ten_views_convince_within_their_noise(plain):
+    """Fewer do not, nor do views that scatter by 1.5 sigmas or residuals that no noise explains."""
+    assert convincing(end_of(plain, 6))
+    assert not convincing(end_of(plain, 5))
+    assert not convincing(end_of(plain, 6), 0.7)
+    assert not convincing(end_of(plain, 6, variance=1.6**2))
+    assert not convincing(replace(end_of(plain), solution=replace(plain, cost=1e6 * plain.cost)))
+    assert not convincing(None)
+
+
+def test_an_answer_rests_on_half_of_the_views(plain):
+    """And is an optimum that sees what all views see."""
+    assert is_answer(end_of(plain, 5), plain)
+    assert not is_answer(end_of(plain, 4), plain)
+    end = end_of(plain)
+    assert not is_answer(replace(end, solution=replace(plain, converged=False)), plain)
+    blind = replace(plain.observability, unobservable=frozenset({"eye_flange_from_wrist"}))
+    assert not is_answer(replace(end, solution=replace(plain, observability=blind)), plain)
+
+
+def test_of_quiet_ends_the_one_that_rests_on_most(plain):
+    """An end four times noisier than one of most views comes after it, however many points it keeps."""
+    ends = [end_of(plain, 7), end_of(plain, 9), end_of(plain, 8)]
+    assert best_consensus(ends) is ends[1]
+    assert best_consensus([]) is None
+    unstated = replace(plain.problem, unstated=frozenset({"eye"}))
+    for variance, best in ((3.9, 1), (4.1, 0)):
+        ends = [replace(end_of(plain, n, v), problem=unstated) for n, v in ((7, 1.0), (10, variance))]
+        assert best_consensus(ends) is ends[best]
+
+
+def test_ends_within_stated_noise_go_first(plain):
+    """Before one that rests on more views, which scatter by 1.6 sigmas."""
+    stated = replace(plain.problem, unstated=frozenset())
+    ends = [replace(end_of(plain, n, v), problem=stated) for n, v in ((7, 1.0), (10, 1.6**2))]
+    assert best_consensus(ends) is ends[0]
+    assert best_consensus([replace(end, problem=plain.problem) for end in ends]).kept.views[0].all()
+
+
+def test_residuals_that_stated_noise_does_not_explain_are_no_fit(plain):
+    """Of ten times their sigma, and clean ones are."""
+    assert fits(plain)
+    assert not fits(replace(plain, cost=1e4 * plain.cost))
+
+
+def test_views_that_scatter_beyond_what_is_stated_are_implausible(plain):
+    """By whole views or by points; within it nothing hides."""
+    assert not implausible(plain, end_of(plain).judgement)
+    assert implausible(plain, end_of(plain, variance=1.6**2).judgement)
