@@ -93,3 +93,16 @@ def test_a_robot_is_recorded_once(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert "short.csv holds 2, the recording has 4 samples" in capsys.readouterr().err
     assert (tmp_path / "c" / "recording" / "samples.jsonl").read_bytes() == before
     assert list(read_cell(cell).robots) == ["left"]
+
+
+def test_poses_of_the_base_in_the_flange(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """--invert turns them round and it is said; the option of another file is a wrong use."""
+    cell, file = str(tmp_path / "c"), table(tmp_path / "a.csv", "ros")
+    words = ["import", "poses", cell, "--robot", "arm", file, "--invert"]
+    assert main([*words, "camera-from-target"]) == 2
+    assert "here it is base-from-flange" in capsys.readouterr().err
+    assert main([*words, "base-from-flange"]) == 0
+    assert "4 poses arm_flange_from_arm_base, inverted, as of ros" in capsys.readouterr().out
+    state = read_recording(cell).samples[2].robots["arm"]
+    assert state.base_from_flange is not None
+    np.testing.assert_allclose(state.base_from_flange.matrix, np.linalg.inv(DRAWN[2].matrix), atol=1e-9)

@@ -77,7 +77,8 @@ def import_poses(
         hand_base_from_flange: Poses of the flange that carries the target, in its robot's base.
         camera: Name of the camera, where the cell has several, or of the one that saw what a table holds.
         target: Likewise of the target.
-        invert: Files that hold the inverse, by the name of their option; a table of a target is camera-from-target.
+        invert: Files that hold the inverse, by the name of their option; a table of a robot is base-from-flange, of a
+            target camera-from-target.
         streams: Each row, at its time (column stamp_s, else the first), makes a line of its own.
         on: What carries a camera that is new, with a table of a target: a robot, or world.
         target_on: What carries a target that is new; the world where the camera is on a robot.
@@ -85,15 +86,18 @@ def import_poses(
     if file is not None and robot is None and camera is not None and target is not None:
         from basecal.exchange.importing.seen_poses import Sight
 
+        is_inverted = _is_inverted(invert, "camera-from-target")
         table = PoseTable(file, convention, length_unit, deg, rad, streams)
-        return import_target_poses(cell, table, Sight(camera, target, on, target_on), _is_inverted(invert))
+        return import_target_poses(cell, table, Sight(camera, target, on, target_on), is_inverted)
     if on is not None or target_on is not None:
         raise CycloptsError(msg="--on and --target-on belong to a table of a target: CELL FILE --camera C --target T")
     if robot is not None or file is not None:
         if robot is None or file is None:
             missing = "--robot" if robot is None else "FILE"
             raise CycloptsError(msg=f"{missing} is missing: CELL --robot NAME FILE")
-        return import_robot_poses(cell, robot, PoseTable(file, convention, length_unit, deg, rad, streams))
+        is_inverted = _is_inverted(invert, "base-from-flange")
+        table = PoseTable(file, convention, length_unit, deg, rad, streams)
+        return import_robot_poses(cell, robot, table, is_inverted)
     if streams:
         raise CycloptsError(msg="--streams belongs to a table: CELL --robot NAME FILE, one after the other")
     if camera_from_target is None or length_unit is None:
@@ -103,8 +107,8 @@ def import_poses(
     return import_streams(cell, files, camera, target)
 
 
-def _is_inverted(invert: tuple[Inverted, ...]) -> bool:
-    """Whether a table of a target holds the camera's poses in it."""
-    if others := [each for each in invert if each != "camera-from-target"]:
-        raise CycloptsError(msg=f"--invert {others[0]}, but no file is given by --{others[0]}")
+def _is_inverted(invert: tuple[Inverted, ...], held: Inverted) -> bool:
+    """Whether a table holds the inverse of the poses that it is to hold."""
+    if others := [each for each in invert if each != held]:
+        raise CycloptsError(msg=f"--invert {others[0]}, but no file is given by --{others[0]}: here it is {held}")
     return bool(invert)

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from basecal.cli.convention_check import say_conventions
 from basecal.cli.terminal import pasted, say
 from basecal.errors import InputError, listed
 
@@ -58,7 +59,10 @@ def finish_import(
         say(f"basecal: warning: {doubt}", sys.stderr)
     for line in (f"read {imported.source}: {imported.what}", *_pairing_lines(brought), *_cell_lines(brought)):
         say(line)
-    then = _next_step(brought.cell, brought.recording, folder)
+    missing = _missing(brought.cell, brought.recording, folder)
+    then = missing or f"basecal calibrate {pasted(folder)}"
+    if missing is None and say_conventions(folder, brought.cell, brought.recording):
+        then = "mend what is said above, and import into another folder: nothing that is recorded is overwritten"
     if brought.pairing is None:
         say(f"wrote {folder / 'cell.yaml'}: {then}")
         return 0
@@ -107,8 +111,8 @@ def _cell_lines(brought: Brought) -> list[str]:
     return [f"written into cell.yaml: {listed(brought.changed)}"]
 
 
-def _next_step(cell: Cell, recording: Recording, folder: Path) -> str:
-    """What is still missing before the cell can be calibrated, or the line that does it."""
+def _missing(cell: Cell, recording: Recording, folder: Path) -> str | None:
+    """What is still missing before the cell can be calibrated; None where nothing is."""
     place = pasted(folder)
     if not cell.cameras:
         return f"next, its pictures: basecal import images {place} DIR --camera NAME --on ROBOT --target KIND ..."
@@ -122,7 +126,10 @@ def _next_step(cell: Cell, recording: Recording, folder: Path) -> str:
         return f"next, its pictures: basecal import images {place} DIR --camera {next(iter(cell.cameras))}"
     if not cell.targets:
         return "next, say in cell.yaml which target the pictures show (`targets:`, docs/data_format.md)"
-    return f"basecal calibrate {place}"
+    carriers = {thing.on for thing in (*cell.cameras.values(), *cell.targets.values())}
+    if idle := [name for name in cell.robots if name not in carriers]:
+        return f"next, what {listed(idle)} carries: import its pictures, or correct `on:` in cell.yaml"
+    return None
 
 
 def robot_entry(folder: Path, robot: str) -> dict[str, Any]:

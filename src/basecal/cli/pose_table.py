@@ -62,14 +62,23 @@ class PoseTable:
         return Reading(self.convention or guessed_format(self.file), length_m, angle)
 
 
-def import_robot_poses(cell: Path, robot: str, table: PoseTable) -> int:
-    """The exit code, after a robot's flange poses are in the cell."""
+def import_robot_poses(cell: Path, robot: str, table: PoseTable, is_inverted: bool) -> int:
+    """The exit code, after a robot's flange poses are in the cell.
+
+    Args:
+        cell: Its folder.
+        robot: Its name in the cell.
+        table: The poses of its flange in its base.
+        is_inverted: Whether they are those of the base in the flange.
+    """
     from basecal.exchange.controller_poses import read_controller_poses
     from basecal.exchange.importing.imported import Imported
 
     reading = table.reading
-    rows = read_controller_poses(table.file, robot, reading, table.is_stream)
-    what = f"{len(rows)} poses {robot}_base_from_{robot}_flange as of {reading.name} ({reading.words})"
+    rows = read_controller_poses(table.file, robot, reading, table.is_stream, is_inverted)
+    base, flange = f"{robot}_base", f"{robot}_flange"
+    written = f"{flange}_from_{base}, inverted," if is_inverted else f"{base}_from_{flange}"
+    what = f"{len(rows)} poses {written} as of {reading.name} ({reading.words})"
     imported = Imported(table.file, what, rows, robot_entry(cell, robot), is_stream=table.is_stream)
     return finish_import(cell, imported, advice=_ADVICE)
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 Thing = TypeVar("Thing")
 Unit = Literal["m", "mm"]
-Inverted = Literal["eye-base-from-flange", "hand-base-from-flange", "camera-from-target"]
+Inverted = Literal["base-from-flange", "eye-base-from-flange", "hand-base-from-flange", "camera-from-target"]
 
 
 @dataclass(frozen=True)

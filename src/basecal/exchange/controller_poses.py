@@ -94,7 +94,9 @@ class PoseRows(NamedTuple):
     rows: tuple[Row, ...]
 
 
-def read_controller_poses(path: str, robot: str, reading: Reading, is_stream: bool = False) -> tuple[Row, ...]:
+def read_controller_poses(
+    path: str, robot: str, reading: Reading, is_stream: bool = False, is_inverted: bool = False
+) -> tuple[Row, ...]:
     """Rows with the pose of a robot.
 
     Args:
@@ -102,12 +104,14 @@ def read_controller_poses(path: str, robot: str, reading: Reading, is_stream: bo
         robot: Its name.
         reading: The convention and the units.
         is_stream: Whether every row has a time, the first column where there is no header.
+        is_inverted: Whether they are those of the base in the flange.
 
     Raises:
         DatasetError: naming the file and line, if it holds anything else; also where angles are in the other unit.
     """
     found = read_pose_rows(path, reading, is_stream)
-    return tuple(replace(row, robots={robot: RobotState(found.poses[i])}) for i, row in enumerate(found.rows))
+    poses = found.poses.inverse() if is_inverted else found.poses
+    return tuple(replace(row, robots={robot: RobotState(poses[i])}) for i, row in enumerate(found.rows))
 
 
 def read_pose_rows(path: str, reading: Reading, is_stream: bool = False) -> PoseRows:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from basecal.cell import RobotState, Sample
@@ -37,6 +39,17 @@ def test_by_name() -> None:
     assert (paired.by, paired.numbers) == ("image", (2, 0, None))
     assert paired.unpaired_rows == ("IMG_7.png",)
     assert paired.unpaired_samples == (1,)
+
+
+def test_names_of_which_none_is_known_make_samples() -> None:
+    """A table, or a folder asked to go by name, tells of other pictures; a folder by itself goes in order."""
+    others = [Row(image="a.png"), Row(image="b.png"), Row(image="c.png")]
+    assert pair(rows(*others), PICTURES, {}).numbers == (3, 4, 5)
+    folder = [Row(pictures={"two": Path(row.image or "")}, image=row.image) for row in others]
+    assert pair(rows(*folder), PICTURES, {}, "image").numbers == (3, 4, 5)
+    assert pair(rows(*folder), PICTURES, {}).numbers == (0, 1, 2)
+    with pytest.raises(InputError, match="what is recorded names no pictures to pair by: leave `--by name` away"):
+        pair(rows(*folder), [Sample(0), Sample(1), Sample(2)], {}, "image")
 
 
 def test_by_names_of_an_earlier_table() -> None:

@@ -46,7 +46,8 @@ def pair(imported: Imported, samples: Sequence[Sample], names: Mapping[str, int]
 
     Raises:
         InputError: if it is by order and there are more or fewer rows than samples, or two rows belong to one sample;
-            of a stream, if what it tells of is recorded already.
+            if it is to be by name and nothing that is recorded has one; of a stream, if what it tells of is recorded
+            already.
     """
     rows = imported.rows
     if imported.is_stream:
@@ -59,7 +60,7 @@ def pair(imported: Imported, samples: Sequence[Sample], names: Mapping[str, int]
     if not samples and chosen != "sample":
         numbers: list[int | None] = list(range(len(rows)))
     elif chosen == "image":
-        numbers = [known.get(plain_name(row.image or "")) for row in rows]
+        numbers = _by_name(imported, samples, known)
     elif chosen == "sample":
         numbers = [row.sample for row in rows]
     elif chosen == "stamp_s":
@@ -99,11 +100,10 @@ def _told(lines: Sequence[Row | Sample]) -> set[str]:
 
 
 def _by(rows: Sequence[Row], samples: Sequence[Sample], known: Mapping[str, int]) -> By:
-    if (
-        rows
-        and all(row.image is not None for row in rows)
-        and any(plain_name(row.image or "") in known for row in rows)
-    ):
+    names = {plain_name(row.image) for row in rows if row.image is not None}
+    # A table that names other pictures tells of other samples; a folder may hold another camera's in the same order.
+    of_others = known and not any(row.pictures for row in rows)
+    if rows and all(row.image is not None for row in rows) and (of_others or names & known.keys()):
         return "image"
     if rows and all(row.sample is not None for row in rows):
         return "sample"
@@ -111,11 +111,26 @@ def _by(rows: Sequence[Row], samples: Sequence[Sample], known: Mapping[str, int]
     return "stamp_s" if rows and samples and timed else "order"
 
 
+def _by_name(imported: Imported, samples: Sequence[Sample], known: Mapping[str, int]) -> list[int | None]:
+    """The samples of rows that name pictures; new ones where none is known, as of another camera's pictures."""
+    numbers = [known.get(plain_name(row.image or "")) for row in imported.rows]
+    if any(number is not None for number in numbers):
+        return numbers
+    if not known:
+        raise InputError(
+            f"{imported.source}: what is recorded names no pictures to pair by: leave `--by name` away to pair in "
+            "order, or import tables with a column `image` into another folder"
+        )
+    first = max(sample.sample for sample in samples) + 1
+    return list(range(first, first + len(imported.rows)))
+
+
 def _by_order(imported: Imported, samples: Sequence[Sample]) -> list[int | None]:
     if len(imported.rows) != len(samples):
         counts = f"{imported.source} holds {len(imported.rows)}, the recording has {len(samples)} samples"
         raise InputError(
-            f"{counts}: row i belongs to sample i; where it does not, a column `image` or `sample` says so"
+            f"{counts}: row i belongs to sample i; where it does not, a column `image` or `sample` of a table says so, "
+            "and --by name of pictures"
         )
     return [sample.sample for sample in samples]
 

@@ -1,0 +1,110 @@
+"""A quick look at what was imported: do the loops close as it is read, and does nothing else close them better."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from basecal.accuracy.at_the_door.units import impossible_units
+from basecal.accuracy.clocks.search import clocked
+from basecal.accuracy.input_check.conventions import check_conventions
+from basecal.accuracy.input_check.hypothesis_fit import fit_hypothesis, plausible
+from basecal.accuracy.input_check.unexplained_motion import hopeless, is_hopeless
+from basecal.cell import Cell, Finding, Recording, Sample
+from basecal.errors import BasecalError
+from basecal.estimation.outliers.noise_and_outliers import is_as_of_arms, with_noise
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.settings import DEFAULT
+from basecal.estimation.solve import solve_packed
+from basecal.estimation.streams.streams import streams_of
+
+# Rows are spread, for arms may take turns to move; beside them robots alone stay, for pictures may be that much late.
+_ROWS = 3
+_IN_A_ROW = 6
+_BESIDE = 2
+_CLOCKED = 40  # views of streams: offsets of clocks are found beside all else
+_FEWEST = 5  # samples, below which conventions are not tested
+
+
+@dataclass(frozen=True, eq=False)
+class QuickLook:
+    """What a part of a recording says of how it was read.
+
+    Attributes:
+        views: How many samples with a view were looked at.
+        findings: What they are certain of, and of a whole recording also what they doubt.
+        error: How far views are from where the others predict them, in words; None where `untold`.
+        untold: Why nothing is told; empty where something is.
+    """
+
+    views: int
+    findings: tuple[Finding, ...] = ()
+    error: str | None = None
+    untold: str = ""
+
+
+def looked_at(recording: Recording) -> Recording:
+    """The samples that a quick look takes, rows that are spread over the recording, and robots beside them."""
+    samples = recording.samples
+    views = [k for k, sample in enumerate(samples) if sample.observations or sample.images]
+    if any(not samples[k].robots for k in views):  # streams: robots are needed all along
+        spread = np.linspace(0, len(views) - 1, min(len(views), _CLOCKED)).astype(int)
+        passed_over = set(views) - {views[k] for k in spread}
+        return replace(recording, samples=tuple(s for k, s in enumerate(samples) if k not in passed_over))
+    if len(views) <= _ROWS * _IN_A_ROW:
+        return recording
+    starts = np.linspace(0, len(views) - _IN_A_ROW, _ROWS).astype(int)
+    kept = {views[start + k] for start in starts for k in range(_IN_A_ROW)}
+    near = {k + step for k in kept for step in range(-_BESIDE, _BESIDE + 1)} & set(range(len(samples)))
+    return replace(recording, samples=tuple(samples[k] if k in kept else _unseen(samples[k]) for k in sorted(near)))
+
+
+def _unseen(sample: Sample) -> Sample:
+    return replace(sample, observations=(), images={}, background={})
+
+
+def quick_look(cell: Cell, recording: Recording, is_whole: bool = True) -> QuickLook:
+    """Whether a recording closes its loops as it was read.
+
+    Args:
+        cell: As it was imported.
+        recording: What `looked_at` took of it, with what its images show.
+        is_whole: Whether that is all of it, so that doubts will not be dispelled by the rest.
+    """
+    if units := impossible_units(cell, recording):
+        return QuickLook(len(recording.samples), tuple(units))
+    try:
+        streams = streams_of(cell, recording)
+        samples = recording if streams is None else clocked(streams, DEFAULT).recording
+        return _looked(cell, samples, is_whole)
+    except (BasecalError, np.linalg.LinAlgError) as error:
+        return QuickLook(0, untold=str(error))
+
+
+def _looked(cell: Cell, recording: Recording, is_whole: bool) -> QuickLook:
+    """What samples by one clock say.
+
+    Raises:
+        BasecalError: if nothing can be solved.
+    """
+    problem, _ = build_problem(cell, recording)
+    views = len({int(sample) for group in problem.groups for sample in group.sample})
+    if views < _FEWEST:
+        return QuickLook(views, untold=f"{_FEWEST} with the robots' poses are needed")
+    stated = replace(DEFAULT, robot_noise="stated")
+    plain = solve_packed(problem, cell, stated)
+    explained = is_as_of_arms(with_noise(plain, DEFAULT))
+    said = check_conventions(cell, recording, problem, plain, stated, explained)
+    if found := tuple(f for f in said if f.severity == "error" or (is_whole and f.severity == "warning")):
+        return QuickLook(views, found)
+    if is_hopeless(plain.problem, plain.state):
+        return QuickLook(views, (hopeless(plain.problem, plain.state),))
+    fit = fit_hypothesis(cell, recording, stated, plain.state)
+    if fit is None or any(name in plain.observability.unobservable for name in cell.asked):
+        return QuickLook(views, untold="they leave open what is asked for; turn every arm about two axes or more")
+    if not plausible(fit):
+        return QuickLook(
+            views, untold=f"the others predict each to {fit.error_in_words()}, in no other convention better"
+        )
+    return QuickLook(views, error=fit.error_in_words())

@@ -1,0 +1,53 @@
+"""What an import says of conventions at its end, where the cell has all that it takes to tell."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from basecal.cli.detected import counting
+from basecal.cli.terminal import progress, say
+from basecal.errors import BasecalError
+
+if TYPE_CHECKING:
+    from basecal.accuracy.at_the_door.quick_look import QuickLook
+    from basecal.cell import Cell, Recording
+
+
+def say_conventions(folder: Path, cell: Cell, recording: Recording) -> bool:
+    """Tell whether what is recorded closes its loops as it was read, by a few of its samples.
+
+    Args:
+        folder: The cell's, where detections are kept.
+        cell: As it is now.
+        recording: Likewise, whole.
+
+    Returns:
+        Whether it was certainly read otherwise than it was meant.
+    """
+    look = _look(folder, cell, recording)
+    for finding in look.findings:
+        say(f"basecal: warning: {finding.code}, by {look.views} views: {finding.message}", sys.stderr)
+    if look.error is not None:
+        others = "no other direction, unit, order or pairing does better"
+        say(f"conventions hold: each of {look.views} views is predicted by the others to {look.error}, and {others}")
+    elif not look.findings:
+        say(f"conventions are not told by {look.views} views: {look.untold}")
+    return any(finding.severity == "error" for finding in look.findings)
+
+
+def _look(folder: Path, cell: Cell, recording: Recording) -> QuickLook:
+    from basecal.accuracy.at_the_door.quick_look import QuickLook, looked_at, quick_look
+
+    few = looked_at(recording)
+    try:
+        if any(sample.images for sample in few.samples):
+            from basecal.vision.detect import detect
+
+            with counting("looking at pictures") as step:
+                few = detect(cell, few, folder, progress=step)
+    except BasecalError as error:
+        return QuickLook(0, untold=str(error))
+    with progress("testing conventions"):
+        return quick_look(cell, few, len(few.samples) == len(recording.samples))
