@@ -126,7 +126,7 @@ def _missing(cell: Cell, recording: Recording, folder: Path) -> str | None:
         return f"next, its pictures: basecal import images {place} DIR --camera {next(iter(cell.cameras))}"
     if not cell.targets:
         return "next, say in cell.yaml which target the pictures show (`targets:`, docs/data_format.md)"
-    carriers = {thing.on for thing in (*cell.cameras.values(), *cell.targets.values())}
+    carriers = {each.on for each in cell.cameras.values()} | {each.on for each in cell.targets.values()}
     if idle := [name for name in cell.robots if name not in carriers]:
         return f"next, what {listed(idle)} carries: import its pictures, or correct `on:` in cell.yaml"
     return None
