@@ -350,7 +350,7 @@ _PAIRS = [
         "board",
         changes.all_lines(_copied_rows),
         "duplicate-samples",
-        ("samples 100 to 102", "counts once"),
+        ("sample 100, 101, 102", "counts once"),
     ),
     Mistake(
         "a number twice",

@@ -57,6 +57,30 @@ def test_forms_are_those_of_scipy(form, of_scipy):
     np.testing.assert_allclose(form.read(numbers), DRAWN.as_matrix(), atol=1e-14)
 
 
+def test_one_frame_in_the_words_of_four_makers():
+    """A frame by two of its axes, as another library says it for ABB, Stäubli, KUKA and UR.
+
+    Source: compas.dev, COMPAS, tutorial "Frames": `Frame(point, xaxis, yaxis)`; of it ABB takes the quaternion, scalar
+    first, Stäubli Euler angles xyz and KUKA zyx about moving axes, and UR the axis-angle vector.
+    """
+    x = np.array([0.9767, 0.0010, -0.214]) / np.linalg.norm([0.9767, 0.0010, -0.214])
+    z = np.cross(x, [0.1002, 0.8818, 0.4609])
+    z /= np.linalg.norm(z)
+    frame = np.stack([x, np.cross(z, x), z], axis=-1)
+    turn = Rotation.from_matrix(frame)
+    point = [146.0, 150.0, 161.5]
+    said = {
+        "abb": [*point, *turn.as_quat(scalar_first=True)],
+        "staubli": [*point, *turn.as_euler("XYZ", degrees=True)],
+        "kuka": [*point, *turn.as_euler("ZYX", degrees=True)],
+        "ur": [*np.array(point) / 1e3, *turn.as_rotvec()],
+    }
+    for name, numbers in said.items():
+        read = convention(name).read(np.array(numbers))
+        np.testing.assert_allclose(read.rotation, frame, atol=1e-12, err_msg=name)
+        np.testing.assert_allclose(read.translation, [0.146, 0.15, 0.1615], atol=1e-15, err_msg=name)
+
+
 def test_what_is_no_quaternion_is_said():
     """Rounded ones are taken, others are errors."""
     np.testing.assert_allclose(QUATERNION_WXYZ.read(np.array([0.7071, 0.7071, 0, 0]))[2, 1], 1.0, atol=1e-9)

@@ -1,7 +1,8 @@
 """Franka: `O_T_EE`, 16 numbers of a 4x4 matrix column by column, in metres.
 
 Source: libfranka, `franka::RobotState::O_T_EE`: "4x4 matrix in column-major format"; its example
-generate_cartesian_pose_motion.cpp moves along x by the number at 12.
+generate_cartesian_pose_motion.cpp moves along x by the number at 12, and the output of echo_robot_state that its
+"Getting started" shows is where the joints beside it put the hand.
 """
 
 from basecal.exchange.controllers.convention import METRE, MatrixConvention
