@@ -134,3 +134,18 @@ def test_a_target_half_described_leaves_nothing(
     assert main([*images, *words]) == code
     assert said in capsys.readouterr().err
     assert not (tmp_path / "c").exists()
+
+
+def test_boards_that_no_picture_tells_apart_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A second one of the same dictionary: it may be the same board, or its dictionary is to be said."""
+    cell = str(tmp_path / "c")
+    places = ["--on", "arm", "--target-on", "world", *BOARD]
+    assert main(["import", "images", cell, photos(tmp_path / "p"), "--camera", "cam", *places]) == 0
+    second = ["import", "images", cell, photos(tmp_path / "q"), "--camera", "other", *places]
+    assert main([*second, "--target-name", "plate"]) == 3
+    said = capsys.readouterr().err
+    assert "no picture tells 'plate' from 'board'" in said
+    assert "state --dictionary of the one in these pictures" in said
+    assert [*read_cell(cell).targets] == ["board"]
+    assert main([*second, "--target-name", "plate", "--dictionary", "DICT_5X5_50"]) == 0
+    assert [*read_cell(cell).targets] == ["board", "plate"]

@@ -45,3 +45,14 @@ def test_one_to_nine_robots(tmp_path, robots):
     assert main(["new", str(tmp_path / "c"), "--robots", "9"]) == 0
     assert len(read_cell(tmp_path / "c").robots) == 9
     assert read_recording(tmp_path / "c").samples == ()
+
+
+def test_targets_of_several_robots_are_told_apart(tmp_path, capsys):
+    """By their dictionaries, the one that is asked for being the first; where a kind has no marks it is said."""
+    words = ["--robots", "4", "--squares", "5x7", "--square", "40mm", "--dictionary", "DICT_6X6_50"]
+    assert main(["new", str(tmp_path / "c"), *words]) == 0
+    targets = read_cell(tmp_path / "c").targets.values()
+    assert [each.target.options["dictionary"] for each in targets] == ["DICT_6X6_50", "DICT_4X4_50", "DICT_5X5_50"]
+    assert capsys.readouterr().err == ""
+    assert main(["new", str(tmp_path / "d"), "--robots", "3", "--target", "chessboard"]) == 0
+    assert "no picture tells 'target' from 'target2', both chessboard" in capsys.readouterr().err

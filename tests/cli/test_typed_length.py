@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -43,8 +44,11 @@ def test_a_tolerance_decides_and_is_remembered(tmp_path: Path, capsys: pytest.Ca
     assert main(["calibrate", str(tmp_path), "--tolerance", "0.001mm"]) == 1
     assert "tolerance: FAIL: 95 % of errors" in capsys.readouterr().out
     assert main(["report", str(tmp_path)]) == 1
-    assert main(["report", str(tmp_path), "--json"]) == 1
     capsys.readouterr()
+    assert main(["report", str(tmp_path), "--json"]) == 1
+    missed = json.loads(capsys.readouterr().out)["tolerance"]
+    assert (missed["tolerance_m"], missed["passed"]) == (1e-6, False)
+    assert 1e-6 < missed["expected_m"] < 1e-2
     assert main(["report", str(tmp_path), "--tolerance", "1cm"]) == 0
     assert "tolerance: PASS: 95 % of errors" in capsys.readouterr().out
     run = latest_run(tmp_path)

@@ -48,6 +48,10 @@ class ToleranceCheck:
     expected_m: float | None
     passed: bool
 
+    def as_dict(self) -> dict[str, float | bool | None]:
+        """Plain data, as `--json` prints it."""
+        return {"tolerance_m": self.tolerance_m, "expected_m": self.expected_m, "passed": self.passed}
+
 
 def expected_errors(cell: Cell, calibration: Calibration, fitted: FittedAgain) -> tuple[ExpectedError, ...]:
     """The expected error of each transform asked for, where it is used most uncertainly.

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from basecal.cli.detected import detected_recording
+from basecal.cli.next_step import next_step
 from basecal.cli.page import StoredRun, print_page_path, write_page
 from basecal.cli.task_point import Point
 from basecal.cli.terminal import print_json, print_stages, progress, say
@@ -61,7 +63,7 @@ def calibrate(
         certify: Prove that no other answer fits better, or say why that cannot be proven.
         robot_noise: Whether noise of robots that state none is estimated, or these robots are taken for exact.
         tolerance: Length with its unit, such as 0.5mm, below which 95 % of position errors have to be expected.
-        json: Print calibration.json instead of words.
+        json: Print calibration.json instead of words, and the verdict on the tolerance.
         verbose: Print all of the report, and on stderr how long each stage took.
     """
     from basecal.cell.files import calibration_to_dict, read_cell
@@ -80,10 +82,11 @@ def calibrate(
     )
     made = calibrate_folder(cell, described, settings, verbose, needed_m)
     if json:
-        print_json(calibration_to_dict(made.calibration))
+        print_json(with_tolerance(calibration_to_dict(made.calibration), made.tolerance))
     else:
         show(described, made.calibration, verbose, made.tolerance)
         print_page_path(made.run)
+        _say_what_is_missing(cell, described, made.calibration)
     return exit_code(made.calibration, made.tolerance)
 
 
@@ -160,6 +163,19 @@ def show(cell: Cell, calibration: Calibration, verbose: bool = False, tolerance:
     from basecal.reporting.text import text_report
 
     say((text_report if verbose else summary)(cell, calibration, tolerance))
+
+
+def _say_what_is_missing(folder: Path, cell: Cell, calibration: Calibration) -> None:
+    """Where a recording is not yet whole, the command that completes it."""
+    from basecal.cell.files import read_recording
+
+    if calibration.verdict == "refused" and (missing := next_step(cell, read_recording(folder, cell), folder)):
+        say(missing)
+
+
+def with_tolerance(answer: Mapping[str, Any], tolerance: ToleranceCheck | None) -> dict[str, Any]:
+    """What `--json` prints: calibration.json, and the verdict on the tolerance; null where none was asked for."""
+    return {**answer, "tolerance": None if tolerance is None else tolerance.as_dict()}
 
 
 def exit_code(calibration: Calibration, tolerance: ToleranceCheck | None = None) -> int:

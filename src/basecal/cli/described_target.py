@@ -13,9 +13,18 @@ from basecal.cli.typed_length import columns_rows, length_m
 from basecal.errors import InputError
 
 if TYPE_CHECKING:
+    from basecal.cell.target import Target
     from basecal.cell.targets.kind import PrintSizes
 
 _COUNTED = ("squares", "corners", "circles", "tags")  # fields that hold columns and rows
+# The option that tells two of a kind apart.
+_MARKED_BY = {
+    "charuco": "--dictionary",
+    "apriltag": "--tag",
+    "aprilgrid": "--family",
+    "chessboard": "--corners",
+    "circles": "--circles",
+}
 _MARKER = 0.75  # of the square, as `basecal target` prints
 
 
@@ -92,7 +101,7 @@ def target_entry(
 
     Raises:
         CycloptsError: if more is said of a target of no kind.
-        InputError: if its kind needs other sizes, or several could carry it.
+        InputError: if its kind needs other sizes, several could carry it, or no picture tells it from another.
     """
     ((name, carrier),) = on.items()
     if kind is None:
@@ -100,9 +109,40 @@ def target_entry(
             raise CycloptsError(msg="a target is described, but not its kind: add --target charuco, or another kind")
         return {}
     fields = target_fields(kind, shape)
+    _check_marks(folder, name, kind, fields)
     carrier = carrier or _only_carrier(folder, name, camera_on)
     targets = {"targets": {name: {"on": carrier, **fields}}}
     return targets if carrier == "world" else {"robots": {carrier: {}}, **targets}
+
+
+def are_alike(one: Target, other: Target) -> bool:
+    """Whether no picture tells which of two targets it shows."""
+    from basecal.cell.targets.all_kinds import target_kind
+    from basecal.cell.targets.kind import alike
+
+    return one.kind == other.kind and alike(target_kind(one.kind), one.options, other.options)
+
+
+def _check_marks(folder: Path, name: str, kind: str, fields: Mapping[str, Any]) -> None:
+    """Nothing, where pictures tell a target from those that the cell has.
+
+    Raises:
+        InputError: if not.
+    """
+    from basecal.cell.files import read_cell
+    from basecal.cell.targets.all_kinds import target_kind
+    from basecal.cell.targets.kind import alike
+
+    known = read_cell(folder).targets if (folder / "cell.yaml").exists() else {}
+    of_kind = target_kind(kind)
+    for other in known.values():
+        if other.name == name or other.target is None or other.target.kind != kind or not of_kind.marks(fields):
+            continue
+        if alike(of_kind, fields, other.target.options):
+            raise InputError(
+                f"no picture tells {name!r} from {other.name!r} of cell.yaml, which has the same marks: if they are "
+                f"one and the same leave --target away, else state {_MARKED_BY[kind]} of the one in these pictures"
+            )
 
 
 def _only_carrier(folder: Path, target: str, camera_on: Mapping[str, str | None]) -> str:

@@ -83,21 +83,19 @@ def import_poses(
         on: What carries a camera that is new, with a table of a target: a robot, or world.
         target_on: What carries a target that is new; the world where the camera is on a robot.
     """
-    if file is not None and robot is None and camera is not None and target is not None:
+    table = None if file is None else PoseTable(file, convention, length_unit, deg, rad, streams)
+    if table is not None and robot is None and camera is not None and target is not None:
         from basecal.exchange.importing.seen_poses import Sight
 
         is_inverted = _is_inverted(invert, "camera-from-target")
-        table = PoseTable(file, convention, length_unit, deg, rad, streams)
         return import_target_poses(cell, table, Sight(camera, target, on, target_on), is_inverted)
     if on is not None or target_on is not None:
         raise CycloptsError(msg="--on and --target-on belong to a table of a target: CELL FILE --camera C --target T")
-    if robot is not None or file is not None:
-        if robot is None or file is None:
+    if robot is not None or table is not None:
+        if robot is None or table is None:
             missing = "--robot" if robot is None else "FILE"
             raise CycloptsError(msg=f"{missing} is missing: CELL --robot NAME FILE")
-        is_inverted = _is_inverted(invert, "base-from-flange")
-        table = PoseTable(file, convention, length_unit, deg, rad, streams)
-        return import_robot_poses(cell, robot, table, is_inverted)
+        return import_robot_poses(cell, robot, table, _is_inverted(invert, "base-from-flange"))
     if streams:
         raise CycloptsError(msg="--streams belongs to a table: CELL --robot NAME FILE, one after the other")
     if camera_from_target is None or length_unit is None:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from basecal.cli.convention_check import say_conventions
+from basecal.cli.next_step import next_step
 from basecal.cli.terminal import pasted, say
 from basecal.errors import InputError, listed
 
@@ -59,10 +60,10 @@ def finish_import(
         say(f"basecal: warning: {doubt}", sys.stderr)
     for line in (f"read {imported.source}: {imported.what}", *_pairing_lines(brought), *_cell_lines(brought)):
         say(line)
-    missing = _missing(brought.cell, brought.recording, folder)
+    missing = next_step(brought.cell, brought.recording, folder)
     then = missing or f"basecal calibrate {pasted(folder)}"
     if missing is None and say_conventions(folder, brought.cell, brought.recording):
-        then = "mend what is said above, and import into another folder: nothing that is recorded is overwritten"
+        then = "mend what is said above first, in cell.yaml or by importing anew into another folder"
     if brought.pairing is None:
         say(f"wrote {folder / 'cell.yaml'}: {then}")
         return 0
@@ -109,27 +110,6 @@ def _cell_lines(brought: Brought) -> list[str]:
     if brought.is_new_cell or not brought.changed:
         return []
     return [f"written into cell.yaml: {listed(brought.changed)}"]
-
-
-def _missing(cell: Cell, recording: Recording, folder: Path) -> str | None:
-    """What is still missing before the cell can be calibrated; None where nothing is."""
-    place = pasted(folder)
-    if not cell.cameras:
-        return f"next, its pictures: basecal import images {place} DIR --camera NAME --on ROBOT --target KIND ..."
-    seen = any(sample.images or sample.observations for sample in recording.samples)
-    silent = [name for name in cell.robots if not any(name in sample.robots for sample in recording.samples)]
-    if silent:
-        return (
-            f"next, where {listed(silent)} was: basecal import poses {place} --robot {silent[0]} FILE --format FORMAT"
-        )
-    if not seen:
-        return f"next, its pictures: basecal import images {place} DIR --camera {next(iter(cell.cameras))}"
-    if not cell.targets:
-        return "next, say in cell.yaml which target the pictures show (`targets:`, docs/data_format.md)"
-    carriers = {each.on for each in cell.cameras.values()} | {each.on for each in cell.targets.values()}
-    if idle := [name for name in cell.robots if name not in carriers]:
-        return f"next, what {listed(idle)} carries: import its pictures, or correct `on:` in cell.yaml"
-    return None
 
 
 def robot_entry(folder: Path, robot: str) -> dict[str, Any]:

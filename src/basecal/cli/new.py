@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import os
+import sys
+from itertools import combinations
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import CycloptsError, Parameter, validators
 
-from basecal.cli.described_target import UNSAID, Shape, is_described, target_fields
+from basecal.cli.described_target import UNSAID, Shape, are_alike, is_described, target_fields
+from basecal.cli.next_step import next_step
 from basecal.cli.template import Kind, cell_text
 from basecal.cli.terminal import pasted, say
+
+if TYPE_CHECKING:
+    from basecal.cell import Cell
 
 
 def new(
@@ -26,7 +32,8 @@ def new(
 
     One robot: a camera on its flange looks at a target on the world. Two: the
     camera is on the first, `eye`, the target on the second, `hand`. More: each
-    robot's camera sees the target of the next. With the target's sizes given
+    robot's camera sees the target of the next; the targets differ in their
+    dictionary or numbers, so that no picture confuses them. With the target's sizes given
     nothing is left to fill in before poses and pictures are imported. An
     existing cell is never overwritten.
 
@@ -43,7 +50,7 @@ def new(
         target: What the cameras look at; `pose` where another program gives the target's pose.
         shape: Counts and sizes of the targets.
     """
-    from basecal.cell.files import cell_from_dict
+    from basecal.cell.files import cell_from_dict, read_recording
     from basecal.cell.format.writing import make_folder, open_new
     from basecal.cell.format.yaml_text import parse_yaml
 
@@ -53,15 +60,29 @@ def new(
         raise CycloptsError(msg="--target pose is seen as poses, and has no sizes: leave them away")
     fields = target_fields(target, shape) if is_described(shape) else None
     text = cell_text(names or robots or 2, target, shape=fields)
-    cell_from_dict(parse_yaml(text, str(cell)).data, str(cell / "cell.yaml"))
+    made = cell_from_dict(parse_yaml(text, str(cell)).data, str(cell / "cell.yaml"))
     start_cell(cell, text)
+    _warn_of_alike_targets(made)
     samples = cell / "recording" / "samples.jsonl"
     make_folder(samples.parent, cell)
     if not os.path.lexists(samples):
         open_new(samples).close()
     then = f"basecal calibrate {pasted(cell)}"
     say(f"wrote {cell / 'cell.yaml'}: fill in what is known, record into {samples}, then: {then}")
+    if (missing := next_step(made, read_recording(cell, made), cell)) is not None:
+        say(missing)
     return 0
+
+
+def _warn_of_alike_targets(cell: Cell) -> None:
+    for one, other in combinations(cell.targets.values(), 2):
+        if one.target is not None and other.target is not None and are_alike(one.target, other.target):
+            say(
+                f"basecal: warning: no picture tells {one.name!r} from {other.name!r}, both {one.target.kind}: give "
+                "them other counts in cell.yaml, or take --target charuco or apriltag, whose marks differ",
+                sys.stderr,
+            )
+            return
 
 
 def start_cell(folder: Path, text: str) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from basecal.cli.calibrate import exit_code, show
+from basecal.cli.calibrate import exit_code, show, with_tolerance
 from basecal.cli.page import print_page_path, stored_run, write_page
 from basecal.cli.terminal import pasted, print_json
 from basecal.cli.typed_length import length_m
@@ -34,7 +34,7 @@ def report(cell: Path, /, *, tolerance: str | None = None, json: bool = False, v
         cell: Folder of the cell.
         tolerance: Length with its unit, such as 0.5mm, below which 95 % of position errors have to be expected;
             the one that calibrate was given where none is given here.
-        json: Print calibration.json instead.
+        json: Print calibration.json instead, and the verdict on the tolerance.
         verbose: Print all of the report.
     """
     from dataclasses import replace
@@ -50,12 +50,12 @@ def report(cell: Path, /, *, tolerance: str | None = None, json: bool = False, v
         asked = {**calibration.settings, "tolerance_m": length_m(tolerance)}
         calibration = replace(calibration, settings=asked)
     if json and calibration.settings.get("tolerance_m") is None:
-        print_json(read_calibration_data(run))
+        print_json(with_tolerance(read_calibration_data(run), None))
         return exit_code(calibration)
     stored = stored_run(cell, run, described, calibration)
     check = check_tolerance(described, calibration, stored.details.errors)
     if json:
-        print_json(read_calibration_data(run))
+        print_json(with_tolerance(read_calibration_data(run), check))
     else:
         show(described, calibration, verbose, check)
         write_page(described, calibration, stored)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from json import dumps
+from textwrap import dedent
 from typing import Any, Literal
 
 from basecal.registry import TargetKindName
@@ -31,7 +32,7 @@ def cell_text(
     Args:
         robots: How many, or their names. One robot looks at a target on the world; of more, each sees the target that
             the next one carries.
-        kind: Kind of the targets; `pose` for targets whose pose another program gives.
+        kind: Kind of the targets, each with marks of its own; `pose` for targets whose pose another program gives.
         camera_on_world: Whether the camera stands beside a single robot, which then carries the target.
         shape: Fields of the targets, with their kind; those of an example where None.
     """
@@ -52,7 +53,10 @@ def cell_text(
         parts.append(f"{f'  {name}: {{status: free}}':<37}# {about}\n")
     parts += ["cameras:\n", *(_camera(_numbered("camera", i), on, names[0], kind) for i, (on, _) in enumerate(pairs))]
     places = [(_numbered("target", i), on) for i, (_, on) in enumerate(pairs)]
-    parts += ["targets:\n", *(_target(name, on, names[0], kind, shape) for name, on in places)]
+    parts += ["targets:\n"]
+    parts += [
+        f"  {name}:\n{_mount(on, names[0], name)}{_fields(kind, shape, i)}" for i, (name, on) in enumerate(places)
+    ]
     parts += (
         []
         if kind == "pose"
@@ -96,12 +100,16 @@ def _camera(name: str, on: str, reference: str, kind: Kind) -> str:
     return text + f"    {advice}\n    intrinsics: {known}\n"
 
 
-def _target(name: str, on: str, reference: str, kind: Kind, shape: Mapping[str, Any] | None) -> str:
+def _fields(kind: Kind, shape: Mapping[str, Any] | None, place: int) -> str:
+    """The lines of a target of several; the first of those that nobody described are explained."""
+    from basecal.cell.format.yaml_text import parse_yaml
     from basecal.cell.targets.all_kinds import target_kind
 
-    if shape is not None:
-        plain = {key: value if isinstance(value, str) else dumps(value) for key, value in shape.items()}
-        lines = "".join(f"    {key}: {value}\n" for key, value in plain.items())
-    else:
-        lines = "" if kind == "pose" else target_kind(kind).template
-    return f"  {name}:\n{_mount(on, reference, name)}{lines}"
+    if kind == "pose":
+        return ""
+    known = target_kind(kind)
+    if shape is None and place == 0:
+        return known.template
+    fields = known.another(shape or parse_yaml(dedent(known.template), kind).data, place)
+    plain = {key: value if isinstance(value, str) else dumps(value) for key, value in fields.items()}
+    return "".join(f"    {key}: {value}\n" for key, value in plain.items())

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
-import numpy as np
+from itertools import combinations
+from textwrap import dedent
 
-from basecal.cell.targets.kind import Described, TargetEntry, TargetKind, plane_grid
+import numpy as np
+import pytest
+
+from basecal.cell.format.yaml_text import parse_yaml
+from basecal.cell.targets.all_kinds import KIND_NAMES, target_kind
+from basecal.cell.targets.kind import Described, TargetEntry, TargetKind, alike, chosen, plane_grid
+from basecal.registry import TargetKindName
 
 
 def test_grids_run_row_by_row():
@@ -28,3 +35,23 @@ def test_a_kind_reads_by_its_first_entry():
     kind = TargetKind((TargetEntry,), Described("", "", ""), "", lambda _: None)
     assert kind.entry_index({"anything": 1}) == 0
     assert kind.printed is None
+
+
+def test_the_next_of_several_is_another() -> None:
+    """What was said is the first, then what is usual without it; of too few the last."""
+    assert [chosen(("a", "b", "c"), "b", place) for place in range(4)] == ["b", "a", "c", "c"]
+
+
+@pytest.mark.parametrize("name", KIND_NAMES)
+def test_several_of_a_kind(name: TargetKindName) -> None:
+    """Pictures tell those with marks of their own apart; a cell reads each of them, and the first is as it was."""
+    kind = target_kind(name)
+    fields = parse_yaml(dedent(kind.template), name).data
+    several = [kind.another(fields, place) for place in range(8)]
+    assert several[0] == fields
+    for each in several:
+        entry = kind.entries[kind.entry_index(each)]
+        assert entry.model_validate({"on": "hand", **each}).shape() is not None
+    told = [not alike(kind, one, other) for one, other in combinations(several, 2)]
+    assert all(told) == (name in ("charuco", "apriltag"))
+    assert told[0] == (name in ("charuco", "apriltag", "aprilgrid"))

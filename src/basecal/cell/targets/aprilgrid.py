@@ -17,7 +17,7 @@ from basecal.cell.format.values import MOST_POINTS, Length, known_names
 from basecal.cell.sheet import Marker, Sheet
 from basecal.cell.target import Tags, Target
 from basecal.cell.targets.fiducials import FAMILIES
-from basecal.cell.targets.kind import Described, TargetEntry, TargetKind, plane_grid
+from basecal.cell.targets.kind import Described, TargetEntry, TargetKind, chosen, plane_grid
 from basecal.geometry import SE3
 
 _BORDER = 2  # cells, as Kalibr prints
@@ -78,6 +78,8 @@ class AprilgridEntry(TargetEntry):
         return aprilgrid_target((columns, rows), self.tag_m, self.spacing, self.family)
 
 
+_LARGE_FAMILIES = ("tag36h11", "tag36h10")  # the others that OpenCV finds have 35 tags at most, one less than 6 x 6
+
 KIND = TargetKind(
     entries=(AprilgridEntry,),
     described=Described(
@@ -92,6 +94,8 @@ KIND = TargetKind(
     spacing: 0.3                     # gap between tags, in units of their size
     family: tag36h11
 """,
+    marks=lambda fields: frozenset({fields["family"]}),
+    another=lambda fields, n: {**fields, "family": chosen(_LARGE_FAMILIES, fields["family"], n)},
     usual=lambda _: aprilgrid_target((4, 4), 0.042, 0.3),
     printed=lambda sizes: {
         "tags": [sizes.columns, sizes.rows],

@@ -13,7 +13,7 @@ from basecal.cell.format.values import MOST_POINTS, Length, PoseEntry, full_pose
 from basecal.cell.sheet import Marker, Sheet
 from basecal.cell.target import Tags, Target
 from basecal.cell.targets.fiducials import DICTIONARIES, FAMILIES, cells_across
-from basecal.cell.targets.kind import Described, TargetEntry, TargetKind
+from basecal.cell.targets.kind import Described, Fields, TargetEntry, TargetKind
 from basecal.geometry import SE3
 
 # In cells; one is what a reader needs, two keep what is beside the paper out of a blurred corner.
@@ -84,6 +84,13 @@ class ApriltagEntry(TargetEntry):
         return apriltag_target(self.family, posed)
 
 
+def _another(fields: Fields, place: int) -> Fields:
+    """The same with the tags' numbers after those of all before it."""
+    numbers = [tag["id"] for tag in fields["tags"]]
+    step = max(numbers) - min(numbers) + 1
+    return {**fields, "tags": [{**tag, "id": tag["id"] + place * step} for tag in fields["tags"]]}
+
+
 KIND = TargetKind(
     entries=(ApriltagEntry,),
     described=Described(
@@ -100,5 +107,7 @@ KIND = TargetKind(
         "family": sizes.family,
         "tags": [{"id": sizes.tag, "size_m": sizes.square_m, "t_m": [0, 0, 0], "q_xyzw": [0, 0, 0, 1]}],
     },
+    marks=lambda fields: frozenset(f"{fields['family']} {tag['id']}" for tag in fields["tags"]),
+    another=_another,
     figures={"apriltag": apriltag_target("tag36h11", [(0, 0.16, SE3.identity())])},
 )

@@ -11,7 +11,7 @@ from basecal.cell.format.values import Length, Squares, known_names
 from basecal.cell.sheet import Marker, Sheet, black_squares
 from basecal.cell.target import Target
 from basecal.cell.targets.fiducials import DICTIONARIES
-from basecal.cell.targets.kind import Described, TargetEntry, TargetKind, plane_grid
+from basecal.cell.targets.kind import Described, TargetEntry, TargetKind, chosen, plane_grid
 
 # In squares: keeps what is beside the paper out of the outer squares.
 _MARGIN = 0.5
@@ -70,6 +70,13 @@ class CharucoEntry(TargetEntry):
         return charuco_target((columns, rows), self.square_m, self.marker_m, self.dictionary, self.legacy_pattern)
 
 
+# Of several boards in a cell, in the order in which they are taken: no two have a marker in common.
+_DICTIONARIES = (
+    *(f"DICT_{n}X{n}_50" for n in (4, 5, 6, 7)),
+    *(f"DICT_APRILTAG_{code}" for code in ("36h11", "36h10", "25h9")),
+    "DICT_ARUCO_MIP_36h12",
+)
+
 KIND = TargetKind(
     entries=(CharucoEntry,),
     described=Described(
@@ -91,5 +98,7 @@ KIND = TargetKind(
         "marker_m": sizes.marker_m,
         "dictionary": sizes.dictionary,
     },
+    marks=lambda fields: frozenset({fields["dictionary"]}),
+    another=lambda fields, n: {**fields, "dictionary": chosen(_DICTIONARIES, fields["dictionary"], n)},
     figures={"charuco": charuco_target((5, 4), 0.04, 0.03, "DICT_4X4_50")},
 )

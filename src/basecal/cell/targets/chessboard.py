@@ -55,5 +55,6 @@ KIND = TargetKind(
 """,
     usual=lambda _: chessboard_target((6, 6), 0.03),
     printed=lambda sizes: {"corners": [sizes.columns, sizes.rows], "square_m": sizes.square_m},
+    marks=lambda fields: frozenset({str(sorted(fields["corners"]))}),
     figures={"chessboard": chessboard_target((4, 3), 0.04)},
 )

@@ -63,6 +63,7 @@ KIND = TargetKind(
 """,
     usual=lambda _: circles_target((7, 6), 0.03),
     printed=lambda sizes: {"circles": [sizes.columns, sizes.rows], "spacing_m": sizes.square_m},
+    marks=lambda fields: frozenset({str(sorted(fields["circles"]))}),
     figures={
         "circles": circles_target((4, 3), 0.04),
         "circles_asymmetric": circles_target((3, 4), 0.025, asymmetric=True),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -60,6 +60,8 @@ class TargetKind:
         printed: Fields of one to print; None where there is nothing to choose.
         entry_index: Index of the one of `entries` that reads an entry with these fields.
         figures: Small ones for the documents, by the name of the picture.
+        marks: What pictures tell one by from another of its kind, of its fields; empty where they cannot.
+        another: Fields of the n-th of several in a cell, counted from 0, with marks of its own as far as there are any.
     """
 
     entries: tuple[type[TargetEntry], ...]
@@ -69,6 +71,20 @@ class TargetKind:
     printed: Callable[[PrintSizes], Fields] | None = None
     entry_index: Callable[[Fields], int] = lambda _: 0
     figures: Mapping[str, Target] = field(default_factory=dict)
+    marks: Callable[[Fields], frozenset[str]] = lambda _: frozenset()
+    another: Callable[[Fields, int], Fields] = lambda fields, _: fields
+
+
+def chosen(usual: Sequence[str], said: str, place: int) -> str:
+    """The one at a place among what is usual, that which was said being the first; the last where there are fewer."""
+    ordered = [said, *(name for name in usual if name != said)]
+    return ordered[min(place, len(ordered) - 1)]
+
+
+def alike(kind: TargetKind, one: Fields, other: Fields) -> bool:
+    """Whether no picture tells which of two of a kind it shows."""
+    marks, others = kind.marks(one), kind.marks(other)
+    return bool(marks & others) or not (marks or others)
 
 
 def plane_grid(columns: int, rows: int, pitch: float, origin: float = 0.0) -> Array:

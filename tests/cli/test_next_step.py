@@ -1,0 +1,54 @@
+"""What is missing before a cell can be calibrated."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from basecal.cell import Recording
+from basecal.cli import main
+from basecal.cli.next_step import next_step
+from basecal.simulation import Scenario, simulate
+
+MADE = simulate(Scenario(samples=3), 0)
+
+
+def step(folder: Path, cell=MADE.cell, recording=MADE.recording) -> str:  # type: ignore[no-untyped-def]
+    return next_step(cell, recording, folder) or ""
+
+
+def without(**fields: object) -> Recording:
+    return Recording(tuple(replace(sample, **fields) for sample in MADE.recording.samples))  # type: ignore[arg-type]
+
+
+def test_one_thing_after_the_other(tmp_path: Path) -> None:
+    """Robots, then pictures, then a target; nothing where all is there."""
+    assert step(tmp_path) == ""
+    silent = without(robots={})
+    assert step(tmp_path, recording=silent).startswith("next, where eye, hand was: basecal import poses ")
+    blind = without(observations=())
+    assert step(tmp_path, recording=blind).endswith(" DIR --camera wrist")
+    assert "which target the pictures show" in step(tmp_path, replace(MADE.cell, targets={}))
+    assert "--camera NAME --on ROBOT" in step(tmp_path, replace(MADE.cell, cameras={}))
+
+
+def test_pictures_that_were_dropped_in_are_seen(tmp_path: Path) -> None:
+    """They have the place where they would be copied to, and are imported from there."""
+    dropped = tmp_path / "recording" / "images" / "wrist"
+    dropped.mkdir(parents=True)
+    (dropped / "1.PNG").touch()
+    assert f" {dropped} --camera wrist" in step(tmp_path, recording=without(observations=()))
+
+
+def test_a_robot_that_carries_nothing(tmp_path: Path) -> None:
+    """Its base cannot be found."""
+    targets = {name: replace(each, on="world") for name, each in MADE.cell.targets.items()}
+    assert step(tmp_path, replace(MADE.cell, targets=targets)).startswith("next, what hand carries: ")
+
+
+def test_calibrate_says_it_too(tmp_path: Path, capsys) -> None:  # type: ignore[no-untyped-def]
+    """A cell that was just made is refused with the command that goes on."""
+    assert main(["new", str(tmp_path / "c")]) == 0
+    assert "next, where eye, hand was: basecal import poses" in capsys.readouterr().out
+    assert main(["calibrate", str(tmp_path / "c")]) == 1
+    assert "next, where eye, hand was: basecal import poses" in capsys.readouterr().out
