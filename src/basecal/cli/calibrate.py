@@ -143,17 +143,18 @@ def calibrate_folder(
     with progress("calibrating") as tell:
         stages = Stages(tell)
         calibration = calibrated(cell, recording, replace(settings or Settings(), stages=stages))
+        asked = calibration.settings if needed_m is None else {**calibration.settings, "tolerance_m": needed_m}
+        calibration = replace(calibration, settings=asked, inputs=inputs, versions=used_versions())
+        run = write_calibration(calibration, folder).parent
+        with stages.stage("report"):
+            stored = read_calibration(run)  # what `report` will find, to the last digit
+            recording = synchronous(cell, recording, stored.clocks)
+            details = fit_details(cell, recording, stored)
+            tolerance = check_tolerance(cell, stored, details.errors)
+            write_whole(run / "report.txt", printable(text_report(cell, calibration, tolerance)) + "\n", within=folder)
+            write_page(cell, stored, StoredRun(run, recording, details, ()))
     if verbose:
         print_stages(stages.seconds)
-    asked = calibration.settings if needed_m is None else {**calibration.settings, "tolerance_m": needed_m}
-    calibration = replace(calibration, settings=asked, inputs=inputs, versions=used_versions())
-    run = write_calibration(calibration, folder).parent
-    stored = read_calibration(run)  # what `report` will find, to the last digit
-    recording = synchronous(cell, recording, stored.clocks)
-    details = fit_details(cell, recording, stored)
-    tolerance = check_tolerance(cell, stored, details.errors)
-    write_whole(run / "report.txt", printable(text_report(cell, calibration, tolerance)) + "\n", within=folder)
-    write_page(cell, stored, StoredRun(run, recording, details, ()))
     return CalibratedFolder(calibration, run, tolerance)
 
 
@@ -174,8 +175,8 @@ def _say_what_is_missing(folder: Path, cell: Cell, calibration: Calibration) -> 
 
 
 def with_tolerance(answer: Mapping[str, Any], tolerance: ToleranceCheck | None) -> dict[str, Any]:
-    """What `--json` prints: calibration.json, and the verdict on the tolerance; null where none was asked for."""
-    return {**answer, "tolerance": None if tolerance is None else tolerance.as_dict()}
+    """What `--json` prints: calibration.json, and the verdict on the tolerance where one was asked for."""
+    return dict(answer) if tolerance is None else {**answer, "tolerance": tolerance.as_dict()}
 
 
 def exit_code(calibration: Calibration, tolerance: ToleranceCheck | None = None) -> int:

@@ -17,14 +17,6 @@ if TYPE_CHECKING:
     from basecal.cell.targets.kind import PrintSizes
 
 _COUNTED = ("squares", "corners", "circles", "tags")  # fields that hold columns and rows
-# The option that tells two of a kind apart.
-_MARKED_BY = {
-    "charuco": "--dictionary",
-    "apriltag": "--tag",
-    "aprilgrid": "--family",
-    "chessboard": "--corners",
-    "circles": "--circles",
-}
 _MARKER = 0.75  # of the square, as `basecal target` prints
 
 
@@ -141,7 +133,7 @@ def _check_marks(folder: Path, name: str, kind: str, fields: Mapping[str, Any]) 
         if alike(of_kind, fields, other.target.options):
             raise InputError(
                 f"no picture tells {name!r} from {other.name!r} of cell.yaml, which has the same marks: if they are "
-                f"one and the same leave --target away, else state {_MARKED_BY[kind]} of the one in these pictures"
+                f"one and the same leave --target away, else state its own dictionary, family, number or counts"
             )
 
 

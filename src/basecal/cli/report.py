@@ -6,7 +6,7 @@ from pathlib import Path
 
 from basecal.cli.calibrate import exit_code, show, with_tolerance
 from basecal.cli.page import print_page_path, stored_run, write_page
-from basecal.cli.terminal import pasted, print_json
+from basecal.cli.terminal import pasted, print_json, progress
 from basecal.cli.typed_length import length_m
 from basecal.errors import InputError
 
@@ -50,7 +50,7 @@ def report(cell: Path, /, *, tolerance: str | None = None, json: bool = False, v
         asked = {**calibration.settings, "tolerance_m": length_m(tolerance)}
         calibration = replace(calibration, settings=asked)
     if json and calibration.settings.get("tolerance_m") is None:
-        print_json(with_tolerance(read_calibration_data(run), None))
+        print_json(read_calibration_data(run))
         return exit_code(calibration)
     stored = stored_run(cell, run, described, calibration)
     check = check_tolerance(described, calibration, stored.details.errors)
@@ -58,6 +58,7 @@ def report(cell: Path, /, *, tolerance: str | None = None, json: bool = False, v
         print_json(with_tolerance(read_calibration_data(run), check))
     else:
         show(described, calibration, verbose, check)
-        write_page(described, calibration, stored)
+        with progress("writing the page"):
+            write_page(described, calibration, stored)
         print_page_path(run)
     return exit_code(calibration, check)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-# Percent of a calibration's time that each stage takes, in their order; a mean over cells of 30 to 300 samples, whose
-# stages differ by a factor of three from it. A stage that is not listed counts as nothing.
-_PERCENT = {
+# How long each stage takes of 100 that the solution and all its tests take, in their order; a mean over cells of 30 to
+# 300 samples, whose stages differ by a factor of three from it. A stage that is not listed counts as nothing.
+_SHARES = {
     "problem": 1,
     "start": 4,
     "descent": 1,
@@ -22,6 +22,7 @@ _PERCENT = {
     "residuals": 1,
     "cross-validation": 7,
     "findings": 1,
+    "report": 35,
 }
 _SOONEST_S = 1.0  # before it, and less than it, nothing is said of the time
 
@@ -48,11 +49,11 @@ class TimeLeft:
 
     def seconds(self) -> float | None:
         """How long all stages take still [s]; None where too little is known."""
-        done = sum(_PERCENT.get(stage, 0) for stage in self._seen)
+        done = sum(_SHARES.get(stage, 0) for stage in self._seen)
         before = self._stage_began - self._began
         if not done or before < _SOONEST_S:
             return None
-        return max(before * (100 - done) / done - (self._clock() - self._stage_began), 0.0)
+        return max(before * (sum(_SHARES.values()) - done) / done - (self._clock() - self._stage_began), 0.0)
 
     def __str__(self) -> str:
         left = self.seconds()

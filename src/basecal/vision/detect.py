@@ -20,7 +20,7 @@ from basecal.vision.image_file import grey_image, is_turned, read_bytes
 from basecal.vision.losses import Searched, lost_images, why_none
 
 Progress = Callable[[int, int], None]
-"""Called with how many samples of how many are done."""
+"""Called with how many steps of how many are done."""
 
 # Samples that are looked at first, spread over the recording: where none shows a target and it is known why, the others
 # are not searched, which takes minutes. A target that three in ten images show is missed by all with a chance of 0.06,
@@ -43,7 +43,7 @@ def detect(
         recording: Its samples.
         folder: The cell's folder, from which the images' paths count and where detections are kept in `derived/`;
             the one that the recording was read from where None.
-        progress: Called after every sample.
+        progress: Called after every sample, and once all that show nothing were looked at again for why.
 
     Raises:
         InputError: if a target cannot be detected as it is described, or it is not known where the images are.
@@ -63,11 +63,13 @@ def detect(
             samples[index] = replace(sample, observations=(*sample.observations, *found))
         searched += [view.searched for view in seen]
         if progress is not None:
-            progress(done, len(samples))
+            progress(done, len(samples) + 1)
         if done == _FIRST and len(samples) >= _WORTH_A_LOOK and why_none(searched, sought, look.folder):
             break
     searched.sort(key=lambda image: image.sample)
     lost = list(lost_images(searched, sought, look.folder))
+    if progress is not None:
+        progress(len(samples) + 1, len(samples) + 1)
     grave = [finding for finding in lost if finding.severity == "warning"]
     others = [finding for finding in lost if finding.severity != "warning"]
     return replace(recording, samples=tuple(samples), findings=(*grave, *recording.findings, *others))
