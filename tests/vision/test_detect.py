@@ -187,7 +187,7 @@ def test_folder_that_cannot_be_written(tmp_path: Path) -> None:
 
 
 def test_progress_and_folder(tmp_path: Path) -> None:
-    """Progress is told after every sample and the survey of those that show nothing, and a recording knows where its images are."""
+    """Progress is told after every sample and after the survey; a recording knows where its images are."""
     told = recording(tmp_path, image(0.5), image(0.7))
     steps: list[tuple[int, int]] = []
     detect(CELL, replace(told, folder=str(tmp_path)), progress=lambda done, of: steps.append((done, of)))
