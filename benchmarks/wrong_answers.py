@@ -8,6 +8,7 @@ where the truth is outside its own 99.9 % ellipsoid.
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 import time
 from collections.abc import Callable
@@ -28,7 +29,7 @@ from basecal.simulation.motion import Motion, draw_motions
 from basecal.simulation.observe import observe
 from basecal.simulation.scene import draw_scene
 from basecal.simulation.stated_cell import stated_cell, truth
-from benchmarks.common import table, write
+from benchmarks.common import RESULTS, commit, table, write
 
 BEYOND = 0.999
 NOISE = (1e-4, 2e-4)
@@ -379,7 +380,7 @@ def told(row: dict[str, Any]) -> tuple[object, ...]:
 
 
 def main(arguments: list[str]) -> None:
-    """Run, print; a run of all kinds, thirty cells each, also writes results/wrong_answers.json."""
+    """Run, print; of thirty cells and more of a kind results/wrong_answers.json too, beside what it has of others."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.wrong_answers", description=__doc__)
     parser.add_argument("--kinds", nargs="*", default=[], metavar="KIND", help="kinds of cells")
     parser.add_argument("--cells", type=int, default=40, help="so many of each kind")
@@ -394,11 +395,24 @@ def main(arguments: list[str]) -> None:
             outcomes.append(outcome(name, kind, seed))
             if asked.verbose:
                 print(outcomes[-1], flush=True)
-    rows = summary(outcomes)
-    print(table(HEAD, map(told, rows)))
-    if not asked.kinds and asked.cells >= FEWEST:
-        asked_for = {"good_and_wrong": PASSED, "named": NAMED, "clean": CLEAN}
-        write("wrong_answers", {"asked": asked_for, "rows": rows, "outcomes": [o._asdict() for o in outcomes]})
+        if asked.cells >= FEWEST:
+            _keep(name, [o for o in outcomes if o.kind == name])
+    print(table(HEAD, map(told, summary(outcomes))))
+
+
+def _keep(name: str, outcomes: list[Outcome]) -> None:
+    """Write what became of a kind's cells in place of what there was of it."""
+    path = RESULTS / "wrong_answers.json"
+    before = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {"rows": [], "outcomes": []}
+    (row,) = summary(outcomes)
+    rows = {each["kind"]: each for each in [*before["rows"], {**row, "commit": commit()}]}
+    every = [o for o in before["outcomes"] if o["kind"] != name] + [o._asdict() for o in outcomes]
+    asked_for = {"good_and_wrong": PASSED, "named": NAMED, "clean": CLEAN}
+    write("wrong_answers", {
+        "asked": asked_for,
+        "rows": [rows[kind] for kind in KINDS if kind in rows],
+        "outcomes": [o for kind in KINDS for o in every if o["kind"] == kind],
+    })  # fmt: skip
 
 
 if __name__ == "__main__":
