@@ -33,6 +33,7 @@ from benchmarks.common import RESULTS, commit, table, write
 
 BEYOND = 0.999
 NOISE = (1e-4, 2e-4)
+SAG_PER_M = 2e-3  # [rad/m]
 PASSED, NAMED, CLEAN = 0.01, 0.9, 0.97
 FEWEST = 30  # cells of each kind that results are written of
 
@@ -215,7 +216,7 @@ def sagging(seed: int) -> Drawn:
     def sag(_: int, pose: SE3) -> SE3:
         """The pose as recorded, of an arm that is lower than that: it does not know that it sags."""
         reach = pose.translation * [1, 1, 0]
-        turn = np.cross(reach, [0, 0, -1.0]) * 2e-3
+        turn = np.cross(reach, [0, 0, -1.0]) * SAG_PER_M
         up = SE3.exp(np.concatenate([np.zeros(3), -turn])).rotation
         return SE3(up @ pose.rotation, up @ pose.translation)
 

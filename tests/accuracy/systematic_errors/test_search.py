@@ -52,7 +52,7 @@ KINDS = {
     "length-scale": (lambda _, pose: SE3(pose.rotation, 1.005 * pose.translation), [-0.005], "too long"),
     "base-moved": (lambda k, pose: SE3.exp(STEP * (k >= HALF)) @ pose, STEP, "at about sample"),
     "drift": (lambda k, pose: SE3.exp(2 * STEP * k / 39) @ pose, 2 * STEP, "from the first sample to the last"),
-    "deflection": (sagged, [0, 0, -0.02], "mrad per metre"),
+    "deflection": (sagged, [-0.02], "mrad per metre"),
 }
 
 

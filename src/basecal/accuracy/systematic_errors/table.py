@@ -105,7 +105,11 @@ def drifts(of: Situation) -> Iterator[Candidates]:
 
 
 def sag(of: Situation) -> Iterator[Candidates]:
-    """Each robot bent about its base by what hangs out, wherever down is: a turn of reach x down [rad per m]."""
+    """Each robot bent about its base by what hangs out: a turn of reach x down [rad per m].
+
+    Most of it is a tilt of the base, so that little is left to tell where down is: along the axis of the base, as of
+    arms that stand or hang, or anywhere.
+    """
     for robot in of.robots:
         moves = []
         for k in range(len(of.problem.groups)):
@@ -113,6 +117,7 @@ def sag(of: Situation) -> Iterator[Candidates]:
             turns = np.zeros((len(pose), 6, 3))
             turns[:, 3:] = hat(pose.translation)
             moves.append(of.by_flange(k, robot) @ pose.inverse().adjoint() @ turns)
+        yield _one("deflection", robot, "rad/m", tuple(each[..., 2:] for each in moves))
         yield _one("deflection", robot, "rad/m", tuple(moves))
 
 
