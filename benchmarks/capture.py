@@ -21,8 +21,9 @@ from tests.shared.kill_trial import kill_trial
 from tests.shared.running_cell import home, running
 
 from basecal.accuracy.verdict import calibrate
-from basecal.acquisition.capture import CaptureSettings, capture, store_plan
+from basecal.acquisition.capture import capture, store_plan
 from basecal.acquisition.rig import open_rig
+from basecal.acquisition.taking import CaptureSettings, Taker
 from basecal.cell.files import read_recording
 from basecal.errors import BasecalError
 from basecal.planning import poses
@@ -63,7 +64,7 @@ def captured(seed: int, samples: int, *faults: str) -> Outcome:
         with running(folder, *faults, seed=seed) as world, open_rig(world.cell, folder) as rig:
             sketch = sketch_of(world.cell)
             plan = store_plan(folder, world.cell, poses.plan(sketch, home(world), feasible_in(sketch), samples, seed))
-            steps = list(capture(rig, sketch, folder, plan, CaptureSettings(SPEED_RAD_S)))
+            steps = list(capture(Taker(rig, sketch, folder, CaptureSettings(SPEED_RAD_S)), plan))
         calibration = calibrate(world.cell, detect(world.cell, read_recording(folder, world.cell)))
     findings = [finding.code for finding in calibration.findings if finding.severity != "info"]
     given_up = sum(bool(step.why_not) for step in steps)

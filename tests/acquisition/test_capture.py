@@ -7,9 +7,10 @@ import json
 import numpy as np
 import pytest
 
-from basecal.acquisition import capture as module
-from basecal.acquisition.capture import GIVEN_UP, PLAN, CaptureSettings, capture, store_plan, unfinished
+from basecal.acquisition import taking as module
+from basecal.acquisition.capture import GIVEN_UP, PLAN, capture, store_plan, unfinished
 from basecal.acquisition.rig import Rig, open_rig
+from basecal.acquisition.taking import CaptureSettings, Taker
 from basecal.cell import RobotState, Sample
 from basecal.cell.files import read_recording
 from basecal.planning import poses, shifts
@@ -34,7 +35,7 @@ def test_a_plan_is_captured(tmp_path):
     """Every sample is in the journal when it is told of, with its picture, states near its plan, and what was seen."""
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
         sketch, plan = planned(world, tmp_path, 4)
-        for count, step in enumerate(capture(rig, sketch, tmp_path, plan, FAST), start=1):
+        for count, step in enumerate(capture(Taker(rig, sketch, tmp_path, FAST), plan), start=1):
             assert (step.sample, step.why_not, step.taken, step.planned) == (count - 1, "", count, 4)
             assert len(journal(tmp_path)) == count
         assert step.sigma is not None
@@ -51,7 +52,7 @@ def test_a_light_is_seen_on_and_off(tmp_path):
     """At each stop there is a picture with the light and one without, and the light is on again in the end."""
     with running(tmp_path, target="led") as world, open_rig(world.cell, tmp_path) as rig:
         sketch, plan = planned(world, tmp_path, 7, shifts)
-        assert [step.why_not for step in capture(rig, sketch, tmp_path, plan[:2], FAST)] == ["", ""]
+        assert [step.why_not for step in capture(Taker(rig, sketch, tmp_path, FAST), plan[:2])] == ["", ""]
         assert rig.cameras["wrist"].picture().grey.max() > 100
     for sample in read_recording(tmp_path).samples:
         assert sample.background["wrist"].endswith("_off.png")
@@ -63,14 +64,14 @@ def test_it_goes_on_where_it_was_and_asks_nothing_twice(tmp_path):
     with running(tmp_path) as world:
         with open_rig(world.cell, tmp_path) as rig:
             sketch, plan = planned(world, tmp_path, 4)
-            for step in capture(rig, sketch, tmp_path, plan, FAST):
+            for step in capture(Taker(rig, sketch, tmp_path, FAST), plan):
                 if step.taken == 2:
                     break
         before = journal(tmp_path)
         left = unfinished(tmp_path, world.cell)
         assert [sample.sample for sample in left] == [2, 3]
         with open_rig(world.cell, tmp_path) as rig:
-            assert [step.sample for step in capture(rig, sketch, tmp_path, left, FAST)] == [2, 3]
+            assert [step.sample for step in capture(Taker(rig, sketch, tmp_path, FAST), left)] == [2, 3]
     assert journal(tmp_path)[:2] == before
     assert [sample.sample for sample in read_recording(tmp_path).samples] == [0, 1, 2, 3]
 
@@ -102,7 +103,7 @@ def test_an_arm_that_is_led_is_taken_wherever_it_stands(tmp_path):
         led_to = [sample.robots["hand"] for sample in plan[::-1]]
         led = LedArm(rig.robots["hand"], led_to)
         mixed = Rig({"eye": rig.robots["eye"], "hand": led}, rig.cameras)
-        steps = list(capture(mixed, sketch, tmp_path, plan, FAST))
+        steps = list(capture(Taker(mixed, sketch, tmp_path, FAST), plan))
     assert led.said == [True, False] * 3
     assert [step.sample for step in steps] == [0, 1, 2]
     for sample in read_recording(tmp_path).samples:
@@ -116,7 +117,7 @@ def test_what_cannot_be_used_is_told_and_not_asked_again(tmp_path):
         sketch = sketch_of(world.cell)
         away = {**home(world), "hand": RobotState(joints_rad=world.home["hand"] + [0, 0, 0, 0, 1.2, 0])}
         plan = store_plan(tmp_path, world.cell, [Sample(0, robots=each) for each in (home(world), away, home(world))])
-        steps = list(capture(rig, sketch, tmp_path, plan, FAST))
+        steps = list(capture(Taker(rig, sketch, tmp_path, FAST), plan))
         assert [step.why_not for step in steps] == ["", "target not seen by wrist", "too like sample 0"]
         assert unfinished(tmp_path, world.cell) == ()
         assert [json.loads(line)["sample"] for line in (tmp_path / GIVEN_UP).read_text().splitlines()] == [1, 2]
@@ -128,7 +129,7 @@ def test_blurred_pictures_are_told(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "_WIDEST_EDGE_PX", 2.0)
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
         sketch, plan = planned(world, tmp_path, 1)
-        (step,) = capture(rig, sketch, tmp_path, plan, FAST)
+        (step,) = capture(Taker(rig, sketch, tmp_path, FAST), plan)
     assert step.why_not.startswith("too blurred: edges of board are ")
     assert not (tmp_path / "recording" / "samples.jsonl").exists()
 
@@ -137,7 +138,7 @@ def test_an_arm_that_does_not_arrive_is_told(tmp_path):
     """With less patience than the way takes, the arm is still moving."""
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
         sketch, plan = planned(world, tmp_path, 1)
-        (step,) = capture(rig, sketch, tmp_path, plan, CaptureSettings(0.01, 0.5))
+        (step,) = capture(Taker(rig, sketch, tmp_path, CaptureSettings(0.01, 0.5)), plan)
     assert step.why_not.startswith("arm still moving: ")
 
 

@@ -15,9 +15,10 @@ import numpy as np
 import pytest
 
 from basecal.acquisition import rig as rig_module
-from basecal.acquisition.capture import CaptureSettings, capture, store_plan
+from basecal.acquisition.capture import capture, store_plan
 from basecal.acquisition.driver import Moves, Robot
 from basecal.acquisition.rig import GROUP, open_rig
+from basecal.acquisition.taking import CaptureSettings, Taker
 from basecal.cell import Driver
 from basecal.planning import poses
 from basecal.planning.feasible import feasible_in
@@ -87,7 +88,7 @@ def test_it_captures(tmp_path, installed, controller, samples):
         assert isinstance(rig.robots["eye"], Robot)
         assert isinstance(rig.robots["eye"], Moves)
         plan = store_plan(tmp_path, sketch.cell, poses.plan(sketch, home(world), feasible_in(sketch), samples, 0))
-        steps = list(capture(rig, sketch, tmp_path, plan, CaptureSettings(speed_rad_s=2.0)))
+        steps = list(capture(Taker(rig, sketch, tmp_path, CaptureSettings(speed_rad_s=2.0)), plan))
         rig.stop()
     assert [step.why_not for step in steps] == [""] * samples
 

@@ -55,6 +55,8 @@ def test_a_program_reads_what_was_captured(tmp_path: Path, capsys: pytest.Captur
         (["--plan", "none.jsonl"], "or a file"),
         (["--plan", "plan.jsonl", "--pattern", "shifts"], "give one of them"),
         (["--speed-limit-deg-s", "0"], "speed-limit-deg-s"),
+        (["--freedrive", "--go"], "--freedrive moves no arm: leave --go out"),
+        (["--port", "5000"], "give --web"),
     ],
 )
 def test_what_it_refuses(tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], message: str) -> None:

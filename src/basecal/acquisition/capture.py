@@ -7,50 +7,26 @@ are neither in the journal nor given up.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from basecal.acquisition.coverage import Coverage, alike, coverage_of
-from basecal.acquisition.driver import Freedrives, Grey, Moves, Reading, Switches
-from basecal.acquisition.rig import Rig
+from basecal.acquisition.coverage import Coverage, coverage_of
+from basecal.acquisition.freedrive import Key, Led, led_elsewhere
 from basecal.acquisition.running_estimate import RunningEstimate, running_estimate
-from basecal.acquisition.stillness import Moving, Unfit, wait_for_arms, wait_for_picture, wait_until_led
-from basecal.cell import CandidateObservation, Cell, PixelObservation, Recording, RobotState, Sample, Target
+from basecal.acquisition.stillness import Unfit
+from basecal.acquisition.taking import Taker
+from basecal.cell import Cell, Recording, RobotState, Sample
 from basecal.cell.files import append_sample, read_plan, read_recording, write_plan
-from basecal.cell.format.writing import append_durably, write_whole
+from basecal.cell.format.writing import append_durably
 from basecal.errors import InputError
-from basecal.planning.sketch import Sketch
 from basecal.vision.detect import detect
-from basecal.vision.detectors import LIGHT
-from basecal.vision.edge_width import edge_width
-from basecal.vision.image_file import png_bytes
 
 PLAN = Path("recording", "plan.jsonl")
 """What is to be captured, with the numbers that samples then have."""
 
 GIVEN_UP = Path("recording", "given_up.jsonl")
 """Samples of the plan that could not be taken, and why."""
-
-_WIDEST_EDGE_PX = 5.0  # of an edge about the target's points: four pixels of motion, or a point spread of 1.4
-_ALIKE_M, _ALIKE_RAD = 2e-3, 2e-3  # between samples that say nearly the same
-_ATTEMPTS = 2  # at a sample whose arms or picture do not come to rest
-
-
-@dataclass(frozen=True)
-class CaptureSettings:
-    """How arms are moved and waited for.
-
-    Attributes:
-        speed_rad_s: The fastest that any joint may turn.
-        patience_s: How long an arm or a picture may take to come to rest after it was sent.
-        lead_patience_s: How long a person may take to lead an arm to another place.
-    """
-
-    speed_rad_s: float
-    patience_s: float = 20.0
-    lead_patience_s: float = 600.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,167 +67,84 @@ def store_plan(folder: Path, cell: Cell, samples: Sequence[Sample]) -> tuple[Sam
     return plan
 
 
-def capture(
-    rig: Rig, sketch: Sketch, folder: Path, plan: Sequence[Sample], settings: CaptureSettings
-) -> Iterator[Step]:
+def capture(by: Taker, plan: Sequence[Sample]) -> Iterator[Step]:
     """Take the samples of a plan, one after another; each has become what is told when it is told.
 
     Args:
-        rig: The robots and cameras.
-        sketch: The cell.
-        folder: The cell's folder.
+        by: What takes them.
         plan: What is to be taken.
-        settings: How.
 
     Raises:
         InputError: if a file cannot be written, or no camera has a driver.
         DriverError: if a robot or camera does not answer.
     """
-    cell = sketch.cell
-    if not rig.cameras:
-        raise InputError("no camera of the cell has a `driver`: say in cell.yaml what gives its pictures")
-    taken = list(detect(cell, Recording(_taken(folder, cell), folder=str(folder))).samples)
-    estimate: RunningEstimate = running_estimate(sketch)
-    for sample in taken:
-        estimate = estimate.added(sample)
+    captured = _begun(by, len(plan))
     led_from: dict[str, RobotState] = {}
     for wanted in plan:
         try:
-            led_from = _led(rig, led_from, settings.lead_patience_s)
-            found = _with_attempts(rig, sketch, folder, wanted, settings, taken)
+            led_from = led_elsewhere(by.rig, led_from, by.settings.lead_patience_s)
+            found = by.take(wanted, captured.taken)
         except Unfit as why:
-            _give_up(folder, wanted.sample, str(why))
-            yield Step(wanted.sample, str(why), len(taken), len(plan), coverage_of(sketch, taken), estimate.sigma())
+            _give_up(by.folder, wanted.sample, str(why))
+            yield captured.step(wanted.sample, str(why))
             continue
-        append_sample(folder, replace(found, observations=()))
-        taken.append(found)
-        estimate = estimate.added(found)
-        yield Step(wanted.sample, "", len(taken), len(plan), coverage_of(sketch, taken), estimate.sigma())
+        append_sample(by.folder, replace(found, observations=()))
+        captured.add(found)
+        yield captured.step(wanted.sample)
 
 
-def _led(rig: Rig, before: Mapping[str, RobotState], patience_s: float) -> dict[str, RobotState]:
-    """Where arms that a person leads have come to: of those that are live, but are not sent.
+def capture_led(by: Taker, samples: int, key: Key) -> Iterator[Step]:
+    """Take samples where a person leads the arms to: each time they are held still, or a key is pressed.
+
+    Args:
+        by: What takes them.
+        samples: After how many it ends.
+        key: The key that was pressed since it was last asked.
 
     Raises:
-        Unfit: if they were not led to another place in time.
+        InputError: if a file cannot be written, or no camera has a driver.
+        DriverError: if a robot or camera does not answer.
     """
-    led = {name: robot for name, robot in rig.robots.items() if robot.is_live and not isinstance(robot, Moves)}
-    if not led:
-        return {}
-    with ExitStack() as held:
-        for robot in led.values():
-            if isinstance(robot, Freedrives):
-                robot.freedrive(True)
-                held.callback(robot.freedrive, False)
-        wait_until_led(led, before, patience_s)
-    return {name: robot.state().state for name, robot in led.items()}
-
-
-def _with_attempts(
-    rig: Rig, sketch: Sketch, folder: Path, wanted: Sample, settings: CaptureSettings, taken: Sequence[Sample]
-) -> Sample:
-    for _ in range(_ATTEMPTS - 1):
+    captured = _begun(by, samples)
+    last = max((sample.sample for sample in captured.taken), default=-1)
+    number, end = last + 1, last + 1 + samples
+    led = Led(by.rig, key, by.tell)
+    while number < end and led.wait():
         try:
-            return _take(rig, sketch, folder, wanted, settings, taken)
-        except Moving:
+            found = by.take(Sample(number), captured.taken)
+        except Unfit as why:
+            yield captured.step(number, str(why))
             continue
-    return _take(rig, sketch, folder, wanted, settings, taken)
+        append_sample(by.folder, replace(found, observations=()))
+        captured.add(found)
+        yield captured.step(number)
+        number += 1
 
 
-def _take(
-    rig: Rig, sketch: Sketch, folder: Path, wanted: Sample, settings: CaptureSettings, taken: Sequence[Sample]
-) -> Sample:
-    """A sample with its pictures on the disk, and what is seen in them.
+class _Captured:
+    """Samples taken so far, and what they say."""
 
-    Raises:
-        Unfit: if it cannot be used.
-    """
-    for name, state in wanted.robots.items():
-        robot = rig.robots.get(name)
-        if isinstance(robot, Moves):
-            robot.move(state, settings.speed_rad_s)
-    goals = {name: state for name, state in wanted.robots.items() if isinstance(rig.robots.get(name), Moves)}
-    before = wait_for_arms(rig.robots, goals, settings.patience_s)
-    shots = {name: _shot(rig, sketch.cell, name, settings.patience_s) for name in rig.cameras}
-    after = _states_after(rig, before, settings.patience_s)
-    states = {name: reading.state for name, reading in after.items()}
-    stamp_s = next(iter(shots.values())).stamp_s
-    sample = Sample(wanted.sample, stamp_s, states, (), *_written(folder, wanted.sample, shots))
-    like = alike(sketch, sample, taken, _ALIKE_M, _ALIKE_RAD)
-    if like is not None:
-        raise Unfit(f"too like sample {like}")
-    seen = detect(sketch.cell, Recording((sample,), folder=str(folder))).samples[0]
-    _check_seen(sketch.cell, seen, shots)
-    return seen
+    def __init__(self, by: Taker, planned: int, taken: Sequence[Sample]) -> None:
+        self.taken = list(taken)
+        self._by, self._planned = by, planned
+        self._estimate: RunningEstimate = running_estimate(by.sketch)
+        for sample in taken:
+            self._estimate = self._estimate.added(sample)
+
+    def add(self, sample: Sample) -> None:
+        self.taken.append(sample)
+        self._estimate = self._estimate.added(sample)
+
+    def step(self, sample: int, why_not: str = "") -> Step:
+        covered = coverage_of(self._by.sketch, self.taken)
+        return Step(sample, why_not, len(self.taken), self._planned, covered, self._estimate.sigma())
 
 
-@dataclass(frozen=True, eq=False)
-class _Shot:
-    """What one camera gave: the picture, and the one without the light where that can be switched."""
-
-    stamp_s: float
-    grey: Grey
-    background: Grey | None
-
-
-def _shot(rig: Rig, cell: Cell, name: str, patience_s: float) -> _Shot:
-    camera, targets = rig.cameras[name], _targets(cell, name)
-    picture = wait_for_picture(camera, targets, patience_s)
-    if not (isinstance(camera, Switches) and any(target.found_by == LIGHT for target in targets)):
-        return _Shot(picture.stamp_s, picture.grey, None)
-    camera.light(False)
-    try:
-        background = camera.picture().grey
-    finally:
-        camera.light(True)
-    return _Shot(picture.stamp_s, picture.grey, background)
-
-
-def _targets(cell: Cell, camera: str) -> list[Target]:
-    on = cell.cameras[camera].on
-    return [each.target for each in cell.targets.values() if each.on != on and each.target is not None]
-
-
-def _states_after(rig: Rig, before: Mapping[str, Reading], patience_s: float) -> dict[str, Reading]:
-    """Where arms are after the picture: nearer to where they were in it, since the last of a way is slow.
-
-    Raises:
-        Moving: if one has moved away.
-    """
-    live = {name: robot for name, robot in rig.robots.items() if robot.is_live}
-    after = wait_for_arms(live, {name: before[name].state for name in live}, patience_s) if live else {}
-    return {**before, **after}
-
-
-def _written(folder: Path, number: int, shots: Mapping[str, _Shot]) -> tuple[dict[str, str], dict[str, str]]:
-    """Paths of the pictures and of those without the light, by camera; all of them are on the disk."""
-    images, background = {}, {}
-    for camera, shot in shots.items():
-        stem = f"recording/images/{camera}/{number:06d}"
-        images[camera] = f"{stem}.png"
-        write_whole(folder / images[camera], png_bytes(shot.grey), within=folder)
-        if shot.background is not None:
-            background[camera] = f"{stem}_off.png"
-            write_whole(folder / background[camera], png_bytes(shot.background), within=folder)
-    return images, background
-
-
-def _check_seen(cell: Cell, sample: Sample, shots: Mapping[str, _Shot]) -> None:
-    """Whether each camera sees a target, sharply.
-
-    Raises:
-        Unfit: if not.
-    """
-    for camera, shot in shots.items():
-        seen = [each for each in sample.observations if each.camera == camera]
-        if not seen:
-            raise Unfit(f"target not seen by {camera}")
-        for each in seen:
-            shape = cell.targets[each.target].target
-            if isinstance(each, CandidateObservation | PixelObservation) and shape is not None and shape.sheets:
-                width = edge_width(shot.grey, each.pixels)
-                if width is not None and width > _WIDEST_EDGE_PX:
-                    raise Unfit(f"too blurred: edges of {each.target} are {width:.1f} px wide")
+def _begun(by: Taker, planned: int) -> _Captured:
+    if not by.rig.cameras:
+        raise InputError("no camera of the cell has a `driver`: say in cell.yaml what gives its pictures")
+    recording = Recording(_taken(by.folder, by.sketch.cell), folder=str(by.folder))
+    return _Captured(by, planned, detect(by.sketch.cell, recording).samples)
 
 
 def _taken(folder: Path, cell: Cell) -> tuple[Sample, ...]:

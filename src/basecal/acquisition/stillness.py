@@ -85,30 +85,30 @@ def wait_until_led(robots: Mapping[str, Robot], before: Mapping[str, RobotState]
 
 
 def _is_elsewhere(here: RobotState, before: RobotState) -> bool:
-    return bool(np.abs(_vector(here) - _vector(before)).max() > _ELSEWHERE_RAD_M)
+    return bool(np.abs(vector_of(here) - vector_of(before)).max() > _ELSEWHERE_RAD_M)
 
 
 def _is_still(readings: Sequence[Reading], goal: RobotState | None) -> bool:
     if len(readings) < _WINDOW:
         return False
-    values = np.stack([_vector(reading.state) for reading in readings])
+    values = np.stack([vector_of(reading.state) for reading in readings])
     half = _WINDOW // 2
     between = np.abs(values[half:].mean(0) - values[:half].mean(0))
     noise = np.diff(values, axis=0).std(0) / np.sqrt(2)
     if np.any(between > np.maximum(_STILL_RAD_M, _BEYOND_NOISE * noise * np.sqrt(2 / half))):
         return False
-    return goal is None or bool(np.abs(values.mean(0) - _vector(goal)).max() < _ARRIVED_RAD_M)
+    return goal is None or bool(np.abs(values.mean(0) - vector_of(goal)).max() < _ARRIVED_RAD_M)
 
 
 def _mean(readings: Sequence[Reading]) -> Reading:
     last = readings[-1]
-    values = np.stack([_vector(reading.state) for reading in readings]).mean(0)
+    values = np.stack([vector_of(reading.state) for reading in readings]).mean(0)
     if last.state.joints_rad is not None:
         return Reading(last.stamp_s, RobotState(joints_rad=values))
     return Reading(last.stamp_s, RobotState(SE3(nearest_rotation(values[3:].reshape(3, 3)), values[:3])))
 
 
-def _vector(state: RobotState) -> Array:
+def vector_of(state: RobotState) -> Array:
     """Joints [rad], or position [m] and rotation matrix of a pose."""
     if state.joints_rad is not None:
         return state.joints_rad

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import sys
+from contextlib import ExitStack
 from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter, validators
 
+from basecal.cli.capture_view import capture_view
 from basecal.cli.terminal import pasted, print_json, say
 from basecal.errors import InputError, UsageError
 from basecal.registry import PATTERNS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from basecal.acquisition.capture import Step
     from basecal.acquisition.rig import Rig
+    from basecal.acquisition.taking import Taker, Tell
     from basecal.cell import Sample
     from basecal.planning.sketch import Sketch
 
@@ -30,8 +33,11 @@ def capture(
     plan: Path | None = None,
     samples: Annotated[int, Parameter(validator=validators.Number(gte=1, lte=10_000))] = 25,
     go: bool = False,
+    freedrive: bool = False,
     speed_limit_deg_s: Annotated[float, Parameter(validator=validators.Number(gt=0, lte=360))] = 30.0,
     seed: Annotated[int, Parameter(validator=validators.Number(gte=0, lt=2**31))] = 0,
+    web: bool = False,
+    port: Annotated[int, Parameter(validator=validators.Number(gte=0, lt=2**16))] = 0,
     json: bool = False,
 ) -> int:
     """Make a recording: send the arms, wait until all is still, look, and note.
@@ -41,7 +47,10 @@ def capture(
     what it would do. Ctrl-C stops the arms. A capture that was cut off goes on
     where it was when it is started again.
 
-    Ends with 0 where every sample of the plan was taken, else with 1.
+    With --freedrive no arm is sent anywhere: you lead them. Held still for a
+    second at a new place, or at the space bar, a sample is taken; q ends.
+
+    Ends with 0 where every sample was taken, else with 1.
 
     For example:
 
@@ -49,6 +58,7 @@ def capture(
         basecal capture mycell --pattern poses --samples 25 --go
         basecal capture mycell --pattern shifts --go --speed-limit-deg-s 10
         basecal capture mycell --plan plan.jsonl --go
+        basecal capture mycell --freedrive --web
 
     Args:
         cell: Folder of the cell.
@@ -56,39 +66,50 @@ def capture(
         plan: File of samples to go to, as `basecal plan -o` writes it; the same as --pattern FILE.
         samples: How many; shifts are rounded up to whole stations of seven.
         go: Move the arms.
+        freedrive: Take samples where a person leads the arms to.
         speed_limit_deg_s: The fastest that any joint may turn.
         seed: Another number makes another plan.
+        web: Show the capture as a page as well, on this machine alone; the extra web.
+        port: Where the page is served; 0 takes a free one.
         json: Print what was captured as JSON.
     """
-    from basecal.acquisition.capture import CaptureSettings, store_plan
-    from basecal.acquisition.capture import capture as captured
     from basecal.acquisition.rig import open_rig
     from basecal.cell.files import read_cell
     from basecal.planning.sketch import sketch_of
 
+    _refuse_unused(pattern, plan, go=go, freedrive=freedrive, web=web, port=port)
+    sketch = sketch_of(read_cell(cell))
+    with ExitStack() as shown, open_rig(sketch.cell, cell) as rig:  # an error stops the arms before all else
+        wanted: Sequence[Sample] = ()
+        if not freedrive:
+            wanted, is_new = _plan(rig, sketch, cell, pattern if plan is None else str(plan), samples, seed)
+            if not json:
+                _say_plan(rig, sketch, wanted, is_new, speed_limit_deg_s, go)
+            if not go:
+                if json:
+                    print_json({"cell": str(cell), "planned": len(wanted), "captured": [], "given_up": []})
+                return 0
+            wanted = _stored(cell, sketch, wanted, is_new)
+        view = shown.enter_context(capture_view(rig, sketch.cell, web, port, quiet=json))
+        taker = _taker(view.rig(rig), sketch, cell, speed_limit_deg_s, view.tell)
+        steps: list[Step] = []
+        for step in _steps(taker, wanted, samples if freedrive else None, view.key):
+            steps.append(step)
+            view.note(step, len(steps))
+    return _summed_up(cell, steps, json)
+
+
+def _refuse_unused(pattern: str, plan: Path | None, go: bool, freedrive: bool, web: bool, port: int) -> None:
     if plan is not None and pattern != "poses":
         raise UsageError("--plan and --pattern both say where to go: give one of them")
-    sketch = sketch_of(read_cell(cell))
-    with open_rig(sketch.cell, cell) as rig:
-        wanted, is_new = _plan(rig, sketch, cell, pattern if plan is None else str(plan), samples, seed)
-        if not json:
-            _say_plan(rig, sketch, wanted, is_new, speed_limit_deg_s, go)
-        if not go:
-            if json:
-                print_json({"cell": str(cell), "planned": len(wanted), "captured": [], "given_up": []})
-            return 0
-        wanted = store_plan(cell, sketch.cell, wanted) if is_new else wanted
-        steps: list[Step] = []
-        for step in captured(rig, sketch, cell, wanted, CaptureSettings(radians(speed_limit_deg_s))):
-            steps.append(step)
-            if not json:
-                say_step(step, len(steps))
-    return _summed_up(cell, steps, json)
+    if freedrive and go:
+        raise UsageError("--freedrive moves no arm: leave --go out")
+    if port and not web:
+        raise UsageError("--port says where the page of --web is served: give --web, or leave it out")
 
 
 def captured_steps(folder: Path, pattern: str, samples: int, speed_deg_s: float) -> Iterator[Step]:
     """What becomes of each sample of a pattern, while a cell is captured."""
-    from basecal.acquisition.capture import CaptureSettings, store_plan
     from basecal.acquisition.capture import capture as captured
     from basecal.acquisition.rig import open_rig
     from basecal.cell.files import read_cell
@@ -96,9 +117,28 @@ def captured_steps(folder: Path, pattern: str, samples: int, speed_deg_s: float)
 
     sketch = sketch_of(read_cell(folder))
     with open_rig(sketch.cell, folder) as rig:
-        plan, is_new = _plan(rig, sketch, folder, pattern, samples, seed=0)
-        plan = store_plan(folder, sketch.cell, plan) if is_new else plan
-        yield from captured(rig, sketch, folder, plan, CaptureSettings(radians(speed_deg_s)))
+        plan = _stored(folder, sketch, *_plan(rig, sketch, folder, pattern, samples, seed=0))
+        yield from captured(_taker(rig, sketch, folder, speed_deg_s), plan)
+
+
+def _stored(folder: Path, sketch: Sketch, plan: Sequence[Sample], is_new: bool) -> Sequence[Sample]:
+    from basecal.acquisition.capture import store_plan
+
+    return store_plan(folder, sketch.cell, plan) if is_new else plan
+
+
+def _taker(rig: Rig, sketch: Sketch, folder: Path, speed_deg_s: float, tell: Tell = lambda words: None) -> Taker:
+    from basecal.acquisition.taking import CaptureSettings, Taker
+
+    return Taker(rig, sketch, folder, CaptureSettings(radians(speed_deg_s)), tell)
+
+
+def _steps(taker: Taker, plan: Sequence[Sample], led: int | None, key: Callable[[], str]) -> Iterator[Step]:
+    """What becomes of each sample of a plan, or of so many that a person leads the arms to."""
+    from basecal.acquisition.capture import capture as captured
+    from basecal.acquisition.capture import capture_led
+
+    return captured(taker, plan) if led is None else capture_led(taker, led, key)
 
 
 def _plan(
@@ -145,31 +185,22 @@ def _say_plan(rig: Rig, sketch: Sketch, plan: Sequence[Sample], is_new: bool, sp
         sys.stdout.flush()
 
 
-def say_step(step: Step, place: int) -> None:
-    """Print what has become of a sample."""
-    sigma = "" if step.sigma is None else f"; base +-{1e3 * step.sigma[0]:.2f} mm {57.2958 * step.sigma[1]:.3f} deg"
-    said = f"not taken: {step.why_not}" if step.why_not else f"taken, {100 * step.coverage.share:.0f} % of the picture"
-    advice = step.coverage.advice(step.taken)
-    say(f"{place:4d}/{step.planned} sample {step.sample}: {said}{sigma}{'; ' + advice if advice else ''}")
-    if sys.stdout is not None:
-        sys.stdout.flush()
-
-
 def _summed_up(cell: Path, steps: Sequence[Step], json: bool) -> int:
-    given_up = [{"sample": step.sample, "why": step.why_not} for step in steps if step.why_not]
+    taken = {step.sample for step in steps if not step.why_not}
+    given_up = [{"sample": step.sample, "why": step.why_not} for step in steps if step.sample not in taken]
     if json:
         last = steps[-1] if steps else None
         sigma = None if last is None or last.sigma is None else {"t_m": last.sigma[0], "r_rad": last.sigma[1]}
         print_json(
             {
                 "cell": str(cell),
-                "planned": len(steps),
-                "captured": [step.sample for step in steps if not step.why_not],
+                "planned": len(taken) + len(given_up),
+                "captured": sorted(taken),
                 "given_up": given_up,
                 "covered": None if last is None else last.coverage.share,
                 "sigma": sigma,
             }
         )
     else:
-        say(f"{len(steps) - len(given_up)} of {len(steps)} samples taken; next: basecal calibrate {pasted(cell)}")
+        say(f"{len(taken)} of {len(taken) + len(given_up)} samples taken; next: basecal calibrate {pasted(cell)}")
     return 1 if given_up else 0

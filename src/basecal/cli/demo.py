@@ -77,7 +77,8 @@ def _closed_form(folder: Path, cell: Cell) -> PoseEstimate | None:
 
 
 def _capture(folder: Path, pattern: str, quiet: bool) -> None:
-    from basecal.cli.capture import captured_steps, say_step
+    from basecal.cli.capture import captured_steps
+    from basecal.cli.capture_view import say_step
 
     for place, step in enumerate(captured_steps(folder, pattern, _SAMPLES[pattern], _SPEED_DEG_S), start=1):
         if not quiet:

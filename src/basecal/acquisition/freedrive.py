@@ -1,0 +1,87 @@
+"""Arms that a person leads: each time they are held still at a new place, or a key is pressed, a sample is due."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import ExitStack
+
+import numpy as np
+
+from basecal.acquisition.driver import Freedrives, Moves, Robot
+from basecal.acquisition.rig import Rig
+from basecal.acquisition.stillness import vector_of, wait_until_led
+from basecal.acquisition.taking import Tell
+from basecal.cell import RobotState
+from basecal.geometry import Array
+
+TAKE, END = " ", "q"
+"""Keys: take a sample now, and end."""
+
+_HOLD_S = 0.8  # of rest, after which a sample is due: shorter, a person who thinks would take some
+_REST = 1e-3  # [rad, m] by which arms that are held still may move
+_AWAY = 0.03  # [rad, m] from where the last sample was due: nearer it is no new place
+
+Key = Callable[[], str]
+"""The key that was pressed since it was last asked; empty where none was."""
+
+
+def led_elsewhere(rig: Rig, before: Mapping[str, RobotState], patience_s: float) -> dict[str, RobotState]:
+    """Where arms that a person leads have come to: of those that are live, but are not sent.
+
+    Raises:
+        Unfit: if they were not led to another place in time.
+    """
+    led = {name: robot for name, robot in rig.robots.items() if robot.is_live and not isinstance(robot, Moves)}
+    if not led:
+        return {}
+    with _free(led.values()):
+        wait_until_led(led, before, patience_s)
+    return {name: robot.state().state for name, robot in led.items()}
+
+
+def _free(robots: Iterable[Robot]) -> ExitStack:
+    """Lets arms be led, where their drivers can do that, until it is closed."""
+    with ExitStack() as held:
+        for robot in robots:
+            if isinstance(robot, Freedrives):
+                robot.freedrive(True)
+                held.callback(robot.freedrive, False)
+        return held.pop_all()
+
+
+class Led:
+    """A person who leads the live robots of a rig; where drivers can do that, arms are free until a sample is due."""
+
+    def __init__(self, rig: Rig, key: Key, tell: Tell) -> None:
+        self._rig, self._key, self._tell = rig, key, tell
+        self._last: Array | None = None
+
+    def wait(self) -> bool:
+        """Wait until a sample is due; False where the person has ended.
+
+        Of robots whose states do not come by themselves nothing is awaited: whoever types a pose is there.
+
+        Raises:
+            DriverError: if a robot does not answer.
+        """
+        live = [robot for robot in self._rig.robots.values() if robot.is_live]
+        if not live:
+            return self._key() != END
+        self._tell("lead the arms to a new place and hold them still, or press space; q ends")
+        with _free(live):
+            return self._is_due(live)
+
+    def _is_due(self, live: Sequence[Robot]) -> bool:
+        at, since_s = None, 0.0
+        while True:
+            readings = [robot.state() for robot in live]
+            now = np.concatenate([vector_of(reading.state) for reading in readings])
+            if at is None or np.abs(now - at).max() > _REST:
+                at, since_s = now, readings[0].stamp_s
+            key = self._key()
+            is_new = self._last is None or bool(np.abs(now - self._last).max() > _AWAY)
+            if key == TAKE or (is_new and readings[0].stamp_s - since_s > _HOLD_S):
+                self._last = now
+                return True
+            if key == END:
+                return False

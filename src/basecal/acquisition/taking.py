@@ -1,0 +1,172 @@
+"""Taking one sample: send the arms, wait until all is still, take states and picture, and look at it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from basecal.acquisition.coverage import alike
+from basecal.acquisition.driver import Grey, Moves, Reading, Switches
+from basecal.acquisition.rig import Rig
+from basecal.acquisition.stillness import Moving, Unfit, wait_for_arms, wait_for_picture
+from basecal.cell import CandidateObservation, Cell, PixelObservation, Recording, Sample, Target
+from basecal.cell.format.writing import write_whole
+from basecal.planning.sketch import Sketch
+from basecal.vision.detect import detect
+from basecal.vision.detectors import LIGHT
+from basecal.vision.edge_width import edge_width
+from basecal.vision.image_file import png_bytes
+
+Tell = Callable[[str], None]
+"""Is told what is done now, in words."""
+
+_WIDEST_EDGE_PX = 5.0  # of an edge about the target's points: four pixels of motion, or a point spread of 1.4
+_ALIKE_M, _ALIKE_RAD = 2e-3, 2e-3  # between samples that say nearly the same
+_ATTEMPTS = 2  # at a sample whose arms or picture do not come to rest
+
+
+@dataclass(frozen=True)
+class CaptureSettings:
+    """How arms are moved and waited for.
+
+    Attributes:
+        speed_rad_s: The fastest that any joint may turn.
+        patience_s: How long an arm or a picture may take to come to rest after it was sent.
+        lead_patience_s: How long a person may take to lead an arm to another place.
+    """
+
+    speed_rad_s: float
+    patience_s: float = 20.0
+    lead_patience_s: float = 600.0
+
+
+@dataclass(frozen=True, eq=False)
+class Taker:
+    """What takes samples of a cell.
+
+    Attributes:
+        rig: The robots and cameras.
+        sketch: The cell.
+        folder: The cell's folder.
+        settings: How arms are moved and waited for.
+        tell: Is told what is done.
+    """
+
+    rig: Rig
+    sketch: Sketch
+    folder: Path
+    settings: CaptureSettings
+    tell: Tell = lambda words: None
+
+    def take(self, wanted: Sample, taken: Sequence[Sample]) -> Sample:
+        """A sample with its pictures on the disk, and what is seen in them.
+
+        Args:
+            wanted: Its number, and where robots are sent; those it does not name stay where they are.
+            taken: Those that there are.
+
+        Raises:
+            Unfit: if it cannot be used.
+            DriverError: if a robot or camera does not answer.
+        """
+        for _ in range(_ATTEMPTS - 1):
+            try:
+                return _take(self, wanted, taken)
+            except Moving as why:
+                self.tell(f"{why}; once more")
+        return _take(self, wanted, taken)
+
+
+def _take(by: Taker, wanted: Sample, taken: Sequence[Sample]) -> Sample:
+    rig, sketch, folder, settings = by.rig, by.sketch, by.folder, by.settings
+    by.tell(f"sample {wanted.sample}: arms move" if wanted.robots else f"sample {wanted.sample}")
+    for name, state in wanted.robots.items():
+        robot = rig.robots.get(name)
+        if isinstance(robot, Moves):
+            robot.move(state, settings.speed_rad_s)
+    goals = {name: state for name, state in wanted.robots.items() if isinstance(rig.robots.get(name), Moves)}
+    before = wait_for_arms(rig.robots, goals, settings.patience_s)
+    by.tell(f"sample {wanted.sample}: waiting for a still picture")
+    shots = {name: _shot(rig, sketch.cell, name, settings.patience_s) for name in rig.cameras}
+    after = _states_after(rig, before, settings.patience_s)
+    states = {name: reading.state for name, reading in after.items()}
+    stamp_s = next(iter(shots.values())).stamp_s
+    by.tell(f"sample {wanted.sample}: looking for the target")
+    sample = Sample(wanted.sample, stamp_s, states, (), *_written(folder, wanted.sample, shots))
+    like = alike(sketch, sample, taken, _ALIKE_M, _ALIKE_RAD)
+    if like is not None:
+        raise Unfit(f"too like sample {like}")
+    seen = detect(sketch.cell, Recording((sample,), folder=str(folder))).samples[0]
+    _check_seen(sketch.cell, seen, shots)
+    return seen
+
+
+@dataclass(frozen=True, eq=False)
+class _Shot:
+    """What one camera gave: the picture, and the one without the light where that can be switched."""
+
+    stamp_s: float
+    grey: Grey
+    background: Grey | None
+
+
+def _shot(rig: Rig, cell: Cell, name: str, patience_s: float) -> _Shot:
+    camera, targets = rig.cameras[name], targets_before(cell, name)
+    picture = wait_for_picture(camera, targets, patience_s)
+    if not (isinstance(camera, Switches) and any(target.found_by == LIGHT for target in targets)):
+        return _Shot(picture.stamp_s, picture.grey, None)
+    camera.light(False)
+    try:
+        background = camera.picture().grey
+    finally:
+        camera.light(True)
+    return _Shot(picture.stamp_s, picture.grey, background)
+
+
+def targets_before(cell: Cell, camera: str) -> list[Target]:
+    """Targets that a camera may see: those that do not hang on the same body."""
+    on = cell.cameras[camera].on
+    return [each.target for each in cell.targets.values() if each.on != on and each.target is not None]
+
+
+def _states_after(rig: Rig, before: Mapping[str, Reading], patience_s: float) -> dict[str, Reading]:
+    """Where arms are after the picture: nearer to where they were in it, since the last of a way is slow.
+
+    Raises:
+        Moving: if one has moved away.
+    """
+    live = {name: robot for name, robot in rig.robots.items() if robot.is_live}
+    after = wait_for_arms(live, {name: before[name].state for name in live}, patience_s) if live else {}
+    return {**before, **after}
+
+
+def _written(folder: Path, number: int, shots: Mapping[str, _Shot]) -> tuple[dict[str, str], dict[str, str]]:
+    """Paths of the pictures and of those without the light, by camera; all of them are on the disk."""
+    images, background = {}, {}
+    for camera, shot in shots.items():
+        stem = f"recording/images/{camera}/{number:06d}"
+        images[camera] = f"{stem}.png"
+        write_whole(folder / images[camera], png_bytes(shot.grey), within=folder)
+        if shot.background is not None:
+            background[camera] = f"{stem}_off.png"
+            write_whole(folder / background[camera], png_bytes(shot.background), within=folder)
+    return images, background
+
+
+def _check_seen(cell: Cell, sample: Sample, shots: Mapping[str, _Shot]) -> None:
+    """Whether each camera sees a target, sharply.
+
+    Raises:
+        Unfit: if not.
+    """
+    for camera, shot in shots.items():
+        seen = [each for each in sample.observations if each.camera == camera]
+        if not seen:
+            raise Unfit(f"target not seen by {camera}")
+        for each in seen:
+            shape = cell.targets[each.target].target
+            if isinstance(each, CandidateObservation | PixelObservation) and shape is not None and shape.sheets:
+                width = edge_width(shot.grey, each.pixels)
+                if width is not None and width > _WIDEST_EDGE_PX:
+                    raise Unfit(f"too blurred: edges of {each.target} are {width:.1f} px wide")

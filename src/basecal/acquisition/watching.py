@@ -1,0 +1,124 @@
+"""What people are shown of a capture while it goes on, whatever shows it to them."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass, replace
+
+from basecal.acquisition.capture import Step
+from basecal.acquisition.driver import Camera, Grey, Picture, Switches
+from basecal.acquisition.rig import Rig
+
+_LINES = 8  # of what has become of samples
+
+
+@dataclass(frozen=True)
+class Sigma:
+    """How well the base is known after so many `samples`: along [m] and about [rad] its axes."""
+
+    samples: int
+    t_m: float
+    r_rad: float
+
+
+@dataclass(frozen=True, eq=False)
+class Glance:
+    """A capture at an instant.
+
+    Attributes:
+        doing: What is done now, in words.
+        step: What has become of the last sample; None before the first.
+        sigmas: After each sample since all directions were seen.
+        said: What has become of the last samples, a line each.
+        pictures: The last one of each camera.
+        is_over: Whether nothing follows.
+    """
+
+    doing: str = "opening robots and cameras"
+    step: Step | None = None
+    sigmas: tuple[Sigma, ...] = ()
+    said: tuple[str, ...] = ()
+    pictures: tuple[tuple[str, Grey], ...] = ()
+    is_over: bool = False
+
+    @property
+    def advice(self) -> str:
+        """What to do to see more; empty where there is nothing to say."""
+        return "" if self.step is None else self.step.coverage.advice(self.step.taken)
+
+
+class Watch:
+    """Keeps what is to be shown; one thread captures, others look."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._glance = Glance()
+
+    @property
+    def glance(self) -> Glance:
+        """The capture as it is now."""
+        with self._lock:
+            return self._glance
+
+    def tell(self, words: str) -> None:
+        """Note what is done now."""
+        with self._lock:
+            self._glance = replace(self._glance, doing=words)
+
+    def note(self, step: Step) -> None:
+        """Note what has become of a sample."""
+        line = f"sample {step.sample}: {'not taken: ' + step.why_not if step.why_not else 'taken'}"
+        with self._lock:
+            before = self._glance
+            sigmas = before.sigmas
+            if step.sigma is not None and not step.why_not:
+                sigmas = (*sigmas, Sigma(step.taken, *step.sigma))
+            said = (*before.said, line)[-_LINES:]
+            self._glance = replace(before, step=step, sigmas=sigmas, said=said)
+
+    def show(self, camera: str, grey: Grey) -> None:
+        """Note a picture."""
+        with self._lock:
+            pictures = {**dict(self._glance.pictures), camera: grey}
+            self._glance = replace(self._glance, pictures=tuple(pictures.items()))
+
+    def end(self, words: str) -> None:
+        """Note that it is over."""
+        with self._lock:
+            self._glance = replace(self._glance, doing=words, is_over=True)
+
+
+def watched(rig: Rig, watch: Watch) -> Rig:
+    """A rig whose cameras show every picture that is asked of them."""
+    cameras = {
+        name: (_WatchedLight if isinstance(camera, Switches) else _Watched)(name, camera, watch)
+        for name, camera in rig.cameras.items()
+    }
+    return Rig(rig.robots, cameras)
+
+
+class _Watched:
+    """A camera that shows what it gives."""
+
+    def __init__(self, name: str, camera: Camera, watch: Watch) -> None:
+        self._name, self._camera, self._watch = name, camera, watch
+        self.is_live = camera.is_live
+
+    def picture(self) -> Picture:
+        """The camera's next picture."""
+        picture = self._camera.picture()
+        self._watch.show(self._name, picture.grey)
+        return picture
+
+    def close(self) -> None:
+        """Let go of the camera."""
+        self._camera.close()
+
+
+class _WatchedLight(_Watched):
+    """Likewise, of one that switches a light."""
+
+    def light(self, on: bool) -> None:
+        """Switch the light."""
+        assert isinstance(self._camera, Switches)
+        self._camera.light(on)

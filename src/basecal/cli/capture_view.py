@@ -1,0 +1,104 @@
+"""What a capture shows while it goes on: lines, or a view where somebody watches a terminal; a page if asked for."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from basecal.cli.keys import pressed_keys
+from basecal.cli.terminal import is_terminal, say
+
+if TYPE_CHECKING:
+    from basecal.acquisition.capture import Step
+    from basecal.acquisition.rig import Rig
+    from basecal.acquisition.watching import Watch
+    from basecal.cell import Cell
+
+_A_SECOND = 4  # how often the view is drawn
+
+
+@dataclass(frozen=True, eq=False)
+class CaptureView:
+    """What is told of a capture, and what a person answers.
+
+    Attributes:
+        watch: What is shown.
+        key: The key that was pressed since it was last asked.
+        has_lines: Whether each sample is a line: where nobody watches a view of it.
+    """
+
+    watch: Watch
+    key: Callable[[], str]
+    has_lines: bool
+
+    def rig(self, rig: Rig) -> Rig:
+        """A rig whose pictures are shown."""
+        from basecal.acquisition.watching import watched
+
+        return watched(rig, self.watch)
+
+    def tell(self, words: str) -> None:
+        """Tell what is done now."""
+        self.watch.tell(words)
+
+    def note(self, step: Step, place: int) -> None:
+        """Tell what has become of a sample."""
+        self.watch.note(step)
+        if self.has_lines:
+            say_step(step, place)
+
+
+@contextmanager
+def capture_view(rig: Rig, cell: Cell, web: bool, port: int, quiet: bool) -> Iterator[CaptureView]:
+    """What shows a capture while this lasts.
+
+    Args:
+        rig: The robots and cameras; where one of them asks on the terminal, that is left to it.
+        cell: What is captured.
+        web: Whether as a page.
+        port: Where that is served; 0 takes a free one.
+        quiet: Whether standard output belongs to a program.
+
+    Raises:
+        MissingExtra: if the page is asked for and its library not installed.
+        InputError: if the port is taken.
+    """
+    from basecal.acquisition.watching import Watch
+
+    watch = Watch()
+    with ExitStack() as shown:
+        if web:
+            from basecal.reporting.live.page import served
+
+            say(f"the capture is shown at {shown.enter_context(served(watch, cell, port))}", sys.stderr)
+        live = [*(each.is_live for each in rig.robots.values()), *(each.is_live for each in rig.cameras.values())]
+        is_asked = not all(live)
+        is_seen = is_terminal(sys.stdout) and not quiet and not is_asked
+        key = (lambda: "") if is_asked else shown.enter_context(pressed_keys())
+        if is_seen:
+            shown.enter_context(_drawn(watch))
+        yield CaptureView(watch, key, not is_seen and not quiet)
+        watch.end("over")
+
+
+@contextmanager
+def _drawn(watch: Watch) -> Iterator[None]:
+    from rich.live import Live
+
+    from basecal.reporting.live.terminal import terminal_view
+
+    with Live(get_renderable=lambda: terminal_view(watch.glance), refresh_per_second=_A_SECOND):
+        yield
+
+
+def say_step(step: Step, place: int) -> None:
+    """Print what has become of a sample."""
+    sigma = "" if step.sigma is None else f"; base +-{1e3 * step.sigma[0]:.2f} mm {57.2958 * step.sigma[1]:.3f} deg"
+    said = f"not taken: {step.why_not}" if step.why_not else f"taken, {100 * step.coverage.share:.0f} % of the picture"
+    advice = step.coverage.advice(step.taken)
+    say(f"{place:4d}/{step.planned} sample {step.sample}: {said}{sigma}{'; ' + advice if advice else ''}")
+    if sys.stdout is not None:
+        sys.stdout.flush()

@@ -1,0 +1,80 @@
+"""Who may see a local page: whoever has its token, from the page itself; nothing it holds asks another machine."""
+
+from __future__ import annotations
+
+import hmac
+from collections.abc import Awaitable, Callable, Iterable, MutableMapping
+from http.cookies import CookieError, SimpleCookie
+from typing import Any
+from urllib.parse import parse_qs
+
+_COOKIE = "basecal"
+_POLICY = (
+    "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; style-src 'self' 'unsafe-inline'; "
+    "img-src 'self' data:; font-src 'self' data:; connect-src 'self'; frame-ancestors 'none'; base-uri 'none'; "
+    "form-action 'none'"
+)
+"""What the page may load: from where it came, and nowhere else."""
+
+Scope = MutableMapping[str, Any]
+Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
+Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
+Application = Callable[[Scope, Receive, Send], Awaitable[None]]
+
+
+class Guard:
+    """An application that others reach only with its token, asked for by its own name."""
+
+    def __init__(self, inside: Application, token: str, hosts: Iterable[str]) -> None:
+        self._inside, self._token, self._hosts = inside, token, frozenset(hosts)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer, or refuse."""
+        if scope["type"] == "lifespan":
+            await self._inside(scope, receive, send)
+            return
+        why = self._why_not(scope)
+        if why and scope["type"] == "websocket":
+            await send({"type": "websocket.close", "code": 1008})
+        elif why:
+            headers = [(b"content-type", b"text/plain; charset=utf-8")]
+            await send({"type": "http.response.start", "status": 403, "headers": headers})
+            await send({"type": "http.response.body", "body": f"refused: {why}\n".encode()})
+        else:
+            await self._inside(scope, receive, self._with_headers(send))
+
+    def _why_not(self, scope: Scope) -> str:
+        headers = {name.decode("latin-1"): value.decode("latin-1") for name, value in scope["headers"]}
+        if headers.get("host") not in self._hosts:
+            return "the page is asked for by another name than its own"
+        origin = headers.get("origin")
+        if origin is not None and origin.partition("://")[2] not in self._hosts:
+            return "another page asks"
+        given = [*parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", []), *_cookies(headers)]
+        if not any(hmac.compare_digest(each.encode(), self._token.encode()) for each in given):
+            return "the token is missing or wrong: open the address that was printed"
+        return ""
+
+    def _with_headers(self, send: Send) -> Send:
+        cookie = f"{_COOKIE}={self._token}; HttpOnly; SameSite=Strict; Path=/"
+        more = [
+            (b"set-cookie", cookie.encode()),
+            (b"content-security-policy", _POLICY.encode()),
+            (b"referrer-policy", b"no-referrer"),
+            (b"x-content-type-options", b"nosniff"),
+        ]
+
+        async def sent(message: MutableMapping[str, Any]) -> None:
+            if message["type"] == "http.response.start":
+                message["headers"] = [*message.get("headers", []), *more]
+            await send(message)
+
+        return sent
+
+
+def _cookies(headers: MutableMapping[str, str]) -> list[str]:
+    try:
+        found = SimpleCookie(headers.get("cookie", "")).get(_COOKIE)
+    except CookieError:
+        return []
+    return [] if found is None else [found.value]

@@ -1,0 +1,124 @@
+"""A local page that shows a capture while it goes on; NiceGUI serves it, from this machine to this machine."""
+
+from __future__ import annotations
+
+import base64
+import secrets
+import socket
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from basecal.acquisition.driver import Grey
+from basecal.acquisition.taking import targets_before
+from basecal.acquisition.watching import Glance, Watch
+from basecal.cell import Cell, Target
+from basecal.errors import InputError, MissingExtra
+from basecal.reporting.live.drawings import coverage_drawing, marks, sigma_drawing
+from basecal.reporting.live.guard import Guard
+from basecal.vision.detectors import find
+from basecal.vision.image_file import png_bytes
+from basecal.vision.thumbnail import thumbnail
+
+HOST = "127.0.0.1"
+"""The only address the page is served on."""
+
+_TOKEN_BYTES = 24
+_EVERY_S = 0.5  # between looks at the capture
+_WIDTH_PX = 960
+_PATIENCE_S = 30.0  # until it is served
+
+
+@contextmanager
+def served(watch: Watch, cell: Cell, port: int = 0) -> Iterator[str]:
+    """The address of a page that shows a capture while this lasts, with the token it asks for.
+
+    Raises:
+        MissingExtra: if NiceGUI is not installed.
+        InputError: if the port is taken.
+    """
+    try:
+        import uvicorn
+        from fastapi import FastAPI
+        from nicegui import run, ui
+    except ImportError:
+        raise MissingExtra("web", "the page of a capture") from None
+    token = secrets.token_urlsafe(_TOKEN_BYTES)
+    line = _listening(port)
+    at = f"{HOST}:{line.getsockname()[1]}"
+    inside = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
+    ui.run_with(inside, root=lambda: _build(ui, run.io_bound, watch, cell), title="capture", show_welcome_message=False)
+    guard = Guard(inside, token, [at, at.replace(HOST, "localhost")])
+    server = uvicorn.Server(uvicorn.Config(guard, log_level="error", ws_max_size=2**20))
+    thread = threading.Thread(target=server.run, kwargs={"sockets": [line]}, daemon=True)
+    thread.start()
+    until = time.monotonic() + _PATIENCE_S
+    while not server.started and thread.is_alive() and time.monotonic() < until:
+        time.sleep(0.02)
+    try:
+        yield f"http://{at}/?token={token}"
+    finally:
+        server.should_exit = True
+        thread.join(_PATIENCE_S)
+
+
+def _listening(port: int) -> socket.socket:
+    line = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    line.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        line.bind((HOST, port))
+    except OSError as error:
+        line.close()
+        raise InputError(f"port {port} cannot be used ({error.strerror}): choose another") from None
+    return line
+
+
+def _build(ui: Any, beside: Any, watch: Watch, cell: Cell) -> None:
+    """The page, and what renews it; `beside` runs what takes long in a thread of its own."""
+    with ui.column().style("max-width: 1100px; margin: auto; width: 100%"):
+        doing = ui.label().style("font-size: 1.4rem; font-weight: 600")
+        advice = ui.label().style("color: #b35c00; font-size: 1.1rem")
+        with ui.row().style("width: 100%"):
+            pictures = {name: ui.interactive_image().style("width: 100%; max-width: 640px") for name in cell.cameras}
+            with ui.column():
+                counted = ui.label()
+                covered = ui.html("", sanitize=False).style("width: 240px")
+                sigma = ui.html("", sanitize=False).style("width: 360px")
+        said = ui.label().style("white-space: pre-line; color: #666")
+    shown: dict[str, Grey] = {}
+
+    async def renew() -> None:
+        glance = watch.glance
+        doing.text, advice.text, said.text = glance.doing, glance.advice, "\n".join(reversed(glance.said))
+        counted.text = _counted(glance)
+        if glance.step is not None:
+            covered.content, sigma.content = coverage_drawing(glance.step.coverage), sigma_drawing(glance.sigmas)
+        for name, grey in glance.pictures:
+            if shown.get(name) is not grey:
+                shown[name] = grey
+                pictures[name].set_source(await beside(_source, grey))
+                pictures[name].content = await beside(_found, grey, targets_before(cell, name))
+
+    ui.timer(_EVERY_S, renew)
+
+
+def _counted(glance: Glance) -> str:
+    if glance.step is None:
+        return ""
+    step = glance.step
+    known = "" if step.sigma is None else f"; base +-{1e3 * step.sigma[0]:.2f} mm {57.2958 * step.sigma[1]:.3f} deg"
+    return f"{step.taken} taken, {step.planned} planned; {100 * step.coverage.share:.0f} % of the picture{known}"
+
+
+def _source(grey: Grey) -> str:
+    small = thumbnail(png_bytes(grey), None, _WIDTH_PX)
+    return "" if small is None else f"data:image/jpeg;base64,{base64.b64encode(small).decode()}"
+
+
+def _found(grey: Grey, targets: Sequence[Target]) -> str:
+    """Crosses where targets are found, in the pixels of the small picture."""
+    scale = min(1.0, _WIDTH_PX / grey.shape[1])
+    seen = [found.pixels for target in targets if (found := find(grey, target)) is not None]
+    return "".join(marks((pixels + 0.5) * scale - 0.5) for pixels in seen)

@@ -1,0 +1,61 @@
+"""A capture in the terminal: which part of the picture is covered, how the base's sigma falls, what comes next."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from rich.console import Group, RenderableType
+from rich.panel import Panel
+from rich.table import Table
+from rich.text import Text
+
+from basecal.acquisition.coverage import Coverage
+from basecal.acquisition.watching import Glance, Sigma
+
+_BARS = "▁▂▃▄▅▆▇█"
+_WIDEST = 40  # of a row of bars
+_SEEN, _OPEN = "██", "··"
+
+
+def terminal_view(glance: Glance) -> RenderableType:
+    """What rich prints of a capture."""
+    now = Text(glance.doing, style="bold")
+    said = Text("\n".join(glance.said), style="dim")
+    if glance.step is None:
+        return Group(now, said)
+    table = Table.grid(padding=(0, 3))
+    table.add_row(Text("covered"), Text(f"{'base, mm' if glance.sigmas else ''}"), Text("turned, deg"))
+    table.add_row(Text(coverage_rows(glance.step.coverage)), Text(sigma_row(glance.sigmas)), _turns(glance))
+    title = f"{glance.step.taken} taken, {glance.step.planned} planned"
+    parts: list[RenderableType] = [Panel(table, title=title, expand=False), said]
+    if glance.advice:
+        parts.append(Text(f"next: {glance.advice}", style="yellow"))
+    return Group(*parts, now)
+
+
+def coverage_rows(coverage: Coverage) -> str:
+    """The picture, a line a row: what was seen is full."""
+    return "\n".join("".join(_SEEN if seen else _OPEN for seen in row) for row in coverage.cells)
+
+
+def sigma_row(sigmas: Sequence[Sigma]) -> str:
+    """Bars whose height is the logarithm of the sigma along the axes, and the last one in numbers."""
+    if not sigmas:
+        return "not all directions\nare seen yet"
+    shown = sigmas[-_WIDEST:]
+    levels = np.log([sigma.t_m for sigma in shown])
+    extent = max(float(np.ptp(levels)), 1e-6)
+    heights = np.rint((levels - levels.min()) / extent * (len(_BARS) - 1)).astype(int)
+    last = sigmas[-1]
+    bars = "".join(_BARS[k] for k in heights)
+    return f"{bars}\n+-{1e3 * last.t_m:.2f} mm\n+-{np.degrees(last.r_rad):.3f} deg"
+
+
+def _turns(glance: Glance) -> Text:
+    assert glance.step is not None
+    lines = (
+        f"{robot}  " + "  ".join(f"{axis} {angle:.0f}" for axis, angle in zip("xyz", np.degrees(turned), strict=True))
+        for robot, turned in glance.step.coverage.turned_rad.items()
+    )
+    return Text("\n".join(lines))

@@ -1,0 +1,140 @@
+"""Arms that a person leads."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.acquisition.capture import capture_led
+from basecal.acquisition.driver import Reading
+from basecal.acquisition.freedrive import END, TAKE, Led
+from basecal.acquisition.rig import Rig, open_rig
+from basecal.acquisition.taking import CaptureSettings, Taker
+from basecal.cell import RobotState
+from basecal.cell.files import read_recording
+from basecal.planning import poses
+from basecal.planning.feasible import feasible_in
+from basecal.planning.sketch import sketch_of
+from shared.running_cell import home, running
+
+STEP_S = 0.1
+
+
+class Arm:
+    """An arm that is led along a way: one joint, a place for each state."""
+
+    is_live = True
+
+    def __init__(self, way):
+        self.way, self.asked, self.freedrives = list(way), 0, []
+
+    def state(self):
+        place = self.way[min(self.asked, len(self.way) - 1)]
+        self.asked += 1
+        return Reading(STEP_S * self.asked, RobotState(joints_rad=np.array([place])))
+
+    def freedrive(self, on):
+        self.freedrives.append(on)
+
+    def close(self):
+        pass
+
+
+def led(arm, key=lambda: ""):
+    return Led(Rig({"eye": arm}, {}), key, lambda words: None)
+
+
+def test_held_still_at_a_new_place_a_sample_is_due():
+    """After most of a second of rest, once a place; not on the way, and not again until it was led away."""
+    arm = Arm([0.0] * 12 + list(np.linspace(0.0, 0.5, 20)) + [0.5] * 30)
+    person = led(arm)
+    assert person.wait()
+    first = arm.asked
+    assert person.wait()
+    assert 8 <= first <= 12
+    assert 12 + 20 + 8 <= arm.asked <= 12 + 20 + 12
+
+
+def test_a_small_step_is_no_new_place():
+    """An arm that is led away by a degree and held is waited for until it was led farther."""
+    arm = Arm([0.0] * 12 + [0.02] * 30 + [0.2] * 30)
+    person = led(arm)
+    assert person.wait()
+    assert person.wait()
+    assert arm.asked > 12 + 30
+
+
+def test_keys_take_and_end():
+    """The space bar takes at once, wherever the arm is; q ends."""
+    keys = iter([TAKE, TAKE, "x", END])
+    arm = Arm(np.linspace(0, 1, 50))
+    person = led(arm, lambda: next(keys))
+    assert [person.wait() for _ in range(3)] == [True, True, False]
+    assert arm.asked == 4
+
+
+def test_arms_are_free_until_a_sample_is_due():
+    """And held then, even after an error."""
+    arm = Arm([0.0] * 30)
+    assert led(arm).wait()
+    assert arm.freedrives == [True, False]
+    arm.way, arm.freedrives = [None], []
+    with pytest.raises(TypeError):
+        led(arm).wait()
+    assert arm.freedrives == [True, False]
+
+
+def test_whoever_types_poses_is_not_waited_for():
+    """Of robots that ask, the next sample is due at once."""
+    arm = Arm([0.0])
+    arm.is_live = False
+    assert led(arm).wait()
+    assert arm.asked == 0
+
+
+class Person:
+    """A robot of a running cell that somebody leads to one place after another, and holds there."""
+
+    is_live = True
+
+    def __init__(self, robot, places):
+        self.robot, self.places, self.held = robot, list(places), 0
+
+    def state(self):
+        self.held += 1
+        if self.held > 250 and self.places:
+            self.robot.move(self.places.pop(0), 2.0)
+            self.held = 0
+        return self.robot.state()
+
+
+def test_a_cell_is_captured_by_hand(tmp_path):
+    """Each place at which the arms are held becomes a sample with its picture; nothing moves them but the person."""
+    with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
+        sketch = sketch_of(world.cell)
+        plan = poses.plan(sketch, home(world), feasible_in(sketch), 2, 0)
+        robots = {name: Person(robot, [sample.robots[name] for sample in plan]) for name, robot in rig.robots.items()}
+        by = Taker(Rig(robots, rig.cameras), sketch, tmp_path, CaptureSettings(2.0))
+        steps = list(capture_led(by, 3, lambda: ""))
+        assert [(step.sample, step.why_not) for step in steps] == [(0, ""), (1, ""), (2, "")]
+    taken = read_recording(tmp_path).samples
+    for sample, wanted in zip(taken[1:], plan, strict=True):
+        for name, state in sample.robots.items():
+            np.testing.assert_allclose(state.joints_rad, wanted.robots[name].joints_rad, atol=1e-6)
+        assert (tmp_path / sample.images["wrist"]).exists()
+
+
+def test_a_place_where_nothing_is_seen_is_told_and_waited_for_anew(tmp_path):
+    """The number stays free for the next place."""
+    with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
+        sketch = sketch_of(world.cell)
+        away = RobotState(joints_rad=world.home["hand"] + [0, 0, 0, 0, 1.2, 0])
+        back = RobotState(joints_rad=world.home["hand"])
+        rig.robots["hand"].move(away, 3.0)
+        robots = {**rig.robots, "hand": Person(rig.robots["hand"], [back])}
+        robots["hand"].held = -600
+        by = Taker(Rig(robots, rig.cameras), sketch, tmp_path, CaptureSettings(2.0))
+        steps = list(capture_led(by, 1, lambda: ""))
+    assert [step.sample for step in steps] == [0, 0]
+    assert "not seen" in steps[0].why_not
+    assert steps[1].why_not == ""

@@ -1,0 +1,44 @@
+"""Taking one sample."""
+
+from __future__ import annotations
+
+import pytest
+
+from basecal.acquisition import taking as module
+from basecal.acquisition.rig import open_rig
+from basecal.acquisition.stillness import Moving, Unfit
+from basecal.acquisition.taking import CaptureSettings, Taker, targets_before
+from basecal.cell import Sample
+from basecal.planning.sketch import sketch_of
+from shared.running_cell import running
+
+FAST = CaptureSettings(speed_rad_s=2.0, patience_s=3.0)
+
+
+def test_it_says_what_it_does(tmp_path):
+    """Waiting and looking are told as they begin, and arms that are not sent are not said to move."""
+    told = []
+    with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
+        sample = Taker(rig, sketch_of(world.cell), tmp_path, FAST, told.append).take(Sample(4), [])
+    assert told == ["sample 4", "sample 4: waiting for a still picture", "sample 4: looking for the target"]
+    assert sample.observations[0].target == "board"
+
+
+def test_what_still_moves_is_waited_for_once_more(tmp_path, monkeypatch):
+    """The first time that something moves it is tried again, what else is wrong is told at once."""
+    why = [Moving("arm still moving: eye"), Unfit("too blurred")]
+
+    def attempt(by, wanted, taken):
+        raise why.pop(0)
+
+    monkeypatch.setattr(module, "_take", attempt)
+    told = []
+    with pytest.raises(Unfit, match="too blurred"):
+        Taker(None, None, tmp_path, FAST, told.append).take(Sample(0), [])
+    assert told == ["arm still moving: eye; once more"]
+
+
+def test_a_camera_does_not_look_at_what_hangs_beside_it(tmp_path):
+    """Only targets on other bodies are before it."""
+    with running(tmp_path) as world:
+        assert len(targets_before(world.cell, "wrist")) == 1

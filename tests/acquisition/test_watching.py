@@ -1,0 +1,76 @@
+"""What people are shown of a capture."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.acquisition.capture import Step
+from basecal.acquisition.coverage import GRID, Coverage
+from basecal.acquisition.driver import Picture, Switches
+from basecal.acquisition.rig import Rig
+from basecal.acquisition.watching import Watch, watched
+
+
+def step(number, why_not="", sigma=(1e-3, 2e-3)):
+    return Step(number, why_not, number + 1, 9, Coverage(np.zeros(GRID, dtype=bool), {"eye": np.zeros(3)}), sigma)
+
+
+class Camera:
+    is_live = True
+
+    def __init__(self):
+        self.closed = False
+
+    def picture(self):
+        return Picture(1.0, np.full((4, 5), 7, np.uint8))
+
+    def close(self):
+        self.closed = True
+
+
+class Lamp(Camera):
+    def light(self, on):
+        self.on = on
+
+
+def test_what_became_of_samples_is_kept():
+    """The last lines, and a sigma for each sample that was taken once all directions are seen."""
+    watch = Watch()
+    for each in (step(0, sigma=None), step(1), step(2, "target not seen by wrist"), step(3)):
+        watch.note(each)
+    glance = watch.glance
+    assert [sigma.samples for sigma in glance.sigmas] == [2, 4]
+    assert glance.said[-2:] == ("sample 2: not taken: target not seen by wrist", "sample 3: taken")
+    assert glance.step.sample == 3
+
+
+def test_a_glance_does_not_change():
+    """Who looked sees what was, while the capture goes on."""
+    watch = Watch()
+    watch.tell("one")
+    before = watch.glance
+    watch.tell("two")
+    watch.end("over")
+    assert (before.doing, before.is_over) == ("one", False)
+    assert (watch.glance.doing, watch.glance.is_over) == ("over", True)
+
+
+def test_advice_is_that_of_the_coverage():
+    """Once there are enough samples; none before the first."""
+    watch = Watch()
+    assert watch.glance.advice == ""
+    watch.note(step(6))
+    assert watch.glance.advice == "turn eye further about x"
+
+
+def test_every_picture_is_shown():
+    """As the camera gives it; what it can do it still can, and nothing more."""
+    watch, plain, lamp = Watch(), Camera(), Lamp()
+    rig = watched(Rig({}, {"wrist": plain, "hall": lamp}), watch)
+    picture = rig.cameras["wrist"].picture()
+    assert dict(watch.glance.pictures)["wrist"] is picture.grey
+    assert not isinstance(rig.cameras["wrist"], Switches)
+    rig.cameras["hall"].light(False)
+    assert lamp.on is False
+    rig.cameras["wrist"].close()
+    assert plain.closed

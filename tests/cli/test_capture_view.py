@@ -1,0 +1,58 @@
+"""What a capture shows while it goes on."""
+
+from __future__ import annotations
+
+import io
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from basecal.acquisition.capture import Step
+from basecal.acquisition.coverage import GRID, Coverage
+from basecal.acquisition.rig import Rig
+from basecal.cli.capture_view import capture_view
+from basecal.simulation import Scenario, simulate
+
+CELL = simulate(Scenario(samples=2), 0).cell
+
+
+class Terminal(io.StringIO):
+    """A stream that somebody watches."""
+
+    encoding = "utf-8"
+
+    def isatty(self) -> bool:
+        return True
+
+
+def step() -> Step:
+    return Step(3, "", 4, 9, Coverage(np.ones(GRID, dtype=bool), {}), (1e-3, 1e-3))
+
+
+def rig(is_live: bool = True) -> Rig:
+    return Rig({"eye": SimpleNamespace(is_live=is_live)}, {})  # type: ignore[dict-item]
+
+
+def shown(stream: io.StringIO, monkeypatch: pytest.MonkeyPatch, of: Rig, quiet: bool = False) -> str:
+    monkeypatch.setattr(sys, "stdout", stream)
+    with capture_view(of, CELL, web=False, port=0, quiet=quiet) as view:
+        view.tell("sample 4: arms move")
+        view.note(step(), 1)
+    assert view.watch.glance.is_over
+    return stream.getvalue()
+
+
+def test_where_nobody_watches_a_sample_is_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With what was covered and how well the base is known; nothing where a program reads."""
+    line = "   1/9 sample 3: taken, 100 % of the picture; base +-1.00 mm 0.057 deg\n"
+    assert shown(io.StringIO(), monkeypatch, rig()) == line
+    assert shown(io.StringIO(), monkeypatch, rig(), quiet=True) == ""
+
+
+def test_a_terminal_has_a_view(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Instead of lines, unless a robot's driver asks on that terminal."""
+    monkeypatch.setenv("TERM", "xterm")
+    assert "4 taken, 9 planned" in shown(Terminal(), monkeypatch, rig())
+    assert shown(Terminal(), monkeypatch, rig(is_live=False)).startswith("   1/9 sample 3: taken")

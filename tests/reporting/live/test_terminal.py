@@ -1,0 +1,53 @@
+"""A capture in the terminal."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+from rich.console import Console
+
+from basecal.acquisition.capture import Step
+from basecal.acquisition.coverage import GRID, Coverage
+from basecal.acquisition.watching import Sigma, Watch
+from basecal.reporting.live.terminal import coverage_rows, sigma_row, terminal_view
+
+
+def covered():
+    cells = np.zeros(GRID, dtype=bool)
+    cells[0, 0] = cells[3, 5] = True
+    return Coverage(cells, {"eye": np.radians([5.0, 40.0, 40.0]), "hand": np.radians([50.0, 40.0, 40.0])})
+
+
+def printed(glance):
+    out = io.StringIO()
+    Console(file=out, width=100).print(terminal_view(glance))
+    return out.getvalue()
+
+
+def test_what_was_seen_is_full():
+    """A line a row, two signs a part of the picture."""
+    rows = coverage_rows(covered()).split("\n")
+    assert rows[0] == "██" + "··" * 5
+    assert rows[3] == "··" * 5 + "██"
+
+
+def test_bars_fall_with_the_sigma():
+    """The first is the highest, the last is told in numbers."""
+    bars, mm, deg = sigma_row([Sigma(k, 1e-3 / k, 1e-3) for k in range(1, 9)]).split("\n")
+    assert bars[0] == "█"
+    assert bars[-1] == "▁"
+    assert list(bars) == sorted(bars, reverse=True)
+    assert (mm, deg) == ("+-0.12 mm", "+-0.057 deg")
+
+
+def test_the_view_says_all_of_it():
+    """What is done, what became of samples, what comes next; before the first sample only the first of these."""
+    watch = Watch()
+    assert "opening" in printed(watch.glance)
+    watch.note(Step(7, "too like sample 4", 6, 25, covered(), None))
+    watch.tell("sample 8: arms move")
+    shown = printed(watch.glance)
+    for words in ("6 taken, 25 planned", "sample 7: not taken: too like sample 4", "turn eye further about x",
+                  "sample 8: arms move", "hand  x 50  y 40  z 40", "not all directions"):  # fmt: skip
+        assert words in shown
