@@ -132,5 +132,7 @@ def test_smooth_errors_are_found_and_widen_the_covariance():
     none = integrate_sigmas(used, end.state, noise)
     used, end, noise = estimate_jointly(problem, start, 100)
     found = integrate_sigmas(used, end.state, noise)
+    for robot, sigma in found.robots.items():  # of a log-normal the mean square is above the square of the mode
+        assert np.all(found.robot_variances[robot] > sigma**2)
     assert not none.common
     assert found.common["smooth"]["hand"][3] > 3e-4

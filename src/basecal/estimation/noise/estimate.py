@@ -48,6 +48,7 @@ class NoiseEstimate:
         plain_surprise: The same of the model without terms in common alone.
         shapes: Of targets whose shape was estimated: its coefficients, (k,), and their covariance, (k, k).
         logs: (k,) logarithms of the sigmas that were estimated jointly; None of others.
+        robot_variances: Of robots in `robots`, the mean over all that their sigmas may be of their squares, (6,).
     """
 
     noise: Noise
@@ -62,6 +63,7 @@ class NoiseEstimate:
     plain_surprise: float = 0.0
     shapes: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
     logs: Array | None = None
+    robot_variances: Mapping[str, Array] = field(default_factory=dict)
 
     def held_by(self, problem: Problem) -> Problem:
         """The problem with these sigmas, held, and targets shaped so."""

@@ -128,8 +128,12 @@ def integrate_sigmas(problem: Problem, state: State, noise: NoiseEstimate) -> No
                 models[name] = _sigma_posterior(problem, state, robots, noise.logs, term, modes)
         likeliest = min(models, key=lambda name: models[name].surprise)
         covariance = integrated_covariance(list(models.values()), np.zeros(problem.width))
-    common = {likeliest: _sigmas(models[likeliest], problem).common} if likeliest else {}
-    return replace(noise, common=common, covariance=covariance, surprise=models[likeliest].surprise)
+    best = models[likeliest]
+    common = {likeliest: _sigmas(best, problem).common} if likeliest else {}
+    # The mean of the square of what is log-normal: the likeliest sigmas are too small for what is still to come.
+    raised = replace(best, logs=best.logs + np.diag(best.covariance))
+    squares = {name: sigma**2 for name, sigma in _sigmas(raised, problem).robots.items()}
+    return replace(noise, common=common, covariance=covariance, surprise=best.surprise, robot_variances=squares)
 
 
 def _readjusted(
