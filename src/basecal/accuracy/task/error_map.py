@@ -19,7 +19,7 @@ from basecal.cell import Calibration, Cell, ErrorMap
 from basecal.estimation.problem.problem import State, ViewGroup
 from basecal.estimation.solve import Solution
 from basecal.geometry import SE3, Array
-from basecal.geometry.se3 import hat
+from basecal.geometry.rotation import hat
 from basecal.registry import NOISE_TERMS
 
 STEPS = 5
