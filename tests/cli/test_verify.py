@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -42,6 +43,44 @@ def test_a_cell_that_moved_ends_with_1(cell: Path, capsys: pytest.CaptureFixture
     assert data["shift_mm"] == pytest.approx(50.0, abs=5.0)
     assert main(["verify", str(cell), str(cell / "moved.jsonl")]) == 1
     assert capsys.readouterr().out.startswith("MOVED: 6 samples")
+
+
+def test_what_was_verified_is_told(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each verification is a line of the cell's history, with what was measured; the page has its chart."""
+    (cell / "verifications.jsonl").unlink(missing_ok=True)
+    capsys.readouterr()
+    assert main(["verify", str(cell), "--history"]) == 0
+    assert "nothing was verified yet" in capsys.readouterr().out
+    assert main(["verify", str(cell), str(cell / "new.jsonl")]) == 0
+    capsys.readouterr()
+    assert main(["verify", str(cell), str(cell / "moved.jsonl"), "--history", "--json"]) == 1
+    first, second = json.loads(capsys.readouterr().out)["verifications"]
+    assert (first["moved"], second["moved"], second["frame"]) == (False, True, "hand_base")
+    assert second["shift_mm"]["eye_base_from_hand_base"] == pytest.approx(50.0, abs=5.0)
+    main(["report", str(cell)])
+    (page,) = (cell / "runs").glob("*/report.html")
+    assert "Verified since" in page.read_text()
+
+
+def test_samples_join_where_nothing_moved(cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The recording has them then, and the run is of all; where something moved the recording stays."""
+    copy = Path(shutil.copytree(cell, tmp_path / "cell"))
+    journal = copy / "recording" / "samples.jsonl"
+    capsys.readouterr()
+    assert main(["verify", str(copy), str(copy / "moved.jsonl"), "--recalibrate"]) == 1
+    assert "not calibrated again" in capsys.readouterr().out
+    assert len(journal.read_text().splitlines()) == 20
+    assert main(["verify", str(copy), str(copy / "new.jsonl"), "--recalibrate", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)["recalibration"]
+    assert told["added"] == list(range(20, 26))
+    assert [json.loads(line)["sample"] for line in journal.read_text().splitlines()] == list(range(26))
+    assert (copy / "runs" / told["run"] / "calibration.json").is_file()
+
+
+def test_what_is_to_be_verified_is_asked_for(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for words in ([], ["--recalibrate"], ["--recalibrate", "--history"]):
+        assert main(["verify", str(cell), *words]) == 2
+        assert "give the new samples" in capsys.readouterr().err
 
 
 def test_what_cannot_be_read_ends_with_3(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -36,6 +36,7 @@ from basecal.cell.recording import (
     RobotState,
     Sample,
 )
+from basecal.cell.results.verification_file import MeasuredShift, PastVerification
 from basecal.cell.target import Target
 
 __all__ = [
@@ -54,9 +55,11 @@ __all__ = [
     "Finding",
     "Intrinsics",
     "Loop",
+    "MeasuredShift",
     "Observation",
     "Outlier",
     "Parameters",
+    "PastVerification",
     "PixelObservation",
     "PointObservation",
     "PoseObservation",

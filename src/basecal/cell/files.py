@@ -21,6 +21,7 @@ from basecal.cell.results.calibration_file import (
     write_calibration,
 )
 from basecal.cell.results.truth_file import read_truth, write_truth
+from basecal.cell.results.verification_file import append_verification, read_verifications
 from basecal.cell.schema.cell_dict import cell_to_dict
 from basecal.cell.schema.cell_file import cell_from_dict, read_cell, write_cell
 from basecal.cell.schema.completing import completed_cell_text
@@ -28,6 +29,7 @@ from basecal.cell.schema.completing import completed_cell_text
 __all__ = [
     "append_sample",
     "append_samples",
+    "append_verification",
     "calibration_from_dict",
     "calibration_to_dict",
     "cell_from_dict",
@@ -44,6 +46,7 @@ __all__ = [
     "read_recording",
     "read_samples",
     "read_truth",
+    "read_verifications",
     "recording_from_text",
     "run_folder",
     "sample_to_dict",

@@ -59,6 +59,7 @@ def stored_run(folder: Path, run: Path, cell: Cell, calibration: Calibration) ->
 
 def write_page(cell: Cell, calibration: Calibration, stored: StoredRun) -> Path:
     """Path of the page of a run, which is written; where inputs have changed since, the page says so."""
+    from basecal.cell.files import read_verifications
     from basecal.cell.format.writing import write_whole
     from basecal.reporting.page import page
 
@@ -74,6 +75,7 @@ def write_page(cell: Cell, calibration: Calibration, stored: StoredRun) -> Path:
         made=_made(stored.run),
         run=stored.run.name,
         notes=notes,
+        verified=[each for each in read_verifications(stored.run.parent.parent) if each.run == stored.run.name],
     )
     write_whole(path, html, within=stored.run.parent.parent)
     return path

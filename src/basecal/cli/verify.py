@@ -3,20 +3,36 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from basecal.cli.detected import counting
 from basecal.cli.runs import run_of
 from basecal.cli.terminal import print_json, say
+from basecal.errors import UsageError
+
+if TYPE_CHECKING:
+    from basecal.accuracy.drift.verify import Verification
+    from basecal.cell import Cell, Recording
 
 
-def verify(cell: Path, samples: Path, /, *, against: Path | None = None, json: bool = False) -> int:
+def verify(
+    cell: Path,
+    samples: Path | None = None,
+    /,
+    *,
+    against: Path | None = None,
+    recalibrate: bool = False,
+    history: bool = False,
+    json: bool = False,
+) -> int:
     """Tell from one or a few new samples whether a cell is still as calibrated.
 
     Says whether anything moved, what (a base, a camera, a target, the zero of
     a joint) and by how much with its sigma, and which shift would have been
     seen. SAMPLES is a file of lines as in recording/samples.jsonl, its images
     in the recording's folder; or a folder that poses and pictures of the same
-    robots and cameras were imported into. Nothing is written.
+    robots and cameras were imported into. What was found is appended to the
+    cell's verifications.jsonl, of which --history tells.
 
     Ends with 0 where nothing moved, with 1 where something did or that cannot
     be told, so that a scheduled check can raise an alarm. Where nothing moved
@@ -27,20 +43,47 @@ def verify(cell: Path, samples: Path, /, *, against: Path | None = None, json: b
         basecal verify mycell today.jsonl
         basecal verify mycell today
         basecal verify mycell today.jsonl --json
+        basecal verify mycell today.jsonl --recalibrate
         basecal verify mycell today.jsonl --against mycell/runs/20260102T030405Z
+        basecal verify mycell --history
 
     Args:
         cell: Folder of the cell.
         samples: New samples, one JSON object a line; or the folder of a cell that they were imported into.
         against: Folder of the run to verify; the latest where none is given.
+        recalibrate: Where nothing moved, add the new samples to the recording, and calibrate from all of them.
+        history: Tell of all verifications, and of what drifts; with SAMPLES after verifying them.
         json: Print one JSON object instead of words.
     """
-    from basecal.accuracy.drift.verify import verify as verified
-    from basecal.cell.files import read_calibration, read_cell, read_samples
+    from basecal.cell.files import read_cell
     from basecal.reporting.drift_text import verification_dict, verification_text
 
+    if samples is None and (recalibrate or against is not None or not history):
+        raise UsageError("give the new samples: basecal verify CELL NEW.jsonl, or --history alone")
     described = read_cell(cell)
-    calibration = read_calibration(run_of(cell) if against is None else against)
+    if samples is None:
+        data, text, code = {}, [], 0
+    else:
+        run, new = run_of(cell) if against is None else against, _new_samples(cell, described, samples)
+        found = _verified(cell, described, run, new)
+        data, text, code = verification_dict(found), [verification_text(found)], int(found.moved is not False)
+        if recalibrate:
+            data["recalibration"], code = _recalibrated(cell, described, new, found)
+            text.append(_recalibration_words(data["recalibration"]))
+    if history:
+        past, words = _history(cell)
+        data, text = {**data, **past}, [*text, words]
+    if json:
+        print_json(data)
+    else:
+        say("\n".join(text))
+    return code
+
+
+def _new_samples(cell: Path, described: Cell, samples: Path) -> Recording:
+    """What is new, its targets found where it has pictures."""
+    from basecal.cell.files import read_samples
+
     is_cell = samples.is_dir()
     journal = samples / "recording" / "samples.jsonl" if is_cell else samples
     recording = read_samples(journal, samples if is_cell else cell, described)
@@ -49,9 +92,56 @@ def verify(cell: Path, samples: Path, /, *, against: Path | None = None, json: b
 
         with counting("detecting") as step:
             recording = detect(described, recording, progress=step)
-    found = verified(described, calibration, recording)
-    if json:
-        print_json(verification_dict(found))
-    else:
-        say(verification_text(found))
-    return 0 if found.moved is False else 1
+    return recording
+
+
+def _verified(cell: Path, described: Cell, run: Path, new: Recording) -> Verification:
+    """What new samples say of a run, appended to the cell's verifications."""
+    from datetime import UTC, datetime
+
+    from basecal.accuracy.drift.history import past_verification
+    from basecal.accuracy.drift.verify import verify as verified
+    from basecal.cell.files import append_verification, read_calibration
+
+    found = verified(described, read_calibration(run), new)
+    name = (run if run.is_dir() else run.parent).resolve().name
+    append_verification(cell, past_verification(found, datetime.now(UTC), name))
+    return found
+
+
+def _recalibrated(
+    cell: Path, described: Cell, new: Recording, found: Verification
+) -> tuple[dict[str, Any] | None, int]:
+    """The run made of old and new samples, and its exit code; nothing where something moved, or that is not known."""
+    from dataclasses import replace
+
+    from basecal.cell.files import append_samples, read_recording
+    from basecal.cli.calibrate import calibrate_folder, exit_code
+
+    if found.moved is not False:
+        return None, 1
+    first = max((sample.sample for sample in read_recording(cell, described).samples), default=-1) + 1
+    kept = [sample for sample in new.samples if sample.observations and sample.sample not in found.outliers]
+    added = [replace(s, sample=first + k, images={}, background={}) for k, s in enumerate(kept)]
+    append_samples(cell, added)
+    made = calibrate_folder(cell, described)
+    told = {"run": made.run.name, "verdict": made.calibration.verdict, "added": [s.sample for s in added]}
+    return told, exit_code(made.calibration)
+
+
+def _recalibration_words(told: dict[str, Any] | None) -> str:
+    if told is None:
+        return "not calibrated again: samples from before and after something moved are of two cells"
+    count = len(told["added"])
+    return f"calibrated again with {count} new samples, {told['verdict']}: run {told['run']}"
+
+
+def _history(cell: Path) -> tuple[dict[str, Any], str]:
+    """All verifications of a cell, as data and in words."""
+    from basecal.accuracy.drift.history import drifts
+    from basecal.cell.files import read_verifications
+    from basecal.reporting.drift_text import history_dict, history_text
+
+    past = read_verifications(cell)
+    found = drifts(past)
+    return history_dict(past, found), history_text(past, found)

@@ -6,10 +6,15 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from basecal.accuracy.compare import Comparison
-from basecal.accuracy.drift.shifts import Shift
-from basecal.accuracy.drift.verify import POWER, Verification
+import numpy as np
 
+from basecal.accuracy.compare import Comparison
+from basecal.accuracy.drift.history import Drift
+from basecal.accuracy.drift.shifts import Shift
+from basecal.accuracy.drift.verify import LEVEL, POWER, Verification
+from basecal.cell import PastVerification
+
+_WHEN = "%Y-%m-%d %H:%M"
 _SHOWN = 6  # numbers of samples in a line
 
 
@@ -75,6 +80,55 @@ def _power(found: Verification) -> list[str]:
 
 def _left_out(found: Verification) -> list[str]:
     return [f"sample {number} is off by itself and was left out" for number in found.outliers[:_SHOWN]]
+
+
+def history_dict(history: Sequence[PastVerification], found: Sequence[Drift]) -> dict[str, Any]:
+    """One JSON object: what was verified when, and how fast each transform drifts."""
+    return {
+        "verifications": [
+            {
+                "when": each.when.strftime("%Y-%m-%dT%H:%M:%SZ"),
+                "run": each.run,
+                "samples": each.samples,
+                "moved": each.moved,
+                "frame": each.frame,
+                "p": each.chance,
+                "detectable_mm": None if each.detectable_m is None else 1e3 * each.detectable_m,
+                "shift_mm": {name: 1e3 * float(np.linalg.norm(shift.t_m)) for name, shift in each.shifts.items()},
+            }
+            for each in history
+        ],
+        "drift": [
+            {
+                "transform": each.transform,
+                "run": each.run,
+                "verifications": each.count,
+                "mm_per_day": (1e3 * each.m_per_day).tolist(),
+                "sigma_mm_per_day": (1e3 * each.sigma).tolist(),
+                "p": each.chance,
+            }
+            for each in found
+        ],
+    }
+
+
+def history_text(history: Sequence[PastVerification], found: Sequence[Drift]) -> str:
+    """A line for each verification, and for each transform whether it drifts."""
+    if not history:
+        return "nothing was verified yet: basecal verify CELL NEW.jsonl"
+    lines = []
+    for each in history:
+        what = {False: "not moved", None: "cannot tell"}.get(each.moved, f"MOVED, {each.frame}")
+        shifts = [f"{name} {1e3 * float(np.linalg.norm(s.t_m)):.2f} mm" for name, s in each.shifts.items()]
+        lines.append(f"{each.when.strftime(_WHEN)}  {what} (p = {each.chance:.2g})  {', '.join(shifts)}")
+    return "\n".join([*lines, *map(drift_sentence, found)])
+
+
+def drift_sentence(of: Drift) -> str:
+    """Whether a transform drifts, and how fast."""
+    speed, sigma = 1e3 * float(np.linalg.norm(of.m_per_day)), 1e3 * float(np.linalg.norm(of.sigma))
+    verb = "drifts" if of.chance < LEVEL else "does not drift:"
+    return f"{of.transform} {verb} {speed:.2g} +/- {sigma:.2g} mm a day over {of.count} checks (p = {of.chance:.2g})"
 
 
 def comparison_dict(names: Sequence[str], found: Sequence[Comparison]) -> dict[str, Any]:

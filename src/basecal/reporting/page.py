@@ -12,17 +12,20 @@ import numpy as np
 from markupsafe import Markup
 
 from basecal.accuracy.closed_form_beside import ClosedFormBeside
+from basecal.accuracy.drift.history import drifts
 from basecal.accuracy.fit_details import FitDetails
 from basecal.accuracy.phrases.held_out_error import why_held_out_errors_are_larger
 from basecal.accuracy.sample_use import views_left_out
-from basecal.cell import Calibration, Cell, Recording, SampleResidual
+from basecal.cell import Calibration, Cell, PastVerification, Recording, SampleResidual
 from basecal.exchange.exporters.exporter import pasteable
 from basecal.geometry import Array
 from basecal.reporting.cell_view.picture import picture
 from basecal.reporting.cell_view.scene import Scene, scene, scene_data
+from basecal.reporting.drift_text import history_text
 from basecal.reporting.figures.bars import QUANTITIES, bar_figure
 from basecal.reporting.figures.figure import Figure
 from basecal.reporting.figures.histogram import histogram
+from basecal.reporting.figures.history import history_figure
 from basecal.reporting.figures.image_coverage import image_coverage
 from basecal.reporting.figures.orientations import orientation_figure
 from basecal.reporting.figures.residual_map import residual_map
@@ -50,6 +53,7 @@ from basecal.reporting.transforms import transform_view
 _MOST_ROWS = 400
 _MOST_BARS = 600
 _MOST_BARS_TOGETHER = 2700
+_MOST_VERIFIED = 20  # lines about verifications, the latest
 _FEWEST = 100
 _SCRIPTS = ("vendor/three.min.js", "templates/scene.js", "templates/page.js")
 
@@ -72,6 +76,7 @@ def page(
     made: datetime | None = None,
     run: str | None = None,
     notes: Sequence[str] = (),
+    verified: Sequence[PastVerification] = (),
 ) -> str:
     """The report of a calibration as HTML, everything it needs inside; it asks nothing of any server.
 
@@ -84,6 +89,7 @@ def page(
         made: When it was calibrated, UTC.
         run: Name of its run, said in what is pasted.
         notes: Said below the verdict, such as that a file has changed since.
+        verified: The verifications of this run, as they were made.
     """
     known = FitDetails() if details is None else details
     drawn = scene(cell, recording.samples, calibration)
@@ -108,6 +114,8 @@ def page(
             closed_form=None if known.closed_form is None else _closed_form(known.closed_form),
             **_answer(cell, calibration, run),
             **_fit(cell, calibration, known),
+            history=history_figure(verified),
+            drift=history_text(verified, drifts(verified)).splitlines()[-_MOST_VERIFIED:],
         )
     )
 

@@ -34,6 +34,7 @@ class Verification:
         detectable_m: The shift of what was calibrated that would be seen with the chance `POWER` [m]; None where none.
         samples: Numbers of the samples that were compared.
         outliers: Numbers of samples that alone are off, and were left out.
+        asked: What each transform that was calibrated seems to have moved by, whether it did or not.
     """
 
     moved: bool | None
@@ -43,6 +44,7 @@ class Verification:
     detectable_m: float | None
     samples: tuple[int, ...]
     outliers: tuple[int, ...] = ()
+    asked: tuple[Shift, ...] = ()
 
 
 def verify(cell: Cell, calibration: Calibration, recording: Recording) -> Verification:
@@ -80,7 +82,8 @@ def _verified(cell: Cell, of: Innovations) -> Verification:
     explanations = sorted([*frames, *joint_shifts(of)], key=lambda each: each.log_chance)
     best = explanations[0]
     alike = [each for each in explanations[1:] if _score(each) > _score(best) - _ALIKE] if moved else []
-    return Verification(True if moved else None if seen is None else False, chance, best, tuple(alike), seen, samples)
+    is_moved = True if moved else None if seen is None else False
+    return Verification(is_moved, chance, best, tuple(alike), seen, samples, asked=tuple(asked))
 
 
 def _score(shift: Shift) -> float:

@@ -131,7 +131,7 @@ def integrate_sigmas(problem: Problem, state: State, noise: NoiseEstimate) -> No
     best = models[likeliest]
     common = {likeliest: _sigmas(best, problem).common} if likeliest else {}
     # The mean of the square of what is log-normal: the likeliest sigmas are too small for what is still to come.
-    raised = replace(best, logs=best.logs + np.diag(best.covariance))
+    raised = replace(models[""], logs=models[""].logs + np.diag(models[""].covariance))
     squares = {name: sigma**2 for name, sigma in _sigmas(raised, problem).robots.items()}
     return replace(noise, common=common, covariance=covariance, surprise=best.surprise, robot_variances=squares)
 

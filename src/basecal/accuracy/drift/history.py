@@ -1,0 +1,82 @@
+"""Whether transforms drift: shifts that verifications measured, over days.
+
+All verifications of one run share that run's own error, so that a line is fitted with a start of its own: only its
+slope tells of drift. Source: weighted least squares; docs/mathematics.md (13.4).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+
+import numpy as np
+from scipy.special import chdtrc
+
+from basecal.accuracy.drift.verify import Verification
+from basecal.cell import MeasuredShift, PastVerification
+from basecal.geometry import Array
+
+FEWEST = 3
+"""Verifications of a run of which a slope is told: two always lie on a line."""
+
+_DAY_S = 86400.0
+_LEAST_DAYS = 1e-3  # between the first and the last, below which nothing is told of a day
+
+
+@dataclass(frozen=True, eq=False)
+class Drift:
+    """How fast a transform moves, by the verifications of one run.
+
+    Attributes:
+        transform: Its name.
+        run: The run.
+        count: How many verifications there are.
+        m_per_day: (3,) along its axes [m/day].
+        sigma: (3,) of that.
+        chance: Of slopes so steep where nothing drifts.
+    """
+
+    transform: str
+    run: str
+    count: int
+    m_per_day: Array
+    sigma: Array
+    chance: float
+
+
+def past_verification(found: Verification, when: datetime, run: str) -> PastVerification:
+    """What is kept of a verification of a run."""
+    shifts = {
+        each.transform: MeasuredShift(each.size[:3], np.sqrt(np.maximum(np.diag(each.covariance)[:3], 0.0)))
+        for each in found.asked
+    }
+    frame = found.shift.frame if found.moved and found.shift is not None else None
+    samples = len(found.samples)
+    return PastVerification(when, run, samples, found.moved, found.chance, found.detectable_m, frame, shifts)
+
+
+def drifts(history: Sequence[PastVerification]) -> tuple[Drift, ...]:
+    """Of each transform, by the run that was verified last."""
+    if not history:
+        return ()
+    run = history[-1].run
+    mine = [each for each in history if each.run == run]
+    names = dict.fromkeys(name for each in mine for name in each.shifts)
+    found = (_drift(name, run, [each for each in mine if name in each.shifts]) for name in names)
+    return tuple(drift for drift in found if drift is not None)
+
+
+def _drift(name: str, run: str, history: Sequence[PastVerification]) -> Drift | None:
+    days = np.array([each.when.timestamp() / _DAY_S for each in history])
+    sigma = np.array([each.shifts[name].sigma_m for each in history])
+    if len(history) < FEWEST or np.ptp(days) < _LEAST_DAYS or not np.all(sigma > 0):
+        return None
+    shift = np.array([each.shifts[name].t_m for each in history])
+    weight = sigma**-2
+    middle = (weight * days[:, None]).sum(0) / weight.sum(0)
+    apart = days[:, None] - middle
+    information = (weight * apart**2).sum(0)
+    slope = (weight * apart * shift).sum(0) / information
+    squared = float(np.sum(slope**2 * information))
+    return Drift(name, run, len(history), slope, information**-0.5, float(chdtrc(3, squared)))

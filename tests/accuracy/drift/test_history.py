@@ -1,0 +1,51 @@
+"""Drift over days: slopes are found, and said where nothing drifts as often as told."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.drift.history import FEWEST, drifts
+from basecal.cell import MeasuredShift, PastVerification
+
+START = datetime(2026, 1, 1, tzinfo=UTC)
+SIGMA = np.array([1e-4, 2e-4, 3e-4])
+OFFSET = np.array([4e-4, -2e-4, 1e-4])  # what the run itself is off by
+
+
+def history(days: list[float], slope: np.ndarray, rng: np.random.Generator, run: str = "r") -> list[PastVerification]:
+    """Verifications of a base that moves by so much a day."""
+    made = []
+    for day in days:
+        t_m = OFFSET + slope * day + SIGMA * rng.standard_normal(3)
+        shifts = {"a_from_b": MeasuredShift(t_m, SIGMA)}
+        made.append(PastVerification(START + timedelta(days=day), run, 4, False, 0.5, 1e-3, None, shifts))
+    return made
+
+
+def test_a_drift_is_found_with_its_sigma(rng: np.random.Generator) -> None:
+    """Over 300 histories the slope is off by its sigma: the sum of squares over sigmas has mean 3, within 3.5 standard
+    errors of sqrt(6 / 300).
+    """
+    slope, days = np.array([1e-4, 0.0, -5e-5]), [0.0, 1.0, 7.0, 8.0, 20.0]
+    found = [drifts(history(days, slope, rng))[0] for _ in range(300)]
+    squared = [float(np.sum(((each.m_per_day - slope) / each.sigma) ** 2)) for each in found]
+    assert np.mean(squared) == pytest.approx(3.0, abs=3.5 * np.sqrt(6 / 300))
+    assert np.median([each.chance for each in found]) < 1e-6
+
+
+def test_chances_are_uniform_where_nothing_drifts(rng: np.random.Generator) -> None:
+    """What the run is off by is no drift: half of 300 chances are below a half, within 3.5 standard errors."""
+    chances = [drifts(history([0.0, 2.0, 3.0, 9.0], np.zeros(3), rng))[0].chance for _ in range(300)]
+    assert np.mean(np.array(chances) < 0.5) == pytest.approx(0.5, abs=3.5 * np.sqrt(0.25 / 300))
+
+
+def test_too_little_to_tell(rng: np.random.Generator) -> None:
+    """Nothing, two verifications, all at once, or of runs before tell of no drift."""
+    assert drifts([]) == ()
+    assert drifts(history([0.0, 1.0], np.zeros(3), rng)) == ()
+    assert drifts(history([1.0] * FEWEST, np.zeros(3), rng)) == ()
+    before = history([0.0, 1.0, 2.0], np.zeros(3), rng)
+    assert drifts([*before, *history([3.0, 4.0], np.zeros(3), rng, "later")]) == ()

@@ -1,0 +1,57 @@
+"""What verifications found, on the disk."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from basecal.cell import MeasuredShift, PastVerification
+from basecal.cell.files import append_verification, read_verifications
+from basecal.errors import DatasetError
+
+SHIFT = MeasuredShift(np.array([1e-3, 0.0, -2e-3]), np.full(3, 5e-4))
+
+
+def entry(day: int, moved: bool | None = False) -> PastVerification:
+    """One of January."""
+    when = datetime(2026, 1, day, 6, tzinfo=UTC)
+    return PastVerification(when, "20260101T000000Z", 4, moved, 0.25, 6e-4, None, {"a_from_b": SHIFT})
+
+
+def test_lines_are_read_back_in_their_order(tmp_path: Path) -> None:
+    """Everything that was appended comes back; none is a history, too."""
+    assert read_verifications(tmp_path) == ()
+    append_verification(tmp_path, entry(2))
+    append_verification(tmp_path, entry(9, None))
+    first, second = read_verifications(tmp_path)
+    assert (first.when, first.run, first.samples, first.moved, first.chance, first.detectable_m, first.frame) == (
+        entry(2).when, "20260101T000000Z", 4, False, 0.25, 6e-4, None,
+    )  # fmt: skip
+    assert second.moved is None
+    np.testing.assert_array_equal(first.shifts["a_from_b"].t_m, SHIFT.t_m)
+    np.testing.assert_array_equal(first.shifts["a_from_b"].sigma_m, SHIFT.sigma_m)
+
+
+def test_a_line_that_was_cut_off_is_left_out(tmp_path: Path) -> None:
+    append_verification(tmp_path, entry(2))
+    with (tmp_path / "verifications.jsonl").open("a") as file:
+        file.write('{"when": "2026-01-0')
+    assert len(read_verifications(tmp_path)) == 1
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "field"),
+    [("0.25", "NaN", "line"), ('"p"', '"q"', "p"), ("[0.0005, ", "[-0.0005, ", "sigma_m"), ("false", '"no"', "moved")],
+)
+def test_what_cannot_be_read_is_named(tmp_path: Path, old: str, new: str, field: str) -> None:
+    """With its file, line and field."""
+    append_verification(tmp_path, entry(2))
+    append_verification(tmp_path, entry(3))
+    path = tmp_path / "verifications.jsonl"
+    first, second = path.read_text().splitlines()
+    path.write_text(f"{first}\n{second.replace(old, new)}\n")
+    with pytest.raises(DatasetError, match=rf"verifications\.jsonl:2: .*{field}"):
+        read_verifications(tmp_path)
