@@ -144,14 +144,12 @@ def _tried(
             found += _try(cell, recording, hypothesis, settings, (fits, lenses), declared)
         for hypothesis in half_turns(cell, recording):
             found += _try(cell, recording, hypothesis, settings, None, declared)
-    if not any(plausible(each.fit) and not each.impossible for each in (declared, *found)) and _is_odd(declared):
+    if any(plausible(each.fit) and not each.impossible for each in (declared, *found)):
+        return found
+    if unexplained_motion(declared.fit.solution.problem, known) > _ODD:
         for hypothesis, fits in _surviving(cell, recording, lenses, rare_hypotheses(cell, recording)):
             found += _try(cell, recording, hypothesis, settings, (fits, lenses), declared)
     return found
-
-
-def _is_odd(tried: TriedHypothesis) -> bool:
-    return unexplained_motion(tried.fit.solution.problem, tried.fit.solution.state) > _ODD
 
 
 def _try(

@@ -43,7 +43,8 @@ def noise_evidence(fit: HypothesisFit, declared: HypothesisFit) -> Evidence | No
     """
     if _views(fit.solution) != _views(declared.solution):
         return None
-    wider, narrower = (_with_noise(of.solution) for of in (fit, declared))
+    noisy = Settings(robot_noise="estimated")
+    wider, narrower = (solve_at_mode(of.problem, of.state, noisy) for of in (fit.solution, declared.solution))
     freed = [n for n in wider.state.cameras if n in wider.problem.columns and n not in narrower.problem.columns]
     if not freed:
         gain = narrower.noise.surprise - wider.noise.surprise + _scatter_gain(wider, narrower)
@@ -55,10 +56,6 @@ def noise_evidence(fit: HypothesisFit, declared: HypothesisFit) -> Evidence | No
 
 def _views(solution: Solution) -> int:
     return sum(map(len, solution.problem.groups))
-
-
-def _with_noise(solution: Solution) -> Solution:
-    return solve_at_mode(solution.problem, solution.state, Settings(robot_noise="estimated"))
 
 
 def _scatter_gain(wider: Solution, narrower: Solution) -> float:

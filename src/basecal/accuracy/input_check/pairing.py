@@ -115,23 +115,19 @@ def half_turns(cell: Cell, recording: Recording) -> list[ConventionHypothesis]:
     found = []
     for name, target in cell.targets.items():
         turn = None if target.target is None else half_turn(target.target)
-        rows = [i for i, s in enumerate(recording.samples) if any(_is_pose(o, name) for o in s.observations)]
-        if turn is None or len(rows) < _FEWEST:
+        poses = {
+            row: o.camera_from_target
+            for row, sample in enumerate(recording.samples)
+            for o in reversed(sample.observations)
+            if isinstance(o, PoseObservation) and o.target == name
+        }
+        if turn is None or len(poses) < _FEWEST:
             continue
-        seen = SE3.stack([_pose(recording, i, name) for i in rows])
+        rows, seen = list(poses), SE3.stack(list(poses.values()))
         flipped = _less_alike(seen, seen @ turn)
         if np.any(flipped) and not np.all(flipped):
             found += [_half_turn(recording, name, turn, rows, mask) for mask in (flipped, ~flipped)]
     return found
-
-
-def _is_pose(observation: Observation, target: str) -> bool:
-    return isinstance(observation, PoseObservation) and observation.target == target
-
-
-def _pose(recording: Recording, row: int, target: str) -> SE3:
-    observations = recording.samples[row].observations
-    return next(o.camera_from_target for o in observations if isinstance(o, PoseObservation) and o.target == target)
 
 
 def _less_alike(seen: SE3, turned: SE3) -> BoolArray:

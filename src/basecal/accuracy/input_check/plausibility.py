@@ -15,7 +15,6 @@ from basecal.cell import (
     PoseObservation,
     Recording,
 )
-from basecal.estimation.problem.problem import Problem
 from basecal.geometry import SE3, Array
 
 # Wide enough for any arm, cell and target that people calibrate, and a factor of 1000 beyond which none is.
@@ -105,13 +104,10 @@ def impossible_answer(cell: Cell, fit: HypothesisFit) -> tuple[str, ...]:
         name = cell.mount_name(thing.name)
         if name in transforms and name in fit.solution.problem.columns:
             found += _outside(name, _length(transforms[name]), (0.0, most))
-    return (*found, *_of_distances(fit.solution.problem, fit))
+    state, problem = fit.solution.state, fit.solution.problem
+    views = [state.camera_from_target(g, problem.stops).translation for g in problem.groups if len(g)]
+    return (*found, *_of_places(np.concatenate(views)))
 
 
 def _length(transform: SE3) -> float:
     return float(np.linalg.norm(transform.translation))
-
-
-def _of_distances(problem: Problem, fit: HypothesisFit) -> list[str]:
-    views = [fit.solution.state.camera_from_target(g, problem.stops).translation for g in problem.groups if len(g)]
-    return _of_places(np.concatenate(views))

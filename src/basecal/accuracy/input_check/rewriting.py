@@ -59,15 +59,12 @@ def with_robots(recording: Recording, maps: Mapping[str, PoseMap]) -> Recording:
     """The recording with the poses of robots mapped; joints stay as they are."""
     samples = list(recording.samples)
     for robot, of in maps.items():
-        poses = {i: pose for i, s in enumerate(samples) if (pose := _recorded_pose(s, robot)) is not None}
+        having = [(i, s.robots[robot].base_from_flange) for i, s in enumerate(samples) if robot in s.robots]
+        poses = {i: pose for i, pose in having if pose is not None}
         mapped = of(SE3.stack(list(poses.values())))
         for k, i in enumerate(poses):
             samples[i] = replace(samples[i], robots={**samples[i].robots, robot: RobotState(mapped[k])})
     return replace(recording, samples=tuple(samples))
-
-
-def _recorded_pose(sample: Sample, robot: str) -> SE3 | None:
-    return sample.robots[robot].base_from_flange if robot in sample.robots else None
 
 
 def with_joints(recording: Recording, robot: str, factor: float) -> Recording:

@@ -97,7 +97,8 @@ class SchurAccumulator:
         for of in shared:
             if not len(of.view):
                 continue
-            sum_over = _summation(of.stop, self.diagonal.shape[-3])
+            n, stops = len(of.stop), self.diagonal.shape[-3]
+            sum_over = csr_array((np.ones(n), (of.stop, np.arange(n))), shape=(stops, n))
             transposed = np.swapaxes(of.by_error, -1, -2)
             carried = transposed @ information[..., of.view, :, :]
             self.diagonal += _summed(sum_over, carried @ of.by_error, 2)
@@ -145,11 +146,6 @@ class SchurAccumulator:
         values = np.concatenate(blocks)
         where = (np.broadcast_to(at_row, values.shape).ravel(), np.broadcast_to(at_column, values.shape).ravel())
         return csc_array((values.ravel(), where), shape=(6 * k, 6 * k))
-
-
-def _summation(stop: IntArray, count: int) -> csr_array:
-    """The matrix that sums rows of equal stop."""
-    return csr_array((np.ones(len(stop)), (stop, np.arange(len(stop)))), shape=(count, len(stop)))
 
 
 def _summed(sum_over: csr_array, rows: Array, axes: int) -> Array:

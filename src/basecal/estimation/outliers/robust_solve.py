@@ -47,7 +47,6 @@ from basecal.estimation.solve import Solution, solve_from, solve_packed
 from basecal.estimation.view.measurement import Noise
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement
-from basecal.geometry import IntArray
 
 _ROUNDS = 12  # of leaving out and taking back, at most
 _FREE_ROUNDS = 6  # after these nothing is taken back: no circle
@@ -168,24 +167,20 @@ def _agreeing_within(
     plain: Solution, whole: InlierMask, judgement: Classification, cell: Cell, settings: Settings
 ) -> tuple[Problem, InlierMask, State]:
     """Without the points that the rest of their view contradicts, and solved again where there are any."""
-    suspects = [_suspect(plain, judgement, k) for k in range(len(whole.views))]
-    points = points_within(plain.problem, plain.state, suspects, cell)
-    kept = InlierMask(whole.views, points)
+    suspects = []  # views of many points of which some are not where the others put them
+    for group, points in zip(plain.problem.groups, judgement.points, strict=True):
+        beyond = judgement.point_scale.beyond(points).any(-1) | implausible(plain, judgement)
+        suspects.append(np.flatnonzero(judged_by_view(group.measurement) & beyond))
+    within = points_within(plain.problem, plain.state, suspects, cell)
+    kept = InlierMask(whole.views, within)
     if kept.same_as(whole):
         return plain.problem, whole, plain.state
-    cleaned = without_points(plain.problem, points).with_noise(Noise())
+    cleaned = without_points(plain.problem, within).with_noise(Noise())
     again = solve_from(cleaned, plain.state, settings)
     if not (again.converged and fits(again)):
         again = solve_packed(cleaned, cell, settings)
     full, kept = _rechosen(plain.problem.with_noise(again.noise.noise), kept, again.state)
     return full, kept, again.state
-
-
-def _suspect(plain: Solution, judgement: Classification, k: int) -> IntArray:
-    """Views of a group, of many points, of which some are not where the others put them."""
-    own = judged_by_view(plain.problem.groups[k].measurement)
-    beyond = judgement.point_scale.beyond(judgement.points[k]).any(-1)
-    return np.flatnonzero(own & (beyond | implausible(plain, judgement)))
 
 
 def _annealed(full: Problem, kept: InlierMask, state: State) -> State:

@@ -47,8 +47,10 @@ def subset_states(problem: Problem, cell: Cell, first: State) -> Iterator[State]
     yield from light_states(problem, cell, _LIGHT_STARTS)
     numbers = np.unique(np.concatenate([g.sample for g in problem.groups]))
     subsets = _subsets(problem, numbers)
+    # Each is fitted to its own samples and drawn on to the views that fit best.
     while few := list(islice(subsets, _AT_ONCE)):
-        yield from _states_of(problem, cell, few)
+        fitted = _side_by_side(lambda some: _fitted(problem, some), _begun(problem, cell, few))
+        yield from _side_by_side(lambda states: _concentrated(problem, states), fitted)
 
 
 def score(problem: Problem, state: State, stated: bool) -> float:
@@ -105,12 +107,6 @@ class _Subset:
     numbers: IntArray
     dof: int
     start: State
-
-
-def _states_of(problem: Problem, cell: Cell, numbers: Iterable[IntArray]) -> list[State]:
-    """Where subsets of the samples lead, each fitted to its own samples and drawn on to the views that fit best."""
-    fitted = _side_by_side(lambda some: _fitted(problem, some), _begun(problem, cell, numbers))
-    return _side_by_side(lambda states: _concentrated(problem, states), fitted)
 
 
 def _side_by_side(work: Callable[[Sequence[T]], list[State]], items: Sequence[T]) -> list[State]:

@@ -174,7 +174,8 @@ def subset_fits(measurement: Points, near: SE3, camera: Camera | None, prior: Pr
         points = subsets[which].reshape(-1, subsets.shape[-1])
         rows = _every_view(len(near), len(subsets[which]))
         start = near[rows]
-        if isinstance(measurement, PixelMeasurement) and points.shape[-1] > FEW_POINTS and _is_flat(measurement):
+        many, flat = points.shape[-1] > FEW_POINTS, dimension(measurement.points_in_target) < 3
+        if isinstance(measurement, PixelMeasurement) and many and flat:
             start = _closed_form(measurement, points, camera, near)
         found.append(views.take(rows).fitted(start, points, _FIRST_STEPS))
     return _reshaped(_joined(found), (-1, len(near)))
@@ -237,10 +238,6 @@ def _squares(measurement: Points, camera_from_target: SE3, camera: Camera | None
     squares = np.sum(off**2, -1) * measurement.weight**2
     checked = np.isfinite(squares) & (measurement.weight > 0)
     return np.where(measurement.seen, np.where(checked, squares, np.inf), 0.0)
-
-
-def _is_flat(measurement: PixelMeasurement) -> bool:
-    return dimension(measurement.points_in_target) < 3
 
 
 def _subsets(seen: BoolArray) -> BoolArray:

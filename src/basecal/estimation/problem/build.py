@@ -191,7 +191,10 @@ def _views(
                     known.add(content)
                     views[camera, target, _kind(observation)].append((i, observation))
     findings += repeated_views(repeated)
-    findings += [_dropped(why, numbers) for why, numbers in lacking.items()]
+    for why, numbers in lacking.items():
+        shown = ", ".join(map(str, numbers[:10])) + (", ..." if len(numbers) > 10 else "")
+        message = f"{len(numbers)} view(s) not used, {why}: sample {shown}"
+        findings.append(Finding("dropped-sample", "info", tuple(map(str, numbers)), message))
     for camera, target, _ in views:
         check_carriers(cell, camera, target)
     return views
@@ -201,13 +204,6 @@ def _kind(observation: Observation) -> str:
     """What is solved together: pixels, candidates among them; poses; 3-D points."""
     pixels = isinstance(observation, PixelObservation | CandidateObservation)
     return "PixelObservation" if pixels else type(observation).__name__
-
-
-def _dropped(why: str, numbers: list[int]) -> Finding:
-    shown = ", ".join(map(str, numbers[:10])) + (", ..." if len(numbers) > 10 else "")
-    return Finding(
-        "dropped-sample", "info", tuple(map(str, numbers)), f"{len(numbers)} view(s) not used, {why}: sample {shown}"
-    )
 
 
 def _group(

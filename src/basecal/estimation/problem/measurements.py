@@ -40,7 +40,10 @@ def measurement_of(cell: Cell, camera: str, target: str, kind: str, observations
     if shape is None:
         raise InputError(f"target {target!r} is seen as points and has no `kind`")
     if kind == "PointObservation":
-        return _point_measurement(shape, [o for o in observations if isinstance(o, PointObservation)])
+        points = [o for o in observations if isinstance(o, PointObservation)]
+        inverse = [np.zeros(len(o.ids)) if o.sigma_m is None else 1 / o.sigma_m for o in points]
+        values = _scatter(shape, [o.ids for o in points], [o.points_in_camera for o in points], inverse)
+        return PointMeasurement(shape.points, *values, weight=values[2]).with_noise(Noise())
     if cell.cameras[camera].intrinsics is None:
         raise InputError(
             f"camera {camera!r} gives pixels and has no `intrinsics`; `intrinsics: {{status: free}}` estimates them"
@@ -115,9 +118,3 @@ def _relative_precision(observations: list[PixelObservation]) -> list[Array]:
     sigmas = [o.sigma_px for o in observations if o.detected and o.sigma_px is not None]
     middle = float(np.median(np.concatenate(sigmas))) if sigmas else 1.0
     return [middle / o.sigma_px if o.detected and o.sigma_px is not None else np.ones(len(o.ids)) for o in observations]
-
-
-def _point_measurement(target: Target, observations: list[PointObservation]) -> Measurement:
-    inverse = [np.zeros(len(o.ids)) if o.sigma_m is None else 1 / o.sigma_m for o in observations]
-    values = _scatter(target, [o.ids for o in observations], [o.points_in_camera for o in observations], inverse)
-    return PointMeasurement(target.points, *values, weight=values[2]).with_noise(Noise())

@@ -173,7 +173,8 @@ def _start(sight: PairViews, known: _Known, problem: Problem, thorough: bool, fo
     else:
         found = _closed(sight, known)
         if (found is None and forced) or (found is not None and thorough):
-            found = yield from _searched(sight, loop, is_point, found)
+            # By a grid over rotations and the closed form if there is one, the best of them refined.
+            found = yield Refinement(sight, loop, [] if found is None else [found], is_point, searched=True)
     if found is None:
         return False
     g = sight.group
@@ -207,11 +208,6 @@ def _nearer(sight: PairViews, triple: Triple) -> IntArray:
     predicted = (g.eye_base_from_eye_flange @ x).inverse() @ y @ g.hand_base_from_hand_flange @ z
     agreement = np.einsum("nij,nkij->nk", predicted.rotation, sight.candidates.rotation)
     return np.asarray(np.argmax(agreement, axis=-1), dtype=np.int64)
-
-
-def _searched(sight: PairViews, loop: Loop, is_point: bool, closed: Triple | None) -> _Search[Triple]:
-    """By a grid over rotations and the closed form if there is one, the best of them refined."""
-    return (yield Refinement(sight, loop, [] if closed is None else [closed], is_point, searched=True))
 
 
 def light_states(problem: Problem, cell: Cell, most: int) -> Iterator[State]:

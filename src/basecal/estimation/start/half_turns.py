@@ -28,7 +28,8 @@ def turned_views(group: ViewGroup, read: Array, turned: Array) -> BoolArray:
     misfit = _misfits(np.stack([read, turned], 1), angle, told)
     turn = _descended(misfit, turn.astype(np.int64))
     first = _descended(misfit, np.argmin(misfit[:, :, 0, 0], axis=1))
-    return min((turn, first), key=lambda t: _total(misfit, t)).astype(bool)
+    rows = np.arange(len(turn))
+    return min((turn, first), key=lambda t: float(misfit[rows, t][:, rows, t].sum())).astype(bool)
 
 
 def _motions(group: ViewGroup) -> tuple[Array, BoolArray]:
@@ -58,11 +59,6 @@ def _descended(misfit: Array, turn: Array) -> Array:
             break
         turn[most] = 1 - turn[most]
     return turn
-
-
-def _total(misfit: Array, turn: Array) -> float:
-    rows = np.arange(len(turn))
-    return float(misfit[rows, turn][:, rows, turn].sum())
 
 
 def _angle(rotation: Array) -> Array:

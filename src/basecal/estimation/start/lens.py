@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,10 +50,12 @@ def lens_from_views(camera: CellCamera, measurements: Sequence[PixelMeasurement]
     usable = [m for m in usable if len(m.seen)]
     if not usable:
         return guessed_lens(camera)
-    rough = _refined(_guesses(camera, usable), usable, 8, _without_distortion)
+    start = _guesses(camera, usable)
+    terms = np.arange(start.camera.parameters.shape[-1])
+    rough = _refined(start, usable, 8, terms[:2])
     best = take(rough.state, np.array([np.nan_to_num(rough.cost, nan=np.inf).argmin()]))
-    radial = _refined(best, usable, 12, _radial).state
-    return take(_refined(radial, usable, 12, _everything).state.camera, 0)
+    with_first_term = _refined(best, usable, 12, terms[:5]).state
+    return take(_refined(with_first_term, usable, 12, terms).state.camera, 0)
 
 
 def _thinned(measurement: PixelMeasurement) -> PixelMeasurement:
@@ -61,18 +63,6 @@ def _thinned(measurement: PixelMeasurement) -> PixelMeasurement:
     step = max(1, -(-len(enough) // _MOST_VIEWS))
     few = measurement.take(enough[::step]).thinned(_MOST_POINTS)
     return PixelMeasurement(few.points_in_target, few.pixels, few.seen, few.stated, few.seen.astype(np.float64))
-
-
-def _without_distortion(terms: int) -> Array:
-    return np.array([1.0, 1, 0, 0] + [0.0] * terms)
-
-
-def _radial(terms: int) -> Array:
-    return np.array([1.0, 1, 1, 1] + [1.0] * min(terms, 1) + [0.0] * max(terms - 1, 0))
-
-
-def _everything(terms: int) -> Array:
-    return np.ones(4 + terms)
 
 
 def _guesses(camera: CellCamera, measurements: Sequence[PixelMeasurement]) -> _Lenses:
@@ -93,11 +83,10 @@ def _poses(lens: Camera, measurement: PixelMeasurement) -> SE3:
 
 
 def _refined(
-    start: _Lenses, measurements: Sequence[PixelMeasurement], iterations: int, mask: Callable[[int], Array]
+    start: _Lenses, measurements: Sequence[PixelMeasurement], iterations: int, free: NDArray[np.intp]
 ) -> Optima[_Lenses, _About]:
-    """The lenses and every view's pose at their optima; see `numerics.levenberg_marquardt`."""
-    kept = np.flatnonzero(mask(start.camera.distortion.shape[-1]))
-    return levenberg_marquardt(_Views(measurements, kept), start, Stop(iterations, sigmas=_SETTLED))
+    """The lenses, of which some terms are free, and every view's pose at their optima."""
+    return levenberg_marquardt(_Views(measurements, free), start, Stop(iterations, sigmas=_SETTLED))
 
 
 @dataclass(frozen=True, eq=False)
