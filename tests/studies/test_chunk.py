@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from pathlib import Path
 
 import numpy as np
@@ -71,6 +72,18 @@ def test_files_are_read_back_or_not_at_all(tmp_path: Path) -> None:
     assert read_chunk(tmp_path, dataclasses.replace(made, seed=1), chunk) is None
     path = chunk_path(tmp_path, chunk)
     whole = path.read_bytes()
+    about = np.frombuffer(json.dumps({"study": made.identity, "reasons": []}).encode(), dtype=np.uint8)
+    columns = vars(result.trials) | {"solved": result.trials.solved.astype(np.uint8)}
+    for other in (
+        {"about": about, **columns, "nees": columns["nees"][1:]},
+        {"about": about, **columns, "nees": np.array("many")},
+        {"about": about[1:], **columns},
+        {"about": np.frombuffer(b"[]", dtype=np.uint8), **columns},
+        columns,
+        {"about": about, **columns, "more": np.zeros(2**24 + 1)},  # a kilobyte a megabyte
+    ):
+        np.savez_compressed(path, **other)
+        assert read_chunk(tmp_path, made, chunk) is None
     for damaged in (b"", whole[: len(whole) // 2], b"PK" + bytes(100), whole[:200] + b"\xff" * 40 + whole[240:]):
         path.write_bytes(damaged)
         assert read_chunk(tmp_path, made, chunk) is None

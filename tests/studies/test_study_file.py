@@ -14,6 +14,7 @@ from basecal.studies.study_file import read_study, study_from_text
 from basecal.studies.summary import summarise
 
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples" / "studies").glob("*.yaml"))
+MANY = f"axes: {{distance_m: {[1 + k / 100 for k in range(200)]}}}"
 HEAD = "schema: basecal/study/1\ntrials: 10\ncells: 2\n"
 
 
@@ -70,6 +71,16 @@ def test_there_are_examples() -> None:
         (f"{HEAD}hold: {{board: {{}}}}", 4, "hold.board", "needs `kind`"),
         (f"{HEAD}transform: eye_base", 4, "transform", "there are: eye_base_from_hand_base"),
         (f"{HEAD}hold: {{base: fixed, camera_mount: fixed, target_mount: fixed}}", 4, "hold.base", "nothing is left"),
+        (f"{HEAD}hold: {{samples: 2000}}", 4, "hold.samples", "2000 samples of 36 points make 72000, at most 20000 do"),
+        (f"{HEAD}axes: {{samples: [5, 700]}}", 4, "axes.samples", "700 samples of 36 points"),
+        (
+            f"{HEAD}hold: {{board: {{kind: chessboard, corners: [1000, 900], square_m: 0.01}}}}",
+            4,
+            "hold.samples",
+            "30 samples of 900000 points",
+        ),
+        (f"schema: basecal/study/1\ntrials: 9000000\n{MANY}", 2, "trials", "at most 100000000 do in all"),
+        (f"schema: basecal/study/1\ntrials: 30000\ncells: 10000\n{MANY}", 3, "cells", "at most 1000000 do in all"),
         ("schema: basecal/study/1\ntrials: 2\ncells: 5", 1, None, "2 trials cannot be spread over 5 cells"),
     ],
 )

@@ -86,10 +86,12 @@ def _bend(residual: Array, own: Array, other: Array) -> tuple[Array, float]:
 
 def _estimated(residual: Array, known: Array, columns: Array) -> tuple[Array, float]:
     """Sizes (k,) of columns (n, r, k), with the known ones projected out, and the chance of what they explain."""
-    inverse = spectrum(np.einsum("nri,nrj->ij", known, known)).inverse
-    left = residual - known @ (inverse @ np.einsum("nri,nr->i", known, residual))
-    columns = columns - known @ (inverse @ np.einsum("nri,nrj->ij", known, columns))
-    scores, each = np.einsum("nri,nr->ni", columns, left), np.einsum("nri,nrj->nij", columns, columns)
+    flat = known.reshape(-1, known.shape[-1])
+    inverse = spectrum(flat.T @ flat).inverse
+    left = residual - known @ (inverse @ (flat.T @ residual.ravel()))
+    columns = columns - known @ (inverse @ (flat.T @ columns.reshape(len(flat), -1)))
+    turned = np.swapaxes(columns, -1, -2)
+    scores, each = (turned @ left[..., None])[..., 0], turned @ columns
     size = spectrum(each.sum(0)).inverse @ scores.sum(0)
     return size, _chance(scores, each, size)
 

@@ -16,6 +16,7 @@ from basecal.accuracy.certify import certified
 from basecal.accuracy.clocks.search import Clocked, clocked
 from basecal.accuracy.clocks.settle import clock_findings, clock_offsets, clocks_left, settled
 from basecal.accuracy.cross_validation.robot_model_selection import RobotModelChoice, choose_robot_model
+from basecal.accuracy.cross_validation.some_views import of_some_views
 from basecal.accuracy.cross_validation.validation import cross_validate
 from basecal.accuracy.findings.evidence import Evidence, Input
 from basecal.accuracy.findings.outlier_samples import agreeing_of
@@ -145,7 +146,7 @@ def _judged(
     with settings.stage("residuals"):
         fit = residuals(solution, robust.left_out)
     with settings.stage("cross-validation"):
-        validated = cross_validate(solution, cell.asked, stated)
+        validated = cross_validate(of_some_views(solution, stated), cell.asked, stated)
         lenses = lens_structures(solution, settings)
     judged = (solution, fit, validated, model, contradicted, systematic, lenses)
     evidence = Evidence(cell, settings, recorded, robust, *judged)

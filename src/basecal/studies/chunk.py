@@ -5,21 +5,18 @@ from __future__ import annotations
 import io
 import json
 import time
-import zipfile
 from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
 
-from basecal.bounded_file import read_bounded
 from basecal.cell.format.writing import write_whole
 from basecal.errors import BasecalError, DatasetError, printable
+from basecal.exchange.npz import read_arrays
 from basecal.geometry import SE3, Array, BoolArray, IntArray
 from basecal.studies.draws import DrawnCell, cell_of, draw
 from basecal.studies.solvers.solver import Answers, solver, unsolved
 from basecal.studies.study import Chunk, Piece, Study
-
-_LARGEST_BYTES = 2**26  # of a chunk's file: the closed form's have some MB
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +51,7 @@ class Trials:
 
 
 COLUMNS = tuple(f.name for f in fields(Trials))
+_KINDS = {"point": np.int64, "trial": np.int64, "cell": np.int64, "directions": np.int64, "solved": np.bool_}
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +123,8 @@ def packed(study: Study, result: ChunkResult) -> bytes:
     """What a chunk's file holds."""
     stream = io.BytesIO()
     about = json.dumps({"study": study.identity, "reasons": result.reasons})
-    np.savez(stream, about=np.array(about), **{name: getattr(result.trials, name) for name in COLUMNS})
+    columns = vars(result.trials) | {"solved": result.trials.solved.astype(np.uint8)}
+    np.savez(stream, about=np.frombuffer(about.encode(), dtype=np.uint8), **columns)
     return stream.getvalue()
 
 
@@ -140,13 +139,12 @@ def keep_chunk(folder: Path, chunk: Chunk, content: bytes) -> None:
 
 def read_chunk(folder: Path, study: Study, chunk: Chunk) -> ChunkResult | None:
     """What a chunk's file keeps; None where there is none, or it is damaged or of another study."""
-    path = chunk_path(folder, chunk)
     try:
-        with np.load(io.BytesIO(read_bounded(path, _LARGEST_BYTES)), allow_pickle=False) as data:
-            about = json.loads(str(data["about"]))
-            trials = Trials(**{name: data[name] for name in COLUMNS})
-    except (DatasetError, ValueError, KeyError, OSError, EOFError, zipfile.BadZipFile):
+        _, arrays = read_arrays(str(chunk_path(folder, chunk)))
+        about = json.loads(arrays.pop("about").astype(np.uint8).tobytes())
+        if about["study"] != study.identity or any(of.shape != (chunk.trials,) for of in arrays.values()):
+            return None
+        trials = Trials(**{name: arrays[name].astype(_KINDS.get(name, np.float64)) for name in COLUMNS})
+        return ChunkResult(trials, tuple(printable(str(reason)) for reason in about["reasons"]))
+    except (DatasetError, ValueError, KeyError, TypeError, RecursionError):
         return None
-    if about.get("study") != study.identity or len(trials.trial) != chunk.trials:
-        return None
-    return ChunkResult(trials, tuple(printable(str(reason)) for reason in about.get("reasons", ())))

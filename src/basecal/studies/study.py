@@ -17,7 +17,7 @@ BLOCK = 256
 """Trials of one cell that are drawn by one generator and solved side by side: more gain nothing, and take memory."""
 
 _MOST_CELLS = 20  # of a chunk, each of which has to be made and started on: some seconds in all
-_FORMAT = 1  # of what a chunk holds: counts up where the same study gives other numbers
+_FORMAT = 2  # of what a chunk holds: counts up where the same study gives other numbers
 
 
 @dataclass(frozen=True)
@@ -141,8 +141,9 @@ class Study:
     def identity(self) -> str:
         """A hash of all that decides the numbers; what it is called and what is said of it are no part."""
         said = [_FORMAT, self.seed, self.trials, self.cells, self.transform]
-        settings = [{name: _plain(value) for name, value in point.settings.items()} for point in self.points]
-        return hashlib.sha256(json.dumps([*said, settings], sort_keys=True).encode()).hexdigest()
+        axes = [(name, [_plain(value) for value in values]) for name, values in self.axes.items()]
+        held = {name: _plain(value) for name, value in self.held.items() if name not in self.axes}
+        return hashlib.sha256(json.dumps([*said, axes, held], sort_keys=True).encode()).hexdigest()
 
 
 def _plain(value: Any) -> Any:

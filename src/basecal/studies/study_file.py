@@ -27,6 +27,10 @@ _MOST_TRIALS = 10_000_000  # of a point: a table of some gigabytes
 _MOST_CELLS = 10_000
 _MOST_VALUES = 1000  # of an axis
 _MOST_POINTS = 100_000
+_MOST_IN_ALL = 100_000_000  # trials of all points: a table of some ten gigabytes
+_MOST_CELLS_IN_ALL = 1_000_000  # of all points, each of which is made anew: days
+_MOST_VIEWED = 20_000  # points of a trial: 256 trials side by side take some hundred megabytes
+_USUAL_POINTS = 36  # of the boards that are seen where none is given
 _LONGEST_TEXT = 10_000  # characters of what is said about a study
 
 _Count = Annotated[int, Field(ge=1, le=100_000)]
@@ -140,7 +144,7 @@ def study_from_text(text: str, path: str) -> Study:
     except ValidationError as error:
         raise dataset_error(path, problems_of(error, StudyEntry), lines) from None
     study = _study(entry, data, text, path, lines)
-    problems = [*_twice(study), *(Problem(loc, said) for loc, said in _unfit(study, data))]
+    problems = [*_twice(study), *_unfit_boards(study), *(Problem(loc, said) for loc, said in _unfit(study, data))]
     if problems:
         raise dataset_error(path, problems, lines)
     return study
@@ -156,6 +160,10 @@ def _study(entry: StudyEntry, data: dict[str, Any], text: str, path: str, lines:
             raise dataset_error(path, [Problem(("hold", name), "is an axis too: keep one of both")], lines)
     if count > _MOST_POINTS:
         raise dataset_error(path, [Problem(("axes",), f"make {count} points, at most {_MOST_POINTS} do")], lines)
+    for field, each, most in (("trials", entry.trials, _MOST_IN_ALL), ("cells", entry.cells, _MOST_CELLS_IN_ALL)):
+        if count * each > most:
+            message = f"{each} at each of {count} points make {count * each}, at most {most} do in all"
+            raise dataset_error(path, [Problem((field,), message)], lines)
     held = {name: getattr(entry.hold, name) for name in SettingsEntry.model_fields}
     return Study(
         title=entry.title or Path(path).stem,
@@ -180,6 +188,23 @@ def _twice(study: Study) -> list[Problem]:
     ]
 
 
+def _unfit_boards(study: Study) -> list[Problem]:
+    """Boards without a kind, and with more points than so many samples of them can be held at once."""
+    found = []
+    axis = "samples" in study.axes
+    samples = max(study.axes["samples"] if axis else [study.held["samples"]])
+    for k, board in enumerate(study.axes.get("board", [study.held["board"]])):
+        where: Loc = ("axes", "board", k) if "board" in study.axes else ("hold", "board")
+        target = None if board is None else board.shape()
+        if board is not None and target is None:
+            found.append(Problem(where, "needs `kind`, with the sizes of that kind"))
+        points = _USUAL_POINTS if target is None else len(target.points)
+        if samples * points > _MOST_VIEWED:
+            message = f"{samples} samples of {points} points make {samples * points}, at most {_MOST_VIEWED} do"
+            found.append(Problem(("axes" if axis else "hold", "samples"), message))
+    return found
+
+
 def _unfit(study: Study, data: dict[str, Any]) -> list[tuple[Loc, str]]:
     """What does not go together at some point of the study, each once, at the field to change."""
     found: dict[str, Loc] = {}
@@ -195,8 +220,6 @@ def unfit(point: Point, transform: str | None) -> list[tuple[str, str]]:
     s, found = point.settings, []
     if refusal := solver(s["solver"]).unfit(s):
         found.append(("solver", refusal))
-    if s["board"] is not None and s["board"].shape() is None:
-        found.append(("board", "needs `kind`, with the sizes of that kind"))
     known = {name: status for name, status in statuses(s).items() if status != "fixed"}
     if not known:
         found.append(("base", "nothing is left to solve for: every transform is fixed"))

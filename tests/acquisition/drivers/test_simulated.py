@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from basecal.acquisition.driver import Camera, Moves, Place, Robot, Switches
-from basecal.acquisition.drivers.simulated import open_camera, open_robot
+from basecal.acquisition.drivers.simulated import SimulatedCamera, SimulatedRobot, open_camera, open_robot
 from basecal.cell import RobotState
 from basecal.errors import DatasetError, DriverError
 from basecal.geometry import SE3
 from basecal.simulation.running.clock import Clock
 from basecal.simulation.running.plant import Plant
+from basecal.simulation.running.protocol import Connection
 from basecal.simulation.running.server import CellServer
 from basecal.simulation.running.two_arms import two_arms
 
@@ -64,3 +65,18 @@ def test_no_cell_and_no_option(tmp_path):
         open_robot(Place("eye", WORLD.cell, tmp_path, {}))
     with pytest.raises(DatasetError, match=r"robots\.eye\.driver\.port"):
         open_robot(Place("eye", WORLD.cell, tmp_path, {"port": 70_000}))
+
+
+class Impostor(Connection):
+    """A line on which something else answers."""
+
+    def ask(self, **request):
+        return {"stamp_s": float("inf"), "joints_rad": ["0"], "png_base64": "?"}
+
+
+def test_what_else_answers_is_told(tmp_path):
+    """Whatever listens at the port: its answers are numbers and pictures, or an error that says so."""
+    line = Impostor("token", None, None)
+    for ask in (SimulatedRobot("eye", line).state, SimulatedCamera("wrist", line).picture):
+        with pytest.raises(DriverError, match=r"is no simulated cell \(\w+"):
+            ask()

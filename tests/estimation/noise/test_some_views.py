@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from basecal.estimation.noise import joint_estimate
-from basecal.estimation.noise.some_views import some_views
+from basecal.estimation.noise.robot_noise import with_robot_noise
+from basecal.estimation.noise.some_views import recorded_alone, some_views
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.settings import Settings
@@ -34,6 +35,24 @@ def test_stops_are_those_of_the_views_kept(arms):
     assert set(after.eye_stop) | set(after.hand_stop) == set(range(len(few.stops)))
 
 
+@pytest.mark.parametrize("arms", ["both", "halves", "stations"])
+def test_recorded_alone_places_have_their_views(arms):
+    """Every robot has as many places as views of it show, each with the pose that it had."""
+    made = simulate(replace(NOISY, arms=arms), 0)
+    problem, _ = build_problem(made.cell, made.recording)
+    few, state = recorded_alone(problem, State(made.truth, {}, np.zeros((len(problem.stops), 6))), 20)
+    (before,), (after,) = problem.groups, few.groups
+    assert len(state.stop_errors) == len(few.stops)
+    for robot, was, now in (
+        ("eye", before.eye_stand[::3], after.eye_stand),
+        ("hand", before.hand_stand[::3], after.hand_stand),
+    ):
+        assert set(now) == set(range(few.stands[robot]))
+        assert len(set(zip(was.tolist(), now.tolist(), strict=True))) == few.stands[robot]
+    noisy = with_robot_noise(few, {"eye": np.ones(6)})
+    assert list(noisy.stops.robot).count("eye") == few.stands["eye"]
+
+
 def test_sigmas_are_those_of_all_views(monkeypatch):
     """Started from those of some views, the sigmas, their evidence and the covariance are as without, to a thousandth.
 
@@ -49,10 +68,11 @@ def test_sigmas_are_those_of_all_views(monkeypatch):
     whole = found()
     taken = []
     monkeypatch.setattr(joint_estimate, "_MANY_VIEWS", 40)
-    monkeypatch.setattr(joint_estimate, "_SOME_VIEWS", 20)
-    monkeypatch.setattr(joint_estimate, "some_views", lambda *of: taken.append(of) or some_views(*of))
+    monkeypatch.setattr(joint_estimate, "_SOME_VIEWS", (20, 40))
+    monkeypatch.setattr(joint_estimate, "some_views", lambda *of: taken.append(of[2]) or some_views(*of))
     after = found()
-    assert len(taken) == 2  # the first search, and that with errors in common
+    # The search of the sigmas, which is among thirty of the sixty, and that with errors in common.
+    assert taken == [20, 20, 40]
     sigmas = [np.concatenate([each.noise.robots[robot] for robot in ("eye", "hand")]) for each in (whole, after)]
     np.testing.assert_allclose(sigmas[1], sigmas[0], rtol=0.02)
     assert after.noise.surprise == pytest.approx(whole.noise.surprise, abs=0.05)

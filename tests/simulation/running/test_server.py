@@ -59,6 +59,7 @@ def test_a_move_is_seen_in_the_states(server):
         ({"do": "state", "robot": "eye"}, "token"),
         ({"token": "wrong", "do": "state", "robot": "eye"}, "token"),
         ({"token": 7, "do": "state"}, "token"),
+        ({"token": "\ud800", "do": "state"}, "token"),
         ({"token": TOKEN, "do": "dance"}, "no request 'dance'; there are: state, move"),
         ({"token": TOKEN, "do": "state", "robot": "foot"}, "no robot 'foot'"),
         ({"token": TOKEN, "do": "move", "robot": "eye", "joints_rad": [1, 2]}, "6 joints"),

@@ -142,8 +142,9 @@ def sums(of: Linearised, candidates: Candidates) -> tuple[Array, Array, Array]:
     for views, moves in zip(of.views, candidates.moves, strict=True):
         own = views.information[:, :6, :6]
         carried = own[:, None] @ moves
-        gradient += np.einsum("nbiq,ni->bq", moves, views.gradient[:, :6])
-        information += np.einsum("nbiq,nbir->bqr", moves, carried)
+        gradient += np.tensordot(views.gradient[:, :6], moves, ((0, 1), (0, 2)))
+        by_candidate = np.moveaxis(moves, 1, 0).reshape(b, -1, q)
+        information += np.swapaxes(by_candidate, -1, -2) @ np.moveaxis(carried, 1, 0).reshape(b, -1, q)
         by_unknowns = (views.information @ views.by_unknowns)[:, :6]
         across[..., views.columns] += np.tensordot(moves, by_unknowns, ((0, 2), (0, 1)))
         for part in views.shared:
@@ -157,5 +158,6 @@ def sums(of: Linearised, candidates: Candidates) -> tuple[Array, Array, Array]:
             solved = system.factor.solve(flat)
         gradient -= (system.solution[:, -1] @ flat).reshape(b, q)
         across -= (flat.T @ system.solution[:, :-1]).reshape(b, q, -1)
-        information -= np.einsum("kbq,kbr->bqr", flat.reshape(-1, b, q), solved.reshape(-1, b, q))
+        of_stops = np.moveaxis(flat.reshape(-1, b, q), 0, 1)
+        information -= np.swapaxes(of_stops, -1, -2) @ np.moveaxis(solved.reshape(-1, b, q), 0, 1)
     return gradient, across, information

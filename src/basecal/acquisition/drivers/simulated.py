@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-import base64
-from typing import Annotated
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
-from pydantic import Field
+from pydantic import Base64Bytes, Field, ValidationError
 
 from basecal.acquisition.driver import Picture, Place, Reading, checked_options
 from basecal.cell import RobotState
-from basecal.cell.format.values import Entry
+from basecal.cell.format.values import Entry, Number
+from basecal.cell.schema.errors import problems_of
 from basecal.errors import DriverError
-from basecal.simulation.running.protocol import Address, Connection, connect, read_address
+from basecal.simulation.running.protocol import MOST_JOINTS, Address, Connection, connect, read_address
 from basecal.vision.image_file import grey_image
+
+_Answer = TypeVar("_Answer", bound=Entry)
 
 
 class SimulatedOptions(Entry):
@@ -21,6 +23,34 @@ class SimulatedOptions(Entry):
 
     port: Annotated[int, Field(gt=0, lt=2**16)] | None = None
     token: str | None = None
+
+
+class _State(Entry):
+    """What it answers when asked for a state."""
+
+    stamp_s: Number
+    joints_rad: Annotated[list[Number], Field(min_length=1, max_length=MOST_JOINTS)]
+
+
+class _Picture(Entry):
+    """Likewise for a picture."""
+
+    stamp_s: Number
+    png_base64: Base64Bytes
+
+
+def _understood(kind: type[_Answer], answer: dict[str, Any]) -> _Answer:
+    """An answer, whoever gave it: any program may listen at a port.
+
+    Raises:
+        DriverError: if it is none.
+    """
+    try:
+        return kind.model_validate(answer)
+    except ValidationError as error:
+        problem = problems_of(error, kind)[0]
+        said = f"{'.'.join(map(str, problem.loc))}: {problem.message}"
+        raise DriverError(f"what answers at that port is no simulated cell ({said})") from None
 
 
 class SimulatedRobot:
@@ -37,8 +67,8 @@ class SimulatedRobot:
         Raises:
             DriverError: if the cell does not answer.
         """
-        answer = self._cell.ask(do="state", robot=self._name)
-        return Reading(float(answer["stamp_s"]), RobotState(joints_rad=np.array(answer["joints_rad"])))
+        answer = _understood(_State, self._cell.ask(do="state", robot=self._name))
+        return Reading(answer.stamp_s, RobotState(joints_rad=np.array(answer.joints_rad)))
 
     def move(self, to: RobotState, speed_rad_s: float) -> None:
         """Send it to joints.
@@ -73,11 +103,11 @@ class SimulatedCamera:
         Raises:
             DriverError: if the cell does not answer.
         """
-        answer = self._cell.ask(do="picture", camera=self._name)
-        grey = grey_image(base64.b64decode(answer["png_base64"]), None)
+        answer = _understood(_Picture, self._cell.ask(do="picture", camera=self._name))
+        grey = grey_image(answer.png_base64, None)
         if isinstance(grey, str):
             raise DriverError(f"{self._name}: a picture {grey}")
-        return Picture(float(answer["stamp_s"]), grey)
+        return Picture(answer.stamp_s, grey)
 
     def light(self, on: bool) -> None:
         """Switch the light."""

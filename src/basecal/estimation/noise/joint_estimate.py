@@ -24,7 +24,7 @@ from basecal.estimation.noise.laplace import (
 from basecal.estimation.noise.mixed_model import mixed_model
 from basecal.estimation.noise.reml import open_parts
 from basecal.estimation.noise.robot_noise import stands, stops_made, with_robot_noise, without_errors
-from basecal.estimation.noise.some_views import some_views
+from basecal.estimation.noise.some_views import recorded_alone, some_views
 from basecal.estimation.noise.target_shape import reshaped
 from basecal.estimation.noise.terms.term import NoiseTerm, noise_terms
 from basecal.estimation.noise.view_estimates import STATED
@@ -35,8 +35,10 @@ from basecal.numerics.levenberg_marquardt import SETTLED_SIGMAS
 
 _ROUNDS = 6  # of sigmas and optimum in turn: two or three do
 _SETTLED = 0.02  # of logarithms, and of shapes in sigmas: as well as a thousand freedoms tell them
-# Of a group: of so many a search is mostly waiting, and so few tell a sigma to three in a hundred, two steps away.
-_MANY_VIEWS, _SOME_VIEWS = 2000, 500
+# Of a group: so many tell a sigma to two in a hundred, a step away from that of all; a search that begins far away is
+# mostly waiting among so many, and goes by fewer first.
+_MANY_VIEWS = 2000
+_SOME_VIEWS = (500, _MANY_VIEWS)
 _NOMINAL = (5e-4, 1e-3)  # [m, rad] of the first optimum: within a factor of a few of any arm's
 
 
@@ -90,7 +92,12 @@ def _estimated(
         used, logs = with_robot_noise(problem, dict.fromkeys(robots, np.repeat(_NOMINAL, 3))), None
         start = without_errors(used, start)
     else:
-        used, logs = replace(near.held_by(problem), held=problem.held), near.logs
+        used, logs = _with_sigmas(problem, near), near.logs
+    if max(map(len, problem.groups), default=0) > _MANY_VIEWS:
+        few, few_start = recorded_alone(problem, without_errors(problem, start), _MANY_VIEWS)
+        _, few_end, found = _estimated(few, few_start, iterations, near)
+        if few_end.converged and found.settled and found.logs is not None:
+            return _of_all(_with_sigmas(problem, found), few_end.state, iterations, found.logs)
     end, settled = bundle_adjust(used, start, dof, iterations, sigmas=ROUGH_SIGMAS), False
     plain = _sigma_posterior(used, end.state, robots, logs)
     for _ in range(_ROUNDS):
@@ -101,6 +108,20 @@ def _estimated(
             break
     used, end = _readjusted(used, end, plain, dof, iterations)
     return used, end, _estimate(plain, used, settled)
+
+
+def _of_all(used: Problem, near: State, iterations: int, logs: Array) -> tuple[Problem, Optimum, NoiseEstimate]:
+    """As `estimate_jointly`, where the sigmas of some of the views are known: those of all are a step away."""
+    dof = degrees_of_freedom(used)
+    end = bundle_adjust(used, without_errors(used, near), dof, iterations, sigmas=ROUGH_SIGMAS)
+    plain = _sigma_posterior(used, end.state, open_robots(used), logs)
+    used, end = _readjusted(used, end, plain, dof, iterations)
+    return used, end, _estimate(plain, used, True)
+
+
+def _with_sigmas(problem: Problem, found: NoiseEstimate) -> Problem:
+    """The problem with sigmas that were estimated, which may be estimated again."""
+    return replace(found.held_by(problem), held=problem.held)
 
 
 def _shaped_enough(of: SigmaPosterior) -> bool:
@@ -178,8 +199,9 @@ def _sigma_posterior(
         return sigma_posterior(model, hyperpriors(model, reach_m, None if term is None else term.OVER_STOP), near)
 
     is_near = logs is not None and term is None
-    if not is_near and max(map(len, unit.groups), default=0) > _MANY_VIEWS:
-        logs = most_likely(*some_views(unit, physical, _SOME_VIEWS), logs).logs
+    for most in () if is_near else _SOME_VIEWS:
+        if max(map(len, unit.groups), default=0) > most:
+            logs = most_likely(*some_views(unit, physical, most), logs).logs
     return most_likely(unit, physical, logs)
 
 

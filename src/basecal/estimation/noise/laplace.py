@@ -17,17 +17,22 @@ import numpy as np
 from basecal.estimation.noise.hyperpriors import LogNormals
 from basecal.estimation.noise.mixed_model import MixedModel
 from basecal.estimation.noise.reml import Columns, Posterior, columns_given, open_parts, posterior
+from basecal.estimation.noise.secant import Secant, corrected
 from basecal.geometry import Array
 from basecal.numerics.spectral import floored, spectrum
 
 # Newton's steps, at most, and how often one that leads uphill is halved.
 _STEPS, _HALVINGS = 50, 12
+# So many steps tell of the curvature: older ones were elsewhere.
+_REMEMBERED = 2
 # The longest step of a logarithm: what is quadratic in it is so over a few times.
 _LONGEST = 1.0
-# What a last step gains of minus twice the log likelihood: a thousandth of what one standard deviation changes.
-_SETTLED = 1e-3
+# What a last step gains of minus twice the log likelihood: three thousandths of what one standard deviation changes.
+_SETTLED = 3e-3
 # Of a logarithm's standard deviation, up to which the nodes hold the mean of its variances to 7 %, cosh 1 for exp 1/2.
 _NEARLY_NORMAL = 0.5
+# Likewise, up to which they count as known: a covariance grows by no more than five thousandths by their spread.
+_KNOWN = 0.05
 # Of blocks of stops: of more, a sigma that is not known so well is of what hardly moves the answer.
 _FEW_STOPS = 40
 # Of drawn nodes: half their number, freedoms of Student's t, and how much wider it is than the approximation.
@@ -83,8 +88,9 @@ def _most_likely(model: MixedModel, prior: LogNormals, start: Array) -> tuple[Ar
     least, most = _bounds(model, prior)
     logs = np.clip(start, least, most)
     here = _Surface.at(model, prior, logs)
+    secants: list[Secant] = []
     for _ in range(_STEPS):
-        step = np.clip(_within(here, logs, least, most), -_LONGEST, _LONGEST)
+        step = np.clip(_within(here, logs, least, most, secants), -_LONGEST, _LONGEST)
         expected = -float(here.slope @ step)
         for _ in range(_HALVINGS):
             candidate = np.clip(logs + step, least, most)
@@ -94,6 +100,7 @@ def _most_likely(model: MixedModel, prior: LogNormals, start: Array) -> tuple[Ar
             step = step / 2
         else:
             return logs, here
+        secants = [*secants, Secant(candidate - logs, there.slope - here.slope)][-_REMEMBERED:]
         logs, here = candidate, there
         if expected < _SETTLED:
             break
@@ -115,11 +122,11 @@ class _Surface:
         return cls(known.value + value, known.slope() + slope, known.average_information() + prior.curvature)
 
 
-def _within(here: _Surface, logs: Array, least: Array, most: Array) -> Array:
+def _within(here: _Surface, logs: Array, least: Array, most: Array, secants: Sequence[Secant]) -> Array:
     """Newton's step of those logarithms that no bound holds, (k,)."""
     held = ((logs <= least) & (here.slope > 0)) | ((logs >= most) & (here.slope < 0))
     # A variance's own second derivative adds twice the slope, which at the mode is none: walls are exponential.
-    curvature = here.curvature + np.diag(2 * np.maximum(here.slope, 0.0))
+    curvature = corrected(here.curvature + np.diag(2 * np.maximum(here.slope, 0.0)), secants)
     inverse = floored(np.where(held[:, None] | held, 0.0, curvature), _LEAST_CURVATURE).inverse
     return np.asarray(-inverse @ np.where(held, 0.0, here.slope))
 
@@ -146,7 +153,7 @@ def integrated_covariance(models: Sequence[SigmaPosterior], about: Array) -> Arr
 
 
 def _over_nodes(of: SigmaPosterior, about: Array) -> Array:
-    if not len(of.logs):
+    if np.sqrt(np.diag(of.covariance)).max(initial=0.0) < _KNOWN:
         return _spread(columns_given(of.model, of.logs), about)
     tails = np.diag(of.covariance).max() > _NEARLY_NORMAL**2 and of.model.layout.blocks <= _FEW_STOPS
     nodes, drawn = _drawn(of) if tails else _cubature(of)

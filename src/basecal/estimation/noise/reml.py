@@ -110,7 +110,7 @@ class Posterior:
         of_errors = self.mean_errors**2
         for here in _chunks(*self.back.shape):
             back = self.back[here]
-            across = back @ self.spread
+            across = (back.reshape(-1, back.shape[-1]) @ self.spread).reshape(back.shape)
             covariance = self.own[here] + across @ np.swapaxes(back, -1, -2)
             of_errors[here] += np.diagonal(covariance, axis1=-2, axis2=-1)
             for i, key in enumerate(keys):
@@ -141,7 +141,7 @@ class Posterior:
             columns[i] = np.where(self.of_columns == i, self.mean_columns, 0.0)
             errors[i] = np.where(self.of_errors == i, self.mean_errors, 0.0)
             own[i] = np.sum(columns[i] ** 2) + np.sum(errors[i] ** 2)
-        reduced = columns - np.einsum("bqm,kbq->km", self.back, errors)
+        reduced = columns - errors.reshape(k, -1) @ self.back.reshape(-1, self.back.shape[-1])
         by_errors = np.einsum("kbq,bqr,lbr->kl", errors, self.own, errors, optimize=True)
         return np.asarray(4 * (np.diag(own) - reduced @ self.spread @ reduced.T - by_errors))
 
@@ -276,8 +276,9 @@ def _squares_of_mean(part: Moments, of: Posterior) -> float:
 def _squares_of_spread(part: Moments, of: Posterior, here: slice, across: Array, covariance: Array) -> float:
     """What is expected to come to that by the errors of some blocks, given all data."""
     x, u = _scales(of.logs, of.of_columns), _scales(of.logs, of.of_errors[here])
-    both = np.sum(part.errors_fixed[here] * u[:, :, None] * x * across)
-    by_u = np.sum(part.errors_errors[here] * u[:, :, None] * u[:, None, :] * covariance)
+    by_x = (across.reshape(-1, len(x)) * x).reshape(across.shape)
+    both = np.vdot(u, np.vecdot(part.errors_fixed[here], by_x))
+    by_u = np.vdot(u, np.vecdot(part.errors_errors[here], u[:, None, :] * covariance))
     return float(by_u - 2 * both)
 
 
@@ -285,7 +286,7 @@ def _at_mean(part: Moments, of: Posterior, weight: float) -> tuple[float, Array,
     """A part's squares over variances at the mean, and half its gradient to columns, (m,), and errors, (b, q)."""
     x, u = _scales(of.logs, of.of_columns), _scales(of.logs, of.of_errors)
     at_x, at_u = of.mean_columns * x, of.mean_errors * u
-    by_x = part.fixed_fixed @ at_x + np.einsum("bqm,bq->m", part.errors_fixed, at_u)
+    by_x = part.fixed_fixed @ at_x + at_u.ravel() @ part.errors_fixed.reshape(-1, len(x))
     by_u = part.errors_fixed @ at_x + (part.errors_errors @ at_u[..., None])[..., 0]
     squares = part.cost + at_x @ (2 * part.fixed + by_x) + np.sum(at_u * (2 * part.errors + by_u))
     return float(weight * squares), weight * x * (part.fixed + by_x), weight * u * (part.errors + by_u)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from basecal.estimation.problem.problem import Problem, State, Stops
+from basecal.geometry import IntArray
 
 
 def some_views(problem: Problem, state: State, most: int) -> tuple[Problem, State]:
@@ -21,3 +22,23 @@ def some_views(problem: Problem, state: State, most: int) -> tuple[Problem, Stat
     stops = Stops(problem.stops.sigma[kept], tuple(problem.stops.robot[k] for k in kept))
     taken = (replace(g, eye_stop=row[g.eye_stop], hand_stop=row[g.hand_stop]) for g in groups)
     return replace(problem.with_groups(taken), stops=stops), replace(state, stop_errors=state.stop_errors[kept])
+
+
+def recorded_alone(problem: Problem, state: State, most: int) -> tuple[Problem, State]:
+    """As `some_views`, with robots' places numbered as if nothing but these views had been recorded."""
+    few, state = some_views(problem, state, most)
+    stands: dict[str, list[IntArray]] = {}
+    for group in few.groups:
+        for robot, stand in ((group.eye, group.eye_stand), (group.hand, group.hand_stand)):
+            if robot is not None:
+                stands.setdefault(robot, []).append(stand)
+    known = {robot: np.unique(np.concatenate(of)) for robot, of in stands.items()}
+
+    def renumbered(robot: str | None, stand: IntArray) -> IntArray:
+        return stand if robot is None else np.searchsorted(known[robot], stand)
+
+    taken = (
+        replace(g, eye_stand=renumbered(g.eye, g.eye_stand), hand_stand=renumbered(g.hand, g.hand_stand))
+        for g in few.groups
+    )
+    return replace(few.with_groups(taken), stands={robot: len(of) for robot, of in known.items()}), state

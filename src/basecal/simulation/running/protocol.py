@@ -13,9 +13,10 @@ from typing import Any, BinaryIO
 
 from pydantic import Field, ValidationError
 
+from basecal.bounded_file import read_bounded
 from basecal.cell.format.values import Entry
 from basecal.cell.format.writing import write_private
-from basecal.errors import DriverError, InputError
+from basecal.errors import DatasetError, DriverError, InputError
 
 HOST = "127.0.0.1"
 """The only address a running cell listens on."""
@@ -26,8 +27,12 @@ ADDRESS_FILE = Path("derived", "simulated.json")
 LONGEST_LINE = 2**24
 """Bytes: 16 MB, of which a picture of two megapixels takes a quarter."""
 
+MOST_JOINTS = 100
+"""Of an arm, which bounds what is asked and answered."""
+
 _PATIENCE_S = 60.0  # for an answer: of a picture that is drawn on a busy machine
 _TOKEN_BYTES = 24
+_LARGEST_ADDRESS = 2**16  # bytes
 
 
 class Address(Entry):
@@ -61,8 +66,8 @@ def read_address(folder: Path) -> Address:
     """
     path = folder / ADDRESS_FILE
     try:
-        return Address.model_validate_json(path.read_bytes())
-    except (OSError, ValidationError):
+        return Address.model_validate_json(read_bounded(path, _LARGEST_ADDRESS))
+    except (DatasetError, ValidationError):
         raise DriverError(f"no simulated cell runs here: start it with `basecal simulate {folder} --process`") from None
 
 

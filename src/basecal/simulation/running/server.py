@@ -17,11 +17,10 @@ from basecal.cell.format.values import Entry, Number
 from basecal.cell.schema.errors import problems_of
 from basecal.errors import BasecalError, InputError
 from basecal.simulation.running.plant import Plant
-from basecal.simulation.running.protocol import HOST, LONGEST_LINE, decoded, encoded
+from basecal.simulation.running.protocol import HOST, LONGEST_LINE, MOST_JOINTS, decoded, encoded
 from basecal.vision.image_file import png_bytes
 
 _LONGEST_REQUEST = 2**16  # bytes: a request has a few joints
-_MOST_JOINTS = 100
 
 
 class Request(Entry):
@@ -33,7 +32,7 @@ class Request(Entry):
     camera: str = ""
     on: bool = True
     speed_rad_s: Annotated[float, Field(gt=0, le=100)] = 1.0
-    joints_rad: Annotated[list[Number], Field(max_length=_MOST_JOINTS)] = Field(default_factory=list)
+    joints_rad: Annotated[list[Number], Field(max_length=MOST_JOINTS)] = Field(default_factory=list)
 
 
 def _state(plant: Plant, request: Request) -> dict[str, Any]:
@@ -112,7 +111,8 @@ class CellServer(socketserver.ThreadingTCPServer):
 
     def _checked(self, message: dict[str, Any]) -> Request:
         token = message.get("token")
-        if not (isinstance(token, str) and hmac.compare_digest(token.encode(), self.token.encode())):
+        said = token.encode("utf-8", "surrogatepass") if isinstance(token, str) else b""
+        if not hmac.compare_digest(said, self.token.encode()):
             raise InputError("the token is missing or wrong; it stands in derived/simulated.json of the cell")
         try:
             request = Request.model_validate(message)

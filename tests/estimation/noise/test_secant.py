@@ -1,0 +1,35 @@
+"""A curvature that is off is put right by the slopes seen, and stays regular."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.estimation.noise.secant import Secant, corrected
+
+
+def _steps(curvature: np.ndarray, seed: int, count: int) -> list[Secant]:
+    steps = np.random.default_rng(seed).standard_normal((count, len(curvature)))
+    return [Secant(step, curvature @ step) for step in steps]
+
+
+def test_as_many_steps_as_sigmas_tell_the_curvature() -> None:
+    """Of a quadratic, k steps in general position make any curvature that is too small the right one."""
+    root = np.random.default_rng(1).standard_normal((4, 4))
+    right = root @ root.T + np.eye(4)
+    found = corrected(0.05 * np.eye(4), _steps(right, 2, 4))
+    np.testing.assert_allclose(found, right, rtol=1e-9, atol=1e-9)
+
+
+def test_a_step_along_the_slope_is_taken_as_it_was() -> None:
+    """The change of slope over the last step follows from the curvature, larger or smaller than it was."""
+    for factor in (0.5, 2.0):
+        right, guess = np.diag([1.0, 4.0, 9.0]), factor * np.diag([1.0, 4.0, 9.0])
+        (secant,) = _steps(right, 3, 1)
+        np.testing.assert_allclose(corrected(guess, [secant]) @ secant.step, secant.change, rtol=1e-12)
+
+
+def test_what_would_not_be_regular_is_left_out() -> None:
+    """A slope that falls along a step, and a change at right angles to it, leave the curvature as it is."""
+    unit = np.eye(2)
+    for change in (np.array([-1.0, 0.0]), np.array([1.0, 3.0])):
+        np.testing.assert_array_equal(corrected(unit, [Secant(np.array([1.0, 0.0]), change)]), unit)
