@@ -74,9 +74,12 @@ class Impostor(Connection):
         return {"stamp_s": float("inf"), "joints_rad": ["0"], "png_base64": "?"}
 
 
-def test_what_else_answers_is_told(tmp_path):
+def test_what_else_answers_is_told(monkeypatch):
     """Whatever listens at the port: its answers are numbers and pictures, or an error that says so."""
     line = Impostor("token", None, None)
     for ask in (SimulatedRobot("eye", line).state, SimulatedCamera("wrist", line).picture):
         with pytest.raises(DriverError, match=r"is no simulated cell \(\w+"):
             ask()
+    monkeypatch.setattr(Impostor, "ask", lambda self, **request: {"stamp_s": 0.0, "png_base64": "abc"})
+    with pytest.raises(DriverError, match="wrist: a picture is not written as base64"):
+        SimulatedCamera("wrist", line).picture()

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import base64
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
-from pydantic import Base64Bytes, Field, ValidationError
+from pydantic import Field, ValidationError
 
 from basecal.acquisition.driver import Picture, Place, Reading, checked_options
 from basecal.cell import RobotState
@@ -36,7 +37,7 @@ class _Picture(Entry):
     """Likewise for a picture."""
 
     stamp_s: Number
-    png_base64: Base64Bytes
+    png_base64: str
 
 
 def _understood(kind: type[_Answer], answer: dict[str, Any]) -> _Answer:
@@ -104,7 +105,10 @@ class SimulatedCamera:
             DriverError: if the cell does not answer.
         """
         answer = _understood(_Picture, self._cell.ask(do="picture", camera=self._name))
-        grey = grey_image(answer.png_base64, None)
+        try:
+            grey = grey_image(base64.b64decode(answer.png_base64), None)
+        except ValueError:
+            grey = "is not written as base64"
         if isinstance(grey, str):
             raise DriverError(f"{self._name}: a picture {grey}")
         return Picture(answer.stamp_s, grey)
