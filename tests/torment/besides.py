@@ -22,7 +22,7 @@ from basecal.simulation.running.plant import Plant
 from basecal.simulation.running.protocol import Connection, decoded, encoded
 from basecal.simulation.running.server import CellServer
 from basecal.simulation.running.two_arms import two_arms
-from basecal.studies.chunk import chunk_path, read_chunk, worked, write_chunk
+from basecal.studies.chunk import chunk_path, keep_chunk, packed, read_chunk, worked
 from basecal.studies.study import Study
 from basecal.studies.study_file import read_study, study_from_text
 from torment.damage import damaged, torn_bytes
@@ -58,7 +58,7 @@ def read_damaged_study(chance: Random, folder: Path) -> str:
 def _chunk() -> tuple[Study, bytes]:
     study = study_from_text(_SMALL, "a.yaml")
     with TemporaryDirectory() as name:
-        write_chunk(Path(name), study, study.chunks[0], worked(study, study.chunks[0]))
+        keep_chunk(Path(name), study.chunks[0], packed(study, worked(study, study.chunks[0])))
         return study, chunk_path(Path(name), study.chunks[0]).read_bytes()
 
 
