@@ -15,9 +15,11 @@ from types import SimpleNamespace as Message
 import numpy as np
 
 from basecal.acquisition.ros2.dds import Speaker
+from basecal.exchange.urdf import chain_urdf
 from basecal.simulation.running.two_arms import two_arms
 
-JOINTS = two_arms("led").cell.robots["eye"].chain.joint_names
+CHAIN = two_arms("led").cell.robots["eye"].chain
+JOINTS = CHAIN.joint_names
 HALF_TURN = (0.0, 0.0, 1.0, 0.0)
 
 
@@ -86,7 +88,10 @@ class Publisher:
         self.images = Speaker(domain, "/wrist/image_raw", "sensor_msgs/msg/Image", **plain)
         self.infos = Speaker(domain, "/wrist/camera_info", "sensor_msgs/msg/CameraInfo", **plain)
         self.still = Speaker(domain, "/tf_static", "tf2_msgs/msg/TFMessage", **latched)
-        self.still.send(Message(transforms=[transform(1, "link", "tool0", 0.25, HALF_TURN)]))
+        hangs = [transform(1, "link", "tool0", 0.25, HALF_TURN), transform(1, "tool0", "wrist", 0.1)]
+        self.still.send(Message(transforms=hangs))
+        self.described = Speaker(domain, "/robot_description", "std_msgs/msg/String", **latched)
+        self.described.send(Message(data=chain_urdf(CHAIN, "base_link", "tool0")))
         self.stopped_ns = time.time_ns()
 
     def now(self):

@@ -7,8 +7,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import CycloptsError, Parameter
+from cyclopts import CycloptsError, Parameter, validators
 
+from basecal.cli.publishing import publish_transforms
 from basecal.cli.terminal import pasted, say
 from basecal.errors import FrameNotFound, InputError
 from basecal.registry import EXPORTERS
@@ -28,6 +29,8 @@ def export(
     joint: str | None = None,
     run: str | None = None,
     output: Annotated[Path | None, Parameter(alias="-o")] = None,
+    publish: bool = False,
+    domain: Annotated[int | None, Parameter(validator=validators.Number(gte=0, lte=232))] = None,
 ) -> int:
     """Write what a calibration found the way another program says it.
 
@@ -42,6 +45,7 @@ def export(
         basecal export mycell --to kuka --transform hand_base_from_eye_base
         basecal export mycell --to urdf --robot hand -o hand_corrected.urdf
         basecal export mycell --to urdf_cell --urdf eye.urdf hand.urdf -o both.urdf
+        basecal export mycell --to ros2 --publish
 
     Args:
         cell: Folder of the cell.
@@ -53,13 +57,19 @@ def export(
         joint: Which joint's origin is replaced, where several could be.
         run: Name of a run in the cell's folder `runs`; the latest where not said.
         output: File to write; printed where not said.
+        publish: With --to ros2, send it on /tf_static until Ctrl-C, to those who come later as well.
+        domain: Of DDS, with --publish; that of ROS_DOMAIN_ID, else 0, where not said.
     """
     from basecal.cell.files import read_calibration, read_cell
     from basecal.exchange.exporters.exporter import export as exported
 
     _check_usage(to, {"transform": transform, "robot": robot, "camera": camera, "urdf": urdf, "joint": joint})
+    if (publish or domain is not None) and not (publish and to == "ros2" and output is None):
+        raise CycloptsError(msg="--publish and --domain go with --to ros2, and with no --output")
     described, folder = read_cell(cell), _folder(cell, run)
     calibration = read_calibration(folder)
+    if publish:
+        return publish_transforms(calibration, described, transform, domain)
     text = exported(
         calibration,
         to,

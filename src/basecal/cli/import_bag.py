@@ -13,6 +13,7 @@ from cyclopts import CycloptsError, Parameter
 from basecal.cli.detected import Step, counting
 from basecal.cli.imported import finish_import
 from basecal.cli.lens_import import known_cell, picture_size
+from basecal.cli.paired import paired
 from basecal.cli.terminal import say
 
 if TYPE_CHECKING:
@@ -136,30 +137,15 @@ def _asked(robot: _Words, camera: _Words, view: _Words, on: _Words, tf: bool) ->
     from basecal.exchange.bags.sources import Asked
 
     views = {}
-    for names, words in _pairs("--view", view, "CAMERA,TARGET=/TOPIC").items():
+    for names, words in paired("--view", view, "CAMERA,TARGET=/TOPIC").items():
         eye, _, target = names.partition(",")
         if not eye or not target:
             raise CycloptsError(msg=f"--view {names}={words}: expected CAMERA,TARGET=/TOPIC")
         views[eye, target] = words
     return Asked(
-        _pairs("--robot", robot, "NAME=BASE,FLANGE"),
-        _pairs("--camera", camera, "NAME=/TOPIC"),
+        paired("--robot", robot, "NAME=BASE,FLANGE"),
+        paired("--camera", camera, "NAME=/TOPIC"),
         views,
-        _pairs("--on", on, "NAME=ROBOT"),
+        paired("--on", on, "NAME=ROBOT"),
         tf,
     )
-
-
-def _pairs(option: str, given: tuple[str, ...], form: str) -> dict[str, str]:
-    """Words by the names before their equals signs.
-
-    Raises:
-        CycloptsError: if one has none, or a name comes twice.
-    """
-    found: dict[str, str] = {}
-    for each in given:
-        name, _, words = each.partition("=")
-        if not name or not words or name in found:
-            raise CycloptsError(msg=f"{option} {each}: {'given twice' if name in found else f'expected {form}'}")
-        found[name] = words
-    return found

@@ -4,19 +4,25 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Mapping
 from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import CycloptsError, Parameter, validators
 
 from basecal.cli.described_target import UNSAID, Shape, are_alike, is_described, target_fields
+from basecal.cli.new_from_ros2 import ros2_cell
 from basecal.cli.next_step import next_step
+from basecal.cli.paired import paired
 from basecal.cli.template import Kind, cell_text
 from basecal.cli.terminal import pasted, say
 
 if TYPE_CHECKING:
     from basecal.cell import Cell
+
+_NO_URDFS: Mapping[str, str] = MappingProxyType({})
 
 
 def new(
@@ -27,6 +33,9 @@ def new(
     names: Annotated[tuple[str, ...], Parameter(consume_multiple=True)] = (),
     target: Kind = "charuco",
     shape: Shape = UNSAID,
+    from_: Annotated[Literal["ros2"] | None, Parameter(name="--from")] = None,
+    robot: Annotated[tuple[str, ...], Parameter(consume_multiple=True)] = (),
+    domain: Annotated[int | None, Parameter(validator=validators.Number(gte=0, lte=232))] = None,
 ) -> int:
     """Write a working cell.yaml to fill in, and an empty recording.
 
@@ -34,13 +43,16 @@ def new(
     camera is on the first, `eye`, the target on the second, `hand`. More: each
     robot's camera sees the target of the next; the targets differ in their
     dictionary or numbers, so that no picture confuses them. With the target's sizes given
-    nothing is left to fill in before poses and pictures are imported. An
-    existing cell is never overwritten.
+    nothing is left to fill in before poses and pictures are imported. With
+    --from ros2 robots, cameras, lenses and drivers are those of a ROS 2 that
+    runs: it is listened to for three seconds. An existing cell is never
+    overwritten.
 
     For example:
 
         basecal new mycell --robots 2 --target charuco
         basecal new mycell --names left right --squares 5x7 --square 40mm
+        basecal new mycell --from ros2 --squares 5x7 --square 40mm
         basecal calibrate mycell
 
     Args:
@@ -49,6 +61,9 @@ def new(
         names: Names of the robots, the first being the reference, in whose base all is expressed.
         target: What the cameras look at; `pose` where another program gives the target's pose.
         shape: Counts and sizes of the targets.
+        from_: What runs, and is looked at.
+        robot: NAME=BASE,FLANGE, frames of tf and links of the URDF, or NAME=/TOPIC of PoseStamped; with --from.
+        domain: Of DDS; that of ROS_DOMAIN_ID, else 0, where not said; with --from.
     """
     from basecal.cell.files import cell_from_dict, read_recording
     from basecal.cell.format.writing import make_folder, open_new
@@ -59,9 +74,18 @@ def new(
     if target == "pose" and is_described(shape):
         raise CycloptsError(msg="--target pose is seen as poses, and has no sizes: leave them away")
     fields = target_fields(target, shape) if is_described(shape) else None
-    text = cell_text(names or robots or 2, target, shape=fields)
-    made = cell_from_dict(parse_yaml(text, str(cell)).data, str(cell / "cell.yaml"))
-    start_cell(cell, text)
+    if from_ is None:
+        if robot or domain is not None:
+            raise CycloptsError(msg="--robot and --domain go with --from ros2")
+        text = cell_text(names or robots or 2, target, shape=fields)
+        made = cell_from_dict(parse_yaml(text, str(cell)).data, str(cell / "cell.yaml"))
+        start_cell(cell, text)
+    else:
+        if names or robots is not None:
+            raise CycloptsError(msg="--from ros2 finds the robots: name them by --robot NAME=BASE,FLANGE")
+        found = ros2_cell(domain, paired("--robot", robot, "NAME=BASE,FLANGE"), fields, target)
+        made = found.cell
+        start_cell(cell, found.text, found.urdfs)
     _warn_of_alike_targets(made)
     samples = cell / "recording" / "samples.jsonl"
     make_folder(samples.parent, cell)
@@ -85,8 +109,8 @@ def _warn_of_alike_targets(cell: Cell) -> None:
             return
 
 
-def start_cell(folder: Path, text: str) -> None:
-    """Write a `cell.yaml` into a folder, which is made.
+def start_cell(folder: Path, text: str, urdfs: Mapping[str, str] = _NO_URDFS) -> None:
+    """Write a `cell.yaml`, and URDFs by their names, into a folder, which is made.
 
     Raises:
         InputError: if there is one already.
@@ -94,3 +118,5 @@ def start_cell(folder: Path, text: str) -> None:
     from basecal.cell.format.writing import write_new
 
     write_new(folder / "cell.yaml", text)
+    for name, urdf in urdfs.items():
+        write_new(folder / name, urdf)

@@ -1,0 +1,59 @@
+"""What is sent in a domain of ROS 2, listened to for a while and kept as a bag is: so a cell is made of it likewise."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from typing import Any
+
+from basecal.acquisition.ros2.dds import Discovery, Listener, Offer
+from basecal.errors import DriverError
+from basecal.exchange.bags.bag import CAMERA_INFO, COMPRESSED, IMAGE, JOINTS, POSE, TEXT, TF, Bag, Message, Topic
+from basecal.exchange.bags.frames import Tree
+from basecal.exchange.bags.survey import Survey, surveyed
+
+_DEPTHS = {TF: 1000, JOINTS: 100, POSE: 10, TEXT: 1, IMAGE: 1, COMPRESSED: 1, CAMERA_INFO: 1}  # messages heard at once
+_KEPT = 500  # messages of a topic: frames of tf come from several nodes
+_LOOK_S = 0.02
+
+
+def heard(domain: int, listen_s: float) -> Bag:
+    """What came on all topics of a domain that say something of robots and cameras, one picture of each.
+
+    Raises:
+        DriverError: if nobody sends any.
+    """
+    discovery, listeners = Discovery(domain), dict[str, tuple[Offer, Listener]]()
+    messages: dict[str, list[Any]] = {}
+    counts: dict[str, int] = {}
+    until = time.monotonic() + listen_s
+    while time.monotonic() < until:
+        for name, offer in discovery.offers().items():
+            if offer.kind in _DEPTHS and name not in listeners:
+                listeners[name] = offer, Listener(domain, offer, _DEPTHS[offer.kind])
+        for name, (offer, listener) in listeners.items():
+            came = listener.messages(0.0)
+            most = _KEPT if _DEPTHS[offer.kind] > 1 else 1
+            counts[name] = counts.get(name, 0) + len(came)
+            messages[name] = [*messages.get(name, []), *came][:most]
+        time.sleep(_LOOK_S)
+    if not listeners:
+        raise DriverError(
+            f"nobody sends joint states, tf or pictures in domain {domain}: is ROS_DOMAIN_ID the same there, and does "
+            f"the network let DDS pass?"
+        )
+    topics = {name: Topic(name, offer.kind, counts[name]) for name, (offer, _) in listeners.items()}
+
+    def read(names: Iterable[str]) -> Iterator[Message]:
+        for name in names:
+            yield from (Message(topics[name], 0.0, data) for data in messages.get(name, []))
+
+    return Bag(f"ROS 2 in domain {domain}", topics, read)
+
+
+def survey_of_what_runs(bag: Bag) -> Survey:
+    """What was heard; every frame that /tf has moves, though the arms may have stood still meanwhile."""
+    survey = surveyed(bag)
+    hangs = {name: hang._replace(is_fixed=not hang.is_timed) for name, hang in survey.tree.hangs.items()}
+    return replace(survey, tree=Tree(hangs))

@@ -1,0 +1,39 @@
+"""What a calibration found, sent on `/tf_static` as ROS 2's own publisher of static transforms does."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+from types import SimpleNamespace as Message
+from typing import Any
+
+from basecal.acquisition.ros2.dds import Speaker
+from basecal.exchange.bags.bag import TF
+from basecal.geometry import SE3
+
+TOPIC = "/tf_static"
+_NS = 10**9  # in a second
+
+
+def send_static(domain: int, transforms: Iterable[tuple[str, str, SE3]]) -> Speaker:
+    """Send transforms; whoever comes later gets them too, for as long as what is returned is kept.
+
+    Args:
+        domain: Of DDS.
+        transforms: Name of the parent, name of the child, `parent_from_child`.
+    """
+    speaker = Speaker(domain, TOPIC, TF, is_latched=True)
+    now_ns = time.time_ns()
+    speaker.send(Message(transforms=[_stamped(now_ns, *each) for each in transforms]))
+    return speaker
+
+
+def _stamped(now_ns: int, parent: str, child: str, parent_from_child: SE3) -> Any:
+    stamp = Message(sec=now_ns // _NS, nanosec=now_ns % _NS)
+    place = Message(**dict(zip("xyz", map(float, parent_from_child.translation), strict=True)))
+    turn = Message(**dict(zip("xyzw", map(float, parent_from_child.quaternion), strict=True)))
+    return Message(
+        header=Message(stamp=stamp, frame_id=parent),
+        child_frame_id=child,
+        transform=Message(translation=place, rotation=turn),
+    )

@@ -1,0 +1,112 @@
+"""A new cell made of what a running ROS 2 says: `basecal new CELL --from ros2`."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+from basecal.cli.terminal import say
+
+if TYPE_CHECKING:
+    from basecal.cell import Cell
+    from basecal.exchange.bags.sources import ByFrames, ByJoints, ByPoses, Taken
+
+LISTEN_S = 3.0
+"""How long is listened: the slowest that is of use comes once a second, and discovery takes one."""
+
+
+@dataclass(frozen=True)
+class FoundCell:
+    """The text of a `cell.yaml`, of URDFs by the names of their files, and the cell that they describe."""
+
+    text: str
+    urdfs: Mapping[str, str]
+    cell: Cell
+
+
+def ros2_cell(
+    domain: int | None, robots: Mapping[str, str], fields: Mapping[str, Any] | None, target: str
+) -> FoundCell:
+    """A cell with drivers and lenses.
+
+    Args:
+        domain: Of DDS; None for that of the environment.
+        robots: `BASE,FLANGE` or a topic, by robot; by the usual names where empty.
+        fields: Of the target; None for those of an example.
+        target: Its kind.
+
+    Raises:
+        DriverError: if nobody sends anything.
+        InputError: if no robot is found in it.
+    """
+    from basecal.acquisition.ros2.dds import domain_of
+    from basecal.acquisition.ros2.heard import heard, survey_of_what_runs
+    from basecal.cell.files import cell_from_dict
+    from basecal.cell.format.yaml_text import yaml_text
+    from basecal.exchange.bags.choice import chosen
+    from basecal.exchange.bags.entry import bag_entry, urdf_name
+    from basecal.exchange.bags.sources import Asked, ByJoints
+
+    bag = heard(domain_of(domain), LISTEN_S)
+    say(f"messages heard in {LISTEN_S:g} s:")
+    for topic in sorted(bag.topics.values()):
+        say(f"  {topic.messages:>8}  {topic.name}  {topic.kind}")
+    survey, asked = survey_of_what_runs(bag), Asked(robots=robots)
+    taken = chosen(bag, survey, asked, None)
+    for line in taken.words:
+        say(f"taking {line}")
+    sizes = {name: _size(bag, camera.topic) for name, camera in taken.cameras.items()}
+    entry = bag_entry(None, bag.path, survey, taken, asked, {name: size for name, size in sizes.items() if size})
+    data: dict[str, Any] = {"schema": "basecal/cell/1", **entry}
+    _add_drivers(data, taken, domain)
+    _add_target(data, fields, target)
+    urdfs = {
+        urdf_name(name): survey.urdfs[source.urdf]
+        for name, source in taken.robots.items()
+        if isinstance(source, ByJoints) and source.urdf is not None
+    }
+    text = yaml_text(data)
+    with TemporaryDirectory() as folder:
+        for name, urdf in urdfs.items():
+            (Path(folder) / name).write_text(urdf, encoding="utf-8")
+        return FoundCell(text, urdfs, cell_from_dict(data, bag.path, folder))
+
+
+def _add_drivers(data: dict[str, Any], taken: Taken, domain: int | None) -> None:
+    where = {} if domain is None else {"domain": domain}
+    for name, source in taken.robots.items():
+        data["robots"][name] = {**data["robots"].get(name, {}), "driver": {"kind": "ros2", **_by(source), **where}}
+    for name, camera in taken.cameras.items():
+        data["cameras"][name]["driver"] = {"kind": "ros2", "topic": camera.topic, **where}
+    if len(data["robots"]) > 1:
+        data["bases"] = {name: {"status": "free"} for name in data["robots"] if name != data["reference"]}
+
+
+def _by(source: ByFrames | ByPoses | ByJoints) -> dict[str, Any]:
+    from basecal.exchange.bags.sources import ByFrames
+
+    return {"frames": [source.parent, source.child]} if isinstance(source, ByFrames) else {"topic": source.topic}
+
+
+def _add_target(data: dict[str, Any], fields: Mapping[str, Any] | None, kind: str) -> None:
+    """A target on the next arm, or where there is none on what the camera is not on."""
+    from basecal.cell.format.yaml_text import parse_yaml
+    from basecal.cell.targets.all_kinds import target_kind
+
+    if fields is None:
+        template = "" if kind == "pose" else textwrap.dedent(target_kind(kind).template)
+        fields = parse_yaml(template, "target").data if template else {}
+    for camera in data.get("cameras", {}).values():
+        others = [name for name in data["robots"] if name != camera["on"]]
+        on = others[0] if others else "world"
+        data.setdefault("targets", {"target": {"on": on, "mount": {"status": "free"}, **fields}})
+
+
+def _size(bag: Any, topic: str) -> tuple[int, int] | None:
+    """Width and height of a topic's picture; None where it is compressed, and its camera_info says it."""
+    first = next(iter(bag.read([topic]))).data
+    return (int(first.width), int(first.height)) if hasattr(first, "width") else None

@@ -1,0 +1,45 @@
+"""A calibration on `/tf_static` of a running ROS 2: `basecal export CELL --to ros2 --publish`."""
+
+from __future__ import annotations
+
+import sys
+import time
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+from basecal.cli.terminal import say
+
+if TYPE_CHECKING:
+    from basecal.cell import Calibration, Cell
+
+_A_DAY_S = 86_400.0
+
+
+def publish_transforms(calibration: Calibration, cell: Cell, transform: str | None, domain: int | None) -> int:
+    """Send transforms until Ctrl-C.
+
+    Raises:
+        RefusedCalibration: if the calibration is refused.
+        FrameNotFound: if there is no such transform.
+        MissingExtra: if cyclonedds or ros2-pyterfaces is not installed.
+    """
+    from basecal.acquisition.ros2.dds import domain_of
+    from basecal.acquisition.ros2.static_frames import TOPIC, send_static
+    from basecal.errors import RefusedCalibration
+    from basecal.exchange.exports.choice import chosen_transforms
+
+    if calibration.verdict == "refused":
+        raise RefusedCalibration(next((f.message for f in calibration.findings if f.severity == "error"), ""))
+    found, where = chosen_transforms(calibration, cell, transform), domain_of(domain)
+    sender = send_static(where, [(one.parent, one.child, one.estimate.mean) for one in found])
+    for one in found:
+        say(f"on {TOPIC} in domain {where}: {one.parent} to {one.child}")
+    if calibration.verdict == "doubtful":
+        say("basecal: warning: the calibration is doubtful: look at its report", sys.stderr)
+    say("sent, also to those who come later, until Ctrl-C")
+    if sys.stdout is not None:
+        sys.stdout.flush()
+    with suppress(KeyboardInterrupt):
+        while sender is not None:
+            time.sleep(_A_DAY_S)
+    return 0

@@ -1,0 +1,38 @@
+"""What a running ROS 2 says, kept as a bag is."""
+
+from __future__ import annotations
+
+import pytest
+
+from basecal.exchange.bags.bag import IMAGE, JOINTS, TF
+
+pytest.importorskip("cyclonedds")
+from basecal.acquisition.ros2.heard import heard, survey_of_what_runs
+from basecal.errors import DriverError
+from shared.ros2_domain import DOMAIN
+
+
+def test_what_runs_is_surveyed_as_a_bag_is(ros2_cell):
+    """Topics with their types and counts, one picture of each, the URDF, and frames, of which those of /tf move."""
+    bag = heard(DOMAIN, 1.5)
+    assert {name: bag.topics[name].kind for name in ("/joint_states", "/tf", "/wrist/image_raw")} == {
+        "/joint_states": JOINTS,
+        "/tf": TF,
+        "/wrist/image_raw": IMAGE,
+    }
+    assert bag.topics["/joint_states"].messages > 20
+    assert len(list(bag.read(["/wrist/image_raw"]))) == 1
+    survey = survey_of_what_runs(bag)
+    assert list(survey.urdfs) == ["/robot_description"]
+    assert {name: hang.is_fixed for name, hang in survey.tree.hangs.items()} == {
+        "link": False,
+        "tool0": True,
+        "wrist": True,
+    }
+    assert survey.frame_ids == {"/wrist/image_raw": "wrist"}
+
+
+def test_nobody_there(ros2_cell):
+    """In a domain in which nobody sends anything, a line says what to look at."""
+    with pytest.raises(DriverError, match=r"nobody sends joint states, tf or pictures in domain \d+: is ROS_DOMAIN_ID"):
+        heard((DOMAIN + 17) % 200, 0.3)

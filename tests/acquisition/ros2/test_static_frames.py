@@ -1,0 +1,32 @@
+"""What was found, on /tf_static."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+import pytest
+
+from basecal.exchange.bags.frames import pose_of, values_of
+from basecal.geometry import SE3
+from basecal.geometry.se3 import rotation_exp
+
+pytest.importorskip("cyclonedds")
+from basecal.acquisition.ros2.dds import Discovery, Listener
+from basecal.acquisition.ros2.static_frames import TOPIC, send_static
+from shared.ros2_domain import DOMAIN, LOOPBACK
+
+
+def test_whoever_comes_later_gets_them():
+    """Parent, child and transform arrive as they were, though nobody listened when they were sent."""
+    os.environ["CYCLONEDDS_URI"] = LOOPBACK
+    domain = (DOMAIN + 23) % 200
+    pose = SE3(rotation_exp(np.array([0.1, -0.2, 0.3])), np.array([1.0, 2.0, 3.0]))
+    sender = send_static(domain, [("left_base", "right_base", pose), ("left_base", "camera", pose.inverse())])
+    offer = Discovery(domain).wait_for(TOPIC, 5.0)
+    assert offer.is_latched
+    (message,) = Listener(domain, offer, 10).messages(3.0)
+    found = {each.child_frame_id: (each.header.frame_id, values_of(each.transform)) for each in message.transforms}
+    assert {child: parent for child, (parent, _) in found.items()} == {"right_base": "left_base", "camera": "left_base"}
+    np.testing.assert_allclose(pose_of(found["right_base"][1], "").matrix, pose.matrix, atol=1e-12)
+    del sender
