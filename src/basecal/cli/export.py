@@ -9,7 +9,7 @@ from typing import Annotated
 
 from cyclopts import CycloptsError, Parameter, validators
 
-from basecal.cli.publishing import publish_transforms
+from basecal.cli.publishing import check_publishing, publish_transforms
 from basecal.cli.terminal import pasted, say
 from basecal.errors import FrameNotFound, InputError
 from basecal.registry import EXPORTERS
@@ -64,8 +64,7 @@ def export(
     from basecal.exchange.exporters.exporter import export as exported
 
     _check_usage(to, {"transform": transform, "robot": robot, "camera": camera, "urdf": urdf, "joint": joint})
-    if (publish or domain is not None) and not (publish and to == "ros2" and output is None):
-        raise CycloptsError(msg="--publish and --domain go with --to ros2, and with no --output")
+    check_publishing(publish, domain, to, output)
     described, folder = read_cell(cell), _folder(cell, run)
     calibration = read_calibration(folder)
     if publish:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import CycloptsError, Parameter, validators
 
 from basecal.cli.described_target import UNSAID, Shape, are_alike, is_described, target_fields
-from basecal.cli.new_from_ros2 import ros2_cell
+from basecal.cli.new_from_ros2 import NewCell, ros2_cell
 from basecal.cli.next_step import next_step
 from basecal.cli.paired import paired
 from basecal.cli.template import Kind, cell_text
@@ -74,26 +74,22 @@ def new(
     if target == "pose" and is_described(shape):
         raise CycloptsError(msg="--target pose is seen as poses, and has no sizes: leave them away")
     fields = target_fields(target, shape) if is_described(shape) else None
+    if (robot or domain is not None) if from_ is None else (names or robots is not None):
+        raise CycloptsError(msg="--robot and --domain go with --from ros2, --robots and --names without it")
     if from_ is None:
-        if robot or domain is not None:
-            raise CycloptsError(msg="--robot and --domain go with --from ros2")
         text = cell_text(names or robots or 2, target, shape=fields)
-        made = cell_from_dict(parse_yaml(text, str(cell)).data, str(cell / "cell.yaml"))
-        start_cell(cell, text)
+        found = NewCell(text, cell_from_dict(parse_yaml(text, str(cell)).data, str(cell / "cell.yaml")))
     else:
-        if names or robots is not None:
-            raise CycloptsError(msg="--from ros2 finds the robots: name them by --robot NAME=BASE,FLANGE")
         found = ros2_cell(domain, paired("--robot", robot, "NAME=BASE,FLANGE"), fields, target)
-        made = found.cell
-        start_cell(cell, found.text, found.urdfs)
-    _warn_of_alike_targets(made)
+    start_cell(cell, found.text, found.urdfs)
+    _warn_of_alike_targets(found.cell)
     samples = cell / "recording" / "samples.jsonl"
     make_folder(samples.parent, cell)
     if not os.path.lexists(samples):
         open_new(samples).close()
-    then = f"basecal calibrate {pasted(cell)}"
-    say(f"wrote {cell / 'cell.yaml'}: fill in what is known, record into {samples}, then: {then}")
-    if (missing := next_step(made, read_recording(cell, made), cell)) is not None:
+    then = f"record into {samples}, then: basecal calibrate {pasted(cell)}"
+    say(f"wrote {cell / 'cell.yaml'}: fill in what is known, {then}")
+    if (missing := next_step(found.cell, read_recording(cell, found.cell), cell)) is not None:
         say(missing)
     return 0
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -20,17 +20,15 @@ LISTEN_S = 3.0
 
 
 @dataclass(frozen=True)
-class FoundCell:
-    """The text of a `cell.yaml`, of URDFs by the names of their files, and the cell that they describe."""
+class NewCell:
+    """The text of a `cell.yaml`, the cell that it describes, and URDFs by the names of their files."""
 
     text: str
-    urdfs: Mapping[str, str]
     cell: Cell
+    urdfs: Mapping[str, str] = field(default_factory=dict)
 
 
-def ros2_cell(
-    domain: int | None, robots: Mapping[str, str], fields: Mapping[str, Any] | None, target: str
-) -> FoundCell:
+def ros2_cell(domain: int | None, robots: Mapping[str, str], fields: Mapping[str, Any] | None, target: str) -> NewCell:
     """A cell with drivers and lenses.
 
     Args:
@@ -73,7 +71,7 @@ def ros2_cell(
     with TemporaryDirectory() as folder:
         for name, urdf in urdfs.items():
             (Path(folder) / name).write_text(urdf, encoding="utf-8")
-        return FoundCell(text, urdfs, cell_from_dict(data, bag.path, folder))
+        return NewCell(text, cell_from_dict(data, bag.path, folder), urdfs)
 
 
 def _add_drivers(data: dict[str, Any], taken: Taken, domain: int | None) -> None:

@@ -5,7 +5,10 @@ from __future__ import annotations
 import sys
 import time
 from contextlib import suppress
+from pathlib import Path
 from typing import TYPE_CHECKING
+
+from cyclopts import CycloptsError
 
 from basecal.cli.terminal import say
 
@@ -13,6 +16,16 @@ if TYPE_CHECKING:
     from basecal.cell import Calibration, Cell
 
 _A_DAY_S = 86_400.0
+
+
+def check_publishing(publish: bool, domain: int | None, to: str, output: Path | None) -> None:
+    """Whether options of publishing stand where they mean something.
+
+    Raises:
+        CycloptsError: if not.
+    """
+    if (publish or domain is not None) and not (publish and to == "ros2" and output is None):
+        raise CycloptsError(msg="--publish and --domain go with --to ros2, and with no --output")
 
 
 def publish_transforms(calibration: Calibration, cell: Cell, transform: str | None, domain: int | None) -> int:
