@@ -1,0 +1,110 @@
+"""What the page does in a browser: its picker, its copy buttons and its slider; and what comes out of a printer."""
+
+from __future__ import annotations
+
+import html
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from basecal.accuracy.fit_details import fit_details
+from basecal.accuracy.verdict import calibrate
+from basecal.reporting.page import page
+from basecal.simulation import Scenario, simulate
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+FLAGS = ("--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking")
+LONGEST_S = 120  # beside other programs
+POLICY = re.compile(r'<meta http-equiv="Content-Security-Policy"[^>]*>')
+# Does what a user does, and leaves what he sees in an attribute of the document.
+USER = """
+(async () => {
+  const shown = () => [...document.querySelectorAll(".answer .copy")].filter((pane) => !pane.hidden);
+  const choose = (box, value) => { box.value = value; box.dispatchEvent(new Event("change")); };
+  const slider = document.getElementById("sample");
+  const said = { first: shown().map((pane) => pane.dataset.kind) };
+  choose(document.querySelector(".answer .kind"), "ur");
+  said.kinds = [...new Set(shown().map((pane) => pane.dataset.kind))];
+  const ways = document.querySelector(".answer .way");
+  choose(ways, ways.options[1].value);
+  said.ways = shown().map((pane) => pane.dataset.way);
+  said.wanted = ways.value;
+  const button = shown()[0].querySelector("button");
+  button.click();
+  await new Promise((done) => setTimeout(done, 100));
+  said.button = button.textContent;
+  said.selected = String(window.getSelection());
+  said.pasted = shown()[0].querySelector("pre").textContent;
+  said.opening = document.querySelector(".slider output").textContent;
+  slider.value = 3;
+  slider.dispatchEvent(new Event("input"));
+  said.moved = document.querySelector(".slider output").textContent;
+  const bars = [...document.querySelectorAll("[data-sample]")];
+  said.chosen = [...new Set(bars.filter((bar) => bar.classList.contains("chosen")).map((bar) => bar.dataset.sample))];
+  bars.find((bar) => bar.dataset.sample === "7").dispatchEvent(new MouseEvent("click", { bubbles: true }));
+  said.after_a_bar = slider.value;
+  // Chromium may load a page again to print it, with what was chosen before.
+  if (!sessionStorage.getItem("said")) sessionStorage.setItem("said", JSON.stringify(said));
+  document.documentElement.dataset.said = sessionStorage.getItem("said");
+})();
+"""
+
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium, which is not installed here")
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A page in a file."""
+    made = simulate(Scenario(samples=12, robot_noise=(1e-4, 2e-4)), 4)
+    calibration = calibrate(made.cell, made.recording)
+    path = tmp_path_factory.mktemp("page") / "report.html"
+    details = fit_details(made.cell, made.recording, calibration)
+    path.write_text(page(made.cell, made.recording, calibration, details), encoding="utf-8")
+    return path
+
+
+def browser(path: Path, *words: str) -> str:
+    """What the browser prints about a page."""
+    assert CHROMIUM is not None
+    profile = f"--user-data-dir={path.parent / 'profile'}"
+    command = [CHROMIUM, *FLAGS, profile, *words, path.as_uri()]
+    return subprocess.run(command, capture_output=True, text=True, timeout=LONGEST_S, check=True).stdout
+
+
+def used(path: Path) -> dict[str, Any]:
+    """What a user sees who picks, copies and slides; the policy, which forbids such a script, is taken out for it."""
+    text = POLICY.sub("", path.read_text(encoding="utf-8"), count=1).replace(
+        "</body>", f"<script>{USER}</script></body>"
+    )
+    tried = path.with_name("tried.html")
+    tried.write_text(text.replace("</body>", f"<script>{USER}</script></body>"), encoding="utf-8")
+    found = re.search(r'data-said="([^"]*)"', browser(tried, "--virtual-time-budget=3000", "--dump-dom"))
+    assert found is not None, "a script of the page ended with an error"
+    said: dict[str, Any] = json.loads(html.unescape(found[1]))
+    return said
+
+
+def test_picker_copy_button_and_slider(written: Path) -> None:
+    """One pane is shown for a kind and a way round; what is copied is what is shown; slider and bars go together."""
+    said = used(written)
+    assert len(said["first"]) == 1
+    assert said["kinds"] == ["ur"]
+    assert said["ways"] == [said["wanted"]]
+    assert said["button"] in ("copied", "selected")
+    assert said["selected"].strip() == said["pasted"].strip() != ""
+    assert said["opening"].endswith("deg")
+    assert ", the worst" in said["opening"]
+    assert said["moved"].startswith("sample 3")
+    assert said["chosen"] == ["3"]
+    assert said["after_a_bar"] == "7"
+
+
+def test_print(written: Path) -> None:
+    """Two pages."""
+    browser(written, "--no-pdf-header-footer", f"--print-to-pdf={written.with_suffix('.pdf')}")
+    assert len(re.findall(rb"/Type\s*/Page[^s]", written.with_suffix(".pdf").read_bytes())) == 2
