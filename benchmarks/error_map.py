@@ -33,7 +33,7 @@ from basecal.simulation import Scenario, SimulatedCell, simulate
 from benchmarks.common import on_one_core, table, write
 
 BASE = "eye_base_from_hand_base"
-TRIALS = {"poses": 100, "joints": 60}  # of each kind, by how its robots are recorded
+TRIALS = {"poses": 60, "joints": 30}  # of each kind, by how its robots are recorded
 NOISE = (1e-4, 2e-4)
 _ROUNDS = 10
 LOW, HIGH = 0.92, 0.98

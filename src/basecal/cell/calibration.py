@@ -192,6 +192,29 @@ class ErrorMap:
 
 
 @dataclass(frozen=True, eq=False)
+class LocalFit:
+    """A part of the workspace, calibrated by itself.
+
+    Attributes:
+        centre_m: (3,) its middle in the reference's base [m].
+        samples: Numbers of the samples in it.
+        global_m: Root of the mean square of where targets of held-out samples in it are off, by the fit of all [m].
+        local_m: Likewise by a fit to which samples far from its middle count little; None, both, where one has no end.
+        chance: Of such a gain where the local fit is no better.
+        is_better: Whether the local fit is recommended there.
+        transforms: Those asked for, by the local fit of all samples.
+    """
+
+    centre_m: Array
+    samples: tuple[int, ...]
+    global_m: float | None
+    local_m: float | None
+    chance: float
+    is_better: bool
+    transforms: Mapping[str, SE3]
+
+
+@dataclass(frozen=True, eq=False)
 class Calibration:
     """The answer, with all that is needed to trust it.
 
@@ -214,6 +237,7 @@ class Calibration:
         unobservable: Directions that the data leave open, in words.
         budget: The error at the task by source, the largest first; None where no task is named.
         error_map: The error over the workspace; None where no task is named.
+        local: Parts of the workspace calibrated by themselves; None where no task is named.
         findings: What the user should know.
         settings: What was asked of the solver, and `tolerance_m` where it is stated how well the answer must be known.
         inputs: `sha256:...` of each file read.
@@ -238,6 +262,7 @@ class Calibration:
     unobservable: tuple[str, ...] = ()
     budget: tuple[BudgetEntry, ...] | None = None
     error_map: ErrorMap | None = None
+    local: tuple[LocalFit, ...] | None = None
     findings: tuple[Finding, ...] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)
     inputs: Mapping[str, str] = field(default_factory=dict)

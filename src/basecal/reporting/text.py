@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from basecal.accuracy.expected_error import ToleranceCheck
-from basecal.cell import Calibration, Cell, Finding, Validation
+from basecal.cell import Calibration, Cell, Finding, LocalFit, Validation
 from basecal.exchange.exports.choice import frame_names
 from basecal.exchange.ros2 import static_transform_publisher
 from basecal.exchange.urdf import origin_line
@@ -271,6 +271,20 @@ def task_rows(calibration: Calibration) -> Iterator[str]:
         lengths, angles = 1e3 * calibration.error_map.length_95_m, np.degrees(calibration.error_map.angle_95_rad)
         spread = f"{lengths.min():.2g} to {lengths.max():.2g} mm and {angles.max():.2g} deg"
         yield f"over the workspace 95 % of errors of one flange to another are expected below {spread}"
+
+    for part in calibration.local or ():
+        yield local_sentence(part)
+
+
+def local_sentence(part: LocalFit) -> str:
+    """Whether a part of the workspace is better calibrated by itself."""
+    x, y, z = part.centre_m
+    where = f"about {x:.2f} {y:.2f} {z:.2f} m ({len(part.samples)} samples)"
+    if part.global_m is None or part.local_m is None:
+        return f"{where}: a local calibration comes to no end; use the global one"
+    errors = f"held-out {1e3 * part.local_m:.2g} mm by a local calibration, {1e3 * part.global_m:.2g} mm by the global"
+    choice = "use the local one there" if part.is_better else "use the global one"
+    return f"{where}: {errors} (p = {part.chance:.2g}); {choice}"
 
 
 def _sigma(key: str, value: float | Array) -> str:

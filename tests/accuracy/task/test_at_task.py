@@ -11,14 +11,15 @@ from basecal.simulation import Scenario, simulate
 
 
 def test_a_task_changes_nothing_but_what_is_told_of_it():
-    """The same transforms and verdict; a budget and a map beside them."""
+    """The same transforms and verdict; a budget, a map and parts beside them."""
     made = simulate(Scenario(samples=10, target="pose"), 2)
     plain = calibrate(made.cell, made.recording)
     told = calibrate(made.cell, made.recording, Settings(task_point=(0.4, 0.0, 0.3)))
-    assert (plain.budget, plain.error_map) == (None, None)
+    assert (plain.budget, plain.error_map, plain.local) == (None, None, None)
     assert told.verdict == plain.verdict
     assert told.budget
     assert len(told.error_map.points_m)
+    assert told.local == ()  # ten samples have no parts
     for name, estimate in plain.transforms.items():
         assert (told[name].covariance == estimate.covariance).all()
 

@@ -15,6 +15,7 @@ from basecal.cell.calibration import (
     ClockOffset,
     ErrorMap,
     Finding,
+    LocalFit,
     Loop,
     Outlier,
     Residuals,
@@ -94,6 +95,23 @@ def test_task():
     np.testing.assert_allclose(back.error_map.angle_95_rad, errors)
     with pytest.raises(InputError, match="error_map"):
         calibration_from_dict({**data, "error_map": {**data["error_map"], "mm_95": [1.0]}})
+
+
+def test_local_fits():
+    """Millimetres and poses; read back alike, also where there is no end."""
+    poses = {"a_from_b": SE3.from_rpy((0.1, 0.2, 0.3), (1.0, 2.0, 3.0))}
+    parts = (
+        LocalFit(np.array([0.1, 0.2, 0.3]), (0, 4), 2e-3, 1e-3, 0.01, True, poses),
+        LocalFit(np.zeros(3), (1,), None, None, 1.0, False, {}),
+    )
+    data = json.loads(json.dumps(calibration_to_dict(Calibration("good", local=parts))))
+    assert [part["recommended"] for part in data["local"]] == ["local", "global"]
+    assert (data["local"][0]["global_mm"], data["local"][1]["local_mm"]) == (2.0, None)
+    first, second = calibration_from_dict(data).local
+    assert (first.samples, first.local_m, first.chance, second.global_m) == ((0, 4), 1e-3, 0.01, None)
+    np.testing.assert_allclose(first.transforms["a_from_b"].matrix, poses["a_from_b"].matrix, atol=1e-12)
+    with pytest.raises(InputError, match="local"):
+        calibration_from_dict({**data, "local": [{**data["local"][0], "recommended": "both"}]})
 
 
 def test_clocks():

@@ -5,7 +5,7 @@ All folds are fitted side by side, each with its held-out views at no weight.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from basecal.accuracy.cross_validation.folds import Samples
 from basecal.estimation.least_squares.bundle_adjustment import OptimumBatch, bundle_adjust_batch
 from basecal.estimation.noise.estimate import degrees_of_freedom
 from basecal.estimation.problem.problem import Problem, State
-from basecal.geometry import BoolArray
+from basecal.geometry import Array, BoolArray
 from basecal.numerics.batch import take
 
 
@@ -38,7 +38,12 @@ class Refit:
 
 
 def refit_folds(
-    problem: Problem, state: State, folds: Iterable[Samples], iterations: int, predicted: Problem | None = None
+    problem: Problem,
+    state: State,
+    folds: Iterable[Samples],
+    iterations: int,
+    predicted: Problem | None = None,
+    worth: Sequence[Array] | None = None,
 ) -> list[Refit]:
     """The fit without each fold, from the same state, stops that it does not share at their recorded poses.
 
@@ -50,6 +55,7 @@ def refit_folds(
         folds: The samples to hold out, one set after another.
         iterations: Steps of each fit, at most.
         predicted: What is predicted, where that is more than is fitted, such as outliers.
+        worth: For each group (n,): what each view counts where it is used; 1 where None.
     """
     held = list(folds)
     used = [_views(problem, samples, inside=False) for samples in held]
@@ -57,6 +63,8 @@ def refit_folds(
     states = state.spread(problem, len(held))
     states = with_known_stops(states, np.stack(known))
     weights = [np.stack([1.0 - np.isin(group.sample, list(samples)) for samples in held]) for group in problem.groups]
+    if worth is not None:
+        weights = [used * of for used, of in zip(weights, worth, strict=True)]
     dof = np.array([max(degrees_of_freedom(each), 1) for each in used], dtype=np.float64)
     ends = bundle_adjust_batch(problem, states, dof, iterations, weights)
     # Views without weight have errors of their own stops that suit them, too: what was held out.

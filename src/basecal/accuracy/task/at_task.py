@@ -8,6 +8,8 @@ import numpy as np
 
 from basecal.accuracy.task.budget import calibration_budget
 from basecal.accuracy.task.error_map import error_map
+from basecal.accuracy.task.local_fits import local_fits
+from basecal.accuracy.task.task import placing
 from basecal.cell import Calibration, Cell
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution
@@ -19,7 +21,7 @@ _CLOCKS = "offsets of clocks"
 def at_task(
     cell: Cell, calibration: Calibration, settings: Settings, steps: tuple[Solution, Solution, Solution]
 ) -> Calibration:
-    """The calibration with its budget and its map; as it is where no task point is named.
+    """The calibration with its budget, its map and its parts; as it is where no task point is named.
 
     Args:
         cell: What was calibrated.
@@ -36,4 +38,9 @@ def at_task(
         _CLOCKS: by_clocks.covariance - as_modelled.covariance,
     }
     found = calibration_budget(cell, calibration, fitted, widenings, point_m)
-    return replace(calibration, budget=found, error_map=error_map(cell, calibration, by_clocks, point_m))
+    return replace(
+        calibration,
+        budget=found,
+        error_map=error_map(cell, calibration, by_clocks, point_m),
+        local=local_fits(fitted, [name for name in placing(cell) if name in calibration.transforms]),
+    )

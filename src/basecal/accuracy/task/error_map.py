@@ -43,7 +43,7 @@ def error_map(cell: Cell, calibration: Calibration, solution: Solution, point_m:
     known = [name for name in placing(cell) if name in calibration.transforms]
     if not known:
         return None
-    places = [_seen_at(group, solution.state) for group in solution.problem.groups]
+    places = [seen_at(group, solution.state) for group in solution.problem.groups]
     points = _box(np.concatenate([*places, point_m[None]]))
     transforms = {name: calibration[name].mean for name in known}
     covariances = {name: calibration[name].covariance for name in known}
@@ -80,7 +80,7 @@ def _covariances(
     return np.asarray(moved @ solution.covariance[np.ix_(columns, columns)] @ np.swapaxes(moved, 1, 2))
 
 
-def _seen_at(group: ViewGroup, state: State) -> Array:
+def seen_at(group: ViewGroup, state: State) -> Array:
     """Where targets were in the reference's base, (n, 3); the camera instead of one that stays where it is."""
     on_arm = group.hand is not None
     base, mount = (group.hand_base, group.target_mount) if on_arm else (group.eye_base, group.camera_mount)

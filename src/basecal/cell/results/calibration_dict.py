@@ -17,6 +17,7 @@ from basecal.cell.calibration import (
     ClockOffset,
     ErrorMap,
     Finding,
+    LocalFit,
     Loop,
     Outlier,
     Residuals,
@@ -68,6 +69,7 @@ def calibration_to_dict(calibration: Calibration) -> dict[str, Any]:
         "certificate": None if proof is None else {"gap": proof.gap, "global": proof.is_global, "reason": proof.reason},
         "budget": None if calibration.budget is None else [budget_entry(entry) for entry in calibration.budget],
         "error_map": None if calibration.error_map is None else _error_map(calibration.error_map),
+        "local": None if calibration.local is None else [_local(each) for each in calibration.local],
         "findings": [finding_to_dict(finding) for finding in calibration.findings],
         "settings": dict(calibration.settings),
         "inputs": dict(calibration.inputs),
@@ -189,6 +191,34 @@ def _error_map_of(data: Mapping[str, Any]) -> ErrorMap:
     return ErrorMap(read_only(points.reshape(-1, 3)), read_only(mm / 1e3), read_only(np.radians(degrees)))
 
 
+def _local(found: LocalFit) -> dict[str, Any]:
+    return {
+        "centre_m": numbers(found.centre_m),
+        "samples": list(found.samples),
+        "global_mm": None if found.global_m is None else 1e3 * found.global_m,
+        "local_mm": None if found.local_m is None else 1e3 * found.local_m,
+        "p": found.chance,
+        "recommended": "local" if found.is_better else "global",
+        "transforms": {
+            name: {"t_m": numbers(pose.translation), "q_xyzw": numbers(pose.quaternion)}
+            for name, pose in found.transforms.items()
+        },
+    }
+
+
+def _local_of(data: Mapping[str, Any]) -> LocalFit:
+    errors = [None if data[key] is None else data[key] / 1e3 for key in ("global_mm", "local_mm")]
+    return LocalFit(
+        read_only(np.array(data["centre_m"], dtype=np.float64)),
+        tuple(data["samples"]),
+        errors[0],
+        errors[1],
+        data["p"],
+        data["recommended"] == "local",
+        {name: SE3.from_quaternion(pose["q_xyzw"], pose["t_m"]) for name, pose in data["transforms"].items()},
+    )
+
+
 def finding_to_dict(finding: Finding) -> dict[str, Any]:
     """A finding as JSON holds it."""
     about = list(finding.about)
@@ -225,6 +255,7 @@ def _calibration(data: dict[str, Any]) -> Calibration:
         unobservable=tuple(data["observability"]["unobservable"]),
         budget=None if data.get("budget") is None else tuple(map(_budget_of, data["budget"])),
         error_map=None if data.get("error_map") is None else _error_map_of(data["error_map"]),
+        local=None if data.get("local") is None else tuple(map(_local_of, data["local"])),
         findings=tuple(_noun(Finding, {**one, "about": tuple(one["about"])}) for one in data["findings"]),
         settings=data["settings"] or {},
         inputs=data["inputs"] or {},

@@ -54,9 +54,12 @@ class _Result(BaseModel):
     model_config = ConfigDict(strict=True, extra="ignore", allow_inf_nan=False, frozen=True)
 
 
-class _Transform(_Result):
+class _Pose(_Result):
     t_m: Annotated[list[_Number], _Three]
     q_xyzw: Annotated[list[float], Field(min_length=4, max_length=4)]
+
+
+class _Transform(_Pose):
     covariance: Annotated[_Covariance, Field(min_length=3, max_length=6)]
     status: _Status | None
 
@@ -145,6 +148,16 @@ class _ErrorMap(_Result):
         return self
 
 
+class _LocalFit(_Result):
+    centre_m: Annotated[list[_Number], _Three]
+    samples: list[int]
+    global_mm: _Length | None
+    local_mm: _Length | None
+    p: _Number
+    recommended: Literal["local", "global"]
+    transforms: dict[str, _Pose]
+
+
 class _Certificate(_Result):
     gap: float | None
     is_global: Annotated[bool | None, Field(alias="global")]
@@ -219,6 +232,7 @@ class _CalibrationEntry(_Result):
     certificate: _Certificate | None
     budget: list[_BudgetEntry] | None = None
     error_map: _ErrorMap | None = None
+    local: list[_LocalFit] | None = None
     findings: list[_Finding]
     settings: _Settings | None
     inputs: dict[str, str] | None

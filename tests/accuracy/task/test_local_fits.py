@@ -1,0 +1,58 @@
+"""Local calibrations: recommended where arms bend, and not where there is noise alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.task.local_fits import FEWEST_SAMPLES, MOST_PARTS, local_fits
+from basecal.cell import Recording, RobotState
+from basecal.estimation.solve import solve
+from basecal.geometry import SE3
+from basecal.simulation import Scenario, SimulatedCell, simulate
+
+BASE = "eye_base_from_hand_base"
+WIDE = Scenario(
+    samples=48, target="points", position_m=0.4, robot_noise=(1e-4, 2e-4), camera_mount="fixed", target_mount="fixed"
+)
+
+
+def bent(made: SimulatedCell, metres: float) -> Recording:
+    """The recording of a hand whose flange is off by a wave of this size over the workspace."""
+    samples = []
+    for sample in made.recording.samples:
+        hand = sample.robots["hand"].base_from_flange
+        assert hand is not None
+        off = metres * np.array([*np.sin(hand.translation / 0.25), 0.0, 0.0, 0.0])
+        samples.append(replace(sample, robots={**sample.robots, "hand": RobotState(hand @ SE3.exp(off))}))
+    return Recording(tuple(samples))
+
+
+@pytest.fixture(scope="module")
+def made() -> SimulatedCell:
+    return simulate(WIDE, 5)
+
+
+def test_noise_alone_is_best_averaged_over_all(made: SimulatedCell) -> None:
+    """No part is recommended; every sample is in one part, each with enough."""
+    found = local_fits(solve(made.cell, made.recording), [BASE])
+    assert len(found) == MOST_PARTS
+    assert sorted(number for part in found for number in part.samples) == list(range(48))
+    assert all(len(part.samples) >= FEWEST_SAMPLES for part in found)
+    assert not any(part.is_better for part in found)
+
+
+def test_bent_arms_are_better_calibrated_locally(made: SimulatedCell) -> None:
+    """A wave of 3 mm over the workspace: parts are recommended, and predict clearly better."""
+    found = local_fits(solve(made.cell, bent(made, 3e-3)), [BASE])
+    better = [part for part in found if part.is_better]
+    assert better
+    assert all(part.local_m < part.global_m for part in better)
+    assert all(np.isfinite(part.transforms[BASE].matrix).all() for part in found)
+
+
+def test_few_samples_have_no_parts(made: SimulatedCell) -> None:
+    few = Recording(made.recording.samples[: 2 * FEWEST_SAMPLES - 1])
+    assert local_fits(solve(made.cell, few), [BASE]) == ()
