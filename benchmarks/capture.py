@@ -1,17 +1,21 @@
 """Captures of cells that run: whether they end good and true, with each fault, and when they are killed.
 
-Every cell is two simulated UR5e, a camera and a ChArUco board with unknown mounts, captured by poses all around. Faults
-are those of docs/capture.md at their usual sizes. Arms that ring are sent to places; when the picture was taken after
-they arrived is told. Killed captures are resumed and compared with ones that nobody killed.
+Every cell is two simulated UR5e, a camera and a ChArUco board with unknown mounts, captured by poses all around; of
+`reflection` a light with known mounts, shifted from stations. A fault has the size at which an answer that knows
+nothing of it moves by five of its sigmas (measured, one cell a fault), or its usual one where still arms hide it.
+Killed captures are resumed and compared with ones that nobody killed. All of it takes many hours: outcomes are kept as
+they come, and a run goes on where an earlier one was ended; what was not tried is not counted.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 import tempfile
+import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,16 +28,23 @@ from basecal.accuracy.verdict import calibrate
 from basecal.acquisition.capture import capture, store_plan
 from basecal.acquisition.rig import open_rig
 from basecal.acquisition.taking import CaptureSettings, Taker
+from basecal.cell import Cell, Recording
 from basecal.cell.files import read_recording
 from basecal.errors import BasecalError
-from basecal.planning import poses
+from basecal.estimation.solve import solve
+from basecal.geometry import SE3
+from basecal.planning import poses, shifts
 from basecal.planning.feasible import feasible_in
 from basecal.planning.sketch import sketch_of
+from basecal.simulation.running.faults import FAULTS
 from basecal.vision.detect import detect
-from benchmarks.common import on_one_core, table, write
+from benchmarks.common import table, write
 
 BASE = "eye_base_from_hand_base"
 SPEED_RAD_S = 2.0
+SIGMAS = 5.0  # by which a fault moves the base of an answer that knows nothing of it
+LEAST_SHIFT = 0.5  # sigmas by which it moves at its usual size: below, still arms hide it
+SAMPLES = 25
 EXPECTED = {
     "joint-offsets": {"robot-model"},
     "link-errors": {"robot-model"},
@@ -44,6 +55,9 @@ EXPECTED = {
     "late-trigger": {"clock-offset"},
     "base-bumped": {"base-moved"},
     "board-remounted": {"base-moved"},
+    "reflection": {"reflection"},
+    "dropped-frames": set[str](),
+    "ringing": set[str](),
 }
 
 
@@ -51,91 +65,158 @@ class Outcome(NamedTuple):
     """One cell that was captured: `nees` is the base's squared Mahalanobis distance from the truth it had at first."""
 
     verdict: str
-    nees: float
-    error_mm: float
+    nees: float | None
+    error_mm: float | None
     findings: list[str]
     given_up: int
+    seconds: float
 
 
-def captured(seed: int, samples: int, *faults: str) -> Outcome:
-    """A cell captured and calibrated."""
+def recorded(seed: int, fault: str = "") -> tuple[Cell, SE3, Recording, int]:
+    """A cell captured: as it is stated, its true base, what was seen, and how many samples were given up."""
+    is_light = fault.startswith("reflection")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        with running(folder, *faults, seed=seed) as world, open_rig(world.cell, folder) as rig:
-            sketch = sketch_of(world.cell)
-            plan = store_plan(folder, world.cell, poses.plan(sketch, home(world), feasible_in(sketch), samples, seed))
+        faults = (fault,) if fault else ()
+        target = "led" if is_light else "charuco"
+        with running(folder, *faults, target=target, seed=seed) as world, open_rig(world.cell, folder) as rig:
+            sketch, pattern = sketch_of(world.cell), shifts if is_light else poses
+            wanted = pattern.plan(sketch, home(world), feasible_in(sketch), SAMPLES, seed)
+            plan = store_plan(folder, world.cell, wanted)
             steps = list(capture(Taker(rig, sketch, folder, CaptureSettings(SPEED_RAD_S)), plan))
-        calibration = calibrate(world.cell, detect(world.cell, read_recording(folder, world.cell)))
-    findings = [finding.code for finding in calibration.findings if finding.severity != "info"]
-    given_up = sum(bool(step.why_not) for step in steps)
-    if BASE not in calibration.transforms:
-        return Outcome(calibration.verdict, np.nan, np.nan, findings, given_up)
-    estimate = calibration.transforms[BASE]
-    error = (estimate.mean.inverse() @ world.truth[BASE]).log()
-    nees = float(error @ np.linalg.solve(estimate.covariance, error))
-    return Outcome(calibration.verdict, nees, 1e3 * float(np.linalg.norm(error[:3])), findings, given_up)
+        seen = detect(world.cell, read_recording(folder, world.cell))
+    return world.cell, world.truth[BASE], seen, sum(bool(step.why_not) for step in steps)
 
 
-def tried(seed: int, samples: int, *faults: str) -> Outcome:
-    """As `captured`; a cell whose arms do not reach, or that cannot be planned, is told as such."""
+def captured(seed: int, fault: str = "") -> Outcome:
+    """What came of a cell; one whose arms do not reach, or that cannot be planned, is told as such."""
+    began = time.process_time()
     try:
-        return captured(seed, samples, *faults)
+        cell, truth, seen, given_up = recorded(seed, fault)
+        calibration = calibrate(cell, seen)
     except BasecalError as error:
-        return Outcome(f"failed: {error}", np.nan, np.nan, [], samples)
+        return Outcome(f"failed: {error}", None, None, [], SAMPLES, time.process_time() - began)
+    findings = [finding.code for finding in calibration.findings if finding.severity != "info"]
+    took = time.process_time() - began
+    if BASE not in calibration.transforms:
+        return Outcome(calibration.verdict, None, None, findings, given_up, took)
+    estimate = calibration.transforms[BASE]
+    error = (estimate.mean.inverse() @ truth).log()
+    nees = float(error @ np.linalg.solve(estimate.covariance, error))
+    return Outcome(calibration.verdict, nees, 1e3 * float(np.linalg.norm(error[:3])), findings, given_up, took)
 
 
-def row(name: str, outcomes: Sequence[Outcome]) -> list[object]:
-    """Of cells alike."""
-    verdicts = Counter(each.verdict.split(":")[0] for each in outcomes)
-    expected = EXPECTED.get(name, set())
-    held = sum(bool(each.nees < chi2.ppf(0.997, 6)) for each in outcomes)
-    safe = sum(
-        bool(each.nees < chi2.ppf(0.997, 6)) or (each.verdict != "good" and bool(expected & set(each.findings[:1])))
-        for each in outcomes
-    )
-    errors = [each.error_mm for each in outcomes if np.isfinite(each.error_mm)]
-    codes = Counter(each.findings[0] for each in outcomes if each.findings)
-    first = ", ".join(f"{code} {count}" for code, count in codes.most_common(3))
-    within = sum(bool(each.nees < chi2.ppf(0.95, 6)) for each in outcomes)
-    error = f"{np.median(errors):.2f}" if errors else "-"
-    given_up = sum(each.given_up for each in outcomes)
-    return [name or "none", len(outcomes), verdicts["good"], within, held, safe, error, given_up, first]
+def five_sigma(fault: str) -> dict[str, Any]:
+    """The size of a fault that moves the base by five sigmas, from what its usual size does to one cell.
+
+    The answer that knows nothing of it is the plain solution, robots taken as they are stated; sigmas are those of the
+    calibration of the same cell without the fault.
+    """
+    kind = FAULTS[fault]
+    cell, _, sound, _ = recorded(0)
+    covariance = calibrate(cell, sound).transforms[BASE].covariance
+    small = 0.1 * kind.usual if not kind.is_sudden else kind.usual
+    plain, moved = (solve(cell, seen).state.transforms[BASE] for seen in (sound, recorded(0, f"{fault}={small}")[2]))
+    shift = (plain.inverse() @ moved).log()
+    sigmas = float(np.sqrt(shift @ np.linalg.solve(covariance, shift)))
+    hidden = sigmas < LEAST_SHIFT
+    return {"size": kind.usual if hidden else small * SIGMAS / sigmas, "is_usual": hidden}
 
 
-HEAD = ("fault", "cells", "good", "in 95 %", "in 99.7 %", "in 99.7 % or named first", "error [mm], median",
+class Kept:
+    """Outcomes that are kept in a file as they come, a line each, by what was tried."""
+
+    def __init__(self, path: Path | None) -> None:
+        self._path = path
+        lines = path.read_text(encoding="utf-8").splitlines() if path is not None and path.exists() else []
+        self._known: dict[str, Any] = dict(json.loads(line) for line in lines)
+
+    def get(self, key: str) -> Any:
+        """What was kept; None where nothing was."""
+        return self._known.get(key)
+
+    def keep(self, key: str, value: Any) -> Any:
+        """The value, kept."""
+        self._known[key] = value
+        if self._path is not None:
+            with self._path.open("a", encoding="utf-8") as file:
+                file.write(json.dumps([key, value]) + "\n")
+        return value
+
+    def outcomes(self, fault: str) -> list[Outcome]:
+        """Of a fault, in the order of their seeds."""
+        found = {key: value for key, value in self._known.items() if key.startswith(f"{fault}#")}
+        return [Outcome(*found[key]) for key in sorted(found, key=lambda key: int(key.split("#")[1]))]
+
+
+HEAD = ("fault", "size", "cells", "good", "in 95 %", "in 99.7 %", "in 99.7 % or named first", "error [mm], median",
         "given up", "first finding")  # fmt: skip
 
 
+def row(fault: str, size: str, outcomes: Sequence[Outcome]) -> list[object]:
+    """Of cells alike."""
+    verdicts = Counter(each.verdict.split(":")[0] for each in outcomes)
+    held = [each.nees is not None and each.nees < chi2.ppf(0.997, 6) for each in outcomes]
+    named = [each.verdict != "good" and bool(EXPECTED.get(fault, set()) & set(each.findings[:1])) for each in outcomes]
+    errors = [each.error_mm for each in outcomes if each.error_mm is not None]
+    first = Counter(each.findings[0] for each in outcomes if each.findings).most_common(3)
+    return [
+        *(fault or "none", size, len(outcomes), verdicts["good"]),
+        sum(each.nees is not None and each.nees < chi2.ppf(0.95, 6) for each in outcomes),
+        *(sum(held), sum(a or b for a, b in zip(held, named, strict=True))),
+        f"{np.median(errors):.2f}" if errors else "-",
+        *(sum(each.given_up for each in outcomes), ", ".join(f"{code} {count}" for code, count in first)),
+    ]
+
+
+def size_of(kept: Kept, fault: str) -> str:
+    """The size of a fault as it is switched on, with its unit; empty where it has none."""
+    found = kept.get(f"size:{fault}")
+    if found is None:
+        return ""
+    return f"{found['size']:.3g} {FAULTS[fault].unit}{' (usual)' if found['is_usual'] else ''}"
+
+
+def tried(kept: Kept, faults: Iterable[str], counts: dict[bool, int], until: float) -> None:
+    """Try what is not kept yet, a cell of each fault in turn, until a time."""
+    for seed in range(max(counts.values())):
+        for fault in faults:
+            if seed >= counts[bool(fault)] or kept.get(f"{fault}#{seed}") is not None:
+                continue
+            if time.monotonic() > until:
+                return
+            if fault and kept.get(f"size:{fault}") is None:
+                usual = fault in ("reflection", "dropped-frames", "ringing")
+                size = {"size": FAULTS[fault].usual, "is_usual": True} if usual else five_sigma(fault)
+                kept.keep(f"size:{fault}", size)
+            words = f"{fault}={kept.get(f'size:{fault}')['size']!r}" if fault else ""
+            print(fault or "none", seed, kept.keep(f"{fault}#{seed}", captured(seed, words)), flush=True)
+
+
 def main(words: Sequence[str] | None = None) -> int:
-    """Print what came of it, and write it where the run is whole; 1 where a kill lost something."""
+    """Try, print what came of it and write it; 1 where a kill lost something."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cells", type=int, default=200)
     parser.add_argument("--faulty", type=int, default=40)
     parser.add_argument("--kills", type=int, default=200)
-    parser.add_argument("--samples", type=int, default=25)
+    parser.add_argument("--only", nargs="*", choices=("none", *EXPECTED), help="these faults; `none` is without any")
+    parser.add_argument("--keep", type=Path, help="file in which outcomes are kept, and from which a run goes on")
+    parser.add_argument("--minutes", type=float, default=np.inf, help="begin nothing after so long")
     asked = parser.parse_args(words)
-    on_one_core()
-    rows = []
-    for name in ("", *EXPECTED, "dropped-frames", "ringing"):
-        count = asked.faulty if name else asked.cells
-        faults = (name,) if name else ()
-        outcomes = [tried(seed, asked.samples, *faults) for seed in range(count)]
-        if outcomes:
-            rows.append(row(name, outcomes))
-            print(rows[-1], flush=True)
-    result: dict[str, Any] = {"samples": asked.samples}
-    result["rows"] = [dict(zip(HEAD, each, strict=True)) for each in rows]
-    lost = 0
-    if asked.kills:
+    kept = Kept(asked.keep)
+    faults = ["" if each == "none" else each for each in asked.only or ("none", *EXPECTED)]
+    tried(kept, faults, {False: asked.cells, True: asked.faulty}, time.monotonic() + 60 * asked.minutes)
+    if asked.kills and kept.get("kills") is None:
         with tempfile.TemporaryDirectory() as folder:
-            trial = kill_trial(Path(folder), 12, asked.kills, seed=0)
-        result["kills"] = vars(trial)
-        lost = trial.lost + trial.twice + (not trial.is_equal)
-        print(result["kills"])
+            kept.keep("kills", vars(kill_trial(Path(folder), 12, asked.kills, seed=0)))
+    rows = [
+        row(fault, size_of(kept, fault), outcomes) for fault in ("", *EXPECTED) if (outcomes := kept.outcomes(fault))
+    ]
     print(table(HEAD, rows))
-    if all(getattr(asked, name) == parser.get_default(name) for name in vars(asked)):
-        write("capture", result)
-    return 1 if lost else 0
+    kills = kept.get("kills")
+    result = {"samples": SAMPLES, "wanted": {"sound": 200, "each fault": 40, "kills": 200}}
+    write("capture", {**result, "rows": [dict(zip(HEAD, each, strict=True)) for each in rows], "kills": kills})
+    return int(kills is not None and bool(kills["lost"] + kills["twice"] + (not kills["is_equal"])))
 
 
 if __name__ == "__main__":

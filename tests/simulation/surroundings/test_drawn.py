@@ -13,7 +13,7 @@ from basecal.simulation.running.two_arms import two_arms
 from basecal.simulation.running.ur5e import ur5e
 from basecal.simulation.surroundings.drawn import Scene, Surroundings
 from basecal.simulation.surroundings.graphics import why_none
-from basecal.simulation.surroundings.model import TABLE_M, Stage
+from basecal.simulation.surroundings.model import Stage
 from basecal.vision.detectors import find
 
 WHY = why_none()
@@ -32,8 +32,8 @@ def board(world):
     return world.cell.targets["board"].target
 
 
-def around(target, chains=None):
-    return Surroundings(Stage(chains or {}, {"eye": np.zeros(3)}, target, 0), LENS)
+def around(target, chains=None, tray=None):
+    return Surroundings(Stage(chains or {}, {"eye": np.zeros(3)}, target, 0, tray), LENS)
 
 
 def looking_down(target, height_m=1.0):
@@ -96,20 +96,20 @@ def test_an_arm_hides_the_board(board):
 
 
 def test_a_light_is_hidden_and_mirrored():
-    """What stands before a light hides it; the table shows it again where nothing is between."""
-    light = led_target()
-    view = around(light)
+    """What stands before a light hides it; the tray shows it again where nothing is between, and where it lies."""
+    light, height = led_target(), 0.1
+    view = around(light, tray=np.array([0.1, 0.0, height]))
     at, away = np.array([[0.0, 0.0, 0.3]]), np.array([50.0, 0.0, 0.0])
     scene = Scene(
         SE3(np.diag([1.0, -1.0, -1.0]), np.array([0.3, 0.0, 1.0])), SE3(np.eye(3), at[0] - light.points[0]), {}
     )
-    below = at * [1, 1, -1] + [0, 0, 2 * TABLE_M]
-    under = np.array([[0.0, 0.0, TABLE_M - 0.3]])
+    below = at * [1, 1, -1] + [0, 0, 2 * height]
     try:
         assert view.shines(scene, at).tolist() == [True]
-        assert view.shines(scene, under).tolist() == [False]
-        assert view.mirrored(scene, at, below).tolist() == [True]
-        assert view.mirrored(scene, at + away, below + away).tolist() == [False]
+        assert view.shines(scene, below).tolist() == [False]
+        assert view.mirrored(scene, below).tolist() == [True]
+        assert view.mirrored(scene, below + away).tolist() == [False]
+        assert view.mirrored(scene, np.zeros((0, 3))).tolist() == []
     finally:
         view.close()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import get_args
 
 import numpy as np
@@ -11,7 +12,7 @@ from basecal.cell.targets.all_kinds import target_kind
 from basecal.cell.targets.led import led_target
 from basecal.registry import TargetKindName
 from basecal.simulation.running.ur5e import ur5e
-from basecal.simulation.surroundings.model import TABLE, TABLE_M, Stage, body_names, mjcf
+from basecal.simulation.surroundings.model import TRAY, Stage, body_names, mjcf
 
 mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed: pip install 'basecal[sim]'")
 
@@ -29,12 +30,14 @@ def test_every_target_is_read(kind):
     assert {model.body(k).name for k in range(1, model.nbody)} == {*body_names(of), "eye"}
 
 
-def test_the_table_is_as_high_as_is_said():
-    """Its top is where a light is mirrored."""
-    model = mujoco.MjModel.from_xml_string(mjcf(stage(led_target()), (64, 48), 40.0))
-    table = model.geom(TABLE)
-    assert table.pos[2] + table.size[2] == pytest.approx(TABLE_M)
-    assert np.all(np.abs(table.pos[0] - np.array([0, 1.7])) < table.size[0])
+def test_the_tray_is_where_it_is_said():
+    """Its top is where a light is mirrored; without one there is none."""
+    tray = np.array([0.8, 0.1, 0.4])
+    plain = stage(led_target())
+    model = mujoco.MjModel.from_xml_string(mjcf(replace(plain, tray=tray), (64, 48), 40.0))
+    under = np.array([0, 0, model.geom(TRAY).size[2]])
+    assert model.geom(TRAY).pos + under == pytest.approx(tray)
+    assert TRAY not in mjcf(plain, (64, 48), 40.0)
 
 
 def test_another_seed_is_other_clutter():

@@ -19,6 +19,7 @@ from basecal.accuracy.findings.overfit import overfit
 from basecal.accuracy.findings.poor_fit import poor_fit
 from basecal.accuracy.findings.prior_contradicted import prior_contradicted
 from basecal.accuracy.findings.prior_dominated import prior_dominated
+from basecal.accuracy.findings.reflection import reflection
 from basecal.accuracy.findings.robot_model import robot_model
 from basecal.accuracy.findings.rounded_poses import rounded_poses
 from basecal.accuracy.findings.same_stop import same_stop
@@ -42,6 +43,7 @@ ANSWER_CHECKS: tuple[AnswerCheck, ...] = (
     not_converged,
     outlier_samples,
     outlier_points,
+    reflection,
     board_shape,
     lens_model,
     agreeing_samples,

@@ -41,7 +41,9 @@ FAULTS = {
     "dropped-frames": FaultKind("share", _ONE, 0.2, "pictures that never come; the next one does"),
     "base-bumped": FaultKind("mm", _MM, 5.0, "the second base is pushed, and turned by 1 mrad a mm", is_sudden=True),
     "board-remounted": FaultKind("mm", _MM, 5.0, "the target is taken off and put back, turned by 1 mrad a mm", True),
-    "reflection": FaultKind("share", _ONE, 0.4, "the table shows the light again, with this share of its brightness"),
+    "reflection": FaultKind(
+        "share", _ONE, 0.4, "a glossy tray shows the light again, with this share of its brightness"
+    ),
 }
 _SUDDENLY_AFTER = 12  # moves of the arm: about half of a usual recording
 

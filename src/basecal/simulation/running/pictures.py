@@ -32,7 +32,7 @@ class Seen:
     Attributes:
         shape: Of the target.
         camera_from_target: Where it is.
-        reflected: (m, 3) where its points are seen again in the table [m]; none where nothing shines.
+        reflected: (m, 3) where its points are seen again [m]; none where nothing shines.
         scene: Where arms and camera are in the world; None where only the target is drawn.
     """
 
@@ -110,12 +110,12 @@ class CameraView:
         return self._plain
 
     def _shown(self, seen: Seen) -> tuple[BoolArray, BoolArray]:
-        """Which points of a light nothing hides, directly and in the table."""
+        """Which points of a light nothing hides, directly and again."""
         if self._around is None or seen.scene is None:
             return np.ones(len(seen.shape.points), dtype=bool), np.ones(len(seen.reflected), dtype=bool)
         points = seen.scene.world_from_target @ seen.shape.points
         below = seen.scene.world_from_camera @ seen.reflected
-        return self._around.shines(seen.scene, points), self._around.mirrored(seen.scene, points, below)
+        return self._around.shines(seen.scene, points), self._around.mirrored(seen.scene, below)
 
 
 def _is_alike(one: Seen, other: Seen) -> bool:

@@ -15,12 +15,13 @@ from basecal.simulation.running.clock import Clock
 from basecal.simulation.running.pictures import CameraView, Seen
 from basecal.simulation.running.world import World
 from basecal.simulation.surroundings.drawn import Scene, Surroundings
-from basecal.simulation.surroundings.model import TABLE_M, Stage
+from basecal.simulation.surroundings.model import Stage
 from basecal.vision.detection import Image
 
 _STATE_S = 1 / 125  # between the states an arm gives
 _FRAME_S = 1 / 30  # between the pictures a camera gives
 _EXPOSURE_S = 0.008
+_TRAY_M = 0.12  # from where a light begins down to what shows it again
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +45,7 @@ class Plant:
             for name, kinematics in world.robots.items()
         }
         reflection = world.faults.size("reflection")
+        self._trays = {name: self._tray(name) for name in world.lenses} if reflection else {}
         self._views = {
             name: CameraView(lens, reflection, Surroundings(self._stage(name), lens) if surroundings else None)
             for name, lens in world.lenses.items()
@@ -104,11 +106,25 @@ class Plant:
         world_from_camera = self._carrier(on, now_s) @ self._mount(camera, on)
         world_from_target = self._carrier(target.on, now_s) @ self._mount(target.name, target.on)
         camera_from_world = world_from_camera.inverse()
-        below = (world_from_target @ shape.points) * [1, 1, -1] + [0, 0, 2 * TABLE_M]
+        below = self._mirrored(camera, world_from_camera, world_from_target @ shape.points)
         scene = None
         if self._has_surroundings:
             scene = Scene(world_from_camera, world_from_target, {name: self._links(name, now_s) for name in self._arms})
         return Seen(shape, camera_from_world @ world_from_target, camera_from_world @ below, scene)
+
+    def _tray(self, camera: str) -> Array:
+        """The middle of what shows a light again: under where it begins, in the world."""
+        target = self._target(camera)
+        world_from_target = self._carrier(target.on, 0.0) @ self._mount(target.name, target.on)
+        return np.asarray(world_from_target @ self._shape(camera).points[0] - [0.0, 0.0, _TRAY_M])
+
+    def _mirrored(self, camera: str, world_from_camera: SE3, points: Array) -> Array:
+        """Where points, (n, 3), are seen again, in the world; none where nothing shines, or either is below it."""
+        if camera not in self._trays:
+            return np.zeros((0, 3))
+        height = self._trays[camera][2]
+        above = points[(points[:, 2] > height) & (world_from_camera.translation[2] > height)]
+        return np.asarray(above * [1, 1, -1] + [0, 0, 2 * height])
 
     def _target(self, camera: str) -> CellTarget:
         """What a camera sees: the first target that does not hang on the same body."""
@@ -124,7 +140,7 @@ class Plant:
     def _stage(self, camera: str) -> Stage:
         chains = {name: arm.chain for name, arm in self._arms.items()}
         bases = {name: self._base(name).translation for name in self._arms}
-        return Stage(chains, bases, self._shape(camera), self._world.seed)
+        return Stage(chains, bases, self._shape(camera), self._world.seed, self._trays.get(camera))
 
     def _links(self, robot: str, now_s: float) -> tuple[SE3, ...]:
         """Frames of an arm's base and joints in the world."""

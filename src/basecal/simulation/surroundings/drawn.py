@@ -17,11 +17,11 @@ import numpy as np
 
 from basecal.geometry import SE3, Array, BoolArray, Camera
 from basecal.geometry.rotation import quaternion_from_rotation
-from basecal.simulation.surroundings.model import TABLE, Stage, body_names, mjcf
+from basecal.simulation.surroundings.model import TRAY, Stage, body_names, mjcf
 from basecal.vision.draw.backdrop import Backdrop, Flat, flat_for
 
 _HIDDEN_M = 0.02  # before a light: what is nearer to it is its own body
-_LIFT = np.array([0.0, 0.0, 1e-3])  # [m] off the table, so that a ray does not start in it
+_LIFT = np.array([0.0, 0.0, 1e-3])  # [m] off the tray, so that a ray does not start in it
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ class Surroundings:
         self._model: Any = mujoco.MjModel.from_xml_string(mjcf(stage, self._flat.size_px, fovy))
         self._data: Any = mujoco.MjData(self._model)
         self._renderer: Any = mujoco.Renderer(self._model, self._flat.size_px[1], self._flat.size_px[0])
-        self._table: int = self._model.geom(TABLE).id
+        self._tray: int = -1 if stage.tray is None else self._model.geom(TRAY).id
         bodies = [self._model.body(name) for name in (*body_names(stage), "eye")]
         self._places = np.array([int(body.mocapid[0]) for body in bodies])
 
@@ -77,15 +77,9 @@ class Surroundings:
         """Whether nothing stands between the camera and points, (n, 3) [m], (n,)."""
         return self._thread.submit(self._seen, scene, points_in_world).result()
 
-    def mirrored(self, scene: Scene, points_in_world: Array, below: Array) -> BoolArray:
-        """Whether the camera sees points again in the table, (n,).
-
-        Args:
-            scene: Where everything is.
-            points_in_world: (n, 3) [m].
-            below: Where they seem to be, (n, 3) [m].
-        """
-        return self._thread.submit(self._reflected, scene, points_in_world, below).result()
+    def mirrored(self, scene: Scene, below: Array) -> BoolArray:
+        """Whether the camera sees points again in the tray, (n,), that seem to be at `below`, (n, 3) [m]."""
+        return self._thread.submit(self._reflected, scene, below).result()
 
     def close(self) -> None:
         """Let go of the library that draws."""
@@ -108,14 +102,14 @@ class Surroundings:
         eye = scene.world_from_camera.translation
         return np.array([self._is_free(eye, point) for point in points_in_world], dtype=bool)
 
-    def _reflected(self, scene: Scene, points_in_world: Array, below: Array) -> BoolArray:
+    def _reflected(self, scene: Scene, below: Array) -> BoolArray:
         self._put(scene)
-        eye = scene.world_from_camera.translation
-        seen = []
-        for point, image in zip(points_in_world, below, strict=True):
+        eye, seen = scene.world_from_camera.translation, []
+        for image in below:
             hit, away = self._first(eye, image)
             at = eye + away * (image - eye) / np.linalg.norm(image - eye)
-            seen.append(hit == self._table and self._is_free(at + _LIFT, point))
+            above = image * [1, 1, -1] + [0, 0, 2 * at[2]]
+            seen.append(hit == self._tray and hit >= 0 and self._is_free(at + _LIFT, above))
         return np.array(seen, dtype=bool)
 
     def _is_free(self, start: Array, end: Array) -> bool:

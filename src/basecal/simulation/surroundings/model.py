@@ -16,10 +16,10 @@ from basecal.geometry import Array
 from basecal.kinematics import SerialChain
 
 TABLE_M = -0.1
-"""Height of the table in the world, which may show a light again."""
+"""Height of the table in the world."""
 
-TABLE = "table"
-"""Its geometry."""
+TRAY = "tray"
+"""The geometry of what shows a light again."""
 
 _FLOOR_M = -0.85
 _BEYOND_M = 1.3  # of the table past the bases
@@ -28,6 +28,7 @@ _HOUSING = 1.2  # of a joint, over its link
 _PLATE_M = 0.004  # thickness of what a target is printed on
 _LAMP_M = 0.004  # radius of a light's body
 _STEM_M = 0.05  # of what a target is held by
+_TRAY_M = (0.25, 0.25, 0.003)  # half of its sides
 _CLUTTER = 16
 _BESIDE_M = (0.45, 1.1)  # of clutter, from the line between the bases: where no arm goes
 _SIZES_M = (0.03, 0.12)
@@ -42,12 +43,14 @@ class Stage:
         bases: Where each stands in the world, (3,) [m].
         target: What is looked at.
         seed: Of the clutter.
+        tray: The middle of what shows a light again, (3,) [m]; None where nothing does.
     """
 
     chains: Mapping[str, SerialChain]
     bases: Mapping[str, Array]
     target: Target
     seed: int
+    tray: Array | None = None
 
 
 def body_names(stage: Stage) -> list[str]:
@@ -91,9 +94,13 @@ def _table(stage: Stage) -> str:
     places = np.array([*stage.bases.values(), np.zeros(3)])
     low, high = places.min(0)[:2] - _BEYOND_M, places.max(0)[:2] + _BEYOND_M
     middle, half = (low + high) / 2, (high - low) / 2
-    top = f'<geom name="{TABLE}" type="box" material="table" pos="{_text([*middle, TABLE_M - 0.02])}" '
+    top = f'<geom type="box" material="table" pos="{_text([*middle, TABLE_M - 0.02])}" '
     floor = f'<geom type="plane" pos="0 0 {_FLOOR_M}" size="9 9 1" rgba=".3 .3 .3 1"/>'
-    return f'{top} size="{_text([*half, 0.02])}"/>{floor}'
+    tray = ""
+    if stage.tray is not None:
+        under = _text(stage.tray - [0.0, 0.0, _TRAY_M[2]])
+        tray = f'<geom name="{TRAY}" type="box" material="joint" pos="{under}" size="{_text(_TRAY_M)}"/>'
+    return f'{top} size="{_text([*half, 0.02])}"/>{floor}{tray}'
 
 
 def _clutter(stage: Stage) -> str:

@@ -1,0 +1,56 @@
+"""`reflection`: bright spots beside a light that all views together tell from it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.accuracy.findings.evidence import Evidence
+from basecal.cell import Finding
+from basecal.estimation.problem.problem import State, ViewGroup
+from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.geometry import Array, BoolArray
+
+_APART_PX = 1.0  # between two spots: nearer they are one
+_UNCLEAR_PX = 3.0  # of another spot from where the light is predicted: there it could be taken for the light
+_MANY = 0.1  # share of the pictures in which it can be either, above which the answer may rest on the wrong ones
+
+
+def reflection(of: Evidence) -> list[Finding]:
+    """Each light with other spots beside it: a warning where more than one picture in ten cannot be told apart."""
+    found = []
+    for group in of.solution.problem.groups:
+        if len(group.readings) < 2 or len(_points(group)) != 1:
+            continue
+        others, unclear = _beside(group, of.solution.state, of)
+        if not others.any():
+            continue
+        count, total = int(others.sum()), len(others)
+        numbers = tuple(map(str, group.sample[others].tolist()))
+        message = (
+            f"{group.camera} sees other bright spots beside {group.target} in {count} of {total} pictures: "
+            "reflections, or other lights; the geometry of all pictures together tells them from it"
+        )
+        is_grave = bool(unclear.mean() > _MANY)
+        if is_grave:
+            message += f", but in {int(unclear.sum())} both are near where it is predicted"
+        message += "; cover what shines, or switch the light and take pictures with and without it"
+        found.append(Finding("reflection", "warning" if is_grave else "info", numbers, message))
+    return found
+
+
+def _points(group: ViewGroup) -> Array:
+    measurement = group.measurement
+    return measurement.points_in_target if isinstance(measurement, PixelMeasurement) else np.zeros((0, 3))
+
+
+def _beside(group: ViewGroup, state: State, of: Evidence) -> tuple[BoolArray, BoolArray]:
+    """Which views, (n,), have another spot than the one that is used, and which one near where the light must be."""
+    assert isinstance(group.measurement, PixelMeasurement)
+    used = group.measurement.pixels[:, 0]
+    camera_from_target = state.camera_from_target(group, of.solution.problem.stops)
+    point = camera_from_target.rotation @ _points(group)[0] + camera_from_target.translation
+    predicted = state.cameras[group.camera].project(point)
+    spots = np.stack([reading.pixels[:, 0] for reading in group.readings])
+    is_other = np.linalg.norm(spots - used, axis=-1) > _APART_PX
+    is_near = np.linalg.norm(spots - predicted, axis=-1) < _UNCLEAR_PX
+    return is_other.any(axis=0), (is_other & is_near).any(axis=0)

@@ -1,0 +1,63 @@
+"""`reflection`: spots beside a light."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.findings.reflection import reflection
+from basecal.accuracy.verdict import calibrate
+from basecal.cell import CandidateObservation, PixelObservation
+from basecal.simulation import Scenario, simulate
+
+SAMPLES = 14
+
+
+@pytest.fixture(scope="module")
+def made():
+    return simulate(Scenario(target="led", camera_mount="fixed", target_mount="fixed", samples=SAMPLES), 2)
+
+
+def with_spots(made, beside):
+    """The recording with other spots at `beside`, by sample [px] from the light."""
+    samples = []
+    for sample in made.recording.samples:
+        (seen,) = sample.observations
+        assert isinstance(seen, PixelObservation)
+        if sample.sample in beside:
+            spots = np.vstack([seen.pixels, seen.pixels + beside[sample.sample]])
+            seen = CandidateObservation(seen.camera, seen.target, spots[::-1], np.full(2, 0.2))
+        samples.append(replace(sample, observations=(seen,)))
+    return replace(made.recording, samples=tuple(samples))
+
+
+def found(made, beside):
+    findings = calibrate(made.cell, with_spots(made, beside)).findings
+    return [finding for finding in findings if finding.code == "reflection"]
+
+
+def test_spots_beside_a_light_are_told(made):
+    """With the pictures that have them, and how many there are; the light is told from them."""
+    rng = np.random.default_rng(0)
+    beside = {k: rng.uniform(40, 90, 2) for k in range(2, 9)}
+    (finding,) = found(made, beside)
+    assert finding.severity == "info"
+    assert finding.about == tuple(map(str, beside))
+    assert f"in 7 of {SAMPLES} pictures" in finding.message
+
+
+def test_spots_near_the_light_are_a_warning(made):
+    """Two pixels away they can be either; a tenth of the pictures is borne."""
+    near = np.array([1.6, 1.2])
+    for count, severity in ((1, "info"), (2, "warning")):
+        (finding,) = found(made, dict.fromkeys(range(count), near))
+        assert finding.severity == severity
+    assert "in 2 both are near where it is predicted" in finding.message
+
+
+def test_without_another_spot_nothing_is_said(made, evidence):
+    """Neither of a light alone, nor where nothing is seen by a camera."""
+    assert found(made, {}) == []
+    assert reflection(evidence()) == []
