@@ -49,6 +49,7 @@ class CameraView:
         self._lens, self._reflection, self._around = lens, reflection, around
         self._kept: tuple[Seen, bool, Array] | None = None
         self._plain: Array | None = None
+        self._dim: tuple[Scene, Array] | None = None
 
     def picture(self, seen_at: Callable[[float], Seen], begin_s: float, lasts_s: float, lit: bool, seed: int) -> Image:
         """A picture, (h, w).
@@ -104,7 +105,10 @@ class CameraView:
     def _behind(self, seen: Seen) -> Array:
         """What there is without the light."""
         if self._around is not None and seen.scene is not None:
-            return np.asarray(_DIM * self._around.backdrop(seen.scene).levels, dtype=np.float64)
+            if self._dim is None or self._dim[0] != seen.scene:
+                levels = np.asarray(_DIM * self._around.backdrop(seen.scene).levels, dtype=np.float64)
+                self._dim = (seen.scene, levels)
+            return self._dim[1]
         if self._plain is None:
             self._plain = background(checked_size(self._lens), _LIGHT.background, _LIGHT.texture, 0)
         return self._plain
