@@ -406,6 +406,8 @@ MIRRORED = (
     "studies",
     "planning",
     "acquisition",
+    "reporting",
+    "cli",
 )
 NOTHING_TO_TEST = {
     "cell/files.py": "names of other modules",

@@ -1,0 +1,32 @@
+"""`basecal demo`, but for its running, which the tests of captures and the recipes have."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from basecal.cli import main
+from basecal.cli.demo import true_error
+from basecal.geometry import SE3, PoseEstimate
+
+
+def test_the_true_error_is_in_the_answers_own_sigmas() -> None:
+    """A step of one sigma along one axis and of two about another is five squared sigmas."""
+    covariance = np.diag(np.array([1e-3, 2e-3, 1e-3, 1e-2, 1e-2, 2e-2]) ** 2)
+    mean = SE3.from_rpy([0.3, -0.2, 1.0], [1.0, 2.0, 0.5])
+    truth = mean @ SE3.exp(np.array([0, 2e-3, 0, 2e-2, 0, 0]))
+    error = true_error(PoseEstimate(mean, covariance), truth)
+    assert error["squared_sigmas"] == pytest.approx(5.0)
+    assert error["error_mm"] == pytest.approx(2.0)
+    assert error["error_deg"] == pytest.approx(np.degrees(0.02))
+
+
+def test_a_cell_of_somebody_else_is_left_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Only what a demo made is made anew."""
+    assert main(["new", str(tmp_path / "c")]) == 0
+    text = (tmp_path / "c" / "cell.yaml").read_text()
+    assert main(["demo", str(tmp_path / "c")]) == 3
+    assert "is not overwritten" in capsys.readouterr().err
+    assert (tmp_path / "c" / "cell.yaml").read_text() == text

@@ -1,0 +1,41 @@
+"""`basecal import camera-info`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from basecal.cell.files import read_cell
+from basecal.cli import main
+from lens_texts import CAMERA_INFO, tells_the_lens
+
+
+def test_the_lens(tmp_path: Path) -> None:
+    """A camera of a new cell has it."""
+    assert tells_the_lens(tmp_path, "camera-info", "a.yaml", CAMERA_INFO.format(width=640))
+
+
+def test_camera_info_into_a_cell_with_pictures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """It stands in cell.yaml, where what is written by hand stays; one of other pictures is told with both sizes."""
+    cell = tmp_path / "cell"
+    (cell / "recording" / "images" / "wrist").mkdir(parents=True)
+    cv2.imwrite(str(cell / "recording" / "images" / "wrist" / "0.png"), np.zeros((480, 640), np.uint8))
+    (cell / "recording" / "samples.jsonl").write_text('{"sample": 0, "images": {"wrist": "images/wrist/0.png"}}\n')
+    (cell / "cell.yaml").write_text(
+        "schema: basecal/cell/1\nreference: arm  # by the door\nrobots: {arm: {}}\ncameras:\n  wrist: {on: arm}\n"
+    )
+    for width in (640, 1280):
+        (tmp_path / f"{width}.yaml").write_text(CAMERA_INFO.format(width=width))
+    assert main(["import", "camera-info", str(cell), str(tmp_path / "1280.yaml"), "--camera", "wrist"]) == 3
+    told = capsys.readouterr().err
+    assert "1280.yaml is of 1280 x 480 px, recording/images/wrist/0.png has 640 x 480" in told
+    assert main(["import", "camera-info", str(cell), str(tmp_path / "640.yaml"), "--camera", "wrist"]) == 0
+    assert "written into cell.yaml: cameras.wrist.model" in capsys.readouterr().out
+    lens = read_cell(cell).cameras["wrist"].intrinsics
+    assert lens is not None
+    assert lens.camera is not None
+    np.testing.assert_array_equal(lens.camera.parameters, [600, 601, 320, 240, 0.1, -0.2, 0, 0, 0])
+    assert "# by the door" in (cell / "cell.yaml").read_text()

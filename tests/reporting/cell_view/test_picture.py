@@ -1,0 +1,44 @@
+"""The cell as a still picture."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.verdict import calibrate
+from basecal.reporting.cell_view.picture import picture
+from basecal.reporting.cell_view.scene import Scene, scene
+from basecal.simulation import Scenario, simulate
+
+
+@pytest.fixture(scope="module")
+def drawn() -> Scene:
+    """Two arms known by poses, a camera and a board."""
+    made = simulate(Scenario(samples=6, target="pose"), 0)
+    return scene(made.cell, made.recording.samples, calibrate(made.cell, made.recording))
+
+
+def test_everything_is_within_the_picture(drawn: Scene) -> None:
+    """Every point of a path, and the names of what is drawn; three axes at each base and flange."""
+    shown = picture(drawn)
+    places = np.array([[float(x), float(y)] for x, y in re.findall(r"[ML](-?[\d.]+)[ ,](-?[\d.]+)", shown)])
+    assert len(places) > 50
+    assert np.all(places >= 0)
+    assert np.all(places <= [640, 440])
+    for name in ("eye_base", "hand_base", "wrist", "board"):
+        assert f">{name}<" in shown
+    assert shown.count('class="axis-x"') == 4
+
+
+def test_an_arm_whose_pose_is_not_known_has_no_reach(drawn: Scene) -> None:
+    """Its base is drawn, and what it carries is not."""
+    arms = tuple(
+        replace(arm, known=np.zeros(len(arm.known), dtype=bool)) if arm.name == "hand" else arm for arm in drawn.arms
+    )
+    shown = picture(replace(drawn, arms=arms))
+    assert ">hand_base<" in shown
+    assert ">board<" not in shown
+    assert shown.count('class="axis-x"') == 3
