@@ -5,7 +5,6 @@ Below 0.5 rad every coefficient is a series, since the closed forms cancel.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import factorial
 
 import numpy as np
@@ -26,41 +25,46 @@ def hat(w: Array) -> Array:
     return out
 
 
-def _series(x2: Array, coefficients: Array) -> Array:
-    """Sum of c_k x2^k, Horner's way; several series at once where the coefficients have a last axis, as x2 then has."""
-    total: Array = coefficients[-1] * x2
-    for coefficient in coefficients[-2:0:-1]:
-        total += coefficient
-        total *= x2
-    total += coefficients[0]
-    return total
+def exp_coefficients(angle: Array, count: int = 3) -> Array:
+    """The first of sin x / x, (1 - cos x) / x^2, (x - sin x) / x^3, (x^2 / 2 + cos x - 1) / x^4 and so on, up to five.
 
+    Exact at and near zero.
 
-def even_coefficient(angle: Array, first_factorial: int, closed: Callable[[Array], Array]) -> Array:
-    """A coefficient that is even in the angle: its series below 0.5 rad, its closed form above."""
+    Args:
+        angle: (...) [rad].
+        count: How many of them, which go first: (count, ...).
+    """
     small = angle < _SERIES_BELOW
-    near = _series(np.where(small, angle * angle, 0.0), _RECIPROCALS[:, first_factorial - 1])
-    value: Array = np.where(small, near, closed(np.where(small, 1.0, angle)))
-    return value
+    all_small = bool(small.all())
+    x2 = angle * angle if all_small else np.where(small, angle * angle, 0.0)
+    coefficients = _RECIPROCALS[:, :count].reshape(-1, count, *[1] * angle.ndim)
+    values: Array = coefficients[-1] * x2
+    for coefficient in coefficients[-2:0:-1]:  # Horner's way
+        values += coefficient
+        values *= x2
+    values += coefficients[0]
+    if not all_small:
+        x = np.where(small, 1.0, angle)
+        sine, cosine = np.sin(x), np.cos(x)
+        for k, top in enumerate((sine, 1 - cosine, x - sine, x**2 / 2 + cosine - 1, x**3 / 6 - x + sine)[:count]):
+            values[k] = np.where(small, values[k], top / x ** (k + 1))
+    return values
 
 
-def exp_coefficients(angle: Array) -> tuple[Array, Array, Array]:
-    """The values sin x / x, (1 - cos x) / x^2 and (x - sin x) / x^3, exact at and near zero."""
-    if np.all(angle < _SERIES_BELOW):
-        together = _series((angle * angle)[..., None], _RECIPROCALS[:, :3])
-        return together[..., 0], together[..., 1], together[..., 2]
-    return (
-        even_coefficient(angle, 1, lambda x: np.sin(x) / x),
-        even_coefficient(angle, 2, lambda x: (1 - np.cos(x)) / x**2),
-        even_coefficient(angle, 3, lambda x: (x - np.sin(x)) / x**3),
-    )
+def with_identity(matrix: Array, share: Array) -> Array:
+    """Matrices, (..., 3, 3), to which so many times the identity, (...), was added in place."""
+    for i in range(3):
+        matrix[..., i, i] += share
+    return matrix
 
 
 def rotation_exp(w: Array) -> Array:
     """Rotation matrices of rotation vectors, (..., 3) [rad] to (..., 3, 3)."""
-    a, b, _ = exp_coefficients(np.linalg.norm(w, axis=-1))
-    k = hat(w)
-    return np.eye(3) + a[..., None, None] * k + b[..., None, None] * (k @ k)
+    angle = np.linalg.norm(w, axis=-1)
+    a, b = exp_coefficients(angle, 2)
+    # The square of hat(w) is w w' - w'w I.
+    turned = hat(a[..., None] * w) + (b[..., None] * w)[..., :, None] * w[..., None, :]
+    return with_identity(turned, 1 - b * (angle * angle))
 
 
 def rotation_log(rotation: Array) -> Array:

@@ -24,6 +24,7 @@ from basecal.geometry.rotation import (
     rotation_exp,
     rotation_from_quaternion,
     rotation_log,
+    with_identity,
 )
 
 
@@ -159,12 +160,13 @@ class SE3:
         if x.shape[-1:] != (6,):
             raise InputError(f"xi has shape {x.shape}, expected (..., 6)")
         v, w = x[..., :3], x[..., 3:]
-        a, b, c = exp_coefficients(np.linalg.norm(w, axis=-1))
-        k = hat(w)
-        k2 = k @ k
-        rotation = np.eye(3) + a[..., None, None] * k + b[..., None, None] * k2
-        left = np.eye(3) + b[..., None, None] * k + c[..., None, None] * k2
-        return cls.adopt(rotation, (left @ v[..., None])[..., 0])
+        angle = np.linalg.norm(w, axis=-1)
+        a, b, c = exp_coefficients(angle)
+        square, along, crossed, outer = angle * angle, np.sum(v * w, -1), hat(w), w[..., :, None] * w[..., None, :]
+        rotation = with_identity(a[..., None, None] * crossed + b[..., None, None] * outer, 1 - b * square)
+        translation = (1 - c * square)[..., None] * v + (c * along)[..., None] * w
+        translation += b[..., None] * (crossed @ v[..., None])[..., 0]
+        return cls.adopt(rotation, translation)
 
     @classmethod
     def stack(cls, transforms: list[SE3]) -> SE3:

@@ -8,34 +8,27 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.geometry.array import Array
-from basecal.geometry.rotation import even_coefficient, exp_coefficients, hat
-
-
-def _q_matrix(v: Array, w: Array) -> Array:
-    """The coupling block of the right Jacobian of SE(3). Source: Barfoot 2017, eq. (7.86), at -xi."""
-    angle = np.linalg.norm(w, axis=-1)
-    c3 = even_coefficient(angle, 3, lambda x: (x - np.sin(x)) / x**3)
-    c4 = even_coefficient(angle, 4, lambda x: (x**2 / 2 + np.cos(x) - 1) / x**4)
-    c5 = even_coefficient(angle, 5, lambda x: (x**3 / 6 - x + np.sin(x)) / x**5)
-    p, f = hat(-v), hat(-w)
-    fp, pf = f @ p, p @ f
-    fpf = fp @ f
-    first = 0.5 * p + c3[..., None, None] * (fp + pf + fpf)
-    second = c4[..., None, None] * (f @ fp + pf @ f - 3 * fpf)
-    third = 0.5 * (c4 - 3 * c5)[..., None, None] * (fpf @ f + f @ fpf)
-    block: Array = first + second + third
-    return block
+from basecal.geometry.rotation import exp_coefficients, hat, with_identity
 
 
 def right_jacobian(xi: Array) -> Array:
-    """The derivative d log(exp(xi)^-1 exp(xi + d)) / dd at 0, (..., 6) to (..., 6, 6)."""
+    """The derivative d log(exp(xi)^-1 exp(xi + d)) / dd at 0, (..., 6) to (..., 6, 6).
+
+    Barfoot's (7.86) at -xi, with the products of cross-product matrices written out: hat(a) hat(b) is b a' - a'b I,
+    and hat(a) hat(b) hat(a) is -a'b hat(a).
+    """
     v, w = xi[..., :3], xi[..., 3:]
-    _, b, c = exp_coefficients(np.linalg.norm(w, axis=-1))
-    k = hat(w)
-    jr = np.eye(3) - b[..., None, None] * k + c[..., None, None] * (k @ k)
+    angle = np.linalg.norm(w, axis=-1)
+    _, c2, c3, c4, c5 = exp_coefficients(angle, 5)
+    square, along = angle * angle, np.sum(v * w, -1)
+    outer, mixed = w[..., :, None] * w[..., None, :], v[..., :, None] * w[..., None, :]
+    of_rotation = c3[..., None, None] * outer - hat(c2[..., None] * w)
+    far = along * (c4 - 3 * c5)
+    coupling = c3[..., None, None] * (mixed + np.swapaxes(mixed, -1, -2)) - far[..., None, None] * outer
+    coupling -= hat((0.5 - c4 * square)[..., None] * v + ((2 * c4 - c3) * along)[..., None] * w)
     out = np.zeros((*xi.shape[:-1], 6, 6))
-    out[..., :3, :3] = out[..., 3:, 3:] = jr
-    out[..., :3, 3:] = _q_matrix(v, w)
+    out[..., :3, :3] = out[..., 3:, 3:] = with_identity(of_rotation, 1 - c3 * square)
+    out[..., :3, 3:] = with_identity(coupling, far * square - 2 * c3 * along)
     return out
 
 
