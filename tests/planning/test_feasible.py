@@ -9,7 +9,7 @@ import pytest
 
 from basecal.cell import RobotState, Sample
 from basecal.geometry import SE3
-from basecal.planning.feasible import feasible_in, in_view, is_clear, within_limits
+from basecal.planning.feasible import feasible_in, in_view, is_clear, unclear_ways, way_is_clear, within_limits
 from basecal.planning.reach import state_at
 from basecal.planning.sketch import sketch_of
 from basecal.simulation.running.two_arms import two_arms
@@ -62,3 +62,21 @@ def test_limits():
     joints[2] = 3.2
     assert within_limits(SKETCH, Sample(0, robots=HOME))
     assert not within_limits(SKETCH, Sample(0, robots={**HOME, "eye": RobotState(joints_rad=joints)}))
+
+
+def test_arms_that_pass_through_one_another():
+    """Two places that are clear, the way between which is not: an arm swings past the other, which is near."""
+    near = moved(eye=[0, 0, 0.4, 0, 0, 0], hand=[0, 0, 0.15, 0, 0, 0]).robots
+    swings = [RobotState(joints_rad=near["eye"].joints_rad + angle * np.eye(6)[0]) for angle in (-0.9, 0.9)]
+    through = [Sample(k, robots={**near, "eye": swing}) for k, swing in zip((4, 7), swings, strict=True)]
+    assert all(is_clear(SKETCH, end) for end in through)
+    assert not way_is_clear(SKETCH, *through)
+    assert unclear_ways(SKETCH, through[0].robots, through) == [7]
+
+
+def test_a_short_way_at_home_is_clear():
+    """As the arms begin, half a metre apart, a turn of the wrist is no danger; of poses nothing is known."""
+    other = moved(eye=[0, 0, 0, 0, 0, 0.3])
+    assert way_is_clear(SKETCH, Sample(0, robots=HOME), other)
+    poses = Sample(1, robots={name: RobotState(SE3.identity()) for name in HOME})
+    assert way_is_clear(SKETCH, other, poses)

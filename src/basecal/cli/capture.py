@@ -175,7 +175,7 @@ def _say_plan(rig: Rig, sketch: Sketch, plan: Sequence[Sample], is_new: bool, sp
     begun = "" if is_new else "goes on with what was begun: "
     say(
         f"{begun}{len(plan)} samples; {' and '.join(moving) or 'no robot'} will move, no joint faster than "
-        f"{speed:g} deg/s, with {target} in view of {camera} at every stop; the way between stops is not checked"
+        f"{speed:g} deg/s, with {target} in view of {camera} at every stop; {_ways(rig, sketch, plan, moving)}"
     )
     if led:
         say(f"{' and '.join(led)} will be led by hand: wherever all stand still anew, a sample is taken")
@@ -183,6 +183,20 @@ def _say_plan(rig: Rig, sketch: Sketch, plan: Sequence[Sample], is_new: bool, sp
         say("nothing has moved: add --go, with a hand on the emergency stop")
     if sys.stdout is not None:
         sys.stdout.flush()
+
+
+def _ways(rig: Rig, sketch: Sketch, plan: Sequence[Sample], moving: Sequence[str]) -> str:
+    """What is known of the ways between stops, in words."""
+    from basecal.planning.feasible import unclear_ways
+
+    known = [name for name in moving if sketch.cell.robots[name].chain is not None]
+    if len(known) < 2:
+        return "the way between stops is not checked"
+    unclear = unclear_ways(sketch, {name: rig.robots[name].state().state for name in known}, plan)
+    if not unclear:
+        return "on the way between stops the arms stay apart, as far as the cell knows; nothing else is checked"
+    numbers = ", ".join(map(str, unclear))
+    return f"on the way to sample {numbers} the arms may meet: leave these out, or begin elsewhere"
 
 
 def _summed_up(cell: Path, steps: Sequence[Step], json: bool) -> int:

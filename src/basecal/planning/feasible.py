@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
 
-from basecal.cell import WORLD, Sample
+from basecal.cell import WORLD, RobotState, Sample
 from basecal.geometry import SE3, Array, BoolArray
 from basecal.planning.sketch import Sketch
 
@@ -19,6 +19,7 @@ _NEAREST_M, _FARTHEST_M = 0.2, 3.0
 _NEAR_AXIS = 0.9  # cosine of a point's ray to the camera's axis, at least: half of what depth cameras look at
 _CLEAR_M = 0.16  # between the middles of two arms' links: twice the radius of a link, and some air
 _STEP_M = 0.05  # between points on a link
+_STEP_RAD = 0.1  # between places on a way: a link of half a metre moves by its points' distance
 
 
 def feasible_in(sketch: Sketch) -> Feasible:
@@ -79,12 +80,43 @@ def is_clear(sketch: Sketch, sample: Sample) -> bool:
 
     Camera and target are on purpose near one another: they count as what they hang on.
     """
-    bodies = [points for name in sample.robots if (points := _body(sketch, sample, name)) is not None]
+    return _are_apart([points for name in sample.robots if (points := _body(sketch, sample, name)) is not None])
+
+
+def way_is_clear(sketch: Sketch, start: Sample, end: Sample) -> bool:
+    """Whether arms that go straight from joints to joints stay clear of one another, whichever of them is sooner.
+
+    Each goes at a pace of its own: all places on the way of one are held against all on the way of another.
+    """
+    ways = [points for name in end.robots if (points := _swept(sketch, start, end, name)) is not None]
+    return _are_apart(ways)
+
+
+def unclear_ways(sketch: Sketch, home: Mapping[str, RobotState], samples: Sequence[Sample]) -> list[int]:
+    """Numbers of samples to which the way from the one before, the first from `home`, is not clear."""
+    at = [Sample(0, robots=dict(home)), *samples]
+    return [end.sample for start, end in pairwise(at) if not way_is_clear(sketch, start, end)]
+
+
+def _are_apart(bodies: Sequence[Array]) -> bool:
     for place, one in enumerate(bodies):
         for other in bodies[place + 1 :]:
             if np.linalg.norm(one[:, None] - other[None], axis=-1).min() < _CLEAR_M:
                 return False
     return True
+
+
+def _swept(sketch: Sketch, start: Sample, end: Sample, robot: str) -> Array | None:
+    """Points of a robot and what it carries on its way, (n, 3); None of one that is sent to poses."""
+    here, there = (sample.robots[robot].joints_rad if robot in sample.robots else None for sample in (start, end))
+    if here is None or there is None:
+        return None
+    steps = int(np.abs(there - here).max() / _STEP_RAD) + 2
+    places = (
+        Sample(0, robots={**end.robots, robot: RobotState(joints_rad=q)}) for q in np.linspace(here, there, steps)
+    )
+    found = [points for sample in places if (points := _body(sketch, sample, robot)) is not None]
+    return np.concatenate(found) if found else None
 
 
 def _body(sketch: Sketch, sample: Sample, robot: str) -> Array | None:

@@ -10,7 +10,7 @@ from basecal.cell import RobotState, Sample
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array
 from basecal.geometry.rotation import rotation_exp
-from basecal.planning.feasible import Feasible
+from basecal.planning.feasible import Feasible, unclear_ways, way_is_clear
 from basecal.planning.reach import state_at
 from basecal.planning.sketch import Sketch
 
@@ -41,7 +41,11 @@ def plan(
         if sample is not None and feasible(sample):
             found.append(sample)
         if len(found) == samples:
-            return in_order(sketch, home, found)
+            ordered = in_order(sketch, home, found)
+            unclear = unclear_ways(sketch, home, ordered)
+            if not unclear:
+                return ordered
+            found = [sample for sample in ordered if sample.sample not in unclear]
     raise InputError(
         f"only {len(found)} of {samples} poses are within the arms' limits, in view and clear: begin with the target "
         "in the middle of the picture, half a metre to a metre away, and the arms far from their limits"
@@ -71,11 +75,14 @@ def _in_ball(rng: np.random.Generator, radius: float) -> Array:
 
 
 def in_order(sketch: Sketch, home: Mapping[str, RobotState], samples: list[Sample]) -> list[Sample]:
-    """Samples so that each is followed by the nearest of those left, numbered from 0."""
+    """Samples so that each is followed by the nearest of those left to which the way is clear, numbered from 0.
+
+    Where it is clear to none of them, by the nearest.
+    """
     left, at, ordered = list(samples), Sample(0, robots=dict(home)), list[Sample]()
     while left:
-        nearest = min(range(len(left)), key=lambda k: _way(sketch, at, left[k]))
-        at = left.pop(nearest)
+        by_way = sorted(range(len(left)), key=lambda k: _way(sketch, at, left[k]))
+        at = left.pop(next((k for k in by_way if way_is_clear(sketch, at, left[k])), by_way[0]))
         ordered.append(Sample(len(ordered), robots=at.robots))
     return ordered
 

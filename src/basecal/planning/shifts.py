@@ -15,7 +15,7 @@ from basecal.cell import RobotState, Sample
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array
 from basecal.planning import poses
-from basecal.planning.feasible import Feasible
+from basecal.planning.feasible import Feasible, unclear_ways
 from basecal.planning.reach import state_at
 from basecal.planning.sketch import Sketch
 
@@ -49,7 +49,10 @@ def plan(
         for drawn in poses.plan(sketch, home, feasible, wanted, seed + tried):
             candidate = aimed(sketch, drawn)
             station = None if candidate is None else station_at(sketch, candidate, shift_length(sketch, candidate))
-            if station is not None and all(feasible(sample) for sample in station):
+            if station is None or not all(feasible(sample) for sample in station):
+                continue
+            before = found[-1][-1].robots if found else home
+            if not unclear_ways(sketch, before, station):
                 found.append(station)
             if len(found) == wanted:
                 return [Sample(k, robots=each.robots) for k, each in enumerate(s for station in found for s in station)]

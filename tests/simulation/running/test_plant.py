@@ -112,3 +112,17 @@ def test_unknown_names():
         running.state("foot")
     with pytest.raises(InputError, match="no camera 'hall'; there are: wrist"):
         running.picture("hall")
+
+
+def test_when_arms_arrive():
+    """The last arm is where it was sent when that is said, and not before."""
+    world, running = plant()
+    running.move("eye", world.home["eye"] + 0.1, 1.0)
+    running.move("hand", world.home["hand"] + 0.3, 1.0)
+    running.wait(running.arrived_s - 0.05)
+    assert not np.array_equal(running.state("hand")[1], world.home["hand"] + 0.3)
+    running.wait(0.1)
+    assert np.array_equal(running.state("hand")[1], world.home["hand"] + 0.3)
+    assert np.array_equal(
+        running.seen("wrist").camera_from_target.matrix, running._seen("wrist", 99.0).camera_from_target.matrix
+    )

@@ -105,6 +105,11 @@ class RunningArm:
         """Where it was sent, (n,) [rad]."""
         return self._leg.goal
 
+    @property
+    def arrives_s(self) -> float:
+        """When it is where it was sent."""
+        return self._leg.begin_s + self._leg.lasts_s
+
     def commanded(self, now_s: float) -> Array:
         """Where its controller wants the joints, (n,) [rad]."""
         leg = self._leg

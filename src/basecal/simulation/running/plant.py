@@ -67,6 +67,19 @@ class Plant:
         """Have an arm come to rest."""
         self._arm(robot).stop(self._clock.now())
 
+    def wait(self, seconds: float) -> None:
+        """Let time go on."""
+        self._clock.wait(seconds)
+
+    @property
+    def arrived_s(self) -> float:
+        """When the last arm comes to where it was sent."""
+        return max(arm.arrives_s for arm in self._arms.values())
+
+    def seen(self, camera: str) -> Seen:
+        """What is before a camera now."""
+        return self._seen(camera, self._clock.now())
+
     def light(self, on: bool) -> None:
         """Switch the light."""
         self._lit = on

@@ -1,0 +1,254 @@
+"""Pictures of captures: reflections told from a light, its error beside the photon bound, stillness, and speed.
+
+Reflections: cells of two UR5e with a light, whose arms stand at random about their first places; a tray below shows
+the light again with 0.4 of its brightness. A picture counts where the tray's image of the light is in it; it is told
+right where the answer rests on the light itself, within a pixel. Stillness: joints swing by 2 mrad for half a second
+after they arrive. Speed: time of one process for a picture of 1280x720; whatever else the machine does slows it, so the
+load is told beside it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from basecal.accuracy.residuals.point_residuals import point_residuals
+from basecal.accuracy.verdict import calibrate
+from basecal.acquisition.driver import Picture, Reading
+from basecal.acquisition.rig import Rig
+from basecal.acquisition.taking import CaptureSettings, Taker
+from basecal.cell import CandidateObservation, PixelObservation, Recording, RobotState, Sample, Target
+from basecal.cell.targets.charuco import charuco_target
+from basecal.cell.targets.led import led_target
+from basecal.geometry import Array
+from basecal.planning.sketch import sketch_of
+from basecal.simulation.running.clock import Clock
+from basecal.simulation.running.faults import read_faults
+from basecal.simulation.running.plant import Plant
+from basecal.simulation.running.two_arms import two_arms
+from basecal.vision.detection import Detection, Image
+from basecal.vision.detectors import find
+from basecal.vision.draw.light import LightSettings, render_light
+from basecal.vision.draw.render import RenderSettings, render
+from benchmarks.common import write
+from benchmarks.detectors import CAMERA, KINDS, Light, _poses, lights
+
+WANTED = 2000  # pictures with a reflection
+A_CELL = 60  # pictures of one cell
+WANDER_RAD = 0.1  # of each joint about where it begins, one sigma
+RIGHT_PX = 1.0
+PHOTONS, SPOTS = (3e3, 3e4), (0.8, 1.5)  # where nothing is saturated
+GOALS = {"reflections": 0.99, "bound": 1.15, "lost_s": 0.3, "pictures_a_second": 20.0}
+
+
+def reflections(wanted: int, has_dark: bool) -> dict[str, Any]:
+    """How many of so many pictures with a reflection are told right."""
+    total = right = left_out = 0
+    findings = cells = 0
+    while total < wanted:
+        outcome = _cell(cells, has_dark)
+        cells += 1
+        total, right, left_out = total + outcome[0], right + outcome[1], left_out + outcome[2]
+        findings += outcome[3]
+        print("reflections", has_dark, cells, total, right, left_out, findings, flush=True)
+    return {"pictures": total, "right": right, "left_out": left_out, "cells": cells, "named": findings}
+
+
+def _cell(seed: int, has_dark: bool) -> tuple[int, int, int, int]:
+    """Pictures of a cell that have a reflection, those told right, those left out, and whether it was named."""
+    world = two_arms("led", seed, read_faults(["reflection"]))
+    plant, rng = Plant(world, Clock(0)), np.random.default_rng([seed, 31])
+    light = world.cell.targets["light"].target
+    assert light is not None
+    samples: list[Sample] = []
+    true: dict[int, Array] = {}
+    mirrored: set[int] = set()
+    while len(samples) < A_CELL:
+        joints = {name: home + WANDER_RAD * rng.standard_normal(len(home)) for name, home in world.home.items()}
+        for name, each in joints.items():
+            plant.move(name, each, 3.0)
+        plant.wait(30.0)
+        seen, lens = plant.seen("wrist"), world.lenses["wrist"]
+        if not lens.sees(seen.camera_from_target @ light.points).all():
+            continue
+        states = {name: RobotState(joints_rad=plant.state(name)[1]) for name in joints}
+        found = _found(plant, light, has_dark)
+        if found is None:
+            continue
+        number = len(samples)
+        true[number] = lens.project(seen.camera_from_target @ light.points)[0]
+        if lens.sees(seen.reflected).any():
+            mirrored.add(number)
+        samples.append(Sample(number, float(number), states, (_observation(found),)))
+    calibration = calibrate(world.cell, Recording(tuple(samples)))
+    (points,) = point_residuals(world.cell, Recording(tuple(samples)), calibration)
+    at = {
+        int(number): (pixel, used)
+        for number, pixel, used in zip(points.sample, points.pixels, points.used, strict=True)
+    }
+    near = {number for number, (pixel, used) in at.items() if used and np.hypot(*(pixel - true[number])) < RIGHT_PX}
+    out = {number for number in true if number not in at or not at[number][1]}
+    named = any(finding.code == "reflection" for finding in calibration.findings)
+    return len(mirrored), len(mirrored & near), len(mirrored & out), int(named)
+
+
+def _found(plant: Plant, light: Target, has_dark: bool) -> Detection | None:
+    lit = plant.picture("wrist").image
+    if not has_dark:
+        return find(lit, light)
+    plant.light(False)
+    dark = plant.picture("wrist").image
+    plant.light(True)
+    return find(lit, light, dark)
+
+
+def _observation(found: Detection) -> CandidateObservation | PixelObservation:
+    if found.ids is None:
+        return CandidateObservation("wrist", "light", found.pixels, found.sigma_px, detected=True)
+    return PixelObservation("wrist", "light", found.ids, found.pixels, found.sigma_px, detected=True)
+
+
+class _Arm:
+    """An arm of a plant, without a line in between."""
+
+    is_live = True
+
+    def __init__(self, name: str, plant: Plant) -> None:
+        self._name, self._plant = name, plant
+
+    def state(self) -> Reading:
+        stamp_s, joints = self._plant.state(self._name)
+        return Reading(stamp_s, RobotState(joints_rad=joints))
+
+    def move(self, to: RobotState, speed_rad_s: float) -> None:
+        assert to.joints_rad is not None
+        self._plant.move(self._name, to.joints_rad, speed_rad_s)
+
+    def stop(self) -> None:
+        self._plant.stop(self._name)
+
+    def close(self) -> None:
+        pass
+
+
+class _Eye:
+    """A camera of a plant, likewise."""
+
+    is_live = True
+
+    def __init__(self, plant: Plant) -> None:
+        self._plant = plant
+
+    def picture(self) -> Picture:
+        shot = self._plant.picture("wrist")
+        return Picture(shot.stamp_s, shot.image)
+
+    def close(self) -> None:
+        pass
+
+
+def stillness(cells: int, stops: int) -> dict[str, Any]:
+    """When pictures are taken after arms arrive that then ring for half a second [s]."""
+    after: list[float] = []
+    for seed in range(cells):
+        world = two_arms("charuco", seed, read_faults(["ringing"]))
+        plant, rng = Plant(world, Clock(0)), np.random.default_rng([seed, 37])
+        rig = Rig({name: _Arm(name, plant) for name in world.home}, {"wrist": _Eye(plant)})
+        with tempfile.TemporaryDirectory() as name:
+            by = Taker(rig, sketch_of(world.cell), Path(name), CaptureSettings(2.0))
+            taken: list[Sample] = []
+            for number in range(stops):
+                goal = {
+                    each: RobotState(joints_rad=home + 0.03 * rng.standard_normal(len(home)))
+                    for each, home in world.home.items()
+                }
+                sample = by.take(Sample(number, robots=goal), taken)
+                after.append(float(sample.stamp_s or 0.0) - plant.arrived_s)
+                taken.append(sample)
+        print("stillness", seed, after[-stops:], flush=True)
+    lost = np.array(after) - 0.5
+    return {
+        "samples": len(after),
+        "within_ring": int((lost < 0).sum()),
+        "median_lost_s": float(np.median(lost)),
+        "most_lost_s": float(lost.max()),
+    }
+
+
+def speeds(pictures: int) -> dict[str, Any]:
+    """Median time of a picture [ms] by what is sought in it, and of what else the machine did."""
+    rng, milliseconds = np.random.default_rng(0), {}
+    boards: dict[str, Target] = {
+        "charuco, 24 corners": charuco_target((5, 7), 0.04, 0.03, "DICT_4X4_50"),
+        "tags, 9": KINDS["tags"][0],
+    }
+    for name, shape in boards.items():
+        images = [render(CAMERA, shape, pose, RenderSettings(), k) for k, pose in enumerate(_poses(shape, pictures))]
+        milliseconds[name] = _median_ms(images, shape)
+    places = np.column_stack([rng.uniform(-0.4, 0.4, (pictures, 2)) * (1, 0.5), np.ones(pictures)])
+    on = [render_light(CAMERA, place, LightSettings(), 2 * k) for k, place in enumerate(places)]
+    off = [
+        render_light(CAMERA, place, replace(LightSettings(), photons=0.0), 2 * k + 1) for k, place in enumerate(places)
+    ]
+    milliseconds["light"] = _median_ms(on, led_target())
+    milliseconds["light, with a picture without it"] = _median_ms(on, led_target(), off)
+    return {"milliseconds": milliseconds, "load": os.getloadavg()[0]}
+
+
+def _median_ms(images: Sequence[Image], shape: Target, dark: Sequence[Image] | None = None) -> float:
+    find(images[0], shape)
+    took = []
+    for k, image in enumerate(images):
+        began = time.process_time()
+        find(image, shape, None if dark is None else dark[k])
+        took.append(1e3 * (time.process_time() - began))
+    return float(np.median(took))
+
+
+def _over_bound(of: Light) -> dict[str, Any]:
+    about = {"photons": of.photons, "spot_px": of.spot_px, "pair": of.pair}
+    return {**about, "rms_over_bound": of.rms_px / of.bound_px}
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Measure, print and write; 1 where a goal is missed."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument(
+        "--pictures", type=int, default=WANTED, help="with a reflection, each with and without a dark one"
+    )
+    parser.add_argument("--lights", type=int, default=200, help="pictures for each condition")
+    parser.add_argument("--cells", type=int, default=2, help="whose arms ring")
+    parser.add_argument("--stops", type=int, default=20, help="of each of them")
+    asked = parser.parse_args(words)
+    result: dict[str, Any] = {"goals": GOALS, "speed": speeds(10)}
+    print(result["speed"], flush=True)
+    conditions = [(photons, spot, pair) for pair in (False, True) for spot in SPOTS for photons in PHOTONS]
+    spots = [lights(*condition, asked.lights) for condition in conditions]
+    result["lights"] = {"pictures": asked.lights, "conditions": [_over_bound(of) for of in spots]}
+    print(result["lights"], flush=True)
+    result["stillness"] = stillness(asked.cells, asked.stops)
+    result["reflections"] = {
+        name: reflections(asked.pictures, has_dark) for name, has_dark in (("switched", True), ("always on", False))
+    }
+    write("capture_pictures", result)
+    print(result)
+    told = result["reflections"].values()
+    return int(
+        any(each["right"] < GOALS["reflections"] * each["pictures"] for each in told)
+        or any(each["rms_over_bound"] > GOALS["bound"] for each in result["lights"]["conditions"])
+        or bool(result["stillness"]["within_ring"])
+        or result["stillness"]["most_lost_s"] > GOALS["lost_s"]
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())
