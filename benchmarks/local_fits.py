@@ -31,6 +31,7 @@ WAVE_M = (3e-4, 3e-3)  # least and most, log-uniform
 PERIOD_M = 0.25  # [m/rad] of the wave
 CLEARLY = 0.9
 RIGHT = 0.95
+_KEYS = ("local_m", "global_m")
 HEAD = ("cells", "parts", "recommended local", "right", "error of the recommended to the better, median")
 _SCENARIO = Scenario(
     samples=SAMPLES + LATER,
@@ -68,7 +69,8 @@ def measured(seed: int) -> list[dict[str, Any]]:
         errors = [
             _error_m(made, samples, mine, base) for base in (solution.state.transforms[BASE], part.transforms[BASE])
         ]
-        told.append({"wave_m": wave, "is_better": part.is_better, "global_m": errors[0], "local_m": errors[1]})
+        of = {"global_m": errors[0], "local_m": errors[1]}
+        told.append({"wave_m": wave, "is_better": part.is_better, "chance": part.chance, **of})
     return told
 
 
@@ -93,10 +95,7 @@ def _error_m(made: SimulatedCell, samples: Sequence[Sample], numbers: Sequence[i
 
 def row(name: str, found: Sequence[dict[str, Any]]) -> tuple[object, ...]:
     """A line of the table with `HEAD`."""
-    of = [
-        (each["local_m"], each["global_m"]) if each["is_better"] else (each["global_m"], each["local_m"])
-        for each in found
-    ]
+    of = [tuple(each[key] for key in (_KEYS if each["is_better"] else _KEYS[::-1])) for each in found]
     right = np.mean([other >= CLEARLY * chosen for chosen, other in of])
     to_better = np.median([chosen / min(chosen, other) for chosen, other in of])
     local = np.mean([each["is_better"] for each in found])

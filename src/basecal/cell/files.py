@@ -18,6 +18,7 @@ from basecal.cell.results.calibration_file import (
     read_calibration,
     read_calibration_data,
     run_folder,
+    runs_of,
     write_calibration,
 )
 from basecal.cell.results.truth_file import read_truth, write_truth
@@ -49,6 +50,7 @@ __all__ = [
     "read_verifications",
     "recording_from_text",
     "run_folder",
+    "runs_of",
     "sample_to_dict",
     "write_calibration",
     "write_cell",

@@ -26,6 +26,7 @@ _VERBS = (
     "verify",
     "compare",
     "report",
+    "view",
     "export",
     "merge",
 )

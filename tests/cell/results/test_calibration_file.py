@@ -31,6 +31,7 @@ from basecal.cell.files import (
     latest_run,
     read_calibration,
     read_cell,
+    runs_of,
     write_calibration,
 )
 from basecal.errors import DatasetError
@@ -183,6 +184,8 @@ def test_the_latest_run_is_the_one_written_last(tmp_path: Path) -> None:
     os.utime(future / "calibration.json", ns=(1, 1))
     now = write_calibration(Calibration("good"), tmp_path)
     assert latest_run(tmp_path) == now.parent
+    assert runs_of(tmp_path) == (now.parent.name, "29990101T000000Z")
+    assert runs_of(tmp_path / "runs") == ()
 
 
 def test_hashes(folder: Path) -> None:

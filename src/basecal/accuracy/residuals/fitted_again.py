@@ -62,13 +62,13 @@ def known_views(cell: Cell, recording: Recording, calibration: Calibration) -> F
     """
     problem, _ = build_problem(cell, recording)
     transforms, cameras = calibration.known_transforms(cell), _known_lenses(problem, calibration)
-    groups = [_with_noise(g, calibration) for g in problem.groups if _is_known(g, transforms, cameras)]
+    groups = [with_noise_of(g, calibration) for g in problem.groups if _is_known(g, transforms, cameras)]
     problem = replace(problem, columns={}, groups=tuple(groups))
     state = State(transforms, cameras, np.zeros((0, 6)), kinematics_of(cell, calibration))
     return FittedAgain(problem, without_errors(problem, state))
 
 
-def _with_noise(group: ViewGroup, calibration: Calibration) -> ViewGroup:
+def with_noise_of(group: ViewGroup, calibration: Calibration) -> ViewGroup:
     """A group with the sigmas that its camera's noise was found to have."""
     of_camera = calibration.noise.get("cameras", {}).get(group.camera, {})
     known = {field: of_camera.get(field) or calibration.noise.get(field) for field in Noise._fields}

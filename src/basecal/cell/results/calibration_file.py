@@ -86,10 +86,21 @@ def latest_run(folder: str | Path) -> Path | None:
 
     Names of runs are by the clock, which may have been wrong; they tell runs apart that were written at once.
     """
+    runs = _by_time(folder)
+    return runs[0] if runs else None
+
+
+def runs_of(folder: str | Path) -> tuple[str, ...]:
+    """Names of the runs of a cell, the one that was written last first."""
+    return tuple(run.name for run in _by_time(folder))
+
+
+def _by_time(folder: str | Path) -> list[Path]:
+    """Folders of runs, the one that was written last first."""
     runs = Path(folder) / RUNS
     found = [(match, run) for run in runs.glob("*") if (match := _RUN.fullmatch(run.name)) and (run / FILE).is_file()]
     written = [((run / FILE).stat().st_mtime_ns, match[1], int(match[2] or 1), run) for match, run in found]
-    return max(written)[-1] if written else None
+    return [run for *_, run in sorted(written, reverse=True)]
 
 
 def run_folder(folder: str | Path, name: str) -> Path:

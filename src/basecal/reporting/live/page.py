@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 import base64
-import secrets
-import socket
-import threading
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -15,20 +11,14 @@ from basecal.acquisition.driver import Grey
 from basecal.acquisition.taking import targets_before
 from basecal.acquisition.watching import Glance, Watch
 from basecal.cell import Cell, Target
-from basecal.errors import InputError, MissingExtra
 from basecal.reporting.live.drawings import coverage_drawing, marks, sigma_drawing
-from basecal.reporting.live.guard import Guard
+from basecal.reporting.live.serving import serving
 from basecal.vision.detectors import find
 from basecal.vision.image_file import png_bytes
 from basecal.vision.thumbnail import thumbnail
 
-HOST = "127.0.0.1"
-"""The only address the page is served on."""
-
-_TOKEN_BYTES = 24
 _EVERY_S = 0.5  # between looks at the capture
 _WIDTH_PX = 960
-_PATIENCE_S = 30.0  # until it is served
 
 
 @contextmanager
@@ -39,40 +29,13 @@ def served(watch: Watch, cell: Cell, port: int = 0) -> Iterator[str]:
         MissingExtra: if NiceGUI is not installed.
         InputError: if the port is taken.
     """
-    try:
-        import uvicorn
-        from fastapi import FastAPI
-        from nicegui import run, ui
-    except ImportError:
-        raise MissingExtra("web", "the page of a capture") from None
-    token = secrets.token_urlsafe(_TOKEN_BYTES)
-    line = _listening(port)
-    at = f"{HOST}:{line.getsockname()[1]}"
-    inside = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
-    ui.run_with(inside, root=lambda: _build(ui, run.io_bound, watch, cell), title="capture", show_welcome_message=False)
-    guard = Guard(inside, token, [at, at.replace(HOST, "localhost")])
-    server = uvicorn.Server(uvicorn.Config(guard, log_level="error", ws_max_size=2**20))
-    thread = threading.Thread(target=server.run, kwargs={"sockets": [line]}, daemon=True)
-    thread.start()
-    until = time.monotonic() + _PATIENCE_S
-    while not server.started and thread.is_alive() and time.monotonic() < until:
-        time.sleep(0.02)
-    try:
-        yield f"http://{at}/?token={token}"
-    finally:
-        server.should_exit = True
-        thread.join(_PATIENCE_S)
 
+    def build(ui: Any, beside: Any) -> None:
+        """See `Build`."""
+        _build(ui, beside, watch, cell)
 
-def _listening(port: int) -> socket.socket:
-    line = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-    line.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    try:
-        line.bind((HOST, port))
-    except OSError as error:
-        line.close()
-        raise InputError(f"port {port} cannot be used ({error.strerror}): choose another") from None
-    return line
+    with serving(build, "capture", "the page of a capture", port) as address:
+        yield address
 
 
 def _build(ui: Any, beside: Any, watch: Watch, cell: Cell) -> None:

@@ -1,0 +1,73 @@
+"""A calibration as it would be without some samples, from where it is and with the noise that it found: quick."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from basecal.accuracy.residuals.fit import residuals
+from basecal.accuracy.residuals.fitted_again import known_views, with_noise_of
+from basecal.cell import Calibration, Cell, Recording, Residuals
+from basecal.errors import InputError
+from basecal.estimation.noise.robot_noise import with_robot_noise, without_errors
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.correspondence import choose_correspondence
+from basecal.estimation.problem.problem import State
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import solve_from
+from basecal.geometry import PoseEstimate
+
+
+@dataclass(frozen=True, eq=False)
+class WithoutSamples:
+    """What comes out without some samples.
+
+    Attributes:
+        transforms: Those that are asked for and seen in every direction, by name.
+        residuals: Of the samples that are left.
+        converged: Whether that is an optimum.
+    """
+
+    transforms: Mapping[str, PoseEstimate]
+    residuals: Residuals
+    converged: bool
+
+
+def without_samples(
+    cell: Cell, recording: Recording, calibration: Calibration, left_out: Collection[int]
+) -> WithoutSamples:
+    """The calibration without samples of these numbers.
+
+    Args:
+        cell: What was calibrated.
+        recording: What it was made from.
+        calibration: What came out.
+        left_out: Numbers of samples.
+
+    Raises:
+        InputError: if no sample is left that the calibration knows the transforms of.
+    """
+    kept = Recording(tuple(s for s in recording.samples if s.sample not in left_out))
+    known = known_views(cell, kept, calibration)
+    if not known.problem.groups:
+        raise InputError("no sample is left: keep some, or choose a run that found something")
+    problem, _ = build_problem(cell, kept)
+    views = {(group.camera, group.target) for group in known.problem.groups}
+    groups = [with_noise_of(g, calibration) for g in problem.groups if (g.camera, g.target) in views]
+    found = calibration.noise.get("robots", {})
+    robots = {
+        name: np.array([*found[name]["sigma_t_m"], *found[name]["sigma_r_rad"]])
+        for name in problem.unstated
+        if name in found
+    }
+    problem = with_robot_noise(problem.with_groups(groups), robots)
+    transforms = {name: unknown.mean for name, unknown in problem.unknowns.items() if unknown.mean is not None}
+    start = State({**transforms, **known.state.transforms}, known.state.cameras, np.zeros((0, 6)), known.state.robots)
+    start = without_errors(problem, start)
+    problem, _ = choose_correspondence(problem, start)
+    solution = solve_from(replace(problem, held=True), start, Settings(robot_noise="stated"))
+    seen = [name for name in cell.asked if name in solution.transforms]
+    told = {name: solution.transforms[name] for name in seen if name not in solution.observability.unobservable}
+    return WithoutSamples(told, residuals(solution), solution.converged)

@@ -1,0 +1,47 @@
+"""`basecal view`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from threading import Event
+from typing import Annotated
+
+from cyclopts import Parameter, validators
+
+from basecal.cli.detected import detected_recording
+from basecal.cli.terminal import pasted, say
+from basecal.errors import InputError
+
+
+def view(cell: Path, /, *, port: Annotated[int, Parameter(validator=validators.Number(gte=0, lte=65535))] = 0) -> int:
+    """Look through the runs of a cell on a local page.
+
+    A run is chosen, its samples are looked through one by one, and left out
+    or taken again: what comes out then stands there at once, beside how far
+    that is from the run. Nothing is written. The page is served to this
+    machine alone, to whoever has the address that is printed; Ctrl-C ends it.
+    It needs the extra `web`.
+
+    For example:
+
+        basecal view mycell
+        basecal view mycell --port 8080
+
+    Args:
+        cell: Folder of the cell.
+        port: Where the page is served; any that is free where 0.
+    """
+    from basecal.cell.files import read_calibration, read_cell, run_folder, runs_of
+    from basecal.estimation.streams.streams import synchronous
+    from basecal.reporting.viewing.page import Viewed, served
+
+    described, runs = read_cell(cell), runs_of(cell)
+    if not runs:
+        raise InputError(f"{cell} has no run yet: basecal calibrate {pasted(cell)}")
+    clocks = read_calibration(run_folder(cell, runs[0])).clocks
+    recording = synchronous(described, detected_recording(cell, described), clocks)
+    viewed = Viewed(described, recording, cell, runs, lambda name: read_calibration(run_folder(cell, name)))
+    with served(viewed, port) as address:
+        say(f"{address}\nopen this in a browser; Ctrl-C ends it")
+        Event().wait()
+    return 0

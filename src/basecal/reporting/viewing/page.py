@@ -1,0 +1,132 @@
+"""The local page of a cell's runs: a run is chosen, samples are looked through, and left out by hand."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from basecal.accuracy.residuals.without_samples import without_samples
+from basecal.bounded_file import read_bounded
+from basecal.cell import Calibration, Cell, Recording
+from basecal.errors import BasecalError
+from basecal.reporting.live.serving import serving
+from basecal.reporting.viewing.words import answer_words, sample_words
+from basecal.vision.thumbnail import thumbnail
+
+_WIDTH_PX = 960
+_LARGEST_BYTES = 2**26  # 64 MB: pictures of fifty million pixels
+_MOST_BOXES = 400  # samples that can be left out by hand
+
+
+@dataclass(frozen=True, eq=False)
+class Viewed:
+    """A cell to look through.
+
+    Attributes:
+        cell: The cell.
+        recording: Its samples, with what was found in their pictures.
+        folder: Where its pictures are.
+        runs: Names of its runs, the latest first.
+        read: A run's calibration, by its name.
+    """
+
+    cell: Cell
+    recording: Recording
+    folder: Path
+    runs: tuple[str, ...]
+    read: Callable[[str], Calibration]
+
+
+@dataclass(eq=False)
+class _Choice:
+    """What a visitor looks at."""
+
+    run: str
+    calibration: Calibration
+    left_out: set[int] = field(default_factory=set)
+
+
+@contextmanager
+def served(viewed: Viewed, port: int = 0) -> Iterator[str]:
+    """The address of the page while this lasts, with the token it asks for.
+
+    Raises:
+        MissingExtra: if NiceGUI is not installed.
+        InputError: if the port is taken.
+    """
+
+    def build(ui: Any, beside: Any) -> None:
+        """See `Build`."""
+        _build(ui, beside, viewed)
+
+    with serving(build, "runs", "the page of a cell's runs", port) as address:
+        yield address
+
+
+def _build(ui: Any, beside: Any, viewed: Viewed) -> None:
+    """The page; `beside` runs what takes long in a thread of its own."""
+    choice = _Choice(viewed.runs[0], viewed.read(viewed.runs[0]))
+    numbers = [sample.sample for sample in viewed.recording.samples]
+
+    async def renew() -> None:
+        """Say what comes out now."""
+        answer.text = await beside(_answer, viewed, choice.calibration, frozenset(choice.left_out))
+
+    async def look(place: float) -> None:
+        """Show a sample."""
+        number = numbers[int(place)]
+        said.text = sample_words(number, choice.calibration.residuals.per_sample, choice.left_out)
+        for camera, source in (await beside(_pictures, viewed, number)).items():
+            pictures[camera].set_source(source)
+
+    async def choose(name: str) -> None:
+        """Take another run."""
+        choice.run, choice.calibration = name, await beside(viewed.read, name)
+        await renew()
+        await look(slider.value)
+
+    async def toggle(number: int, used: bool) -> None:
+        """Leave a sample out, or take it again."""
+        (choice.left_out.discard if used else choice.left_out.add)(number)
+        await renew()
+
+    with ui.column().style("max-width: 1100px; margin: auto; width: 100%"):
+        ui.select(list(viewed.runs), value=choice.run, label="run", on_change=lambda e: choose(e.value))
+        answer = ui.label().style("white-space: pre-line; font-size: 1.1rem; overflow-wrap: anywhere")
+        ui.label("sample").style("color: #555")
+        slider = ui.slider(min=0, max=max(len(numbers) - 1, 1), value=0, on_change=lambda e: look(e.value))
+        said = ui.label().style("white-space: pre-line; overflow-wrap: anywhere")
+        with ui.row().style("width: 100%"):
+            pictures = {name: ui.image().style("width: 100%; max-width: 520px") for name in viewed.cell.cameras}
+        ui.label("samples that count").style("color: #555")
+        with ui.row().style("gap: 0 0.6rem"):
+            for number in numbers[:_MOST_BOXES]:
+                box = ui.checkbox(str(number), value=True)
+                box.on_value_change(lambda e, number=number: toggle(number, e.value))
+    ui.timer(0.1, lambda: choose(choice.run), once=True)
+
+
+def _answer(viewed: Viewed, calibration: Calibration, left_out: frozenset[int]) -> str:
+    try:
+        found = without_samples(viewed.cell, viewed.recording, calibration, left_out)
+    except BasecalError as error:
+        return str(error)
+    return answer_words(viewed.cell, calibration, found, left_out)
+
+
+def _pictures(viewed: Viewed, number: int) -> Mapping[str, str]:
+    """Pictures of a sample as the page takes them, by camera; those that cannot be read are left out."""
+    (sample,) = (each for each in viewed.recording.samples if each.sample == number)
+    found = {}
+    for camera, path in sample.images.items():
+        try:
+            small = thumbnail(read_bounded(viewed.folder / path, _LARGEST_BYTES), None, _WIDTH_PX)
+        except BasecalError:
+            continue
+        if small is not None:
+            found[camera] = f"data:image/jpeg;base64,{base64.b64encode(small).decode()}"
+    return found

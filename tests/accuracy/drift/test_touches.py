@@ -1,0 +1,80 @@
+"""Touch points: tips of two tools driven to one point are measurements, and check a calibration."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.drift.verify import verify
+from basecal.accuracy.verdict import calibrate
+from basecal.cell import Recording
+from basecal.cell.files import read_cell, recording_from_text
+from basecal.estimation.solve import solve
+from basecal.geometry import SE3
+
+CELL = """schema: basecal/cell/1
+reference: eye
+robots:
+  eye: {noise: {sigma_t_m: 1e-4, sigma_r_rad: 2e-4}}
+  hand: {noise: {sigma_t_m: 1e-4, sigma_r_rad: 2e-4}}
+cameras:
+  eye_tip: {on: eye, mount: {status: fixed, t_m: [0, 0, 0.12], q_xyzw: [0, 0, 0, 1]}}
+targets:
+  hand_tip:
+    {on: hand, kind: points, points_m: [[0, 0, 0]], mount: {status: fixed, t_m: [0, 0, 0.1], q_xyzw: [0, 0, 0, 1]}}
+"""
+BASE = "eye_base_from_hand_base"
+TRUTH = SE3.from_rpy((0.02, -0.03, 3.0), (1.0, 0.1, 0.05))
+SIGMA_M = 1e-4
+
+
+def touches(rng: np.random.Generator, count: int, base: SE3 = TRUTH) -> str:
+    """Lines of samples in which both tips meet, but for the robots' errors and a tenth of a millimetre."""
+    lines = []
+    for number in range(count):
+        point, robots = np.array([0.5, 0, 0.4]) + rng.uniform(-0.25, 0.25, 3), {}
+        for name, stands, tip in (("eye", SE3.identity(), 0.12), ("hand", base, 0.1)):
+            turn = SE3.from_rotvec(rng.normal(0, 0.6, 3), np.zeros(3)).rotation
+            met = point + SIGMA_M * rng.standard_normal(3) if name == "hand" else point
+            true = stands.inverse() @ SE3(turn, met - turn @ [0, 0, tip])
+            said = true @ SE3.exp(rng.standard_normal(6) * np.repeat([1e-4, 2e-4], 3))
+            robots[name] = {"base_from_flange": {"t_m": said.translation.tolist(), "q_xyzw": said.quaternion.tolist()}}
+        seen = {"camera": "eye_tip", "target": "hand_tip", "ids": [0], "points_in_camera_m": [[0, 0, 0]]}
+        lines.append(json.dumps({"sample": number, "robots": robots, "observations": [{**seen, "sigma_m": SIGMA_M}]}))
+    return "\n".join(lines) + "\n"
+
+
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("touches")
+    (Path(folder) / "cell.yaml").write_text(CELL)
+    return read_cell(folder)
+
+
+def recorded(cell, text: str) -> Recording:
+    """The samples of these lines."""
+    return recording_from_text(text.encode(), ".", cell)
+
+
+def test_touches_alone_find_the_base(cell):
+    """NEES of the base has mean 6: within 3.5 standard errors, sqrt(12 / 60), over 60 cells of ten touches."""
+    found = []
+    for seed in range(60):
+        base = solve(cell, recorded(cell, touches(np.random.default_rng(seed), 10))).transforms[BASE]
+        off = (base.mean.inverse() @ TRUTH).log()
+        found.append(off @ np.linalg.solve(base.covariance, off))
+    assert np.mean(found) == pytest.approx(6.0, abs=3.5 * np.sqrt(12 / 60))
+
+
+def test_touches_check_a_calibration(cell):
+    """Four later ones say that nothing moved, and that the base did which moved by 3 mm."""
+    rng = np.random.default_rng(1)
+    calibration = calibrate(cell, recorded(cell, touches(rng, 12)))
+    assert verify(cell, calibration, recorded(cell, touches(rng, 4))).moved is False
+    shifted = TRUTH @ SE3(np.eye(3), np.array([3e-3, 0, 0]))
+    found = verify(cell, calibration, recorded(cell, touches(rng, 4, shifted)))
+    assert found.moved
+    assert "hand_base" in [found.shift.frame, *(other.frame for other in found.alike)]

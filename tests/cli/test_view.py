@@ -1,0 +1,40 @@
+"""`basecal view`: what it refuses, and what it serves."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import urllib.request
+from pathlib import Path
+
+import pytest
+
+from basecal.cli import main
+
+
+def test_a_cell_without_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What to do is said."""
+    assert main(["simulate", str(tmp_path / "cell"), "--samples", "8", "--target", "points"]) == 0
+    capsys.readouterr()
+    assert main(["view", str(tmp_path / "cell")]) == 3
+    assert "no run yet: basecal calibrate" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_it_serves_until_it_is_interrupted(tmp_path: Path) -> None:
+    """The address that is printed answers; Ctrl-C ends with 130 and writes nothing."""
+    pytest.importorskip("nicegui", reason="nicegui is not installed: pip install 'basecal[web]'")
+    cell = tmp_path / "cell"
+    assert main(["simulate", str(cell), "--samples", "10", "--target", "points"]) == 0
+    main(["calibrate", str(cell)])
+    before = sorted(path for path in cell.rglob("*"))
+    words = [sys.executable, "-m", "basecal", "view", str(cell)]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True, env={**os.environ}) as process:
+        assert process.stdout is not None
+        address = process.stdout.readline().strip()
+        assert urllib.request.urlopen(address, timeout=60).status == 200
+        process.send_signal(signal.SIGINT)
+        assert process.wait(60) == 130
+    assert sorted(path for path in cell.rglob("*")) == before
