@@ -7,6 +7,7 @@ from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
+import pinocchio
 import pytest
 
 from basecal.cell import Calibration, Cell, Robot, RobotParameters
@@ -95,3 +96,19 @@ def test_offsets_of_other_joints_are_refused():
     short = RobotParameters(CHAIN.joint_names[:3], RAD[:3], RAD[:3], np.isfinite(RAD[:3]))
     with pytest.raises(InputError, match="3 joint offsets do not suit 6 joints"):
         urdf_of(CELL, DATA, calibrated(joint_offsets=short), "hand")
+
+
+def test_another_reader_finds_the_flange_where_it_was_found(tmp_path):
+    """Pinocchio, from the file as it is written, where our chain is with the offsets added to its joints."""
+    (tmp_path / "six_axis.urdf").write_bytes((DATA / "six_axis.urdf").read_bytes())
+    (tmp_path / "out.urdf").write_text(urdf_of(CELL, tmp_path, calibrated(joint_offsets=OFFSETS), "hand"))
+    model = pinocchio.buildModelFromUrdf(str(tmp_path / "out.urdf"))
+    data = model.createData()
+    joints = np.array([0.3, -0.4, 0.5, 0.6, -0.7, 0.8])
+    all_joints = np.zeros(model.nq)  # of the gripper too
+    all_joints[[model.idx_qs[model.getJointId(name)] for name in CHAIN.joint_names]] = joints
+    pinocchio.framesForwardKinematics(model, data, all_joints)
+    found = data.oMf[model.getFrameId("tool0")]
+    expected = CHAIN.forward(joints + np.nan_to_num(RAD))
+    base = data.oMf[model.getFrameId("base_link")]
+    np.testing.assert_allclose((base.inverse() * found).homogeneous, expected.matrix, atol=1e-9)
