@@ -104,7 +104,7 @@ def test_orientations_stay_within_the_spread(layout: str, spread: float) -> None
     """Any two recorded orientations of a moving robot are within twice the spread, and they use most of it."""
     sim = simulate(Scenario(samples=40, layout=layout, spread_rad=spread, robots=2), 5)
     for robot in sim.cell.robots:
-        rotation = _recorded(sim, robot).rotation[: 20 if layout == "chain" else None]
+        rotation = _recorded(sim, robot).rotation[: 20 if layout in ("chain", "ring") else None]
         between = SE3(np.swapaxes(rotation[:, None], -1, -2) @ rotation[None], np.zeros((len(rotation),) * 2 + (3,)))
         angle = np.linalg.norm(between.rotvec, axis=-1)
         assert 0.7 * spread < angle.max() <= 2 * spread + 1e-9
@@ -291,3 +291,17 @@ def test_robots_with_several_homes_take_no_joints():
     """A ring's robots meet two others each, at homes that one base does not bring within reach."""
     with pytest.raises(InputError, match="several homes"):
         simulate(Scenario(layout="chain", joints=True), 0)
+
+
+@pytest.mark.parametrize(
+    ("layout", "robots", "pairs"), [("ring", 5, 10), ("ring", 2, 2), ("grid", 6, 7), ("grid", 5, 5)]
+)
+def test_rings_and_grids_record_their_pairs(layout, robots, pairs):
+    """Each robot is seen, each pair in samples of its own, in which its two robots alone are recorded."""
+    made = simulate(Scenario(layout=layout, robots=robots, samples=2 * pairs), 1)
+    seen = {(o.camera, o.target) for sample in made.recording.samples for o in sample.observations}
+    assert len(seen) == pairs
+    for sample in made.recording.samples:
+        (view,) = sample.observations
+        assert set(sample.robots) == {made.cell.cameras[view.camera].on, made.cell.targets[view.target].on}
+    assert {robot for sample in made.recording.samples for robot in sample.robots} == set(made.cell.robots)

@@ -13,7 +13,7 @@ from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.noise.estimate import NoiseEstimate, degrees_of_freedom, estimate_noise, residual_counts
 from basecal.estimation.noise.joint_estimate import estimate_jointly, integrate_sigmas
-from basecal.estimation.observability.observability import Observability, observability_of
+from basecal.estimation.observability.observability import Observability, observability_of, sparse_observability
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.correspondence import choose_correspondence
 from basecal.estimation.problem.problem import Problem, State
@@ -163,7 +163,11 @@ def solve_at_mode(
         with settings.stage("noise"):
             problem, end, noise = estimate_noise(problem, end, settings.iterations)
     with settings.stage("observability"):
-        seen = observability_of(problem, end.state, end.normal.hessian, noise.factor)
+        seen = None
+        if end.sparse is not None:
+            seen = sparse_observability(problem, end.state, end.sparse, noise.factor)
+        if seen is None:
+            seen = observability_of(problem, end.state, end.normal.hessian, noise.factor)
     covariance = seen.inverse * min(noise.factor, _LARGEST_FACTOR)
     return Solution(problem, end.state, covariance, seen, noise, end.cost, dof, end.converged, findings)
 

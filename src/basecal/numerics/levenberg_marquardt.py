@@ -12,6 +12,7 @@ import numpy as np
 
 from basecal.geometry import Array, BoolArray, IntArray
 from basecal.numerics.batch import concatenate, take, where
+from basecal.numerics.sparse_hessian import SparseHessian
 
 SETTLED_SIGMAS = 1e-5  # what may be left to go, in sigmas of the unknowns: no statistic of a result shows it
 STRAIGHT_SIGMAS = 1e-3  # how far the cost may miss its prediction where steps do not show all that moves [sigma]
@@ -26,7 +27,10 @@ S = TypeVar("S")
 
 
 class Linearised(Protocol):
-    """Problems to second order: cost (b,), gradient (b, p) and hessian (b, p, p), halves of the cost's derivatives."""
+    """Problems to second order: cost (b,), gradient (b, p) and hessian (b, p, p), halves of the cost's derivatives.
+
+    A single problem of many unknowns has a sparse hessian.
+    """
 
     @property
     def cost(self) -> Array:
@@ -37,8 +41,8 @@ class Linearised(Protocol):
         """(b, p)."""
 
     @property
-    def hessian(self) -> Array:
-        """(b, p, p)."""
+    def hessian(self) -> Array | SparseHessian:
+        """(b, p, p), or (p, p) where it is sparse."""
 
 
 class Quadratic(NamedTuple):
@@ -190,7 +194,7 @@ def _iterated(
     """One step of every problem; those that end with it leave the flight, and None is left where all do."""
     about = flight.about
     step = _damped_step(about, flight.damping)
-    expected = np.einsum("bi,bij,bj->b", step, about.hessian, step)
+    expected = _quadratic(about, step)
     settled = _settled(flight, step, expected, stop)
     candidate = system.retract(flight.state, about, step)
     done = settled & _undamped(flight, stop)
@@ -222,7 +226,7 @@ def _undamped(flight: _Flight[S, L], stop: Stop) -> BoolArray:
     if undamped.all():
         return undamped
     step = _damped_step(flight.about, np.full(len(undamped), _FIRST_DAMPING))
-    decrement = np.einsum("bi,bij,bj->b", step, flight.about.hessian, step)
+    decrement = _quadratic(flight.about, step)
     straight: BoolArray = undamped | (decrement <= stop.sigmas**2 * _scale(flight))
     return straight
 
@@ -267,7 +271,16 @@ def _moved(
     )
 
 
+def _quadratic(about: Linearised, step: Array) -> Array:
+    """`step' H step`, (b,)."""
+    if isinstance(about.hessian, SparseHessian):
+        return about.hessian.quadratic(step)
+    return np.asarray(np.einsum("bi,bij,bj->b", step, about.hessian, step))
+
+
 def _damped_step(about: Linearised, damping: Array) -> Array:
+    if isinstance(about.hessian, SparseHessian):
+        return about.hessian.damped_step(about.gradient, damping)
     diagonal = np.diagonal(about.hessian, axis1=-2, axis2=-1)
     scale = 1 / np.sqrt(np.maximum(diagonal, 1e-12 * diagonal.max(-1, initial=1e-300, keepdims=True)))
     scaled = about.hessian * scale[..., None, :] * scale[..., :, None]

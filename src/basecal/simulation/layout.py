@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -20,12 +21,14 @@ class Layout:
         cameras: The robot that carries each, or `world`.
         targets: Likewise.
         groups: Pairs (camera, target) that are seen at once; one group is recorded after another.
+        records_all: Whether robots that carry nothing of a group are recorded with it, parked.
     """
 
     robots: tuple[str, ...]
     cameras: Mapping[str, str]
     targets: Mapping[str, str]
     groups: tuple[tuple[View, ...], ...]
+    records_all: bool = True
 
     def carrier(self, name: str) -> str:
         """The robot that carries a camera or target, or `world`."""
@@ -38,13 +41,9 @@ class Layout:
 
 
 def layout_of(name: LayoutName, robots: int = 3) -> Layout:
-    """The plan of that name; `robots` counts those of a `chain`."""
-    if name == "chain":
-        names = tuple(f"r{k + 1}" for k in range(robots))
-        cameras = {f"camera{k + 1}": name for k, name in enumerate(names)}
-        targets = {f"board{k + 1}": name for k, name in enumerate(names)}
-        groups = tuple(((f"camera{k + 1}", f"board{(k + 1) % robots + 1}"),) for k in range(robots))
-        return Layout(names, cameras, targets, groups)
+    """The plan of that name; `robots` counts those of a `chain`, a `ring` or a `grid`."""
+    if name in ("chain", "ring", "grid"):
+        return _many(name, robots)
     wrist, both = (("wrist", "board"),), (("left_camera", "board"), ("right_camera", "board"))
     return {
         "dual": Layout(("eye", "hand"), {"wrist": "eye"}, {"board": "hand"}, (wrist,)),
@@ -55,3 +54,18 @@ def layout_of(name: LayoutName, robots: int = 3) -> Layout:
         ),
         "two_world_cameras": Layout(("arm",), {"left_camera": WORLD, "right_camera": WORLD}, {"board": "arm"}, (both,)),
     }[name]
+
+
+def _many(name: LayoutName, robots: int) -> Layout:
+    """Robots that each carry a camera and a board."""
+    names = tuple(f"r{k + 1}" for k in range(robots))
+    cameras = {f"camera{k + 1}": name for k, name in enumerate(names)}
+    targets = {f"board{k + 1}": name for k, name in enumerate(names)}
+    if name == "grid":
+        row = math.isqrt(robots)  # as near to a square as whole rows are, the last one shorter
+        seen = [(k, k + 1) for k in range(robots - 1) if (k + 1) % row] + [(k, k + row) for k in range(robots - row)]
+    else:
+        steps = (1, 2) if name == "ring" and robots > 2 else (1,)  # of two robots the next but one is the robot itself
+        seen = [(k, (k + step) % robots) for k in range(robots) for step in steps]
+    groups = tuple(((f"camera{a + 1}", f"board{b + 1}"),) for a, b in seen)
+    return Layout(names, cameras, targets, groups, records_all=name == "chain")

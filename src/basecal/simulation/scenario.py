@@ -17,7 +17,7 @@ from basecal.registry import TargetKindName
 
 Seen = Literal[TargetKindName, "pose", "points3d"]
 Arms = Literal["both", "eye_still", "hand_still", "halves", "stations"]
-LayoutName = Literal["dual", "eye_in_hand", "eye_to_hand", "two_cameras", "two_world_cameras", "chain"]
+LayoutName = Literal["dual", "eye_in_hand", "eye_to_hand", "two_cameras", "two_world_cameras", "chain", "ring", "grid"]
 
 _CHOICES = {
     "target": get_args(Seen),
@@ -43,8 +43,10 @@ class Scenario:
             hand moves at each.
         layout: `dual` (robots eye and hand), `eye_in_hand` and `eye_to_hand` (robot arm, camera or target on world),
             `two_cameras` (robots left and right, board on world), `two_world_cameras` (robot arm holds the
-            board), `chain` (a ring of robots r1, r2, ...: each sees the target of the next, one pair after another).
-        robots: How many robots are in a `chain`.
+            board), `chain` (a ring of robots r1, r2, ...: each sees the target of the next, one pair after another),
+            `ring` (likewise, and each sees the next but one: loops), `grid` (robots in rows, each sees those to its
+            right and below); of a `ring` and a `grid` only the pair's robots are recorded in a sample.
+        robots: How many robots are in a `chain`, `ring` or `grid`.
         stations: How many stations.
         base: What the cell states of the bases.
         camera_mount: What the cell states of the cameras' mounts.

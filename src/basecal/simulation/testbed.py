@@ -6,6 +6,7 @@ import numpy as np
 
 from basecal.cell.recording import Recording, RobotState, Sample
 from basecal.geometry import SE3
+from basecal.numerics.batch import concatenate
 from basecal.simulation.arms import with_arms
 from basecal.simulation.layout import layout_of
 from basecal.simulation.motion import Motion, draw_motions
@@ -22,8 +23,12 @@ def _laid_end_to_end(motions: list[Motion], scene: Scene, recorded: bool) -> dic
         states = motion.recorded if recorded else motion.true
         count = len(next(iter(states.values())))
         for robot, found in poses.items():
-            found.extend(states[robot][k] if robot in states else scene.parked[robot] for k in range(count))
-    return {robot: SE3.stack(found) for robot, found in poses.items()}
+            found.append(states[robot] if robot in states else _repeated(scene.parked[robot], count))
+    return {robot: concatenate(found) for robot, found in poses.items()}
+
+
+def _repeated(pose: SE3, count: int) -> SE3:
+    return SE3.adopt(np.broadcast_to(pose.rotation, (count, 3, 3)), np.broadcast_to(pose.translation, (count, 3)))
 
 
 def simulate(scenario: Scenario, seed: int) -> SimulatedCell:
@@ -40,18 +45,18 @@ def simulate(scenario: Scenario, seed: int) -> SimulatedCell:
     scene, arms = with_arms(scene, scenario, for_arms) if scenario.joints else (scene, {})
     motions = draw_motions(scene, scenario, for_motion, arms)
     seen = [found for motion in motions for found in observe(motion, scene, scenario, for_noise)]
-    # What every robot says in every sample: its joints where it has any, else its pose
     poses = _laid_end_to_end(motions, scene, recorded=True)
     joints = {robot: np.concatenate([motion.joints[robot] for motion in motions]) for robot in motions[0].joints}
-    recorded = {
-        robot: [RobotState(joints_rad=q) for q in joints[robot]]
-        if robot in joints
-        else [RobotState(found[k]) for k in range(len(found))]
-        for robot, found in poses.items()
-    }
+
+    def states(motion: Motion, k: int) -> dict[str, RobotState]:
+        """What is recorded of the robots in a sample."""
+        robots = scene.layout.robots if scene.layout.records_all else tuple(motion.recorded)
+        return {r: RobotState(joints_rad=joints[r][k]) if r in joints else RobotState(poses[r][k]) for r in robots}
+
+    of_samples = [motion for motion in motions for _ in range(len(next(iter(motion.recorded.values()))))]
     samples = tuple(
-        Sample(k, float(k), {robot: states[k] for robot, states in recorded.items()}, observations)
-        for k, observations in enumerate(seen)
+        Sample(k, float(k), states(motion, k), observations)
+        for k, (motion, observations) in enumerate(zip(of_samples, seen, strict=True))
     )
     cell = stated_cell(scene, scenario, for_priors, arms)
     true = _laid_end_to_end(motions, scene, recorded=False)

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
 
 from basecal.estimation.least_squares.normal_equations import NormalEquations, linearise, retract
+from basecal.estimation.least_squares.sparse_normal_equations import is_sparse, sparse_adjust
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import Array, BoolArray, IntArray
 from basecal.numerics.batch import concatenate, take
 from basecal.numerics.levenberg_marquardt import SETTLED_SIGMAS, Optima, Stop, levenberg_marquardt
+from basecal.numerics.sparse_hessian import SparseHessian
 
 ROUGH_SIGMAS = 1e-2  # what may be left to go where more rounds follow
 
@@ -21,16 +26,23 @@ class Optimum:
     Attributes:
         state: The state.
         cost: There, after the last step.
-        normal: The problem as it stood before the last step, but for its cost.
         converged: Whether it is an optimum.
         iterations: Steps tried.
+        found: See `normal`.
+        sparse: The hessian before the last step, of many unknowns; else None.
     """
 
     state: State
     cost: float
-    normal: NormalEquations
     converged: bool
     iterations: int
+    found: NormalEquations | Callable[[], NormalEquations]
+    sparse: SparseHessian | None = None
+
+    @cached_property
+    def normal(self) -> NormalEquations:
+        """The problem as it stood before the last step, but for its cost; of many unknowns as it stands at the end."""
+        return self.found() if callable(self.found) else self.found
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,10 +95,23 @@ def bundle_adjust(
         weights: What each view counts, (n,) by group; 1 where None.
         sigmas: What may be left to go.
     """
-    optima = _run(problem, state.spread(problem, 1), weights, _stop(problem, iterations, dof, sigmas))
-    only = take(optima, 0)
+    stop = _stop(problem, iterations, dof, sigmas)
+    if is_sparse(problem):
+        return _sparsely(problem, state, stop, weights)
+    only = take(_run(problem, state.spread(problem, 1), weights, stop), 0)
     normal = replace(only.about, cost=only.cost)
-    return Optimum(only.state, float(only.cost), normal, bool(only.converged), int(only.iterations))
+    return Optimum(only.state, float(only.cost), bool(only.converged), int(only.iterations), normal)
+
+
+def _sparsely(problem: Problem, state: State, stop: Stop, weights: Sequence[Array] | None) -> Optimum:
+    optima = sparse_adjust(problem, state, stop, weights)
+    end, cost = take(optima.state, 0), float(optima.cost[0])
+
+    def dense() -> NormalEquations:
+        """What few ask for, and takes long."""
+        return replace(linearise(problem, end, weights), cost=np.array(cost))
+
+    return Optimum(end, cost, bool(optima.converged[0]), int(optima.iterations[0]), dense, optima.about.hessian)
 
 
 def bundle_adjust_batch(

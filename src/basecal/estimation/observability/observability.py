@@ -16,6 +16,7 @@ from basecal.estimation.observability.motions import null_directions
 from basecal.estimation.observability.null_space import NullDirection, separate_null_space
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import Array
+from basecal.numerics.sparse_hessian import SparseHessian
 from basecal.numerics.spectral import above, spectrum
 
 _UNOBSERVABLE_SIGMA = 0.3  # [m, rad] of a direction: larger, no linear theory of it holds
@@ -72,6 +73,18 @@ def observability_of(problem: Problem, state: State, hessian: Array, factor: flo
     )
     condition = float(np.sqrt(values[-1] / values[0])) if not np.any(singular) else float("inf")
     return Observability(inverse, condition, directions, names, onto_held, length)
+
+
+def sparse_observability(problem: Problem, state: State, hessian: SparseHessian, factor: float) -> Observability | None:
+    """As `observability_of` where every direction is seen; None where it is not, or motions leave one open."""
+    length = _length(problem, state)
+    scaled = hessian.in_units(_scales(problem, state, length))
+    noise = max(factor, _SMALLEST_FACTOR)
+    smallest, largest = scaled.extremes
+    if smallest < noise / _UNOBSERVABLE_SIGMA**2 or null_directions(problem, state).shape[1]:
+        return None
+    inverse = hessian.inverse_at(np.arange(problem.width))
+    return Observability(inverse, float(np.sqrt(largest / smallest)), (), frozenset(), np.eye(problem.width), length)
 
 
 def _without_null_directions(problem: Problem, state: State, hessian: Array) -> Array:

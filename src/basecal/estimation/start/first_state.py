@@ -17,6 +17,7 @@ from basecal.cell import Cell, Unknown
 from basecal.errors import BasecalError
 from basecal.estimation.least_squares.cauchy_irls import cauchy_irls
 from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.start.all_pairs import placed_by_pairs
 from basecal.estimation.start.closed_form import Loop, solve_rotations, solve_translations
 from basecal.estimation.start.lens import lens_from_views
 from basecal.estimation.start.light_search import light_search
@@ -59,13 +60,15 @@ class _Known:
     def add_relation(self, eye_base: str | None, hand_base: str | None, relation: SE3) -> None:
         """Add `eye_base_from_hand_base`, and place every base that it leads to."""
         self.relations[eye_base, hand_base] = relation
-        for _ in self.relations:
+        placed = True
+        while placed:
+            placed = False
             for (a, b), a_from_b in self.relations.items():
                 at_a, at_b = self.base(a), self.base(b)
                 if at_a is not None and at_b is None and b is not None:
-                    self.transforms[b] = at_a @ a_from_b
+                    self.transforms[b], placed = at_a @ a_from_b, True
                 elif at_b is not None and at_a is None and a is not None:
-                    self.transforms[a] = at_b @ a_from_b.inverse()
+                    self.transforms[a], placed = at_b @ a_from_b.inverse(), True
 
 
 def first_state(problem: Problem, cell: Cell, thorough: bool) -> State:
@@ -108,17 +111,24 @@ def _search(problem: Problem, cell: Cell, thorough: bool) -> _Search[State]:
     cameras = lenses(problem, cell)
     most = _MANY if thorough else _FEW
     waiting = [pair_views(g, cameras.get(g.camera), *most) for g in problem.groups if len(g)]
+    sights = tuple(waiting)
     known = _Known(_given(problem))
+    in_vain: dict[int, str] = {}  # of a pair, what was unknown as it could not be started
     while waiting:
-        waiting.sort(key=lambda s: (len(_loop(s, known).unknown), s.candidates is None, -s.total))
+        unknown = {id(sight): _unknown(sight, known) for sight in waiting}
+        waiting.sort(key=lambda s: (len(unknown[id(s)]), s.candidates is None, -s.total))
         for sight in waiting:
+            if in_vain.get(id(sight)) == unknown[id(sight)]:
+                continue
             if (yield from _start(sight, known, problem, thorough, forced=False)):
                 break
+            in_vain[id(sight)] = unknown[id(sight)]
         else:
             sight = waiting[0]
             yield from _start(sight, known, problem, thorough, forced=True)
         waiting.remove(sight)
     transforms = {name: known.transforms.get(name) or _fallback(u) for name, u in problem.unknowns.items()}
+    transforms |= placed_by_pairs(problem, sights, transforms, _given(problem))
     return State(transforms, cameras, np.zeros((len(problem.stops), 6)))
 
 
@@ -161,6 +171,15 @@ def _loop(sight: PairViews, known: _Known, chosen: IntArray | None = None) -> Lo
     return sight.loop(known.transforms.get(g.camera_mount), y, known.transforms.get(g.target_mount), pick)
 
 
+def _unknown(sight: PairViews, known: _Known) -> str:
+    """As `Loop.unknown`, of a pair."""
+    g = sight.group
+    related = (g.eye_base, g.hand_base) in known.relations
+    has_y = related or all(base is None or base in known.transforms for base in (g.eye_base, g.hand_base))
+    has = {"x": g.camera_mount in known.transforms, "y": has_y, "z": g.target_mount in known.transforms}
+    return "".join(name for name, there in has.items() if not there)
+
+
 def _start(sight: PairViews, known: _Known, problem: Problem, thorough: bool, forced: bool) -> _Search[bool]:
     """Start one pair if the data determine it, or in any case where `forced`; whether it was done."""
     loop = _loop(sight, known)
@@ -193,21 +212,11 @@ def _closed(sight: PairViews, known: _Known) -> Triple | None:
         if not found.clear:
             return None
         triple = solve_translations(loop, found)
-        better = _nearer(sight, triple)
+        better = sight.nearer(triple)
         if np.mean(better != chosen) <= _FEW_CHANGES:
             break
         chosen = better
     return triple
-
-
-def _nearer(sight: PairViews, triple: Triple) -> IntArray:
-    """Which of each view's two poses lies nearer to what X, Y and Z predict, (n,)."""
-    assert sight.candidates is not None
-    x, y, z = triple
-    g = sight.group
-    predicted = (g.eye_base_from_eye_flange @ x).inverse() @ y @ g.hand_base_from_hand_flange @ z
-    agreement = np.einsum("nij,nkij->nk", predicted.rotation, sight.candidates.rotation)
-    return np.asarray(np.argmax(agreement, axis=-1), dtype=np.int64)
 
 
 def light_states(problem: Problem, cell: Cell, most: int) -> Iterator[State]:

@@ -48,6 +48,18 @@ class PairViews:
         b = SE3.identity((len(rows),)) if self.candidates is None else self.candidates[rows, chosen]
         return Loop(self.group.eye_base_from_eye_flange, b, self.group.hand_base_from_hand_flange, x, y, z, self.weight)
 
+    def predicted(self, triple: tuple[SE3, SE3, SE3]) -> SE3:
+        """Poses of the target in each view by X, Y and Z, (n,)."""
+        x, y, z = triple
+        g = self.group
+        return (g.eye_base_from_eye_flange @ x).inverse() @ y @ g.hand_base_from_hand_flange @ z
+
+    def nearer(self, triple: tuple[SE3, SE3, SE3]) -> IntArray:
+        """Which of each view's two poses lies nearer to what X, Y and Z predict, (n,)."""
+        assert self.candidates is not None
+        agreement = np.einsum("nij,nkij->nk", self.predicted(triple).rotation, self.candidates.rotation)
+        return np.asarray(np.argmax(agreement, axis=-1), dtype=np.int64)
+
 
 def pair_views(group: ViewGroup, camera: Camera | None, views: int, points: int) -> PairViews:
     """At most so many views of a group, spread evenly, and of their points about so many as a view has left."""

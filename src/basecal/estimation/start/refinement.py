@@ -46,7 +46,7 @@ class Refinement:
         group = self.views.group
         points = getattr(group.measurement, "points_in_target", np.zeros((0, 3)))
         kind = type(group.measurement), points.tobytes()
-        return group.camera, group.target, *kind, self.loop.unknown, self.is_point, self.searched
+        return *kind, self.loop.unknown, self.is_point, self.searched
 
 
 def refined_together(wishes: Sequence[Refinement], iterations: int = _STEPS) -> list[Triple]:

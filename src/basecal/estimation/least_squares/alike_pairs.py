@@ -1,0 +1,159 @@
+"""Pairs of camera and target that are alike in all but where they are, as one batch: each ties its own few unknowns.
+
+A cell of a hundred robots has hundreds of pairs. As a batch they are linearised at the cost of their views.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from basecal.cell import Unknown
+from basecal.estimation.least_squares.normal_equations import NormalEquations, linearise, retract
+from basecal.estimation.problem.problem import Problem, State, Stops, ViewGroup, has_noise
+from basecal.geometry import SE3, Array, Camera, IntArray
+from basecal.numerics.batch import stack
+
+_LENS = "camera"
+_ENDS = ("camera_mount", "eye_base", "hand_base", "target_mount")  # fields of a group that name transforms
+
+
+@dataclass(frozen=True, eq=False)
+class AlikePairs:
+    """Pairs of one structure.
+
+    Attributes:
+        problem: One group of views (b, n), whose unknowns have the names of the pair's fields.
+        groups: Which groups of the cell's problem they are, (b,).
+        names: Of each pair, the transform by the field that names it.
+        cameras: Of each pair.
+        rows: (b, n) the views in the pair's group, the first again where it has fewer.
+        weight: (b, n) 1, and 0 of views that are there again.
+        columns: (b, m) where the pair's unknowns stand among the cell's.
+        stops: (b, 2 n) the stops of eye and hand, or fewer where one of them has no noise.
+    """
+
+    problem: Problem
+    groups: tuple[int, ...]
+    names: tuple[Mapping[str, str], ...]
+    cameras: tuple[str, ...]
+    rows: IntArray
+    weight: Array
+    columns: IntArray
+    stops: IntArray
+
+    @cached_property
+    def _fields(self) -> tuple[str, ...]:
+        return tuple(self.names[0])
+
+    def state(self, of: State) -> State:
+        """The pairs' own states, (b,), of the cell's."""
+        transforms = {f: SE3.stack([of.transforms[names[f]] for names in self.names]) for f in self._fields}
+        cameras: dict[str, Camera] = {}
+        if self.cameras[0] in of.cameras:
+            lenses = [of.cameras[name] for name in self.cameras]
+            cameras[_LENS] = lenses[0].with_parameters(np.stack([lens.parameters for lens in lenses]))
+        return State(transforms, cameras, of.stop_errors[self.stops])
+
+    def linearise(self, own: State, weights: Sequence[Array] | None) -> NormalEquations:
+        """The pairs to second order, (b,); weights of views are by the cell's groups, 1 where None."""
+        weight = self.weight
+        if weights is not None:
+            weight = weight * np.stack([weights[g][row] for g, row in zip(self.groups, self.rows, strict=True)])
+        # Where every view is there once and counts, as without weights: this is the rule, and saves time.
+        return linearise(self.problem, own, None if weight.all() and np.all(weight == 1) else [weight])
+
+    def stop_errors(self, own: State, about: NormalEquations, step: Array) -> Array:
+        """The errors of the pairs' stops, (b, 2 n, 6), after a step of all columns (p,)."""
+        return retract(self.problem, own, about, step[self.columns]).stop_errors
+
+
+def alike_pairs(problem: Problem) -> tuple[AlikePairs, ...]:
+    """The pairs of a cell by structure; no stop that several views share may have noise."""
+    by_structure: dict[Hashable, list[int]] = defaultdict(list)
+    for number, group in enumerate(problem.groups):
+        if len(group):
+            by_structure[_structure(problem, group)].append(number)
+    return tuple(_together(problem, tuple(numbers)) for numbers in by_structure.values())
+
+
+def _structure(problem: Problem, group: ViewGroup) -> Hashable:
+    """What pairs of one batch have alike."""
+    points = getattr(group.measurement, "points_in_target", np.zeros((0, 3)))
+    lens = problem.lenses.get(group.camera)
+    widths = tuple((f, _width(problem, getattr(group, f))) for f in _ENDS if getattr(group, f) is not None)
+    # Each stop has a sigma of its own; those of a robot are alike.
+    sigmas = tuple(
+        problem.stops.sigma[s[0]].tobytes() if has_noise(s) else b"" for s in (group.eye_stop, group.hand_stop)
+    )
+    of_lens = (lens is not None, _width(problem, group.camera))
+    return type(group.measurement), points.tobytes(), group.eye is None, group.hand is None, widths, of_lens, sigmas
+
+
+def _width(problem: Problem, name: str) -> int:
+    where = problem.columns.get(name)
+    return 0 if where is None else where.stop - where.start
+
+
+def _together(problem: Problem, numbers: tuple[int, ...]) -> AlikePairs:
+    groups = [problem.groups[number] for number in numbers]
+    fields = [f for f in _ENDS if getattr(groups[0], f) is not None]
+    most = max(map(len, groups))
+    rows = np.stack([np.where(np.arange(most) < len(g), np.arange(most), 0) for g in groups])
+    taken = [group.take(row) for group, row in zip(groups, rows, strict=True)]
+    columns, at = {}, 0
+    for name, width in [
+        *((f, _width(problem, getattr(groups[0], f))) for f in fields),
+        (_LENS, _width(problem, groups[0].camera)),
+    ]:
+        if width:
+            columns[name] = slice(at, at + width)
+            at += width
+    where = [
+        np.concatenate([_range(problem, getattr(group, f) if f in fields else group.camera) for f in columns])
+        for group in groups
+    ]
+    noisy = [stop for stop in ("eye_stop", "hand_stop") if has_noise(getattr(groups[0], stop))]
+    own = {stop: k * most + np.arange(most) for k, stop in enumerate(noisy)}
+    stops = np.stack(
+        [np.concatenate([getattr(g, s) for s in noisy]) if noisy else np.zeros(0, dtype=np.int64) for g in taken]
+    )
+    first = taken[0]
+    batch = replace(
+        first,
+        camera=_LENS,
+        target="target",
+        **{f: f for f in fields},
+        sample=np.stack([g.sample for g in taken]),
+        eye_base_from_eye_flange=SE3.stack([g.eye_base_from_eye_flange for g in taken]),
+        hand_base_from_hand_flange=SE3.stack([g.hand_base_from_hand_flange for g in taken]),
+        eye_stop=own.get("eye_stop", first.eye_stop),
+        hand_stop=own.get("hand_stop", first.hand_stop),
+        measurement=stack([g.measurement for g in taken]),
+        readings=(),
+        half_turn=None,
+        eye_joints=None,
+        hand_joints=None,
+    )
+    sigma = problem.stops.sigma[stops[0]]
+    unknowns = {f: Unknown("free") for f in fields}
+    points = frozenset(f for f in fields if columns.get(f) and columns[f].stop - columns[f].start == 3)
+    return AlikePairs(
+        Problem(problem.reference, (batch,), unknowns, points, {}, Stops(sigma), columns),
+        numbers,
+        tuple({f: getattr(group, f) for f in fields} for group in groups),
+        tuple(group.camera for group in groups),
+        rows,
+        (np.arange(most) < np.array([[len(g)] for g in groups])).astype(float),
+        np.stack(where),
+        stops,
+    )
+
+
+def _range(problem: Problem, name: str) -> IntArray:
+    where = problem.columns[name]
+    return np.arange(where.start, where.stop)

@@ -1,0 +1,106 @@
+"""Normal equations of a cell of many robots, sparse by the graph of who sees whom.
+
+Each pair of camera and target ties at most two mounts, two bases and a lens: of a hundred robots a hundredth of the
+matrix is not zero, and factors of it hardly more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_array, csc_array
+
+from basecal.estimation.least_squares.alike_pairs import AlikePairs, alike_pairs
+from basecal.estimation.least_squares.normal_equations import NormalEquations, prior_residuals, retract, shared_stops
+from basecal.estimation.problem.problem import Problem, State
+from basecal.geometry import Array, IntArray
+from basecal.numerics.batch import take
+from basecal.numerics.levenberg_marquardt import Optima, Stop, levenberg_marquardt
+from basecal.numerics.sparse_hessian import SparseHessian
+
+MANY_COLUMNS = 300
+"""From so many unknowns on the sparse way is faster: benchmarks.robots."""
+
+
+def is_sparse(problem: Problem) -> bool:
+    """Whether a problem has many unknowns, of which each view moves few and shares no error with another view."""
+    if problem.width < MANY_COLUMNS or problem.models:
+        return False
+    return not np.any(shared_stops(problem) >= 0)
+
+
+@dataclass(frozen=True, eq=False)
+class SparseNormalEquations:
+    """A problem to second order about a state, as a batch of one; see `NormalEquations`."""
+
+    cost: Array
+    gradient: Array
+    hessian: SparseHessian
+    pairs: tuple[NormalEquations, ...]
+    states: tuple[State, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class SparseBundle:
+    """A problem as Levenberg-Marquardt knows it; see `numerics.levenberg_marquardt.System`."""
+
+    problem: Problem
+    pairs: tuple[AlikePairs, ...]
+    weights: Sequence[Array] | None = None
+
+    def linearise(self, state: State) -> SparseNormalEquations:
+        """See `System`."""
+        alone = take(state, 0) if state.batch else state
+        own = tuple(pairs.state(alone) for pairs in self.pairs)
+        found = tuple(pairs.linearise(of, self.weights) for pairs, of in zip(self.pairs, own, strict=True))
+        gradient, blocks = np.zeros(self.problem.width), [_nothing()]
+        cost = float(sum(of.cost.sum() for of in found))
+        for pairs, of in zip(self.pairs, found, strict=True):
+            np.add.at(gradient, pairs.columns, of.gradient)
+            blocks.append(_spread(pairs.columns, of.hessian))
+        for residual, jacobian, where in prior_residuals(self.problem, alone):
+            columns = np.arange(where.start, where.stop)
+            cost += float(residual @ residual)
+            gradient[columns] += jacobian.T @ residual
+            blocks.append(_spread(columns[None], (jacobian.T @ jacobian)[None]))
+        rows, columns, values = (np.concatenate(part) for part in zip(*blocks, strict=True))
+        matrix = csc_array(coo_array((values, (rows, columns)), shape=(self.problem.width, self.problem.width)))
+        return SparseNormalEquations(np.array([cost]), gradient[None], SparseHessian(matrix), found, own)
+
+    def retract(self, state: State, about: SparseNormalEquations, step: Array) -> State:
+        """See `System`."""
+        without_stops = NormalEquations(about.cost, about.gradient, np.zeros(0), np.zeros(1), (), None)
+        moved = retract(self.problem, state, without_stops, step)
+        errors = state.stop_errors.copy()
+        for pairs, of, own in zip(self.pairs, about.pairs, about.states, strict=True):
+            errors[0, pairs.stops] = pairs.stop_errors(own, of, step[0])
+        return State(moved.transforms, moved.cameras, errors, moved.robots)
+
+    def take(self, rows: IntArray) -> SparseBundle:
+        """See `System`."""
+        return self
+
+
+def sparse_adjust(
+    problem: Problem, state: State, stop: Stop, weights: Sequence[Array] | None = None
+) -> Optima[State, SparseNormalEquations]:
+    """The optimum downhill of a state, a batch of one; see `bundle_adjust`."""
+    return levenberg_marquardt(sparse_bundle(problem, weights), state.spread(problem, 1), stop)
+
+
+def sparse_bundle(problem: Problem, weights: Sequence[Array] | None = None) -> SparseBundle:
+    """A problem for which `is_sparse` holds."""
+    return SparseBundle(problem, alike_pairs(problem), weights)
+
+
+def _nothing() -> tuple[IntArray, IntArray, Array]:
+    return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0)
+
+
+def _spread(columns: IntArray, blocks: Array) -> tuple[IntArray, IntArray, Array]:
+    """Rows, columns and values of blocks (b, m, m) at columns (b, m)."""
+    row = np.broadcast_to(columns[:, :, None], blocks.shape)
+    column = np.broadcast_to(columns[:, None, :], blocks.shape)
+    return row.ravel(), column.ravel(), blocks.ravel()

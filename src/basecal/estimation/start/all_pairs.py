@@ -1,0 +1,116 @@
+"""Many bases and what their robots carry, placed by all pairs of camera and target at once.
+
+One after another they drift: what the last pairs of a long ring see may lie behind their cameras then. Here each pair
+is refined alone, all of them side by side; bases go where all pairs agree best, those that close loops among them.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Collection, Mapping, Sequence
+
+import numpy as np
+
+from basecal.estimation.problem.problem import Problem
+from basecal.estimation.start.base_graph import Relation, placed_by_all
+from basecal.estimation.start.pair_views import PairViews
+from basecal.estimation.start.refinement import Refinement, Triple, refined_together
+from basecal.geometry import SE3, Array, BoolArray
+
+_LONG_RING = 8  # bases: of fewer none drifts farther than a descent mends
+_WRONG = 4.0  # over the median of pairs: noise does not make one fit so badly
+
+
+def placed_by_pairs(
+    problem: Problem, sights: Sequence[PairViews], transforms: Mapping[str, SE3], given: Collection[str]
+) -> dict[str, SE3]:
+    """Free bases and mounts where all pairs have them; nothing where bases are few, or some of them are known.
+
+    Args:
+        problem: The problem.
+        sights: Its pairs.
+        transforms: Where everything is about.
+        given: Names of what is known and stays.
+    """
+    bases = {base for s in sights for base in (s.group.eye_base, s.group.hand_base) if base is not None}
+    if len(bases) < _LONG_RING or bases & set(given):
+        return {}
+    seen = [s for s in sights if s.candidates is not None and s.group.eye_base != s.group.hand_base]
+    triples = _refined(problem, seen, transforms, given)
+    misfit = np.array([_misfit(sight, triple) for sight, triple in zip(seen, triples, strict=True)])
+    right = _right(misfit)
+    if not _reaches(bases, [sight for sight, good in zip(seen, right, strict=True) if good]):
+        return {}
+    mounts: dict[str, SE3] = {}
+    for k in np.argsort(-misfit):  # the best last, and so kept
+        mounts[seen[k].group.camera_mount], mounts[seen[k].group.target_mount] = triples[k][0], triples[k][2]
+    told = [Relation(seen[k].group.eye_base, seen[k].group.hand_base, triples[k][1]) for k in np.flatnonzero(right)]
+    free = {name: pose for name, pose in mounts.items() if name not in given}
+    return free | placed_by_all(_along(bases, told), told)
+
+
+def _refined(
+    problem: Problem, seen: Sequence[PairViews], transforms: Mapping[str, SE3], given: Collection[str]
+) -> list[Triple]:
+    """X, Y and Z of each pair, refined alone; where one fits much worse than others, its rotations are searched."""
+    wishes = [_wish(problem, sight, transforms, given) for sight in seen]
+    triples = refined_together(wishes)
+    misfit = np.array([_misfit(sight, triple) for sight, triple in zip(seen, triples, strict=True)])
+    bad = np.flatnonzero(~_right(misfit))
+    again = [Refinement(w.views, w.loop, w.starts, w.is_point, searched=True) for w in (wishes[k] for k in bad)]
+    for k, triple in zip(bad, refined_together(again), strict=True):
+        if _misfit(seen[k], triple) < misfit[k]:
+            triples[k] = triple
+    return triples
+
+
+def _wish(problem: Problem, sight: PairViews, transforms: Mapping[str, SE3], given: Collection[str]) -> Refinement:
+    g = sight.group
+    x, z = transforms[g.camera_mount], transforms[g.target_mount]
+    eye, hand = (SE3.identity() if base is None else transforms[base] for base in (g.eye_base, g.hand_base))
+    triple = (x, eye.inverse() @ hand, z)
+    known_x, known_z = (x if g.camera_mount in given else None), (z if g.target_mount in given else None)
+    loop = sight.loop(known_x, None, known_z, sight.nearer(triple))
+    return Refinement(sight, loop, [triple], g.target_mount in problem.point_mounts)
+
+
+def _misfit(sight: PairViews, triple: Triple) -> float:
+    """How far a pair's views are turned from where X, Y and Z have them, the median [rad]."""
+    assert sight.candidates is not None
+    chosen = sight.nearer(triple)
+    own = sight.candidates[np.arange(len(chosen)), chosen]
+    off = (own.inverse() @ sight.predicted(triple)).rotvec
+    found = float(np.median(np.linalg.norm(off, axis=-1)))
+    return found if np.isfinite(found) else np.inf
+
+
+def _right(misfit: Array) -> BoolArray:
+    return np.asarray(misfit <= _WRONG * np.median(misfit))
+
+
+def _neighbours(relations: Sequence[Relation]) -> dict[str | None, list[tuple[str | None, SE3]]]:
+    """Bases that a base is related to, with where they stand in it."""
+    found: dict[str | None, list[tuple[str | None, SE3]]] = defaultdict(list)
+    for of in relations:
+        found[of.eye_base].append((of.hand_base, of.eye_base_from_hand_base))
+        found[of.hand_base].append((of.eye_base, of.eye_base_from_hand_base.inverse()))
+    return found
+
+
+def _reaches(bases: Collection[str], sights: Sequence[PairViews]) -> bool:
+    """Whether pairs lead from the reference to every base."""
+    nowhere = SE3.identity()
+    told = [Relation(s.group.eye_base, s.group.hand_base, nowhere) for s in sights]
+    return _along(bases, told).keys() >= set(bases)
+
+
+def _along(bases: Collection[str], relations: Sequence[Relation]) -> dict[str, SE3]:
+    """Where bases stand in the world by the fewest relations that lead to them."""
+    near, placed = _neighbours(relations), {None: SE3.identity()}
+    waiting: list[str | None] = [None]
+    for name in waiting:  # grows
+        for other, from_other in near[name]:
+            if other not in placed:
+                placed[other] = placed[name] @ from_other
+                waiting.append(other)
+    return {name: pose for name, pose in placed.items() if name is not None and name in bases}

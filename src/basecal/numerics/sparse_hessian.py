@@ -1,0 +1,109 @@
+"""Hessians of many unknowns that few residuals tie together each: sparse, factorised, and their inverses in part."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import csc_array, diags_array
+from scipy.sparse.linalg import LinearOperator, SuperLU, eigsh, splu
+
+from basecal.geometry import Array, IntArray
+from basecal.numerics.spectral import ROUNDING
+
+_LEAST_DIAGONAL = 1e-12  # of the largest: a column without information scales by it, not by nothing
+_TOLERANCE = 1e-3  # relative, of an eigenvalue that is compared with limits of one digit
+_AT_A_TIME = 512  # right-hand sides that are solved for together: some tens of megabytes of ten thousand unknowns
+
+
+@dataclass(frozen=True, eq=False)
+class SparseHessian:
+    """A symmetric, positive semidefinite matrix (p, p), mostly zeros."""
+
+    matrix: csc_array
+
+    def quadratic(self, step: Array) -> Array:
+        """`step' H step` of steps (1, p), (1,)."""
+        return np.array([step[0] @ (self.matrix @ step[0])])
+
+    def damped_step(self, gradient: Array, damping: Array) -> Array:
+        """The step (1, p) downhill by a gradient (1, p), as the scaled diagonal is raised by a damping (1,).
+
+        Raises:
+            LinAlgError: if the matrix is singular even so.
+        """
+        if not np.isfinite(self.matrix.data).all():  # as NumPy does, which says nothing of what is no number
+            return np.full_like(gradient, np.nan)
+        factor = _factorised(self._scaled + float(damping[0]) * diags_array(np.ones(len(self._scale)), format="csc"))
+        step = -self._scale * factor.solve(self._scale * gradient[0])
+        return np.asarray(step[None])
+
+    @cached_property
+    def _scale(self) -> Array:
+        diagonal = self.matrix.diagonal()
+        return np.asarray(1 / np.sqrt(np.maximum(diagonal, _LEAST_DIAGONAL * diagonal.max(initial=1e-300))))
+
+    @cached_property
+    def _scaled(self) -> csc_array:
+        by = diags_array(self._scale, format="csc")
+        return csc_array(by @ self.matrix @ by)
+
+    @cached_property
+    def factor(self) -> SuperLU:
+        """Of the scaled matrix.
+
+        Raises:
+            LinAlgError: if it is singular.
+        """
+        return _factorised(self._scaled)
+
+    @cached_property
+    def extremes(self) -> tuple[float, float]:
+        """The smallest and the largest eigenvalue; the smallest is 0 where it is rounding of the largest."""
+        largest = _largest(len(self._scale), lambda x: self.matrix @ x)
+        try:
+            smallest = 1 / _largest(len(self._scale), lambda x: self._scale * self.factor.solve(self._scale * x))
+        except np.linalg.LinAlgError:
+            return 0.0, largest
+        return (smallest if smallest > ROUNDING * largest else 0.0), largest
+
+    def in_units(self, scale: Array) -> SparseHessian:
+        """The same of unknowns (p,) of which one is `scale` of the old."""
+        by = diags_array(scale, format="csc")
+        return SparseHessian(csc_array(by @ self.matrix @ by))
+
+    def inverse_columns(self, columns: IntArray) -> Array:
+        """Columns of the inverse, (p, c)."""
+        out = np.empty((len(self._scale), len(columns)))
+        for at in range(0, len(columns), _AT_A_TIME):
+            some = columns[at : at + _AT_A_TIME]
+            right = np.zeros((len(self._scale), len(some)))
+            right[some, np.arange(len(some))] = self._scale[some]
+            out[:, at : at + len(some)] = self._scale[:, None] * self.factor.solve(right)
+        return out
+
+    def inverse_at(self, columns: IntArray) -> Array:
+        """The inverse at rows and columns (c,), (c, c), symmetric."""
+        found = np.empty((len(columns), len(columns)))
+        for at in range(0, len(columns), _AT_A_TIME):
+            some = columns[at : at + _AT_A_TIME]
+            found[:, at : at + len(some)] = self.inverse_columns(some)[columns]
+        return 0.5 * (found + found.T)
+
+
+def _factorised(matrix: csc_array) -> SuperLU:
+    try:
+        return splu(
+            csc_array(matrix), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}, diag_pivot_thresh=0.0
+        )
+    except RuntimeError as error:  # SciPy's own word for what NumPy calls a LinAlgError
+        raise np.linalg.LinAlgError("the unknowns have no solution") from error
+
+
+def _largest(size: int, apply: Callable[[Array], Array]) -> float:
+    """The largest eigenvalue of a symmetric operator."""
+    operator = LinearOperator((size, size), matvec=apply, dtype=np.float64)
+    start = np.random.default_rng(0).standard_normal(size)  # the same in every run
+    return float(eigsh(operator, k=1, which="LA", v0=start, tol=_TOLERANCE, return_eigenvectors=False)[0])

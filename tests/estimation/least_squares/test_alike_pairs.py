@@ -1,0 +1,42 @@
+"""Pairs of one structure go together, whatever they are called and however many views they have."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from basecal.estimation.least_squares.alike_pairs import alike_pairs
+from basecal.estimation.problem.build import build_problem
+from basecal.simulation import Scenario, simulate
+
+
+def problem(scenario: Scenario):
+    made = simulate(scenario, 1)
+    return build_problem(made.cell, made.recording)[0]
+
+
+def test_rings_are_one_batch_but_for_the_reference() -> None:
+    """Every pair is in one batch, once; pairs of the reference have a base less on one side or the other."""
+    ring = problem(Scenario(layout="ring", robots=5, samples=53, robot_noise=(1e-4, 1e-4)))
+    batches = alike_pairs(ring)
+    assert sorted(number for of in batches for number in of.groups) == list(range(10))
+    assert sorted(len(of.groups) for of in batches) == [2, 2, 6]
+    for of in batches:
+        assert of.weight.sum() == sum(len(ring.groups[number]) for number in of.groups)
+        for names, columns in zip(of.names, of.columns, strict=True):
+            expected = [
+                np.arange(ring.columns[n].start, ring.columns[n].stop) for n in names.values() if n in ring.columns
+            ]
+            np.testing.assert_array_equal(columns, np.concatenate(expected))
+
+
+def test_other_noise_is_another_batch() -> None:
+    """Stops of one batch have the same sigmas."""
+    ring = problem(Scenario(layout="ring", robots=5, samples=50, robot_noise=(1e-4, 1e-4)))
+    noisier = np.array(ring.stops.robot) == "r3"
+    sigma = np.where(noisier[:, None], 2 * ring.stops.sigma, ring.stops.sigma)
+    batches = alike_pairs(replace(ring, stops=replace(ring.stops, sigma=sigma)))
+    assert len(batches) > 3
+    for of in batches:
+        assert all((sigma[stops] == of.problem.stops.sigma).all() for stops in of.stops)

@@ -1,0 +1,83 @@
+"""Sparse hessians do what dense ones do."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.sparse import csc_array
+
+from basecal.numerics.levenberg_marquardt import Quadratic, Stop, _damped_step, levenberg_marquardt
+from basecal.numerics.sparse_hessian import SparseHessian
+
+
+@pytest.fixture
+def dense(rng):
+    """A band of information on 12 unknowns, of very different sizes, (12, 12)."""
+    rows = np.eye(12) + 0.3 * np.eye(12, k=1) + 0.1 * rng.standard_normal((12, 12)) * (np.eye(12) + np.eye(12, k=3))
+    rows = rows * np.geomspace(1, 1e3, 12)
+    return rows.T @ rows
+
+
+def test_steps_are_those_of_a_dense_one(dense, rng) -> None:
+    """Damped and not, and what they promise."""
+    gradient, sparse = rng.standard_normal((1, 12)), SparseHessian(csc_array(dense))
+    for damping in (1e-9, 0.1, 100.0):
+        expected = _damped_step(Quadratic(np.zeros(1), gradient, dense[None]), np.array([damping]))
+        np.testing.assert_allclose(sparse.damped_step(gradient, np.array([damping])), expected, rtol=1e-9)
+    np.testing.assert_allclose(sparse.quadratic(gradient), gradient @ dense @ gradient[0])
+
+
+def test_parts_of_the_inverse(dense) -> None:
+    """At any columns, symmetric."""
+    sparse, inverse = SparseHessian(csc_array(dense)), np.linalg.inv(dense)
+    np.testing.assert_allclose(sparse.inverse_columns(np.array([3, 7])), inverse[:, [3, 7]], rtol=1e-9)
+    found = sparse.inverse_at(np.array([11, 0, 5]))
+    np.testing.assert_allclose(found, inverse[np.ix_([11, 0, 5], [11, 0, 5])], rtol=1e-9)
+    np.testing.assert_array_equal(found, found.T)
+
+
+def test_extremes_are_eigenvalues(dense) -> None:
+    """In any units; nothing is the smallest where a direction is rounding or missing."""
+    values = np.linalg.eigvalsh(dense)
+    assert SparseHessian(csc_array(dense)).extremes == pytest.approx((values[0], values[-1]), rel=5e-3)
+    scale = np.geomspace(1, 1e-3, 12)
+    scaled = SparseHessian(csc_array(dense)).in_units(scale)
+    np.testing.assert_allclose(scaled.matrix.toarray(), dense * scale * scale[:, None])
+    rows = np.eye(12)
+    rows[4] = rows[5]
+    assert SparseHessian(csc_array(rows.T @ rows)).extremes[0] == 0.0
+    rows[4] = rows[5] + rows[6]
+    rows[6] = rows[5] - rows[7]
+    rows[7] = rows[4] - rows[6]
+    assert SparseHessian(csc_array(rows.T @ rows)).extremes[0] == 0.0
+
+
+def test_what_is_no_number_has_no_step(dense) -> None:
+    """As of a dense one."""
+    dense[0, 0] = np.inf
+    step = SparseHessian(csc_array(dense)).damped_step(np.ones((1, 12)), np.array([1e-9]))
+    assert np.isnan(step).all()
+
+
+class _Line:
+    """Least squares of a straight problem, as Levenberg-Marquardt knows it."""
+
+    def __init__(self, dense):
+        self.hessian = SparseHessian(csc_array(dense))
+
+    def linearise(self, state):
+        gradient = self.hessian.matrix @ (state[0] - 1)
+        return Quadratic(np.array([(state[0] - 1) @ gradient + 2.0]), gradient[None], self.hessian)
+
+    def retract(self, state, about, step):
+        return state + step
+
+    def take(self, rows):
+        return self
+
+
+def test_descents_take_them(dense) -> None:
+    """To the optimum, where every unknown is one."""
+    found = levenberg_marquardt(_Line(dense), np.zeros((1, 12)), Stop())
+    assert found.converged.all()
+    np.testing.assert_allclose(found.state, 1.0, atol=1e-6)
