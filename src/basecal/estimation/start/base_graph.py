@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import coo_array, csc_array
 
 from basecal.geometry import SE3, Array
-from basecal.geometry.se3 import right_jacobian_inverse
+from basecal.geometry.se3_jacobians import right_jacobian_inverse
 from basecal.numerics.sparse_hessian import SparseHessian
 
 _ROUNDS = 10  # of Gauss-Newton; relations that nearly agree need three
