@@ -122,28 +122,11 @@ def _together(problem: Problem, numbers: tuple[int, ...]) -> AlikePairs:
     stops = np.stack(
         [np.concatenate([getattr(g, s) for s in noisy]) if noisy else np.zeros(0, dtype=np.int64) for g in taken]
     )
-    first = taken[0]
-    batch = replace(
-        first,
-        camera=_LENS,
-        target="target",
-        **{f: f for f in fields},
-        sample=np.stack([g.sample for g in taken]),
-        eye_base_from_eye_flange=SE3.stack([g.eye_base_from_eye_flange for g in taken]),
-        hand_base_from_hand_flange=SE3.stack([g.hand_base_from_hand_flange for g in taken]),
-        eye_stop=own.get("eye_stop", first.eye_stop),
-        hand_stop=own.get("hand_stop", first.hand_stop),
-        measurement=stack([g.measurement for g in taken]),
-        readings=(),
-        half_turn=None,
-        eye_joints=None,
-        hand_joints=None,
-    )
     sigma = problem.stops.sigma[stops[0]]
     unknowns = {f: Unknown("free") for f in fields}
     points = frozenset(f for f in fields if columns.get(f) and columns[f].stop - columns[f].start == 3)
     return AlikePairs(
-        Problem(problem.reference, (batch,), unknowns, points, {}, Stops(sigma), columns),
+        Problem(problem.reference, (_one_group(taken, own),), unknowns, points, {}, Stops(sigma), columns),
         numbers,
         tuple({f: getattr(group, f) for f in fields} for group in groups),
         tuple(group.camera for group in groups),
@@ -157,3 +140,27 @@ def _together(problem: Problem, numbers: tuple[int, ...]) -> AlikePairs:
 def _range(problem: Problem, name: str) -> IntArray:
     where = problem.columns[name]
     return np.arange(where.start, where.stop)
+
+
+def _one_group(taken: Sequence[ViewGroup], own: Mapping[str, IntArray]) -> ViewGroup:
+    """The views of pairs as one group (b, n), the stops as all its entries number them."""
+    first = taken[0]
+    return replace(
+        first,
+        camera=_LENS,
+        target="target",
+        camera_mount="camera_mount",
+        target_mount="target_mount",
+        eye_base=None if first.eye_base is None else "eye_base",
+        hand_base=None if first.hand_base is None else "hand_base",
+        sample=np.stack([g.sample for g in taken]),
+        eye_base_from_eye_flange=SE3.stack([g.eye_base_from_eye_flange for g in taken]),
+        hand_base_from_hand_flange=SE3.stack([g.hand_base_from_hand_flange for g in taken]),
+        eye_stop=own.get("eye_stop", first.eye_stop),
+        hand_stop=own.get("hand_stop", first.hand_stop),
+        measurement=stack([g.measurement for g in taken]),
+        readings=(),
+        half_turn=None,
+        eye_joints=None,
+        hand_joints=None,
+    )

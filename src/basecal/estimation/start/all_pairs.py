@@ -56,7 +56,7 @@ def _refined(
     wishes = [_wish(problem, sight, transforms, given) for sight in seen]
     triples = refined_together(wishes)
     misfit = np.array([_misfit(sight, triple) for sight, triple in zip(seen, triples, strict=True)])
-    bad = np.flatnonzero(~_right(misfit))
+    bad = [int(k) for k in np.flatnonzero(~_right(misfit))]
     again = [Refinement(w.views, w.loop, w.starts, w.is_point, searched=True) for w in (wishes[k] for k in bad)]
     for k, triple in zip(bad, refined_together(again), strict=True):
         if _misfit(seen[k], triple) < misfit[k]:
@@ -106,7 +106,8 @@ def _reaches(bases: Collection[str], sights: Sequence[PairViews]) -> bool:
 
 def _along(bases: Collection[str], relations: Sequence[Relation]) -> dict[str, SE3]:
     """Where bases stand in the world by the fewest relations that lead to them."""
-    near, placed = _neighbours(relations), {None: SE3.identity()}
+    near = _neighbours(relations)
+    placed: dict[str | None, SE3] = {None: SE3.identity()}
     waiting: list[str | None] = [None]
     for name in waiting:  # grows
         for other, from_other in near[name]:
