@@ -18,6 +18,7 @@ from benchmarks import (
     detectors,
     few_pictures,
     held_out,
+    live,
     mutants,
     mutations,
     outliers,
@@ -322,6 +323,19 @@ off by up to {1e3 * result["offset_s"]:g} ms. The offset's 95 % interval is to h
     return f"{about}\n\n{table(clocks.HEAD, [clocks.row(name, of) for name, of in result['rows'].items()])}"
 
 
+def _live(result: Result) -> str:
+    memory, cores = result["memory_mb"], result["cores"]
+    about = f"""\
+{result["minutes"]:g} minutes of {live.JOINTS_HZ} joint states and {live.PICTURES_HZ} pictures of {live.SIZE_PX[0]} x \
+{live.SIZE_PX[1]} a second, sent by another process over DDS on
+this computer and taken by the driver `ros2`, each with its own stamp written into it. States and pictures that wait
+while another is taken are passed over: a capture asks for the newest. The load of the machine was {result["load"]:g} \
+(both processes ran before others, at niceness {result["niceness"]}); the
+driver took {cores["this"]:.2f} of a core, the sender {cores["sender"]:.2f}; memory was {memory["after_warm_up"]:g} MB \
+after ten seconds, {memory["end"]:g} MB at the end and {memory["largest"]:g} MB at most."""
+    return f"{about}\n\n{table(live.HEAD, result['rows'])}"
+
+
 def _verify(result: Result) -> str:
     about = f"""\
 Cells calibrated from {verify.CALIBRATED} simulated samples and checked with one to {verify.MOST_NEW} more. Asked: false
@@ -359,6 +373,7 @@ SECTIONS: dict[str, tuple[str, Callable[[Result], str]]] = {
     "sag": ("Sag", sag.section),
     "clocks": ("Clocks", _clocks),
     "verify": ("Whether anything has moved", _verify),
+    "live": ("A running ROS 2", _live),
     "solve": ("Speed beside other solvers", _solve),
     "batch": ("Calibrations a second", _batch),
     "study": ("Studies", _study),

@@ -1,8 +1,12 @@
-"""A network between a driver and what it talks to, with faults: a proxy of one TCP port."""
+"""A network between a driver and what it talks to, with faults: a proxy of one TCP port.
+
+As a process of its own: `python -m shared.network HOST PORT AT_HOST AT_PORT`, faults being lines on the standard input.
+"""
 
 from __future__ import annotations
 
 import socket
+import sys
 import threading
 import time
 from contextlib import contextmanager, suppress
@@ -61,3 +65,22 @@ def network(host, port, at=("127.0.0.1", 0)):
             server.shutdown(socket.SHUT_RDWR)
             net.cut()
             thread.join(timeout=5)
+
+
+def main(host, port, at_host, at_port):
+    """A network in a process of its own: some clients hold Python while they wait for an answer."""
+    with network(host, int(port), (at_host, int(at_port))) as (net, _):
+        print("ready", flush=True)
+        for line in sys.stdin:
+            word, *rest = line.split()
+            if word == "delay":
+                net.delay_s = float(rest[0])
+            elif word == "silent":
+                net.silent = rest == ["on"]
+            elif word == "cut":
+                net.cut()
+            print("ok", flush=True)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

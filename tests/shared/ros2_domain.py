@@ -22,10 +22,10 @@ CELL = two_arms("led").cell
 
 
 @contextmanager
-def ros2(*words, cell=CELL):
+def ros2(*words, cell=CELL, **environment):
     """The process, and where a robot or camera of it is in a cell; words are rates and sizes as it takes them."""
     os.environ["CYCLONEDDS_URI"] = LOOPBACK
-    with second_process("shared.ros2_publisher", DOMAIN, *words) as process:
+    with second_process("shared.ros2_publisher", DOMAIN, *words, **environment) as process:
         process.place = lambda name, **options: Place(
             name, cell, Path("."), {"domain": DOMAIN, "reconnect_s": 5.0, **options}
         )

@@ -81,6 +81,7 @@ class Publisher:
         self.width, self.height = width, height
         self.ground = (np.arange(width * height) % 251).astype(np.uint8)
         self.frozen, self.partial, self.running = False, False, True
+        self.sent = {"joints": 0, "pictures": 0}
         latched = {"is_latched": True, "depth": 10}
         plain = {"is_latched": False}
         self.joints = Speaker(domain, "/joint_states", "sensor_msgs/msg/JointState", depth=50, **plain)
@@ -116,15 +117,20 @@ class Publisher:
             time.sleep(max(0.0, due - time.monotonic()))
             if rate:
                 send()
+                self.sent[name] += 1
 
     def obey(self, words):
+        """Do what a line says, and give what is to be answered."""
         word, *rest = words
+        if word == "sent":
+            return f"{self.sent['joints']} {self.sent['pictures']}"
         if word == "rate":
             self.rates[rest[0]] = float(rest[1])
         elif word == "freeze":
             self.stopped_ns, self.frozen = time.time_ns(), rest == ["on"]
         elif word == "partial":
             self.partial = rest == ["on"]
+        return "ok"
 
 
 def main(domain, joints_hz=100.0, pictures_hz=30.0, width=64, height=48):
@@ -133,8 +139,7 @@ def main(domain, joints_hz=100.0, pictures_hz=30.0, width=64, height=48):
         threading.Thread(target=publisher.repeat, args=(name, send), daemon=True).start()
     print("ready", flush=True)
     for line in sys.stdin:
-        publisher.obey(line.split())
-        print("ok", flush=True)
+        print(publisher.obey(line.split()), flush=True)
     publisher.running = False
 
 

@@ -45,6 +45,30 @@ def test_raw(pixels: np.ndarray, encoding: str, expected: np.ndarray, tmp_path: 
     np.testing.assert_array_equal(read, expected)
 
 
+def mosaic(bgr: np.ndarray, order: str) -> np.ndarray:
+    """Of each pixel the colour that a sensor has there: `order` is that of the first two rows of two."""
+    channel = np.array([["bgr".index(c) for c in row] for row in (order[:2], order[2:])])
+    rows, columns = np.indices(bgr.shape[:2]) % 2
+    return np.take_along_axis(bgr, channel[rows, columns][..., None], axis=2)[..., 0]
+
+
+@pytest.mark.parametrize("order", ["rggb", "bggr", "gbrg", "grbg"])
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16])
+def test_single_colours_side_by_side(order: str, kind: type, tmp_path: Path) -> None:
+    """One colour is one grey up to the borders, whatever the order; a ramp of grey stays where it is."""
+    most = np.iinfo(kind).max
+    colour = np.broadcast_to(np.array([0.1, 0.9, 0.4]) * most, (6, 8, 3)).astype(kind)
+    ramp = np.broadcast_to(np.arange(8)[:, None] * (most // 8), (6, 8, 3)).astype(kind)
+    for bgr in (colour, ramp):
+        given = message(tmp_path / str(bgr[0, -1, 0]), mosaic(bgr, order), f"bayer_{order}{8 * kind().itemsize}")
+        read = cv2.imdecode(np.frombuffer(picture_file(given, "x.bag").content, np.uint8), cv2.IMREAD_UNCHANGED)
+        wanted = bgr.astype(float) @ [0.25, 0.5, 0.25]
+        assert read.dtype == kind
+        np.testing.assert_allclose(read[:, 1:-1], wanted[:, 1:-1], atol=0.5)
+        if bgr is colour:
+            np.testing.assert_allclose(read, wanted, atol=0.5)
+
+
 def test_rows_with_padding_and_the_other_order_of_bytes(tmp_path: Path) -> None:
     """`step` is longer than a row, and 16 bits are written big end first."""
     given = message(tmp_path, np.hstack([DEEP, DEEP[:, :2]]).astype(">u2").view(np.uint16), "mono16")
@@ -66,8 +90,6 @@ def test_compressed_ones_are_as_they_were(tmp_path: Path) -> None:
 
 
 def test_what_is_not_read(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="record the debayered topic"):
-        picture_file(message(tmp_path, GREY, "bayer_rggb8"), "x.bag")
     with pytest.raises(InputError, match="32FC1"):
         picture_file(message(tmp_path, GREY, "32FC1"), "x.bag")
     cut = message(tmp_path, GREY, "mono8")

@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from basecal.errors import InputError, listed
 from basecal.exchange.bags.bag import COMPRESSED, Message
@@ -24,6 +25,7 @@ class _Layout(NamedTuple):
 
 
 _GREY, _COLOUR, _TURNED = (0,), (0, 1, 2), (2, 1, 0)
+_BAYER, _ORDERS = "bayer", ("rggb", "bggr", "gbrg", "grbg")
 _LAYOUTS = {
     "mono8": _Layout(1, 1, _GREY),
     "8UC1": _Layout(1, 1, _GREY),
@@ -37,6 +39,8 @@ _LAYOUTS = {
     "8UC4": _Layout(1, 4, _TURNED),
     "rgb16": _Layout(2, 3, _COLOUR),
     "bgr16": _Layout(2, 3, _TURNED),
+    **{f"{_BAYER}_{order}8": _Layout(1, 1, _GREY) for order in _ORDERS},
+    **{f"{_BAYER}_{order}16": _Layout(2, 1, _GREY) for order in _ORDERS},
     # Of YUV the brightness.
     "yuv422": _Layout(1, 2, (1,)),
     "uyvy": _Layout(1, 2, (1,)),
@@ -75,8 +79,7 @@ def picture_file(message: Message, path: str) -> PictureFile:
 def _netpbm(image: Any, where: str) -> PictureFile:
     layout = _LAYOUTS.get(image.encoding)
     if layout is None:
-        why = ": single colours side by side; record the debayered topic" if "bayer" in image.encoding else ""
-        raise InputError(f"{where}: pictures are {image.encoding!r}{why}; expected {listed(list(_LAYOUTS))}")
+        raise InputError(f"{where}: pictures are {image.encoding!r}; expected {listed(list(_LAYOUTS))}")
     width, height, row = int(image.width), int(image.height), int(image.step)
     needed = width * layout.channels * layout.depth
     data = np.asarray(image.data, dtype=np.uint8)
@@ -85,7 +88,21 @@ def _netpbm(image: Any, where: str) -> PictureFile:
     rows = np.ascontiguousarray(data[: row * height].reshape(height, row)[:, :needed])
     kind = np.dtype(np.uint8 if layout.depth == 1 else np.uint16).newbyteorder(">" if image.is_bigendian else "<")
     pixels = rows.view(kind).reshape(height, width, layout.channels)[..., layout.taken]
+    if image.encoding.startswith(_BAYER):
+        pixels = _brightness(pixels[..., 0])[..., None].astype(kind)
     is_grey = len(layout.taken) == 1
     head = f"P{5 if is_grey else 6}\n{width} {height}\n{256**layout.depth - 1}\n"
     content = pixels.astype(kind.newbyteorder(">")).tobytes()
     return PictureFile(".pgm" if is_grey else ".ppm", head.encode() + content)
+
+
+def _brightness(mosaic: NDArray[np.integer[Any]]) -> NDArray[np.uint32]:
+    """Grey (h, w) of single colours side by side, a quarter red, half green and a quarter blue at every pixel.
+
+    The binomial weights of a 3 x 3 neighbourhood give each colour that share wherever it stands, whatever the order of
+    the mosaic; they are symmetric, so that an edge stays where it is and is a little blurred.
+    """
+    wide = np.pad(mosaic.astype(np.uint32), 1, mode="reflect")  # which keeps the order of the colours
+    rows = wide[:-2] + 2 * wide[1:-1] + wide[2:]
+    grey: NDArray[np.uint32] = (rows[:, :-2] + 2 * rows[:, 1:-1] + rows[:, 2:] + 8) // 16
+    return grey

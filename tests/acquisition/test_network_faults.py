@@ -1,0 +1,111 @@
+"""A network between robots and this computer that delays, loses, falls silent and is cut: nothing recorded is lost."""
+
+from __future__ import annotations
+
+import json
+import os
+import threading
+
+import numpy as np
+import pytest
+
+from basecal.acquisition.capture import CaptureSettings, capture, store_plan, unfinished
+from basecal.acquisition.drivers.ur import open_robot
+from basecal.acquisition.rig import open_rig
+from basecal.cell.files import read_recording
+from basecal.errors import DriverError
+from basecal.planning import poses
+from basecal.planning.feasible import feasible_in
+from basecal.planning.sketch import sketch_of
+from basecal.simulation.running.protocol import Address, read_address, write_address
+from shared.network import network
+from shared.running_cell import home, running
+from shared.second_process import own_host, second_process
+from shared.ur_place import controller
+
+FAST = CaptureSettings(speed_rad_s=2.0, patience_s=3.0)
+LOSS = "<Internal><Test><XmitLossiness>200</XmitLossiness></Test></Internal>"  # of a thousand packets
+
+
+def captured(sketch, folder, plan, when=lambda step: None):
+    """What became of a plan in a cell that runs, each step told to `when`."""
+    with open_rig(sketch.cell, folder) as rig:
+        for step in capture(rig, sketch, folder, plan, FAST):
+            when(step)
+
+
+def test_a_capture_that_is_cut_stops_with_a_line_and_goes_on(tmp_path):
+    """Cut in its third sample it says so; two whole lines are in the journal, and the rest is taken afterwards."""
+    with running(tmp_path) as world, network("127.0.0.1", read_address(tmp_path).port) as (net, port):
+        write_address(tmp_path, Address(port=port, token="token", pid=os.getpid()))
+        sketch = sketch_of(world.cell)
+        plan = store_plan(tmp_path, world.cell, poses.plan(sketch, home(world), feasible_in(sketch), 4, 0))
+        with pytest.raises(DriverError) as raised:
+            captured(sketch, tmp_path, plan, lambda step: net.cut() if step.taken == 2 else None)
+        assert "\n" not in str(raised.value)
+        lines = (tmp_path / "recording" / "samples.jsonl").read_text().splitlines()
+        assert [json.loads(line)["sample"] for line in lines] == [0, 1]
+        captured(sketch, tmp_path, unfinished(tmp_path, world.cell))
+    assert [sample.sample for sample in read_recording(tmp_path).samples] == [0, 1, 2, 3]
+
+
+def test_a_capture_over_a_slow_network_goes_on(tmp_path):
+    """Each answer ten milliseconds late changes nothing of what is recorded."""
+    with running(tmp_path) as world, network("127.0.0.1", read_address(tmp_path).port) as (net, port):
+        net.delay_s = 0.01
+        write_address(tmp_path, Address(port=port, token="token", pid=os.getpid()))
+        sketch = sketch_of(world.cell)
+        plan = store_plan(tmp_path, world.cell, poses.plan(sketch, home(world), feasible_in(sketch), 1, 0))
+        captured(sketch, tmp_path, plan)
+    (sample,) = read_recording(tmp_path).samples
+    for name, state in sample.robots.items():
+        np.testing.assert_allclose(state.joints_rad, plan[0].robots[name].joints_rad, atol=1e-9)
+
+
+def far(host, at_host):
+    """A network before a controller's port for states."""
+    return second_process("shared.network", host, 30004, at_host, 30004)
+
+
+def test_a_controller_behind_a_network_with_faults():
+    """States that come late are still whole and in order; after a silence, and after a cut, they go on."""
+    pytest.importorskip("rtde_receive")
+    host = own_host()
+    with controller() as (process, place), far(place().options["host"], host) as net:
+        robot = open_robot(place(motion="watch", host=host, reconnect_s=10.0))
+        process.tell("spin")
+        [robot.state() for _ in range(20)]
+        net.tell("delay", 0.02)
+        readings = [robot.state() for _ in range(30)]
+        net.tell("delay", 0)
+        net.tell("silent", "on")
+        threading.Timer(1.5, net.tell, ["silent", "off"]).start()
+        readings += [robot.state() for _ in range(30)]
+        net.tell("cut")
+        readings += [robot.state() for _ in range(30)]
+        robot.close()
+    stamps = [reading.stamp_s for reading in readings]
+    assert np.all(np.diff(stamps) > 0)
+    assert [reading.state.joints_rad[5] for reading in readings] == stamps
+
+
+def test_ros2_over_a_network_that_loses_packets():
+    """Of five packets one is lost: every state and picture that comes is whole, with its own stamp, and newer."""
+    pytest.importorskip("cyclonedds")
+    from basecal.acquisition.drivers.ros2 import open_camera as open_picture
+    from basecal.acquisition.drivers.ros2 import open_robot as open_joints
+    from shared.ros2_domain import LOOPBACK, ros2, watching
+
+    lossy = LOOPBACK.replace("</General>", f"</General>{LOSS}")
+    with ros2(100, 15, 640, 480, cell=watching((640, 480)), CYCLONEDDS_URI=lossy) as process:
+        robot = open_joints(process.place("eye"))
+        camera = open_picture(process.place("wrist", topic="/wrist/image_raw"))
+        pairs = [(robot.state(), camera.picture()) for _ in range(15)]
+    for reading, picture in pairs:
+        joints = reading.state.joints_rad
+        assert 1000 * joints[0] + joints[1] + 1e-9 * joints[2] == pytest.approx(reading.stamp_s, abs=1e-6)
+        drawn = int.from_bytes(picture.grey[0, :8].tobytes(), "big") * 1e-9
+        assert drawn == pytest.approx(picture.stamp_s, abs=1e-6)
+        np.testing.assert_array_equal(picture.grey.ravel()[8:], (np.arange(640 * 480) % 251)[8:])
+    for each in zip(*pairs, strict=True):
+        assert np.all(np.diff([one.stamp_s for one in each]) > 0)
