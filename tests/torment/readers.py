@@ -24,6 +24,7 @@ from basecal.kinematics import read_chain
 from basecal.reporting.text import text_report
 from basecal.vision.image_file import grey_image, read_bytes
 from cell_example import CELL, LINES, URDF, journal
+from torment.besides import BESIDES
 from torment.cells import KINDS, cell_text, made
 from torment.damage import ODD_NUMBERS, damaged, torn, torn_bytes
 from torment.foreign import FOREIGN
@@ -179,4 +180,5 @@ READERS: dict[str, Trial] = {
     "pixels": read_damaged_pixels,
     "image": read_damaged_image,
     **FOREIGN,
+    **BESIDES,
 }

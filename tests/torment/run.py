@@ -79,6 +79,8 @@ def torment(names: list[str], seconds: float, seed: int, most: int | None) -> It
     end, turn = time.monotonic() + seconds, 0
     while time.monotonic() < end and (most is None or turn < most):
         for name in names:
+            if time.monotonic() >= end:
+                return
             count = _READERS_AT_ONCE if name in READERS and most is None else 1
             yield some(name, seed + turn * count, count)
         turn += 1

@@ -24,12 +24,13 @@ from basecal.cli import main
 from torment.outcome import LONGEST_S, Fell, of_command
 from torment.verbs import VERBS, check_after, files, prepared
 
-_CALLS = "openat,write,pwrite64,rename,renameat,renameat2,mkdir,mkdirat,unlink,unlinkat,rmdir,fsync,ftruncate,fchmod"
+WRITING = "openat,write,pwrite64,rename,renameat,renameat2,mkdir,mkdirat,unlink,unlinkat,rmdir,fsync,ftruncate,fchmod"
 _LINE = re.compile(r"^(?:\d+ +)?(\w+)\((.*)$", re.M)
 _READS = re.compile(r"O_RDONLY")
 _ERRORS = ("ENOSPC", "EIO", "EROFS", "EDQUOT", "EACCES")
 _STEP_S = 0.005  # between looks at whether strace holds a process
 KILLED = -9
+LOST = errno.ENOTRECOVERABLE  # exit code of a process that never came to the command's end
 
 
 class Site(NamedTuple):
@@ -63,10 +64,10 @@ def _trial(chance: Random, folder: Path, injected: str) -> str:
     if not is_possible():
         return "no strace"
     verb = chance.choice(list(VERBS))
-    site = chance.choice(_sites(verb))
+    site = chance.choice(sites(verb))
     words = prepared(verb, folder)
     before = files(folder)
-    code = _traced(words, folder, ["-e", f"inject={site.call}:{injected}:when={site.number}"], folder / "trace")
+    code = traced(words, folder, ["-e", f"inject={site.call}:{injected}:when={site.number}"], folder / "trace")
     happened = "INJECTED" in (folder / "trace").read_text() or code == KILLED
     (folder / "trace").unlink()
     if code not in (KILLED, 0, 1, 3):
@@ -76,27 +77,27 @@ def _trial(chance: Random, folder: Path, injected: str) -> str:
 
 
 @cache
-def _sites(verb: str) -> list[Site]:
+def sites(verb: str) -> list[Site]:
     """Every system call of a verb that writes to files."""
     with TemporaryDirectory(prefix="torment-") as name:
         of_command(prepared(verb, Path(name)))  # imports what it needs here, so that all later calls have their numbers
     with TemporaryDirectory(prefix="torment-") as name:
         folder = Path(name)
-        code = _traced(prepared(verb, folder), folder, [], folder / "trace")
+        code = traced(prepared(verb, folder), folder, [], folder / "trace")
         lines = _LINE.findall((folder / "trace").read_text())
     if code not in (0, 1):
         raise RuntimeError(f"{verb} without a fault ended with {code}")
     counts: Counter[str] = Counter()
-    sites = []
+    found = []
     for call, arguments in lines:
         counts[call] += 1
         to_terminal = call == "write" and arguments.startswith(("1,", "2,"))
         if not to_terminal and not (call == "openat" and _READS.search(arguments)):
-            sites.append(Site(call, counts[call]))
-    return sites
+            found.append(Site(call, counts[call]))
+    return found
 
 
-def _traced(words: list[str], folder: Path, options: list[str], trace: Path) -> int:
+def traced(words: list[str], folder: Path, options: list[str], trace: Path) -> int:
     """Exit code of a command in a process that strace holds; minus the number of a signal that ended it."""
     reading, writing = os.pipe()
     sys.stdout.flush()
@@ -106,7 +107,7 @@ def _traced(words: list[str], folder: Path, options: list[str], trace: Path) -> 
         _command(words, folder, reading)
     os.close(reading)
     tracer = subprocess.Popen(
-        ["strace", "-qq", "-p", str(child), "-o", str(trace), "-e", f"trace={_CALLS}", *options],
+        ["strace", "-qq", "-p", str(child), "-o", str(trace), "-e", f"trace={WRITING}", *options],
         stderr=subprocess.DEVNULL,
     )
     try:
@@ -129,7 +130,7 @@ def _command(words: list[str], folder: Path, reading: int) -> None:
         os.read(reading, 1)
         os._exit(main(words))
     except BaseException:
-        os._exit(errno.ENOTRECOVERABLE)
+        os._exit(LOST)
 
 
 def _wait_until_held(process: int) -> None:

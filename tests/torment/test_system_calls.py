@@ -28,7 +28,7 @@ class _Chosen(Random):
 
 def test_new_is_killed_everywhere(tmp_path: Path) -> None:
     """Each system call of `new` that writes is a site, and after a kill at any of them the same command makes it."""
-    sites = system_calls._sites("new")
+    sites = system_calls.sites("new")
     assert [call for call, _ in sites].count("rename") == 1
     for k, site in enumerate(sites):
         (tmp_path / str(k)).mkdir()
@@ -37,7 +37,7 @@ def test_new_is_killed_everywhere(tmp_path: Path) -> None:
 
 def test_full_disk(tmp_path: Path) -> None:
     """A write for which there is no space is told with the file."""
-    site = next(site for site in system_calls._sites("new") if site.call == "write")
+    site = next(site for site in system_calls.sites("new") if site.call == "write")
     assert system_calls.fault(_Chosen("ENOSPC", "new", site), tmp_path) == "refused"
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import time
 from collections import Counter
 from pathlib import Path
 from random import Random
 
 import pytest
 
-from torment import run
+from torment import outcome, run
 from torment.damage import at, damaged, places
 from torment.outcome import Fell, of_command, of_reader, time_limit
 from torment.readers import READERS
@@ -60,6 +61,18 @@ def test_damage_is_by_its_seed_and_does_something() -> None:
 def _without_end() -> None:
     while True:
         pass
+
+
+def test_who_waits_falls_and_who_works_is_let_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What has the processor now and then is slow for others' sake; what uses none waits for what never comes."""
+    monkeypatch.setattr(outcome, "_WAITING", 0.25)
+    monkeypatch.setattr(outcome, "_IDLE_S", 1e-3)
+    with time_limit(2):
+        end = time.process_time() + 0.5
+        while time.process_time() < end:
+            pass
+    with pytest.raises(Fell, match="took more than 2 s"), time_limit(2):
+        time.sleep(5)
 
 
 def test_a_fall_is_found(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

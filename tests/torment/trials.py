@@ -21,10 +21,11 @@ from basecal.cell.files import (
 )
 from basecal.errors import InputError
 from basecal.reporting.page import page
-from torment import system_calls
-from torment.cells import KINDS, calibration, made, write
+from basecal.studies.study_file import read_study
+from torment import besides, disks, system_calls
+from torment.cells import KINDS, calibration, cell_text, made, write
 from torment.damage import HOSTILE_TEXTS, damaged, places
-from torment.outcome import Fell, of_command
+from torment.outcome import Fell, of_command, of_reader
 from torment.writes import write_fault
 
 Trial = Callable[[Random, Path], str]
@@ -53,6 +54,56 @@ def _moved(kind: str, answer: dict[str, Any]) -> str:
         if off @ np.linalg.pinv(now.covariance + before.covariance) @ off > _FAR:
             return "good and moved"
     return "good"
+
+
+def verify_damaged(chance: Random, folder: Path) -> str:
+    """New samples, damaged, against an undamaged calibration."""
+    kind = chance.choice(list(KINDS))
+    few = made(kind).samples[: chance.randint(1, 4)]
+    samples = damaged(few, chance)
+    lines = samples if isinstance(samples, list) else [samples]
+    (folder / "new.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
+    return of_command(["verify", str(made(kind).folder), str(folder / "new.jsonl"), "--json"])[0]
+
+
+def compare_damaged(chance: Random, folder: Path) -> str:
+    """A run whose calibration is damaged, beside that which it was."""
+    run = latest_run(made(chance.choice(list(KINDS))).folder)
+    assert run is not None
+    data = damaged(json.loads((run / "calibration.json").read_text()), chance)
+    (folder / "calibration.json").write_text(json.dumps(data))
+    return of_command(["compare", str(run), str(folder), *chance.choice(([], ["--json"]))])[0]
+
+
+def plan_damaged(chance: Random, folder: Path) -> str:
+    """What to record next in a cell that is damaged."""
+    kind = chance.choice(list(KINDS))
+    cell, samples = made(kind).cell, made(kind).samples
+    if chance.random() < 0.5:
+        cell = damaged(cell, chance, faults=2)
+    else:
+        samples = damaged(samples, chance)
+    write(folder, cell, samples if isinstance(samples, list) else [samples], made(kind).urdfs)
+    words = ["plan", str(folder), "--samples", "1", "--task-point", "0.5", "0", "0.3"]
+    return of_command([*words, *chance.choice(([], ["--json"]))])[0]
+
+
+_STUDY = {
+    "schema": "basecal/study/1",
+    "trials": 2,
+    "cells": 1,
+    "hold": {"samples": 4, "robot_sigma_t_m": 1e-4},
+    "axes": {"target": ["chessboard", "led"], "pixel_px": [0.1, 0.2]},
+}
+
+
+def study_damaged(chance: Random, folder: Path) -> str:
+    """A small study that is damaged, run where it stays small."""
+    data = damaged(_STUDY, chance, faults=2)
+    (folder / "a.yaml").write_text(cell_text(data))
+    if isinstance(data, dict) and any(key in data and data[key] != _STUDY[key] for key in ("trials", "cells")):
+        return of_reader(lambda: read_study(folder / "a.yaml"))
+    return of_command(["study", str(folder / "a.yaml"), "-o", str(folder / "out"), "--workers", "1"])[0]
 
 
 _VERBS = ("calibrate", "report", "new", "simulate", "export", "detect", "target", "import poses", "import pixels", "")
@@ -182,4 +233,11 @@ WHOLE: dict[str, Trial] = {
     "write faults": write_fault,
     "kills at system calls": system_calls.kill,
     "faults of system calls": system_calls.fault,
+    "slow disk": disks.slow_disk,
+    "read-only": disks.read_only,
+    "import bag": besides.import_damaged_bag,
+    "verify": verify_damaged,
+    "compare": compare_damaged,
+    "plan": plan_damaged,
+    "study, run": study_damaged,
 }

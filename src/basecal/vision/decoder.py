@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import struct
 import tempfile
 import threading
 from collections.abc import Iterator
@@ -20,6 +21,9 @@ _ONE_AT_A_TIME = threading.Lock()
 _WARNING = re.compile(r"^(\[ *(WARN|INFO)|Warning: )")  # OpenCV's, of tags that it does not know; libjpeg's of JFIF's
 _BEFORE_END = re.compile(r"(\d+) extraneous bytes before marker 0xd9")
 _END = b"\xff\xd9"
+_RIFF_HEAD, _CHUNK_HEAD = 12, 8  # [bytes]
+_UNUSED = 16  # bytes at the end of a lossy WebP's pixels: an encoder leaves less than two of them unused
+_LEAST_PIXELS = 100  # bytes of a lossy WebP, below which so many are a part of what an even picture needs
 _DECODERS = re.compile(
     r"^(Corrupt JPEG data|Premature end of JPEG|JPEG|Invalid |Unsupported |Inconsistent |Warning: unknown JFIF|libpng)"
     r"|^\[ *"
@@ -43,7 +47,36 @@ def decoded(data: bytes) -> Decoded:
             pixels = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
         except cv2.error:
             pixels = None
-    return Decoded(pixels, said[0] if said else "")
+        out_of_step = pixels is not None and data.startswith(b"RIFF") and _is_out_of_step(data, pixels)
+    return Decoded(pixels, said[0] if said else "its last bytes change no pixel" if out_of_step else "")
+
+
+def _is_out_of_step(data: bytes, pixels: NDArray[Any]) -> bool:
+    """Whether a lossy WebP was decoded without its end, as one is whose bytes were changed on the way.
+
+    It has no checksum, but all that follows a changed byte is read otherwise, so that a decoder is done before the end
+    or asks for more; the latter it tells itself. Source: RFC 6386 (7).
+    """
+    cut = _without_end(data)
+    try:
+        without = None if cut is None else cv2.imdecode(np.frombuffer(cut, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
+    except cv2.error:
+        return False
+    return without is not None and np.array_equal(pixels, without)
+
+
+def _without_end(data: bytes) -> bytes | None:
+    """A lossy WebP without the last bytes of its pixels; None of another, and of one that has hardly more."""
+    at = _RIFF_HEAD
+    while at + _CHUNK_HEAD <= len(data):
+        name, size = struct.unpack_from("<4sI", data, at)
+        first, end = at + _CHUNK_HEAD, at + _CHUNK_HEAD + size
+        if name == b"VP8 " and size >= _LEAST_PIXELS and end <= len(data):
+            kept = data[first : end - _UNUSED]
+            body = data[_RIFF_HEAD:at] + struct.pack("<4sI", name, len(kept)) + kept + bytes(len(kept) % 2)
+            return b"RIFF" + struct.pack("<I4s", 4 + len(body), b"WEBP") + body
+        at = end + size % 2
+    return None
 
 
 @contextmanager

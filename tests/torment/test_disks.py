@@ -1,0 +1,47 @@
+"""Slow and read-only disks, and that a verb that does not stand them is found."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from torment import disks, verbs
+from torment.outcome import Fell
+from torment.verbs import Verb, prepared
+
+
+class _Chosen(Random):
+    """Chance that chooses a verb, and everything else first."""
+
+    def __init__(self, verb: str) -> None:
+        super().__init__(0)
+        self._verb = verb
+
+    def choice(self, options: object) -> object:
+        known = list(options)  # type: ignore[call-overload]
+        return self._verb if self._verb in known else known[0]
+
+
+@pytest.mark.skipif(not disks.system_calls.is_possible(), reason="needs strace, and leave to hold other processes")
+def test_a_slow_disk_changes_nothing(tmp_path: Path) -> None:
+    """A verb whose calls take a millisecond longer does what it says, whether it is killed meanwhile or not."""
+    for seed in range(2):
+        (tmp_path / str(seed)).mkdir()
+        chance = _Chosen("new")
+        chance.seed(seed)
+        assert disks.slow_disk(chance, tmp_path / str(seed)) in ("answered", "killed")
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs Linux's capabilities")
+def test_where_nothing_may_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A verb says so in a line, even as root; one that says nothing of it is found."""
+    assert disks.read_only(_Chosen("new"), tmp_path / "a") == "refused"
+    silent = Verb("pose", lambda folder: ["new", str(folder / "new")], lambda folder: True)
+    monkeypatch.setitem(verbs.VERBS, "silent", silent)
+    prepared("silent", tmp_path / "b")
+    monkeypatch.setattr(disks, "main", lambda words: 70)
+    with pytest.raises(Fell, match="where nothing may be written: exit code 70"):
+        disks.read_only(_Chosen("silent"), tmp_path / "c")
