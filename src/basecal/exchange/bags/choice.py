@@ -9,8 +9,9 @@ from basecal.cell import WORLD, Cell, Robot
 from basecal.errors import BasecalError, FrameNotFound, InputError, listed
 from basecal.exchange.bags.bag import POSE, Bag
 from basecal.exchange.bags.frames import Tree, hint
-from basecal.exchange.bags.sources import Asked, ByFrames, ByJoints, ByPoses, CameraSource, Taken
+from basecal.exchange.bags.sources import Asked, ByFrames, ByJoints, ByPoses, ByTags, CameraSource, Taken
 from basecal.exchange.bags.survey import Survey, plain
+from basecal.exchange.bags.tags import TAGS
 from basecal.kinematics import SerialChain, parse_chain
 
 # As URDFs of Universal Robots, Franka, KUKA, ABB, FANUC, Yaskawa, UFACTORY and Doosan name them, the first that is.
@@ -33,7 +34,7 @@ def chosen(bag: Bag, survey: Survey, asked: Asked, cell: Cell | None) -> Taken:
     robots = {name: _robot(bag, survey, name, words, asked, cell) for name, words in frames.items()}
     topics = _topics_of_cameras(survey, asked, cell)
     cameras = {name: _camera(survey, robots, name, topic, asked, cell) for name, topic in topics.items()}
-    views = {key: _by_words(bag, survey.tree, words) for key, words in asked.views.items()}
+    views = {key: _view(bag, survey.tree, key[1], words, cell) for key, words in asked.views.items()}
     return Taken(robots, cameras, views)
 
 
@@ -122,6 +123,16 @@ def _by_words(bag: Bag, tree: Tree, words: str) -> ByFrames | ByPoses:
             raise InputError(f"{words} holds {bag.topics[words].kind}, expected one of {POSE}: {listed(poses)}")
         raise FrameNotFound(words, sorted(bag.topics))
     return ByPoses(words)
+
+
+def _view(bag: Bag, tree: Tree, target: str, words: str, cell: Cell | None) -> ByFrames | ByPoses | ByTags:
+    """Likewise of a view, which may be a topic of tags: corners say nothing without the sizes of what they are of."""
+    if words not in bag.topics or bag.topics[words].kind != TAGS:
+        return _by_words(bag, tree, words)
+    shape = cell.targets[target].target if cell is not None and target in cell.targets else None
+    if shape is None or shape.tags is None:
+        raise InputError(f"{words} holds corners of tags: {target!r} must be in cell.yaml, with the sizes of its tags")
+    return ByTags(words, shape.tags)
 
 
 def _topics_of_cameras(survey: Survey, asked: Asked, cell: Cell | None) -> dict[str, str]:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from basecal.cell import PoseObservation, RobotState
+from basecal.cell import PixelObservation, PoseObservation, RobotState
 from basecal.errors import DatasetError, InputError
 from basecal.exchange.bags.bag import Bag, stamp_of
 from basecal.exchange.bags.pictures import picture_file
@@ -85,15 +85,21 @@ def write_pictures(bag: Bag, taken: Taken, instants: Sequence[Instant], folder: 
 def rows_of(tracks: Tracks, instants: Sequence[Instant], folder: Path) -> Iterator[Row]:
     """A row for each instant, with its pictures where they were written."""
     for instant in instants:
-        pictures, views = {}, []
+        pictures: dict[str, Path] = {}
+        views: list[PoseObservation | PixelObservation] = []
         for look in instant.looks:
             if isinstance(look.channel, str):
                 pictures[look.channel] = _written(_file(folder, look))
             else:
-                poses = tracks.views[look.channel].poses
-                assert poses is not None
-                views.append(PoseObservation(*look.channel, poses[look.place]))
+                views.append(_observation(look.channel, tracks.views[look.channel], look.place))
         yield Row(instant.robots, tuple(views), pictures, stamp_s=instant.stamp_s)
+
+
+def _observation(channel: tuple[str, str], view: Track, place: int) -> PoseObservation | PixelObservation:
+    if view.tags is not None:
+        return PixelObservation(*channel, *view.tags[place])
+    assert view.poses is not None
+    return PoseObservation(*channel, view.poses[place])
 
 
 def _file(folder: Path, look: Look) -> Path:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from basecal.cell.target import Tags
 from basecal.kinematics import SerialChain
 
 
@@ -27,6 +28,17 @@ class ByPoses:
 
     def __str__(self) -> str:
         return self.topic
+
+
+@dataclass(frozen=True, eq=False)
+class ByTags:
+    """Corners of a target's AprilTags, by a topic of what a detector found."""
+
+    topic: str
+    tags: Tags
+
+    def __str__(self) -> str:
+        return f"corners of {self.topic}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,11 +81,11 @@ class CameraSource:
 
 @dataclass(frozen=True, eq=False)
 class Taken:
-    """What is taken of a bag: robots and cameras by name, poses of targets by the names of camera and target."""
+    """What is taken of a bag: robots and cameras by name, views of targets by the names of camera and target."""
 
     robots: Mapping[str, ByFrames | ByPoses | ByJoints] = field(default_factory=dict)
     cameras: Mapping[str, CameraSource] = field(default_factory=dict)
-    views: Mapping[tuple[str, str], ByFrames | ByPoses] = field(default_factory=dict)
+    views: Mapping[tuple[str, str], ByFrames | ByPoses | ByTags] = field(default_factory=dict)
 
     @property
     def words(self) -> list[str]:
@@ -93,7 +105,8 @@ class Asked:
     Attributes:
         robots: `BASE,FLANGE` of tf, or a topic of poses, by name.
         cameras: Topic of pictures, by name.
-        views: `CAMERA_FRAME,TARGET_FRAME` of tf, or a topic of poses, by the names of camera and target.
+        views: `CAMERA_FRAME,TARGET_FRAME` of tf, or a topic of poses or of tags, by the names of camera and
+            target.
         on: What carries cameras and targets, by name.
         by_tf: Whether robots come from tf where joint states are there as well.
     """

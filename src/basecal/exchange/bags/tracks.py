@@ -9,11 +9,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from basecal.cell.format.values import LARGEST
+from basecal.cell.target import Tags
 from basecal.errors import InputError
 from basecal.exchange.bags.bag import TF, Bag, Message, stamp_of
 from basecal.exchange.bags.frames import Tree, along, pose_of, values_of
-from basecal.exchange.bags.sources import ByFrames, ByJoints, ByPoses, Taken
+from basecal.exchange.bags.sources import ByFrames, ByJoints, ByPoses, ByTags, Taken
 from basecal.exchange.bags.survey import Survey, plain
+from basecal.exchange.bags.tags import SeenTags, corners_of
 from basecal.geometry import SE3, Array
 
 LEAST_APART_S = 0.0075
@@ -26,13 +28,15 @@ class Track:
 
     Attributes:
         times: (n,) [s], rising.
-        poses: (n,); None where joints were recorded.
-        joints: (n, k) [rad]; None where poses were.
+        poses: (n,); None where something else was recorded.
+        joints: (n, k) [rad]; None where something else was.
+        tags: n times corners of tags; likewise.
     """
 
     times: Array
     poses: SE3 | None = None
     joints: Array | None = None
+    tags: tuple[SeenTags, ...] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +45,7 @@ class Tracks:
 
     Attributes:
         robots: By name.
-        views: Poses of targets in cameras, by their names.
+        views: Of targets by cameras, by their names.
         pictures: Of each camera, by name, the times [s] of its pictures in the order in which they were recorded.
     """
 
@@ -78,7 +82,12 @@ def read_tracks(bag: Bag, survey: Survey, taken: Taken) -> Tracks:
     """
     listeners: dict[str, list[Callable[[Message], None]]] = {}
     sources: dict[str | tuple[str, str], ByFrames | ByPoses | ByJoints] = dict(taken.robots.items())
-    sources.update(taken.views.items())
+    sources.update({key: view for key, view in taken.views.items() if not isinstance(view, ByTags)})
+    seen: dict[tuple[str, str], list[tuple[float, SeenTags]]] = {}
+    for key, view in taken.views.items():
+        if isinstance(view, ByTags):
+            seen[key] = []
+            listeners.setdefault(view.topic, []).append(_detecting(seen[key], view.tags))
     gathered = {key: _listening(bag, survey.tree, source, listeners) for key, source in sources.items()}
     pictures = {name: array("d") for name in taken.cameras}
     for name, camera in taken.cameras.items():
@@ -87,9 +96,10 @@ def read_tracks(bag: Bag, survey: Survey, taken: Taken) -> Tracks:
         for listener in listeners[message.topic.name]:
             listener(message)
     tracks = {key: _track(bag.path, survey.tree, key, source, gathered[key]) for key, source in sources.items()}
+    tags = {key: _tags(bag.path, key, taken.views[key], found) for key, found in seen.items()}
     return Tracks(
         {name: tracks[name] for name in taken.robots},
-        {key: tracks[key] for key in taken.views},
+        {key: tags[key] if key in tags else tracks[key] for key in taken.views},
         {name: np.array(times) for name, times in pictures.items()},
     )
 
@@ -168,6 +178,22 @@ def _noting(times: array[float]) -> Callable[[Message], None]:
         times.append(stamp_of(message.data.header, message.recorded_s))
 
     return listen
+
+
+def _detecting(found: list[tuple[float, SeenTags]], tags: Tags) -> Callable[[Message], None]:
+    def listen(message: Message) -> None:
+        corners = corners_of(message.data, tags)
+        if corners is not None:
+            found.append((stamp_of(message.data.header, message.recorded_s), corners))
+
+    return listen
+
+
+def _tags(path: str, key: tuple[str, str], source: object, found: list[tuple[float, SeenTags]]) -> Track:
+    if not found:
+        raise InputError(f"{path}: {key[1]} seen by {key[0]}: {source}: no tag was found in any picture")
+    by_time = dict(sorted(found, key=lambda each: each[0]))
+    return Track(np.array(list(by_time)), tags=tuple(by_time.values()))
 
 
 def _track(
