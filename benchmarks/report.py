@@ -14,6 +14,7 @@ from benchmarks import (
     calibrate,
     certificate,
     clocks,
+    cluster,
     consistency,
     detectors,
     few_pictures,
@@ -22,8 +23,10 @@ from benchmarks import (
     mutants,
     mutations,
     outliers,
+    published,
     real,
     robot_model,
+    robots,
     sag,
     scaling,
     semi_synthetic,
@@ -357,6 +360,29 @@ closed form; OpenCV's robot-world solver on such samples."""
     return f"{about}\n\n{table(study.HEAD, map(study.row, result['rows']))}"
 
 
+def _robots(result: Result) -> str:
+    about = f"""\
+Rings of robots, each seeing the next and the next but one: from a recording's arrays to every base and its covariance
+relative to every other, robots' noise stated. Asked of 100 robots and 10,000 samples: {robots.MOST_SECONDS:g} s. NEES
+is of one recording, whose bases err together."""
+    slopes = ", ".join(f"{name.replace('_bytes', ' memory')} {value:.2f}" for name, value in result["slopes"].items())
+    rows = map(robots.row, [*result["by_robots"], *result["by_samples"]])
+    return f"{about}\n\n{table(robots.HEAD, rows)}\n\nSlopes (asked: {robots.MOST_SLOPE:g}): {slopes}."
+
+
+def _published(result: Result) -> str:
+    about = """\
+Noise on all three poses of A X B = Y C Z, as in Sui and Ding 2023, beside the errors of the base printed there.
+How far poses reach, and along which axes the noise is drawn, is not stated there: a guide, no test."""
+    return f"{about}\n\n{table(published.HEAD, map(published.row, result['rows']))}"
+
+
+def _cluster(result: Result) -> str:
+    about = """\
+A study by processes of this machine and by as many local Dask workers in turn, medians by the clock."""
+    return f"{about}\n\n{table(cluster.HEAD, map(cluster.row, result['rows']))}"
+
+
 SECTIONS: dict[str, tuple[str, Callable[[Result], str]]] = {
     "held_out": ("Held-out error on real recordings", _held_out),
     "two_arms": ("Held-out loops of two real arms", _two_arms),
@@ -377,9 +403,12 @@ SECTIONS: dict[str, tuple[str, Callable[[Result], str]]] = {
     "solve": ("Speed beside other solvers", _solve),
     "batch": ("Calibrations a second", _batch),
     "study": ("Studies", _study),
+    "cluster": ("Studies on a cluster", _cluster),
     "scaling": ("Time and memory", _scaling),
+    "robots": ("Many robots", _robots),
     "detectors": ("Detectors beside OpenCV", _detectors),
     "peers": ("Errors beside today's practice", _peers),
+    "published": ("Errors beside published ones", _published),
     "certificate": ("Certificate", _certificate),
     "mutants": ("Faults that tests find", _mutants),
 }

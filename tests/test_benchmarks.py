@@ -8,6 +8,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
+from benchmarks import scale
 from benchmarks.common import RESULTS
 from benchmarks.figure import Panel, svg
 from benchmarks.mutants import SOURCE, changed, mutants_of, room_tests
@@ -24,6 +25,11 @@ SVG = "{http://www.w3.org/2000/svg}"
 def test_page_is_made_of_the_results() -> None:
     """docs/benchmarks.md is what `python -m benchmarks.report` makes of benchmarks/results: no number is typed."""
     assert PAGE.read_text(encoding="utf-8") == page()
+
+
+def test_scale_is_made_of_the_results() -> None:
+    """docs/scale.md is what `python -m benchmarks.scale` makes of benchmarks/results."""
+    assert scale.PAGE.read_text(encoding="utf-8") == scale.page()
 
 
 def test_readme_takes_the_peers_from_the_results() -> None:

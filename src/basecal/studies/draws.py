@@ -27,12 +27,14 @@ class Draws:
         problem: What is solved for, its views' pixels (trials, n, p, 2).
         transform: Name of the transform that is judged.
         count: How many trials.
+        own_starts: Whether each trial is to be solved from nothing.
     """
 
     made: SimulatedCell
     problem: Problem
     transform: str
     count: int
+    own_starts: bool = False
 
     @property
     def truth(self) -> SE3:
@@ -89,7 +91,7 @@ def draw(cell: DrawnCell, settings: Settings, seed: tuple[int, ...], count: int)
         _redrawn(cell, group, errors, settings, np.random.default_rng(own), count)
         for group, own in zip(cell.problem.groups, for_groups, strict=True)
     ]
-    return Draws(cell.made, cell.problem.with_groups(groups), cell.transform, count)
+    return Draws(cell.made, cell.problem.with_groups(groups), cell.transform, count, settings["own_starts"])
 
 
 def _robot_errors(problem: Problem, settings: Settings, seed: np.random.SeedSequence, count: int) -> dict[str, SE3]:

@@ -55,6 +55,7 @@ class SettingsEntry(Entry):
     """What is simulated and how it is solved; each field may be an axis."""
 
     solver: _Solver = "maximum_likelihood"
+    own_starts: bool = False
     layout: _Layout = "dual"
     arms: Arms = "both"
     samples: Annotated[int, Field(ge=1, le=10_000)] = 30

@@ -38,6 +38,15 @@ def test_together_is_as_one_by_one(hold: str) -> None:
         np.testing.assert_allclose(found.covariance[trial], own.covariance, rtol=1e-2, atol=1e-5 * own.covariance.max())
 
 
+def test_own_starts_need_no_other_trial(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each is solved from nothing, and ends where the batch does."""
+    together = solve(drawn("pixel_px: 0.2", 2))
+    monkeypatch.delattr(maximum_likelihood, "solve_batch")
+    alone = solve(drawn("pixel_px: 0.2, own_starts: true", 2))
+    assert alone.solved.all()
+    np.testing.assert_allclose(alone.transform.matrix, together.transform.matrix, atol=1e-7)
+
+
 def test_a_trial_in_another_valley_is_solved_by_itself(monkeypatch: pytest.MonkeyPatch) -> None:
     """One that the batch leaves at a great cost, or without an end, ends where its own solution is."""
     draws = drawn("pixel_px: 0.2", 5)

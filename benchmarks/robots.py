@@ -1,0 +1,143 @@
+"""Many robots: time and memory of a ring with loops, each robot seeing the next and the next but one.
+
+From a recording's arrays to every base with its covariance relative to every other: start, descent, covariance. Robots'
+noise is stated, each sample is of one pair at new stops. The time is that of the processor, on one thread.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import sys
+import time
+import tracemalloc
+from typing import Any
+
+import numpy as np
+
+from basecal.cell.targets.charuco import charuco_target
+from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
+from basecal.estimation.noise.estimate import degrees_of_freedom
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.start.first_state import first_state
+from basecal.geometry import Array
+from basecal.simulation import Scenario, SimulatedCell, simulate
+from benchmarks.common import on_one_core, table, write
+from benchmarks.scaling import slope
+
+BY_ROBOTS = ((20, 2000), (40, 4000), (60, 6000), (100, 10_000))
+BY_SAMPLES = ((60, 3000), (60, 6000), (60, 12_000), (60, 30_000))
+MOST_SECONDS, MOST_SLOPE = 5.0, 1.1
+HEAD = (
+    "robots",
+    "samples",
+    "start [s]",
+    "descent [s]",
+    "covariance [s]",
+    "all [s]",
+    "peak [MB]",
+    "largest error [mm]",
+    "NEES/6",
+)
+
+
+def made_of(robots: int, samples: int) -> SimulatedCell:
+    """A ring, its robots with 0.1 mm and 0.1 mrad of noise."""
+    board = charuco_target((4, 4), 0.04, 0.03, "DICT_4X4_50")
+    scenario = Scenario(layout="ring", robots=robots, samples=samples, board=board, robot_noise=(1e-4, 1e-4))
+    return simulate(scenario, 1)
+
+
+def base_columns(problem: Problem, names: list[str]) -> Array:
+    """Columns of all bases."""
+    return np.concatenate([np.arange(problem.columns[name].start, problem.columns[name].stop) for name in names])
+
+
+def settled(problem: Problem, start: State) -> tuple[State, Array]:
+    """The optimum, and the joint covariance of all bases, which has that of any relative to any other."""
+    end = bundle_adjust(problem, start, degrees_of_freedom(problem))
+    assert end.converged
+    assert end.sparse is not None
+    return end.state, end.sparse.inverse_at(base_columns(problem, bases_of(problem)))
+
+
+def bases_of(problem: Problem) -> list[str]:
+    """Names of the bases that are estimated."""
+    named = {base for g in problem.groups for base in (g.eye_base, g.hand_base) if base is not None}
+    return sorted(named)
+
+
+def measured(robots: int, samples: int) -> dict[str, Any]:
+    """A row: times [s], peak memory of descent and covariance [bytes], and how far the bases are off."""
+    made = made_of(robots, samples)
+    problem, _ = build_problem(made.cell, made.recording)
+    times = [time.process_time()]
+    start = first_state(problem, made.cell, thorough=False)
+    times.append(time.process_time())
+    end = bundle_adjust(problem, start, degrees_of_freedom(problem))
+    times.append(time.process_time())
+    assert end.converged
+    assert end.sparse is not None
+    names = bases_of(problem)
+    covariance = end.sparse.inverse_at(base_columns(problem, names))
+    times.append(time.process_time())
+    errors = np.stack([(end.state.transforms[name].inverse() @ made.truth[name]).log() for name in names])
+    nees = [e @ np.linalg.solve(covariance[6 * k : 6 * k + 6, 6 * k : 6 * k + 6], e) for k, e in enumerate(errors)]
+    gc.collect()
+    tracemalloc.start()
+    held, _ = tracemalloc.get_traced_memory()
+    settled(problem, end.state)
+    peak = tracemalloc.get_traced_memory()[1] - held
+    tracemalloc.stop()
+    parts = dict(zip(("start_s", "descent_s", "covariance_s"), np.diff(times).tolist(), strict=True))
+    return {
+        "robots": robots,
+        "samples": samples,
+        **parts,
+        "seconds": float(np.diff(times).sum()),
+        "peak_bytes": peak,
+        "largest_error_mm": float(1e3 * np.linalg.norm(errors[:, :3], axis=-1).max()),
+        "nees_over_6": float(np.mean(nees) / 6),
+    }
+
+
+def row(found: dict[str, Any]) -> tuple[str, ...]:
+    """A line of the table with `HEAD`."""
+    times = (f"{found[name]:.2f}" for name in ("start_s", "descent_s", "covariance_s", "seconds"))
+    sizes = f"{found['robots']}", f"{found['samples']:,}"
+    return (
+        *sizes,
+        *times,
+        f"{found['peak_bytes'] / 1e6:.0f}",
+        f"{found['largest_error_mm']:.2f}",
+        f"{found['nees_over_6']:.2f}",
+    )
+
+
+def slopes(by_robots: list[dict[str, Any]], by_samples: list[dict[str, Any]]) -> dict[str, float]:
+    """Of the logarithms of time and memory: over robots, each with as many samples, and over samples alone."""
+    parts = {"robots": by_robots, "samples": by_samples}
+    return {
+        f"{field} over {name}": slope(rows, field)
+        for name, rows in parts.items()
+        for field in ("seconds", "peak_bytes")
+    }
+
+
+def main(arguments: list[str]) -> None:
+    """Measure, print; of all sizes write results/robots.json too."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.robots", description=__doc__)
+    parser.add_argument("--largest", type=int, default=max(n for _, n in (*BY_ROBOTS, *BY_SAMPLES)), help="samples")
+    largest = parser.parse_args(arguments).largest
+    on_one_core()
+    rows = [[measured(*size) for size in sizes if size[1] <= largest] for sizes in (BY_ROBOTS, BY_SAMPLES)]
+    print(table(HEAD, map(row, [*rows[0], *rows[1]])))
+    found = {"by_robots": rows[0], "by_samples": rows[1], "slopes": slopes(*rows)}
+    print(found["slopes"])
+    if [len(part) for part in rows] == [len(BY_ROBOTS), len(BY_SAMPLES)]:
+        write("robots", found)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,98 @@
+"""docs/scale.md from results/*.json: what a million cells or a thousand robots would cost, by what was measured."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from benchmarks.common import RESULTS, table
+
+PAGE = Path(__file__).parents[1] / "docs" / "scale.md"
+CORE_HOUR = 0.05  # US dollars, a round price of a rented core: put in your own
+CELLS, TRIALS, ROBOTS = 1_000_000, 100_000_000, 1000
+SAMPLES_PER_ROBOT = 100
+COLUMNS = 18  # of a robot with a camera and a board: its base and two mounts
+ROW_BYTES = 2273  # of a cell's row with a sentence in memory, by tracemalloc
+BYTES = 8
+
+
+def _result(name: str) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((RESULTS / f"{name}.json").read_text(encoding="utf-8"))
+    return found
+
+
+def _priced(seconds: float) -> tuple[str, str]:
+    """Core hours and their price."""
+    hours = seconds / 3600
+    return f"{hours:,.1f}", f"{hours * CORE_HOUR:,.2f}"
+
+
+def _robots(found: dict[str, Any], field: str) -> float:
+    """What a thousand robots would take, by the largest ring measured and the slope."""
+    last = found["by_robots"][-1]
+    return float(last[field] * (ROBOTS / last["robots"]) ** found["slopes"][f"{field} over robots"])
+
+
+def page() -> str:
+    """The text of docs/scale.md."""
+    study, calibrate, robots = (_result(name) for name in ("study", "calibrate", "robots"))
+    rate = {row["solver"]: row["rate"] / row["workers"] for row in study["rows"]}
+    cell = median(row["seconds"] for row in calibrate["rows"])
+    ring, slopes = robots["by_robots"][-1], robots["slopes"]
+    seconds, peak = _robots(robots, "seconds"), _robots(robots, "peak_bytes")
+    rows = [
+        (
+            f"{TRIALS:,} simulated trials of 30 samples",
+            f"{1e3 / rate['maximum_likelihood']:.2f} ms",
+            *_priced(TRIALS / rate["maximum_likelihood"]),
+        ),
+        (
+            f"{CELLS:,} cells calibrated, as the recordings of `benchmarks.calibrate`",
+            f"{cell:.2f} s",
+            *_priced(CELLS * cell),
+        ),
+        (f"{ROBOTS:,} robots in a ring, {ROBOTS * SAMPLES_PER_ROBOT:,} samples", f"{seconds:.0f} s", *_priced(seconds)),
+    ]
+    over = (
+        f"{slopes[f'{field} over {name}']:.2f}" for field in ("seconds", "peak_bytes") for name in ("robots", "samples")
+    )
+    dense = (COLUMNS * ROBOTS) ** 2 * BYTES / 1e9
+    what = table(("what", "each, on one core", "core hours", "US dollars"), rows)
+    measured = f"{ring['robots']} robots with {ring['samples']:,} samples took {ring['seconds']:.1f} s of a core"
+    took = f"{measured} and {ring['peak_bytes'] / 1e6:.0f} MB"
+    return f"""\
+# Scale
+
+What a million cells or a thousand robots would cost, by what [benchmarks](benchmarks.md) measured; a command
+(`python -m benchmarks.scale`) makes this page of their results. A core hour is taken for {CORE_HOUR:g} US dollars:
+put in your own price.
+
+{what}
+
+Cells, and the chunks of a study, know nothing of one another: twice the cores take half the time, until the disk is
+what is waited for. Pictures that no one has searched yet take longer than the calibration.
+
+A ring of robots is one problem. {took}.
+The slopes of the logarithms are {", ".join(over)}: time over robots, each with as many samples,
+and over samples alone; then memory likewise. A thousand would take {peak / 1e9:.1f} GB. That is the start, the
+maximum-likelihood state and the covariance of every base relative to every other, as `benchmarks.robots` asks for them.
+
+## What breaks first
+
+- **Many cells: memory of the command that asks.** It holds the rows of all cells for the table, some
+  {CELLS * ROW_BYTES / 1e9:.0f} GB for a million. Then the files: two small ones for each cell. Give each hundred
+  thousand cells a folder of their own.
+- **Many robots: the covariance of everything.** `basecal.solve` gives that of all unknowns together, {COLUMNS} for each
+  robot with a camera and a board: {dense:.1f} GB for a thousand, and it grows with the square.
+- **Many robots: what `basecal calibrate` does besides.** Robots whose noise nobody states have it estimated with dense
+  matrices, as are the tests of residuals, and stops that several views share keep dense blocks: these grow with the
+  cube of the unknowns. State the noise of robots and cameras. How long the whole of `calibrate` takes for a hundred
+  robots has not been measured.
+"""
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")
+    print(f"written: {PAGE.name}")
