@@ -61,7 +61,7 @@ def finish_import(
     for line in (f"read {imported.source}: {imported.what}", *_pairing_lines(brought), *_cell_lines(brought)):
         say(line)
     missing = next_step(brought.cell, brought.recording, folder)
-    then = missing or f"basecal calibrate {pasted(folder)}"
+    then = missing or f"next: basecal calibrate {pasted(folder)}"
     if missing is None and say_conventions(folder, brought.cell, brought.recording):
         then = "mend what is said above first, in cell.yaml or by importing anew into another folder"
     if brought.pairing is None:

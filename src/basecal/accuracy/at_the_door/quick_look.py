@@ -9,7 +9,7 @@ import numpy as np
 from basecal.accuracy.at_the_door.units import impossible_units
 from basecal.accuracy.clocks.search import clocked
 from basecal.accuracy.input_check.conventions import check_conventions
-from basecal.accuracy.input_check.hypothesis_fit import fit_hypothesis, plausible
+from basecal.accuracy.input_check.hypothesis_fit import HypothesisFit, fit_hypothesis, plausible
 from basecal.accuracy.input_check.unexplained_motion import hopeless, is_hopeless
 from basecal.cell import Cell, Finding, Recording, Sample
 from basecal.errors import BasecalError
@@ -102,9 +102,17 @@ def _looked(cell: Cell, recording: Recording, is_whole: bool) -> QuickLook:
         return QuickLook(views, (hopeless(plain.problem, plain.state),))
     fit = fit_hypothesis(cell, recording, stated, plain.state)
     if fit is None or any(name in plain.observability.unobservable for name in cell.asked):
-        return QuickLook(views, untold="they leave open what is asked for; turn every arm about two axes or more")
+        return QuickLook(views, untold=_left_open(cell, fit))
     if not plausible(fit):
         return QuickLook(
             views, untold=f"the others predict each to {fit.error_in_words()}, in no other convention better"
         )
     return QuickLook(views, error=fit.error_in_words())
+
+
+def _left_open(cell: Cell, fit: HypothesisFit | None) -> str:
+    """That views leave a direction open, and what to do; open zeros of joints hide a base whatever the arms do."""
+    fitted = "" if fit is None else f"they fit to {fit.error_in_words()} as they are read, but "
+    by_zeros = any(robot.parameters for robot in cell.robots.values())
+    what = "without the priors of its robots" if by_zeros else "; turn every arm about two axes or more"
+    return f"{fitted}leave open what is asked for{' ' if by_zeros else ''}{what}"
