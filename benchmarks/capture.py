@@ -16,6 +16,7 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -32,7 +33,7 @@ from basecal.cell import Cell, Recording
 from basecal.cell.files import read_recording
 from basecal.errors import BasecalError
 from basecal.estimation.solve import solve
-from basecal.geometry import SE3
+from basecal.geometry import SE3, Array
 from basecal.planning import poses, shifts
 from basecal.planning.feasible import feasible_in
 from basecal.planning.sketch import sketch_of
@@ -106,6 +107,13 @@ def captured(seed: int, fault: str = "") -> Outcome:
     return Outcome(calibration.verdict, nees, 1e3 * float(np.linalg.norm(error[:3])), findings, given_up, took)
 
 
+@cache
+def sound_answer() -> tuple[Cell, SE3, Array]:
+    """A cell without a fault, its base by the plain solution, and the covariance of its calibration."""
+    cell, _, seen, _ = recorded(0)
+    return cell, solve(cell, seen).state.transforms[BASE], calibrate(cell, seen).transforms[BASE].covariance
+
+
 def five_sigma(fault: str) -> dict[str, Any]:
     """The size of a fault that moves the base by five sigmas, from what its usual size does to one cell.
 
@@ -113,10 +121,9 @@ def five_sigma(fault: str) -> dict[str, Any]:
     calibration of the same cell without the fault.
     """
     kind = FAULTS[fault]
-    cell, _, sound, _ = recorded(0)
-    covariance = calibrate(cell, sound).transforms[BASE].covariance
+    cell, plain, covariance = sound_answer()
     small = 0.1 * kind.usual if not kind.is_sudden else kind.usual
-    plain, moved = (solve(cell, seen).state.transforms[BASE] for seen in (sound, recorded(0, f"{fault}={small}")[2]))
+    moved = solve(cell, recorded(0, f"{fault}={small}")[2]).state.transforms[BASE]
     shift = (plain.inverse() @ moved).log()
     sigmas = float(np.sqrt(shift @ np.linalg.solve(covariance, shift)))
     hidden = sigmas < LEAST_SHIFT

@@ -120,7 +120,5 @@ class Surroundings:
         """The first geometry on a way, -1 where there is none, and how far it is [m]."""
         geometry = np.full(1, -1, dtype=np.int32)
         way = towards - start
-        away = self._mujoco.mj_ray(
-            self._model, self._data, start, way / np.linalg.norm(way), None, 1, -1, geometry, None
-        )
+        away = self._mujoco.mj_ray(self._model, self._data, start, way / np.linalg.norm(way), None, True, -1, geometry)
         return int(geometry[0]), float(away)
