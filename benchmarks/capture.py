@@ -163,13 +163,13 @@ HEAD = ("fault", "size", "cells", "good", "in 95 %", "in 99.7 %", "in 99.7 % or 
 def row(fault: str, size: str, outcomes: Sequence[Outcome]) -> list[object]:
     """Of cells alike."""
     verdicts = Counter(each.verdict.split(":")[0] for each in outcomes)
-    held = [each.nees is not None and each.nees < chi2.ppf(0.997, 6) for each in outcomes]
+    held = [each.nees is not None and bool(each.nees < chi2.ppf(0.997, 6)) for each in outcomes]
     named = [each.verdict != "good" and bool(EXPECTED.get(fault, set()) & set(each.findings[:1])) for each in outcomes]
     errors = [each.error_mm for each in outcomes if each.error_mm is not None]
     first = Counter(each.findings[0] for each in outcomes if each.findings).most_common(3)
     return [
         *(fault or "none", size, len(outcomes), verdicts["good"]),
-        sum(each.nees is not None and each.nees < chi2.ppf(0.95, 6) for each in outcomes),
+        sum(each.nees is not None and bool(each.nees < chi2.ppf(0.95, 6)) for each in outcomes),
         *(sum(held), sum(a or b for a, b in zip(held, named, strict=True))),
         f"{np.median(errors):.2f}" if errors else "-",
         *(sum(each.given_up for each in outcomes), ", ".join(f"{code} {count}" for code, count in first)),

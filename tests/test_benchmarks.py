@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 from benchmarks import scale
+from benchmarks.capture import HEAD, Kept, Outcome, row, size_of
 from benchmarks.common import RESULTS
 from benchmarks.figure import Panel, svg
 from benchmarks.mutants import SOURCE, changed, mutants_of, room_tests
@@ -104,3 +105,35 @@ def test_errors_dealt_out_anew_are_as_large() -> None:
     assert abs(pixels - 0.2) < 0.01
     squares = np.mean([(draw.stops * of.problem.stops.sigma) ** 2 for draw in draws], axis=(0, 1))
     np.testing.assert_allclose(np.sqrt([squares[:3].mean(), squares[3:].mean()]), [3e-4, 5e-4], rtol=0.25)
+
+
+def outcome(verdict: str, nees: float | None, *findings: str) -> Outcome:
+    return Outcome(verdict, nees, 0.1, list(findings), 0, 1.0)
+
+
+def test_a_cell_is_safe_inside_the_ellipsoid_or_named_first() -> None:
+    """Not where it is good and outside, nor where another finding comes first; one without an answer is not inside."""
+    cells = [
+        outcome("good", 5.0),
+        outcome("doubtful", 90.0, "base-moved", "poor-fit"),
+        outcome("doubtful", 90.0, "poor-fit", "base-moved"),
+        outcome("good", 90.0),
+        outcome("refused", None, "too-few-samples"),
+    ]
+    told = dict(zip(HEAD, row("base-bumped", "5 mm", cells), strict=True))
+    assert (told["cells"], told["good"], told["in 99.7 %"], told["in 99.7 % or named first"]) == (5, 2, 1, 2)
+    assert told["first finding"] == "base-moved 1, poor-fit 1, too-few-samples 1"
+
+
+def test_outcomes_outlive_a_run(tmp_path: Path) -> None:
+    """What was kept is there again, in the order of its seeds, and apart from other faults."""
+    kept = Kept(tmp_path / "kept.jsonl")
+    for seed in (0, 1, 10, 2):
+        kept.keep(f"sag#{seed}", outcome("good", float(seed)))
+    kept.keep("#0", outcome("good", 7.0))
+    kept.keep("size:sag", {"size": 0.0123, "is_usual": False})
+    again = Kept(tmp_path / "kept.jsonl")
+    assert [each.nees for each in again.outcomes("sag")] == [0.0, 1.0, 2.0, 10.0]
+    assert [each.nees for each in again.outcomes("")] == [7.0]
+    assert size_of(again, "sag") == "0.0123 deg"
+    assert (size_of(again, "backlash"), again.get("sag#3")) == ("", None)
