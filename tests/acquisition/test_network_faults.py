@@ -9,9 +9,10 @@ import threading
 import numpy as np
 import pytest
 
-from basecal.acquisition.capture import CaptureSettings, capture, store_plan, unfinished
+from basecal.acquisition.capture import capture, store_plan, unfinished
 from basecal.acquisition.drivers.ur import open_robot
 from basecal.acquisition.rig import open_rig
+from basecal.acquisition.taking import CaptureSettings, Taker
 from basecal.cell.files import read_recording
 from basecal.errors import DriverError
 from basecal.planning import poses
@@ -30,7 +31,7 @@ LOSS = "<Internal><Test><XmitLossiness>200</XmitLossiness></Test></Internal>"  #
 def captured(sketch, folder, plan, when=lambda step: None):
     """What became of a plan in a cell that runs, each step told to `when`."""
     with open_rig(sketch.cell, folder) as rig:
-        for step in capture(rig, sketch, folder, plan, FAST):
+        for step in capture(Taker(rig, sketch, folder, FAST), plan):
             when(step)
 
 

@@ -53,7 +53,7 @@ def test_a_robot_by_its_frames(ros2_cell):
 
 def test_what_is_not_sent_is_told_with_what_is(ros2_cell):
     """A topic that nobody sends, one of another type, frames that nothing joins."""
-    with pytest.raises(DriverError, match=r"eye: nobody sends /joints in domain \d+; there are: /joint_states, /tf"):
+    with pytest.raises(DriverError, match=r"eye: nobody sends /joints in domain \d+; there are: /joint_states, /rob"):
         open_robot(ros2_cell.place("eye", topic="/joints", reconnect_s=0.0))
     with pytest.raises(DriverError, match="wrist: /tf is of tf2_msgs/msg/TFMessage, expected sensor_msgs/msg/Image"):
         open_camera(ros2_cell.place("wrist", topic="/tf"))
