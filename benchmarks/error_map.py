@@ -164,6 +164,15 @@ def row(kind: str, of: dict[str, Any]) -> tuple[object, ...]:
     return kind, of[PLACES[0]]["trials"], *shares, *expected
 
 
+def section(result: dict[str, Any]) -> str:
+    """Of docs/benchmarks.md."""
+    about = f"""\
+Both flanges are sent to one point, at the middle of the map and at a corner: are they as near as the map expects of 95
+in 100? Asked: {100 * LOW:g} to {100 * HIGH:g} %. `joints`: arms whose joints and links are off, estimated by their
+priors (`stated`), or taken for what the URDF says (`estimated`)."""
+    return f"{about}\n\n{table(HEAD, [row(kind, of) for kind, of in result['rows'].items()])}"
+
+
 def main(arguments: Sequence[str]) -> None:
     """Draw and print; of all trials results/error_map.json too."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.error_map", description=__doc__)

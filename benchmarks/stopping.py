@@ -80,6 +80,15 @@ def rows(found: Sequence[dict[str, Any]]) -> list[tuple[object, ...]]:
     return [row(found, goal) for goal in (*GOALS_MM, None)]
 
 
+def section(result: dict[str, Any]) -> str:
+    """Of docs/benchmarks.md."""
+    about = f"""\
+As many samples as a plan says a goal needs, in cells whose robots have {1e3 * NOISE_M[0]:g} to {1e3 * NOISE_M[1]:g} mm
+a stop: is the true error within the 95 % that the plan promised? Asked: {100 * LOW:g} to {100 * HIGH:g} %, and at most
+{MOST_RATIO:g} times the samples of the best plan by exhaustive exchange, looked for in one of {BEST_OF} cells."""
+    return f"{about}\n\n{table(HEAD, rows(result['rows']))}"
+
+
 def main(arguments: Sequence[str]) -> None:
     """Draw and print; of all cells results/stopping.json too."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.stopping", description=__doc__)

@@ -36,7 +36,15 @@ MOST_ALARMS = 0.01
 LOW, HIGH = 0.92, 0.98
 NAMED = 0.95
 HEAD = ("samples", "trials", "false alarms", "detectable shift seen", "first named at three times it", "median [mm]")
-HEAD_REAL = ("recording", "checks", "as calibrated", "shifts seen", "named, alone or among", "median [mm]")
+HEAD_REAL = (
+    "recording",
+    "checks",
+    "cannot tell",
+    "as calibrated",
+    "shifts seen",
+    "named, alone or among",
+    "median [mm]",
+)
 
 
 def shifted(cell: Cell, recording: Recording, transform: str, tangent: Array) -> Recording:
@@ -97,8 +105,8 @@ def real(name: str, splittings: int) -> dict[str, Any]:
             continue
         checked = Recording(second.samples[:MOST_NEW])
         still = verify(cell, calibration, checked)
-        found.append(still.moved is False)
-        if still.detectable_m is None:
+        found.append(still.moved)
+        if still.moved is None or still.detectable_m is None:
             continue
         lengths.append(still.detectable_m)
         length = max(LEAST_SHIFT_M, 2 * still.detectable_m)
@@ -109,7 +117,8 @@ def real(name: str, splittings: int) -> dict[str, Any]:
     return {
         "recording": name,
         "checks": len(found),
-        "as_calibrated": float(np.mean(found)) if found else None,
+        "untold": found.count(None),
+        "as_calibrated": found.count(False) / max(len(found) - found.count(None), 1) if found else None,
         "seen": float(np.mean(moved)) if moved else None,
         "named": float(np.mean(named)) if named else None,
         "detectable_m": float(np.median(lengths)) if lengths else None,
@@ -152,7 +161,7 @@ def row_real(of: dict[str, Any]) -> tuple[object, ...]:
     """A line of the table with `HEAD_REAL`."""
     shares = ["" if of[key] is None else f"{100 * of[key]:.0f} %" for key in ("as_calibrated", "seen", "named")]
     length = "" if of["detectable_m"] is None else f"{1e3 * of['detectable_m']:.2f}"
-    return of["recording"], of["checks"], *shares, length
+    return of["recording"], of["checks"], of.get("untold", 0), *shares, length
 
 
 def main(arguments: list[str]) -> None:

@@ -46,7 +46,7 @@ def _verdict(found: Verification) -> list[str]:
     if found.moved is None or found.shift is None:
         return [
             "CANNOT TELL: these samples do not show whether anything moved: take more of them, of the targets that "
-            "were calibrated, with both arms turned"
+            "were calibrated, with both arms turned, or calibrate from more of them first"
         ]
     count = f"{len(found.samples)} sample{'s' if len(found.samples) > 1 else ''}"
     if not found.moved:

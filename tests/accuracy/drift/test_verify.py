@@ -55,6 +55,17 @@ def test_a_sample_that_is_off_alone_is_left_out() -> None:
     assert found.outliers == (first.sample,)
 
 
+def test_a_calibration_that_knows_next_to_nothing_tells_nothing() -> None:
+    """Beyond a shift of a tenth of a metre first order does not hold: neither an alarm nor a reassurance."""
+    made = later()
+    vague = replace(made.calibration, joint_covariance=1e6 * made.calibration.joint_covariance)
+    tangent = np.array([0.5, 0, 0, 0, 0, 0])
+    found = verify(made.cell, vague, made.with_base_moved(tangent))
+    assert found.detectable_m > 0.1
+    assert found.moved is None
+    assert found.alike == ()
+
+
 def test_a_cell_with_everything_fixed_is_checked_too() -> None:
     made = later(seed=1)
     known = {name: Unknown("fixed", estimate.mean) for name, estimate in made.calibration.transforms.items()}

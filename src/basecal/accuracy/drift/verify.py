@@ -19,6 +19,7 @@ POWER = 0.95
 
 _ALIKE = 6.0  # of the statistic: explanations that are not e^3 times less likely than the best are not told from it
 _FEWEST_TO_BLAME = 4  # samples of which one may be the odd one out
+_BLIND_M = 0.1  # of the shift that would be seen: where it is larger, predictions are too uncertain for first order
 _AS_BEFORE = 0.05  # chance of the others, above which they are as calibrated without it
 
 
@@ -27,7 +28,7 @@ class Verification:
     """What new samples say of a calibration.
 
     Attributes:
-        moved: Whether something did; None where that cannot be told.
+        moved: Whether something did; None where that cannot be told, as the samples or the calibration say too little.
         chance: Of samples so far off, where nothing moved.
         shift: The most likely thing to have moved, whether it did or not; None where nothing is compared.
         alike: Others that explain the samples about as well, where something moved.
@@ -81,8 +82,9 @@ def _verified(cell: Cell, of: Innovations) -> Verification:
     moved = chance < LEVEL
     explanations = sorted([*frames, *joint_shifts(of)], key=lambda each: each.log_chance)
     best = explanations[0]
-    alike = [each for each in explanations[1:] if _score(each) > _score(best) - _ALIKE] if moved else []
-    is_moved = True if moved else None if seen is None else False
+    is_blind = seen is not None and seen > _BLIND_M
+    is_moved = None if is_blind else True if moved else None if seen is None else False
+    alike = [each for each in explanations[1:] if is_moved and _score(each) > _score(best) - _ALIKE]
     return Verification(is_moved, chance, best, tuple(alike), seen, samples, asked=tuple(asked))
 
 
