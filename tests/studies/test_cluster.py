@@ -20,7 +20,7 @@ from basecal.studies import cluster as module
 from basecal.studies.cluster import called_on_cluster
 from basecal.studies.jobs import Job, Where, done_jobs
 from basecal.studies.run import run_study
-from job_examples import deadly, lacking, named, slowly
+from job_examples import deadly, lacking, named
 from study_example import SMALL, numbers, study
 
 
@@ -74,17 +74,6 @@ def test_a_job_that_kills_its_workers_is_given_up() -> None:
         done = {job.number: content for job, content in done_jobs([bad, *rest], Where(1, cluster.scheduler_address))}
     assert b"killed again and again" in done.pop(0)
     assert done == {number: named(number) for number in (1, 2, 3)}
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="kills a process")
-def test_a_scheduler_that_goes_away_is_told() -> None:
-    """In a line, and what is done is kept by whoever asked."""
-    with local_cluster(1) as cluster:
-        jobs = [Job(k, 1, partial(slowly, k)) for k in range(100)]
-        threading.Timer(1.0, cluster.close).start()
-        with pytest.raises(InputError, match="went away"):
-            list(done_jobs(jobs, Where(1, cluster.scheduler_address)))
 
 
 @pytest.mark.slow
