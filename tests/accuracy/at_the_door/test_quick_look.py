@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from basecal.accuracy.at_the_door.quick_look import looked_at, quick_look
 from basecal.accuracy.input_check.rewriting import inverted, scaled, shifted, with_robots
 from basecal.cell import Recording
+from basecal.cell.cell import Intrinsics
 from basecal.simulation import Scenario, simulate
 from stream_cells import streamed
 
@@ -70,3 +73,10 @@ def test_streams():
     assert look.findings == ()
     assert look.error is not None
     assert look.error.endswith("mm a metre (or mrad)")
+
+
+def test_streams_by_an_unknown_lens():
+    """An import does not take as long as a calibration."""
+    made = streamed()
+    cameras = {n: replace(c, intrinsics=Intrinsics("free")) for n, c in made.cell.cameras.items()}
+    assert "basecal calibrate tells" in quick_look(replace(made.cell, cameras=cameras), made.recording).untold
