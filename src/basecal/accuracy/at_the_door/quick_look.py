@@ -77,7 +77,9 @@ def quick_look(cell: Cell, recording: Recording, is_whole: bool = True) -> Quick
     try:
         streams = streams_of(cell, recording)
         if streams is not None and _has_free_lens(cell):
-            return QuickLook(0, untold="clocks and a lens that is not known are found together: basecal calibrate tells")
+            return QuickLook(
+                0, untold="clocks and a lens that is not known are found together: basecal calibrate tells"
+            )
         samples = recording if streams is None else clocked(streams, DEFAULT).recording
         return _looked(cell, samples, is_whole)
     except (BasecalError, np.linalg.LinAlgError) as error:
