@@ -8,13 +8,14 @@ from basecal.cell.files import read_cell
 from basecal.cli import main
 
 pytest.importorskip("cyclonedds")
-from shared.ros2_domain import DOMAIN, ros2
+from shared.ros2_domain import ros2
 
 
 def test_a_cell_of_what_runs(tmp_path, capsys):
     """It has the robot with its URDF, the camera with its lens, and drivers with which it can be captured at once."""
-    with ros2(100, 30, 320, 240):
-        assert main(["new", str(tmp_path / "c"), "--from", "ros2", "--domain", str(DOMAIN), "--target", "led"]) == 0
+    with ros2(100, 30, 320, 240) as process:
+        domain = process.domain
+        assert main(["new", str(tmp_path / "c"), "--from", "ros2", "--domain", str(domain), "--target", "led"]) == 0
     said = capsys.readouterr().out
     assert "/joint_states  sensor_msgs/msg/JointState" in said
     assert (
@@ -23,9 +24,9 @@ def test_a_cell_of_what_runs(tmp_path, capsys):
     cell = read_cell(tmp_path / "c")
     arm, camera = cell.robots["arm"], cell.cameras["wrist"]
     assert arm.driver.kind == "ros2"
-    assert arm.driver.options == {"topic": "/joint_states", "domain": DOMAIN}
+    assert arm.driver.options == {"topic": "/joint_states", "domain": domain}
     assert len(arm.chain.joint_names) == 6
-    assert camera.driver.options == {"topic": "/wrist/image_raw", "domain": DOMAIN}
+    assert camera.driver.options == {"topic": "/wrist/image_raw", "domain": domain}
     assert (camera.on, camera.size_px) == ("arm", (320, 240))
     assert camera.intrinsics.camera.parameters[0] == 900
     assert cell.targets["target"].on == "world"

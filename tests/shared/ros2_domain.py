@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,7 +18,9 @@ LOOPBACK = (
     "<Discovery><ParticipantIndex>auto</ParticipantIndex><Peers><Peer address='127.0.0.1'/></Peers></Discovery>"
     "</Domain></CycloneDDS>"
 )
-DOMAIN = 1 + os.getpid() % 200
+DOMAIN = 1 + os.getpid() % 100
+"""Of tests without a second process."""
+_COUNT = itertools.count(17 * os.getpid())
 CELL = two_arms("led").cell
 
 
@@ -25,9 +28,11 @@ CELL = two_arms("led").cell
 def ros2(*words, cell=CELL, **environment):
     """The process, and where a robot or camera of it is in a cell; words are rates and sizes as it takes them."""
     os.environ["CYCLONEDDS_URI"] = LOOPBACK
-    with second_process("shared.ros2_publisher", DOMAIN, *words, **environment) as process:
+    domain = 101 + next(_COUNT) % 100  # its own: what an earlier process sent may still be on its way
+    with second_process("shared.ros2_publisher", domain, *words, **environment) as process:
+        process.domain = domain
         process.place = lambda name, **options: Place(
-            name, cell, Path("."), {"domain": DOMAIN, "reconnect_s": 5.0, **options}
+            name, cell, Path("."), {"domain": domain, "reconnect_s": 5.0, **options}
         )
         yield process
 

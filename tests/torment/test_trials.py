@@ -66,7 +66,7 @@ def _without_end() -> None:
 def test_who_waits_falls_and_who_works_is_let_to(monkeypatch: pytest.MonkeyPatch) -> None:
     """What has the processor now and then is slow for others' sake; what uses none waits for what never comes."""
     monkeypatch.setattr(outcome, "_WAITING", 0.25)
-    monkeypatch.setattr(outcome, "_IDLE_S", 1e-3)
+    monkeypatch.setattr(outcome, "_IDLE_S", 0.05)
     with time_limit(2):
         end = time.process_time() + 0.5
         while time.process_time() < end:

@@ -15,6 +15,8 @@ from basecal.numerics.spectral import spectrum
 LEVEL = 5e-3
 """The chance by which two calibrations of the same cell are said to disagree."""
 
+_ROUNDING = 1e-12  # [m, rad] between transforms that have no sigma and are equal
+
 
 @dataclass(frozen=True)
 class Difference:
@@ -62,7 +64,7 @@ def compare(first: Calibration, second: Calibration) -> Comparison:
     common = [name for name in first.transforms if name in second.transforms]
     found = {name: _difference(first, second, name) for name in common}
     chances = [each.chance for each in found.values() if each.chance is not None]
-    moved = any(each.chance is None and max(each.shift_m, each.shift_rad) > 0 for each in found.values())
+    moved = any(each.chance is None and max(each.shift_m, each.shift_rad) > _ROUNDING for each in found.values())
     least = min((len(chances) * chance for chance in chances), default=1.0)
     only = {name: 0 for name in first.transforms if name not in common}
     only |= {name: 1 for name in second.transforms if name not in common}

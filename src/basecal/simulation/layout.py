@@ -57,15 +57,15 @@ def layout_of(name: LayoutName, robots: int = 3) -> Layout:
 
 
 def _many(name: LayoutName, robots: int) -> Layout:
-    """Robots that each carry a camera and a board."""
+    """Robots that each carry a camera if they see another, and a board if they are seen."""
     names = tuple(f"r{k + 1}" for k in range(robots))
-    cameras = {f"camera{k + 1}": name for k, name in enumerate(names)}
-    targets = {f"board{k + 1}": name for k, name in enumerate(names)}
     if name == "grid":
         row = math.isqrt(robots)  # as near to a square as whole rows are, the last one shorter
         seen = [(k, k + 1) for k in range(robots - 1) if (k + 1) % row] + [(k, k + row) for k in range(robots - row)]
     else:
         steps = (1, 2) if name == "ring" and robots > 2 else (1,)  # of two robots the next but one is the robot itself
         seen = [(k, (k + step) % robots) for k in range(robots) for step in steps]
+    cameras = {f"camera{a + 1}": names[a] for a in sorted({a for a, _ in seen})}
+    targets = {f"board{b + 1}": names[b] for b in sorted({b for _, b in seen})}
     groups = tuple(((f"camera{a + 1}", f"board{b + 1}"),) for a, b in seen)
     return Layout(names, cameras, targets, groups, records_all=name == "chain")

@@ -17,7 +17,7 @@ from basecal.simulation import Scenario, simulate
 
 MOUNT = "arm_flange_from_wrist"
 # A free lens takes up the errors of robots that are held to be exact.
-NOISY = Scenario(samples=20, robot_noise=(2e-3, 1e-2), state_robot_noise=False, intrinsics="free", layout="eye_in_hand")
+NOISY = Scenario(samples=40, robot_noise=(2e-3, 1e-2), state_robot_noise=False, intrinsics="free", layout="eye_in_hand")
 EXACT = Settings(robot_noise="stated")
 
 
@@ -35,7 +35,7 @@ def test_a_true_model_has_no_rival(changed):
 
 def test_robots_held_to_be_exact_have_one():
     """Errors of 2 mm and 10 mrad that go into the lens: the closed form predicts better, and is far from the answer."""
-    made = simulate(NOISY, 0)
+    made = simulate(NOISY, 3)
     solution = solve(made.cell, made.recording, EXACT)
     rival = cross_validate(solution, made.cell.asked, EXACT).rival
     assert rival.ratio > 1.5

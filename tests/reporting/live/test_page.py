@@ -20,7 +20,7 @@ from basecal.geometry import SE3, Camera
 from basecal.reporting.live import page
 from basecal.simulation import Scenario, simulate
 from basecal.vision.draw.render import render
-from shared.browser import CHROMIUM, visit
+from shared.browser import CHROMIUM, another_page, visit
 
 pytest.importorskip("nicegui", reason="nicegui is not installed: pip install 'basecal[web]'")
 pytestmark = pytest.mark.filterwarnings("ignore")  # of NiceGUI's own libraries
@@ -57,6 +57,7 @@ def status(address, **headers):
 
 @pytest.fixture(scope="module")
 def address(cell):
+    another_page()
     with page.served(captured(cell), cell) as at:
         yield at
 

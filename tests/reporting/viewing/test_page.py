@@ -10,7 +10,7 @@ import pytest
 from basecal.accuracy.verdict import calibrate
 from basecal.reporting.viewing.page import Viewed, served
 from basecal.simulation import Scenario, simulate
-from shared.browser import CHROMIUM, visit
+from shared.browser import CHROMIUM, another_page, visit
 
 pytest.importorskip("nicegui", reason="nicegui is not installed: pip install 'basecal[web]'")
 pytestmark = pytest.mark.filterwarnings("ignore")  # of NiceGUI's own libraries
@@ -22,6 +22,7 @@ def test_in_a_browser(tmp_path: Path) -> None:
     made = simulate(Scenario(samples=12), 4)
     calibration = calibrate(made.cell, made.recording)
     viewed = Viewed(made.cell, made.recording, tmp_path, ("20260102T030405Z",), lambda name: calibration)
+    another_page()
     with served(viewed) as address:
         came = visit(address, tmp_path / "profile", until=".q-checkbox:nth-of-type(12)")
         assert urlsplit(address).hostname == "127.0.0.1"

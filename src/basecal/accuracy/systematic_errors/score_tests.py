@@ -143,8 +143,9 @@ def sums(of: Linearised, candidates: Candidates) -> tuple[Array, Array, Array]:
         own = views.information[:, :6, :6]
         carried = own[:, None] @ moves
         gradient += np.tensordot(views.gradient[:, :6], moves, ((0, 1), (0, 2)))
-        by_candidate = np.moveaxis(moves, 1, 0).reshape(b, -1, q)
-        information += np.swapaxes(by_candidate, -1, -2) @ np.moveaxis(carried, 1, 0).reshape(b, -1, q)
+        rows = len(moves) * moves.shape[2]
+        by_candidate = np.moveaxis(moves, 1, 0).reshape(b, rows, q)
+        information += np.swapaxes(by_candidate, -1, -2) @ np.moveaxis(carried, 1, 0).reshape(b, rows, q)
         by_unknowns = (views.information @ views.by_unknowns)[:, :6]
         across[..., views.columns] += np.tensordot(moves, by_unknowns, ((0, 2), (0, 1)))
         for part in views.shared:
