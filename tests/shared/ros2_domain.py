@@ -19,7 +19,7 @@ LOOPBACK = (
     "</Domain></CycloneDDS>"
 )
 DOMAIN = 1 + os.getpid() % 60
-"""Of tests without a second process; those up to 99 are free beside it, nobody sends in 100, those above are of second processes."""
+"""Of tests without a second process. Those to 99 are free beside it, nobody sends in 100, second processes do above."""
 _COUNT = itertools.count(17 * os.getpid())
 CELL = two_arms("led").cell
 
