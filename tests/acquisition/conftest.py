@@ -1,4 +1,4 @@
-"""A robot that answers OPC UA: its process takes seconds to start, and is one for all tests."""
+"""Second processes that robots' protocols are tested with: they take seconds to start, and serve many tests each."""
 
 from __future__ import annotations
 
@@ -36,3 +36,18 @@ def ros2_cell(_ros2_process):
     for words in (("rate", "joints", 100), ("rate", "pictures", 30), ("freeze", "off"), ("partial", "off")):
         _ros2_process.tell(*words)
     return _ros2_process
+
+
+@pytest.fixture(scope="module")
+def _switched_on():
+    from shared.ur_place import controller
+
+    with controller() as there:
+        yield there
+
+
+@pytest.fixture
+def there(_switched_on):
+    """A UR controller as after it was switched on, and where its robot is."""
+    _switched_on[0].tell("reset")
+    return _switched_on

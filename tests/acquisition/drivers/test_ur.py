@@ -19,19 +19,6 @@ from shared.ur_place import CELL, controller
 pytest.importorskip("rtde_receive")
 
 
-@pytest.fixture(scope="module")
-def switched_on():
-    with controller() as there:
-        yield there
-
-
-@pytest.fixture
-def there(switched_on):
-    """A controller as after it was switched on, and where its robot is."""
-    switched_on[0].tell("reset")
-    return switched_on
-
-
 def test_two_controllers_each_with_its_own_clock(tmp_path):
     """A cell of two controllers is opened by its cell file, and each says where it is."""
     with controller() as (first, one), controller("50") as (_, other):

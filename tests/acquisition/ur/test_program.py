@@ -9,22 +9,8 @@ import pytest
 from basecal.acquisition.ur.options import UrOptions
 from basecal.acquisition.ur.program import Program
 from basecal.errors import DriverError
-from shared.ur_place import controller
 
 pytest.importorskip("rtde_control")
-
-
-@pytest.fixture(scope="module")
-def switched_on():
-    with controller() as there:
-        yield there
-
-
-@pytest.fixture
-def there(switched_on):
-    """A controller as after it was switched on, and where its robot is."""
-    switched_on[0].tell("reset")
-    return switched_on
 
 
 def program(place):

@@ -18,19 +18,6 @@ from shared.ur_place import CELL, controller
 pytest.importorskip("rtde_receive")
 
 
-@pytest.fixture(scope="module")
-def switched_on():
-    with controller() as there:
-        yield there
-
-
-@pytest.fixture
-def there(switched_on):
-    """A controller as after it was switched on, and where its robot is."""
-    switched_on[0].tell("reset")
-    return switched_on
-
-
 def take(robot, count):
     """So many states of a robot."""
     return [robot.state() for _ in range(count)]
