@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import platform
@@ -76,3 +77,21 @@ def write(name: str, result: Mapping[str, Any]) -> Path:
     told = {"machine": machine(), "commit": commit(), **result}
     path.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
     return path
+
+
+def cell_by_cell(
+    name: str,
+    arguments: Sequence[str],
+    cells: int,
+    measured: Callable[[int], Iterable[dict[str, Any]]],
+    shown: Callable[[list[dict[str, Any]]], str],
+) -> None:
+    """Measure cells by their seeds and print; of all `cells` the results are written, too."""
+    parser = argparse.ArgumentParser(prog=f"python -m benchmarks.{name}")
+    parser.add_argument("--cells", type=int, default=cells)
+    asked = parser.parse_args(arguments)
+    on_one_core()
+    found = [each for seed in range(asked.cells) for each in measured(seed)]
+    print(shown(found))
+    if asked.cells >= cells:
+        write(name, {"rows": found})

@@ -9,7 +9,6 @@ than `CLEARLY` of the recommended one's.
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -22,7 +21,7 @@ from basecal.cell import Recording, RobotState, Sample
 from basecal.estimation.solve import solve
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, SimulatedCell, simulate
-from benchmarks.common import on_one_core, table, write
+from benchmarks.common import cell_by_cell, table
 
 BASE = "eye_base_from_hand_base"
 CELLS = 50  # of four parts: 200 recommendations
@@ -119,14 +118,7 @@ right is a recommendation beside which the other calibration has no less than {C
 
 def main(arguments: Sequence[str]) -> None:
     """Draw and print; of all cells results/local_fits.json too."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.local_fits", description=__doc__)
-    parser.add_argument("--cells", type=int, default=CELLS)
-    asked = parser.parse_args(arguments)
-    on_one_core()
-    found = [each for seed in range(asked.cells) for each in measured(seed)]
-    print(table(HEAD, rows(found)))
-    if asked.cells >= CELLS:
-        write("local_fits", {"rows": found})
+    cell_by_cell("local_fits", arguments, CELLS, measured, lambda found: table(HEAD, rows(found)))
 
 
 if __name__ == "__main__":

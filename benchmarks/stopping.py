@@ -8,7 +8,6 @@ starts, each until it rests, promise the goal. Goals that the plan calls out of 
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
 from typing import Any
@@ -17,7 +16,7 @@ import numpy as np
 
 from basecal.planning.choose import fewest
 from basecal.planning.plan import MOST_SAMPLES
-from benchmarks.common import on_one_core, table, write
+from benchmarks.common import cell_by_cell, table
 from benchmarks.planned_cell import PlannedCell, exhaustive, planned_cell
 
 CELLS = 400
@@ -91,14 +90,7 @@ a stop: is the true error within the 95 % that the plan promised? Asked: {100 * 
 
 def main(arguments: Sequence[str]) -> None:
     """Draw and print; of all cells results/stopping.json too."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.stopping", description=__doc__)
-    parser.add_argument("--cells", type=int, default=CELLS)
-    asked = parser.parse_args(arguments)
-    on_one_core()
-    found = [each for seed in range(asked.cells) for each in measured(seed)]
-    print(table(HEAD, rows(found)))
-    if asked.cells >= CELLS:
-        write("stopping", {"rows": found})
+    cell_by_cell("stopping", arguments, CELLS, measured, lambda found: table(HEAD, rows(found)))
 
 
 if __name__ == "__main__":
