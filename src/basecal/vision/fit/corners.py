@@ -26,7 +26,12 @@ _LEAST_WIDTH_PX = 1.6  # of a band that the guard leaves: pixels on both sides o
 _LEAST_SPREAD, _MOST_SPREAD = 0.15, 6.0  # [px] of one corner: sharper is a pixel's own square, wider fills the window
 _LENS_LIMITS = (np.log(_LEAST_SPREAD), -0.5), (np.log(_MOST_SPREAD), 3.0)
 _LENS_CORNERS = 12  # that tell the point spread, at most: their median is as good as that of all, in less time
+_MEDIAN_SIGMAS = 1.2533  # sigma of the median of normal numbers over that of their mean
+_SURE = 2.0  # sigmas of zero within which a camera does not sharpen
+_SLIGHT = 0.1  # of sharpening: what more of it changes in the spread is not linear
 _ROUGH = 0.1  # of the residuals' norm: a hundredth of the cost of some hundred pixels is one sigma of the corner
+_THINNED = 5  # of so many pixels one tells where a corner roughly is, like a knight's move from the next
+_LEAST_THINNED = 40  # pixels that are then left: with fewer, all are taken
 _LEAST_CONTRAST = 2.0  # step of a line in sigmas of a pixel's noise: with less no detector sees a corner
 _DIAGONAL = 1.4  # of an arm: how far the cross reaches at an angle
 _LEAST_FREEDOM = 8  # pixels beyond the parameters: the noise they show is then known to a quarter
@@ -93,12 +98,18 @@ def _lens(image: Levels, shape: Shape, start: Array, axes: Array, window: Window
     """Point spread and sharpening as most of some corners show them; one alone hardly tells them apart."""
     some = slice(None, None, max(1, len(start) // _LENS_CORNERS))
     start, axes = start[some], axes[some]
-    rough = _fitted(_Context(image, shape, axes, window), _parameters(start, axes), held=1)
+    rough = _fitted(_Context(image, shape, axes, window), _parameters(start, axes), held=1, settled=_ROUGH)
     sound = _sound(rough, start)
     if not sound.any():
         return np.array([np.log(_FIRST_SPREAD), 0.0])
     free = _fitted(_Context(image, shape, axes[sound], window), rough.shape[sound], held=0)
-    return np.asarray(np.median(free.shape[:, 4:], axis=0).clip(*_LENS_LIMITS))
+    spread, share = free.shape[:, 4:].T
+    variance = free.covariance[:, 5, 5]
+    doubt = _MEDIAN_SIGMAS * np.sqrt(np.median(variance) / len(share))
+    if abs(np.median(share)) < min(_SURE * doubt, _SLIGHT):
+        # Without sharpening, which halves the work; the spread as it then is.
+        spread, share = spread - free.covariance[:, 4, 5] / variance * share, np.zeros(len(share))
+    return np.median(np.column_stack([spread, share]), axis=0).clip(*_LENS_LIMITS)
 
 
 def _parameters(start: Array, axes: Array) -> Array:
@@ -119,23 +130,9 @@ class _Context:
 
 
 def _fitted(of: _Context, q: Array, held: int, settled: float = SETTLED) -> Fit:
-    """A fit whose covariance is in pixels, with the noise that the residuals show."""
+    """A fit whose covariance is in pixels, with the noise that the residuals show; a rough one by a part of them."""
     middle = np.rint(q[:, :2])
-    patches = patches_around(of.image, middle, int(np.ceil(_DIAGONAL * of.window.arm_px)))
-    # Which pixels lie in the cross, (n, p)
-    pitches = (patches.xy - (q[:, :2] - middle)[:, None]) @ np.linalg.inv(of.axes)
-    length = np.linalg.norm(of.axes, axis=2)
-    height = np.abs(np.linalg.det(of.axes))[:, None] / length[:, ::-1]  # [px] from the other line, per pitch
-    guard = (_GUARD * np.exp(q[:, 4])[:, None] / height)[:, None]
-    least = (_LEAST_WIDTH_PX / height)[:, None]
-    size = np.abs(pitches)
-    both_positive = (pitches > 0).all(axis=2)
-    inside, outside = (np.maximum(limit - guard, least) for limit in (of.window.inside, of.window.outside))
-    near = np.where(both_positive, (size < inside).any(axis=2), (size < outside).any(axis=2))
-    arm = np.minimum(of.window.arm, (of.window.arm_px / length)[:, None])
-    before = pitches > -np.maximum(of.window.before - guard, least)
-    mask: BoolArray = near & (size < arm).all(axis=2) & before.all(axis=2)
-    used = packed(patches, patches.weights * mask)
+    used = _pixels(of, q, middle, _THINNED if settled == _ROUGH else 1)
     fit = fit_shapes(
         of.shape, np.column_stack([q[:, :2] - middle, q[:, 2:]]), used, sloped=True, held=held, settled=settled
     )
@@ -148,11 +145,45 @@ def _fitted(of: _Context, q: Array, held: int, settled: float = SETTLED) -> Fit:
     return Fit(moved, fit.light, covariance, fit.residuals, enough)
 
 
-def patches_around(image: Levels, middle: Array, reach: int) -> Patches:
-    """Square pieces around whole pixels, (n, 2), counted from them; pixels outside the image weigh nothing."""
+def _pixels(of: _Context, q: Array, middle: Array, thinned: int) -> Patches:
+    """Pixels in the crosses of corners, counted from `middle`; one of so many where enough are left."""
+    patches = patches_around(of.image, middle, int(np.ceil(_DIAGONAL * of.window.arm_px)), thinned)
+    weights = patches.weights * _in_cross(of, q, q[:, :2] - middle, patches.xy)
+    used = packed(patches, weights)
+    few = thinned > 1 and (used.weights > 0).sum(axis=1).min() < _LEAST_THINNED
+    return _pixels(of, q, middle, 1) if few else used
+
+
+def _in_cross(of: _Context, q: Array, at: Array, xy: Array) -> BoolArray:
+    """Which places, (n, p, 2), lie in the crosses of corners that stand at, (n, 2)."""
+    offset = xy - at[:, None]
+    to_pitches = np.linalg.inv(of.axes)[:, None]
+    pitches = [offset[..., 0] * to_pitches[..., 0, k] + offset[..., 1] * to_pitches[..., 1, k] for k in range(2)]
+    length = np.linalg.norm(of.axes, axis=2)
+    height = np.abs(np.linalg.det(of.axes))[:, None] / length[:, ::-1]  # [px] from the other line, per pitch
+    guard = _GUARD * np.exp(q[:, 4])[:, None] / height
+    least = _LEAST_WIDTH_PX / height
+    inside, outside = (np.maximum(limit - guard, least) for limit in (of.window.inside, of.window.outside))
+    before = -np.maximum(of.window.before - guard, least)
+    arm = np.minimum(of.window.arm, of.window.arm_px / length)
+    both_positive = (pitches[0] > 0) & (pitches[1] > 0)
+    near, within = np.zeros_like(both_positive), np.ones_like(both_positive)
+    for k, along in enumerate(pitches):
+        size = np.abs(along)
+        near |= size < np.where(both_positive, inside[:, k, None], outside[:, k, None])
+        within &= (size < arm[:, k, None]) & (along > before[:, k, None])
+    return np.asarray(near & within)
+
+
+def patches_around(image: Levels, middle: Array, reach: int, thinned: int = 1) -> Patches:
+    """Square pieces around whole pixels, (n, 2), counted from them; pixels outside the image weigh nothing.
+
+    Of a thinned piece only one pixel of so many is there, in each row two columns further than in the one before.
+    """
     height, width = image.shape
     steps = np.arange(-reach, reach + 1)
     xy = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
+    xy = xy[(xy[:, 0] + 2 * xy[:, 1]) % thinned == 0]
     column, row = np.moveaxis(middle.astype(np.int64)[:, None] + xy, -1, 0)
     inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
     values = image[row.clip(0, height - 1), column.clip(0, width - 1)].astype(np.float64)
