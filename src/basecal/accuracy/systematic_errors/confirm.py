@@ -15,7 +15,7 @@ from basecal.accuracy.systematic_errors.candidates import Candidates
 from basecal.accuracy.systematic_errors.score_tests import Linearised, linearised, score, sums, weighed
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.geometry import Array, BoolArray, IntArray
-from basecal.numerics.spectral import principal_axes, spectrum
+from basecal.numerics.spectral import principal_axes
 
 _BLOCKS = 5  # as many as folds of cross-validation
 
@@ -47,7 +47,7 @@ def _held(blocks: IntArray) -> Iterator[BoolArray]:
 def _step(used: Linearised, candidate: Candidates, size: Array) -> Array:
     """The most likely step of the unknowns, (p,), with an error of a size, (q,)."""
     across = sums(used, candidate)[1][0]
-    step: Array = -spectrum(used.hessian).inverse @ (used.gradient + across.T @ size)
+    step: Array = -used.step - used.inverse @ (across.T @ size)
     return step
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.special import chdtrc
@@ -86,6 +87,16 @@ class Linearised:
     hessian: Array
     system: SchurComplement | None
 
+    @cached_property
+    def inverse(self) -> Array:
+        """(p, p) of the hessian, zero along directions without information."""
+        return spectrum(self.hessian).inverse
+
+    @cached_property
+    def step(self) -> Array:
+        """(p,) the inverse times the gradient."""
+        return np.asarray(self.inverse @ self.gradient)
+
 
 def linearised(problem: Problem, state: State) -> Linearised:
     """The problem about a state."""
@@ -118,10 +129,10 @@ def weighed(of: Linearised, weights: Sequence[Array]) -> Linearised:
 def score(of: Linearised, candidates: Candidates) -> Score:
     """The score tests of errors of one kind."""
     gradient, across, information = sums(of, candidates)
-    inverse = spectrum(of.hessian).inverse
-    back = across @ inverse
-    gradient = gradient - back @ of.gradient
-    left = information - back @ np.swapaxes(across, -1, -2)
+    tied = np.flatnonzero(across.any((0, 1)))  # of a hundred robots an error meets the unknowns of a few
+    across = across[..., tied]
+    gradient = gradient - across @ of.step[tied]
+    left = information - across @ of.inverse[np.ix_(tied, tied)] @ np.swapaxes(across, -1, -2)
     return _tested(gradient, 0.5 * (left + np.swapaxes(left, -1, -2)), information)
 
 
@@ -134,12 +145,14 @@ def _tested(gradient: Array, left: Array, whole: Array) -> Score:
 
 def sums(of: Linearised, candidates: Candidates) -> tuple[Array, Array, Array]:
     """Gradient (b, q), information with the unknowns (b, q, p) and with one another (b, q, q), stops eliminated."""
-    _, b, _, q = candidates.moves[0].shape
+    b, q = len(candidates.about), candidates.sizes
     gradient, information = np.zeros((b, q)), np.zeros((b, q, q))
     across = np.zeros((b, q, of.problem.width))
     system = of.system
     tied = np.zeros((0 if system is None else len(system.precision), 6, b, q))
     for views, moves in zip(of.views, candidates.moves, strict=True):
+        if moves is None:
+            continue
         own = views.information[:, :6, :6]
         carried = own[:, None] @ moves
         gradient += np.tensordot(views.gradient[:, :6], moves, ((0, 1), (0, 2)))

@@ -158,18 +158,25 @@ def _without(solution: Solution, of: Situation, suspect: _Suspect) -> Solution:
 def _suspects(of: Situation) -> list[_Suspect]:
     """Errors that chance hardly makes, the least likely first, one of each code and name."""
     about = linearised(of.problem, of.state)
-    kinds = [kind for row in TABLE for kind in row(of)]
-    tests = Counter(code for kind in kinds for code in [kind.code] * len(kind.about))
+    tests: Counter[str] = Counter()
+    unlikely = []
+    for kind in (kind for row in TABLE for kind in row(of)):  # one at a time: all together take much memory
+        tests[kind.code] += len(kind.about)
+        scores = score(about, kind)
+        for b in map(int, np.flatnonzero(scores.log_chance < np.log(_SUSPECT))):
+            alone = float(scores.log_chance[b])
+            unlikely.append(_Suspect(kind.only(b), scores.size[b], int(scores.freedoms[b]), alone, 0.0))
     found: dict[tuple[str, str], tuple[float, _Suspect]] = {}
-    for kind in kinds:
-        scores, several = score(about, kind), float(np.log(tests[kind.code]))
-        for b in map(int, np.flatnonzero(scores.log_chance + several < np.log(_SUSPECT))):
-            # Among errors, one of many costs as much as the unknown that says which: half the log of their number.
-            rank, key = float(scores.log_chance[b]) + 0.5 * several, (kind.code, kind.about[b])
-            if key not in found or rank < found[key][0]:
-                chance = float(scores.log_chance[b]) + several
-                suspect = _Suspect(kind.only(b), scores.size[b], int(scores.freedoms[b]), chance, several)
-                found[key] = rank, suspect
+    for suspect in unlikely:
+        code, (name, *_) = suspect.candidate.code, suspect.candidate.about
+        several = float(np.log(tests[code]))
+        if suspect.log_chance + several >= np.log(_SUSPECT):
+            continue
+        # Among errors, one of many costs as much as the unknown that says which: half the log of their number.
+        rank = suspect.log_chance + 0.5 * several
+        if (code, name) not in found or rank < found[code, name][0]:
+            chance = suspect.log_chance + several
+            found[code, name] = rank, replace(suspect, log_chance=chance, several=several)
     ranked = sorted(found.values(), key=lambda each: each[0])
     return [suspect for _, suspect in ranked[:_TRIES]]
 
@@ -218,6 +225,9 @@ def _corrected(problem: Problem, of: Situation, candidate: Candidates, size: Arr
     """The problem with every view moved by an error: its recorded hand is where that says it was."""
     groups = []
     for group, links, moves in zip(problem.groups, of.links, candidate.moves, strict=True):
+        if moves is None:
+            groups.append(group)
+            continue
         of_target = (moves[:, 0] @ size)[..., None]
         tangent = (links.target_from_hand_flange.inverse().adjoint() @ of_target)[..., 0]
         groups.append(replace(group, hand_base_from_hand_flange=group.hand_base_from_hand_flange @ SE3.exp(tangent)))

@@ -76,8 +76,7 @@ class Situation:
     @cached_property
     def frames(self) -> tuple[str, ...]:
         """Names of the transforms that views depend on: mounts and bases."""
-        names = [n for g in self.problem.groups for n in (g.eye_base, g.hand_base, g.camera_mount, g.target_mount) if n]
-        return tuple(dict.fromkeys(names))
+        return tuple(dict.fromkeys(name for group in self.problem.groups for name in frames_of(group)))
 
     def by_flange(self, k: int, robot: str) -> Array:
         """How views of a group move with a right tangent of a robot's flange, (n, 6, 6)."""
@@ -137,6 +136,11 @@ class Situation:
                     rotation[at], translation[at], seen[at] = poses.rotation, poses.translation, True
         where = np.flatnonzero(seen).astype(np.int64)
         return where, SE3(rotation[where], translation[where])
+
+
+def frames_of(group: ViewGroup) -> list[str]:
+    """Names of the transforms that a group's views depend on: bases and mounts."""
+    return [n for n in (group.eye_base, group.hand_base, group.camera_mount, group.target_mount) if n]
 
 
 def _size(tangents: Array) -> float:

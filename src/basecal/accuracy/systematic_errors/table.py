@@ -3,29 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import partial
 
 import numpy as np
 
 from basecal.accuracy.systematic_errors.candidates import Candidates
-from basecal.accuracy.systematic_errors.situation import Situation
+from basecal.accuracy.systematic_errors.situation import Situation, frames_of
 from basecal.estimation.problem.build import recorded_by_joints
 from basecal.geometry import Array
 from basecal.geometry.rotation import hat
+from basecal.kinematics.chain import SerialChain
 
 _MOST_SPLITS = 32  # of a recording in time: where a step is looked for
 _LEAST_SIDE = 3  # samples before and after a step
 OFFSETS = "joint_offsets"  # the kind of robot parameters
 _FEWEST_IN_TIME = 6  # samples that may drift
 
+_Moves = tuple[Array | None, ...]
+
 
 def length_scales(of: Situation) -> Iterator[Candidates]:
     """Each robot's poses too short; with two robots and more the target's, too, by a fraction."""
     for robot in of.robots:
-        yield _one("length-scale", robot, "", tuple(_shorter(of, k, robot) for k in range(len(of.problem.groups))))
+        yield _one("length-scale", robot, "", _carrying(of, robot, _shorter))
     if len(of.robots) < 2:
         return  # a robot too short is then all else too long
     for target in sorted({g.target for g in of.problem.groups}):
-        yield _one("length-scale", target, "", tuple(_larger(of, k, target) for k in range(len(of.problem.groups))))
+        seen = (_larger(of, k) if g.target == target else None for k, g in enumerate(of.problem.groups))
+        yield _one("length-scale", target, "", tuple(seen))
 
 
 def _shorter(of: Situation, k: int, robot: str) -> Array:
@@ -35,12 +40,10 @@ def _shorter(of: Situation, k: int, robot: str) -> Array:
     return of.by_flange(k, robot) @ outward
 
 
-def _larger(of: Situation, k: int, target: str) -> Array:
+def _larger(of: Situation, k: int) -> Array:
     """A target that is larger than stated stands further away, since its image is as large."""
-    group = of.problem.groups[k]
-    away = np.zeros((len(group), 6, 1))
-    if group.target == target:
-        away[:, :3] = -of.links[k].target_from_camera.translation[..., None]
+    away = np.zeros((len(of.problem.groups[k]), 6, 1))
+    away[:, :3] = -of.links[k].target_from_camera.translation[..., None]
     return away
 
 
@@ -56,26 +59,32 @@ def clock_drifts(of: Situation) -> Iterator[Candidates]:
         return
     share = _share(of) - 0.5
     for name, late in _late(of):
-        moves = tuple(share[of.rank(g)][:, None, None] * m for m, g in zip(late, of.problem.groups, strict=True))
+        moves = tuple(
+            None if m is None else share[of.rank(g)][:, None, None] * m
+            for m, g in zip(late, of.problem.groups, strict=True)
+        )
         yield _one("clock-drift", name, "s", moves)
 
 
-def _late(of: Situation) -> Iterator[tuple[str, tuple[Array, ...]]]:
+def _late(of: Situation) -> Iterator[tuple[str, _Moves]]:
     """How views move by the unit of time that poses are read later, by the camera or robot whose clock says so."""
     velocity = {robot: of.velocity(robot) for robot in of.robots}
     paths = {robot: v for robot, v in velocity.items() if v is not None}
     if not paths:
         return
     groups = of.problem.groups
-    moved = {
-        robot: [of.by_flange(k, robot) @ along[of.rank(g)][..., None] for k, g in enumerate(groups)]
-        for robot, along in paths.items()
-    }
+
+    def moved(of: Situation, k: int, robot: str) -> Array:
+        """How views of a group move by the unit of time of a robot, (n, 6, 1)."""
+        return of.by_flange(k, robot) @ paths[robot][of.rank(groups[k])][..., None]
+
     for camera in sorted({g.camera for g in groups}):
-        all_arms = [np.sum([of_robot[k] for of_robot in moved.values()], axis=0) for k in range(len(groups))]
-        yield camera, tuple(m * (g.camera == camera) for m, g in zip(all_arms, groups, strict=True))
+        arms = [[r for r in {g.eye, g.hand} & paths.keys() if r] if g.camera == camera else [] for g in groups]
+        if any(arms):
+            late = ([moved(of, k, r) for r in both] for k, both in enumerate(arms))
+            yield camera, tuple(np.sum(each, axis=0) if each else None for each in late)
     for robot in paths if len(paths) > 1 else ():
-        yield robot, tuple(moved[robot])
+        yield robot, _carrying(of, robot, moved)
 
 
 def steps(of: Situation) -> Iterator[Candidates]:
@@ -87,11 +96,13 @@ def steps(of: Situation) -> Iterator[Candidates]:
         return
     since = tuple(int(of.samples[s]) for s in splits)
     for name in of.frames:
-        moves = []
-        for k, group in enumerate(of.problem.groups):
-            after = of.rank(group)[:, None] >= splits
-            moves.append(after[..., None, None] * of.by_frame(k, name)[:, None])
-        yield Candidates("base-moved", (name,) * len(splits), since, "", tuple(moves))
+        after = (
+            (of.rank(g)[:, None] >= splits)[..., None, None] * of.by_frame(k, name)[:, None]
+            if name in frames_of(g)
+            else None
+            for k, g in enumerate(of.problem.groups)
+        )
+        yield Candidates("base-moved", (name,) * len(splits), since, "", tuple(after))
 
 
 def drifts(of: Situation) -> Iterator[Candidates]:
@@ -100,7 +111,10 @@ def drifts(of: Situation) -> Iterator[Candidates]:
         return
     share = _share(of)
     for name in of.frames:
-        moves = [share[of.rank(g)][:, None, None] * of.by_frame(k, name) for k, g in enumerate(of.problem.groups)]
+        moves = (
+            share[of.rank(g)][:, None, None] * of.by_frame(k, name) if name in frames_of(g) else None
+            for k, g in enumerate(of.problem.groups)
+        )
         yield _one("drift", name, "", tuple(moves))
 
 
@@ -111,14 +125,16 @@ def sag(of: Situation) -> Iterator[Candidates]:
     arms that stand or hang, or anywhere.
     """
     for robot in of.robots:
-        moves = []
-        for k in range(len(of.problem.groups)):
-            pose = of.recorded_pose(k, robot)
-            turns = np.zeros((len(pose), 6, 3))
-            turns[:, 3:] = hat(pose.translation)
-            moves.append(of.by_flange(k, robot) @ pose.inverse().adjoint() @ turns)
-        yield _one("deflection", robot, "rad/m", tuple(each[..., 2:] for each in moves))
-        yield _one("deflection", robot, "rad/m", tuple(moves))
+        moves = _carrying(of, robot, _bent)
+        yield _one("deflection", robot, "rad/m", tuple(None if each is None else each[..., 2:] for each in moves))
+        yield _one("deflection", robot, "rad/m", moves)
+
+
+def _bent(of: Situation, k: int, robot: str) -> Array:
+    pose = of.recorded_pose(k, robot)
+    turns = np.zeros((len(pose), 6, 3))
+    turns[:, 3:] = hat(pose.translation)
+    return of.by_flange(k, robot) @ pose.inverse().adjoint() @ turns
 
 
 def joint_offsets(of: Situation) -> Iterator[Candidates]:
@@ -128,13 +144,22 @@ def joint_offsets(of: Situation) -> Iterator[Candidates]:
         estimated = model is not None and OFFSETS in model.columns
         if chain is None or estimated or not recorded_by_joints(of.problem, robot):
             continue
-        moves = []
-        for k, group in enumerate(of.problem.groups):
-            joints = group.eye_joints if group.eye == robot else group.hand_joints if group.hand == robot else None
-            by_joints = np.zeros((len(group), 6, chain.n)) if joints is None else chain.jacobian(joints)
-            moves.append(np.swapaxes(of.by_flange(k, robot) @ by_joints, -1, -2)[..., None])
+        moves = _carrying(of, robot, partial(_turned, chain=chain))
         every = tuple(range(chain.n))
-        yield Candidates("joint-offset", (robot,) * chain.n, (None,) * chain.n, "rad", tuple(moves), every)
+        yield Candidates("joint-offset", (robot,) * chain.n, (None,) * chain.n, "rad", moves, every)
+
+
+def _turned(of: Situation, k: int, robot: str, chain: SerialChain) -> Array:
+    """How views move with each joint of a robot, (n, joints, 6, 1)."""
+    group = of.problem.groups[k]
+    joints = group.eye_joints if group.eye == robot else group.hand_joints
+    by_joints = np.zeros((len(group), 6, chain.n)) if joints is None else chain.jacobian(joints)
+    return np.swapaxes(of.by_flange(k, robot) @ by_joints, -1, -2)[..., None]
+
+
+def _carrying(of: Situation, robot: str, move: Callable[[Situation, int, str], Array]) -> _Moves:
+    """Moves of the groups whose camera or target a robot carries; None of the others."""
+    return tuple(move(of, k, robot) if robot in (g.eye, g.hand) else None for k, g in enumerate(of.problem.groups))
 
 
 def _share(of: Situation) -> Array:
@@ -142,8 +167,8 @@ def _share(of: Situation) -> Array:
     return np.asarray((of.times - of.times[0]) / max(of.times[-1] - of.times[0], 1e-300))
 
 
-def _one(code: str, about: str, unit: str, moves: tuple[Array, ...]) -> Candidates:
-    return Candidates(code, (about,), (None,), unit, tuple(m[:, None] for m in moves))
+def _one(code: str, about: str, unit: str, moves: _Moves) -> Candidates:
+    return Candidates(code, (about,), (None,), unit, tuple(None if m is None else m[:, None] for m in moves))
 
 
 TABLE: tuple[Callable[[Situation], Iterator[Candidates]], ...] = (

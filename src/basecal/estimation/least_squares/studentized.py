@@ -221,16 +221,15 @@ def _posterior(about: LeaveOneOut, k: int, rows: PointJacobians) -> Array:
 def _spread(normal: NormalEquations, covariance: Array, k: int) -> Array:
     of = normal.views[k]
     derivative = of.by_unknowns
+    if normal.system is None:
+        return derivative @ covariance[np.ix_(of.columns, of.columns)] @ np.swapaxes(derivative, -1, -2)
     n, q, _ = derivative.shape
     full = np.zeros((n, q, len(covariance)))
     full[:, :, of.columns] = derivative
-    extra = np.zeros((n, q, q))
-    if normal.system is not None:
-        by_unknowns = normal.system.solution[:, :-1].reshape(len(normal.system.precision), 6, len(covariance))
-        for part in of.shared:
-            full[part.view] -= part.by_error @ by_unknowns[part.stop]
-        extra = _shared_spread(normal, k)
-    return full @ covariance @ np.swapaxes(full, -1, -2) + extra
+    by_unknowns = normal.system.solution[:, :-1].reshape(len(normal.system.precision), 6, len(covariance))
+    for part in of.shared:
+        full[part.view] -= part.by_error @ by_unknowns[part.stop]
+    return full @ covariance @ np.swapaxes(full, -1, -2) + _shared_spread(normal, k)
 
 
 def _shared_spread(normal: NormalEquations, k: int) -> Array:
