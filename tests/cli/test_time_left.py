@@ -54,3 +54,15 @@ def test_a_stage_that_comes_again_counts_once(clock: Clock) -> None:
         clock.now += 9.0
     left.enter("cross-validation")
     assert left.seconds() == pytest.approx(36.0 * 63 / 72)
+
+
+def test_parts_of_a_stage_are_shown(clock: Clock) -> None:
+    """How much of it is done, while its time counts from its beginning."""
+    left = TimeLeft("calibrating", clock)
+    left.enter("noise")
+    clock.now += 32.0
+    left.enter("conventions")
+    clock.now += 4.0
+    left.enter("conventions, 3 of 9")
+    clock.now += 4.0
+    assert str(left) == "calibrating: conventions, 3 of 9, about 95 s left"

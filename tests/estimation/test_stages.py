@@ -39,6 +39,17 @@ def test_a_stage_that_fails_is_over() -> None:
     assert list(stages.seconds) == ["first", "second"]
 
 
+def test_parts_of_a_stage_are_told():
+    """Each with how many there are, and nothing outside a stage or without a timer."""
+    told: list[str] = []
+    settings = Settings(stages=Stages(told.append))
+    settings.part(1, 2)
+    with settings.stage("conventions"):
+        settings.part(1, 2)
+    Settings().part(1, 2)
+    assert told == ["conventions", "conventions, 1 of 2"]
+
+
 def test_a_timer_is_no_part_of_what_is_asked() -> None:
     """Settings with a timer equal those without, and none stands in the file."""
     assert Settings(stages=Stages()) == Settings()

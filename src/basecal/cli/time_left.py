@@ -42,9 +42,13 @@ class TimeLeft:
         self._seen: set[str] = set()
 
     def enter(self, stage: str) -> None:
-        """Note that a stage begins, and the one before it has ended."""
-        if self._stage:
-            self._seen.add(self._stage)
+        """Note that a stage begins, and the one before it has ended; or, after a comma, how much of it is done."""
+        before, _, _ = self._stage.partition(",")
+        if stage.partition(",")[0] == before:
+            self._stage = stage
+            return
+        if before:
+            self._seen.add(before)
         self._stage, self._stage_began = stage, self._clock()
 
     def seconds(self) -> float | None:

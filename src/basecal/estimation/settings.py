@@ -53,6 +53,12 @@ class Settings:
         LOG.info("stage: %s", name)
         return nullcontext() if self.stages is None else self.stages.stage(name)
 
+    def part(self, done: int, total: int) -> None:
+        """How much of the present stage is done."""
+        LOG.info("%d of %d", done, total)
+        if self.stages is not None:
+            self.stages.part(done, total)
+
 
 DEFAULT = Settings()
 LOG.addHandler(logging.NullHandler())  # quiet, unless who uses this package says where its words go

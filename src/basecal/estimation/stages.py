@@ -11,7 +11,7 @@ class Stages:
     """Time by stage, and word of each as it begins.
 
     Args:
-        tell: Called with the name of each stage as it begins.
+        tell: Called with the name of each stage as it begins, and as parts of it are done.
         clock: Where the time comes from [s].
 
     Attributes:
@@ -24,7 +24,12 @@ class Stages:
         self.seconds: dict[str, float] = {}
         self._clock = clock
         self._tell = tell
-        self._running = False
+        self._running = ""
+
+    def part(self, done: int, total: int) -> None:
+        """Tell how much of the present stage is done."""
+        if self._tell is not None and self._running:
+            self._tell(f"{self._running}, {done} of {total}")
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
@@ -34,10 +39,10 @@ class Stages:
             return
         if self._tell is not None:
             self._tell(name)
-        self._running = True
+        self._running = name
         began = self._clock()
         try:
             yield
         finally:
-            self._running = False
+            self._running = ""
             self.seconds[name] = self.seconds.get(name, 0.0) + self._clock() - began

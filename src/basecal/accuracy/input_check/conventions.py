@@ -31,6 +31,7 @@ from basecal.accuracy.input_check.hypothesis_fit import (
 )
 from basecal.accuracy.input_check.loop_fit import LoopFit, ReadyViews, fit_loops, state_of, trimmed
 from basecal.accuracy.input_check.pairing import half_turns, pairing_errors
+from basecal.accuracy.input_check.pairs_alone import agreed, has_many_robots, pairs_alone
 from basecal.accuracy.input_check.plausibility import impossible_answer, impossible_input
 from basecal.accuracy.input_check.rare_hypotheses import rare_hypotheses
 from basecal.accuracy.input_check.rewriting import LINKS, without_links
@@ -88,12 +89,26 @@ def check_conventions(
         one cannot be; one `ambiguous-convention` for those that explain it as well. Nothing where no hypothesis does.
     """
     recording = in_order(recording)
+    if not has_many_robots(problem):
+        return _checked(cell, recording, problem, solution.state, settings, explained)
+    pairs, found = pairs_alone(cell, recording, problem, solution.state), []
+    for done, pair in enumerate(pairs):
+        settings.part(done, len(pairs))
+        own = build_problem(pair.cell, pair.recording)[0]
+        found.append(_checked(pair.cell, pair.recording, own, pair.state, settings, explained))
+    return agreed(pairs, found)
+
+
+def _checked(
+    cell: Cell, recording: Recording, problem: Problem, known: State, settings: Settings, explained: bool
+) -> tuple[Finding, ...]:
+    """As `check_conventions`, of all robots at once, the samples in order."""
     if any(LINKS in model.columns for model in problem.models.values()):
-        cell, known = without_links(cell, solution.state)
-        problem, solution = build_problem(cell, recording)[0], replace(solution, state=known)
+        cell, known = without_links(cell, known)
+        problem = build_problem(cell, recording)[0]
     if len(recording.samples) < _FEWEST or not _can_hold_out(problem):
         return ()
-    whole = _as_declared(cell, recording, settings, solution)
+    whole = _as_declared(cell, recording, settings, known)
     if whole is None:
         return ()
     declared = TriedHypothesis(
@@ -113,10 +128,10 @@ def _can_hold_out(problem: Problem) -> bool:
     return equations * (FOLDS - 1) / FOLDS > _MARGIN * problem.width
 
 
-def _as_declared(cell: Cell, recording: Recording, settings: Settings, solution: Solution) -> HypothesisFit | None:
+def _as_declared(cell: Cell, recording: Recording, settings: Settings, known: State) -> HypothesisFit | None:
     """The fit of the declared hypothesis; a start that misled it, such as a wrong guess, is no mix-up."""
     few = thinned(recording, _SOLVED)
-    fit = fit_hypothesis(cell, few, settings, solution.state)
+    fit = fit_hypothesis(cell, few, settings, known)
     if settings.start == "closed" or (fit is not None and plausible(fit)):
         return fit
     anew = fit_hypothesis(cell, few, replace(settings, start="closed"))

@@ -1,0 +1,73 @@
+"""Cells of many robots, pair by pair."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.input_check.pairs_alone import agreed, has_many_robots, pairs_alone
+from basecal.accuracy.input_check.rewriting import inverted, with_robots
+from basecal.accuracy.verdict import calibrate
+from basecal.cell import Finding
+from basecal.cell.targets.charuco import charuco_target
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import State
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import solve
+from basecal.simulation import Scenario, simulate
+
+BOARD = charuco_target((4, 4), 0.04, 0.03, "DICT_4X4_50")
+RING = simulate(Scenario(layout="ring", robots=6, samples=120, board=BOARD, robot_noise=(1e-4, 1e-4)), 1)
+
+
+@pytest.fixture(scope="module")
+def pairs():
+    problem, _ = build_problem(RING.cell, RING.recording)
+    state = State({n: RING.truth[n] for n in problem.unknowns}, RING.cameras, np.zeros((len(problem.stops), 6)))
+    return pairs_alone(RING.cell, RING.recording, problem, state)
+
+
+def test_two_arms_are_looked_at_together():
+    """A pair of arms is one cell, a ring of six is many."""
+    two = simulate(Scenario(samples=4), 1)
+    assert not has_many_robots(build_problem(two.cell, two.recording)[0])
+    assert has_many_robots(build_problem(RING.cell, RING.recording)[0])
+
+
+def test_each_robot_camera_and_target_is_in_a_pair(pairs):
+    """And no more pairs than it takes: half of those that a ring with loops has."""
+    assert {name for pair in pairs for name in pair.robots} == RING.cell.robots.keys()
+    assert {name for pair in pairs for name in pair.cell.cameras} == RING.cell.cameras.keys()
+    assert {name for pair in pairs for name in pair.cell.targets} == RING.cell.targets.keys()
+    assert len(pairs) == 6
+
+
+def test_a_pair_tells_how_its_bases_stand(pairs):
+    """Solved alone, with the eye's base where it is, the hand's base is the truth within six sigmas an axis."""
+    for pair in pairs[:3]:
+        found = solve(pair.cell, pair.recording, Settings(robot_noise="stated"))
+        name = pair.cell.asked[0]
+        estimate = found.transforms[name]
+        off = (estimate.mean.inverse() @ RING.truth[name]).log() / np.sqrt(np.diag(estimate.covariance))
+        assert np.abs(off).max() < 6
+
+
+def test_what_one_pair_leaves_open_another_may_tell(pairs):
+    """An ambiguity is said where all pairs of a robot leave it open; an error of any pair is said, once."""
+    (first, second) = (pair for pair in pairs if "r1" in pair.robots)
+    open_one = Finding("ambiguous-convention", "warning", ("r1",), "")
+    wrong = Finding("robot-pose-inverted", "error", ("r1",), "")
+    assert agreed([first, second], [[open_one], []]) == ()
+    assert agreed([first, second], [[open_one], [open_one]]) == (open_one,)
+    assert agreed([first, second], [[wrong], [wrong]]) == (wrong,)
+
+
+@pytest.mark.slow
+def test_a_mix_up_in_a_ring_is_named():
+    """One of six robots whose poses are inverted is named alone; as recorded the ring is good."""
+    assert calibrate(RING.cell, RING.recording).verdict == "good"
+    found = calibrate(RING.cell, with_robots(RING.recording, {"r3": inverted}))
+    assert found.verdict == "refused"
+    named = {(f.code, f.about) for f in found.findings if f.severity == "error"}
+    assert ("robot-pose-inverted", ("r3",)) in named
+    assert all("r3" in about for code, about in named)
