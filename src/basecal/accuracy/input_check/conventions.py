@@ -31,12 +31,12 @@ from basecal.accuracy.input_check.hypothesis_fit import (
 )
 from basecal.accuracy.input_check.loop_fit import LoopFit, ReadyViews, fit_loops, state_of, trimmed
 from basecal.accuracy.input_check.pairing import half_turns, pairing_errors
-from basecal.accuracy.input_check.pairs_alone import agreed, has_many_robots, pairs_alone
 from basecal.accuracy.input_check.plausibility import impossible_answer, impossible_input
 from basecal.accuracy.input_check.rare_hypotheses import rare_hypotheses
 from basecal.accuracy.input_check.rewriting import LINKS, without_links
 from basecal.accuracy.input_check.target_sizes import size_hypotheses
 from basecal.accuracy.input_check.unexplained_motion import unexplained_motion
+from basecal.accuracy.many_robots.pairs_alone import agreed, has_many_robots, pairs_alone
 from basecal.cell import Cell, Finding, Recording
 from basecal.errors import BasecalError
 from basecal.estimation.noise.robot_noise import stops_made

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.accuracy.input_check.pairs_alone import agreed, has_many_robots, pairs_alone
 from basecal.accuracy.input_check.rewriting import inverted, with_robots
+from basecal.accuracy.many_robots.pairs_alone import agreed, has_many_robots, pairs_alone
 from basecal.accuracy.verdict import calibrate
 from basecal.cell import Finding
 from basecal.cell.targets.charuco import charuco_target
