@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from scipy.stats import chi2
 
 from basecal.accuracy.verdict import calibrate
 from basecal.cell import Recording, RobotState, Sample
+from basecal.geometry import SE3
 from basecal.simulation.layout import layout_of
 from basecal.simulation.motion import Motion, draw_motions
 from basecal.simulation.observe import observe
@@ -52,19 +54,24 @@ def streams(seed: int) -> tuple[Drawn, float]:
     scene_rng, motion_rng, noise_rng, prior_rng = np.random.default_rng(5000 + seed).spawn(4)
     scene = draw_scene(scenario, layout_of(scenario.layout), scene_rng)
     (way,) = draw_motions(scene, scenario, motion_rng, {})
-    seen_s, told_s = 0.15 + 0.2 * np.arange(VIEWS), 0.02 * np.arange(620)
+    seen_s = 0.15 + 0.2 * np.arange(VIEWS)
     where = {robot: _along(poses, seen_s) for robot, poses in way.recorded.items()}
     noise = {robot: motion_rng.standard_normal((VIEWS, 6)) * np.repeat(NOISE, 3) for robot in where}
     motion = Motion(0, where, {robot: poses @ poses.exp(noise[robot]) for robot, poses in where.items()})
     views = observe(motion, scene, scenario, noise_rng)
     seen = [Sample(k, float(seen_s[k] - offset_s), observations=v) for k, v in enumerate(views) if len(v[0].ids) >= 4]
-    paths = {robot: _along(poses, told_s) for robot, poses in way.recorded.items()}
-    told = [
+    cell = stated_cell(scene, scenario, prior_rng, {})
+    return Drawn(cell, Recording((*seen, *told(way.recorded))), dict(truth(scene, cell))), offset_s
+
+
+def told(ways: Mapping[str, SE3]) -> list[Sample]:
+    """Records of robots along their ways at 50 a second, numbered after the views."""
+    told_s = 0.02 * np.arange(620)
+    paths = {robot: _along(poses, told_s) for robot, poses in ways.items()}
+    return [
         Sample(VIEWS + k, float(told_s[k]), {robot: RobotState(poses[k]) for robot, poses in paths.items()})
         for k in range(len(told_s))
     ]
-    cell = stated_cell(scene, scenario, prior_rng, {})
-    return Drawn(cell, Recording((*seen, *told)), dict(truth(scene, cell))), offset_s
 
 
 def one(seed: int) -> Found:

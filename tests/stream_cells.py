@@ -6,12 +6,28 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from basecal.cell import Cell, CellCamera, CellTarget, Clock, PoseObservation, Recording, Robot, RobotState, Sample
-from basecal.geometry import SE3, Array
+from basecal.cell import (
+    Cell,
+    CellCamera,
+    CellTarget,
+    Clock,
+    Intrinsics,
+    PixelObservation,
+    PoseObservation,
+    Recording,
+    Robot,
+    RobotState,
+    RollingShutter,
+    Sample,
+    Target,
+)
+from basecal.cell.targets.points import points_target
+from basecal.geometry import SE3, Array, Camera
 
 HOME = SE3.exp(np.array([0.4, 0.1, 0.6, 0.2, 2.9, 0.1]))
 MOUNT = SE3.exp(np.array([0.03, -0.02, 0.08, 0.1, -0.1, 0.4]))  # flange from camera
 TAG = SE3.exp(np.array([0.5, 0.0, 0.02, 0.0, 0.0, 0.3]))  # base from tag
+BOARD = HOME @ MOUNT @ SE3.exp(np.array([0.0, 0.0, 1.0, 0.2, -0.1, 0.1]))  # base from a board before the camera
 SIGMA = np.repeat([5e-4, 1e-3], 3)  # of a measured pose [m, rad]
 RATE, VIEW_RATE = 50.0, 10.0  # records and views a second
 
@@ -70,3 +86,45 @@ def streamed(
         {"tag": CellTarget("tag", "world")},
     )
     return Streamed(cell, Recording((*views, *records)), offset_s)
+
+
+def pictured(
+    line_s: float, shutter: RollingShutter | None, noise_px: float = 0.1, seconds: float = 8.0, seed: int = 0
+) -> Streamed:
+    """Records of the arm, and pixels of a board on the table, each where its point was when its row was read."""
+    rng = np.random.default_rng(seed)
+    lens = Camera("pinhole", np.array([900.0, 905.0, 640.0, 360.0]), (1280, 720))
+    board = grid_of_points()
+    told_s, seen_s = np.arange(0, seconds, 1 / RATE), np.arange(0.5, seconds - 0.5, 1 / VIEW_RATE)
+    pixels = np.zeros((len(seen_s), len(board.points), 2))
+    for _ in range(4):
+        times = seen_s[:, None] + line_s * pixels[..., 1]
+        flange = along(times.ravel())
+        points = np.tile(board.points, (len(seen_s), 1))
+        pixels = lens.project((flange @ MOUNT).inverse() @ (BOARD @ points)).reshape(pixels.shape)
+    pixels += noise_px * rng.standard_normal(pixels.shape)
+    sigma = np.full(len(board.points), max(noise_px, 1e-3))
+    views = [
+        Sample(k, float(t), observations=(PixelObservation("wrist", "board", board.ids, pixels[k], sigma),))
+        for k, t in enumerate(seen_s)
+    ]
+    poses = along(told_s)
+    records = [Sample(1000 + k, float(t), {"arm": RobotState(poses[k])}) for k, t in enumerate(told_s)]
+    wrist = CellCamera(
+        "wrist",
+        "arm",
+        size_px=(1280, 720),
+        intrinsics=Intrinsics("fixed", lens),
+        clock=Clock(),
+        rolling_shutter=shutter,
+    )
+    arm = Robot("arm", noise=np.zeros(6))
+    cell = Cell("arm", {"arm": arm}, {}, {"wrist": wrist}, {"board": CellTarget("board", "world", target=board)})
+    return Streamed(cell, Recording((*views, *records)), 0.0)
+
+
+def grid_of_points() -> Target:
+    """Twenty points, a centimetre apart and not quite in a plane."""
+    across, along_y = np.meshgrid(np.arange(5), np.arange(4))
+    places = np.stack([across.ravel(), along_y.ravel(), 0.3 * (across * along_y % 3).ravel()], -1)
+    return points_target(0.02 * (places - places.mean(0)))

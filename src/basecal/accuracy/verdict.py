@@ -14,7 +14,7 @@ from basecal.accuracy.at_the_door.units import impossible_units
 from basecal.accuracy.axis_shift import calibrate_axis_shift
 from basecal.accuracy.certify import certified
 from basecal.accuracy.clocks.search import Clocked, clocked
-from basecal.accuracy.clocks.settle import clock_findings, clock_offsets, clocks_left, settled
+from basecal.accuracy.clocks.settle import clock_findings, clock_offsets, clocks_left, line_times, settled
 from basecal.accuracy.cross_validation.robot_model_selection import RobotModelChoice, choose_robot_model
 from basecal.accuracy.cross_validation.some_views import of_some_views
 from basecal.accuracy.cross_validation.validation import cross_validate
@@ -34,7 +34,7 @@ from basecal.accuracy.systematic_errors.search import SystematicError, systemati
 from basecal.accuracy.task.at_task import at_task
 from basecal.accuracy.task.task import placing
 from basecal.accuracy.widening import widened
-from basecal.cell import Calibration, Cell, ClockOffset, Finding, Recording, Residuals
+from basecal.cell import Calibration, Cell, ClockOffset, Finding, LineTime, Recording, Residuals
 from basecal.cell.calibration import Verdict
 from basecal.estimation.outliers.noise_and_outliers import is_as_of_arms, solve_with_noise, with_noise
 from basecal.estimation.outliers.robust_solve import RobustSolution, solve_robustly
@@ -157,13 +157,14 @@ def _judged(
     for other in (systematic, rival, *lenses):
         solution = solution if other is None else widened(solution, other.moved)
     as_modelled = solution
-    solution, clocks = _by_clocks(solution, robust, by_clocks, findings)
+    solution, clocks, lines = _by_clocks(solution, robust, by_clocks, findings)
     calibration = _calibration(cell, recording, solution, fit, settings, findings)
     with settings.stage("task"):
         calibration = at_task(cell, calibration, settings, (fitted, as_modelled, solution))
     return replace(
         calibration,
         clocks=clocks,
+        line_times=lines,
         outliers=tuple(map(described_outlier, robust.outliers)),
         validation=None if validated is None else validated.summary,
         certificate=certificate,
@@ -172,13 +173,13 @@ def _judged(
 
 def _by_clocks(
     solution: Solution, robust: RobustSolution, by_clocks: Clocked | None, findings: list[Finding]
-) -> tuple[Solution, dict[str, ClockOffset]]:
-    """The solution with what is left of the clocks' offsets, and these; what is to be said joins the findings."""
+) -> tuple[Solution, dict[str, ClockOffset], dict[str, LineTime]]:
+    """The solution with what is left of the clocks, these, and line times; what is to be said joins the findings."""
     if by_clocks is None:
-        return solution, {}
+        return solution, {}, {}
     left = clocks_left(by_clocks, robust.solution)
     findings += clock_findings(by_clocks, left)
-    return settled(solution, left), clock_offsets(by_clocks, left)
+    return settled(solution, left), clock_offsets(by_clocks, left), line_times(by_clocks, left)
 
 
 def verdict_of(findings: Sequence[Finding]) -> Verdict:

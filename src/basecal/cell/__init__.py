@@ -7,6 +7,7 @@ from basecal.cell.calibration import (
     ClockOffset,
     ErrorMap,
     Finding,
+    LineTime,
     LocalFit,
     Loop,
     Outlier,
@@ -24,6 +25,7 @@ from basecal.cell.cell import (
     Driver,
     Intrinsics,
     Robot,
+    RollingShutter,
     Unknown,
 )
 from basecal.cell.format.parameters import Parameters
@@ -55,6 +57,7 @@ __all__ = [
     "ErrorMap",
     "Finding",
     "Intrinsics",
+    "LineTime",
     "LocalFit",
     "Loop",
     "MeasuredShift",
@@ -70,6 +73,7 @@ __all__ = [
     "Robot",
     "RobotParameters",
     "RobotState",
+    "RollingShutter",
     "Sample",
     "SampleResidual",
     "Target",

@@ -160,6 +160,14 @@ class ClockOffset:
 
 
 @dataclass(frozen=True)
+class LineTime:
+    """How long after a row of a camera's pictures the next is seen, and its sigma [s]; 0 where it is fixed."""
+
+    line_time_s: float
+    sigma_s: float
+
+
+@dataclass(frozen=True)
 class BudgetEntry:
     """What one source adds to the error at the task.
 
@@ -226,6 +234,7 @@ class Calibration:
         cameras: Lenses with the covariance of their parameters, by camera; those not fixed.
         robot_parameters: By kind, then by robot; of those given by joints whose parameters are not fixed.
         clocks: Of the cameras and robots whose clocks were not all taken for one, by name.
+        line_times: Of the cameras whose rows are seen one after another, by name.
         noise: Sigmas used or estimated: `pixel_px`, `pose_m`, `pose_rad`, `point_m` and by robot.
         order: Names of the transforms of `joint_covariance`, 6 rows each.
         joint_covariance: (6 n, 6 n) [m, rad].
@@ -251,6 +260,7 @@ class Calibration:
     cameras: Mapping[str, tuple[Camera, Array]] = field(default_factory=dict)
     robot_parameters: Mapping[str, Mapping[str, RobotParameters]] = field(default_factory=dict)
     clocks: Mapping[str, ClockOffset] = field(default_factory=dict)
+    line_times: Mapping[str, LineTime] = field(default_factory=dict)
     noise: Mapping[str, Any] = field(default_factory=dict)
     order: tuple[str, ...] = ()
     joint_covariance: Array | None = None

@@ -47,6 +47,21 @@ class Clock:
     sigma_s: float | None = None
 
 
+@dataclass(frozen=True)
+class RollingShutter:
+    """What is known of the time from a row of a camera's pictures to the next.
+
+    Attributes:
+        status: `fixed` (exactly `line_time_s`), `prior` (`line_time_s` with `sigma_s`) or `free` (a guess).
+        line_time_s: Row v is seen so many times v after the stamp [s].
+        sigma_s: Of the prior [s]; with `prior` only.
+    """
+
+    status: Status = "fixed"
+    line_time_s: float = 0.0
+    sigma_s: float | None = None
+
+
 @dataclass(frozen=True, eq=False)
 class Driver:
     """Which program talks to a robot or a camera.
@@ -120,6 +135,7 @@ class CellCamera:
         intrinsics: None where it gives only poses or 3-D points.
         clock: Of the stamps of its images; None where nothing is stated.
         driver: What gives its pictures while a recording is made; None where nothing does.
+        rolling_shutter: Of its rows; None where all are seen at once.
     """
 
     name: str
@@ -130,6 +146,7 @@ class CellCamera:
     intrinsics: Intrinsics | None = None
     clock: Clock | None = None
     driver: Driver | None = None
+    rolling_shutter: RollingShutter | None = None
 
     @property
     def distortion_terms(self) -> int:

@@ -148,7 +148,7 @@ def calibrate_folder(
         run = write_calibration(calibration, folder).parent
         with stages.stage("report"):
             stored = read_calibration(run)  # what `report` will find, to the last digit
-            recording = synchronous(cell, recording, stored.clocks)
+            recording = synchronous(cell, recording, stored)
             details = fit_details(cell, recording, stored)
             tolerance = check_tolerance(cell, stored, details.errors)
             write_whole(run / "report.txt", printable(text_report(cell, calibration, tolerance)) + "\n", within=folder)

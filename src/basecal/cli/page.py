@@ -48,7 +48,7 @@ def stored_run(folder: Path, run: Path, cell: Cell, calibration: Calibration) ->
     now = input_hashes(folder, cell)
     changed = tuple(name for name, hashed in calibration.inputs.items() if now.get(name) != hashed)
     if not changed:
-        recording = synchronous(cell, detected_recording(folder, cell), calibration.clocks)
+        recording = synchronous(cell, detected_recording(folder, cell), calibration)
         return StoredRun(run, recording, fit_details(cell, recording, calibration), ())
     try:
         recording = detected_recording(folder, cell)

@@ -38,8 +38,8 @@ def view(cell: Path, /, *, port: Annotated[int, Parameter(validator=validators.N
     described, runs = read_cell(cell), runs_of(cell)
     if not runs:
         raise InputError(f"{cell} has no run yet: basecal calibrate {pasted(cell)}")
-    clocks = read_calibration(run_folder(cell, runs[0])).clocks
-    recording = synchronous(described, detected_recording(cell, described), clocks)
+    latest = read_calibration(run_folder(cell, runs[0]))
+    recording = synchronous(described, detected_recording(cell, described), latest)
     viewed = Viewed(described, recording, cell, runs, lambda name: read_calibration(run_folder(cell, name)))
     with served(viewed, port) as address:
         say(f"{address}\nopen this in a browser; Ctrl-C ends it")

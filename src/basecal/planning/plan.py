@@ -90,7 +90,7 @@ def plan_for_task(
     """
     names = placing(cell)
     known = sketches(cell, calibration)
-    recording = synchronous(cell, recording, {} if calibration is None else calibration.clocks)
+    recording = synchronous(cell, recording, calibration)
     views = _views(known, recording, seed)
     prospect = prospects(cell, recording, calibration, views)
     tasks = tuple(task_at(name, known[0].transforms, points_m) for name in names)

@@ -177,6 +177,9 @@ def clock_sentences(calibration: Calibration) -> Iterator[str]:
     for name, clock in calibration.clocks.items():
         sigma = f", sigma {1e3 * clock.sigma_s:.3f} ms" if clock.sigma_s else ""
         yield f"clock of {name}: {1e3 * clock.offset_s:+.3f} ms to be added to its stamps{sigma}"
+    for name, line in calibration.line_times.items():
+        sigma = f", sigma {1e6 * line.sigma_s:.3f} us" if line.sigma_s else ""
+        yield f"rolling shutter of {name}: {1e6 * line.line_time_s:.3f} us a row{sigma}"
 
 
 def fit_sentences(calibration: Calibration) -> Iterator[str]:

@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.clocks.search import clocked
-from basecal.cell import Clock
+from basecal.cell import Clock, RollingShutter
+from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
+from basecal.estimation.solve import solve, solve_packed
 from basecal.estimation.streams.streams import streams_of
-from stream_cells import Streamed, streamed
+from stream_cells import Streamed, pictured, streamed
 
 SIGMA_S = 4e-4  # of the offset of these recordings, at most
 
@@ -48,3 +50,16 @@ def test_the_samples_are_by_the_offsets_that_were_found() -> None:
     of = clocked(streams, Settings())
     stamps = [s.stamp_s for s in of.recording.samples]
     np.testing.assert_allclose(stamps, np.arange(0.5, 7.5, 0.1) - 0.03 + of.offsets_s["wrist"], atol=1e-9)
+
+
+@pytest.mark.parametrize("shutter", [RollingShutter("fixed", 3e-5), RollingShutter("prior", 2.7e-5, 3e-6)])
+def test_rows_are_mended_by_the_line_time_that_is_found(shutter: RollingShutter) -> None:
+    made = pictured(3e-5, shutter)
+    streams = streams_of(made.cell, made.recording)
+    assert streams is not None
+    of = clocked(streams, Settings())
+    assert of.offsets_s["wrist line"] == pytest.approx(3e-5, abs=1e-6)
+    solution = solve(of.streams.cell, made.recording)
+    mended = solve_packed(build_problem(made.cell, of.recording)[0], made.cell)
+    assert mended.cost < 1.2 * mended.dof
+    assert solution.cost > 5 * mended.cost  # each view by its mean row alone

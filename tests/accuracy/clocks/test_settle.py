@@ -8,11 +8,11 @@ import pytest
 from basecal.accuracy.clocks.search import Clocked
 from basecal.accuracy.clocks.settle import clock_findings, clock_offsets, clocks_left, settled
 from basecal.accuracy.verdict import calibrate
-from basecal.cell import Clock, Recording
+from basecal.cell import Clock, Recording, RollingShutter
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.solve import Solution, solve_packed
 from basecal.estimation.streams.streams import streams_of, synchronised
-from stream_cells import MOUNT, Streamed, streamed
+from stream_cells import MOUNT, Streamed, pictured, streamed
 
 NAME = "arm_flange_from_wrist"
 
@@ -102,3 +102,21 @@ def test_what_an_offset_cannot_mend_is_named():
     assert (finding.severity, finding.about) == ("warning", ("wrist",))
     assert "the clock of wrist drifts: its images fall behind" in finding.message
     assert found.verdict == "doubtful"
+
+
+def test_a_line_time_that_was_found_is_told_with_its_sigma():
+    made = pictured(2e-5, RollingShutter("prior", 1.7e-5, 4e-6), seconds=5.0)
+    found = calibrate(made.cell, made.recording)
+    line = found.line_times["wrist"]
+    assert line.line_time_s == pytest.approx(2e-5, abs=3.3 * line.sigma_s)
+    assert 0 < line.sigma_s < 1e-6
+    assert found.clocks == {}
+    xi = (found[NAME].mean.inverse() @ MOUNT).log()
+    assert xi @ np.linalg.solve(found[NAME].covariance, xi) < 22.5
+
+
+def test_a_line_time_far_from_its_prior_is_named():
+    made = pictured(2e-5, RollingShutter("prior", 1e-5, 1e-6), seconds=5.0)
+    found = calibrate(made.cell, made.recording)
+    (finding,) = [f for f in found.findings if f.code == "prior-contradicted"]
+    assert "the line time of wrist is 20" in finding.message or "the line time of wrist is 19" in finding.message

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.clocks.step import ClockStep, clock_step
-from basecal.cell import Clock
+from basecal.cell import Clock, RollingShutter
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.solve import Solution, solve_packed
+from basecal.estimation.streams.rolling_shutter import Known
 from basecal.estimation.streams.streams import Synchronised, streams_of, synchronised
-from stream_cells import Streamed, streamed
+from stream_cells import Streamed, pictured, streamed
 
 
 def solved(made: Streamed, offset_s: float) -> tuple[ClockStep, Solution, Synchronised]:
@@ -70,3 +71,22 @@ def test_two_arms_of_the_same_clock_count_together() -> None:
     found = clock_step(streams, samples, offsets, solve_packed(problem, made.cell))
     assert set(found.clocks) == {"arm", "wrist"}
     np.testing.assert_allclose(found.by_offsets[:, 0], -found.by_offsets[:, 1], rtol=1e-9)
+
+
+@pytest.mark.parametrize("away_s", [-4e-6, 0.0, 4e-6])
+def test_a_step_leads_to_the_true_line_time(away_s: float) -> None:
+    """Of rows of 20 us, from a fifth of that aside; the clock known."""
+    made = pictured(2e-5, RollingShutter("free", 2e-5 + away_s))
+    streams = streams_of(made.cell, made.recording)
+    assert streams is not None
+    of, solution = synchronised(streams, streams.stated), None
+    for _ in range(2):  # as the line time stands, pixels are mended by the first solution
+        solution = solve_packed(build_problem(made.cell, of.recording)[0], made.cell)
+        known = Known(made.cell, solution.state.transforms, solution.state.cameras)
+        of = synchronised(streams, streams.stated).at_once(known, streams.stated)
+    assert solution is not None
+    found = clock_step(streams, of, streams.stated, solution)
+    assert found.clocks == ("wrist line",)
+    sigma = float(np.sqrt(found.covariance[0, 0]))
+    assert sigma < 5e-7
+    assert found.step_s[0] + away_s == pytest.approx(0.0, abs=3.3 * sigma + 0.05 * abs(away_s))

@@ -15,6 +15,7 @@ from basecal.cell.calibration import (
     ClockOffset,
     ErrorMap,
     Finding,
+    LineTime,
     LocalFit,
     Loop,
     Outlier,
@@ -112,6 +113,16 @@ def test_local_fits():
     np.testing.assert_allclose(first.transforms["a_from_b"].matrix, poses["a_from_b"].matrix, atol=1e-12)
     with pytest.raises(InputError, match="local"):
         calibration_from_dict({**data, "local": [{**data["local"][0], "recommended": "both"}]})
+
+
+def test_line_times():
+    """A line time and its sigma for each camera; a sigma that is missing is said."""
+    lines = {"wrist": LineTime(1.5e-5, 2e-7)}
+    data = json.loads(json.dumps(calibration_to_dict(Calibration("good", line_times=lines))))
+    assert (data["line_time_s"], data["line_time_sigma_s"]) == ({"wrist": 1.5e-5}, {"wrist": 2e-7})
+    assert calibration_from_dict(data).line_times == lines
+    with pytest.raises(InputError, match="line_time_sigma_s"):
+        calibration_from_dict({**data, "line_time_sigma_s": None})
 
 
 def test_clocks():

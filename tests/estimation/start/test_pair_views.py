@@ -187,3 +187,17 @@ def test_views_that_show_a_part_of_the_target_keep_enough_of_it():
     few = pair_views(replace(group, measurement=measurement), made.cameras["wrist"], 12, 8)
     assert few.candidates is not None
     assert len(few.group) == 12
+
+
+def test_a_view_of_points_in_a_line_counts_next_to_nothing():
+    """A column of a board alone holds no pose: its information is singular, and by rounding even negative."""
+
+    def of_a_line(group):
+        seen = group.measurement.seen.copy()
+        seen[3] &= np.isclose(group.measurement.points_in_target[:, 0], group.measurement.points_in_target[0, 0])
+        weight = np.where(seen, group.measurement.weight, 0.0)
+        return replace(group, measurement=replace(group.measurement, seen=seen, weight=weight))
+
+    found, _, _ = prepared(Scenario(samples=20, target="charuco"), change=of_a_line)
+    assert np.isfinite(found.weight).all()
+    assert found.weight[3] < 0.01 * np.median(found.weight)

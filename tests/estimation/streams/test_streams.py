@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.cell import CellCamera, Clock, ClockOffset, PoseObservation, Recording, RobotState, Sample
+from basecal.cell import Calibration, CellCamera, Clock, ClockOffset, PoseObservation, Recording, RobotState, Sample
 from basecal.errors import InputError
 from basecal.estimation.solve import solve
 from basecal.estimation.streams.streams import streams_of, synchronised, synchronous
@@ -15,7 +15,9 @@ from stream_cells import MOUNT, along, streamed
 
 def test_samples_by_one_clock_are_no_streams() -> None:
     made = streamed()
-    together = synchronous(made.cell, made.recording, {"wrist": ClockOffset(made.offset_s, 0.0)})
+    together = synchronous(
+        made.cell, made.recording, Calibration("good", clocks={"wrist": ClockOffset(made.offset_s, 0.0)})
+    )
     assert streams_of(made.cell, together) is None
     assert synchronous(made.cell, together) is together
 
@@ -72,7 +74,9 @@ def test_the_offset_of_a_robot_counts_the_other_way() -> None:
 def test_views_that_no_record_surrounds_are_left_out_and_said() -> None:
     made = streamed()
     holed = tuple(s for s in made.recording.samples if not (s.robots and 3.0 < s.stamp_s < 4.0))
-    found = synchronous(made.cell, Recording(holed), {"wrist": ClockOffset(made.offset_s, 0.0)})
+    found = synchronous(
+        made.cell, Recording(holed), Calibration("good", clocks={"wrist": ClockOffset(made.offset_s, 0.0)})
+    )
     assert len(found.samples) == 60
     (finding,) = found.findings
     assert finding.code == "dropped-sample"

@@ -1,4 +1,7 @@
-"""Offsets of clocks from nothing: stepped to the optimum, and tried over seconds where that explains no views."""
+"""Offsets of clocks from nothing: stepped to the optimum, and tried over seconds where that explains no views.
+
+Line times of rolling shutters are stepped with them, and pixels mended by each solution for the next.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +18,7 @@ from basecal.estimation.outliers.noise_and_outliers import is_as_of_arms, with_n
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_packed
+from basecal.estimation.streams.rolling_shutter import Known, line_of
 from basecal.estimation.streams.streams import Streams, Synchronised, synchronised
 
 # Offsets that are tried [s]: computers that are not synchronised at all state a guess. Steps converge from twice the
@@ -33,7 +37,7 @@ class Clocked:
 
     Attributes:
         streams: As each device recorded.
-        offsets_s: By device [s].
+        offsets_s: By device, and line times by `line_of` [s].
         synchronised: The samples.
     """
 
@@ -54,18 +58,20 @@ def clocked(streams: Streams, settings: Settings) -> Clocked:
         InputError: if the cell contradicts the recording.
     """
     offsets = streams.stated
-    if not streams.open:
+    lines = [line_of(camera) for camera in streams.cell.cameras]
+    if not streams.open and not any(offsets.get(line) for line in lines):
         return Clocked(streams, offsets, synchronised(streams, offsets))
     many = streams.thinned(_STEPPED_VIEWS)
-    stepped, explained = _stepped(many, offsets, settings)
+    stepped, last, explained = _stepped(many, offsets, settings)
     if not explained:
         few = streams.thinned(_TRIED_VIEWS)
         for name in streams.open:
-            offsets = _best(few, offsets, name, settings)
-        stepped, _ = _stepped(many, offsets, settings)
+            if name not in lines:
+                offsets = _best(few, offsets, name, settings)
+        stepped, last, _ = _stepped(many, offsets, settings)
     if len(many.instants) < len(streams.instants):
-        stepped, _ = _stepped(streams, stepped, settings)
-    return Clocked(streams, stepped, synchronised(streams, stepped))
+        stepped, last, _ = _stepped(streams, stepped, settings)
+    return Clocked(streams, stepped, _synchronised(streams, stepped, last))
 
 
 def _best(streams: Streams, offsets: dict[str, float], name: str, settings: Settings) -> dict[str, float]:
@@ -90,20 +96,27 @@ def _misfit(streams: Streams, offsets: dict[str, float], settings: Settings) -> 
     return float(solution.cost + of_sigmas) / max(sum(counts.values()), 1)
 
 
-def _stepped(streams: Streams, offsets: dict[str, float], settings: Settings) -> tuple[dict[str, float], bool]:
-    """Offsets at which views ask for no further step, and whether noise as arms have it then explains the views."""
+def _stepped(
+    streams: Streams, offsets: dict[str, float], settings: Settings
+) -> tuple[dict[str, float], Solution | None, bool]:
+    """Offsets at which views ask for no further step, the last solution, and whether noise of arms explains it."""
+    rolls = any(line_of(camera) in offsets for camera in streams.cell.cameras)
+    last: Solution | None = None
     explained = False
     for _ in range(_STEPS):
+        is_mended = last is not None or not rolls
         try:
-            solution, samples = _solved(streams, offsets, settings)
+            last, samples = _solved(streams, offsets, settings, last)
         except (NotObservable, np.linalg.LinAlgError):
-            return offsets, False
-        explained = not is_hopeless(solution.problem, solution.state) and _as_noise(solution)
-        found = clock_step(streams, samples, offsets, solution)
-        offsets = _after(offsets, found)
-        if np.all(np.abs(found.step_s) <= _SETTLED * np.sqrt(np.diagonal(found.covariance))):
+            return offsets, last, False
+        explained = not is_hopeless(last.problem, last.state) and _as_noise(last)
+        if streams.open:
+            found = clock_step(streams, samples, offsets, last)
+            offsets = _after(offsets, found)
+            is_mended &= bool(np.all(np.abs(found.step_s) <= _SETTLED * np.sqrt(np.diagonal(found.covariance))))
+        if is_mended:
             break
-    return offsets, explained
+    return offsets, last, explained
 
 
 def _as_noise(solution: Solution) -> bool:
@@ -118,8 +131,18 @@ def _after(offsets: dict[str, float], found: ClockStep) -> dict[str, float]:
     return {name: offset + float(np.clip(steps.get(name, 0.0), -reach, reach)) for name, offset in offsets.items()}
 
 
-def _solved(streams: Streams, offsets: dict[str, float], settings: Settings) -> tuple[Solution, Synchronised]:
+def _synchronised(streams: Streams, offsets: dict[str, float], near: Solution | None) -> Synchronised:
+    """The samples, with pixels of rolling shutters mended by a solution near them."""
     samples = synchronised(streams, offsets)
+    if near is None:
+        return samples
+    return samples.at_once(Known(streams.cell, near.state.transforms, near.state.cameras), offsets)
+
+
+def _solved(
+    streams: Streams, offsets: dict[str, float], settings: Settings, near: Solution | None = None
+) -> tuple[Solution, Synchronised]:
+    samples = _synchronised(streams, offsets, near)
     problem, _ = build_problem(streams.cell, samples.recording)
     plain = solve_packed(problem, streams.cell, replace(settings, robot_noise="stated", stages=None))
     noisy = plain if settings.robot_noise == "stated" else with_noise(plain, replace(settings, stages=None))

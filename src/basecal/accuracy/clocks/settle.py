@@ -8,9 +8,10 @@ import numpy as np
 
 from basecal.accuracy.clocks.search import Clocked
 from basecal.accuracy.clocks.step import ClockStep, clock_step
-from basecal.cell import ClockOffset, Finding
+from basecal.cell import ClockOffset, Finding, LineTime
 from basecal.estimation.least_squares.normal_equations import linearise, retract
 from basecal.estimation.solve import Solution
+from basecal.estimation.streams.rolling_shutter import line_of
 
 _PULLED = 4.0  # sigmas of its prior by which an offset contradicts it, as for all priors
 
@@ -34,30 +35,46 @@ def settled(solution: Solution, left: ClockStep) -> Solution:
 
 def clock_offsets(clocked: Clocked, left: ClockStep) -> dict[str, ClockOffset]:
     """Offsets by device, of those that were estimated and seen, or stated and not 0."""
-    found = {name: ClockOffset(clocked.offsets_s[name], 0.0) for name in clocked.offsets_s if clocked.offsets_s[name]}
+    lines = {line_of(camera) for camera in clocked.streams.cell.cameras}
+    return {name: ClockOffset(*value) for name, value in _found(clocked, left).items() if name not in lines}
+
+
+def line_times(clocked: Clocked, left: ClockStep) -> dict[str, LineTime]:
+    """Line times by camera, likewise."""
+    found = _found(clocked, left)
+    return {name: LineTime(*found[line_of(name)]) for name in clocked.streams.cell.cameras if line_of(name) in found}
+
+
+def _found(clocked: Clocked, left: ClockStep) -> dict[str, tuple[float, float]]:
+    """Offsets, and line times by `line_of`, with their sigmas."""
+    found = {name: (offset, 0.0) for name, offset in clocked.offsets_s.items() if offset}
     for k, name in enumerate(left.clocks):
         found.pop(name, None)
         if left.seen[k]:
-            offset = clocked.offsets_s[name] + float(left.step_s[k])
-            found[name] = ClockOffset(offset, float(np.sqrt(left.covariance[k, k])))
+            found[name] = (clocked.offsets_s[name] + float(left.step_s[k]), float(np.sqrt(left.covariance[k, k])))
     return found
 
 
 def clock_findings(clocked: Clocked, left: ClockStep) -> list[Finding]:
-    """What is to be said of the clocks that were estimated."""
+    """What is to be said of the clocks and line times that were estimated."""
     findings = []
+    cameras = {line_of(camera): camera for camera in clocked.streams.cell.cameras}
     for k, name in enumerate(left.clocks):
         known = clocked.streams.clocks[name]
         offset = clocked.offsets_s[name] + float(left.step_s[k])
+        device, is_line = cameras.get(name, name), name in cameras
+        what = f"the line time of {device}" if is_line else f"the clock of {device}"
         if not left.seen[k]:
-            held = f"it is held at {clocked.offsets_s[name]:.3f} s, and nothing depends on it"
-            words = f"the clock of {name} is unobservable, since nothing moves enough while it records: {held}"
-            findings.append(Finding("unobservable-direction", "info", (name,), words))
+            at = f"{1e6 * clocked.offsets_s[name]:.1f} us" if is_line else f"{clocked.offsets_s[name]:.3f} s"
+            words = f"{what} is unobservable, since nothing moves enough while it records: it is held at {at}, and "
+            findings.append(Finding("unobservable-direction", "info", (device,), f"{words}nothing depends on it"))
         elif known.sigma_s is not None and abs(offset - known.offset_s) > _PULLED * known.sigma_s:
+            is_at = f"{1e6 * offset:.2f} us" if is_line else f"{1e3 * offset:.1f} ms off"
+            stated = f"{1e6 * known.offset_s:.2f} us" if is_line else f"{1e3 * known.offset_s:.1f} ms"
             sigmas = abs(offset - known.offset_s) / known.sigma_s
             words = (
-                f"the clock of {name} is {1e3 * offset:.1f} ms off, {sigmas:.1f} sigma from its prior of "
-                f"{1e3 * known.offset_s:.1f} ms: check the prior, or set its status to free"
+                f"{what} is {is_at}, {sigmas:.1f} sigma from its prior of "
+                f"{stated}: check the prior, or set its status to free"
             )
-            findings.append(Finding("prior-contradicted", "warning", (name,), words))
+            findings.append(Finding("prior-contradicted", "warning", (device,), words))
     return findings

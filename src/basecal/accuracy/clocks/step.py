@@ -1,7 +1,8 @@
 """What a solution says of clocks: the step of their offsets, its covariance, and how the answer goes with them.
 
 A camera whose stamps lag sees the flanges where they were a moment later: its views move with all flanges' velocities.
-All that the other unknowns can take up is projected out. Source: docs/mathematics.md (12.2).
+The line time of a rolling shutter moves each pixel by so many times as much as its row says. All that the other
+unknowns can take up is projected out. Source: docs/mathematics.md (12.2), (12.5).
 """
 
 from __future__ import annotations
@@ -14,12 +15,16 @@ from basecal.accuracy.systematic_errors.candidates import Candidates
 from basecal.accuracy.systematic_errors.score_tests import linearised, score, sums
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.estimation.solve import Solution
+from basecal.estimation.streams.rolling_shutter import line_of
 from basecal.estimation.streams.streams import Streams, Synchronised
+from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.estimation.view.point_jacobians import point_jacobians
 from basecal.geometry import Array, BoolArray
-from basecal.numerics.spectral import spectrum
+from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
 
 # Sigma of an offset [s] beyond which it is not seen: arms that hardly move, or a velocity that never changes.
 _UNSEEN_S = 0.5
+_UNSEEN_LINE_S = 5e-4  # likewise of a line time: as much over the rows of a picture
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,8 +32,8 @@ class ClockStep:
     """Where clocks go from the offsets at which a solution was made.
 
     Attributes:
-        clocks: Names of the devices, q of them.
-        step_s: (q,) to be added to their offsets [s]; 0 of those that are not seen.
+        clocks: Names of the devices, and of cameras' line times by `line_of`, q of them.
+        step_s: (q,) to be added to their offsets, or to the line times [s]; 0 of those that are not seen.
         covariance: (q, q) of the offsets [s^2].
         by_offsets: (p, q) how the columns of the answer go with the offsets [per s].
         seen: (q,) whether the data, or a prior, hold each.
@@ -64,7 +69,9 @@ def clock_step(
     information = of_views.information[0] + np.diag(weight)
     covariance = spectrum(information).inverse
     variance = np.diagonal(covariance)
-    seen = np.asarray((variance > 0) & (variance < _UNSEEN_S**2))
+    lines = {line_of(camera) for camera in streams.cell.cameras}
+    most = np.array([_UNSEEN_LINE_S if name in lines else _UNSEEN_S for name in streams.open])
+    seen = np.asarray((variance > 0) & (variance < most**2))
     step = np.where(seen, -covariance @ (of_views.gradient[0] + weight * pull), 0.0)
     _, across, _ = sums(about, every)
     by_offsets = -spectrum(about.hessian).inverse @ across[0].T
@@ -78,11 +85,27 @@ def _moves(situation: Situation, k: int, clocks: tuple[str, ...], synchronised: 
     for robot in (group.eye, group.hand):
         if robot is None:
             continue
-        velocity = np.stack([synchronised.velocity[robot][int(sample)] for sample in group.sample])
+        velocity = np.stack([synchronised.robots[robot][int(sample)].velocity for sample in group.sample])
         moved = (situation.by_flange(k, robot) @ velocity[..., None])[..., 0]
         for q, name in enumerate(clocks):
             if name == group.camera:
                 moves[:, 0, :, q] += moved
             elif name == robot:
                 moves[:, 0, :, q] -= moved
+            elif name == line_of(group.camera):
+                moves[:, 0, :, q] += (_mean_row(situation, k) @ moved[..., None])[..., 0]
     return moves
+
+
+def _mean_row(situation: Situation, k: int) -> Array:
+    """The mean row of the views of a group as their pixels weigh it in each direction, (n, 6, 6)."""
+    group, at = situation.problem.groups[k], situation.links[k].camera_from_target
+    if not isinstance(group.measurement, PixelMeasurement):
+        return np.zeros((len(group), 6, 6))
+    of = point_jacobians(group.measurement, at, situation.state.cameras[group.camera], lens=False)
+    assert of is not None
+    transposed = np.moveaxis(of.jacobian, -1, 1).reshape(len(group), 6, -1)
+    row = np.repeat(group.measurement.pixels[..., 1], 2, axis=-1)
+    information = transposed @ np.swapaxes(transposed, -1, -2)
+    by_row = (transposed * row[:, None]) @ np.swapaxes(transposed, -1, -2)
+    return np.asarray(spectrum(information, VIEW_ROUNDING).inverse @ by_row)

@@ -59,7 +59,7 @@ def verify(cell: Cell, calibration: Calibration, recording: Recording) -> Verifi
     Raises:
         InputError: if the cell contradicts the recording.
     """
-    of = innovations(cell, calibration, synchronous(cell, recording, calibration.clocks))
+    of = innovations(cell, calibration, synchronous(cell, recording, calibration))
     found = _verified(cell, of)
     if not found.moved or len(found.samples) < _FEWEST_TO_BLAME:
         return found

@@ -223,6 +223,8 @@ class _CalibrationEntry(_Result):
     intrinsics: dict[str, _Lens] | None
     clock_offset_s: dict[str, Annotated[float, Field(ge=-_FARTHEST_S, le=_FARTHEST_S)]] | None = None
     clock_sigma_s: dict[str, Annotated[float, Field(ge=0, le=LARGEST)]] | None = None
+    line_time_s: dict[str, Annotated[float, Field(ge=-LARGEST, le=LARGEST)]] | None = None
+    line_time_sigma_s: dict[str, Annotated[float, Field(ge=0, le=LARGEST)]] | None = None
     noise: _Noise | None
     joint: _Joint | None
     residuals: _Residuals
@@ -252,6 +254,8 @@ def check_calibration(data: dict[str, Any]) -> None:
         raise InputError(f"{field_name(problem.loc)}: {problem.message}") from None
     if (entry.clock_offset_s or {}).keys() != (entry.clock_sigma_s or {}).keys():
         raise InputError("clock_sigma_s: expected a sigma of each of clock_offset_s")
+    if (entry.line_time_s or {}).keys() != (entry.line_time_sigma_s or {}).keys():
+        raise InputError("line_time_sigma_s: expected a sigma of each of line_time_s")
     if entry.joint is not None and len(entry.joint.covariance) != 6 * len(entry.joint.order):
         size, count = len(entry.joint.covariance), len(entry.joint.order)
         raise InputError(f"joint.covariance: has {size} rows, expected 6 for each of {count} transforms")

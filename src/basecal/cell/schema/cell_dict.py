@@ -8,6 +8,7 @@ from basecal.cell.cell import Cell, CellCamera, CellTarget, Driver, Intrinsics, 
 from basecal.cell.format.plain import numbers, one_or_all, pose_dict, sigma_dict
 from basecal.cell.schema.cell_schema import SCHEMA
 from basecal.cell.schema.clock import clock_dict
+from basecal.cell.schema.rolling_shutter import rolling_shutter_dict
 
 
 def cell_to_dict(cell: Cell) -> dict[str, Any]:
@@ -57,7 +58,7 @@ def _camera(camera: CellCamera) -> dict[str, Any]:
         data["size_px"] = [int(side) for side in camera.size_px]
     if camera.intrinsics is not None:
         data["intrinsics"] = _intrinsics(camera.intrinsics, camera.distortion_terms)
-    return data | clock_dict(camera.clock) | _driver(camera.driver)
+    return data | clock_dict(camera.clock) | rolling_shutter_dict(camera.rolling_shutter) | _driver(camera.driver)
 
 
 def _intrinsics(lens: Intrinsics, terms: int) -> dict[str, Any]:

@@ -61,7 +61,8 @@ def _camera(name: str, entry: CameraEntry) -> CellCamera:
     lens = None if entry.intrinsics is None else _intrinsics(entry.intrinsics, entry, size)
     clock = None if entry.clock is None else entry.clock.noun()
     driver = _driver(entry.driver)
-    return CellCamera(name, entry.on, _unknown(entry.mount), entry.model, size, lens, clock, driver)
+    shutter = None if entry.rolling_shutter is None else entry.rolling_shutter.noun()
+    return CellCamera(name, entry.on, _unknown(entry.mount), entry.model, size, lens, clock, driver, shutter)
 
 
 def _driver(entry: dict[str, Any] | None) -> Driver | None:

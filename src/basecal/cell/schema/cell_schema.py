@@ -25,6 +25,7 @@ from basecal.cell.robot_parameters.kind import robot_parameter_kinds
 from basecal.cell.schema.clock import ClockEntry
 from basecal.cell.schema.driver import DriverEntry
 from basecal.cell.schema.lens import IntrinsicsEntry, check_lens, check_size
+from basecal.cell.schema.rolling_shutter import RollingShutterEntry
 from basecal.cell.targets.all_kinds import AnyTargetEntry
 from basecal.geometry.lens import lens_models
 
@@ -104,6 +105,7 @@ class CameraEntry(Entry):
     intrinsics: IntrinsicsEntry | None = None
     clock: ClockEntry | None = None
     driver: DriverEntry | None = None
+    rolling_shutter: RollingShutterEntry | None = None
 
     @checks("intrinsics")
     @classmethod

@@ -17,7 +17,7 @@ from basecal.estimation.view.poses import PoseMeasurement
 from basecal.estimation.view.view_pose import view_poses
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 from basecal.geometry.rotation import nearest_rotation
-from basecal.numerics.spectral import dimension
+from basecal.numerics.spectral import dimension, floored
 
 _LOOKS_ALIKE = 25.0  # five sigmas: below, a plane's second pose fits as well
 _EITHER_POSE = 0.2  # weight of such a view, whose pose may be the wrong one of two
@@ -97,7 +97,8 @@ def _of_pixels(group: ViewGroup, measurement: PixelMeasurement, camera: Camera, 
     found = np.flatnonzero(poses.found)
     if len(found) < 3:
         return PairViews(group, None, np.ones(len(group)), total)
-    spread = np.linalg.inv(poses.information[found] + _RIDGE * np.eye(6))
+    # Not the inverse of the sum with a ridge: of points in a line it is singular, or negative, by rounding.
+    spread = floored(poses.information[found], _RIDGE).inverse
     sigma = np.sqrt(np.trace(spread[:, 3:, 3:], axis1=-2, axis2=-1))
     alike = poses.cost[found, 1] - poses.cost[found, 0] < _LOOKS_ALIKE
     weight = 1 / (1 + sigma / _UNSURE_RAD) * np.where(alike, _EITHER_POSE, 1.0)

@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from basecal.cell import WORLD, Cell, Clock, ClockOffset, Finding, Recording, RobotState, Sample
+from basecal.cell import WORLD, Calibration, Cell, Clock, Finding, Recording, RobotState, Sample
 from basecal.errors import InputError
 from basecal.estimation.streams.path import MOST_APART_S, Path
-from basecal.geometry import SE3, Array
+from basecal.estimation.streams.rolling_shutter import Known, Moving, as_at_once, line_of, mean_row
+from basecal.geometry import SE3
 
 _FREE = Clock("free")
 _KNOWN = Clock()
@@ -27,7 +28,7 @@ class Streams:
         recording: As it was read.
         paths: Of the robots, by name, each by its own clock.
         instants: What was seen, a sample for each camera's clock, without robots.
-        clocks: What is known of the clock of each robot and camera, by name.
+        clocks: What is known of the clock of each robot and camera, by name, and by `line_of` of cameras' line times.
     """
 
     cell: Cell
@@ -38,12 +39,12 @@ class Streams:
 
     @property
     def open(self) -> tuple[str, ...]:
-        """Names of the devices whose clocks are to be estimated."""
+        """Names of the devices whose clocks, and of the cameras whose line times, are to be estimated."""
         return tuple(name for name, clock in self.clocks.items() if clock.status != "fixed")
 
     @property
     def stated(self) -> dict[str, float]:
-        """Offsets as stated, or guessed [s], by device."""
+        """Offsets and line times as stated, or guessed [s]."""
         return {name: clock.offset_s for name, clock in self.clocks.items()}
 
     def thinned(self, count: int) -> Streams:
@@ -58,11 +59,16 @@ class Synchronised:
 
     Attributes:
         recording: The samples.
-        velocity: Of each robot, by name: by sample (6,), of its flange in its own axes [m/s, rad/s].
+        robots: Where each robot is, and how fast, by name and sample.
     """
 
     recording: Recording
-    velocity: Mapping[str, Mapping[int, Array]]
+    robots: Mapping[str, Mapping[int, Moving]]
+
+    def at_once(self, known: Known, offsets_s: Mapping[str, float]) -> Synchronised:
+        """The same as if the rows of pictures were all seen at once; `offsets_s` as of `synchronised`."""
+        lines = {camera: offsets_s[line_of(camera)] for camera in known.cell.cameras if line_of(camera) in offsets_s}
+        return replace(self, recording=as_at_once(self.recording, known, lines, self.robots)) if lines else self
 
 
 def streams_of(cell: Cell, recording: Recording) -> Streams | None:
@@ -76,7 +82,7 @@ def streams_of(cell: Cell, recording: Recording) -> Streams | None:
     asynchronous = _asynchronous(cell, recording)
     stated = {name: robot.clock for name, robot in cell.robots.items()}
     stated |= {name: camera.clock for name, camera in cell.cameras.items()}
-    if not asynchronous and not any(stated.values()):
+    if not asynchronous and not any(stated.values()) and not _moves_before_lines(cell, recording):
         return None
     unstamped = next((s.sample for s in recording.samples if s.stamp_s is None), None)
     if unstamped is not None:
@@ -87,6 +93,8 @@ def streams_of(cell: Cell, recording: Recording) -> Streams | None:
     }
     if all(clock.status == "free" for clock in clocks.values()):
         clocks[cell.reference] = Clock("fixed", clocks[cell.reference].offset_s)
+    shutters = {name: c.rolling_shutter for name, c in cell.cameras.items() if c.rolling_shutter is not None}
+    clocks |= {line_of(name): Clock(s.status, s.line_time_s, s.sigma_s) for name, s in shutters.items()}
     paths = {name: _path(cell, name, recording.samples) for name in cell.robots}
     streams = Streams(cell, recording, paths, tuple(_instants(recording.samples)), clocks)
     _check_overlap(streams)
@@ -94,48 +102,56 @@ def streams_of(cell: Cell, recording: Recording) -> Streams | None:
 
 
 def synchronised(streams: Streams, offsets_s: Mapping[str, float]) -> Synchronised:
-    """The views, with robots where they were by clocks that are so far off [s]; those in gaps of a path left out."""
+    """The views, with robots where they were by clocks that are so far off [s]; those in gaps of a path left out.
+
+    Of a rolling shutter each view stands at the instant of its mean row; see `Synchronised.at_once` for the others.
+    """
     needed = [_robots_of(streams.cell, sample) for sample in streams.instants]
-    times = np.array([s.stamp_s + offsets_s[_camera(s)] for s in streams.instants if s.stamp_s is not None])
+    times = np.array([s.stamp_s + _after_stamp(s, offsets_s) for s in streams.instants if s.stamp_s is not None])
     seen = np.ones(len(times), dtype=bool)
     for robot, path in streams.paths.items():
         wanted = np.array([robot in names for names in needed], dtype=bool)
         seen &= ~wanted | path.followed(times - offsets_s[robot])
     rows = np.flatnonzero(seen)
     states: list[dict[str, RobotState]] = [{} for _ in rows]
-    velocity: dict[str, dict[int, Array]] = {}
+    robots: dict[str, dict[int, Moving]] = {}
     for robot, path in streams.paths.items():
         mine = [k for k, row in enumerate(rows) if robot in needed[row]]
         points = path.at(times[rows[mine]] - offsets_s[robot]) if mine else None
-        velocity[robot] = {}
+        robots[robot] = {}
         for j, k in enumerate(mine):
             assert points is not None
             joints = None if points.joints is None else points.joints[j]
             states[k][robot] = RobotState(points.base_from_flange[j] if joints is None else None, joints)
-            velocity[robot][streams.instants[rows[k]].sample] = points.velocity[j]
+            robots[robot][streams.instants[rows[k]].sample] = Moving(points.base_from_flange[j], points.velocity[j])
     samples = tuple(
         replace(streams.instants[row], stamp_s=float(times[row]), robots=state)
         for row, state in zip(rows, states, strict=True)
     )
     left = [streams.instants[row].sample for row in np.flatnonzero(~seen)]
     findings = (*streams.recording.findings, *_not_followed(left))
-    return Synchronised(replace(streams.recording, samples=samples, findings=findings), velocity)
+    return Synchronised(replace(streams.recording, samples=samples, findings=findings), robots)
 
 
-def synchronous(cell: Cell, recording: Recording, found: Mapping[str, ClockOffset] | None = None) -> Recording:
+def synchronous(cell: Cell, recording: Recording, calibration: Calibration | None = None) -> Recording:
     """The samples of a recording, whose robots stand where they were at the instants of the views.
 
     Args:
         cell: What exists.
         recording: As it was read; one by a single clock is given back as it is.
-        found: Offsets of clocks, by device; those of all others are as stated, or guessed.
+        calibration: Which clocks and line times are by; where it has none they are as stated, or guessed.
     """
     streams = streams_of(cell, recording)
     if streams is None:
         return recording
-    return synchronised(
-        streams, streams.stated | {name: clock.offset_s for name, clock in (found or {}).items()}
-    ).recording
+    if calibration is None:
+        return synchronised(streams, streams.stated).recording
+    offsets = streams.stated | {name: clock.offset_s for name, clock in calibration.clocks.items()}
+    offsets |= {line_of(name): line.line_time_s for name, line in calibration.line_times.items()}
+    stated = {n: c.intrinsics.camera for n, c in cell.cameras.items() if c.intrinsics and c.intrinsics.camera}
+    lenses = stated | {name: lens for name, (lens, _) in calibration.cameras.items()}
+    known = Known(cell, calibration.known_transforms(cell), lenses)
+    return synchronised(streams, offsets).at_once(known, offsets).recording
 
 
 def _asynchronous(cell: Cell, recording: Recording) -> bool:
@@ -144,6 +160,21 @@ def _asynchronous(cell: Cell, recording: Recording) -> bool:
     views = [s for s in recording.samples if s.observations]
     alone = sum(bool(_robots_of(cell, s) & recorded - s.robots.keys()) for s in views)
     return alone > _MOSTLY * len(views)
+
+
+def _moves_before_lines(cell: Cell, recording: Recording) -> bool:
+    """Whether rows are seen one after another while robots go along paths: theirs are recorded often, with stamps."""
+    stamps = [s.stamp_s for s in recording.samples if s.robots and s.stamp_s is not None]
+    rolls = any(camera.rolling_shutter is not None for camera in cell.cameras.values())
+    all_stamped = all(s.stamp_s is not None for s in recording.samples)
+    return rolls and all_stamped and bool(np.any(np.diff(np.unique(stamps)) <= MOST_APART_S))
+
+
+def _after_stamp(sample: Sample, offsets_s: Mapping[str, float]) -> float:
+    """By how much the instant of a view is later than its stamp [s]."""
+    camera = _camera(sample)
+    line = offsets_s.get(line_of(camera), 0.0)
+    return offsets_s[camera] + (line * mean_row(sample) if line else 0.0)
 
 
 def _robots_of(cell: Cell, sample: Sample) -> set[str]:

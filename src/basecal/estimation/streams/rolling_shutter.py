@@ -1,0 +1,116 @@
+"""Pictures whose rows are seen one after another, of targets that move before the camera meanwhile.
+
+A view stands at the instant of the mean row of its pixels. What moved between that and the row of each pixel is taken
+off the pixel, by the velocities at the view and the transforms as far as they are known. Source: docs/mathematics.md
+(12.4), (12.5).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from basecal.cell import WORLD, CandidateObservation, Cell, Observation, PixelObservation, Recording, Sample
+from basecal.geometry import SE3, Array, Camera
+
+_AT_REST = np.zeros(6)
+
+
+def line_of(camera: str) -> str:
+    """What the line time of a camera is called among the offsets of clocks: no device has such a name."""
+    return f"{camera} line"
+
+
+def mean_row(sample: Sample) -> float:
+    """The mean row of all pixels of a sample [px]; 0 where there are none."""
+    rows = [o.pixels[:, 1] for o in sample.observations if isinstance(o, PixelObservation | CandidateObservation)]
+    every = np.concatenate([*rows, np.zeros(0)])
+    return float(every.mean()) if len(every) else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Moving:
+    """A robot at an instant: `base_from_flange`, and its velocity, (6,) in the flange's axes [m/s, rad/s]."""
+
+    base_from_flange: SE3
+    velocity: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """What pixels are mended by.
+
+    Attributes:
+        cell: What exists.
+        transforms: Means by name; views that need one that is missing stay as they are.
+        lenses: By camera.
+    """
+
+    cell: Cell
+    transforms: Mapping[str, SE3]
+    lenses: Mapping[str, Camera]
+
+    def camera_from_target(self, camera: str, target: str, robots: Mapping[str, Moving]) -> tuple[SE3, Array] | None:
+        """The pose of a target in a camera, and its velocity, (6,), in the target's axes."""
+        eye, hand = self._placed(camera, robots), self._placed(target, robots)
+        if eye is None or hand is None:
+            return None
+        pose = eye.base_from_flange.inverse() @ hand.base_from_flange
+        return pose, hand.velocity - pose.inverse().adjoint() @ eye.velocity
+
+    def _placed(self, name: str, robots: Mapping[str, Moving]) -> Moving | None:
+        """A camera or target in the world, and its velocity in its own axes."""
+        thing = self.cell.cameras[name] if name in self.cell.cameras else self.cell.targets[name]
+        on, mount = thing.on, self.transforms.get(self.cell.mount_name(name))
+        if mount is None or on == WORLD:
+            return None if mount is None else Moving(mount, _AT_REST)
+        base = SE3.identity() if on == self.cell.reference else self.transforms.get(self.cell.base_name(on))
+        if base is None:
+            return None
+        return Moving(base @ robots[on].base_from_flange @ mount, mount.inverse().adjoint() @ robots[on].velocity)
+
+
+def as_at_once(
+    recording: Recording, known: Known, line_s: Mapping[str, float], robots: Mapping[str, Mapping[int, Moving]]
+) -> Recording:
+    """The recording with pixels where they had been, had all rows been seen at the instant of the mean one.
+
+    Args:
+        recording: Samples at those instants.
+        known: What pixels are mended by.
+        line_s: Line times by camera [s].
+        robots: By name, then by sample.
+    """
+    rolling = {camera for camera, line in line_s.items() if line and camera in known.lenses}
+    samples = []
+    for sample in recording.samples:
+        here = {name: of[sample.sample] for name, of in robots.items() if sample.sample in of}
+        middle = mean_row(sample)
+        seen = tuple(
+            _mended(o, known, line_s[o.camera], middle, here) if o.camera in rolling else o for o in sample.observations
+        )
+        samples.append(replace(sample, observations=seen))
+    return replace(recording, samples=tuple(samples))
+
+
+def _mended(
+    observation: Observation, known: Known, line_s: float, middle: float, robots: Mapping[str, Moving]
+) -> Observation:
+    target = known.cell.targets[observation.target].target
+    if not isinstance(observation, PixelObservation | CandidateObservation) or target is None:
+        return observation
+    placed = known.camera_from_target(observation.camera, observation.target, robots)
+    if placed is None:
+        return observation
+    ids = (
+        observation.ids
+        if isinstance(observation, PixelObservation)
+        else np.repeat(target.ids[:1], len(observation.pixels))
+    )
+    points, (pose, velocity) = target.points[target.rows(ids)], placed
+    after_s = (observation.pixels[:, 1] - middle) * line_s
+    project = known.lenses[observation.camera].project
+    moved = project(pose @ (SE3.exp(after_s[:, None] * velocity) @ points)) - project(pose @ points)
+    return replace(observation, pixels=observation.pixels - np.nan_to_num(moved))

@@ -1,0 +1,100 @@
+"""Rows that are seen one after another."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.cell import CandidateObservation, Recording, RollingShutter, Sample
+from basecal.cell.calibration import Calibration, LineTime
+from basecal.estimation.streams.rolling_shutter import Known, Moving, as_at_once, line_of, mean_row
+from basecal.estimation.streams.streams import streams_of, synchronised, synchronous
+from basecal.geometry import PoseEstimate
+from stream_cells import BOARD, MOUNT, Streamed, along, pictured
+
+LINE_S = 3e-5
+TRUE = {"arm_flange_from_wrist": MOUNT, "arm_base_from_board": BOARD}
+
+
+def known(made: Streamed) -> Known:
+    lens = made.cell.cameras["wrist"].intrinsics
+    assert lens is not None
+    assert lens.camera is not None
+    return Known(made.cell, TRUE, {"wrist": lens.camera})
+
+
+def seen_at_once(recording: Recording, made: Streamed) -> np.ndarray:
+    """Pixels less where they are at the instants of the samples, (n, p, 2)."""
+    shape, lens = made.cell.targets["board"].target, known(made).lenses["wrist"]
+    assert shape is not None
+    poses = (along(np.array([s.stamp_s for s in recording.samples])) @ MOUNT).inverse() @ BOARD
+    return np.stack([s.observations[0].pixels for s in recording.samples]) - lens.project(poses[:, None] @ shape.points)
+
+
+def test_views_stand_at_their_mean_row_and_pixels_where_they_were_then() -> None:
+    """Without noise: what rows of 30 us bend by pixels is mended to some hundredths."""
+    made = pictured(LINE_S, RollingShutter("fixed", LINE_S), noise_px=0.0)
+    streams = streams_of(made.cell, made.recording)
+    assert streams is not None
+    at_mean = synchronised(streams, streams.stated)
+    assert np.abs(seen_at_once(at_mean.recording, made)).max() > 0.5
+    mended = at_mean.at_once(known(made), streams.stated)
+    assert np.abs(seen_at_once(mended.recording, made)).max() < 0.03
+    plain = synchronised(streams, {**streams.stated, line_of("wrist"): 0.0})
+    assert plain.at_once(known(made), {"arm": 0.0, "wrist": 0.0}) is plain
+
+
+def test_a_calibration_mends_what_is_read_with_it() -> None:
+    made = pictured(LINE_S, RollingShutter("free"), noise_px=0.0)
+    transforms = {name: PoseEstimate(mean, np.zeros((6, 6))) for name, mean in TRUE.items()}
+    found = Calibration("good", transforms=transforms, line_times={"wrist": LineTime(LINE_S, 1e-7)})
+    assert np.abs(seen_at_once(synchronous(made.cell, made.recording, found), made)).max() < 0.03
+
+
+def test_the_velocity_of_a_target_is_that_of_differences() -> None:
+    made = pictured(LINE_S, None)
+    step = 1e-6
+    here, later = along(np.array([2.0, 2.0 + step]))
+    moving = {"arm": Moving(here, (here.inverse() @ later).log() / step)}
+    pose, velocity = known(made).camera_from_target("wrist", "board", moving) or (None, None)
+    assert pose is not None
+    np.testing.assert_allclose(pose.matrix, ((here @ MOUNT).inverse() @ BOARD).matrix, atol=1e-12)
+    after = (later @ MOUNT).inverse() @ BOARD
+    np.testing.assert_allclose(velocity, (pose.inverse() @ after).log() / step, atol=1e-5)
+
+
+def test_what_is_not_known_yet_mends_nothing() -> None:
+    made = pictured(LINE_S, RollingShutter("fixed", LINE_S))
+    streams = streams_of(made.cell, made.recording)
+    assert streams is not None
+    at_mean = synchronised(streams, streams.stated)
+    without = replace(known(made), transforms={})
+    after = as_at_once(at_mean.recording, without, {"wrist": LINE_S}, at_mean.robots)
+    for a, b in zip(after.samples, at_mean.recording.samples, strict=True):
+        np.testing.assert_array_equal(a.observations[0].pixels, b.observations[0].pixels)
+
+
+def test_arms_that_stand_have_no_rows() -> None:
+    """Samples a second apart and samples without stamps are by one clock, whatever the shutter."""
+    made = pictured(LINE_S, RollingShutter("fixed", LINE_S))
+    together = synchronous(replace(made.cell, cameras={}), Recording(made.recording.samples[:0]))
+    assert together.samples == ()
+    slow = tuple(replace(s, stamp_s=float(k)) for k, s in enumerate(_beside(made)))
+    assert streams_of(_clockless(made), Recording(slow)) is None
+    assert streams_of(_clockless(made), Recording(tuple(replace(s, stamp_s=None) for s in slow))) is None
+    assert streams_of(_clockless(made), Recording(_beside(made))) is not None
+
+
+def _clockless(made: Streamed):
+    return replace(made.cell, cameras={n: replace(c, clock=None) for n, c in made.cell.cameras.items()})
+
+
+def _beside(made: Streamed) -> tuple[Sample, ...]:
+    """Views with the arm beside them, as one clock records."""
+    return synchronous(made.cell, made.recording).samples
+
+
+@pytest.mark.parametrize("rows", [[10.0, 20.0, 60.0], []])
+def test_the_mean_row_is_of_all_pixels(rows: list[float]) -> None:
+    spots = np.array([[0.0, v] for v in rows]).reshape(-1, 2)
+    assert mean_row(Sample(0, observations=(CandidateObservation("a", "b", spots),))) == (30.0 if rows else 0.0)
