@@ -30,6 +30,7 @@ from benchmarks import (
     real,
     robot_model,
     robots,
+    rolling_shutter,
     sag,
     scaling,
     semi_synthetic,
@@ -321,6 +322,13 @@ the run was judged again (`--again`), so that a new sample shows less."""
     return "\n\n".join((about, *tables))
 
 
+def _rolling_shutter(result: Result) -> str:
+    low, high = (1e6 * side for side in result["lines_s"])
+    about = f"""Moving recordings as above, by a camera whose rows are seen {low:g} to {high:g} us after one another: the
+line time stated, stated with a sigma of {100 * result["prior"]:g} %, and left out. NEES/6 of the base is to be about 1 where it is stated."""
+    return f"{about}\n\n{table(rolling_shutter.HEAD, [rolling_shutter.row(n, of) for n, of in result['rows'].items()])}"
+
+
 def _clocks(result: Result) -> str:
     about = f"""\
 Recordings of two arms in motion, poses at 50 a second and views at five in lines of their own, the stamps of the views
@@ -402,6 +410,7 @@ SECTIONS: dict[str, tuple[str, Callable[[Result], str]]] = {
     "wrong_answers": ("Answers that are wrong and look good", _wrong_answers),
     "sag": ("Sag", sag.section),
     "clocks": ("Clocks", _clocks),
+    "rolling_shutter": ("Rolling shutters", _rolling_shutter),
     "verify": ("Whether anything has moved", _verify),
     "live": ("A running ROS 2", _live),
     "plan": ("Planned samples", plan.section),

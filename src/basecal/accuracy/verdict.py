@@ -34,7 +34,7 @@ from basecal.accuracy.systematic_errors.search import SystematicError, systemati
 from basecal.accuracy.task.at_task import at_task
 from basecal.accuracy.task.task import placing
 from basecal.accuracy.widening import widened
-from basecal.cell import Calibration, Cell, ClockOffset, Finding, LineTime, Recording, Residuals
+from basecal.cell import Calibration, Cell, Finding, Recording, Residuals
 from basecal.cell.calibration import Verdict
 from basecal.estimation.outliers.noise_and_outliers import is_as_of_arms, solve_with_noise, with_noise
 from basecal.estimation.outliers.robust_solve import RobustSolution, solve_robustly
@@ -157,14 +157,13 @@ def _judged(
     for other in (systematic, rival, *lenses):
         solution = solution if other is None else widened(solution, other.moved)
     as_modelled = solution
-    solution, clocks, lines = _by_clocks(solution, robust, by_clocks, findings)
+    solution, clocks = _by_clocks(solution, robust, by_clocks, findings)
     calibration = _calibration(cell, recording, solution, fit, settings, findings)
     with settings.stage("task"):
         calibration = at_task(cell, calibration, settings, (fitted, as_modelled, solution))
     return replace(
         calibration,
-        clocks=clocks,
-        line_times=lines,
+        **clocks,
         outliers=tuple(map(described_outlier, robust.outliers)),
         validation=None if validated is None else validated.summary,
         certificate=certificate,
@@ -173,13 +172,14 @@ def _judged(
 
 def _by_clocks(
     solution: Solution, robust: RobustSolution, by_clocks: Clocked | None, findings: list[Finding]
-) -> tuple[Solution, dict[str, ClockOffset], dict[str, LineTime]]:
-    """The solution with what is left of the clocks, these, and line times; what is to be said joins the findings."""
+) -> tuple[Solution, dict[str, Any]]:
+    """The solution with what is left of the clocks, and what is told of them; the rest joins the findings."""
     if by_clocks is None:
-        return solution, {}, {}
+        return solution, {}
     left = clocks_left(by_clocks, robust.solution)
     findings += clock_findings(by_clocks, left)
-    return settled(solution, left), clock_offsets(by_clocks, left), line_times(by_clocks, left)
+    told = {"clocks": clock_offsets(by_clocks, left), "line_times": line_times(by_clocks, left)}
+    return settled(solution, left), told
 
 
 def verdict_of(findings: Sequence[Finding]) -> Verdict:

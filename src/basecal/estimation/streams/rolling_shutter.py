@@ -1,8 +1,8 @@
 """Pictures whose rows are seen one after another, of targets that move before the camera meanwhile.
 
 A view stands at the instant of the mean row of its pixels. What moved between that and the row of each pixel is taken
-off the pixel, by the velocities at the view and the transforms as far as they are known. Source: docs/mathematics.md
-(12.4), (12.5).
+off the pixel, by the velocities at the view and the transforms as far as they are known.
+Source: docs/mathematics.md (12.4).
 """
 
 from __future__ import annotations
