@@ -324,8 +324,9 @@ the run was judged again (`--again`), so that a new sample shows less."""
 
 def _rolling_shutter(result: Result) -> str:
     low, high = (1e6 * side for side in result["lines_s"])
-    about = f"""Moving recordings as above, by a camera whose rows are seen {low:g} to {high:g} us after one another: the
-line time stated, stated with a sigma of {100 * result["prior"]:g} %, and left out. NEES/6 of the base is to be about 1 where it is stated."""
+    about = f"""Moving recordings as above, by a camera whose rows are seen {low:g} to {high:g} us after one
+another: the line time stated, stated with a sigma of {100 * result["prior"]:g} %, and left out. NEES/6 of the
+base is to be about 1 where it is stated."""
     return f"{about}\n\n{table(rolling_shutter.HEAD, [rolling_shutter.row(n, of) for n, of in result['rows'].items()])}"
 
 
