@@ -31,6 +31,7 @@ from basecal.accuracy.residuals.fit import residuals
 from basecal.accuracy.robot_parameters import robot_parameters
 from basecal.accuracy.stated_sigmas import ContradictedSigma, contradicted_sigmas, without_contradicted
 from basecal.accuracy.systematic_errors.search import SystematicError, systematic_error
+from basecal.accuracy.systematic_errors.sizes_once import sizes_once
 from basecal.accuracy.task.at_task import at_task
 from basecal.accuracy.task.task import placing
 from basecal.accuracy.widening import widened
@@ -152,7 +153,7 @@ def _judged(
     evidence = Evidence(cell, settings, recorded, robust, *judged)
     fitted = solution
     with settings.stage("findings"):
-        findings += [finding for check in ANSWER_CHECKS for finding in check(evidence)]
+        findings = sizes_once(cell, [*findings, *(f for check in ANSWER_CHECKS for f in check(evidence))], systematic)
     rival = None if validated is None else validated.rival
     for other in (systematic, rival, *lenses):
         solution = solution if other is None else widened(solution, other.moved)

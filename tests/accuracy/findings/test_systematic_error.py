@@ -27,6 +27,10 @@ def found(code, size, sigma, about="hand", unit="", since=None, kind=None):
 WORDS = {
     "short": (found("length-scale", [1e-3], 1e-4), "poses of hand are 0.100 +/- 0.010 % too short"),
     "long": (found("length-scale", [-2.5e-3], 2e-3), "poses of hand are 0.25 +/- 0.20 % too long"),
+    "short, or a target": (
+        replace(found("length-scale", [1e-2], 1e-3), or_target="board"),
+        "poses of hand are 1.00 +/- 0.10 % too short, or board is smaller than stated by as much",
+    ),
     "larger": (found("length-scale", [0.02], 1e-3, "board", kind="target"), "board is 2.00 +/- 0.10 % larger"),
     "smaller": (found("length-scale", [-0.02], 1e-3, "board", kind="target"), "board is 2.00 +/- 0.10 % smaller"),
     "late": (

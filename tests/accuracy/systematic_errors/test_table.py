@@ -50,12 +50,12 @@ def test_longer_poses(of, robot):
     )
 
 
-def test_a_larger_target_is_further_away(of):
-    """One unit of a target's scale doubles its distance from the camera and turns nothing."""
+def test_a_larger_target_is_seen_nearer(of):
+    """One millionth that a target is larger than stated takes one of its distance from the camera; nothing turns."""
     at = of.state.camera_from_target(of.problem.groups[0], of.problem.stops)
-    further = SE3(at.rotation, (1 + 1e-6) * at.translation)
+    nearer = SE3(at.rotation, (1 - 1e-6) * at.translation)
     np.testing.assert_allclose(
-        1e-6 * row(of, length_scales, "board")[..., 0], (at.inverse() @ further).log(), atol=1e-12
+        1e-6 * row(of, length_scales, "board")[..., 0], (at.inverse() @ nearer).log(), atol=1e-12
     )
 
 

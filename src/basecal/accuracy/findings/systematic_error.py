@@ -10,6 +10,7 @@ import numpy as np
 from basecal.accuracy.cross_validation.robot_model_selection import suggested_sigma
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.findings.robot_model import robot_model
+from basecal.accuracy.phrases.rounded import rounded
 from basecal.accuracy.systematic_errors.search import SystematicError
 from basecal.cell import Finding
 from basecal.geometry import Array
@@ -35,14 +36,16 @@ def systematic_error(of: Evidence) -> list[Finding]:
 
 def _length_scale(found: SystematicError) -> Finding:
     percent, sigma = 100 * found.size[0], 100 * found.sigma
-    amount = f"{_rounded(abs(percent), sigma)} %"
+    amount = f"{rounded(abs(percent), sigma)} %"
+    too = f"poses of {found.about} are {amount} too {'short' if percent > 0 else 'long'}"
+    kinematics = f"the kinematic calibration of {found.about} and the length of its tool"
     if found.is_target:
         what = f"{found.about} is {amount} {'larger' if percent > 0 else 'smaller'} than stated: measure its print"
+    elif found.or_target:
+        other = f"{found.or_target} is {'smaller' if percent > 0 else 'larger'} than stated by as much"
+        what = f"{too}, or {other}, which one robot does not tell: measure {found.or_target}, then check {kinematics}"
     else:
-        what = (
-            f"poses of {found.about} are {amount} too {'short' if percent > 0 else 'long'}: check its kinematic "
-            "calibration and the length of its tool, and that the target is printed to scale"
-        )
+        what = f"{too}: check {kinematics}, and that the target is printed to scale"
     return Finding("length-scale", "warning", (found.about,), f"{what}; {_AGAIN}")
 
 
@@ -52,7 +55,7 @@ def _clock_offset(found: SystematicError) -> Finding:
     late = value < 0 if found.is_camera else value > 0
     what = (
         f"{'images' if found.is_camera else 'poses'} of {found.about} {'lag behind' if late else 'run ahead of'} the "
-        f"other devices by {_rounded(abs(value), sigma)} {unit}: record while all stand still, or correct the stamps"
+        f"other devices by {rounded(abs(value), sigma)} {unit}: record while all stand still, or correct the stamps"
     )
     return Finding("clock-offset", "warning", (found.about,), f"{what}; {_AGAIN}")
 
@@ -63,7 +66,7 @@ def _clock_drift(found: SystematicError) -> Finding:
     way = "fall behind" if late else "run ahead of"
     what = (
         f"the clock of {found.about} drifts: its {'images' if found.is_camera else 'poses'} {way} the other devices by "
-        f"{_rounded(abs(value), sigma)} ms more at the last sample than at the first: synchronise the "
+        f"{rounded(abs(value), sigma)} ms more at the last sample than at the first: synchronise the "
         "clocks, as by PTP or NTP, or record for a shorter time"
     )
     return Finding("clock-offset", "warning", (found.about,), f"{what}; {_AGAIN}")
@@ -88,7 +91,7 @@ def _drift(found: SystematicError) -> Finding:
 def _deflection(found: SystematicError) -> Finding:
     bend, sigma = _length(1e3 * found.size, 1e6 * found.covariance)
     what = (
-        f"{found.about} bends by {_rounded(bend, sigma)} mrad per metre of reach: record its joints and estimate its "
+        f"{found.about} bends by {rounded(bend, sigma)} mrad per metre of reach: record its joints and estimate its "
         "`deflection`, or record where it will work"
     )
     return Finding("deflection", "warning", (found.about,), f"{what}; {_AGAIN}")
@@ -97,7 +100,7 @@ def _deflection(found: SystematicError) -> Finding:
 def _joint_offset(found: SystematicError) -> Finding:
     assert found.joint is not None
     per_rad = 180 / np.pi
-    offset = _rounded(per_rad * found.size[0], per_rad * found.sigma)
+    offset = rounded(per_rad * found.size[0], per_rad * found.sigma)
     sigma = suggested_sigma(found.size[:1])
     what = (
         f"joint {found.joint + 1} of {found.about} is off by {offset} deg, which is to be added to what it records: "
@@ -107,9 +110,9 @@ def _joint_offset(found: SystematicError) -> Finding:
 
 
 def _tangent(found: SystematicError) -> str:
-    shift = _rounded(*_length(1e3 * found.size[:3], 1e6 * found.covariance[:3, :3]))
+    shift = rounded(*_length(1e3 * found.size[:3], 1e6 * found.covariance[:3, :3]))
     per_rad = 180 / np.pi
-    turn = _rounded(*_length(per_rad * found.size[3:], per_rad**2 * found.covariance[3:, 3:]))
+    turn = rounded(*_length(per_rad * found.size[3:], per_rad**2 * found.covariance[3:, 3:]))
     return f"{shift} mm and {turn} deg"
 
 
@@ -118,12 +121,6 @@ def _length(values: Array, covariance: Array) -> tuple[float, float]:
     length = float(np.linalg.norm(values))
     along = values / max(length, 1e-300)
     return length, float(np.sqrt(max(float(along @ covariance @ along), 0.0)))
-
-
-def _rounded(value: float, sigma: float) -> str:
-    """A value with its sigma to two digits."""
-    digits = int(np.clip(1 - np.floor(np.log10(max(sigma, 1e-9))), 0, 9))
-    return f"{value:.{digits}f} +/- {sigma:.{digits}f}"
 
 
 _WORDS: dict[str, Callable[[SystematicError], Finding]] = {

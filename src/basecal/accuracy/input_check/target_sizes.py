@@ -66,14 +66,14 @@ def target_size(name: str, factor: float, cell: Cell) -> ConventionHypothesis:
         "board-size",
         (name,),
         f"{name} is {factor:.4g} times as large as stated",
-        f"measure {name} and state its true size{_of_square(cell, name, factor)}",
+        f"measure {name} and state its true size{as_written(cell, name, factor)}",
         "",
         lambda cell, recording: (resized(cell, {name: factor}), _further(recording, name, factor)),
         nested=True,
     )
 
 
-def _of_square(cell: Cell, name: str, factor: float) -> str:
+def as_written(cell: Cell, name: str, factor: float) -> str:
     """What the first length among a target's fields would be; nothing where it has none, such as points."""
     shape = cell.targets[name].target
     for field, value in ({} if shape is None else shape.options).items():

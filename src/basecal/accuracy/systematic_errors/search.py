@@ -46,6 +46,7 @@ class SystematicError:
         moved: (p,) by how much the answer's columns move where the recording is corrected.
         joint: Which joint of the robot has it, from 0; None where none does.
         is_certain: Whether chance makes it too rarely to be one; others predict held-out blocks better all the same.
+        or_target: The target whose size, off by as much the other way, would show alike; "" where none would.
     """
 
     code: str
@@ -59,6 +60,7 @@ class SystematicError:
     moved: Array
     joint: int | None = None
     is_certain: bool = True
+    or_target: str = ""
 
     @property
     def sigma(self) -> float:
@@ -201,6 +203,8 @@ def _described(of: Situation, suspect: _Suspect, before: Solution, after: Soluti
     again = score(linearised(after.noise.held_by(after.problem), after.state), candidate)
     size, covariance = suspect.size + again.size[0], spectrum(again.information[0]).inverse
     is_camera, is_target = (any(getattr(g, kind) == about for g in of.problem.groups) for kind in ("camera", "target"))
+    targets = {g.target for g in of.problem.groups}
+    either = candidate.code == "length-scale" and len(of.robots) == len(targets) == 1
     return SystematicError(
         candidate.code,
         about,
@@ -212,6 +216,7 @@ def _described(of: Situation, suspect: _Suspect, before: Solution, after: Soluti
         covariance,
         step_between(before, after),
         next(iter(candidate.joint), None),
+        or_target=targets.pop() if either else "",
     )
 
 

@@ -23,7 +23,7 @@ _Moves = tuple[Array | None, ...]
 
 
 def length_scales(of: Situation) -> Iterator[Candidates]:
-    """Each robot's poses too short; with two robots and more the target's, too, by a fraction."""
+    """Each robot's poses too short; with two robots and more the target's, too large, by a fraction."""
     for robot in of.robots:
         yield _one("length-scale", robot, "", _carrying(of, robot, _shorter))
     if len(of.robots) < 2:
@@ -41,10 +41,10 @@ def _shorter(of: Situation, k: int, robot: str) -> Array:
 
 
 def _larger(of: Situation, k: int) -> Array:
-    """A target that is larger than stated stands further away, since its image is as large."""
-    away = np.zeros((len(of.problem.groups[k]), 6, 1))
-    away[:, :3] = -of.links[k].target_from_camera.translation[..., None]
-    return away
+    """A target that is larger than stated is seen nearer than it stands, since its image is larger."""
+    nearer = np.zeros((len(of.problem.groups[k]), 6, 1))
+    nearer[:, :3] = of.links[k].target_from_camera.translation[..., None]
+    return nearer
 
 
 def clock_offsets(of: Situation) -> Iterator[Candidates]:

@@ -1,0 +1,43 @@
+"""`board-size` where robots' noise is known: what arms that were taken for exact suggested, in better numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from basecal.accuracy.input_check.target_sizes import as_written
+from basecal.accuracy.phrases.rounded import rounded
+from basecal.accuracy.systematic_errors.search import SystematicError
+from basecal.cell import Cell, Finding
+
+_CODES = "board-size", "length-scale"
+
+
+def sizes_once(cell: Cell, findings: Sequence[Finding], found: SystematicError | None) -> list[Finding]:
+    """The findings with one of lengths where two say the same.
+
+    The test of conventions takes robots for exact, and so gives a size that takes up some of their noise; that of
+    systematic errors estimates the noise with it.
+
+    Args:
+        cell: As declared.
+        findings: All of them.
+        found: The systematic error; None where there is none.
+    """
+    suspected = any(f.code == "board-size" and f.severity == "warning" for f in findings)
+    if not suspected or found is None or found.code != "length-scale" or not found.is_certain:
+        return list(findings)
+    target = found.about if found.is_target else found.or_target
+    if not target:
+        return [f for f in findings if f.code != "board-size"]
+    return [_larger(cell, target, found), *(f for f in findings if f.code not in _CODES)]
+
+
+def _larger(cell: Cell, target: str, found: SystematicError) -> Finding:
+    factor = 1 / (1 - found.size[0] if found.is_target else 1 + found.size[0])
+    sigma = found.sigma * factor**2
+    what = f"{target} is {rounded(factor, sigma)} times as large as stated"
+    if found.or_target:
+        what += f" where the lengths of {found.about}'s poses are right, which one robot does not tell"
+    fix = f"measure {target} and state its true size{as_written(cell, target, factor)}"
+    after = "the answer leaves it out, and its covariance is the wider for it"
+    return Finding("board-size", "warning", (target,), f"{what}: {fix}; {after}")
