@@ -30,6 +30,13 @@ def seconds(work: Callable[[], object]) -> float:
     return time.perf_counter() - start
 
 
+def cpu_seconds(work: Callable[[], object]) -> float:
+    """Time that this process, of one thread, computes in one call [s]: that of the call where nothing else runs."""
+    start = time.process_time()
+    work()
+    return time.process_time() - start
+
+
 def interleaved(works: Mapping[str, Callable[[], object]], repeats: int) -> dict[str, list[float]]:
     """Times [s] of each work, all of them once a round, so that a slow moment of the machine meets all alike."""
     times: dict[str, list[float]] = {name: [] for name in works}
@@ -86,12 +93,30 @@ def cell_by_cell(
     measured: Callable[[int], Iterable[dict[str, Any]]],
     shown: Callable[[list[dict[str, Any]]], str],
 ) -> None:
-    """Measure cells by their seeds and print; of all `cells` the results are written, too."""
+    """Measure cells by their seeds and print; of all `cells` the results are written, too.
+
+    With `--keep FILE` each cell is a line of that file once it is measured, and is not measured again. The results are
+    then written of as many cells as there are: the page tells how many.
+    """
     parser = argparse.ArgumentParser(prog=f"python -m benchmarks.{name}")
     parser.add_argument("--cells", type=int, default=cells)
+    parser.add_argument("--keep", type=Path, help="file in which cells are kept, and from which a run goes on")
     asked = parser.parse_args(arguments)
     on_one_core()
-    found = [each for seed in range(asked.cells) for each in measured(seed)]
+    known = _kept(asked.keep)
+    for seed in range(asked.cells):
+        if seed not in known:
+            known[seed] = list(measured(seed))
+            if asked.keep is not None:
+                with asked.keep.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps([seed, known[seed]]) + "\n")
+    found = [each for seed in sorted(known) for each in known[seed]]
     print(shown(found))
-    if asked.cells >= cells:
+    if asked.keep is not None or asked.cells >= cells:
         write(name, {"rows": found})
+
+
+def _kept(path: Path | None) -> dict[int, list[dict[str, Any]]]:
+    if path is None or not path.exists():
+        return {}
+    return dict(json.loads(line) for line in path.read_text(encoding="utf-8").splitlines())

@@ -32,8 +32,8 @@ def turned(variances):
     ],
 )
 def test_quantile_of_known_shapes(variances, quantile):
-    """A ball, a disc and a needle have closed forms; the mean over directions is within 1e-3 of them."""
-    assert length_quantile(turned(variances)) == pytest.approx(quantile, rel=1e-3)
+    """A ball, a disc and a needle have closed forms; the mean over directions is within 1e-6 of them."""
+    assert length_quantile(turned(variances)) == pytest.approx(quantile, rel=1e-6)
 
 
 def test_quantile_of_any_shape_against_draws():

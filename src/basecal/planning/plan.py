@@ -8,7 +8,7 @@ from itertools import islice
 
 import numpy as np
 
-from basecal.accuracy.expected_error import at_points, length_quantile
+from basecal.accuracy.expected_error import at_points, length_quantiles
 from basecal.accuracy.task.budget import budget
 from basecal.accuracy.task.task import Task, least_known, placing, task_at
 from basecal.cell import BudgetEntry, Calibration, Cell, Recording, RobotState, Sample
@@ -60,9 +60,8 @@ class _Goal:
 
     def expected_m(self, covariance_of: dict[str, Array]) -> float:
         """The largest error of any of them at any of its points [m]."""
-        return max(
-            length_quantile(at) for task in self.tasks for at in at_points(covariance_of[task.transform], task.points_m)
-        )
+        at = [at_points(covariance_of[task.transform], task.points_m) for task in self.tasks]
+        return float(length_quantiles(np.concatenate(at)).max())
 
 
 def plan_for_task(

@@ -16,7 +16,6 @@ from scipy.special import chdtri
 from scipy.stats import ncx2
 
 from basecal.accuracy.drift.innovations import Innovations
-from basecal.accuracy.expected_error import sphere
 from basecal.accuracy.systematic_errors.score_tests import log_chance_of
 from basecal.geometry import Array
 from basecal.numerics.spectral import spectrum
@@ -103,7 +102,7 @@ def detectable_m(shift: Shift, level: float, power: float) -> float | None:
     Returns:
         None where no shift that a cell may have is seen so.
     """
-    along = sphere(_DIRECTIONS)
+    along = _sphere(_DIRECTIONS)
     visible = np.maximum(np.einsum("di,ij,dj->d", along, shift.information[:3, :3], along), 0.0)
     if not shift.freedoms:
         return None
@@ -114,3 +113,11 @@ def detectable_m(shift: Shift, level: float, power: float) -> float | None:
         return float(np.mean(ncx2.sf(threshold, shift.freedoms, length_m**2 * visible))) - power
 
     return None if seen(_LARGEST_M) < 0 else float(brentq(seen, 0.0, _LARGEST_M, xtol=1e-9))
+
+
+def _sphere(count: int) -> Array:
+    """Directions spread evenly, (count, 3). Source: Gonzalez 2010, the Fibonacci lattice."""
+    k = np.arange(count) + 0.5
+    z, turn = 1 - 2 * k / count, np.pi * (1 + 5**0.5) * k
+    flat = np.sqrt(1 - z**2)
+    return np.stack([flat * np.cos(turn), flat * np.sin(turn), z], axis=-1)

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from basecal.accuracy.expected_error import length_quantile
+from basecal.accuracy.expected_error import length_quantiles
 from basecal.accuracy.task.arms_at_points import moved_by_kinematics
 from basecal.accuracy.task.task import Task, least_known, placing, task_at
 from basecal.cell import Calibration, Cell, ErrorMap
@@ -51,10 +51,9 @@ def error_map(cell: Cell, calibration: Calibration, solution: Solution, point_m:
     meeting = list(_meeting(cell, task.transform))
     own = sum((_own_variance(calibration, solution, robot) for robot in meeting), start=np.zeros(2))
     at = _covariances(cell, solution, task, covariances[task.transform], points, meeting)
-    lengths = [length_quantile(each[:3, :3] + own[0] * np.eye(3)) for each in at]
-    turns, which = np.unique(at[:, 3:, 3:], axis=0, return_inverse=True)  # mostly one, which is the same everywhere
-    angles = [length_quantile(each + own[1] * np.eye(3)) for each in turns]
-    return ErrorMap(points, np.array(lengths), np.array(angles)[which.ravel()])
+    lengths = length_quantiles(at[:, :3, :3] + own[0] * np.eye(3))
+    angles = length_quantiles(at[:, 3:, 3:] + own[1] * np.eye(3))
+    return ErrorMap(points, lengths, angles)
 
 
 def _covariances(
