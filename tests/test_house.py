@@ -8,9 +8,12 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable, Collection, Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
+
+from source_trees import nodes_of, parsed
 
 SOURCE = Path(__file__).parents[1] / "src" / "basecal"
 FILES = sorted(SOURCE.rglob("*.py"))
@@ -33,13 +36,9 @@ LEVEL = {name: level for level, names in enumerate(LAYERS) for name in names}
 ENTRIES = {"__init__", "__main__"}
 
 
-def parsed(path: Path) -> ast.Module:
-    return ast.parse(path.read_text(encoding="utf-8"))
-
-
 def inner_imports(tree: ast.AST, package: list[str]) -> Iterator[tuple[int, list[str]]]:
     """Line and dotted parts of each import from basecal; `package` is where relative imports start."""
-    for node in ast.walk(tree):
+    for node in nodes_of(tree):
         if isinstance(node, ast.Import):
             names = [alias.name.split(".") for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
@@ -228,6 +227,7 @@ class FrameChecker(ast.NodeVisitor):
         self.generic_visit(node)
 
 
+@cache
 def frame_check(tree: ast.AST) -> FrameChecker:
     checker = FrameChecker()
     checker.visit(tree)
@@ -297,7 +297,7 @@ def test_public_things_have_docstrings() -> None:
 
 def too_long(path: Path) -> list[str]:
     text = path.read_text(encoding="utf-8")
-    functions = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.FunctionDef)]
+    functions = [node for node in nodes_of(parsed(path)) if isinstance(node, ast.FunctionDef)]
     long = [f"{node.name}: {own_lines(node)}" for node in functions if own_lines(node) > 40]
     return [f"file: {lines}", *long] if (lines := len(text.splitlines())) >= 400 else long
 
@@ -442,7 +442,7 @@ DECIDES_NOTHING = {
 def decompositions(tree: ast.AST) -> list[str]:
     """Lines that take a matrix apart by NumPy's or SciPy's linear algebra."""
     found = []
-    for node in ast.walk(tree):
+    for node in nodes_of(tree):
         if isinstance(node, ast.Attribute) and node.attr in DECOMPOSITIONS:
             found.append(f"line {node.lineno}: {ast.unparse(node)}")
         elif isinstance(node, ast.ImportFrom) and (node.module or "").endswith("linalg"):

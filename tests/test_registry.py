@@ -21,6 +21,7 @@ from basecal.registry import (
     SOLVERS,
     TargetKindName,
 )
+from source_trees import nodes_of, parsed
 
 SOURCE = Path(__file__).parents[1] / "src" / "basecal"
 NAMES = {*get_args(TargetKindName), *LENSES}
@@ -29,7 +30,7 @@ NAMES = {*get_args(TargetKindName), *LENSES}
 def asked_for(tree: ast.AST) -> list[str]:
     """Lines that compare something with a registered name, match it, or have a table of two such names and more."""
     found = []
-    for node in ast.walk(tree):
+    for node in nodes_of(tree):
         parts: list[ast.expr] = []
         if isinstance(node, ast.Compare):
             parts = [node.left, *node.comparators]
@@ -53,7 +54,7 @@ def test_nothing_asks_what_kind_or_lens() -> None:
     faults = {}
     for path in sorted(SOURCE.rglob("*.py")):
         name = path.relative_to(SOURCE).as_posix()
-        if name not in BY_THEMSELVES and (lines := asked_for(ast.parse(path.read_text(encoding="utf-8")))):
+        if name not in BY_THEMSELVES and (lines := asked_for(parsed(path))):
             faults[name] = lines
     assert faults == {}
 
