@@ -50,6 +50,7 @@ def test_a_capture_that_is_cut_stops_with_a_line_and_goes_on(tmp_path):
     assert [sample.sample for sample in read_recording(tmp_path).samples] == [0, 1, 2, 3]
 
 
+@pytest.mark.slow
 def test_a_capture_over_a_slow_network_goes_on(tmp_path):
     """Each answer ten milliseconds late changes nothing of what is recorded."""
     with running(tmp_path) as world, network("127.0.0.1", read_address(tmp_path).port) as (net, port):
@@ -90,6 +91,7 @@ def test_a_controller_behind_a_network_with_faults():
     assert [reading.state.joints_rad[5] for reading in readings] == stamps
 
 
+@pytest.mark.slow
 def test_ros2_over_a_network_that_loses_packets():
     """Of five packets one is lost: every state and picture that comes is whole, with its own stamp, and newer."""
     pytest.importorskip("cyclonedds")

@@ -18,6 +18,7 @@ from basecal.exchange.urdf import chain_urdf
 from basecal.geometry import SE3
 from basecal.kinematics import SerialChain
 from basecal.simulation import Scenario, SimulatedCell, simulate
+from quick import quick
 
 STOPS = 10
 
@@ -38,7 +39,7 @@ def views(simulated: SimulatedCell) -> list[str]:
     return ["--view", *(f"{view.camera},{view.target}=/{view.camera}/{view.target}" for view in seen)]
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", quick(KINDS, ["mcap"]))
 def test_the_same_base_as_from_the_cell(
     kind: Kind, tmp_path: Path, simulated: SimulatedCell, expected: Calibration, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -61,7 +62,7 @@ def test_the_same_base_as_from_the_cell(
     assert "is recorded already" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", quick(KINDS, ["sqlite3"]))
 def test_a_bag_that_was_cut_off(
     kind: Kind, tmp_path: Path, simulated: SimulatedCell, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -14,6 +14,7 @@ from basecal.cli import main
 DATA = Path(os.environ.get("BASECAL_DATA", Path(__file__).parents[3] / "shared" / "data"))
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not DATA.is_dir(), reason="the project's shared data are not here")
 def test_a_data_set_of_robot_cal_tools(tmp_path: Path) -> None:
     """Poses and pictures of a real set, laid out again as robot_cal_tools has them, come back as they were recorded."""

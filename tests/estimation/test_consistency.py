@@ -12,6 +12,7 @@ from basecal.estimation.settings import RobotNoise
 from basecal.estimation.solve import solve
 from basecal.geometry import Camera
 from basecal.simulation import Scenario, simulate
+from quick import quick
 
 # A mean over n cells has 6 n degrees of freedom. The band is left by chance once in a million times: a failure is a
 # fault. Eighty cells show a covariance that is wrong by a third, 400 one by a seventh, and 2,000, by the narrower
@@ -28,7 +29,7 @@ def mean_of(scenario: Scenario, cells: int, robot_noise: RobotNoise | None = Non
     return float(np.mean([error.nees for error in errors])) / FREEDOMS
 
 
-@pytest.mark.parametrize("name", QUICK)
+@pytest.mark.parametrize("name", quick(QUICK, QUICK[:1]))
 def test_covariance_is_true(name: str) -> None:
     """Over 80 cells the mean of xi' C^-1 xi / 6 of the base is 1, within the band of 480 degrees of freedom.
 

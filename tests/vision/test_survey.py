@@ -16,6 +16,7 @@ from basecal.cell.targets.led import led_target
 from basecal.geometry import SE3
 from basecal.vision.detectors import find, what_is_there
 from basecal.vision.survey import blurred
+from quick import quick
 from vision_scenes import STRAIGHT, TARGETS, scene, shrunk
 
 LEANT = SE3.from_rpy((0.1, 0.1, -0.2), (0.0, 0.0, 0.55))
@@ -66,7 +67,10 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("case", list(CASES))
+LONG = {"another board", "corner too many", "circles", "another pattern"}
+
+
+@pytest.mark.parametrize("case", quick(CASES, CASES.keys() - LONG))
 def test_what_else_is_named(case: str) -> None:
     """Another number, family, dictionary, layout or size than the one stated is named."""
     printed, stated, words = CASES[case]
@@ -83,7 +87,7 @@ def test_ids_beyond_the_board() -> None:
     assert words.startswith("markers 40, 41 of DICT_4X4_50 are there, the board stated has 0 to 16: count its squares")
 
 
-@pytest.mark.parametrize("kind", ["chessboard", "circles"])
+@pytest.mark.parametrize("kind", quick(["chessboard", "circles"], ["chessboard"]))
 def test_markers_where_none_are_stated(kind: str) -> None:
     """A board with markers is of another kind."""
     words = what_is_there([scene(TARGETS["charuco"], pose=pose) for pose in (STRAIGHT, LEANT)], TARGETS[kind])

@@ -14,6 +14,7 @@ from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_from
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
+from quick import quick
 
 ESTIMATED = Settings(robot_noise="estimated")
 TRUE = (3e-4, 5e-4)
@@ -40,7 +41,7 @@ def nees(scenario: Scenario, seeds: range) -> list[float]:
     return found
 
 
-@pytest.mark.parametrize("told", [True, False])
+@pytest.mark.parametrize("told", quick([True, False], [False]))
 def test_sigmas_of_robots_are_found(told):
     """The mean over four cells is the truth, whether the pixels' sigma is told or found beside it.
 
@@ -91,7 +92,7 @@ def test_a_still_arm_is_as_noisy_as_its_like():
     assert found.transforms[BASE].sigma_t.min() > 0.5 * still[0]
 
 
-@pytest.mark.parametrize("samples", [4, 10])
+@pytest.mark.parametrize("samples", quick([4, 10], [4]))
 def test_few_samples_give_a_covariance_that_holds_the_truth(samples):
     """From four boards on, nothing stated: of 10 bases no more than three are outside their 95 % ellipsoid.
 

@@ -12,6 +12,7 @@ from basecal.errors import InputError
 from basecal.geometry import Array
 from basecal.vision.draw.light import LightSettings, light_levels, render_light
 from basecal.vision.kinds.led import detect
+from quick import quick
 from vision_scenes import SMALL as PLAIN
 
 LIGHT = led_target()
@@ -58,7 +59,7 @@ def errors(settings: LightSettings, count: int, pair: bool) -> tuple[Array, Arra
 
 
 @pytest.mark.parametrize("pair", [False, True], ids=["single", "pair"])
-@pytest.mark.parametrize("spot", [0.8, 1.5])
+@pytest.mark.parametrize("spot", quick([0.8, 1.5], [1.5]))
 @pytest.mark.parametrize("photons", [3e3, 3e5])
 def test_as_precise_as_photons_allow(photons: float, spot: float, pair: bool) -> None:
     """A light is found at the Cramer-Rao bound of its image, or of both images of a pair, and its sigma says so."""

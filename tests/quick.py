@@ -1,0 +1,13 @@
+"""Which of many parameters of a test the fast tests try; `make test-slow` tries the others."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from typing import Any
+
+import pytest
+
+
+def quick(values: Iterable[Any], these: Collection[Any]) -> list[Any]:
+    """All values, those that are not among `these` marked slow."""
+    return [value if value in these else pytest.param(value, marks=pytest.mark.slow) for value in values]
