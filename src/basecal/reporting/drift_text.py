@@ -39,7 +39,11 @@ def verification_dict(found: Verification) -> dict[str, Any]:
 
 def verification_text(found: Verification) -> str:
     """Lines joined by newlines: whether something moved, what, by how much, and what would have been seen."""
-    return "\n".join([*_verdict(found), *_power(found), *_left_out(found)])
+    lines = _verdict(found)
+    if found.detectable_m is not None:
+        lines.append(f"a shift of {1e3 * found.detectable_m:.2g} mm would be seen with {POWER:.0%} chance")
+    lines += [f"sample {number} is off by itself and was left out" for number in found.outliers[:_SHOWN]]
+    return "\n".join(lines)
 
 
 def _verdict(found: Verification) -> list[str]:
@@ -70,16 +74,6 @@ def _words(shift: Shift) -> str:
 
 def _thing(shift: Shift) -> str:
     return shift.frame if shift.joint is None else f"joint {shift.joint + 1} of {shift.frame.removesuffix('_flange')}"
-
-
-def _power(found: Verification) -> list[str]:
-    if found.detectable_m is None:
-        return []
-    return [f"a shift of {1e3 * found.detectable_m:.2g} mm would be seen with {POWER:.0%} chance"]
-
-
-def _left_out(found: Verification) -> list[str]:
-    return [f"sample {number} is off by itself and was left out" for number in found.outliers[:_SHOWN]]
 
 
 def history_dict(history: Sequence[PastVerification], found: Sequence[Drift]) -> dict[str, Any]:

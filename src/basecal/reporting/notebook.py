@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from html import escape
 
 import numpy as np
@@ -21,21 +20,19 @@ def html_summary(calibration: Calibration) -> str:
     Args:
         calibration: What came out.
     """
-    found = [f"<li><code>{escape(f.code)}</code> {escape(f.message)}</li>" for f in calibration.findings]
-    rows = "".join(f"<tr>{''.join(f'<td>{cell}</td>' for cell in row)}</tr>" for row in _rows(calibration))
-    head = "".join(f"<th>{cell}</th>" for cell in ("transform", "t [mm]", "sigma", "rpy [deg]", "sigma", "status"))
-    table = f"<table><tr>{head}</tr>{rows}</table>" if calibration.transforms else ""
-    return f"<p><b>{escape(calibration.verdict.upper())}</b></p>{table}<ul>{''.join(found)}</ul>"
-
-
-def _rows(calibration: Calibration) -> Iterator[list[str]]:
+    rows = ""
     for name, estimate in calibration.transforms.items():
         mean, status = estimate.mean, calibration.status.get(name, "free")
         is_point, is_fixed = name in calibration.points, status == "fixed"
         mm, deg = length_decimals(estimate, _MM), angle_decimals(estimate, _DEG)
         place = [_numbers(mean.translation / _MM, mm), "" if is_fixed else _numbers(estimate.sigma_t / _MM, mm)]
         turn = [_numbers(mean.rpy / _DEG, deg), "" if is_fixed else _numbers(estimate.sigma_r / _DEG, deg)]
-        yield [escape(name), *place, *(["", ""] if is_point else turn), escape(status)]
+        row = [escape(name), *place, *(["", ""] if is_point else turn), escape(status)]
+        rows += f"<tr>{''.join(f'<td>{cell}</td>' for cell in row)}</tr>"
+    head = "".join(f"<th>{cell}</th>" for cell in ("transform", "t [mm]", "sigma", "rpy [deg]", "sigma", "status"))
+    table = f"<table><tr>{head}</tr>{rows}</table>" if calibration.transforms else ""
+    found = [f"<li><code>{escape(f.code)}</code> {escape(f.message)}</li>" for f in calibration.findings]
+    return f"<p><b>{escape(calibration.verdict.upper())}</b></p>{table}<ul>{''.join(found)}</ul>"
 
 
 def _numbers(values: Array, decimals: int) -> str:

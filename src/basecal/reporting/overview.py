@@ -10,8 +10,8 @@ from typing import Any
 
 from basecal.accuracy.expected_error import check_tolerance
 from basecal.accuracy.fit_details import FitDetails
-from basecal.accuracy.sample_use import SampleUse, sample_use
-from basecal.cell import WORLD, Calibration, Cell, CellCamera, CellTarget, Recording, Robot
+from basecal.accuracy.sample_use import sample_use
+from basecal.cell import WORLD, Calibration, Cell, CellCamera, CellTarget, Recording
 from basecal.reporting.text import tolerance_sentence
 
 _LENS = {"fixed": "lens as stated", "prior": "lens stated and refined", "free": "lens estimated"}
@@ -59,37 +59,31 @@ def _answer(
     for error in details.errors:
         of = f" ({error.transform})" if len(details.errors) > 1 else ""
         yield "Expected error", f"95 % below {1e3 * error.length_m:.3g} mm where the arms worked{of}"
-    yield "Samples", _samples(sample_use(recording, calibration))
+    use = sample_use(recording, calibration)
+    left_out = use.views - use.views_used
+    also = f"; {left_out} of {use.views} views left out" if left_out else ""
+    yield "Samples", f"{use.used} used of {use.recorded} recorded{also}"
 
 
 def _things(cell: Cell) -> Iterator[tuple[str, str]]:
     """Robots, cameras and targets."""
-    yield from (("Robot", _robot(robot, cell)) for robot in cell.robots.values())
-    yield from (("Camera", _camera(camera)) for camera in cell.cameras.values())
-    yield from (("Target", _target(target)) for target in cell.targets.values())
-
-
-def _robot(robot: Robot, cell: Cell) -> str:
-    recorded = "poses recorded" if robot.chain is None else "joints recorded"
-    model = "" if robot.urdf is None else f", {PurePosixPath(robot.urdf).name}"
-    reference = ", the reference" if robot.name == cell.reference else ""
-    return f"{robot.name}{reference}, {recorded}{model}"
+    for robot in cell.robots.values():
+        recorded = "poses recorded" if robot.chain is None else "joints recorded"
+        model = "" if robot.urdf is None else f", {PurePosixPath(robot.urdf).name}"
+        reference = ", the reference" if robot.name == cell.reference else ""
+        yield "Robot", f"{robot.name}{reference}, {recorded}{model}"
+    for camera in cell.cameras.values():
+        size = "" if camera.size_px is None else f", {camera.size_px[0]} x {camera.size_px[1]} px"
+        lens = "" if camera.intrinsics is None else f", {camera.model}, {_LENS[camera.intrinsics.status]}"
+        yield "Camera", f"{_place(camera)}{size}{lens}"
+    for thing in cell.targets.values():
+        known = thing.target
+        words = ["seen as poses"] if known is None else [known.kind, *_options(known.options)]
+        yield "Target", f"{_place(thing)}, {', '.join(words)}"
 
 
 def _place(thing: CellCamera | CellTarget) -> str:
     return f"{thing.name}, {'beside the robots' if thing.on == WORLD else f'on the flange of {thing.on}'}"
-
-
-def _camera(camera: CellCamera) -> str:
-    size = "" if camera.size_px is None else f", {camera.size_px[0]} x {camera.size_px[1]} px"
-    lens = "" if camera.intrinsics is None else f", {camera.model}, {_LENS[camera.intrinsics.status]}"
-    return f"{_place(camera)}{size}{lens}"
-
-
-def _target(target: CellTarget) -> str:
-    if target.target is None:
-        return f"{_place(target)}, seen as poses"
-    return f"{_place(target)}, {', '.join([target.target.kind, *_options(target.target.options)])}"
 
 
 def _options(options: Mapping[str, Any]) -> Iterator[str]:
@@ -107,9 +101,3 @@ def _options(options: Mapping[str, Any]) -> Iterator[str]:
             yield f"{value[0]} x {value[1]} {name}"
         else:
             yield f"{len(value)} {name}"
-
-
-def _samples(use: SampleUse) -> str:
-    left_out = use.views - use.views_used
-    also = f"; {left_out} of {use.views} views left out" if left_out else ""
-    return f"{use.used} used of {use.recorded} recorded{also}"

@@ -54,7 +54,7 @@ _MOST_ROWS = 400
 _MOST_BARS = 600
 _MOST_BARS_TOGETHER = 2700
 _MOST_VERIFIED = 20  # lines about verifications, the latest
-_FEWEST = 100
+_FEWEST_BARS = 100
 _SCRIPTS = ("vendor/three.min.js", "templates/scene.js", "templates/page.js")
 
 
@@ -220,14 +220,11 @@ def _fit(cell: Cell, calibration: Calibration, details: FitDetails) -> dict[str,
     }
 
 
-def _share(most: int, together: int, figures: int) -> int:
-    """How much each of some figures may draw, so that the page stays small."""
-    return max(_FEWEST, min(most, together // max(figures, 1)))
-
-
 def _views(views: Sequence[SampleResidual], left_out: Collection[SampleResidual]) -> list[Views]:
     pairs = dict.fromkeys((view.camera, view.target) for view in views)
-    most = _share(_MOST_BARS, _MOST_BARS_TOGETHER, len(pairs) * len(QUANTITIES))
+    # So many in each figure that the page stays small.
+    figure_count = max(len(pairs) * len(QUANTITIES), 1)
+    most = max(_FEWEST_BARS, min(_MOST_BARS, _MOST_BARS_TOGETHER // figure_count))
     shown = []
     for camera, target in pairs:
         own = [view for view in views if (view.camera, view.target) == (camera, target)]

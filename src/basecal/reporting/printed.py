@@ -86,7 +86,7 @@ def write_pages(pages: Sequence[PrintedPage], path: Path) -> list[Path]:
         InputError: if the name ends otherwise, or it cannot be written.
     """
     if path.suffix == ".pdf":
-        write_asked_for(path, _pdf(pages))
+        write_asked_for(path, pdf.document([(page.size_mm, _drawing(page)) for page in pages]))
         return [path]
     if path.suffix != ".svg":
         raise InputError(f"{path} ends in {path.suffix!r}: expected .pdf or .svg")
@@ -149,10 +149,6 @@ def page_svg(page: PrintedPage) -> str:
         "</g></svg>",
     ]
     return "\n".join(part for part in parts if part) + "\n"
-
-
-def _pdf(pages: Sequence[PrintedPage]) -> bytes:
-    return pdf.document([(page.size_mm, _drawing(page)) for page in pages])
 
 
 def _drawing(page: PrintedPage) -> str:

@@ -85,7 +85,7 @@ def transform_view(name: str, cell: Cell, calibration: Calibration, pasted: Past
         sigma_deg = np.degrees(estimate.sigma_r)
         rows.append(_row("rpy", "deg", np.degrees(estimate.mean.rpy), None if given else (sigma_deg, norm_deg)))
     parent, _, child = name.partition("_from_")
-    copies = () if is_point else (*_copies(name, cell, calibration), *_for_programs(name, pasted))
+    copies = () if is_point else tuple(_copies(name, cell, calibration, pasted))
     return TransformView(
         name=name,
         status=f"{status}, a point" if is_point else status,
@@ -105,25 +105,16 @@ def _row(name: str, unit: str, values: Array, sigma: tuple[Array, float] | None)
     return Row(name, unit, shown, tuple(numbers(sigma[0], _DIGITS).split()), f"{sigma[1]:.{_DIGITS}f}")
 
 
-def _copies(name: str, cell: Cell, calibration: Calibration) -> tuple[ToCopy, ...]:
+def _copies(name: str, cell: Cell, calibration: Calibration, pasted: Pasted) -> Iterator[ToCopy]:
+    """What other programs take of a transform: of the same the other way round, too, where it is pasted."""
     estimate = calibration[name]
-    parent, child = frame_names(cell, name)
-    covariance = ",\n ".join(json.dumps([float(f"{value:.6g}") for value in row]) for row in estimate.covariance)
-    return (
-        ToCopy("urdf", "origin of a joint, m and rad", name, origin_line(estimate.mean)),
-        ToCopy("ros2 run", "publishes on /tf_static", name, static_transform_publisher(estimate.mean, parent, child)),
-        ToCopy(
-            "covariance",
-            f"translation [m] before rotation [rad], in axes of {name.partition('_from_')[2]}",
-            name,
-            f"[{covariance}]",
-        ),
-    )
-
-
-def _for_programs(name: str, pasted: Pasted) -> Iterator[ToCopy]:
-    """What is pasted of a transform into other programs, and of the same the other way round."""
     parent, _, child = name.partition("_from_")
+    covariance = ",\n ".join(json.dumps([float(f"{value:.6g}") for value in row]) for row in estimate.covariance)
+    published = static_transform_publisher(estimate.mean, *frame_names(cell, name))
+    order = f"translation [m] before rotation [rad], in axes of {child}"
+    yield ToCopy("urdf", "origin of a joint, m and rad", name, origin_line(estimate.mean))
+    yield ToCopy("ros2 run", "publishes on /tf_static", name, published)
+    yield ToCopy("covariance", order, name, f"[{covariance}]")
     for way in (name, f"{child}_from_{parent}"):
         for kind, text in pasted.get(way, {}).items():
             yield ToCopy(kind, EXPORTERS[kind], way, text.strip("\n"))

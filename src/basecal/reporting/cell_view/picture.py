@@ -28,7 +28,15 @@ def picture(drawn: Scene) -> str:
     for number, arm in enumerate(drawn.arms):
         parts += _arm(arm, number, opening, drawn, project)
     for body in drawn.bodies:
-        parts += _body(body, _world_from_body(drawn, body, opening), drawn.ellipsoid_scale, project)
+        world_from_body = _world_from_body(drawn, body, opening)
+        if world_from_body is None:
+            continue
+        if body.ellipsoid is not None:
+            parts.append(_ellipsoid(body.ellipsoid, world_from_body, drawn.ellipsoid_scale, project))
+        lines, points = project(world_from_body @ body.lines), project(world_from_body @ body.points)
+        parts.append(element("path", class_=body.kind, d=segments(lines) + dots(points)))
+        ends = np.concatenate([lines.reshape(-1, 2), points])
+        parts.append(_label(body.name, np.array([ends[:, 0].mean(), ends[:, 1].min() - 7])))
     return drawing(_WIDTH, _HEIGHT, "the cell from the side", *parts)
 
 
@@ -101,15 +109,3 @@ def _ellipsoid(ellipsoid: Array, world_from_body: SE3, scale: float, project: Pr
     turn = np.linspace(0, 2 * np.pi, 49)
     outline = project(world_from_body.translation) + (np.stack([np.cos(turn), np.sin(turn)], -1) * lengths) @ u.T
     return element("path", class_="ellipsoid", d=segments(np.stack([outline[:-1], outline[1:]], 1)))
-
-
-def _body(body: Body, world_from_body: SE3 | None, scale: float, project: Project) -> Iterator[str]:
-    if world_from_body is None:
-        return
-    if body.ellipsoid is not None:
-        yield _ellipsoid(body.ellipsoid, world_from_body, scale, project)
-    lines = project(world_from_body @ body.lines)
-    points = project(world_from_body @ body.points)
-    yield element("path", class_=body.kind, d=segments(lines) + dots(points))
-    ends = np.concatenate([lines.reshape(-1, 2), points])
-    yield _label(body.name, np.array([ends[:, 0].mean(), ends[:, 1].min() - 7]))

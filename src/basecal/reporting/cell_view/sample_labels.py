@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 from basecal.accuracy.sample_use import views_left_out
-from basecal.cell import Calibration, SampleResidual
+from basecal.cell import Calibration
 
 
 def sample_labels(samples: Sequence[int], calibration: Calibration) -> list[str]:
@@ -14,10 +14,17 @@ def sample_labels(samples: Sequence[int], calibration: Calibration) -> list[str]
     said: dict[int, list[str]] = {sample: [] for sample in samples}
     left_out = views_left_out(calibration)
     for view in calibration.residuals.per_sample:
-        if view.sample in said:
-            numbers = ", ".join(_numbers(view))
-            unused = " (left out)" if view in left_out else ""
-            said[view.sample].append(f"{view.target} seen by {view.camera}{unused}{': ' if numbers else ''}{numbers}")
+        if view.sample not in said:
+            continue
+        errors = []
+        if view.rms_px is not None:
+            errors.append(f"reprojection error {view.rms_px:.3g} px")
+        if view.loop_m is not None:
+            angle = "" if view.loop_rad is None else f" and {math.degrees(view.loop_rad):.3g} deg"
+            errors.append(f"loop-closure error {1e3 * view.loop_m:.3g} mm{angle}")
+        unused = " (left out)" if view in left_out else ""
+        fit = f": {', '.join(errors)}" if errors else ""
+        said[view.sample].append(f"{view.target} seen by {view.camera}{unused}{fit}")
     return ["; ".join(views) for views in said.values()]
 
 
@@ -29,11 +36,3 @@ def worst_sample(calibration: Calibration) -> int | None:
     if not measured:
         return None
     return max(measured, key=lambda view: (view.rms_px or 0.0, view.loop_m or 0.0)).sample
-
-
-def _numbers(view: SampleResidual) -> Iterator[str]:
-    if view.rms_px is not None:
-        yield f"reprojection error {view.rms_px:.3g} px"
-    if view.loop_m is not None:
-        angle = "" if view.loop_rad is None else f" and {math.degrees(view.loop_rad):.3g} deg"
-        yield f"loop-closure error {1e3 * view.loop_m:.3g} mm{angle}"

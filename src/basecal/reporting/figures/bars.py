@@ -45,9 +45,11 @@ def bar_figure(
     used = [value[id(view)] for view in given if view not in left_out] or list(value.values())
     rms = float(np.sqrt(np.mean(np.square(used))))
     top = round_up(max(used))
-    bars = [
-        _bar(place, view, value[id(view)], top, quantity.unit, view in left_out) for place, view in enumerate(shown)
-    ]
+    bars = []
+    for place, view in enumerate(shown):
+        state, kind = (", left out", "view stranger") if view in left_out else ("", "view")
+        label = f"sample {view.sample}: {value[id(view)]:.3g} {quantity.unit}{state}"
+        bars.append(bar(place * BAR, BAR, value[id(view)] / top, label, view.sample, kind))
     level = f"M0 {HEIGHT * (1 - rms / top):.2f}H{len(shown) * BAR:g}"
     line = element("path", class_="level", d=level, vector_effect="non-scaling-stroke")
     svg = drawing(len(shown) * BAR, HEIGHT, f"{quantity.name} by view", *bars, line, stretch=True)
@@ -57,9 +59,3 @@ def bar_figure(
     first, last = shown[0].sample, shown[-1].sample
     ends = (f"sample {first}", f"{last}") if len(shown) > 1 else (f"sample {first}",)
     return Figure(quantity.name, svg, caption, ends, (f"{top:g} {quantity.unit}", f"{top / 2:g}", "0"))
-
-
-def _bar(place: int, view: SampleResidual, value: float, top: float, unit: str, left_out: bool) -> str:
-    """The bar of a view."""
-    label = f"sample {view.sample}: {value:.3g} {unit}{', left out' if left_out else ''}"
-    return bar(place * BAR, BAR, value / top, label, view.sample, "view stranger" if left_out else "view")

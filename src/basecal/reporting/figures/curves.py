@@ -71,8 +71,17 @@ def curves(title: str, axis: str, unit: str, lines: Sequence[Line]) -> Figure:
     along = _along(places)
     values = [value for line in lines for band in line.bands for value in (band.low, band.high) if value is not None]
     up = _scale(values or [1.0], _HEIGHT - _BOTTOM, _TOP)
-    inside = [*_grid(places, along, up), *(_line(k, line, along, up) for k, line in enumerate(lines))]
-    svg = drawing(_WIDTH, _HEIGHT, f"{title} over {axis}", *inside)
+    parts = []
+    for tick in up.ticks():
+        y = f"{up.at(tick):.1f}"
+        parts.append(element("path", class_="rule", d=f"M{_LEFT} {y}H{_WIDTH - _RIGHT}"))
+        parts.append(element("text", text(f"{tick:.3g}"), class_="tick", x=_LEFT - 6, y=y, text_anchor="end"))
+    for place in places:
+        x, label = f"{along[place]:.1f}", f"{place:g}" if isinstance(place, float) else str(place)
+        parts.append(element("path", class_="rule", d=f"M{x} {_TOP}V{_HEIGHT - _BOTTOM}"))
+        parts.append(element("text", text(label), class_="tick", x=x, y=_HEIGHT - _BOTTOM + 18, text_anchor="middle"))
+    parts += [_line(k, line, along, up) for k, line in enumerate(lines)]
+    svg = drawing(_WIDTH, _HEIGHT, f"{title} over {axis}", *parts)
     caption = f"{axis} across, errors [{unit}] upwards: the median, and the band from 5 % to 95 % of the trials."
     return Figure(title, svg, caption)
 
@@ -95,25 +104,12 @@ def _scale(values: Sequence[float], start: float, end: float) -> _Scale:
     return _Scale(low - room, high + room, start, end, logarithmic)
 
 
-def _grid(places: Sequence[float | str], along: dict[float | str, float], up: _Scale) -> list[str]:
-    parts = []
-    for tick in up.ticks():
-        y = f"{up.at(tick):.1f}"
-        parts.append(element("path", class_="rule", d=f"M{_LEFT} {y}H{_WIDTH - _RIGHT}"))
-        parts.append(element("text", text(f"{tick:.3g}"), class_="tick", x=_LEFT - 6, y=y, text_anchor="end"))
-    for place in places:
-        x, label = f"{along[place]:.1f}", f"{place:g}" if isinstance(place, float) else str(place)
-        parts.append(element("path", class_="rule", d=f"M{x} {_TOP}V{_HEIGHT - _BOTTOM}"))
-        parts.append(element("text", text(label), class_="tick", x=x, y=_HEIGHT - _BOTTOM + 18, text_anchor="middle"))
-    return parts
-
-
 def _line(number: int, line: Line, along: dict[float | str, float], up: _Scale) -> str:
     """A line and its band; broken where there is no answer."""
     kind = f"line-{number % COLOURS}"
     parts: list[str] = []
     for run in _runs(line.bands):
-        ends = [(along[b.at], up.at(b.low), up.at(b.middle), up.at(b.high)) for b in run if _known(b)]  # type: ignore[arg-type]
+        ends = [(along[at], up.at(low), up.at(middle), up.at(high)) for at, low, middle, high in run]
         edge = [f"{x:.1f} {high:.1f}" for x, _, _, high in ends]
         back = [f"{x:.1f} {low:.1f}" for x, low, _, _ in reversed(ends)]
         parts.append(element("path", class_="band", d=f"M{'L'.join([*edge, *back])}Z"))
@@ -123,16 +119,12 @@ def _line(number: int, line: Line, along: dict[float | str, float], up: _Scale) 
     return element("g", element("title", text(line.name)), *parts, class_=kind)
 
 
-def _known(band: Band) -> bool:
-    return band.low is not None and band.middle is not None and band.high is not None
-
-
-def _runs(bands: Sequence[Band]) -> list[list[Band]]:
-    """Bands with answers that are next to one another."""
-    runs: list[list[Band]] = [[]]
+def _runs(bands: Sequence[Band]) -> list[list[tuple[float | str, float, float, float]]]:
+    """Bands with answers that are next to one another: value of the axis, low, middle and high of each."""
+    runs: list[list[tuple[float | str, float, float, float]]] = [[]]
     for band in bands:
-        if _known(band):
-            runs[-1].append(band)
+        if band.low is not None and band.middle is not None and band.high is not None:
+            runs[-1].append((band.at, band.low, band.middle, band.high))
         elif runs[-1]:
             runs.append([])
     return [run for run in runs if run]

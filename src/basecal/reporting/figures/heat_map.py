@@ -30,7 +30,8 @@ def heat_map(
         values: By row, then by column; None where there is no answer.
         unit: Of the numbers.
     """
-    shades = _shades(values)
+    logs = [math.log10(value) for row in values for value in row if value is not None and value > 0]
+    shades = (min(logs), max(logs)) if logs else (0.0, 0.0)
     tiles = [
         _tile(_LEFT + i * _TILE_WIDTH, _TOP + k * _TILE_HEIGHT, value, shades)
         for k, row in enumerate(values)
@@ -43,12 +44,6 @@ def heat_map(
     ]
     svg = drawing(_LEFT + len(columns[1]) * _TILE_WIDTH + 8, bottom + _EDGE, title, *tiles, *labels)
     return Figure(title, svg, f"{columns[0]} across, {rows[0]} downwards; median error of the trials [{unit}].")
-
-
-def _shades(values: Sequence[Sequence[float | None]]) -> tuple[float, float]:
-    """Least and greatest logarithm."""
-    logs = [math.log10(value) for row in values for value in row if value is not None and value > 0]
-    return (min(logs), max(logs)) if logs else (0.0, 0.0)
 
 
 def _tile(x: float, y: float, value: float | None, shades: tuple[float, float]) -> str:

@@ -59,17 +59,13 @@ class ImageGrid:
 
 def image_grid(size_px: tuple[int, int] | None, pixels: Array) -> ImageGrid:
     """The squares of an image with points in it, (n, 2) [px]; where its size is not known, as far as they reach."""
-    low, size = _frame(size_px, pixels)
+    if size_px is not None:
+        low, size = np.array([-0.5, -0.5]), np.array(size_px, dtype=np.float64)
+    else:
+        extent = np.ptp(pixels, axis=0)
+        extent = np.maximum(extent, max(float(extent.max()), 1.0) / _LARGEST_ASPECT)
+        low, size = pixels.min(0) - 0.05 * extent, 1.1 * extent
     pitch = float(size.max()) / _ACROSS
     columns, rows = (max(1, round(float(side) / pitch + 0.49)) for side in size)
     at = np.clip(np.floor((pixels - low) / pitch).astype(np.int64), 0, [columns - 1, rows - 1])
     return ImageGrid(low, size, pitch, (columns, rows), at[:, 1] * columns + at[:, 0])
-
-
-def _frame(size_px: tuple[int, int] | None, pixels: Array) -> tuple[Array, Array]:
-    """Top left corner and size of what is drawn of an image [px]."""
-    if size_px is not None:
-        return np.array([-0.5, -0.5]), np.array(size_px, dtype=np.float64)
-    low, high = pixels.min(0), pixels.max(0)
-    size = np.maximum(high - low, max(float(np.max(high - low)), 1.0) / _LARGEST_ASPECT)
-    return low - 0.05 * size, 1.1 * size

@@ -39,12 +39,9 @@ def fleet_text(summary: Mapping[str, Any], rows: Sequence[Row]) -> str:
     if summary["sigma_mm"] is not None:
         lines.append(f"sigma: median {summary['sigma_mm']['median']:.3g} mm, 95 % {summary['sigma_mm']['p95']:.3g} mm")
     waiting = [row for row in worst_first(rows) if row["verdict"] != "good"]
-    lines += [_line(row) for row in waiting[:_MOST]]
+    for row in waiting[:_MOST]:
+        said = row["said"] if len(row["said"]) <= _LONGEST else f"{row['said'][:_LONGEST]}..."
+        lines.append(f"{row['cell']}: {row['verdict']}{f', {said}' if said else ''}")
     if len(waiting) > _MOST:
         lines.append(f"and {len(waiting) - _MOST} more")
     return "\n".join(lines)
-
-
-def _line(row: Row) -> str:
-    said = row["said"] if len(row["said"]) <= _LONGEST else f"{row['said'][:_LONGEST]}..."
-    return f"{row['cell']}: {row['verdict']}{f', {said}' if said else ''}"

@@ -65,6 +65,7 @@ class Guard:
         ]
 
         async def sent(message: MutableMapping[str, Any]) -> None:
+            """Send on, a response's start with these headers."""
             if message["type"] == "http.response.start":
                 message["headers"] = [*message.get("headers", []), *more]
             await send(message)

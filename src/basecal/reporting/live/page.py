@@ -9,7 +9,7 @@ from typing import Any
 
 from basecal.acquisition.driver import Grey
 from basecal.acquisition.taking import targets_before
-from basecal.acquisition.watching import Glance, Watch
+from basecal.acquisition.watching import Watch
 from basecal.cell import Cell, Target
 from basecal.reporting.live.drawings import coverage_drawing, marks, sigma_drawing
 from basecal.reporting.live.serving import serving
@@ -53,11 +53,16 @@ def _build(ui: Any, beside: Any, watch: Watch, cell: Cell) -> None:
     shown: dict[str, Grey] = {}
 
     async def renew() -> None:
+        """Show what the capture says now."""
         glance = watch.glance
+        step = glance.step
         doing.text, advice.text, said.text = glance.doing, glance.advice, "\n".join(reversed(glance.said))
-        counted.text = _counted(glance)
-        if glance.step is not None:
-            covered.content, sigma.content = coverage_drawing(glance.step.coverage), sigma_drawing(glance.sigmas)
+        if step is not None:
+            share = 100 * step.coverage.share
+            counted.text = f"{step.taken} taken, {step.planned} planned; {share:.0f} % of the picture"
+            if step.sigma is not None:
+                counted.text += f"; base +-{1e3 * step.sigma[0]:.2f} mm {57.2958 * step.sigma[1]:.3f} deg"
+            covered.content, sigma.content = coverage_drawing(step.coverage), sigma_drawing(glance.sigmas)
         for name, grey in glance.pictures:
             if shown.get(name) is not grey:
                 shown[name] = grey
@@ -65,14 +70,6 @@ def _build(ui: Any, beside: Any, watch: Watch, cell: Cell) -> None:
                 pictures[name].content = await beside(_found, grey, targets_before(cell, name))
 
     ui.timer(_EVERY_S, renew)
-
-
-def _counted(glance: Glance) -> str:
-    if glance.step is None:
-        return ""
-    step = glance.step
-    known = "" if step.sigma is None else f"; base +-{1e3 * step.sigma[0]:.2f} mm {57.2958 * step.sigma[1]:.3f} deg"
-    return f"{step.taken} taken, {step.planned} planned; {100 * step.coverage.share:.0f} % of the picture{known}"
 
 
 def _source(grey: Grey) -> str:

@@ -24,9 +24,13 @@ def terminal_view(glance: Glance) -> RenderableType:
     said = Text("\n".join(glance.said), style="dim")
     if glance.step is None:
         return Group(now, said)
+    turned = "\n".join(
+        f"{robot}  " + "  ".join(f"{axis} {angle:.0f}" for axis, angle in zip("xyz", np.degrees(angles), strict=True))
+        for robot, angles in glance.step.coverage.turned_rad.items()
+    )
     table = Table.grid(padding=(0, 3))
     table.add_row(Text("covered"), Text(f"{'base, mm' if glance.sigmas else ''}"), Text("turned, deg"))
-    table.add_row(Text(coverage_rows(glance.step.coverage)), Text(sigma_row(glance.sigmas)), _turns(glance))
+    table.add_row(Text(coverage_rows(glance.step.coverage)), Text(sigma_row(glance.sigmas)), Text(turned))
     title = f"{glance.step.taken} taken, {glance.step.planned} planned"
     parts: list[RenderableType] = [Panel(table, title=title, expand=False), said]
     if glance.advice:
@@ -50,12 +54,3 @@ def sigma_row(sigmas: Sequence[Sigma]) -> str:
     last = sigmas[-1]
     bars = "".join(_BARS[k] for k in heights)
     return f"{bars}\n+-{1e3 * last.t_m:.2f} mm\n+-{np.degrees(last.r_rad):.3f} deg"
-
-
-def _turns(glance: Glance) -> Text:
-    assert glance.step is not None
-    lines = (
-        f"{robot}  " + "  ".join(f"{axis} {angle:.0f}" for axis, angle in zip("xyz", np.degrees(turned), strict=True))
-        for robot, turned in glance.step.coverage.turned_rad.items()
-    )
-    return Text("\n".join(lines))

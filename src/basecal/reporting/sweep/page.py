@@ -72,16 +72,13 @@ def _curves(summary: Mapping[str, Any], axis: str) -> tuple[list[Figure], list[s
     others = _others(summary, [axis])[:COLOURS]
     figures = []
     for key, title, unit in _QUANTITIES:
-        lines = [
-            Line(_said(at), tuple(_band(point["at"][axis], point[key]) for point in _points(summary, at)))
-            for at in others
-        ]
+        lines = []
+        for at in others:
+            spreads = [(point["at"][axis], point[key] or {}) for point in _points(summary, at)]
+            bands = [Band(value, s.get("p05"), s.get("median"), s.get("p95")) for value, s in spreads]
+            lines.append(Line(_said(at), tuple(bands)))
         figures.append(curves(title, axis, unit, lines))
     return figures, [_said(at) for at in others if at]
-
-
-def _band(at: Any, spread: Mapping[str, float] | None) -> Band:
-    return Band(at, *(None if spread is None else spread[name] for name in ("p05", "median", "p95")))
 
 
 def _maps(summary: Mapping[str, Any]) -> list[Figure]:
