@@ -109,7 +109,7 @@ def _lens(image: Levels, shape: Shape, start: Array, axes: Array, window: Window
     if abs(np.median(share)) < min(_SURE * doubt, _SLIGHT):
         # Without sharpening, which halves the work; the spread as it then is.
         spread, share = spread - free.covariance[:, 4, 5] / variance * share, np.zeros(len(share))
-    return np.median(np.column_stack([spread, share]), axis=0).clip(*_LENS_LIMITS)
+    return np.asarray(np.median(np.column_stack([spread, share]), axis=0).clip(*_LENS_LIMITS))
 
 
 def _parameters(start: Array, axes: Array) -> Array:
