@@ -23,13 +23,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.stats import chi2
 from tests.shared.kill_trial import kill_trial
-from tests.shared.running_cell import home, running
+from tests.shared.running_cell import home
 
 from basecal.accuracy.verdict import calibrate
 from basecal.acquisition.capture import capture, store_plan
-from basecal.acquisition.rig import open_rig
 from basecal.acquisition.taking import CaptureSettings, Taker
-from basecal.cell import Cell, Recording
+from basecal.cell import Cell, Recording, Sample
 from basecal.cell.files import read_recording
 from basecal.errors import BasecalError
 from basecal.estimation.solve import solve
@@ -37,9 +36,14 @@ from basecal.geometry import SE3, Array
 from basecal.planning import poses, shifts
 from basecal.planning.feasible import feasible_in
 from basecal.planning.sketch import sketch_of
-from basecal.simulation.running.faults import FAULTS
+from basecal.simulation.running.clock import Clock
+from basecal.simulation.running.faults import FAULTS, read_faults
+from basecal.simulation.running.plant import Plant
+from basecal.simulation.running.two_arms import two_arms
+from basecal.simulation.running.world_file import write_world
 from basecal.vision.detect import detect
 from benchmarks.common import table, write
+from benchmarks.direct_rig import direct_rig
 
 BASE = "eye_base_from_hand_base"
 SPEED_RAD_S = 2.0
@@ -73,18 +77,25 @@ class Outcome(NamedTuple):
     seconds: float
 
 
+@cache
+def planned(seed: int, is_light: bool) -> tuple[Sample, ...]:
+    """Where the arms of a cell are sent, whatever is wrong with it."""
+    world = two_arms("led" if is_light else "charuco", seed)
+    sketch, pattern = sketch_of(world.cell), shifts if is_light else poses
+    return tuple(pattern.plan(sketch, home(world), feasible_in(sketch), SAMPLES, seed))
+
+
 def recorded(seed: int, fault: str = "") -> tuple[Cell, SE3, Recording, int]:
     """A cell captured: as it is stated, its true base, what was seen, and how many samples were given up."""
     is_light = fault.startswith("reflection")
+    world = two_arms("led" if is_light else "charuco", seed, read_faults((fault,) if fault else ()))
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        faults = (fault,) if fault else ()
-        target = "led" if is_light else "charuco"
-        with running(folder, *faults, target=target, seed=seed) as world, open_rig(world.cell, folder) as rig:
-            sketch, pattern = sketch_of(world.cell), shifts if is_light else poses
-            wanted = pattern.plan(sketch, home(world), feasible_in(sketch), SAMPLES, seed)
-            plan = store_plan(folder, world.cell, wanted)
-            steps = list(capture(Taker(rig, sketch, folder, CaptureSettings(SPEED_RAD_S)), plan))
+        write_world(world, folder)
+        rig = direct_rig(Plant(world, Clock(0)), tuple(world.home))
+        plan = store_plan(folder, world.cell, planned(seed, is_light))
+        by = Taker(rig, sketch_of(world.cell), folder, CaptureSettings(SPEED_RAD_S))
+        steps = list(capture(by, plan))
         seen = detect(world.cell, read_recording(folder, world.cell))
     return world.cell, world.truth[BASE], seen, sum(bool(step.why_not) for step in steps)
 

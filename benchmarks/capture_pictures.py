@@ -23,8 +23,6 @@ import numpy as np
 
 from basecal.accuracy.residuals.point_residuals import point_residuals
 from basecal.accuracy.verdict import calibrate
-from basecal.acquisition.driver import Picture, Reading
-from basecal.acquisition.rig import Rig
 from basecal.acquisition.taking import CaptureSettings, Taker
 from basecal.cell import CandidateObservation, PixelObservation, Recording, RobotState, Sample, Target
 from basecal.cell.targets.charuco import charuco_target
@@ -41,6 +39,7 @@ from basecal.vision.draw.light import LightSettings, render_light
 from basecal.vision.draw.render import RenderSettings, render
 from benchmarks.common import write
 from benchmarks.detectors import CAMERA, KINDS, Light, _poses, lights
+from benchmarks.direct_rig import direct_rig
 
 WANTED = 2000  # pictures with a reflection
 A_CELL = 60  # pictures of one cell
@@ -117,52 +116,13 @@ def _observation(found: Detection) -> CandidateObservation | PixelObservation:
     return PixelObservation("wrist", "light", found.ids, found.pixels, found.sigma_px, detected=True)
 
 
-class _Arm:
-    """An arm of a plant, without a line in between."""
-
-    is_live = True
-
-    def __init__(self, name: str, plant: Plant) -> None:
-        self._name, self._plant = name, plant
-
-    def state(self) -> Reading:
-        stamp_s, joints = self._plant.state(self._name)
-        return Reading(stamp_s, RobotState(joints_rad=joints))
-
-    def move(self, to: RobotState, speed_rad_s: float) -> None:
-        assert to.joints_rad is not None
-        self._plant.move(self._name, to.joints_rad, speed_rad_s)
-
-    def stop(self) -> None:
-        self._plant.stop(self._name)
-
-    def close(self) -> None:
-        pass
-
-
-class _Eye:
-    """A camera of a plant, likewise."""
-
-    is_live = True
-
-    def __init__(self, plant: Plant) -> None:
-        self._plant = plant
-
-    def picture(self) -> Picture:
-        shot = self._plant.picture("wrist")
-        return Picture(shot.stamp_s, shot.image)
-
-    def close(self) -> None:
-        pass
-
-
 def stillness(cells: int, stops: int) -> dict[str, Any]:
     """When pictures are taken after arms arrive that then ring for half a second [s]."""
     after: list[float] = []
     for seed in range(cells):
         world = two_arms("charuco", seed, read_faults(["ringing"]))
         plant, rng = Plant(world, Clock(0)), np.random.default_rng([seed, 37])
-        rig = Rig({name: _Arm(name, plant) for name in world.home}, {"wrist": _Eye(plant)})
+        rig = direct_rig(plant, tuple(world.home))
         with tempfile.TemporaryDirectory() as name:
             by = Taker(rig, sketch_of(world.cell), Path(name), CaptureSettings(2.0))
             taken: list[Sample] = []
