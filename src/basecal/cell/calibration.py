@@ -208,7 +208,7 @@ class LocalFit:
         samples: Numbers of the samples in it.
         global_m: Root of the mean square of where targets of held-out samples in it are off, by the fit of all [m].
         local_m: Likewise by a fit to which samples far from its middle count little; None, both, where one has no end.
-        chance: Of such a gain where the local fit is no better.
+        chance: Of a local fit so far from that of all where there is noise alone.
         is_better: Whether the local fit is recommended there.
         transforms: Those asked for, by the local fit of all samples.
     """

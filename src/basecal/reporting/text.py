@@ -287,7 +287,7 @@ def local_sentence(part: LocalFit) -> str:
         return f"{where}: a local calibration comes to no end; use the global one"
     errors = f"held-out {1e3 * part.local_m:.2g} mm by a local calibration, {1e3 * part.global_m:.2g} mm by the global"
     choice = "use the local one there" if part.is_better else "use the global one"
-    return f"{where}: {errors} (p = {part.chance:.2g}); {choice}"
+    return f"{where}: {errors}; noise alone makes the two differ so with p = {part.chance:.2g}; {choice}"
 
 
 def _sigma(key: str, value: float | Array) -> str:

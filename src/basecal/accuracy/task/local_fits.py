@@ -2,8 +2,11 @@
 
 Errors of arms that are smooth in their poses are nearly the same in a part of the workspace, where a calibration may
 take them up; noise it can only spread over fewer samples. Each part is fitted from all samples, those far from its
-middle counting little, and both fits predict samples of it that neither has used.
-Source: "Base Calibration for Dual Robot System" (local calibration); docs/mathematics.md (14.4).
+middle counting little, and both fits predict samples of it that neither has used. Which of the two predicts these
+better hangs on a few samples' noise: a local fit is taken where it does, and is farther from that of all than noise
+explains.
+Source: "Base Calibration for Dual Robot System" (local calibration); Hausman 1978 (of two estimates, one efficient
+where there is noise alone); docs/mathematics.md (14.4), (14.5).
 """
 
 from __future__ import annotations
@@ -11,15 +14,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from scipy.stats import t as student_t
+from scipy.special import chdtrc
 
 from basecal.accuracy.cross_validation.folds import splits
 from basecal.accuracy.cross_validation.refit import Refit, refit_folds, with_known_stops
 from basecal.accuracy.residuals.fit import view_alone
 from basecal.accuracy.task.error_map import seen_at
 from basecal.cell import LocalFit
+from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.solve import Solution
 from basecal.geometry import SE3, Array, BoolArray
+from basecal.numerics.spectral import spectrum
 
 FEWEST_SAMPLES = 10
 """Of a part: with fewer a local fit has hardly more equations than unknowns."""
@@ -27,13 +32,10 @@ FEWEST_SAMPLES = 10
 MOST_PARTS = 4
 """Of a workspace, each of which takes as long as a cross-validation."""
 
-CHANCE = 0.4
-"""By which a local fit that is no better is recommended.
+CHANCE = 0.01
+"""Of a difference so large by noise alone, below which a local fit is recommended."""
 
-A wrong choice costs as much on either side, so that what predicts better is chosen, but for a doubt: a smaller chance
-left local fits aside that were clearly better (benchmarks/local_fits.py).
-"""
-
+_NO_DIFFERENCE = 1e-6  # share of a variance along a direction, below which both fits say the same there
 _ITERATIONS = 30
 
 
@@ -61,7 +63,8 @@ def local_fits(solution: Solution, asked: Sequence[str]) -> tuple[LocalFit, ...]
         reach = float(np.sqrt(np.mean(np.sum((own - centre) ** 2, -1))))
         worth = [np.exp(-0.5 * np.sum((at - centre) ** 2, -1) / reach**2) for at in places]
         local = refit_folds(problem, solution.state, [*folds, frozenset()], _ITERATIONS, worth=worth)
-        found.append(_compared(solution, everywhere, local, inside, centre, numbers, asked))
+        chance = _chance_of_noise(solution, local[-1], worth, asked)
+        found.append(_compared(solution, everywhere, local, inside, centre, numbers, asked, chance))
     return tuple(found)
 
 
@@ -79,6 +82,26 @@ def _parts(places: Array, samples: Array) -> Iterator[Array]:
         yield np.unique(samples[part])
 
 
+def _chance_of_noise(solution: Solution, local: Refit, worth: Sequence[Array], asked: Sequence[str]) -> float:
+    """The chance of a local fit so far from that of all where there is noise alone.
+
+    With A and A' the information of all views and of views by their worth w, and M that by w squared, the local fit
+    has the covariance L = A'^-1 M A'^-1, the fit of all A^-1 with it, too, and their difference L - A^-1.
+    """
+    problem, state = solution.problem, solution.state
+    by_all, by_worth, by_square = (
+        linearise(problem, state, weights).hessian for weights in (None, worth, [each**2 for each in worth])
+    )
+    inverse = spectrum(by_worth).inverse
+    apart = solution.noise.factor * (inverse @ by_square @ inverse - spectrum(by_all).inverse)
+    columns = [problem.columns[name] for name in asked]
+    steps = [(state.transforms[name].inverse() @ local.optimum.state.transforms[name]).log() for name in asked]
+    step = np.concatenate([each[: of.stop - of.start] for each, of in zip(steps, columns, strict=True)])
+    of = np.concatenate([np.arange(each.start, each.stop) for each in columns])
+    differs = spectrum(apart[np.ix_(of, of)], _NO_DIFFERENCE)
+    return float(chdtrc(int(differs.rank), float(step @ differs.inverse @ step)))
+
+
 def _compared(
     solution: Solution,
     everywhere: Sequence[Refit],
@@ -87,17 +110,16 @@ def _compared(
     centre: Array,
     numbers: Array,
     asked: Sequence[str],
+    chance: float,
 ) -> LocalFit:
     *held_out, whole = local
     by_all = np.concatenate([_squares(solution, fit, inside) for fit in everywhere])
     by_part = np.concatenate([_squares(solution, fit, inside) for fit in held_out])
     settled = all(fit.optimum.converged for fit in (*everywhere, *local)) and len(by_all) > 1
-    gain = by_all - by_part
-    spread = float(np.std(gain, ddof=1)) / np.sqrt(len(gain)) if settled else 0.0
-    chance = float(student_t.sf(gain.mean() / spread, len(gain) - 1)) if spread > 0 else 1.0
     transforms = {name: whole.optimum.state.transforms[name] for name in asked}
     rms = [float(np.sqrt(squares.mean())) if settled else None for squares in (by_all, by_part)]
-    return LocalFit(centre, tuple(map(int, numbers)), rms[0], rms[1], chance, chance < CHANCE, transforms)
+    is_better = settled and chance < CHANCE and bool(by_part.mean() < by_all.mean())
+    return LocalFit(centre, tuple(map(int, numbers)), rms[0], rms[1], chance if settled else 1.0, is_better, transforms)
 
 
 def _squares(solution: Solution, fit: Refit, inside: Sequence[BoolArray]) -> Array:
