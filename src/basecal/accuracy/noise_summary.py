@@ -30,6 +30,8 @@ def noise_summary(cell: Cell, recording: Recording, solution: Solution) -> dict[
         name: {"sigma_t_m": sigma[:3].tolist(), "sigma_r_rad": sigma[3:].tolist()}
         for name, sigma in {**stated, **noise.robots}.items()
     }
+    if solution.problem.jitter_s:
+        used["clocks"] = {name: {"jitter_s": sigma} for name, sigma in solution.problem.jitter_s.items()}
     for term, sigmas in noise.common.items():
         for name, sigma in sigmas.items():
             used["robots"][name][term] = {"sigma": sigma.tolist(), **noise_terms()[term].FIGURES}

@@ -21,7 +21,8 @@ from basecal.estimation.outliers.robust_solve import RobustSolution
 from basecal.estimation.problem.problem import Problem, ViewGroup
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, integrated, solve_from
-from basecal.estimation.view.measurement import Measurement
+from basecal.estimation.view.common_error import without_motion
+from basecal.estimation.view.measurement import Measurement, ViewInformation
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement
 from basecal.estimation.view.poses import PoseMeasurement
@@ -96,6 +97,8 @@ def _of_views(about: LeaveOneOut) -> Iterator[tuple[str, bool, float, float]]:
         at = about.state.camera_from_target(group, about.problem.stops)
         lens = group.camera in about.problem.columns
         view = group.measurement.linearise(at, about.state.cameras.get(group.camera), lens)
+        shake = about.problem.shake(group)
+        view = view if shake is None else ViewInformation(*without_motion(*view, shake))
         by_error = np.zeros((*view.gradient.shape, 6 * len(private)))
         for i, of in enumerate(private):
             by_error[of.view, :, 6 * i : 6 * i + 6] = of.by_error

@@ -82,6 +82,7 @@ def _calibrated(cell: Cell, recording: Recording, settings: Settings, by_clocks:
         return Calibration("refused", findings=(*units, *recording.findings), settings=settings.as_dict())
     with settings.stage("problem"):
         problem, dropped = build_problem(cell, recording)
+        problem = problem if by_clocks is None else by_clocks.shaken(problem)
     read = (*recording.findings, *repeated_views(cell, recording), *dropped)
     given = Input(problem, read, on_paths=by_clocks is not None)
     findings = [*given.findings, *(finding for check in INPUT_CHECKS for finding in check(given))]
@@ -122,7 +123,7 @@ def _without_outliers(cell: Cell, settings: Settings, plain: Solution, noisy: So
         return solve_with_noise(cell, settings, plain, noisy)
     with settings.stage("outliers"):
         exact = solve_robustly(plain.problem, cell, replace(settings, robot_noise="stated"), plain)
-    nothing_open = noisy is None or not (noisy.noise.estimated or noisy.noise.robots)
+    nothing_open = noisy is None or not (noisy.noise.estimated or noisy.noise.robots or noisy.noise.jitter_s)
     if noisy is None or nothing_open or is_hopeless(exact.solution.problem, exact.solution.state):
         return exact
     return solve_with_noise(cell, settings, plain, noisy, exact)

@@ -40,11 +40,13 @@ class Clock:
         status: `fixed` (exactly `offset_s`), `prior` (`offset_s` with `sigma_s`) or `free` (`offset_s` is a guess).
         offset_s: What is added to its stamps to make them the reference's [s].
         sigma_s: Of the prior [s]; with `prior` only.
+        jitter_s: Sigma of what each stamp is off by itself [s]; None where it is to be estimated. Of cameras only.
     """
 
     status: Status = "fixed"
     offset_s: float = 0.0
     sigma_s: float | None = None
+    jitter_s: float | None = None
 
 
 @dataclass(frozen=True)

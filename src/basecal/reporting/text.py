@@ -177,6 +177,8 @@ def clock_sentences(calibration: Calibration) -> Iterator[str]:
     for name, clock in calibration.clocks.items():
         sigma = f", sigma {1e3 * clock.sigma_s:.3f} ms" if clock.sigma_s else ""
         yield f"clock of {name}: {1e3 * clock.offset_s:+.3f} ms to be added to its stamps{sigma}"
+    for name, noise in calibration.noise.get("clocks", {}).items():
+        yield f"stamps of {name} jitter by {1e3 * noise['jitter_s']:.2f} ms (1 sigma)"
     for name, line in calibration.line_times.items():
         sigma = f", sigma {1e6 * line.sigma_s:.3f} us" if line.sigma_s else ""
         yield f"rolling shutter of {name}: {1e6 * line.line_time_s:.3f} us a row{sigma}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.estimation.view.common_error import without_common_shift
+from basecal.estimation.view.common_error import without_common_shift, without_motion
 
 
 @pytest.mark.parametrize("tau", [1e-3, 0.5, 1e3])
@@ -26,3 +26,26 @@ def test_it_is_that_of_the_whole_covariance(rng, tau):
     np.testing.assert_allclose(gradient, np.einsum("nkip,npq,niq->nk", jacobian, inverse, off), rtol=1e-6, atol=1e-8)
     expected = np.einsum("nkip,npq,nliq->nkl", jacobian, inverse, jacobian)
     np.testing.assert_allclose(information, expected, rtol=1e-6, atol=1e-8)
+
+
+def test_a_motion_of_all_points_is_integrated_out():
+    """As a covariance of residuals with one more column: what is left is that of whitened residuals."""
+    rng = np.random.default_rng(3)
+    jacobian, residual, motion = (
+        rng.standard_normal((4, 12, 8)),
+        rng.standard_normal((4, 12)),
+        rng.standard_normal((4, 6)),
+    )
+    by_motion = (jacobian[..., :6] @ motion[..., None])[..., 0]
+    inverse = np.linalg.inv(np.eye(12) + by_motion[:, :, None] * by_motion[:, None, :])
+    cost = np.einsum("ni,ni->n", residual, residual)
+    gradient, information = (
+        (np.swapaxes(jacobian, 1, 2) @ residual[..., None])[..., 0],
+        np.swapaxes(jacobian, 1, 2) @ jacobian,
+    )
+    found = without_motion(cost, gradient, information, motion)
+    whole = np.concatenate([jacobian, residual[..., None]], -1)
+    expected = np.swapaxes(whole, 1, 2) @ inverse @ whole
+    np.testing.assert_allclose(found[2], expected[:, :8, :8], atol=1e-10)
+    np.testing.assert_allclose(found[1], expected[:, :8, 8], atol=1e-10)
+    np.testing.assert_allclose(found[0], expected[:, 8, 8], atol=1e-10)

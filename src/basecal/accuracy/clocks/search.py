@@ -16,8 +16,10 @@ from basecal.errors import InputError, NotObservable
 from basecal.estimation.noise.estimate import residual_counts
 from basecal.estimation.outliers.noise_and_outliers import is_as_of_arms, with_noise
 from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import Problem
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_packed
+from basecal.estimation.streams.jitter import with_jitter
 from basecal.estimation.streams.rolling_shutter import Known, line_of
 from basecal.estimation.streams.streams import Streams, Synchronised, synchronised
 
@@ -39,16 +41,22 @@ class Clocked:
         streams: As each device recorded.
         offsets_s: By device, and line times by `line_of` [s].
         synchronised: The samples.
+        near: A solution near them; None where nothing was solved.
     """
 
     streams: Streams
     offsets_s: dict[str, float]
     synchronised: Synchronised
+    near: Solution | None = None
 
     @property
     def recording(self) -> Recording:
         """The samples, robots where they were at the instants of the views."""
         return self.synchronised.recording
+
+    def shaken(self, problem: Problem) -> Problem:
+        """The problem of the samples, with the jitter of stamps."""
+        return _shaken(problem, self.streams, self.synchronised, self.near)
 
 
 def clocked(streams: Streams, settings: Settings) -> Clocked:
@@ -59,8 +67,6 @@ def clocked(streams: Streams, settings: Settings) -> Clocked:
     """
     offsets = streams.stated
     lines = [line_of(camera) for camera in streams.cell.cameras]
-    if not streams.open and not any(offsets.get(line) for line in lines):
-        return Clocked(streams, offsets, synchronised(streams, offsets))
     many = streams.thinned(_STEPPED_VIEWS)
     stepped, last, explained = _stepped(many, offsets, settings)
     if not explained:
@@ -71,7 +77,7 @@ def clocked(streams: Streams, settings: Settings) -> Clocked:
         stepped, last, _ = _stepped(many, offsets, settings)
     if len(many.instants) < len(streams.instants):
         stepped, last, _ = _stepped(streams, stepped, settings)
-    return Clocked(streams, stepped, _synchronised(streams, stepped, last))
+    return Clocked(streams, stepped, _synchronised(streams, stepped, last), last)
 
 
 def _best(streams: Streams, offsets: dict[str, float], name: str, settings: Settings) -> dict[str, float]:
@@ -100,11 +106,10 @@ def _stepped(
     streams: Streams, offsets: dict[str, float], settings: Settings
 ) -> tuple[dict[str, float], Solution | None, bool]:
     """Offsets at which views ask for no further step, the last solution, and whether noise of arms explains it."""
-    rolls = any(line_of(camera) in offsets for camera in streams.cell.cameras)
     last: Solution | None = None
     explained = False
     for _ in range(_STEPS):
-        is_mended = last is not None or not rolls
+        is_mended = last is not None
         try:
             last, samples = _solved(streams, offsets, settings, last)
         except (NotObservable, np.linalg.LinAlgError):
@@ -121,7 +126,7 @@ def _stepped(
 
 def _as_noise(solution: Solution) -> bool:
     """Whether an arm's noise that was estimated is such as arms have; true where none was."""
-    return is_as_of_arms(solution) or not solution.noise.robots
+    return is_as_of_arms(solution) or not (solution.noise.robots or solution.noise.jitter_s)
 
 
 def _after(offsets: dict[str, float], found: ClockStep) -> dict[str, float]:
@@ -136,14 +141,22 @@ def _synchronised(streams: Streams, offsets: dict[str, float], near: Solution | 
     samples = synchronised(streams, offsets)
     if near is None:
         return samples
-    return samples.at_once(Known(streams.cell, near.state.transforms, near.state.cameras), offsets)
+    return samples.at_once(_known(streams, near), offsets)
+
+
+def _known(streams: Streams, near: Solution) -> Known:
+    return Known(streams.cell, near.state.transforms, near.state.cameras)
+
+
+def _shaken(problem: Problem, streams: Streams, samples: Synchronised, near: Solution | None) -> Problem:
+    return problem if near is None else with_jitter(problem, _known(streams, near), samples.robots, streams.clocks)
 
 
 def _solved(
     streams: Streams, offsets: dict[str, float], settings: Settings, near: Solution | None = None
 ) -> tuple[Solution, Synchronised]:
     samples = _synchronised(streams, offsets, near)
-    problem, _ = build_problem(streams.cell, samples.recording)
+    problem = _shaken(build_problem(streams.cell, samples.recording)[0], streams, samples, near)
     plain = solve_packed(problem, streams.cell, replace(settings, robot_noise="stated", stages=None))
     noisy = plain if settings.robot_noise == "stated" else with_noise(plain, replace(settings, stages=None))
     return noisy, samples

@@ -76,6 +76,13 @@ class RobotEntry(Entry):
         stated = {kind: getattr(self, kind) for kind in robot_parameter_kinds()}
         return {kind: known for kind, known in stated.items() if known != type(known)()}
 
+    @checks("clock")
+    @classmethod
+    def _without_jitter(cls, value: ClockEntry | None) -> ClockEntry | None:
+        if value is not None and value.jitter_s is not None:
+            raise ValueError("jitter_s stands at the clock of a camera: it is of a view against all that moves")
+        return value
+
     @checks_whole(mode="after")
     def _urdf_whole(self) -> RobotEntry:
         parts = (self.urdf, self.base_link, self.flange_link)

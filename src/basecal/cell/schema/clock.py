@@ -10,6 +10,7 @@ from pydantic import model_validator as checks_whole
 from basecal.cell.cell import Clock
 from basecal.cell.format.values import Entry, Sigma, Status
 
+_MOST_JITTER_S = 1.0  # with more a picture tells nothing of an arm that moves
 _FARTHEST_S = 1e12  # either way, as far as stamps may be: one clock may count since 1970, another since its start
 
 
@@ -19,6 +20,7 @@ class ClockEntry(Entry):
     status: Status = "fixed"
     offset_s: Annotated[float, Field(ge=-_FARTHEST_S, le=_FARTHEST_S)] = 0.0
     sigma_s: Sigma | None = None
+    jitter_s: Annotated[float, Field(ge=0, le=_MOST_JITTER_S)] | None = None
 
     @checks_whole(mode="after")
     def _sigma_of_prior(self) -> ClockEntry:
@@ -29,7 +31,7 @@ class ClockEntry(Entry):
 
     def noun(self) -> Clock:
         """The clock."""
-        return Clock(self.status, self.offset_s, self.sigma_s)
+        return Clock(self.status, self.offset_s, self.sigma_s, self.jitter_s)
 
 
 def clock_dict(clock: Clock | None) -> dict[str, object]:
@@ -37,4 +39,5 @@ def clock_dict(clock: Clock | None) -> dict[str, object]:
     if clock is None:
         return {}
     sigma = {} if clock.sigma_s is None else {"sigma_s": float(clock.sigma_s)}
-    return {"clock": {"status": clock.status, "offset_s": float(clock.offset_s), **sigma}}
+    jitter = {} if clock.jitter_s is None else {"jitter_s": float(clock.jitter_s)}
+    return {"clock": {"status": clock.status, "offset_s": float(clock.offset_s), **sigma, **jitter}}

@@ -17,6 +17,8 @@ from basecal.estimation.least_squares.jacobians import by_robot_models, by_stop_
 from basecal.estimation.least_squares.schur_complement import SchurAccumulator, SchurComplement, SharedView
 from basecal.estimation.problem.problem import Problem, State, ViewGroup, chain
 from basecal.estimation.problem.robot_parameters import after_step, column_values
+from basecal.estimation.view.common_error import without_motion
+from basecal.estimation.view.measurement import ViewInformation
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 from basecal.geometry.se3_jacobians import right_jacobian_inverse
 from basecal.numerics.batch import SHARED
@@ -164,6 +166,9 @@ def _linearise_group(
     links = chain(group, state, problem.stops)
     lens = group.camera in problem.columns
     view = group.measurement.linearise(links.camera_from_target, state.cameras.get(group.camera), lens)
+    shake = problem.shake(group)
+    if shake is not None:
+        view = ViewInformation(*without_motion(*view, shake))
     rows = view.gradient.shape[-1]
     derivative, columns = by_unknowns(problem, group, links, rows)
     if problem.models:

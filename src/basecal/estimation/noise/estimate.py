@@ -49,6 +49,7 @@ class NoiseEstimate:
         shapes: Of targets whose shape was estimated: its coefficients, (k,), and their covariance, (k, k).
         logs: (k,) logarithms of the sigmas that were estimated jointly; None of others.
         robot_variances: Of robots in `robots`, the mean over all that their sigmas may be of their squares, (6,).
+        jitter_s: Of stamps of cameras that state none [s].
     """
 
     noise: Noise
@@ -64,12 +65,14 @@ class NoiseEstimate:
     shapes: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
     logs: Array | None = None
     robot_variances: Mapping[str, Array] = field(default_factory=dict)
+    jitter_s: Mapping[str, float] = field(default_factory=dict)
 
     def held_by(self, problem: Problem) -> Problem:
         """The problem with these sigmas, held, and targets shaped so."""
         problem = reshaped(problem, {name: shape for name, (shape, _) in self.shapes.items()})
         groups = (g.with_noise(self.cameras.get(g.camera, self.noise)) for g in problem.groups)
-        return replace(with_robot_noise(problem.with_groups(groups), self.robots), held=True)
+        noisy = with_robot_noise(problem.with_groups(groups), self.robots)
+        return replace(noisy, held=True, jitter_s={**problem.jitter_s, **self.jitter_s})
 
 
 def residual_counts(problem: Problem) -> dict[str, int]:

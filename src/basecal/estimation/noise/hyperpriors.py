@@ -6,6 +6,8 @@ Arms: repeatability by ISO 9283 is 0.01 to 0.1 mm (ABB IRB 120 0.01, UR3e and UR
 iiwa and Franka 0.1 mm), accuracy without calibration 0.5 to 2 mm (Nubiola & Bonev 2013): at a reach of 0.6 m 0.02 to 3
 mrad. Errors of joints are angles, so that those of a place are as large as its distance from the base makes them.
 What stops have in common is expected in proportion to what each gets wrong by itself, term by term.
+Stamps: cameras that are triggered and stamped by their own clock jitter by microseconds, those stamped on arrival at a
+computer by 0.1 to 5 ms (Furgale et al. 2013 and the drivers of ROS).
 """
 
 from __future__ import annotations
@@ -28,6 +30,7 @@ _ENOUGH_SCATTER = 20  # freedoms that tell a sigma to a sixth, which is little b
 _LEAST_SCATTER = 5e-3
 _ROBOT_RAD = (3e-4, 4.0)  # [rad] the middle of 0.02 to 3 mrad, and the factor of a standard deviation that spans them
 _ROBOTS_APART = 2.0  # factor between the robots of one cell, which are mostly of one make
+_JITTER_S = (2e-4, 5.0)  # [s] the middle of them, and the factor of a standard deviation
 _TIE = 1.05  # of a shift to reach times turn: looser, the likelihood splits common errors wrongly between the two
 
 
@@ -77,9 +80,11 @@ def hyperpriors(
         at = first + 2 * i
         rows.append((np.eye(k)[at] - np.eye(k)[at + 1], np.log(max(reach_m[robot], 0.1)), np.log(_TIE)))
     rows += _pooled(np.eye(k)[first + 1 : first + 2 * count : 2])
+    for i in range(len(model.shaken)):
+        rows.append((np.eye(k)[first + 2 * count + i], np.log(_JITTER_S[0]), np.log(_JITTER_S[1])))
     if over_stop is not None:
         for i, robot in enumerate(model.robots):
-            at, own = first + 2 * (count + i), first + 2 * i
+            at, own = first + 2 * (count + i) + len(model.shaken), first + 2 * i
             rows.append((np.eye(k)[at] - np.eye(k)[at + 1], np.log(max(reach_m[robot], 0.1)), np.log(_TIE)))
             over = np.eye(k)[at + 1] - np.eye(k)[own + 1]
             rows.append((over, np.log(over_stop[0]), np.log(over_stop[1])))

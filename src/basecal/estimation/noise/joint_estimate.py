@@ -21,7 +21,7 @@ from basecal.estimation.noise.laplace import (
     integrated_covariance,
     sigma_posterior,
 )
-from basecal.estimation.noise.mixed_model import mixed_model
+from basecal.estimation.noise.mixed_model import mixed_model, open_jitter
 from basecal.estimation.noise.reml import open_parts
 from basecal.estimation.noise.robot_noise import stands, stops_made, with_robot_noise, without_errors
 from basecal.estimation.noise.some_views import recorded_alone, some_views
@@ -53,12 +53,14 @@ class _Sigmas:
     robots: Mapping[str, Array]
     common: Mapping[str, Array]
     shapes: Mapping[str, tuple[Array, Array]]
+    jitter_s: Mapping[str, float]
 
     def applied(self, problem: Problem) -> Problem:
         """The problem with them."""
         problem = reshaped(problem, {name: shape for name, (shape, _) in self.shapes.items()})
         groups = (g.with_noise(self.cameras[g.camera]) if g.camera in self.cameras else g for g in problem.groups)
-        return with_robot_noise(problem.with_groups(groups), self.robots)
+        noisy = with_robot_noise(problem.with_groups(groups), self.robots)
+        return replace(noisy, jitter_s={**problem.jitter_s, **self.jitter_s})
 
 
 def open_robots(problem: Problem) -> list[str]:
@@ -86,7 +88,8 @@ def _estimated(
     problem: Problem, start: State, iterations: int, near: NoiseEstimate | None
 ) -> tuple[Problem, Optimum, NoiseEstimate]:
     robots, dof = open_robots(problem), degrees_of_freedom(problem)
-    if not robots and not any(count for name, count in residual_counts(problem).items() if name != STATED):
+    counts = residual_counts(problem)
+    if not robots and not open_jitter(problem) and not any(n for name, n in counts.items() if name != STATED):
         return estimate_noise(problem, bundle_adjust(problem, start, dof, iterations), iterations)
     if near is None or near.logs is None:
         used, logs = with_robot_noise(problem, dict.fromkeys(robots, np.repeat(_NOMINAL, 3))), None
@@ -224,13 +227,14 @@ def _sigmas(of: SigmaPosterior, problem: Problem) -> _Sigmas:
     cameras: dict[str, Noise] = {}
     for (camera, name), value in zip(keys, values, strict=False):
         cameras[camera] = cameras.get(camera, Noise())._replace(**{name: float(value)})
-    pairs = values[len(keys) :].reshape(-1, 2)
-    single, common = pairs[: len(model.robots)], pairs[len(model.robots) :]
+    of_robots, jitter, in_common = np.split(values[len(keys) :], np.cumsum([2 * len(model.robots), len(model.shaken)]))
+    single, common = of_robots.reshape(-1, 2), in_common.reshape(-1, 2)
     return _Sigmas(
         cameras,
         {name: np.repeat(pair, 3) for name, pair in zip(model.robots, single, strict=True)},
         {n: np.repeat(pair, 3) for n, pair in zip(model.robots, common, strict=False) if n in model.layout.common},
         _shapes(of, problem) if model.layout.shapes else {},
+        dict(zip(model.shaken, jitter.tolist(), strict=True)),
     )
 
 
@@ -260,4 +264,5 @@ def _estimate(of: SigmaPosterior, problem: Problem, settled: bool) -> NoiseEstim
         plain_surprise=of.surprise,
         shapes=shapes,
         logs=of.logs,
+        jitter_s=sigmas.jitter_s,
     )

@@ -17,7 +17,7 @@ from basecal.estimation.least_squares.jacobians import by_robot_models, by_stop_
 from basecal.estimation.least_squares.normal_equations import prior_residuals
 from basecal.estimation.noise.target_shape import points_of, shape_of, shaped_targets
 from basecal.estimation.noise.view_estimates import ViewEstimates, view_estimates
-from basecal.estimation.problem.problem import Problem, State, ViewGroup, chain
+from basecal.estimation.problem.problem import Problem, State, chain
 from basecal.geometry import Array, IntArray
 
 # So many stops stand in one block: two arms that each came to a place twice.
@@ -60,6 +60,7 @@ class Layout:
         width: How many columns.
         common: By robot the first column of what its stops have in common, and what unit errors of each mode are there.
         shapes: By target the columns of its shape.
+        shaken: By group, of each view the block and the row there of its stamp's jitter, (n,) each; -1 for none.
     """
 
     block: IntArray
@@ -70,6 +71,7 @@ class Layout:
     width: int
     common: Mapping[str, tuple[int, Array]]
     shapes: Mapping[str, slice]
+    shaken: tuple[tuple[IntArray, IntArray], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,10 +85,11 @@ class MixedModel:
         prior_gradient: (m,) its gradient.
         prior_cost: Its cost.
         column_robot: (m,) number of the robot whose sigma scales a column, times two, one more for rotations; -1.
-        error_robot: (b, q) likewise of errors in blocks.
+        error_robot: (b, q) likewise of errors in blocks; beyond all robots', of jitter, by `shaken`.
         common: (m,) whether a column is of an error that stops have in common.
         white: Sum of squares of points about their view's own estimate at unit sigma, and its freedoms, as `parts`.
         robots: Names of the robots whose sigmas are open.
+        shaken: Names of the cameras whose stamps' jitter is open.
         layout: Where the errors of stops stand.
         robot_of_stop: The robot of each stop.
     """
@@ -101,6 +104,7 @@ class MixedModel:
     common: Array
     white: Mapping[tuple[str, str], tuple[float, int]]
     robots: tuple[str, ...]
+    shaken: tuple[str, ...]
     layout: Layout
     robot_of_stop: tuple[str, ...]
 
@@ -133,19 +137,25 @@ def mixed_model(
     layout = _layout(problem, modes or {})
     parts: dict[tuple[str, str], Moments] = {}
     white: dict[tuple[str, str], tuple[float, int]] = {}
-    for group in problem.groups:
+    for number, group in enumerate(problem.groups):
         by_shape = shape_of(points_of(group)) if group.target in layout.shapes and len(points_of(group)) else None
         for name, view in view_estimates(problem, group, state, by_shape).items():
             key = (group.camera, name)
-            of = _moments(problem, group, state, view, layout)
+            of = _moments(problem, number, state, view, layout)
             parts[key] = of if key not in parts else _sum(parts[key], of)
             before = white.get(key, (0.0, 0))
             white[key] = (before[0] + view.white, before[1] + view.white_count)
     prior, gradient, cost = _prior(problem, state, layout)
-    scaled = _scaled_by(problem, layout, tuple(robots))
-    return MixedModel(
-        parts, problem.width, prior, gradient, cost, *scaled, white, tuple(robots), layout, problem.stops.robot
-    )
+    shaken = open_jitter(problem)
+    scaled = _scaled_by(problem, layout, tuple(robots), shaken)
+    names = (tuple(robots), shaken)
+    return MixedModel(parts, problem.width, prior, gradient, cost, *scaled, white, *names, layout, problem.stops.robot)
+
+
+def open_jitter(problem: Problem) -> tuple[str, ...]:
+    """Cameras whose stamps' jitter is open, of those with views that move."""
+    moving = {g.camera for g in problem.groups if g.motion is not None and len(g)}
+    return tuple(sorted(problem.open_jitter & moving))
 
 
 def _layout(problem: Problem, modes: Mapping[str, Array]) -> Layout:
@@ -161,6 +171,8 @@ def _layout(problem: Problem, modes: Mapping[str, Array]) -> Layout:
     for number, stops in enumerate(tied):
         block[stops], row[stops] = number, 6 * np.arange(len(stops))
     blocks, rows = len(tied), 6 * max(map(len, tied), default=1)
+    shaken, blocks, more = _shaken(problem, block, blocks, rows)
+    rows += more
     width = problem.width
     for stop in sorted(hubs):
         column[stop] = width
@@ -173,7 +185,30 @@ def _layout(problem: Problem, modes: Mapping[str, Array]) -> Layout:
     for target, count in shaped_targets(problem).items():
         shapes[target] = slice(width, width + count)
         width += count
-    return Layout(block, row, column, blocks, rows, width, common, shapes)
+    return Layout(block, row, column, blocks, rows, width, common, shapes, shaken)
+
+
+def _shaken(
+    problem: Problem, block: IntArray, blocks: int, rows: int
+) -> tuple[tuple[tuple[IntArray, IntArray], ...], int, int]:
+    """Where the jitter of each view stands: a row after those of stops in their block, or a block of its own.
+
+    Views in motion hardly share a stop: the row is that of the first in a block.
+    """
+    found, taken = [], set[int]()
+    for group in problem.groups:
+        own, row = (np.full(len(group), -1, dtype=np.int64) for _ in range(2))
+        is_shaken = group.camera in problem.open_jitter or problem.shake(group) is not None
+        for view in range(len(group)) if is_shaken and group.motion is not None else ():
+            of_stops = [int(block[s[view]]) for s in (group.eye_stop, group.hand_stop) if s[view] >= 0]
+            here = max(of_stops, default=-1)
+            if here < 0:
+                here, blocks = blocks, blocks + 1
+            if here not in taken:
+                taken.add(here)
+                own[view], row[view] = here, rows
+        found.append((own, row))
+    return tuple(found), blocks, int(bool(taken))
 
 
 def _tied(partners: list[set[int]]) -> tuple[set[int], list[list[int]]]:
@@ -208,7 +243,8 @@ def _reached(first: int, partners: Sequence[set[int]]) -> set[int]:
     return reached
 
 
-def _moments(problem: Problem, group: ViewGroup, state: State, view: ViewEstimates, layout: Layout) -> Moments:
+def _moments(problem: Problem, number: int, state: State, view: ViewEstimates, layout: Layout) -> Moments:
+    group = problem.groups[number]
     links = chain(group, state, problem.stops)
     by_shape = layout.shapes.get(group.target) if len(points_of(group)) else None
     n, rows = view.gradient.shape
@@ -229,6 +265,7 @@ def _moments(problem: Problem, group: ViewGroup, state: State, view: ViewEstimat
             stand = group.eye_stand if robot == group.eye else group.hand_stand
             spread = by_error[:, :, None, :] * shape[stand][:, None, :, None]
             fixed[:, :, at : at + 6 * shape.shape[1]] += spread.reshape(n, rows, -1)
+    _place_jitter(errors, block, problem, number, layout)
     carried = (view.information[..., :rows] @ present[..., None])[..., 0]
     gradient = view.gradient - carried
     squares = np.sum(present * (carried - 2 * view.gradient)[:, :rows], -1)
@@ -236,9 +273,20 @@ def _moments(problem: Problem, group: ViewGroup, state: State, view: ViewEstimat
     return _summed(about, fixed, errors, block, layout, by_shape)
 
 
+def _place_jitter(errors: Array, block: IntArray, problem: Problem, number: int, layout: Layout) -> None:
+    """Put what jitter moves views by into its row: by a second where it is open, else by its sigma."""
+    group, (own, row) = problem.groups[number], layout.shaken[number]
+    here = np.flatnonzero(own >= 0)
+    if len(here) and group.motion is not None:
+        unit = group.motion if group.camera in problem.open_jitter else problem.shake(group)
+        assert unit is not None
+        errors[here, :6, row[here]] = unit[here]
+        block[here] = own[here]
+
+
 def _place(fixed: Array, errors: Array, block: IntArray, stop: IntArray, by_error: Array, layout: Layout) -> None:
     """Put a robot's derivative into its columns, or its rows of the views' blocks."""
-    for row in range(0, layout.rows, 6):
+    for row in range(0, layout.rows - 5, 6):
         here = np.flatnonzero((layout.block[stop] >= 0) & (layout.row[stop] == row))
         errors[here, :, row : row + 6] += by_error[here]
         block[here] = layout.block[stop[here]]
@@ -299,7 +347,9 @@ def _prior(problem: Problem, state: State, layout: Layout) -> tuple[Array, Array
     return prior, gradient, cost
 
 
-def _scaled_by(problem: Problem, layout: Layout, robots: tuple[str, ...]) -> tuple[IntArray, IntArray, Array]:
+def _scaled_by(
+    problem: Problem, layout: Layout, robots: tuple[str, ...], shaken: tuple[str, ...]
+) -> tuple[IntArray, IntArray, Array]:
     """See `MixedModel`: of each column and each error its sigma, and which columns are of a term."""
     column = np.full(layout.width, -1, dtype=np.int64)
     error = np.full((layout.blocks, layout.rows), -1, dtype=np.int64)
@@ -313,6 +363,9 @@ def _scaled_by(problem: Problem, layout: Layout, robots: tuple[str, ...]) -> tup
             error[layout.block[stop], layout.row[stop] : layout.row[stop] + 6] = which
         else:
             column[layout.column[stop] : layout.column[stop] + 6] = which
+    for group, (own, row) in zip(problem.groups, layout.shaken, strict=True):
+        if group.camera in shaken:
+            error[own[own >= 0], row[own >= 0]] = 2 * len(robots) + shaken.index(group.camera)
     for robot, (at, shape) in layout.common.items():
         width = 6 * shape.shape[1]
         column[at : at + width] = np.tile(2 * robots.index(robot) + kind, shape.shape[1])

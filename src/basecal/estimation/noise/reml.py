@@ -152,8 +152,9 @@ def open_parts(model: MixedModel) -> list[tuple[str, str]]:
 
 
 def sigma_count(model: MixedModel) -> int:
-    """How many sigmas are open: of `open_parts`, and a pair a robot of each stop and of what stops have in common."""
-    return len(open_parts(model)) + 2 * len(model.robots) * (2 if model.common.any() else 1)
+    """How many sigmas are open: of `open_parts`, of robots' stops in pairs, of jitter, of what stops have in common."""
+    pairs = 2 * len(model.robots)
+    return len(open_parts(model)) + pairs + len(model.shaken) + (pairs if model.common.any() else 0)
 
 
 def posterior(model: MixedModel, logs: Array) -> Posterior:
@@ -231,7 +232,7 @@ def _regular(matrices: Array) -> Array:
 
 def _which(model: MixedModel, first: int) -> tuple[IntArray, IntArray]:
     """Of each column and each error, which logarithm is that of its sigma; -1 where none is open."""
-    shift = np.where(model.common, 2 * len(model.robots), 0)
+    shift = np.where(model.common, 2 * len(model.robots) + len(model.shaken), 0)
     columns = np.where(model.column_robot >= 0, first + model.column_robot + shift, -1)
     return columns, np.where(model.error_robot >= 0, first + model.error_robot, -1)
 

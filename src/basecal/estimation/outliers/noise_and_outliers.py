@@ -14,6 +14,7 @@ from basecal.estimation.solve import Solution, integrated, solve_at_mode, solve_
 _PASSES = 3
 # Of arms with errors of their own (belts, links, a loose base) up to 9 mm and 7 mrad are on record.
 _ARM_M, _ARM_RAD = 1.2e-2, 1.2e-2
+_STAMP_S = 2e-2  # of computers that stamp what arrives: with more, stamps are not of the pictures
 
 
 def with_noise(solution: Solution, settings: Settings, near: Solution | None = None) -> Solution:
@@ -34,9 +35,10 @@ def with_noise(solution: Solution, settings: Settings, near: Solution | None = N
 
 
 def is_as_of_arms(solution: Solution) -> bool:
-    """Whether the noise of robots that was estimated is such as arms in order have."""
-    sigmas = list(solution.noise.robots.values())
-    return solution.converged and all(s[0] < _ARM_M and s[3] < _ARM_RAD for s in sigmas) and bool(sigmas)
+    """Whether the noise of robots, and of stamps, that was estimated is such as arms and computers in order have."""
+    sigmas, jitter = list(solution.noise.robots.values()), list(solution.noise.jitter_s.values())
+    as_usual = all(s[0] < _ARM_M and s[3] < _ARM_RAD for s in sigmas) and all(s < _STAMP_S for s in jitter)
+    return solution.converged and as_usual and bool(sigmas or jitter)
 
 
 def solve_with_noise(

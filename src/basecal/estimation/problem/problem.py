@@ -44,6 +44,7 @@ class ViewGroup:
         half_turn: `target_from_turned` where the target looks the same turned by half a turn.
         eye_joints: (n, joints) as recorded [rad]; None where poses are recorded.
         hand_joints: (n, joints) likewise.
+        motion: (n, 6) velocity of `camera_from_target` in the target's axes [m/s, rad/s]; None where nothing moves.
     """
 
     camera: str
@@ -66,6 +67,7 @@ class ViewGroup:
     half_turn: SE3 | None = field(default=None, metadata=SHARED)
     eye_joints: Array | None = None
     hand_joints: Array | None = None
+    motion: Array | None = None
 
     def __len__(self) -> int:
         return int(self.sample.shape[-1])
@@ -90,6 +92,7 @@ class ViewGroup:
             readings=tuple(r.take(views) for r in self.readings),
             eye_joints=None if self.eye_joints is None else self.eye_joints[views],
             hand_joints=None if self.hand_joints is None else self.hand_joints[views],
+            motion=None if self.motion is None else self.motion[views],
         )
 
     def of_batch(self, rows: Rows) -> ViewGroup:
@@ -139,6 +142,8 @@ class Problem:
         stands: How many stops each robot made, by robot, whatever views are left of them.
         held: Whether sigmas that nobody stated are held at what they are.
         shapes: How targets are shaped, by name, where that was estimated; see `noise.target_shape`.
+        jitter_s: Sigma in use of what stamps of a camera's views are off by themselves, by camera [s].
+        open_jitter: Cameras whose jitter is to be estimated.
     """
 
     reference: str
@@ -154,11 +159,18 @@ class Problem:
     stands: Mapping[str, int] = field(default_factory=dict)
     held: bool = False
     shapes: Mapping[str, Array] = field(default_factory=dict)
+    jitter_s: Mapping[str, float] = field(default_factory=dict)
+    open_jitter: frozenset[str] = frozenset()
 
     @property
     def width(self) -> int:
         """Number of columns."""
         return max((c.stop for c in self.columns.values()), default=0)
+
+    def shake(self, group: ViewGroup) -> Array | None:
+        """What one sigma of their stamps' jitter moves views by, (n, 6) [m, rad]; None where there is none."""
+        jitter_s = self.jitter_s.get(group.camera, 0.0)
+        return group.motion * jitter_s if jitter_s and group.motion is not None else None
 
     def with_noise(self, noise: Noise) -> Problem:
         """The same with sigmas for what states none, unless these are held."""

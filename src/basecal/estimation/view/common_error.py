@@ -1,7 +1,8 @@
-"""An error that all points of a view have in common, integrated out of what the view says.
+"""Errors that all points of a view have in common, integrated out of what the view says.
 
-The covariance of a coordinate's residuals is diag(sigma^2) + tau^2 11', so that many points of one view are not as
-many witnesses of what its lens or its time of exposure got wrong. Source: Woodbury 1950; docs/mathematics.md (2.8).
+Of a shift in the image the covariance of a coordinate's residuals is diag(sigma^2) + tau^2 11', so that many points of
+one view are not as many witnesses of what its lens or its time of exposure got wrong. Source: Woodbury 1950;
+docs/mathematics.md (2.8).
 """
 
 from __future__ import annotations
@@ -30,4 +31,25 @@ def without_common_shift(
         cost - share * np.einsum("...i,...i->...", force, force),
         gradient - share[..., None] * (by_shift @ force[..., None])[..., 0],
         information - share[..., None, None] * by_shift @ np.swapaxes(by_shift, -1, -2),
+    )
+
+
+def without_motion(cost: Array, gradient: Array, information: Array, motion: Array) -> tuple[Array, Array, Array]:
+    """Cost, gradient and information of views without one normal error that moves each by so much: of rank one.
+
+    Source: docs/mathematics.md (12.6).
+
+    Args:
+        cost: (..., n).
+        gradient: (..., n, 6 + k).
+        information: (..., n, 6 + k, 6 + k).
+        motion: (..., n, 6) right tangent of a unit error.
+    """
+    carried = (information[..., :6] @ motion[..., None])[..., 0]
+    along = np.einsum("...i,...i->...", gradient[..., :6], motion)
+    share = 1 / (1 + np.einsum("...i,...i->...", carried[..., :6], motion))
+    return (
+        cost - share * along**2,
+        gradient - (share * along)[..., None] * carried,
+        information - share[..., None, None] * carried[..., :, None] * carried[..., None, :],
     )

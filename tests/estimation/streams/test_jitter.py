@@ -1,0 +1,89 @@
+"""Views whose stamps jitter."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.verdict import calibrate
+from basecal.cell import Calibration, Clock, ClockOffset, Recording
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.streams.jitter import with_jitter
+from basecal.estimation.streams.rolling_shutter import Known
+from basecal.estimation.streams.streams import streams_of, synchronised
+from stream_cells import MOUNT, TAG, Streamed, along, streamed
+
+NAME = "arm_flange_from_wrist"
+
+
+def jittered(jitter_s: float, seed: int = 0, clock: Clock | None = None, stated: bool = True) -> Streamed:
+    """Views whose stamps are off by so much each [s]."""
+    made, rng = streamed(seed=seed, seconds=6.0, clock=clock, stated=stated), np.random.default_rng(100 + seed)
+    samples = tuple(
+        replace(s, stamp_s=s.stamp_s + jitter_s * rng.standard_normal()) if s.observations else s
+        for s in made.recording.samples
+    )
+    return Streamed(made.cell, Recording(samples), made.offset_s)
+
+
+def nees(made: Streamed, found: Calibration) -> float:
+    xi = (found[NAME].mean.inverse() @ MOUNT).log()
+    return float(xi @ np.linalg.solve(found[NAME].covariance, xi))
+
+
+def test_views_move_as_targets_do_before_cameras() -> None:
+    made = streamed(clock=Clock(offset_s=0.03, jitter_s=2e-3))
+    streams = streams_of(made.cell, made.recording)
+    assert streams is not None
+    of = synchronised(streams, streams.stated)
+    known = Known(made.cell, {NAME: MOUNT, "arm_base_from_tag": TAG}, {})
+    problem = with_jitter(build_problem(made.cell, of.recording)[0], known, of.robots, streams.clocks)
+    (group,) = problem.groups
+    assert group.motion is not None
+    times = np.array([s.stamp_s for s in of.recording.samples])
+    seen = [(along(times + shift) @ MOUNT).inverse() @ TAG for shift in (-1e-4, 1e-4)]
+    np.testing.assert_allclose(group.motion, (seen[0].inverse() @ seen[1]).log() / 2e-4, atol=2e-3)
+    np.testing.assert_array_equal(problem.shake(group), 2e-3 * group.motion)
+    assert problem.open_jitter == frozenset()
+    free = with_jitter(problem, known, of.robots, {**streams.clocks, "wrist": Clock(offset_s=0.03)})
+    assert free.open_jitter == {"wrist"}
+    assert free.shake(group) is None
+
+
+@pytest.mark.parametrize("stated", [True, False])
+def test_jitter_is_found_with_the_noise(stated: bool) -> None:
+    """Of 5 ms, from fifty views, within a third."""
+    found = calibrate(*(lambda m: (m.cell, m.recording))(jittered(5e-3, stated=stated)))
+    assert found.noise["clocks"]["wrist"]["jitter_s"] == pytest.approx(5e-3, rel=0.33)
+    assert "poor-fit" not in {f.code for f in found.findings}
+
+
+def test_where_there_is_none_it_stays_below_what_shows() -> None:
+    made = jittered(0.0)
+    assert calibrate(made.cell, made.recording).noise["clocks"]["wrist"]["jitter_s"] < 1e-3
+
+
+def test_stated_jitter_widens_the_offset_as_it_should() -> None:
+    """Of views that a stamp's error moves by five of their sigmas the offset is known as well as a mean of stamps."""
+    made = jittered(5e-3, clock=Clock("free", 0.0, None, 5e-3))
+    found = calibrate(made.cell, made.recording)
+    assert isinstance(found.clocks["wrist"], ClockOffset)
+    assert found.clocks["wrist"].sigma_s == pytest.approx(5e-3 / np.sqrt(50), rel=0.4)
+    assert found.noise["clocks"] == {"wrist": {"jitter_s": 5e-3}}
+    exact = calibrate(made.cell, streamed(seconds=6.0).recording)
+    assert exact.clocks["wrist"].sigma_s > 0.5 * found.clocks["wrist"].sigma_s
+
+
+@pytest.mark.slow
+def test_answers_are_as_sure_as_they_are_right() -> None:
+    """Of 40 recordings with 4 ms of jitter: NEES/6 within 3 standard errors of 1, and nearly all good."""
+    made = [jittered(4e-3, seed) for seed in range(40)]
+    found = [calibrate(each.cell, each.recording) for each in made]
+    mean = np.mean([nees(*each) for each in zip(made, found, strict=True)])
+    assert mean / 6 == pytest.approx(1.0, abs=3 * np.sqrt(2 / (6 * 40)))
+    assert sum(each.verdict == "good" for each in found) >= 38
+
+
+def test_stamps_taken_for_exact_that_are_not_are_doubted() -> None:
+    made = jittered(4e-3, clock=Clock("free", 0.0, None, 0.0))
+    assert "poor-fit" in {f.code for f in calibrate(made.cell, made.recording).findings}
