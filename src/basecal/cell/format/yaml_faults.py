@@ -35,7 +35,8 @@ def yaml_fault(text: str, error: MarkedYAMLError) -> Fault:
     if tab is not None:
         return Fault("a tab sets this line in, which YAML does not allow: replace it by spaces", tab)
     if said.startswith(_BRACKET) and begun:
-        return Fault(f"the bracket that opens here is not closed: add {_closing(said)}", begun.line + 1)
+        expected = said[len(_BRACKET)]
+        return Fault(f"the bracket that opens here is not closed: add {expected}", begun.line + 1)
     if error.context == _QUOTE and begun:
         return Fault("the quote that opens here is not closed: add another", begun.line + 1)
     if said.startswith(_UNEXPECTED_KEYS) and line is not None:
@@ -47,10 +48,6 @@ def yaml_fault(text: str, error: MarkedYAMLError) -> Fault:
     if found := _NO_TOKEN.search(said):
         return Fault(f"a value cannot start with {found[1]!r}: put it into quotes", line)
     return Fault(" ".join(said.split()), line)
-
-
-def _closing(said: str) -> str:
-    return said[len(_BRACKET)]
 
 
 def _of_key(lines: list[str], line: int) -> Fault:

@@ -60,15 +60,11 @@ def _cause(camera: CellCamera, pixels: Array) -> str:
     if width == height or np.mean(_within(pixels, (height, width))) < 1 - _SHARE:
         return f"{reach}: size_px is of another resolution, give that of the images the points were found in"
     lens = None if camera.intrinsics is None else camera.intrinsics.camera
-    if lens is not None and _is_centred(lens.center, (width, height)):
+    middle = (np.array([width, height]) - 1) / 2
+    if lens is not None and np.linalg.norm(lens.center - middle) < np.linalg.norm(lens.center - middle[::-1]):
+        # The lens's principal point suits the size as stated.
         return (
             f"{reach}: u and v of the points look swapped, or width and height in both size_px and the camera matrix: "
             "u counts along the width"
         )
     return f"{reach}: width and height look swapped, expected size_px: [{height}, {width}]"
-
-
-def _is_centred(center: Array, size_px: tuple[int, int]) -> bool:
-    """Whether a principal point suits an image better than the same image with its sides swapped."""
-    middle = (np.array(size_px) - 1) / 2
-    return bool(np.linalg.norm(center - middle) < np.linalg.norm(center - middle[::-1]))

@@ -13,7 +13,6 @@ from basecal.cell.recording import (
     PixelObservation,
     PointObservation,
     PoseObservation,
-    RobotState,
     Sample,
 )
 from basecal.geometry import Array
@@ -24,17 +23,16 @@ def sample_to_dict(sample: Sample, folder: str) -> dict[str, Any]:
     data: dict[str, Any] = {"sample": int(sample.sample)}
     if sample.stamp_s is not None:
         data["stamp_s"] = float(sample.stamp_s)
-    data["robots"] = {name: _state(state) for name, state in sample.robots.items()}
+    data["robots"] = {name: {} for name in sample.robots}
+    for name, state in sample.robots.items():
+        if state.base_from_flange is not None:
+            data["robots"][name]["base_from_flange"] = pose_dict(state.base_from_flange)
+        elif state.joints_rad is not None:
+            data["robots"][name]["joints_rad"] = numbers(state.joints_rad)
     data["images"] = _paths(sample.images, folder)
     data["background"] = _paths(sample.background, folder)
     data["observations"] = [_observation(seen) for seen in sample.observations]
     return {key: value for key, value in data.items() if value not in ({}, [])}
-
-
-def _state(state: RobotState) -> dict[str, Any]:
-    if state.base_from_flange is not None:
-        return {"base_from_flange": pose_dict(state.base_from_flange)}
-    return {} if state.joints_rad is None else {"joints_rad": numbers(state.joints_rad)}
 
 
 def _paths(paths: Mapping[str, str], folder: str) -> dict[str, str]:

@@ -50,7 +50,9 @@ def line_data(text: bytes, where: Where) -> Any:
     try:
         return _DECODER.decode(text.decode("utf-8"))
     except UnicodeDecodeError as error:
-        raise where.error("", f"not UTF-8 text (byte {error.start} of the line){_as_saved(text)}") from None
+        is_utf_16 = text.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+        advice = ": it is UTF-16, save it as UTF-8" if is_utf_16 else "; expected one JSON object"
+        raise where.error("", f"not UTF-8 text (byte {error.start} of the line){advice}") from None
     except json.JSONDecodeError as error:
         hint = "; remove the comma after the object" if text.rstrip().endswith(b"},") else ""
         where_and_what = f"not JSON ({error.msg}, column {error.colno}); expected one object a line"
@@ -58,13 +60,6 @@ def line_data(text: bytes, where: Where) -> Any:
     except (ValueError, RecursionError) as error:
         reason = "nested too deeply" if isinstance(error, RecursionError) else str(error)[:CAUSE]
         raise where.error("", f"{reason}; expected one JSON object a line (docs/data_format.md)") from None
-
-
-def _as_saved(text: bytes) -> str:
-    """What to do about a line that is not UTF-8."""
-    if text.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return ": it is UTF-16, save it as UTF-8"
-    return "; expected one JSON object"
 
 
 class Dropped(NamedTuple):

@@ -18,20 +18,13 @@ def unknown_points(dropped: Sequence[Dropped], path: str) -> list[Finding]:
     by_target: dict[str, list[Dropped]] = {}
     for each in dropped:
         by_target.setdefault(each.reason.target, []).append(each)
-    return [_finding(of, path) for of in by_target.values()]
-
-
-def _finding(dropped: Sequence[Dropped], path: str) -> Finding:
-    first, numbers = dropped[0], tuple(str(each.sample) for each in dropped)
-    who = f"sample {first.sample} is" if len(dropped) == 1 else f"sample {first.sample} and {len(dropped) - 1} more are"
-    message = f"{path}:{first.line}: {who} dropped: {first.reason}{_from_one(dropped)}"
-    return Finding("dropped-sample", "info", numbers, message)
-
-
-def _from_one(dropped: Sequence[Dropped]) -> str:
-    """A clause where ids seem to count from the next number on."""
-    seen = frozenset[int]().union(*(each.reason.ids for each in dropped))
-    known = dropped[0].reason.known
-    if (min(seen), max(seen)) != (min(known) + 1, max(known) + 1):
-        return ""
-    return f"; ids count from {min(known)}: subtract 1 from each"
+    findings = []
+    for of in by_target.values():
+        first, others, known = of[0], len(of) - 1, of[0].reason.known
+        who = f"sample {first.sample} and {others} more are" if others else f"sample {first.sample} is"
+        seen = frozenset[int]().union(*(each.reason.ids for each in of))
+        from_one = (min(seen), max(seen)) == (min(known) + 1, max(known) + 1)
+        hint = f"; ids count from {min(known)}: subtract 1 from each" if from_one else ""
+        message = f"{path}:{first.line}: {who} dropped: {first.reason}{hint}"
+        findings.append(Finding("dropped-sample", "info", tuple(str(each.sample) for each in of), message))
+    return findings

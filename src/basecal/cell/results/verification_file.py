@@ -109,19 +109,20 @@ def read_verifications(folder: str | Path) -> tuple[PastVerification, ...]:
     if not path.exists():
         return ()
     *lines, _ = read_bounded(path, _LARGEST_BYTES).split(b"\n")
-    return tuple(_read(line, path, number) for number, line in enumerate(lines, start=1) if line.strip())
-
-
-def _read(line: bytes, path: Path, number: int) -> PastVerification:
-    try:
-        found = _Line.model_validate_json(line)
-    except ValidationError as error:
-        first = error.errors()[0]
-        field = ".".join(str(part) for part in first["loc"])
-        message = f"{field or 'line'}: {first['msg'][:1].lower()}{first['msg'][1:]}; take the line out"
-        raise DatasetError(str(path), message, number) from None
-    when = found.when if found.when.tzinfo is not None else found.when.replace(tzinfo=UTC)
-    shifts = {name: MeasuredShift(np.array(s.t_m), np.array(s.sigma_m)) for name, s in found.shifts.items()}
-    return PastVerification(
-        when, found.run, found.samples, found.moved, found.p, found.detectable_m, found.frame, shifts
-    )
+    verifications = []
+    for number, line in enumerate(lines, start=1):
+        if not line.strip():
+            continue
+        try:
+            said = _Line.model_validate_json(line)
+        except ValidationError as error:
+            first = error.errors()[0]
+            field = ".".join(str(part) for part in first["loc"])
+            message = f"{field or 'line'}: {first['msg'][:1].lower()}{first['msg'][1:]}; take the line out"
+            raise DatasetError(str(path), message, number) from None
+        when = said.when if said.when.tzinfo is not None else said.when.replace(tzinfo=UTC)
+        shifts = {name: MeasuredShift(np.array(s.t_m), np.array(s.sigma_m)) for name, s in said.shifts.items()}
+        verifications.append(
+            PastVerification(when, said.run, said.samples, said.moved, said.p, said.detectable_m, said.frame, shifts)
+        )
+    return tuple(verifications)

@@ -47,13 +47,9 @@ def _problem(details: Mapping[str, Any], model: type[BaseModel]) -> Problem:
     if kind == "missing":
         return Problem(loc, _WORDS[kind])
     words = _WORDS.get(kind) or details["msg"].replace("Input should be", "expected")
-    return Problem(loc, f"{words}, got {short(value)}{_decimal_point(kind, value)}")
-
-
-def _decimal_point(kind: str, value: Any) -> str:
-    """What to write where a number has a decimal comma."""
-    is_meant = kind == "float_type" and isinstance(value, str) and _DECIMAL_COMMA.fullmatch(value)
-    return f"; write a decimal point: {value.replace(',', '.')}" if is_meant else ""
+    has_comma = kind == "float_type" and isinstance(value, str) and _DECIMAL_COMMA.fullmatch(value)
+    hint = f"; write a decimal point: {value.replace(',', '.')}" if has_comma else ""
+    return Problem(loc, f"{words}, got {short(value)}{hint}")
 
 
 def _is_tag(part: str | int) -> bool:
