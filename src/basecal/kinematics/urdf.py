@@ -1,4 +1,4 @@
-"""The serial chain between two links of a URDF."""
+"""The serial chain between two links of a URDF, or of an MJCF in its place."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from basecal.errors import DatasetError, FrameNotFound, listed
 from basecal.geometry import SE3, Array
 from basecal.kinematics.chain import SerialChain
 from basecal.kinematics.masses import Masses
+from basecal.kinematics.mjcf import chain_of_mjcf
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -51,10 +52,10 @@ class _Carrier(NamedTuple):
 
 
 def read_chain(path: str | Path, base_link: str, flange_link: str) -> SerialChain:
-    """The chain of revolute joints from `base_link` to `flange_link` in a URDF file.
+    """The chain of revolute joints from `base_link` to `flange_link` in a URDF file, or in an MJCF.
 
     Args:
-        path: An expanded URDF, not a xacro.
+        path: An expanded URDF, not a xacro; of an MJCF bodies are its links, and a site may be the flange.
         base_link: Name of the link the chain starts at.
         flange_link: Name of the link it ends at.
 
@@ -62,10 +63,15 @@ def read_chain(path: str | Path, base_link: str, flange_link: str) -> SerialChai
         DatasetError: if the file cannot be read, is no tree of links, or has on the way a joint that neither turns nor
             is fixed, that mimics another, or whose numbers cannot be used.
         FrameNotFound: if a link does not exist.
+        MissingExtra: if it is an MJCF and MuJoCo is not installed.
 
     Source: https://wiki.ros.org/urdf/XML/joint.
     """
-    return parse_chain(read_bounded(path, LARGEST_BYTES), base_link, flange_link, str(path))
+    text = read_bounded(path, LARGEST_BYTES)
+    root = _xml(text, str(path))
+    if root.tag == "mujoco":
+        return chain_of_mjcf(root, base_link, flange_link, str(path))
+    return parse_chain(text, base_link, flange_link, str(path))
 
 
 def parse_chain(text: str | bytes, base_link: str, flange_link: str, path: str = "<text>") -> SerialChain:
@@ -156,6 +162,13 @@ def _way_in(
 
 
 def _root(text: str | bytes, path: str) -> Element:
+    root = _xml(text, path)
+    if root.tag != "robot":
+        raise DatasetError(path, f"the root element is {root.tag!r}, expected 'robot'")
+    return root
+
+
+def _xml(text: str | bytes, path: str) -> Element:
     from xml.etree.ElementTree import ParseError
 
     from defusedxml.ElementTree import fromstring
@@ -166,8 +179,6 @@ def _root(text: str | bytes, path: str) -> Element:
         raise DatasetError(path, f"not well-formed XML: {error}", line=error.position[0]) from error
     except (ValueError, LookupError) as error:
         raise DatasetError(path, f"not XML that can be read safely: {error}") from error
-    if root.tag != "robot":
-        raise DatasetError(path, f"the root element is {root.tag!r}, expected 'robot'")
     return root
 
 

@@ -8,7 +8,9 @@ import pytest
 from basecal.cell.files import read_cell, read_truth
 from basecal.cell.results.truth_file import read_truth_extra
 from basecal.errors import DatasetError
+from basecal.simulation.running.clock import Clock
 from basecal.simulation.running.faults import FAULTS, read_faults
+from basecal.simulation.running.plant import Plant
 from basecal.simulation.running.two_arms import two_arms
 from basecal.simulation.running.world_file import read_world, write_truth_of, write_world
 
@@ -46,6 +48,46 @@ def test_the_truth_of_each_fault_is_written(tmp_path, name):
         for of, values in parameters.items():
             assert np.array_equal(values, world.robots[robot].values[of])
     read_truth(tmp_path)
+
+
+def test_arms_of_a_user_run_as_an_mjcf_says(tmp_path):
+    """A cell whose arm is an MJCF in place of its URDF is the same to the last picture."""
+    pytest.importorskip("mujoco", reason="pip install 'basecal[sim]'")
+    world = two_arms(seed=2)
+    write_world(world, tmp_path)
+    before = Plant(read_world(tmp_path), Clock(0)).picture("wrist").image
+    chain = world.cell.robots["hand"].chain
+    (tmp_path / "hand.urdf").unlink()
+    (tmp_path / "hand.xml").write_text(_mjcf(chain, "base_link", "tool0"), encoding="utf-8")
+    text = (tmp_path / "cell.yaml").read_text(encoding="utf-8")
+    (tmp_path / "cell.yaml").write_text(text.replace("hand.urdf", "hand.xml"), encoding="utf-8")
+    again = read_world(tmp_path)
+    np.testing.assert_allclose(again.cell.robots["hand"].chain.upper, chain.upper)
+    after = Plant(again, Clock(0)).picture("wrist").image
+    # Places differ by rounding, on which a level in a thousand turns.
+    assert np.mean(before != after) < 1e-3
+
+
+def _mjcf(chain, base, flange):
+    """A chain as MuJoCo writes it, each joint in a body of its own."""
+    bodies = [f'<body name="{base}">']
+    for k, name in enumerate(chain.joint_names):
+        low, high = chain.lower[k], chain.upper[k]
+        joint = f'<joint name="{name}" axis="{_text(chain.axes[k])}" range="{_text((low, high))}"/>'
+        centre, kg = _text(chain.masses.centres[k]), _text(chain.masses.kg[k : k + 1])
+        mass = f'<inertial pos="{centre}" mass="{kg}" diaginertia="1 1 1"/>'
+        bodies.append(f'<body name="link_{k}" {_place(chain.origins[k])}>{mass}{joint}')
+    ends = "</body>" * len(bodies)
+    site = f'<site name="{flange}" {_place(chain.tip)}/>'
+    return f"""<mujoco><compiler angle="radian"/><worldbody>{"".join(bodies)}{site}{ends}</worldbody></mujoco>"""
+
+
+def _place(pose):
+    return f'pos="{_text(pose.translation)}" quat="{_text(np.roll(pose.quaternion, 1))}"'
+
+
+def _text(numbers):
+    return " ".join(repr(float(value)) for value in numbers)
 
 
 def test_faults_belong_to_a_run(tmp_path):

@@ -1,0 +1,154 @@
+"""The serial chain between two bodies of an MJCF, MuJoCo's own kind of file, which MuJoCo reads itself.
+
+Only bodies and their joints are handed to it, so that no mesh, picture or other file is opened.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from basecal.errors import DatasetError, FrameNotFound, MissingExtra
+from basecal.geometry import SE3, Array
+from basecal.geometry.rotation import rotation_exp
+from basecal.kinematics.chain import SerialChain
+from basecal.kinematics.masses import Masses
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
+
+_KEPT = frozenset({"compiler", "default", "worldbody"})  # sections that say where bodies are
+_DROPPED = frozenset({"geom", "mesh", "material", "camera", "light", "composite", "flexcomp", "plugin"})
+_FILES = frozenset({"include", "attach", "model"})  # elements by which another file is read
+# What MuJoCo asks of the mass of a body that moves; a body whose mass is not written has no more than this.
+_LEAST_MASS, _LEAST_INERTIA = 1e-9, 1e-12
+_WORLD = 0
+
+
+def chain_of_mjcf(root: Element, base: str, flange: str, path: str) -> SerialChain:
+    """The chain of hinge joints from one body to another body or site.
+
+    Args:
+        root: The element `mujoco` of the file.
+        base: Name of the body the chain starts at; `world` is there always.
+        flange: Name of the body or site it ends at.
+        path: Of the file, for errors.
+
+    Raises:
+        DatasetError: if it names other files, MuJoCo does not take it, the flange does not hang under the base, or a
+            joint on the way is no hinge.
+        FrameNotFound: if a body does not exist.
+        MissingExtra: if MuJoCo is not installed.
+
+    Source: https://mujoco.readthedocs.io/en/stable/XMLreference.html.
+    """
+    model = _compiled(root, path)
+    way, last_from_flange = _way(model, base, flange, path)
+    names: list[str] = []
+    origins: list[SE3] = []
+    axes: list[Array] = []
+    limits: list[Array] = []
+    carriers: dict[int, tuple[int, SE3]] = {}  # by body, the number of the joint that carries it, and its place in that
+    since_last = SE3.identity()
+    for body in way:
+        since_last = since_last @ _pose(model.body_pos[body], model.body_quat[body])
+        first = int(model.body_jntadr[body])
+        for joint in range(first, first + int(model.body_jntnum[body])):
+            name = model.joint(joint).name or f"{model.body(body).name}_joint"
+            if not _is_hinge(model, joint):
+                raise DatasetError(path, "on the way is no hinge; arms turn", field=f"joint {name!r}")
+            anchor, axis = SE3.from_rotvec(np.zeros(3), model.jnt_pos[joint]), np.array(model.jnt_axis[joint])
+            names.append(name)
+            origins.append(since_last @ anchor)
+            axes.append(axis / np.linalg.norm(axis))
+            limits.append(model.jnt_range[joint] if model.jnt_limited[joint] else np.array([-np.inf, np.inf]))
+            # Angles count from `ref`, at which bodies stand as they are written.
+            back = rotation_exp(-float(model.qpos0[model.jnt_qposadr[joint]]) * axes[-1])
+            since_last = SE3(back, np.zeros(3)) @ anchor.inverse()
+        if names:
+            carriers[body] = len(names) - 1, since_last
+    if not names:
+        raise DatasetError(path, f"no hinge between {base!r} and {flange!r}")
+    lower, upper = np.array(limits).T
+    tip, masses = since_last @ last_from_flange, _masses(model, carriers, len(names))
+    return SerialChain(tuple(names), SE3.stack(origins), np.array(axes), tip, lower, upper, masses)
+
+
+def _compiled(root: Element, path: str) -> Any:
+    """MuJoCo's model of the bodies and joints of a file."""
+    from xml.etree.ElementTree import SubElement, tostring
+
+    try:
+        import mujoco
+    except ImportError:
+        raise MissingExtra("sim", "an MJCF") from None
+    named = next((element.tag for element in root.iter() if element.tag in _FILES), None)
+    if named is not None:
+        raise DatasetError(path, f"has an element {named!r}: write all into one file, MuJoCo does with mj_saveLastXML")
+    for section in list(root):
+        if section.tag not in _KEPT:
+            root.remove(section)
+    for element in list(root.iter()):
+        element.attrib.pop("material", None)
+        for child in list(element):
+            if child.tag in _DROPPED:
+                element.remove(child)
+    for compiler in root.findall("compiler"):
+        compiler.attrib.pop("inertiafromgeom", None)
+        compiler.attrib.pop("settotalmass", None)
+    least = {"boundmass": repr(_LEAST_MASS), "boundinertia": repr(_LEAST_INERTIA)}
+    SubElement(root, "compiler", least)
+    try:
+        return mujoco.MjModel.from_xml_string(tostring(root, encoding="unicode"))
+    except ValueError as error:
+        raise DatasetError(path, f"MuJoCo does not take it: {' '.join(str(error).split())}") from error
+
+
+def _way(model: Any, base: str, flange: str, path: str) -> tuple[list[int], SE3]:
+    """The bodies below `base` down to the one of `flange`, and `body_from_flange`."""
+    bodies = {model.body(k).name: k for k in range(model.nbody)}
+    sites = {model.site(k).name: k for k in range(model.nsite)}
+    if base not in bodies:
+        raise FrameNotFound(base, sorted(bodies))
+    if flange not in bodies and flange not in sites:
+        raise FrameNotFound(flange, sorted({*bodies, *sites}))
+    is_site = flange not in bodies
+    body = int(model.site_bodyid[sites[flange]]) if is_site else bodies[flange]
+    tip = _pose(model.site_pos[sites[flange]], model.site_quat[sites[flange]]) if is_site else SE3.identity()
+    way: list[int] = []
+    while body != bodies[base]:
+        if body == _WORLD:
+            raise DatasetError(path, f"{flange!r} does not hang under {base!r}")
+        way.append(body)
+        body = int(model.body_parentid[body])
+    return way[::-1], tip
+
+
+def _is_hinge(model: Any, joint: int) -> bool:
+    import mujoco
+
+    return int(model.jnt_type[joint]) == int(mujoco.mjtJoint.mjJNT_HINGE)
+
+
+def _pose(place: Array, wxyz: Array) -> SE3:
+    return SE3.from_quaternion(np.roll(np.asarray(wxyz, dtype=np.float64), -1), np.asarray(place, dtype=np.float64))
+
+
+def _masses(model: Any, carriers: dict[int, tuple[int, SE3]], count: int) -> Masses | None:
+    """What hangs on each joint, other joints at rest; None where a body that an arm carries has no mass written."""
+    kg, moments, of_body = np.zeros(count), np.zeros((count, 3)), dict(carriers)
+    for body in range(1, model.nbody):
+        if body not in of_body:
+            above = int(model.body_parentid[body])
+            if above not in of_body:
+                continue
+            joint, joint_from_above = of_body[above]
+            of_body[body] = joint, joint_from_above @ _pose(model.body_pos[body], model.body_quat[body])
+        joint, joint_from_body = of_body[body]
+        kg[joint] += float(model.body_mass[body])
+        moments[joint] += float(model.body_mass[body]) * (joint_from_body @ np.array(model.body_ipos[body]))
+    carrying = [joint for joint, _ in carriers.values()]
+    if np.any(kg[carrying] <= model.nbody * _LEAST_MASS):
+        return None
+    return Masses(kg, moments / np.where(kg > 0, kg, 1.0)[:, None])

@@ -1,0 +1,130 @@
+"""Arms of MJCF files, beside MuJoCo's own kinematics."""
+
+from __future__ import annotations
+
+import re
+import sys
+
+import numpy as np
+import pytest
+
+from basecal.errors import DatasetError, FrameNotFound, MissingExtra
+from basecal.geometry import Array
+from basecal.kinematics import SerialChain, read_chain
+from basecal.kinematics.gravity import gravity_torques
+
+mujoco = pytest.importorskip("mujoco", reason="pip install 'basecal[sim]'")
+
+# Joints beside the middle of their bodies, two in one body, angles that count from elsewhere, classes, degrees.
+ARM = """
+<mujoco>
+  <compiler angle="degree" meshdir="meshes"/>
+  <default>
+    <default class="arm"><joint axis="0 1 0" range="-170 170"/><geom mesh="shell" type="mesh"/></default>
+  </default>
+  <asset><mesh name="shell" file="shell.stl"/><material name="paint"/></asset>
+  <worldbody>
+    <body name="base" pos="0.3 0.1 0.2" euler="0 0 40">
+      <geom type="mesh" mesh="shell" material="paint"/>
+      <body name="upper" pos="0 0 0.1" euler="10 20 30" childclass="arm">
+        <inertial pos="0 0.01 0.2" mass="3" diaginertia="0.1 0.1 0.1"/>
+        <joint name="swing" pos="0.02 0 0.01"/>
+        <joint name="lift" axis="1 0 2" pos="0 0.03 0" ref="15"/>
+        <body name="stiff" pos="0 0 0.4">
+          <inertial pos="0 0 0.05" mass="1" diaginertia="0.1 0.1 0.1"/>
+          <body name="lower" pos="0.05 0 0.1" quat="0.9 0.1 0.2 0.3">
+            <inertial pos="0 0 0.1" mass="2" diaginertia="0.1 0.1 0.1"/>
+            <joint name="elbow" limited="false"/>
+            <site name="flange" pos="0.01 0.02 0.3" euler="0 90 0"/>
+          </body>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>"""
+ANGLES = np.radians([[0, 15, 0], [30, -40, 110], [-100, 60, -20]])
+
+
+def chain_of(tmp_path, text: str, base: str = "base", flange: str = "flange") -> SerialChain:
+    """The chain of a text."""
+    path = tmp_path / "arm.xml"
+    path.write_text(text, encoding="utf-8")
+    return read_chain(path, base, flange)
+
+
+def own_model():
+    """The same in MuJoCo, without what has a file."""
+    return mujoco.MjModel.from_xml_string(
+        re.sub(r"<geom type.*?/>|<geom mesh.*?/>|<asset>.*?</asset>", "", ARM, flags=re.DOTALL)
+    )
+
+
+def test_flanges_are_where_mujoco_has_them(tmp_path) -> None:
+    """At any joints the flange stands in the base as MuJoCo's own kinematics say."""
+    chain, model = chain_of(tmp_path, ARM), own_model()
+    data = mujoco.MjData(model)
+    assert chain.joint_names == ("swing", "lift", "elbow")
+    for angles in ANGLES:
+        data.qpos[:] = angles
+        mujoco.mj_forward(model, data)
+        base = data.body("base")
+        turn = base.xmat.reshape(3, 3).T
+        found = chain.forward(angles)
+        np.testing.assert_allclose(found.translation, turn @ (data.site("flange").xpos - base.xpos), atol=1e-12)
+        np.testing.assert_allclose(found.rotation, turn @ data.site("flange").xmat.reshape(3, 3), atol=1e-12)
+
+
+def test_limits_and_masses(tmp_path) -> None:
+    """Ranges are in radians, a joint without one turns for ever, and weights turn joints as in MuJoCo."""
+    chain, model = chain_of(tmp_path, ARM), own_model()
+    np.testing.assert_allclose(chain.upper, [np.radians(170), np.radians(170), np.inf])
+    data = mujoco.MjData(model)
+    data.qpos[:] = ANGLES[1]
+    mujoco.mj_forward(model, data)
+    down = data.body("base").xmat.reshape(3, 3).T @ [0.0, 0.0, -1.0]
+    ours: Array = gravity_torques(chain, ANGLES[1], down)
+    # MuJoCo's bias is the torque that holds the arm, of its own gravity of 9.81.
+    np.testing.assert_allclose(ours * 9.81 / 9.80665, -data.qfrc_bias, atol=1e-9)
+
+
+def test_masses_that_are_not_written_are_not_known(tmp_path) -> None:
+    """An arm whose weights follow from shapes, which are not read, has none."""
+    assert chain_of(tmp_path, re.sub(r"<inertial.*?/>", "", ARM)).masses is None
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("<worldbody>", "<include file='other.xml'/><worldbody>"), "into one file"),
+        (('<joint name="elbow" limited="false"/>', '<joint name="elbow" type="slide"/>'), "elbow"),
+        (("<worldbody>", "<worldbody><body name='base'/>"), "does not take it"),
+        (('<site name="flange"', '</body><body name="else"><site name="flange"'), None),
+    ],
+)
+def test_what_is_no_arm_is_refused(tmp_path, change: tuple[str, str], message: str | None) -> None:
+    """What names other files, slides, or is no model is one line; what hangs elsewhere still counts."""
+    text = ARM.replace(*change)
+    if message is None:
+        assert chain_of(tmp_path, text).joint_names == ("swing", "lift")
+    else:
+        with pytest.raises(DatasetError, match=message):
+            chain_of(tmp_path, text)
+
+
+def test_names_that_are_not_there(tmp_path) -> None:
+    """A body that is not there is told with those that are; the flange hangs under the base, with joints between."""
+    with pytest.raises(FrameNotFound, match="lower"):
+        chain_of(tmp_path, ARM, base="bse")
+    with pytest.raises(FrameNotFound, match="flange"):
+        chain_of(tmp_path, ARM, flange="tool0")
+    with pytest.raises(DatasetError, match="does not hang under"):
+        chain_of(tmp_path, ARM, base="lower", flange="base")
+    with pytest.raises(DatasetError, match="no hinge between"):
+        chain_of(tmp_path, ARM, base="world", flange="base")
+
+
+def test_without_mujoco(tmp_path, monkeypatch) -> None:
+    """Where MuJoCo is not installed, the line that installs it is told."""
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(MissingExtra, match="sim"):
+        chain_of(tmp_path, ARM)
