@@ -6,9 +6,10 @@ import numpy as np
 
 from basecal.acquisition.capture import Step
 from basecal.acquisition.coverage import GRID, Coverage
-from basecal.acquisition.driver import Picture, Switches
+from basecal.acquisition.driver import Freedrives, Moves, Picture, Reading, Switches
 from basecal.acquisition.rig import Rig
 from basecal.acquisition.watching import Watch, watched
+from basecal.cell import RobotState
 
 
 def step(number, why_not="", sigma=(1e-3, 2e-3)):
@@ -74,3 +75,44 @@ def test_every_picture_is_shown():
     assert lamp.on is False
     rig.cameras["wrist"].close()
     assert plain.closed
+
+
+class Arm:
+    is_live = True
+
+    def __init__(self):
+        self.done = []
+
+    def state(self):
+        return Reading(1.0, RobotState(joints_rad=np.arange(3.0)))
+
+    def close(self):
+        self.done.append("closed")
+
+
+class Sent(Arm):
+    def move(self, to, speed_rad_s):
+        self.done.append(speed_rad_s)
+
+    def stop(self):
+        self.done.append("stopped")
+
+
+class Led(Arm):
+    def freedrive(self, on):
+        self.done.append(on)
+
+
+def test_every_state_is_shown():
+    """Where a robot says it is; what it can do it still can, and nothing more."""
+    watch, arms = Watch(), {"plain": Arm(), "sent": Sent(), "led": Led()}
+    rig = watched(Rig(arms, {}), watch)
+    reading = rig.robots["sent"].state()
+    assert dict(watch.glance.states) == {"sent": reading.state}
+    faces = {name: (isinstance(each, Moves), isinstance(each, Freedrives)) for name, each in rig.robots.items()}
+    assert faces == {"plain": (False, False), "sent": (True, False), "led": (False, True)}
+    rig.robots["sent"].move(reading.state, 0.5)
+    rig.robots["led"].freedrive(True)
+    rig.stop()
+    rig.robots["plain"].close()
+    assert [arm.done for arm in arms.values()] == [["closed"], [0.5, "stopped"], [True]]

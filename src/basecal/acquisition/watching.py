@@ -6,8 +6,9 @@ import threading
 from dataclasses import dataclass, replace
 
 from basecal.acquisition.capture import Step
-from basecal.acquisition.driver import Camera, Grey, Picture, Switches
+from basecal.acquisition.driver import Camera, Freedrives, Grey, Moves, Picture, Reading, Robot, Switches
 from basecal.acquisition.rig import Rig
+from basecal.cell import RobotState
 
 _LINES = 8  # of what has become of samples
 
@@ -31,6 +32,7 @@ class Glance:
         sigmas: After each sample since all directions were seen.
         said: What has become of the last samples, a line each.
         pictures: The last one of each camera.
+        states: The last one of each robot.
         is_over: Whether nothing follows.
     """
 
@@ -39,6 +41,7 @@ class Glance:
     sigmas: tuple[Sigma, ...] = ()
     said: tuple[str, ...] = ()
     pictures: tuple[tuple[str, Grey], ...] = ()
+    states: tuple[tuple[str, RobotState], ...] = ()
     is_over: bool = False
 
     @property
@@ -82,6 +85,12 @@ class Watch:
             pictures = {**dict(self._glance.pictures), camera: grey}
             self._glance = replace(self._glance, pictures=tuple(pictures.items()))
 
+    def stand(self, robot: str, state: RobotState) -> None:
+        """Note where a robot is."""
+        with self._lock:
+            states = {**dict(self._glance.states), robot: state}
+            self._glance = replace(self._glance, states=tuple(states.items()))
+
     def end(self, words: str) -> None:
         """Note that it is over."""
         with self._lock:
@@ -89,12 +98,64 @@ class Watch:
 
 
 def watched(rig: Rig, watch: Watch) -> Rig:
-    """A rig whose cameras show every picture that is asked of them."""
+    """A rig whose cameras show every picture that is asked of them, and whose robots show where they are."""
     cameras = {
         name: (_WatchedLight if isinstance(camera, Switches) else _Watched)(name, camera, watch)
         for name, camera in rig.cameras.items()
     }
-    return Rig(rig.robots, cameras)
+    return Rig({name: _watched_robot(name, robot, watch) for name, robot in rig.robots.items()}, cameras)
+
+
+def _watched_robot(name: str, robot: Robot, watch: Watch) -> Robot:
+    """A robot that shows where it is, with the faces that it has and no other."""
+    faces: list[type] = [_WatchedRobot]
+    if isinstance(robot, Moves):
+        faces.append(_Sent)
+    if isinstance(robot, Freedrives):
+        faces.append(_Led)
+    shown: Robot = type("Watched", tuple(reversed(faces)), {})(name, robot, watch)
+    return shown
+
+
+class _WatchedRobot:
+    """A robot that shows each state it gives."""
+
+    def __init__(self, name: str, robot: Robot, watch: Watch) -> None:
+        self._name, self._robot, self._watch = name, robot, watch
+        self.is_live = robot.is_live
+
+    def state(self) -> Reading:
+        """The robot's next state."""
+        reading = self._robot.state()
+        self._watch.stand(self._name, reading.state)
+        return reading
+
+    def close(self) -> None:
+        """Let go of the robot."""
+        self._robot.close()
+
+
+class _Sent(_WatchedRobot):
+    """Likewise, of one that can be sent somewhere."""
+
+    def move(self, to: RobotState, speed_rad_s: float) -> None:
+        """Begin to go there."""
+        assert isinstance(self._robot, Moves)
+        self._robot.move(to, speed_rad_s)
+
+    def stop(self) -> None:
+        """Stand still."""
+        assert isinstance(self._robot, Moves)
+        self._robot.stop()
+
+
+class _Led(_WatchedRobot):
+    """Likewise, of one that a person can lead."""
+
+    def freedrive(self, on: bool) -> None:
+        """Let the arm be led, or hold it."""
+        assert isinstance(self._robot, Freedrives)
+        self._robot.freedrive(on)
 
 
 class _Watched:

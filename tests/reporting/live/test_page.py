@@ -14,11 +14,12 @@ import pytest
 from basecal.acquisition.capture import Step
 from basecal.acquisition.coverage import GRID, Coverage
 from basecal.acquisition.watching import Watch
+from basecal.cell import RobotState
 from basecal.cell.targets.charuco import charuco_target
 from basecal.errors import InputError, MissingExtra
 from basecal.geometry import SE3, Camera
 from basecal.reporting.live import page
-from basecal.simulation import Scenario, simulate
+from basecal.simulation.running.two_arms import two_arms
 from basecal.vision.draw.render import render
 from shared.browser import CHROMIUM, another_page, visit
 
@@ -31,7 +32,7 @@ BOARD = charuco_target((5, 7), 0.04, 0.03, "DICT_4X4_50")
 
 @pytest.fixture(scope="module")
 def cell():
-    made = simulate(Scenario(samples=3), 0).cell
+    made = two_arms().cell
     (board,) = made.targets.values()
     return replace(made, targets={board.name: replace(board, target=BOARD)})
 
@@ -44,6 +45,8 @@ def captured(cell):
         turned = {"eye": np.full(3, 0.4), "hand": np.array([0.4, 0.1, 0.4])}
         watch.note(Step(k, "", 5 + k, 25, Coverage(cells, turned), (1e-3 / (k + 1), 1e-3)))
     watch.show(next(iter(cell.cameras)), render(LENS, BOARD, SE3(np.eye(3), np.array([-0.1, -0.14, 0.6]))))
+    for robot, joints in two_arms().home.items():
+        watch.stand(robot, RobotState(joints_rad=joints))
     watch.tell("sample 3: arms move")
     return watch
 
@@ -93,8 +96,8 @@ def test_without_nicegui_the_extra_is_named(monkeypatch, cell):
 
 @pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed: apt-get install chromium")
 def test_in_a_browser(address, tmp_path):
-    """It shows step, advice, sigma, picture and detections; no error in the console, and nobody else is asked."""
-    came = visit(address, tmp_path, until="svg path[stroke='#ff3b30']")
+    """It shows step, advice, sigma, picture, detections and arms; no error in the console, nobody else is asked."""
+    came = visit(address, tmp_path, until="body:has(canvas) svg path[stroke='#ff3b30']")
     assert came.errors == []
     assert {urlsplit(asked).hostname for asked in came.asked if not asked.startswith("data:")} == {"127.0.0.1"}
     for words in ("sample 3: arms move", "turn hand further about y", "sample 2: taken", "7 taken, 25 planned"):

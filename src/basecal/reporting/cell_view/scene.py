@@ -202,15 +202,15 @@ def _body(
         lens = thing.intrinsics.camera if thing.intrinsics is not None else None
         camera = calibration.cameras[thing.name][0] if thing.name in calibration.cameras else lens
         return Body(
-            thing.name, "camera", on, mean, _frustum(camera, _FRUSTUM_SHARE * size), np.zeros((0, 3)), sure.get(mount)
+            thing.name, "camera", on, mean, frustum(camera, _FRUSTUM_SHARE * size), np.zeros((0, 3)), sure.get(mount)
         )
     shape = thing.target
     points = np.zeros((1, 3)) if shape is None else shape.points
     some = points[:: -(-len(points) // _MOST_POINTS)]
-    return Body(thing.name, "target", on, mean, _outline(shape), some, sure.get(mount))
+    return Body(thing.name, "target", on, mean, outline(shape), some, sure.get(mount))
 
 
-def _frustum(camera: Camera | None, length: float) -> Array:
+def frustum(camera: Camera | None, length: float) -> Array:
     """Edges of what a camera sees, (8, 2, 3) [m]; of a usual one where its lens or image is not known."""
     rays = np.array([[-0.4, -0.3, 1.0], [0.4, -0.3, 1.0], [0.4, 0.3, 1.0], [-0.4, 0.3, 1.0]])
     if camera is not None and camera.size_px is not None:
@@ -222,7 +222,7 @@ def _frustum(camera: Camera | None, length: float) -> Array:
     return np.concatenate([np.stack([np.zeros((4, 3)), ends], 1), np.stack([ends, np.roll(ends, -1, 0)], 1)])
 
 
-def _outline(shape: Target | None) -> Array:
+def outline(shape: Target | None) -> Array:
     """The box about a target's points in its plane, a square round each tag, (k, 2, 3) [m]."""
     if shape is None or len(shape.points) < 3:
         return np.zeros((0, 2, 3))

@@ -11,6 +11,7 @@ from basecal.acquisition.driver import Grey
 from basecal.acquisition.taking import targets_before
 from basecal.acquisition.watching import Watch
 from basecal.cell import Cell, Target
+from basecal.reporting.live.arms import ArmsView
 from basecal.reporting.live.drawings import coverage_drawing, marks, sigma_drawing
 from basecal.reporting.live.serving import serving
 from basecal.vision.detectors import find
@@ -49,6 +50,7 @@ def _build(ui: Any, beside: Any, watch: Watch, cell: Cell) -> None:
                 counted = ui.label()
                 covered = ui.html("", sanitize=False).style("width: 240px")
                 sigma = ui.html("", sanitize=False).style("width: 360px")
+            arms = ArmsView(ui, cell)
         said = ui.label().style("white-space: pre-line; color: #666")
     shown: dict[str, Grey] = {}
 
@@ -63,6 +65,7 @@ def _build(ui: Any, beside: Any, watch: Watch, cell: Cell) -> None:
             if step.sigma is not None:
                 counted.text += f"; base +-{1e3 * step.sigma[0]:.2f} mm {57.2958 * step.sigma[1]:.3f} deg"
             covered.content, sigma.content = coverage_drawing(step.coverage), sigma_drawing(glance.sigmas)
+        arms.renew(dict(glance.states))
         for name, grey in glance.pictures:
             if shown.get(name) is not grey:
                 shown[name] = grey
