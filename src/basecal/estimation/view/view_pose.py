@@ -122,7 +122,8 @@ def _cross_rows(bearings_in_camera: Array, seen: BoolArray, homogeneous: Array) 
 
 def _tilted(camera_from_plane: SE3) -> SE3:
     """The pose whose normal is mirrored at the line of sight: it looks the same through a long lens."""
-    sight = camera_from_plane.translation / np.linalg.norm(camera_from_plane.translation, axis=-1, keepdims=True)
+    away = np.linalg.norm(camera_from_plane.translation, axis=-1, keepdims=True)
+    sight = camera_from_plane.translation / np.maximum(away, 1e-12)
     normal = camera_from_plane.rotation[..., 2]
     normal = normal * np.where(np.sum(normal * sight, -1, keepdims=True) < 0, -1.0, 1.0)
     axis = np.cross(sight, normal)
