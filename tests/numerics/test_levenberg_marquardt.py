@@ -135,10 +135,10 @@ def by_hand(system, row, x, steps):
 @pytest.mark.parametrize("first", [(1.0, 4.0), (0.1, -1.0), (1.0, -1.0)])
 @pytest.mark.parametrize("steps", [1, 2, 3, 5, 6, 8])
 def test_damping_follows_the_gain(steps, first):
-    """The same states as by hand, whether steps are taken or refused on the way; most have not ended by then."""
+    """As by hand where none counts as near its end, whether steps are taken or refused; most have not ended by then."""
     start = np.tile(first, (4, 1))
     with np.errstate(all="ignore"):
-        optima = levenberg_marquardt(curves(0.1), start, Stop(iterations=steps, sigmas=1e-12))
+        optima = levenberg_marquardt(curves(0.1), start, Stop(iterations=steps, sigmas=1e-12, dof=1e12))
         wanted = [by_hand(curves(0.1), row, start[row], steps) for row in range(4)]
     going = optima.iterations == steps
     np.testing.assert_allclose(optima.state[going], np.array(wanted)[going], rtol=1e-7)
@@ -159,6 +159,34 @@ class Misled:
 
     def take(self, rows):
         return self
+
+
+@dataclass(frozen=True, eq=False)
+class Bent:
+    """Residuals x + 1 and c x^2 + x - 1 of each problem's c: Gauss-Newton's steps about the optimum 0 go by 1 + c."""
+
+    c: Array
+
+    def linearise(self, state):
+        x = state[:, 0]
+        residual = np.stack([x + 1, self.c * x**2 + x - 1], -1)
+        jacobian = np.stack([np.ones_like(x), 2 * self.c * x + 1], -1)
+        gradient = np.einsum("bi,bi->b", jacobian, residual)[:, None]
+        return About(np.sum(residual**2, -1), gradient, np.sum(jacobian**2, -1)[:, None, None])
+
+    def retract(self, state, about, step):
+        return state + step
+
+    def take(self, rows):
+        return replace(self, c=self.c[rows])
+
+
+def test_residuals_that_bend_delay_no_end():
+    """Where steps overshoot the optimum by up to 0.9 of their way, or fall short of it, ten find it to 1e-5 sigma."""
+    system = Bent(np.array([-0.9, -0.5, 0.0, 0.4, 0.7]))
+    optima = levenberg_marquardt(system, np.full((5, 1), 0.01), Stop(iterations=10))
+    assert optima.converged.all()
+    np.testing.assert_allclose(optima.state[:, 0], 0.0, atol=1.5e-5)
 
 
 @pytest.mark.parametrize(("slope", "converged", "steps"), [(1.0, True, 8), (1e12, False, 10)])

@@ -1,6 +1,7 @@
 """Levenberg-Marquardt on a batch of least-squares problems of one structure, each with its own damping and its own end.
 
-Source: Marquardt 1963, with the damping of Nielsen 1999. No problem ever takes a step uphill.
+Source: Marquardt 1963, with the damping of Nielsen 1999; near an optimum with what residuals bend, by structured
+secants. No problem ever takes a step uphill.
 """
 
 from __future__ import annotations
@@ -13,11 +14,13 @@ import numpy as np
 from basecal.geometry import Array, BoolArray, IntArray
 from basecal.numerics.batch import concatenate, take, where
 from basecal.numerics.sparse_hessian import SparseHessian
+from basecal.numerics.structured_secant import with_secant
 
 SETTLED_SIGMAS = 1e-5  # what may be left to go, in sigmas of the unknowns: no statistic of a result shows it
 STRAIGHT_SIGMAS = 1e-3  # how far the cost may miss its prediction where steps do not show all that moves [sigma]
 _SMALLEST_STEP = 1e-13  # [m, rad]: rounding of poses a metre away
 _FIRST_DAMPING = 1e-9  # of the scaled diagonal: Gauss-Newton, yet regular where a direction is not observable
+_NEAR_SIGMAS = 1.0  # what a step promises where the gradient's change over it tells of the optimum [sigma]
 _UNDAMPED = 1e-3  # below this a step is a Gauss-Newton step to three digits
 _LARGEST_DAMPING = 1e12  # beyond it steps are rounding
 _LARGEST_GAIN = 10.0  # clips the ratio of gain to prediction, whose cube sets the damping
@@ -119,6 +122,7 @@ class _Flight(Generic[S, L]):
     growth: Array
     expected: Array  # decrease of the cost that the last step taken promised; 0 before the first
     bent: Array  # by how much it broke that promise
+    bend: Array | None  # (b, p, p) what the residuals add to the hessian; None where that is sparse
 
 
 @dataclass(eq=False)
@@ -177,6 +181,7 @@ def levenberg_marquardt(system: System[S, L], state: S, stop: Stop) -> Optima[S,
         np.full(count, 2.0),
         np.zeros(count),
         np.full(count, np.inf if stop.hidden else 0.0),
+        None if isinstance(about.hessian, SparseHessian) else np.zeros_like(about.hessian),
     )
     ends: _Ends[S, L] = _Ends()
     for k in range(stop.iterations):
@@ -193,8 +198,7 @@ def _iterated(
 ) -> tuple[_Flight[S, L], System[S, L]] | None:
     """One step of every problem; those that end with it leave the flight, and None is left where all do."""
     about = flight.about
-    step = _damped_step(about, flight.damping)
-    expected = _quadratic(about, step)
+    step, expected = _next_step(flight)
     settled = _settled(flight, step, expected, stop)
     candidate = system.retract(flight.state, about, step)
     done = settled & _undamped(flight, stop)
@@ -205,10 +209,11 @@ def _iterated(
             return None
         kept = np.flatnonzero(~done)
         flight, candidate, system = take(flight, kept), take(candidate, kept), system.take(kept)
-        expected, settled = expected[kept], settled[kept]
+        step, expected, settled = step[kept], expected[kept], settled[kept]
     after, cost = _linearised(system, candidate, flight.about)
     better = cost <= flight.cost * (1 + _UPHILL)
-    flight = _moved(flight, candidate, after, cost, better, np.maximum(expected, 1e-300), stop.hidden)
+    bend = _bend(flight, after, step, better & (expected <= _NEAR_SIGMAS**2 * _scale(flight)))
+    flight = _moved(flight, candidate, after, cost, better, np.maximum(expected, 1e-300), bend, stop.hidden)
     stuck, lost = ~better & settled, ~better & (flight.damping > _LARGEST_DAMPING)
     for ended, converged in ((stuck, True), (lost & ~stuck, False)):
         if ended.any():
@@ -247,7 +252,14 @@ def _settled(flight: _Flight[S, L], step: Array, expected: Array, stop: Stop) ->
 
 
 def _moved(
-    flight: _Flight[S, L], candidate: S, after: L, cost: Array, better: BoolArray, expected: Array, hidden: bool
+    flight: _Flight[S, L],
+    candidate: S,
+    after: L,
+    cost: Array,
+    better: BoolArray,
+    expected: Array,
+    bend: Array | None,
+    hidden: bool,
 ) -> _Flight[S, L]:
     """The flight after a step, taken where it is `better`; elsewhere the damping grows."""
     both = np.isfinite(flight.cost) & np.isfinite(cost)  # from one infinite cost to another a step is taken, undamped
@@ -268,7 +280,32 @@ def _moved(
         np.where(better, 2.0, flight.growth * 2),
         np.where(better, expected, flight.expected),
         np.where(better, bent, flight.bent),
+        bend,
     )
+
+
+def _bend(flight: _Flight[S, L], after: L, step: Array, near: BoolArray) -> Array | None:
+    """What the residuals add to the hessian, by what a step shows where it was taken and `near` an optimum."""
+    if flight.bend is None or isinstance(after.hessian, SparseHessian):
+        return None
+    change = after.gradient - flight.about.gradient
+    return with_secant(flight.bend, after.hessian, change, step, near & (flight.damping <= _UNDAMPED))
+
+
+def _next_step(flight: _Flight[S, L]) -> tuple[Array, Array]:
+    """The damped step (b, p) and the decrease of the cost that it promises, (b,)."""
+    about = flight.about
+    if flight.bend is None or isinstance(about.hessian, SparseHessian) or not flight.bend.any():
+        step = _damped_step(about, flight.damping)
+        return step, _quadratic(about, step)
+    bent = Quadratic(about.cost, about.gradient, about.hessian + flight.bend)
+    step = _damped_step(bent, flight.damping)
+    expected = _quadratic(bent, step)
+    downhill = expected > 0
+    if downhill.all():
+        return step, expected
+    plain = _damped_step(about, flight.damping)
+    return np.where(downhill[:, None], step, plain), np.where(downhill, expected, _quadratic(about, plain))
 
 
 def _quadratic(about: Linearised, step: Array) -> Array:

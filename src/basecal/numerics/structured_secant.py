@@ -1,0 +1,42 @@
+"""What residuals bend: the part of a cost's curvature that J'J leaves out, as steps show it.
+
+Where residuals are large and the model is curved, steps of Gauss-Newton overshoot or fall short by the same share
+each time. The change of the gradient over a step tells by how much; a symmetric matrix of rank one then mends that
+direction.
+Source: Dennis, Gay, Welsch 1981, "An adaptive nonlinear least-squares algorithm" (NL2SOL); the update is SR1.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.geometry import Array, BoolArray
+
+_LEAST_SHARE = 0.01  # of the curvature along a step: less slows no descent
+# Of the scaled diagonal, by which an update may change it: residuals that bend more are no optimum's, and next to
+# nothing along a step would be divided by.
+_LARGEST_CHANGE = 1.0
+
+
+def with_secant(bend: Array, hessian: Array, change: Array, step: Array, near: BoolArray) -> Array:
+    """The bend of residuals after a step, none where it was not near an optimum, (b, p, p).
+
+    Args:
+        bend: As known before, (b, p, p).
+        hessian: J'J after the step, (b, p, p).
+        change: Of the gradient over the step, (b, p).
+        step: (b, p).
+        near: (b,) whether the step was taken and near enough to an optimum to tell.
+    """
+    kept = np.where(near[:, None, None], bend, 0.0)
+    if not near.any():
+        return kept
+    with np.errstate(all="ignore"):
+        by_hessian = (hessian @ step[..., None])[..., 0]
+        missed = change - by_hessian - (kept @ step[..., None])[..., 0]
+        along, curvature = np.einsum("bi,bi->b", missed, step), np.einsum("bi,bi->b", by_hessian, step)
+        diagonal = np.maximum(np.diagonal(hessian, axis1=-2, axis2=-1), np.finfo(np.float64).tiny)
+        tells = near & np.isfinite(along) & (np.abs(along) > _LEAST_SHARE * curvature) & (curvature > 0)
+        tells &= (missed**2 / diagonal).sum(-1) <= _LARGEST_CHANGE * np.abs(along)
+        update = missed[:, :, None] * missed[:, None, :] / along[:, None, None]
+    return np.where(tells[:, None, None], kept + update, kept)
