@@ -5,7 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from basecal.accuracy.cross_validation.folds import splits
 from basecal.accuracy.cross_validation.refit import refit_folds, with_known_stops
+from basecal.accuracy.cross_validation.validation import cross_validate
+from basecal.estimation.least_squares import sparse_normal_equations
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.noise.estimate import degrees_of_freedom
 from basecal.estimation.solve import solve
@@ -47,3 +50,19 @@ def test_folds_side_by_side_are_fits_of_their_own_problems():
         size = np.sqrt(np.diag(alone.normal.hessian))
         off = (fit.optimum.hessian - alone.normal.hessian) / np.outer(size, size)
         np.testing.assert_allclose(off, 0.0, atol=1e-5)
+
+
+def test_folds_of_many_unknowns_go_by_sparse_matrices(monkeypatch):
+    """A ring of three robots as if these were many: states, information and spread are those of dense matrices."""
+    made = simulate(Scenario(layout="ring", robots=3, samples=36, robot_noise=(1e-4, 1e-4)), 1)
+    solution = solve(made.cell, made.recording)
+    dense = cross_validate(solution, made.cell.asked)
+    monkeypatch.setattr(sparse_normal_equations, "MANY_COLUMNS", 1)
+    sparse = cross_validate(solution, made.cell.asked)
+    assert dense.spread.mean_square == pytest.approx(sparse.spread.mean_square, rel=1e-6)
+    assert dense.spread.freedoms == pytest.approx(sparse.spread.freedoms, rel=1e-6)
+    assert dense.summary.rms_px == pytest.approx(sparse.summary.rms_px, rel=1e-6)
+    (folds, *_) = splits(solution.problem)
+    (one, *_) = refit_folds(solution.problem, solution.state, folds.folds[:1], 50)
+    assert one.sparse is not None
+    np.testing.assert_allclose(one.optimum.hessian, one.sparse.matrix.toarray())

@@ -11,11 +11,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from basecal.accuracy.cross_validation.folds import Samples
-from basecal.estimation.least_squares.bundle_adjustment import OptimumBatch, bundle_adjust_batch
+from basecal.estimation.least_squares.bundle_adjustment import OptimumBatch, bundle_adjust, bundle_adjust_batch
+from basecal.estimation.least_squares.sparse_normal_equations import is_sparse
 from basecal.estimation.noise.estimate import degrees_of_freedom
 from basecal.estimation.problem.problem import Problem, State
-from basecal.geometry import Array, BoolArray
+from basecal.geometry import Array, BoolArray, IntArray
 from basecal.numerics.batch import take
+from basecal.numerics.sparse_hessian import SparseHessian
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +30,7 @@ class Refit:
         views: The problem of them alone.
         known: (k,) which stops' errors the fit knows; those of the others stand at zero.
         optimum: The fit, without a batch axis.
+        sparse: Its hessian, of many unknowns; else None.
     """
 
     held: Samples
@@ -35,6 +38,7 @@ class Refit:
     views: Problem
     known: BoolArray
     optimum: OptimumBatch
+    sparse: SparseHessian | None = None
 
 
 def refit_folds(
@@ -58,21 +62,38 @@ def refit_folds(
         worth: For each group (n,): what each view counts where it is used; 1 where None.
     """
     held = list(folds)
-    used = [_views(problem, samples, inside=False) for samples in held]
+    numbers = [np.array(sorted(samples), dtype=np.int64) for samples in held]
+    used = [_views(problem, each, inside=False) for each in numbers]
     known = [_known_stops(each) for each in used]
-    states = state.spread(problem, len(held))
-    states = with_known_stops(states, np.stack(known))
-    weights = [np.stack([1.0 - np.isin(group.sample, list(samples)) for samples in held]) for group in problem.groups]
+    weights = [np.stack([1.0 - np.isin(group.sample, each) for each in numbers]) for group in problem.groups]
     if worth is not None:
         weights = [used * of for used, of in zip(weights, worth, strict=True)]
     dof = np.array([max(degrees_of_freedom(each), 1) for each in used], dtype=np.float64)
-    ends = bundle_adjust_batch(problem, states, dof, iterations, weights)
+    views = [_views(predicted or problem, each, inside=True) for each in numbers]
+    if is_sparse(problem):
+        ends = [
+            _sparsely(problem, with_known_stops(state, known[k]), dof[k], iterations, [w[k] for w in weights])
+            for k in range(len(held))
+        ]
+    else:
+        states = with_known_stops(state.spread(problem, len(held)), np.stack(known))
+        batch = bundle_adjust_batch(problem, states, dof, iterations, weights)
+        ends = [(take(batch, k), None) for k in range(len(held))]
     # Views without weight have errors of their own stops that suit them, too: what was held out.
-    ends = replace(ends, state=with_known_stops(ends.state, np.stack(known)))
     return [
-        Refit(samples, used[k], _views(predicted or problem, samples, inside=True), known[k], take(ends, k))
-        for k, samples in enumerate(held)
+        Refit(samples, used[k], views[k], known[k], replace(end, state=with_known_stops(end.state, known[k])), sparse)
+        for k, (samples, (end, sparse)) in enumerate(zip(held, ends, strict=True))
     ]
+
+
+def _sparsely(
+    problem: Problem, state: State, dof: float, iterations: int, weights: Sequence[Array]
+) -> tuple[OptimumBatch, SparseHessian | None]:
+    """One fold's fit of many unknowns: a batch of them takes dense matrices."""
+    end = bundle_adjust(problem, state, dof, iterations, weights)
+    hessian = end.normal.hessian if end.sparse is None else end.sparse.matrix.toarray()
+    numbers = (np.array(value) for value in (end.cost, hessian, end.converged, end.iterations))
+    return OptimumBatch(end.state, *numbers), end.sparse
 
 
 def _known_stops(used: Problem) -> BoolArray:
@@ -83,9 +104,9 @@ def _known_stops(used: Problem) -> BoolArray:
     return known[:-1]  # the last stands for views without a stop
 
 
-def _views(problem: Problem, samples: Samples, inside: bool) -> Problem:
+def _views(problem: Problem, samples: IntArray, inside: bool) -> Problem:
     """The problem of the views of some samples, or of all others."""
-    rows = [np.flatnonzero(np.isin(group.sample, list(samples)) == inside) for group in problem.groups]
+    rows = [np.flatnonzero(np.isin(group.sample, samples) == inside) for group in problem.groups]
     return problem.with_groups(g.take(r) for g, r in zip(problem.groups, rows, strict=True) if len(r))
 
 

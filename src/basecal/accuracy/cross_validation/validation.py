@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csc_array
 from scipy.special import chdtrc, fdtrc
 
 from basecal.accuracy.cross_validation.closed_form_rival import ClosedFormRival, closed_form_rival
@@ -20,12 +21,12 @@ from basecal.accuracy.cross_validation.refit import Refit, refit_folds, with_kno
 from basecal.accuracy.residuals.fit import view_alone
 from basecal.cell import Validation
 from basecal.estimation.least_squares.normal_equations import linearise
-from basecal.estimation.observability.observability import observability_of
+from basecal.estimation.observability.observability import observability_of, sparse_observability
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
 from basecal.estimation.settings import DEFAULT, Settings
 from basecal.estimation.solve import Solution
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.geometry import Array
+from basecal.geometry import Array, IntArray
 from basecal.numerics.spectral import above, spectrum
 
 # Of a fold's variance over that of the full answer, less one: along a direction with less the fold has lost nothing
@@ -141,7 +142,11 @@ def cross_validate(solution: Solution, asked: Sequence[str], settings: Settings 
 def _fold(solution: Solution, asked: Sequence[str], fit: Refit) -> _Fold | None:
     """A fold with what it determines; None where it has no optimum, or a transform asked for is unobservable."""
     end = fit.optimum
-    observability = observability_of(fit.used, end.state, end.hessian, solution.noise.factor)
+    observability = None
+    if fit.sparse is not None:
+        observability = sparse_observability(fit.used, end.state, fit.sparse, solution.noise.factor)
+    if observability is None:
+        observability = observability_of(fit.used, end.state, end.hessian, solution.noise.factor)
     if not end.converged or observability.unobservable.intersection(asked):
         return None
     return _Fold(fit, observability.inverse)
@@ -191,11 +196,13 @@ def _spread(solution: Solution, fitted: Sequence[_Fold], asked: Sequence[str]) -
     if not freedoms:
         return None
     mean = sum(float(each @ each) for each in whitened) / freedoms
-    correlation = sum(
-        float(np.sum((a @ (_shared(i, j, hessian, factor)[np.ix_(chosen, chosen)] - covariance) @ b.T) ** 2))
-        for i, a in zip(fitted, units, strict=True)
-        for j, b in zip(fitted, units, strict=True)
-    )
+
+    def squares(i: int, j: int) -> float:
+        """Sum of the squares of how two folds' changes, made unit, go together."""
+        together = factor * _shared(fitted[i], fitted[j], hessian, chosen) - covariance
+        return float(np.sum((units[i] @ together @ units[j].T) ** 2))
+
+    correlation = sum((1 if i == j else 2) * squares(i, j) for i in range(len(fitted)) for j in range(i + 1))
     effective = freedoms**2 / max(correlation, 1e-300)
     if effective < _FEWEST_FREEDOMS:
         return None
@@ -204,10 +211,12 @@ def _spread(solution: Solution, fitted: Sequence[_Fold], asked: Sequence[str]) -
     return FoldSpread(mean, effective, float(chdtrc(effective, effective * mean)))
 
 
-def _shared(first: _Fold, second: _Fold, hessian: Array, factor: float) -> Array:
-    """Covariance of two folds' answers, by the information of the samples that both of them used."""
+def _shared(first: _Fold, second: _Fold, hessian: Array, chosen: IntArray) -> Array:
+    """Covariance of two folds' answers at unit noise, by the information of the samples that both of them used."""
     both = first.hessian if first is second else first.hessian + second.hessian - hessian
-    shared: Array = factor * (first.inverse @ both @ second.inverse)
+    if first.fit.sparse is not None:
+        both = csc_array(both)
+    shared: Array = first.inverse[chosen] @ (both @ second.inverse[:, chosen])
     return shared
 
 

@@ -16,6 +16,7 @@ from basecal.cell import Loop, SampleResidual, Unknown
 from basecal.estimation.certificate.rotation_cost import relation
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.noise.estimate import degrees_of_freedom
+from basecal.estimation.noise.some_views import some_views
 from basecal.estimation.observability.observability import observability_of
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
 from basecal.estimation.solve import Solution
@@ -118,11 +119,11 @@ def _relations(solution: Solution) -> list[_Relation]:
 
 def _alone(solution: Solution, group: ViewGroup, base: str, mounts: Sequence[str]) -> State | None:
     """The state that fits one pair best, of a base and mounts, the base's prior left out; None where it is not seen."""
-    whole = solution.problem
+    whole, state = some_views(solution.problem.with_groups([group]), solution.state, len(group))
     widths = {name: whole.columns[name].stop - whole.columns[name].start for name in mounts} | {base: 6}
     ends = np.cumsum([0, *widths.values()])
     columns = {name: slice(int(i), int(j)) for name, i, j in zip(widths, ends[:-1], ends[1:], strict=True)}
-    problem = replace(whole, groups=(group,), columns=columns, unknowns={**whole.unknowns, base: Unknown()}, models={})
-    end = bundle_adjust(problem, solution.state, degrees_of_freedom(problem), _STEPS)
+    problem = replace(whole, columns=columns, unknowns={**whole.unknowns, base: Unknown()}, models={})
+    end = bundle_adjust(problem, state, degrees_of_freedom(problem), _STEPS)
     observability = observability_of(problem, end.state, end.normal.hessian, solution.noise.factor)
     return end.state if end.converged and base not in observability.unobservable else None
