@@ -156,7 +156,7 @@ def solve_at_mode(
     dof = degrees_of_freedom(problem)
     if settings.robot_noise == "estimated":
         with settings.stage("noise"):
-            problem, end, noise = estimate_jointly(problem, start, settings.iterations, near)
+            problem, end, noise = estimate_jointly(problem, start, settings.iterations, near, settings.part)
     else:
         with settings.stage("descent"):
             end = bundle_adjust(problem, start, dof, settings.iterations)

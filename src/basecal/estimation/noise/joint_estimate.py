@@ -8,7 +8,7 @@ Source: docs/mathematics.md (5.2), (5.3).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,6 +22,7 @@ from basecal.estimation.noise.laplace import (
     sigma_posterior,
 )
 from basecal.estimation.noise.mixed_model import mixed_model, open_jitter
+from basecal.estimation.noise.neighbourhoods import goes_by_neighbourhoods, neighbourhoods, together
 from basecal.estimation.noise.reml import open_parts
 from basecal.estimation.noise.robot_noise import stands, stops_made, with_robot_noise, without_errors
 from basecal.estimation.noise.some_views import recorded_alone, some_views
@@ -69,7 +70,11 @@ def open_robots(problem: Problem) -> list[str]:
 
 
 def estimate_jointly(
-    problem: Problem, start: State, iterations: int, near: NoiseEstimate | None = None
+    problem: Problem,
+    start: State,
+    iterations: int,
+    near: NoiseEstimate | None = None,
+    step: Callable[[int, int], None] | None = None,
 ) -> tuple[Problem, Optimum, NoiseEstimate]:
     """The problem with the most likely sigmas for what states none, its optimum, and these sigmas.
 
@@ -78,18 +83,41 @@ def estimate_jointly(
         start: Where to start.
         iterations: Steps of a descent, at most.
         near: What was estimated of nearly the same views, to start from.
+        step: Called with the neighbourhoods of robots that are done, and all, where it goes by these.
     """
     # States far from any optimum meet points at the camera's centre: infinities there are no error of the user's.
     with np.errstate(all="ignore"):
+        if goes_by_neighbourhoods(problem) and not open_jitter(problem) and _is_open(problem):
+            return _by_neighbourhoods(problem, start, iterations, step or (lambda done, total: None))
         return _estimated(problem, start, iterations, near)
+
+
+def _is_open(problem: Problem) -> bool:
+    """Whether some sigma is stated by nobody."""
+    robots_or_times = open_robots(problem) or open_jitter(problem)
+    return bool(robots_or_times) or any(n for name, n in residual_counts(problem).items() if name != STATED)
+
+
+def _by_neighbourhoods(
+    problem: Problem, start: State, iterations: int, step: Callable[[int, int], None]
+) -> tuple[Problem, Optimum, NoiseEstimate]:
+    """As `estimate_jointly`, the sigmas of each robot and its camera by the views that these take part in."""
+    parts = {part.robot: part for part in neighbourhoods(problem, start)}
+    found = {}
+    for done, (robot, part) in enumerate(parts.items()):
+        step(done, len(parts))
+        found[robot] = _estimated(part.problem, part.state, iterations, None)[2]
+    noise = together(found, parts)
+    used = replace(noise.held_by(problem), held=problem.held)
+    end = bundle_adjust(used, without_errors(used, start), degrees_of_freedom(used), iterations)
+    return used, end, noise
 
 
 def _estimated(
     problem: Problem, start: State, iterations: int, near: NoiseEstimate | None
 ) -> tuple[Problem, Optimum, NoiseEstimate]:
     robots, dof = open_robots(problem), degrees_of_freedom(problem)
-    counts = residual_counts(problem)
-    if not robots and not open_jitter(problem) and not any(n for name, n in counts.items() if name != STATED):
+    if not _is_open(problem):
         return estimate_noise(problem, bundle_adjust(problem, start, dof, iterations), iterations)
     if near is None or near.logs is None:
         used, logs = with_robot_noise(problem, dict.fromkeys(robots, np.repeat(_NOMINAL, 3))), None
@@ -154,10 +182,7 @@ def integrate_sigmas(problem: Problem, state: State, noise: NoiseEstimate) -> No
         covariance = integrated_covariance(list(models.values()), np.zeros(problem.width))
     best = models[likeliest]
     common = {likeliest: _sigmas(best, problem).common} if likeliest else {}
-    # The mean of the square of what is log-normal: the likeliest sigmas are too small for what is still to come.
-    raised = replace(models[""], logs=models[""].logs + np.diag(models[""].covariance))
-    squares = {name: sigma**2 for name, sigma in _sigmas(raised, problem).robots.items()}
-    return replace(noise, common=common, covariance=covariance, surprise=best.surprise, robot_variances=squares)
+    return replace(noise, common=common, covariance=covariance, surprise=best.surprise)
 
 
 def _readjusted(
@@ -250,6 +275,8 @@ def _shapes(of: SigmaPosterior, problem: Problem) -> dict[str, tuple[Array, Arra
 def _estimate(of: SigmaPosterior, problem: Problem, settled: bool) -> NoiseEstimate:
     """The most likely sigmas, and the shapes that the problem has."""
     sigmas = _sigmas(of, problem)
+    # The mean of the square of what is log-normal: the likeliest sigmas are too small for what is still to come.
+    raised = _sigmas(replace(of, logs=of.logs + np.diag(of.covariance)), problem).robots
     shapes = {name: (problem.shapes.get(name, mean), spread) for name, (mean, spread) in sigmas.shapes.items()}
     estimated = tuple(f for f in Noise._fields if any(name == f for _, name in open_parts(of.model)))
     noise = next(iter(sigmas.cameras.values()), Noise())
@@ -265,4 +292,5 @@ def _estimate(of: SigmaPosterior, problem: Problem, settled: bool) -> NoiseEstim
         shapes=shapes,
         logs=of.logs,
         jitter_s=sigmas.jitter_s,
+        robot_variances={name: sigma**2 for name, sigma in raised.items()},
     )

@@ -1,0 +1,112 @@
+"""A cell of many robots as the neighbourhoods of each: it, and all that sees it or that it sees.
+
+What its own views say of a robot's noise, and of its camera's, is nearly all that there is to know of these. All
+together they take matrices that grow with the square of the robots.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from basecal.estimation.least_squares.sparse_normal_equations import MANY_COLUMNS
+from basecal.estimation.noise.estimate import NoiseEstimate
+from basecal.estimation.noise.some_views import some_views
+from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.view.measurement import Noise
+from basecal.geometry import Array
+
+_MOST_VIEWS = 200  # of each camera and target: a robot is in several, whose freedoms tell a sigma to a few in a hundred
+
+
+@dataclass(frozen=True, eq=False)
+class Neighbourhood:
+    """A robot and what it shares views with.
+
+    Attributes:
+        robot: Its name.
+        problem: Its views alone, its base held.
+        state: The state of them.
+        cameras: Those whose noise is told here.
+        targets: Those whose shape is.
+    """
+
+    robot: str
+    problem: Problem
+    state: State
+    cameras: frozenset[str]
+    targets: frozenset[str]
+
+
+def goes_by_neighbourhoods(problem: Problem) -> bool:
+    """Whether a problem has so many unknowns that sigmas are estimated by neighbourhoods."""
+    return problem.width >= MANY_COLUMNS and not problem.models and len(_robots(problem)) > 1
+
+
+def neighbourhoods(problem: Problem, state: State) -> Iterator[Neighbourhood]:
+    """That of each robot; each camera and target is told of in that of whoever carries it, or first shares a view."""
+    carrier = {group.camera: group.eye or group.hand for group in reversed(problem.groups)}
+    holder = {group.target: group.hand or group.eye for group in reversed(problem.groups)}
+    for robot in _robots(problem):
+        few, own = some_views(
+            problem.with_groups(g for g in problem.groups if robot in (g.eye, g.hand)), state, _MOST_VIEWS
+        )
+        yield Neighbourhood(
+            robot,
+            replace(few, columns=_columns(few, _base(few, robot))),
+            own,
+            frozenset(name for name, on in carrier.items() if on == robot),
+            frozenset(name for name, on in holder.items() if on == robot),
+        )
+
+
+def together(found: Mapping[str, NoiseEstimate], parts: Mapping[str, Neighbourhood]) -> NoiseEstimate:
+    """The sigmas of all, of each from where it is told.
+
+    A robot's is the root of the mean over all that it may be of its square: where few views tell it, the likeliest one
+    would make the answer look too sure.
+    """
+    variances = {robot: of.robot_variances[robot] for robot, of in found.items() if robot in of.robot_variances}
+    cameras: dict[str, Noise] = {}
+    shapes: dict[str, tuple[Array, Array]] = {}
+    for robot, of in parts.items():
+        cameras |= {name: noise for name, noise in found[robot].cameras.items() if name in of.cameras}
+        shapes |= {name: shape for name, shape in found[robot].shapes.items() if name in of.targets}
+    return NoiseEstimate(
+        next(iter(cameras.values()), Noise()),
+        1.0,
+        tuple(f for f in Noise._fields if any(f in of.estimated for of in found.values())),
+        all(of.settled for of in found.values()),
+        {robot: np.sqrt(of) for robot, of in variances.items()},
+        cameras,
+        surprise=sum(of.surprise for of in found.values()),
+        plain_surprise=sum(of.plain_surprise for of in found.values()),
+        shapes=shapes,
+        robot_variances=variances,
+    )
+
+
+def _robots(problem: Problem) -> list[str]:
+    return sorted({robot for g in problem.groups for robot in (g.eye, g.hand) if robot is not None})
+
+
+def _base(problem: Problem, robot: str) -> str | None:
+    """Name of a robot's base; None of the reference's."""
+    return next((g.eye_base if g.eye == robot else g.hand_base for g in problem.groups), None)
+
+
+def _columns(problem: Problem, held: str | None) -> dict[str, slice]:
+    """The columns of what the problem's views depend on, without those of one base."""
+    named = {name for group in problem.groups for name in _unknowns(group)} - {held}
+    columns, at = {}, 0
+    for name, where in problem.columns.items():
+        if name in named:
+            columns[name] = slice(at, at + where.stop - where.start)
+            at = columns[name].stop
+    return columns
+
+
+def _unknowns(group: ViewGroup) -> tuple[str | None, ...]:
+    return group.camera_mount, group.target_mount, group.eye_base, group.hand_base, group.camera

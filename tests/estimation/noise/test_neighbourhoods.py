@@ -1,0 +1,82 @@
+"""Noise of many robots, by the views that each takes part in."""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.estimation.noise import neighbourhoods as module
+from basecal.estimation.noise.neighbourhoods import goes_by_neighbourhoods, neighbourhoods
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import State
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import solve_from
+from basecal.simulation import Scenario, simulate
+
+MADE = simulate(Scenario(layout="ring", robots=4, samples=96, robot_noise=(3e-4, 5e-4)), 2)
+UNSTATED = replace(
+    MADE.cell, robots={name: replace(robot, noise=None) for name, robot in MADE.cell.robots.items()}, pixel_px=None
+)
+
+
+class Told:
+    """Stages of which only the parts are kept."""
+
+    def __init__(self, parts):
+        self.parts = parts
+
+    def stage(self, name):
+        """Nothing is timed."""
+        return nullcontext()
+
+    def part(self, done, total):
+        """Kept."""
+        self.parts.append((done, total))
+
+
+@pytest.fixture(scope="module")
+def problem():
+    return build_problem(UNSTATED, MADE.recording)[0]
+
+
+def state_of(problem):
+    return State({n: MADE.truth[n] for n in problem.unknowns}, MADE.cameras, np.zeros((len(problem.stops), 6)))
+
+
+def test_each_robot_has_its_own_views(problem):
+    """Its base is held, what only others see is no column, and each camera is told of once."""
+    parts = list(neighbourhoods(problem, state_of(problem)))
+    assert [part.robot for part in parts] == sorted(MADE.cell.robots)
+    assert sorted(name for part in parts for name in part.cameras) == sorted(MADE.cell.cameras)
+    assert sorted(name for part in parts for name in part.targets) == sorted(MADE.cell.targets)
+    for part in parts:
+        assert all(part.robot in (group.eye, group.hand) for group in part.problem.groups)
+        assert f"r1_base_from_{part.robot}_base" not in part.problem.columns
+        used = np.concatenate([np.arange(s.start, s.stop) for s in part.problem.columns.values()])
+        assert sorted(used) == list(range(part.problem.width))
+
+
+def test_few_unknowns_are_estimated_together(problem):
+    """A ring of four has too few to go by neighbourhoods."""
+    assert not goes_by_neighbourhoods(problem)
+
+
+@pytest.mark.slow
+def test_sigmas_are_those_of_all_together(problem, monkeypatch):
+    """Of robots near the true ones (24 stops in two roles), of cameras too; the covariance about that of all."""
+    settings = Settings(robot_noise="estimated")
+    whole = solve_from(problem, state_of(problem), settings)
+    monkeypatch.setattr(module, "MANY_COLUMNS", 1)
+    parts = []
+    found = solve_from(problem, state_of(problem), replace(settings, stages=Told(parts)))
+    assert parts == [(k, 4) for k in range(4)]
+    assert found.converged
+    for sigma in found.noise.robots.values():
+        np.testing.assert_allclose(sigma, np.repeat([3e-4, 5e-4], 3), rtol=0.45)
+    for noise in found.noise.cameras.values():
+        assert noise.pixel_px == pytest.approx(0.2, rel=0.1)
+    ratio = np.sqrt(np.diag(found.covariance) / np.diag(whole.covariance))
+    assert 0.8 < ratio.min() < ratio.max() < 1.25
