@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import pytest
 
@@ -40,7 +41,26 @@ def test_text_and_figures(asked, tmp_path, capsys):
     assert main(["study", "paper", "--draws", "3", "--figures", str(folder)]) == 0
     assert "table 1" in capsys.readouterr().out
     assert {path.name for path in folder.iterdir()} == {"shift_length_rotation.svg", "shift_length_translation.svg"}
-    assert asked == [(0, 3)]
+    assert asked == [(None, 3)]
+
+
+def test_the_file_is_tried_as_any_other(asked, tmp_path, capsys, monkeypatch):
+    """Its table and summary stand in the folder, and the object says where, in a key of its own."""
+    few = replace(paper.paper_study(), trials=8, text=paper.paper_study().text.replace("10000", "8"))
+    monkeypatch.setattr(paper, "paper_study", lambda: few)
+    assert main(["study", "paper", "--json", "-o", str(tmp_path / "out"), "--workers", "1"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert len(told["study"]["points"]) == 2
+    assert (tmp_path / "out" / "summary.json").exists()
+    assert told["paper"]["noiseless"].keys() == told["noiseless"].keys()
+    assert asked == [(None, None)]
+
+
+def test_what_does_not_go_together(asked, tmp_path):
+    """Another seed or number is not the file; workers try the file alone."""
+    assert main(["study", "paper", "-o", str(tmp_path / "out"), "--draws", "5"]) == 2
+    assert main(["study", "paper", "--workers", "2"]) == 2
+    assert asked == []
 
 
 def test_one_draw_has_no_spread(asked):

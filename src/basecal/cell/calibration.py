@@ -8,6 +8,7 @@ from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal
 
+from basecal.cell.bases import base_between
 from basecal.cell.cell import Cell
 from basecal.errors import FrameNotFound
 from basecal.geometry import SE3, Array, BoolArray, Camera, PoseEstimate
@@ -286,6 +287,17 @@ class Calibration:
     def parameters_of(self, robot: str) -> dict[str, RobotParameters]:
         """What was found of a robot's own kinematics, by kind."""
         return {kind: found[robot] for kind, found in self.robot_parameters.items() if robot in found}
+
+    def between(self, robot: str, other: str) -> PoseEstimate:
+        """`<robot>_base_from_<other>_base` of any two robots, by what both have in common too.
+
+        The covariance (6, 6) [m, rad] is in the right tangent, in the axes of the other's base; bases that the same
+        views place stand to each other better than each does to the reference's.
+
+        Raises:
+            FrameNotFound: if there is no such robot, or its base was not found.
+        """
+        return base_between(self.transforms, self.order, self.joint_covariance, robot, other)
 
     def _repr_html_(self) -> str:
         """What a notebook shows."""

@@ -45,7 +45,7 @@ def study(
         basecal study which_board.yaml --workers 8 -o results --json
         basecal study which_board.yaml --scheduler tcp://10.0.0.1:8786
         basecal study --cells all_cells -o calibrated
-        basecal study paper
+        basecal study paper -o paper
 
     Args:
         file: The study.
@@ -67,18 +67,26 @@ def study(
     if json:
         print_json({name: value for name, value in summary.items() if name != "words"})
     else:
-        say(f"{summary['words']}\ntable: {summary['table']}\npage: {summary['page']}")
+        say(in_words(summary))
     return 0
 
 
+def in_words(summary: dict[str, Any]) -> str:
+    """A summary for people, and where its files are."""
+    return f"{summary['words']}\ntable: {summary['table']}\npage: {summary['page']}"
+
+
 def _study(file: Path, output: Path | None, where: Where) -> dict[str, Any]:
-    """The summary of a study, which is tried and written."""
-    from basecal.reporting.sweep.text import sweep_text
-    from basecal.studies.run import run_study
     from basecal.studies.study_file import read_study
 
-    asked = read_study(file)
-    folder = Path(file.stem) if output is None else output
+    return tried(read_study(file), Path(file.stem) if output is None else output, where)
+
+
+def tried(asked: Study, folder: Path, where: Where) -> dict[str, Any]:
+    """The summary of a study, which is tried and written; with its words."""
+    from basecal.reporting.sweep.text import sweep_text
+    from basecal.studies.run import run_study
+
     with counting("trying") as step:
         run_study(asked, folder, where, step)
     with progress("writing"):

@@ -10,14 +10,21 @@ import numpy as np
 
 from basecal.cell.cell import WORLD
 from basecal.geometry import SE3, Camera
+from basecal.geometry.rotation import nearest_rotation
 from basecal.simulation import Scenario, SimulatedCell, simulate
 from basecal.simulation.draw import lens, rotations
 from basecal.simulation.layout import layout_of
 from basecal.simulation.scenario import LayoutName
 from basecal.simulation.shifts import simulate_shifts
+from basecal.studies.paper_cell import paper_cell, paper_numbers
 
 SHIFTS = "shifts"
 """The layout of the paper's method: a light that one robot shifts along its axes before a still camera."""
+
+PAPER = "paper"
+"""The paper's own cell of that layout."""
+
+OF_SHIFTS = (SHIFTS, PAPER)
 
 _NEARER, _FARTHER = 0.8, 1.2  # of the distance at home poses: cells differ, and its mean is what is asked for
 _OFF_AXIS = 0.1  # of the distance: where the light is seen before its shifts, at most
@@ -28,7 +35,7 @@ Settings = Mapping[str, Any]
 
 def statuses(settings: Settings) -> dict[str, str]:
     """What the cells of these settings state of each transform, by name."""
-    if settings["layout"] == SHIFTS:
+    if settings["layout"] in OF_SHIFTS:
         fixed = dict.fromkeys(("eye_flange_from_camera", "hand_flange_from_light"), "fixed")
         return {"eye_base_from_hand_base": "free", **fixed}
     plan = layout_of(cast(LayoutName, settings["layout"]), settings["robots"])
@@ -49,7 +56,9 @@ def simulated(settings: Settings, seed: int) -> SimulatedCell:
     Raises:
         InputError: if the settings do not go together, or hardly any pose sees the target.
     """
-    return _shifted(settings, seed) if settings["layout"] == SHIFTS else simulate(_scenario(settings), seed)
+    if settings["layout"] not in OF_SHIFTS:
+        return simulate(_scenario(settings), seed)
+    return _noisy(settings, _of_paper(settings) if settings["layout"] == PAPER else _shifted(settings, seed))
 
 
 def _scenario(settings: Settings) -> Scenario:
@@ -78,7 +87,26 @@ def _shifted(settings: Settings, seed: int) -> SimulatedCell:
     eye_base_from_camera = SE3(turned[1], rng.uniform(-0.5, 0.5, 3))
     eye_base_from_hand_base = SE3(turned[2], _BASES_M * turned[3][0])
     hand_base_from_light = eye_base_from_hand_base.inverse() @ eye_base_from_camera @ camera_from_light
-    made = simulate_shifts(
+    return _station(settings, eye_base_from_hand_base, eye_base_from_camera, hand_base_from_light, camera)
+
+
+def _of_paper(settings: Settings) -> SimulatedCell:
+    """The paper's station; the printed base's rotation, which is rounded, made one."""
+    bed = paper_cell(paper_numbers())
+    base = bed.eye_base_from_hand_base
+    eye_base_from_hand_base = SE3(nearest_rotation(base.rotation), base.translation)
+    camera = Camera("pinhole", np.array([*bed.focal_px, 0.0, 0.0]))
+    return _station(settings, eye_base_from_hand_base, bed.eye_base_from_camera, bed.hand_base_from_light, camera)
+
+
+def _station(
+    settings: Settings,
+    eye_base_from_hand_base: SE3,
+    eye_base_from_camera: SE3,
+    hand_base_from_light: SE3,
+    camera: Camera,
+) -> SimulatedCell:
+    return simulate_shifts(
         eye_base_from_hand_base,
         SE3.stack([eye_base_from_camera]),
         SE3.stack([hand_base_from_light]),
@@ -86,6 +114,10 @@ def _shifted(settings: Settings, seed: int) -> SimulatedCell:
         settings["shift_m"],
         pixel_px=settings["pixel_px"] if settings["state_pixel_noise"] else 0.0,
     )
+
+
+def _noisy(settings: Settings, made: SimulatedCell) -> SimulatedCell:
+    """The cell with its robots' noise stated, where it is."""
     sigmas = (settings["robot_sigma_t_m"], settings["robot_sigma_r_rad"])
     if not (settings["state_robot_noise"] and any(sigmas)):
         return made

@@ -121,6 +121,9 @@ def _redrawn(
     pixels = exact + settings["pixel_px"] * rng.standard_normal(shape)
     if settings["correlated_px"]:
         pixels += settings["correlated_px"] * rng.standard_normal((*shape[:-2], 1, 2))
+    if settings["image_noise"]:
+        about_centre = exact - cell.made.cameras[group.camera].center
+        pixels += settings["image_noise"] * about_centre * rng.standard_normal(shape)
     if settings["outlier_share"]:
         off = rng.random(shape[:-1]) < settings["outlier_share"]
         pixels += off[..., None] * rng.uniform(-settings["outlier_px"], settings["outlier_px"], shape)

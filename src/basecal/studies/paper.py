@@ -2,22 +2,19 @@
 
 Source: "Base Calibration for Dual Robot System", section 4. The noise is read as multiplicative and Gaussian on each
 image coordinate of the light about the principal point: of the readings tried, the only one that explains Table 1.
+How often it is drawn, how large and from which seed stands in `paper.yaml`, a study as others are.
 """
 
 from __future__ import annotations
 
-import json
-from dataclasses import dataclass
+from functools import cache
 from importlib.resources import files
 from typing import Any
 
 import numpy as np
 
 from basecal.estimation.axis_shift.closed_form import (
-    ShiftEstimate,
     base_of_station,
-    estimate,
-    image_gradient,
     orthonormalised,
 )
 from basecal.estimation.view.pixels import PixelMeasurement
@@ -25,95 +22,51 @@ from basecal.estimation.view.view_pose import refined
 from basecal.geometry import SE3, Array, Camera
 from basecal.geometry.rotation import nearest_rotation, rotation_log
 from basecal.simulation.shifts import shift_directions
+from basecal.studies.paper_cell import Testbed, paper_cell, paper_numbers, printed_pose
+from basecal.studies.study import Study
+from basecal.studies.study_file import study_from_text
 
-DRAWS = 10_000
 LENGTHS = (0.01, 0.02, 0.03, 0.06, 0.1, 0.2, 0.3, 0.6)
 LENGTH_DRAWS = 5_000
 SIGMA_PX = 0.1
-_LEVELS = {"1%": 0.01, "5%": 0.05}
 
 
-@dataclass(frozen=True, eq=False)
-class Testbed:
-    """The paper's simulated cell.
-
-    Attributes:
-        eye_base_from_camera: Where the camera stands.
-        hand_base_from_light: Where the light is before its shifts.
-        eye_base_from_hand_base: The printed base, whose rotation is a rounded one.
-        focal_px: (2,) fu and fv.
-        shift_m: Length of the shifts.
-    """
-
-    eye_base_from_camera: SE3
-    hand_base_from_light: SE3
-    eye_base_from_hand_base: SE3
-    focal_px: Array
-    shift_m: float
-
-    @property
-    def camera_from_light(self) -> SE3:
-        """The printed truth, rounded rotation and all."""
-        eye_base_from_light = self.eye_base_from_hand_base @ self.hand_base_from_light
-        return self.eye_base_from_camera.inverse() @ eye_base_from_light
-
-    def image(self, camera_from_light: SE3, shift_m: float) -> Array:
-        """Image coordinates about the principal point of the light, before and after its shifts, (4, 2) [px]."""
-        at = camera_from_light @ (shift_m * shift_directions(two_sided=False))
-        image: Array = self.focal_px * at[:, :2] / at[:, 2:]
-        return image
-
-    def closed_form(self, image: Array, shift_m: float) -> ShiftEstimate:
-        """The paper's estimate from image coordinates, (..., 4, 2)."""
-        gradient = image_gradient(image[..., 1:, :] - image[..., :1, :], shift_m * np.eye(3))
-        return estimate(image[..., 0, :], gradient, self.focal_px)
+@cache
+def paper_study() -> Study:
+    """The study of the paper's noise, which any other way to run studies takes too."""
+    return study_from_text(files("basecal.studies").joinpath("paper.yaml").read_text("utf-8"), "paper.yaml")
 
 
-def paper_numbers() -> dict[str, Any]:
-    """The figures that the paper prints, and its slips."""
-    numbers: dict[str, Any] = json.loads(files("basecal.studies").joinpath("paper_numbers.json").read_text("utf-8"))
-    return numbers
-
-
-def testbed(numbers: dict[str, Any]) -> Testbed:
-    """The paper's cell."""
-    t = numbers["testbed"]
-    focal = np.array([t["focal_px"]["fu"], t["focal_px"]["fv"]])
-    printed = _pose(t["eye_base_from_hand_base_true"])
-    return Testbed(_pose(t["eye_base_from_camera"]), _pose(t["hand_base_from_led"]), printed, focal, t["shift"])
-
-
-def study_paper(seed: int = 0, draws: int = DRAWS, length_draws: int = LENGTH_DRAWS) -> dict[str, Any]:
+def study_paper(seed: int | None = None, draws: int | None = None, length_draws: int = LENGTH_DRAWS) -> dict[str, Any]:
     """Everything the paper simulates, ours in the keys of its figures, with the paper's under `paper`.
 
     Args:
-        seed: Of the noise.
-        draws: Of the 1 % and 5 % noise.
+        seed: Of the noise; as in the study where None.
+        draws: Of its noise; likewise.
         length_draws: At each length of the shifts.
     """
+    study = paper_study()
+    seed, draws = study.seed if seed is None else seed, study.trials if draws is None else draws
+    levels = {f"{share:.0%}": share for share in study.axes["image_noise"]}
     numbers = paper_numbers()
-    bed = testbed(numbers)
+    bed = paper_cell(numbers)
     found = bed.closed_form(bed.image(bed.camera_from_light, bed.shift_m), bed.shift_m)
     raw = SE3(found.raw_rotation, found.camera_from_light.translation.copy())
     base = base_of_station(bed.eye_base_from_camera, raw, bed.hand_base_from_light)
-    printed = {k: _pose(numbers["table1_camera_from_led"][k]) for k in _LEVELS}
+    printed = {k: printed_pose(numbers["table1_camera_from_led"][k]) for k in levels}
     # The paper's Table 1 orthonormalised by its own iteration.
     table_2 = {k: SE3(orthonormalised(pose.rotation), pose.translation) for k, pose in printed.items()}
-    table_3 = {k: base_of_station(bed.eye_base_from_camera, table_2[k], bed.hand_base_from_light) for k in _LEVELS}
+    table_3 = {k: base_of_station(bed.eye_base_from_camera, table_2[k], bed.hand_base_from_light) for k in levels}
     return {
         "noiseless": {"camera_from_led": _entry(raw), "eye_base_from_hand_base": _entry(base)},
-        "table1_camera_from_led": {k: _table_1(bed, s, seed, draws, numbers, k) for k, s in _LEVELS.items()},
-        "table2_orthonormalised": {k: table_2[k].rotation.tolist() for k in _LEVELS},
-        "table3_eye_base_from_hand_base": {k: _entry(table_3[k]) for k in _LEVELS},
-        "orders_of_orthonormalising": {k: _orders(bed, numbers, k) for k in _LEVELS},
+        "table1_camera_from_led": {k: _table_1(bed, s, seed, draws, numbers, k) for k, s in levels.items()},
+        "table2_orthonormalised": {k: table_2[k].rotation.tolist() for k in levels},
+        "table3_eye_base_from_hand_base": {k: _entry(table_3[k]) for k in levels},
+        "orders_of_orthonormalising": {k: _orders(bed, numbers, k) for k in levels},
         "shift_length": [_at_length(bed, length, seed, length_draws) for length in LENGTHS],
         "settings": {"seed": seed, "draws": draws, "length_draws": length_draws, "sigma_px": SIGMA_PX},
         "paper": numbers,
     }
-
-
-def _pose(entry: dict[str, Any]) -> SE3:
-    return SE3(np.array(entry["R"], dtype=np.float64), np.array(entry["t"], dtype=np.float64))
 
 
 def _entry(transform: SE3) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from basecal.cell.targets.all_kinds import AnyTargetEntry
 from basecal.geometry.lens import lens_models
 from basecal.registry import SOLVERS, TargetKindName
 from basecal.simulation.scenario import Arms, LayoutName
-from basecal.studies.cells import SHIFTS, statuses
+from basecal.studies.cells import OF_SHIFTS, statuses
 from basecal.studies.solvers.solver import solver
 from basecal.studies.study import Point, Study
 
@@ -40,7 +40,7 @@ _Factor = Annotated[float, Field(ge=0.5, le=2)]
 _Turn = Annotated[float, Field(ge=0, le=3.15)]
 _Solver = Annotated[str, known_names("solver", tuple(SOLVERS))]
 _Lens = Annotated[str, known_names("lens", lens_models())]
-_Layout = Annotated[str, known_names("layout", (*get_args(LayoutName), SHIFTS))]
+_Layout = Annotated[str, known_names("layout", (*get_args(LayoutName), *OF_SHIFTS))]
 
 
 def _standing_anywhere(value: Any) -> Any:
@@ -74,6 +74,7 @@ class SettingsEntry(Entry):
     intrinsics: Status = "fixed"
     pixel_px: _Size = 0.2
     correlated_px: _Size = 0.0
+    image_noise: _Share = 0.0
     robot_sigma_t_m: _Size = 0.0
     robot_sigma_r_rad: _Size = 0.0
     state_pixel_noise: bool = True

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.estimation.axis_shift.closed_form import base_of_station, estimate, image_gradient
-from basecal.studies.cells import SHIFTS, Settings
+from basecal.studies.cells import OF_SHIFTS, Settings
 from basecal.studies.draws import Draws
 from basecal.studies.solvers.solver import Answers
 
@@ -14,8 +14,8 @@ BLOCKS = 64
 
 def unfit(settings: Settings) -> str | None:
     """Why it cannot solve what these settings make; None where it can."""
-    if settings["layout"] != SHIFTS:
-        return f"closed_form needs layout {SHIFTS}: a light shifted before a still camera"
+    if settings["layout"] not in OF_SHIFTS:
+        return f"closed_form needs layout {' or '.join(OF_SHIFTS)}: a light shifted before a still camera"
     return None
 
 

@@ -1,0 +1,89 @@
+"""How any base stands to any other."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.cell import Calibration
+from basecal.errors import FrameNotFound
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import solve
+from basecal.geometry import SE3, PoseEstimate
+from basecal.simulation import Scenario, simulate
+
+RNG = np.random.default_rng(0)
+ORDER = ("r_base_from_a_base", "r_flange_from_camera", "r_base_from_b_base")
+ROOT = 1e-3 * RNG.standard_normal((18, 18))
+MEANS = [SE3.exp(RNG.standard_normal(6)) for _ in ORDER]
+JOINT = ROOT @ ROOT.T
+MADE = Calibration(
+    "good",
+    {
+        name: PoseEstimate(m, JOINT[6 * k : 6 * k + 6, 6 * k : 6 * k + 6])
+        for k, (name, m) in enumerate(zip(ORDER, MEANS, strict=True))
+    },
+    order=ORDER,
+    joint_covariance=JOINT,
+)
+
+
+def test_bases_have_what_they_have_in_common():
+    """The covariance is that of a 20,000 draws of both bases together, within a thirtieth of its size."""
+    found = MADE.between("a", "b")
+    drawn = RNG.standard_normal((20_000, 18)) @ ROOT.T
+    a, b = MEANS[0] @ SE3.exp(drawn[:, :6]), MEANS[2] @ SE3.exp(drawn[:, 12:])
+    off = (found.mean.inverse() @ a.inverse() @ b).log()
+    expected = np.cov(off.T)
+    size = np.sqrt(np.diag(expected))
+    np.testing.assert_allclose(found.covariance / size / size[:, None], expected / size / size[:, None], atol=0.033)
+
+
+def test_the_reference_is_a_base_too():
+    """From it a base is as it was estimated, to it the inverse; a base is where it is."""
+    estimate = MADE["r_base_from_a_base"]
+    np.testing.assert_allclose(MADE.between("r", "a").covariance, estimate.covariance, atol=1e-15)
+    np.testing.assert_allclose(MADE.between("a", "r").covariance, estimate.inverse().covariance, atol=1e-15)
+    np.testing.assert_allclose(MADE.between("a", "r").mean.matrix, estimate.inverse().mean.matrix, atol=1e-12)
+    same = MADE.between("a", "a")
+    np.testing.assert_allclose(same.mean.matrix, np.eye(4), atol=1e-12)
+    assert not same.covariance.any()
+
+
+def test_what_is_fixed_is_known():
+    """A base that is stated has no row in the joint covariance, and adds none."""
+    fixed = Calibration("good", {ORDER[0]: PoseEstimate.exact(MEANS[0]), ORDER[2]: MADE[ORDER[2]]}, order=ORDER[2:])
+    alone = Calibration("good", fixed.transforms, order=ORDER[2:], joint_covariance=JOINT[12:, 12:])
+    np.testing.assert_allclose(alone.between("a", "b").covariance, JOINT[12:, 12:], atol=1e-15)
+    assert not fixed.between("a", "b").covariance.any()
+
+
+def test_a_robot_that_is_not_there_is_named():
+    """With those that are; a camera is none."""
+    with pytest.raises(FrameNotFound, match=r"no 'camera'.*a, b, r"):
+        MADE.between("a", "camera")
+
+
+@pytest.mark.slow
+def test_bases_are_as_far_off_as_is_said():
+    """Two robots of a ring of five, neither the reference: the mean NEES of 60 cells is 6 within four sigmas.
+
+    As if their bases were independent it would be far less: what places both is in both.
+    """
+    scenario = Scenario(layout="ring", robots=5, samples=80, robot_noise=(1e-4, 2e-4))
+    together, apart = [], []
+    for seed in range(60):
+        made = simulate(scenario, seed)
+        solution = solve(made.cell, made.recording, Settings(robot_noise="stated"))
+        order = tuple(name for name in solution.transforms if name in solution.problem.columns)
+        covariance = solution.covariance_of(list(order))
+        found = Calibration("good", solution.transforms, order=order, joint_covariance=covariance)
+        bases = [f"r1_base_from_{name}_base" for name in ("r3", "r4")]
+        truth = made.truth[bases[0]].inverse() @ made.truth[bases[1]]
+        estimate = found.between("r3", "r4")
+        off = (estimate.mean.inverse() @ truth).log()
+        together.append(off @ np.linalg.solve(estimate.covariance, off))
+        alone = found[bases[0]].inverse() @ found[bases[1]]
+        apart.append(off @ np.linalg.solve(alone.covariance, off))
+    assert abs(np.mean(together) - 6) < 4 * np.sqrt(12 / 60)
+    assert np.mean(apart) < 6 - 4 * np.sqrt(12 / 60)
