@@ -6,7 +6,6 @@ stamps are off by up to 50 ms. Noise of robots is stated in every second recordi
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time
 from collections.abc import Mapping
@@ -23,7 +22,7 @@ from basecal.simulation.motion import Motion, draw_motions
 from basecal.simulation.observe import observe
 from basecal.simulation.scene import draw_scene
 from basecal.simulation.stated_cell import stated_cell, truth
-from benchmarks.common import table, write
+from benchmarks.common import cell_by_cell, table
 from benchmarks.wrong_answers import NOISE, Drawn, _along, _scenario
 
 BASE = "eye_base_from_hand_base"
@@ -112,18 +111,21 @@ def row(name: str, of: dict[str, Any]) -> tuple[object, ...]:
     return (of["recordings"], name, *shares, f"{of['nees']:.3f}", f"{100 * of['good']:.1f} %")
 
 
+def result(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """Shares over recordings as `one` has found them, of all, and by whether noise of robots was stated."""
+    found = [Found(**each) for each in rows]
+    parts = {"all": found, "stated": [f for f in found if f.stated], "estimated": [f for f in found if not f.stated]}
+    return {"rows": {name: summary(part) for name, part in parts.items() if part}, "offset_s": MOST_OFF_S}
+
+
+def shown(rows: list[dict[str, Any]]) -> str:
+    """The table of them."""
+    return table(HEAD, [row(name, of) for name, of in result(rows)["rows"].items()])
+
+
 def main(arguments: list[str]) -> None:
     """Draw and print; of all recordings results/clocks.json too."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.clocks", description=__doc__)
-    parser.add_argument("--recordings", type=int, default=ALL)
-    parser.add_argument("--first", type=int, default=0, help="seed of the first")
-    asked = parser.parse_args(arguments)
-    found = [one(seed) for seed in range(asked.first, asked.first + asked.recordings)]
-    parts = {"all": found, "stated": [f for f in found if f.stated], "estimated": [f for f in found if not f.stated]}
-    rows = {name: summary(part) for name, part in parts.items() if part}
-    print(table(HEAD, [row(name, of) for name, of in rows.items()]))
-    if asked.recordings >= ALL:
-        write("clocks", {"rows": rows, "offset_s": MOST_OFF_S, "first_seed": asked.first})
+    cell_by_cell("clocks", arguments, ALL, lambda seed: [one(seed)._asdict()], shown, result)
 
 
 if __name__ == "__main__":

@@ -92,6 +92,7 @@ def cell_by_cell(
     cells: int,
     measured: Callable[[int], Iterable[dict[str, Any]]],
     shown: Callable[[list[dict[str, Any]]], str],
+    result: Callable[[list[dict[str, Any]]], Mapping[str, Any]] = lambda found: {"rows": found},
 ) -> None:
     """Measure cells by their seeds and print; of all `cells` the results are written, too.
 
@@ -113,7 +114,7 @@ def cell_by_cell(
     found = [each for seed in sorted(known) for each in known[seed]]
     print(shown(found))
     if asked.keep is not None or asked.cells >= cells:
-        write(name, {"rows": found})
+        write(name, result(found))
 
 
 def _kept(path: Path | None) -> dict[int, list[dict[str, Any]]]:

@@ -6,7 +6,6 @@ time is stated exactly; as a prior of 20 % about a value that is drawn from it; 
 
 from __future__ import annotations
 
-import argparse
 import sys
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -23,7 +22,7 @@ from basecal.simulation.scenario import Scenario
 from basecal.simulation.scene import Scene, draw_scene
 from basecal.simulation.stated_cell import stated_cell, truth
 from benchmarks.clocks import BASE, MOST_OFF_S, VIEWS, told
-from benchmarks.common import table, write
+from benchmarks.common import cell_by_cell, table
 from benchmarks.wrong_answers import NOISE, _along, _scenario
 
 LINES_S = (1e-5, 3e-5)
@@ -42,8 +41,9 @@ HEAD = (
 
 
 class Found(NamedTuple):
-    """What became of one recording stated in one way."""
+    """What became of one recording stated in one way: NEES and error of the base, and of the line time in sigmas."""
 
+    stated: str
     nees: float
     off_mm: float
     verdict: str
@@ -94,7 +94,7 @@ def stated(cell: Cell, shutter: RollingShutter | None) -> Cell:
     return replace(cell, cameras={n: replace(c, rolling_shutter=shutter) for n, c in cell.cameras.items()})
 
 
-def one(seed: int) -> dict[str, Found]:
+def one(seed: int) -> list[Found]:
     """One recording, with its line time stated in each way."""
     cell, recording, true, line_s = recorded(seed)
     guess_s = line_s * (1 + PRIOR * float(np.random.default_rng(13000 + seed).standard_normal()))
@@ -103,7 +103,7 @@ def one(seed: int) -> dict[str, Found]:
         "prior of 20 %": RollingShutter("prior", guess_s, PRIOR * line_s),
         "left out": None,
     }
-    out = {}
+    out = []
     for name, shutter in ways.items():
         found = calibrate(stated(cell, shutter), recording)
         nees, off_mm, sigmas = np.nan, np.nan, np.nan
@@ -112,7 +112,7 @@ def one(seed: int) -> dict[str, Found]:
             nees, off_mm = float(xi @ np.linalg.solve(found[BASE].covariance, xi)), 1e3 * float(np.linalg.norm(xi[:3]))
         for line in found.line_times.values():
             sigmas = abs(line.line_time_s - line_s) / line.sigma_s if line.sigma_s else np.nan
-        out[name] = Found(nees, off_mm, found.verdict, sigmas)
+        out.append(Found(name, nees, off_mm, found.verdict, sigmas))
     return out
 
 
@@ -140,17 +140,22 @@ def row(name: str, of: dict[str, Any]) -> tuple[object, ...]:
     return (name, of["recordings"], f"{of['nees']:.3f}", f"{of['off_mm']:.2f}", *shares)
 
 
+def result(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """Shares over recordings as `one` has found them, by how the line time was stated."""
+    found = [Found(**each) for each in rows]
+    ways = list(dict.fromkeys(f.stated for f in found))
+    of_ways = {name: summary([f for f in found if f.stated == name]) for name in ways}
+    return {"rows": of_ways, "lines_s": LINES_S, "prior": PRIOR}
+
+
+def shown(rows: list[dict[str, Any]]) -> str:
+    """The table of them."""
+    return table(HEAD, [row(name, of) for name, of in result(rows)["rows"].items()])
+
+
 def main(arguments: list[str]) -> None:
     """Draw and print; of all recordings results/rolling_shutter.json too."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.rolling_shutter", description=__doc__)
-    parser.add_argument("--recordings", type=int, default=ALL)
-    parser.add_argument("--first", type=int, default=0, help="seed of the first")
-    asked = parser.parse_args(arguments)
-    found = [one(seed) for seed in range(asked.first, asked.first + asked.recordings)]
-    rows = {name: summary([each[name] for each in found]) for name in found[0]}
-    print(table(HEAD, [row(name, of) for name, of in rows.items()]))
-    if asked.recordings >= ALL:
-        write("rolling_shutter", {"rows": rows, "lines_s": LINES_S, "prior": PRIOR, "first_seed": asked.first})
+    cell_by_cell("rolling_shutter", arguments, ALL, lambda seed: [f._asdict() for f in one(seed)], shown, result)
 
 
 if __name__ == "__main__":
