@@ -9,6 +9,7 @@ from basecal.accuracy.findings.evidence import AnswerCheck, InputCheck
 from basecal.accuracy.findings.identity_poses import identity_poses
 from basecal.accuracy.findings.inconsistent_folds import inconsistent_folds
 from basecal.accuracy.findings.joint_parameters import unobserved_joint_parameters
+from basecal.accuracy.findings.late_pictures import late_pictures
 from basecal.accuracy.findings.lens_model import lens_model
 from basecal.accuracy.findings.noise_not_identifiable import noise_not_identifiable
 from basecal.accuracy.findings.not_converged import not_converged
@@ -42,6 +43,7 @@ ANSWER_CHECKS: tuple[AnswerCheck, ...] = (
     prior_dominated,
     not_converged,
     outlier_samples,
+    late_pictures,
     outlier_points,
     reflection,
     board_shape,

@@ -48,8 +48,11 @@ def _larger(of: Situation, k: int) -> Array:
 
 
 def clock_offsets(of: Situation) -> Iterator[Candidates]:
-    """Clocks of each camera against all robots, and of each robot against the others, where arms move along paths."""
-    for name, late in _late(of):
+    """Clocks of each camera against all robots, and of each robot against the others, where arms move along paths.
+
+    Those that are estimated, and move the answer at its end, are none.
+    """
+    for name, late in ((n, late) for n, late in _late(of) if n not in of.recorded.open_clocks):
         yield _one("clock-offset", name, "s" if of.timed else "samples", late)
 
 

@@ -144,6 +144,7 @@ class Problem:
         shapes: How targets are shaped, by name, where that was estimated; see `noise.target_shape`.
         jitter_s: Sigma in use of what stamps of a camera's views are off by themselves, by camera [s].
         open_jitter: Cameras whose jitter is to be estimated.
+        open_clocks: Devices whose offsets in time are estimated about the solution.
     """
 
     reference: str
@@ -161,6 +162,7 @@ class Problem:
     shapes: Mapping[str, Array] = field(default_factory=dict)
     jitter_s: Mapping[str, float] = field(default_factory=dict)
     open_jitter: frozenset[str] = frozenset()
+    open_clocks: frozenset[str] = frozenset()
 
     @property
     def width(self) -> int:

@@ -21,12 +21,15 @@ def with_jitter(
         problem: Of samples by one time.
         known: What it is seen with, as far as known: errors of it count as little as a target moves in the jitter.
         robots: Where each robot was, and how fast, by name and sample.
-        clocks: What is known of each camera's clock.
+        clocks: What is known of each device's clock.
     """
     stated = {camera: clocks[camera].jitter_s for camera in {g.camera for g in problem.groups}}
     sigmas = {camera: sigma for camera, sigma in stated.items() if sigma is not None}
     moving = problem.with_groups(_moving(group, known, robots) for group in problem.groups)
-    return replace(moving, jitter_s=sigmas, open_jitter=frozenset(stated.keys() - sigmas.keys()))
+    open_clocks = frozenset(name for name, clock in clocks.items() if clock.status != "fixed")
+    return replace(
+        moving, jitter_s=sigmas, open_jitter=frozenset(stated.keys() - sigmas.keys()), open_clocks=open_clocks
+    )
 
 
 def _moving(group: ViewGroup, known: Known, robots: Mapping[str, Mapping[int, Moving]]) -> ViewGroup:

@@ -1,0 +1,73 @@
+"""`clock-offset`: pictures of arms that move, left out, that are where they would be a moment later or earlier."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from basecal.accuracy.findings.evidence import Evidence
+from basecal.accuracy.phrases.sample_list import list_samples
+from basecal.cell import Finding
+from basecal.cell.calibration import Severity
+from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
+
+_FEW = 0.03  # share of the samples, as of outliers
+# Share of what a view is off by that time takes away: of views off in any of six directions 1 in 500 has it.
+_BY_TIME = 0.9
+_LONGEST_S = 0.5  # that a velocity tells where a target was
+_SHOWN = 5  # pictures whose delay is told
+
+
+class _Late(NamedTuple):
+    """A picture that was taken so much later than its stamp says [s]; below 0 earlier."""
+
+    sample: int
+    by_s: float
+
+
+def late_pictures(of: Evidence) -> list[Finding]:
+    """Of each camera the pictures that were left out and are explained by their time: a warning above 3 %."""
+    out = {(o.sample, o.camera) for o in of.robust.outliers if not o.ids}
+    found = []
+    for camera in sorted({camera for _, camera in out}):
+        late = sorted(_late_of(of, camera, {sample for sample, name in out if name == camera}))
+        if late:
+            severity: Severity = "warning" if len(late) > _FEW * of.robust.samples else "info"
+            numbers = tuple(str(each.sample) for each in late)
+            found.append(Finding("clock-offset", severity, (camera, *numbers), _said(camera, late)))
+    return found
+
+
+def _late_of(of: Evidence, camera: str, samples: set[int]) -> list[_Late]:
+    late = []
+    for group in of.recorded.groups:
+        rows = np.flatnonzero(np.isin(group.sample, list(samples)))
+        if group.camera != camera or group.motion is None or not len(rows):
+            continue
+        nowhere = np.full(len(rows), -1, dtype=np.int64)
+        views = replace(group.take(rows), eye_stop=nowhere, hand_stop=nowhere)
+        state = of.solution.state
+        predicted = state.camera_from_target(views, of.recorded.stops)
+        view = views.measurement.linearise(predicted, state.cameras.get(camera), False)
+        whole = spectrum(view.information, VIEW_ROUNDING).mahalanobis_squared(view.gradient)
+        assert views.motion is not None
+        by_time = np.einsum("ni,ni->n", view.gradient, views.motion)
+        per_s2 = np.einsum("ni,nij,nj->n", views.motion, view.information, views.motion)
+        by_s = -by_time / np.maximum(per_s2, 1e-300)
+        is_late = (-by_s * by_time > _BY_TIME * whole) & (np.abs(by_s) < _LONGEST_S)
+        late += [_Late(int(views.sample[k]), float(by_s[k])) for k in np.flatnonzero(is_late)]
+    return late
+
+
+def _said(camera: str, late: list[_Late]) -> str:
+    one = len(late) == 1
+    by = ", ".join(f"{1e3 * abs(each.by_s):.0f} ms {'late' if each.by_s > 0 else 'early'}" for each in late[:_SHOWN])
+    more = ", ..." if len(late) > _SHOWN else ""
+    what = "a picture" if one else f"{len(late)} pictures"
+    stamps = "was not taken when its stamp says" if one else "were not taken when their stamps say"
+    return (
+        f"{what} of {camera} {stamps}, at {list_samples([each.sample for each in late])} ({by}{more}): left out; look "
+        "for a trigger that was missed or a driver that stamps on arrival"
+    )

@@ -1,0 +1,59 @@
+"""Pictures that were not taken when their stamps say."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.verdict import calibrate
+from basecal.cell import Finding, PoseObservation, Recording, Sample
+from basecal.geometry import SE3
+from stream_cells import Streamed, streamed
+
+
+def late(sample: Sample, by_s: float) -> Sample:
+    """Its picture was taken so much later than its stamp says."""
+    assert sample.stamp_s is not None
+    return replace(sample, stamp_s=sample.stamp_s - by_s)
+
+
+def bumped(sample: Sample) -> Sample:
+    (seen,) = sample.observations
+    assert isinstance(seen, PoseObservation)
+    moved = seen.camera_from_target @ SE3.exp([0.01, -0.02, 0.02, 0.0, 0.03, 0.02])
+    return replace(sample, observations=(replace(seen, camera_from_target=moved),))
+
+
+def said(made: Streamed, changed: dict[int, Sample]) -> list[Finding]:
+    samples = tuple(changed.get(s.sample, s) for s in made.recording.samples)
+    found = calibrate(made.cell, Recording(samples))
+    assert found.clocks["wrist"].offset_s == pytest.approx(0.03, abs=3.3 * found.clocks["wrist"].sigma_s)
+    return [f for f in found.findings if f.code == "clock-offset"]
+
+
+def test_late_triggers_are_named_with_their_delay():
+    """One of 60 ms and one 80 ms early, among seventy; the clock is that of the others."""
+    made = streamed()
+    views = {s.sample: s for s in made.recording.samples if s.observations}
+    (finding,) = said(made, {21: late(views[21], 0.06), 44: late(views[44], -0.08)})
+    assert (finding.severity, finding.about) == ("info", ("wrist", "21", "44"))
+    assert "2 pictures of wrist were not taken when their stamps say, at samples 21, 44" in finding.message
+    delays = [
+        float(word) for word in finding.message.split("(")[1].split(")")[0].replace("ms", "").split() if word.isdigit()
+    ]
+    np.testing.assert_allclose(delays, [60, 80], atol=6)
+    assert "late," in finding.message
+    assert "early)" in finding.message
+
+
+def test_what_is_off_otherwise_is_not_called_late():
+    made = streamed()
+    views = {s.sample: s for s in made.recording.samples if s.observations}
+    assert said(made, {21: bumped(views[21])}) == []
+
+
+def test_many_are_a_warning():
+    made = streamed()
+    views = {s.sample: s for s in made.recording.samples if s.observations}
+    (finding,) = said(made, {k: late(views[k], 0.09) for k in (11, 27, 48)})
+    assert finding.severity == "warning"
