@@ -11,7 +11,7 @@ from tests.shared.real_recordings import example, nao_cell
 
 from basecal.accuracy.input_check import conventions
 from basecal.accuracy.input_check.hypotheses import resized
-from basecal.accuracy.input_check.rewriting import inverted, with_robots, with_targets
+from basecal.accuracy.input_check.rewriting import exchanged, inverted, with_robots, with_targets
 from basecal.accuracy.verdict import calibrate
 from basecal.errors import DatasetError
 from basecal.estimation.problem.build import build_problem
@@ -66,6 +66,17 @@ def test_a_mix_up_is_named(made, name, code, about):
     calibration = mixed_up(made, name)
     assert (code, about) in named(calibration)
     assert calibration.verdict == "refused"
+
+
+@pytest.mark.parametrize("look", ["quick", pytest.param("none", marks=pytest.mark.slow)])
+def test_exchanged_joints_are_named(look, monkeypatch):
+    """Two arms of one model: also where a mount is known by a prior, and no loop closes without it."""
+    if look == "none":
+        monkeypatch.setattr(conventions, "_surviving", lambda *given: [])
+    made = simulate(Scenario(samples=12, joints=True, target_mount="prior"), 3)
+    found = calibrate(made.cell, exchanged(made.recording, "eye", "hand"))
+    assert named(found) == {("robots-swapped", ("eye", "hand"))}
+    assert "the joints of eye and hand are exchanged" in found.findings[0].message
 
 
 @pytest.mark.parametrize("made", [BOARD, POSES, LIGHT])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -91,8 +92,16 @@ def test_3d_points_and_lights():
 
 
 def test_joints_have_angles_and_no_poses():
-    """Degrees or radians for each arm and for both; nothing is inverted, exchanged or in millimetres."""
-    assert told(JOINTS) == {"angle-unit": 6, **PAIRINGS, "board-size": 1, "intrinsics": 1}
+    """Degrees or radians for each arm and for both; exchanged; nothing is inverted or in millimetres."""
+    assert told(JOINTS) == {"angle-unit": 6, "robots-swapped": 1, **PAIRINGS, "board-size": 1, "intrinsics": 1}
+
+
+def test_joints_of_arms_with_other_axes_are_not_exchanged():
+    """Six joints cannot stand where seven are asked for."""
+    hand = JOINTS.cell.robots["hand"]
+    longer = replace(hand, chain=SimpleNamespace(n=7))
+    cell = replace(JOINTS.cell, robots={**JOINTS.cell.robots, "hand": longer})
+    assert "robots-swapped" not in {h.code for h in convention_hypotheses(cell, JOINTS.recording)}
 
 
 def test_a_lens_that_is_not_fixed_is_not_doubted():

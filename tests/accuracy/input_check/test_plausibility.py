@@ -96,10 +96,10 @@ def test_views_behind_the_camera(behind, found):
     assert told(observations=views) == (("targets behind the camera",) if found else ())
 
 
-def answered(status="free", on="hand", **places):
+def answered(status="free", on="hand", chain=None, **places):
     cell = Cell(
         "eye",
-        {"eye": Robot("eye"), "hand": Robot("hand")},
+        {"eye": Robot("eye"), "hand": Robot("hand", chain=chain)},
         bases={"hand": Unknown(status)},
         cameras={"wrist": CellCamera("wrist", "eye")},
         targets={"board": CellTarget("board", on)},
@@ -118,6 +118,12 @@ def test_bases(far, found):
     """From 2 cm to 20 m apart, where they are not fixed."""
     assert answered(**{BASE: at(far)}) == ((f"{BASE} {far:.3g} m",) if found else ())
     assert answered("fixed", **{BASE: at(far)}) == ()
+
+
+@pytest.mark.parametrize(("far", "found"), [(0.0, False), (20.1, True)])
+def test_bases_of_arms_by_joints(far, found):
+    """Chains of two arms may begin at one link."""
+    assert answered(chain=SimpleNamespace(), **{BASE: at(far)}) == ((f"{BASE} {far:.3g} m",) if found else ())
 
 
 @pytest.mark.parametrize(("far", "found"), [(0.0, False), (1.9, False), (2.1, True)])

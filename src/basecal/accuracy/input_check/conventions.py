@@ -146,12 +146,17 @@ def _tried(
     lenses = _lenses(cell, problem, declared.fit)
     known = declared.fit.solution.state
     found: list[TriedHypothesis] = []
-    for hypothesis, fits in _surviving(cell, recording, lenses, convention_hypotheses(cell, recording)):
+    common = convention_hypotheses(cell, recording)
+    surviving = _surviving(cell, recording, lenses, common)
+    if not surviving and not plausible(declared.fit) and _has_priors(problem):
+        # Loops of arms that turn about one axis stay open without what is known by priors, whatever is tried.
+        surviving = [(hypothesis, {}) for hypothesis in common if not hypothesis.nested]
+    for hypothesis, fits in surviving:
         found += _try(cell, recording, hypothesis, settings, (fits, lenses), declared)
     if any(plausible(each.fit) and not each.impossible and better(each.fit, declared.fit, WIDER) for each in found):
         return found
     if not _explained(declared.fit):
-        wider = [r for r in convention_hypotheses(cell, recording) if r.nested]
+        wider = [hypothesis for hypothesis in common if hypothesis.nested]
         for hypothesis in [*wider, *size_hypotheses(cell, thinned(recording, _SOLVED), lenses, known)]:
             found += _try(cell, recording, hypothesis, settings, known, declared)
     if has_tail(declared.fit) or not any(plausible(each.fit) and not each.impossible for each in (declared, *found)):
@@ -165,6 +170,10 @@ def _tried(
         for hypothesis, fits in _surviving(cell, recording, lenses, rare_hypotheses(cell, recording)):
             found += _try(cell, recording, hypothesis, settings, (fits, lenses), declared)
     return found
+
+
+def _has_priors(problem: Problem) -> bool:
+    return any(unknown.status == "prior" for unknown in problem.unknowns.values())
 
 
 def _try(

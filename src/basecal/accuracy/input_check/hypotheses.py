@@ -64,7 +64,8 @@ def convention_hypotheses(cell: Cell, recording: Recording) -> list[ConventionHy
         *_of_units(by_pose, by_joints, kinds),
         *_of_joints(by_joints),
         *_of_quaternions(by_pose, PoseObservation in kinds),
-        *_of_exchanges(cell, recording, by_pose),
+        *_of_exchanges(cell, by_pose, "poses"),
+        *_of_exchanges(cell, by_joints, "joints"),
         *_of_pairing([*by_pose, *by_joints], recording),
         *_of_size_units(cell, kinds),
         *_of_symmetry(cell, PoseObservation in kinds),
@@ -255,17 +256,24 @@ def _quaternion(
     )
 
 
-def _of_exchanges(cell: Cell, recording: Recording, robots: list[str]) -> Iterator[ConventionHypothesis]:
+def _of_exchanges(cell: Cell, robots: list[str], what: str) -> Iterator[ConventionHypothesis]:
     carriers = {c.on for c in cell.cameras.values()} | {t.on for t in cell.targets.values()}
     for first, second in combinations([name for name in robots if name in carriers], 2):
+        if what == "joints" and _joint_count(cell, first) != _joint_count(cell, second):
+            continue
         yield ConventionHypothesis(
             "robots-swapped",
             (first, second),
-            f"the poses of {first} and {second} are exchanged",
+            f"the {what} of {first} and {second} are exchanged",
             f"exchange them, or what cell.yaml says is `on` {first} and on {second}",
             "turn every arm further about two axes between samples",
             _exchange(first, second),
         )
+
+
+def _joint_count(cell: Cell, robot: str) -> int:
+    chain = cell.robots[robot].chain
+    return 0 if chain is None else chain.n
 
 
 def _exchange(first: str, second: str) -> Callable[[Cell, Recording], Rewritten]:

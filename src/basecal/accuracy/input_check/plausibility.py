@@ -97,7 +97,9 @@ def impossible_answer(cell: Cell, fit: HypothesisFit) -> tuple[str, ...]:
     for robot in cell.robots:
         name = cell.base_name(robot)
         if name in transforms and cell.transforms[name].status != "fixed":
-            found += _outside(name, _length(transforms[name]), _BASES_M)
+            # Arms by joints may begin at one link, such as a turntable or a torso.
+            nearest = 0.0 if cell.robots[robot].chain is not None else _BASES_M[0]
+            found += _outside(name, _length(transforms[name]), (nearest, _BASES_M[1]))
     things: list[CellCamera | CellTarget] = [*cell.cameras.values(), *cell.targets.values()]
     for thing in things:
         most = _BASES_M[1] if thing.on == WORLD else _MOUNT_M
