@@ -19,7 +19,9 @@ from basecal.estimation.view.moments import UPPER, dot
 from basecal.estimation.view.target_points import TargetPoints, needed
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray, Rows
 
-_CHUNK_POINTS = 28800  # points whose arrays stay near the core: fewer cost NumPy's overhead, more the memory's
+# Points whose arrays stay near the core: fewer cost NumPy's overhead, more the memory's. A free lens has more of them.
+_CHUNK_POINTS = 28800
+_CHUNK_LENS_POINTS = 12000
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +52,7 @@ class PixelMeasurement(TargetPoints):
         camera = needed(camera)
         *batch, count = camera_from_target.shape
         points = max(len(self.points_in_target), 1) * (count if batch else 1)
-        size = max(1, _CHUNK_POINTS // max(points, 1))
+        size = max(1, (_CHUNK_LENS_POINTS if lens else _CHUNK_POINTS) // max(points, 1))
         if camera_from_target.shape[0] <= 1.5 * size:
             return self._linearise(camera_from_target, camera, lens)
         chunks = [slice(at, at + size) for at in range(0, camera_from_target.shape[0], size)]
@@ -68,10 +70,12 @@ class PixelMeasurement(TargetPoints):
     def _linearise(self, camera_from_target: SE3, camera: Camera, lens: bool) -> ViewInformation:
         points = self.in_camera(camera_from_target)
         pixels, by_point, by_lens = camera.project_with_derivatives(points, lens)
+        if by_lens is not None or self.common_px:
+            return self._with_jacobian(camera_from_target.rotation, pixels - self.pixels, by_point, by_lens)
         residual = [(pixels[..., i] - self.pixels[..., i]) * self.weight for i in range(2)]
         cost = sums_of_squares(residual)
-        if by_lens is not None or self.common_px or not np.all(np.isfinite(cost)):
-            return self._with_jacobian(camera_from_target.rotation, pixels - self.pixels, by_point, by_lens)
+        if not np.all(np.isfinite(cost)):
+            return self._with_jacobian(camera_from_target.rotation, pixels - self.pixels, by_point, None)
         columns = [[by_point[..., i, j] * self.weight for i in range(2)] for j in range(3)]
         forces = (dot(column, residual) for column in columns)
         squares = (dot(columns[i], columns[j]) for i, j in UPPER)
