@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from basecal.errors import BasecalError, DatasetError, MissingExtra
+from basecal.exchange.bags.tag_poses import POSE_DEFINITIONS
 from basecal.exchange.bags.tags import DEFINITIONS
 
 TF = "tf2_msgs/msg/TFMessage"
@@ -92,7 +93,7 @@ def opened(path: Path) -> Iterator[Bag]:
         store = get_typestore(Stores.ROS1_NOETIC if is_first else Stores.ROS2_HUMBLE)
         if is_first:  # the store has no tf2_msgs of ROS 1
             store.register(get_types_from_msg(_TF_OF_ROS1, TF))
-        for kind, text in DEFINITIONS.items():
+        for kind, text in (DEFINITIONS | POSE_DEFINITIONS).items():
             store.register(get_types_from_msg(text, kind))
         decode = store.deserialize_ros1 if is_first else store.deserialize_cdr
         yield Bag(str(path), _topics(reader), lambda names: _messages(path, reader, decode, set(names)))

@@ -9,8 +9,9 @@ from basecal.cell import WORLD, Cell, Robot
 from basecal.errors import BasecalError, FrameNotFound, InputError, listed
 from basecal.exchange.bags.bag import POSE, Bag
 from basecal.exchange.bags.frames import Tree, hint
-from basecal.exchange.bags.sources import Asked, ByFrames, ByJoints, ByPoses, ByTags, CameraSource, Taken
+from basecal.exchange.bags.sources import Asked, ByFrames, ByJoints, ByPoses, ByTagPoses, ByTags, CameraSource, Taken
 from basecal.exchange.bags.survey import Survey, plain
+from basecal.exchange.bags.tag_poses import TAG_POSES, frames_of_tags
 from basecal.exchange.bags.tags import TAGS
 from basecal.kinematics import SerialChain, parse_chain
 
@@ -125,11 +126,14 @@ def _by_words(bag: Bag, tree: Tree, words: str) -> ByFrames | ByPoses:
     return ByPoses(words)
 
 
-def _view(bag: Bag, tree: Tree, target: str, words: str, cell: Cell | None) -> ByFrames | ByPoses | ByTags:
+def _view(bag: Bag, tree: Tree, target: str, words: str, cell: Cell | None) -> ByFrames | ByPoses | ByTags | ByTagPoses:
     """Likewise of a view, which may be a topic of tags: corners say nothing without the sizes of what they are of."""
-    if words not in bag.topics or bag.topics[words].kind != TAGS:
-        return _by_words(bag, tree, words)
+    kind = bag.topics[words].kind if words in bag.topics else ""
     shape = cell.targets[target].target if cell is not None and target in cell.targets else None
+    if kind in TAG_POSES:
+        return ByTagPoses(words, frames_of_tags(shape))
+    if kind != TAGS:
+        return _by_words(bag, tree, words)
     if shape is None or shape.tags is None:
         raise InputError(f"{words} holds corners of tags: {target!r} must be in cell.yaml, with the sizes of its tags")
     return ByTags(words, shape.tags)

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from basecal.cell.target import Tags
+from basecal.exchange.bags.tag_poses import TagFrames
 from basecal.kinematics import SerialChain
 
 
@@ -39,6 +40,18 @@ class ByTags:
 
     def __str__(self) -> str:
         return f"corners of {self.topic}"
+
+
+@dataclass(frozen=True, eq=False)
+class ByTagPoses:
+    """A target by the poses of its tags, by a topic of what ROS 1's detector found."""
+
+    topic: str
+    frames: TagFrames
+
+    def __str__(self) -> str:
+        numbers = ", ".join(map(str, self.frames.tag_from_target)) or "the only one of each picture"
+        return f"poses of {self.topic}, tag {numbers}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +98,7 @@ class Taken:
 
     robots: Mapping[str, ByFrames | ByPoses | ByJoints] = field(default_factory=dict)
     cameras: Mapping[str, CameraSource] = field(default_factory=dict)
-    views: Mapping[tuple[str, str], ByFrames | ByPoses | ByTags] = field(default_factory=dict)
+    views: Mapping[tuple[str, str], ByFrames | ByPoses | ByTags | ByTagPoses] = field(default_factory=dict)
 
     @property
     def words(self) -> list[str]:

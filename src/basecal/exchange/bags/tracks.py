@@ -13,13 +13,16 @@ from basecal.cell.target import Tags
 from basecal.errors import InputError
 from basecal.exchange.bags.bag import TF, Bag, Message, stamp_of
 from basecal.exchange.bags.frames import Tree, along, pose_of, values_of
-from basecal.exchange.bags.sources import ByFrames, ByJoints, ByPoses, ByTags, Taken
+from basecal.exchange.bags.sources import ByFrames, ByJoints, ByPoses, ByTagPoses, ByTags, Taken
 from basecal.exchange.bags.survey import Survey, plain
 from basecal.exchange.bags.tags import SeenTags, corners_of
 from basecal.geometry import SE3, Array
 
 LEAST_APART_S = 0.0075
 """Between records of one robot that are kept [s]: 125 a second, as many as arms that stand or swing say anything by."""
+
+
+_Source = ByFrames | ByPoses | ByJoints | ByTagPoses
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +84,7 @@ def read_tracks(bag: Bag, survey: Survey, taken: Taken) -> Tracks:
         InputError: if something was never recorded, or what was is no pose.
     """
     listeners: dict[str, list[Callable[[Message], None]]] = {}
-    sources: dict[str | tuple[str, str], ByFrames | ByPoses | ByJoints] = dict(taken.robots.items())
+    sources: dict[str | tuple[str, str], _Source] = dict(taken.robots.items())
     sources.update({key: view for key, view in taken.views.items() if not isinstance(view, ByTags)})
     seen: dict[tuple[str, str], list[tuple[float, SeenTags]]] = {}
     for key, view in taken.views.items():
@@ -107,7 +110,7 @@ def read_tracks(bag: Bag, survey: Survey, taken: Taken) -> Tracks:
 def _listening(
     bag: Bag,
     tree: Tree,
-    source: ByFrames | ByPoses | ByJoints,
+    source: _Source,
     listeners: dict[str, list[Callable[[Message], None]]],
 ) -> _Gathered:
     """What will be gathered of a source, when its listeners hear its messages."""
@@ -119,6 +122,9 @@ def _listening(
     elif isinstance(source, ByPoses):
         found = _Gathered(7)
         listeners.setdefault(source.topic, []).append(_posing(found))
+    elif isinstance(source, ByTagPoses):
+        found = _Gathered(8)
+        listeners.setdefault(source.topic, []).append(_tagging(found, source))
     else:
         found = _Gathered(len(source.chain.joint_names))
         listeners.setdefault(source.topic, []).append(_joining(found, source.chain.joint_names))
@@ -163,6 +169,15 @@ def _posing(found: _Gathered) -> Callable[[Message], None]:
     return listen
 
 
+def _tagging(found: _Gathered, source: ByTagPoses) -> Callable[[Message], None]:
+    def listen(message: Message) -> None:
+        values = source.frames.seen(message.data)
+        if values is not None:
+            found.add(stamp_of(message.data.header, message.recorded_s), values)
+
+    return listen
+
+
 def _joining(found: _Gathered, names: tuple[str, ...]) -> Callable[[Message], None]:
     def listen(message: Message) -> None:
         place = {name: k for k, name in enumerate(message.data.name)}
@@ -196,9 +211,7 @@ def _tags(path: str, key: tuple[str, str], source: object, found: list[tuple[flo
     return Track(np.array(list(by_time)), tags=tuple(by_time.values()))
 
 
-def _track(
-    path: str, tree: Tree, key: str | tuple[str, str], source: ByFrames | ByPoses | ByJoints, found: _Gathered
-) -> Track:
+def _track(path: str, tree: Tree, key: str | tuple[str, str], source: _Source, found: _Gathered) -> Track:
     name = key if isinstance(key, str) else " seen by ".join(reversed(key))
     if not found.times:
         why = "its frames never have one stamp" if isinstance(source, ByFrames) else "no message says where it was"
@@ -211,6 +224,8 @@ def _track(
         return Track(times, joints=values)
     if isinstance(source, ByPoses):
         return Track(times, pose_of(values, about))
+    if isinstance(source, ByTagPoses):
+        return Track(times, source.frames.of_target(pose_of(values[:, :7], about), values[:, 7]))
     moving = _moving(tree, source)
     moved = {child: values[:, 7 * k : 7 * k + 7] for k, child in enumerate(moving)}
     return Track(times, along(tree, tree.way(source.parent, source.child), moved, about))

@@ -1,0 +1,76 @@
+"""Poses of AprilTags as ROS 1's detector has them: `apriltag_ros/AprilTagDetectionArray`, before that apriltags2_ros.
+
+It gives the pose of each tag in the rectified picture's camera by the tag's size that its settings had, and no corners.
+A tag's frame has x to its right, y up and z out of it, seen as AprilTag prints it; that is half a turn from how OpenCV
+draws it. Source: apriltag_ros/msg/AprilTagDetection.msg; apriltag_ros/src/common_functions.cpp, `detectTags`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from basecal.cell.target import Target
+from basecal.geometry import SE3, Array
+
+PACKAGES = ("apriltag_ros", "apriltags2_ros")
+TAG_POSES = tuple(f"{package}/msg/AprilTagDetectionArray" for package in PACKAGES)
+POSE_DEFINITIONS = {
+    f"{package}/msg/AprilTagDetection{more}": text.format(package=package)
+    for package in PACKAGES
+    for more, text in (
+        ("", "int32[] id\nfloat64[] size\ngeometry_msgs/PoseWithCovarianceStamped pose"),
+        ("Array", "std_msgs/Header header\n{package}/AprilTagDetection[] detections"),
+    )
+}
+"""Of messages by type, as the library of bags takes them."""
+
+_ALONE = -1.0  # the number of the only tag of a picture, where a target has none by name
+
+
+@dataclass(frozen=True, eq=False)
+class TagFrames:
+    """How a target stands in the frames of its tags.
+
+    Attributes:
+        tag_from_target: By the number of a tag. Without any, the only detection of a picture is the target.
+    """
+
+    tag_from_target: Mapping[int, SE3]
+
+    def seen(self, message: Any) -> Array | None:
+        """Place and quaternion of a tag in the camera, and its number, (8,); of several the nearest. None for none."""
+        found = [each for each in message.detections if len(each.id) == 1 and int(each.id[0]) in self.tag_from_target]
+        if not self.tag_from_target and len(message.detections) == 1:
+            found = list(message.detections)
+        values = []
+        for each in found:
+            pose = each.pose.pose.pose
+            p, q = pose.position, pose.orientation
+            number = float(each.id[0]) if self.tag_from_target else _ALONE
+            values.append(np.array([p.x, p.y, p.z, q.x, q.y, q.z, q.w, number], dtype=np.float64))
+        return min(values, key=lambda each: float(np.sum(each[:3] ** 2)), default=None)
+
+    def of_target(self, camera_from_tag: SE3, numbers: Array) -> SE3:
+        """Poses of the target, (n,), where those of tags, (n,), of these numbers, (n,), were seen."""
+        if not self.tag_from_target:
+            return camera_from_tag
+        return camera_from_tag @ SE3.stack([self.tag_from_target[int(number)] for number in numbers])
+
+
+def frames_of_tags(target: Target | None) -> TagFrames:
+    """The frames of a target's tags, by their corners; none of a target that is seen as a pose alone."""
+    if target is None or target.tags is None:
+        return TagFrames({})
+    corners = target.points[target.rows(target.tags.corner_ids.ravel())].reshape(-1, 4, 3)
+    return TagFrames({int(n): _frame(of).inverse() for n, of in zip(target.tags.numbers, corners, strict=True)})
+
+
+def _frame(corners_in_target: Array) -> SE3:
+    """`target_from_tag` by corners (4, 3), clockwise from the top left as OpenCV draws it."""
+    top_left, top_right, bottom_right, _ = corners_in_target
+    x, y = (v / np.linalg.norm(v) for v in (top_left - top_right, bottom_right - top_right))
+    return SE3(np.stack([x, y, np.cross(x, y)], -1), corners_in_target.mean(0))
