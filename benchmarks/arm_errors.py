@@ -9,6 +9,8 @@ chance, whose shift is what the recording says of the error beyond what base and
 
 from __future__ import annotations
 
+import argparse
+import json
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -30,10 +32,10 @@ from basecal.planning.sketch import sketch_of
 from basecal.simulation.running.faults import FAULTS, Faults, read_faults
 from basecal.simulation.running.two_arms import two_arms
 from basecal.simulation.running.world import World, faulty_world
-from benchmarks.common import cell_by_cell, table
+from benchmarks.common import RESULTS, table, write
 
 BASE = "eye_base_from_hand_base"
-CELLS, SAMPLES = 20, 25
+CELLS, SAMPLES = 40, 25
 PIXEL_PX, STOP_RAD = 0.0075, 3e-5  # of the detector on such pictures, and of each joint at each stop
 SIGMAS = (5.0, 10.0, 20.0)
 CHANCE = 1e-3
@@ -211,7 +213,6 @@ def measured(seed: int) -> Iterator[dict[str, Any]]:
             size = sigmas / base if kind else 0.0
             row = {"error": kind, "sigmas": sigmas, "seed": seed, "size": size / unit, "shift": size**2 * shift}
             yield {**row, **_answer(of, kind, size / unit)}
-        print(seed, kind, flush=True)
 
 
 def _answer(of: Design, kind: str, size: float) -> dict[str, Any]:
@@ -266,5 +267,19 @@ those that it states the answer is off; 2.3 is right."""
     return f"{about}\n\n{shown(result['rows'])}"
 
 
+def main(arguments: Sequence[str]) -> None:
+    """Measure cell by cell, write results/arm_errors.json after each of them, and print."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.arm_errors", description=__doc__)
+    parser.add_argument("--cells", type=int, default=CELLS)
+    parser.add_argument("--go-on", action="store_true", help="with the cells that results/arm_errors.json lacks")
+    asked = parser.parse_args(arguments)
+    path = RESULTS / "arm_errors.json"
+    found: list[dict[str, Any]] = json.loads(path.read_text(encoding="utf-8"))["rows"] if asked.go_on else []
+    for seed in sorted(set(range(asked.cells)) - {each["seed"] for each in found}):
+        found += measured(seed)
+        write("arm_errors", {"rows": found})
+    print(shown(found))
+
+
 if __name__ == "__main__":
-    cell_by_cell("arm_errors", sys.argv[1:], CELLS, measured, shown)
+    main(sys.argv[1:])

@@ -87,6 +87,17 @@ def test_a_joint_that_is_off_is_said_once(evidence, monkeypatch):
     assert len(systematic_error(evidence(systematic_error=bent))) == 1
 
 
+def test_several_joints_that_are_off(evidence, monkeypatch):
+    """The one that stands out most from its sigma, and a prior that the largest does not contradict; said once."""
+    error = found("joint-offsets", np.radians([0.1, -0.3, 0.7]), np.radians([0.01, 0.02, 0.3]))
+    (finding,) = systematic_error(evidence(systematic_error=error))
+    assert (finding.code, finding.severity, finding.about) == ("robot-model", "warning", ("hand",))
+    assert "several joints of hand are off, the clearest of them joint 2, by -0.300 +/- 0.020 deg" in finding.message
+    assert "sigma_rad: 0.02}" in finding.message
+    monkeypatch.setattr("basecal.accuracy.findings.systematic_error.robot_model", lambda of: [finding])
+    assert systematic_error(evidence(systematic_error=error)) == []
+
+
 def test_nothing_found_is_silent(evidence):
     """Without an error there is no finding."""
     assert systematic_error(evidence()) == []

@@ -197,6 +197,23 @@ def test_a_joint_that_is_off_is_found():
     assert off @ np.linalg.solve(both, off) < MOST_SQUARED
 
 
+def test_joints_that_are_all_off_are_found():
+    """Offsets of all joints of which none alone explains much are told as what they are, and the answer is widened."""
+    made = simulate(Scenario(samples=40, joints=True, robot_noise=(1e-4, 1e-4)), 3)
+    wrong = np.radians(0.12) * np.random.default_rng(5).standard_normal(6)
+    samples = []
+    for sample in made.recording.samples:
+        hand = sample.robots["hand"]
+        off = replace(hand, joints_rad=hand.joints_rad - wrong)
+        samples.append(replace(sample, robots={**sample.robots, "hand": off}))
+    _, error = found_in(made.cell, Recording(tuple(samples)))
+    assert error is not None
+    assert (error.code, error.about, error.is_certain) == ("joint-offsets", "hand", True)
+    # The first joint turns the base and the last one the target, both free: nothing is said of these.
+    sigmas = np.sqrt(np.diag(error.covariance))
+    np.testing.assert_array_less(np.abs(error.size - wrong)[1:5], 4 * sigmas[1:5])
+
+
 def test_what_chance_may_make_is_kept_where_held_out_blocks_confirm_it(monkeypatch):
     """At a level that nothing reaches the same error is found, and said to be uncertain."""
     cell, recording = as_recorded(KINDS["length-scale"][0])

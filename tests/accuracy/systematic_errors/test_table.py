@@ -64,7 +64,13 @@ def test_joint_offsets():
     made = simulate(Scenario(samples=6, joints=True), 0)
     problem, _ = build_problem(made.cell, made.recording)
     of = Situation(problem, solve_packed(problem, made.cell).state, problem, {k: float(k) for k in range(6)})
-    found = {candidates.about[0]: candidates for candidates in joint_offsets(of)}
+    every = list(joint_offsets(of))
+    assert [(candidates.code, candidates.about[0]) for candidates in every] == [
+        (code, robot) for robot in ("eye", "hand") for code in ("joint-offset", "joint-offsets")
+    ]
+    found = {candidates.about[0]: candidates for candidates in every[::2]}
+    for alone, together in zip(every[::2], every[1::2], strict=True):
+        np.testing.assert_array_equal(together.moves[0][:, 0], np.moveaxis(alone.moves[0][..., 0], 1, 2))
     assert found.keys() == {"eye", "hand"}
     (group,) = problem.groups
     for robot, joints in (("eye", group.eye_joints), ("hand", group.hand_joints)):

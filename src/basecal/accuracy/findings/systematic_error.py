@@ -23,10 +23,10 @@ def systematic_error(of: Evidence) -> list[Finding]:
 
     See `accuracy.systematic_errors`.
 
-    A joint that is off is left to `robot_model` where that finds its robots off, too: it says how far by all joints.
+    Joints that are off are left to `robot_model` where that finds its robots off, too: it says how far by all joints.
     """
     found = of.systematic_error
-    if found is None or (found.joint is not None and robot_model(of)):
+    if found is None or (found.code in _OF_JOINTS and robot_model(of)):
         return []
     said = _WORDS[found.code](found)
     if found.is_certain:
@@ -109,6 +109,19 @@ def _joint_offset(found: SystematicError) -> Finding:
     return Finding("robot-model", "warning", (found.about,), f"{what}; {_AGAIN}")
 
 
+def _joint_offsets(found: SystematicError) -> Finding:
+    per_rad = 180 / np.pi
+    sigmas = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
+    clearest = int(np.argmax(np.abs(found.size) / np.where(sigmas > 0, sigmas, np.inf)))
+    offset = rounded(per_rad * found.size[clearest], per_rad * float(sigmas[clearest]))
+    what = (
+        f"several joints of {found.about} are off, the clearest of them joint {clearest + 1}, by {offset} deg: check "
+        f"their zeros, or write `joint_offsets: {{status: prior, sigma_rad: {suggested_sigma(found.size)}}}` at "
+        f"{found.about}"
+    )
+    return Finding("robot-model", "warning", (found.about,), f"{what}; {_AGAIN}")
+
+
 def _tangent(found: SystematicError) -> str:
     shift = rounded(*_length(1e3 * found.size[:3], 1e6 * found.covariance[:3, :3]))
     per_rad = 180 / np.pi
@@ -123,6 +136,7 @@ def _length(values: Array, covariance: Array) -> tuple[float, float]:
     return length, float(np.sqrt(max(float(along @ covariance @ along), 0.0)))
 
 
+_OF_JOINTS = ("joint-offset", "joint-offsets")
 _WORDS: dict[str, Callable[[SystematicError], Finding]] = {
     "length-scale": _length_scale,
     "clock-offset": _clock_offset,
@@ -131,4 +145,5 @@ _WORDS: dict[str, Callable[[SystematicError], Finding]] = {
     "drift": _drift,
     "deflection": _deflection,
     "joint-offset": _joint_offset,
+    "joint-offsets": _joint_offsets,
 }

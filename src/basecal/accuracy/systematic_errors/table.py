@@ -141,7 +141,10 @@ def _bent(of: Situation, k: int, robot: str) -> Array:
 
 
 def joint_offsets(of: Situation) -> Iterator[Candidates]:
-    """Each joint of each robot given by its joints off by a constant [rad], where its offsets are not estimated."""
+    """Each joint of each robot given by its joints off by a constant [rad], where its offsets are not estimated.
+
+    Then all joints of a robot at once: of many that are off, none alone explains much.
+    """
     for robot in of.robots:
         chain, model = of.problem.chains.get(robot), of.problem.modelled(robot)
         estimated = model is not None and OFFSETS in model.columns
@@ -150,6 +153,8 @@ def joint_offsets(of: Situation) -> Iterator[Candidates]:
         moves = _carrying(of, robot, partial(_turned, chain=chain))
         every = tuple(range(chain.n))
         yield Candidates("joint-offset", (robot,) * chain.n, (None,) * chain.n, "rad", moves, every)
+        together = (None if m is None else np.moveaxis(m, 1, 3)[..., 0, :] for m in moves)
+        yield _one("joint-offsets", robot, "rad", tuple(together))
 
 
 def _turned(of: Situation, k: int, robot: str, chain: SerialChain) -> Array:
