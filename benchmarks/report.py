@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks import (
+    bag,
     batch,
     calibrate,
     certificate,
@@ -322,6 +323,12 @@ the run was judged again (`--again`), so that a new sample shows less."""
     return "\n\n".join((about, *tables))
 
 
+def _bag(result: Result) -> str:
+    about = """Bags of a tenth of 2 GB and of 2 GB, pictures of 1280 x 720 at 30 and poses at 50 a second, imported by
+stops and as streams: memory is not to grow with them."""
+    return f"{about}\n\n{table(bag.HEAD, result['rows'])}"
+
+
 def _rolling_shutter(result: Result) -> str:
     low, high = (1e6 * side for side in result["lines_s"])
     about = f"""Moving recordings as above, by a camera whose rows are seen {low:g} to {high:g} us after one
@@ -412,6 +419,7 @@ SECTIONS: dict[str, tuple[str, Callable[[Result], str]]] = {
     "sag": ("Sag", sag.section),
     "clocks": ("Clocks", _clocks),
     "rolling_shutter": ("Rolling shutters", _rolling_shutter),
+    "bag": ("Bags", _bag),
     "verify": ("Whether anything has moved", _verify),
     "live": ("A running ROS 2", _live),
     "plan": ("Planned samples", plan.section),
