@@ -23,7 +23,7 @@ from basecal.exchange.controllers.convention import (
 )
 from basecal.exchange.importing.imported import Row
 from basecal.exchange.importing.text_table import TextRow, TextTable, number_of, read_text_table, rows_of_numbers
-from basecal.exchange.poses import PoseStream, read_poses
+from basecal.exchange.poses import read_poses
 from basecal.geometry import SE3, Array
 from basecal.registry import CONTROLLERS
 
@@ -125,7 +125,10 @@ def read_pose_rows(path: str, reading: Reading, is_stream: bool = False) -> Pose
 def _pose_rows(path: str, reading: Reading, is_stream: bool) -> PoseRows:
     how = reading.convention
     if reading.name == "matrix" and _is_stacked(path):
-        return _of_stream(read_poses(path, "m"), how.length)
+        stream = read_poses(path, "m")
+        poses = SE3(stream.poses.rotation, stream.poses.translation * how.length)
+        stamps = [None] * len(poses) if stream.stamps_s is None else stream.stamps_s.tolist()
+        return PoseRows(poses, tuple(Row(stamp_s=stamp) for stamp in stamps))
     names = (_STAMP, *how.names) if is_stream else how.names
     table = read_text_table(text_of(path, "a table of poses"), path, names)
     if len(table.rows) > MOST_POSES:
@@ -142,12 +145,6 @@ def _is_stacked(path: str) -> bool:
         return True
     lines = (line.split("#")[0].replace(",", " ").split() for line in text_of(path, "matrices").splitlines())
     return len(next(filter(None, lines), [])) == _ROW
-
-
-def _of_stream(stream: PoseStream, length_m: float) -> PoseRows:
-    poses = SE3(stream.poses.rotation, stream.poses.translation * length_m)
-    stamps = [None] * len(poses) if stream.stamps_s is None else stream.stamps_s.tolist()
-    return PoseRows(poses, tuple(Row(stamp_s=stamp) for stamp in stamps))
 
 
 def guessed_format(path: str) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -81,18 +80,11 @@ def _check_limits(table: TextTable, values: Array, joints: Array, chain: SerialC
     row, joint = np.argwhere(outside)[0]
     line, name = table.rows[row].line, chain.joint_names[joint]
     there = f"{joints[row, joint]:.4g} rad, its limits are {chain.lower[joint]:.4g} to {chain.upper[joint]:.4g}"
-    turned = values * _DEGREE
+    turned, backwards = values * _DEGREE, joints[:, ::-1]
     if not in_degrees and np.abs(values).max() > _UNLIMITED_RAD and ((turned >= lower) & (turned <= upper)).all():
         hint = "give --deg, these are degrees"
-    elif (row_order := _fitting_order(joints, lower, upper)) is not None:
-        hint = f"the columns may be in another order, such as {', '.join(chain.joint_names[k] for k in row_order)}"
+    elif ((backwards >= lower) & (backwards <= upper)).all():  # the one slip of order that is usual
+        hint = f"the columns may be in another order, such as {', '.join(reversed(chain.joint_names))}"
     else:
         hint = "check the order of the joints, and that the URDF is this robot's"
     raise DatasetError(table.path, f"is at {there}: {hint}", line, name)
-
-
-def _fitting_order(joints: Array, lower: Array, upper: Array) -> Sequence[int] | None:
-    """The other way round, where all limits then hold: the one slip of order that is usual."""
-    turned = joints[:, ::-1]
-    fits = bool(((turned >= lower) & (turned <= upper)).all())
-    return tuple(range(joints.shape[1] - 1, -1, -1)) if fits else None

@@ -62,7 +62,10 @@ def merge_cells(folders: Sequence[Path], output: Path) -> Merged:
         DatasetError: if one cannot be read.
         InputError: if they contradict one another, or there is a cell already.
     """
-    parts = [_part(folder) for folder in folders]
+    parts = []
+    for folder in folders:
+        cell = read_cell(folder)
+        parts.append(Part(folder, cell, read_recording(folder, cell)))
     text = _joined_text(parts)
     _check_times(parts)
     files: dict[str, Path] = {}
@@ -79,11 +82,6 @@ def merge_cells(folders: Sequence[Path], output: Path) -> Merged:
         write_new(output / "cell.yaml", text)
         write_recording(recording, output)
     return Merged(cell, recording, tuple(parts), tuple(first_numbers))
-
-
-def _part(folder: Path) -> Part:
-    cell = read_cell(folder)
-    return Part(folder, cell, read_recording(folder, cell))
 
 
 def _joined_text(parts: Sequence[Part]) -> str:

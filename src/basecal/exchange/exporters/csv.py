@@ -6,7 +6,7 @@ import csv
 from io import StringIO
 
 from basecal.exchange.exporters.exporter import Takes
-from basecal.exchange.exports.wanted import NamedTransform, Wanted
+from basecal.exchange.exports.wanted import Wanted
 
 TAKES: tuple[Takes, ...] = ("transform",)
 PASTED = True
@@ -21,11 +21,9 @@ def exported(wanted: Wanted) -> str:
     text = StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(_HEADER)
-    table.writerows([*_row(one), "; ".join(wanted.remarks)] for one in wanted.transforms)
+    for one in wanted.transforms:
+        mean, estimate = one.estimate.mean, one.estimate
+        numbers = [*mean.translation, *mean.quaternion, *estimate.sigma_t, *estimate.sigma_r]
+        written = [repr(float(number) + 0.0) for number in numbers]
+        table.writerow([one.name, one.parent, one.child, *written, one.status, "; ".join(wanted.remarks)])
     return text.getvalue()
-
-
-def _row(one: NamedTransform) -> list[str]:
-    mean, estimate = one.estimate.mean, one.estimate
-    numbers = [*mean.translation, *mean.quaternion, *estimate.sigma_t, *estimate.sigma_r]
-    return [one.name, one.parent, one.child, *(repr(float(number) + 0.0) for number in numbers), one.status]

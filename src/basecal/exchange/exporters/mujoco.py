@@ -8,7 +8,6 @@ from basecal.exchange.exporters.exporter import Takes
 from basecal.exchange.exports.remarks import about, comments
 from basecal.exchange.exports.tree import Place, places
 from basecal.exchange.exports.wanted import Wanted
-from basecal.geometry import SE3
 
 TAKES: tuple[Takes, ...] = ("transform",)
 PASTED = True
@@ -33,14 +32,10 @@ def _add(parent: Element, place: Place) -> None:
     body = SubElement(parent, "body", name=place.name)
     if place.parent_from_frame is not None:
         body.set("pos", _exactly(place.parent_from_frame.translation.tolist()))
-        body.set("quat", _exactly(_scalar_first(place.parent_from_frame)))
+        x, y, z, w = place.parent_from_frame.quaternion.tolist()
+        body.set("quat", _exactly([w, x, y, z]))
     for child in place.children:
         _add(body, child)
-
-
-def _scalar_first(pose: SE3) -> list[float]:
-    x, y, z, w = pose.quaternion.tolist()
-    return [w, x, y, z]
 
 
 def _exactly(values: list[float]) -> str:

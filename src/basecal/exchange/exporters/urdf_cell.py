@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 from basecal.bounded_file import read_bounded
-from basecal.cell import Cell, Robot
+from basecal.cell import Robot
 from basecal.errors import InputError
 from basecal.exchange.exporters.exporter import Takes
 from basecal.exchange.exports.remarks import comments
@@ -31,7 +30,11 @@ def exported(wanted: Wanted) -> str:
     cell = wanted.cell
     if cell is None or wanted.folder is None:
         raise InputError("a URDF of a cell needs the cell and its folder")
-    paths = _paths(cell, wanted.folder, wanted.urdfs)
+    named = [wanted.folder / robot.urdf for robot in cell.robots.values() if robot.urdf is not None]
+    paths = list(wanted.urdfs) or named
+    if len(paths) != len(cell.robots):
+        robots = ", ".join(cell.robots)
+        raise InputError(f"{len(paths)} URDFs for {len(cell.robots)} robots: give one each, --urdf for {robots}")
     parts = {robot.name: _part(robot, path) for robot, path in zip(cell.robots.values(), paths, strict=True)}
     known = wanted.calibration.known_transforms(cell)
     others = [name for name in cell.robots if name != cell.reference]
@@ -39,17 +42,9 @@ def exported(wanted: Wanted) -> str:
         if cell.base_name(name) not in known:
             raise InputError(f"where {name!r} stands is not known: there is no {cell.base_name(name)}")
     places = {name: known[cell.base_name(name)] for name in others}
-    remarks = [line.strip() for line in comments([*wanted.remarks, *_said(parts)], "")]
+    said = [f"{name}: {Path(part.path).name}, its base is the link {part.base_link}" for name, part in parts.items()]
+    remarks = [line.strip() for line in comments([*wanted.remarks, *said], "")]
     return merged_urdf(parts, cell.reference, places, remarks)
-
-
-def _paths(cell: Cell, folder: Path, given: Sequence[Path]) -> list[Path]:
-    named = [folder / robot.urdf for robot in cell.robots.values() if robot.urdf is not None]
-    paths = list(given) or named
-    if len(paths) != len(cell.robots):
-        robots = ", ".join(cell.robots)
-        raise InputError(f"{len(paths)} URDFs for {len(cell.robots)} robots: give one each, --urdf for {robots}")
-    return paths
 
 
 def _part(robot: Robot, path: Path) -> RobotPart:
@@ -59,7 +54,3 @@ def _part(robot: Robot, path: Path) -> RobotPart:
         above = joint_origins(text, str(path))
         stated = next(link for link in link_names(text) if link not in above)
     return RobotPart(text, stated, str(path))
-
-
-def _said(parts: dict[str, RobotPart]) -> list[str]:
-    return [f"{name}: {Path(part.path).name}, its base is the link {part.base_link}" for name, part in parts.items()]

@@ -27,7 +27,12 @@ def chosen_transforms(
     """
     if name is not None:
         return (_named(calibration, cell, name),)
-    asked = _asked(calibration) if cell is None else cell.asked
+    if cell is not None:
+        asked = list(cell.asked)
+    else:
+        estimated = [each for each in calibration.transforms if calibration.status.get(each) != "fixed"]
+        bases = [each for each in estimated if all(frame.endswith("_base") for frame in each.split("_from_"))]
+        asked = bases or estimated
     names = [each for each in asked if each in calibration.transforms and each not in calibration.points]
     if not names:
         known = ", ".join(calibration.transforms) or "none"
@@ -51,12 +56,6 @@ def frame_names(cell: Cell, name: str) -> tuple[str, str]:
     named = {f"{robot.name}_{part}": other for robot in cell.robots.values() for part, other in robot.frames.items()}
     parent, child = (named.get(frame, frame) for frame in ours)
     return (parent, child) if parent != child else (ours[0], ours[1])
-
-
-def _asked(calibration: Calibration) -> list[str]:
-    wanted = [name for name in calibration.transforms if calibration.status.get(name) != "fixed"]
-    bases = [name for name in wanted if all(frame.endswith("_base") for frame in name.split("_from_"))]
-    return bases or wanted
 
 
 def _named(calibration: Calibration, cell: Cell | None, name: str) -> NamedTransform:

@@ -33,16 +33,12 @@ def provenance(calibration: Calibration, run: str | None = None) -> tuple[str, .
 def about(transform: NamedTransform, units: str) -> str:
     """In a line, which way a transform goes, in which units it is written, and how well it is known."""
     parent, child = transform.own_frames
-    known = "fixed" if transform.status == "fixed" else f"1 sigma {_sigmas(transform)}"
+    estimate = transform.estimate
+    mm, deg = np.linalg.norm(estimate.sigma_t) * 1e3, np.degrees(np.linalg.norm(estimate.sigma_r))
+    known = "fixed" if transform.status == "fixed" else f"1 sigma {mm:.2g} mm and {deg:.2g} deg"
     return f"{transform.name}: the pose of {child} in {parent}, {units}; {known}"
 
 
 def comments(lines: Iterable[str], mark: str, end: str = "") -> list[str]:
     """Lines of comments that hold nothing but one line each."""
     return [f"{mark} {' '.join(printable(line).split())}{end}" for line in lines]
-
-
-def _sigmas(transform: NamedTransform) -> str:
-    estimate = transform.estimate
-    mm, deg = np.linalg.norm(estimate.sigma_t) * 1e3, np.degrees(np.linalg.norm(estimate.sigma_r))
-    return f"{mm:.2g} mm and {deg:.2g} deg"

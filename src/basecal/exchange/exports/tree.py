@@ -29,17 +29,13 @@ def places(transforms: Sequence[NamedTransform]) -> tuple[Place, ...]:
     """The roots of the trees that transforms make: frames that are no child of any."""
     children = {one.own_frames[1] for one in transforms}
     roots = dict.fromkeys(parent for parent, _ in (one.own_frames for one in transforms) if parent not in children)
-    names = _names(transforms)
-    return tuple(_place(root, None, transforms, names) for root in roots)
-
-
-def _names(transforms: Sequence[NamedTransform]) -> dict[str, str]:
-    """What each frame is called elsewhere, or as in the cell where another is called the same."""
-    named = {
+    # What each frame is called elsewhere, or as in the cell where another is called the same.
+    elsewhere = {
         frame: name for one in transforms for frame, name in zip(one.own_frames, (one.parent, one.child), strict=True)
     }
-    counts = Counter(named.values())
-    return {frame: name if counts[name] == 1 else frame for frame, name in named.items()}
+    counts = Counter(elsewhere.values())
+    names = {frame: name if counts[name] == 1 else frame for frame, name in elsewhere.items()}
+    return tuple(_place(root, None, transforms, names) for root in roots)
 
 
 def _place(

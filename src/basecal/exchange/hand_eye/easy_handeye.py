@@ -48,13 +48,16 @@ def read_easy_handeye(path: str | Path, camera_on_robot: bool | None = None) -> 
     """
     root = read_fields(path, _LARGEST)
     arrangement = _arrangement(root, camera_on_robot)
-    frames = {name: _frame(root, key) for name, key in _FRAMES.items()}
-    named = {name: frame for name, frame in frames.items() if frame}
+    place = root.first("parameters") or root
+    written = {
+        name: field.text().lstrip("/") for name, key in _FRAMES.items() if (field := place.first(key)) is not None
+    }
+    frames = {name: frame for name, frame in written.items() if frame}
     mount = root.first("transform", "transformation")
     carried = "flange" if arrangement.on_robot else "base"
     if mount is not None:
         what = f"a calibration of easy_handeye, {carried}_from_camera (m; {arrangement.by})"
-        return HandEyeRecord(str(path), what, arrangement.on_robot, frames=named, camera_mount=mount.pose())
+        return HandEyeRecord(str(path), what, arrangement.on_robot, frames=frames, camera_mount=mount.pose())
     robot, tracking = _samples(root)
     inverted = "" if arrangement.on_robot else ", written as flange_from_base and turned back here"
     what = f"{len(robot)} samples of easy_handeye (m): base_from_flange{inverted}, and camera_from_target"
@@ -64,7 +67,7 @@ def read_easy_handeye(path: str | Path, camera_on_robot: bool | None = None) -> 
         arrangement.on_robot,
         _stacked(robot) if arrangement.on_robot else _stacked(robot).inverse(),
         _stacked(tracking),
-        frames=named,
+        frames=frames,
     )
 
 
@@ -115,12 +118,6 @@ def _by_name(path: Path) -> _Arrangement | None:
         return None
     ((on_robot, word),) = found.items()
     return _Arrangement(on_robot, f"by {word} in its name; --camera-on says otherwise")
-
-
-def _frame(root: Field, key: str) -> str:
-    place = root.first("parameters") or root
-    name = place.first(key)
-    return "" if name is None else name.text().lstrip("/")
 
 
 def _samples(root: Field) -> tuple[list[SE3], list[SE3]]:

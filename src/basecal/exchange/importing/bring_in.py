@@ -69,12 +69,14 @@ def bring_in(
     Raises:
         InputError: if it does not fit what is there, or would overwrite it.
     """
-    path = folder / _CELL
+    path, journal_path = folder / _CELL, folder / _FOLDER / "samples.jsonl"
     old = read_text(path, "") if path.exists() else None
+    started = imported.new_cell if old is None else old
     with placed(imported.files, folder):
-        text, changed = _cell_text(imported, old, str(path))
+        text, changed = completed_cell_text(started, imported.cell, str(path), imported.replaced)
         cell = cell_from_dict(parse_yaml(text, str(path)).data, str(path), folder)
-        recorded, names = _recorded(folder, cell), _names(folder)
+        recorded = read_recording(folder, cell) if journal_path.exists() else Recording(folder=str(folder))
+        names = _names(folder)
         pairing = pair(imported, recorded.samples, names, by) if imported.rows else None
         samples, pictures = _samples(imported.rows, pairing)
         journal = completed_recording_text(folder, samples) if samples else ""
@@ -87,22 +89,9 @@ def bring_in(
             if named != names:
                 write_whole(folder / _NAMES, json.dumps({"samples_by_image": named}) + "\n", within=folder)
             if samples:
-                write_whole(folder / _FOLDER / "samples.jsonl", journal, within=folder)
+                write_whole(journal_path, journal, within=folder)
     made = len({sample.sample for sample in samples} - {sample.sample for sample in recorded.samples})
     return Brought(cell, recording, pairing, made, changed, old is None)
-
-
-def _cell_text(imported: Imported, old: str | None, path: str) -> tuple[str, tuple[str, ...]]:
-    if old is None and imported.new_cell is not None:
-        old = imported.new_cell
-    return completed_cell_text(old, imported.cell, path, imported.replaced)
-
-
-def _recorded(folder: Path, cell: Cell) -> Recording:
-    path = folder / _FOLDER / "samples.jsonl"
-    if not path.exists():
-        return Recording(folder=str(folder))
-    return read_recording(folder, cell)
 
 
 def _names(folder: Path) -> dict[str, int]:

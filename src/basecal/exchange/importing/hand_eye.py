@@ -84,9 +84,12 @@ def imported_hand_eye(cell: Cell | None, record: HandEyeRecord, names: Names) ->
         camera |= record.lens
     if known_target is None or known_target.target is None:
         target |= record.target
-    robots: dict[str, Any] = {names.robot: _frames(cell, record, names.robot)}
+    known_robot = None if cell is None else cell.robots.get(names.robot)
+    robot: dict[str, Any] = {}
+    if known_robot is None or not known_robot.frames:
+        robot = {"frames": dict(record.frames)} if record.frames else {}
     data: dict[str, Any] = {"reference": names.robot} if cell is None else {}
-    data |= {"robots": robots, "cameras": {names.camera: camera}, "targets": {names.target: target}}
+    data |= {"robots": {names.robot: robot}, "cameras": {names.camera: camera}, "targets": {names.target: target}}
     return Imported(record.path, record.what, _rows(record, names), data)
 
 
@@ -97,11 +100,6 @@ def _mount(known: Unknown | None, found: SE3 | None) -> dict[str, Any]:
     if found is None or known.status != "free" or known.mean is not None:
         return {}
     return {"mount": {"status": "free", "guess": pose_dict(found)}}
-
-
-def _frames(cell: Cell | None, record: HandEyeRecord, robot: str) -> dict[str, Any]:
-    known = None if cell is None else cell.robots.get(robot)
-    return {"frames": dict(record.frames)} if record.frames and (known is None or not known.frames) else {}
 
 
 def _rows(record: HandEyeRecord, names: Names) -> tuple[Row, ...]:

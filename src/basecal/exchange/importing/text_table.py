@@ -136,7 +136,11 @@ def _cells(
         named = {name.lower(): value for name, value in _NAMED_NUMBER.findall(bracketed)}
         if all(name.lower() in named for name in names):
             return {**_picture_before(line, bracketed), **{name: named[name.lower()] for name in names}}
-        return _listed(line, bracketed, names, path, number)
+        values = _NUMBER.findall(bracketed)
+        if len(values) < len(names):
+            raise DatasetError(path, f"{len(values)} numbers in brackets, expected {', '.join(names)}", number)
+        # Those behind the last name are left out: ABB's targets end in configuration and axes.
+        return _picture_before(line, bracketed) | dict(zip(names, values, strict=False))
     cells = [cell.strip() for cell in (line.rstrip(";") if separator == ";" else line).split(separator)]
     if header is None and len(cells) == len(names) + 1 and is_picture(cells[0]):
         return dict(zip(("image", *names), cells, strict=True))
@@ -144,14 +148,6 @@ def _cells(
     if len(cells) != len(expected):
         raise DatasetError(path, _count_message(cells, expected, separator, header is None), number)
     return dict(zip(expected, cells, strict=True))
-
-
-def _listed(line: str, bracketed: str, names: Sequence[str], path: str, number: int) -> dict[str, str]:
-    """Numbers in brackets; those behind the last name are left out: ABB's targets end in configuration and axes."""
-    values = _NUMBER.findall(bracketed)
-    if len(values) < len(names):
-        raise DatasetError(path, f"{len(values)} numbers in brackets, expected {', '.join(names)}", number)
-    return _picture_before(line, bracketed) | dict(zip(names, values, strict=False))
 
 
 def _picture_before(line: str, bracketed: str) -> dict[str, str]:

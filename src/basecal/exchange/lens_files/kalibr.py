@@ -46,7 +46,11 @@ def _lens(camera: Field, name: str) -> StatedLens:
         raise distortion.error(f"{distortion.data!r} has no equal here; there are: {listed(list(_MODELS))}")
     model, count = _MODELS[distortion.data]
     terms = camera.at("distortion_coeffs").numbers(count) if count else []
-    width, height = (side.whole() for side in _pair(camera.at("resolution")))
+    resolution = camera.at("resolution")
+    sides = resolution.items("width and height")
+    if len(sides) != 2:
+        raise resolution.error(f"has {len(sides)} numbers, expected width and height")
+    width, height = (side.whole() for side in sides)
     intrinsics = camera.at("intrinsics")
     made = made_camera(intrinsics, model, [*intrinsics.numbers(4), *terms], (width, height))
     before = camera.first("T_cn_cnm1")
@@ -57,13 +61,6 @@ def _lens(camera: Field, name: str) -> StatedLens:
         name,
         None if before is None else before.pose(),
     )
-
-
-def _pair(where: Field) -> list[Field]:
-    sides = where.items("width and height")
-    if len(sides) != 2:
-        raise where.error(f"has {len(sides)} numbers, expected width and height")
-    return sides
 
 
 def is_target(path: str | Path) -> bool:
