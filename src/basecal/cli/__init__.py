@@ -158,14 +158,10 @@ def _bug(error: Exception) -> str:
 
 
 def _failed(error: object, code: int) -> int:
-    if sys.stderr is not None:
-        say(f"basecal: error: {_one_line(error)}", sys.stderr)
-    return code
-
-
-def _one_line(error: object) -> str:
-    """What went wrong on one line, which names the file once."""
+    """The code; what went wrong is said on one line, which names the file once."""
     text = str(error)
     if isinstance(error, DatasetError):
         text = text.replace(f"\n{error.path}:", "; line ")
-    return " ".join(text.split())
+    if sys.stderr is not None:
+        say(f"basecal: error: {' '.join(text.split())}", sys.stderr)
+    return code

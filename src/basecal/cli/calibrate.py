@@ -66,7 +66,7 @@ def calibrate(
         json: Print calibration.json instead of words, and the verdict on the tolerance.
         verbose: Print all of the report, and on stderr how long each stage took.
     """
-    from basecal.cell.files import calibration_to_dict, read_cell
+    from basecal.cell.files import calibration_to_dict, read_cell, read_recording
     from basecal.estimation.settings import Settings
 
     needed_m = None if tolerance is None else length_m(tolerance)
@@ -86,7 +86,9 @@ def calibrate(
     else:
         show(described, made.calibration, verbose, made.tolerance)
         print_page_path(made.run)
-        _say_what_is_missing(cell, described, made.calibration)
+        is_refused = made.calibration.verdict == "refused"
+        if is_refused and (missing := next_step(described, read_recording(cell, described), cell)):
+            say(missing)
     return exit_code(made.calibration, made.tolerance)
 
 
@@ -164,14 +166,6 @@ def show(cell: Cell, calibration: Calibration, verbose: bool = False, tolerance:
     from basecal.reporting.text import text_report
 
     say((text_report if verbose else summary)(cell, calibration, tolerance))
-
-
-def _say_what_is_missing(folder: Path, cell: Cell, calibration: Calibration) -> None:
-    """Where a recording is not yet whole, the command that completes it."""
-    from basecal.cell.files import read_recording
-
-    if calibration.verdict == "refused" and (missing := next_step(cell, read_recording(folder, cell), folder)):
-        say(missing)
 
 
 def with_tolerance(answer: Mapping[str, Any], tolerance: ToleranceCheck | None) -> dict[str, Any]:

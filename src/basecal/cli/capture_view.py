@@ -79,19 +79,13 @@ def capture_view(rig: Rig, cell: Cell, web: bool, port: int, quiet: bool) -> Ite
         is_seen = is_terminal(sys.stdout) and not quiet and not is_asked
         key = (lambda: "") if is_asked else shown.enter_context(pressed_keys())
         if is_seen:
-            shown.enter_context(_drawn(watch))
+            from rich.live import Live
+
+            from basecal.reporting.live.terminal import terminal_view
+
+            shown.enter_context(Live(get_renderable=lambda: terminal_view(watch.glance), refresh_per_second=_A_SECOND))
         yield CaptureView(watch, key, not is_seen and not quiet)
         watch.end("over")
-
-
-@contextmanager
-def _drawn(watch: Watch) -> Iterator[None]:
-    from rich.live import Live
-
-    from basecal.reporting.live.terminal import terminal_view
-
-    with Live(get_renderable=lambda: terminal_view(watch.glance), refresh_per_second=_A_SECOND):
-        yield
 
 
 def say_step(step: Step, place: int) -> None:

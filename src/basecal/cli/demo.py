@@ -12,7 +12,6 @@ from basecal.cli.simulated_process import simulated_process
 from basecal.cli.terminal import pasted, print_json, say
 
 if TYPE_CHECKING:
-    from basecal.cell import Cell
     from basecal.geometry import SE3, PoseEstimate
 
 _MARK = ".made-by-basecal-demo"
@@ -51,7 +50,9 @@ def demo(folder: Path = Path("demo_cell"), /, *, led: bool = False, json: bool =
     with simulated_process(folder, "led" if led else "charuco"):
         _capture(folder, "shifts" if led else "poses", quiet=json)
     cell, truth = read_cell(folder), read_truth(folder)[_BASE]
-    closed_form = _closed_form(folder, cell) if led else None
+    closed_form = None
+    if led:
+        closed_form = calibrate_folder(folder, cell, Settings(method="axis-shift")).calibration.transforms.get(_BASE)
     found = calibrate_folder(folder, cell, Settings())
     estimate = found.calibration.transforms.get(_BASE)
     error = true_error(estimate, truth) if estimate else None
@@ -65,15 +66,9 @@ def demo(folder: Path = Path("demo_cell"), /, *, led: bool = False, json: bool =
         if closed_form:
             say(_compared(closed_form, true_error(closed_form, truth), "the paper's closed form"))
         say(_compared(estimate, error, "maximum likelihood" if led else _BASE) if estimate and error else "")
-        say(_next(folder))
+        own = "for your own robots: basecal new mycell"
+        say(f"\nnext: look into {folder / 'cell.yaml'}; basecal report {pasted(folder)}; {own}")
     return exit_code(found.calibration)
-
-
-def _closed_form(folder: Path, cell: Cell) -> PoseEstimate | None:
-    """The base by the paper's closed form; None where it finds none."""
-    from basecal.estimation.settings import Settings
-
-    return calibrate_folder(folder, cell, Settings(method="axis-shift")).calibration.transforms.get(_BASE)
 
 
 def _capture(folder: Path, pattern: str, quiet: bool) -> None:
@@ -126,13 +121,6 @@ def _compared(estimate: PoseEstimate, error: dict[str, Any], what: str) -> str:
         f"  all six together: {error['squared_sigmas']:.1f} squared sigmas; 6 is the mean, 16.8 is passed once in 100",
     ]
     return "\n".join(lines)
-
-
-def _next(folder: Path) -> str:
-    return (
-        f"\nnext: look into {folder / 'cell.yaml'}; basecal report {pasted(folder)}; "
-        "for your own robots: basecal new mycell"
-    )
 
 
 def _three(values: Any) -> str:

@@ -124,6 +124,7 @@ def _watched(bag: Bag, step: Step) -> Bag:
     done = 0
 
     def read(names: Iterable[str]) -> Iterator[Message]:
+        """The messages of some topics, each counted."""
         nonlocal done
         for message in bag.read(names):
             done += 1

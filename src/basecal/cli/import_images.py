@@ -14,7 +14,7 @@ from basecal.errors import InputError, listed
 from basecal.registry import TargetKindName
 
 if TYPE_CHECKING:
-    from basecal.cell import Cell, CellCamera
+    from basecal.cell import Cell
 
 _BY: dict[str, By] = {"order": "order", "name": "image", "time": "stamp_s"}
 
@@ -139,7 +139,8 @@ def _camera_entry(folder: Path, name: str, on: str | None) -> tuple[dict[str, An
             raise InputError(
                 f"{path}: cameras.{name} is on {camera.on!r}, not on {on!r}: leave --on away, or correct it"
             )
-        is_open = _has_no_numbers(camera) and not _is_recorded(folder, known, name)
+        has_numbers = camera.intrinsics is not None and camera.intrinsics.camera is not None
+        is_open = not has_numbers and not _is_recorded(folder, known, name)
         return {"cameras": {name: {}}}, frozenset({("cameras", name, "size_px")} if is_open else ())
     carrier = _carrier(folder, known, name, on)
     entry: dict[str, Any] = {"cameras": {name: {"on": carrier, "intrinsics": {"status": "free"}}}}
@@ -164,10 +165,6 @@ def _carrier(folder: Path, known: Cell | None, name: str, on: str | None) -> str
     there = f"cell.yaml has {listed(cameras)}; " if cameras else ""
     options = " or ".join(f"--on {each}" for each in [*robots, "world"])
     raise InputError(f"{folder} has no camera {name!r}: {there}to add it say what carries it, {options}")
-
-
-def _has_no_numbers(camera: CellCamera) -> bool:
-    return camera.intrinsics is None or camera.intrinsics.camera is None
 
 
 def _is_recorded(folder: Path, cell: Cell, name: str) -> bool:

@@ -58,8 +58,10 @@ def finish_import(
     brought = bring_in(folder, imported, check, by, link)
     for doubt in doubts:
         say(f"basecal: warning: {doubt}", sys.stderr)
-    for line in (f"read {imported.source}: {imported.what}", *_pairing_lines(brought), *_cell_lines(brought)):
+    for line in (f"read {imported.source}: {imported.what}", *_pairing_lines(brought)):
         say(line)
+    if brought.changed and not brought.is_new_cell:
+        say(f"written into cell.yaml: {listed(brought.changed)}")
     missing = next_step(brought.cell, brought.recording, folder)
     then = missing or f"next: basecal calibrate {pasted(folder)}"
     if missing is None and say_conventions(folder, brought.cell, brought.recording):
@@ -104,12 +106,6 @@ def _pairing_lines(brought: Brought) -> list[str]:
     if pairing.unpaired_samples:
         lines.append(f"samples that nothing was imported to: {listed([str(n) for n in pairing.unpaired_samples])}")
     return lines
-
-
-def _cell_lines(brought: Brought) -> list[str]:
-    if brought.is_new_cell or not brought.changed:
-        return []
-    return [f"written into cell.yaml: {listed(brought.changed)}"]
 
 
 def robot_entry(folder: Path, robot: str) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from basecal.cli.terminal import say
 
 if TYPE_CHECKING:
     from basecal.cell import Cell
-    from basecal.exchange.bags.sources import ByFrames, ByJoints, ByPoses, Taken
+    from basecal.exchange.bags.sources import Taken
 
 LISTEN_S = 3.0
 """How long is listened: the slowest that is of use comes once a second, and discovery takes one."""
@@ -75,19 +75,16 @@ def ros2_cell(domain: int | None, robots: Mapping[str, str], fields: Mapping[str
 
 
 def _add_drivers(data: dict[str, Any], taken: Taken, domain: int | None) -> None:
+    from basecal.exchange.bags.sources import ByFrames
+
     where = {} if domain is None else {"domain": domain}
     for name, source in taken.robots.items():
-        data["robots"][name] = {**data["robots"].get(name, {}), "driver": {"kind": "ros2", **_by(source), **where}}
+        by = {"frames": [source.parent, source.child]} if isinstance(source, ByFrames) else {"topic": source.topic}
+        data["robots"][name] = {**data["robots"].get(name, {}), "driver": {"kind": "ros2", **by, **where}}
     for name, camera in taken.cameras.items():
         data["cameras"][name]["driver"] = {"kind": "ros2", "topic": camera.topic, **where}
     if len(data["robots"]) > 1:
         data["bases"] = {name: {"status": "free"} for name in data["robots"] if name != data["reference"]}
-
-
-def _by(source: ByFrames | ByPoses | ByJoints) -> dict[str, Any]:
-    from basecal.exchange.bags.sources import ByFrames
-
-    return {"frames": [source.parent, source.child]} if isinstance(source, ByFrames) else {"topic": source.topic}
 
 
 def _add_target(data: dict[str, Any], fields: Mapping[str, Any] | None, kind: str) -> None:

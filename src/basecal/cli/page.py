@@ -65,13 +65,13 @@ def write_page(cell: Cell, calibration: Calibration, stored: StoredRun) -> Path:
 
     names = ", ".join(stored.changed)
     notes = [f"{names} changed since this run: names and picture are as of now. Calibrate again."] if names else []
-    path, title = stored.run / FILE, _title(stored.run)
+    path, cell_name = stored.run / FILE, stored.run.resolve().parents[1].name
     html = page(
         cell,
         stored.recording,
         calibration,
         stored.details,
-        title=title,
+        title=os.fsencode(cell_name).decode(errors="replace"),
         made=_made(stored.run),
         run=stored.run.name,
         notes=notes,
@@ -97,10 +97,6 @@ def _from_here(path: str) -> str:
         return os.path.relpath(path)
     except (OSError, ValueError):
         return path
-
-
-def _title(run: Path) -> str:
-    return os.fsencode(run.resolve().parents[1].name).decode(errors="replace")
 
 
 def _made(run: Path) -> datetime | None:

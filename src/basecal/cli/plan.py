@@ -117,6 +117,9 @@ def _tell(
     found: Plan, data: Mapping[str, Any], motion: str | None, cell: Path, output: Path | None, json: bool
 ) -> None:
     """Print and write what is asked for: a robot's program alone where it is printed."""
+    from json import dumps
+
+    from basecal.cell.files import write_plan
     from basecal.cell.format.writing import write_asked_for
 
     if motion is not None and output is None:
@@ -124,8 +127,10 @@ def _tell(
         return
     if output is not None and motion is not None:
         write_asked_for(output, motion)
+    elif output is not None and output.suffix == ".jsonl":
+        write_plan(found.samples, output, output.parent)
     elif output is not None:
-        _write(found, data, output)
+        write_asked_for(output, dumps(data, allow_nan=False) + "\n")
     if json:
         print_json(data)
         return
@@ -162,19 +167,6 @@ def _motion(cell: Cell, found: Plan, to: str, robot: str | None, speed_deg_s: fl
     from basecal.exchange.motions.way import motion, way_of
 
     return motion(to).written(way_of(cell, found.samples, robot, radians(speed_deg_s), hold_s))
-
-
-def _write(found: Plan, data: Mapping[str, Any], output: Path) -> None:
-    """What capture takes, or all of it, by the file's ending."""
-    from json import dumps
-
-    from basecal.cell.files import write_plan
-    from basecal.cell.format.writing import write_asked_for
-
-    if output.suffix == ".jsonl":
-        write_plan(found.samples, output, output.parent)
-    else:
-        write_asked_for(output, dumps(data, allow_nan=False) + "\n")
 
 
 def _task(point: Point | None, box: Box | None) -> list[Point]:

@@ -145,12 +145,21 @@ def write_simulated(folder: Path, made: SimulatedCell, image_seed: int | None = 
     """
     from dataclasses import replace
 
+    from basecal.cell.files import write_cell, write_recording, write_truth
     from basecal.cell.format.writing import staged
+    from basecal.exchange.urdf import chain_urdf
 
     with staged(folder) as part:
         if image_seed is not None:
             made = with_images(made, part, image_seed)
-        _write_parts(part, made)
+        write_cell(made.cell, part)
+        write_recording(made.recording, part)
+        for robot in made.cell.robots.values():
+            if robot.chain is not None and robot.urdf and robot.base_link and robot.flange_link:
+                text = chain_urdf(robot.chain, robot.base_link, robot.flange_link, robot.name)
+                (part / robot.urdf).write_text(text, encoding="utf-8")
+        offsets = {name: of.of("joint_offsets").tolist() for name, of in made.robots.items()}
+        write_truth(part, made.truth, **({"joint_offsets_rad": offsets} if offsets else {}))
     return replace(made, recording=replace(made.recording, folder=str(folder)))
 
 
@@ -162,17 +171,3 @@ def with_images(made: SimulatedCell, folder: Path, seed: int) -> SimulatedCell:
 
     with counting("rendering") as step:
         return replace(made, recording=render_recording(made, folder, seed, step=step))
-
-
-def _write_parts(folder: Path, made: SimulatedCell) -> None:
-    from basecal.cell.files import write_cell, write_recording, write_truth
-    from basecal.exchange.urdf import chain_urdf
-
-    write_cell(made.cell, folder)
-    write_recording(made.recording, folder)
-    for robot in made.cell.robots.values():
-        if robot.chain is not None and robot.urdf and robot.base_link and robot.flange_link:
-            text = chain_urdf(robot.chain, robot.base_link, robot.flange_link, robot.name)
-            (folder / robot.urdf).write_text(text, encoding="utf-8")
-    offsets = {name: of.of("joint_offsets").tolist() for name, of in made.robots.items()}
-    write_truth(folder, made.truth, **({"joint_offsets_rad": offsets} if offsets else {}))

@@ -84,25 +84,18 @@ def _study(file: Path, output: Path | None, where: Where) -> dict[str, Any]:
 
 def tried(asked: Study, folder: Path, where: Where) -> dict[str, Any]:
     """The summary of a study, which is tried and written; with its words."""
+    from basecal.reporting.sweep.page import sweep_page
     from basecal.reporting.sweep.text import sweep_text
     from basecal.studies.run import run_study
+    from basecal.studies.summary import summarise
+    from basecal.studies.table import write_table
 
     with counting("trying") as step:
         run_study(asked, folder, where, step)
     with progress("writing"):
-        summary = _written(asked, folder)
-    return {**summary, "words": sweep_text(summary)}
-
-
-def _written(asked: Study, folder: Path) -> dict[str, Any]:
-    """The summary, after it, the table and the page are written."""
-    from basecal.reporting.sweep.page import sweep_page
-    from basecal.studies.summary import summarise
-    from basecal.studies.table import write_table
-
-    table = write_table(asked, folder)
-    summary = summarise(asked, folder)
-    return {**summary, "folder": str(folder), **_kept(summary, table, sweep_page(summary, asked.text))}
+        table, summary = write_table(asked, folder), summarise(asked, folder)
+        paths = _kept(summary, table, sweep_page(summary, asked.text))
+    return {**summary, "folder": str(folder), **paths, "words": sweep_text(summary)}
 
 
 def _fleet(cells: Path, output: Path | None, where: Where) -> dict[str, Any]:
