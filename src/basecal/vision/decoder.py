@@ -97,12 +97,9 @@ def _heard(said: list[str], data: bytes) -> Iterator[None]:
                 os.close(kept)
                 written.seek(0)
                 text = written.read(_MOST_CHATTER).decode("utf-8", "replace")
-                said += [_PREFIX.sub("", line).strip() for line in _complaints(text) if not _is_padding(line, data)]
+                complaints = [line for line in text.splitlines() if _DECODERS.match(line) and not _WARNING.match(line)]
+                said += [_PREFIX.sub("", line).strip() for line in complaints if not _is_padding(line, data)]
                 _passed_on(text)
-
-
-def _complaints(text: str) -> list[str]:
-    return [line for line in text.splitlines() if _DECODERS.match(line) and not _WARNING.match(line)]
 
 
 def _is_padding(line: str, data: bytes) -> bool:

@@ -55,8 +55,17 @@ def lost_images(searched: Sequence[Searched], targets: Mapping[str, Target], fol
     for camera, images in by_camera.items():
         yield from _few(camera, images, targets, folder)
     for camera, images in by_camera.items():
-        yield from _unusable(camera, images)
-        yield from _turned(camera, images)
+        for reason, of in _by_reason(images).items():
+            about = (*(str(image.sample) for image in of), camera)
+            message = f"{_some_of(of, images)} {reason}; what {camera!r} saw then is left out"
+            yield Finding("dropped-sample", "info", about, message)
+        if turned := [image.sample for image in images if image.turned]:
+            message = (
+                f"EXIF of {len(turned)} images of {camera!r} asks to turn them before they are shown; they are "
+                "searched as the sensor gave them, and their lens has to be of such images: samples "
+                f"{_listed(turned)}"
+            )
+            yield Finding("turned-images", "info", (camera,), message)
         for name in dict.fromkeys(name for image in images for name in image.missed):
             where = [image.sample for image in images if name in image.missed]
             message = f"{name!r} is not found in {len(where)} images of {camera!r}: samples {_listed(where)}"
@@ -104,36 +113,17 @@ def _some_of(some: Sequence[Searched], images: Sequence[Searched]) -> str:
     return f"{which}, such as {some[0].path},"
 
 
-def _unusable(camera: str, images: Sequence[Searched]) -> Iterator[Finding]:
-    """One finding for each reason why images cannot be used."""
-    for reason, of in _by_reason(images).items():
-        about = (*(str(image.sample) for image in of), camera)
-        message = f"{_some_of(of, images)} {reason}; what {camera!r} saw then is left out"
-        yield Finding("dropped-sample", "info", about, message)
-
-
 def _hints(empty: Sequence[Searched], targets: Mapping[str, Target], folder: Path) -> list[str]:
-    return [hint for name, target in targets.items() if (hint := _hint(name, target, empty, folder))]
-
-
-def _hint(name: str, target: Target, empty: Sequence[Searched], folder: Path) -> str | None:
-    """What is in some of the images in which a target is not found."""
-    missed = [image for image in empty if name in image.missed]
-    some = missed[:: max(1, len(missed) // _SURVEYED)][:_SURVEYED]
-    read = [read_bytes(folder / image.path) for image in some]
-    images = [grey_image(data, None) for data in read if not isinstance(data, str)]
-    hint = what_is_there([image for image in images if not isinstance(image, str)], target)
-    return f"{name!r}: {hint}" if hint else None
-
-
-def _turned(camera: str, images: Sequence[Searched]) -> Iterator[Finding]:
-    where = [image.sample for image in images if image.turned]
-    if where:
-        message = (
-            f"EXIF of {len(where)} images of {camera!r} asks to turn them before they are shown; they are searched as "
-            f"the sensor gave them, and their lens has to be of such images: samples {_listed(where)}"
-        )
-        yield Finding("turned-images", "info", (camera,), message)
+    """What is in some of the images in which a target is not found, of each target for which that can be told."""
+    hints = []
+    for name, target in targets.items():
+        missed = [image for image in empty if name in image.missed]
+        some = missed[:: max(1, len(missed) // _SURVEYED)][:_SURVEYED]
+        read = [read_bytes(folder / image.path) for image in some]
+        images = [grey_image(data, None) for data in read if not isinstance(data, str)]
+        hint = what_is_there([image for image in images if not isinstance(image, str)], target)
+        hints += [f"{name!r}: {hint}"] if hint else []
+    return hints
 
 
 def _listed(samples: Sequence[int]) -> str:

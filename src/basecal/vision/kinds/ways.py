@@ -42,7 +42,9 @@ class Way(NamedTuple):
     def applied(self, image: Grey) -> Grey:
         """The image as it is searched."""
         if self.stretched:
-            image = _stretched(image)
+            low, high = np.percentile(image[::_SOME, ::_SOME], _DARK_BRIGHT_PERCENT)
+            levels = (np.arange(256) - low) * (255.0 / max(high - low, 1.0))
+            image = np.asarray(cv2.LUT(image, np.clip(np.rint(levels), 0, 255).astype(np.uint8)), np.uint8)
         if self.scale != 1:
             kind = cv2.INTER_AREA if self.scale < 1 else cv2.INTER_CUBIC
             image = np.asarray(cv2.resize(image, None, fx=self.scale, fy=self.scale, interpolation=kind), np.uint8)
@@ -80,10 +82,3 @@ def best(image: Grey, ways: Iterable[Way], search: Callable[[Grey, Way], S], eno
         if len(seen) >= enough:
             break
     return most
-
-
-def _stretched(image: Grey) -> Grey:
-    low, high = np.percentile(image[::_SOME, ::_SOME], _DARK_BRIGHT_PERCENT)
-    gain = 255.0 / max(high - low, 1.0)
-    levels = (np.arange(256) - low) * gain
-    return np.asarray(cv2.LUT(image, np.clip(np.rint(levels), 0, 255).astype(np.uint8)), np.uint8)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from basecal.geometry import Array, BoolArray
+from basecal.geometry import Array
 from basecal.vision.kinds.ways import Grey
 
 _FEWEST = 2  # of a row in the image: one dark spot may be anything
@@ -29,17 +29,12 @@ def _has_discs(image: Grey, grid: Array, middle: float) -> bool:
     """Whether a row before the first of a grid has discs, and paper between them."""
     before = 2 * grid[0] - grid[1]
     between = (before[1:] + before[:-1]) / 2
-    inside = _inside(image, before)
+    inside = np.all((before >= 0) & (before <= np.array(image.shape[::-1]) - 1), axis=-1)
     if inside.sum() < _FEWEST:
         return False
     dark = np.mean(_levels(image, before[inside]) < middle)
     bright = np.mean(_levels(image, between) > middle)
     return bool(dark >= _SHARE and bright >= _SHARE)
-
-
-def _inside(image: Grey, places: Array) -> BoolArray:
-    inside: BoolArray = np.all((places >= 0) & (places <= np.array(image.shape[::-1]) - 1), axis=-1)
-    return inside
 
 
 def _levels(image: Grey, places: Array) -> Array:
