@@ -8,26 +8,19 @@ from basecal.cell import Finding
 
 def better_optimum(of: Evidence) -> list[Finding]:
     """An info where the answer is not the optimum the start had led to; a warning where a closed form is better."""
-    return [*_by_certificate(of), *_by_closed_form(of)]
-
-
-def _by_closed_form(of: Evidence) -> list[Finding]:
+    found = []
+    if of.solution is not of.robust.solution:
+        message = (
+            f"the start led to a local optimum of cost {of.robust.solution.cost:.6g}, the certificate to one of "
+            f"{of.solution.cost:.6g}: the answer is the latter"
+        )
+        found.append(Finding("better-optimum", "info", (), message))
     rival = None if of.cross_validation is None else of.cross_validation.rival
-    if rival is None:
-        return []
-    message = (
-        f"a closed form of the poses of single views predicts held-out views {rival.ratio:.2g} times better than the "
-        "answer, which weighs them by their noise: the covariance covers both; look at stated sigmas and priors, at "
-        "what is fixed, and at outliers"
-    )
-    return [Finding("better-optimum", "warning", (), message)]
-
-
-def _by_certificate(of: Evidence) -> list[Finding]:
-    if of.solution is of.robust.solution:
-        return []
-    message = (
-        f"the start led to a local optimum of cost {of.robust.solution.cost:.6g}, the certificate to one of "
-        f"{of.solution.cost:.6g}: the answer is the latter"
-    )
-    return [Finding("better-optimum", "info", (), message)]
+    if rival is not None:
+        message = (
+            f"a closed form of the poses of single views predicts held-out views {rival.ratio:.2g} times better than "
+            "the answer, which weighs them by their noise: the covariance covers both; look at stated sigmas and "
+            "priors, at what is fixed, and at outliers"
+        )
+        found.append(Finding("better-optimum", "warning", (), message))
+    return found

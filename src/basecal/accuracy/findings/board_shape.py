@@ -10,7 +10,6 @@ from basecal.accuracy.significance import SIGNIFICANCE
 from basecal.cell import Finding
 from basecal.estimation.noise.board_bow import height_m
 from basecal.estimation.noise.target_shape import is_flat, off_m
-from basecal.geometry import Array
 
 _WORTH_SAYING_M = 1e-4  # [m] below which no other target is worth its price
 _BEYOND_PRINTS = 3.0  # coefficients in sigmas of what printed targets have, beyond which something else bends the views
@@ -19,22 +18,22 @@ _RIGID = 6  # freedoms of a body in space that are no shape of it
 
 def board_shape(of: Evidence) -> list[Finding]:
     """An info about each target that is off its shape beyond chance; a warning where none is made so badly."""
-    return [f for name, shape in of.solution.noise.shapes.items() for f in _of_target(of, name, *shape)]
-
-
-def _of_target(of: Evidence, name: str, shape: Array, spread: Array) -> list[Finding]:
-    target = of.cell.targets[name].target
-    if target is None:
-        return []
-    flat = is_flat(target.points)
-    freedoms = len(shape) if flat else len(shape) - _RIGID
-    if chi2.sf(shape @ np.linalg.solve(spread, shape), freedoms) > SIGNIFICANCE:
-        return []
-    size_m = height_m(target.points, shape) if flat else float(off_m(target.points, shape).max())
-    sigmas = float(np.abs(shape).max()) if flat else float(np.sqrt(np.sum(shape**2) / freedoms))
-    if size_m < _WORTH_SAYING_M and sigmas < _BEYOND_PRINTS:
-        return []
-    return [_told(name, size_m, flat, sigmas > _BEYOND_PRINTS)]
+    findings = []
+    for name, (shape, spread) in of.solution.noise.shapes.items():
+        target = of.cell.targets[name].target
+        if target is None:
+            continue
+        flat = is_flat(target.points)
+        freedoms = len(shape) if flat else len(shape) - _RIGID
+        is_chance = chi2.sf(shape @ np.linalg.solve(spread, shape), freedoms) > SIGNIFICANCE
+        if is_chance:
+            continue
+        size_m = height_m(target.points, shape) if flat else float(off_m(target.points, shape).max())
+        sigmas = float(np.abs(shape).max()) if flat else float(np.sqrt(np.sum(shape**2) / freedoms))
+        if size_m < _WORTH_SAYING_M and sigmas < _BEYOND_PRINTS:
+            continue
+        findings.append(_told(name, size_m, flat, sigmas > _BEYOND_PRINTS))
+    return findings
 
 
 def _told(name: str, size_m: float, flat: bool, bent: bool) -> Finding:

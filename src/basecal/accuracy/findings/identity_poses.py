@@ -7,7 +7,6 @@ import numpy as np
 from basecal.accuracy.findings.evidence import Input
 from basecal.cell import Finding
 from basecal.estimation.observability.motions import attached
-from basecal.estimation.problem.problem import Problem
 from basecal.geometry import SE3
 
 
@@ -25,15 +24,10 @@ def identity_poses(given: Input) -> list[Finding]:
         for robot, joints, recorded in ends:
             if robot is not None and joints is None:
                 poses.setdefault(robot, []).append(recorded)
-    still = [robot for robot, recorded in sorted(poses.items()) if all(map(_is_identity, recorded))]
-    return [_finding(given.problem, robot) for robot in still]
-
-
-def _is_identity(poses: SE3) -> bool:
-    return bool(np.all(poses.matrix == np.eye(4)))
-
-
-def _finding(problem: Problem, robot: str) -> Finding:
-    message = f"all recorded poses of {robot} are the identity: is its driver connected?"
-    fixed = all(problem.unknowns[name].status == "fixed" for name in attached(problem, robot))
-    return Finding("identity-poses", "info" if fixed else "warning", (robot,), message)
+    findings = []
+    for robot, of_robot in sorted(poses.items()):
+        if all(np.all(each.matrix == np.eye(4)) for each in of_robot):
+            fixed = all(given.problem.unknowns[name].status == "fixed" for name in attached(given.problem, robot))
+            message = f"all recorded poses of {robot} are the identity: is its driver connected?"
+            findings.append(Finding("identity-poses", "info" if fixed else "warning", (robot,), message))
+    return findings

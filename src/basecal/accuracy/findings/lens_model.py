@@ -14,21 +14,18 @@ _MATTERS = 1.0  # sigmas by which a transform asked for has to move
 
 def lens_model(of: Evidence) -> list[Finding]:
     """A warning where what the lens model leaves moves the answer by more than its sigmas, else an info."""
-    return [_told(of, each) for each in of.lens_structures]
-
-
-def _told(of: Evidence, found: LensStructure) -> Finding:
-    moves = [_sigmas(of, found, name) for name in of.cell.asked if name in of.solution.problem.columns]
-    worst = max(moves, default=0.0)
-    severity: Severity = "warning" if worst > _MATTERS else "info"
-    message = (
-        f"residuals of {found.camera} go by their place in the image (chance {found.chance:.0e}): "
-        f"{found.rms_px:.2g} px rms that its lens model cannot have, which moves the answer by {worst:.1f} sigma"
-    )
-    advice = (
-        "the covariance covers it; try another model or more distortion terms, and fill the images to their corners"
-    )
-    return Finding("lens-model", severity, (found.camera,), f"{message}; {advice}")
+    findings = []
+    for found in of.lens_structures:
+        moves = [_sigmas(of, found, name) for name in of.cell.asked if name in of.solution.problem.columns]
+        worst = max(moves, default=0.0)
+        severity: Severity = "warning" if worst > _MATTERS else "info"
+        message = (
+            f"residuals of {found.camera} go by their place in the image (chance {found.chance:.0e}): "
+            f"{found.rms_px:.2g} px rms that its lens model cannot have, which moves the answer by {worst:.1f} sigma; "
+            "the covariance covers it; try another model or more distortion terms, and fill the images to their corners"
+        )
+        findings.append(Finding("lens-model", severity, (found.camera,), message))
+    return findings
 
 
 def _sigmas(of: Evidence, found: LensStructure, name: str) -> float:

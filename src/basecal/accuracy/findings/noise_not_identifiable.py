@@ -23,23 +23,21 @@ def robots_with_one_stop(problem: Problem) -> list[str]:
 
 def noise_not_identifiable(of: Evidence) -> list[Finding]:
     """Infos about robots whose noise the recording hardly tells."""
-    few = robots_with_few_stops(of.recorded) if of.settings.robot_noise != "stated" else {}
-    single = robots_with_one_stop(of.recorded) if of.settings.robot_noise != "stated" else []
-    return [*([_few_stops(few)] if few else []), *map(_single_stop, single), *of.solution.findings]
-
-
-def _few_stops(few: dict[str, int]) -> Finding:
-    made = " and ".join(f"{name} made {count} stops" for name, count in few.items())
-    message = (
-        f"{made}, too few to estimate noise that is not stated by them alone: what arms have in general tells it as "
-        f"much, and the covariance is the wider for it; state their noise, or record at least {FEWEST_STOPS} stops"
-    )
-    return Finding("noise-not-identifiable", "info", tuple(few), message)
-
-
-def _single_stop(robot: str) -> Finding:
-    message = (
-        f"{robot} made a single stop, where an error of its recorded pose shows in no residual; it is taken to be as "
-        "noisy as the others, or as arms in general: state its noise, or move it"
-    )
-    return Finding("noise-not-identifiable", "info", (robot,), message)
+    if of.settings.robot_noise == "stated":
+        return list(of.solution.findings)
+    findings = []
+    if few := robots_with_few_stops(of.recorded):
+        made = " and ".join(f"{name} made {count} stops" for name, count in few.items())
+        message = (
+            f"{made}, too few to estimate noise that is not stated by them alone: what arms have in general tells it "
+            "as much, and the covariance is the wider for it; state their noise, or record at least "
+            f"{FEWEST_STOPS} stops"
+        )
+        findings.append(Finding("noise-not-identifiable", "info", tuple(few), message))
+    for robot in robots_with_one_stop(of.recorded):
+        message = (
+            f"{robot} made a single stop, where an error of its recorded pose shows in no residual; it is taken to be "
+            "as noisy as the others, or as arms in general: state its noise, or move it"
+        )
+        findings.append(Finding("noise-not-identifiable", "info", (robot,), message))
+    return [*findings, *of.solution.findings]

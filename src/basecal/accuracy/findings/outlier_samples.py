@@ -13,7 +13,6 @@ from basecal.cell import Finding
 from basecal.cell.calibration import Severity
 from basecal.estimation.outliers.robust_solve import RobustSolution
 from basecal.estimation.problem.problem import Problem
-from basecal.geometry import IntArray
 
 _FEW = 0.03  # share of the samples: one that had to go is an event in the cell
 _FAR_SIGMAS = 6.0  # of a stop's error: a chance of 2e-9 each where the stated noise is true
@@ -72,7 +71,9 @@ def far_stops(of: Evidence) -> list[Finding]:
     """A warning about stops with a pose error of more than six sigma, where nothing else is said of samples."""
     solution = of.robust.solution
     errors = np.abs(solution.state.stop_errors).max(axis=-1, initial=0.0)
-    samples = sorted(_samples_at(solution.problem, np.flatnonzero(errors > _FAR_SIGMAS)))
+    far = np.flatnonzero(errors > _FAR_SIGMAS)
+    ends = [(group, stop) for group in solution.problem.groups for stop in (group.eye_stop, group.hand_stop)]
+    samples = sorted({int(number) for group, stop in ends for number in group.sample[np.isin(stop, far)]})
     if not samples or of.robust.agreeing or any(not o.ids for o in of.robust.outliers):
         return []
     message = (
@@ -80,13 +81,3 @@ def far_stops(of: Evidence) -> list[Finding]:
         "before the arm settled, or bumped; leave these samples out, or state a larger noise"
     )
     return [Finding("outlier-samples", "warning", tuple(map(str, samples)), message)]
-
-
-def _samples_at(problem: Problem, stops: IntArray) -> set[int]:
-    """Numbers of the samples that stand in these stops."""
-    return {
-        int(number)
-        for group in problem.groups
-        for stop in (group.eye_stop, group.hand_stop)
-        for number in group.sample[np.isin(stop, stops)]
-    }

@@ -35,13 +35,9 @@ def contradicted_priors(solution: Solution) -> list[Finding]:
         learnt = above(np.eye(len(residual)) - 0.5 * (after + after.T), _LEARNT)
         off = float(learnt.mahalanobis_squared(residual)) / max(solution.noise.factor, 1.0)
         if learnt.rank and off > chi2.isf(SIGNIFICANCE, int(learnt.rank)):
-            found.append(_finding(name, float(np.abs(residual).max())))
+            message = (
+                f"the data contradict the prior of {name}: the answer is up to {np.abs(residual).max():.1f} of its "
+                "sigmas away, more than chance explains; state larger sigmas or a better value, or make it free"
+            )
+            found.append(Finding("prior-contradicted", "warning", (name,), message))
     return found
-
-
-def _finding(name: str, sigmas: float) -> Finding:
-    message = (
-        f"the data contradict the prior of {name}: the answer is up to {sigmas:.1f} of its sigmas away, more than "
-        "chance explains; state larger sigmas or a better value, or make it free"
-    )
-    return Finding("prior-contradicted", "warning", (name,), message)

@@ -49,20 +49,19 @@ def rounded_poses(of: Evidence) -> list[Finding]:
     """A finding about each robot whose places or angles are all multiples of a step."""
     problem = of.solution.problem
     robots = sorted({robot for g in problem.groups for robot in (g.eye, g.hand) if robot is not None})
-    return [f for robot in robots for f in _of_robot(problem, robot)]
-
-
-def _of_robot(problem: Problem, robot: str) -> list[Finding]:
-    found = list(_roundings(problem, robot))
-    if not found:
-        return []
-    worst = max(found, key=lambda r: (r.severity == "warning", r.sigma))
-    listed = " and ".join(f"{r.what} of {robot} are all multiples of {r.words}" for r in found)
-    message = (
-        f"{listed}: rounding alone makes {_shown(worst.sigma, worst)} (1 sigma per axis), beside "
-        f"{_shown(worst.noise, worst)} of noise in use; record poses with all their digits"
-    )
-    return [Finding("rounded-poses", worst.severity, (robot,), message)]
+    findings = []
+    for robot in robots:
+        found = list(_roundings(problem, robot))
+        if not found:
+            continue
+        worst = max(found, key=lambda r: (r.severity == "warning", r.sigma))
+        listed = " and ".join(f"{r.what} of {robot} are all multiples of {r.words}" for r in found)
+        message = (
+            f"{listed}: rounding alone makes {_shown(worst.sigma, worst)} (1 sigma per axis), beside "
+            f"{_shown(worst.noise, worst)} of noise in use; record poses with all their digits"
+        )
+        findings.append(Finding("rounded-poses", worst.severity, (robot,), message))
+    return findings
 
 
 def _shown(value: float, of: _Rounding) -> str:

@@ -17,22 +17,21 @@ def same_stop(given: Input) -> list[Finding]:
     if given.on_paths:
         return []
     robots = sorted({robot for g in given.problem.groups for robot in (g.eye, g.hand) if robot is not None})
-    return [f for robot in robots for f in _of_robot(given.problem, robot)]
-
-
-def _of_robot(problem: Problem, robot: str) -> list[Finding]:
-    stand, poses = _poses(problem, robot)
-    first = np.unique(stand, return_index=True)[1]
-    off = (poses[first[np.searchsorted(stand[first], stand)]].inverse() @ poses).log()
-    # Rotations that were read back as quaternions differ by rounding alone.
-    far_m, far_rad = (float(np.linalg.norm(half, axis=-1).max()) for half in (off[:, :3], off[:, 3:]))
-    if far_m < _ROUNDING and far_rad < _ROUNDING:
-        return []
-    message = (
-        f"poses of {robot} differ by up to {1e3 * far_m:.2g} mm and {1e3 * far_rad:.2g} mrad within its "
-        f"{len(first)} stops: they are taken for one place read back anew, with one error of the arm"
-    )
-    return [Finding("same-stop", "info", (robot,), message)]
+    findings = []
+    for robot in robots:
+        stand, poses = _poses(given.problem, robot)
+        first = np.unique(stand, return_index=True)[1]
+        off = (poses[first[np.searchsorted(stand[first], stand)]].inverse() @ poses).log()
+        far_m, far_rad = (float(np.linalg.norm(half, axis=-1).max()) for half in (off[:, :3], off[:, 3:]))
+        # Rotations that were read back as quaternions differ by rounding alone.
+        if far_m < _ROUNDING and far_rad < _ROUNDING:
+            continue
+        message = (
+            f"poses of {robot} differ by up to {1e3 * far_m:.2g} mm and {1e3 * far_rad:.2g} mrad within its "
+            f"{len(first)} stops: they are taken for one place read back anew, with one error of the arm"
+        )
+        findings.append(Finding("same-stop", "info", (robot,), message))
+    return findings
 
 
 def _poses(problem: Problem, robot: str) -> tuple[IntArray, SE3]:

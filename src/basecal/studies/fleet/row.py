@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import time
 import traceback
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ import numpy as np
 
 from basecal.accuracy.at_the_door.images import worth_searching
 from basecal.accuracy.verdict import calibrate
-from basecal.cell import Calibration, Cell, Finding, Recording
+from basecal.cell import Calibration, Cell, Recording
 from basecal.cell.files import calibration_to_dict, input_hashes, read_cell, read_recording
 from basecal.cell.results.versions import used_versions
 from basecal.errors import BasecalError, printable
@@ -131,7 +130,7 @@ def _row(name: str, cell: Cell, recording: Recording, made: Calibration) -> Row:
     return Row(
         name,
         made.verdict,
-        _codes(bad),
+        " ".join(dict.fromkeys(finding.code for finding in bad)),
         _one_line(bad[0].message) if bad else "",
         len(recording.samples),
         **({} if found is None else _placed(found, made)),
@@ -139,10 +138,6 @@ def _row(name: str, cell: Cell, recording: Recording, made: Calibration) -> Row:
         held_out_mm=None if valid is None or valid.target_m is None else 1e3 * valid.target_m,
         held_out_deg=None if valid is None or valid.target_rad is None else float(np.degrees(valid.target_rad)),
     )
-
-
-def _codes(findings: Sequence[Finding]) -> str:
-    return " ".join(dict.fromkeys(finding.code for finding in findings))
 
 
 def _placed(name: str, made: Calibration) -> dict[str, Any]:

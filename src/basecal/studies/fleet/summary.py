@@ -42,12 +42,10 @@ def write_fleet_table(rows: Sequence[Row], folder: Path) -> Path:
     Raises:
         InputError: if it cannot be written.
     """
-    return write_columns(folder, iter([{name: _column(name, rows) for name in COLUMNS}]))
-
-
-def _column(name: str, rows: Sequence[Row]) -> Any:
-    values = [row[name] for row in rows]
-    return values if name in _LISTS else np.array([np.nan if value is None else value for value in values], dtype=float)
+    columns: dict[str, Any] = {name: [row[name] for row in rows] for name in COLUMNS}
+    for name in columns.keys() - _LISTS:
+        columns[name] = np.array([np.nan if value is None else value for value in columns[name]], dtype=float)
+    return write_columns(folder, iter([columns]))
 
 
 def summarise_fleet(fleet: Fleet, rows: Sequence[Row]) -> dict[str, Any]:
