@@ -132,10 +132,12 @@ class _Captured:
             self._estimate = self._estimate.added(sample)
 
     def add(self, sample: Sample) -> None:
+        """Count a sample among those taken, and in the running estimate."""
         self.taken.append(sample)
         self._estimate = self._estimate.added(sample)
 
     def step(self, sample: int, why_not: str = "") -> Step:
+        """What there is to tell once a sample is taken, or is not and why."""
         covered = coverage_of(self._by.sketch, self.taken)
         return Step(sample, why_not, len(self.taken), self._planned, covered, self._estimate.sigma())
 

@@ -50,9 +50,15 @@ class _Reader:
         self.data, self.order, self.at = data, order, 0
 
     def message(self, fields: Fields) -> Any:
+        """The members of a message, read one after another, as a namespace."""
         return SimpleNamespace(**{name: self.value(kind) for name, kind in members(fields).items()})
 
     def value(self, kind: Any) -> Any:
+        """The next member of a message, of any kind.
+
+        Raises:
+            ValueError: if it would reach beyond the bytes that there are.
+        """
         if isinstance(kind, str):
             return self.text() if kind == "string" else self.number(_CODES[kind])
         if isinstance(kind, dict):
@@ -67,6 +73,7 @@ class _Reader:
         return [self.value(kind.subtype) for _ in range(count)]
 
     def number(self, code: str) -> Any:
+        """The next number, of a format of `struct`, aligned to its size."""
         size = struct.calcsize(code)
         self.at += -self.at % size
         (value,) = struct.unpack_from(self.order + code, self.data, self.at)
@@ -74,6 +81,7 @@ class _Reader:
         return value
 
     def numbers(self, code: str, count: int) -> Any:
+        """The next numbers of one kind, (count,), a view of the bytes; nothing is aligned where there are none."""
         kind = np.dtype(self.order + code)
         self.at += -self.at % kind.itemsize if count else 0
         values = np.frombuffer(self.data, kind, count, self.at) if count else np.empty(0, kind)
@@ -81,6 +89,11 @@ class _Reader:
         return values
 
     def text(self) -> str:
+        """The next text, without the zero that ends it.
+
+        Raises:
+            ValueError: if it would reach beyond the bytes that there are.
+        """
         size = self.number("I")
         if size > len(self.data) - self.at:
             raise ValueError
@@ -94,10 +107,12 @@ class _Writer:
         self.data = bytearray()
 
     def message(self, fields: Fields, message: Any) -> None:
+        """Append the members of a message in their order."""
         for name, kind in members(fields).items():
             self.value(kind, getattr(message, name))
 
     def value(self, kind: Any, value: Any) -> None:
+        """Append a member of any kind; a sequence begins with how many it has."""
         if isinstance(kind, str):
             self.text(value) if kind == "string" else self.number(_CODES[kind], value)
         elif isinstance(kind, dict):
@@ -110,6 +125,7 @@ class _Writer:
             self.entries(kind.subtype, value)
 
     def entries(self, kind: Any, values: Any) -> None:
+        """Append the entries of an array or a sequence; numbers as one block."""
         if isinstance(kind, str) and kind in _CODES:
             numbers = np.asarray(values, np.dtype("<" + _CODES[kind]))
             self.align(numbers.itemsize if numbers.size else 1)
@@ -119,13 +135,16 @@ class _Writer:
             self.value(kind, value)
 
     def number(self, code: str, value: Any) -> None:
+        """Append a number, of a format of `struct`, aligned to its size."""
         self.align(struct.calcsize(code))
         self.data += struct.pack("<" + code, value)
 
     def text(self, word: str) -> None:
+        """Append a text with its length in bytes and the zero that ends it."""
         data = word.encode() + b"\0"
         self.number("I", len(data))
         self.data += data
 
     def align(self, size: int) -> None:
+        """Append zeros up to a multiple of `size` bytes."""
         self.data += bytes(-len(self.data) % size)

@@ -217,6 +217,7 @@ def _bytes_type(kind: str) -> Any:
     made = _struct(fields_of(kind), {})
 
     def of(data: bytes) -> Any:
+        """What cyclonedds sends as these bytes."""
         sample = made.__new__(made)
         sample.serialize = lambda **_: data
         return sample

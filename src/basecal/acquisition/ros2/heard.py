@@ -46,6 +46,7 @@ def heard(domain: int, listen_s: float) -> Bag:
     topics = {name: Topic(name, offer.kind, counts[name]) for name, (offer, _) in listeners.items()}
 
     def read(names: Iterable[str]) -> Iterator[Message]:
+        """What was heard of some topics, one topic after another."""
         for name in names:
             yield from (Message(topics[name], 0.0, data) for data in messages.get(name, []))
 

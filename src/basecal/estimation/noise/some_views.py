@@ -35,6 +35,7 @@ def recorded_alone(problem: Problem, state: State, most: int) -> tuple[Problem, 
     known = {robot: np.unique(np.concatenate(of)) for robot, of in stands.items()}
 
     def renumbered(robot: str | None, stand: IntArray) -> IntArray:
+        """Places of a robot counted among those it takes in these views."""
         return stand if robot is None else np.searchsorted(known[robot], stand)
 
     taken = (

@@ -146,6 +146,7 @@ def _following(found: _Gathered, moving: list[str]) -> Callable[[Message], None]
     latest: dict[str, tuple[int, Array]] = {}
 
     def listen(message: Message) -> None:
+        """Keep the instant once the last frame of it has come."""
         for each in message.data.transforms:
             child = plain(each.child_frame_id)
             if child not in moving:
@@ -161,6 +162,7 @@ def _following(found: _Gathered, moving: list[str]) -> Callable[[Message], None]
 
 def _posing(found: _Gathered) -> Callable[[Message], None]:
     def listen(message: Message) -> None:
+        """Keep a pose at its time."""
         pose = message.data.pose
         p, q = pose.position, pose.orientation
         values = np.array([p.x, p.y, p.z, q.x, q.y, q.z, q.w], dtype=np.float64)
@@ -180,6 +182,7 @@ def _tagging(found: _Gathered, source: ByTagPoses) -> Callable[[Message], None]:
 
 def _joining(found: _Gathered, names: tuple[str, ...]) -> Callable[[Message], None]:
     def listen(message: Message) -> None:
+        """Keep the joints at their time, in the order of `names`."""
         place = {name: k for k, name in enumerate(message.data.name)}
         if all(name in place and place[name] < len(message.data.position) for name in names):
             values = np.array([message.data.position[place[name]] for name in names], dtype=np.float64)
@@ -190,6 +193,7 @@ def _joining(found: _Gathered, names: tuple[str, ...]) -> Callable[[Message], No
 
 def _noting(times: array[float]) -> Callable[[Message], None]:
     def listen(message: Message) -> None:
+        """Keep the time of a picture."""
         times.append(stamp_of(message.data.header, message.recorded_s))
 
     return listen
@@ -197,6 +201,7 @@ def _noting(times: array[float]) -> Callable[[Message], None]:
 
 def _detecting(found: list[tuple[float, SeenTags]], tags: Tags) -> Callable[[Message], None]:
     def listen(message: Message) -> None:
+        """Keep what is seen of the tags at its time."""
         corners = corners_of(message.data, tags)
         if corners is not None:
             found.append((stamp_of(message.data.header, message.recorded_s), corners))

@@ -128,6 +128,7 @@ class _Handler(socketserver.StreamRequestHandler):
     disable_nagle_algorithm = True
 
     def handle(self) -> None:
+        """Answer a connection line by line, until it ends or a line is longer than any request."""
         server = cast(CellServer, self.server)
         with suppress(OSError):  # whoever asked was cut off
             while line := self.rfile.readline(_LONGEST_REQUEST):
