@@ -57,13 +57,17 @@ def study(
         json: Print the summary as JSON.
     """
     from basecal.studies.jobs import Where
+    from basecal.studies.study_file import read_study
 
     if scheduler is not None and workers is not None:
         raise UsageError("--workers are processes of this machine, --scheduler has its own: give one of them")
     where = Where(workers or os.cpu_count() or 1, scheduler)
     if (file is None) == (cells is None):
         raise UsageError("give the file of a study, or --cells with a folder of cells: one of them")
-    summary = _study(file, output, where) if file is not None else _fleet(cells or Path(), output, where)
+    if file is not None:
+        summary = tried(read_study(file), Path(file.stem) if output is None else output, where)
+    else:
+        summary = _fleet(cells or Path(), output, where)
     if json:
         print_json({name: value for name, value in summary.items() if name != "words"})
     else:
@@ -74,12 +78,6 @@ def study(
 def in_words(summary: dict[str, Any]) -> str:
     """A summary for people, and where its files are."""
     return f"{summary['words']}\ntable: {summary['table']}\npage: {summary['page']}"
-
-
-def _study(file: Path, output: Path | None, where: Where) -> dict[str, Any]:
-    from basecal.studies.study_file import read_study
-
-    return tried(read_study(file), Path(file.stem) if output is None else output, where)
 
 
 def tried(asked: Study, folder: Path, where: Where) -> dict[str, Any]:

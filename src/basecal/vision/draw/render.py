@@ -107,7 +107,22 @@ def painted(fine: Levels, camera: Camera, views: Sequence[View], settings: Rende
     """
     placed = [(pose @ sheet.target_from_sheet, sheet) for target, pose in views for sheet in target_drawing(target)]
     for camera_from_sheet, sheet in sorted(placed, key=lambda each: -float(each[0].translation[2])):
-        _paint(fine, camera, camera_from_sheet, sheet, settings)
+        facing = float(camera_from_sheet.rotation[:, 2] @ camera_from_sheet.translation) > 0
+        paper = _projected(camera, camera_from_sheet, _tiles(sheet))
+        window = _window(paper, fine.shape)
+        if window is None:
+            continue
+        seen = fine[window]
+        seen += _covered(paper if facing else paper[:, ::-1], window) * (np.float32(settings.white) - seen)
+        if not facing:
+            continue
+        # Discs are polygons of the same area.
+        angle = 2 * np.pi * np.arange(_DISC_SIDES) / _DISC_SIDES
+        stretch = np.sqrt(np.pi / (_DISC_SIDES / 2 * np.sin(2 * np.pi / _DISC_SIDES)))
+        circle = stretch * np.stack([np.cos(angle), np.sin(angle)], -1)
+        rounds = np.asarray(sheet.discs[:, None, :2] + sheet.discs[:, 2, None, None] * circle)
+        black = [_projected(camera, camera_from_sheet, loops) for loops in (_boxes(sheet.rectangles), rounds)]
+        seen += np.float32(settings.black - settings.white) * _covered(np.concatenate(black), window)
     return fine
 
 
@@ -165,25 +180,6 @@ def blurred(image: Levels, sigma_px: float) -> Levels:
         return image
     half = int(np.ceil(_REACH * sigma_px))
     return np.asarray(cv2.GaussianBlur(image, (2 * half + 1,) * 2, sigma_px, borderType=cv2.BORDER_REPLICATE))
-
-
-def _paint(image: Levels, camera: Camera, camera_from_sheet: SE3, sheet: Sheet, settings: RenderSettings) -> None:
-    facing = float(camera_from_sheet.rotation[:, 2] @ camera_from_sheet.translation) > 0
-    paper = _projected(camera, camera_from_sheet, _tiles(sheet))
-    window = _window(paper, image.shape)
-    if window is None:
-        return
-    seen = image[window]
-    seen += _covered(paper if facing else paper[:, ::-1], window) * (np.float32(settings.white) - seen)
-    if not facing:
-        return
-    # Discs are polygons of the same area.
-    angle = 2 * np.pi * np.arange(_DISC_SIDES) / _DISC_SIDES
-    stretch = np.sqrt(np.pi / (_DISC_SIDES / 2 * np.sin(2 * np.pi / _DISC_SIDES)))
-    circle = stretch * np.stack([np.cos(angle), np.sin(angle)], -1)
-    rounds = np.asarray(sheet.discs[:, None, :2] + sheet.discs[:, 2, None, None] * circle)
-    black = [_projected(camera, camera_from_sheet, loops) for loops in (_boxes(sheet.rectangles), rounds)]
-    seen += np.float32(settings.black - settings.white) * _covered(np.concatenate(black), window)
 
 
 def _window(edges: Array, shape: tuple[int, ...]) -> tuple[slice, slice] | None:
