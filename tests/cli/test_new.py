@@ -47,6 +47,14 @@ def test_one_to_nine_robots(tmp_path, robots):
     assert read_recording(tmp_path / "c").samples == ()
 
 
+def test_dictionaries_have_the_markers_of_a_board(tmp_path):
+    """Of each board, the first as the others, the smallest that has enough; none is another's beginning."""
+    words = ["--robots", "3", "--squares", "10x14", "--square", "24mm"]
+    assert main(["new", str(tmp_path / "c"), *words]) == 0
+    targets = read_cell(tmp_path / "c").targets.values()
+    assert [each.target.options["dictionary"] for each in targets] == ["DICT_4X4_100", "DICT_5X5_100"]
+
+
 def test_targets_of_several_robots_are_told_apart(tmp_path, capsys):
     """By their dictionaries, the one that is asked for being the first; where a kind has no marks it is said."""
     words = ["--robots", "4", "--squares", "5x7", "--square", "40mm", "--dictionary", "DICT_6X6_50"]

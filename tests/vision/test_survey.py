@@ -41,6 +41,11 @@ CASES = {
         charuco_target((7, 5), 0.04, 0.03, "DICT_4X4_50"),
         "5x7 squares without legacy_pattern fit, not 7x5 squares without legacy_pattern: write squares: [5, 7]",
     ),
+    "other squares": (
+        "charuco",
+        charuco_target((6, 8), 0.04, 0.03, "DICT_4X4_50"),
+        "5x7 squares without legacy_pattern fit, not 6x8 squares without legacy_pattern: write squares: [5, 7]",
+    ),
     "another pattern": (
         "legacy",
         charuco_target((5, 8), 0.035, 0.026, "DICT_5X5_100"),

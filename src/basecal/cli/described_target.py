@@ -65,6 +65,7 @@ def target_fields(kind: str, shape: Shape) -> dict[str, Any]:
     Raises:
         InputError: if its kind needs counts or a size that are not given, or has none such.
     """
+    from basecal.cell.targets.fiducials import large_enough
     from basecal.cell.targets.kind import PrintSizes
 
     counts = {name: text for name in _COUNTED if (text := getattr(shape, name)) is not None}
@@ -72,7 +73,8 @@ def target_fields(kind: str, shape: Shape) -> dict[str, Any]:
     columns, rows = numbers[0] if numbers else (1, 1)
     square = 1.0 if shape.square is None else length_m(shape.square, "--square", "40mm")
     marker = _MARKER * square if shape.marker is None else length_m(shape.marker, "--marker", "30mm")
-    named = (shape.dictionary or "DICT_4X4_50", shape.family or "tag36h11", shape.tag or 0)
+    by_count = large_enough("DICT_4X4_50", columns * rows // 2)
+    named = (shape.dictionary or by_count, shape.family or "tag36h11", shape.tag or 0)
     sizes = PrintSizes(columns, rows, round(square, 9), round(marker, 9), *named)
     fields = printed_fields(kind, sizes, shape.field)
     _check_said(kind, shape, fields, list(counts))

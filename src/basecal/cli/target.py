@@ -28,7 +28,7 @@ def target(
     rows: int = 7,
     square_mm: float = 40.0,
     marker_mm: float | None = None,
-    dictionary: str = "DICT_4X4_50",
+    dictionary: str | None = None,
     family: str = "tag36h11",
     tag: int = 0,
     field: Annotated[tuple[str, ...], Parameter(name="--set", negative=())] = (),
@@ -53,11 +53,12 @@ def target(
         rows: Rows of them.
         square_mm: Size of a square or tag, spacing of circles.
         marker_mm: Size of a ChArUco marker; three quarters of the square where not given.
-        dictionary: Of the ChArUco markers.
+        dictionary: Of the ChArUco markers; of DICT_4X4 the smallest that has enough where not given.
         family: Of the AprilTag.
         tag: Number of the AprilTag.
         field: FIELD=VALUE as in cell.yaml, such as legacy_pattern=true; may be given several times.
     """
+    from basecal.cell.targets.fiducials import large_enough
     from basecal.cell.targets.kind import PrintSizes
     from basecal.reporting.printed import printed_pages, write_pages
 
@@ -65,7 +66,8 @@ def target(
         title, shape = _of_cell(cell, name)
     else:
         square, marker = square_mm / 1e3, (0.75 * square_mm if marker_mm is None else marker_mm) / 1e3
-        sizes = PrintSizes(columns, rows, round(square, 9), round(marker, 9), dictionary, family, tag)
+        markers = dictionary or large_enough("DICT_4X4_50", columns * rows // 2)
+        sizes = PrintSizes(columns, rows, round(square, 9), round(marker, 9), markers, family, tag)
         fields = printed_fields(kind, sizes, field)
         title, shape = _described(kind, fields)
     pages = printed_pages(shape, title)

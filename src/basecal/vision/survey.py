@@ -14,6 +14,7 @@ from basecal.cell.target import Target
 from basecal.cell.targets.charuco import charuco_target
 from basecal.cell.targets.circles import circles_target
 from basecal.vision.kinds import charuco, circles
+from basecal.vision.kinds.charuco_layout import likely_boards
 from basecal.vision.kinds.fiducial import MARKER_SETS, dictionary
 from basecal.vision.kinds.ways import Grey, Way, best
 
@@ -82,7 +83,7 @@ def other_charuco(images: list[Grey], target: Target) -> str | None:
         if other is None:
             return None
         return f"no board of {of['dictionary']}; {other}: write dictionary: {other.partition(' ')[0]}"
-    for board in _other_layouts(target):
+    for board in (*_other_layouts(target), *likely_boards(images, target)):
         if any(charuco.detect(image, board) is not None for image in images):
             return f"{_layout(board)} fit, not {_layout(target)}: write {_fields(board, target)}"
     ids = f"markers {_ids(seen)} of {of['dictionary']} are there"
@@ -109,6 +110,7 @@ def _fields(board: Target, stated: Target) -> str:
     columns, rows = board.options["squares"]
     fields = {"squares": f"squares: [{columns}, {rows}]"}
     fields["legacy_pattern"] = f"legacy_pattern: {str(bool(board.options['legacy_pattern'])).lower()}"
+    fields["dictionary"] = f"dictionary: {board.options['dictionary']}"
     return ", ".join(text for name, text in fields.items() if board.options[name] != stated.options[name])
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import pytest
 
-from basecal.cell.targets.fiducials import DICTIONARIES, FAMILIES, cells_across
+from basecal.cell.targets.fiducials import DICTIONARIES, FAMILIES, begins_as, cells_across, large_enough
 
 
 @pytest.mark.parametrize("name", DICTIONARIES)
@@ -19,3 +19,20 @@ def test_families_have_the_cells_of_their_codes():
     """The square root of the bits that the name says, without what is left."""
     assert [cells_across(name) for name in FAMILIES] == [4, 5, 6, 6, 4, 7, 6, 6, 7]
     assert len(set(DICTIONARIES)) == len(DICTIONARIES) == 27
+
+
+@pytest.mark.parametrize(
+    ("name", "count", "larger"),
+    [
+        ("DICT_4X4_50", 50, "DICT_4X4_50"),
+        ("DICT_4X4_50", 51, "DICT_4X4_100"),
+        ("DICT_5X5_100", 7, "DICT_5X5_100"),
+        ("DICT_6X6_250", 251, "DICT_6X6_1000"),
+        ("DICT_4X4_50", 1001, "DICT_4X4_50"),
+        ("DICT_APRILTAG_25h9", 40, "DICT_APRILTAG_25h9"),
+    ],
+)
+def test_a_dictionary_that_is_large_enough(name, count, larger):
+    """It begins with the same markers; where there is none it is the one that was named."""
+    assert large_enough(name, count) == larger
+    assert begins_as(larger) == begins_as(name)

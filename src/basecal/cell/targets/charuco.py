@@ -10,8 +10,8 @@ from pydantic import model_validator as checks_whole
 from basecal.cell.format.values import Length, Squares, known_names
 from basecal.cell.sheet import Marker, Sheet, black_squares
 from basecal.cell.target import Target
-from basecal.cell.targets.fiducials import DICTIONARIES
-from basecal.cell.targets.kind import Described, TargetEntry, TargetKind, chosen, plane_grid
+from basecal.cell.targets.fiducials import DICTIONARIES, begins_as, large_enough
+from basecal.cell.targets.kind import Described, Fields, TargetEntry, TargetKind, chosen, plane_grid
 
 # In squares: keeps what is beside the paper out of the outer squares.
 _MARGIN = 0.5
@@ -77,6 +77,14 @@ _DICTIONARIES = (
     "DICT_ARUCO_MIP_36h12",
 )
 
+
+def _others(fields: Fields) -> list[str]:
+    """Dictionaries of boards beside one of these fields, each large enough."""
+    columns, rows = fields["squares"]
+    others = [name for name in _DICTIONARIES if begins_as(name) != begins_as(fields["dictionary"])]
+    return [large_enough(name, columns * rows // 2) for name in others]
+
+
 KIND = TargetKind(
     entries=(CharucoEntry,),
     described=Described(
@@ -98,7 +106,7 @@ KIND = TargetKind(
         "marker_m": sizes.marker_m,
         "dictionary": sizes.dictionary,
     },
-    marks=lambda fields: frozenset({fields["dictionary"]}),
-    another=lambda fields, n: {**fields, "dictionary": chosen(_DICTIONARIES, fields["dictionary"], n)},
+    marks=lambda fields: frozenset({begins_as(fields["dictionary"])}),
+    another=lambda fields, n: {**fields, "dictionary": chosen(_others(fields), fields["dictionary"], n)},
     figures={"charuco": charuco_target((5, 4), 0.04, 0.03, "DICT_4X4_50")},
 )

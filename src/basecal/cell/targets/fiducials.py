@@ -33,3 +33,18 @@ def cells_across(name: str) -> int:
     squared = re.match(r"DICT_(\d)X", name)
     bits = re.search(r"(\d+)[hH]", name)
     return int(squared[1]) if squared else isqrt(int(bits[1])) if bits else _ORIGINAL
+
+
+def begins_as(name: str) -> str:
+    """What dictionaries of which one is the beginning of the other have in common."""
+    numbered = re.match(r"(DICT_\d+X\d+)_\d+$", name)
+    return numbered[1] if numbered else name
+
+
+def large_enough(name: str, count: int) -> str:
+    """The smallest dictionary of so many markers that begins as one of this name; it itself where none does."""
+    for other in DICTIONARIES:
+        size = other.rpartition("_")[2]
+        if other == f"{begins_as(name)}_{size}" and int(size) >= max(count, int(name.rpartition("_")[2])):
+            return other
+    return name

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 
 from basecal.cell.target import Target
+from basecal.cell.targets.fiducials import large_enough
 from basecal.errors import InputError
 from basecal.geometry import Array, BoolArray
 
@@ -66,7 +67,10 @@ def charuco_board(target: Target) -> Any:
     needed = of["squares"][0] * of["squares"][1] // 2
     if needed > len(known.bytesList):
         size = "x".join(map(str, of["squares"]))
-        raise InputError(f"{of['dictionary']} has {len(known.bytesList)} markers, a {size} board needs {needed}")
+        few = f"{of['dictionary']} has {len(known.bytesList)} markers, a {size} board needs {needed}"
+        larger = large_enough(of["dictionary"], needed)
+        mend = f": write dictionary: {larger}, which begins with the same" if larger != of["dictionary"] else ""
+        raise InputError(f"{few}{mend}")
     board = cv2.aruco.CharucoBoard(tuple(of["squares"]), of["square_m"], of["marker_m"], known)
     board.setLegacyPattern(bool(of.get("legacy_pattern", False)))
     return board

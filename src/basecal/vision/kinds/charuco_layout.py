@@ -1,0 +1,71 @@
+"""How many squares a ChArUco board has, by where its markers stand: their numbers count row by row."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
+
+import cv2
+import numpy as np
+
+from basecal.cell.target import Target
+from basecal.cell.targets.charuco import charuco_target
+from basecal.geometry import Array
+from basecal.vision.kinds.fiducial import MARKER_SETS, dictionary, marker_corners
+from basecal.vision.kinds.ways import Grey
+
+_FEWEST = 6  # markers that tell a board from another: a plane's image has four points to itself
+_MOST_COLUMNS = 40
+_BEST = 3  # boards to try
+_NEAR = 0.2  # of the distance to the next marker: a wide lens bends a board by less
+
+Seen = Mapping[int, Array]
+
+
+def likely_boards(images: Sequence[Grey], target: Target) -> Iterator[Target]:
+    """Boards whose markers stand as they are seen, in the order of how well they do, as small as all numbers allow.
+
+    Args:
+        images: Those in which it is not found.
+        target: As stated; its sizes are kept.
+    """
+    names = next((names for names in MARKER_SETS if target.options["dictionary"] in names), ())
+    if not names:
+        return
+    seen = [_centres(image, names[-1]) for image in images]
+    most = max(seen, key=len, default={})
+    if len(most) < _FEWEST:
+        return
+    highest = max(max(each) for each in seen if each)
+    name = next((each for each in names if highest < len(dictionary(each).bytesList)), names[-1])
+    off = {board: _off(board, most) for board in _boards(target, name, highest)}
+    yield from sorted((board for board in off if off[board] < _NEAR), key=lambda board: off[board])[:_BEST]
+
+
+def _centres(image: Grey, name: str) -> Seen:
+    """Where markers are, by number, (2,) [px]."""
+    corners, numbers, _ = cv2.aruco.ArucoDetector(dictionary(name)).detectMarkers(image)
+    found = [] if numbers is None else numbers.ravel().tolist()
+    return {int(k): np.asarray(c, dtype=np.float64).reshape(4, 2).mean(0) for k, c in zip(found, corners, strict=False)}
+
+
+def _boards(target: Target, name: str, highest: int) -> Iterator[Target]:
+    of = target.options
+    for columns in range(3, _MOST_COLUMNS):
+        fewest = -(-2 * (highest + 1) // columns)
+        for rows, legacy in product((fewest, fewest + 1), (False, True)):
+            if rows >= 3 and highest < columns * rows // 2 <= len(dictionary(name).bytesList):
+                yield charuco_target((columns, rows), of["square_m"], of["marker_m"], name, legacy)
+
+
+def _off(board: Target, seen: Seen) -> float:
+    """Rms of how far markers are from where a board has them, seen in perspective [distances to the next marker]."""
+    numbers = sorted(seen)
+    plane = marker_corners(board)[numbers].mean(1) / board.options["square_m"]
+    pixels = np.array([seen[number] for number in numbers])
+    image_from_plane, _ = cv2.findHomography(plane, pixels)
+    if image_from_plane is None:
+        return float("inf")
+    there = cv2.perspectiveTransform(plane[:, None], image_from_plane)[:, 0]
+    apart = np.linalg.norm(pixels[:, None] - pixels, axis=-1)[~np.eye(len(pixels), dtype=bool)]
+    return float(np.sqrt(np.mean(np.sum((there - pixels) ** 2, -1)))) / max(float(apart.min()), 1e-9)
