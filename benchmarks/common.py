@@ -86,6 +86,24 @@ def write(name: str, result: Mapping[str, Any]) -> Path:
     return path
 
 
+class Kept:
+    """Outcomes that are kept in a file as they come, a line each, by what was tried."""
+
+    def __init__(self, path: Path | None) -> None:
+        self._path = path
+        lines = path.read_text(encoding="utf-8").splitlines() if path is not None and path.exists() else []
+        self._known: dict[str | int, Any] = dict(json.loads(line) for line in lines)
+
+    def of(self, key: str | int, measured: Callable[[], Any]) -> Any:
+        """What was kept by this key; where nothing was, what is measured, kept from now on."""
+        if key not in self._known:
+            self._known[key] = measured()
+            if self._path is not None:
+                with self._path.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps([key, self._known[key]]) + "\n")
+        return self._known[key]
+
+
 def cell_by_cell(
     name: str,
     arguments: Sequence[str],
@@ -104,20 +122,8 @@ def cell_by_cell(
     parser.add_argument("--keep", type=Path, help="file in which cells are kept, and from which a run goes on")
     asked = parser.parse_args(arguments)
     on_one_core()
-    known = _kept(asked.keep)
-    for seed in range(asked.cells):
-        if seed not in known:
-            known[seed] = list(measured(seed))
-            if asked.keep is not None:
-                with asked.keep.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps([seed, known[seed]]) + "\n")
-    found = [each for seed in sorted(known) for each in known[seed]]
+    kept = Kept(asked.keep)
+    found = [each for seed in range(asked.cells) for each in kept.of(seed, lambda seed=seed: list(measured(seed)))]
     print(shown(found))
     if asked.keep is not None or asked.cells >= cells:
         write(name, result(found))
-
-
-def _kept(path: Path | None) -> dict[int, list[dict[str, Any]]]:
-    if path is None or not path.exists():
-        return {}
-    return dict(json.loads(line) for line in path.read_text(encoding="utf-8").splitlines())

@@ -364,8 +364,8 @@ def _verify(result: Result) -> str:
 Cells calibrated from {verify.CALIBRATED} simulated samples and checked with one to {verify.MOST_NEW} more. Asked: false
 alarms in at most {100 * verify.MOST_ALARMS:g} %, shifts of the length that is called detectable seen in
 {100 * verify.LOW:g} to {100 * verify.HIGH:g} %, what moved named first in {100 * verify.NAMED:g} % at three times that
-length, with {verify.FEWEST_NAMED} samples and more. Then real recordings, halved at random: one half calibrated, six
-samples of the other checked, and checked again with a mount shifted by the larger of
+length, with {verify.FEWEST_NAMED} samples and more. Then real recordings, halved at random: one half calibrated, the
+other checked, all of it or its first {verify.MOST_NEW} samples, and again with a mount shifted by the larger of
 {1e3 * verify.LEAST_SHIFT_M:g} mm and twice the detectable length."""
     rows = [verify.row(name, of) for name, of in result["rows"].items()]
     real_rows = map(verify.row_real, result["real"])

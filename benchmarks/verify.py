@@ -3,8 +3,8 @@
 Simulated: cells of two arms, calibrated from 25 samples, checked with one to six more. `still`: nothing moved, alarms
 are false. `detectable`: the hand's base is shifted, in any direction, by the length that the check says it would see.
 `named`: by three times that, with four samples and more; what moved is to be named first. Real: recordings halved at
-random, one half calibrated, six samples of the other checked; then the same with a mount shifted by the larger of 2 mm
-and twice the detectable length.
+random, one half calibrated, the other checked, all of it or its first six samples; then the same with a mount shifted
+by the larger of 2 mm and twice the detectable length.
 """
 
 from __future__ import annotations
@@ -13,6 +13,8 @@ import argparse
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,25 +26,41 @@ from basecal.errors import DatasetError
 from basecal.geometry import SE3, Array
 from basecal.simulation import Scenario, simulate
 from benchmarks.calibrate import recordings
-from benchmarks.common import on_one_core, table, write
+from benchmarks.common import Kept, on_one_core, table, write
 
 BASE, FRAME = "eye_base_from_hand_base", "hand_base"
 CALIBRATED, MOST_NEW, FEWEST_NAMED = 25, 6, 4
 CELLS = 500
-SPLITTINGS = 20
-REAL = ("rct_charuco", "rct_10x10", "visp_franka_in_hand", "visp_franka_to_hand", "moveit_pose_samples", "ur5e_dual")
+STILL_CELLS = 1000  # in which nothing moved, those that are shifted among them
+SPLITTINGS = 100
+REAL = (
+    "rct_charuco",
+    "rct_10x10",
+    "visp_franka_in_hand",
+    "visp_franka_to_hand",
+    "moveit_pose_samples",
+    "ur5e_dual",
+    "kuka_1_chessboard",
+    "nao_dual_axbycz",
+    "ur3e_88_images",
+    "motoman_dual_joints",
+)
+CHECKED = {"the other half": None, f"{MOST_NEW} samples": MOST_NEW}
 LEAST_SHIFT_M = 2e-3
 MOST_ALARMS = 0.01
 LOW, HIGH = 0.92, 0.98
 NAMED = 0.95
-HEAD = ("samples", "trials", "false alarms", "detectable shift seen", "first named at three times it", "median [mm]")
+HEAD = ("samples", "false alarms", "shifted", "detectable shift seen", "first named at three times it", "median [mm]")
 HEAD_REAL = (
     "recording",
-    "checks",
+    "checked",
+    "splittings",
+    "refused",
     "cannot tell",
+    "alarms",
     "as calibrated",
-    "shifts seen",
-    "named, alone or among",
+    "of those told",
+    "shifts named, alone or among",
     "median [mm]",
 )
 
@@ -67,7 +85,7 @@ def direction(seed: int) -> Array:
     return np.array([*(along / np.linalg.norm(along)), 0.0, 0.0, 0.0])
 
 
-def simulated(seed: int) -> dict[str, Any] | None:
+def simulated(seed: int, is_shifted: bool = True) -> dict[str, Any] | None:
     """One cell: whether there was an alarm, a shift was seen, and the base named; None where nothing was calibrated."""
     new = 1 + seed % MOST_NEW
     stated = seed // MOST_NEW % 2 == 0
@@ -80,8 +98,8 @@ def simulated(seed: int) -> dict[str, Any] | None:
     later = Recording(taken[CALIBRATED:])
     still = verify(made.cell, calibration, later)
     length = still.detectable_m
-    if length is None:
-        return {"new": new, "alarm": bool(still.moved), "detectable_m": None, "seen": None, "named": None}
+    if length is None or not is_shifted:
+        return {"new": new, "alarm": bool(still.moved), "detectable_m": length, "seen": None, "named": None}
     seen, far = (
         verify(made.cell, calibration, shifted(made.cell, later, BASE, factor * length * direction(seed)))
         for factor in (1.0, 3.0)
@@ -90,38 +108,29 @@ def simulated(seed: int) -> dict[str, Any] | None:
     return {"new": new, "alarm": bool(still.moved), "detectable_m": length, "seen": bool(seen.moved), "named": named}
 
 
-def real(name: str, splittings: int) -> dict[str, Any]:
-    """One recording, halved so often."""
-    cell, recording = recordings()[name]()
-    found, moved, lengths, named = [], [], [], []
-    for seed in range(splittings):
-        order = np.random.default_rng(seed).permutation(len(recording.samples))
-        half = len(order) // 2
-        first, second = (
-            Recording(tuple(recording.samples[k] for k in sorted(part))) for part in np.split(order, [half])
-        )
-        calibration = calibrate(cell, first)
-        if calibration.verdict == "refused":
-            continue
-        checked = Recording(second.samples[:MOST_NEW])
-        still = verify(cell, calibration, checked)
-        found.append(still.moved)
-        if still.moved is None or still.detectable_m is None:
-            continue
-        lengths.append(still.detectable_m)
-        length = max(LEAST_SHIFT_M, 2 * still.detectable_m)
-        transform, far = _moved_mount(cell, calibration, checked, length * direction(seed))
-        moved.append(bool(far.moved))
-        frames = [] if far.shift is None else [far.shift.transform, *(other.transform for other in far.alike)]
-        named.append(bool(far.moved) and transform in frames)
+def halved(cell: Cell, recording: Recording, seed: int) -> dict[str, dict[str, Any]] | None:
+    """One splitting, by what was checked; None where the calibration of the first half is refused."""
+    order = np.random.default_rng(seed).permutation(len(recording.samples))
+    half = len(order) // 2
+    first, second = (Recording(tuple(recording.samples[k] for k in sorted(part))) for part in np.split(order, [half]))
+    calibration = calibrate(cell, first)
+    if calibration.verdict == "refused":
+        return None
+    return {name: _checked(cell, calibration, Recording(second.samples[:most]), seed) for name, most in CHECKED.items()}
+
+
+def _checked(cell: Cell, calibration: Calibration, later: Recording, seed: int) -> dict[str, Any]:
+    """Whether samples are as calibrated, and whether a mount that is shifted is named."""
+    still = verify(cell, calibration, later)
+    if still.moved is None or still.detectable_m is None:
+        return {"moved": still.moved, "detectable_m": None, "named": None}
+    length = max(LEAST_SHIFT_M, 2 * still.detectable_m)
+    transform, far = _moved_mount(cell, calibration, later, length * direction(seed))
+    frames = [] if far.shift is None else [far.shift.transform, *(other.transform for other in far.alike)]
     return {
-        "recording": name,
-        "checks": len(found),
-        "untold": found.count(None),
-        "as_calibrated": found.count(False) / max(len(found) - found.count(None), 1) if found else None,
-        "seen": float(np.mean(moved)) if moved else None,
-        "named": float(np.mean(named)) if named else None,
-        "detectable_m": float(np.median(lengths)) if lengths else None,
+        "moved": still.moved,
+        "detectable_m": still.detectable_m,
+        "named": bool(far.moved) and transform in frames,
     }
 
 
@@ -138,56 +147,88 @@ def _moved_mount(cell: Cell, calibration: Calibration, later: Recording, tangent
 
 def summary(found: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Shares over simulated cells."""
-    told = [f for f in found if f["detectable_m"] is not None]
+    told = [f for f in found if f["seen"] is not None]
     many = [f["named"] for f in told if f["new"] >= FEWEST_NAMED]
     return {
-        "trials": len(found),
+        "still": len(found),
         "alarms": sum(f["alarm"] for f in found),
         "seen": float(np.mean([f["seen"] for f in told])),
-        "told": len(told),
+        "shifted": len(told),
         "named": float(np.mean(many)) if many else None,
         "detectable_m": float(np.median([f["detectable_m"] for f in told])),
     }
 
 
+def summary_real(name: str, checked: str, found: Sequence[dict[str, Any] | None]) -> dict[str, Any]:
+    """Of splittings of a recording, None those that were refused."""
+    told = [f[checked] for f in found if f is not None]
+    named = [f["named"] for f in told if f["named"] is not None]
+    lengths = [f["detectable_m"] for f in told if f["detectable_m"] is not None]
+    return {
+        "recording": name,
+        "checked": checked,
+        "splittings": len(found),
+        "refused": found.count(None),
+        "untold": sum(f["moved"] is None for f in told),
+        "alarms": sum(f["moved"] is True for f in told),
+        "still": sum(f["moved"] is False for f in told),
+        "named": float(np.mean(named)) if named else None,
+        "detectable_m": float(np.median(lengths)) if lengths else None,
+    }
+
+
 def row(name: str, of: dict[str, Any]) -> tuple[object, ...]:
     """A line of the table with `HEAD`."""
-    named = "" if of["named"] is None else f"{100 * of['named']:.1f} %"
-    alarms = f"{of['alarms']} ({100 * of['alarms'] / of['trials']:.1f} %)"
-    return name, of["trials"], alarms, f"{100 * of['seen']:.1f} %", named, f"{1e3 * of['detectable_m']:.2f}"
+    alarms = f"{of['alarms']} of {of['still']} ({100 * of['alarms'] / of['still']:.1f} %)"
+    return name, alarms, of["shifted"], _percent(of["seen"]), _percent(of["named"]), f"{1e3 * of['detectable_m']:.2f}"
 
 
 def row_real(of: dict[str, Any]) -> tuple[object, ...]:
     """A line of the table with `HEAD_REAL`."""
-    shares = ["" if of[key] is None else f"{100 * of[key]:.0f} %" for key in ("as_calibrated", "seen", "named")]
     length = "" if of["detectable_m"] is None else f"{1e3 * of['detectable_m']:.2f}"
-    return of["recording"], of["checks"], of.get("untold", 0), *shares, length
+    told = of["still"] + of["alarms"]
+    shares = (of["still"] / max(told + of["untold"], 1), of["still"] / told if told else None, of["named"])
+    counts = (of["splittings"], of["refused"], of["untold"], of["alarms"])
+    return of["recording"], of["checked"], *counts, *map(_percent, shares), length
+
+
+def _percent(share: float | None) -> str:
+    return "" if share is None else f"{100 * share:.1f} %"
 
 
 def main(arguments: list[str]) -> None:
-    """Draw and print; of all cells results/verify.json too."""
+    """Draw and print; results/verify.json too where all of it, or with --keep what of it there is, was measured."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.verify", description=__doc__)
-    parser.add_argument("--cells", type=int, default=CELLS, help="simulated")
+    parser.add_argument("--cells", type=int, default=CELLS, help="simulated and shifted")
+    parser.add_argument("--still", type=int, default=STILL_CELLS, help="simulated, those that are shifted among them")
     parser.add_argument("--splittings", type=int, default=SPLITTINGS, help="of each real recording")
     parser.add_argument("--recordings", nargs="*", default=list(REAL), choices=list(recordings()), metavar="NAME")
+    parser.add_argument("--keep", type=Path, help="file in which outcomes are kept, and from which a run goes on")
     asked = parser.parse_args(arguments)
     on_one_core()
-    drawn = [found for found in map(simulated, range(asked.cells)) if found is not None]
+    kept = Kept(asked.keep)
+    drawn = [
+        f for seed in range(asked.still) if (f := kept.of(f"#{seed}", partial(simulated, seed, seed < asked.cells)))
+    ]
     parts = {"1 to 6": drawn} | {
         text: [f for f in drawn if low <= f["new"] <= high] for text, low, high in (("1", 1, 1), ("4 to 6", 4, 6))
     }
     rows = {name: summary(part) for name, part in parts.items() if part}
     print(table(HEAD, [row(name, of) for name, of in rows.items()]), flush=True)
-    real_rows = []
-    for name in asked.recordings:
-        try:
-            real_rows.append(real(name, asked.splittings))
-        except DatasetError as error:
-            print(f"left out: {error}", file=sys.stderr)
-            continue
-        print(table(HEAD_REAL, [row_real(real_rows[-1])]), flush=True)
-    if asked.cells >= CELLS:
+    real_rows = [each for name in asked.recordings for each in _real(name, asked.splittings, kept)]
+    print(table(HEAD_REAL, map(row_real, real_rows)), flush=True)
+    if asked.keep is not None or (asked.still >= STILL_CELLS and asked.splittings >= SPLITTINGS):
         write("verify", {"level": LEVEL, "power": POWER, "rows": rows, "real": real_rows})
+
+
+def _real(name: str, splittings: int, kept: Kept) -> list[dict[str, Any]]:
+    try:
+        cell, recording = recordings()[name]()
+    except DatasetError as error:
+        print(f"left out: {error}", file=sys.stderr)
+        return []
+    found = [kept.of(f"{name}#{seed}", partial(halved, cell, recording, seed)) for seed in range(splittings)]
+    return [summary_real(name, checked, found) for checked in CHECKED] if found else []
 
 
 if __name__ == "__main__":

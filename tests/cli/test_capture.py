@@ -57,6 +57,9 @@ def test_a_program_reads_what_was_captured(tmp_path: Path, capsys: pytest.Captur
         (["--speed-limit-deg-s", "0"], "speed-limit-deg-s"),
         (["--freedrive", "--go"], "--freedrive moves no arm: leave --go out"),
         (["--port", "5000"], "give --web"),
+        (["--task-point", "0.5 0 0.3"], "give --tolerance"),
+        (["--tolerance", "1mm"], "give either --task-point"),
+        (["--tolerance", "1mm", "--task-point", "0.5 0 0.3", "--pattern", "shifts"], "leave --freedrive and --pattern"),
     ],
 )
 def test_what_it_refuses(tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], message: str) -> None:
@@ -64,6 +67,29 @@ def test_what_it_refuses(tmp_path: Path, capsys: pytest.CaptureFixture[str], wor
     with running(tmp_path):
         assert main(["capture", str(tmp_path), *words]) in (2, 3)
     assert message in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_it_captures_until_a_task_is_known(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """With a tolerance it says beforehand how many samples it needs, and ends with no more than the most allowed."""
+    words = [
+        "capture",
+        str(tmp_path),
+        "--tolerance",
+        "1.5mm",
+        "--task-point",
+        "0.5 0 0.3",
+        "--speed-limit-deg-s",
+        "120",
+    ]
+    with running(tmp_path):
+        assert main(words) == 0
+        assert "1.5 mm at the task needs" in capsys.readouterr().out
+        assert main([*words, "--samples", "2", "--go", "--json"]) == 1
+        answer = json.loads(capsys.readouterr().out)
+        assert (len(answer["captured"]), answer["reached"]) == (2, False)
+        assert main([*words, "--go"]) == 0
+        assert "1.5 mm at the task reached" in capsys.readouterr().out
 
 
 def test_a_cell_that_is_not_ready(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

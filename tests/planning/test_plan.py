@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from basecal.accuracy.verdict import calibrate
-from basecal.cell import Recording, Sample
+from basecal.cell import Calibration, Recording, Sample
 from basecal.errors import InputError
-from basecal.planning.plan import MOST_SAMPLES, plan_for_task
+from basecal.geometry import PoseEstimate
+from basecal.planning.plan import MOST_SAMPLES, offers, plan_for_task
+from basecal.planning.prospects import sketches
 from basecal.simulation import Scenario, simulate
 
 BASE = "eye_base_from_hand_base"
@@ -67,3 +70,26 @@ def test_a_plan_needs_a_taught_pose(cell):
     described, _, _, calibration, point = cell
     with pytest.raises(InputError, match="taught poses"):
         plan_for_task(described, Recording(()), calibration, point, tolerance_m=1e-3)
+
+
+def test_three_robots_are_planned_together():
+    """Robots in a chain, of which none has seen another yet: both pairs are planned, and both bases are known then."""
+    made = simulate(Scenario(samples=6, layout="chain", robots=3, robot_noise=(1e-4, 2e-4)), 3)
+    bare = Recording(tuple(Sample(s.sample, robots=s.robots) for s in made.recording.samples))
+    guessed = Calibration("doubtful", {name: PoseEstimate(mean, np.eye(6)) for name, mean in made.truth.items()})
+    found = plan_for_task(made.cell, bare, guessed, np.array([[0.5, 0.0, 0.3]]), count=16)
+    assert len(found.samples) == 16
+    assert found.expected_m is not None
+    assert found.expected_m < 5e-3
+    taught = [sample.robots["r3"].base_from_flange for sample in bare.samples]
+    moved = [s.robots["r3"].base_from_flange not in taught for s in found.samples]
+    assert 0 < sum(moved) < 16
+
+
+def test_candidates_may_be_offered(cell):
+    """Chosen are those that are offered, and no others."""
+    described, _, bare, calibration, point = cell
+    offered = offers(sketches(described, calibration), bare, 30)
+    found = plan_for_task(described, bare, calibration, point, count=8, offered=offered)
+    places = [sample.robots["hand"].base_from_flange.translation.tolist() for sample in offered[0][1]]
+    assert all(sample.robots["hand"].base_from_flange.translation.tolist() in places for sample in found.samples)

@@ -7,9 +7,10 @@ are neither in the journal nor given up.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from basecal.acquisition.coverage import Coverage, coverage_of
 from basecal.acquisition.freedrive import Key, Led, led_elsewhere
@@ -17,7 +18,7 @@ from basecal.acquisition.running_estimate import RunningEstimate, running_estima
 from basecal.acquisition.stillness import Unfit
 from basecal.acquisition.taking import Taker
 from basecal.cell import Cell, Recording, RobotState, Sample
-from basecal.cell.files import append_sample, read_plan, read_recording, write_plan
+from basecal.cell.files import append_sample, planned, read_plan, read_recording, sample_to_dict, write_plan
 from basecal.cell.format.writing import append_durably
 from basecal.errors import InputError
 from basecal.vision.detect import detect
@@ -27,6 +28,9 @@ PLAN = Path("recording", "plan.jsonl")
 
 GIVEN_UP = Path("recording", "given_up.jsonl")
 """Samples of the plan that could not be taken, and why."""
+
+Replan = Callable[[Sequence[Sample], Sequence[Sample]], Sequence[Sample]]
+"""What is still to be taken, by the samples that were and those that could not be."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,12 +71,13 @@ def store_plan(folder: Path, cell: Cell, samples: Sequence[Sample]) -> tuple[Sam
     return plan
 
 
-def capture(by: Taker, plan: Sequence[Sample]) -> Iterator[Step]:
+def capture(by: Taker, plan: Sequence[Sample], replan: Replan | None = None) -> Iterator[Step]:
     """Take the samples of a plan, one after another; each has become what is told when it is told.
 
     Args:
         by: What takes them.
         plan: What is to be taken.
+        replan: What else is to be taken instead of what is left, after each sample; nothing changes where None.
 
     Raises:
         InputError: if a file cannot be written, or no camera has a driver.
@@ -80,17 +85,24 @@ def capture(by: Taker, plan: Sequence[Sample]) -> Iterator[Step]:
     """
     captured = _begun(by, len(plan))
     led_from: dict[str, RobotState] = {}
-    for wanted in plan:
+    left = list(plan)
+    while left:
+        wanted, why_not = left.pop(0), ""
         try:
             led_from = led_elsewhere(by.rig, led_from, by.settings.lead_patience_s)
             found = by.take(wanted, captured.taken)
         except Unfit as why:
-            _give_up(by.folder, wanted.sample, str(why))
-            yield captured.step(wanted.sample, str(why))
-            continue
-        append_sample(by.folder, replace(found, observations=()))
-        captured.add(found)
-        yield captured.step(wanted.sample)
+            why_not = str(why)
+            _give_up(by.folder, wanted, why_not)
+        else:
+            append_sample(by.folder, replace(found, observations=()))
+            captured.add(found)
+        if replan is not None:
+            by.tell("planning anew")
+            instead = replan(captured.taken, given_up(by.folder, by.sketch.cell))
+            left = list(store_plan(by.folder, by.sketch.cell, instead))
+            captured.planned = len(captured.taken) + len(left)
+        yield captured.step(wanted.sample, why_not)
 
 
 def capture_led(by: Taker, samples: int, key: Key) -> Iterator[Step]:
@@ -126,7 +138,8 @@ class _Captured:
 
     def __init__(self, by: Taker, planned: int, taken: Sequence[Sample]) -> None:
         self.taken = list(taken)
-        self._by, self._planned = by, planned
+        self.planned = planned
+        self._by = by
         self._estimate: RunningEstimate = running_estimate(by.sketch)
         for sample in taken:
             self._estimate = self._estimate.added(sample)
@@ -139,7 +152,7 @@ class _Captured:
     def step(self, sample: int, why_not: str = "") -> Step:
         """What there is to tell once a sample is taken, or is not and why."""
         covered = coverage_of(self._by.sketch, self.taken)
-        return Step(sample, why_not, len(self.taken), self._planned, covered, self._estimate.sigma())
+        return Step(sample, why_not, len(self.taken), self.planned, covered, self._estimate.sigma())
 
 
 def _begun(by: Taker, planned: int) -> _Captured:
@@ -154,17 +167,28 @@ def _taken(folder: Path, cell: Cell) -> tuple[Sample, ...]:
     return read_recording(folder, cell).samples if has_journal else ()
 
 
+def given_up(folder: Path, cell: Cell) -> tuple[Sample, ...]:
+    """Samples that could not be taken, with where robots should have been."""
+    lines = [{key: line[key] for key in ("sample", "robots")} for line in _lines(folder) if line.get("robots")]
+    return planned([json.dumps(line).encode() for line in lines], folder / GIVEN_UP, folder, cell)
+
+
 def _given_up(folder: Path) -> set[int]:
+    return {int(line["sample"]) for line in _lines(folder)}
+
+
+def _lines(folder: Path) -> Iterator[dict[str, Any]]:
+    """What was given up, but for a line that is cut off: its sample is tried again."""
     path = folder / GIVEN_UP
-    lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
-    numbers = set()
-    for line in lines:
+    for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else []:
         try:
-            numbers.add(int(json.loads(line)["sample"]))
-        except (ValueError, KeyError, TypeError):  # cut off: the sample is tried again
+            told = json.loads(line)
+            int(told["sample"])
+        except (ValueError, KeyError, TypeError):
             continue
-    return numbers
+        yield told
 
 
-def _give_up(folder: Path, number: int, why: str) -> None:
-    append_durably(folder / GIVEN_UP, json.dumps({"sample": number, "why": why}) + "\n", within=folder)
+def _give_up(folder: Path, wanted: Sample, why: str) -> None:
+    told = {**sample_to_dict(wanted, ""), "why": why}
+    append_durably(folder / GIVEN_UP, json.dumps(told) + "\n", within=folder)

@@ -1,7 +1,7 @@
 """Every file of a cell, read and written: the one module to import for that."""
 
 from basecal.cell.journal.completing import completed_recording_text
-from basecal.cell.journal.plan_file import read_plan, write_plan
+from basecal.cell.journal.plan_file import planned, read_plan, write_plan
 from basecal.cell.journal.recording_file import (
     append_sample,
     append_samples,
@@ -40,6 +40,7 @@ __all__ = [
     "finding_to_dict",
     "input_hashes",
     "latest_run",
+    "planned",
     "read_calibration",
     "read_calibration_data",
     "read_cell",

@@ -11,14 +11,18 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter, validators
 
 from basecal.cli.capture_view import capture_view
+from basecal.cli.replanned import Replanned, Task, task_of
+from basecal.cli.task_point import Box, Point
 from basecal.cli.terminal import pasted, print_json, say
 from basecal.errors import InputError, UsageError
 from basecal.registry import PATTERNS
 
+_SAMPLES = 25  # where nobody says how many
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from basecal.acquisition.capture import Step
+    from basecal.acquisition.capture import Replan, Step
     from basecal.acquisition.rig import Rig
     from basecal.acquisition.taking import Taker, Tell
     from basecal.cell import Sample
@@ -31,7 +35,10 @@ def capture(
     *,
     pattern: str = "poses",
     plan: Path | None = None,
-    samples: Annotated[int, Parameter(validator=validators.Number(gte=1, lte=10_000))] = 25,
+    task_point: Point | None = None,
+    task_box: Box | None = None,
+    tolerance: str | None = None,
+    samples: Annotated[int | None, Parameter(validator=validators.Number(gte=1, lte=10_000))] = None,
     go: bool = False,
     freedrive: bool = False,
     speed_limit_deg_s: Annotated[float, Parameter(validator=validators.Number(gt=0, lte=360))] = 30.0,
@@ -47,10 +54,15 @@ def capture(
     what it would do. Ctrl-C stops the arms. A capture that was cut off goes on
     where it was when it is started again.
 
+    With --tolerance and --task-point it plans while it captures: after each
+    sample anew, from all that was taken, until 95 % of errors at the task are
+    below the tolerance. What could not be taken is not tried again.
+
     With --freedrive no arm is sent anywhere: you lead them. Held still for a
     second at a new place, or at the space bar, a sample is taken; q ends.
 
-    Ends with 0 where every sample was taken, else with 1.
+    Ends with 0 where every sample was taken, or the tolerance is reached, else
+    with 1.
 
     For example:
 
@@ -58,13 +70,19 @@ def capture(
         basecal capture mycell --pattern poses --samples 25 --go
         basecal capture mycell --pattern shifts --go --speed-limit-deg-s 10
         basecal capture mycell --plan plan.jsonl --go
+        basecal capture mycell --tolerance 0.3mm --task-point 0.8 0.1 0.3 --go
         basecal capture mycell --freedrive --web
 
     Args:
         cell: Folder of the cell.
         pattern: poses (all around), shifts (the paper's), or a file with lines of samples whose robots are gone to.
-        plan: File of samples to go to, as `basecal plan -o` writes it; the same as --pattern FILE.
-        samples: How many; shifts are rounded up to whole stations of seven.
+        plan: File of samples to go to, as `basecal plan -o` writes it; the same as --pattern FILE. With --tolerance
+            its samples are offered beside others.
+        task_point: Where the work is done, x y z [m] in the reference robot's base.
+        task_box: Two opposite corners of where it is done, instead of a point.
+        tolerance: Length with its unit, such as 0.2mm, below which 95 % of position errors there shall be.
+        samples: How many, 25 where it is left out; shifts are rounded up to whole stations of seven. With --tolerance
+            the most that are taken, 60 where it is left out.
         go: Move the arms.
         freedrive: Take samples where a person leads the arms to.
         speed_limit_deg_s: The fastest that any joint may turn.
@@ -77,14 +95,22 @@ def capture(
     from basecal.cell.files import read_cell
     from basecal.planning.sketch import sketch_of
 
-    _refuse_unused(pattern, plan, go=go, freedrive=freedrive, web=web, port=port)
+    task = task_of(task_point, task_box, tolerance)
+    _refuse_unused(pattern, plan, task, go=go, freedrive=freedrive, web=web, port=port)
     sketch = sketch_of(read_cell(cell))
     with ExitStack() as shown, open_rig(sketch.cell, cell) as rig:  # an error stops the arms before all else
         wanted: Sequence[Sample] = ()
+        replanned: Replanned | None = None
+        if task is not None:
+            replanned = Replanned(rig, sketch, cell, task, plan, samples, seed)
+            wanted, is_new = replanned.samples, True
+        elif not freedrive:
+            wanted, is_new = _plan(rig, sketch, cell, pattern if plan is None else str(plan), samples or _SAMPLES, seed)
         if not freedrive:
-            wanted, is_new = _plan(rig, sketch, cell, pattern if plan is None else str(plan), samples, seed)
             if not json:
                 _say_plan(rig, sketch, wanted, is_new, speed_limit_deg_s, go)
+                if replanned is not None:
+                    say(replanned.words())
             if not go:
                 if json:
                     print_json({"cell": str(cell), "planned": len(wanted), "captured": [], "given_up": []})
@@ -93,13 +119,17 @@ def capture(
         view = shown.enter_context(capture_view(rig, sketch.cell, web, port, quiet=json))
         taker = _taker(view.rig(rig), sketch, cell, speed_limit_deg_s, view.tell)
         steps: list[Step] = []
-        for step in _steps(taker, wanted, samples if freedrive else None, view.key):
+        for step in _steps(taker, wanted, (samples or _SAMPLES) if freedrive else None, view.key, replanned):
             steps.append(step)
             view.note(step, len(steps))
-    return _summed_up(cell, steps, json)
+    return _summed_up(cell, steps, replanned, json)
 
 
-def _refuse_unused(pattern: str, plan: Path | None, go: bool, freedrive: bool, web: bool, port: int) -> None:
+def _refuse_unused(
+    pattern: str, plan: Path | None, task: Task | None, go: bool, freedrive: bool, web: bool, port: int
+) -> None:
+    if task is not None and (freedrive or pattern != "poses"):
+        raise UsageError("--tolerance plans where arms are sent: leave --freedrive and --pattern out")
     if plan is not None and pattern != "poses":
         raise UsageError("--plan and --pattern both say where to go: give one of them")
     if freedrive and go:
@@ -133,12 +163,14 @@ def _taker(rig: Rig, sketch: Sketch, folder: Path, speed_deg_s: float, tell: Tel
     return Taker(rig, sketch, folder, CaptureSettings(radians(speed_deg_s)), tell)
 
 
-def _steps(taker: Taker, plan: Sequence[Sample], led: int | None, key: Callable[[], str]) -> Iterator[Step]:
+def _steps(
+    taker: Taker, plan: Sequence[Sample], led: int | None, key: Callable[[], str], replan: Replan | None
+) -> Iterator[Step]:
     """What becomes of each sample of a plan, or of so many that a person leads the arms to."""
     from basecal.acquisition.capture import capture as captured
     from basecal.acquisition.capture import capture_led
 
-    return captured(taker, plan) if led is None else capture_led(taker, led, key)
+    return captured(taker, plan, replan) if led is None else capture_led(taker, led, key)
 
 
 def _plan(
@@ -199,7 +231,7 @@ def _ways(rig: Rig, sketch: Sketch, plan: Sequence[Sample], moving: Sequence[str
     return f"on the way to sample {numbers} the arms may meet: leave these out, or begin elsewhere"
 
 
-def _summed_up(cell: Path, steps: Sequence[Step], json: bool) -> int:
+def _summed_up(cell: Path, steps: Sequence[Step], replanned: Replanned | None, json: bool) -> int:
     taken = {step.sample for step in steps if not step.why_not}
     given_up = [{"sample": step.sample, "why": step.why_not} for step in steps if step.sample not in taken]
     if json:
@@ -213,8 +245,13 @@ def _summed_up(cell: Path, steps: Sequence[Step], json: bool) -> int:
                 "given_up": given_up,
                 "covered": None if last is None else last.coverage.share,
                 "sigma": sigma,
+                **({} if replanned is None else replanned.as_dict()),
             }
         )
     else:
+        if replanned is not None:
+            say(replanned.words())
         say(f"{len(taken)} of {len(taken) + len(given_up)} samples taken; next: basecal calibrate {pasted(cell)}")
+    if replanned is not None:
+        return 0 if replanned.is_reached else 1
     return 1 if given_up else 0

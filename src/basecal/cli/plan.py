@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter, validators
 
 from basecal.cli.detected import detected_recording
-from basecal.cli.task_point import Box, Point
+from basecal.cli.task_point import Box, Point, task_points
 from basecal.cli.terminal import pasted, print_json, progress, say
 from basecal.cli.typed_length import length_m
 from basecal.errors import BasecalError, FrameNotFound, UsageError
@@ -82,7 +81,7 @@ def plan(
     from basecal.cell.files import read_cell
     from basecal.planning.plan import plan_for_task
 
-    points = np.array(_task(task_point, task_box))
+    points = np.array(task_points(task_point, task_box))
     needed_m = None if tolerance is None else length_m(tolerance)
     if needed_m is None and samples is None:
         raise UsageError("give --tolerance, or --samples, or both: without them nothing says how many to plan")
@@ -167,17 +166,6 @@ def _motion(cell: Cell, found: Plan, to: str, robot: str | None, speed_deg_s: fl
     from basecal.exchange.motions.way import motion, way_of
 
     return motion(to).written(way_of(cell, found.samples, robot, radians(speed_deg_s), hold_s))
-
-
-def _task(point: Point | None, box: Box | None) -> list[Point]:
-    """The point, or the corners and the middle of the box."""
-    if point is not None and box is None:
-        return [point]
-    if point is not None or box is None:
-        raise UsageError("give either --task-point x y z or --task-box x y z x y z, in the reference robot's base [m]")
-    edges = [(low, high) for low, high in zip(box[:3], box[3:], strict=True)]
-    x, y, z = ((low, (low + high) / 2, high) for low, high in edges)
-    return [(x[1], y[1], z[1]), *product(x[::2], y[::2], z[::2])]
 
 
 def _calibrated(folder: Path, cell: Cell, recording: Recording) -> Calibration | None:

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from itertools import product
+
+from basecal.errors import UsageError
 
 _OPTIONS = ("--task-point", "--task-box")
 
@@ -23,3 +26,18 @@ def numbers_apart(words: Iterable[str]) -> Iterator[str]:
         else:
             yield word
         previous = word
+
+
+def task_points(point: Point | None, box: Box | None) -> list[Point]:
+    """The point, or the corners and the middle of the box.
+
+    Raises:
+        UsageError: if neither is given, or both.
+    """
+    if point is not None and box is None:
+        return [point]
+    if point is not None or box is None:
+        raise UsageError("give either --task-point x y z or --task-box x y z x y z, in the reference robot's base [m]")
+    edges = [(low, high) for low, high in zip(box[:3], box[3:], strict=True)]
+    x, y, z = ((low, (low + high) / 2, high) for low, high in edges)
+    return [(x[1], y[1], z[1]), *product(x[::2], y[::2], z[::2])]

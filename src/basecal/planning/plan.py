@@ -18,6 +18,7 @@ from basecal.estimation.streams.streams import synchronous
 from basecal.geometry import Array
 from basecal.planning.candidates import candidates
 from basecal.planning.choose import exchanged, fewest, greedy
+from basecal.planning.feasible import in_view
 from basecal.planning.poses import in_order
 from basecal.planning.prospects import Prospects, prospects, sketches
 from basecal.planning.sketch import Sketch
@@ -27,6 +28,9 @@ MOST_SAMPLES = 60
 
 CANDIDATES = 600
 """Drawn to choose from: of arms with joints each takes some milliseconds to be found free of collision."""
+
+Offer = tuple[Sketch, Sequence[Sample]]
+"""A camera and target, with samples that show one the other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +76,7 @@ def plan_for_task(
     tolerance_m: float | None = None,
     count: int | None = None,
     seed: int = 0,
+    offered: Sequence[Offer] | None = None,
 ) -> Plan:
     """The samples to record for a task.
 
@@ -83,6 +88,7 @@ def plan_for_task(
         tolerance_m: The error that 95 of 100 are to stay below [m].
         count: How many samples; as many as the tolerance needs where None.
         seed: Of the draws.
+        offered: What there is to choose from; drawn near taught poses where None.
 
     Raises:
         InputError: if nothing is placed that the task is about, no pose is taught, or a transform has no guess.
@@ -90,8 +96,9 @@ def plan_for_task(
     names = placing(cell)
     known = sketches(cell, calibration)
     recording = synchronous(cell, recording, calibration)
-    views = _views(known, recording, seed)
-    prospect = prospects(cell, recording, calibration, views)
+    if offered is None:
+        offered = offers(known, recording, CANDIDATES, seed)
+    prospect = prospects(cell, recording, calibration, offered)
     tasks = tuple(task_at(name, known[0].transforms, points_m) for name in names)
     goal = _Goal(tasks, np.inf if tolerance_m is None else tolerance_m)
     weight = _weight(prospect, goal)
@@ -125,24 +132,42 @@ def best(prospect: Prospects, weight: Array, count: int) -> list[int]:
     return exchanged(prospect.roots, [found for found, _ in steps], steps[-1][1], weight)[0]
 
 
-def _views(known: Sequence[Sketch], recording: Recording, seed: int) -> list[tuple[Sketch, list[Sample]]]:
-    """Candidates of each camera and target that were seen, of the first ones where nothing was."""
+def offers(known: Sequence[Sketch], recording: Recording, count: int, seed: int = 0) -> list[Offer]:
+    """Candidates, `count` in all, of each camera and target that were seen or that taught poses show to one another.
+
+    Args:
+        known: The cell by each camera and target.
+        recording: Where robots stood.
+        count: Of candidates.
+        seed: Of the draws.
+
+    Raises:
+        InputError: if no pose is taught, or there is no candidate.
+    """
     seen = {(o.camera, o.target) for sample in recording.samples for o in sample.observations}
-    looked = [sketch for sketch in known if sketch.view in seen] or [known[0]]
     taught = [sample for sample in recording.samples if set(known[0].cell.robots) <= sample.robots.keys()]
     if not taught:
         raise InputError(
             "a plan begins at taught poses: jog the arms so that the target is in the middle of the picture, and "
             "record that once or more (basecal capture, or lines with `robots` alone in recording/samples.jsonl)"
         )
-    return [
-        (sketch, candidates(sketch, _taught(sketch, taught), -(-CANDIDATES // len(looked)), seed)) for sketch in looked
-    ]
+    looked = [each for each in known if each.view in seen or any(in_view(each, sample) for sample in taught)]
+    looked = looked or [known[0]]
+    found, why = list[Offer](), None
+    for sketch in looked:
+        try:
+            found.append((sketch, candidates(sketch, _taught(sketch, taught), -(-count // len(looked)), seed)))
+        except InputError as error:
+            why = error
+    if why is not None and not found:
+        raise why
+    return found
 
 
 def _taught(sketch: Sketch, samples: Sequence[Sample]) -> list[dict[str, RobotState]]:
-    """Where the robots stood when the view was seen, or anywhere where nothing was."""
+    """Where the robots stood when the view was seen, or would be; anywhere where it nowhere would."""
     own = [s for s in samples if any((o.camera, o.target) == sketch.view for o in s.observations)]
+    own = own or [s for s in samples if in_view(sketch, s)]
     return [dict(sample.robots) for sample in own or samples]
 
 

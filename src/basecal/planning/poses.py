@@ -90,7 +90,7 @@ def in_order(sketch: Sketch, home: Mapping[str, RobotState], samples: list[Sampl
 def _way(sketch: Sketch, start: Sample, end: Sample) -> float:
     """How far the arms go: the largest joint angle [rad], or of poses the distance [m] and the turn [rad]."""
     ways = []
-    for robot in sketch.movers:
+    for robot in end.robots.keys() & start.robots.keys():
         one, other = start.robots[robot], end.robots[robot]
         if one.joints_rad is not None and other.joints_rad is not None:
             ways.append(float(np.abs(one.joints_rad - other.joints_rad).max()))

@@ -27,10 +27,15 @@ def read_plan(path: str | Path, folder: str | Path, cell: Cell) -> tuple[Sample,
     Raises:
         DatasetError: if a line cannot be read as written, or says of no robot where it shall be.
     """
-    known = context(cell, inside(str(folder), FOLDER))
     text = read_bounded(Path(path), LARGEST_BYTES, "a plan has one JSON object a line, with its robots")
+    return planned(_lines(text.removeprefix(BOM)), path, folder, cell)
+
+
+def planned(lines: Iterable[bytes], path: str | Path, folder: str | Path, cell: Cell) -> tuple[Sample, ...]:
+    """As `read_plan`, of lines that were read from a file."""
+    known = context(cell, inside(str(folder), FOLDER))
     samples: list[Sample] = []
-    for number, line in enumerate(_lines(text.removeprefix(BOM)), start=1):
+    for number, line in enumerate(lines, start=1):
         if not line.strip():
             continue
         where = Where(str(path), number)

@@ -1,0 +1,126 @@
+"""Planning anew after each sample: what is still to be taken so that a task is known as well as is needed.
+
+What was taken is solved, so that its transforms and its noise take the place of what was guessed; what could not be
+taken, and what is near it, is not tried again. Source: docs/mathematics.md (15.1), (15.2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from basecal.accuracy.noise_summary import noise_summary
+from basecal.accuracy.robot_parameters import robot_parameters
+from basecal.acquisition.coverage import alike
+from basecal.cell import Calibration, Cell, Recording, RobotState, Sample
+from basecal.errors import BasecalError, InputError
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import solve
+from basecal.geometry import Array
+from basecal.planning.plan import Offer, Plan, offers, plan_for_task
+from basecal.planning.prospects import sketches
+from basecal.planning.sketch import Sketch, View
+
+OFFERED = 240
+"""Candidates, drawn once: planning among them takes a fraction of a second while the arms stand."""
+
+_FEWEST_SOLVED = 8  # samples: of fewer, noise that is estimated says next to nothing
+_SAME_M, _SAME_RAD = 2e-3, 2e-3  # of a sample that was taken
+_NEAR_M, _NEAR_RAD = 0.03, 0.05  # of one that could not be: what hides a target or stops an arm is as large
+
+
+@dataclass(frozen=True, eq=False)
+class Replanner:
+    """What is needed, and what there is to choose from.
+
+    Attributes:
+        cell: The cell.
+        points_m: (n, 3) the task in the reference's base [m].
+        tolerance_m: The error that 95 of 100 there are to stay below [m].
+        home: Where the robots are to begin with.
+        offered: Samples that could be taken, by the camera and target that they show one another.
+    """
+
+    cell: Cell
+    points_m: Array
+    tolerance_m: float
+    home: Sample
+    offered: Mapping[View, Sequence[Sample]]
+
+    def plan(self, taken: Sequence[Sample], bad: Sequence[Sample]) -> Plan:
+        """What is still to be taken, in order.
+
+        Args:
+            taken: What was, with what was seen.
+            bad: What could not be.
+
+        Raises:
+            InputError: if nothing is left to choose from.
+        """
+        calibration = _so_far(self.cell, taken)
+        offered: list[Offer] = []
+        for sketch in sketches(self.cell, calibration):
+            left = [s for s in self.offered.get(sketch.view, ()) if not _is_settled(sketch, s, taken, bad)]
+            offered += [(sketch, left)] if left else []
+        if not offered:
+            raise InputError("nothing is left to choose from: teach another pose, and capture again")
+        recording = _with_home(self.home, taken)
+        return plan_for_task(self.cell, recording, calibration, self.points_m, self.tolerance_m, offered=offered)
+
+
+def replanner(
+    cell: Cell,
+    taken: Sequence[Sample],
+    home: Mapping[str, RobotState],
+    points_m: Array,
+    tolerance_m: float,
+    planned: Sequence[Sample] = (),
+    seed: int = 0,
+) -> Replanner:
+    """What plans anew, with candidates near where the robots are and were.
+
+    Args:
+        cell: The cell.
+        taken: What was recorded already.
+        home: Where the robots are.
+        points_m: (n, 3) the task in the reference's base [m].
+        tolerance_m: The error that 95 of 100 there are to stay below [m].
+        planned: Samples that are offered besides, of the first camera and target.
+        seed: Of the draws.
+
+    Raises:
+        InputError: if there is no candidate, or a transform has no guess.
+    """
+    at_home = Sample(0, robots=home)
+    known = sketches(cell, _so_far(cell, taken))
+    drawn = offers(known, _with_home(at_home, taken), OFFERED, seed)
+    offered = {sketch.view: list(samples) for sketch, samples in drawn}
+    first = next(iter(offered))
+    return Replanner(cell, points_m, tolerance_m, at_home, {**offered, first: [*offered[first], *planned]})
+
+
+def _with_home(home: Sample, taken: Sequence[Sample]) -> Recording:
+    """What was taken, after where the robots were to begin with."""
+    number = max((sample.sample for sample in taken), default=-1) + 1
+    return Recording((replace(home, sample=number), *taken))
+
+
+def _is_settled(sketch: Sketch, sample: Sample, taken: Sequence[Sample], bad: Sequence[Sample]) -> bool:
+    """Whether a sample was taken, or is near one that could not be."""
+    near = ((taken, _SAME_M, _SAME_RAD), (bad, _NEAR_M, _NEAR_RAD))
+    return any(alike(sketch, sample, others, m, rad) is not None for others, m, rad in near)
+
+
+def _so_far(cell: Cell, taken: Sequence[Sample]) -> Calibration | None:
+    """What the samples say of transforms and noise; None while they leave any direction open."""
+    if sum(bool(sample.observations) for sample in taken) < _FEWEST_SOLVED:
+        return None
+    recording = Recording(tuple(taken))
+    try:
+        solution = solve(cell, recording, Settings(robot_noise="estimated"))
+    except BasecalError:
+        return None
+    if not solution.converged or solution.observability.unobservable:
+        return None
+    noise = noise_summary(cell, recording, solution)
+    return Calibration("doubtful", dict(solution.transforms), noise=noise, robot_parameters=robot_parameters(solution))

@@ -1,0 +1,95 @@
+"""A capture that is planned while it goes on, in words and as a program reads it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from basecal.cli.task_point import Box, Point, task_points
+from basecal.cli.typed_length import length_m
+from basecal.errors import InputError, UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from basecal.acquisition.rig import Rig
+    from basecal.cell import Sample
+    from basecal.planning.sketch import Sketch
+
+
+class Task(NamedTuple):
+    """Where the work is done, in the reference's base, and the error that 95 of 100 there are to stay below."""
+
+    points_m: list[Point]
+    tolerance_m: float
+
+
+def task_of(point: Point | None, box: Box | None, tolerance: str | None) -> Task | None:
+    """What was asked for; None where nothing of it was.
+
+    Raises:
+        UsageError: if it was by half.
+    """
+    if tolerance is None and point is None and box is None:
+        return None
+    if tolerance is None:
+        raise UsageError("a task is captured for until it is known well enough: give --tolerance, such as 0.3mm")
+    return Task(task_points(point, box), length_m(tolerance))
+
+
+class Replanned:
+    """What is still to be taken, planned anew after each sample."""
+
+    def __init__(
+        self, rig: Rig, sketch: Sketch, folder: Path, task: Task, plan: Path | None, most: int | None, seed: int
+    ) -> None:
+        import numpy as np
+
+        from basecal.acquisition.capture import given_up
+        from basecal.acquisition.replanning import replanner
+        from basecal.cell.files import read_plan
+        from basecal.cli.detected import detected_recording
+        from basecal.planning.plan import MOST_SAMPLES
+
+        missing = [name for name in sketch.movers if name not in rig.robots]
+        if missing:
+            raise InputError(f"robot {missing[0]!r} has no `driver` in cell.yaml: nothing can be planned for it")
+        has_journal = (folder / "recording" / "samples.jsonl").exists()
+        taken = detected_recording(folder, sketch.cell).samples if has_journal else ()
+        home = {name: robot.state().state for name, robot in rig.robots.items()}
+        offered = () if plan is None else read_plan(plan, folder, sketch.cell)
+        self._task, self._before, self._most = task, len(taken), most or MOST_SAMPLES
+        points = np.array(task.points_m)
+        self._replanner = replanner(sketch.cell, taken, home, points, task.tolerance_m, offered, seed)
+        self.samples = self(taken, given_up(folder, sketch.cell))
+
+    def __call__(self, taken: Sequence[Sample], bad: Sequence[Sample]) -> Sequence[Sample]:
+        """What is still to be taken, no more than is left of the most."""
+        self._latest = self._replanner.plan(taken, bad)
+        self._left = max(self._most - (len(taken) - self._before), 0)
+        self.samples = self._latest.samples[: self._left]
+        return self.samples
+
+    @property
+    def is_reached(self) -> bool:
+        """Whether the task is known well enough with what was taken."""
+        return bool(self._latest.reachable) and not self._latest.samples
+
+    def as_dict(self) -> dict[str, Any]:
+        """For a program."""
+        expected_m = self._latest.expected_m
+        return {
+            "reached": self.is_reached,
+            "needed": self._latest.needed,
+            "predicted_mm": None if expected_m is None else 1e3 * expected_m,
+        }
+
+    def words(self) -> str:
+        """What has become of the tolerance."""
+        asked = f"{1e3 * self._task.tolerance_m:.3g} mm at the task"
+        if self.is_reached:
+            return f"{asked} reached: 95 % of errors are expected below {1e3 * (self._latest.expected_m or 0):.2g} mm"
+        if self._latest.reachable:
+            return f"{asked} needs {self._latest.needed} samples more"
+        by = f": {self._latest.budget[0].source} forbids it" if self._latest.budget else ""
+        return f"{asked} cannot be reached{by}"

@@ -1,0 +1,130 @@
+"""Captures that are planned anew after each sample."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.acquisition import replanning
+from basecal.acquisition.capture import GIVEN_UP, capture, given_up, store_plan, unfinished
+from basecal.acquisition.replanning import replanner
+from basecal.acquisition.rig import open_rig
+from basecal.acquisition.stillness import Unfit
+from basecal.acquisition.taking import CaptureSettings, Taker
+from basecal.cell import Unknown
+from basecal.cell.files import read_recording
+from basecal.planning.sketch import sketch_of
+from basecal.simulation import Scenario, simulate
+from basecal.vision.detect import detect
+from shared.running_cell import home, running
+
+FAST = CaptureSettings(speed_rad_s=2.0, patience_s=3.0)
+POINT = np.array([[0.5, 0.0, 0.3]])
+TOLERANCE_M = 1e-3
+
+
+class Shy(Taker):
+    """What does not take sample 0."""
+
+    def take(self, wanted, taken):
+        if wanted.sample == 0:
+            raise Unfit("target not seen by wrist")
+        return super().take(wanted, taken)
+
+
+def test_what_is_left_is_neither_taken_nor_near_what_could_not_be(monkeypatch):
+    """Of candidates few are left about one that failed; where the samples are enough already, none is needed."""
+    monkeypatch.setattr(replanning, "OFFERED", 40)
+    made = simulate(Scenario(samples=10, robot_noise=(1e-4, 2e-4)), 3)
+    taken = made.recording.samples
+    cell = guessed(made)
+    planner = replanner(cell, taken[:1], taken[0].robots, POINT, 5e-4)
+    first = planner.plan(taken[:1], ())
+    bad = first.samples[0]
+    after = planner.plan(taken[:1], (bad,))
+    apart = [_apart(sketch_of(cell), bad, sample) for sample in after.samples]
+    assert first.samples
+    assert min(apart) > 1
+    assert replanner(cell, taken, taken[0].robots, POINT, 0.1).plan(taken, ()).samples == ()
+
+
+def guessed(made):
+    """The cell with its free transforms guessed where they are."""
+
+    def of(unknown, mean):
+        """An unknown with a guess."""
+        return replace(unknown, mean=mean)
+
+    truth, cell = made.truth, made.cell
+    bases = {"hand": of(cell.bases.get("hand", Unknown()), truth[cell.base_name("hand")])}
+    cameras = {n: replace(c, mount=of(c.mount, truth[cell.mount_name(n)])) for n, c in cell.cameras.items()}
+    targets = {n: replace(t, mount=of(t.mount, truth[cell.mount_name(n)])) for n, t in cell.targets.items()}
+    return replace(cell, bases=bases, cameras=cameras, targets=targets)
+
+
+def _apart(sketch, one, other):
+    """How far the arms of two samples are apart, of what counts as near."""
+    away = [
+        (sketch.base_from_flange(r, one.robots[r]).inverse() @ sketch.base_from_flange(r, other.robots[r])).log()
+        for r in ("eye", "hand")
+    ]
+    return max(
+        np.linalg.norm(each[part]) / near for each in away for part, near in ((slice(3), 0.03), (slice(3, 6), 0.05))
+    )
+
+
+@pytest.fixture(scope="module")
+def captured(tmp_path_factory):
+    """A capture to a tolerance, cut off after three samples and gone on with: its cell, folder, steps and last plan."""
+    folder = tmp_path_factory.mktemp("cell")
+    with running(folder) as world, open_rig(world.cell, folder) as rig:
+        sketch, steps, plans = sketch_of(world.cell), [], []
+
+        def replan(taken, bad):
+            """What is left, noted."""
+            plans.append(planner.plan(taken, bad))
+            return plans[-1].samples
+
+        for most in (3, 60):
+            taken = detect(world.cell, read_recording(folder)).samples if steps else ()
+            planner = replanner(world.cell, taken, home(world), POINT, TOLERANCE_M)
+            plan = store_plan(folder, world.cell, replan(taken, given_up(folder, world.cell)))
+            for step in capture(Shy(rig, sketch, folder, FAST), plan, replan):
+                steps.append(step)
+                if step.taken == most:
+                    break
+        yield world, folder, steps, plans
+
+
+@pytest.mark.slow
+def test_it_ends_where_the_tolerance_is_reached(captured):
+    """The last plan has nothing left, what is expected is within the tolerance, and not long before it was not."""
+    world, folder, steps, plans = captured
+    assert (plans[-1].samples, plans[-1].needed, plans[-1].reachable) == ((), 0, True)
+    assert plans[-1].expected_m <= TOLERANCE_M
+    assert all(plan.samples for plan in plans[:-1])
+    assert steps[-1].taken == steps[-1].planned == len(read_recording(folder).samples)
+    assert unfinished(folder, world.cell) == ()
+
+
+@pytest.mark.slow
+def test_what_could_not_be_taken_is_not_tried_again(captured):
+    """It stands in the file with why and where, and nothing that was taken is near it."""
+    world, folder, steps, _ = captured
+    told, *_ = [json.loads(line) for line in (folder / GIVEN_UP).read_text().splitlines()]
+    assert (told["sample"], told["why"]) == (steps[0].sample, "target not seen by wrist")
+    bad, *_ = given_up(folder, world.cell)
+    sketch = sketch_of(world.cell)
+    assert all(_apart(sketch, bad, sample) > 1 for sample in read_recording(folder).samples)
+
+
+@pytest.mark.slow
+def test_it_goes_on_from_what_was_taken(captured):
+    """Cut off after three samples, it takes on under new numbers, none twice."""
+    _, folder, steps, _ = captured
+    numbers = [sample.sample for sample in read_recording(folder).samples]
+    assert len(set(numbers)) == len(numbers) == sum(not step.why_not for step in steps)
+    assert [step.taken for step in steps if not step.why_not] == list(range(1, len(numbers) + 1))
