@@ -95,31 +95,23 @@ def capture(
     from basecal.cell.files import read_cell
     from basecal.planning.sketch import sketch_of
 
-    task = task_of(task_point, task_box, tolerance)
-    _refuse_unused(pattern, plan, task, go=go, freedrive=freedrive, web=web, port=port)
-    sketch = sketch_of(read_cell(cell))
+    _refuse_unused(
+        pattern, plan, task := task_of(task_point, task_box, tolerance), go=go, freedrive=freedrive, web=web, port=port
+    )
+    sketch, count = sketch_of(read_cell(cell)), samples or _SAMPLES
     with ExitStack() as shown, open_rig(sketch.cell, cell) as rig:  # an error stops the arms before all else
         wanted: Sequence[Sample] = ()
-        replanned: Replanned | None = None
-        if task is not None:
-            replanned = Replanned(rig, sketch, cell, task, plan, samples, seed)
-            wanted, is_new = replanned.samples, True
-        elif not freedrive:
-            wanted, is_new = _plan(rig, sketch, cell, pattern if plan is None else str(plan), samples or _SAMPLES, seed)
+        replanned = None if task is None else Replanned(rig, sketch, cell, task, plan, samples, seed)
         if not freedrive:
-            if not json:
-                _say_plan(rig, sketch, wanted, is_new, speed_limit_deg_s, go)
-                if replanned is not None:
-                    say(replanned.words())
+            wanted, is_new = _plan(rig, sketch, cell, str(plan or pattern), count, seed, replanned)
+            _say_plan(rig, sketch, wanted, is_new, speed_limit_deg_s, go, replanned, quiet=json)
             if not go:
-                if json:
-                    print_json({"cell": str(cell), "planned": len(wanted), "captured": [], "given_up": []})
-                return 0
+                return _only_planned(cell, wanted, json)
             wanted = _stored(cell, sketch, wanted, is_new)
         view = shown.enter_context(capture_view(rig, sketch.cell, web, port, quiet=json))
-        taker = _taker(view.rig(rig), sketch, cell, speed_limit_deg_s, view.tell)
         steps: list[Step] = []
-        for step in _steps(taker, wanted, (samples or _SAMPLES) if freedrive else None, view.key, replanned):
+        by = _taker(view.rig(rig), sketch, cell, speed_limit_deg_s, view.tell)
+        for step in _steps(by, wanted, count if freedrive else None, view.key, replanned):
             steps.append(step)
             view.note(step, len(steps))
     return _summed_up(cell, steps, replanned, json)
@@ -174,7 +166,13 @@ def _steps(
 
 
 def _plan(
-    rig: Rig, sketch: Sketch, folder: Path, pattern: str, samples: int, seed: int
+    rig: Rig,
+    sketch: Sketch,
+    folder: Path,
+    pattern: str,
+    samples: int,
+    seed: int,
+    replanned: Replanned | None = None,
 ) -> tuple[Sequence[Sample], bool]:
     """What is still to be taken of a plan that was cut off, or a new plan, and whether it is new."""
     from basecal.acquisition.capture import unfinished
@@ -183,6 +181,8 @@ def _plan(
     from basecal.planning.feasible import feasible_in
     from basecal.planning.patterns import pattern as named
 
+    if replanned is not None:
+        return replanned.samples, True
     left = unfinished(folder, sketch.cell)
     if left:
         return left, False
@@ -198,9 +198,26 @@ def _plan(
     return named(pattern)(sketch, home, feasible_in(sketch), samples, seed), True
 
 
-def _say_plan(rig: Rig, sketch: Sketch, plan: Sequence[Sample], is_new: bool, speed: float, go: bool) -> None:
+def _only_planned(cell: Path, wanted: Sequence[Sample], json: bool) -> int:
+    if json:
+        print_json({"cell": str(cell), "planned": len(wanted), "captured": [], "given_up": []})
+    return 0
+
+
+def _say_plan(
+    rig: Rig,
+    sketch: Sketch,
+    plan: Sequence[Sample],
+    is_new: bool,
+    speed: float,
+    go: bool,
+    replanned: Replanned | None,
+    quiet: bool,
+) -> None:
     from basecal.acquisition.driver import Moves
 
+    if quiet:
+        return
     moving = [name for name, robot in rig.robots.items() if isinstance(robot, Moves)]
     led = [name for name, robot in rig.robots.items() if robot.is_live and name not in moving]
     camera, target = sketch.view
@@ -209,6 +226,8 @@ def _say_plan(rig: Rig, sketch: Sketch, plan: Sequence[Sample], is_new: bool, sp
         f"{begun}{len(plan)} samples; {' and '.join(moving) or 'no robot'} will move, no joint faster than "
         f"{speed:g} deg/s, with {target} in view of {camera} at every stop; {_ways(rig, sketch, plan, moving)}"
     )
+    if replanned is not None:
+        say(replanned.words())
     if led:
         say(f"{' and '.join(led)} will be led by hand: wherever all stand still anew, a sample is taken")
     if not go:

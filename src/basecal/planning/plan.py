@@ -101,20 +101,12 @@ def plan_for_task(
     prospect = prospects(cell, recording, calibration, offered)
     tasks = tuple(task_at(name, known[0].transforms, points_m) for name in names)
     goal = _Goal(tasks, np.inf if tolerance_m is None else tolerance_m)
-    weight = _weight(prospect, goal)
-    columns = prospect.problem.columns
-
-    def enough(covariance: Array) -> bool:
-        """Whether the tolerance is met."""
-        return goal.expected_m({n: _padded(covariance, columns[n]) for n in names}) <= goal.tolerance_m
-
-    chosen: list[int] = []
-    reached: bool | None = None
+    chosen, reached = list[int](), None
     if tolerance_m is not None:
-        chosen, reached = fewest(prospect.roots, prospect.covariance, weight, MOST_SAMPLES, enough)
+        chosen, reached = _fewest(prospect, goal)
     needed = len(chosen) if reached else None
     if count is not None and count != len(chosen):
-        chosen = best(prospect, weight, count)
+        chosen = best(prospect, _weight(prospect, goal), count)
     solution = prospect.solution(chosen)
     return Plan(
         _ordered(known[0], prospect, recording, chosen),
@@ -124,6 +116,18 @@ def plan_for_task(
         len(prospect.recorded),
         _budget(solution, goal),
     )
+
+
+def _fewest(prospect: Prospects, goal: _Goal) -> tuple[list[int], bool]:
+    """As few candidates as the tolerance needs, or the best that are allowed, and whether it is met."""
+    columns = prospect.problem.columns
+    names = [task.transform for task in goal.tasks]
+
+    def enough(covariance: Array) -> bool:
+        """Whether the tolerance is met."""
+        return goal.expected_m({n: _padded(covariance, columns[n]) for n in names}) <= goal.tolerance_m
+
+    return fewest(prospect.roots, prospect.covariance, _weight(prospect, goal), MOST_SAMPLES, enough)
 
 
 def best(prospect: Prospects, weight: Array, count: int) -> list[int]:
