@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter, validators
 
-from basecal.cli.capture_view import capture_view
+from basecal.cli.capture_view import CaptureView, capture_view
 from basecal.cli.replanned import Replanned, Task, task_of
 from basecal.cli.task_point import Box, Point
 from basecal.cli.terminal import pasted, print_json, say
@@ -95,9 +95,8 @@ def capture(
     from basecal.cell.files import read_cell
     from basecal.planning.sketch import sketch_of
 
-    _refuse_unused(
-        pattern, plan, task := task_of(task_point, task_box, tolerance), go=go, freedrive=freedrive, web=web, port=port
-    )
+    task = task_of(task_point, task_box, tolerance)
+    _refuse_unused(pattern, plan, task, go=go, freedrive=freedrive, web=web, port=port)
     sketch, count = sketch_of(read_cell(cell)), samples or _SAMPLES
     with ExitStack() as shown, open_rig(sketch.cell, cell) as rig:  # an error stops the arms before all else
         wanted: Sequence[Sample] = ()
@@ -109,12 +108,18 @@ def capture(
                 return _only_planned(cell, wanted, json)
             wanted = _stored(cell, sketch, wanted, is_new)
         view = shown.enter_context(capture_view(rig, sketch.cell, web, port, quiet=json))
-        steps: list[Step] = []
         by = _taker(view.rig(rig), sketch, cell, speed_limit_deg_s, view.tell)
-        for step in _steps(by, wanted, count if freedrive else None, view.key, replanned):
-            steps.append(step)
-            view.note(step, len(steps))
+        steps = _noted(_steps(by, wanted, count if freedrive else None, view.key, replanned), view)
     return _summed_up(cell, steps, replanned, json)
+
+
+def _noted(steps: Iterator[Step], view: CaptureView) -> list[Step]:
+    """All steps, each told when it is done."""
+    found: list[Step] = []
+    for step in steps:
+        found.append(step)
+        view.note(step, len(found))
+    return found
 
 
 def _refuse_unused(
