@@ -366,7 +366,11 @@ alarms in at most {100 * verify.MOST_ALARMS:g} %, shifts of the length that is c
 {100 * verify.LOW:g} to {100 * verify.HIGH:g} %, what moved named first in {100 * verify.NAMED:g} % at three times that
 length, with {verify.FEWEST_NAMED} samples and more. Then real recordings, halved at random: one half calibrated, the
 other checked, all of it or its first {verify.MOST_NEW} samples, and again with a mount shifted by the larger of
-{1e3 * verify.LEAST_SHIFT_M:g} mm and twice the detectable length."""
+{1e3 * verify.LEAST_SHIFT_M:g} mm and twice the detectable length.
+Asked of these: as calibrated in {100 * verify.AS_CALIBRATED:g} % of {verify.SPLITTINGS}; a check that cannot tell, as
+the half that was calibrated knows too little, counts as one that fails."""
+    if "simulated_at" in result:
+        about += f" Simulated cells were measured at commit {result['simulated_at']}."
     rows = [verify.row(name, of) for name, of in result["rows"].items()]
     real_rows = map(verify.row_real, result["real"])
     return f"{about}\n\n{table(verify.HEAD, rows)}\n\n{table(verify.HEAD_REAL, real_rows)}"

@@ -50,6 +50,7 @@ LEAST_SHIFT_M = 2e-3
 MOST_ALARMS = 0.01
 LOW, HIGH = 0.92, 0.98
 NAMED = 0.95
+AS_CALIBRATED = 0.95
 HEAD = ("samples", "false alarms", "shifted", "detectable shift seen", "first named at three times it", "median [mm]")
 HEAD_REAL = (
     "recording",
