@@ -398,13 +398,37 @@ def _published(result: Result) -> str:
     about = """\
 Noise on all three poses of A X B = Y C Z, as in Sui and Ding 2023, beside the errors of the base printed there.
 How far poses reach, and along which axes the noise is drawn, is not stated there: a guide, no test."""
-    return f"{about}\n\n{table(published.HEAD, map(published.row, result['rows']))}"
+    noise = f"kappa {published.LANGEVIN_KAPPA:g}, {1e3 * published.LANGEVIN_M:g} mm"
+    certified = f"""\
+The certified solver of A X = Y B of Wise et al. 2025 (arXiv 2507.23045): views with isotropic Langevin noise ({noise}),
+robots exact. What is open: how many views there are, how poses reach, which of them bear the noise, and whether kappa
+is that of exp(kappa tr R), as here, or half of it. X is the camera's mount, Y where the target stands; `linear` is
+OpenCV's method of Shah on the same views, beside the linear one printed."""
+    tables = (
+        table(published.HEAD, map(published.row, result["rows"])),
+        certified,
+        table(published.CERTIFIED_HEAD, map(published.certified_row, result["certified"])),
+    )
+    return "\n\n".join([about, *tables])
 
 
 def _cluster(result: Result) -> str:
-    about = """\
-A study by processes of this machine and by as many local Dask workers in turn, medians by the clock."""
-    return f"{about}\n\n{table(cluster.HEAD, map(cluster.row, result['rows']))}"
+    first, dead = result["rows"][0], result["killed"]
+    trials, least = f"{result['trials']:,}", f"{cluster.MOST_BYTES / 2**30:g} GiB"
+    share = f"{cluster.MOST_OVERHEAD:.0%}"
+    about = f"""\
+A study of {trials} trials by processes of this machine and by local Dask workers in turn, each from nothing to all
+its chunks on the disk. The machine did other work beside: the time of the processor, of all who work and of who asks,
+is what to compare. Asked: Dask at most {share} more than processes, and at most {least}. Numbers are those of the
+table but for times, to the last digit."""
+    many = result["many"]
+    held = f"{result['many_trials']:,} trials by one process hold at most {many['peak_bytes'] / 1e6:.0f} MB."
+    killed = f"""\
+Of {result["killed_trials"]:,} trials, one who works is killed midway (`kill -9`), or the whole command, which is then
+started again."""
+    ways = table(cluster.HEAD, [cluster.row(each, first) for each in result["rows"]])
+    deaths = table(cluster.KILLED_HEAD, [cluster.killed_row(each, dead[0]) for each in dead])
+    return "\n\n".join([about, ways, held, killed, deaths])
 
 
 SECTIONS: dict[str, tuple[str, Callable[[Result], str]]] = {

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import socket
+import subprocess
 import sys
 import threading
 import time
@@ -97,3 +98,34 @@ def kill_after_a_chunk(cluster, folder: Path) -> None:
         assert time.monotonic() < end
         time.sleep(0.01)
     os.kill(next(iter(cluster.workers.values())).pid, signal.SIGKILL)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems have another malloc")
+def test_workers_keep_what_arrays_leave() -> None:
+    """As Dask starts its workers each array of a megabyte is new pages; after a call of ours hardly any are."""
+    code = """
+import resource, threading
+import numpy as np
+from basecal.studies import cluster
+
+def faults():
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+    for _ in range(100):
+        np.ones(2**17).sum()
+    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
+
+def work():
+    before = faults()
+    cluster._keep_memory()
+    faults()
+    print(before, faults())
+
+thread = threading.Thread(target=work)
+thread.start()
+thread.join()
+"""
+    environment = {**os.environ, "MALLOC_TRIM_THRESHOLD_": "65536"}
+    made = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    before, after = map(int, made.stdout.split())
+    assert before > 10_000
+    assert after < 1000

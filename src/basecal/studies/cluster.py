@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import ctypes
 import logging
+import sys
 from collections.abc import Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
-from functools import partial
+from functools import cache, partial
 from importlib import import_module
 from importlib.metadata import version
 from typing import Any
 
 from basecal.errors import BasecalError, InputError, MissingExtra
 
+_TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3  # of glibc's malloc.h
+_LARGEST_KEPT = 2**25  # 32 MB: as far as malloc's own fitting goes
 _PATIENCE_S = 10  # until a scheduler answers that is there
 
 
@@ -40,7 +44,21 @@ def called_on_cluster(address: str, calls: Sequence[partial[bytes]]) -> Iterator
 
 
 def _made(call: partial[bytes]) -> bytes:
+    _keep_memory()
     return call()
+
+
+@cache
+def _keep_memory() -> None:
+    """Let malloc keep what arrays leave, as it does elsewhere.
+
+    Dask has its workers give memory back at once (MALLOC_TRIM_THRESHOLD_), which ends malloc's own fitting of its
+    thresholds: each array of some hundred kilobytes is then new pages, and these take as long as the numbers in them.
+    """
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
+    if mallopt is not None:
+        mallopt(_MMAP_THRESHOLD, _LARGEST_KEPT)
+        mallopt(_TRIM_THRESHOLD, 2 * _LARGEST_KEPT)
 
 
 def _result(future: Any, address: str) -> bytes | str:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from basecal.estimation.least_squares import alike_pairs as module
 from basecal.estimation.least_squares.alike_pairs import alike_pairs
 from basecal.estimation.problem.build import build_problem
 from basecal.simulation import Scenario, simulate
@@ -40,3 +41,13 @@ def test_other_noise_is_another_batch() -> None:
     assert len(batches) > 3
     for of in batches:
         assert all((sigma[stops] == of.problem.stops.sigma).all() for stops in of.stops)
+
+
+def test_many_views_go_in_parts(monkeypatch) -> None:
+    """Of at most so many views, or of one pair; no pair is lost."""
+    ring = problem(Scenario(layout="ring", robots=5, samples=50, robot_noise=(1e-4, 1e-4)))
+    monkeypatch.setattr(module, "MOST_VIEWS", 12)
+    batches = alike_pairs(ring)
+    assert sorted(number for of in batches for number in of.groups) == list(range(10))
+    assert all(of.rows.size <= 12 or len(of.groups) == 1 for of in batches)
+    assert max(len(of.groups) for of in batches) == 2

@@ -21,7 +21,7 @@ from basecal.errors import DatasetError, FrameNotFound, InputError
 
 RUNS = "runs"
 FILE = "calibration.json"
-_LARGEST_BYTES = 2**26  # 64 MB: half a million views
+_LARGEST_BYTES = 2**28  # 256 MB: the joint covariance of a hundred and fifty robots, or two million views
 _RUN = re.compile(r"(\d{8}T\d{6}Z)(?:-(\d+))?")
 
 

@@ -6,7 +6,7 @@ A cell of a hundred robots has hundreds of pairs. As a batch they are linearised
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -17,6 +17,9 @@ from basecal.estimation.least_squares.normal_equations import NormalEquations, l
 from basecal.estimation.problem.problem import Problem, State, Stops, ViewGroup, has_noise
 from basecal.geometry import SE3, Array, Camera, IntArray
 from basecal.numerics.batch import stack
+
+MOST_VIEWS = 2000
+"""Of a batch: more gain nothing, and take memory that no cache holds."""
 
 _LENS = "camera"
 _ENDS = ("camera_mount", "eye_base", "hand_base", "target_mount")  # fields of a group that name transforms
@@ -78,7 +81,18 @@ def alike_pairs(problem: Problem) -> tuple[AlikePairs, ...]:
     for number, group in enumerate(problem.groups):
         if len(group):
             by_structure[_structure(problem, group)].append(number)
-    return tuple(_together(problem, tuple(numbers)) for numbers in by_structure.values())
+    return tuple(_together(problem, few) for numbers in by_structure.values() for few in _parts(problem, numbers))
+
+
+def _parts(problem: Problem, numbers: Sequence[int]) -> Iterator[tuple[int, ...]]:
+    """Pairs of one structure in parts of at most `MOST_VIEWS`, or of one pair."""
+    part: list[int] = []
+    for number in numbers:
+        if part and (len(part) + 1) * max(len(problem.groups[k]) for k in (*part, number)) > MOST_VIEWS:
+            yield tuple(part)
+            part = []
+        part.append(number)
+    yield tuple(part)
 
 
 def _structure(problem: Problem, group: ViewGroup) -> Hashable:

@@ -7,6 +7,7 @@ cells are each refined. Everything is deterministic.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TypeVar
@@ -114,8 +115,13 @@ def _search(problem: Problem, cell: Cell, thorough: bool) -> _Search[State]:
     sights = tuple(waiting)
     known = _Known(_given(problem))
     in_vain: dict[int, str] = {}  # of a pair, what was unknown as it could not be started
+    unknown = {id(sight): _unknown(sight, known) for sight in waiting}
+    by_name: dict[str, list[PairViews]] = defaultdict(list)
+    for sight in sights:
+        for name in _names(sight):
+            by_name[name].append(sight)
     while waiting:
-        unknown = {id(sight): _unknown(sight, known) for sight in waiting}
+        before = set(known.transforms)
         waiting.sort(key=lambda s: (len(unknown[id(s)]), s.candidates is None, -s.total))
         for sight in waiting:
             if in_vain.get(id(sight)) == unknown[id(sight)]:
@@ -127,6 +133,8 @@ def _search(problem: Problem, cell: Cell, thorough: bool) -> _Search[State]:
             sight = waiting[0]
             yield from _start(sight, known, problem, thorough, forced=True)
         waiting.remove(sight)
+        told = {*(known.transforms.keys() - before), *_names(sight)}  # those of the pair have a relation, too
+        unknown |= {id(s): _unknown(s, known) for name in told for s in by_name[name]}
     transforms = {name: known.transforms.get(name) or _fallback(u) for name, u in problem.unknowns.items()}
     transforms |= placed_by_pairs(problem, sights, transforms, _given(problem))
     return State(transforms, cameras, np.zeros((len(problem.stops), 6)))
@@ -178,6 +186,12 @@ def _unknown(sight: PairViews, known: _Known) -> str:
     has_y = related or all(base is None or base in known.transforms for base in (g.eye_base, g.hand_base))
     has = {"x": g.camera_mount in known.transforms, "y": has_y, "z": g.target_mount in known.transforms}
     return "".join(name for name, there in has.items() if not there)
+
+
+def _names(sight: PairViews) -> list[str]:
+    """Of the transforms that a pair's views depend on."""
+    g = sight.group
+    return [name for name in (g.camera_mount, g.target_mount, g.eye_base, g.hand_base) if name is not None]
 
 
 def _start(sight: PairViews, known: _Known, problem: Problem, thorough: bool, forced: bool) -> _Search[bool]:
