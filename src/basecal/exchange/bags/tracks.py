@@ -173,6 +173,7 @@ def _posing(found: _Gathered) -> Callable[[Message], None]:
 
 def _tagging(found: _Gathered, source: ByTagPoses) -> Callable[[Message], None]:
     def listen(message: Message) -> None:
+        """Keep the pose of the nearest tag that is looked for, at its time."""
         values = source.frames.seen(message.data)
         if values is not None:
             found.add(stamp_of(message.data.header, message.recorded_s), values)
