@@ -14,13 +14,14 @@ import numpy as np
 from basecal.geometry import Array, BoolArray, IntArray
 from basecal.numerics.batch import concatenate, take, where
 from basecal.numerics.sparse_hessian import SparseHessian
-from basecal.numerics.structured_secant import with_secant
+from basecal.numerics.structured_secant import usable, with_secant
 
 SETTLED_SIGMAS = 1e-5  # what may be left to go, in sigmas of the unknowns: no statistic of a result shows it
 STRAIGHT_SIGMAS = 1e-3  # how far the cost may miss its prediction where steps do not show all that moves [sigma]
 _SMALLEST_STEP = 1e-13  # [m, rad]: rounding of poses a metre away
 _FIRST_DAMPING = 1e-9  # of the scaled diagonal: Gauss-Newton, yet regular where a direction is not observable
 _NEAR_SIGMAS = 1.0  # what a step promises where the gradient's change over it tells of the optimum [sigma]
+_NEAR_SHARE = 1e-3  # likewise of the cost, for starts whose residuals say nothing of sigmas
 _UNDAMPED = 1e-3  # below this a step is a Gauss-Newton step to three digits
 _LARGEST_DAMPING = 1e12  # beyond it steps are rounding
 _LARGEST_GAIN = 10.0  # clips the ratio of gain to prediction, whose cube sets the damping
@@ -212,7 +213,7 @@ def _iterated(
         step, expected, settled = step[kept], expected[kept], settled[kept]
     after, cost = _linearised(system, candidate, flight.about)
     better = cost <= flight.cost * (1 + _UPHILL)
-    bend = _bend(flight, after, step, better & (expected <= _NEAR_SIGMAS**2 * _scale(flight)))
+    bend = _bend(flight, after, step, better & _is_near(flight, expected))
     flight = _moved(flight, candidate, after, cost, better, np.maximum(expected, 1e-300), bend, stop.hidden)
     stuck, lost = ~better & settled, ~better & (flight.damping > _LARGEST_DAMPING)
     for ended, converged in ((stuck, True), (lost & ~stuck, False)):
@@ -284,6 +285,12 @@ def _moved(
     )
 
 
+def _is_near(flight: _Flight[S, L], expected: Array) -> BoolArray:
+    """Whether a step that promises so much less cost is near enough to an optimum to tell what bends there, (b,)."""
+    near: BoolArray = expected <= np.minimum(_NEAR_SIGMAS**2 * _scale(flight), _NEAR_SHARE * flight.cost)
+    return near
+
+
 def _bend(flight: _Flight[S, L], after: L, step: Array, near: BoolArray) -> Array | None:
     """What the residuals add to the hessian, by what a step shows where it was taken and `near` an optimum."""
     if flight.bend is None or isinstance(after.hessian, SparseHessian):
@@ -298,7 +305,7 @@ def _next_step(flight: _Flight[S, L]) -> tuple[Array, Array]:
     if flight.bend is None or isinstance(about.hessian, SparseHessian) or not flight.bend.any():
         step = _damped_step(about, flight.damping)
         return step, _quadratic(about, step)
-    bent = Quadratic(about.cost, about.gradient, about.hessian + flight.bend)
+    bent = Quadratic(about.cost, about.gradient, about.hessian + usable(flight.bend, about.hessian))
     step = _damped_step(bent, flight.damping)
     expected = _quadratic(bent, step)
     downhill = expected > 0
