@@ -211,6 +211,25 @@ def tried(kept: Kept, faults: Iterable[str], counts: dict[bool, int], until: flo
             print(fault or "none", seed, kept.keep(f"{fault}#{seed}", captured(seed, words)), flush=True)
 
 
+def section(result: dict[str, Any]) -> str:
+    """The section of docs/benchmarks.md."""
+    wanted, kills = result["wanted"], result["kills"]
+    about = f"""\
+Simulated cells captured by {result["samples"]} samples and calibrated; asked are {wanted["sound"]} without a fault, of
+which at most 3 % are not good and 90.5 to 99 % inside the 95 % ellipsoid, and {wanted["each fault"]} of each fault, of
+which nine in ten are inside the 99.7 % ellipsoid or named first. A fault has the size that moves the base of a plain
+answer by {SIGMAS:g} of its sigmas, measured on one cell, or its usual one where still arms hide it. As many as the
+table says have been tried."""
+    lines = table(result["rows"][0], [list(each.values()) for each in result["rows"]])
+    if kills is None:
+        return f"{about}\n\n{lines}"
+    equal = "equal" if kills["is_equal"] else "do not equal"
+    told = f"""\
+A capture killed {kills["kills"]} times (asked: {wanted["kills"]}) at random instants: {kills["lost"]} samples lost,
+{kills["twice"]} asked twice; in the end samples and states {equal} those of one that nobody killed."""
+    return f"{about}\n\n{lines}\n\n{told}"
+
+
 def main(words: Sequence[str] | None = None) -> int:
     """Try, print what came of it and write it; 1 where a kill lost something."""
     parser = argparse.ArgumentParser(description=__doc__)

@@ -10,9 +10,12 @@ from typing import Any
 import numpy as np
 
 from benchmarks import (
+    arm_errors,
     bag,
     batch,
     calibrate,
+    capture,
+    capture_pictures,
     certificate,
     clocks,
     cluster,
@@ -445,6 +448,9 @@ SECTIONS: dict[str, tuple[str, Callable[[Result], str]]] = {
     "mutations": ("Conventions mixed up", _mutations),
     "wrong_answers": ("Answers that are wrong and look good", _wrong_answers),
     "sag": ("Sag", sag.section),
+    "capture": ("Captures", capture.section),
+    "arm_errors": ("Errors of arms that can be told", arm_errors.section),
+    "capture_pictures": ("Pictures of captures", capture_pictures.section),
     "clocks": ("Clocks", _clocks),
     "rolling_shutter": ("Rolling shutters", _rolling_shutter),
     "bag": ("Bags", _bag),
