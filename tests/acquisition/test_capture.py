@@ -150,3 +150,12 @@ def test_a_torn_note_is_no_note(tmp_path, torn):
         (tmp_path / GIVEN_UP).write_text(torn)
         assert len(unfinished(tmp_path, world.cell)) == 1
     assert (tmp_path / PLAN).exists()
+
+
+def test_what_was_given_up_may_be_damaged(tmp_path):
+    """Of lines that are no text, numbers beyond any, or nested without end the samples are tried again."""
+    with running(tmp_path) as world:
+        _, plan = planned(world, tmp_path, 3)
+        lines = [b'{"sample": 1, "why": "x"}', b"\xe5\xff", b'{"sample": 1e999}', b"[" * 100_000, b'{"sample": [0]}']
+        (tmp_path / GIVEN_UP).write_bytes(b"\n".join(lines))
+        assert [sample.sample for sample in unfinished(tmp_path, world.cell)] == [plan[0].sample, plan[2].sample]

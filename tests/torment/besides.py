@@ -15,7 +15,10 @@ from typing import Any
 import numpy as np
 from ruamel.yaml import YAML
 
+from basecal.acquisition.capture import PLAN, unfinished
 from basecal.acquisition.drivers.simulated import SimulatedCamera, SimulatedRobot
+from basecal.cell import Cell
+from basecal.cell.files import read_cell, read_plan
 from basecal.errors import InputError
 from basecal.simulation.running.clock import Clock
 from basecal.simulation.running.plant import Plant
@@ -25,6 +28,7 @@ from basecal.simulation.running.two_arms import two_arms
 from basecal.studies.chunk import chunk_path, keep_chunk, packed, read_chunk, worked
 from basecal.studies.study import Study
 from basecal.studies.study_file import read_study, study_from_text
+from cell_example import CELL, LINES, URDF, journal
 from torment.damage import damaged, torn_bytes
 from torment.outcome import Fell, of_command, of_reader
 
@@ -52,6 +56,15 @@ def read_damaged_study(chance: Random, folder: Path) -> str:
             raise Fell("trials are lost")
 
     return of_reader(read)
+
+
+@cache
+def example() -> Cell:
+    """The cell that journals are of."""
+    with TemporaryDirectory() as name:
+        (Path(name) / "cell.yaml").write_text(CELL)
+        (Path(name) / "hand.urdf").write_text(URDF)
+        return read_cell(name)
 
 
 @cache
@@ -179,7 +192,27 @@ def import_damaged_bag(chance: Random, folder: Path) -> str:
     return of_command([*words, "--on", "cam=world", "tag=arm", *chance.choice(([], ["--streams"], ["--list"]))])[0]
 
 
+def read_damaged_capture(chance: Random, folder: Path) -> str:
+    """What a capture that was cut off left: plan, samples taken and samples given up, one or all of them damaged."""
+    (folder / "recording").mkdir(exist_ok=True)
+    plan = [{"sample": k, "robots": line["robots"]} for k, line in enumerate(LINES) if "robots" in line]
+    given_up = [{"sample": k, "why": "the arm did not come to rest"} for k in range(2)]
+    for name, lines in (("plan.jsonl", plan), ("samples.jsonl", list(LINES)), ("given_up.jsonl", given_up)):
+        content = journal(*(damaged(line, chance) if chance.random() < 0.4 else line for line in lines))
+        content = torn_bytes(content, chance) if chance.random() < 0.3 else content
+        (folder / "recording" / name).write_bytes(content)
+
+    def read() -> None:
+        left = unfinished(folder, example())
+        planned = read_plan(folder / PLAN, folder, example())
+        if not {sample.sample for sample in left} <= {sample.sample for sample in planned}:
+            raise Fell("what was never planned is to be taken")
+
+    return of_reader(read)
+
+
 BESIDES: dict[str, Trial] = {
+    "capture journal": read_damaged_capture,
     "study": read_damaged_study,
     "study chunk": read_damaged_chunk,
     "requests": ask_damaged,

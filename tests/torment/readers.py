@@ -9,7 +9,6 @@ from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from random import Random
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import cv2
@@ -24,7 +23,7 @@ from basecal.kinematics import read_chain
 from basecal.reporting.text import text_report
 from basecal.vision.image_file import grey_image, read_bytes
 from cell_example import CELL, LINES, URDF, journal
-from torment.besides import BESIDES
+from torment.besides import BESIDES, example
 from torment.cells import KINDS, cell_text, made
 from torment.damage import ODD_NUMBERS, damaged, torn, torn_bytes
 from torment.foreign import FOREIGN
@@ -54,14 +53,6 @@ def _part_of_the_example(chance: Random) -> str:
     return "".join(entry for entry in entries if not entry.startswith(optional) or chance.random() < _KEPT)
 
 
-@cache
-def _example() -> Cell:
-    with TemporaryDirectory() as name:
-        (Path(name) / "cell.yaml").write_text(CELL)
-        (Path(name) / "hand.urdf").write_text(URDF)
-        return read_cell(name)
-
-
 def read_damaged_recording(chance: Random, folder: Path) -> str:
     """`samples.jsonl`, its fields or its bytes damaged."""
     (folder / "recording").mkdir(exist_ok=True)
@@ -69,7 +60,7 @@ def read_damaged_recording(chance: Random, folder: Path) -> str:
     content = journal(*lines)
     content = torn_bytes(content, chance) if chance.random() < 0.4 else content
     (folder / "recording" / "samples.jsonl").write_bytes(content)
-    return of_reader(lambda: read_recording(folder, _example()))
+    return of_reader(lambda: read_recording(folder, example()))
 
 
 def read_damaged_calibration(chance: Random, folder: Path) -> str:

@@ -25,6 +25,7 @@ FOUND = (
     ("industrial", 10003224),
     ("industrial", 10003812),
     ("write faults", 1),
+    ("capture journal", 146),
 )
 
 

@@ -17,6 +17,7 @@ from basecal.acquisition.freedrive import Key, Led, led_elsewhere
 from basecal.acquisition.running_estimate import RunningEstimate, running_estimate
 from basecal.acquisition.stillness import Unfit
 from basecal.acquisition.taking import Taker
+from basecal.bounded_file import read_bounded
 from basecal.cell import Cell, Recording, RobotState, Sample
 from basecal.cell.files import append_sample, planned, read_plan, read_recording, sample_to_dict, write_plan
 from basecal.cell.format.writing import append_durably
@@ -31,6 +32,8 @@ GIVEN_UP = Path("recording", "given_up.jsonl")
 
 Replan = Callable[[Sequence[Sample], Sequence[Sample]], Sequence[Sample]]
 """What is still to be taken, by the samples that were and those that could not be."""
+
+_LARGEST_BYTES = 2**26  # of samples given up: a line of each there can be, and why
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,13 +181,13 @@ def _given_up(folder: Path) -> set[int]:
 
 
 def _lines(folder: Path) -> Iterator[dict[str, Any]]:
-    """What was given up, but for a line that is cut off: its sample is tried again."""
+    """What was given up, but for a line that is cut off or damaged: its sample is tried again."""
     path = folder / GIVEN_UP
-    for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else []:
+    for line in read_bounded(path, _LARGEST_BYTES).splitlines() if path.exists() else []:
         try:
             told = json.loads(line)
             int(told["sample"])
-        except (ValueError, KeyError, TypeError):
+        except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
             continue
         yield told
 
