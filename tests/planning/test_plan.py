@@ -9,7 +9,7 @@ from basecal.accuracy.verdict import calibrate
 from basecal.cell import Calibration, Recording, Sample
 from basecal.errors import InputError
 from basecal.geometry import PoseEstimate
-from basecal.planning.plan import MOST_SAMPLES, offers, plan_for_task
+from basecal.planning.plan import MOST_SAMPLES, OUTLOOK, offers, outlook, plan_for_task
 from basecal.planning.prospects import sketches
 from basecal.simulation import Scenario, simulate
 
@@ -93,3 +93,15 @@ def test_candidates_may_be_offered(cell):
     found = plan_for_task(described, bare, calibration, point, count=8, offered=offered)
     places = [sample.robots["hand"].base_from_flange.translation.tolist() for sample in offered[0][1]]
     assert all(sample.robots["hand"].base_from_flange.translation.tolist() in places for sample in found.samples)
+
+
+def test_more_samples_bring_less_and_less(cell):
+    """Errors fall with planned samples, beginning at what is recorded; 40 leave less than 12 at random do."""
+    described, recording, _, calibration, point = cell
+    told = outlook(described, recording, calibration, point)
+    assert [count for count, _ in told] == list(OUTLOOK)
+    lengths = [length for _, length in told]
+    assert lengths == sorted(lengths, reverse=True)
+    now = plan_for_task(described, recording, calibration, point, tolerance_m=1.0)
+    assert lengths[0] == pytest.approx(now.expected_m, rel=0.02)
+    assert lengths[-1] < 0.5 * lengths[0]

@@ -14,6 +14,8 @@ from basecal.cli.terminal import say
 from basecal.errors import DatasetError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from basecal.accuracy.fit_details import FitDetails
     from basecal.cell import Calibration, Cell, Recording
 
@@ -75,10 +77,27 @@ def write_page(cell: Cell, calibration: Calibration, stored: StoredRun) -> Path:
         made=_made(stored.run),
         run=stored.run.name,
         notes=notes,
+        outlook=() if stored.changed else _outlook(cell, stored.recording, calibration),
         verified=[each for each in read_verifications(stored.run.parent.parent) if each.run == stored.run.name],
     )
     write_whole(path, html, within=stored.run.parent.parent)
     return path
+
+
+def _outlook(cell: Cell, recording: Recording, calibration: Calibration) -> Sequence[tuple[int, float]]:
+    """What more samples would bring at the task; nothing where none is named, or none can be planned."""
+    from numpy import array
+
+    from basecal.errors import BasecalError
+    from basecal.planning.plan import outlook
+
+    point = calibration.settings.get("task_point")
+    if point is None or not calibration.budget:
+        return ()
+    try:
+        return outlook(cell, recording, calibration, array([point]))
+    except BasecalError:  # such as a transform that was not found: the page says so elsewhere
+        return ()
 
 
 def print_page_path(run: Path) -> None:

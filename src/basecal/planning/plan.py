@@ -29,6 +29,11 @@ MOST_SAMPLES = 60
 CANDIDATES = 600
 """Drawn to choose from: of arms with joints each takes some milliseconds to be found free of collision."""
 
+OUTLOOK = (0, 5, 10, 20, 40)
+"""Samples more, of which it is told what they bring."""
+
+OUTLOOK_CANDIDATES = 200
+
 Offer = tuple[Sketch, Sequence[Sample]]
 """A camera and target, with samples that show one the other."""
 
@@ -115,6 +120,34 @@ def plan_for_task(
         reached,
         len(prospect.recorded),
         _budget(solution, goal),
+    )
+
+
+def outlook(
+    cell: Cell, recording: Recording, calibration: Calibration, points_m: Array
+) -> tuple[tuple[int, float], ...]:
+    """What planned samples beside those recorded bring: how many, and the error that 95 of 100 stay below then [m].
+
+    Args:
+        cell: The cell.
+        recording: What was recorded; all that has observations counts.
+        calibration: Of it.
+        points_m: (n, 3) the task in the reference's base [m].
+
+    Raises:
+        InputError: if nothing is placed that the task is about, no pose is taught, or none near them can be taken.
+    """
+    known = sketches(cell, calibration)
+    recording = synchronous(cell, recording, calibration)
+    prospect = prospects(cell, recording, calibration, offers(known, recording, OUTLOOK_CANDIDATES))
+    goal = _Goal(tuple(task_at(name, known[0].transforms, points_m) for name in placing(cell)), np.inf)
+    steps = greedy(prospect.roots, prospect.covariance, _weight(prospect, goal))
+    covariances = [prospect.covariance, *(after for _, after in islice(steps, OUTLOOK[-1]))]
+    columns = [(task.transform, prospect.problem.columns[task.transform]) for task in goal.tasks]
+    return tuple(
+        (count, goal.expected_m({name: _padded(covariances[count], where) for name, where in columns}))
+        for count in OUTLOOK
+        if count < len(covariances)
     )
 
 

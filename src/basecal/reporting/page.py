@@ -77,6 +77,7 @@ def page(
     run: str | None = None,
     notes: Sequence[str] = (),
     verified: Sequence[PastVerification] = (),
+    outlook: Sequence[tuple[int, float]] = (),
 ) -> str:
     """The report of a calibration as HTML, everything it needs inside; it asks nothing of any server.
 
@@ -90,6 +91,7 @@ def page(
         run: Name of its run, said in what is pasted.
         notes: Said below the verdict, such as that a file has changed since.
         verified: The verifications of this run, as they were made.
+        outlook: What so many planned samples more leave of the error at the task [m].
     """
     known = FitDetails() if details is None else details
     drawn = scene(cell, recording.samples, calibration)
@@ -114,10 +116,18 @@ def page(
             closed_form=None if known.closed_form is None else _closed_form(known.closed_form),
             **_answer(cell, calibration, run),
             **_fit(cell, calibration, known),
+            outlook=outlook,
+            plan_options=_plan_options(calibration),
             history=history_figure(verified),
             drift=history_text(verified, drifts(verified)).splitlines()[-_MOST_VERIFIED:],
         )
     )
+
+
+def _plan_options(calibration: Calibration) -> str:
+    """What `basecal plan` is asked for the samples of the outlook; empty without a task."""
+    point = calibration.settings.get("task_point")
+    return "" if point is None else f"--samples 10 --task-point {' '.join(f'{x:g}' for x in point)} -o plan.jsonl"
 
 
 def _json_inside_html(data: Mapping[str, Any]) -> str:
