@@ -181,11 +181,11 @@ def section(result: dict[str, Any]) -> str:
     about = f"""\
 Both flanges are sent to one point, at the middle of the map and at a corner: are they as near as the map expects of 95
 in 100? Asked: {100 * LOW:g} to {100 * HIGH:g} % of {TRIALS}. `joints`: arms whose joints and links are off, estimated
-by their priors (`stated`), or taken for what the URDF says (`estimated`). Then angles are held too seldom: both arms
-are far from where they were recorded when their flanges meet, and errors of joints differ there by more than a process
-over poses with a length of 0.7 m, which has seen them vary over 0.6 rad, goes on to. What an arm's errors shift its
-flange by everywhere alike, which is in the mount of what hangs on it and in no recording, makes the other half (`but
-for mounts`: without it)."""
+by their priors (`stated`), or taken for what the URDF says (`estimated`). Then angles are held too seldom. What an
+arm's errors shift its flange by everywhere alike is in the mount of what hangs on it and in no recording, and makes the
+larger part of it (`but for mounts`: without). The rest is that both arms are far from where they were recorded when
+their flanges meet: errors of joints differ there by more than a process over poses with a length of 0.7 m, which has
+seen them vary over 0.6 rad, goes on to."""
     return f"{about}\n\n{table(HEAD, [row(kind, of) for kind, of in result['rows'].items()])}"
 
 

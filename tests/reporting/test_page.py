@@ -18,7 +18,17 @@ from basecal.accuracy.fit_details import FitDetails, fit_details
 from basecal.accuracy.residuals.point_residuals import PointResiduals, point_residuals
 from basecal.accuracy.residuals.view_poses import ViewPoses
 from basecal.accuracy.verdict import calibrate
-from basecal.cell import Calibration, Cell, Finding, Outlier, Recording, Residuals, SampleResidual
+from basecal.cell import (
+    BudgetEntry,
+    Calibration,
+    Cell,
+    ErrorMap,
+    Finding,
+    Outlier,
+    Recording,
+    Residuals,
+    SampleResidual,
+)
 from basecal.cell.files import latest_run
 from basecal.cli import main
 from basecal.geometry import SE3
@@ -286,3 +296,19 @@ def test_what_is_to_be_typed_is_code(made: tuple[Cell, Recording, Calibration]) 
     html = page(cell, recording, replace(calibration, findings=findings))
     assert "write <code>a: &lt;b&gt;</code> there" in html
     assert "a ` alone &lt;i&gt;" in html
+
+
+def test_a_task_has_what_more_samples_bring(made: tuple[Cell, Recording, Calibration]) -> None:
+    """Each number of samples with its error, the command that plans them, and every sentence about the task."""
+    cell, recording, calibration = made
+    at_task = replace(
+        calibration,
+        settings={**calibration.settings, "task_point": [0.5, 0.1, 0.3]},
+        budget=(BudgetEntry("views of wrist", 1e-4, 1.0, 5e-5),),
+        error_map=ErrorMap(np.zeros((1, 3)), np.array([4e-4]), np.array([1e-3])),
+    )
+    html = page(cell, recording, at_task, outlook=[(0, 3e-4), (10, 1.234e-4)])
+    assert "<td>10</td><td>0.123</td>" in html
+    assert "--samples 10 --task-point 0.5 0.1 0.3 -o plan.jsonl" in html
+    assert "over the workspace 95 % of errors" in html
+    assert "samples more" not in page(cell, recording, at_task)
