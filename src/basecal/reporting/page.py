@@ -117,11 +117,15 @@ def page(
             **_answer(cell, calibration, run),
             **_fit(cell, calibration, known),
             outlook=outlook,
-            plan_options=_plan_options(calibration),
-            history=history_figure(verified),
-            drift=history_text(verified, drifts(verified)).splitlines()[-_MOST_VERIFIED:],
+            **_since(verified),
         )
     )
+
+
+def _since(verified: Sequence[PastVerification]) -> dict[str, Any]:
+    """What verifications have found."""
+    lines = history_text(verified, drifts(verified)).splitlines()
+    return {"history": history_figure(verified), "drift": lines[-_MOST_VERIFIED:]}
 
 
 def _plan_options(calibration: Calibration) -> str:
@@ -226,6 +230,7 @@ def _fit(cell: Cell, calibration: Calibration, details: FitDetails) -> dict[str,
         "view_count": len(views),
         "task": list(task_rows(calibration)),
         "budget": calibration.budget or (),
+        "plan_options": _plan_options(calibration),
         "workspace": [] if calibration.error_map is None else list(workspace(calibration.error_map)),
     }
 
