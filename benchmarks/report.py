@@ -32,6 +32,7 @@ from benchmarks import (
     plan,
     published,
     real,
+    ring,
     robot_model,
     robots,
     rolling_shutter,
@@ -397,6 +398,13 @@ is of one recording, whose bases err together."""
     return f"{about}\n\n{table(robots.HEAD, rows)}\n\nSlopes (asked: {robots.MOST_SLOPE:g}): {slopes}."
 
 
+def _ring(result: Result) -> str:
+    about = """\
+`basecal calibrate` of a ring of robots in a cell folder, from the files to the page: the answer, all its tests. Noise
+of robots and pixels is stated, or estimated. The machine did other work beside: the time of the processor tells."""
+    return f"{about}\n\n{table(ring.HEAD, map(ring.row, result['rows']))}"
+
+
 def _published(result: Result) -> str:
     about = """\
 Noise on all three poses of A X B = Y C Z, as in Sui and Ding 2023, beside the errors of the base printed there.
@@ -463,6 +471,7 @@ SECTIONS: dict[str, tuple[str, Callable[[Result], str]]] = {
     "solve": ("Speed beside other solvers", _solve),
     "batch": ("Calibrations a second", _batch),
     "study": ("Studies", _study),
+    "ring": ("A ring of robots, the whole command", _ring),
     "cluster": ("Studies on a cluster", _cluster),
     "scaling": ("Time and memory", _scaling),
     "robots": ("Many robots", _robots),
