@@ -29,10 +29,21 @@ def _priced(seconds: float) -> tuple[str, str]:
     return f"{hours:,.1f}", f"{hours * CORE_HOUR:,.2f}"
 
 
-def _robots(found: dict[str, Any], field: str) -> float:
-    """What a thousand robots would take, by the largest ring measured and the slope."""
+def _seconds(found: dict[str, Any]) -> float:
+    """What a thousand robots would take, by the largest ring measured and the slope [s]."""
     last = found["by_robots"][-1]
-    return float(last[field] * (ROBOTS / last["robots"]) ** found["slopes"][f"{field} over robots"])
+    return float(last["seconds"] * (ROBOTS / last["robots"]) ** found["slopes"]["seconds over robots"])
+
+
+def _peak(found: dict[str, Any]) -> float:
+    """Likewise of memory [bytes]: views' share grows as the robots do, the covariance of bases with the square."""
+    last = found["by_robots"][-1]
+    return float((last["peak_bytes"] - _of_bases(last["robots"])) * ROBOTS / last["robots"] + _of_bases(ROBOTS))
+
+
+def _of_bases(robots: int) -> int:
+    """The covariance of all bases, the largest number of copies of it that stand side by side [bytes]."""
+    return 3 * (6 * (robots - 1)) ** 2 * BYTES
 
 
 def page() -> str:
@@ -41,7 +52,7 @@ def page() -> str:
     rate = {row["solver"]: row["rate"] / row["workers"] for row in study["rows"]}
     cell = median(row["seconds"] for row in calibrate["rows"])
     ring, slopes = robots["by_robots"][-1], robots["slopes"]
-    seconds, peak = _robots(robots, "seconds"), _robots(robots, "peak_bytes")
+    seconds, peak = _seconds(robots), _peak(robots)
     rows = [
         (
             f"{TRIALS:,} simulated trials of 30 samples",
@@ -80,8 +91,9 @@ what is waited for. Pictures that no one has searched yet take longer than the c
 
 A ring of robots is one problem. {took}.
 The slopes of the logarithms are {", ".join(over)}: time over robots, each with as many samples,
-and over samples alone; then memory likewise. A thousand would take {peak / 1e9:.1f} GB. That is the start, the
-maximum-likelihood state and the covariance of every base relative to every other, as `benchmarks.robots` asks for them.
+and over samples alone; then memory likewise. A thousand would take {peak / 1e9:.1f} GB, as the covariance of all bases
+grows with the square. That is the start, the maximum-likelihood state and the covariance of every base relative to every other, as
+`benchmarks.robots` asks for them.
 
 ## What breaks first
 
