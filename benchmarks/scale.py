@@ -92,8 +92,8 @@ what is waited for. Pictures that no one has searched yet take longer than the c
 A ring of robots is one problem. {took}.
 The slopes of the logarithms are {", ".join(over)}: time over robots, each with as many samples,
 and over samples alone; then memory likewise. A thousand would take {peak / 1e9:.1f} GB, as the covariance of all bases
-grows with the square. That is the start, the maximum-likelihood state and the covariance of every base relative to every other, as
-`benchmarks.robots` asks for them.
+grows with the square. That is the start, the maximum-likelihood state and the covariance of every base relative to
+every other, as `benchmarks.robots` asks for them.
 
 ## What breaks first
 
