@@ -33,8 +33,11 @@ def repeated_views(numbers: Sequence[int]) -> list[Finding]:
     if not numbers:
         return []
     shown = ", ".join(map(str, numbers[:_LISTED])) + (", ..." if len(numbers) > _LISTED else "")
+    one = len(numbers) == 1
+    what = f"the view of sample {shown} repeats" if one else f"{len(numbers)} views repeat"
+    where = "" if one else f", of sample {shown}"
     message = (
-        f"{len(numbers)} view(s) repeat one of an earlier sample to the last bit, which no camera does: each counts "
-        f"once: sample {shown}; look at how the recording was put together"
+        f"{what} that of an earlier sample to the last bit, which no camera does{where}: {'it' if one else 'each'} "
+        "counts once; look for rows that were copied, and remove them"
     )
     return [Finding("duplicate-samples", "info", tuple(map(str, numbers)), message)]
