@@ -52,10 +52,14 @@ def lens_from_views(camera: CellCamera, measurements: Sequence[PixelMeasurement]
         return guessed_lens(camera)
     start = _guesses(camera, usable)
     terms = np.arange(start.camera.parameters.shape[-1])
-    rough = _refined(start, usable, 8, terms[:2])
-    best = take(rough.state, np.array([np.nan_to_num(rough.cost, nan=np.inf).argmin()]))
-    with_first_term = _refined(best, usable, 12, terms[:5]).state
-    return take(_refined(with_first_term, usable, 12, terms).state.camera, 0)
+    rough = _refined(start, usable, 8, terms[:2]).state
+    # Of a lens that bends much, what fits best without any bending is another focal length.
+    bent = _refined(rough, usable, 12, terms[:5])
+    best = take(bent.state, np.array([np.nan_to_num(bent.cost, nan=np.inf).argmin()]))
+    # All terms at once, a few views may send far along a valley in which they make up for one another.
+    for few in (6, len(terms)):
+        best = _refined(best, usable, 12, terms[:few]).state
+    return take(best.camera, 0)
 
 
 def _thinned(measurement: PixelMeasurement) -> PixelMeasurement:
