@@ -9,8 +9,9 @@ from basecal.accuracy.verdict import calibrate
 from basecal.cell import Calibration, Recording, Sample
 from basecal.errors import InputError
 from basecal.geometry import PoseEstimate
-from basecal.planning.plan import MOST_SAMPLES, OUTLOOK, offers, outlook, plan_for_task
+from basecal.planning.plan import MOST_SAMPLES, OUTLOOK, offered_stations, offers, outlook, plan_for_task
 from basecal.planning.prospects import sketches
+from basecal.planning.stations import SAMPLES
 from basecal.simulation import Scenario, simulate
 
 BASE = "eye_base_from_hand_base"
@@ -105,3 +106,19 @@ def test_more_samples_bring_less_and_less(cell):
     now = plan_for_task(described, recording, calibration, point, tolerance_m=1.0)
     assert lengths[0] == pytest.approx(now.expected_m, rel=0.02)
     assert lengths[-1] < 0.5 * lengths[0]
+
+
+def test_stations_of_shifts_are_planned_for_a_task(cell):
+    """Whole stations are taken, each with its camera still, and more of them leave a smaller error."""
+    described, _, bare, calibration, point = cell
+    offered = offered_stations(described, bare, calibration)
+    found = [
+        plan_for_task(described, bare, calibration, point, count=count, offered=offered, together=SAMPLES)
+        for count in (28, 42)
+    ]
+    assert [len(plan.samples) for plan in found] == [28, 42]
+    for at in range(0, 42, SAMPLES):
+        station = found[1].samples[at : at + SAMPLES]
+        assert len({sample.robots["eye"].base_from_flange.translation.tobytes() for sample in station}) == 1
+        assert len({sample.robots["hand"].base_from_flange.translation.tobytes() for sample in station}) == SAMPLES
+    assert found[1].expected_m < found[0].expected_m

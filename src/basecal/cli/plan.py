@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter, validators
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from basecal.cell import Calibration, Cell, Recording
+    from basecal.geometry import Array
     from basecal.planning.plan import Plan
 
 
@@ -31,6 +32,7 @@ def plan(
     task_box: Box | None = None,
     tolerance: str | None = None,
     samples: Annotated[int | None, Parameter(validator=validators.Number(gte=1, lte=1000))] = None,
+    pattern: Literal["poses", "shifts"] = "poses",
     anew: bool = False,
     seed: Annotated[int, Parameter(validator=validators.Number(gte=0, lt=2**31))] = 0,
     to: Annotated[str | None, Parameter(help=f"Write the samples for a robot's own program. {_KINDS}.")] = None,
@@ -56,6 +58,7 @@ def plan(
         basecal plan mycell --tolerance 0.2mm --task-point "0.8 0.1 0.3" --json
         basecal plan mycell --samples 12 --task-point 0.8 0.1 0.3 -o plan.jsonl
         basecal plan mycell --samples 12 --task-point 0.8 0.1 0.3 --to ur-script --robot eye -o eye.script
+        basecal plan mycell --pattern shifts --samples 28 --task-point 0.8 0.1 0.3 -o plan.jsonl
         basecal plan mycell --tolerance 1mm --task-box 0.6 -0.2 0.1 1.0 0.2 0.5
 
     Args:
@@ -64,6 +67,7 @@ def plan(
         task_box: Two opposite corners of where it is done, instead of a point.
         tolerance: Length with its unit, such as 0.2mm, below which 95 % of position errors there shall be.
         samples: How many to plan; as many as the tolerance needs where it is left out.
+        pattern: poses (all around), or shifts (the paper's: whole stations of seven samples).
         anew: Plan as if nothing had been recorded yet.
         seed: Another number draws other candidates.
         to: Write the samples for a robot's own program.
@@ -79,7 +83,6 @@ def plan(
 
     from basecal.cell import Recording
     from basecal.cell.files import read_cell
-    from basecal.planning.plan import plan_for_task
 
     points = np.array(task_points(task_point, task_box))
     needed_m = None if tolerance is None else length_m(tolerance)
@@ -92,10 +95,32 @@ def plan(
         calibration = _calibrated(cell, described, recording)
         if anew:
             recording = Recording(tuple(replace(sample, observations=()) for sample in recording.samples))
-        found = plan_for_task(described, recording, calibration, points, needed_m, samples, seed)
+        found = _planned(described, recording, calibration, points, needed_m, samples, seed, pattern)
     motion = None if to is None else _motion(described, found, to, robot, speed_limit_deg_s, hold_s)
     _tell(found, plan_dict(found, needed_m), motion, cell, output, json)
     return 1 if found.reachable is False else 0
+
+
+def _planned(
+    cell: Cell,
+    recording: Recording,
+    calibration: Calibration | None,
+    points_m: Array,
+    tolerance_m: float | None,
+    count: int | None,
+    seed: int,
+    pattern: str,
+) -> Plan:
+    """Samples all around, or whole stations of programmed shifts."""
+    from basecal.planning.plan import offered_stations, plan_for_task
+    from basecal.planning.stations import SAMPLES
+
+    if pattern == "poses":
+        return plan_for_task(cell, recording, calibration, points_m, tolerance_m, count, seed)
+    offered = offered_stations(cell, recording, calibration, seed)
+    return plan_for_task(
+        cell, recording, calibration, points_m, tolerance_m, count, seed, offered=offered, together=SAMPLES
+    )
 
 
 def _check_output(to: str | None, robot: str | None, output: Path | None, json: bool) -> None:

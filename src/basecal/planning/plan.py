@@ -22,6 +22,7 @@ from basecal.planning.feasible import in_view
 from basecal.planning.poses import in_order
 from basecal.planning.prospects import Prospects, prospects, sketches
 from basecal.planning.sketch import Sketch
+from basecal.planning.stations import stations
 
 MOST_SAMPLES = 60
 """Of a plan: with twice as many the error falls by a third at most, and an hour of an arm's time is gone."""
@@ -82,6 +83,7 @@ def plan_for_task(
     count: int | None = None,
     seed: int = 0,
     offered: Sequence[Offer] | None = None,
+    together: int = 1,
 ) -> Plan:
     """The samples to record for a task.
 
@@ -94,6 +96,7 @@ def plan_for_task(
         count: How many samples; as many as the tolerance needs where None.
         seed: Of the draws.
         offered: What there is to choose from; drawn near taught poses where None.
+        together: How many of these, one after another, are taken together, such as those of a station.
 
     Raises:
         InputError: if nothing is placed that the task is about, no pose is taught, or a transform has no guess.
@@ -106,15 +109,17 @@ def plan_for_task(
     prospect = prospects(cell, recording, calibration, offered)
     tasks = tuple(task_at(name, known[0].transforms, points_m) for name in names)
     goal = _Goal(tasks, np.inf if tolerance_m is None else tolerance_m)
+    roots = prospect.roots if together == 1 else prospect.together(together)
     chosen, reached = list[int](), None
     if tolerance_m is not None:
-        chosen, reached = _fewest(prospect, goal)
-    needed = len(chosen) if reached else None
-    if count is not None and count != len(chosen):
-        chosen = best(prospect, _weight(prospect, goal), count)
-    solution = prospect.solution(chosen)
+        chosen, reached = _fewest(prospect, roots, goal, MOST_SAMPLES // together)
+    needed = together * len(chosen) if reached else None
+    if count is not None and -(-count // together) != len(chosen):
+        chosen = best(prospect, roots, _weight(prospect, goal), -(-count // together))
+    rows = [together * k + each for k in chosen for each in range(together)]
+    solution = prospect.solution(rows)
     return Plan(
-        _ordered(known[0], prospect, recording, chosen),
+        _ordered(known[0], prospect, recording, rows, together == 1),
         needed,
         _expected(solution, goal),
         reached,
@@ -151,7 +156,7 @@ def outlook(
     )
 
 
-def _fewest(prospect: Prospects, goal: _Goal) -> tuple[list[int], bool]:
+def _fewest(prospect: Prospects, roots: Array, goal: _Goal, most: int) -> tuple[list[int], bool]:
     """As few candidates as the tolerance needs, or the best that are allowed, and whether it is met."""
     columns = prospect.problem.columns
     names = [task.transform for task in goal.tasks]
@@ -160,13 +165,13 @@ def _fewest(prospect: Prospects, goal: _Goal) -> tuple[list[int], bool]:
         """Whether the tolerance is met."""
         return goal.expected_m({n: _padded(covariance, columns[n]) for n in names}) <= goal.tolerance_m
 
-    return fewest(prospect.roots, prospect.covariance, _weight(prospect, goal), MOST_SAMPLES, enough)
+    return fewest(roots, prospect.covariance, _weight(prospect, goal), most, enough)
 
 
-def best(prospect: Prospects, weight: Array, count: int) -> list[int]:
+def best(prospect: Prospects, roots: Array, weight: Array, count: int) -> list[int]:
     """So many candidates, greedy with exchange."""
-    steps = list(islice(greedy(prospect.roots, prospect.covariance, weight), count))
-    return exchanged(prospect.roots, [found for found, _ in steps], steps[-1][1], weight)[0]
+    steps = list(islice(greedy(roots, prospect.covariance, weight), count))
+    return exchanged(roots, [found for found, _ in steps], steps[-1][1], weight)[0]
 
 
 def offers(known: Sequence[Sketch], recording: Recording, count: int, seed: int = 0) -> list[Offer]:
@@ -201,6 +206,18 @@ def offers(known: Sequence[Sketch], recording: Recording, count: int, seed: int 
     return found
 
 
+def offered_stations(cell: Cell, recording: Recording, calibration: Calibration | None, seed: int = 0) -> list[Offer]:
+    """Stations of programmed shifts, of the first camera and target that were seen, or that taught poses show.
+
+    Raises:
+        InputError: if no pose is taught, or no station can be shifted from.
+    """
+    known = sketches(cell, calibration)
+    (sketch, _), *_ = offers(known, recording, 1, seed)
+    taught = [sample for sample in recording.samples if set(cell.robots) <= sample.robots.keys()]
+    return [(sketch, stations(sketch, _taught(sketch, taught), seed))]
+
+
 def _taught(sketch: Sketch, samples: Sequence[Sample]) -> list[dict[str, RobotState]]:
     """Where the robots stood when the view was seen, or would be; anywhere where it nowhere would."""
     own = [s for s in samples if any((o.camera, o.target) == sketch.view for o in s.observations)]
@@ -225,11 +242,14 @@ def _padded(covariance: Array, where: slice) -> Array:
     return own
 
 
-def _ordered(sketch: Sketch, prospect: Prospects, recording: Recording, chosen: Sequence[int]) -> tuple[Sample, ...]:
+def _ordered(
+    sketch: Sketch, prospect: Prospects, recording: Recording, chosen: Sequence[int], may_part: bool
+) -> tuple[Sample, ...]:
     if not chosen:
         return ()
     home = next(s.robots for s in reversed(recording.samples) if set(sketch.cell.robots) <= s.robots.keys())
-    samples = in_order(sketch, home, [prospect.samples[k] for k in chosen])
+    samples = [prospect.samples[k] for k in chosen]
+    samples = in_order(sketch, home, samples) if may_part else samples
     first = prospect.samples[0].sample
     return tuple(Sample(first + k, robots=sample.robots) for k, sample in enumerate(samples))
 

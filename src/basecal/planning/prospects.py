@@ -60,6 +60,14 @@ class Prospects:
     roots: Array
     covariance: Array
 
+    def together(self, size: int) -> Array:
+        """U of so many candidates after one another, (n / size, p, p): with the stops that they share."""
+        nothing = linearise(_of_samples(self.problem, []), self.state).hessian
+        numbers = [sample.sample for sample in self.samples]
+        blocks = (numbers[k : k + size] for k in range(0, len(numbers), size))
+        told = (linearise(_of_samples(self.problem, block), self.state).hessian - nothing for block in blocks)
+        return np.stack([spectrum(each, VIEW_ROUNDING).root for each in told])
+
     def solution(self, chosen: Sequence[int]) -> Solution:
         """What the recorded samples and the chosen candidates would be solved to."""
         numbers = [*self.recorded, *(self.samples[k].sample for k in chosen)]
