@@ -178,6 +178,8 @@ def lights() -> list[Figure]:
     median = np.median(found, axis=0)
     near = int(np.all(found <= LIGHT_NEAR_MM_DEG, axis=1).sum())
     name = "UR5e, one corner as a light"
+    # Ten views of one point are 20 equations for 15 unknowns: the sigmas told are 6 to 28 mm, and the squared
+    # Mahalanobis distances from the whole board's base 3.4 in the median, of 5.3 that true covariances would have.
     return [
         Figure(name, "base from the board's, median of 24 [mm]", float(median[0]), "at most", 10.0),
         Figure(name, "base from the board's, median of 24 [deg]", float(median[1]), "at most", 0.4),
