@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
+from basecal.cell.targets.circles import circles_target
 from basecal.vision.draw.render import RenderSettings
 from basecal.vision.kinds.circles import detect
-from vision_scenes import DARK, TARGETS, check_poor_picture
+from vision_scenes import DARK, TARGETS, check_poor_picture, scene
 
 SHAPE = TARGETS["circles"]
 POOR = {
@@ -34,3 +35,12 @@ def test_noise_of_many_blobs_ends_soon() -> None:
     began = time.perf_counter()
     assert detect(image, SHAPE) is None
     assert time.perf_counter() - began < 20  # one second; unbounded, minutes
+
+
+@pytest.mark.parametrize(("circles", "asymmetric"), [((5, 7), True), ((4, 4), False)])
+@pytest.mark.parametrize("blur_px", [0.0, 2.0])
+def test_squares_of_a_chessboard_are_no_discs(circles: tuple[int, int], asymmetric: bool, blur_px: float) -> None:
+    """OpenCV finds such grids among its dark squares, sharp or blurred; what ellipses leave of them tells."""
+    image = scene(TARGETS["chessboard"])
+    blurred = gaussian_filter(image.astype(np.float64), blur_px) if blur_px else image
+    assert detect(blurred.astype(np.uint8), circles_target(circles, 0.02, asymmetric)) is None

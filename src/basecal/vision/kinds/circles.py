@@ -35,6 +35,8 @@ _LEAST_AREA_PX2 = 12.0  # of a disc: four pixels across, less has no outline to 
 _LARGEST_SHARE = 0.05  # of the image, for a disc of a grid of at least four
 _LEAST_APART_PX = 3.0  # between middles of discs: below the least that two such discs can stand apart
 _LEAST_CONTRAST = 3.0  # of a disc to the paper, in sigmas of a pixel's noise
+# Of the print's contrast, what ellipses leave of the picture besides noise: 0.02 of discs, 0.15 and more of squares.
+_MOST_LEFT = 0.1
 _DARK_BRIGHT_PERCENT = (3, 97)  # levels of print and paper in a window, past a pixel or two that are neither
 
 
@@ -54,7 +56,7 @@ def detect(image: Image, target: Target) -> Detection | None:
     start = _facing(target, centres)
     outlines = _fitted(image, target, start)
     kept, shape = outlines.trusted, outlines.shape[outlines.trusted]
-    if kept.sum() < _FEWEST:
+    if kept.sum() < _FEWEST or np.median(outlines.left) > _MOST_LEFT:
         return None
     perspective, bent = _eccentricity(target.points[kept, :2], shape, float(target.options["spacing_m"]))
     model = _MODEL_PX**2 + (_BENT_SHARE * np.linalg.norm(bent, axis=1)) ** 2
@@ -93,11 +95,15 @@ def _facing(target: Target, start: Array) -> Array:
 
 
 class _Outlines(NamedTuple):
-    """Ellipses, (n, 6) as `ellipse` takes them, the variance of their centres (n,), whether each can be trusted."""
+    """Ellipses, (n, 6) as `ellipse` takes them, the variance of their centres (n,), whether each can be trusted.
+
+    With them what they leave of the picture, over its contrast, (n,).
+    """
 
     shape: Array
     variance: Array
     trusted: BoolArray
+    left: Array
 
 
 def _fitted(image: Image, target: Target, start: Array) -> _Outlines:
@@ -119,9 +125,17 @@ def _fitted(image: Image, target: Target, start: Array) -> _Outlines:
     variance = noise * np.trace(fit.covariance[:, :2, :2], axis1=1, axis2=2) / 2
     shape = np.column_stack([fit.shape[:, :2] + middle, fit.shape[:, 2:]])
     near = np.linalg.norm(shape[:, :2] - start, axis=1) < _MOST_MOVED_PX
-    return _Outlines(
-        shape, variance, fit.converged & near & (np.abs(fit.light[:, 0]) > _LEAST_CONTRAST * np.sqrt(noise))
-    )
+    contrast = np.abs(fit.light[:, 0])
+    trusted = fit.converged & near & (contrast > _LEAST_CONTRAST * np.sqrt(noise))
+    return _Outlines(shape, variance, trusted, _left(used, fit.residuals) / np.maximum(contrast, 1e-9))
+
+
+def _left(used: Patches, residuals: Array) -> Array:
+    """What of residuals, (n, p), neighbours have in common, root of the mean square (n,): noise is each pixel's own."""
+    weights = used.weights > 0
+    pairs = weights[:, 1:] & weights[:, :-1]
+    products = np.where(pairs, residuals[:, 1:] * residuals[:, :-1], 0.0)
+    return np.asarray(np.sqrt(np.maximum(products.sum(axis=1) / np.maximum(pairs.sum(axis=1), 1), 0.0)))
 
 
 def _windows(image: Image, start: Array, axes: Array, target: Target) -> tuple[Array, Patches]:
