@@ -35,6 +35,7 @@ class Shy(Taker):
         return super().take(wanted, taken)
 
 
+@pytest.mark.slow
 def test_what_is_left_is_neither_taken_nor_near_what_could_not_be(monkeypatch):
     """Of candidates few are left about one that failed; where the samples are enough already, none is needed."""
     monkeypatch.setattr(replanning, "OFFERED", 40)

@@ -83,3 +83,12 @@ def test_bad_options_are_one_line(cell, options, capsys):
     """Nothing to plan for, nothing to reach, a point of two numbers, both a point and a box, no unit."""
     assert main(["plan", str(cell), *options]) in (2, 3)
     assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.slow
+def test_shifts_are_planned_by_whole_stations(cell, tmp_path, capsys):
+    """Twenty samples are three stations, which capture takes from a file."""
+    asked = ["plan", str(cell), "--pattern", "shifts", "--samples", "20", "--task-point", "-0.3 0.7 0.1"]
+    assert main([*asked, "-o", str(tmp_path / "plan.jsonl")]) == 0
+    capsys.readouterr()
+    assert len(read_plan(tmp_path / "plan.jsonl", cell, read_cell(cell))) == 21

@@ -73,6 +73,7 @@ def test_a_plan_needs_a_taught_pose(cell):
         plan_for_task(described, Recording(()), calibration, point, tolerance_m=1e-3)
 
 
+@pytest.mark.slow
 def test_three_robots_are_planned_together():
     """Robots in a chain, of which none has seen another yet: both pairs are planned, and both bases are known then."""
     made = simulate(Scenario(samples=6, layout="chain", robots=3, robot_noise=(1e-4, 2e-4)), 3)
@@ -87,6 +88,7 @@ def test_three_robots_are_planned_together():
     assert 0 < sum(moved) < 16
 
 
+@pytest.mark.slow
 def test_candidates_may_be_offered(cell):
     """Chosen are those that are offered, and no others."""
     described, _, bare, calibration, point = cell
@@ -96,6 +98,7 @@ def test_candidates_may_be_offered(cell):
     assert all(sample.robots["hand"].base_from_flange.translation.tolist() in places for sample in found.samples)
 
 
+@pytest.mark.slow
 def test_more_samples_bring_less_and_less(cell):
     """Errors fall with planned samples, beginning at what is recorded; 40 leave less than 12 at random do."""
     described, recording, _, calibration, point = cell
@@ -108,6 +111,7 @@ def test_more_samples_bring_less_and_less(cell):
     assert lengths[-1] < 0.5 * lengths[0]
 
 
+@pytest.mark.slow
 def test_stations_of_shifts_are_planned_for_a_task(cell):
     """Whole stations are taken, each with its camera still, and more of them leave a smaller error."""
     described, _, bare, calibration, point = cell
