@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.verdict import calibrate
-from basecal.cell import Recording, RobotState
+from basecal.cell import Recording, RobotState, Unknown
 from basecal.cell.files import cell_from_dict
 from basecal.cell.format.yaml_text import parse_yaml
 from basecal.cli.template import cell_text
@@ -206,3 +206,24 @@ def test_rotations_that_fit_exactly_are_good():
     error = (calibration["eye_base_from_hand_base"].mean.inverse() @ eye_base_from_hand_base).log()
     assert np.linalg.norm(error[:3]) < 1e-3
     assert np.linalg.norm(error[3:]) < 1e-5
+
+
+def test_guesses_that_lead_astray_are_not_started_from():
+    """Turned by 2.5 rad they end where nothing is explained: the answer is the one without them, and says so."""
+    made = simulate(Scenario(samples=12), 3)
+    away = SE3.from_rpy((0, 0, 0), (2.5, 0.5, -1.0))
+
+    def far(name):
+        return Unknown("free", made.truth[name] @ away)
+
+    cell = replace(
+        made.cell,
+        bases={"hand": far("eye_base_from_hand_base")},
+        cameras={"wrist": replace(made.cell.cameras["wrist"], mount=far("eye_flange_from_wrist"))},
+        targets={"board": replace(made.cell.targets["board"], mount=far("hand_flange_from_board"))},
+    )
+    found = calibrate(cell, made.recording, Settings(start="guess"))
+    assert found.verdict == "good"
+    assert [finding.code for finding in found.findings] == ["better-optimum"]
+    away_m = (found["eye_base_from_hand_base"].mean.inverse() @ made.truth["eye_base_from_hand_base"]).translation
+    assert np.linalg.norm(away_m) < 4 * found["eye_base_from_hand_base"].sigma_t.max() + 1e-4

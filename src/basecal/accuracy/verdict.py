@@ -18,9 +18,11 @@ from basecal.accuracy.clocks.settle import clock_findings, clock_offsets, clocks
 from basecal.accuracy.cross_validation.robot_model_selection import RobotModelChoice, choose_robot_model
 from basecal.accuracy.cross_validation.some_views import of_some_views
 from basecal.accuracy.cross_validation.validation import cross_validate
+from basecal.accuracy.findings.better_optimum import guess_led_astray
 from basecal.accuracy.findings.evidence import Evidence, Input
 from basecal.accuracy.findings.outlier_samples import agreeing_of
 from basecal.accuracy.findings.registry import ANSWER_CHECKS, INPUT_CHECKS
+from basecal.accuracy.findings.unobservable_direction import unobservable_by_poses
 from basecal.accuracy.input_check.conventions import check_conventions
 from basecal.accuracy.input_check.unexplained_motion import hopeless, is_hopeless
 from basecal.accuracy.lens_structure import lens_structures
@@ -101,9 +103,10 @@ def _calibrated(cell: Cell, recording: Recording, settings: Settings, by_clocks:
         return _refused(plain, settings, findings)
     robust = _without_outliers(cell, settings, plain, noisy)
     if is_hopeless(robust.solution.problem, robust.solution.state):
-        unexplained = hopeless(robust.solution.problem, robust.solution.state)
-        said = [finding for finding in findings if finding.code != unexplained.code]
-        return _refused(robust.solution, settings, [unexplained, *agreeing_of(robust), *said])
+        if settings.start == "guess":
+            again = _calibrated(cell, recording, replace(settings, start="closed"), by_clocks)
+            return replace(again, findings=(*again.findings, guess_led_astray()))
+        return _refused(robust.solution, settings, _why_hopeless(cell, problem, robust, findings))
     with settings.stage("stated sigmas"):
         as_stated = robust.solution
         contradicted = contradicted_sigmas(as_stated)
@@ -115,6 +118,13 @@ def _calibrated(cell: Cell, recording: Recording, settings: Settings, by_clocks:
         refuted = as_stated if any(each.too_small for each in contradicted) else None
         found = systematic_error(robust.solution, problem, stamps, settings, refuted)
     return _judged(cell, recording, problem, robust, contradicted, found, model, settings, findings, by_clocks)
+
+
+def _why_hopeless(cell: Cell, problem: Problem, robust: RobustSolution, findings: list[Finding]) -> list[Finding]:
+    """What the recorded poses hide, which leads a solver astray, or else that they do not belong to the views."""
+    last = robust.solution
+    why = unobservable_by_poses(cell, problem) or [hopeless(last.problem, last.state), *agreeing_of(robust)]
+    return [*why, *(finding for finding in findings if finding.code != why[0].code)]
 
 
 def _without_outliers(cell: Cell, settings: Settings, plain: Solution, noisy: Solution | None) -> RobustSolution:

@@ -1,9 +1,15 @@
-"""`better-optimum`: the certificate led to an optimum of lower cost, or a closed form predicts better."""
+"""`better-optimum`: another start or the certificate led to less cost, or a closed form predicts better."""
 
 from __future__ import annotations
 
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.cell import Finding
+
+
+def guess_led_astray() -> Finding:
+    """An info that the transforms stated as guesses were not started from."""
+    message = "the guesses of the cell led to where the recorded poses do not explain the views"
+    return Finding("better-optimum", "info", (), f"{message}: the answer starts without them")
 
 
 def better_optimum(of: Evidence) -> list[Finding]:

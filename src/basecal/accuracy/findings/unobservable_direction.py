@@ -14,7 +14,7 @@ from basecal.estimation.solve import Solution
 
 def unobservable_directions(of: Evidence) -> list[Finding]:
     """A finding for each null space: by the solution, or where there is none by the recorded poses alone."""
-    by_poses = [] if of.solution.converged else _by_poses(of.cell, of.solution.problem)
+    by_poses = [] if of.solution.converged else unobservable_by_poses(of.cell, of.solution.problem)
     return by_poses or _by_solution(of.cell, of.solution)
 
 
@@ -37,8 +37,13 @@ def _by_solution(cell: Cell, solution: Solution) -> list[Finding]:
     ]
 
 
-def _by_poses(cell: Cell, problem: Problem) -> list[Finding]:
-    """Errors about what the recorded poses leave open whatever was seen: known before anything is solved."""
+def unobservable_by_poses(cell: Cell, problem: Problem) -> list[Finding]:
+    """Errors about what the recorded poses leave open whatever was seen: known before anything is solved.
+
+    Args:
+        cell: As it is stated.
+        problem: With the poses of its robots as recorded.
+    """
     found = []
     for motion in motions(problem).values():
         names = gauge_partners(problem, motion)
