@@ -69,6 +69,7 @@ def far(host, at_host):
     return second_process("shared.network", host, 30004, at_host, 30004)
 
 
+@pytest.mark.slow
 def test_a_controller_behind_a_network_with_faults():
     """States that come late are still whole and in order; after a silence, and after a cut, they go on."""
     pytest.importorskip("rtde_receive")

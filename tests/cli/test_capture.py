@@ -6,6 +6,7 @@ import json
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -47,6 +48,14 @@ def test_a_program_reads_what_was_captured(tmp_path: Path, capsys: pytest.Captur
             assert 0 < answer["covered"] <= 1
 
 
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A cell that runs, for all that is refused."""
+    folder = tmp_path_factory.mktemp("cell")
+    with running(folder):
+        yield folder
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -62,10 +71,9 @@ def test_a_program_reads_what_was_captured(tmp_path: Path, capsys: pytest.Captur
         (["--tolerance", "1mm", "--task-point", "0.5 0 0.3", "--pattern", "shifts"], "leave --freedrive and --pattern"),
     ],
 )
-def test_what_it_refuses(tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], message: str) -> None:
+def test_what_it_refuses(folder: Path, capsys: pytest.CaptureFixture[str], words: list[str], message: str) -> None:
     """A pattern that is none and a speed of nothing are told in a line."""
-    with running(tmp_path):
-        assert main(["capture", str(tmp_path), *words]) in (2, 3)
+    assert main(["capture", str(folder), *words]) in (2, 3)
     assert message in capsys.readouterr().err
 
 

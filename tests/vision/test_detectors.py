@@ -74,7 +74,7 @@ def test_corners_within_the_goal(kind: str, camera: Camera) -> None:
 
 
 SHARP, USUAL, BLURRED, NOISY = ((1.0, 0.5), (1.0, 1.0), (2.0, 2.0), (8.0, 1.0))
-QUICK = {"charuco": (SHARP, NOISY), "chessboard": (USUAL, BLURRED), "tags": (BLURRED, NOISY), "circles": (NOISY,)}
+QUICK = {"charuco": (NOISY,), "chessboard": (USUAL,), "tags": (BLURRED,), "circles": (NOISY,)}
 IMAGES_OF = [
     pytest.param(kind, *image, marks=() if image in QUICK.get(kind, ()) else pytest.mark.slow)
     for kind in ("charuco", "chessboard", "tags", "circles", "asymmetric")

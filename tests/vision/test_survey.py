@@ -72,7 +72,7 @@ CASES = {
 }
 
 
-LONG = {"another board", "corner too many", "circles", "another pattern"}
+LONG = {"another board", "corner too many", "squares for corners", "circles", "another pattern"}
 
 
 @pytest.mark.parametrize("case", quick(CASES, CASES.keys() - LONG))

@@ -59,6 +59,7 @@ def recorded(cell, text: str) -> Recording:
     return recording_from_text(text.encode(), ".", cell)
 
 
+@pytest.mark.slow
 def test_touches_alone_find_the_base(cell):
     """NEES of the base has mean 6: within 3.5 standard errors, sqrt(12 / 60), over 60 cells of ten touches."""
     found = []

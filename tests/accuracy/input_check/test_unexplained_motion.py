@@ -44,6 +44,7 @@ def test_of_shuffled_poses_nearly_all_is_left():
     assert "one instant" in found.message
 
 
+@pytest.mark.slow
 def test_such_a_recording_is_refused_in_these_words_alone():
     """No unobservable direction, no solver that did not converge: the poses are of other samples."""
     found = calibrate(MADE.cell, reordered(np.random.default_rng(0).permutation(16)))

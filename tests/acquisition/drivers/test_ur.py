@@ -65,6 +65,7 @@ def test_it_stops_on_its_way(there):
     robot.close()
 
 
+@pytest.mark.slow
 def test_a_pose_is_gone_to_where_there_is_no_urdf():
     """Without URDF it gives and takes poses of its tool centre point."""
     with controller() as (_, place):

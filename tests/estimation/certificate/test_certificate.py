@@ -174,6 +174,7 @@ def test_views_with_a_second_pose_in_doubt_do_not_count():
     assert certify(blurred).certificate.is_global is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["bad start", "outliers", "far out of scale"])
 def test_no_claim_is_undercut_by_random_starts(kind):
     """Of cells made to deceive none is claimed global where a thousand random starts find better."""
