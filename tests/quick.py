@@ -9,5 +9,9 @@ import pytest
 
 
 def quick(values: Iterable[Any], these: Collection[Any]) -> list[Any]:
-    """All values, those that are not among `these` marked slow."""
-    return [value if value in these else pytest.param(value, marks=pytest.mark.slow) for value in values]
+    """All values, or tuples of them, those that are not among `these` marked slow."""
+    return [value if value in these else _slow(*value if isinstance(value, tuple) else (value,)) for value in values]
+
+
+def _slow(*values: Any) -> Any:
+    return pytest.param(*values, marks=pytest.mark.slow)

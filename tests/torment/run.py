@@ -31,7 +31,8 @@ _RECORDED_AT_ONCE = {name: 500 if name in READERS else 10 for name in TRIALS}  #
 _FIRST_RECORDED = 10_000_000  # seeds below are for tests and for looking at by hand
 _LONGEST_WHY = 300  # characters of what fell that are kept
 _MEMORY = Path("/dev/shm")  # a folder in memory, where there is one
-_LARGEST_MB = 1024  # of this process at any time: what is refused takes no more
+_LARGEST_MB = 1024  # of a process that does nothing else: what is refused takes no more
+_BY_ITSELF_MB = 200  # of that, what it has before it reads anything
 
 
 def tried(name: str, seed: int) -> str:
@@ -42,9 +43,9 @@ def tried(name: str, seed: int) -> str:
     """
     where = _MEMORY if _MEMORY.is_dir() else None
     with TemporaryDirectory(prefix="torment-", dir=where, ignore_cleanup_errors=True) as folder:
-        before = peak_mb()
+        most = max(peak_mb(), resident_mb() + _LARGEST_MB - _BY_ITSELF_MB)
         came = TRIALS[name](Random(f"{name} {seed}"), Path(folder))
-    if peak_mb() > max(before, _LARGEST_MB):
+    if peak_mb() > most:
         raise Fell(f"took {peak_mb():.0f} MB")
     return came
 
@@ -52,6 +53,12 @@ def tried(name: str, seed: int) -> str:
 def peak_mb() -> float:
     """The most memory that this process had so far."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (2**20 if sys.platform == "darwin" else 2**10)
+
+
+def resident_mb() -> float:
+    """What this process has now; the most it had where that is not told."""
+    held = Path("/proc/self/statm")
+    return int(held.read_text().split()[1]) * resource.getpagesize() / 2**20 if held.exists() else peak_mb()
 
 
 def some(name: str, first: int, count: int) -> Row:
