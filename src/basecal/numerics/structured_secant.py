@@ -39,8 +39,10 @@ def with_secant(bend: Array, hessian: Array, change: Array, step: Array, near: B
         diagonal = np.maximum(np.diagonal(hessian, axis1=-2, axis2=-1), np.finfo(np.float64).tiny)
         tells = near & np.isfinite(along) & (np.abs(along) > _LEAST_SHARE * curvature) & (curvature > 0)
         tells &= (missed**2 / diagonal).sum(-1) <= _LARGEST_CHANGE * np.abs(along)
-        update = missed[:, :, None] * missed[:, None, :] / along[:, None, None]
-    return np.where(tells[:, None, None], kept + update, kept)
+    rows = np.flatnonzero(tells)
+    told = missed[rows]
+    kept[rows] += told[:, :, None] * told[:, None, :] / along[rows, None, None]
+    return kept
 
 
 def usable(bend: Array, hessian: Array) -> Array:
