@@ -18,9 +18,10 @@ RESULTS = Path(__file__).parent / "results"
 
 
 def on_one_core() -> None:
-    """Keep this process on one core, whatever its libraries' threads would like."""
+    """Keep this process on one core, whatever its libraries' threads would like; two processes need not share it."""
     if hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+        cores = sorted(os.sched_getaffinity(0))
+        os.sched_setaffinity(0, {cores[os.getpid() % len(cores)]})
 
 
 def seconds(work: Callable[[], object]) -> float:
