@@ -401,7 +401,13 @@ _PICTURES = [
         "few-images",
         ("6x8", "8x6", "squares: [6, 8]"),
     ),
-    Mistake("another size of board", "pictures", _board(squares=[4, 5]), "few-images", ("has 0 to 9", "squares")),
+    Mistake(
+        "another size of board",
+        "pictures",
+        _board(squares=[4, 5]),
+        "few-images",
+        ("6x8 squares", "not 4x5", "write squares: [6, 8]"),
+    ),
     Mistake(
         "another kind of target",
         "pictures",

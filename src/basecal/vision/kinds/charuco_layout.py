@@ -10,6 +10,7 @@ import numpy as np
 
 from basecal.cell.target import Target
 from basecal.cell.targets.charuco import charuco_target
+from basecal.cell.targets.fiducials import large_enough
 from basecal.geometry import Array
 from basecal.vision.kinds.fiducial import MARKER_SETS, dictionary, marker_corners
 from basecal.vision.kinds.ways import Grey
@@ -37,7 +38,7 @@ def likely_boards(images: Sequence[Grey], target: Target) -> Iterator[Target]:
     if len(most) < _FEWEST:
         return
     highest = max(max(each) for each in seen if each)
-    name = next((each for each in names if highest < len(dictionary(each).bytesList)), names[-1])
+    name = large_enough(target.options["dictionary"], highest + 1)
     off = {board: _off(board, most) for board in _boards(target, name, highest)}
     yield from sorted((board for board in off if off[board] < _NEAR), key=lambda board: off[board])[:_BEST]
 
