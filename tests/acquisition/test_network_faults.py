@@ -23,6 +23,7 @@ from shared.network import network
 from shared.running_cell import home, running
 from shared.second_process import own_host, second_process
 from shared.ur_place import controller
+from shared.wire import DEVICE, wire
 
 FAST = CaptureSettings(speed_rad_s=2.0, patience_s=3.0)
 LOSS = "<Internal><Test><XmitLossiness>200</XmitLossiness></Test></Internal>"  # of a thousand packets
@@ -113,3 +114,26 @@ def test_ros2_over_a_network_that_loses_packets():
         np.testing.assert_array_equal(picture.grey.ravel()[8:], (np.arange(640 * 480) % 251)[8:])
     for each in zip(*pairs, strict=True):
         assert np.all(np.diff([one.stamp_s for one in each]) > 0)
+
+
+@pytest.mark.slow
+def test_ros2_over_a_network_that_reorders_packets():
+    """A tenth of the packets are overtaken: every state and picture is whole, with its own stamp, and newer."""
+    pytest.importorskip("cyclonedds")
+    from shared.ros2_domain import over
+
+    sender = ("shared.ros2_publisher", (101, 100, 15, 640, 480), {"CYCLONEDDS_URI": over(DEVICE, "10.7.0.2")})
+    listener = ("shared.ros2_listener", (101, 30, 640, 480), {"CYCLONEDDS_URI": over(DEVICE, "10.7.0.1")})
+    try:
+        with wire(0.1, 0.02, sender, listener) as (between, process, watcher):
+            assert (process.line(), watcher.line()) == ("ready", "ready")
+            heard = json.loads(watcher.tell("go"))
+    except PermissionError as error:
+        pytest.skip(f"no process can have a network of its own here ({error})")
+    assert between.overtaken > 100
+    states, pictures = np.array(heard["states"]), np.array(heard["pictures"])
+    np.testing.assert_allclose(states[:, 0], states[:, 1], atol=1e-6)
+    np.testing.assert_allclose(pictures[:, 0], pictures[:, 1], atol=1e-6)
+    assert pictures[:, 2].all()
+    assert np.all(np.diff(states[:, 0]) > 0)
+    assert np.all(np.diff(pictures[:, 0]) > 0)

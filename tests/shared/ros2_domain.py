@@ -12,12 +12,18 @@ from basecal.cell import Cell, CellCamera
 from basecal.simulation.running.two_arms import two_arms
 from shared.second_process import second_process
 
-LOOPBACK = (
-    "<CycloneDDS><Domain><General><Interfaces><NetworkInterface name='lo' multicast='false'/></Interfaces>"
-    "<AllowMulticast>false</AllowMulticast><MaxMessageSize>65500B</MaxMessageSize></General>"
-    "<Discovery><ParticipantIndex>auto</ParticipantIndex><Peers><Peer address='127.0.0.1'/></Peers></Discovery>"
-    "</Domain></CycloneDDS>"
-)
+
+def over(device, peer, most_bytes=1400):
+    """A configuration of Cyclone DDS: one device, one peer, and packets of so many bytes."""
+    return (
+        f"<CycloneDDS><Domain><General><Interfaces><NetworkInterface name='{device}' multicast='false'/></Interfaces>"
+        f"<AllowMulticast>false</AllowMulticast><MaxMessageSize>{most_bytes}B</MaxMessageSize></General>"
+        f"<Discovery><ParticipantIndex>auto</ParticipantIndex><Peers><Peer address='{peer}'/></Peers></Discovery>"
+        "</Domain></CycloneDDS>"
+    )
+
+
+LOOPBACK = over("lo", "127.0.0.1", 65500)
 DOMAIN = 1 + os.getpid() % 60
 """Of tests without a second process. Those to 99 are free beside it, nobody sends in 100, second processes do above."""
 _COUNT = itertools.count(17 * os.getpid())

@@ -34,12 +34,20 @@ class SecondProcess:
 
 
 @contextmanager
-def second_process(module: str, *words: object, **environment: str) -> Iterator[SecondProcess]:
+def second_process(
+    module: str, *words: object, pass_fds: tuple[int, ...] = (), **environment: str
+) -> Iterator[SecondProcess]:
     """The module, once it has said that it is ready; its standard input ends at the end, and so does it."""
     command = [sys.executable, "-m", module, *map(str, words)]
     surroundings = {**os.environ, "PYTHONPATH": f"{TESTS.parent / 'src'}:{TESTS.parent}", **environment}
     with subprocess.Popen(
-        command, cwd=TESTS, env=surroundings, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        command,
+        cwd=TESTS,
+        env=surroundings,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        pass_fds=pass_fds,
     ) as process:
         second = SecondProcess(process)
         try:
