@@ -27,7 +27,7 @@ from benchmarks.common import on_one_core, table, write
 from benchmarks.scaling import slope
 
 BY_ROBOTS = ((20, 2000), (40, 4000), (60, 6000), (100, 10_000))
-BY_SAMPLES = ((60, 3000), (60, 6000), (60, 12_000), (60, 30_000))
+BY_SAMPLES = ((100, 3000), (100, 10_000), (100, 30_000), (100, 100_000))
 MOST_SECONDS, MOST_SLOPE = 5.0, 1.1
 REPEATS = 3  # the quickest counts: others have the machine, too
 HEAD = (

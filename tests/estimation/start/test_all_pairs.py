@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from basecal.estimation.problem.build import build_problem
+from basecal.estimation.start import all_pairs
 from basecal.estimation.start.all_pairs import placed_by_pairs
 from basecal.estimation.start.first_state import first_state
 from basecal.estimation.start.pair_views import pair_views
+from basecal.estimation.start.refinement import refined_together
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
@@ -46,6 +48,22 @@ def test_pairs_that_start_wrong_are_searched(made) -> None:
     found = placed_by_pairs(problem, sights(made, problem), wrong, ())
     assert set(found) == set(made.truth)
     assert farthest(made, found) < 0.02
+
+
+def test_pairs_that_drifted_need_no_search(made, monkeypatch, rng) -> None:
+    """Mounts off by 0.3 rad an axis, as at the end of a long chain: all are right without a search."""
+    wished = []
+
+    def watched(wishes):
+        wished.extend(wishes)
+        return refined_together(wishes)
+
+    monkeypatch.setattr(all_pairs, "refined_together", watched)
+    problem, _ = build_problem(made.cell, made.recording)
+    drifted = {name: pose @ SE3.exp(rng.normal(0, 0.3, 6)) for name, pose in made.truth.items()}
+    assert farthest(made, placed_by_pairs(problem, sights(made, problem), drifted, ())) < 0.02
+    assert len(wished) == len(problem.groups)
+    assert not any(wish.searched for wish in wished)
 
 
 def test_few_bases_and_known_ones_are_left(made) -> None:

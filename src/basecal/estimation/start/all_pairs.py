@@ -8,13 +8,16 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from basecal.estimation.problem.problem import Problem
 from basecal.estimation.start.base_graph import Relation, placed_by_all
+from basecal.estimation.start.closed_form import solve_translations
 from basecal.estimation.start.pair_views import PairViews
 from basecal.estimation.start.refinement import Refinement, Triple, refined_together
+from basecal.estimation.start.rotation_search import settled_rotations
 from basecal.geometry import SE3, Array, BoolArray
 
 _LONG_RING = 8  # bases: of fewer none drifts farther than a descent mends
@@ -53,7 +56,7 @@ def _refined(
     problem: Problem, seen: Sequence[PairViews], transforms: Mapping[str, SE3], given: Collection[str]
 ) -> list[Triple]:
     """X, Y and Z of each pair, refined alone; where one fits much worse than others, its rotations are searched."""
-    wishes = [_wish(problem, sight, transforms, given) for sight in seen]
+    wishes = _settled([_wish(problem, sight, transforms, given) for sight in seen])
     triples = refined_together(wishes)
     misfit = np.array([_misfit(sight, triple) for sight, triple in zip(seen, triples, strict=True)])
     bad = [int(k) for k in np.flatnonzero(~_right(misfit))]
@@ -72,6 +75,18 @@ def _wish(problem: Problem, sight: PairViews, transforms: Mapping[str, SE3], giv
     known_x, known_z = (x if g.camera_mount in given else None), (z if g.target_mount in given else None)
     loop = sight.loop(known_x, None, known_z, sight.nearer(triple))
     return Refinement(sight, loop, [triple], g.target_mount in problem.point_mounts)
+
+
+def _settled(wishes: Sequence[Refinement]) -> list[Refinement]:
+    """The same from where a pair's own samples lead: where the chain drifted, a descent alone would go astray."""
+    settled = list(wishes)
+    for unknown in {wish.loop.unknown for wish in wishes}:
+        numbers = [k for k, wish in enumerate(wishes) if wish.loop.unknown == unknown]
+        some = [wishes[k] for k in numbers]
+        turns = settled_rotations([wish.loop for wish in some], [wish.starts[0] for wish in some])
+        for k, wish, turn in zip(numbers, some, turns, strict=True):
+            settled[k] = replace(wish, starts=[solve_translations(wish.loop, turn)])
+    return settled
 
 
 def _misfit(sight: PairViews, triple: Triple) -> float:

@@ -16,7 +16,7 @@ import numpy as np
 
 from basecal.estimation.start.closed_form import Loop, Rotations
 from basecal.estimation.start.rotation_grid import icosahedral_rotations
-from basecal.geometry import Array, IntArray
+from basecal.geometry import SE3, Array, IntArray
 from basecal.geometry.rotation import nearest_rotation
 
 # Cells of the grid that are refined; for how many rounds, and how many of the best go on then.
@@ -99,6 +99,14 @@ def pose_starts(loops: Sequence[Loop], most: int) -> list[list[tuple[Array, Arra
     turns = {k: np.broadcast_to(turn, (len(loops), count, 3, 3)) for k, turn in at.items()}
     off = np.max([angle_between(turns[k][:, :, None], turns[k][:, None]) for k in every.unknown], axis=0)
     return [[(turns["x"][h, i], turns["y"][h, i], turns["z"][h, i]) for i in _apart(off[h])] for h in range(len(loops))]
+
+
+def settled_rotations(loops: Sequence[Loop], near: Sequence[tuple[SE3, SE3, SE3]]) -> list[Rotations]:
+    """Rotations of loops with the same unknowns that agree with each loop's own samples, downhill of X, Y and Z."""
+    every = _loops(loops)
+    begun = {k: np.stack([triple["xyz".index(k)].rotation[None] for triple in near]) for k in every.unknown}
+    at = _alternated(every, {**every.known, **begun}, _START_ROUNDS)
+    return [Rotations(at["x"][h, 0], at["y"][h, 0], at["z"][h, 0], True) for h in range(len(loops))]
 
 
 def _apart(off: Array) -> list[int]:
