@@ -9,10 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from basecal.cell.files import latest_run, read_calibration, read_cell
+from basecal.cell import Calibration
+from basecal.cell.files import latest_run, read_calibration, read_cell, write_calibration, write_cell
 from basecal.cli import main
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import solve
 from basecal.kinematics import read_chain
 from basecal.registry import EXPORTERS
+from basecal.simulation import Scenario, simulate
 
 
 @pytest.fixture
@@ -80,6 +84,31 @@ def test_a_pose_is_printed_and_nothing_else(solved: Path, capsys: pytest.Capture
         assert f"run {run.name} from cell.yaml sha256:" in told.out
         numbers = [float(word) for word in told.out.splitlines()[-1].removeprefix("p[").removesuffix("]").split(", ")]
         np.testing.assert_allclose(numbers, [*pose.translation, *pose.rotvec], atol=1e-5)
+
+
+def test_any_two_frames_are_exported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of a ring of three, the pose of one base in another, neither the reference: in json with the joint covariance."""
+    made = simulate(Scenario(layout="ring", robots=3, samples=30, robot_noise=(1e-4, 1e-4)), 1)
+    solution = solve(made.cell, made.recording, Settings(robot_noise="stated"))
+    order = tuple(solution.transforms)
+    status = dict.fromkeys(order, "free")
+    joint = solution.covariance_of(list(order))
+    calibration = Calibration("good", solution.transforms, status, order=order, joint_covariance=joint)
+    folder = tmp_path / "ring"
+    folder.mkdir()
+    write_cell(made.cell, folder)
+    run = write_calibration(calibration, folder)
+    expected = read_calibration(run).between("r2", "r3")
+    capsys.readouterr()
+    assert main(["export", str(folder), "--to", "json", "--transform", "r2_base_from_r3_base"]) == 0
+    told = json.loads(capsys.readouterr().out)["transforms"]["r2_base_from_r3_base"]
+    np.testing.assert_allclose(told["matrix"], expected.mean.matrix, atol=1e-12)
+    np.testing.assert_allclose(told["covariance"], expected.covariance, atol=1e-15)
+    assert main(["export", str(folder), "--to", "matrix", "--transform", "r2_base_from_r3_base"]) == 0
+    assert "the pose of r3_base in r2_base, m; 1 sigma" in capsys.readouterr().out
+    assert main(["export", str(folder), "--to", "matrix", "--transform", "r2_base_from_r9_base"]) == 3
+    assert "no 'r9_base'" in (said := capsys.readouterr().err)
+    assert "there are: r1_base, r2_base" in said
 
 
 def test_a_run_is_chosen_by_its_name(solved: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -8,9 +8,9 @@ from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal
 
-from basecal.cell.bases import base_between
 from basecal.cell.cell import Cell
-from basecal.errors import FrameNotFound
+from basecal.cell.frames import base_between, frame_between
+from basecal.errors import FrameNotFound, InputError
 from basecal.geometry import SE3, Array, BoolArray, Camera, PoseEstimate
 from basecal.registry import EXPORTERS
 
@@ -298,6 +298,22 @@ class Calibration:
             FrameNotFound: if there is no such robot, or its base was not found.
         """
         return base_between(self.transforms, self.order, self.joint_covariance, robot, other)
+
+    def frame_between(self, parent: str, child: str) -> PoseEstimate:
+        """`<parent>_from_<child>` of any two frames that do not move against each other, such as two of one flange.
+
+        The covariance (6, 6) [m, rad] is as of `between`.
+
+        Raises:
+            FrameNotFound: if there is no such frame, or where it stands was not found.
+            InputError: if the frames move against each other, or one is a single point, which has no rotation.
+        """
+        placed = {name: estimate for name, estimate in self.transforms.items() if name not in self.points}
+        for frame in (parent, child):
+            for point in self.points:
+                if point.endswith(f"_from_{frame}"):
+                    raise InputError(f"{frame!r} is a point and has no rotation: see {point} in calibration.json")
+        return frame_between(placed, self.order, self.joint_covariance, parent, child)
 
     def _repr_html_(self) -> str:
         """What a notebook shows."""

@@ -34,8 +34,9 @@ def export(
 ) -> int:
     """Write what a calibration found the way another program says it.
 
-    A transform a_from_b is the pose of b in a; --transform takes either
-    direction. Without it, those that the cell is calibrated for are written.
+    A transform a_from_b is the pose of b in a; --transform takes any two frames
+    that do not move against each other, such as the bases of any two robots, in
+    either direction. Without it, those that the cell is calibrated for are written.
     Numbers have the digits that their sigma justifies, and two more. A
     calibration that is refused is not exported, and a doubtful one says so.
 
@@ -43,6 +44,7 @@ def export(
 
         basecal export mycell --to ur
         basecal export mycell --to kuka --transform hand_base_from_eye_base
+        basecal export ring --to json --transform robot2_base_from_robot3_base
         basecal export mycell --to urdf --robot hand -o hand_corrected.urdf
         basecal export mycell --to urdf_cell --urdf eye.urdf hand.urdf -o both.urdf
         basecal export mycell --to ros2 --publish
@@ -50,7 +52,7 @@ def export(
     Args:
         cell: Folder of the cell.
         to: For which program.
-        transform: Name of a transform of the calibration, or the inverse's.
+        transform: Name of a transform, a_from_b of any two frames that the calibration places.
         robot: Whose file, for kinds that are of a robot.
         camera: Whose file, for kinds that are of a camera.
         urdf: URDF files to build on; of several robots, in the order of cell.yaml.

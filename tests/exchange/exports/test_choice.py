@@ -33,6 +33,20 @@ def test_either_direction_is_chosen_by_its_name():
     assert (back.name, back.parent, back.child) == (INVERSE, forth.child, forth.parent)
 
 
+def test_frames_with_transforms_between_them_are_chosen():
+    """Of three robots the two that are not the reference, in names of elsewhere; what is known exactly is fixed."""
+    third = "eye_base_from_third_base"
+    placed = {**CALIBRATION.transforms, third: PoseEstimate.exact(CALIBRATION[BASE].mean.inverse())}
+    found = replace(CALIBRATION, transforms=placed, order=(BASE,), joint_covariance=CALIBRATION[BASE].covariance)
+    (one,) = chosen_transforms(found, CELL, "third_base_from_hand_base")
+    mean = CALIBRATION[BASE].mean
+    np.testing.assert_allclose(one.estimate.mean.matrix, (mean @ mean).matrix, atol=1e-12)
+    np.testing.assert_allclose(one.estimate.covariance, CALIBRATION[BASE].covariance)
+    assert (one.parent, one.child, one.status) == ("third_base", "right_base", "free")
+    exact = replace(found, order=(), joint_covariance=None)
+    assert chosen_transforms(exact, CELL, "third_base_from_hand_base")[0].status == "fixed"
+
+
 def test_both_directions_of_what_has_a_rotation():
     """Points are left out."""
     assert names(both_directions(CALIBRATION))[:3] == [BASE, INVERSE, MOUNT]
@@ -40,11 +54,20 @@ def test_both_directions_of_what_has_a_rotation():
 
 
 def test_what_cannot_be_chosen_is_said():
-    """No such name, the place of a point, and nothing at all."""
-    with pytest.raises(FrameNotFound, match="did you mean 'eye_base_from_hand_base'"):
+    """No such frame or name, the place of a point, what moves, one frame, and nothing at all."""
+    there = "there are: eye_base, hand_base, eye_flange, wrist, hand_flange, board"
+    with pytest.raises(FrameNotFound, match=rf"no 'hand_bas' \(did you mean 'hand_base'\?\); {there}"):
         chosen_transforms(CALIBRATION, CELL, "eye_base_from_hand_bas")
+    with pytest.raises(FrameNotFound, match=r"no 'hand_base'.* there are: eye_base_from_hand_base"):
+        chosen_transforms(CALIBRATION, CELL, "hand_base")
     with pytest.raises(InputError, match="place of a point"):
         chosen_transforms(CALIBRATION, CELL, POINT)
+    with pytest.raises(InputError, match=f"'led' is a point and has no rotation: see {POINT}"):
+        chosen_transforms(CALIBRATION, CELL, "board_from_led")
+    with pytest.raises(InputError, match=r"'wrist' and 'eye_base' move against each other.* stand still: eye_flange"):
+        chosen_transforms(CALIBRATION, CELL, "wrist_from_eye_base")
+    with pytest.raises(InputError, match="eye_base_from_eye_base is of one frame: name two, such as"):
+        chosen_transforms(CALIBRATION, CELL, "eye_base_from_eye_base")
     with pytest.raises(InputError, match="name one of: none"):
         chosen_transforms(Calibration("good"))
     with pytest.raises(InputError, match=f"name one of: {FIXED}"):

@@ -19,11 +19,12 @@ def chosen_transforms(
         calibration: Where they come from.
         cell: What was calibrated: it says what is asked for, and names frames. Without it, what is asked for is each
             base that was estimated, or else all that was.
-        name: A name of the calibration, or the inverse of one.
+        name: A name of the calibration, the inverse of one, or `a_from_b` of any two frames that do not move against
+            each other.
 
     Raises:
-        FrameNotFound: if there is none of that name.
-        InputError: if it is the place of a point, or there is nothing to export.
+        FrameNotFound: if there is no such frame.
+        InputError: if it is the place of a point, its frames move against each other, or there is nothing to export.
     """
     if name is not None:
         return (_named(calibration, cell, name),)
@@ -62,14 +63,31 @@ def _named(calibration: Calibration, cell: Cell | None, name: str) -> NamedTrans
     inverse = _turned_round(name)
     found = name if name in calibration.transforms else inverse
     if found not in calibration.transforms:
-        raise FrameNotFound(name, list(calibration.transforms))
+        return _composed(calibration, cell, name)
     if found in calibration.points:
         raise InputError(f"{found} is the place of a point and has no rotation: there is no pose to export")
     if not _is_covariance(calibration[found]):
         raise InputError(f"the covariance of {found} is none, a variance is negative or not finite: calibrate again")
     estimate = calibration[found] if found == name else calibration[found].inverse()
+    return _called(cell, name, estimate, calibration.status.get(found, "free"))
+
+
+def _composed(calibration: Calibration, cell: Cell | None, name: str) -> NamedTransform:
+    """Of two frames that several transforms lie between."""
+    parent, named, child = name.partition("_from_")
+    if not named:
+        raise FrameNotFound(name, list(calibration.transforms))
+    if parent == child:
+        raise InputError(f"{name} is of one frame: name two, such as {next(iter(calibration.transforms), '')}")
+    estimate = calibration.frame_between(parent, child)
+    if not _is_covariance(estimate):
+        raise InputError(f"the covariance of {name} is none, a variance is negative or not finite: calibrate again")
+    return _called(cell, name, estimate, "free" if np.any(estimate.covariance) else "fixed")
+
+
+def _called(cell: Cell | None, name: str, estimate: PoseEstimate, status: str) -> NamedTransform:
     parent, child = name.split("_from_") if cell is None else frame_names(cell, name)
-    return NamedTransform(name, parent, child, estimate, calibration.status.get(found, "free"))
+    return NamedTransform(name, parent, child, estimate, status)
 
 
 def _is_covariance(estimate: PoseEstimate) -> bool:

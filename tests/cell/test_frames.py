@@ -1,4 +1,4 @@
-"""How any base stands to any other."""
+"""How any frame stands to any other."""
 
 from __future__ import annotations
 
@@ -48,6 +48,21 @@ def test_the_reference_is_a_base_too():
     same = MADE.between("a", "a")
     np.testing.assert_allclose(same.mean.matrix, np.eye(4), atol=1e-12)
     assert not same.covariance.any()
+
+
+def test_a_chain_has_what_its_transforms_have_in_common():
+    """Two cameras on one flange and a target by one of them, each given the other way round or not, against draws."""
+    order = ("r_flange_from_camera", "r_flange_from_second", "second_from_board")
+    means = dict(zip(order, MEANS, strict=True))
+    own = {name: JOINT[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] for k, name in enumerate(order)}
+    of = {name: PoseEstimate(mean, own[name]) for name, mean in means.items()}
+    found = Calibration("good", of, order=order, joint_covariance=JOINT).frame_between("board", "camera")
+    drawn = RNG.standard_normal((20_000, 18)) @ ROOT.T
+    camera, second, board = (means[name] @ SE3.exp(drawn[:, 6 * k : 6 * k + 6]) for k, name in enumerate(order))
+    off = (found.mean.inverse() @ board.inverse() @ second.inverse() @ camera).log()
+    expected = np.cov(off.T)
+    size = np.sqrt(np.diag(expected))
+    np.testing.assert_allclose(found.covariance / size / size[:, None], expected / size / size[:, None], atol=0.033)
 
 
 def test_what_is_fixed_is_known():

@@ -1,0 +1,85 @@
+"""How any frame stands to any other that it does not move against, of estimates that have errors in common.
+
+Along a chain T = T_1 ... T_n the tangent of T is the sum of Ad((T_k+1 ... T_n)^-1) x_k to first order; a transform that
+the chain goes through backwards has -Ad(T) x in place of x.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from basecal.errors import FrameNotFound, InputError
+from basecal.geometry import SE3, Array, PoseEstimate
+
+_FROM, _BASE = "_from_", "_base"
+
+
+def base_between(
+    transforms: Mapping[str, PoseEstimate], order: Sequence[str], joint: Array | None, robot: str, other: str
+) -> PoseEstimate:
+    """`<robot>_base_from_<other>_base` with its covariance; see `frame_between`.
+
+    Raises:
+        FrameNotFound: if there is no such robot, or its base was not found.
+    """
+    bases = {frame for name in transforms for frame in name.split(_FROM) if frame.endswith(_BASE)}
+    for name in (robot, other):
+        if name + _BASE not in bases:
+            raise FrameNotFound(name, sorted(base.removesuffix(_BASE) for base in bases))
+    return frame_between(transforms, order, joint, robot + _BASE, other + _BASE)
+
+
+def frame_between(
+    transforms: Mapping[str, PoseEstimate], order: Sequence[str], joint: Array | None, parent: str, child: str
+) -> PoseEstimate:
+    """`<parent>_from_<child>` with its covariance (6, 6) [m, rad], in the axes of the child.
+
+    Args:
+        transforms: Estimates by name, that have a rotation.
+        order: Names of those that `joint` is of; the others are known exactly.
+        joint: (6 n, 6 n) covariance of their right tangents [m, rad]; None where none has any.
+        parent: A frame that one of them names, such as `hand_base`.
+        child: Another.
+
+    Raises:
+        FrameNotFound: if no transform names one of the frames.
+        InputError: if no transforms lead from one to the other.
+    """
+    frames = list(dict.fromkeys(frame for name in transforms for frame in name.split(_FROM)))
+    for frame in (parent, child):
+        if frame not in frames:
+            raise FrameNotFound(frame, frames)
+    rows = {name: 6 * k + np.arange(6) for k, name in enumerate(order)}
+    mean, columns, by = SE3.identity(), [np.zeros(0, dtype=np.int64)], [np.zeros((6, 0))]
+    for name, backwards in reversed(_chain(transforms, parent, child)):
+        step = transforms[name].mean
+        if joint is not None and name in rows:
+            columns.append(rows[name])
+            carried = mean.inverse().adjoint()
+            by.append(-carried @ step.adjoint() if backwards else carried)
+        mean = (step.inverse() if backwards else step) @ mean
+    jacobian, at = np.concatenate(by, 1), np.concatenate(columns)
+    covariance = np.zeros((6, 6)) if joint is None else jacobian @ joint[np.ix_(at, at)] @ jacobian.T
+    return PoseEstimate(mean, 0.5 * (covariance + covariance.T))
+
+
+def _chain(transforms: Mapping[str, PoseEstimate], parent: str, child: str) -> list[tuple[str, bool]]:
+    """The fewest transforms that lead from parent to child, each with whether it is gone through backwards."""
+    chains: dict[str, list[tuple[str, bool]]] = {parent: []}
+    waiting = [parent]
+    for frame in waiting:  # grows
+        for name in transforms:
+            first, second = name.split(_FROM)
+            if frame in (first, second):
+                other = second if frame == first else first
+                if other not in chains:
+                    chains[other] = [*chains[frame], (name, frame == second)]
+                    waiting.append(other)
+    if child not in chains:
+        raise InputError(
+            f"{parent!r} and {child!r} move against each other, or nothing leads from one to the other; "
+            f"to {parent!r} these stand still: {', '.join(waiting[1:])}"
+        )
+    return chains[child]
