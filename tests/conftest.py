@@ -15,6 +15,7 @@ def pytest_collection_finish():
     gc.freeze()
 
 
+@pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers():
     """One worker more than cores: tests of drivers and captures mostly wait."""
     return (os.cpu_count() or 1) + 1
