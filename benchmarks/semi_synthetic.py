@@ -15,6 +15,8 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,7 +29,7 @@ from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import Array
 from benchmarks.calibrate import recordings
-from benchmarks.common import RESULTS, commit, on_one_core, table, write
+from benchmarks.common import RESULTS, Kept, commit, on_one_core, table, write
 from benchmarks.real_errors import Errors, Reality, Rng, reality
 
 NAMES = (
@@ -211,8 +213,10 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("--recordings", nargs="*", default=list(NAMES), choices=list(NAMES), metavar="NAME")
     parser.add_argument("--kinds", nargs="*", default=list(KINDS), choices=list(KINDS), metavar="KIND")
     parser.add_argument("--draws", type=int, default=ALL_DRAWS, help="recordings of each kind")
+    parser.add_argument("--keep", type=Path, help="file in which draws are kept, and from which a run goes on")
     asked = parser.parse_args(arguments)
     on_one_core()
+    kept = Kept(asked.keep)
     known, found = recordings(), []
     for name in asked.recordings:
         try:
@@ -223,7 +227,8 @@ def main(arguments: list[str]) -> None:
         for kind in asked.kinds:
             if kind == "common" and not _of_points(of):
                 continue
-            found.append(summary(name, kind, [drawn(of, KINDS[kind], seed) for seed in range(asked.draws)]))
+            keys = {f"{name}, {kind}, {seed}": partial(drawn, of, KINDS[kind], seed) for seed in range(asked.draws)}
+            found.append(summary(name, kind, [Draw(*kept.of(key, draw)) for key, draw in keys.items()]))
             print(*(", ".join(map(str, row)) for row in rows(found[-1])), sep="\n", flush=True)
             if asked.draws >= FEWEST:
                 _keep(found[-1])
