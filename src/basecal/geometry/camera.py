@@ -183,9 +183,10 @@ def _pixels(u: Array, v: Array, beside: list[Number]) -> Array:
 
 def _by_parameters(u: Array, v: Array, d_terms: Array) -> Array:
     """Derivative of the pixels to fx, fy, cx, cy and the distortion, (..., 2, 4 + k)."""
-    out = np.moveaxis(np.zeros((2, 4 + d_terms.shape[-1], *u.shape)), (0, 1), (-2, -1))
-    out[..., 0, 0], out[..., 1, 1] = u, v
-    out[..., 0, 2] = out[..., 1, 3] = 1.0
+    out = np.moveaxis(np.empty((2, 4 + d_terms.shape[-1], *u.shape)), (0, 1), (-2, -1))
+    for row, at in enumerate((u, v)):
+        out[..., row, row], out[..., row, 1 - row] = at, 0.0
+        out[..., row, 2 + row], out[..., row, 3 - row] = 1.0, 0.0
     out[..., 4:] = d_terms
     return out
 

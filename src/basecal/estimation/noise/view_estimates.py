@@ -71,13 +71,13 @@ def _parts(
             return noisy.linearise(at, camera, lens)
         return noisy.linearise_shape(at, camera, lens, by_shape)
 
-    stated = said(_NEVER)
     counts = measurement.counts()
-    parts = {STATED: stated} if counts.get(STATED) else {}
+    parts = {STATED: said(_NEVER)} if counts.get(STATED) else {}
     for name, count in counts.items():
         if name != STATED and count:
             both = said(_NEVER._replace(**{name: 1.0}))
-            parts[name] = ViewInformation(*(b - s for b, s in zip(both, stated, strict=True)))
+            stated = parts.get(STATED)
+            parts[name] = both if stated is None else ViewInformation(*(b - s for b, s in zip(both, stated, strict=True)))
     return parts
 
 

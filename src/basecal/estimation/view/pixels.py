@@ -11,7 +11,6 @@ from basecal.estimation.view.measurement import (
     Noise,
     ViewInformation,
     at_most_six,
-    information_of,
     of_batch_rows,
     sums_of_squares,
 )
@@ -103,21 +102,22 @@ class PixelMeasurement(TargetPoints):
         self, rotation: Array, residual: Array, by_point: Array, by_lens: Array | None
     ) -> ViewInformation:
         """The long way, for a lens that is free, a common shift, and points that have no pixel."""
-        *shape, p, _ = residual.shape
-        lost = np.isnan(residual).any(-1)
-        weight = np.where(lost, 0.0, self.weight)
-        if lost.any():
+        lost: BoolArray | None = None
+        weight = self.weight
+        # Most often every point has a pixel, which the sum tells at once.
+        if not np.isfinite(residual.sum()):
+            lost = np.isnan(residual).any(-1)
             residual, by_point = np.nan_to_num(residual), np.nan_to_num(by_point)
-        jacobian = _by_pose(by_point, rotation, self.points_in_target, 0 if by_lens is None else int(by_lens.shape[-1]))
-        if by_lens is not None:
-            by_lens = np.nan_to_num(by_lens) if lost.any() else by_lens
-            jacobian[..., 6:, :, :] = np.moveaxis(by_lens, -3, -1).swapaxes(-3, -2)
-        jacobian *= weight[..., None, None, :]
-        weighted = np.moveaxis(residual, -1, -2) * weight[..., None, :]
-        view = information_of(weighted.reshape(*shape, 2 * p), jacobian.reshape(*shape, -1, 2 * p))
+            by_lens = None if by_lens is None else np.nan_to_num(by_lens)
+            weight = np.where(lost, 0.0, weight)
+        rows = _weighted_rows(residual, by_point, by_lens, rotation, self.points_in_target, weight)
+        view = _information_of_rows(rows)
         if self.common_px:
-            by_shift = np.einsum("...kip,...p->...ki", jacobian, weight)
-            view = ViewInformation(*without_common_shift(view, weighted, weight, by_shift, self.common_px))
+            by_shift = np.einsum("k...ip,...p->...ki", rows[1:], weight)
+            off = np.asarray(rows[0])
+            view = ViewInformation(*without_common_shift(view, off, weight, by_shift, self.common_px))
+        if lost is None:
+            return view
         return view._replace(cost=np.where((lost & self.seen).any(-1), np.inf, view.cost))
 
     def residual_px(self, camera_from_target: SE3, camera: Camera) -> Array:
@@ -166,22 +166,40 @@ class PixelMeasurement(TargetPoints):
         return {"stated": 2 * stated, "pixel_px": 2 * (int(np.count_nonzero(self.seen)) - stated)}
 
 
-def _by_pose(by_point: Array, rotation: Array, points: Array, more: int) -> Array:
-    """Derivative of f(camera_from_target @ p), (..., 6 + more, d, p), the last `more` rows not filled.
+def _weighted_rows(
+    residual: Array, by_point: Array, by_lens: Array | None, rotation: Array, points: Array, weight: Array
+) -> Array:
+    """Residuals and their derivatives by pose and lens, over sigmas, (1 + 6 + k, ..., n, 2, p).
 
     Args:
-        by_point: df/dp, (..., p, d, 3).
-        rotation: Of camera_from_target, (..., 3, 3).
-        points: p in the target, (p, 3).
-        more: Rows for other unknowns.
+        residual: (..., n, p, 2) [px].
+        by_point: Derivative to the points in the camera, (..., n, p, 2, 3).
+        by_lens: Derivative to further unknowns, (..., n, p, 2, k), or None.
+        rotation: Of camera_from_target, (..., n, 3, 3).
+        points: In the target, (p, 3).
+        weight: (..., n, p).
     """
-    *shape, p, d, _ = by_point.shape
-    out = np.empty((*shape, 6 + more, d, p))
-    for i in range(d):
-        out[..., :3, i, :] = np.swapaxes(rotation, -1, -2) @ np.swapaxes(by_point[..., i, :], -1, -2)
+    more = 0 if by_lens is None else int(by_lens.shape[-1])
+    out = np.empty((7 + more, *residual.shape[:-2], 2, residual.shape[-2]))
     x, y, z = points.T
-    u, v, w = (out[..., i, :, :] for i in range(3))
-    out[..., 3, :, :] = y * w - z * v
-    out[..., 4, :, :] = z * u - x * w
-    out[..., 5, :, :] = x * v - y * u
+    target_from_camera = np.swapaxes(rotation, -1, -2)
+    for i in range(2):
+        np.multiply(residual[..., i], weight, out=out[0, ..., i, :])
+        shift = target_from_camera @ np.swapaxes(by_point[..., i, :] * weight[..., None], -1, -2)
+        u, v, w = (shift[..., j, :] for j in range(3))
+        out[1:4, ..., i, :] = np.moveaxis(shift, -2, 0)
+        np.subtract(y * w, z * v, out=out[4, ..., i, :])
+        np.subtract(z * u, x * w, out=out[5, ..., i, :])
+        np.subtract(x * v, y * u, out=out[6, ..., i, :])
+        if by_lens is not None:
+            np.multiply(np.moveaxis(by_lens[..., i, :], -1, 0), weight, out=out[7:, ..., i, :])
     return out
+
+
+def _information_of_rows(rows: Array) -> ViewInformation:
+    """What views say whose residuals, and their derivatives, are rows (1 + k, ..., n, 2, p)."""
+    flat = np.moveaxis(rows.reshape(*rows.shape[:-2], -1), 0, -2)
+    # Of a product of something with itself BLAS makes half, which takes longer where it is as small as this.
+    product = flat[..., 1:, :] @ np.swapaxes(flat, -1, -2)
+    cost = np.einsum("...i,...i->...", flat[..., 0, :], flat[..., 0, :])
+    return ViewInformation(cost, product[..., 0], product[..., 1:])

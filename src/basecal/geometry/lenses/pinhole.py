@@ -155,16 +155,18 @@ def _by_terms(rays: _Rays, focal: tuple[Number, Number], count: int) -> Array:
     """Derivative of the pixels to the first `count` distortion terms, (..., 2, count)."""
     out = room(2, count, rays.s.shape)
     power = rays.s * rays.inverse_denominator
-    squared, cubed = power * rays.s, power * rays.s * rays.s
-    powers = {0: power, 1: squared, 4: cubed}
-    powers |= {term: -rays.radial * p for term, p in zip((5, 6, 7), (power, squared, cubed), strict=True)}
-    for row, at in enumerate((rays.a, rays.b)):
-        for term, p in powers.items():
-            if term < count:
-                np.multiply(focal[row] * at, p, out=out[..., row, term])
-    a, b, s = rays.a, rays.b, rays.s
-    out[..., 0, 2], out[..., 0, 3] = 2 * focal[0] * a * b, focal[0] * (s + 2 * a * a)
-    out[..., 1, 2], out[..., 1, 3] = focal[1] * (s + 2 * b * b), 2 * focal[1] * a * b
+    for row, (f, at, other) in enumerate(((focal[0], rays.a, rays.b), (focal[1], rays.b, rays.a))):
+        scaled = f * at
+        first = np.multiply(scaled, power, out=out[..., row, 0])
+        second = np.multiply(first, rays.s, out=out[..., row, 1])
+        scaled *= 2
+        np.multiply(scaled, other, out=out[..., row, 2 + row])
+        np.add(scaled * at, f * rays.s, out=out[..., row, 3 - row])
+        if count > 4:
+            third = np.multiply(second, rays.s, out=out[..., row, 4])
+        if count > 5:
+            for term, powered in zip((5, 6, 7), (first, second, third), strict=True):
+                np.multiply(powered, -rays.radial, out=out[..., row, term])
     return out
 
 
