@@ -18,6 +18,7 @@ class About:
     cost: Array
     gradient: Array
     hessian: Array
+    eliminated: Array | float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,6 +188,33 @@ def test_residuals_that_bend_delay_no_end():
     optima = levenberg_marquardt(system, np.full((5, 1), 0.01), Stop(iterations=10))
     assert optima.converged.all()
     np.testing.assert_allclose(optima.state[:, 0], 0.0, atol=1.5e-5)
+
+
+@dataclass(frozen=True, eq=False)
+class Shadowed:
+    """(x - y)^2 + (y - 1)^2 / 100 of x and of y, which is eliminated and goes but half of its way at each step."""
+
+    def linearise(self, state):
+        x, y = state.T
+        force = y - x + (y - 1) / 100
+        gradient = (x - y) + force / 1.01
+        cost = (x - y) ** 2 + (y - 1) ** 2 / 100
+        return About(cost, gradient[:, None], np.full((len(x), 1, 1), 1 - 1 / 1.01), force**2 / 1.01)
+
+    def retract(self, state, about, step):
+        x, y = state.T
+        best = (x + step[:, 0] + 0.01) / 1.01
+        return np.stack([x + step[:, 0], (y + best) / 2], -1)
+
+    def take(self, rows):
+        return self
+
+
+def test_nothing_ends_while_what_is_eliminated_still_moves():
+    """From the best x, but a y far away: both are found, to what may be left to go."""
+    optima = levenberg_marquardt(Shadowed(), np.array([[1.0, 5.0], [-3.0, 1.0]]), Stop(dof=1e4, sigmas=1e-6))
+    assert optima.converged.all()
+    np.testing.assert_allclose(optima.state, 1.0, atol=1e-3)
 
 
 @pytest.mark.parametrize(("slope", "converged", "steps"), [(1.0, True, 8), (1e12, False, 10)])

@@ -17,8 +17,8 @@ from basecal.numerics.sparse_hessian import SparseHessian
 from basecal.numerics.structured_secant import usable, with_secant
 
 SETTLED_SIGMAS = 1e-5  # what may be left to go, in sigmas of the unknowns: no statistic of a result shows it
-STRAIGHT_SIGMAS = 1e-3  # how far the cost may miss its prediction where steps do not show all that moves [sigma]
 _SMALLEST_STEP = 1e-13  # [m, rad]: rounding of poses a metre away
+_NO_LESS = 0.5  # of what the step before promised: what is eliminated moves less each time until rounding is left
 _FIRST_DAMPING = 1e-9  # of the scaled diagonal: Gauss-Newton, yet regular where a direction is not observable
 _NEAR_SIGMAS = 1.0  # what a step promises where the gradient's change over it tells of the optimum [sigma]
 _NEAR_SHARE = 1e-3  # likewise of the cost, for starts whose residuals say nothing of sigmas
@@ -48,6 +48,10 @@ class Linearised(Protocol):
     def hessian(self) -> Array | SparseHessian:
         """(b, p, p), or (p, p) where it is sparse."""
 
+    @property
+    def eliminated(self) -> Array | float:
+        """(b,) by how much the cost falls by what was eliminated alone, brought to its best with the next step."""
+
 
 class Quadratic(NamedTuple):
     """Problems to second order by their numbers alone; see `Linearised`."""
@@ -55,6 +59,7 @@ class Quadratic(NamedTuple):
     cost: Array
     gradient: Array
     hessian: Array
+    eliminated: Array | float = 0.0
 
 
 L = TypeVar("L", bound=Linearised)
@@ -80,14 +85,11 @@ class Stop:
     Attributes:
         iterations: Steps at most.
         dof: Residuals less unknowns, a number or (b,), which scales the sigmas.
-        hidden: Whether more moves than steps show, as errors that are eliminated do: then the cost must besides have
-            fallen as predicted, to `STRAIGHT_SIGMAS`, or to `sigmas` where that is more.
         sigmas: What may be left to go; where `dof` is 1 the square of it is a share of the cost.
     """
 
     iterations: int = 100
     dof: float | Array = 1.0
-    hidden: bool = False
     sigmas: float = SETTLED_SIGMAS
 
 
@@ -122,7 +124,6 @@ class _Flight(Generic[S, L]):
     damping: Array
     growth: Array
     expected: Array  # decrease of the cost that the last step taken promised; 0 before the first
-    bent: Array  # by how much it broke that promise
     bend: Array | None  # (b, p, p) what the residuals add to the hessian; None where that is sparse
 
 
@@ -181,7 +182,6 @@ def levenberg_marquardt(system: System[S, L], state: S, stop: Stop) -> Optima[S,
         np.full(count, _FIRST_DAMPING),
         np.full(count, 2.0),
         np.zeros(count),
-        np.full(count, np.inf if stop.hidden else 0.0),
         None if isinstance(about.hessian, SparseHessian) else np.zeros_like(about.hessian),
     )
     ends: _Ends[S, L] = _Ends()
@@ -214,7 +214,7 @@ def _iterated(
     after, cost = _linearised(system, candidate, flight.about)
     better = cost <= flight.cost * (1 + _UPHILL)
     bend = _bend(flight, after, step, better & _is_near(flight, expected))
-    flight = _moved(flight, candidate, after, cost, better, np.maximum(expected, 1e-300), bend, stop.hidden)
+    flight = _moved(flight, candidate, after, cost, better, np.maximum(expected, 1e-300), bend)
     stuck, lost = ~better & settled, ~better & (flight.damping > _LARGEST_DAMPING)
     for ended, converged in ((stuck, True), (lost & ~stuck, False)):
         if ended.any():
@@ -244,11 +244,13 @@ def _scale(flight: _Flight[S, L]) -> Array:
 
 def _settled(flight: _Flight[S, L], step: Array, expected: Array, stop: Stop) -> BoolArray:
     """Whether what is left to go after a step is nothing that the data could show, (b,)."""
-    scale = _scale(flight)
+    limit = stop.sigmas**2 * _scale(flight)
     shrinks = (flight.expected > 0) & (flight.damping <= _UNDAMPED)
     rate = np.where(shrinks, np.minimum(1.0, expected / np.where(shrinks, flight.expected, 1.0)), 1.0)
-    near = (expected * rate <= stop.sigmas**2 * scale) & (flight.bent <= max(stop.sigmas, STRAIGHT_SIGMAS) ** 2 * scale)
-    settled: BoolArray = near | (np.abs(step).max(-1, initial=0.0) < _SMALLEST_STEP)
+    # Refused, or promising no less than the one before it, a step is of rounding.
+    is_rounding = (flight.damping > _UNDAMPED) | ((flight.expected > 0) & (expected > _NO_LESS * flight.expected))
+    still = (np.abs(step).max(-1, initial=0.0) < _SMALLEST_STEP) & ((flight.about.eliminated <= limit) | is_rounding)
+    settled: BoolArray = (expected * rate <= limit) | still
     return settled
 
 
@@ -260,7 +262,6 @@ def _moved(
     better: BoolArray,
     expected: Array,
     bend: Array | None,
-    hidden: bool,
 ) -> _Flight[S, L]:
     """The flight after a step, taken where it is `better`; elsewhere the damping grows."""
     both = np.isfinite(flight.cost) & np.isfinite(cost)  # from one infinite cost to another a step is taken, undamped
@@ -270,7 +271,6 @@ def _moved(
     gain = np.clip(drop / expected, -_LARGEST_GAIN, _LARGEST_GAIN)
     eased = np.maximum(flight.damping * np.maximum(0.1, 1 - (2 * gain - 1) ** 3), _FIRST_DAMPING)
     stiffened = np.maximum(flight.damping, _UNDAMPED) * flight.growth  # less would try nearly the same step again
-    bent = np.abs(drop - expected) if hidden else flight.bent
     return _Flight(
         flight.row,
         where(better, candidate, flight.state),
@@ -280,7 +280,6 @@ def _moved(
         np.where(better, eased, stiffened),
         np.where(better, 2.0, flight.growth * 2),
         np.where(better, expected, flight.expected),
-        np.where(better, bent, flight.bent),
         bend,
     )
 
@@ -304,15 +303,16 @@ def _next_step(flight: _Flight[S, L]) -> tuple[Array, Array]:
     about = flight.about
     if flight.bend is None or isinstance(about.hessian, SparseHessian) or not flight.bend.any():
         step = _damped_step(about, flight.damping)
-        return step, _quadratic(about, step)
+        return step, _quadratic(about, step) + about.eliminated
     bent = Quadratic(about.cost, about.gradient, about.hessian + usable(flight.bend, about.hessian))
     step = _damped_step(bent, flight.damping)
     expected = _quadratic(bent, step)
     downhill = expected > 0
-    if downhill.all():
-        return step, expected
-    plain = _damped_step(about, flight.damping)
-    return np.where(downhill[:, None], step, plain), np.where(downhill, expected, _quadratic(about, plain))
+    if not downhill.all():
+        plain = _damped_step(about, flight.damping)
+        step = np.where(downhill[:, None], step, plain)
+        expected = np.where(downhill, expected, _quadratic(about, plain))
+    return step, expected + about.eliminated
 
 
 def _quadratic(about: Linearised, step: Array) -> Array:

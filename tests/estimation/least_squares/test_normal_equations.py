@@ -73,7 +73,7 @@ def dense(problem: Problem, state: State):
 
 @pytest.mark.parametrize("name", CELLS)
 def test_elimination_is_the_schur_complement_of_the_dense_problem(name):
-    """Hessian, gradient and log determinant, to 1e-9 of their size, whoever shares which stop."""
+    """Hessian, gradient, log determinant, what errors alone promise, to 1e-9 of their size, whoever shares a stop."""
     problem, state = near_truth(*CELLS[name])
     hessian, gradient = dense(problem, state)
     p, normal = problem.width, linearise(problem, state)
@@ -86,6 +86,9 @@ def test_elimination_is_the_schur_complement_of_the_dense_problem(name):
     size = np.abs(gradient[:p] / scale).max()
     np.testing.assert_allclose(normal.gradient / scale / size, reduced[:, -1] / scale / size, atol=1e-9)
     assert normal.stop_log_det == pytest.approx(np.linalg.slogdet(hessian[p:, p:])[1], abs=1e-8)
+    used = np.unique(np.concatenate([s[s >= 0] for g in problem.groups for s in (g.eye_stop, g.hand_stop)]))
+    promised = (gradient[p:] * solved[:, -1]).reshape(-1, 6)[used].sum()
+    assert normal.eliminated == pytest.approx(promised, rel=1e-9)
 
 
 @pytest.mark.parametrize("name", CELLS)
@@ -134,6 +137,23 @@ def test_views_of_no_weight_are_not_there(name):
     assert weighted.cost == pytest.approx(alone.cost, rel=1e-12)
     np.testing.assert_allclose(weighted.hessian, alone.hessian, rtol=1e-9, atol=1e-9 * np.abs(alone.hessian).max())
     np.testing.assert_allclose(weighted.gradient, alone.gradient, rtol=1e-9, atol=1e-9 * np.abs(alone.gradient).max())
+    # Stops that several views had hold what nobody sees: that they promise to leave it is theirs, not of the views.
+    unseen = np.setdiff1d(np.arange(len(errors)), used) if np.any(shared_stops(problem) >= 0) else []
+    promised = alone.eliminated + np.sum(state.stop_errors[unseen] ** 2)
+    assert weighted.eliminated == pytest.approx(promised, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", ["each at its own stop", "all stops of two views", "some stops of several"])
+def test_a_step_lowers_the_cost_as_promised(name):
+    """By what the unknowns gain and what the errors alone do, to a tenth where the latter is most of it."""
+    problem, state = near_truth(*CELLS[name])
+    state = replace(state, stop_errors=0.3 * state.stop_errors)
+    normal = linearise(problem, state)
+    step = -np.linalg.solve(normal.hessian, normal.gradient)
+    of_unknowns = float(step @ normal.hessian @ step)
+    fallen = normal.cost - linearise(problem, retract(problem, state, normal, step)).cost
+    assert fallen == pytest.approx(of_unknowns + normal.eliminated, rel=0.1)
+    assert normal.eliminated > 0.1 * of_unknowns
 
 
 def test_a_weight_of_two_is_the_view_twice():

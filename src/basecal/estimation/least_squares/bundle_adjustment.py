@@ -95,7 +95,7 @@ def bundle_adjust(
         weights: What each view counts, (n,) by group; 1 where None.
         sigmas: What may be left to go.
     """
-    stop = _stop(problem, iterations, dof, sigmas)
+    stop = Stop(iterations, dof, sigmas)
     if is_sparse(problem):
         return _sparsely(problem, state, stop, weights)
     only = take(_run(problem, state.spread(problem, 1), weights, stop), 0)
@@ -132,7 +132,7 @@ def bundle_adjust_batch(
         weights: What each view counts, (n,) or (b, n) by group; 1 where None.
         sigmas: What may be left to go.
     """
-    return _outcome(_run(problem, states, weights, _stop(problem, iterations, dof, sigmas)))
+    return _outcome(_run(problem, states, weights, Stop(iterations, dof, sigmas)))
 
 
 def batch_of(problem: Problem, states: Sequence[State]) -> State:
@@ -142,10 +142,6 @@ def batch_of(problem: Problem, states: Sequence[State]) -> State:
 
 def _outcome(optima: Optima[State, NormalEquations]) -> OptimumBatch:
     return OptimumBatch(optima.state, optima.cost, optima.about.hessian, optima.converged, optima.iterations)
-
-
-def _stop(problem: Problem, iterations: int, dof: float | Array, sigmas: float) -> Stop:
-    return Stop(iterations, dof, hidden=len(problem.stops) > 0, sigmas=sigmas)
 
 
 def _run(

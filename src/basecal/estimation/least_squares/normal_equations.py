@@ -3,13 +3,14 @@
 With H, g of each view and D the derivative of its `camera_from_target` to the unknowns: H = sum D'HD, g = sum D'g.
 The errors u of the stops, in sigmas, move a view by J. A stop that only one view has is eliminated there:
 H' = (I + H S)^-1 H and g' = (I + H S)^-1 (g - H J u) with S = JJ'. The others keep their 6-vectors and go by the
-Schur complement. Source: docs/mathematics.md (4.1), (4.2).
+Schur complement. Source: docs/mathematics.md (4.1)-(4.3).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,10 +30,21 @@ _ROUNDING = 1e-15  # of such entries, which restores it
 
 @dataclass(frozen=True, eq=False)
 class LinearisedViews:
-    """A group's views to second order, private stops eliminated: (..., n, q), (..., n, q, q), (..., n, q, m)."""
+    """A group's views to second order, private stops eliminated.
+
+    Attributes:
+        gradient: (..., n, q).
+        information: (..., n, q, q).
+        promised: (..., n) by how much the private stops' errors alone lower the cost.
+        by_unknowns: (..., n, q, m) derivative to the unknowns.
+        columns: (m,) of these.
+        private: Views in stops of their own.
+        shared: Views in stops that several have.
+    """
 
     gradient: Array
     information: Array
+    promised: Array
     by_unknowns: Array
     columns: IntArray = field(metadata=SHARED)
     private: tuple[SharedView, ...]
@@ -41,11 +53,13 @@ class LinearisedViews:
     def weighted(self, weight: Array) -> LinearisedViews:
         """The views as if each were seen with its information times a weight (..., n); at none it may be no number."""
         gradient, information = self.gradient * weight[..., None], self.information * weight[..., None, None]
+        promised = self.promised * weight
         if not weight.all():
             seen = weight > 0
             gradient = np.where(seen[..., None], gradient, 0.0)
             information = np.where(seen[..., None, None], information, 0.0)
-        return replace(self, gradient=gradient, information=information)
+            promised = np.where(seen, promised, 0.0)
+        return replace(self, gradient=gradient, information=information, promised=promised)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +70,7 @@ class NormalEquations:
         cost: (...) sum of squared residuals over sigmas, those of priors and of stop errors included.
         gradient: (..., p) half the derivative of the cost, the stop errors at their best.
         hessian: (..., p, p) half the second derivative, likewise.
+        eliminated: (...) by how much the stop errors alone lower the cost, brought to their best.
         stop_log_det: (...) log determinant of the information of the eliminated stop errors.
         views: What `retract` needs, by group.
         system: The shared stops, solved; None without any.
@@ -64,6 +79,7 @@ class NormalEquations:
     cost: Array
     gradient: Array
     hessian: Array
+    eliminated: Array
     stop_log_det: Array
     views: tuple[LinearisedViews, ...]
     system: SchurComplement | None
@@ -79,7 +95,7 @@ def linearise(problem: Problem, state: State, weights: Sequence[Array] | None = 
     """
     hessian, gradient, cost = _priors(problem, state)
     cost += np.sum(state.stop_errors**2, axis=(-1, -2))
-    log_det, views = np.zeros(state.batch), []
+    eliminated, log_det, views = np.zeros(state.batch), np.zeros(state.batch), []
     shared = shared_stops(problem)
     sums = SchurAccumulator(state.stop_errors[..., shared >= 0, :], problem.width)
     for number, group in enumerate(problem.groups):
@@ -91,6 +107,7 @@ def linearise(problem: Problem, state: State, weights: Sequence[Array] | None = 
             view_costs = np.where(weights[number] > 0, view_costs, 0.0) * weights[number]
             of = of.weighted(weights[number])
         cost += view_costs.sum(-1)
+        eliminated += of.promised.sum(-1)
         if np.any(shared >= 0):
             sums.add(of.shared, of.gradient, of.information, of.by_unknowns, of.columns)
         *batch, count, rows, width = of.by_unknowns.shape
@@ -102,9 +119,10 @@ def linearise(problem: Problem, state: State, weights: Sequence[Array] | None = 
     system = sums.solve() if np.any(shared >= 0) else None
     if system is not None:
         hessian, gradient = system.reduce(hessian, gradient)
+        eliminated += system.promised
         log_det += system.log_det
     symmetric = 0.5 * (hessian + np.swapaxes(hessian, -1, -2))
-    return NormalEquations(cost, gradient, symmetric, log_det, tuple(views), system)
+    return NormalEquations(cost, gradient, symmetric, eliminated, log_det, tuple(views), system)
 
 
 def retract(problem: Problem, state: State, normal: NormalEquations, step: Array) -> State:
@@ -177,9 +195,9 @@ def _linearise_group(
     stops = by_stop_errors(group, links, state, problem.stops, rows)
     kept = tuple(_select(stop, error, shared[stop] >= 0, shared) for stop, error in stops)
     private = tuple(_select(stop, error, shared[stop] < 0, None) for stop, error in stops)
-    gradient, information, log_det = _marginalised(view.gradient, view.information, private, state.stop_errors)
-    views = LinearisedViews(gradient, information, derivative, columns, private, kept)
-    return view.cost, log_det, views
+    of = _marginalised(view.gradient, view.information, private, state.stop_errors)
+    views = LinearisedViews(of.gradient, of.information, of.promised, derivative, columns, private, kept)
+    return view.cost, of.log_det, views
 
 
 def _select(stop: IntArray, by_error: Array, mask: BoolArray, number: IntArray | None) -> SharedView:
@@ -188,30 +206,50 @@ def _select(stop: IntArray, by_error: Array, mask: BoolArray, number: IntArray |
     return SharedView(view, chosen if number is None else number[chosen], by_error[..., view, :, :])
 
 
-def _marginalised(
-    gradient: Array, information: Array, private: tuple[SharedView, ...], errors: Array
-) -> tuple[Array, Array, Array]:
-    """Views with their private stops eliminated, and the log determinant of I + J'HJ.
+class _Marginal(NamedTuple):
+    """Views with their private stops eliminated.
 
-    (I + H S)^-1 H == H - H J (I + J'HJ)^-1 J'H, whose inner matrix is positive definite however large H is.
+    Attributes:
+        gradient: (..., n, q).
+        information: (..., n, q, q).
+        promised: (..., n) by how much these stops' errors alone lower the cost.
+        log_det: (...) log determinant of I + J'HJ.
+    """
+
+    gradient: Array
+    information: Array
+    promised: Array
+    log_det: Array
+
+
+def _marginalised(gradient: Array, information: Array, private: tuple[SharedView, ...], errors: Array) -> _Marginal:
+    """Views with their private stops eliminated.
+
+    (I + H S)^-1 H == H - H J (I + J'HJ)^-1 J'H, whose inner matrix is positive definite however large H is. With the
+    errors' own gradient f = u + J'g they lower the cost by f' (I + J'HJ)^-1 f, and g' == g - H J (I + J'HJ)^-1 f.
     """
     if not any(len(of.view) for of in private):
-        return gradient, information, np.zeros(gradient.shape[:-2])
+        return _Marginal(gradient, information, np.zeros(gradient.shape[:-1]), np.zeros(gradient.shape[:-2]))
     by_error = np.zeros((*gradient.shape, 6 * len(private)))
-    present = np.zeros_like(gradient)
+    force = np.zeros((*gradient.shape[:-1], 6 * len(private)))
     for i, of in enumerate(private):
         by_error[..., of.view, :, 6 * i : 6 * i + 6] = of.by_error
-        present[..., of.view, :] += (of.by_error @ errors[..., of.stop, :, None])[..., 0]
-    carried = information @ by_error
-    inner = np.eye(by_error.shape[-1]) + np.swapaxes(by_error, -1, -2) @ carried
+        force[..., of.view, 6 * i : 6 * i + 6] = errors[..., of.stop, :]
+    transposed, carried = np.swapaxes(by_error, -1, -2), information @ by_error
+    force += (transposed @ gradient[..., None])[..., 0]
+    inner = np.eye(by_error.shape[-1]) + transposed @ carried
     # Where a lens's polynomial runs away the identity is lost in rounding: as much again as rounding keeps it regular.
     size = np.abs(inner).max(axis=(-1, -2))
     inner += np.where(size > _ROUNDS_ONE, _ROUNDING * size, 0.0)[..., None, None] * np.eye(inner.shape[-1])
-    about_zero = gradient - (information @ present[..., None])[..., 0]
-    right = np.concatenate([information, about_zero[..., None]], -1)
-    reduced = right - carried @ np.linalg.solve(inner, np.swapaxes(by_error, -1, -2) @ right)
-    symmetric = 0.5 * (reduced[..., :-1] + np.swapaxes(reduced[..., :-1], -1, -2))
-    return reduced[..., -1], symmetric, np.asarray(np.linalg.slogdet(inner)[1].sum(-1))
+    solved = np.linalg.solve(inner, np.concatenate([np.swapaxes(carried, -1, -2), force[..., None]], -1))
+    taken = carried @ solved
+    symmetric = 0.5 * (taken[..., :-1] + np.swapaxes(taken[..., :-1], -1, -2))
+    return _Marginal(
+        gradient - taken[..., -1],
+        information - symmetric,
+        np.sum(force * solved[..., -1], -1),
+        np.asarray(np.linalg.slogdet(inner)[1].sum(-1)),
+    )
 
 
 def _stop_errors(problem: Problem, state: State, normal: NormalEquations, step: Array) -> Array:

@@ -38,6 +38,7 @@ class SchurComplement:
     Attributes:
         by_unknowns: (..., k, 6, p) mixed second derivative.
         solution: (..., 6 k, p + 1): the inverse applied to `by_unknowns` and, last, to the gradient.
+        promised: (...) by how much the errors alone lower the cost.
         log_det: (...) log determinant of the errors' information.
         precision: (..., k, 6, 6) diagonal blocks of the errors' information.
         factor: That information, factorised; None where it has no other blocks, and of a batch.
@@ -45,6 +46,7 @@ class SchurComplement:
 
     by_unknowns: Array
     solution: Array
+    promised: Array
     log_det: Array
     precision: Array
     factor: SuperLU | None
@@ -122,7 +124,7 @@ class SchurAccumulator:
         if not self.pairs:
             solution = np.linalg.solve(self.diagonal, right).reshape(*batch, 6 * k, width + 1)
             log_det = np.asarray(np.linalg.slogdet(self.diagonal)[1].sum(-1))
-            return SchurComplement(self.by_unknowns, solution, log_det, self.diagonal, None)
+            return SchurComplement(self.by_unknowns, solution, self._promised(solution), log_det, self.diagonal, None)
         right = right.reshape(*batch, 6 * k, width + 1)
         solution, log_det = np.empty_like(right), np.empty(tuple(batch))
         for entry in np.ndindex(*batch):
@@ -132,7 +134,13 @@ class SchurAccumulator:
                 raise np.linalg.LinAlgError("the stops that views share have no solution") from error
             solution[entry] = factor.solve(right[entry])
             log_det[entry] = np.log(np.abs(factor.U.diagonal())).sum()
-        return SchurComplement(self.by_unknowns, solution, log_det, self.diagonal, None if batch else factor)
+        of_solution = solution, self._promised(solution), log_det
+        return SchurComplement(self.by_unknowns, *of_solution, self.diagonal, None if batch else factor)
+
+    def _promised(self, solution: Array) -> Array:
+        """By how much the errors alone lower the cost, (...)."""
+        flat = self.gradient.reshape(*self.gradient.shape[:-2], -1)
+        return np.asarray(np.sum(flat * solution[..., -1], -1))
 
     def _matrix(self, entry: tuple[int, ...]) -> csc_array:
         """The errors' information of one entry of the batch."""

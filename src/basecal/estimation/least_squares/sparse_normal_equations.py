@@ -38,6 +38,7 @@ class SparseNormalEquations:
     cost: Array
     gradient: Array
     hessian: SparseHessian
+    eliminated: Array
     pairs: tuple[NormalEquations, ...]
     states: tuple[State, ...]
 
@@ -67,11 +68,12 @@ class SparseBundle:
             blocks.append(_spread(columns[None], (jacobian.T @ jacobian)[None]))
         rows, columns, values = (np.concatenate(part) for part in zip(*blocks, strict=True))
         matrix = csc_array(coo_array((values, (rows, columns)), shape=(self.problem.width, self.problem.width)))
-        return SparseNormalEquations(np.array([cost]), gradient[None], SparseHessian(matrix), found, own)
+        eliminated = np.array([sum(float(of.eliminated.sum()) for of in found)])
+        return SparseNormalEquations(np.array([cost]), gradient[None], SparseHessian(matrix), eliminated, found, own)
 
     def retract(self, state: State, about: SparseNormalEquations, step: Array) -> State:
         """See `System`."""
-        without_stops = NormalEquations(about.cost, about.gradient, np.zeros(0), np.zeros(1), (), None)
+        without_stops = NormalEquations(about.cost, about.gradient, np.zeros(0), np.zeros(1), np.zeros(1), (), None)
         moved = retract(self.problem, state, without_stops, step)
         errors = state.stop_errors.copy()
         for pairs, of, own in zip(self.pairs, about.pairs, about.states, strict=True):

@@ -77,8 +77,14 @@ def _parts(
         if name != STATED and count:
             both = said(_NEVER._replace(**{name: 1.0}))
             stated = parts.get(STATED)
-            parts[name] = both if stated is None else ViewInformation(*(b - s for b, s in zip(both, stated, strict=True)))
+            parts[name] = (
+                both if stated is None else ViewInformation(*(b - s for b, s in zip(both, stated, strict=True)))
+            )
     return parts
+
+
+def _less(both: ViewInformation, stated: ViewInformation) -> ViewInformation:
+    return ViewInformation(*(b - s for b, s in zip(both, stated, strict=True)))
 
 
 def _estimates(view: ViewInformation, total: int, by_shape: Array | None) -> ViewEstimates:

@@ -101,6 +101,7 @@ class _About:
         cost: (b,).
         gradient: (b, k).
         hessian: (b, k, k).
+        eliminated: (b,) by how much the poses alone lower the cost.
         back: By target, (b, n, 6, k + 1): the poses' steps are minus its last column, and minus the others times those
             of the lens.
     """
@@ -108,6 +109,7 @@ class _About:
     cost: Array
     gradient: Array
     hessian: Array
+    eliminated: Array
     back: tuple[Array, ...]
 
 
@@ -122,7 +124,7 @@ class _Views:
         """See `System`."""
         views = [m.linearise(p, state.camera, True) for m, p in zip(self.measurements, state.poses, strict=True)]
         columns, b, k = 6 + self.kept, len(state.camera.parameters), len(self.kept)
-        gradient, hessian, back = np.zeros((b, k)), np.zeros((b, k, k)), []
+        gradient, hessian, eliminated, back = np.zeros((b, k)), np.zeros((b, k, k)), np.zeros(b), []
         for view in views:
             mixed = view.information[..., :6, columns]
             right = np.concatenate([mixed, view.gradient[..., :6, None]], -1)
@@ -130,7 +132,9 @@ class _Views:
             carried = np.swapaxes(mixed, -1, -2) @ back[-1]
             hessian += (view.information[..., columns[:, None], columns] - carried[..., :-1]).sum(1)
             gradient += (view.gradient[..., columns] - carried[..., -1]).sum(1)
-        return _About(np.sum([view.cost.sum(-1) for view in views], axis=0), gradient, hessian, tuple(back))
+            eliminated += np.sum(view.gradient[..., :6] * back[-1][..., -1], axis=(1, 2))
+        cost = np.sum([view.cost.sum(-1) for view in views], axis=0)
+        return _About(cost, gradient, hessian, eliminated, tuple(back))
 
     def retract(self, state: _Lenses, about: _About, step: Array) -> _Lenses:
         """See `System`."""

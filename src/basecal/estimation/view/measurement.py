@@ -27,6 +27,11 @@ class ViewInformation(NamedTuple):
         """Half the second derivative of the cost, as Levenberg-Marquardt calls it: the information."""
         return self.information
 
+    @property
+    def eliminated(self) -> float:
+        """Nothing is: what Levenberg-Marquardt calls what others eliminate."""
+        return 0.0
+
 
 class Noise(NamedTuple):
     """Sigmas of what states none: a pixel coordinate [px], a measured pose [m, rad], a 3-D point [m]."""

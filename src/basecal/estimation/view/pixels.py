@@ -102,11 +102,10 @@ class PixelMeasurement(TargetPoints):
         self, rotation: Array, residual: Array, by_point: Array, by_lens: Array | None
     ) -> ViewInformation:
         """The long way, for a lens that is free, a common shift, and points that have no pixel."""
-        lost: BoolArray | None = None
-        weight = self.weight
+        weight, lost = self.weight, np.zeros(1, dtype=bool)
         # Most often every point has a pixel, which the sum tells at once.
         if not np.isfinite(residual.sum()):
-            lost = np.isnan(residual).any(-1)
+            lost = np.asarray(np.isnan(residual).any(-1))
             residual, by_point = np.nan_to_num(residual), np.nan_to_num(by_point)
             by_lens = None if by_lens is None else np.nan_to_num(by_lens)
             weight = np.where(lost, 0.0, weight)
@@ -116,7 +115,7 @@ class PixelMeasurement(TargetPoints):
             by_shift = np.einsum("k...ip,...p->...ki", rows[1:], weight)
             off = np.asarray(rows[0])
             view = ViewInformation(*without_common_shift(view, off, weight, by_shift, self.common_px))
-        if lost is None:
+        if not lost.any():
             return view
         return view._replace(cost=np.where((lost & self.seen).any(-1), np.inf, view.cost))
 
