@@ -99,7 +99,7 @@ def test_every_module_is_registered(folder: str, names: tuple[str, ...]) -> None
         "cell/robot_parameters": "class Stated(",
         "acquisition/drivers": "def open_",
         "planning": "def plan(",
-        "estimation/noise/terms": "OVER_STOP = ",
+        "estimation/noise/terms": "EXPECTED = ",
         "studies/solvers": "BLOCKS = ",
     }[folder]
     faces = {path.stem for path in (SOURCE / folder).glob("*.py") if f"\n{face}" in path.read_text(encoding="utf-8")}

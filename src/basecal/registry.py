@@ -94,6 +94,9 @@ ROBOT_PARAMETERS = (
 
 NOISE_TERMS = {
     "smooth": "smooth over {length_m:g} m",
+    "zeros": "of its joints' zeros",
+    "links": "of its links",
+    "sag": "sag of its joints under the links' weight",
 }
 """Errors that a robot's stops have in common, with what each is: modules of `basecal.estimation.noise.terms`."""
 

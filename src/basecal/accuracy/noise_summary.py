@@ -15,7 +15,8 @@ def noise_summary(cell: Cell, recording: Recording, solution: Solution) -> dict[
     """Sigmas by their names, those of `cameras` whose noise was estimated, and of `robots`, stated or estimated.
 
     `factor` of a camera is its sigma over the median of those that its detector claims, null where that claims none.
-    What a robot's stops have in common stands by the name of its term: its sigmas [m, rad], and the term's figures.
+    What a robot's stops have in common stands by the name of its term: what it comes to at the flange, root of the mean
+    square over stops [m, rad], and the term's figures.
     """
     noise = solution.noise
     used: dict[str, Any] = {field: getattr(noise.noise, field) for field in noise.estimated}
@@ -34,7 +35,9 @@ def noise_summary(cell: Cell, recording: Recording, solution: Solution) -> dict[
         used["clocks"] = {name: {"jitter_s": sigma} for name, sigma in solution.problem.jitter_s.items()}
     for term, sigmas in noise.common.items():
         for name, sigma in sigmas.items():
-            used["robots"][name][term] = {"sigma": sigma.tolist(), **noise_terms()[term].FIGURES}
+            errors = noise_terms()[term].errors(solution.problem, name)
+            assert errors is not None
+            used["robots"][name][term] = {"sigma": errors.at_flange(sigma).tolist(), **noise_terms()[term].FIGURES}
     return used
 
 

@@ -4,23 +4,46 @@ from __future__ import annotations
 
 import numpy as np
 
-from basecal.estimation.noise.hyperpriors import hyperpriors
+from basecal.estimation.noise.hyperpriors import KINEMATICS, CommonPrior, hyperpriors
 from basecal.estimation.noise.mixed_model import mixed_model
 from basecal.estimation.noise.robot_noise import with_robot_noise, without_errors
+from basecal.estimation.noise.terms.common_errors import CommonErrors
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.simulation import Scenario, simulate
 
+ROBOTS = ("eye", "hand")
+REACH_M = {"eye": 0.5, "hand": 0.8}
+
+
+def _model(errors=None):
+    """Of two arms at eight stops."""
+    s = simulate(Scenario(samples=8, state_robot_noise=False, state_pixel_noise=False), 1)
+    problem, _ = build_problem(s.cell, s.recording)
+    unit = with_robot_noise(problem, dict.fromkeys(ROBOTS, np.ones(6)))
+    state = without_errors(unit, State(s.truth, s.cameras, np.zeros((0, 6))))
+    return mixed_model(unit, state, ROBOTS, None if errors is None else dict.fromkeys(ROBOTS, errors))
+
 
 def test_two_robots_are_expected_alike_and_slopes_are_derivatives():
     """Beforehand both arms have 0.3 mrad, and reach times that; the slope agrees with central differences."""
-    s = simulate(Scenario(samples=8, state_robot_noise=False, state_pixel_noise=False), 1)
-    problem, _ = build_problem(s.cell, s.recording)
-    unit = with_robot_noise(problem, dict.fromkeys(("eye", "hand"), np.ones(6)))
-    model = mixed_model(unit, without_errors(unit, State(s.truth, s.cameras, np.zeros((0, 6)))), ("eye", "hand"))
-    prior = hyperpriors(model, {"eye": 0.5, "hand": 0.8})
+    prior = hyperpriors(_model(), REACH_M)
     np.testing.assert_allclose(np.exp(prior.start[1:]), [1.5e-4, 3e-4, 2.4e-4, 3e-4], rtol=1e-9)
     logs = prior.start + np.linspace(-1, 1, 5)
     steps = 1e-5 * np.eye(5)
     slope = [(prior.value(logs + h)[0] - prior.value(logs - h)[0]) / 2e-5 for h in steps]
     np.testing.assert_allclose(prior.value(logs)[1], slope, rtol=1e-6)
+
+
+def test_errors_in_common_go_by_stops_or_stand_by_themselves():
+    """Over the sigma of stops, and by the reach; or in radians, by their own lever, whatever stops do."""
+    model = _model(CommonErrors.in_every_coordinate(np.ones((8, 1))))
+    over = hyperpriors(model, REACH_M, CommonPrior((2.5, 2.0)))
+    np.testing.assert_allclose(np.exp(over.start[5:]), [3.75e-4, 7.5e-4, 6e-4, 7.5e-4], rtol=1e-9)
+    alone = hyperpriors(model, REACH_M, KINEMATICS)
+    np.testing.assert_allclose(np.exp(alone.start[5:]), [1.5e-4, 3e-4] * 2, rtol=1e-9)
+    raised = alone.start + np.log(10) * np.repeat([1.0, 0.0], [5, 4])
+    plain = hyperpriors(_model(), REACH_M)
+    worse = alone.value(raised)[0] - plain.value(raised[:5])[0]
+    same = alone.value(alone.start)[0] - plain.value(alone.start[:5])[0]
+    np.testing.assert_allclose(worse, same)

@@ -136,4 +136,24 @@ def test_smooth_errors_are_found_and_widen_the_covariance():
     for robot, sigma in found.robots.items():  # of a log-normal the mean square is above the square of the mode
         assert np.all(found.robot_variances[robot] > sigma**2)
     assert not none.common
-    assert found.common["smooth"]["hand"][3] > 3e-4
+    assert found.common["smooth"]["hand"][1] > 3e-4
+
+
+def test_errors_of_kinematics_are_told_apart_and_widen_the_covariance():
+    """Arms with zeros, or links, that are off show which; the base's covariance then holds what they hide."""
+    plain = Scenario(samples=25, joints=True, state_robot_noise=False, robot_noise=(3e-5, 5e-5))
+    for kind, scenario in {
+        "zeros": replace(plain, joint_offset_rad=2e-3),
+        "links": replace(plain, link_error=(1e-3, 1e-3)),
+    }.items():
+        s = simulate(scenario, 1)
+        used, end, noise = estimate_jointly(
+            build_problem(s.cell, s.recording)[0], State(s.truth, s.cameras, np.zeros((0, 6))), 100
+        )
+        found = integrate_sigmas(used, end.state, noise)
+        assert found.common.keys() == {kind}
+        name = "eye_base_from_hand_base"
+        base = used.columns[name]
+        error = (end.state.transforms[name].inverse() @ s.truth[name]).log()
+        assert error @ np.linalg.solve(found.covariance[base, base], error) < 20
+        assert error @ np.linalg.solve(np.linalg.inv(end.normal.hessian)[base, base], error) > 20

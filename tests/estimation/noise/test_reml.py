@@ -11,6 +11,7 @@ from basecal.estimation.least_squares.jacobians import by_stop_errors, by_unknow
 from basecal.estimation.noise.mixed_model import mixed_model
 from basecal.estimation.noise.reml import columns_given, posterior, sigma_count
 from basecal.estimation.noise.robot_noise import stops_made, with_robot_noise, without_errors
+from basecal.estimation.noise.terms.common_errors import CommonErrors
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State, chain
 from basecal.geometry.se3_jacobians import right_jacobian_inverse
@@ -91,7 +92,8 @@ def test_slope_is_the_derivative(arms, smooth):
     rng = np.random.default_rng(0)
     state = replace(state, stop_errors=1e-3 * rng.standard_normal(state.stop_errors.shape))
     modes = {robot: rng.standard_normal((stops_made(problem, robot), 2)) for robot in ROBOTS} if smooth else {}
-    model = mixed_model(problem, state, ROBOTS, modes)
+    shared = {robot: CommonErrors.in_every_coordinate(of) for robot, of in modes.items()}
+    model = mixed_model(problem, state, ROBOTS, shared)
     logs = np.log([0.3, *[1e-3, 2e-3] * (4 if smooth else 2)]) + 0.2 * rng.standard_normal(sigma_count(model))
     steps = 1e-4 * np.eye(len(logs))
     differences = [(posterior(model, logs + h).value - posterior(model, logs - h).value) / 2e-4 for h in steps]

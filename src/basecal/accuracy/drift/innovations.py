@@ -27,6 +27,7 @@ from basecal.estimation.problem.problem import Stops, ViewGroup
 from basecal.geometry import SE3, Array, IntArray
 from basecal.numerics.batch import concatenate
 from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
+from basecal.registry import NOISE_TERMS
 
 MOST_VIEWS = 300  # that are compared, spread evenly: their covariance has six rows each
 
@@ -169,7 +170,8 @@ def _of_robots(of: Innovations, calibration: Calibration) -> Array:
         by_flange = of.by_flange(robot)
         poses, stand = of.stands(robot)
         parts = [(_sigmas(known), stand[:, None] == stand[None])]
-        parts += [(np.array(known["smooth"]["sigma"]), kernel(poses, poses))] if "smooth" in known else []
+        # Errors of joints and links vary with the pose, too: nearly as those do that are smooth in it.
+        parts += [(np.array(known[term]["sigma"]), kernel(poses, poses)) for term in NOISE_TERMS if term in known]
         for sigma, alike in parts:
             each = np.swapaxes(of.root, -1, -2) @ (by_flange * sigma)
             out += np.einsum("iar,ij,jbr->iajb", each, alike, each).reshape(out.shape)

@@ -23,7 +23,7 @@ from basecal.numerics.spectral import spectrum
 _LOG_STEP = 1e-2  # of a sigma to both sides: the bend makes 1e-4 of a share, rounding less
 _NO_SHARE = 1e-4  # of the variance: what is left over below it is rounding
 REST = "how well the noise is known"
-SMOOTH = "errors smooth in the arms' poses, and how well the noise is known"
+COMMON = "errors that the arms' poses have in common, and how well the noise is known"
 
 
 def calibration_budget(
@@ -49,7 +49,7 @@ def calibration_budget(
     task = least_known([task_at(name, transforms, point_m[None]) for name in known], covariances)
     total = task.variance_m2(covariances[task.transform])
     added = {name: _at_task(solution, task, matrix) for name, matrix in widenings.items()}
-    rest = SMOOTH if solution.noise.common else REST
+    rest = COMMON if solution.noise.common else REST
     return budget(solution, task, total, added, rest)
 
 

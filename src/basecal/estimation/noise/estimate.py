@@ -42,7 +42,8 @@ class NoiseEstimate:
         settled: Whether the estimation came to rest.
         robots: Estimated sigmas of robots that state none, (6,) [m, rad], by name.
         cameras: Sigmas by camera; those of `noise` where none is named.
-        common: Sigmas of what robots' stops have in common, likewise, by term, of the one that the data make likely.
+        common: Sigmas of what robots' stops have in common, those of its shifts and turns, (2,), by term and robot; of
+            the term that the data make likely.
         covariance: (p, p) of all columns, the sigmas integrated over; None where it is the information's inverse.
         surprise: Minus twice the log of the evidence, the sigmas integrated over, but for a constant.
         plain_surprise: The same of the model without terms in common alone.

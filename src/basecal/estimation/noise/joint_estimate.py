@@ -15,7 +15,7 @@ import numpy as np
 
 from basecal.estimation.least_squares.bundle_adjustment import ROUGH_SIGMAS, Optimum, bundle_adjust
 from basecal.estimation.noise.estimate import NoiseEstimate, degrees_of_freedom, estimate_noise, residual_counts
-from basecal.estimation.noise.hyperpriors import hyperpriors
+from basecal.estimation.noise.hyperpriors import CommonPrior, hyperpriors
 from basecal.estimation.noise.laplace import (
     SigmaPosterior,
     integrated_covariance,
@@ -27,7 +27,8 @@ from basecal.estimation.noise.reml import open_parts
 from basecal.estimation.noise.robot_noise import stands, stops_made, with_robot_noise, without_errors
 from basecal.estimation.noise.some_views import recorded_alone, some_views
 from basecal.estimation.noise.target_shape import reshaped
-from basecal.estimation.noise.terms.term import NoiseTerm, noise_terms
+from basecal.estimation.noise.terms.common_errors import CommonErrors
+from basecal.estimation.noise.terms.term import noise_terms
 from basecal.estimation.noise.view_estimates import STATED
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.view.measurement import Noise
@@ -45,7 +46,7 @@ _NOMINAL = (5e-4, 1e-3)  # [m, rad] of the first optimum: within a factor of a f
 
 @dataclass(frozen=True, eq=False)
 class _Sigmas:
-    """Sigmas by name: noise by camera, and of robots those of single stops and in common, (6,) [m, rad].
+    """Sigmas by name: noise by camera, of robots those of single stops, (6,) [m, rad], and in common, (2,) [m, rad].
 
     With them, of targets the coefficients of their shape, (k,), and the covariance of these.
     """
@@ -171,18 +172,32 @@ def integrate_sigmas(problem: Problem, state: State, noise: NoiseEstimate) -> No
     """
     if noise.logs is None:
         return noise
+    models = sigma_models(problem, state, noise)
+    likeliest = min(models, key=lambda name: models[name].surprise)
     with np.errstate(all="ignore"):
-        robots = open_robots(problem)
-        models = {"": _sigma_posterior(problem, state, robots, noise.logs)}
-        for name, term in noise_terms().items():
-            modes = {robot: of for robot in robots if (of := term.modes(problem, robot)).shape[1]}
-            if modes:
-                models[name] = _sigma_posterior(problem, state, robots, noise.logs, term, modes)
-        likeliest = min(models, key=lambda name: models[name].surprise)
         covariance = integrated_covariance(list(models.values()), np.zeros(problem.width))
     best = models[likeliest]
     common = {likeliest: _sigmas(best, problem).common} if likeliest else {}
     return replace(noise, common=common, covariance=covariance, surprise=best.surprise)
+
+
+def sigma_models(problem: Problem, state: State, noise: NoiseEstimate) -> dict[str, SigmaPosterior]:
+    """The sigmas of single stops and views alone, by "", and with each term that stops may have in common, by name.
+
+    Args:
+        problem: The problem with the most likely sigmas.
+        state: Its optimum.
+        noise: These sigmas, estimated jointly.
+    """
+    robots = open_robots(problem)
+    with np.errstate(all="ignore"):
+        models = {"": _sigma_posterior(problem, state, robots, noise.logs)}
+        for name, term in noise_terms().items():
+            found = {robot: term.errors(problem, robot) for robot in robots}
+            shared = {robot: errors for robot, errors in found.items() if errors is not None}
+            if shared:
+                models[name] = _sigma_posterior(problem, state, robots, noise.logs, shared, term.EXPECTED)
+    return models
 
 
 def _readjusted(
@@ -210,10 +225,10 @@ def _sigma_posterior(
     state: State,
     robots: Sequence[str],
     logs: Array | None,
-    term: NoiseTerm | None = None,
-    modes: Mapping[str, Array] | None = None,
+    shared: Mapping[str, CommonErrors] | None = None,
+    expected: CommonPrior | None = None,
 ) -> SigmaPosterior:
-    """The sigmas about a state, the most likely ones looked for from `logs`; of a model with a term, its modes too.
+    """The sigmas about a state, looked for from `logs`; also of what stops have in common, and is expected of it.
 
     Where nothing near them is known, those of some of the views come first.
     """
@@ -223,10 +238,10 @@ def _sigma_posterior(
 
     def most_likely(problem: Problem, at: State, near: Array | None) -> SigmaPosterior:
         """Those of a problem's views."""
-        model = mixed_model(problem, at, robots, modes)
-        return sigma_posterior(model, hyperpriors(model, reach_m, None if term is None else term.OVER_STOP), near)
+        model = mixed_model(problem, at, robots, shared)
+        return sigma_posterior(model, hyperpriors(model, reach_m, expected), near)
 
-    is_near = logs is not None and term is None
+    is_near = logs is not None and shared is None
     for most in () if is_near else _SOME_VIEWS:
         if max(map(len, unit.groups), default=0) > most:
             logs = most_likely(*some_views(unit, physical, most), logs).logs
@@ -257,7 +272,7 @@ def _sigmas(of: SigmaPosterior, problem: Problem) -> _Sigmas:
     return _Sigmas(
         cameras,
         {name: np.repeat(pair, 3) for name, pair in zip(model.robots, single, strict=True)},
-        {n: np.repeat(pair, 3) for n, pair in zip(model.robots, common, strict=False) if n in model.layout.common},
+        {n: pair for n, pair in zip(model.robots, common, strict=False) if n in model.layout.common},
         _shapes(of, problem) if model.layout.shapes else {},
         dict(zip(model.shaken, jitter.tolist(), strict=True)),
     )

@@ -16,6 +16,7 @@ import numpy as np
 from basecal.estimation.least_squares.jacobians import by_robot_models, by_stop_errors, by_unknowns
 from basecal.estimation.least_squares.normal_equations import prior_residuals
 from basecal.estimation.noise.target_shape import points_of, shape_of, shaped_targets
+from basecal.estimation.noise.terms.common_errors import CommonErrors
 from basecal.estimation.noise.view_estimates import ViewEstimates, view_estimates
 from basecal.estimation.problem.problem import Problem, State, chain
 from basecal.geometry import Array, IntArray
@@ -58,7 +59,7 @@ class Layout:
         blocks: How many blocks.
         rows: Rows of each.
         width: How many columns.
-        common: By robot the first column of what its stops have in common, and what unit errors of each mode are there.
+        common: By robot the first column of what its stops have in common, and what that is.
         shapes: By target the columns of its shape.
         shaken: By group, of each view the block and the row there of its stamp's jitter, (n,) each; -1 for none.
     """
@@ -69,7 +70,7 @@ class Layout:
     blocks: int
     rows: int
     width: int
-    common: Mapping[str, tuple[int, Array]]
+    common: Mapping[str, tuple[int, CommonErrors]]
     shapes: Mapping[str, slice]
     shaken: tuple[tuple[IntArray, IntArray], ...]
 
@@ -117,14 +118,14 @@ class MixedModel:
                 out[stop] = errors[of.block[stop], of.row[stop] : of.row[stop] + 6]
             else:
                 out[stop] = columns[of.column[stop] : of.column[stop] + 6]
-        for robot, (at, modes) in of.common.items():
+        for robot, (at, shared) in of.common.items():
             mine = [k for k, name in enumerate(self.robot_of_stop) if name == robot]
-            out[mine] += modes @ columns[at : at + 6 * modes.shape[1]].reshape(-1, 6)
+            out[mine] += shared.by_stop @ columns[at : at + len(shared.is_turn)]
         return out
 
 
 def mixed_model(
-    problem: Problem, state: State, robots: Sequence[str], modes: Mapping[str, Array] | None = None
+    problem: Problem, state: State, robots: Sequence[str], common: Mapping[str, CommonErrors] | None = None
 ) -> MixedModel:
     """The problem about a state.
 
@@ -132,9 +133,9 @@ def mixed_model(
         problem: The problem; stops of `robots` have unit sigmas, so that their errors are in metres and radians.
         state: The state.
         robots: Whose sigmas are open.
-        modes: Of a term, by robot what unit errors of each mode are at each of its stops, (stops, k), see `NoiseTerm`.
+        common: By robot what its stops have in common.
     """
-    layout = _layout(problem, modes or {})
+    layout = _layout(problem, common or {})
     parts: dict[tuple[str, str], Moments] = {}
     white: dict[tuple[str, str], tuple[float, int]] = {}
     for number, group in enumerate(problem.groups):
@@ -158,7 +159,7 @@ def open_jitter(problem: Problem) -> tuple[str, ...]:
     return tuple(sorted(problem.open_jitter & moving))
 
 
-def _layout(problem: Problem, modes: Mapping[str, Array]) -> Layout:
+def _layout(problem: Problem, shared: Mapping[str, CommonErrors]) -> Layout:
     count = len(problem.stops)
     partners: list[set[int]] = [set() for _ in range(count)]
     for group in problem.groups:
@@ -178,9 +179,9 @@ def _layout(problem: Problem, modes: Mapping[str, Array]) -> Layout:
         column[stop] = width
         width += 6
     common = {}
-    for robot, shape in modes.items():
-        common[robot] = (width, shape)
-        width += 6 * shape.shape[1]
+    for robot, errors in shared.items():
+        common[robot] = (width, errors)
+        width += len(errors.is_turn)
     shapes = {}
     for target, count in shaped_targets(problem).items():
         shapes[target] = slice(width, width + count)
@@ -261,10 +262,9 @@ def _moments(problem: Problem, number: int, state: State, view: ViewEstimates, l
         _place(fixed, errors, block, stop, by_error, layout)
         robot = problem.stops.robot[stop[0]]
         if robot in layout.common:
-            at, shape = layout.common[robot]
+            at, shared = layout.common[robot]
             stand = group.eye_stand if robot == group.eye else group.hand_stand
-            spread = by_error[:, :, None, :] * shape[stand][:, None, :, None]
-            fixed[:, :, at : at + 6 * shape.shape[1]] += spread.reshape(n, rows, -1)
+            fixed[:, :, at : at + len(shared.is_turn)] += by_error @ shared.by_stop[stand]
     _place_jitter(errors, block, problem, number, layout)
     carried = (view.information[..., :rows] @ present[..., None])[..., 0]
     gradient = view.gradient - carried
@@ -366,8 +366,8 @@ def _scaled_by(
     for group, (own, row) in zip(problem.groups, layout.shaken, strict=True):
         if group.camera in shaken:
             error[own[own >= 0], row[own >= 0]] = 2 * len(robots) + shaken.index(group.camera)
-    for robot, (at, shape) in layout.common.items():
-        width = 6 * shape.shape[1]
-        column[at : at + width] = np.tile(2 * robots.index(robot) + kind, shape.shape[1])
-        common[at : at + width] = True
+    for robot, (at, shared) in layout.common.items():
+        columns = slice(at, at + len(shared.is_turn))
+        column[columns] = 2 * robots.index(robot) + shared.is_turn
+        common[columns] = True
     return column, error, common

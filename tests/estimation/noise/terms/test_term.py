@@ -14,24 +14,24 @@ from basecal.estimation.problem.build import build_problem
 from basecal.registry import NOISE_TERMS
 from basecal.simulation import Scenario, simulate
 
-SIMULATED = simulate(Scenario(samples=12), 1)
+SIMULATED = simulate(Scenario(samples=12, joints=True), 1)
 PROBLEM, _ = build_problem(SIMULATED.cell, SIMULATED.recording)
 
 
 @pytest.mark.parametrize("name", NOISE_TERMS)
-def test_modes_are_of_the_stops(name):
-    """A row for each stop of a robot, finite; what they all show is of the size of a unit error, at most twice it."""
-    modes = noise_terms()[name].modes(PROBLEM, "hand")
-    assert len(modes) == len(stands(PROBLEM, "hand")[0])
-    assert modes.shape[1] > 0
-    assert 0.1 < np.sqrt(np.mean(np.sum(modes**2, axis=1))) < 2
+def test_errors_are_of_the_stops(name):
+    """Six rows for each stop of a robot, a column for each error; a unit of all turns the flange by a unit or a few."""
+    errors = noise_terms()[name].errors(PROBLEM, "hand")
+    assert errors.by_stop.shape == (len(stands(PROBLEM, "hand")[0]), 6, len(errors.is_turn))
+    turned = errors.at_flange(np.ones(2))[3:]
+    assert np.all((turned > 0.1) & (turned < 4))
 
 
 @pytest.mark.parametrize("name", NOISE_TERMS)
 def test_a_robot_of_a_single_stop_has_nothing_in_common(name):
-    """No modes, one row."""
+    """It shows none of what changes over its poses."""
     one = replace(SIMULATED.recording, samples=SIMULATED.recording.samples[:1])
-    assert noise_terms()[name].modes(build_problem(SIMULATED.cell, one)[0], "hand").shape == (1, 0)
+    assert noise_terms()[name].errors(build_problem(SIMULATED.cell, one)[0], "hand") is None
 
 
 @pytest.mark.parametrize("name", NOISE_TERMS)
@@ -39,5 +39,5 @@ def test_words_name_figures_that_there_are(name):
     """What the registry says of a term can be filled in, and what is expected of its size is a factor and a spread."""
     term = noise_terms()[name]
     assert {field for _, field, _, _ in Formatter().parse(NOISE_TERMS[name]) if field} <= term.FIGURES.keys()
-    assert term.OVER_STOP[0] > 0
-    assert term.OVER_STOP[1] > 1
+    assert term.EXPECTED.turn[0] > 0
+    assert term.EXPECTED.turn[1] > 1

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from basecal.estimation.noise.hyperpriors import CommonPrior
 from basecal.estimation.noise.robot_noise import stands, stops_made
+from basecal.estimation.noise.terms.common_errors import CommonErrors
 from basecal.estimation.problem.problem import Problem
 from basecal.geometry import SE3, Array
 from basecal.numerics.spectral import spectrum
@@ -16,7 +18,7 @@ from basecal.numerics.spectral import spectrum
 # Errors of real arms correlate over 0.5 to 1.3 m, with an arm of 1 m for angles.
 LENGTH_M = 0.7
 _ARM_M = 1.0
-OVER_STOP = (2.5, 2.0)  # smooth errors are larger than what differs between neighbouring stops
+EXPECTED = CommonPrior((2.5, 2.0))  # smooth errors are larger than what differs between neighbouring stops
 FIGURES = {"length_m": LENGTH_M}
 _FEWEST_STOPS = 4  # fewer show nothing of how errors change over poses
 _MOST_STOPS = 150  # that the modes are found of: more are between these
@@ -24,8 +26,14 @@ _MOST_MODES = 16  # of each of six coordinates, which bounds the time
 _LEAST_MODE = 1e-2  # of the largest variance: smaller ones are noise of single stops
 
 
-def modes(problem: Problem, robot: str) -> Array:
+def errors(problem: Problem, robot: str) -> CommonErrors | None:
     """See `NoiseTerm`."""
+    found = modes(problem, robot)
+    return CommonErrors.in_every_coordinate(found) if found.shape[1] else None
+
+
+def modes(problem: Problem, robot: str) -> Array:
+    """What a unit error of each mode is at each stop of a robot, in every coordinate alike, (stops, k)."""
     poses, seen = stands(problem, robot)
     if stops_made(problem, robot) < _FEWEST_STOPS:
         return np.zeros((len(poses), 0))

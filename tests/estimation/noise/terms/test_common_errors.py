@@ -1,0 +1,26 @@
+"""What a robot's stops have in common."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.estimation.noise.terms.common_errors import CommonErrors
+
+
+def test_modes_are_alike_in_every_coordinate():
+    """Each mode moves each coordinate by itself: shifts go by the first sigma, turns by the second."""
+    modes = np.array([[1.0, 0.0], [0.6, 0.8]])
+    errors = CommonErrors.in_every_coordinate(modes)
+    size = np.where(errors.is_turn, 3.0, 2.0)
+    covariance = (errors.by_stop[0] * size) @ (errors.by_stop[1] * size).T
+    np.testing.assert_allclose(covariance, 0.6 * np.diag([4, 4, 4, 9, 9, 9]))
+    np.testing.assert_allclose(errors.at_flange(np.array([2.0, 3.0])), [2, 2, 2, 3, 3, 3])
+
+
+def test_at_the_flange_is_the_root_mean_square_over_stops():
+    """Of an error that moves one coordinate by 3 and by 4 at two stops."""
+    by_stop = np.zeros((2, 6, 1))
+    by_stop[:, 1, 0] = 3.0, 4.0
+    np.testing.assert_allclose(
+        CommonErrors(by_stop, np.array([True])).at_flange(np.array([7.0, 2.0])), [0, np.sqrt(50), 0, 0, 0, 0]
+    )
