@@ -96,11 +96,11 @@ def test_views_behind_the_camera(behind, found):
     assert told(observations=views) == (("targets behind the camera",) if found else ())
 
 
-def answered(status="free", on="hand", chain=None, **places):
+def answered(status="free", on="hand", chain=None, more=(), **places):
     cell = Cell(
         "eye",
-        {"eye": Robot("eye"), "hand": Robot("hand", chain=chain)},
-        bases={"hand": Unknown(status)},
+        {"eye": Robot("eye"), "hand": Robot("hand", chain=chain), **{name: Robot(name) for name in more}},
+        bases={"hand": Unknown(status), **dict.fromkeys(more, Unknown("fixed"))},
         cameras={"wrist": CellCamera("wrist", "eye")},
         targets={"board": CellTarget("board", on)},
     )
@@ -118,6 +118,13 @@ def test_bases(far, found):
     """From 2 cm to 20 m apart, where they are not fixed."""
     assert answered(**{BASE: at(far)}) == ((f"{BASE} {far:.3g} m",) if found else ())
     assert answered("fixed", **{BASE: at(far)}) == ()
+
+
+@pytest.mark.parametrize(("far", "found"), [(19.9, False), (20.1, True)])
+def test_bases_in_a_row(far, found):
+    """Not from the reference, but from the nearest one: a long row of arms reaches farther than any two stand apart."""
+    places = {BASE: at(300.0 + far), "eye_base_from_next_base": at(300.0), "eye_base_from_last_base": at(0.0)}
+    assert answered(more=("next", "last"), **places) == ((f"{BASE} {300 + far:.3g} m",) if found else ())
 
 
 @pytest.mark.parametrize(("far", "found"), [(0.0, False), (20.1, True)])

@@ -94,12 +94,16 @@ def _outside(what: str, value: float, limits: tuple[float, float]) -> list[str]:
 def impossible_answer(cell: Cell, fit: HypothesisFit) -> tuple[str, ...]:
     """What cannot be in what came out: bases, mounts, and how far targets are from cameras."""
     transforms, found = fit.solution.state.transforms, []
-    for robot in cell.robots:
-        name = cell.base_name(robot)
-        if name in transforms and cell.transforms[name].status != "fixed":
+    bases = {cell.base_name(robot): robot for robot in cell.robots if cell.base_name(robot) in transforms}
+    for name, robot in bases.items():
+        if cell.transforms[name].status != "fixed":
             # Arms by joints may begin at one link, such as a turntable or a torso.
             nearest = 0.0 if cell.robots[robot].chain is not None else _BASES_M[0]
-            found += _outside(name, _length(transforms[name]), (nearest, _BASES_M[1]))
+            far = _length(transforms[name])
+            # Of a long row of arms the last is far from the first, and none is from the next.
+            others = [_length(transforms[name].inverse() @ transforms[other]) for other in bases if other != name]
+            if far < nearest or min(far, *others, np.inf) > _BASES_M[1]:
+                found.append(f"{name} {far:.3g} m")
     things: list[CellCamera | CellTarget] = [*cell.cameras.values(), *cell.targets.values()]
     for thing in things:
         most = _BASES_M[1] if thing.on == WORLD else _MOUNT_M
