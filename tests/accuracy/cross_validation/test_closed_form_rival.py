@@ -22,7 +22,7 @@ EXACT = Settings(robot_noise="stated")
 
 
 def rival_of(solution):
-    split = splits(solution.problem)[0]
+    split = next(splits(solution.problem))
     return closed_form_rival(solution, refit_folds(solution.problem, solution.state, split.folds, 50))
 
 

@@ -18,7 +18,7 @@ from basecal.simulation import Scenario, simulate
 
 
 def scored(problem: Problem, state: State) -> StationScores:
-    return score_stations(problem, state, splits(problem)[0], 100)
+    return score_stations(problem, state, next(splits(problem)), 100)
 
 
 @pytest.mark.parametrize("target", ["charuco", "led", "pose"])

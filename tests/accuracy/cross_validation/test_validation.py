@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
 from tests.evidence import evidence_of
 from tests.motion_cells import SCARA, recorded
 
-from basecal.accuracy.cross_validation.validation import HeldOutErrors, cross_validate, root_mean
+from basecal.accuracy.cross_validation.validation import CrossValidation, HeldOutErrors, cross_validate, root_mean
 from basecal.accuracy.findings.inconsistent_folds import inconsistent_folds
 from basecal.accuracy.findings.not_validated import not_validated
 from basecal.accuracy.findings.overfit import overfit
 from basecal.cell import Cell, Finding, Recording, Validation
+from basecal.estimation.least_squares import sparse_normal_equations
 from basecal.estimation.problem.build import build_problem
+from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve_packed
 from basecal.simulation import Scenario, simulate
 
@@ -53,6 +55,27 @@ def test_the_answer_moves_as_its_covariance_says(scenario):
     assert len(changes) == 8
     assert np.mean(changes) == pytest.approx(1.0, abs=0.6)
     assert [codes for _, codes, _ in found if codes] == []
+
+
+def test_many_robots_are_validated_as_few(monkeypatch):
+    """Three robots by sparse matrices: held-out errors and spread are those by dense ones, to a millionth."""
+    scenario = Scenario(layout="ring", robots=3, samples=30, robot_noise=(1e-4, 1e-4))
+    made = simulate(scenario, 1)
+    problem, _ = build_problem(made.cell, made.recording)
+
+    def checked_ring() -> CrossValidation:
+        """Solved and validated."""
+        found = cross_validate(solve_packed(problem, made.cell, Settings(robot_noise="stated")), made.cell.asked)
+        assert found is not None
+        return found
+
+    dense = checked_ring()
+    monkeypatch.setattr(sparse_normal_equations, "MANY_COLUMNS", 30)
+    sparse = checked_ring()
+    assert sparse.spread is not None
+    assert dense.spread is not None
+    np.testing.assert_allclose(astuple(sparse.spread), astuple(dense.spread), rtol=1e-5)
+    np.testing.assert_allclose(astuple(sparse.predicted), astuple(dense.predicted), rtol=1e-5)
 
 
 @pytest.mark.parametrize("arms", ["both", "stations"])

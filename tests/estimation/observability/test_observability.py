@@ -6,11 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.sparse import csc_array
 from tests.pose_problem import MOUNT, pose_problem
 
 from basecal.cell import Intrinsics, Unknown
-from basecal.estimation.observability.observability import observability_of, without_priors
+from basecal.estimation.least_squares.normal_equations import linearise
+from basecal.estimation.observability.observability import observability_of, sparse_observability, without_priors
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import solve_packed
 from basecal.geometry import SE3, Camera
+from basecal.numerics.sparse_hessian import SparseHessian
+from basecal.simulation import Scenario, simulate
 
 DISTANCE_M = 2.0
 LENS = Camera("pinhole", np.array([800.0, 1200.0, 640.0, 360.0, *[0.0] * 4]), (1280, 720))
@@ -32,6 +39,21 @@ def seen_with(sigmas, factor=1.0, lens=()):
 
 
 GOOD = np.array([1e-3] * 6)
+
+
+def test_sparse_matrices_say_the_same():
+    """The condition of three robots is that of the dense matrix; there is none where noise leaves a direction open."""
+    made = simulate(Scenario(layout="ring", robots=3, samples=30, robot_noise=(1e-4, 1e-4)), 1)
+    problem, _ = build_problem(made.cell, made.recording)
+    state = solve_packed(problem, made.cell, Settings(robot_noise="stated")).state
+    hessian = linearise(problem, state).hessian
+    sparse, dense = SparseHessian(csc_array(hessian)), observability_of(problem, state, hessian, 1.0)
+    assert sparse_observability(problem, state, sparse, 1e6) is None
+    assert observability_of(problem, state, hessian, 1e6).unobservable
+    found = sparse_observability(problem, state, sparse, 1.0)
+    assert found is not None
+    assert found.condition == pytest.approx(dense.condition, rel=2e-3)
+    np.testing.assert_allclose(found.inverse, dense.inverse, atol=1e-8 * np.abs(dense.inverse).max())
 
 
 @pytest.mark.parametrize("k", range(6))

@@ -7,7 +7,7 @@ ones would be predicted too well. So stations come first, and finer parts only w
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from basecal.estimation.problem.problem import Problem
@@ -32,7 +32,7 @@ class Split:
     folds: tuple[Samples, ...]
 
 
-def splits(problem: Problem, count: int = FOLDS) -> list[Split]:
+def splits(problem: Problem, count: int = FOLDS) -> Iterator[Split]:
     """Ways to split the samples into at most `count` folds to be held out one after another, the most severe first.
 
     Each keeps together what stands in one place: of every robot that moves, of one robot, or of nothing but repeated
@@ -40,13 +40,19 @@ def splits(problem: Problem, count: int = FOLDS) -> list[Split]:
     """
     places, samples = _places(problem), _samples(problem)
     found: list[Split] = []
-    fewest_first = sorted(places, key=lambda robot: (len(set(places[robot].values())), robot))
-    by_robot = [_parted(samples, {n: places[robot].get(n, n) for n in samples}) for robot in fewest_first]
-    for parts in [_joined(samples, places), *by_robot, _instants(samples, places)]:
+    for parts in _ways(samples, places):
         split = _split(parts, len(samples), count)
         if split is not None and all(split.folds != other.folds for other in found):
             found.append(split)
-    return found
+            yield split
+
+
+def _ways(samples: Sequence[int], places: Mapping[str, Mapping[int, Hashable]]) -> Iterator[list[Samples]]:
+    """Parts by each way, made as they are asked for: of many robots hardly any but the first is."""
+    yield _joined(samples, places)
+    for robot in sorted(places, key=lambda robot: (len(set(places[robot].values())), robot)):
+        yield _parted(samples, {n: places[robot].get(n, n) for n in samples})
+    yield _instants(samples, places)
 
 
 def instant_split(problem: Problem, count: int) -> Split | None:

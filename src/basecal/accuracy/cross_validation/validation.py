@@ -21,12 +21,13 @@ from basecal.accuracy.cross_validation.refit import Refit, refit_folds, with_kno
 from basecal.accuracy.residuals.fit import view_alone
 from basecal.cell import Validation
 from basecal.estimation.least_squares.normal_equations import linearise
-from basecal.estimation.observability.observability import observability_of, sparse_observability
+from basecal.estimation.least_squares.sparse_normal_equations import is_sparse, sparse_bundle
+from basecal.estimation.observability.observability import condition_where_seen, observability_of
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
 from basecal.estimation.settings import DEFAULT, Settings
 from basecal.estimation.solve import Solution
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.geometry import Array, IntArray
+from basecal.geometry import SE3, Array, BoolArray, IntArray
 from basecal.numerics.spectral import above, spectrum
 
 # Of a fold's variance over that of the full answer, less one: along a direction with less the fold has lost nothing
@@ -37,10 +38,10 @@ _FEWEST_FREEDOMS = 5.0  # of the spread: with fewer its square is known to worse
 
 @dataclass(frozen=True, eq=False)
 class _Fold:
-    """A fit without some samples, and the inverse (p, p) of its information where it is observable."""
+    """A fit without some samples, and of the inverse of its information the columns (p, c) of what was asked for."""
 
     fit: Refit
-    inverse: Array
+    columns: Array
 
     @property
     def state(self) -> State:
@@ -48,9 +49,9 @@ class _Fold:
         return self.fit.optimum.state
 
     @property
-    def hessian(self) -> Array:
+    def hessian(self) -> Array | csc_array:
         """(p, p) information of the samples used."""
-        return self.fit.optimum.hessian
+        return self.fit.optimum.hessian if self.fit.sparse is None else self.fit.sparse.matrix
 
 
 @dataclass(frozen=True)
@@ -114,11 +115,12 @@ def cross_validate(solution: Solution, asked: Sequence[str], settings: Settings 
     free = [name for name in asked if name in solution.problem.columns]
     if not solution.converged or solution.observability.unobservable.intersection(free):
         return None
+    chosen = _columns_of(solution.problem, free)
     fitted: list[_Fold] = []
     skipped: Samples = frozenset()
     for split in splits(solution.problem):
         refits = refit_folds(solution.problem, solution.state, split.folds, settings.iterations)
-        tried = [_fold(solution, free, fit) for fit in refits]
+        tried = [_fold(solution, free, chosen, fit) for fit in refits]
         fitted = [fold for fold in tried if fold is not None]
         skipped = frozenset().union(*(fit.held for fit, fold in zip(refits, tried, strict=True) if fold is None))
         if 2 * len(fitted) > len(refits):
@@ -126,7 +128,7 @@ def cross_validate(solution: Solution, asked: Sequence[str], settings: Settings 
     if not fitted:
         return CrossValidation(None, None, HeldOutErrors(), HeldOutErrors(), skipped)
     used, predicted = _errors(solution, fitted)
-    spread = _spread(solution, fitted, free)
+    spread = _spread(solution, fitted, free, chosen)
     summary = Validation(
         kind="k-fold" if any(len(fold.fit.held) > 1 for fold in fitted) else "leave-one-out",
         folds=len(fitted),
@@ -139,57 +141,88 @@ def cross_validate(solution: Solution, asked: Sequence[str], settings: Settings 
     return CrossValidation(summary, spread, used, predicted, skipped, rival)
 
 
-def _fold(solution: Solution, asked: Sequence[str], fit: Refit) -> _Fold | None:
+def _columns_of(problem: Problem, names: Sequence[str]) -> IntArray:
+    where = [problem.columns[name] for name in names]
+    return np.array([k for each in where for k in range(each.start, each.stop)], dtype=np.int64)
+
+
+def _fold(solution: Solution, asked: Sequence[str], chosen: IntArray, fit: Refit) -> _Fold | None:
     """A fold with what it determines; None where it has no optimum, or a transform asked for is unobservable."""
-    end = fit.optimum
-    observability = None
-    if fit.sparse is not None:
-        observability = sparse_observability(fit.used, end.state, fit.sparse, solution.noise.factor)
-    if observability is None:
-        observability = observability_of(fit.used, end.state, end.hessian, solution.noise.factor)
-    if not end.converged or observability.unobservable.intersection(asked):
+    end, factor = fit.optimum, solution.noise.factor
+    if not end.converged:
         return None
-    return _Fold(fit, observability.inverse)
+    if fit.sparse is not None and condition_where_seen(fit.used, end.state, fit.sparse, factor) is not None:
+        return _Fold(fit, fit.sparse.inverse_columns(chosen))
+    observability = observability_of(fit.used, end.state, end.hessian, factor)
+    if observability.unobservable.intersection(asked):
+        return None
+    return _Fold(fit, observability.inverse[:, chosen])
 
 
 def _errors(solution: Solution, fitted: Sequence[_Fold]) -> tuple[HeldOutErrors, HeldOutErrors]:
     """Of the held-out views: as the full answer has them, and as the folds predict them."""
     used, predicted = HeldOutErrors(), HeldOutErrors()
+    alone = _views_alone(solution)
     for fold in fitted:
         full, views = with_known_stops(solution.state, fold.fit.known), fold.fit.views
         for group in views.groups:
             in_pixels = isinstance(group.measurement, PixelMeasurement)
-            used += _of_group(views, group, full, posed=not in_pixels)
-            predicted += _of_group(views, group, fold.state, posed=True)
+            used += _of_group(views, group, full, None if in_pixels else alone)
+            predicted += _of_group(views, group, fold.state, alone)
     return used, predicted
 
 
-def _of_group(views: Problem, group: ViewGroup, state: State, posed: bool) -> HeldOutErrors:
-    """Of a group's views; of the target's pose, which takes most of the time, only where `posed`."""
+@dataclass(frozen=True, eq=False)
+class _Alone:
+    """What `view_alone` says of all views of a group, by their samples: it needs no fold where the lens is known."""
+
+    sample: IntArray
+    camera_from_target: SE3
+    enough: BoolArray
+
+
+def _views_alone(solution: Solution) -> dict[tuple[str, str], _Alone]:
+    """By camera, whose lens is known, and target."""
+    problem, state, found = solution.problem, solution.state, {}
+    for group in problem.groups:
+        if group.camera not in problem.columns:
+            alone = view_alone(state, group, state.camera_from_target(group, problem.stops))
+            found[group.camera, group.target] = _Alone(group.sample, *alone)
+    return found
+
+
+def _of_group(
+    views: Problem, group: ViewGroup, state: State, alone: Mapping[tuple[str, str], _Alone] | None
+) -> HeldOutErrors:
+    """Of a group's views; of the target's pose only where it is known, or may be found, what views `alone` say."""
     predicted = state.camera_from_target(group, views.stops)
     cost = float(group.measurement.linearise(predicted, state.cameras.get(group.camera), False).cost.sum())
     square_px, count_px = 0.0, 0
     if isinstance(group.measurement, PixelMeasurement):
         off_px = group.measurement.residual_px(predicted, state.cameras[group.camera])[group.measurement.weight > 0]
         square_px, count_px = float(np.sum(off_px**2)), off_px.size
-    if not posed:
+    if alone is None:
         return HeldOutErrors(cost, square_px, count_px)
-    alone, enough = view_alone(state, group, predicted)
-    off = (alone.inverse() @ predicted)[np.flatnonzero(enough)]
+    known = alone.get((group.camera, group.target))
+    if known is None:
+        pose, enough = view_alone(state, group, predicted)
+    else:
+        rows = np.flatnonzero(np.isin(known.sample, group.sample))
+        pose, enough = known.camera_from_target[rows], known.enough[rows]
+    off = (pose.inverse() @ predicted)[np.flatnonzero(enough)]
     square_m, square_rad = float(np.sum(off.translation**2)), float(np.sum(off.rotvec**2))
     return HeldOutErrors(cost, square_px, count_px, square_m, square_rad, int(enough.sum()))
 
 
-def _spread(solution: Solution, fitted: Sequence[_Fold], asked: Sequence[str]) -> FoldSpread | None:
+def _spread(solution: Solution, fitted: Sequence[_Fold], asked: Sequence[str], chosen: IntArray) -> FoldSpread | None:
     """How far the transforms asked for move between the folds and the full answer, by what its covariance expects."""
     columns = solution.problem.columns
-    chosen = np.array([k for name in asked for k in range(columns[name].start, columns[name].stop)], dtype=np.int64)
     if not len(chosen):
         return None
-    hessian, factor = linearise(solution.problem, solution.state).hessian, solution.noise.factor
+    hessian, factor = _information(solution), solution.noise.factor
     covariance = solution.covariance[np.ix_(chosen, chosen)]
     # A fold's change in units of what is expected of it, along the directions in which it has lost information.
-    units = [_whitening(factor * fold.inverse[np.ix_(chosen, chosen)], covariance) for fold in fitted]
+    units = [_whitening(factor * fold.columns[chosen], covariance) for fold in fitted]
     moved = [_moved(solution.state, fold.state, asked, columns) for fold in fitted]
     whitened = [unit @ change for unit, change in zip(units, moved, strict=True)]
     freedoms = sum(len(each) for each in whitened)
@@ -199,7 +232,7 @@ def _spread(solution: Solution, fitted: Sequence[_Fold], asked: Sequence[str]) -
 
     def squares(i: int, j: int) -> float:
         """Sum of the squares of how two folds' changes, made unit, go together."""
-        together = factor * _shared(fitted[i], fitted[j], hessian, chosen) - covariance
+        together = factor * _shared(fitted[i], fitted[j], hessian) - covariance
         return float(np.sum((units[i] @ together @ units[j].T) ** 2))
 
     correlation = sum((1 if i == j else 2) * squares(i, j) for i in range(len(fitted)) for j in range(i + 1))
@@ -211,12 +244,18 @@ def _spread(solution: Solution, fitted: Sequence[_Fold], asked: Sequence[str]) -
     return FoldSpread(mean, effective, float(chdtrc(effective, effective * mean)))
 
 
-def _shared(first: _Fold, second: _Fold, hessian: Array, chosen: IntArray) -> Array:
+def _information(solution: Solution) -> Array | csc_array:
+    """(p, p) of all samples, sparse where unknowns are many."""
+    problem, state = solution.problem, solution.state
+    if is_sparse(problem):
+        return sparse_bundle(problem).linearise(state).hessian.matrix
+    return linearise(problem, state).hessian
+
+
+def _shared(first: _Fold, second: _Fold, hessian: Array | csc_array) -> Array:
     """Covariance of two folds' answers at unit noise, by the information of the samples that both of them used."""
     both = first.hessian if first is second else first.hessian + second.hessian - hessian
-    if first.fit.sparse is not None:
-        both = csc_array(both)
-    shared: Array = first.inverse[chosen] @ (both @ second.inverse[:, chosen])
+    shared: Array = first.columns.T @ (both @ second.columns)
     return shared
 
 

@@ -49,11 +49,11 @@ def local_fits(solution: Solution, asked: Sequence[str]) -> tuple[LocalFit, ...]
     problem = solution.problem
     places = [seen_at(group, solution.state) for group in problem.groups]
     samples = [group.sample for group in problem.groups]
-    ways = splits(problem)
+    split = next(splits(problem), None)
     parts = list(_parts(np.concatenate(places), np.concatenate(samples))) if places else []
-    if len(parts) < 2 or not ways:
+    if len(parts) < 2 or split is None:
         return ()
-    folds = ways[0].folds
+    folds = split.folds
     everywhere = refit_folds(problem, solution.state, folds, _ITERATIONS)
     found = []
     for numbers in parts:

@@ -59,7 +59,7 @@ class Motion:
 
 def motions(problem: Problem) -> dict[str, Motion]:
     """How each robot of the views moves, by name."""
-    found = {}
+    found, least = {}, _least(problem)
     for robot, base_from_flange in _poses(problem).items():
         first = base_from_flange[0]
         turns = SE3(base_from_flange.rotation @ first.rotation.T, np.zeros((len(base_from_flange), 3))).rotvec
@@ -67,7 +67,7 @@ def motions(problem: Problem) -> dict[str, Motion]:
         about = np.abs(turns @ axes).max(axis=0)
         order = np.argsort(-about)
         travel = float(np.linalg.norm(base_from_flange.translation - first.translation, axis=-1).max())
-        twists = _indistinct(base_from_flange, _least(problem, robot))[0]
+        twists = _indistinct(base_from_flange, least.get(robot, LEAST_RMS))[0]
         count = len({int(n) for g in problem.groups if robot in (g.eye, g.hand) for n in g.sample})
         found[robot] = Motion(robot, count, travel, about[order], axes[:, order], _orientations(turns), twists)
     return found
@@ -97,11 +97,11 @@ def _orientations(turns: Array) -> int:
     return _FEW
 
 
-def _least(problem: Problem, robot: str) -> float:
-    """What motion counts, rms: more than a thousandth or so, and several sigmas of the robot's stated noise."""
-    own = [k for k, name in enumerate(problem.stops.robot) if name == robot]
-    noise = problem.stops.sigma[own[0]] / SCALE if own else np.zeros(6)
-    return max(LEAST_RMS, _NOISE_SIGMAS * float(noise.max()))
+def _least(problem: Problem) -> dict[str, float]:
+    """By robot with stated noise what motion counts, rms: more than a thousandth or so, and several of its sigmas."""
+    first = {name: k for k, name in reversed(list(enumerate(problem.stops.robot)))}
+    noise = {name: float((problem.stops.sigma[k] / SCALE).max()) for name, k in first.items()}
+    return {name: max(LEAST_RMS, _NOISE_SIGMAS * largest) for name, largest in noise.items()}
 
 
 def _indistinct(base_from_flange: SE3, least: float) -> tuple[Array, Array]:
@@ -125,9 +125,9 @@ def null_directions(problem: Problem, state: State) -> Array:
     Each moves a robot's base and what it carries so that the flange's poses hide it. Where any of these is fixed it is
     none. The paths of a flange with a target of one point may leave open more than these.
     """
-    found = []
+    found, least = [], _least(problem)
     for robot, poses in _poses(problem).items():
-        at_base, at_flange = _indistinct(poses, _least(problem, robot))
+        at_base, at_flange = _indistinct(poses, least.get(robot, LEAST_RMS))
         found += [_direction(problem, state, robot, *pair) for pair in zip(at_base, at_flange, strict=True)]
     loose = [direction for direction in found if direction is not None]
     return np.stack(loose, axis=1) if loose else np.zeros((problem.width, 0))

@@ -77,14 +77,21 @@ def observability_of(problem: Problem, state: State, hessian: Array, factor: flo
 
 def sparse_observability(problem: Problem, state: State, hessian: SparseHessian, factor: float) -> Observability | None:
     """As `observability_of` where every direction is seen; None where it is not, or motions leave one open."""
-    length = _length(problem, state)
-    scaled = hessian.in_units(_scales(problem, state, length))
+    condition = condition_where_seen(problem, state, hessian, factor)
+    if condition is None:
+        return None
+    inverse, length = hessian.inverse_at(np.arange(problem.width)), _length(problem, state)
+    return Observability(inverse, condition, (), frozenset(), np.eye(problem.width), length)
+
+
+def condition_where_seen(problem: Problem, state: State, hessian: SparseHessian, factor: float) -> float | None:
+    """Largest over smallest scaled sigma where every direction is seen; else None, and where motions leave one open."""
+    scaled = hessian.in_units(_scales(problem, state, _length(problem, state)))
     noise = max(factor, _SMALLEST_FACTOR)
     smallest, largest = scaled.extremes
     if smallest < noise / _UNOBSERVABLE_SIGMA**2 or null_directions(problem, state).shape[1]:
         return None
-    inverse = hessian.inverse_at(np.arange(problem.width))
-    return Observability(inverse, float(np.sqrt(largest / smallest)), (), frozenset(), np.eye(problem.width), length)
+    return float(np.sqrt(largest / smallest))
 
 
 def _without_null_directions(problem: Problem, state: State, hessian: Array) -> Array:
