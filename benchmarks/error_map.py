@@ -52,6 +52,7 @@ KINDS = {
     "poses, estimated": replace(_POSES, **_UNSTATED),
     "joints, stated": replace(_JOINTS, joint_offsets="prior", link_parameters="prior"),
     "joints, estimated": replace(_JOINTS, **_UNSTATED),
+    "exact joints, estimated": replace(_POSES, joints=True, **_UNSTATED),
 }
 
 

@@ -47,3 +47,14 @@ def test_errors_in_common_go_by_stops_or_stand_by_themselves():
     worse = alone.value(raised)[0] - plain.value(raised[:5])[0]
     same = alone.value(alone.start)[0] - plain.value(alone.start[:5])[0]
     np.testing.assert_allclose(worse, same)
+
+
+def test_beside_errors_in_common_single_stops_may_be_tied_less():
+    """A tenth of a shift off from reach times turn costs what the tie says."""
+    model = _model(CommonErrors.in_every_coordinate(np.ones((8, 1))))
+    off = np.zeros(9)
+    off[1] = 0.1
+    for tie in (1.05, 2.0):
+        prior = hyperpriors(model, REACH_M, KINEMATICS._replace(tie=tie))
+        costs = prior.value(prior.start + off)[0] - prior.value(prior.start)[0]
+        np.testing.assert_allclose(costs, (0.1 / np.log(tie)) ** 2)

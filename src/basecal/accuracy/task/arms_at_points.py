@@ -10,7 +10,7 @@ import numpy as np
 
 from basecal.errors import NotConverged
 from basecal.estimation.problem.problem import Problem, State
-from basecal.estimation.problem.robot_parameters import by_columns
+from basecal.estimation.problem.robot_parameters import Kinematics, by_columns
 from basecal.geometry import SE3, Array, IntArray
 from basecal.kinematics import SerialChain
 from basecal.kinematics.inverse import inverse
@@ -21,7 +21,7 @@ _STEPS = 40  # of the inverse: a point that is out of reach has the arm's errors
 def moved_by_kinematics(
     problem: Problem, state: State, robot: str, points_in_base_m: Array
 ) -> tuple[Array, IntArray] | None:
-    """Derivative of a flange at points, turned as in the recorded pose nearest to each.
+    """Derivative of a flange at points to what is estimated of its arm.
 
     Args:
         problem: What was recorded.
@@ -34,31 +34,46 @@ def moved_by_kinematics(
         which nothing is estimated.
     """
     model = problem.modelled(robot)
-    recorded = _recorded(problem, robot)
+    recorded = recorded_joints(problem, robot)
     if model is None or recorded is None:
         return None
+    joints = joints_at(problem, state, robot, recorded, points_in_base_m)
     kinematics = state.kinematics(model)
-    poses = kinematics.forward(recorded)
-    apart = np.linalg.norm(points_in_base_m[:, None] - poses.translation[None], axis=-1)
-    nearest = recorded[apart.argmin(1)]
-    rotation = poses.rotation[apart.argmin(1)]
-    as_stated = model.chain.forward(nearest) @ kinematics.forward(nearest).inverse()
-    joints = _joints(model.chain, as_stated @ SE3(rotation, points_in_base_m), nearest)
-    moved = by_columns(model, kinematics, joints)
-    axes = kinematics.forward(joints).rotation
+    moved = in_base_axes(by_columns(model, kinematics, joints), kinematics.forward(joints).rotation)
     columns = [np.arange(problem.columns[name].start, problem.columns[name].stop) for name in model.widths]
-    turned = [axes @ moved[:, :3], axes @ moved[:, 3:]]
-    return np.concatenate(turned, axis=1), np.concatenate(columns)
+    return moved, np.concatenate(columns)
 
 
-def _joints(chain: SerialChain, poses: SE3, start: Array) -> Array:
-    try:
-        return inverse(chain, poses, start, iterations=_STEPS)
-    except NotConverged as error:
-        return np.asarray(error.state)
+def kinematics_of_robot(problem: Problem, state: State, robot: str) -> Kinematics:
+    """Where the kinematics of a robot with a chain are, as stated unless they are estimated."""
+    model = problem.modelled(robot)
+    return Kinematics(problem.chains[robot]) if model is None else state.kinematics(model)
 
 
-def _recorded(problem: Problem, robot: str) -> Array | None:
+def joints_at(problem: Problem, state: State, robot: str, recorded: Array, points_in_base_m: Array) -> Array:
+    """Joints, (n, joints) [rad], that bring a flange to points, turned as in the recorded pose nearest to each.
+
+    Args:
+        problem: What was recorded.
+        state: What was found.
+        robot: A robot with a chain.
+        recorded: (m, joints) its joints in all views [rad].
+        points_in_base_m: (n, 3) in its base [m].
+    """
+    kinematics = kinematics_of_robot(problem, state, robot)
+    poses = kinematics.forward(recorded)
+    nearest = np.linalg.norm(points_in_base_m[:, None] - poses.translation[None], axis=-1).argmin(1)
+    start = recorded[nearest]
+    as_stated = kinematics.chain.forward(start) @ kinematics.forward(start).inverse()
+    return _joints(kinematics.chain, as_stated @ SE3(poses.rotation[nearest], points_in_base_m), start)
+
+
+def in_base_axes(by_columns: Array, base_from_flange: Array) -> Array:
+    """Derivatives of a flange, right tangents (n, 6, k), in the axes of its base, by its rotations there, (n, 3, 3)."""
+    return np.concatenate([base_from_flange @ by_columns[:, :3], base_from_flange @ by_columns[:, 3:]], axis=1)
+
+
+def recorded_joints(problem: Problem, robot: str) -> Array | None:
     """Joints of a robot in all views, (m, n) [rad]; None where they were not recorded."""
     found = [
         joints
@@ -67,3 +82,10 @@ def _recorded(problem: Problem, robot: str) -> Array | None:
         if name == robot and joints is not None
     ]
     return np.concatenate(found) if found else None
+
+
+def _joints(chain: SerialChain, poses: SE3, start: Array) -> Array:
+    try:
+        return inverse(chain, poses, start, iterations=_STEPS)
+    except NotConverged as error:
+        return np.asarray(error.state)

@@ -41,6 +41,6 @@ def at_task(
     return replace(
         calibration,
         budget=found,
-        error_map=error_map(cell, calibration, by_clocks, point_m),
+        error_map=error_map(cell, calibration, by_clocks, point_m, by_clocks.covariance - fitted.covariance),
         local=local_fits(fitted, [name for name in placing(cell) if name in calibration.transforms]),
     )

@@ -42,11 +42,13 @@ class CommonPrior(NamedTuple):
         turn: Mean of that of turns, and the factor of a standard deviation.
         is_over_stop: Whether these are over the sigma of single stops; else they are in radians.
         lever: Mean of a shift over a turn [m], that of the robot's reach where None, and the factor.
+        tie: That factor of single stops' shifts over reach times turns, beside these errors.
     """
 
     turn: tuple[float, float]
     is_over_stop: bool = True
     lever: tuple[float | None, float] = (None, _TIE)
+    tie: float = _TIE
 
 
 KINEMATICS = CommonPrior((3e-4, 5.0), is_over_stop=False, lever=(0.5, 2.0))
@@ -94,9 +96,10 @@ def hyperpriors(model: MixedModel, reach_m: Mapping[str, float], common: CommonP
         rows.append((np.eye(k)[i], np.log(mean), factor))
     first = len(open_parts(model))
     count = len(model.robots)
+    tie = _TIE if common is None else common.tie
     for i, robot in enumerate(model.robots):
         at = first + 2 * i
-        rows.append((np.eye(k)[at] - np.eye(k)[at + 1], np.log(max(reach_m[robot], 0.1)), np.log(_TIE)))
+        rows.append((np.eye(k)[at] - np.eye(k)[at + 1], np.log(max(reach_m[robot], 0.1)), np.log(tie)))
     rows += _pooled(np.eye(k)[first + 1 : first + 2 * count : 2], _ROBOT_RAD)
     for i in range(len(model.shaken)):
         rows.append((np.eye(k)[first + 2 * count + i], np.log(_JITTER_S[0]), np.log(_JITTER_S[1])))

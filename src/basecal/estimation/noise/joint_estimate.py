@@ -200,6 +200,22 @@ def sigma_models(problem: Problem, state: State, noise: NoiseEstimate) -> dict[s
     return models
 
 
+def sigmas_with(
+    problem: Problem, state: State, noise: NoiseEstimate, shared: Mapping[str, CommonErrors], expected: CommonPrior
+) -> SigmaPosterior:
+    """The sigmas of a model in which stops have more in common.
+
+    Args:
+        problem: The problem with the most likely sigmas.
+        state: Its optimum.
+        noise: These sigmas, estimated jointly.
+        shared: What stops have in common, by robot, of some of `open_robots`.
+        expected: Of its sigmas.
+    """
+    with np.errstate(all="ignore"):
+        return _sigma_posterior(problem, state, open_robots(problem), noise.logs, shared, expected)
+
+
 def _readjusted(
     used: Problem,
     end: Optimum,

@@ -18,7 +18,7 @@ from basecal.estimation.noise.hyperpriors import LogNormals
 from basecal.estimation.noise.mixed_model import MixedModel
 from basecal.estimation.noise.reml import Columns, Posterior, columns_given, open_parts, posterior
 from basecal.estimation.noise.secant import Secant, corrected
-from basecal.geometry import Array
+from basecal.geometry import Array, IntArray
 from basecal.numerics.spectral import floored, spectrum
 
 # Newton's steps, at most, and how often one that leads uphill is halved.
@@ -152,9 +152,33 @@ def integrated_covariance(models: Sequence[SigmaPosterior], about: Array) -> Arr
     return total
 
 
+def expected_squares(of: SigmaPosterior, columns: IntArray) -> tuple[Array, Array]:
+    """Means over all that the sigmas may be, given the data.
+
+    Args:
+        of: The sigmas of a model.
+        columns: (c,) some of its columns.
+
+    Returns:
+        Of the products of the columns' values about the model's state, (c, c), those of errors in metres and radians.
+        Of the squares of the sigmas, (k,).
+    """
+    products, squares = np.zeros((len(columns), len(columns))), np.zeros(len(of.logs))
+    for weight, known in _weighed_nodes(of):
+        mean, spread = known.in_units(columns)
+        products += weight * (spread + np.outer(mean, mean))
+        squares += weight * np.exp(2 * known.logs)
+    return products, squares
+
+
 def _over_nodes(of: SigmaPosterior, about: Array) -> Array:
+    return np.asarray(sum(weight * _spread(known, about) for weight, known in _weighed_nodes(of)))
+
+
+def _weighed_nodes(of: SigmaPosterior) -> list[tuple[float, Columns]]:
+    """Sigmas that stand for all that they may be, by their weights, which add up to 1, and what is known at each."""
     if np.sqrt(np.diag(of.covariance)).max(initial=0.0) < _KNOWN:
-        return _spread(columns_given(of.model, of.logs), about)
+        return [(1.0, columns_given(of.model, of.logs))]
     tails = np.diag(of.covariance).max() > _NEARLY_NORMAL**2 and of.model.layout.blocks <= _FEW_STOPS
     nodes, drawn = _drawn(of) if tails else _cubature(of)
     known = [columns_given(of.model, node) for node in nodes]
@@ -162,7 +186,7 @@ def _over_nodes(of: SigmaPosterior, about: Array) -> Array:
     values = np.where(np.isfinite(values), values, np.inf) - drawn
     weights = np.exp(-0.5 * (values - values.min()))
     weights /= weights.sum()
-    return np.asarray(sum(w * _spread(each, about) for w, each in zip(weights, known, strict=True) if w > 0))
+    return [(float(weight), each) for weight, each in zip(weights, known, strict=True) if weight > 0]
 
 
 def _cubature(of: SigmaPosterior) -> tuple[Array, Array]:

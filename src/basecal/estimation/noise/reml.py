@@ -57,6 +57,11 @@ class Columns:
         """(p, p) of the unknowns."""
         return self.spread[: self.model.width, : self.model.width]
 
+    def in_units(self, columns: IntArray) -> tuple[Array, Array]:
+        """Mean, (c,), and covariance, (c, c), of some columns, those of errors in metres and radians, not sigmas."""
+        scales = _scales(self.logs, _which(self.model, len(open_parts(self.model)))[0])[columns]
+        return self.mean[columns] * scales, self.spread[np.ix_(columns, columns)] * scales[:, None] * scales
+
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
@@ -155,6 +160,12 @@ def sigma_count(model: MixedModel) -> int:
     """How many sigmas are open: of `open_parts`, of robots' stops in pairs, of jitter, of what stops have in common."""
     pairs = 2 * len(model.robots)
     return len(open_parts(model)) + pairs + len(model.shaken) + (pairs if model.common.any() else 0)
+
+
+def sigmas_of(model: MixedModel, robot: str) -> slice:
+    """Where the two sigmas of a robot's single stops stand among the logarithms."""
+    at = len(open_parts(model)) + 2 * model.robots.index(robot)
+    return slice(at, at + 2)
 
 
 def posterior(model: MixedModel, logs: Array) -> Posterior:

@@ -1,0 +1,82 @@
+"""Errors of an arm's joints and links that nobody estimates, as its stops and its poses elsewhere have them in common.
+
+Each offset of a joint, and each shift and turn of a link, is an error by itself, of one sigma for turns and one for
+shifts. What recorded poses show of them says how large they are, and with that what they may be in directions that no
+recorded pose shows: a mount takes up what shifts the flange by which it hangs, at all poses alike, and the answer fits
+as well; sent elsewhere, that flange is off.
+Source: docs/mathematics.md (14.6).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.accuracy.task.arms_at_points import in_base_axes, joints_at, kinematics_of_robot, recorded_joints
+from basecal.estimation.noise.hyperpriors import CommonPrior
+from basecal.estimation.noise.terms.common_errors import CommonErrors
+from basecal.estimation.noise.terms.posture_at_stops import posture_at_stops
+from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.problem.robot_parameters import Kinematics
+from basecal.geometry import Array, BoolArray
+
+# Uncalibrated arms miss places by 0.5 to 2 mm (Nubiola & Bonev 2013). Nine tenths of that are offsets of joints (Judd &
+# Knasinski 1990), five or so of them over distances of 0.1 to 0.9 m, 1.3 m in all: 0.8 mrad, within a factor that spans
+# arms calibrated by their makers and arms of hobbyists. The last tenth is links: turned by a quarter of that, and
+# shifted by some tenths of a millimetre.
+_OFFSET_RAD = (8e-4, 4.0)
+_TURN_OVER_OFFSET = 0.25
+_SHIFT_OVER_OFFSET_M = (0.2, 3.0)
+# Beside them what is left of a stop is not smooth in its pose, and hardly tied.
+_TIE = 2.0
+EXPECTED = CommonPrior(_OFFSET_RAD, is_over_stop=False, lever=_SHIFT_OVER_OFFSET_M, tie=_TIE)
+"""Of their sigmas, that of turns the one of an offset."""
+
+_OFFSETS, _LINKS = "joint_offsets", "link_parameters"
+
+
+def kinematic_errors(problem: Problem, state: State, robot: str) -> CommonErrors | None:
+    """What the stops of a robot have in common by its joints and links; None where it has none that are open.
+
+    Args:
+        problem: What was recorded.
+        state: What was found.
+        robot: The robot.
+    """
+    at, kinds = posture_at_stops(problem, robot), _open_kinds(problem, robot)
+    if at is None or not kinds:
+        return None
+    return CommonErrors(*_moved(kinematics_of_robot(problem, state, robot), at.recorded, kinds))
+
+
+def moved_by_errors(problem: Problem, state: State, robot: str, points_in_base_m: Array) -> Array:
+    """How the flange of a robot moves with its `kinematic_errors`, (n, 6, k) in the axes of its base [m, rad].
+
+    Args:
+        problem: What was recorded.
+        state: What was found.
+        robot: A robot that has some.
+        points_in_base_m: (n, 3) where its flange is, in its base [m].
+    """
+    recorded = recorded_joints(problem, robot)
+    assert recorded is not None
+    joints = joints_at(problem, state, robot, recorded, points_in_base_m)
+    kinematics = kinematics_of_robot(problem, state, robot)
+    moved, _ = _moved(kinematics, joints, _open_kinds(problem, robot))
+    return in_base_axes(moved, kinematics.forward(joints).rotation)
+
+
+def _open_kinds(problem: Problem, robot: str) -> list[str]:
+    """Kinds of errors of which no prior says how large they are; none of a robot without a chain."""
+    if robot not in problem.chains:
+        return []
+    stated = problem.models[robot].stated if robot in problem.models else {}
+    return [kind for kind in (_OFFSETS, _LINKS) if kind not in stated or stated[kind].status != "prior"]
+
+
+def _moved(kinematics: Kinematics, joints: Array, kinds: list[str]) -> tuple[Array, BoolArray]:
+    """How a flange at joints, (m, n), moves with each error, (m, 6, k), and which of these are turns, (k,)."""
+    at, n = kinematics.moved.at(kinematics.true_joints(joints)), kinematics.chain.n
+    of_link = np.repeat([1.0, _TURN_OVER_OFFSET], 3)
+    moved = {_OFFSETS: at.by_joints, _LINKS: at.by_links * np.tile(of_link, n + 1)}
+    is_turn = {_OFFSETS: np.ones(n, dtype=bool), _LINKS: np.tile(of_link < 1, n + 1)}
+    return np.concatenate([moved[kind] for kind in kinds], -1), np.concatenate([is_turn[kind] for kind in kinds])

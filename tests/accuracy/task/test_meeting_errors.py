@@ -1,0 +1,74 @@
+"""What flanges miss one another by, with errors of arms that no residual shows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.task.error_map import error_map
+from basecal.cell import Calibration
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import solve
+from basecal.simulation import Scenario, simulate
+
+BASE = "eye_base_from_hand_base"
+UNSTATED = {"state_robot_noise": False, "state_pixel_noise": False, "robot_noise": (1e-4, 2e-4)}
+ARMS = Scenario(samples=12, joints=True, **UNSTATED)
+OFF = replace(ARMS, joint_offset_rad=2e-3)
+
+
+def mapped(scenario: Scenario, seed: int = 3, **changed):
+    made = simulate(scenario, seed)
+    solution = solve(made.cell, made.recording, Settings(robot_noise="estimated"))
+    robots = {name: {"sigma_t_m": of[:3], "sigma_r_rad": of[3:]} for name, of in solution.noise.robots.items()}
+    calibration = Calibration("good", dict(solution.transforms), noise={"robots": robots})
+    return solution, error_map(made.cell, calibration, solution, made.truth[BASE].translation / 2, **changed)
+
+
+@pytest.fixture(scope="module")
+def of_arms_off():
+    return mapped(OFF)
+
+
+def test_arms_that_are_off_are_off_elsewhere(of_arms_off):
+    """Offsets of 2 mrad turn each flange by more than that, which mounts take up: the map says 4 mrad at the least."""
+    _, found = of_arms_off
+    assert found.angle_95_rad.min() > 4e-3
+
+
+def test_arms_that_are_not_off_are_not_said_to_be(of_arms_off):
+    """The same recording of exact arms has a map less than half as large."""
+    _, exact = mapped(ARMS)
+    assert exact.angle_95_rad.max() < of_arms_off[1].angle_95_rad.min() / 2
+
+
+def test_what_noise_is_not_comes_on_top(of_arms_off):
+    """A widening by 10 mrad about each axis of the base is found again in the turns."""
+    solution, _ = of_arms_off
+    wider = np.zeros_like(solution.covariance)
+    turns = np.arange(6)[3:] + solution.problem.columns[BASE].start
+    wider[turns, turns] = 1e-4
+    _, found = mapped(OFF, widening=wider)
+    assert found.angle_95_rad.min() > 2.7e-2
+    assert found.angle_95_rad.max() < 4e-2
+
+
+def test_a_robot_by_poses_beside_an_arm():
+    """Each is off in its own way: the map stands between that of two arms and that of none."""
+    made = simulate(OFF, 3)
+    samples = [
+        replace(
+            sample,
+            robots={**sample.robots, "eye": replace(sample.robots["eye"], joints_rad=None, base_from_flange=pose)},
+        )
+        for sample, pose in zip(made.recording.samples, made.true_base_from_flange["eye"], strict=True)
+    ]
+    recording = replace(made.recording, samples=tuple(samples))
+    cell = replace(made.cell, robots={**made.cell.robots, "eye": replace(made.cell.robots["eye"], chain=None)})
+    solution = solve(cell, recording, Settings(robot_noise="estimated"))
+    robots = {name: {"sigma_t_m": of[:3], "sigma_r_rad": of[3:]} for name, of in solution.noise.robots.items()}
+    calibration = Calibration("good", dict(solution.transforms), noise={"robots": robots})
+    found = error_map(cell, calibration, solution, made.truth[BASE].translation / 2)
+    assert 1e-3 < found.angle_95_rad.min() < 2e-2
