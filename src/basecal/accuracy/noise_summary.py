@@ -15,6 +15,7 @@ def noise_summary(cell: Cell, recording: Recording, solution: Solution) -> dict[
     """Sigmas by their names, those of `cameras` whose noise was estimated, and of `robots`, stated or estimated.
 
     `factor` of a camera is its sigma over the median of those that its detector claims, null where that claims none.
+    `targets` has the coefficients of shapes that were estimated, in sigmas, see `noise.target_shape`.
     What a robot's stops have in common stands by the name of its term: what it comes to at the flange, root of the mean
     square over stops [m, rad], and the term's figures.
     """
@@ -33,6 +34,8 @@ def noise_summary(cell: Cell, recording: Recording, solution: Solution) -> dict[
     }
     if solution.problem.jitter_s:
         used["clocks"] = {name: {"jitter_s": sigma} for name, sigma in solution.problem.jitter_s.items()}
+    if noise.shapes:
+        used["targets"] = {name: {"shape": shape.tolist()} for name, (shape, _) in noise.shapes.items()}
     for term, sigmas in noise.common.items():
         for name, sigma in sigmas.items():
             errors = noise_terms()[term].errors(solution.problem, name)

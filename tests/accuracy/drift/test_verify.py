@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.drift.verify import LEVEL, verify
+from basecal.accuracy.verdict import calibrate
 from basecal.cell import Recording, RobotState, Unknown
+from basecal.cell.targets.points import points_target
 from basecal.geometry import SE3
+from basecal.simulation import Scenario, simulate
 from drift_cells import BASE, Later, later
 
 
@@ -86,3 +89,20 @@ def test_samples_of_nothing_that_was_calibrated_tell_nothing() -> None:
     found = verified(made, blind)
     assert found.moved is None
     assert found.detectable_m is None
+
+
+def test_a_target_that_is_not_shaped_as_stated_is_no_move() -> None:
+    """Points stated a millimetre off, which the calibration found: its own and later samples are as calibrated."""
+    points = np.random.default_rng(8).uniform(-0.06, 0.06, (12, 3))
+    made = simulate(Scenario(samples=24, target="points", board=points_target(points), state_robot_noise=False), 3)
+    stated = points_target(points + 1e-3 * np.random.default_rng(9).standard_normal(points.shape))
+    cell = replace(made.cell, targets={"board": replace(made.cell.targets["board"], target=stated)})
+    taken = made.recording.samples
+    calibration = calibrate(cell, Recording(taken[:18]))
+    for samples in (taken[:18], taken[18:]):
+        assert verify(cell, calibration, Recording(samples)).moved is False
+    unshaped = replace(calibration, noise={k: of for k, of in calibration.noise.items() if k != "targets"})
+    assert (
+        verify(cell, unshaped, Recording(taken[:18])).chance
+        < 0.1 * verify(cell, calibration, Recording(taken[:18])).chance
+    )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,12 +11,13 @@ from basecal.accuracy.robot_parameters import kinematics_of
 from basecal.cell import Calibration, Cell, Recording
 from basecal.estimation.least_squares.normal_equations import linearise, retract
 from basecal.estimation.noise.robot_noise import with_robot_noise, without_errors
+from basecal.estimation.noise.target_shape import points_of, reshaped, shape_of
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.correspondence import choose_correspondence
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
 from basecal.estimation.view.measurement import Noise
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.geometry import SE3, Camera
+from basecal.geometry import SE3, Array, Camera
 
 _STOP_ROUNDS = 4  # Gauss-Newton steps for the stops' errors, which converge quadratically from zero
 
@@ -55,7 +56,9 @@ def fitted_again(cell: Cell, recording: Recording, calibration: Calibration) -> 
 
 
 def known_views(cell: Cell, recording: Recording, calibration: Calibration) -> FittedAgain:
-    """The views whose transforms and lens a calibration knows, by the noise that it found; no stop has an error.
+    """The views whose transforms and lens a calibration knows, by the noise and the targets' shapes that it found.
+
+    No stop has an error.
 
     Raises:
         InputError: if the cell contradicts the recording.
@@ -63,7 +66,7 @@ def known_views(cell: Cell, recording: Recording, calibration: Calibration) -> F
     problem, _ = build_problem(cell, recording)
     transforms, cameras = calibration.known_transforms(cell), _known_lenses(problem, calibration)
     groups = [with_noise_of(g, calibration) for g in problem.groups if _is_known(g, transforms, cameras)]
-    problem = replace(problem, columns={}, groups=tuple(groups))
+    problem = reshaped(replace(problem, columns={}, groups=tuple(groups)), _known_shapes(groups, calibration))
     state = State(transforms, cameras, np.zeros((0, 6)), kinematics_of(cell, calibration))
     return FittedAgain(problem, without_errors(problem, state))
 
@@ -73,6 +76,13 @@ def with_noise_of(group: ViewGroup, calibration: Calibration) -> ViewGroup:
     of_camera = calibration.noise.get("cameras", {}).get(group.camera, {})
     known = {field: of_camera.get(field) or calibration.noise.get(field) for field in Noise._fields}
     return group.with_noise(Noise(**{field: sigma for field, sigma in known.items() if sigma}))
+
+
+def _known_shapes(groups: Sequence[ViewGroup], calibration: Calibration) -> dict[str, Array]:
+    """Coefficients of the shapes that targets were found to have; those of a target of other points are left out."""
+    found = {name: np.array(of["shape"]) for name, of in calibration.noise.get("targets", {}).items()}
+    sizes = {group.target: shape_of(points).shape[-1] for group in groups if len(points := points_of(group))}
+    return {name: shape for name, shape in found.items() if sizes.get(name) == len(shape)}
 
 
 def _known_lenses(problem: Problem, calibration: Calibration) -> dict[str, Camera]:

@@ -202,13 +202,18 @@ class _CameraNoise(_Result):
     views_count: int
 
 
+class _TargetShape(_Result):
+    shape: list[_Number]
+
+
 class _Noise(_Result):
-    """Sigmas by what they are of; `cameras`, `robots` and other things by name."""
+    """Sigmas by what they are of; `cameras`, `robots` and other things by name; `targets` have shapes."""
 
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, _Sigma | list[_Sigma] | dict[str, dict[str, Any]]]
     cameras: dict[str, _CameraNoise] | None = None
     robots: dict[str, _RobotNoise] | None = None
+    targets: dict[str, _TargetShape] | None = None
 
 
 class _Settings(_Result):
