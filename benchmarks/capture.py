@@ -3,8 +3,10 @@
 Every cell is two simulated UR5e, a camera and a ChArUco board with unknown mounts, captured by poses all around; of
 `reflection` a light with known mounts, shifted from stations. A fault has the size at which an answer that knows
 nothing of it moves by five of its sigmas (measured, one cell a fault), or its usual one where still arms hide it.
-Killed captures are resumed and compared with ones that nobody killed. All of it takes many hours: outcomes are kept as
-they come, and a run goes on where an earlier one was ended; what was not tried is not counted.
+Killed captures are resumed and compared with ones that nobody killed. All of it takes hours: with `--keep FILE`
+outcomes are kept as they come, a run goes on where an earlier one was ended, whatever code that had, unless `--anew`
+throws away what it kept, and results and page are written of what there is; what was not tried is not counted.
+`--minutes 0` tries nothing more and writes.
 """
 
 from __future__ import annotations
@@ -42,7 +44,7 @@ from basecal.simulation.running.plant import Plant
 from basecal.simulation.running.two_arms import two_arms
 from basecal.simulation.running.world_file import write_world
 from basecal.vision.detect import detect
-from benchmarks.common import table, write
+from benchmarks.common import commit, table, write
 from benchmarks.direct_rig import direct_rig
 
 BASE = "eye_base_from_hand_base"
@@ -219,7 +221,7 @@ Simulated cells captured by {result["samples"]} samples and calibrated; asked ar
 which at most 3 % are not good and 90.5 to 99 % inside the 95 % ellipsoid, and {wanted["each fault"]} of each fault, of
 which nine in ten are inside the 99.7 % ellipsoid or named first. A fault has the size that moves the base of a plain
 answer by {SIGMAS:g} of its sigmas, measured on one cell, or its usual one where still arms hide it. As many as the
-table says have been tried."""
+table says have been tried{_since(result)}."""
     lines = table(result["rows"][0], [list(each.values()) for each in result["rows"]])
     if kills is None:
         return f"{about}\n\n{lines}"
@@ -228,6 +230,11 @@ table says have been tried."""
 A capture killed {kills["kills"]} times (asked: {wanted["kills"]}) at random instants: {kills["lost"]} samples lost,
 {kills["twice"]} asked twice; in the end samples and states {equal} those of one that nobody killed."""
     return f"{about}\n\n{lines}\n\n{told}"
+
+
+def _since(result: dict[str, Any]) -> str:
+    since = result.get("kept_since")
+    return f", the first of them with commit {since}" if since not in (None, result["commit"]) else ""
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -239,11 +246,17 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("--only", nargs="*", choices=("none", *EXPECTED), help="these faults; `none` is without any")
     parser.add_argument("--keep", type=Path, help="file in which outcomes are kept, and from which a run goes on")
     parser.add_argument("--minutes", type=float, default=np.inf, help="begin nothing after so long")
+    parser.add_argument("--anew", action="store_true", help="throw away what is kept, as of another state of the code")
     asked = parser.parse_args(words)
-    kept = Kept(asked.keep)
+    if asked.anew and asked.keep is not None:
+        asked.keep.unlink(missing_ok=True)
+    kept, until = Kept(asked.keep), time.monotonic() + 60 * asked.minutes
+    since = kept.get("commit") or kept.keep("commit", commit())
+    if since != commit():
+        print(f"goes on with outcomes kept since commit {since}; --anew throws them away")
     faults = ["" if each == "none" else each for each in asked.only or ("none", *EXPECTED)]
-    tried(kept, faults, {False: asked.cells, True: asked.faulty}, time.monotonic() + 60 * asked.minutes)
-    if asked.kills and kept.get("kills") is None:
+    tried(kept, faults, {False: asked.cells, True: asked.faulty}, until)
+    if asked.kills and kept.get("kills") is None and time.monotonic() < until:
         with tempfile.TemporaryDirectory() as folder:
             kept.keep("kills", vars(kill_trial(Path(folder), 12, asked.kills, seed=0)))
     rows = [
@@ -251,8 +264,11 @@ def main(words: Sequence[str] | None = None) -> int:
     ]
     print(table(HEAD, rows))
     kills = kept.get("kills")
-    result = {"samples": SAMPLES, "wanted": {"sound": 200, "each fault": 40, "kills": 200}}
+    result = {"samples": SAMPLES, "wanted": {"sound": 200, "each fault": 40, "kills": 200}, "kept_since": since}
     write("capture", {**result, "rows": [dict(zip(HEAD, each, strict=True)) for each in rows], "kills": kills})
+    from benchmarks.report import PAGE, page
+
+    PAGE.write_text(page(), encoding="utf-8")
     return int(kills is not None and bool(kills["lost"] + kills["twice"] + (not kills["is_equal"])))
 
 

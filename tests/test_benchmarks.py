@@ -5,10 +5,12 @@ from __future__ import annotations
 import ast
 import json
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
-from benchmarks import scale
+import pytest
+from benchmarks import capture, report, scale
 from benchmarks.capture import HEAD, Kept, Outcome, row, size_of
 from benchmarks.common import RESULTS
 from benchmarks.figure import Panel, svg
@@ -48,6 +50,21 @@ def test_figure_puts_points_where_they_are() -> None:
     assert abs(y2 - 2 * y1 + y0) <= 0.2
     assert x2 > x1 > x0
     assert y2 < y1 < y0
+
+
+def test_a_run_of_captures_goes_on_or_begins_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With no time left it writes what is kept, and since when; `--anew` leaves nothing of that."""
+    told: dict[str, Any] = {}
+    monkeypatch.setattr(capture, "write", lambda name, result: told.update({name: result}))
+    monkeypatch.setattr(report, "PAGE", tmp_path / "page.md")
+    Kept(tmp_path / "kept.jsonl").keep("commit", "0ld")
+    Kept(tmp_path / "kept.jsonl").keep("#0", outcome("good", 7.0))
+    words = ["--keep", str(tmp_path / "kept.jsonl"), "--minutes", "0"]
+    assert capture.main(words) == 0
+    assert (told["capture"]["kept_since"], [each["cells"] for each in told["capture"]["rows"]]) == ("0ld", [1])
+    assert (tmp_path / "page.md").read_text(encoding="utf-8") == page()
+    assert capture.main([*words, "--anew"]) == 0
+    assert (told["capture"]["kept_since"], told["capture"]["rows"]) == (capture.commit(), [])
 
 
 def test_mutants_change_one_expression() -> None:
