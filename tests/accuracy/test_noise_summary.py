@@ -60,6 +60,17 @@ def test_smooth_errors_have_their_length():
     assert "smooth" not in of["hand"]
 
 
+def test_of_joints_it_is_told_what_base_and_mount_leave():
+    """Zeros that are off by a milliradian each turn a flange by more, most of which its base and mount take up."""
+    arms = simulate(Scenario(samples=14, joints=True, state_robot_noise=False, state_pixel_noise=False), 1)
+    solution = solve(arms.cell, arms.recording, Settings(robot_noise="estimated"))
+    zeros = {"zeros": {"eye": np.array([5e-4, 1e-3])}}
+    found = noise_summary(arms.cell, arms.recording, replace(solution, noise=replace(solution.noise, common=zeros)))[
+        "robots"
+    ]["eye"]["zeros"]["sigma"]
+    assert 1e-4 < np.mean(found[3:]) < 1e-3
+
+
 def test_it_is_written_read_and_said():
     """By `calibrate`, in `calibration.json`, and in the report's sentences."""
     found = calibrate(BARE.cell, detected(BARE.recording, 0.05))

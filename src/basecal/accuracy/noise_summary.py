@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from basecal.cell import Cell, PixelObservation, Recording
+from basecal.estimation.noise.robot_noise import stands
 from basecal.estimation.noise.terms.term import noise_terms
 from basecal.estimation.solve import Solution
 
@@ -17,7 +18,7 @@ def noise_summary(cell: Cell, recording: Recording, solution: Solution) -> dict[
     `factor` of a camera is its sigma over the median of those that its detector claims, null where that claims none.
     `targets` has the coefficients of shapes that were estimated, in sigmas, see `noise.target_shape`.
     What a robot's stops have in common stands by the name of its term: what it comes to at the flange, root of the mean
-    square over stops [m, rad], and the term's figures.
+    square over stops [m, rad], of joints and links what a base and a mount leave of it, and the term's figures.
     """
     noise = solution.noise
     used: dict[str, Any] = {field: getattr(noise.noise, field) for field in noise.estimated}
@@ -38,9 +39,11 @@ def noise_summary(cell: Cell, recording: Recording, solution: Solution) -> dict[
         used["targets"] = {name: {"shape": shape.tolist()} for name, (shape, _) in noise.shapes.items()}
     for term, sigmas in noise.common.items():
         for name, sigma in sigmas.items():
-            errors = noise_terms()[term].errors(solution.problem, name)
+            kind = noise_terms()[term]
+            errors = kind.errors(solution.problem, name)
             assert errors is not None
-            used["robots"][name][term] = {"sigma": errors.at_flange(sigma).tolist(), **noise_terms()[term].FIGURES}
+            told = errors.beyond_frames(stands(solution.problem, name)[0]) if kind.IS_LEFT else errors
+            used["robots"][name][term] = {"sigma": told.at_flange(sigma).tolist(), **kind.FIGURES}
     return used
 
 

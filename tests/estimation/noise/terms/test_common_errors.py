@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.estimation.noise.terms.common_errors import CommonErrors
+from basecal.geometry import SE3
 
 
 def test_modes_are_alike_in_every_coordinate():
@@ -15,6 +16,19 @@ def test_modes_are_alike_in_every_coordinate():
     covariance = (errors.by_stop[0] * size) @ (errors.by_stop[1] * size).T
     np.testing.assert_allclose(covariance, 0.6 * np.diag([4, 4, 4, 9, 9, 9]))
     np.testing.assert_allclose(errors.at_flange(np.array([2.0, 3.0])), [2, 2, 2, 3, 3, 3])
+
+
+def test_what_a_base_or_a_mount_does_is_taken_up():
+    """Tangents of either, carried to each flange, leave nothing; beside them only what bends is left."""
+    rng = np.random.default_rng(0)
+    poses = SE3.exp(0.5 * rng.standard_normal((9, 6)))
+    by_base, bent = poses.inverse().adjoint()[..., :3], rng.standard_normal((9, 6, 1))
+    by_mount = np.broadcast_to(np.eye(6)[:, 2:4], (9, 6, 2))
+    errors = CommonErrors(np.concatenate([by_base, by_mount, bent], axis=-1), np.ones(6, dtype=bool))
+    left = errors.beyond_frames(poses)
+    np.testing.assert_allclose(left.by_stop[..., :5], 0.0, atol=1e-12)
+    np.testing.assert_allclose(left.beyond_frames(poses).by_stop, left.by_stop, atol=1e-12)
+    assert np.sum(left.by_stop**2) > 0.5 * np.sum(bent**2)
 
 
 def test_at_the_flange_is_the_root_mean_square_over_stops():

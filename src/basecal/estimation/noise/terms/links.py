@@ -12,6 +12,7 @@ from basecal.estimation.noise.terms.posture_at_stops import is_estimated, postur
 from basecal.estimation.problem.problem import Problem
 
 EXPECTED = KINEMATICS
+IS_LEFT = True
 FIGURES: Mapping[str, float] = {}
 
 

@@ -16,6 +16,7 @@ from basecal.estimation.problem.problem import Problem
 from basecal.kinematics import gravity_torques
 
 EXPECTED = KINEMATICS
+IS_LEFT = True
 FIGURES: Mapping[str, float] = {}
 _ALIKE = 0.7  # of the variance of compliances, what all joints of an arm share
 

@@ -22,10 +22,12 @@ class NoiseTerm(Protocol):
 
     Attributes:
         EXPECTED: What is expected of its sigmas beforehand.
+        IS_LEFT: Whether what is told of it is what a base and a mount leave, which take up most of such errors.
         FIGURES: What else is told of it beside its sigmas, by the names that its words in the registry have.
     """
 
     EXPECTED: CommonPrior
+    IS_LEFT: bool
     FIGURES: Mapping[str, float]
 
     def errors(self, problem: Problem, robot: str) -> CommonErrors | None:
