@@ -61,15 +61,15 @@ def test_residuals_are_predicted_minus_seen(measurement):
 
 
 def test_thinned_points_are_spread_and_keep_what_is_theirs(measurement):
-    """Of five points at most two are the first and the fourth, at most three every second; five stay all."""
+    """Of five points two lie far apart, with what is theirs; three are as many as asked for, and five stay all."""
     with_relative = replace(measurement, relative=np.tile(np.arange(5.0), (3, 1)))
     few = with_relative.thinned(2)
-    np.testing.assert_array_equal(few.points_in_target, POINTS[[0, 3]])
-    np.testing.assert_array_equal(few.seen, SEEN[:, [0, 3]])
-    np.testing.assert_array_equal(few.stated, STATED[:, [0, 3]])
-    np.testing.assert_array_equal(few.pixels, measurement.pixels[:, [0, 3]])
-    np.testing.assert_array_equal(few.weight, measurement.weight[:, [0, 3]])
-    np.testing.assert_array_equal(few.relative, [[0.0, 3.0]] * 3)
+    np.testing.assert_array_equal(few.points_in_target, POINTS[[2, 4]])
+    np.testing.assert_array_equal(few.seen, SEEN[:, [2, 4]])
+    np.testing.assert_array_equal(few.stated, STATED[:, [2, 4]])
+    np.testing.assert_array_equal(few.pixels, measurement.pixels[:, [2, 4]])
+    np.testing.assert_array_equal(few.weight, measurement.weight[:, [2, 4]])
+    np.testing.assert_array_equal(few.relative, [[2.0, 4.0]] * 3)
     assert len(measurement.thinned(3).points_in_target) == 3
     assert len(measurement.thinned(5).points_in_target) == 5
     assert measurement.thinned(3).relative is None

@@ -8,6 +8,7 @@ import pytest
 from basecal.errors import InputError
 from basecal.estimation.view.bearings import BearingMeasurement
 from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.estimation.view.target_points import spread_out
 from basecal.geometry import SE3
 
 POINTS = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.2, 0.0], [0.1, 0.2, 0.05]])
@@ -44,3 +45,19 @@ def test_pixels_need_a_lens():
         pixels.linearise(SE3.exp(np.zeros((1, 6))), None, False)
     with pytest.raises(InputError, match="lens"):
         pixels.squares(SE3.exp(np.zeros((1, 6))), None)
+
+
+@pytest.mark.parametrize(("columns", "rows"), [(11, 15), (7, 16), (28, 17), (5, 5)])
+def test_a_few_points_of_a_grid_spread_as_wide_as_all(columns, rows):
+    """Sixteen of any grid, each once, scatter no less along either side: every eleventh of 11 x 15 is one column."""
+    grid = np.array([[x, y, 0.0] for y in range(rows) for x in range(columns)])
+    few = spread_out(grid, 16)
+    assert len(few) == 16
+    assert np.all(np.diff(few) > 0)
+    assert np.all(grid[few].std(0)[:2] >= grid.std(0)[:2])
+
+
+def test_few_points_stay_all():
+    """As many as are asked for, or fewer, are not thinned."""
+    np.testing.assert_array_equal(spread_out(POINTS, 4), np.arange(4))
+    assert len(spread_out(POINTS, 9)) == 4

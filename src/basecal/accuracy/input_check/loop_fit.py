@@ -14,10 +14,12 @@ import numpy as np
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
 from basecal.estimation.start.closed_form import Loop, Rotations, solve_rotations, solve_translations
 from basecal.estimation.start.light_search import light_search
-from basecal.estimation.start.pair_views import PairViews, as_light, pair_views
+from basecal.estimation.start.pair_views import PairViews, ViewPosesOf, as_light, pair_views
 from basecal.estimation.start.refinement import Refinement, refined_together
 from basecal.estimation.start.rotation_search import angle_between, search_rotations
+from basecal.estimation.view.known_poses import KnownPoses
 from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.estimation.view.view_pose import view_poses
 from basecal.geometry import SE3, Array, Camera, IntArray
 
 KEPT = 0.7  # share of the views that counts: three in ten may be outliers
@@ -52,9 +54,9 @@ def trimmed(off: Array, kept: float = KEPT) -> float:
     return float(np.sqrt(np.mean(ordered**2)))
 
 
-def sight_for(group: ViewGroup, camera: Camera | None, views: int) -> PairViews:
+def sight_for(group: ViewGroup, camera: Camera | None, views: int, poses_of: ViewPosesOf = view_poses) -> PairViews:
     """At most so many views, made ready."""
-    return pair_views(group, camera, views, _MOST_POINTS)
+    return pair_views(group, camera, views, _MOST_POINTS, poses_of)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,10 +66,12 @@ class ReadyViews:
     Attributes:
         lenses: By camera.
         known: What was made ready, by all that it depends on.
+        poses: Of single views, which other pairings show at other samples.
     """
 
     lenses: Mapping[str, Camera]
     known: dict[tuple[str, str, int, bytes], PairViews] = field(default_factory=dict)
+    poses: KnownPoses = field(default_factory=KnownPoses)
 
     def of(self, group: ViewGroup, views: int) -> PairViews:
         """At most so many views of a group, made ready."""
@@ -77,7 +81,7 @@ class ReadyViews:
         seen = (group.sample, measurement.points_in_target, measurement.pixels, measurement.weight)
         key = (group.camera, group.target, views, b"".join(array.tobytes() for array in seen))
         if key not in self.known:
-            self.known[key] = sight_for(group, camera, views)
+            self.known[key] = sight_for(group, camera, views, self.poses)
         ready = self.known[key]
         kept = np.flatnonzero(np.isin(group.sample, ready.group.sample))
         return replace(ready, group=replace(group.take(kept), measurement=ready.group.measurement))

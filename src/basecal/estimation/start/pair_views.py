@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +15,7 @@ from basecal.estimation.view.measurement import Measurement
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement
 from basecal.estimation.view.poses import PoseMeasurement
-from basecal.estimation.view.view_pose import view_poses
+from basecal.estimation.view.view_pose import ViewPoses, view_poses
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 from basecal.geometry.rotation import nearest_rotation
 from basecal.numerics.spectral import dimension, floored
@@ -61,8 +62,21 @@ class PairViews:
         return np.asarray(np.argmax(agreement, axis=-1), dtype=np.int64)
 
 
-def pair_views(group: ViewGroup, camera: Camera | None, views: int, points: int) -> PairViews:
-    """At most so many views of a group, spread evenly, and of their points about so many as a view has left."""
+ViewPosesOf = Callable[[Array, Array, BoolArray, BearingMeasurement], ViewPoses]
+
+
+def pair_views(
+    group: ViewGroup, camera: Camera | None, views: int, points: int, poses_of: ViewPosesOf = view_poses
+) -> PairViews:
+    """At most so many views of a group, spread evenly, and of their points about so many as a view has left.
+
+    Args:
+        group: The views.
+        camera: The lens that took them; None where poses or points in space were measured.
+        views: How many views.
+        points: How many points.
+        poses_of: What gives views their poses, such as `KnownPoses`.
+    """
     total = len(group)
     spread = np.unique(np.linspace(0, total - 1, min(total, views)).round().astype(np.int64))
     few = group.take(spread)
@@ -75,15 +89,15 @@ def pair_views(group: ViewGroup, camera: Camera | None, views: int, points: int)
         return _of_points(few, measurement, total)
     assert isinstance(measurement, PixelMeasurement)
     assert camera is not None
-    # A grid that may be read from its other end keeps all its points, whose other end is among them.
-    if few.half_turn is None:
-        # A view may show a part of the target alone, as of a body in space: thinned by all of it none would be left.
-        shown = max(float(np.median(measurement.seen.sum(-1))) / len(measurement.points_in_target), 1e-3)
-        measurement = measurement.thinned(int(np.ceil(points / shown)))
-    return _of_pixels(few, measurement, camera, total)
+    # A view may show a part of the target alone, as of a body in space: thinned by all of it none would be left.
+    shown = max(float(np.median(measurement.seen.sum(-1))) / len(measurement.points_in_target), 1e-3)
+    measurement = measurement.thinned(int(np.ceil(points / shown)), paired=few.half_turn is not None)
+    return _of_pixels(few, measurement, camera, total, poses_of)
 
 
-def _of_pixels(group: ViewGroup, measurement: PixelMeasurement, camera: Camera, total: int) -> PairViews:
+def _of_pixels(
+    group: ViewGroup, measurement: PixelMeasurement, camera: Camera, total: int, poses_of: ViewPosesOf
+) -> PairViews:
     bearings, valid = camera.undistort(measurement.pixels)
     seen = measurement.seen & valid
     weight = np.where(seen, np.where(measurement.stated > 0, measurement.stated, 1 / _START_PIXEL), 0.0)
@@ -93,7 +107,7 @@ def _of_pixels(group: ViewGroup, measurement: PixelMeasurement, camera: Camera, 
     group = replace(group, measurement=chords)
     if len(measurement.points_in_target) < 4:
         return PairViews(group, None, np.ones(len(group)), total)
-    poses = view_poses(measurement.points_in_target, chords.bearings_in_camera, seen, chords)
+    poses = poses_of(measurement.points_in_target, chords.bearings_in_camera, seen, chords)
     found = np.flatnonzero(poses.found)
     if len(found) < 3:
         return PairViews(group, None, np.ones(len(group)), total)

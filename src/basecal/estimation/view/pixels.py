@@ -15,7 +15,7 @@ from basecal.estimation.view.measurement import (
     sums_of_squares,
 )
 from basecal.estimation.view.moments import UPPER, dot
-from basecal.estimation.view.target_points import TargetPoints, needed
+from basecal.estimation.view.target_points import TargetPoints, needed, spread_out
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray, Rows
 
 # Points whose arrays stay near the core: fewer cost NumPy's overhead, more the memory's. A free lens has more of them.
@@ -130,9 +130,19 @@ class PixelMeasurement(TargetPoints):
         residual = np.nan_to_num(self.residual_px(camera_from_target, needed(camera))) * unstated[..., None]
         return {"pixel_px": float(np.sum(residual**2))}
 
-    def thinned(self, most: int) -> PixelMeasurement:
-        """The same views of at most `most` of the points, evenly chosen."""
-        rows = slice(None, None, -(-len(self.points_in_target) // most))
+    def thinned(self, most: int, paired: bool = False) -> PixelMeasurement:
+        """The same views of at most `most` of the points, spread over the target.
+
+        Args:
+            most: How many.
+            paired: Whether with each point the one is kept that takes its place where the target is read from its
+                other end.
+        """
+        rows = spread_out(self.points_in_target, most)
+        if paired:
+            count = len(self.points_in_target)
+            half = spread_out(self.points_in_target[: (count + 1) // 2], (most + 1) // 2)
+            rows = np.unique(np.concatenate([half, count - 1 - half]))
         of_points = {name: getattr(self, name)[:, rows] for name in ("pixels", "seen", "stated", "weight")}
         relative = None if self.relative is None else self.relative[:, rows]
         return replace(self, points_in_target=self.points_in_target[rows], relative=relative, **of_points)

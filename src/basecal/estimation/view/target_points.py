@@ -12,7 +12,7 @@ import numpy as np
 from basecal.errors import InputError
 from basecal.estimation.view.measurement import ViewInformation
 from basecal.estimation.view.moments import Monomials, gradient_and_information
-from basecal.geometry import SE3, Array, Camera, Rows
+from basecal.geometry import SE3, Array, Camera, IntArray, Rows
 from basecal.numerics.batch import SHARED, take
 
 
@@ -45,6 +45,21 @@ class TargetPoints:
     def take(self, views: Rows) -> Self:
         """See `Measurement`."""
         return take(self, views)
+
+
+def spread_out(points: Array, most: int) -> IntArray:
+    """Rows, rising, of at most so many of points (p, 3) that lie far from one another.
+
+    Each is the farthest from those before it: every so manyth of a grid may all lie in one of its columns.
+    """
+    if len(points) <= most:
+        return np.arange(len(points))
+    rows = [int(np.argmax(np.sum((points - points.mean(0)) ** 2, -1)))]
+    apart = np.full(len(points), np.inf)
+    while len(rows) < most:
+        apart = np.minimum(apart, np.sum((points - points[rows[-1]]) ** 2, -1))
+        rows.append(int(np.argmax(apart)))
+    return np.sort(np.array(rows))
 
 
 def needed(camera: Camera | None) -> Camera:
