@@ -19,6 +19,7 @@ from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.start.pair_views import PairViews
 from basecal.estimation.view.points import PointMeasurement
 from basecal.geometry import SE3, Array, Camera
+from basecal.numerics.levenberg_marquardt import SETTLED_SIGMAS
 from basecal.numerics.spectral import least_norm
 
 _VIEWS = 20
@@ -27,6 +28,8 @@ _FEW_STEPS, _STEPS = 8, 25
 # Steps of the factor's logarithm: of the first secant, at most, and when it has settled.
 _LOG_STEP, _LARGEST_LOG_STEP, _SETTLED_LOG = 4e-3, 0.1, 1e-5
 _NUDGE = 1e-4
+# Of the root of the squares, what a descent may leave to rank sizes by: those that count differ by a thousandth.
+_RANKED = 1e-3
 _ROUNDS = 8
 # By a smaller share of the squares no other size could predict so much better that it were named.
 _WORTHWHILE = 0.25
@@ -101,7 +104,7 @@ def _further(recording: Recording, name: str, factor: float) -> Recording:
 def _parabola(sized: _Sized, state: State) -> tuple[float, float]:
     """The share of the squares that another size may gain, and its logarithm, by three sizes about the stated one."""
     try:
-        less, here, more = (sized.optimum(log, state, _FEW_STEPS).cost for log in (-_LOG_STEP, 0.0, _LOG_STEP))
+        less, here, more = (sized.optimum(log, state, _FEW_STEPS, _RANKED).cost for log in (-_LOG_STEP, 0.0, _LOG_STEP))
     except (BasecalError, np.linalg.LinAlgError):
         return 1.0, np.inf
     slope, bend = (more - less) / 2, more - 2 * here + less
@@ -170,10 +173,11 @@ class _Sized:
         sized = target_size(self.target, float(np.exp(log)), self.cell)
         return build_problem(*sized.apply(self.cell, self.recording))[0]
 
-    def optimum(self, log: float, state: State, steps: int) -> Optimum:
-        """Downhill of a state."""
+    def optimum(self, log: float, state: State, steps: int, left: float = SETTLED_SIGMAS) -> Optimum:
+        """Downhill of a state, but for what may be left of the root of the squares."""
         problem = self.problem(log)
-        return bundle_adjust(problem, replace(state, stop_errors=np.zeros((len(problem.stops), 6))), 1, steps)
+        start = replace(state, stop_errors=np.zeros((len(problem.stops), 6)))
+        return bundle_adjust(problem, start, 1, steps, sigmas=left)
 
     def slope(self, log: float, state: State) -> float:
         """The derivative of the least cost, at the state where it is least: there the state's own change adds none."""
@@ -187,7 +191,7 @@ def _refined(sized: _Sized, tried: Sequence[float], linear: float, state: State)
     Where numbers end it is that of `linear` equations.
     """
     try:
-        ends = [(sized.optimum(log, state, _FEW_STEPS), log) for log in tried]
+        ends = [(sized.optimum(log, state, _FEW_STEPS, _RANKED), log) for log in tried]
         best, log = min(ends, key=lambda end: end[0].cost)
         state, before, slope_before = best.state, log, np.nan
         for _ in range(_ROUNDS):
