@@ -11,6 +11,7 @@ from basecal.numerics.spectral import (
     INDEPENDENT,
     ROUNDING,
     VIEW_ROUNDING,
+    Spectrum,
     above,
     by_share,
     dimension,
@@ -209,3 +210,13 @@ def test_pseudo_inverse_takes_rounding_for_nothing(rng):
     row = rng.standard_normal(3)
     inverse = pseudo_inverse(np.stack([row, row * (1 + 1e-13)]))
     np.testing.assert_allclose(inverse.sum(1), row / (row @ row), rtol=1e-9)
+
+
+def test_a_ridge_fades_out_what_holds_next_to_nothing():
+    """Directions far above it count whole, those far below not at all, one of its own size by half."""
+    turn = np.linalg.qr(np.random.default_rng(0).standard_normal((4, 4)))[0]
+    of = Spectrum(np.array([1e-15, 1e-9, 1e-3, 1.0]), turn, np.ones(4), np.array([False, False, True, True]))
+    ridged = of.ridged(1e-9)
+    np.testing.assert_allclose(of.values / ridged.values, [1e-6, 0.5, 1.0, 1.0], atol=2e-6)
+    along = turn @ np.array([1e-9, 1e-5, 0.1, 2.0])
+    assert ridged.mahalanobis_squared(along) == pytest.approx(1e-9 + 1e-10 / 2e-9 + 10.0 + 4.0, rel=1e-5)

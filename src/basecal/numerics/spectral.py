@@ -69,6 +69,16 @@ class Spectrum:
         logs = np.log(np.where(self.held, self.values, 1.0)).sum(-1)
         return np.asarray(logs + 2 * np.log(self.scale).sum(-1))
 
+    def ridged(self, share: float) -> Spectrum:
+        """With so small a share of the largest eigenvalue added to each: what holds next to nothing fades out.
+
+        Where eigenvalues lie about any limit, what is held by it hops from one matrix to its neighbour; the quotients
+        of these eigenvalues and the new ones are how much of each direction counts, and change as smoothly as they do.
+        """
+        values = np.maximum(self.values, 0.0)
+        raised = values + share * np.maximum(values[..., -1:], _NOTHING)
+        return replace(self, values=raised, held=np.ones(self.held.shape, dtype=bool))
+
     def mahalanobis_squared(self, vector: Array) -> Array:
         """`v' M^+ v` of vectors (..., k), (...,)."""
         along = (np.swapaxes(self.vectors, -1, -2) @ (vector / self.scale)[..., None])[..., 0]

@@ -69,12 +69,12 @@ def _scatter_gain(wider: Solution, narrower: Solution) -> float:
     return gain
 
 
-def _scatter(solution: Solution) -> dict[str, tuple[float, int]]:
+def _scatter(solution: Solution) -> dict[str, tuple[float, float]]:
     """By field of `Noise`: sum of squares of points about their view's own pose at unit sigma, and its freedoms."""
-    found: dict[str, tuple[float, int]] = {}
+    found: dict[str, tuple[float, float]] = {}
     for group in solution.problem.groups:
         for name, view in view_estimates(solution.problem, group, solution.state).items():
-            squares, freedoms = found.get(name, (0.0, 0))
+            squares, freedoms = found.get(name, (0.0, 0.0))
             found[name] = squares + view.white, freedoms + view.white_count
     return found
 

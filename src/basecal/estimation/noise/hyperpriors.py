@@ -124,7 +124,7 @@ def _in_common(
     return rows + [(forms[2 * i + 1] - turns[i], float(mean), float(factor)) for i in range(len(model.robots))]
 
 
-def _of_part(field: str, squares: float, freedoms: int) -> tuple[float, float]:
+def _of_part(field: str, squares: float, freedoms: float) -> tuple[float, float]:
     """Mean, and sigma of the logarithm: by the scatter of points about their view's own pose, where it shows."""
     if freedoms < _ENOUGH_SCATTER:
         mean, factor = _BY_ITSELF[field]

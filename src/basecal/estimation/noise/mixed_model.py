@@ -39,7 +39,7 @@ class Moments:
         errors_errors: (b, q, q) likewise.
     """
 
-    count: int
+    count: float
     cost: float
     fixed: Array
     errors: Array
@@ -103,7 +103,7 @@ class MixedModel:
     column_robot: IntArray
     error_robot: IntArray
     common: Array
-    white: Mapping[tuple[str, str], tuple[float, int]]
+    white: Mapping[tuple[str, str], tuple[float, float]]
     robots: tuple[str, ...]
     shaken: tuple[str, ...]
     layout: Layout
@@ -137,14 +137,14 @@ def mixed_model(
     """
     layout = _layout(problem, common or {})
     parts: dict[tuple[str, str], Moments] = {}
-    white: dict[tuple[str, str], tuple[float, int]] = {}
+    white: dict[tuple[str, str], tuple[float, float]] = {}
     for number, group in enumerate(problem.groups):
         by_shape = shape_of(points_of(group)) if group.target in layout.shapes and len(points_of(group)) else None
         for name, view in view_estimates(problem, group, state, by_shape).items():
             key = (group.camera, name)
             of = _moments(problem, number, state, view, layout)
             parts[key] = of if key not in parts else _sum(parts[key], of)
-            before = white.get(key, (0.0, 0))
+            before = white.get(key, (0.0, 0.0))
             white[key] = (before[0] + view.white, before[1] + view.white_count)
     prior, gradient, cost = _prior(problem, state, layout)
     shaken = open_jitter(problem)

@@ -27,7 +27,7 @@ class ViewEstimates:
         cost: (n,) above that of their own estimates.
         gradient: (n, q) to pose, lens, and where it is estimated the shape of the target.
         information: (n, q, q) likewise.
-        count: Freedoms of all estimates together.
+        count: Freedoms of all estimates together; a direction of which a view holds next to nothing is a part of one.
         white: Sum of squares of points about them.
         white_count: Its freedoms.
     """
@@ -35,9 +35,9 @@ class ViewEstimates:
     cost: Array
     gradient: Array
     information: Array
-    count: int
+    count: float
     white: float
-    white_count: int
+    white_count: float
 
 
 def view_estimates(
@@ -91,7 +91,8 @@ def _estimates(view: ViewInformation, total: int, by_shape: Array | None) -> Vie
     if by_shape is not None and by_shape.shape[-1] == by_shape[..., 0].size:
         # Where every point may be off by itself, nothing of a view is noise of single points alone.
         return ViewEstimates(*view, total, 0.0, 0)
-    of = spectrum(view.information, VIEW_ROUNDING)
-    own, count = of.mahalanobis_squared(view.gradient), int(of.rank.sum())
+    of = spectrum(view.information)
+    counted = of.ridged(VIEW_ROUNDING)
+    own, count = counted.mahalanobis_squared(view.gradient), float((of.values / counted.values).clip(0.0).sum())
     white = max(float(view.cost.sum() - own.sum()), 0.0)
-    return ViewEstimates(own, view.gradient, view.information, count, white, max(total - count, 0))
+    return ViewEstimates(own, view.gradient, view.information, count, white, max(total - count, 0.0))
