@@ -20,7 +20,7 @@ def stand_in(**changed):
             cost=40.0,
             dof=40,
             findings=(),
-            noise=SimpleNamespace(estimated=(), robots={}),
+            noise=SimpleNamespace(estimated=(), robots={}, common={}),
             observability=SimpleNamespace(unobservable=frozenset(), length_m=1.0),
             problem=SimpleNamespace(columns={"base": slice(0, 6)}, groups=(), stops=SimpleNamespace(robot=())),
             covariance_of=lambda names: 1e-6 * np.eye(6),

@@ -11,6 +11,7 @@ from basecal.accuracy.findings.inconsistent_folds import inconsistent_folds
 from basecal.accuracy.findings.joint_parameters import unobserved_joint_parameters
 from basecal.accuracy.findings.late_pictures import late_pictures
 from basecal.accuracy.findings.lens_model import lens_model
+from basecal.accuracy.findings.likely_kinematics import likely_kinematics
 from basecal.accuracy.findings.noise_not_identifiable import noise_not_identifiable
 from basecal.accuracy.findings.not_converged import not_converged
 from basecal.accuracy.findings.not_validated import not_validated
@@ -35,6 +36,7 @@ ANSWER_CHECKS: tuple[AnswerCheck, ...] = (
     rounded_poses,
     systematic_error,
     robot_model,
+    likely_kinematics,
     poor_fit,
     better_optimum,
     noise_not_identifiable,

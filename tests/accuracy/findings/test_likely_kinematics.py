@@ -1,0 +1,52 @@
+"""What arms are likely built otherwise, where the covariance counts it."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.findings import likely_kinematics as module
+from basecal.accuracy.findings.likely_kinematics import likely_kinematics
+
+SIGMAS = {"eye": np.array([5e-4, 1e-3]), "hand": np.array([1e-4, 2e-3])}
+
+
+def noise(term, gain=30.0):
+    return {"noise": SimpleNamespace(common={term: SIGMAS}, plain_surprise=100.0, surprise=100.0 - gain)}
+
+
+OF = "of eye and hand"
+
+
+@pytest.mark.parametrize(
+    ("term", "code", "what", "entry"),
+    [
+        ("zeros", "robot-model", f"zeros of joints {OF} are likely off, by 0.11 deg", "joint_offsets: {status: prior"),
+        ("links", "robot-model", f"links {OF} are likely off, by 0.5 mm and 0.11 deg", "link_parameters: {status: pr"),
+        ("sag", "deflection", f"joints {OF} likely yield to the weight of the links, by 0.11 deg", "deflection: {st"),
+    ],
+)
+def test_what_is_likely_is_an_info(evidence, term, code, what, entry):
+    """With its size, and what to write."""
+    (found,) = likely_kinematics(evidence(noise(term)))
+    assert (found.code, found.severity, found.about) == (code, "info", ("eye", "hand"))
+    assert found.message.startswith(what)
+    assert entry in found.message
+
+
+def test_what_may_be_chance_or_is_smooth_is_none(evidence):
+    """Nor where stops have nothing in common."""
+    assert likely_kinematics(evidence(noise("zeros", 9.0))) == []
+    assert likely_kinematics(evidence(noise("smooth"))) == []
+    assert likely_kinematics(evidence({"noise": SimpleNamespace(common={})})) == []
+
+
+def test_it_is_told_once(evidence, monkeypatch):
+    """Where a test of joints or the held-out samples say so it is left to them."""
+    error = SimpleNamespace(code="joint-offsets")
+    assert likely_kinematics(evidence(noise("zeros"), systematic_error=error)) == []
+    monkeypatch.setattr(module, "robot_model", lambda _: ["finding"])
+    assert likely_kinematics(evidence(noise("links"))) == []
+    assert len(likely_kinematics(evidence(noise("sag")))) == 1
