@@ -61,6 +61,10 @@ WORDS = {
         found("drift", [0, 0, -2e-3, 0, np.radians(-0.1), 0], 1e-3, "hand_base"),
         "hand_base drifts, by 2.0 +/- 1.0 mm and 0.100 +/- 0.057 deg from the first sample to the last",
     ),
+    "yield": (
+        found("deflection", [3e-5, 4e-5, 0, 0], 2e-6, unit="rad/Nm"),
+        "joints of hand yield by 25.0 +/- 1.0 urad per Nm of the torque",
+    ),
     "bend": (found("deflection", [0, 0, -2e-3], 1e-4), "hand bends by 2.00 +/- 0.10 mrad per metre of reach"),
 }
 

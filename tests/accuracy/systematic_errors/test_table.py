@@ -1,5 +1,7 @@
 """The rows of the table move views as the errors they stand for do."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.accuracy.systematic_errors.test_search import on_a_path
@@ -14,8 +16,10 @@ from basecal.accuracy.systematic_errors.table import (
     length_scales,
     sag,
     steps,
+    yielding_joints,
 )
 from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.robot_parameters import Kinematics
 from basecal.estimation.solve import solve_packed
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
@@ -88,6 +92,30 @@ def test_offsets_that_are_estimated_or_have_no_joints_are_not_tested(of):
     problem, _ = build_problem(made.cell, made.recording)
     state = solve_packed(problem, made.cell).state
     assert list(joint_offsets(Situation(problem, state, problem, {}))) == []
+
+
+def test_joints_yield_to_their_torques():
+    """A unit of each compliance moves the view as a joint that turns by its torque; one for all is their sum."""
+    made = simulate(Scenario(samples=6, joints=True), 0)
+    problem, _ = build_problem(made.cell, made.recording)
+    of = Situation(problem, solve_packed(problem, made.cell).state, problem, {k: float(k) for k in range(6)})
+    alike, each = (c.moves[0][:, 0] for c in yielding_joints(of) if c.about == ("hand",))
+    kinematics = Kinematics(problem.chains["hand"], {"deflection": 1e-8 * np.arange(1.0, 7.0)})
+    moved = kinematics.forward(problem.groups[0].hand_joints)
+    np.testing.assert_allclose(1e-8 * each @ np.arange(1.0, 7.0), moved_by_pose(of, "hand", moved), atol=1e-10)
+    np.testing.assert_allclose(alike[..., 0], each.sum(-1))
+
+
+def test_compliances_that_are_estimated_or_of_no_masses_are_not_tested(of):
+    """Nor those of robots given by poses."""
+    assert list(yielding_joints(of)) == []
+    made = simulate(Scenario(samples=12, joints=True, compliance=1e-5, deflection="prior"), 0)
+    problem, _ = build_problem(made.cell, made.recording)
+    state = solve_packed(problem, made.cell).state
+    assert list(yielding_joints(Situation(problem, state, problem, {}))) == []
+    light = {name: replace(chain, masses=None) for name, chain in problem.chains.items()}
+    light_arms = replace(problem, chains=light, models={})
+    assert list(yielding_joints(Situation(light_arms, state, light_arms, {}))) == []
 
 
 def test_sag_turns_about_the_base(of):

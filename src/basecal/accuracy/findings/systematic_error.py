@@ -12,6 +12,7 @@ from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.findings.robot_model import robot_model
 from basecal.accuracy.phrases.rounded import rounded
 from basecal.accuracy.systematic_errors.search import SystematicError
+from basecal.accuracy.systematic_errors.table import PER_NM
 from basecal.cell import Finding
 from basecal.geometry import Array
 
@@ -89,6 +90,14 @@ def _drift(found: SystematicError) -> Finding:
 
 
 def _deflection(found: SystematicError) -> Finding:
+    if found.unit == PER_NM:
+        share = len(found.size) ** -0.5
+        soft, sigma = _length(1e6 * share * found.size, (1e6 * share) ** 2 * found.covariance)
+        what = (
+            f"joints of {found.about} yield by {rounded(soft, sigma)} urad per Nm of the torque of the links' weight: "
+            "estimate its `deflection`"
+        )
+        return Finding("deflection", "warning", (found.about,), f"{what}; {_AGAIN}")
     bend, sigma = _length(1e3 * found.size, 1e6 * found.covariance)
     what = (
         f"{found.about} bends by {rounded(bend, sigma)} mrad per metre of reach: record its joints and estimate its "

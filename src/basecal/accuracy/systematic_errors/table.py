@@ -13,9 +13,11 @@ from basecal.estimation.problem.build import recorded_by_joints
 from basecal.geometry import Array
 from basecal.geometry.rotation import hat
 from basecal.kinematics.chain import SerialChain
+from basecal.kinematics.gravity import gravity_torques
 
 _MOST_SPLITS = 32  # of a recording in time: where a step is looked for
 _LEAST_SIDE = 3  # samples before and after a step
+PER_NM = "rad/Nm"  # unit of a compliance
 OFFSETS = "joint_offsets"  # the kind of robot parameters
 _FEWEST_IN_TIME = 6  # samples that may drift
 
@@ -140,6 +142,31 @@ def _bent(of: Situation, k: int, robot: str) -> Array:
     return of.by_flange(k, robot) @ pose.inverse().adjoint() @ turns
 
 
+def yielding_joints(of: Situation) -> Iterator[Candidates]:
+    """Each robot whose joints and masses are known yielding to the weight of its links: a turn of compliance x torque.
+
+    Of one compliance for all its joints, and of one for each [rad/Nm].
+    """
+    for robot in of.robots:
+        chain, model = of.problem.chains.get(robot), of.problem.modelled(robot)
+        estimated = model is not None and "deflection" in model.columns
+        if chain is None or chain.masses is None or estimated or not recorded_by_joints(of.problem, robot):
+            continue
+        each = _carrying(of, robot, partial(_yielding, chain=chain))
+        yield _one("deflection", robot, PER_NM, tuple(None if m is None else m.sum(-1, keepdims=True) for m in each))
+        yield _one("deflection", robot, PER_NM, each)
+
+
+def _yielding(of: Situation, k: int, robot: str, chain: SerialChain) -> Array:
+    """How views move with the compliance of each joint of a robot, (n, 6, joints)."""
+    group = of.problem.groups[k]
+    joints = group.eye_joints if group.eye == robot else group.hand_joints
+    if joints is None:
+        return np.zeros((len(group), 6, chain.n))
+    torques = gravity_torques(chain, joints, np.array([0.0, 0.0, -1.0]))
+    return of.by_flange(k, robot) @ (chain.jacobian(joints) * torques[:, None, :])
+
+
 def joint_offsets(of: Situation) -> Iterator[Candidates]:
     """Each joint of each robot given by its joints off by a constant [rad], where its offsets are not estimated.
 
@@ -186,5 +213,6 @@ TABLE: tuple[Callable[[Situation], Iterator[Candidates]], ...] = (
     steps,
     drifts,
     sag,
+    yielding_joints,
     joint_offsets,
 )
