@@ -18,7 +18,8 @@ def noise_summary(cell: Cell, recording: Recording, solution: Solution) -> dict[
     `factor` of a camera is its sigma over the median of those that its detector claims, null where that claims none.
     `targets` has the coefficients of shapes that were estimated, in sigmas, see `noise.target_shape`.
     What a robot's stops have in common stands by the name of its term: what it comes to at the flange, root of the mean
-    square over stops [m, rad], of joints and links what a base and a mount leave of it, and the term's figures.
+    square over stops [m, rad], of joints and links what a base and a mount leave of it, and the sigma of each shift
+    and turn of theirs, and the term's figures.
     """
     noise = solution.noise
     used: dict[str, Any] = {field: getattr(noise.noise, field) for field in noise.estimated}
@@ -43,7 +44,8 @@ def noise_summary(cell: Cell, recording: Recording, solution: Solution) -> dict[
             errors = kind.errors(solution.problem, name)
             assert errors is not None
             told = errors.beyond_frames(stands(solution.problem, name)[0]) if kind.IS_LEFT else errors
-            used["robots"][name][term] = {"sigma": told.at_flange(sigma).tolist(), **kind.FIGURES}
+            each = {"shift_m": float(sigma[0]), "turn_rad": float(sigma[1])} if kind.IS_LEFT else {}
+            used["robots"][name][term] = {"sigma": told.at_flange(sigma).tolist(), **each, **kind.FIGURES}
     return used
 
 

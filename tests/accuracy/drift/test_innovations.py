@@ -1,5 +1,7 @@
 """New views against what a calibration predicts."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from basecal.accuracy.drift.innovations import MOST_VIEWS, innovations
@@ -77,3 +79,24 @@ def test_too_many_views_are_thinned() -> None:
     ]
     of = innovations(made.cell, made.calibration, Recording(tuple(shaken)))
     assert 0.4 * MOST_VIEWS < len(of.sample) <= MOST_VIEWS
+
+
+def test_arms_built_otherwise_are_off_as_their_joints_say() -> None:
+    """What is unknown of links adds their derivative at the new joints, in sigmas, squared; an older file has none."""
+    made = later(joints=True)
+    links = {"sigma": [1e-3] * 6, "shift_m": 5e-4, "turn_rad": 1e-3}
+    robots = made.calibration.noise["robots"]
+
+    def predicted(**common: object) -> np.ndarray:
+        noise = {**made.calibration.noise, "robots": {**robots, "hand": {**robots["hand"], **common}}}
+        return innovations(made.cell, replace(made.calibration, noise=noise), made.recording).predicted
+
+    of = innovations(made.cell, made.calibration, made.recording)
+    at = of.posture("hand")
+    assert at is not None
+    sigma = np.tile(np.repeat([5e-4, 1e-3], 3), at.chain.n + 1)
+    moved = of.of(of.by_flange("hand") @ (at.true.by_links * sigma))
+    added = predicted(links=links) - predicted()
+    np.testing.assert_allclose(added, moved @ moved.T, atol=1e-9 * np.abs(added).max())
+    older = predicted(links={"sigma": [1e-3] * 6}) - predicted()
+    assert np.abs(older - added).max() > 0.1 * np.abs(added).max()

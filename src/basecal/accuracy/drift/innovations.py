@@ -18,9 +18,11 @@ import numpy as np
 from basecal.accuracy.residuals.fitted_again import known_views
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.cell import Calibration, Cell, Recording
+from basecal.cell.robot_parameters.kind import Posture
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.noise.robot_noise import without_errors
 from basecal.estimation.noise.terms.smooth import kernel
+from basecal.estimation.noise.terms.term import noise_terms
 from basecal.estimation.problem.build import recorded_by_joints
 from basecal.estimation.problem.correspondence import choose_correspondence
 from basecal.estimation.problem.problem import Stops, ViewGroup
@@ -77,16 +79,18 @@ class Innovations:
 
     def by_joints(self, robot: str) -> Array:
         """How views go with the joints of a robot, (n, 6, joints); none where they were not recorded."""
+        at = self.posture(robot)
+        return np.zeros((len(self.sample), 6, 0)) if at is None else self.by_flange(robot) @ at.true.by_joints
+
+    def posture(self, robot: str) -> Posture | None:
+        """A robot as stated at its joints in all views, any in which it has no part; None where none were recorded."""
         chain = self.situation.problem.chains.get(robot)
         groups = self.situation.problem.groups
         if chain is None or not recorded_by_joints(self.situation.problem, robot):
-            return np.zeros((len(self.sample), 6, 0))
+            return None
         joints = [g.eye_joints if g.eye == robot else g.hand_joints if g.hand == robot else None for g in groups]
-        each = [
-            np.zeros((len(g), 6, chain.n)) if q is None else chain.jacobian(q)
-            for g, q in zip(groups, joints, strict=True)
-        ]
-        return self.by_flange(robot) @ np.concatenate(each)
+        each = [np.zeros((len(g), chain.n)) if q is None else q for g, q in zip(groups, joints, strict=True)]
+        return Posture(chain, recorded := np.concatenate(each), chain.at(recorded))
 
     def stands(self, robot: str) -> tuple[SE3, IntArray]:
         """Recorded poses of a robot's flange in all views, (n,), and the numbers of its stops, -1 where it has none."""
@@ -170,12 +174,30 @@ def _of_robots(of: Innovations, calibration: Calibration) -> Array:
         by_flange = of.by_flange(robot)
         poses, stand = of.stands(robot)
         parts = [(_sigmas(known), stand[:, None] == stand[None])]
-        # Errors of joints and links vary with the pose, too: nearly as those do that are smooth in it.
-        parts += [(np.array(known[term]["sigma"]), kernel(poses, poses)) for term in NOISE_TERMS if term in known]
+        for term in (term for term in NOISE_TERMS if term in known):
+            errors = _at_views(of, robot, term, known[term])
+            if errors is None:
+                # Errors of joints and links vary with the pose, too: nearly as those do that are smooth in it.
+                parts.append((np.array(known[term]["sigma"]), kernel(poses, poses)))
+            else:
+                moved = of.of(by_flange @ errors)
+                out += moved @ moved.T
         for sigma, alike in parts:
             each = np.swapaxes(of.root, -1, -2) @ (by_flange * sigma)
             out += np.einsum("iar,ij,jbr->iajb", each, alike, each).reshape(out.shape)
     return out
+
+
+def _at_views(of: Innovations, robot: str, term: str, known: Mapping[str, Any]) -> Array | None:
+    """How a robot's flange moves with errors of its joints and links, in sigmas, (n, 6, k) in all views.
+
+    None of a term that does not go by joints, where these were not recorded, or each error's sigma is not known.
+    """
+    at = of.posture(robot)
+    errors = None if at is None else noise_terms()[term].at_posture(at)
+    if errors is None or "shift_m" not in known:
+        return None
+    return np.asarray(errors.by_stop * np.where(errors.is_turn, known["turn_rad"], known["shift_m"]))
 
 
 def _sigmas(known: Mapping[str, Any]) -> Array:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from basecal.estimation.noise.robot_noise import stands
+from basecal.estimation.noise.terms.posture_at_stops import posture_at_stops
 from basecal.estimation.noise.terms.term import noise_terms
 from basecal.estimation.problem.build import build_problem
 from basecal.registry import NOISE_TERMS
@@ -41,3 +42,14 @@ def test_words_name_figures_that_there_are(name):
     assert {field for _, field, _, _ in Formatter().parse(NOISE_TERMS[name]) if field} <= term.FIGURES.keys()
     assert term.EXPECTED.turn[0] > 0
     assert term.EXPECTED.turn[1] > 1
+
+
+@pytest.mark.parametrize("name", NOISE_TERMS)
+def test_errors_that_go_by_joints_are_the_same_at_any(name):
+    """At the stops' own joints they are those of the stops; what goes by poses has none at joints."""
+    term, at = noise_terms()[name], posture_at_stops(PROBLEM, "hand")
+    found = term.at_posture(at)
+    if not term.IS_LEFT:
+        assert found is None
+        return
+    np.testing.assert_allclose(found.by_stop, term.errors(PROBLEM, "hand").by_stop, atol=1e-14)

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from basecal.cell.robot_parameters.kind import Posture
 from basecal.estimation.noise.hyperpriors import KINEMATICS
 from basecal.estimation.noise.terms.common_errors import CommonErrors
 from basecal.estimation.noise.terms.posture_at_stops import is_estimated, posture_at_stops
@@ -24,7 +25,12 @@ _ALIKE = 0.7  # of the variance of compliances, what all joints of an arm share
 def errors(problem: Problem, robot: str) -> CommonErrors | None:
     """See `NoiseTerm`."""
     at = posture_at_stops(problem, robot)
-    if at is None or at.chain.masses is None or is_estimated(problem, robot, "deflection"):
+    return None if at is None or is_estimated(problem, robot, "deflection") else at_posture(at)
+
+
+def at_posture(at: Posture) -> CommonErrors | None:
+    """See `NoiseTerm`."""
+    if at.chain.masses is None:
         return None
     torques = gravity_torques(at.chain, at.recorded, np.array([0.0, 0.0, -1.0]))
     most = float(np.sqrt(np.mean(torques**2, axis=0)).max())

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from basecal.cell.robot_parameters.kind import Posture
 from basecal.estimation.noise.hyperpriors import CommonPrior
 from basecal.estimation.noise.robot_noise import stands, stops_made
 from basecal.estimation.noise.terms.common_errors import CommonErrors
@@ -31,6 +32,11 @@ def errors(problem: Problem, robot: str) -> CommonErrors | None:
     """See `NoiseTerm`."""
     found = modes(problem, robot)
     return CommonErrors.in_every_coordinate(found) if found.shape[1] else None
+
+
+def at_posture(at: Posture) -> CommonErrors | None:
+    """None: it goes by poses, wherever the joints are."""
+    return None
 
 
 def modes(problem: Problem, robot: str) -> Array:

@@ -11,6 +11,7 @@ from functools import cache
 from importlib import import_module
 from typing import Any, Protocol
 
+from basecal.cell.robot_parameters.kind import Posture
 from basecal.estimation.noise.hyperpriors import CommonPrior
 from basecal.estimation.noise.terms.common_errors import CommonErrors
 from basecal.estimation.problem.problem import Problem
@@ -32,6 +33,9 @@ class NoiseTerm(Protocol):
 
     def errors(self, problem: Problem, robot: str) -> CommonErrors | None:
         """What a robot's stops have in common; None where they show none of it."""
+
+    def at_posture(self, at: Posture) -> CommonErrors | None:
+        """The same errors of an arm at any joints; None of what does not go by joints."""
 
 
 @cache
