@@ -2,10 +2,12 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from basecal.accuracy.input_check.hypothesis_fit import fit_hypothesis
 from basecal.accuracy.input_check.noise_evidence import noise_evidence
+from basecal.accuracy.input_check.rewriting import with_pixels
 from basecal.accuracy.input_check.target_sizes import target_size
 from basecal.estimation.settings import Settings
 from basecal.simulation import Scenario, simulate
@@ -46,6 +48,14 @@ def test_noise_of_arms_is_no_size(seed):
     wrong = of_size(replace(made, cell=true), 1 / 1.03)
     assert wrong.chance < 1e-6
     assert wrong.gain > 30
+
+
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_pixels_of_any_size_scatter_alike(seed):
+    """Pixels bent as no lens bends them say nothing for or against a size of 2 % where arms are off by millimetres."""
+    made = simulate(replace(FEW, samples=12, robot_noise=(3e-3, 5e-3), intrinsics="free", pixel_px=0.1), seed)
+    bent = with_pixels(made.recording, lambda uv: uv + 6.0 * np.sin(uv[:, ::-1] / (90.0, 70.0)))
+    assert abs(of_size(replace(made, recording=bent), 1.02).gain) < 2.0
 
 
 def test_points_in_space_show_their_size():

@@ -16,6 +16,7 @@ from basecal.accuracy.input_check.hypothesis_fit import HypothesisFit
 from basecal.estimation.noise.view_estimates import STATED, view_estimates
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_at_mode
+from basecal.estimation.view.points import PointMeasurement
 from basecal.geometry import Array
 from basecal.numerics.spectral import spectrum
 
@@ -30,9 +31,13 @@ class Evidence(NamedTuple):
 def noise_evidence(fit: HypothesisFit, declared: HypothesisFit) -> Evidence | None:
     """What the data say for a hypothesis that has the declared one as a special case.
 
-    Of a size the two likelihoods are compared, of what views say of their poses and of how points scatter about these:
-    points in space have a size of their own. Views that estimate their own lens say more than those that do not, so
-    that of a free lens it is how far it is from the stated one, squared, in sigmas.
+    Of a size the two likelihoods are compared, of what views say of their poses and of how points in space scatter
+    about these, which have a size of their own: pixels of a target of any size scatter alike. The hypothesis' noise is
+    looked for from the declared one's, for where both the arms and the pictures may be what is off, two noises explain
+    the views, and a gain of one over the other is none of the hypothesis.
+
+    Views that estimate their own lens say more than those that do not, so that of a free lens it is how far it is from
+    the stated one, squared, in sigmas.
 
     Args:
         fit: The hypothesis' fit.
@@ -44,7 +49,8 @@ def noise_evidence(fit: HypothesisFit, declared: HypothesisFit) -> Evidence | No
     if _views(fit.solution) != _views(declared.solution):
         return None
     noisy = Settings(robot_noise="estimated")
-    wider, narrower = (solve_at_mode(of.problem, of.state, noisy) for of in (fit.solution, declared.solution))
+    narrower = solve_at_mode(declared.solution.problem, declared.solution.state, noisy)
+    wider = solve_at_mode(fit.solution.problem, fit.solution.state, noisy, near=narrower.noise)
     freed = [n for n in wider.state.cameras if n in wider.problem.columns and n not in narrower.problem.columns]
     if not freed:
         gain = narrower.noise.surprise - wider.noise.surprise + _scatter_gain(wider, narrower)
@@ -59,7 +65,7 @@ def _views(solution: Solution) -> int:
 
 
 def _scatter_gain(wider: Solution, narrower: Solution) -> float:
-    """Twice the log ratio of likelihoods of points about their view's pose; by their scatter if no sigma is stated."""
+    """Twice the log ratio of likelihoods of points in space about their view's pose; by their scatter if unstated."""
     gain, more = 0.0, _scatter(narrower)
     for name, (less, freedoms) in _scatter(wider).items():
         if name == STATED:
@@ -70,9 +76,9 @@ def _scatter_gain(wider: Solution, narrower: Solution) -> float:
 
 
 def _scatter(solution: Solution) -> dict[str, tuple[float, float]]:
-    """By field of `Noise`: sum of squares of points about their view's own pose at unit sigma, and its freedoms."""
+    """By field of `Noise`: squares of points in space about their view's own pose at unit sigma, and freedoms."""
     found: dict[str, tuple[float, float]] = {}
-    for group in solution.problem.groups:
+    for group in (g for g in solution.problem.groups if isinstance(g.measurement, PointMeasurement)):
         for name, view in view_estimates(solution.problem, group, solution.state).items():
             squares, freedoms = found.get(name, (0.0, 0.0))
             found[name] = squares + view.white, freedoms + view.white_count

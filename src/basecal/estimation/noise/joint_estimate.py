@@ -125,6 +125,7 @@ def _estimated(
         start = without_errors(used, start)
     else:
         used, logs = _with_sigmas(problem, near), near.logs
+        start = start if len(start.stop_errors) == len(used.stops) else without_errors(used, start)
     if max(map(len, problem.groups), default=0) > _MANY_VIEWS:
         few, few_start = recorded_alone(problem, without_errors(problem, start), _MANY_VIEWS)
         _, few_end, found = _estimated(few, few_start, iterations, near)
