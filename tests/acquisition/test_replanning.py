@@ -10,12 +10,15 @@ import pytest
 
 from basecal.acquisition import replanning
 from basecal.acquisition.capture import GIVEN_UP, capture, given_up, store_plan, unfinished
-from basecal.acquisition.replanning import replanner
+from basecal.acquisition.replanning import replanner, stations_for_task
 from basecal.acquisition.rig import open_rig
 from basecal.acquisition.stillness import Unfit
 from basecal.acquisition.taking import CaptureSettings, Taker
-from basecal.cell import Unknown
+from basecal.cell import Recording, Sample, Unknown
 from basecal.cell.files import read_recording
+from basecal.planning.feasible import feasible_in
+from basecal.planning.plan import plan_for_task
+from basecal.planning.shifts import plan as shifts
 from basecal.planning.sketch import sketch_of
 from basecal.simulation import Scenario, simulate
 from basecal.vision.detect import detect
@@ -64,6 +67,23 @@ def guessed(made):
     cameras = {n: replace(c, mount=of(c.mount, truth[cell.mount_name(n)])) for n, c in cell.cameras.items()}
     targets = {n: replace(t, mount=of(t.mount, truth[cell.mount_name(n)])) for n, t in cell.targets.items()}
     return replace(cell, bases=bases, cameras=cameras, targets=targets)
+
+
+@pytest.mark.slow
+def test_stations_for_a_task_tell_more_of_it_than_others():
+    """Two stations of seven chosen for it leave less unknown there than the two that a pattern makes anywhere."""
+    made = simulate(Scenario(samples=10, robot_noise=(1e-4, 2e-4), camera_mount="prior", target_mount="prior"), 3)
+    cell, robots = guessed(made), made.recording.samples[0].robots
+    found = stations_for_task(cell, (), robots, POINT, None, 14)
+    assert len(found.samples) == 14
+    sketch = sketch_of(cell)
+    anywhere = shifts(sketch, robots, feasible_in(sketch), 14, 0)
+    taught = Recording((Sample(0, robots=robots),))
+    other = plan_for_task(cell, taught, None, POINT, None, 14, offered=[(sketch, anywhere)], together=7)
+    assert found.expected_m < other.expected_m
+    needed = stations_for_task(cell, (), robots, POINT, 0.7 * found.expected_m, None)
+    assert needed.reachable
+    assert len(needed.samples) in range(21, 61, 7)
 
 
 def _apart(sketch, one, other):

@@ -68,13 +68,28 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         (["--port", "5000"], "give --web"),
         (["--task-point", "0.5 0 0.3"], "give --tolerance"),
         (["--tolerance", "1mm"], "give either --task-point"),
-        (["--tolerance", "1mm", "--task-point", "0.5 0 0.3", "--pattern", "shifts"], "leave --freedrive and --pattern"),
+        (
+            ["--tolerance", "1mm", "--task-point", "0.5 0 0.3", "--plan", "x.jsonl", "--pattern", "shifts"],
+            "give one of",
+        ),
+        (["--tolerance", "1mm", "--task-point", "0.5 0 0.3", "--pattern", "x.jsonl"], "files of --pattern"),
+        (["--task-point", "0.5 0 0.3", "--pattern", "shifts", "--freedrive"], "leave --freedrive out"),
     ],
 )
 def test_what_it_refuses(folder: Path, capsys: pytest.CaptureFixture[str], words: list[str], message: str) -> None:
     """A pattern that is none and a speed of nothing are told in a line."""
     assert main(["capture", str(folder), *words]) in (2, 3)
     assert message in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_shifts_are_planned_for_a_task(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Whole stations, of which it says what they are without moving."""
+    words = ["capture", str(folder), "--pattern", "shifts", "--task-point", "0.5 0 0.3"]
+    assert main([*words, "--samples", "8"]) == 0
+    told = capsys.readouterr().out
+    assert "14 samples; eye and hand will move" in told
+    assert "at the task" not in told
 
 
 @pytest.mark.slow

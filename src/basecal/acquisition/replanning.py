@@ -17,9 +17,10 @@ from basecal.errors import BasecalError, InputError
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
 from basecal.geometry import Array
-from basecal.planning.plan import Offer, Plan, offers, plan_for_task
+from basecal.planning.plan import Offer, Plan, offered_stations, offers, plan_for_task
 from basecal.planning.prospects import sketches
 from basecal.planning.sketch import Sketch, View
+from basecal.planning.stations import SAMPLES
 
 OFFERED = 240
 """Candidates, drawn once: planning among them takes a fraction of a second while the arms stand."""
@@ -97,6 +98,36 @@ def replanner(
     offered = {sketch.view: list(samples) for sketch, samples in drawn}
     first = next(iter(offered))
     return Replanner(cell, points_m, tolerance_m, at_home, {**offered, first: [*offered[first], *planned]})
+
+
+def stations_for_task(
+    cell: Cell,
+    taken: Sequence[Sample],
+    home: Mapping[str, RobotState],
+    points_m: Array,
+    tolerance_m: float | None,
+    count: int | None,
+    seed: int = 0,
+) -> Plan:
+    """Whole stations of programmed shifts, near where the robots are and were, that lower the error at a task the most.
+
+    Args:
+        cell: The cell.
+        taken: What was recorded already.
+        home: Where the robots are.
+        points_m: (n, 3) the task in the reference's base [m].
+        tolerance_m: The error that 95 of 100 there are to stay below [m]; None where only `count` says how many.
+        count: How many samples; as many as the tolerance needs where None.
+        seed: Of the draws.
+
+    Raises:
+        InputError: if no station can be shifted from, or a transform has no guess.
+    """
+    calibration, recording = _so_far(cell, taken), _with_home(Sample(0, robots=home), taken)
+    offered = offered_stations(cell, recording, calibration, seed)
+    return plan_for_task(
+        cell, recording, calibration, points_m, tolerance_m, count, seed, offered=offered, together=SAMPLES
+    )
 
 
 def _with_home(home: Sample, taken: Sequence[Sample]) -> Recording:

@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter, validators
 
 from basecal.cli.capture_view import CaptureView, capture_view
-from basecal.cli.replanned import Replanned, Task, task_of
+from basecal.cli.replanned import Replanned, ShiftsForTask, Task, task_of
 from basecal.cli.task_point import Box, Point
 from basecal.cli.terminal import pasted, print_json, say
 from basecal.errors import InputError, UsageError
 from basecal.registry import PATTERNS
 
 _SAMPLES = 25  # where nobody says how many
+_SHIFTS = "shifts"
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -56,7 +57,9 @@ def capture(
 
     With --tolerance and --task-point it plans while it captures: after each
     sample anew, from all that was taken, until 95 % of errors at the task are
-    below the tolerance. What could not be taken is not tried again.
+    below the tolerance. What could not be taken is not tried again. With
+    --pattern shifts and a task the stations are those that lower the error
+    there the most, planned once: as many as a tolerance needs, or --samples.
 
     With --freedrive no arm is sent anywhere: you lead them. Held still for a
     second at a new place, or at the space bar, a sample is taken; q ends.
@@ -69,6 +72,7 @@ def capture(
         basecal capture mycell
         basecal capture mycell --pattern poses --samples 25 --go
         basecal capture mycell --pattern shifts --go --speed-limit-deg-s 10
+        basecal capture mycell --pattern shifts --task-point 0.8 0.1 0.3 --go
         basecal capture mycell --plan plan.jsonl --go
         basecal capture mycell --tolerance 0.3mm --task-point 0.8 0.1 0.3 --go
         basecal capture mycell --freedrive --web
@@ -95,14 +99,16 @@ def capture(
     from basecal.cell.files import read_cell
     from basecal.planning.sketch import sketch_of
 
-    task = task_of(task_point, task_box, tolerance)
+    task = task_of(task_point, task_box, tolerance, may_be_open=pattern == _SHIFTS)
     _refuse_unused(pattern, plan, task, go=go, freedrive=freedrive, web=web, port=port)
     sketch, count = sketch_of(read_cell(cell)), samples or _SAMPLES
     with ExitStack() as shown, open_rig(sketch.cell, cell) as rig:  # an error stops the arms before all else
         wanted: Sequence[Sample] = ()
-        replanned = None if task is None else Replanned(rig, sketch, cell, task, plan, samples, seed)
+        is_replanned = task is not None and pattern != _SHIFTS
+        replanned = Replanned(rig, sketch, cell, task, plan, samples, seed) if task and is_replanned else None
+        shifts = ShiftsForTask(task, samples) if task and not is_replanned else None
         if not freedrive:
-            wanted, is_new = _plan(rig, sketch, cell, str(plan or pattern), count, seed, replanned)
+            wanted, is_new = _plan(rig, sketch, cell, str(plan or pattern), count, seed, replanned, shifts)
             _say_plan(rig, sketch, wanted, is_new, speed_limit_deg_s, go, replanned, quiet=json)
             if not go:
                 return _only_planned(cell, wanted, json)
@@ -125,8 +131,8 @@ def _noted(steps: Iterator[Step], view: CaptureView) -> list[Step]:
 def _refuse_unused(
     pattern: str, plan: Path | None, task: Task | None, go: bool, freedrive: bool, web: bool, port: int
 ) -> None:
-    if task is not None and (freedrive or pattern != "poses"):
-        raise UsageError("--tolerance plans where arms are sent: leave --freedrive and --pattern out")
+    if task is not None and (freedrive or pattern not in PATTERNS):
+        raise UsageError("a task says where arms are sent: leave --freedrive out, and files of --pattern")
     if plan is not None and pattern != "poses":
         raise UsageError("--plan and --pattern both say where to go: give one of them")
     if freedrive and go:
@@ -178,6 +184,7 @@ def _plan(
     samples: int,
     seed: int,
     replanned: Replanned | None = None,
+    shifts: ShiftsForTask | None = None,
 ) -> tuple[Sequence[Sample], bool]:
     """What is still to be taken of a plan that was cut off, or a new plan, and whether it is new."""
     from basecal.acquisition.capture import unfinished
@@ -200,6 +207,8 @@ def _plan(
     if missing:
         raise InputError(f"robot {missing[0]!r} has no `driver` in cell.yaml: nothing can be planned for it")
     home = {name: robot.state().state for name, robot in rig.robots.items()}
+    if shifts is not None:
+        return shifts.planned(sketch.cell, folder, home, samples, seed), True
     return named(pattern)(sketch, home, feasible_in(sketch), samples, seed), True
 
 

@@ -10,31 +10,45 @@ from basecal.cli.typed_length import length_m
 from basecal.errors import InputError, UsageError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from basecal.acquisition.rig import Rig
-    from basecal.cell import Sample
+    from basecal.cell import Cell, RobotState, Sample
     from basecal.planning.sketch import Sketch
 
 
 class Task(NamedTuple):
-    """Where the work is done, in the reference's base, and the error that 95 of 100 there are to stay below."""
+    """Where the work is done, in the reference's base, and the error that 95 of 100 there are to stay below, if any."""
 
     points_m: list[Point]
-    tolerance_m: float
+    tolerance_m: float | None
 
 
-def task_of(point: Point | None, box: Box | None, tolerance: str | None) -> Task | None:
+def task_of(point: Point | None, box: Box | None, tolerance: str | None, may_be_open: bool = False) -> Task | None:
     """What was asked for; None where nothing of it was.
+
+    Args:
+        point: Where the work is done.
+        box: Likewise, two opposite corners.
+        tolerance: Length with its unit.
+        may_be_open: Whether a task without a tolerance says enough.
 
     Raises:
         UsageError: if it was by half.
     """
     if tolerance is None and point is None and box is None:
         return None
-    if tolerance is None:
+    if tolerance is None and not may_be_open:
         raise UsageError("a task is captured for until it is known well enough: give --tolerance, such as 0.3mm")
-    return Task(task_points(point, box), length_m(tolerance))
+    return Task(task_points(point, box), None if tolerance is None else length_m(tolerance))
+
+
+def taken_so_far(folder: Path, cell: Cell) -> Sequence[Sample]:
+    """What was recorded of a cell already, with what was seen."""
+    from basecal.cli.detected import detected_recording
+
+    has_journal = (folder / "recording" / "samples.jsonl").exists()
+    return detected_recording(folder, cell).samples if has_journal else ()
 
 
 class Replanned:
@@ -48,17 +62,16 @@ class Replanned:
         from basecal.acquisition.capture import given_up
         from basecal.acquisition.replanning import replanner
         from basecal.cell.files import read_plan
-        from basecal.cli.detected import detected_recording
         from basecal.planning.plan import MOST_SAMPLES
 
         missing = [name for name in sketch.movers if name not in rig.robots]
         if missing:
             raise InputError(f"robot {missing[0]!r} has no `driver` in cell.yaml: nothing can be planned for it")
-        has_journal = (folder / "recording" / "samples.jsonl").exists()
-        taken = detected_recording(folder, sketch.cell).samples if has_journal else ()
+        assert task.tolerance_m is not None
+        taken = taken_so_far(folder, sketch.cell)
         home = {name: robot.state().state for name, robot in rig.robots.items()}
         offered = () if plan is None else read_plan(plan, folder, sketch.cell)
-        self._task, self._before, self._most = task, len(taken), most or MOST_SAMPLES
+        self._tolerance_m, self._before, self._most = task.tolerance_m, len(taken), most or MOST_SAMPLES
         points = np.array(task.points_m)
         self._replanner = replanner(sketch.cell, taken, home, points, task.tolerance_m, offered, seed)
         self.samples = self(taken, given_up(folder, sketch.cell))
@@ -86,10 +99,31 @@ class Replanned:
 
     def words(self) -> str:
         """What has become of the tolerance."""
-        asked = f"{1e3 * self._task.tolerance_m:.3g} mm at the task"
+        asked = f"{1e3 * self._tolerance_m:.3g} mm at the task"
         if self.is_reached:
             return f"{asked} reached: 95 % of errors are expected below {1e3 * (self._latest.expected_m or 0):.2g} mm"
         if self._latest.reachable:
             return f"{asked} needs {self._latest.needed} samples more"
         by = f": {self._latest.budget[0].source} forbids it" if self._latest.budget else ""
         return f"{asked} cannot be reached{by}"
+
+
+class ShiftsForTask(NamedTuple):
+    """Stations of programmed shifts for a task: as many as its tolerance needs, or so many samples."""
+
+    task: Task
+    samples: int | None
+
+    def planned(
+        self, cell: Cell, folder: Path, home: Mapping[str, RobotState], usual: int, seed: int
+    ) -> Sequence[Sample]:
+        """The samples, those of a station one after another; as many as usual where nothing says how many."""
+        import numpy as np
+
+        from basecal.acquisition.replanning import stations_for_task
+
+        count = usual if self.task.tolerance_m is None else self.samples
+        points = np.array(self.task.points_m)
+        return stations_for_task(
+            cell, taken_so_far(folder, cell), home, points, self.task.tolerance_m, count, seed
+        ).samples
