@@ -15,9 +15,9 @@ from functools import cache
 import numpy as np
 
 from basecal.estimation.start.closed_form import Loop, Rotations
+from basecal.estimation.start.nearest_rotations import cross_rows, dot, nearest_rotations
 from basecal.estimation.start.rotation_grid import icosahedral_rotations
 from basecal.geometry import SE3, Array, IntArray
-from basecal.geometry.rotation import nearest_rotation
 
 # Cells of the grid that are refined; for how many rounds, and how many of the best go on then.
 _CELLS = 16
@@ -194,7 +194,7 @@ def _grid_starts(loops: _Loops, most: int) -> dict[str, Array]:
     return {
         first: tried[first][row, at_first],
         second: tried[second][row, at_second],
-        averaged: nearest_rotation(means[row, at_first, at_second]),
+        averaged: nearest_rotations(means[row, at_first, at_second]),
     }
 
 
@@ -205,21 +205,13 @@ def _sum_of_singular_values(matrix: Array) -> Array:
     the entries' squares give the first sum of squares, those of the cofactors the second, the determinant stu.
     """
     rows = np.moveaxis(matrix, (-2, -1), (0, 1)).copy()
-    cofactors = [_cross(rows[i - 2], rows[i - 1]) for i in range(3)]
-    twice_determinant = 2 * np.abs(_dot(rows[0], cofactors[0]))
-    squares, squared_products = (sum(_dot(r, r) for r in of) for of in (rows, cofactors))
+    cofactors = cross_rows(rows)
+    twice_determinant = 2 * np.abs(dot(rows[0], cofactors[0]))
+    squares, squared_products = (sum(dot(r, r) for r in of) for of in (rows, cofactors))
     total: Array = np.sqrt(3 * squares)
     for _ in range(_SUM_ROUNDS):
         total = np.sqrt(squares + 2 * np.sqrt(squared_products + twice_determinant * total))
     return total
-
-
-def _dot(first: Sequence[Array], second: Sequence[Array]) -> Array:
-    return first[0] * second[0] + first[1] * second[1] + first[2] * second[2]
-
-
-def _cross(first: Array, second: Array) -> list[Array]:
-    return [first[i - 2] * second[i - 1] - first[i - 1] * second[i - 2] for i in range(3)]
 
 
 def _alternated(loops: _Loops, at: Turns, rounds: int) -> dict[str, Array]:
@@ -231,7 +223,7 @@ def _alternated(loops: _Loops, at: Turns, rounds: int) -> dict[str, Array]:
             break
         some, now = loops.take(moving), {k: turn[moving] for k, turn in found.items()}
         for letter in loops.unknown:
-            now[letter] = nearest_rotation(some.means(letter, now))
+            now[letter] = nearest_rotations(some.means(letter, now))
         change = [np.abs(now[k] - found[k][moving]).max((1, 2, 3)) for k in loops.unknown]
         for letter in loops.unknown:
             found[letter][moving] = now[letter]
