@@ -109,7 +109,9 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
+        # Of a hundred robots the joint covariance has millions of numbers.
+        is_plain = value.dtype.kind == "f" and bool(np.all(np.abs(value) <= LARGEST_NUMBER))
+        return value.tolist() if is_plain else _plain(value.tolist())
     if isinstance(value, list | tuple | set | frozenset):
         return [_plain(item) for item in value]
     if isinstance(value, float):

@@ -11,6 +11,7 @@ from typing import Any
 
 from basecal.cell.calibration import Calibration
 from basecal.cell.cell import Cell
+from basecal.cell.format.json_text import indented
 from basecal.cell.format.paths import own_file
 from basecal.cell.format.writing import make_folder, sync_folder, write_whole
 from basecal.cell.format.yaml_text import read_text
@@ -31,7 +32,7 @@ def write_calibration(calibration: Calibration, cell_folder: str | Path) -> Path
     Raises:
         InputError: if it cannot be written.
     """
-    text = json.dumps(calibration_to_dict(calibration), indent=1, allow_nan=False)
+    text = indented(calibration_to_dict(calibration))
     path = _new_run(Path(cell_folder)) / FILE
     write_whole(path, text + "\n", within=Path(cell_folder))
     return path
@@ -62,7 +63,8 @@ def read_calibration_data(path: str | Path) -> Any:
     text = read_text(file, "calibrate first, or give the file or folder of a run", _LARGEST_BYTES)
     try:
         data = json.loads(text, parse_constant=_refuse)
-        json.dumps(data, ensure_ascii=False).encode()
+        if "\\ud" in text.lower():  # else no text can hold half a character
+            json.dumps(data, ensure_ascii=False).encode()
     except UnicodeEncodeError:
         raise DatasetError(str(file), "a text holds half a character (\\ud800 to \\udfff); calibrate again") from None
     except json.JSONDecodeError as error:

@@ -6,6 +6,7 @@ import re
 from string import Formatter
 from typing import Annotated, Any, Literal, Self
 
+import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, create_model, model_validator
 
 from basecal.cell.format.problems import field_name, short
@@ -25,9 +26,11 @@ def _covariance(rows: list[list[float | None]]) -> list[list[float | None]]:
     """A square whose variances are not negative; a number that is not known is null."""
     if any(len(row) != len(rows) for row in rows):
         raise ValueError(f"expected a square, got {len(rows)} rows of {' or '.join(map(str, {len(r) for r in rows}))}")
-    for i, row in enumerate(rows):
-        if (row[i] or 0.0) < 0 or any(abs(value or 0.0) > LARGEST_NUMBER for value in row):
-            raise ValueError(f"row {i} holds a number beyond {LARGEST_NUMBER:g} or a variance below 0")
+    values = np.array(rows, dtype=np.float64).reshape(len(rows), len(rows))  # null is no number there
+    bad = (np.diagonal(values) < 0) | np.any(np.abs(values) > LARGEST_NUMBER, axis=1)
+    if bad.any():
+        first = int(np.argmax(bad))
+        raise ValueError(f"row {first} holds a number beyond {LARGEST_NUMBER:g} or a variance below 0")
     return rows
 
 

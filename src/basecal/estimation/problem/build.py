@@ -58,7 +58,8 @@ def build_problem(cell: Cell, recording: Recording) -> tuple[Problem, list[Findi
     """
     samples = canonical_order(recording.samples)
     findings: list[Finding] = []
-    poses = {name: _poses_of(cell, name, samples) for name in cell.robots}
+    states = _by_robot(samples)
+    poses = {name: _poses_of(cell, name, states.get(name, [])) for name in cell.robots}
     stops = _number_stops(cell, poses)
     views = _views(cell, samples, poses, findings)
     groups = tuple(_group(cell, samples, poses, key, views[key]) for key in sorted(views))
@@ -122,8 +123,16 @@ def canonical_order(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
     return tuple({s.sample: s for s in reversed(ordered)}.values())[::-1]
 
 
-def _poses_of(cell: Cell, robot: str, samples: tuple[Sample, ...]) -> _Poses:
-    having = [(i, s.robots[robot]) for i, s in enumerate(samples) if robot in s.robots]
+def _by_robot(samples: tuple[Sample, ...]) -> dict[str, list[tuple[int, RobotState]]]:
+    """Where each robot is in the samples that have it, with their positions."""
+    found: dict[str, list[tuple[int, RobotState]]] = defaultdict(list)
+    for i, sample in enumerate(samples):
+        for robot, state in sample.robots.items():
+            found[robot].append((i, state))
+    return found
+
+
+def _poses_of(cell: Cell, robot: str, having: list[tuple[int, RobotState]]) -> _Poses:
     if not having:
         return _Poses()
     row = {i: k for k, (i, _) in enumerate(having)}
