@@ -159,7 +159,7 @@ def _with_sigmas(problem: Problem, found: NoiseEstimate) -> Problem:
 
 def _shaped_enough(of: SigmaPosterior) -> bool:
     """Whether shapes are where the model was made about."""
-    off = [np.abs(of.at_mode.mean_columns[rows]).max() for rows in of.model.layout.shapes.values()]
+    off = [np.abs(of.columns.mean[rows]).max() for rows in of.model.layout.shapes.values()]
     return max(off, default=0.0) < _SETTLED
 
 
@@ -297,10 +297,10 @@ def _sigmas(of: SigmaPosterior, problem: Problem) -> _Sigmas:
 
 def _shapes(of: SigmaPosterior, problem: Problem) -> dict[str, tuple[Array, Array]]:
     """The most likely shapes of targets, and the covariance of their coefficients."""
-    known, found = of.at_mode, {}
+    known, found = of.columns, {}
     for target, rows in of.model.layout.shapes.items():
         before = problem.shapes.get(target, np.zeros(rows.stop - rows.start))
-        found[target] = before + known.mean_columns[rows], known.spread[rows, rows]
+        found[target] = before + known.mean[rows], known.spread[rows, rows]
     return found
 
 
@@ -308,7 +308,8 @@ def _estimate(of: SigmaPosterior, problem: Problem, settled: bool) -> NoiseEstim
     """The most likely sigmas, and the shapes that the problem has."""
     sigmas = _sigmas(of, problem)
     # The mean of the square of what is log-normal: the likeliest sigmas are too small for what is still to come.
-    raised = _sigmas(replace(of, logs=of.logs + np.diag(of.covariance)), problem).robots
+    first = len(open_parts(of.model))
+    raised = np.exp(of.logs + np.diag(of.covariance))[first : first + 2 * len(of.model.robots)].reshape(-1, 2)
     shapes = {name: (problem.shapes.get(name, mean), spread) for name, (mean, spread) in sigmas.shapes.items()}
     estimated = tuple(f for f in Noise._fields if any(name == f for _, name in open_parts(of.model)))
     noise = next(iter(sigmas.cameras.values()), Noise())
@@ -324,5 +325,5 @@ def _estimate(of: SigmaPosterior, problem: Problem, settled: bool) -> NoiseEstim
         shapes=shapes,
         logs=of.logs,
         jitter_s=sigmas.jitter_s,
-        robot_variances={name: sigma**2 for name, sigma in raised.items()},
+        robot_variances={name: np.repeat(pair, 3) ** 2 for name, pair in zip(of.model.robots, raised, strict=True)},
     )

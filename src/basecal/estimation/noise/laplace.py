@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -66,6 +67,11 @@ class SigmaPosterior:
     def at_mode(self) -> Posterior:
         """What is known at the most likely sigmas."""
         return posterior(self.model, self.logs)
+
+    @cached_property
+    def columns(self) -> Columns:
+        """What is known of the columns there, which is asked for again and again."""
+        return columns_given(self.model, self.logs)
 
 
 def sigma_posterior(model: MixedModel, prior: LogNormals, start: Array | None = None) -> SigmaPosterior:
