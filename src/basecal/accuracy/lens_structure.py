@@ -26,6 +26,7 @@ from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
 _TERMS = 5  # of the fourth power of the squared radius, and of its first two along either side of the image
 _FAMILIES = (0,), (1, 2, 3, 4)  # each is tested for itself: those along the sides trade with centre and mount
 _FEWEST_VIEWS = 10  # which tell how far they differ to a fifth
+_AT_A_TIME = 400  # views whose derivatives are held at once: more take memory that no cache holds
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,12 +122,15 @@ def _side_by_side(arrays: tuple[Array, ...]) -> Array:
 
 
 def _alone(solution: Solution, group: ViewGroup) -> list[tuple[PixelMeasurement, SE3]]:
-    """The views of a group that give a pose, and these poses; nothing where there is none."""
+    """The views of a group that give a pose, and these poses, so many at a time as a cache holds."""
     measurement = group.measurement
     predicted = solution.state.camera_from_target(group, solution.problem.stops)
     alone, enough = view_alone(solution.state, group, predicted)
+    if not isinstance(measurement, PixelMeasurement):
+        return []
     rows = np.flatnonzero(enough)
-    return [(measurement.take(rows), alone[rows])] if isinstance(measurement, PixelMeasurement) and len(rows) else []
+    parts = (rows[at : at + _AT_A_TIME] for at in range(0, len(rows), _AT_A_TIME))
+    return [(measurement.take(part), alone[part]) for part in parts]
 
 
 def _projected(few: PixelMeasurement, alone: SE3, camera: Camera) -> tuple[Array, Array, Array, Array]:
