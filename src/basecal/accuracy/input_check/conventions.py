@@ -6,8 +6,9 @@ for. Nothing is ever applied. docs/conventions_test.md says which mix-ups can be
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -65,7 +66,14 @@ _LIGHT_HOPELESS_RAD = 0.05  # [rad] likewise of directions
 _MOST_SOLVED = 8  # hypotheses to fit, which bounds the time
 _ODD = 0.08  # share of the motion unexplained that no recording in order has had, so that rare mix-ups are tried
 
+_IN_STEP = 8  # pairs of camera and target of a cell of many robots: more gain little
+
 _EXPLAINED = 1.15  # residuals over stated sigmas: nothing is left that a better hypothesis could explain
+
+T = TypeVar("T")
+_Pairs = list[tuple[PairViews, Problem]]
+_Check = Generator[_Pairs, list[LoopFit | None], T]
+"""A check that asks for pairs to be fitted, and is told the fits."""
 
 Lenses = Mapping[str, Camera]
 Fits = Mapping[tuple[str, str], LoopFit]
@@ -90,18 +98,35 @@ def check_conventions(
     """
     recording = in_order(recording)
     if not has_many_robots(problem):
-        return _checked(cell, recording, problem, solution.state, settings, explained)
-    pairs, found = pairs_alone(cell, recording, problem, solution.state), []
-    for done, pair in enumerate(pairs):
-        settings.part(done, len(pairs))
-        own = build_problem(pair.cell, pair.recording)[0]
-        found.append(_checked(pair.cell, pair.recording, own, pair.state, settings, explained))
+        return _in_step([_checked(cell, recording, problem, solution.state, settings, explained)])[0]
+    pairs = pairs_alone(cell, recording, problem, solution.state)
+    found: list[tuple[Finding, ...]] = []
+    for at in range(0, len(pairs), _IN_STEP):
+        settings.part(at, len(pairs))
+        some = ((pair, build_problem(pair.cell, pair.recording)[0]) for pair in pairs[at : at + _IN_STEP])
+        found += _in_step([_checked(p.cell, p.recording, own, p.state, settings, explained) for p, own in some])
     return agreed(pairs, found)
+
+
+def _in_step(checks: Sequence[_Check[T]]) -> list[T]:
+    """Where several checks end; the pairs of camera and target that they want fitted at a time go side by side."""
+    answers: dict[int, list[LoopFit | None] | None] = dict.fromkeys(range(len(checks)))
+    ended: dict[int, T] = {}
+    while answers:
+        wanted: dict[int, _Pairs] = {}
+        for number, answer in answers.items():
+            try:
+                wanted[number] = next(checks[number]) if answer is None else checks[number].send(answer)
+            except StopIteration as end:
+                ended[number] = end.value
+        fits = iter(fit_loops([pair for of in wanted.values() for pair in of]))
+        answers = {number: [next(fits) for _ in of] for number, of in wanted.items()}
+    return [ended[number] for number in range(len(checks))]
 
 
 def _checked(
     cell: Cell, recording: Recording, problem: Problem, known: State, settings: Settings, explained: bool
-) -> tuple[Finding, ...]:
+) -> _Check[tuple[Finding, ...]]:
     """As `check_conventions`, of all robots at once, the samples in order."""
     if any(LINKS in model.columns for model in problem.models.values()):
         cell, known = without_links(cell, known)
@@ -117,7 +142,7 @@ def _checked(
     if plausible(whole) and not declared.impossible and not is_observable(cell, whole):
         return ()
     # A guess or the axis-shift start belongs to the declared hypothesis alone.
-    tried = _tried(cell, recording, problem, declared, replace(settings, start="closed"))
+    tried = yield from _tried(cell, recording, problem, declared, replace(settings, start="closed"))
     still = frozenset(r for r in cell.robots if stops_made(problem, r) == 1)
     return decide_hypotheses(cell, declared, tried, explained, still)
 
@@ -141,13 +166,13 @@ def _as_declared(cell: Cell, recording: Recording, settings: Settings, known: St
 
 def _tried(
     cell: Cell, recording: Recording, problem: Problem, declared: TriedHypothesis, settings: Settings
-) -> list[TriedHypothesis]:
+) -> _Check[list[TriedHypothesis]]:
     """Hypotheses that survive a quick look, fitted in earnest."""
     lenses = _lenses(cell, problem, declared.fit)
     known = declared.fit.solution.state
     found: list[TriedHypothesis] = []
     common = convention_hypotheses(cell, recording)
-    surviving = _surviving(cell, recording, lenses, common)
+    surviving = yield from _surviving(cell, recording, lenses, common)
     if not surviving and not plausible(declared.fit) and _has_priors(problem):
         # Loops of arms that turn about one axis stay open without what is known by priors, whatever is tried.
         surviving = [(hypothesis, {}) for hypothesis in common if not hypothesis.nested]
@@ -167,7 +192,8 @@ def _tried(
     if any(plausible(each.fit) and not each.impossible for each in (declared, *found)):
         return found
     if unexplained_motion(declared.fit.solution.problem, known) > _ODD:
-        for hypothesis, fits in _surviving(cell, recording, lenses, rare_hypotheses(cell, recording)):
+        rare = yield from _surviving(cell, recording, lenses, rare_hypotheses(cell, recording))
+        for hypothesis, fits in rare:
             found += _try(cell, recording, hypothesis, settings, (fits, lenses), declared)
     return found
 
@@ -201,7 +227,7 @@ def _applied(hypothesis: ConventionHypothesis, cell: Cell, recording: Recording)
 
 def _surviving(
     cell: Cell, recording: Recording, lenses: Lenses, among: Sequence[ConventionHypothesis]
-) -> list[tuple[ConventionHypothesis, Fits]]:
+) -> _Check[list[tuple[ConventionHypothesis, Fits]]]:
     """Hypotheses that close the loops about as well as the one that closes them best."""
     moving = _moving(recording)
     hypotheses, inputs = [AS_DECLARED], [(cell, recording)]
@@ -212,7 +238,7 @@ def _surviving(
         if not impossible_input(*rewritten):
             hypotheses.append(hypothesis)
             inputs.append(rewritten)
-    fits = _screened(inputs, lenses)
+    fits = yield from _screened(inputs, lenses)
     scores = [max((trimmed(fit.off) for fit in of.values()), default=np.inf) for of in fits]
     of_light = any(fit.of_light for fit in fits[0].values())
     if min(scores) > (_LIGHT_HOPELESS_RAD if of_light else _HOPELESS_RAD):
@@ -222,14 +248,14 @@ def _surviving(
     return [(hypotheses[k], fits[k]) for k in best if scores[k] < limit]
 
 
-def _screened(inputs: Sequence[tuple[Cell, Recording]], lenses: Lenses) -> list[Fits]:
+def _screened(inputs: Sequence[tuple[Cell, Recording]], lenses: Lenses) -> _Check[list[Fits]]:
     """Of each hypothesis how nearly the loops of its pairs of camera and target close, all fitted side by side.
 
     A hypothesis has no fits where one of its pairs cannot be fitted.
     """
     views = ReadyViews(lenses)
     pairs = [_pairs(cell, recording, views) for cell, recording in inputs]
-    fits = iter(fit_loops([pair for of in pairs for pair in of]))
+    fits = iter((yield [pair for of in pairs for pair in of]))
     found: list[Fits] = []
     for of in pairs:
         named = {(sight.group.camera, sight.group.target): next(fits) for sight, _ in of}
@@ -238,7 +264,7 @@ def _screened(inputs: Sequence[tuple[Cell, Recording]], lenses: Lenses) -> list[
     return found
 
 
-def _pairs(cell: Cell, recording: Recording, views: ReadyViews) -> list[tuple[PairViews, Problem]]:
+def _pairs(cell: Cell, recording: Recording, views: ReadyViews) -> _Pairs:
     """Some views of each pair of camera and target, as a hypothesis has them; none where it makes no problem."""
     try:
         problem, _ = build_problem(cell, thinned(recording, _SCREENED))

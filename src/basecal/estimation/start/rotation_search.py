@@ -22,6 +22,7 @@ from basecal.geometry import SE3, Array, IntArray
 # Cells of the grid that are refined; for how many rounds, and how many of the best go on then.
 _CELLS = 16
 _SCHEDULE = ((5, 6), (10, 2), (25, 1))
+_LOOPS_AT_A_TIME = 8
 # Of starts that are refined as a whole later: enough to bring grid cells of one basin together.
 _START_ROUNDS = 12
 # Starts nearer to each other than this end in the same optimum: half of what a descent's basin spans [rad].
@@ -175,7 +176,16 @@ def _grid() -> Array:
 
 
 def _grid_starts(loops: _Loops, most: int) -> dict[str, Array]:
-    """The most promising rotations, (h, m, 3, 3) by letter, best first."""
+    """The most promising rotations, (h, m, 3, 3) by letter, best first; of so many loops at a time as a cache holds."""
+    count = len(loops.moments)
+    parts = [
+        _best_of_grid(loops.take(np.arange(at, min(at + _LOOPS_AT_A_TIME, count))), most)
+        for at in range(0, count, _LOOPS_AT_A_TIME)
+    ]
+    return {letter: np.concatenate([part[letter] for part in parts]) for letter in parts[0]}
+
+
+def _best_of_grid(loops: _Loops, most: int) -> dict[str, Array]:
     h = len(loops.moments)
     averaged = loops.unknown[-1]
     tried = {
