@@ -99,13 +99,20 @@ class SchurAccumulator:
         for of in shared:
             if not len(of.view):
                 continue
-            n, stops = len(of.stop), self.diagonal.shape[-3]
-            sum_over = csr_array((np.ones(n), (of.stop, np.arange(n))), shape=(stops, n))
             transposed = np.swapaxes(of.by_error, -1, -2)
             carried = transposed @ information[..., of.view, :, :]
-            self.diagonal += _summed(sum_over, carried @ of.by_error, 2)
-            self.gradient += _summed(sum_over, (transposed @ gradient[..., of.view, :, None])[..., 0], 1)
-            self.by_unknowns[..., columns] += _summed(sum_over, carried @ by_unknowns[..., of.view, :, :], 2)
+            to_diagonal, to_unknowns = carried @ of.by_error, carried @ by_unknowns[..., of.view, :, :]
+            to_gradient = (transposed @ gradient[..., of.view, :, None])[..., 0]
+            n, stops = len(of.stop), self.diagonal.shape[-3]
+            if np.bincount(of.stop).max() == 1:
+                self.diagonal[..., of.stop, :, :] += to_diagonal
+                self.gradient[..., of.stop, :] += to_gradient
+                self.by_unknowns[..., of.stop[:, None, None], np.arange(6)[:, None], columns] += to_unknowns
+                continue
+            sum_over = csr_array((np.ones(n), (of.stop, np.arange(n))), shape=(stops, n))
+            self.diagonal += _summed(sum_over, to_diagonal, 2)
+            self.gradient += _summed(sum_over, to_gradient, 1)
+            self.by_unknowns[..., columns] += _summed(sum_over, to_unknowns, 2)
         if len(shared) == 2:
             self._add_pairs(shared[0], shared[1], information)
 
@@ -122,7 +129,8 @@ class SchurAccumulator:
         *batch, k, _, width = self.by_unknowns.shape
         right = np.concatenate([self.by_unknowns, self.gradient[..., None]], -1)
         if not self.pairs:
-            solution = np.linalg.solve(self.diagonal, right).reshape(*batch, 6 * k, width + 1)
+            # Many small systems with many right sides: by their inverses it takes a fifth of the time.
+            solution = (np.linalg.inv(self.diagonal) @ right).reshape(*batch, 6 * k, width + 1)
             log_det = np.asarray(np.linalg.slogdet(self.diagonal)[1].sum(-1))
             return SchurComplement(self.by_unknowns, solution, self._promised(solution), log_det, self.diagonal, None)
         right = right.reshape(*batch, 6 * k, width + 1)
