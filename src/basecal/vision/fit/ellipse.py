@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.special import ndtr
 
@@ -9,7 +11,7 @@ from basecal.geometry import Array
 
 _MOST_LOG = 4.0  # of a width in pixels: 55 px is beyond every window, and no exponential overflows on the way
 _TINY = 1e-9  # [px, or 1] below which a quotient takes its limit: rounding of it is 1e-16 / 1e-9
-_DIFFERENCE = 1e-5  # [px, log]: the derivative's curvature and the values' rounding are both far below noise
+_DIFFERENCE = 1e-5  # of a logarithm: curvature and rounding leave ten digits of a derivative
 
 
 class Ellipse:
@@ -21,20 +23,73 @@ class Ellipse:
 
     def __call__(self, q: Array, xy: Array) -> Array:
         """See `Shape`."""
-        offset = xy - q[:, None, :2]
-        matrix = _symmetric_exp(-q[:, 2], -q[:, 3], -q[:, 4])
-        mapped = offset @ matrix
-        radius = np.hypot(mapped[..., 0], mapped[..., 1])
-        outward = mapped @ matrix
-        slope = np.hypot(outward[..., 0], outward[..., 1]) / np.maximum(radius, _TINY)
-        distance = (1 - radius) / np.maximum(slope, _TINY)
-        return np.asarray(ndtr(distance * np.exp(-np.clip(q[:, 5:6], -_MOST_LOG, _MOST_LOG))))
+        return np.asarray(ndtr(_seen(q, xy).z))
 
     def linearised(self, q: Array, xy: Array, free: int) -> tuple[Array, Array]:
-        """See `Shape`; by differences."""
-        values = self(q, xy)
-        moved = [self(q + _DIFFERENCE * unit, xy) for unit in np.eye(free, q.shape[1])]
-        return values, (np.stack(moved, axis=1) - values[:, None]) / _DIFFERENCE
+        """See `Shape`."""
+        at = _seen(q, xy)
+        # Of z = s r (1 - r) / |o| with r^2 = offset . o and o = G offset, what a change of r^2 and one of |o|^2 make.
+        by_square = at.sharpness * (1 - 2 * at.radius) / (2 * at.radius * at.size)
+        by_size = -0.5 * at.z / at.size**2
+        u, v = at.offset
+        du, dv = at.outward
+        g11, g12, g22 = at.metric
+        rows = [by_square * -2 * du - 2 * by_size * (du * g11 + dv * g12)]
+        rows.append(by_square * -2 * dv - 2 * by_size * (du * g12 + dv * g22))
+        uu, uv, vv = u * u, 2 * u * v, v * v
+        for h11, h12, h22 in _by_outline(q):
+            of_size = 2 * (du * (u * h11 + v * h12) + dv * (u * h12 + v * h22))
+            rows.append(by_square * (uu * h11 + uv * h12 + vv * h22) + by_size * of_size)
+        rows.append(-at.z * (np.abs(q[:, 5:6]) < _MOST_LOG))
+        height = np.exp(-0.5 * at.z**2) / np.sqrt(2 * np.pi)
+        return np.asarray(ndtr(at.z)), np.stack([height * row for row in rows[:free]], axis=1)
+
+
+class _Seen(NamedTuple):
+    """Places about ellipses, (n, p) each.
+
+    Attributes:
+        z: How far inside the outline, in sigmas of the point spread, to first order.
+        radius: Of the place once the outline is the unit circle, r.
+        size: Length of `outward`.
+        offset: From the centre, u and v.
+        outward: The gradient of r^2 / 2, G offset.
+        metric: G's entries 11, 12 and 22, (n, 1).
+        sharpness: 1 / sigma of the point spread, (n, 1).
+    """
+
+    z: Array
+    radius: Array
+    size: Array
+    offset: tuple[Array, Array]
+    outward: tuple[Array, Array]
+    metric: tuple[Array, Array, Array]
+    sharpness: Array
+
+
+def _seen(q: Array, xy: Array) -> _Seen:
+    u, v = xy[..., 0] - q[:, :1], xy[..., 1] - q[:, 1:2]
+    matrix = _symmetric_exp(-q[:, 2], -q[:, 3], -q[:, 4])
+    g11, g12, g22 = _entries(matrix @ matrix)
+    du, dv = g11 * u + g12 * v, g12 * u + g22 * v
+    radius = np.maximum(np.sqrt(np.maximum(u * du + v * dv, 0.0)), _TINY)
+    size = np.maximum(np.hypot(du, dv), _TINY * radius)
+    sharpness = np.exp(-np.clip(q[:, 5:6], -_MOST_LOG, _MOST_LOG))
+    return _Seen(sharpness * radius * (1 - radius) / size, radius, size, (u, v), (du, dv), (g11, g12, g22), sharpness)
+
+
+def _entries(symmetric: Array) -> tuple[Array, Array, Array]:
+    """11, 12 and 22, (n, 1) each."""
+    return symmetric[:, 0, :1], symmetric[:, 0, 1:], symmetric[:, 1, 1:]
+
+
+def _by_outline(q: Array) -> list[tuple[Array, Array, Array]]:
+    """How G's entries change with a, b and c, by differences, which of so few numbers are soon made."""
+    found = []
+    for step in _DIFFERENCE * np.eye(3):
+        less, more = (_symmetric_exp(*(-(q[:, 2:5] + side * step)).T) for side in (-1, 1))
+        found.append(_entries((more @ more - less @ less) / (2 * _DIFFERENCE)))
+    return found
 
 
 ellipse = Ellipse()
