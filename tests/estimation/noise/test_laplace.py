@@ -11,7 +11,7 @@ from tests.estimation.noise.test_reml import NOISY, ROBOTS, at_truth
 from basecal.estimation.noise.hyperpriors import CommonPrior, hyperpriors
 from basecal.estimation.noise.laplace import expected_squares, integrated_covariance, sigma_posterior
 from basecal.estimation.noise.mixed_model import mixed_model
-from basecal.estimation.noise.reml import posterior, sigmas_of
+from basecal.estimation.noise.reml import columns_given, sigmas_of
 from basecal.estimation.noise.robot_noise import stops_made
 from basecal.estimation.noise.terms.common_errors import CommonErrors
 from quick import quick
@@ -41,7 +41,7 @@ def test_tails_of_few_stops_are_integrated(samples, seed):
     total, weight = np.zeros((6, 6)), 0.0
     for _ in range(4000):
         step = rng.standard_normal(len(found.logs))
-        known = posterior(model, found.logs + width @ step)
+        known = columns_given(model, found.logs + width @ step)
         minus_log = 0.5 * (known.value + prior.value(known.logs)[0] - found.surprise) - 0.5 * step @ step
         off = (known.step - found.at_mode.step)[:6]
         share = np.exp(-minus_log)
