@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from basecal.cell import Calibration
 from basecal.numerics.spectral import spectrum
@@ -88,4 +88,4 @@ def _difference(first: Calibration, second: Calibration, name: str) -> Differenc
         return Difference(length, angle, None, None)
     of = spectrum(covariance)
     squared, freedoms = float(apart[:width] @ of.inverse @ apart[:width]), int(of.rank)
-    return Difference(length, angle, float(np.sqrt(squared / freedoms)), float(chi2.sf(squared, freedoms)))
+    return Difference(length, angle, float(np.sqrt(squared / freedoms)), float(chdtrc(freedoms, squared)))

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import f as fisher
+from scipy.special import fdtrc
 
 from basecal.accuracy.residuals.fit import view_alone
 from basecal.accuracy.significance import SIGNIFICANCE
@@ -111,7 +111,7 @@ def _chance(scores: Array, information: Array, size: Array) -> float:
     apart = float(of_views.mahalanobis_squared(scores).sum()) - in_common
     if freedoms <= 0 or apart <= 0:
         return 1.0
-    return float(fisher.sf((in_common / len(size)) / (apart / freedoms), len(size), freedoms))
+    return float(fdtrc(len(size), freedoms, (in_common / len(size)) / (apart / freedoms)))
 
 
 def _side_by_side(arrays: tuple[Array, ...]) -> Array:

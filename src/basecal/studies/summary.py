@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from basecal.geometry import Array
 from basecal.studies.chunk import COLUMNS, Trials
@@ -51,7 +51,7 @@ def _of_point(point: Point, trials: Trials, reasons: list[str]) -> dict[str, Any
     solved = trials.solved
     nees, directions = trials.nees[solved], trials.directions[solved]
     judged = bool(len(nees)) and bool(np.all(directions > 0))
-    inside = nees <= chi2.ppf(COVERAGE, np.maximum(directions, 1)) if judged else np.zeros(0)
+    inside = nees <= chdtri(np.maximum(directions, 1), 1 - COVERAGE) if judged else np.zeros(0)
     return {
         "at": point.label,
         "trials": len(solved),

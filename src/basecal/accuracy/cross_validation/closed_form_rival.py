@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student_t
+from scipy.special import stdtr
 
 from basecal.accuracy.cross_validation.refit import Refit, with_known_stops
 from basecal.accuracy.residuals.fit import view_alone
@@ -113,7 +113,7 @@ def _ratio(ours: Array, theirs: Array) -> float | None:
     gain = np.sum((ours - theirs) / unit, axis=-1)
     ratio = float(np.sqrt(2 / np.sum(theirs.mean(0) / unit)))
     spread = float(np.std(gain, ddof=1)) / np.sqrt(len(gain))
-    chance = float(student_t.sf(gain.mean() / max(spread, 1e-300), len(gain) - 1))
+    chance = float(stdtr(len(gain) - 1, -gain.mean() / max(spread, 1e-300)))
     return ratio if ratio > _CLEARLY and chance < CONFIRMED_SIGNIFICANCE else None
 
 

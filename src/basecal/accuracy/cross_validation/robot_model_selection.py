@@ -10,8 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import norm
-from scipy.stats import t as student
+from scipy.special import ndtri, stdtr
 
 from basecal.accuracy.cross_validation.folds import FOLDS, Split, splits
 from basecal.accuracy.cross_validation.station_scores import score_stations
@@ -217,4 +216,4 @@ def _standard_errors(difference: Array) -> float:
     """A mean difference in standard errors, as rare under Student's distribution as that many are under the normal."""
     n = len(difference)
     spread = float(np.std(difference, ddof=1)) / np.sqrt(n) if n > 1 else 0.0
-    return float(norm.isf(student.sf(np.mean(difference) / spread, n - 1))) if spread > 0 else 0.0
+    return -float(ndtri(stdtr(n - 1, -np.mean(difference) / spread))) if spread > 0 else 0.0

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.special import chdtri
-from scipy.stats import ncx2
+from scipy.special import chdtri, chndtr
 
 from basecal.accuracy.drift.innovations import Innovations
 from basecal.accuracy.systematic_errors.score_tests import log_chance_of
@@ -110,7 +109,7 @@ def detectable_m(shift: Shift, level: float, power: float) -> float | None:
 
     def seen(length_m: float) -> float:
         """The chance to see a shift of a length, less what is asked."""
-        return float(np.mean(ncx2.sf(threshold, shift.freedoms, length_m**2 * visible))) - power
+        return 1 - float(np.mean(chndtr(threshold, shift.freedoms, length_m**2 * visible))) - power
 
     return None if seen(_LARGEST_M) < 0 else float(brentq(seen, 0.0, _LARGEST_M, xtol=1e-9))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.significance import SIGNIFICANCE
@@ -25,7 +25,7 @@ def board_shape(of: Evidence) -> list[Finding]:
             continue
         flat = is_flat(target.points)
         freedoms = len(shape) if flat else len(shape) - _RIGID
-        is_chance = chi2.sf(shape @ np.linalg.solve(spread, shape), freedoms) > SIGNIFICANCE
+        is_chance = chdtrc(freedoms, shape @ np.linalg.solve(spread, shape)) > SIGNIFICANCE
         if is_chance:
             continue
         size_m = height_m(target.points, shape) if flat else float(off_m(target.points, shape).max())

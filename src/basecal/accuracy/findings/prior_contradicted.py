@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.significance import SIGNIFICANCE
@@ -34,7 +34,7 @@ def contradicted_priors(solution: Solution) -> list[Finding]:
         after = jacobian @ solution.covariance[where, where] @ jacobian.T / solution.noise.factor
         learnt = above(np.eye(len(residual)) - 0.5 * (after + after.T), _LEARNT)
         off = float(learnt.mahalanobis_squared(residual)) / max(solution.noise.factor, 1.0)
-        if learnt.rank and off > chi2.isf(SIGNIFICANCE, int(learnt.rank)):
+        if learnt.rank and off > chdtri(int(learnt.rank), SIGNIFICANCE):
             message = (
                 f"the data contradict the prior of {name}: the answer is up to {np.abs(residual).max():.1f} of its "
                 "sigmas away, more than chance explains; state larger sigmas or a better value, or make it free"
