@@ -20,12 +20,12 @@ from basecal.estimation.problem.robot_parameters import Kinematics
 from basecal.geometry import Array, BoolArray
 
 # Uncalibrated arms miss places by 0.5 to 2 mm (Nubiola & Bonev 2013). Nine tenths of that are offsets of joints (Judd &
-# Knasinski 1990), five or so of them over distances of 0.1 to 0.9 m, 1.3 m in all: 0.8 mrad, within a factor that spans
-# arms calibrated by their makers and arms of hobbyists. The last tenth is links: turned by a quarter of that, and
-# shifted by some tenths of a millimetre.
-_OFFSET_RAD = (8e-4, 4.0)
+# Knasinski 1990), five or so of them over distances of 0.1 to 0.9 m, 1.3 m in all: 0.8 mrad, and within two standard
+# deviations 0.1 mrad, of arms calibrated by makers, to 7 mrad, of hobbyists'. The last tenth is links: turned by a
+# quarter of that, and shifted by 0.1 to 0.3 mm.
+_OFFSET_RAD = (8e-4, 3.0)
 _TURN_OVER_OFFSET = 0.25
-_SHIFT_OVER_OFFSET_M = (0.2, 3.0)
+_SHIFT_OVER_OFFSET_M = (0.2, 2.0)
 # Beside them what is left of a stop is not smooth in its pose, and hardly tied.
 _TIE = 2.0
 EXPECTED = CommonPrior(_OFFSET_RAD, is_over_stop=False, lever=_SHIFT_OVER_OFFSET_M, tie=_TIE)
