@@ -82,3 +82,14 @@ def test_it_is_written_read_and_said():
     said = "\n".join(noise_sentences(again))
     assert "times what its detector claims" in said
     assert "error of robot eye that is smooth over 0.7 m: 0.1 mm, 0.2 mrad" in said
+
+
+def test_few_samples_leave_sigmas_open():
+    """Root of the mean square over the likeliest: little over 1 of 30 samples, more of four."""
+    factors = []
+    for count in (30, 4):
+        made = simulate(Scenario(samples=count, robot_noise=(1e-4, 2e-4), state_robot_noise=False), 2)
+        solution = solve(made.cell, made.recording, Settings(robot_noise="estimated"))
+        factors.append(noise_summary(made.cell, made.recording, solution)["robots"]["eye"]["rms_factor"])
+    assert 1 < factors[0] < 1.3
+    assert factors[1] > 1.5

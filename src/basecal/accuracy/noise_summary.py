@@ -17,6 +17,7 @@ def noise_summary(cell: Cell, recording: Recording, solution: Solution) -> dict[
 
     `factor` of a camera is its sigma over the median of those that its detector claims, null where that claims none.
     `targets` has the coefficients of shapes that were estimated, in sigmas, see `noise.target_shape`.
+    `rms_factor` of a robot is the root of the mean square of all that its sigmas may be, over the likeliest.
     What a robot's stops have in common stands by the name of its term: what it comes to at the flange, root of the mean
     square over stops [m, rad], of joints and links what a base and a mount leave of it, and the sigma of each shift
     and turn of theirs, and the term's figures.
@@ -34,6 +35,9 @@ def noise_summary(cell: Cell, recording: Recording, solution: Solution) -> dict[
         name: {"sigma_t_m": sigma[:3].tolist(), "sigma_r_rad": sigma[3:].tolist()}
         for name, sigma in {**stated, **noise.robots}.items()
     }
+    for name, sigma in noise.robots.items():
+        if name in noise.robot_variances:
+            used["robots"][name]["rms_factor"] = float(np.sqrt(np.mean(noise.robot_variances[name] / sigma**2)))
     if solution.problem.jitter_s:
         used["clocks"] = {name: {"jitter_s": sigma} for name, sigma in solution.problem.jitter_s.items()}
     if noise.shapes:

@@ -248,7 +248,7 @@ def noise_sentences(calibration: Calibration) -> Iterator[str]:
         elif len(cameras) > 1 and of.get("pixel_px") is not None:
             yield f"pixel noise of {camera}: {of['pixel_px']:.3g} px"
     for robot, sigmas in robots.items():
-        posed = [_sigma(key, value) for key, value in sigmas.items() if key not in NOISE_TERMS and value is not None]
+        posed = [_sigma(key, value) for key, value in sigmas.items() if key.startswith("sigma_") and value is not None]
         yield f"pose noise of robot {robot}, 1 sigma per axis: {', '.join(posed)}"
         for term in [name for name in NOISE_TERMS if sigmas.get(name) is not None]:
             sigma, words = sigmas[term]["sigma"], NOISE_TERMS[term].format(**sigmas[term])

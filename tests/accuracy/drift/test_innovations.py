@@ -100,3 +100,18 @@ def test_arms_built_otherwise_are_off_as_their_joints_say() -> None:
     np.testing.assert_allclose(added, moved @ moved.T, atol=1e-9 * np.abs(added).max())
     older = predicted(links={"sigma": [1e-3] * 6}) - predicted()
     assert np.abs(older - added).max() > 0.1 * np.abs(added).max()
+
+
+def test_what_a_sigma_may_be_counts_and_not_what_is_likeliest() -> None:
+    """Of noise that few samples showed the mean square is larger than the square of the likeliest sigma."""
+    made = later()
+    robots = {name: {**known, "rms_factor": 3.0} for name, known in made.calibration.noise["robots"].items()}
+    wider = replace(made.calibration, noise={**made.calibration.noise, "robots": robots})
+    before, after = (innovations(made.cell, of, made.recording).predicted for of in (made.calibration, wider))
+    exact = {
+        name: {**known, "sigma_t_m": [0.0] * 3, "sigma_r_rad": [0.0] * 3}
+        for name, known in made.calibration.noise["robots"].items()
+    }
+    without = replace(made.calibration, noise={**made.calibration.noise, "robots": exact})
+    rest = innovations(made.cell, without, made.recording).predicted
+    np.testing.assert_allclose(after - rest, 9 * (before - rest), rtol=1e-6, atol=1e-6 * np.abs(after).max())

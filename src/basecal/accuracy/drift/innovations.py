@@ -201,5 +201,10 @@ def _at_views(of: Innovations, robot: str, term: str, known: Mapping[str, Any]) 
 
 
 def _sigmas(known: Mapping[str, Any]) -> Array:
-    """Of a robot's pose [m, rad], (6,); zeros where nothing is known."""
-    return np.array([*known["sigma_t_m"], *known["sigma_r_rad"]]) if known else np.zeros(6)
+    """Of a robot's pose that is still to come [m, rad], (6,); zeros where nothing is known.
+
+    Few samples leave them open by factors: what they come to on average counts, not what is likeliest.
+    """
+    if not known:
+        return np.zeros(6)
+    return float(known.get("rms_factor") or 1.0) * np.array([*known["sigma_t_m"], *known["sigma_r_rad"]])

@@ -184,6 +184,7 @@ class _RobotNoise(_Result):
     model_config = ConfigDict(extra="allow")
     sigma_t_m: _Sigma3
     sigma_r_rad: _Sigma3
+    rms_factor: _Sigma | None = None
 
     @model_validator(mode="after")
     def _terms(self) -> Self:
