@@ -5,9 +5,9 @@ are told to bring their flanges to the same point, turned as in the recorded pos
 truly are from one another is to be within what the map expects of 95 in 100, and so is the angle between what is and
 what was meant. `poses`: robots recorded by poses, off by 0.1 mm and 0.2 mrad per axis and stop. `joints`: arms of six
 axes with offsets of 0.05 deg and links off by 0.1 mm and 0.2 mrad besides. `stated`: all sigmas are, and offsets and
-links are estimated; `estimated`: nothing is stated, and arms are taken as their URDF has them. What an arm's errors
-shift its flange by everywhere alike is then in the mount of what hangs on it, and no recording shows it: `but for
-mounts` is the same without that.
+links are estimated; `estimated`: nothing is stated, and arms are taken as their URDF has them, as `exact joints` are.
+What an arm's errors shift its flange by everywhere alike is then in the mount of what hangs on it, and no recording
+shows it: `but for mounts` is the same without that.
 """
 
 from __future__ import annotations
@@ -182,11 +182,10 @@ def section(result: dict[str, Any]) -> str:
     about = f"""\
 Both flanges are sent to one point, at the middle of the map and at a corner: are they as near as the map expects of 95
 in 100? Asked: {100 * LOW:g} to {100 * HIGH:g} % of {TRIALS}. `joints`: arms whose joints and links are off, estimated
-by their priors (`stated`), or taken for what the URDF says (`estimated`). Then angles are held too seldom. What an
-arm's errors shift its flange by everywhere alike is in the mount of what hangs on it and in no recording, and makes the
-larger part of it (`but for mounts`: without). The rest is that both arms are far from where they were recorded when
-their flanges meet: errors of joints differ there by more than a process over poses with a length of 0.7 m, which has
-seen them vary over 0.6 rad, goes on to."""
+by their priors (`stated`), or taken for what the URDF says (`estimated`), as `exact joints` are, which nobody knows.
+What an arm's errors shift its flange by everywhere alike is in the mount of what hangs on it and in no recording, and
+makes the larger part of them (`but for mounts`: without): what recorded poses show of an arm's errors says how large
+that may be. Of exact arms no recording proves that they are, so that lengths there are held more often than need be."""
     return f"{about}\n\n{table(HEAD, [row(kind, of) for kind, of in result['rows'].items()])}"
 
 

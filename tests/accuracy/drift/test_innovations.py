@@ -44,6 +44,7 @@ def test_leaving_a_sample_out_is_as_not_having_it() -> None:
     never = innovations(made.cell, made.calibration, less)
     np.testing.assert_allclose(without.off, never.off, atol=1e-9)
     np.testing.assert_allclose(without.predicted, never.predicted, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(without.covariance_inverse, never.covariance_inverse, rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(without.by_frame(BASE), never.by_frame(BASE), atol=1e-9)
 
 
