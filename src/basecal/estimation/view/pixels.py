@@ -138,11 +138,12 @@ class PixelMeasurement(TargetPoints):
             paired: Whether with each point the one is kept that takes its place where the target is read from its
                 other end.
         """
-        rows = spread_out(self.points_in_target, most)
+        count = len(self.points_in_target)
         if paired:
-            count = len(self.points_in_target)
             half = spread_out(self.points_in_target[: (count + 1) // 2], (most + 1) // 2)
             rows = np.unique(np.concatenate([half, count - 1 - half]))
+        else:
+            rows = spread_out(self.points_in_target, most)
         of_points = {name: getattr(self, name)[:, rows] for name in ("pixels", "seen", "stated", "weight")}
         relative = None if self.relative is None else self.relative[:, rows]
         return replace(self, points_in_target=self.points_in_target[rows], relative=relative, **of_points)
