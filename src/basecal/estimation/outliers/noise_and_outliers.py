@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from basecal.cell import Cell
+from basecal.estimation.noise.estimate import NoiseEstimate
 from basecal.estimation.outliers.robust_solve import RobustSolution, judged_again, solve_robustly
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, integrated, solve_at_mode, solve_from
+from basecal.estimation.view.measurement import Noise
 
 _PASSES = 3
 # Of arms with errors of their own (belts, links, a loose base) up to 9 mm and 7 mrad are on record.
@@ -83,9 +85,12 @@ def _judged(
     if again is not None:
         return again
     held = solution.noise.held_by(plain.problem)
-    # From a state that outliers have pulled aside steps may overflow; such steps are not taken.
-    with np.errstate(all="ignore"):
-        whole = solve_from(held, solution.state, settings, plain.findings)
+    if before is None:  # the noise is that of all views, whose optimum by it is known
+        whole = replace(solution, problem=held, noise=NoiseEstimate(Noise(), 1.0, (), True))
+    else:
+        # From a state that outliers have pulled aside steps may overflow; such steps are not taken.
+        with np.errstate(all="ignore"):
+            whole = solve_from(held, solution.state, settings, plain.findings)
     return solve_robustly(held, cell, settings, replace(whole, disputed=plain.disputed))
 
 
