@@ -39,3 +39,11 @@ def test_targets_have_the_shapes_that_were_found():
         expected = points + shape_of(points) @ np.array(shape) if moved else points
         np.testing.assert_allclose(found.measurement.points_in_target, expected, atol=1e-15)
         assert moved == bool(np.abs(expected - points).max() > 1e-4)
+
+
+def test_a_light_has_no_shape():
+    """Nothing is divided by its size, which is none."""
+    light = simulate(Scenario(samples=12, target="led", camera_mount="fixed", target_mount="fixed"), 1)
+    calibration = calibrate(light.cell, light.recording)
+    with np.errstate(all="raise"):
+        assert len(fitted_again(light.cell, light.recording, calibration).problem.groups) == 1

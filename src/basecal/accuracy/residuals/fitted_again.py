@@ -81,7 +81,8 @@ def with_noise_of(group: ViewGroup, calibration: Calibration) -> ViewGroup:
 def _known_shapes(groups: Sequence[ViewGroup], calibration: Calibration) -> dict[str, Array]:
     """Coefficients of the shapes that targets were found to have; those of a target of other points are left out."""
     found = {name: np.array(of["shape"]) for name, of in calibration.noise.get("targets", {}).items()}
-    sizes = {group.target: shape_of(points).shape[-1] for group in groups if len(points := points_of(group))}
+    seen = {group.target: points for group in groups if group.target in found and len(points := points_of(group))}
+    sizes = {name: shape_of(points).shape[-1] for name, points in seen.items()}
     return {name: shape for name, shape in found.items() if sizes.get(name) == len(shape)}
 
 
