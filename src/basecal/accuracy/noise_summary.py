@@ -17,7 +17,8 @@ def noise_summary(cell: Cell, recording: Recording, solution: Solution) -> dict[
 
     `factor` of a camera is its sigma over the median of those that its detector claims, null where that claims none.
     `targets` has the coefficients of shapes that were estimated, in sigmas, see `noise.target_shape`.
-    `rms_factor` of a robot is the root of the mean square of all that its sigmas may be, over the likeliest.
+    `freedoms` of a robot are those by which its sigmas were estimated, `rms_factor` is the root of the mean square of
+    all that these may be, over the likeliest.
     What a robot's stops have in common stands by the name of its term: what it comes to at the flange, root of the mean
     square over stops [m, rad], of joints and links what a base and a mount leave of it, and the sigma of each shift
     and turn of theirs, and the term's figures.
@@ -36,6 +37,7 @@ def noise_summary(cell: Cell, recording: Recording, solution: Solution) -> dict[
         for name, sigma in {**stated, **noise.robots}.items()
     }
     for name, sigma in noise.robots.items():
+        used["robots"][name]["freedoms"] = _freedoms(solution)
         if name in noise.robot_variances:
             used["robots"][name]["rms_factor"] = float(np.sqrt(np.mean(noise.robot_variances[name] / sigma**2)))
     if solution.problem.jitter_s:
@@ -51,6 +53,12 @@ def noise_summary(cell: Cell, recording: Recording, solution: Solution) -> dict[
             each = {"shift_m": float(sigma[0]), "turn_rad": float(sigma[1])} if kind.IS_LEFT else {}
             used["robots"][name][term] = {"sigma": told.at_flange(sigma).tolist(), **each, **kind.FIGURES}
     return used
+
+
+def _freedoms(solution: Solution) -> float:
+    """Equations of the views, six at most of each, less unknowns; one at least."""
+    equations = sum(int(group.measurement.equations().sum()) for group in solution.problem.groups)
+    return float(max(equations - solution.problem.width, 1))
 
 
 def _of_cameras(recording: Recording, solution: Solution) -> dict[str, dict[str, Any]]:

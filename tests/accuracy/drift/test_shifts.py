@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.stats import chi2
+from scipy.stats import f as fisher
 
 from basecal.accuracy.drift.innovations import innovations
-from basecal.accuracy.drift.shifts import detectable_m, frame_shifts, joint_shifts
+from basecal.accuracy.drift.shifts import Shift, detectable_m, frame_shifts, joint_shifts
 from drift_cells import BASE, later
 
 TANGENT = np.array([3e-3, -2e-3, 1e-3, 4e-3, -2e-3, 1e-3])
@@ -69,3 +70,31 @@ def test_what_is_not_seen_has_no_detectable_size() -> None:
     assert detectable_m(blind, 1e-3, 0.95) is None
     one_way = replace(shift, information=np.diag([1e8, 0, 0, 0, 0, 0.0]), freedoms=1)
     assert detectable_m(one_way, 1e-3, 0.99) is None or detectable_m(one_way, 1e-3, 0.99) > 1e-3
+
+
+def _of_noise(freedoms: float, statistic: float = 30.0) -> Shift:
+    """A shift of a frame whose noise is known by so many freedoms."""
+    information = np.diag([4e6, 1e6, 2e6, 1e6, 1e6, 1e6])
+    inverse = np.linalg.inv(information)
+    return Shift("board", "hand_flange_from_board", None, np.zeros(6), inverse, information, statistic, 6, freedoms)
+
+
+@pytest.mark.parametrize("freedoms", [6.0, 12.0, 150.0])
+def test_noise_that_few_samples_told_makes_tails_heavier(freedoms: float) -> None:
+    """The chance is that of Fisher's distribution; the threshold is passed with the level."""
+    of = _of_noise(freedoms)
+    assert np.exp(of.log_chance) == pytest.approx(fisher.sf(5.0, 6, freedoms), rel=1e-9)
+    assert of.log_chance > _of_noise(np.inf).log_chance
+    assert fisher.sf(of.threshold(0.005) / 6, 6, freedoms) == pytest.approx(0.005, rel=1e-9)
+
+
+@pytest.mark.parametrize("freedoms", [12.0, np.inf])
+def test_what_is_detectable_is_seen_with_noise_of_few_freedoms(freedoms: float) -> None:
+    """20,000 draws of a shift, its direction and the noise are seen in 95 %, within half a percent."""
+    of, rng = _of_noise(freedoms), np.random.default_rng(3)
+    length = detectable_m(of, 0.005, 0.95)
+    along = rng.standard_normal((20_000, 3))
+    shifts = length * along / np.linalg.norm(along, axis=1, keepdims=True)
+    strength = np.einsum("di,ij,dj->d", shifts, of.information[:3, :3], shifts)
+    scale = rng.chisquare(freedoms, 20_000) / freedoms if np.isfinite(freedoms) else 1.0
+    assert np.mean(rng.noncentral_chisquare(6, strength) / scale > of.threshold(0.005)) == pytest.approx(0.95, abs=5e-3)

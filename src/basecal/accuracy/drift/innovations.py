@@ -45,6 +45,7 @@ class Innovations:
         predicted: (6 n, 6 n) covariance of that by the predictions.
         sample: (n,) numbers of the samples.
         known_inverse: `covariance_inverse`, where it is known already.
+        freedoms_of_noise: By which the noise of the calibration is known; infinite where it was stated.
     """
 
     situation: Situation
@@ -53,6 +54,7 @@ class Innovations:
     predicted: Array
     sample: IntArray
     known_inverse: Array | None = None
+    freedoms_of_noise: float = np.inf
 
     @cached_property
     def covariance_inverse(self) -> Array:
@@ -114,7 +116,15 @@ class Innovations:
         situation = replace(self.situation, problem=self.situation.problem.with_groups(groups))
         predicted = self.predicted[np.ix_(rows, rows)]
         inverse = _inverse_of_part(self.covariance_inverse, rows)
-        return Innovations(situation, self.root[kept], self.off[rows], predicted, self.sample[kept], inverse)
+        return replace(
+            self,
+            situation=situation,
+            root=self.root[kept],
+            off=self.off[rows],
+            predicted=predicted,
+            sample=self.sample[kept],
+            known_inverse=inverse,
+        )
 
 
 def innovations(cell: Cell, calibration: Calibration, recording: Recording) -> Innovations:
@@ -139,7 +149,9 @@ def innovations(cell: Cell, calibration: Calibration, recording: Recording) -> I
     flat = np.concatenate(off).ravel()
     exact = Innovations(situation, np.concatenate(root), flat, np.zeros((len(flat), len(flat))), sample)
     predicted = _of_transforms(exact, calibration) + _of_robots(exact, calibration)
-    return replace(exact, predicted=predicted)
+    robots = calibration.noise.get("robots", {})
+    freedoms = min((robots.get(robot, {}).get("freedoms") or np.inf for robot in exact.robots), default=np.inf)
+    return replace(exact, predicted=predicted, freedoms_of_noise=float(freedoms))
 
 
 def _inverse_of_part(inverse: Array, rows: BoolArray) -> Array:

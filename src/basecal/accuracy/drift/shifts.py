@@ -1,7 +1,8 @@
 """Whether one thing has moved since a calibration, by how much, and how small a shift would be seen.
 
 With y the innovations, V their covariance and E how they go with a shift t of the thing, the best t is
-(E'V^-1 E)^+ E'V^-1 y, and t' (E'V^-1 E) t is chi-square where nothing moved, noncentral by the true shift where it did.
+(E'V^-1 E)^+ E'V^-1 y, and t' (E'V^-1 E) t is chi-square where nothing moved, noncentral by the true shift where it did;
+of noise that few samples told, by n freedoms, it is over a chi-square of these: Fisher's distribution.
 Source: docs/mathematics.md (13.2), (13.3).
 """
 
@@ -12,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.special import chdtri, chndtr
+from scipy.special import chdtri, chndtr, fdtrc, fdtri
 
 from basecal.accuracy.drift.innovations import Innovations
 from basecal.accuracy.systematic_errors.score_tests import log_chance_of
@@ -21,6 +22,8 @@ from basecal.numerics.spectral import spectrum
 
 _HIDDEN = 1e-6  # share of its information in any one coordinate below which a direction of a shift is not seen
 _DIRECTIONS = 100  # over which the chance to see a shift is averaged, to a thousandth
+_SCALES = 20  # of a variance, over which it is averaged too
+_LEAST = 1e-280  # of a chance as it is: what is less is told by the tail of a chi-square
 _LARGEST_M = 10.0  # a shift that no cell has [m]: what is not seen then is not seen at all
 
 
@@ -37,6 +40,7 @@ class Shift:
         information: (k, k) of the shift.
         statistic: Chi-square where it did not move.
         freedoms: Of that; directions in which the views would see it.
+        of_noise: Freedoms by which the noise of the calibration is known; infinite where it was stated.
     """
 
     frame: str
@@ -47,11 +51,21 @@ class Shift:
     information: Array
     statistic: float
     freedoms: int
+    of_noise: float = np.inf
 
     @property
     def log_chance(self) -> float:
         """Logarithm of the chance of a statistic so large where it did not move."""
-        return log_chance_of(self.statistic, self.freedoms)
+        if not np.isfinite(self.of_noise) or not self.freedoms:
+            return log_chance_of(self.statistic, self.freedoms)
+        chance = float(fdtrc(self.freedoms, self.of_noise, self.statistic / self.freedoms))
+        return float(np.log(chance)) if chance > _LEAST else log_chance_of(self.statistic, self.freedoms)
+
+    def threshold(self, level: float) -> float:
+        """The statistic that is passed by this chance where it did not move."""
+        if not np.isfinite(self.of_noise):
+            return float(chdtri(self.freedoms, level))
+        return self.freedoms * float(fdtri(self.freedoms, self.of_noise, 1 - level))
 
     @property
     def shift_m(self) -> float:
@@ -85,8 +99,9 @@ def _shift(of: Innovations, frame: str, transform: str, joint: int | None, moves
     information = weighed @ by_shift
     seen = spectrum(0.5 * (information + information.T), _HIDDEN)
     size = seen.inverse @ (weighed @ of.off)
+    statistic = float(size @ information @ size)
     return Shift(
-        frame, transform, joint, size, seen.inverse, information, float(size @ information @ size), int(seen.rank)
+        frame, transform, joint, size, seen.inverse, information, statistic, int(seen.rank), of.freedoms_of_noise
     )
 
 
@@ -105,13 +120,20 @@ def detectable_m(shift: Shift, level: float, power: float) -> float | None:
     visible = np.maximum(np.einsum("di,ij,dj->d", along, shift.information[:3, :3], along), 0.0)
     if not shift.freedoms:
         return None
-    threshold = float(chdtri(shift.freedoms, level))
+    threshold = shift.threshold(level) * _scales(shift.of_noise)[:, None]
 
     def seen(length_m: float) -> float:
         """The chance to see a shift of a length, less what is asked."""
         return 1 - float(np.mean(chndtr(threshold, shift.freedoms, length_m**2 * visible))) - power
 
     return None if seen(_LARGEST_M) < 0 else float(brentq(seen, 0.0, _LARGEST_M, xtol=1e-9))
+
+
+def _scales(freedoms: float) -> Array:
+    """What a variance that is known by so many freedoms may be over the true one, as many that are alike likely."""
+    if not np.isfinite(freedoms):
+        return np.ones(1)
+    return np.asarray(chdtri(freedoms, 1 - (np.arange(_SCALES) + 0.5) / _SCALES) / freedoms)
 
 
 def _sphere(count: int) -> Array:

@@ -185,6 +185,7 @@ class _RobotNoise(_Result):
     sigma_t_m: _Sigma3
     sigma_r_rad: _Sigma3
     rms_factor: _Sigma | None = None
+    freedoms: Annotated[float, Field(ge=1)] | None = None
 
     @model_validator(mode="after")
     def _terms(self) -> Self:
