@@ -7,6 +7,7 @@ found anew where these show them, and the product of these around the ring shoul
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -48,10 +49,13 @@ def loops(solution: Solution, per_sample: Sequence[SampleResidual]) -> tuple[Loo
         per_sample: The residuals of its views.
     """
     bases = {(g.camera, g.target): _bases(solution.problem, g) for g in solution.problem.groups}
+    of_pairs: dict[tuple[str, str], list[tuple[float, float]]] = defaultdict(list)
+    for r in per_sample:
+        if r.loop_m is not None and r.loop_rad is not None:
+            of_pairs[r.camera, r.target].append((r.loop_m, r.loop_rad))
     found = []
     for pair, (eye_base, hand_base) in bases.items():
-        of_pair = [r for r in per_sample if (r.camera, r.target) == pair]
-        closed = np.array([(r.loop_m, r.loop_rad) for r in of_pair if r.loop_m is not None and r.loop_rad is not None])
+        closed = np.array(of_pairs[pair])
         if len(closed):
             rms_m, rms_rad = np.sqrt(np.mean(closed**2, axis=0))
             found.append(Loop((eye_base, *pair, hand_base), len(closed), float(rms_m), float(rms_rad)))

@@ -13,7 +13,7 @@ def indented(value: Any, level: int = 0) -> str:
         ValueError: if a number is not finite.
     """
     parts = list(value.values() if isinstance(value, dict) else value) if isinstance(value, dict | list) else []
-    if not any(isinstance(part, dict | list) for part in parts):
+    if {dict, list}.isdisjoint(map(type, parts)):
         return json.dumps(value, allow_nan=False)
     inside, outside = "\n" + " " * (level + 1), "\n" + " " * level
     texts = [indented(part, level + 1) for part in parts]
