@@ -102,7 +102,7 @@ every other, as `benchmarks.robots` asks for them.
   thousand cells a folder of their own.
 - **Many robots: the covariance of everything.** `basecal.solve` gives that of all unknowns together, {COLUMNS} for each
   robot with a camera and a board: {dense:.1f} GB for a thousand, and it grows with the square.
-- **Many robots: `calibration.json`.** It holds that covariance as text: some 90 MB for a hundred robots, and a file of
+- **Many robots: `calibration.json`.** It holds that covariance as text: some 80 MB for a hundred robots, and a file of
   more than 256 MB is not read back.
 - **Many robots: what `basecal calibrate` does besides.** The tests of conventions go pair by pair and noise that nobody
   states is estimated by the views that each robot takes part in, which grow as the robots do; the tests of residuals,
