@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -40,9 +41,10 @@ def score_stations(problem: Problem, state: State, split: Split, iterations: int
         iterations: Steps of each fit, at most.
     """
     station = {number: k for k, part in enumerate(split.parts) for number in part}
+    fresh = replace(state, stop_errors=np.zeros_like(state.stop_errors))  # held-out views have said nothing yet
     far, freedoms = np.zeros((2, len(split.parts)))
     cost, count, off = 0.0, 0, [np.zeros(0)]
-    for fit in refit_folds(problem, state, split.folds, iterations):
+    for fit in refit_folds(problem, fresh, split.folds, iterations):
         for group in fit.views.groups:
             views = _predicted(problem, group, fit.optimum.state)
             place = np.array([station[number] for number in group.sample.tolist()])
