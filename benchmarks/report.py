@@ -382,6 +382,9 @@ Asked of these: as calibrated in {100 * verify.AS_CALIBRATED:g} % of {verify.SPL
 the half that was calibrated knows too little, counts as one that fails."""
     if "simulated_at" in result:
         about += f" Simulated cells were measured at commit {result['simulated_at']}."
+    for at in sorted({of["commit"] for of in result["real"] if "commit" in of}):
+        names = dict.fromkeys(of["recording"] for of in result["real"] if of.get("commit") == at)
+        about += f" At commit {at}: {', '.join(names)}."
     rows = [verify.row(name, of) for name, of in result["rows"].items()]
     real_rows = map(verify.row_real, result["real"])
     return f"{about}\n\n{table(verify.HEAD, rows)}\n\n{table(verify.HEAD_REAL, real_rows)}"
