@@ -14,6 +14,7 @@ from basecal.estimation.view.measurement import ViewInformation
 from basecal.estimation.view.moments import Monomials, gradient_and_information
 from basecal.geometry import SE3, Array, Camera, IntArray, Rows
 from basecal.numerics.batch import SHARED, take
+from basecal.numerics.spectral import dimension
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,12 +49,13 @@ class TargetPoints:
 
 
 def spread_out(points: Array, most: int) -> IntArray:
-    """Rows, rising, of at most so many of points (p, 3) that lie far from one another.
+    """Rows, rising, of at most so many of points (p, 3): every so manyth, or those far apart where these span less.
 
-    Each is the farthest from those before it: every so manyth of a grid may all lie in one of its columns.
+    Every eleventh point of a grid of eleven columns is one of its columns.
     """
-    if len(points) <= most:
-        return np.arange(len(points))
+    every = np.arange(0, len(points), -(-len(points) // most))
+    if dimension(points[every]) == dimension(points):
+        return every
     rows = [int(np.argmax(np.sum((points - points.mean(0)) ** 2, -1)))]
     apart = np.full(len(points), np.inf)
     while len(rows) < most:
