@@ -16,7 +16,7 @@ from basecal.estimation.start.closed_form import Loop, Rotations, solve_rotation
 from basecal.estimation.start.light_search import light_search
 from basecal.estimation.start.pair_views import PairViews, ViewPosesOf, as_light, pair_views
 from basecal.estimation.start.refinement import Refinement, refined_together
-from basecal.estimation.start.rotation_search import angle_between, search_rotations
+from basecal.estimation.start.rotation_search import angle_between, search_rotations, settled_rotations
 from basecal.estimation.view.known_poses import KnownPoses
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.view_pose import view_poses
@@ -184,16 +184,20 @@ def _loop(sight: PairViews, problem: Problem, chosen: IntArray) -> Loop:
 
 
 def _triples(loops: Sequence[Loop]) -> list[Triple | None]:
-    """By closed form where the rotations are determined, else by a search of all loops of one structure at once."""
-    found = [_closed_form(loop) for loop in loops]
-    searched: dict[str, list[int]] = {}
-    for k, rotations in enumerate(found):
-        if rotations is not None and not rotations.clear:
-            searched.setdefault(loops[k].unknown, []).append(k)
-    for rows in searched.values():
-        for k, rotations in zip(rows, search_rotations([loops[k] for k in rows]), strict=True):
-            found[k] = rotations
-    return [_triple(loop, rotations) for loop, rotations in zip(loops, found, strict=True)]
+    """By closed form where the rotations are determined, else by a search of all loops of one structure at once.
+
+    The closed form of three unknown rotations multiplies the noise of few views, so that it is settled on them.
+    """
+    found = {k: rotations for k, loop in enumerate(loops) if (rotations := _closed_form(loop)) is not None}
+    alike: dict[tuple[str, bool], list[int]] = {}
+    for k, rotations in found.items():
+        if len(loops[k].unknown) == 3 or not rotations.clear:
+            alike.setdefault((loops[k].unknown, rotations.clear), []).append(k)
+    for (_, clear), rows in alike.items():
+        same = [loops[k] for k in rows]
+        better = settled_rotations(same, [found[k][:3] for k in rows]) if clear else search_rotations(same)
+        found.update(zip(rows, better, strict=True))
+    return [_triple(loop, found.get(k)) for k, loop in enumerate(loops)]
 
 
 def _triple(loop: Loop, rotations: Rotations | None) -> Triple | None:

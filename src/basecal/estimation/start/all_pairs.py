@@ -83,7 +83,8 @@ def _settled(wishes: Sequence[Refinement]) -> list[Refinement]:
     for unknown in {wish.loop.unknown for wish in wishes}:
         numbers = [k for k, wish in enumerate(wishes) if wish.loop.unknown == unknown]
         some = [wishes[k] for k in numbers]
-        turns = settled_rotations([wish.loop for wish in some], [wish.starts[0] for wish in some])
+        near = [[end.rotation for end in wish.starts[0]] for wish in some]
+        turns = settled_rotations([wish.loop for wish in some], near)
         for k, wish, turn in zip(numbers, some, turns, strict=True):
             settled[k] = replace(wish, starts=[solve_translations(wish.loop, turn)])
     return settled

@@ -17,7 +17,7 @@ import numpy as np
 from basecal.estimation.start.closed_form import Loop, Rotations
 from basecal.estimation.start.nearest_rotations import cross_rows, dot, nearest_rotations
 from basecal.estimation.start.rotation_grid import icosahedral_rotations
-from basecal.geometry import SE3, Array, IntArray
+from basecal.geometry import Array, IntArray
 
 # Cells of the grid that are refined; for how many rounds, and how many of the best go on then.
 _CELLS = 16
@@ -25,6 +25,7 @@ _SCHEDULE = ((5, 6), (10, 2), (25, 1))
 _LOOPS_AT_A_TIME = 8
 # Of starts that are refined as a whole later: enough to bring grid cells of one basin together.
 _START_ROUNDS = 12
+_SETTLING_ROUNDS = 25  # of one start: its error falls to a few hundredths
 # Starts nearer to each other than this end in the same optimum: half of what a descent's basin spans [rad].
 _ALIKE_RAD = 0.15
 # Rotations whose entries change by less in a round have settled.
@@ -102,11 +103,11 @@ def pose_starts(loops: Sequence[Loop], most: int) -> list[list[tuple[Array, Arra
     return [[(turns["x"][h, i], turns["y"][h, i], turns["z"][h, i]) for i in _apart(off[h])] for h in range(len(loops))]
 
 
-def settled_rotations(loops: Sequence[Loop], near: Sequence[tuple[SE3, SE3, SE3]]) -> list[Rotations]:
-    """Rotations of loops with the same unknowns that agree with each loop's own samples, downhill of X, Y and Z."""
+def settled_rotations(loops: Sequence[Loop], near: Sequence[Sequence[Array]]) -> list[Rotations]:
+    """Rotations of loops with the same unknowns that agree with each loop's own samples, downhill of X, Y, Z."""
     every = _loops(loops)
-    begun = {k: np.stack([triple["xyz".index(k)].rotation[None] for triple in near]) for k in every.unknown}
-    at = _alternated(every, {**every.known, **begun}, _START_ROUNDS)
+    begun = {k: np.stack([turns["xyz".index(k)][None] for turns in near]) for k in every.unknown}
+    at = _alternated(every, {**every.known, **begun}, _SETTLING_ROUNDS)
     return [Rotations(at["x"][h, 0], at["y"][h, 0], at["z"][h, 0], True) for h in range(len(loops))]
 
 
