@@ -18,7 +18,7 @@ pytest.importorskip("cyclonedds")
 from basecal.acquisition.ros2.dds import Discovery, Listener
 from shared.ros2_domain import DOMAIN, LOOPBACK
 
-ELSEWHERE = (DOMAIN + 31) % 200
+ELSEWHERE = DOMAIN + 31
 
 
 def test_what_was_found_is_sent_until_it_is_interrupted(tmp_path, monkeypatch):
@@ -29,11 +29,14 @@ def test_what_was_found_is_sent_until_it_is_interrupted(tmp_path, monkeypatch):
     assert main(["calibrate", str(cell)]) == 0
     words = ["export", str(cell), "--to", "ros2", "--publish", "--domain", str(ELSEWHERE)]
     with subprocess.Popen([sys.executable, "-m", "basecal", *words], stdout=subprocess.PIPE, text=True) as process:
-        assert "to " in process.stdout.readline()
-        offer = Discovery(ELSEWHERE).wait_for("/tf_static", 10.0)
-        (message,) = Listener(ELSEWHERE, offer, 10).messages(5.0)
-        os.kill(process.pid, signal.SIGINT)
-        assert process.wait(timeout=20) == 0
+        try:
+            assert "to " in process.stdout.readline()
+            offer = Discovery(ELSEWHERE).wait_for("/tf_static", 30.0)
+            (message,) = Listener(ELSEWHERE, offer, 10).messages(15.0)
+            os.kill(process.pid, signal.SIGINT)
+            assert process.wait(timeout=20) == 0
+        finally:
+            process.kill()
     calibration = read_calibration(latest_run(cell))
     sent = {each.child_frame_id: each for each in message.transforms}
     found = calibration["eye_base_from_hand_base"].mean
