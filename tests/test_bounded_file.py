@@ -33,7 +33,7 @@ def test_bytes_of_a_file(tmp_path: Path) -> None:
         read_bounded(tmp_path / "b", 4, "make one")
     with pytest.raises(DatasetError, match=r"b: cannot be read: there is no such file$"):
         read_bounded(tmp_path / "b", 4)
-    with pytest.raises(DatasetError, match="cannot be read: .*embedded null"):
+    with pytest.raises(DatasetError, match=r"cannot be read: .*embedded null"):
         read_bounded("a\0b", 4)
 
 
