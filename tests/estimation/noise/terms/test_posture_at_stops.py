@@ -8,20 +8,15 @@ import numpy as np
 
 from basecal.estimation.noise.robot_noise import stands
 from basecal.estimation.noise.terms.posture_at_stops import is_estimated, posture_at_stops
-from basecal.estimation.problem.build import build_problem
-from basecal.simulation import Scenario, simulate
+from basecal.simulation import Scenario
+from simulated_problem import simulated_problem
 
 SCENARIO = Scenario(samples=8, joints=True)
 
 
-def _problem(scenario):
-    simulated = simulate(scenario, 3)
-    return build_problem(simulated.cell, simulated.recording)[0]
-
-
 def test_the_chain_stands_where_the_stops_are():
     """At each stop that was seen; at others at the mean of the joints."""
-    problem = _problem(SCENARIO)
+    problem = simulated_problem(SCENARIO)
     poses, _ = stands(problem, "hand")
     at = posture_at_stops(problem, "hand")
     np.testing.assert_allclose(at.chain.forward(at.recorded).matrix, poses.matrix, atol=1e-12)
@@ -33,13 +28,13 @@ def test_the_chain_stands_where_the_stops_are():
 
 def test_arms_that_record_poses_and_few_stops_have_none():
     """There is nothing to tell of their joints."""
-    assert posture_at_stops(_problem(replace(SCENARIO, joints=False)), "hand") is None
-    assert posture_at_stops(_problem(replace(SCENARIO, samples=3)), "hand") is None
+    assert posture_at_stops(simulated_problem(replace(SCENARIO, joints=False)), "hand") is None
+    assert posture_at_stops(simulated_problem(replace(SCENARIO, samples=3)), "hand") is None
 
 
 def test_what_is_estimated_is_told():
     """By kind."""
-    problem = _problem(replace(SCENARIO, joint_offset_rad=1e-3, joint_offsets="prior"))
+    problem = simulated_problem(replace(SCENARIO, joint_offset_rad=1e-3, joint_offsets="prior"))
     assert is_estimated(problem, "hand", "link_parameters", "joint_offsets")
     assert not is_estimated(problem, "hand", "link_parameters")
-    assert not is_estimated(_problem(SCENARIO), "hand", "joint_offsets")
+    assert not is_estimated(simulated_problem(SCENARIO), "hand", "joint_offsets")

@@ -8,22 +8,17 @@ import numpy as np
 
 from basecal.estimation.noise.terms.posture_at_stops import posture_at_stops
 from basecal.estimation.noise.terms.sag import errors
-from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.robot_parameters import Kinematics
 from basecal.kinematics import gravity_torques
-from basecal.simulation import Scenario, simulate
+from basecal.simulation import Scenario
+from simulated_problem import simulated_problem
 
 SCENARIO = Scenario(samples=8, joints=True)
 
 
-def _problem(scenario):
-    simulated = simulate(scenario, 2)
-    return build_problem(simulated.cell, simulated.recording)[0]
-
-
 def test_what_joints_share_moves_the_flange_as_one_compliance_does():
     """The first error is that of all joints yielding alike, by a radian where most torque is on one of them."""
-    problem = _problem(SCENARIO)
+    problem = simulated_problem(SCENARIO)
     at = posture_at_stops(problem, "eye")
     torques = gravity_torques(at.chain, at.recorded, np.array([0.0, 0.0, -1.0]))
     most = np.sqrt(np.mean(torques**2, axis=0)).max()
@@ -34,7 +29,7 @@ def test_what_joints_share_moves_the_flange_as_one_compliance_does():
 
 def test_arms_without_masses_and_estimated_compliances_have_none():
     """Nothing says what their joints carry, or it is told already."""
-    problem = _problem(SCENARIO)
+    problem = simulated_problem(SCENARIO)
     light = {name: replace(chain, masses=None) for name, chain in problem.chains.items()}
     assert errors(replace(problem, chains=light), "eye") is None
-    assert errors(_problem(replace(SCENARIO, compliance=1e-5, deflection="prior")), "eye") is None
+    assert errors(simulated_problem(replace(SCENARIO, compliance=1e-5, deflection="prior")), "eye") is None
