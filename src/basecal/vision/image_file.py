@@ -125,12 +125,12 @@ def _cause(size: tuple[int, int], size_px: tuple[int, int]) -> str:
 
 
 def png_bytes(image: Image) -> bytes:
-    """A picture, (h, w), as a PNG; quickly, since noise does not get smaller.
+    """A picture, (h, w), as a PNG.
 
     Raises:
         InputError: if it has another type than uint8 or uint16.
     """
-    written, data = cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    written, data = cv2.imencode(".png", image)
     if not written:
         raise InputError(f"an image of type {image.dtype} cannot be written as PNG")
     return bytes(data.tobytes())
@@ -142,14 +142,14 @@ def write_png(path: Path, image: Image) -> None:
     Raises:
         InputError: if it cannot be written.
     """
-    written, data = cv2.imencode(".png", image)
     try:
+        data = png_bytes(image)
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(data.tobytes())
+        path.write_bytes(data)
+    except InputError as error:
+        raise InputError(f"{path} cannot be written: {error}") from None
     except OSError as error:
         raise InputError(f"{path} cannot be written: {error.strerror}") from None
-    if not written:
-        raise InputError(f"{path} cannot be written: the image has type {image.dtype}")
 
 
 def _is_cut(data: bytes) -> bool:

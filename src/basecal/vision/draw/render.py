@@ -135,11 +135,13 @@ def focused(fine: Levels, settings: RenderSettings, size_px: tuple[int, int]) ->
 
 def expose(levels: Array, settings: RenderSettings, seed: int = 0) -> Image:
     """Grey levels with noise, rounded and clipped to the range of the image, (h, w)."""
-    noise = np.random.default_rng([seed, 1]).standard_normal(levels.shape, dtype=np.float32)
-    return quantised(levels + settings.noise * noise, settings.bits)
+    noisy = np.random.default_rng([seed, 1]).standard_normal(levels.shape, dtype=np.float32)
+    noisy *= np.float32(settings.noise)
+    noisy += levels
+    return quantised(noisy, settings.bits)
 
 
-def quantised(levels: Array, bits: int) -> Image:
+def quantised(levels: Array | Levels, bits: int) -> Image:
     """Levels of an 8-bit image rounded to `bits`, (h, w).
 
     Raises:
@@ -148,8 +150,8 @@ def quantised(levels: Array, bits: int) -> Image:
     if bits not in (8, 16):
         raise InputError(f"bits is {bits}, expected 8 or 16")
     full = 2**bits - 1
-    whole = np.rint(np.clip(levels * (full / 255.0), 0, full))
-    return np.asarray(whole, dtype=np.uint8 if bits == 8 else np.uint16)
+    whole = np.clip(levels * levels.dtype.type(full / 255.0), 0, full)
+    return np.asarray(np.rint(whole, out=whole), dtype=np.uint8 if bits == 8 else np.uint16)
 
 
 def checked_size(camera: Camera) -> tuple[int, int]:
