@@ -1,5 +1,7 @@
 """Torques of gravity, and the masses that make them, as a URDF has them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,12 @@ from basecal.kinematics import Masses, SerialChain, gravity_torques, parse_chain
 from basecal.simulation.arms import six_axis
 
 DOWN = np.array([0.0, 0, -1])
+
+
+def hung(down: np.ndarray) -> SerialChain:
+    """The arm of the simulation where gravity pulls elsewhere."""
+    chain = six_axis()
+    return replace(chain, masses=replace(chain.masses, down=down))
 
 
 def potential(chain: SerialChain, joints: np.ndarray, down: np.ndarray) -> np.ndarray:
@@ -24,14 +32,14 @@ def potential(chain: SerialChain, joints: np.ndarray, down: np.ndarray) -> np.nd
 @pytest.mark.parametrize("down", [DOWN, np.array([0.6, 0, -0.8])])
 def test_torques_are_the_gradient_of_the_work_of_the_weights(down):
     """By central differences, for an upright arm and one on an incline."""
-    chain = six_axis()
+    chain = hung(down)
     joints = np.random.default_rng(0).uniform(-3, 3, (20, 6))
     step = 1e-5
     wanted = [
         (potential(chain, joints + step * e, down) - potential(chain, joints - step * e, down)) / (2 * step)
         for e in np.eye(6)
     ]
-    np.testing.assert_allclose(gravity_torques(chain, joints, down), np.stack(wanted, -1), atol=1e-7)
+    np.testing.assert_allclose(gravity_torques(chain, joints), np.stack(wanted, -1), atol=1e-7)
 
 
 def test_torques_are_pinocchios():
@@ -42,13 +50,13 @@ def test_torques_are_pinocchios():
     model.gravity.linear = np.array([0.0, 0.0, -9.80665])
     for q in np.random.default_rng(1).uniform(-3, 3, (10, 6)):
         holding = pin.computeGeneralizedGravity(model, model.createData(), q)
-        np.testing.assert_allclose(gravity_torques(chain, q, DOWN), -holding, atol=1e-10)
+        np.testing.assert_allclose(gravity_torques(chain, q), -holding, atol=1e-10)
 
 
 def test_a_vertical_axis_is_not_turned():
     """The first axis of an upright arm stands along gravity."""
     joints = np.random.default_rng(2).uniform(-3, 3, (10, 6))
-    np.testing.assert_allclose(gravity_torques(six_axis(), joints, DOWN)[:, 0], 0, atol=1e-12)
+    np.testing.assert_allclose(gravity_torques(six_axis(), joints)[:, 0], 0, atol=1e-12)
 
 
 def test_masses_are_those_of_the_links_that_a_joint_carries():
@@ -65,6 +73,20 @@ def test_masses_are_those_of_the_links_that_a_joint_carries():
     np.testing.assert_allclose(masses.centres, [[0.6 / 3, 0, 0.2 / 3]], atol=1e-15)
 
 
+@pytest.mark.parametrize(
+    ("rpy", "down"),
+    [("0 0 0.4", [0, 0, -1]), ("3.141592653589793 0 0", [0, 0, 1]), ("0 1.5707963267948966 0", [1, 0, 0])],
+)
+def test_what_an_arm_hangs_on_tells_gravity(rpy, down):
+    """Of the link that all others hang on z is up; a joint between it and the base is as it is written."""
+    text = f"""<robot name="r"><link name="hall"/><link name="rail"/><link name="base"/>
+      <link name="arm"><inertial><mass value="2"/></inertial></link>
+      <joint name="slide" type="prismatic"><parent link="hall"/><child link="rail"/><origin rpy="0 0 1"/></joint>
+      <joint name="bolts" type="fixed"><parent link="rail"/><child link="base"/><origin rpy="{rpy}"/></joint>
+      <joint name="turn" type="continuous"><parent link="base"/><child link="arm"/></joint></robot>"""
+    np.testing.assert_allclose(parse_chain(text, "base", "arm").masses.down, down, atol=1e-15)
+
+
 def test_a_chain_keeps_its_masses_through_a_urdf():
     """Written and read back, and none where none are written."""
     chain = six_axis()
@@ -74,7 +96,7 @@ def test_a_chain_keeps_its_masses_through_a_urdf():
     bare = SerialChain(chain.joint_names, chain.origins, chain.axes, chain.tip, chain.lower, chain.upper)
     assert parse_chain(chain_urdf(bare, "base_link", "tool0"), "base_link", "tool0").masses is None
     with pytest.raises(InputError, match="inertial"):
-        gravity_torques(bare, np.zeros(6), DOWN)
+        gravity_torques(bare, np.zeros(6))
 
 
 @pytest.mark.parametrize(

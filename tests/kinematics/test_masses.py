@@ -31,3 +31,12 @@ def test_impossible_masses_are_refused(kg, centres, message):
     """A mass is not negative, and each has its centre."""
     with pytest.raises(InputError, match=message):
         Masses(kg, centres)
+
+
+def test_down_is_a_direction():
+    """Of any length, along -z unless it is told; no direction is refused."""
+    one = np.ones(1), np.zeros((1, 3))
+    assert Masses(*one).down.tolist() == [0.0, 0.0, -1.0]
+    np.testing.assert_allclose(Masses(*one, np.array([3.0, 0.0, 4.0])).down, [0.6, 0.0, 0.8])
+    with pytest.raises(InputError, match="direction of gravity"):
+        Masses(*one, np.zeros(3))

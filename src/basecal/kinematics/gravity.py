@@ -11,13 +11,12 @@ from basecal.kinematics.chain import SerialChain
 STANDARD_GRAVITY = 9.80665  # [m/s^2]
 
 
-def gravity_torques(chain: SerialChain, joints: Array, down: Array) -> Array:
+def gravity_torques(chain: SerialChain, joints: Array) -> Array:
     """Torque by which gravity turns each joint about its axis, (..., n) [Nm].
 
     Args:
-        chain: The arm, with its masses.
+        chain: The arm, with its masses and where down is.
         joints: (..., n) [rad].
-        down: (3,) unit vector along gravity, in the base.
 
     Raises:
         InputError: if the chain has no masses.
@@ -34,5 +33,5 @@ def gravity_torques(chain: SerialChain, joints: Array, down: Array) -> Array:
     beyond = np.cumsum(moments, axis=-2)[..., ::-1, :]
     total = np.cumsum(chain.masses.kg[::-1])[::-1, None]
     lever = beyond - total * places
-    torque: Array = STANDARD_GRAVITY * np.einsum("...i,...i->...", axes, np.cross(lever, down))
+    torque: Array = STANDARD_GRAVITY * np.einsum("...i,...i->...", axes, np.cross(lever, chain.masses.down))
     return torque

@@ -71,7 +71,7 @@ def chain_of_mjcf(root: Element, base: str, flange: str, path: str) -> SerialCha
     if not names:
         raise DatasetError(path, f"no hinge between {base!r} and {flange!r}")
     lower, upper = np.array(limits).T
-    tip, masses = since_last @ last_from_flange, _masses(model, carriers, len(names))
+    tip, masses = since_last @ last_from_flange, _masses(model, carriers, len(names), _down(model, base))
     return SerialChain(tuple(names), SE3.stack(origins), np.array(axes), tip, lower, upper, masses)
 
 
@@ -135,7 +135,17 @@ def _pose(place: Array, wxyz: Array) -> SE3:
     return SE3.from_quaternion(np.roll(np.asarray(wxyz, dtype=np.float64), -1), np.asarray(place, dtype=np.float64))
 
 
-def _masses(model: Any, carriers: dict[int, tuple[int, SE3]], count: int) -> Masses | None:
+def _down(model: Any, base: str) -> Array:
+    """Along gravity in the base: z of the world is up; what moves above the base is as it is written."""
+    body, world_from_base = model.body(base).id, SE3.identity()
+    while body != _WORLD:
+        world_from_base = _pose(model.body_pos[body], model.body_quat[body]) @ world_from_base
+        body = int(model.body_parentid[body])
+    down: Array = -world_from_base.rotation[2]
+    return down
+
+
+def _masses(model: Any, carriers: dict[int, tuple[int, SE3]], count: int, down: Array) -> Masses | None:
     """What hangs on each joint, other joints at rest; None where a body that an arm carries has no mass written."""
     kg, moments, of_body = np.zeros(count), np.zeros((count, 3)), dict(carriers)
     for body in range(1, model.nbody):
@@ -151,4 +161,4 @@ def _masses(model: Any, carriers: dict[int, tuple[int, SE3]], count: int) -> Mas
     carrying = [joint for joint, _ in carriers.values()]
     if np.any(kg[carrying] <= model.nbody * _LEAST_MASS):
         return None
-    return Masses(kg, moments / np.where(kg > 0, kg, 1.0)[:, None])
+    return Masses(kg, moments / np.where(kg > 0, kg, 1.0)[:, None], down)

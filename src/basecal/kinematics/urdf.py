@@ -97,7 +97,7 @@ def parse_chain(text: str | bytes, base_link: str, flange_link: str, path: str =
     axes = np.array([_axis(joint) for joint in turning])
     names = tuple(joint.name for joint in turning)
     chain = SerialChain(names, SE3.stack(origins), axes, since_last, limits[:, 0], limits[:, 1])
-    return replace(chain, masses=_masses(chain.joint_names, above, links, path))
+    return replace(chain, masses=_masses(chain.joint_names, above, links, _down(above, base_link), path))
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,7 +290,19 @@ def _limits(joint: _Joint) -> tuple[float, float]:
     return lower, upper
 
 
-def _masses(turning: tuple[str, ...], above: dict[str, _Joint], links: list[Element], path: str) -> Masses | None:
+def _down(above: dict[str, _Joint], base_link: str) -> Array:
+    """Along gravity in the base: z of the link that all others hang on is up; what turns above the base is at zero."""
+    root = next((joint.parent for joint in above.values() if joint.parent not in above), base_link)
+    root_from_base = SE3.identity()
+    for joint in _upwards(above, base_link, root) or ():
+        root_from_base = _origin(joint) @ root_from_base
+    down: Array = -root_from_base.rotation[2]
+    return down
+
+
+def _masses(
+    turning: tuple[str, ...], above: dict[str, _Joint], links: list[Element], down: Array, path: str
+) -> Masses | None:
     """The links' masses, each at the last turning joint above it; joints beside the way stand at zero.
 
     None where no link has a mass.
@@ -307,7 +319,7 @@ def _masses(turning: tuple[str, ...], above: dict[str, _Joint], links: list[Elem
         if joint is not None:
             kg[joint] += mass
             moments[joint] += mass * (joint_from_link @ centre)
-    return Masses(kg, moments / np.where(kg > 0, kg, 1.0)[:, None]) if np.any(kg) else None
+    return Masses(kg, moments / np.where(kg > 0, kg, 1.0)[:, None], down) if np.any(kg) else None
 
 
 def _joint_above(

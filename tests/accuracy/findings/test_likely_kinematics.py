@@ -28,12 +28,14 @@ OF = "of eye and hand"
         ("sag", "deflection", f"joints {OF} likely yield to the weight of the links, by 0.11 deg", "deflection: {st"),
     ],
 )
-def test_what_is_likely_is_an_info(evidence, term, code, what, entry):
-    """With its size, and what to write."""
+def test_what_is_likely_is_an_info(evidence, monkeypatch, term, code, what, entry):
+    """With its size, and what to write; of what yields to gravity where that is taken to pull."""
+    monkeypatch.setattr(module, "gravity_taken", lambda *_: "gravity pulls")
     (found,) = likely_kinematics(evidence(noise(term)))
     assert (found.code, found.severity, found.about) == (code, "info", ("eye", "hand"))
     assert found.message.startswith(what)
     assert entry in found.message
+    assert ("gravity pulls" in found.message) == (term == "sag")
 
 
 def test_what_may_be_chance_or_is_smooth_is_none(evidence):
@@ -48,5 +50,6 @@ def test_it_is_told_once(evidence, monkeypatch):
     error = SimpleNamespace(code="joint-offsets")
     assert likely_kinematics(evidence(noise("zeros"), systematic_error=error)) == []
     monkeypatch.setattr(module, "robot_model", lambda _: ["finding"])
+    monkeypatch.setattr(module, "gravity_taken", lambda *_: "gravity pulls")
     assert likely_kinematics(evidence(noise("links"))) == []
     assert len(likely_kinematics(evidence(noise("sag")))) == 1

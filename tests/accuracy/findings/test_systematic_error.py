@@ -70,13 +70,15 @@ WORDS = {
 
 
 @pytest.mark.parametrize("kind", WORDS)
-def test_words(evidence, kind):
+def test_words(evidence, monkeypatch, kind):
     """Each is a warning about whom it concerns, with its size, its sigma in the same unit, and its direction."""
     error, words = WORDS[kind]
+    monkeypatch.setattr("basecal.accuracy.findings.systematic_error.gravity_taken", lambda *_: "gravity pulls")
     (finding,) = systematic_error(evidence(systematic_error=error))
     code = {"clock-drift": "clock-offset"}.get(error.code, error.code)
     assert (finding.code, finding.severity, finding.about) == (code, "warning", (error.about,))
     assert words in finding.message
+    assert ("gravity pulls" in finding.message) == (error.unit == "rad/Nm")
 
 
 def test_a_joint_that_is_off_is_said_once(evidence, monkeypatch):

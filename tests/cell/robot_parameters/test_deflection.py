@@ -18,8 +18,12 @@ FOUND = RobotParameters(("a", "b"), np.array([0.1, 0.2]), np.array([0.3, 0.4]), 
 
 
 def test_gravity_has_a_direction():
-    """Downwards unless stated otherwise."""
-    assert of.Stated().down == [0, 0, -1]
+    """That of the chain unless stated otherwise, whether compliances are estimated or not."""
+    chain = six_axis()
+    assert of.hung(chain, of.Stated()) is of.hung(chain, None) is chain
+    np.testing.assert_allclose(of.hung(chain, of.Stated(down=[0.0, 0.0, 3.0])).masses.down, [0, 0, 1])
+    bare = replace(chain, masses=None)
+    assert of.hung(bare, of.Stated(down=[0.0, 0.0, 3.0])) is bare
     with pytest.raises(ValidationError, match="not zero"):
         of.Stated(down=[0.0, 0.0, 0.0])
 
@@ -28,7 +32,7 @@ def test_joints_turn_by_the_torque_of_gravity():
     """Each by its own compliance, whatever the length of what states the direction."""
     joints = np.random.default_rng(0).uniform(-2, 2, (5, 6))
     compliance = 1e-4 * np.arange(6.0)
-    torques = gravity_torques(six_axis(), joints, np.array([0.0, 1.0, 0.0]))
+    torques = gravity_torques(of.hung(six_axis(), of.Stated(down=[0.0, 1.0, 0.0])), joints)
     found = of.shift(six_axis(), of.Stated(down=[0.0, 7.0, 0.0]), joints, compliance)
     np.testing.assert_allclose(found, compliance * torques, rtol=1e-14)
 

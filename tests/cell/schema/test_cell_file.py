@@ -71,7 +71,7 @@ def test_meaning(folder: Path) -> None:
 
 
 def test_deflection_is_read_and_written(folder: Path) -> None:
-    """With its sigma and gravity's direction; by default none, downwards."""
+    """With its sigma and gravity's direction; by default none."""
     assert "deflection" not in read_cell(folder).robots["hand"].parameters
     here = "joint_offsets: {status: prior, sigma_rad: 1e-3}"
     stated = "deflection: {status: prior, sigma_rad_per_nm: 2e-5, down: [0, 1, 0]}"

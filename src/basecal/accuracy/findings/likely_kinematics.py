@@ -9,6 +9,7 @@ import numpy as np
 from basecal.accuracy.cross_validation.robot_model_selection import LINK_SIGMA_M, LINK_SIGMA_RAD, suggested_sigma
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.findings.robot_model import robot_model
+from basecal.accuracy.phrases.gravity import gravity_taken
 from basecal.cell import Finding
 from basecal.geometry import Array
 
@@ -28,6 +29,8 @@ def likely_kinematics(of: Evidence) -> list[Finding]:
         return []
     robots = " and ".join(sigmas)
     message = f"{_what(term, sigmas, robots)}: the covariance counts what that does"
+    if term == "sag":
+        message = f"{message}; {gravity_taken(of.cell, of.solution, tuple(sigmas))}"
     entry = f"to be rid of it write {_entry(term, sigmas)} at {robots}"
     return [Finding(code, "info", tuple(sigmas), f"{message}; {entry}")]
 

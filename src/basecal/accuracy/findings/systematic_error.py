@@ -10,6 +10,7 @@ import numpy as np
 from basecal.accuracy.cross_validation.robot_model_selection import suggested_sigma
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.findings.robot_model import robot_model
+from basecal.accuracy.phrases.gravity import gravity_taken
 from basecal.accuracy.phrases.rounded import rounded
 from basecal.accuracy.systematic_errors.search import SystematicError
 from basecal.accuracy.systematic_errors.table import PER_NM
@@ -30,6 +31,9 @@ def systematic_error(of: Evidence) -> list[Finding]:
     if found is None or (found.code in _OF_JOINTS and robot_model(of)):
         return []
     said = _WORDS[found.code](found)
+    if found.unit == PER_NM:
+        gravity = gravity_taken(of.cell, of.solution, (found.about,))
+        said = replace(said, message=f"{said.message}; {gravity}")
     if found.is_certain:
         return [said]
     return [replace(said, severity="info", message=f"perhaps chance, and the covariance covers it: {said.message}")]

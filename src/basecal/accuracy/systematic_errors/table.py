@@ -163,7 +163,7 @@ def _yielding(of: Situation, k: int, robot: str, chain: SerialChain) -> Array:
     joints = group.eye_joints if group.eye == robot else group.hand_joints
     if joints is None:
         return np.zeros((len(group), 6, chain.n))
-    torques = gravity_torques(chain, joints, np.array([0.0, 0.0, -1.0]))
+    torques = gravity_torques(chain, joints)
     return of.by_flange(k, robot) @ (chain.jacobian(joints) * torques[:, None, :])
 
 

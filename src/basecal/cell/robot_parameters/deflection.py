@@ -6,10 +6,10 @@ Torques are those of the chain as stated, at the joints as recorded. Source: doc
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from pydantic import Field
 from pydantic import field_validator as checks
 
 from basecal.cell.calibration import RobotParameters
@@ -30,19 +30,21 @@ class Stated(Parameters):
     """What is known of the compliances: the sigma of each [rad/Nm], and where down is in the robot's base."""
 
     sigma_rad_per_nm: Sigma | None = None
-    down: Vector = Field(default_factory=lambda: [0.0, 0.0, -1.0])
+    down: Vector | None = None
 
     @checks("down")
     @classmethod
-    def _some_direction(cls, value: list[float]) -> list[float]:
-        if not any(value):
+    def _some_direction(cls, value: list[float] | None) -> list[float] | None:
+        if value is not None and not any(value):
             raise ValueError("down is the direction of gravity in the robot's base, not zero")
         return value
 
 
-def _torques(chain: SerialChain, stated: Stated, joints: Array) -> Array:
-    """About the joints, (..., n) [Nm]."""
-    return gravity_torques(chain, joints, np.array(stated.down) / np.linalg.norm(stated.down))
+def hung(chain: SerialChain, stated: Parameters | None) -> SerialChain:
+    """The chain with gravity as it is stated, whether compliances are estimated or not; as it is where it is not."""
+    if not isinstance(stated, Stated) or stated.down is None or chain.masses is None:
+        return chain
+    return replace(chain, masses=replace(chain.masses, down=np.array(stated.down)))
 
 
 def zero(joints: int) -> Array:
@@ -60,7 +62,7 @@ def columns(chain: SerialChain, stated: Stated) -> Columns:
 
 def shift(chain: SerialChain, stated: Stated, joints: Array, values: Array) -> Array:
     """See `RobotParameterKind`."""
-    return (values[..., None, :] if values.ndim > 1 else values) * _torques(chain, stated, joints)
+    return (values[..., None, :] if values.ndim > 1 else values) * gravity_torques(hung(chain, stated), joints)
 
 
 def moved(chain: SerialChain, values: Array) -> SerialChain:
@@ -70,7 +72,7 @@ def moved(chain: SerialChain, values: Array) -> SerialChain:
 
 def derivative(at: Posture, stated: Stated, values: Array) -> Array:
     """See `RobotParameterKind`."""
-    return at.true.by_joints * _torques(at.chain, stated, at.recorded)[..., None, :]
+    return at.true.by_joints * gravity_torques(hung(at.chain, stated), at.recorded)[..., None, :]
 
 
 def unobserved(joints: str, rows: Sequence[int], count: int, base: str, by_prior: bool) -> str:

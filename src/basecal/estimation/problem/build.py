@@ -19,6 +19,7 @@ from basecal.cell import (
     RobotState,
     Sample,
 )
+from basecal.cell.robot_parameters.deflection import hung
 from basecal.errors import InputError
 from basecal.estimation.problem.correspondence import half_turn
 from basecal.estimation.problem.measurements import measurement_of, readings_of
@@ -277,5 +278,9 @@ def _problem(cell: Cell, groups: tuple[ViewGroup, ...], stops: Stops) -> Problem
             widths[name] = 4 + cell.cameras[name].distortion_terms
     ends = np.cumsum([0, *widths.values()])
     columns = {name: slice(int(a), int(b)) for name, a, b in zip(widths, ends[:-1], ends[1:], strict=True)}
-    chains = {name: robot.chain for name, robot in cell.robots.items() if robot.chain is not None}
+    chains = {
+        name: hung(robot.chain, robot.parameters.get("deflection"))
+        for name, robot in cell.robots.items()
+        if robot.chain is not None
+    }
     return Problem(cell.reference, groups, unknowns, points, lenses, stops, columns, chains=chains)

@@ -32,7 +32,7 @@ def at_posture(at: Posture) -> CommonErrors | None:
     """See `NoiseTerm`."""
     if at.chain.masses is None:
         return None
-    torques = gravity_torques(at.chain, at.recorded, np.array([0.0, 0.0, -1.0]))
+    torques = gravity_torques(at.chain, at.recorded)
     most = float(np.sqrt(np.mean(torques**2, axis=0)).max())
     if not most > 0:
         return None

@@ -1,0 +1,49 @@
+"""Where gravity is taken to pull on the links of arms, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from basecal.cell import Cell
+from basecal.estimation.solve import Solution
+from basecal.geometry import Array
+
+_LEVEL_DEG = 10.0  # that bases which stand upright may be tilted to one another
+_EXACTLY = 1e-9
+
+
+def gravity_taken(cell: Cell, solution: Solution, robots: Sequence[str]) -> str:
+    """Along what gravity is taken to pull in the bases of robots, and whether the bases contradict that.
+
+    Args:
+        cell: What exists.
+        solution: Of a problem whose chains of these robots have masses.
+        robots: Their names.
+    """
+    downs = {name: chain.masses.down for name, chain in solution.problem.chains.items() if chain.masses is not None}
+    where = " and ".join(f"{_along(downs[robot])} of {robot}_base" for robot in robots)
+    taken = f"gravity is taken to pull along {where}"
+    bases = solution.state.transforms
+    in_world = [
+        down if name == cell.reference else bases[cell.base_name(name)].rotation @ down
+        for name, down in downs.items()
+        if name == cell.reference or cell.base_name(name) in bases
+    ]
+    cosines = [one @ other for one in in_world for other in in_world]
+    apart = float(np.degrees(np.arccos(np.clip(min(cosines, default=1.0), -1, 1))))
+    if apart < _LEVEL_DEG:
+        return taken
+    entry = "`deflection: {down: [x, y, z]}`"
+    return (
+        f"{taken}, though by the answer that differs by {apart:.0f} deg between the arms: write {entry} where it is not"
+    )
+
+
+def _along(down: Array) -> str:
+    """An axis by its name, or the three numbers."""
+    axis = int(np.argmax(np.abs(down)))
+    if abs(down[axis]) > 1 - _EXACTLY:
+        return f"{'-' if down[axis] < 0 else '+'}{'xyz'[axis]}"
+    return f"({', '.join(f'{number:.2g}' for number in down)})"

@@ -1,0 +1,51 @@
+"""Where gravity is taken to pull, in words."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.phrases.gravity import gravity_taken
+from basecal.geometry import SE3
+from basecal.simulation.arms import six_axis
+
+CELL = SimpleNamespace(reference="eye", base_name="eye_base_from_{}_base".format)
+ON_THE_WALL = SE3.from_rpy([0, np.pi / 2, 0], np.ones(3))
+
+
+def solved(problem, transforms):
+    return SimpleNamespace(problem=problem, state=SimpleNamespace(transforms=transforms))
+
+
+def said(robots, base=ON_THE_WALL, hand_down=(0.0, 0.0, -1.0)):
+    chain = six_axis()
+    hand = replace(chain, masses=replace(chain.masses, down=np.array(hand_down)))
+    problem = SimpleNamespace(chains={"eye": chain, "hand": hand, "light": replace(chain, masses=None)})
+    return gravity_taken(CELL, solved(problem, {"eye_base_from_hand_base": base}), robots)
+
+
+def test_arms_that_stand_alike_contradict_nothing():
+    """Their bases tilted a little, or gravity stated so that both agree."""
+    assert said(("eye",), SE3.from_rpy([0.1, 0, 2], np.ones(3))) == "gravity is taken to pull along -z of eye_base"
+    assert said(("hand",), hand_down=(1, 0, 0)) == "gravity is taken to pull along +x of hand_base"
+
+
+@pytest.mark.parametrize("robots", [("eye",), ("eye", "hand")])
+def test_an_arm_on_the_wall_is_told(robots):
+    """The angle by which the bases contradict what is taken, and what to write."""
+    words = said(robots)
+    assert f"along {' and '.join(f'-z of {robot}_base' for robot in robots)}, though" in words
+    assert "differs by 90 deg" in words
+    assert "deflection: {down: [x, y, z]}" in words
+
+
+def test_a_base_that_is_not_known_says_nothing():
+    """No angle; a direction along no axis is told by its numbers."""
+    chain = six_axis()
+    tilted = replace(chain, masses=replace(chain.masses, down=np.array([0.6, 0, -0.8])))
+    problem = SimpleNamespace(chains={"hand": tilted})
+    words = gravity_taken(CELL, solved(problem, {}), ("hand",))
+    assert words == "gravity is taken to pull along (0.6, 0, -0.8) of hand_base"
