@@ -9,9 +9,10 @@ import numpy as np
 from basecal.cell.robot_parameters import deflection
 from basecal.estimation.noise.terms.posture_at_stops import posture_at_stops
 from basecal.estimation.noise.terms.sag import errors
+from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.robot_parameters import Kinematics
 from basecal.kinematics import gravity_torques
-from basecal.simulation import Scenario
+from basecal.simulation import Scenario, simulate
 from simulated_problem import simulated_problem
 
 SCENARIO = Scenario(samples=8, joints=True)
@@ -33,7 +34,7 @@ def test_an_arm_on_the_ceiling_yields_the_other_way():
     simulated = simulate(SCENARIO, 2)
     eye = replace(simulated.cell.robots["eye"], parameters={"deflection": deflection.Stated(down=[0.0, 0.0, 1.0])})
     cell = replace(simulated.cell, robots={**simulated.cell.robots, "eye": eye})
-    hanging, upright = build_problem(cell, simulated.recording)[0], _problem(SCENARIO)
+    hanging, upright = build_problem(cell, simulated.recording)[0], simulated_problem(SCENARIO)
     assert not hanging.models
     np.testing.assert_allclose(errors(hanging, "eye").by_stop, -errors(upright, "eye").by_stop, atol=1e-15)
     np.testing.assert_array_equal(errors(hanging, "hand").by_stop, errors(upright, "hand").by_stop)
