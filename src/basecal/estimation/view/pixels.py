@@ -17,6 +17,8 @@ from basecal.estimation.view.measurement import (
 from basecal.estimation.view.moments import UPPER, dot
 from basecal.estimation.view.target_points import TargetPoints, needed, spread_out
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray, Rows
+from basecal.geometry.array import to_back, to_front
+from basecal.geometry.lens import Projection
 
 # Points whose arrays stay near the core: fewer cost NumPy's overhead, more the memory's. A free lens has more of them.
 _CHUNK_POINTS = 28800
@@ -50,6 +52,9 @@ class PixelMeasurement(TargetPoints):
         """
         camera = needed(camera)
         *batch, count = camera_from_target.shape
+        if batch == [1]:
+            alone = self.of_batch(0).linearise(camera_from_target[0], camera if camera.parameters.ndim == 1 else camera[0], lens)
+            return ViewInformation(*(of[None] for of in alone))
         points = max(len(self.points_in_target), 1) * (count if batch else 1)
         size = max(1, (_CHUNK_LENS_POINTS if lens else _CHUNK_POINTS) // max(points, 1))
         if camera_from_target.shape[0] <= 1.5 * size:
@@ -67,14 +72,15 @@ class PixelMeasurement(TargetPoints):
         return ViewInformation(*(np.concatenate(field) for field in zip(*parts, strict=True)))
 
     def _linearise(self, camera_from_target: SE3, camera: Camera, lens: bool) -> ViewInformation:
-        points = self.in_camera(camera_from_target)
-        pixels, by_point, by_lens = camera.project_with_derivatives(points, lens)
-        if by_lens is not None or self.common_px:
-            return self._with_jacobian(camera_from_target.rotation, pixels - self.pixels, by_point, by_lens)
+        turned = self.turned(camera_from_target)
+        pixels, image = camera.image(self.moved(camera_from_target, turned), lens)
+        if lens or self.common_px:
+            return self._with_jacobian(camera_from_target.rotation, turned, pixels, image)
+        by_point = image.by_points
         residual = [(pixels[..., i] - self.pixels[..., i]) * self.weight for i in range(2)]
         cost = sums_of_squares(residual)
         if not np.all(np.isfinite(cost)):
-            return self._with_jacobian(camera_from_target.rotation, pixels - self.pixels, by_point, None)
+            return self._with_jacobian(camera_from_target.rotation, turned, pixels, image)
         columns = [[by_point[..., i, j] * self.weight for i in range(2)] for j in range(3)]
         forces = (dot(column, residual) for column in columns)
         squares = (dot(columns[i], columns[j]) for i, j in UPPER)
@@ -91,33 +97,63 @@ class PixelMeasurement(TargetPoints):
             lens: Whether to give its columns.
             by_shape: (p, 3, k) how points move by each of them [m].
         """
-        points = self.in_camera(camera_from_target)
-        pixels, by_point, by_lens = needed(camera).project_with_derivatives(points, lens)
-        by_more = by_point @ (camera_from_target.rotation[..., None, :, :] @ by_shape)
-        if by_lens is not None:
-            by_more = np.concatenate([by_lens, by_more], -1)
-        return self._with_jacobian(camera_from_target.rotation, pixels - self.pixels, by_point, by_more)
+        turned = self.turned(camera_from_target)
+        pixels, image = needed(camera).image(self.moved(camera_from_target, turned), lens)
+        by_more = image.by_points @ (camera_from_target.rotation[..., None, :, :] @ by_shape)
+        return self._with_jacobian(camera_from_target.rotation, turned, pixels, image, by_more)
 
     def _with_jacobian(
-        self, rotation: Array, residual: Array, by_point: Array, by_lens: Array | None
+        self, rotation: Array, turned: Array, pixels: Array, image: Projection, by_more: Array | None = None
     ) -> ViewInformation:
         """The long way, for a lens that is free, a common shift, and points that have no pixel."""
-        weight, lost = self.weight, np.zeros(1, dtype=bool)
+        rows, lost = self._weighted_rows(pixels, image, by_more, turned), np.zeros(1, dtype=bool)
         # Most often every point has a pixel, which the sum tells at once.
-        if not np.isfinite(residual.sum()):
-            lost = np.asarray(np.isnan(residual).any(-1))
-            residual, by_point = np.nan_to_num(residual), np.nan_to_num(by_point)
-            by_lens = None if by_lens is None else np.nan_to_num(by_lens)
-            weight = np.where(lost, 0.0, weight)
-        rows = _weighted_rows(residual, by_point, by_lens, rotation, self.points_in_target, weight)
-        view = _information_of_rows(rows)
+        if not np.isfinite(pixels.sum()):
+            lost = np.asarray(np.isnan(pixels).any(-1))
+            rows[..., lost] = 0.0
+            np.nan_to_num(rows, copy=False)
+        view = _information_of_rows(rows, rotation)
         if self.common_px:
-            by_shift = np.einsum("k...ip,...p->...ki", rows[1:], weight)
-            off = np.asarray(rows[0])
-            view = ViewInformation(*without_common_shift(view, off, weight, by_shift, self.common_px))
+            by_shift = _in_target(to_back(np.einsum("ki...p,...p->ki...", rows[1:], self.weight * ~lost), 2), rotation)
+            off = np.moveaxis(rows[0], 0, -2)
+            view = ViewInformation(*without_common_shift(view, off, self.weight * ~lost, by_shift, self.common_px))
         if not lost.any():
             return view
         return view._replace(cost=np.where((lost & self.seen).any(-1), np.inf, view.cost))
+
+    def _weighted_rows(self, pixels: Array, image: Projection, by_more: Array | None, turned: Array) -> Array:
+        """Residuals and their derivatives by pose, lens and more, over sigmas, (1 + 6 + k, 2, ..., n, p).
+
+        The pose's are those to a shift and a turn about the target's origin, but along the axes of the camera.
+
+        Args:
+            pixels: Predicted, (..., n, p, 2) [px].
+            image: Of the points; where it has derivatives to the terms of the lens, its parameters have columns.
+            by_more: Derivative to further unknowns, (..., n, p, 2, k), or None.
+            turned: Points from the target's origin in the camera's axes, (3, ..., n, p).
+        """
+        parts = [_planes(of) for of in (image.by_terms, by_more) if of is not None]
+        at = 7 if image.by_terms is None else 11
+        out = np.empty((at + sum(map(len, parts)), 2, *pixels.shape[:-1]))
+        for i in range(2):
+            np.subtract(pixels[..., i], self.pixels[..., i], out=out[0, i])
+        out[0] *= self.weight
+        np.multiply(_planes(image.by_points), self.weight, out=out[1:4])
+        product = np.empty_like(out[0])
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            np.multiply(turned[j], out[1 + k], out=out[4 + i])
+            np.multiply(turned[k], out[1 + j], out=product)
+            out[4 + i] -= product
+        if image.by_terms is not None:
+            out[7:11] = 0.0
+            for i, of in enumerate((image.u, image.v)):
+                np.multiply(of, self.weight, out=out[7 + i, i])
+                out[9 + i, i] = self.weight
+        for part in parts:
+            np.multiply(part, self.weight, out=out[at : at + len(part)])
+            at += len(part)
+        return out
 
     def residual_px(self, camera_from_target: SE3, camera: Camera) -> Array:
         """Predicted minus seen pixels, (n, p, 2) [px]; NaN where not seen."""
@@ -176,40 +212,27 @@ class PixelMeasurement(TargetPoints):
         return {"stated": 2 * stated, "pixel_px": 2 * (int(np.count_nonzero(self.seen)) - stated)}
 
 
-def _weighted_rows(
-    residual: Array, by_point: Array, by_lens: Array | None, rotation: Array, points: Array, weight: Array
-) -> Array:
-    """Residuals and their derivatives by pose and lens, over sigmas, (1 + 6 + k, ..., n, 2, p).
-
-    Args:
-        residual: (..., n, p, 2) [px].
-        by_point: Derivative to the points in the camera, (..., n, p, 2, 3).
-        by_lens: Derivative to further unknowns, (..., n, p, 2, k), or None.
-        rotation: Of camera_from_target, (..., n, 3, 3).
-        points: In the target, (p, 3).
-        weight: (..., n, p).
-    """
-    more = 0 if by_lens is None else int(by_lens.shape[-1])
-    out = np.empty((7 + more, *residual.shape[:-2], 2, residual.shape[-2]))
-    x, y, z = points.T
-    target_from_camera = np.swapaxes(rotation, -1, -2)
-    for i in range(2):
-        np.multiply(residual[..., i], weight, out=out[0, ..., i, :])
-        shift = target_from_camera @ np.swapaxes(by_point[..., i, :] * weight[..., None], -1, -2)
-        u, v, w = (shift[..., j, :] for j in range(3))
-        out[1:4, ..., i, :] = np.moveaxis(shift, -2, 0)
-        np.subtract(y * w, z * v, out=out[4, ..., i, :])
-        np.subtract(z * u, x * w, out=out[5, ..., i, :])
-        np.subtract(x * v, y * u, out=out[6, ..., i, :])
-        if by_lens is not None:
-            np.multiply(np.moveaxis(by_lens[..., i, :], -1, 0), weight, out=out[7:, ..., i, :])
-    return out
+def _planes(derivative: Array) -> Array:
+    """(..., 2, k) as (k, 2, ...)."""
+    return to_front(to_front(derivative, -2), -1)
 
 
-def _information_of_rows(rows: Array) -> ViewInformation:
-    """What views say whose residuals, and their derivatives, are rows (1 + k, ..., n, 2, p)."""
-    flat = np.moveaxis(rows.reshape(*rows.shape[:-2], -1), 0, -2)
+def _information_of_rows(rows: Array, rotation: Array) -> ViewInformation:
+    """What views say whose residuals, and their derivatives in the camera's axes, are rows (1 + k, 2, ..., n, p)."""
+    u, v = (to_back(rows[:, i]) for i in range(2))  # (..., n, p, 1 + k)
     # Of a product of something with itself BLAS makes half, which takes longer where it is as small as this.
-    product = flat[..., 1:, :] @ np.swapaxes(flat, -1, -2)
-    cost = np.einsum("...i,...i->...", flat[..., 0, :], flat[..., 0, :])
-    return ViewInformation(cost, product[..., 0], product[..., 1:])
+    product = np.swapaxes(u[..., 1:], -1, -2) @ u
+    product += np.swapaxes(v[..., 1:], -1, -2) @ v
+    cost = np.einsum("i...p,i...p->...", rows[0], rows[0])
+    by_target = _in_target(product, rotation)
+    information = _in_target(np.swapaxes(by_target[..., 1:], -1, -2), rotation)
+    return ViewInformation(cost, by_target[..., 0], information)
+
+
+def _in_target(columns: Array, rotation: Array) -> Array:
+    """Columns (..., 6 + k, m) by a shift and a turn in the camera's axes, in place, as by those in the target's."""
+    pose = columns[..., :6, :]
+    *shape, _, m = pose.shape
+    turned = np.swapaxes(rotation, -1, -2)[..., None, :, :] @ pose.reshape(*shape, 2, 3, m)
+    pose[...] = turned.reshape(pose.shape)
+    return columns

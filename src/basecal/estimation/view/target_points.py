@@ -13,6 +13,7 @@ from basecal.errors import InputError
 from basecal.estimation.view.measurement import ViewInformation
 from basecal.estimation.view.moments import Monomials, gradient_and_information
 from basecal.geometry import SE3, Array, Camera, IntArray, Rows
+from basecal.geometry.array import to_back, to_front
 from basecal.numerics.batch import SHARED, take
 from basecal.numerics.spectral import dimension
 
@@ -29,9 +30,15 @@ class TargetPoints:
 
     def in_camera(self, camera_from_target: SE3) -> Array:
         """Points in the camera, (..., n, p, 3), those of one coordinate side by side in memory."""
-        by_axis = np.moveaxis(camera_from_target.rotation, -2, 0) @ self.points_in_target.T
-        by_axis += np.moveaxis(camera_from_target.translation, -1, 0)[..., None]
-        return np.moveaxis(by_axis, 0, -1)
+        return self.moved(camera_from_target, self.turned(camera_from_target))
+
+    def turned(self, camera_from_target: SE3) -> Array:
+        """Points from the target's origin in the camera's axes, (3, ..., n, p)."""
+        return to_front(camera_from_target.rotation, -2) @ self.points_in_target.T
+
+    def moved(self, camera_from_target: SE3, turned: Array) -> Array:
+        """Points in the camera, (..., n, p, 3), of what `turned` gave."""
+        return to_back(turned + to_front(camera_from_target.translation, -1)[..., None])
 
     def information(
         self, cost: Array, forces: Iterable[Array], squares: Iterable[Array], rotation: Array

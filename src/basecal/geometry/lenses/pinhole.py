@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from basecal.geometry.array import Array
+from basecal.geometry.array import Array, to_back
 from basecal.geometry.lens import BoolArray, Image, Number, Projection, any_nonzero, first_root, inverted
 
 MODEL = "pinhole"
@@ -140,7 +140,7 @@ def project_with_derivatives(
 
 def room(rows: int, columns: int, shape: tuple[int, ...]) -> Array:
     """Room for (*shape, rows, columns) numbers, those of one entry side by side in memory: fast to work on."""
-    return np.moveaxis(np.empty((rows, columns, *shape)), (0, 1), (-2, -1))
+    return to_back(np.empty((rows, columns, *shape)), 2)
 
 
 def _undistorted_rows(out: Array, a: Array, b: Array, inverse: Array, focal: tuple[Number, Number]) -> None:
