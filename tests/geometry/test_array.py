@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from basecal.errors import InputError
-from basecal.geometry.array import read_only, read_only_ids
+from basecal.geometry.array import read_only, read_only_ids, to_back, to_front
 
 
 def test_copies_are_read_only_and_apart():
@@ -43,3 +43,20 @@ def test_last_axes_have_their_shape(values, shape, fits):
     with pytest.raises(InputError) as caught:
         read_only(values, shape, "points")
     assert str(caught.value) == f"points has shape {np.shape(values)}, expected (..., {wanted})"
+
+
+@pytest.mark.parametrize("axis", [-1, -2, 0, 1])
+def test_an_axis_to_the_front_is_moved_there(axis):
+    """As NumPy moves it, and a view of the same numbers."""
+    array = np.arange(24.0).reshape(2, 3, 4)
+    moved = to_front(array, axis)
+    np.testing.assert_array_equal(moved, np.moveaxis(array, axis, 0))
+    assert np.shares_memory(moved, array)
+
+
+def test_first_axes_to_the_back_keep_their_order():
+    """One or two of them, as NumPy moves them."""
+    array = np.arange(24.0).reshape(2, 3, 4)
+    np.testing.assert_array_equal(to_back(array), np.moveaxis(array, 0, -1))
+    np.testing.assert_array_equal(to_back(array, 2), np.moveaxis(array, (0, 1), (-2, -1)))
+    assert np.shares_memory(to_back(array), array)

@@ -318,3 +318,19 @@ def test_wrong_last_axis_is_refused(camera):
     ):
         with pytest.raises(InputError, match="expected"):
             call(values)
+
+
+@pytest.mark.parametrize("terms", [False, True])
+def test_an_image_is_what_pixels_and_their_derivatives_follow_from(camera, points, terms):
+    """The focal lengths scale it, the centre shifts it."""
+    pixels, image = camera.image(points, terms)
+    expected, by_points, by_parameters = camera.project_with_derivatives(points, terms)
+    np.testing.assert_array_equal(pixels, expected)
+    np.testing.assert_array_equal(image.by_points, by_points)
+    np.testing.assert_allclose(np.stack([image.u, image.v], -1) * camera.focal + camera.center, pixels, rtol=1e-13)
+    if terms:
+        np.testing.assert_array_equal(by_parameters[..., 0, 0], image.u)
+        np.testing.assert_array_equal(by_parameters[..., 1, 1], image.v)
+        np.testing.assert_array_equal(by_parameters[..., 4:], image.by_terms)
+    else:
+        assert image.by_terms is None

@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 
 from basecal.errors import InputError
-from basecal.geometry.rotation import checked_rotation, hat, nearest_rotation, rotation_exp, rotation_log
+from basecal.geometry.rotation import (
+    checked_rotation,
+    exp_coefficients,
+    hat,
+    lengths,
+    nearest_rotation,
+    rotation_exp,
+    rotation_log,
+)
 
 
 @pytest.fixture
@@ -50,3 +58,16 @@ def test_a_rounded_rotation_is_projected():
     np.testing.assert_allclose(projected, rotation, atol=1e-4)
     with pytest.raises(InputError, match="not a rotation"):
         checked_rotation(np.round(rotation, 2))
+
+
+def test_few_terms_of_the_series_are_all_of_them():
+    """Coefficients of a small angle do not tell whether a larger one, which needs more terms, stands beside it."""
+    small = np.array([0.0, 1e-9, 1e-3, 0.0299])
+    beside = exp_coefficients(np.append(small, 0.4), 5)[:, :-1]
+    np.testing.assert_allclose(exp_coefficients(small, 5), beside, rtol=3e-16, atol=0)
+
+
+def test_lengths_are_euclidean(rng):
+    """Over the last axis, as NumPy has them."""
+    vectors = rng.normal(size=(4, 2, 3))
+    np.testing.assert_allclose(lengths(vectors), np.linalg.norm(vectors, axis=-1), rtol=1e-15)

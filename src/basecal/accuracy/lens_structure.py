@@ -91,7 +91,7 @@ def _estimated(residual: Array, known: Array, columns: Array) -> tuple[Array, fl
     inverse = spectrum(flat.T @ flat).inverse
     left = residual - known @ (inverse @ (flat.T @ residual.ravel()))
     columns = columns - known @ (inverse @ (flat.T @ columns.reshape(len(flat), -1)))
-    turned = np.swapaxes(columns, -1, -2)
+    turned = columns.mT
     scores, each = (turned @ left[..., None])[..., 0], turned @ columns
     size = spectrum(each.sum(0)).inverse @ scores.sum(0)
     return size, _chance(scores, each, size)
@@ -148,7 +148,7 @@ def _projected(few: PixelMeasurement, alone: SE3, camera: Camera) -> tuple[Array
     n, r = len(alone), 2 * few.pixels.shape[1]
     basis, _ = np.linalg.qr(weighted[..., :6].reshape(n, r, 6))
     rest = np.concatenate([residual.reshape(n, r, 1), weighted[..., 6:].reshape(n, r, -1)], axis=-1)
-    rest = rest - basis @ (np.swapaxes(basis, -1, -2) @ rest)
+    rest = rest - basis @ (basis.mT @ rest)
     return rest[..., 0], rest[..., 1:-_TERMS], rest[..., -_TERMS:], bent.reshape(n, r, _TERMS)
 
 

@@ -14,7 +14,6 @@ import numpy as np
 from scipy.special import chdtr, chdtrc
 
 from basecal.accuracy.significance import SIGNIFICANCE
-from basecal.estimation.least_squares.normal_equations import shared_stops
 from basecal.estimation.least_squares.studentized import LeaveOneOut, leave_one_out
 from basecal.estimation.outliers.noise_and_outliers import with_noise
 from basecal.estimation.outliers.robust_solve import RobustSolution
@@ -102,15 +101,15 @@ def _of_views(about: LeaveOneOut) -> Iterator[tuple[str, bool, float, float]]:
         by_error = np.zeros((*view.gradient.shape, 6 * len(private)))
         for i, of in enumerate(private):
             by_error[of.view, :, 6 * i : 6 * i + 6] = of.by_error
-        transposed = np.swapaxes(by_error, -1, -2)
+        transposed = by_error.mT
         own = np.linalg.inv(np.eye(by_error.shape[-1]) + transposed @ view.information @ by_error)
         back = own @ transposed @ view.information
         carried = np.eye(view.gradient.shape[-1]) - by_error @ back
-        posterior = carried @ about.spread[k] @ np.swapaxes(carried, -1, -2) + by_error @ own @ transposed
+        posterior = carried @ about.spread[k] @ carried.mT + by_error @ own @ transposed
         determined = float(np.einsum("nij,nji->", posterior, view.information))
         count = sum(group.measurement.counts().values())
         yield group.camera, False, float(view.cost.sum()), count - determined
-        errors = own + back @ about.spread[k] @ np.swapaxes(back, -1, -2)
+        errors = own + back @ about.spread[k] @ back.mT
         for i, of in enumerate(private):
             if len(of.view):
                 known = np.diagonal(errors, axis1=-2, axis2=-1)[of.view, 6 * i : 6 * i + 6]
@@ -123,11 +122,11 @@ def _of_shared_stops(about: LeaveOneOut) -> Iterator[tuple[str, bool, float, flo
     system = about.normal.system
     if system is None:
         return
-    which = np.flatnonzero(shared_stops(about.problem) >= 0)
+    which = np.flatnonzero(about.problem.shared_stops >= 0)
     number = np.arange(len(which))
     by_unknowns = system.solution[:, :-1].reshape(len(which), 6, about.problem.width)
     covariance = spectrum(about.normal.hessian).inverse
-    known = system.covariance(number, number) + by_unknowns @ covariance @ np.swapaxes(by_unknowns, -1, -2)
+    known = system.covariance(number, number) + by_unknowns @ covariance @ by_unknowns.mT
     left = 6 - np.trace(known, axis1=-2, axis2=-1)
     squares = np.sum(about.state.stop_errors[which] ** 2, -1)
     for stop, square, freedoms in zip(which, squares, left, strict=True):

@@ -13,6 +13,7 @@ from basecal.errors import InputError
 from basecal.geometry.array import Array
 
 _SERIES_BELOW = 0.5
+_FEW_TERMS, _FEW_TERMS_BELOW = 4, 0.03  # [rad] of the series: 0.03^8 over 9! is a sixtieth of rounding
 _RECIPROCALS = np.array([[(-1) ** k / factorial(2 * k + first) for first in range(1, 6)] for k in range(9)])
 ROTATION_TOLERANCE = 1e-3
 
@@ -34,10 +35,12 @@ def exp_coefficients(angle: Array, count: int = 3) -> Array:
         angle: (...) [rad].
         count: How many of them, which go first: (count, ...).
     """
+    largest = angle.max(initial=0.0)
+    all_small = bool(largest < _SERIES_BELOW)
     small = angle < _SERIES_BELOW
-    all_small = bool(small.all())
     x2 = angle * angle if all_small else np.where(small, angle * angle, 0.0)
-    coefficients = _RECIPROCALS[:, :count].reshape(-1, count, *[1] * angle.ndim)
+    terms = _FEW_TERMS if largest < _FEW_TERMS_BELOW else len(_RECIPROCALS)
+    coefficients = _RECIPROCALS[:terms, :count].reshape(-1, count, *[1] * angle.ndim)
     values: Array = coefficients[-1] * x2
     for coefficient in coefficients[-2:0:-1]:  # Horner's way
         values += coefficient
@@ -51,16 +54,21 @@ def exp_coefficients(angle: Array, count: int = 3) -> Array:
     return values
 
 
+def lengths(vectors: Array) -> Array:
+    """Euclidean lengths of vectors, (..., k) to (...,): `np.linalg.norm` in half its time."""
+    return np.sqrt(np.einsum("...i,...i->...", vectors, vectors))
+
+
 def with_identity(matrix: Array, share: Array) -> Array:
     """Matrices, (..., 3, 3), to which so many times the identity, (...), was added in place."""
-    for i in range(3):
-        matrix[..., i, i] += share
+    diagonal = np.einsum("...ii->...i", matrix)  # a view
+    diagonal += share[..., None]
     return matrix
 
 
 def rotation_exp(w: Array) -> Array:
     """Rotation matrices of rotation vectors, (..., 3) [rad] to (..., 3, 3)."""
-    angle = np.linalg.norm(w, axis=-1)
+    angle = lengths(w)
     a, b = exp_coefficients(angle, 2)
     # The square of hat(w) is w w' - w'w I.
     turned = hat(a[..., None] * w) + (b[..., None] * w)[..., :, None] * w[..., None, :]

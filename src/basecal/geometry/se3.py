@@ -20,6 +20,7 @@ from basecal.geometry.rotation import (
     checked_rotation,
     exp_coefficients,
     hat,
+    lengths,
     quaternion_from_rotation,
     rotation_exp,
     rotation_from_quaternion,
@@ -49,7 +50,7 @@ def _turned(rotation: Array, vectors: Array) -> Array:
     if rotation.ndim == 2:
         return np.asarray(vectors @ rotation.T, dtype=np.float64)
     if rotation.shape[-3] == 1 and vectors.ndim > 1:
-        return np.asarray(vectors @ np.swapaxes(rotation[..., 0, :, :], -1, -2), dtype=np.float64)
+        return np.asarray(vectors @ rotation[..., 0, :, :].mT, dtype=np.float64)
     turned: Array = (rotation @ vectors[..., None])[..., 0]
     return turned
 
@@ -160,12 +161,16 @@ class SE3:
         if x.shape[-1:] != (6,):
             raise InputError(f"xi has shape {x.shape}, expected (..., 6)")
         v, w = x[..., :3], x[..., 3:]
-        angle = np.linalg.norm(w, axis=-1)
+        angle = lengths(w)
         a, b, c = exp_coefficients(angle)
-        square, along, crossed, outer = angle * angle, np.sum(v * w, -1), hat(w), w[..., :, None] * w[..., None, :]
-        rotation = with_identity(a[..., None, None] * crossed + b[..., None, None] * outer, 1 - b * square)
-        translation = (1 - c * square)[..., None] * v + (c * along)[..., None] * w
+        square, along, crossed = angle * angle, np.einsum("...i,...i->...", v, w), hat(w)
+        scaled_w = b[..., None] * w
+        rotation = a[..., None, None] * crossed
+        rotation += scaled_w[..., :, None] * w[..., None, :]
+        translation = (1 - c * square)[..., None] * v
+        translation += (c * along)[..., None] * w
         translation += b[..., None] * (crossed @ v[..., None])[..., 0]
+        rotation = with_identity(rotation, 1 - b * square)
         return cls.adopt(rotation, translation)
 
     @classmethod
@@ -186,7 +191,7 @@ class SE3:
 
     def inverse(self) -> SE3:
         """`b_from_a` of an `a_from_b`."""
-        rt = np.swapaxes(self.rotation, -1, -2)
+        rt = self.rotation.mT
         return SE3.adopt(rt.copy(), -_turned(rt, self.translation))
 
     def adjoint(self) -> Array:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.geometry.array import Array
-from basecal.geometry.rotation import exp_coefficients, hat, with_identity
+from basecal.geometry.rotation import exp_coefficients, hat, lengths, with_identity
 
 
 def right_jacobian(xi: Array) -> Array:
@@ -18,13 +18,13 @@ def right_jacobian(xi: Array) -> Array:
     and hat(a) hat(b) hat(a) is -a'b hat(a).
     """
     v, w = xi[..., :3], xi[..., 3:]
-    angle = np.linalg.norm(w, axis=-1)
+    angle = lengths(w)
     _, c2, c3, c4, c5 = exp_coefficients(angle, 5)
-    square, along = angle * angle, np.sum(v * w, -1)
+    square, along = angle * angle, np.einsum("...i,...i->...", v, w)
     outer, mixed = w[..., :, None] * w[..., None, :], v[..., :, None] * w[..., None, :]
     of_rotation = c3[..., None, None] * outer - hat(c2[..., None] * w)
     far = along * (c4 - 3 * c5)
-    coupling = c3[..., None, None] * (mixed + np.swapaxes(mixed, -1, -2)) - far[..., None, None] * outer
+    coupling = c3[..., None, None] * (mixed + mixed.mT) - far[..., None, None] * outer
     coupling -= hat((0.5 - c4 * square)[..., None] * v + ((2 * c4 - c3) * along)[..., None] * w)
     out = np.zeros((*xi.shape[:-1], 6, 6))
     out[..., :3, :3] = out[..., 3:, 3:] = with_identity(of_rotation, 1 - c3 * square)

@@ -186,7 +186,7 @@ class ChainPosture:
         axes = self.axes.reshape(len(self.axes), *[1] * len(self.base_from_flange.shape), 3)
         columns = np.empty((*self.joint_from_flange.shape, 3, 2))
         columns[..., 0], columns[..., 1] = np.cross(axes, self.joint_from_flange.translation), axes
-        turned = np.swapaxes(self.joint_from_flange.rotation, -1, -2) @ columns
+        turned = self.joint_from_flange.rotation.mT @ columns
         over_joints = np.concatenate([turned[..., 0], turned[..., 1]], -1)
         return np.ascontiguousarray(np.moveaxis(over_joints, 0, -1))
 

@@ -71,10 +71,10 @@ class _Arm:
         left = (reached.inverse() @ self.base_from_flange).log()
         # d left = -J_l(left)^-1 J dq, and J_l(x) == J_r(-x).
         jacobian = right_jacobian_inverse(-left) @ by_joints
-        uphill = -(np.swapaxes(jacobian, -1, -2) @ left[..., None])[..., 0]
+        uphill = -(jacobian.mT @ left[..., None])[..., 0]
         held = ((q <= self.chain.lower) & (uphill > 0)) | ((q >= self.chain.upper) & (uphill < 0))
         jacobian = np.where(held[:, None], 0.0, jacobian)
-        hessian = np.swapaxes(jacobian, -1, -2) @ jacobian
+        hessian = jacobian.mT @ jacobian
         return Quadratic((left**2).sum(-1), np.where(held, 0.0, uphill), hessian)
 
     def retract(self, q: Array, about: Quadratic, step: Array) -> Array:

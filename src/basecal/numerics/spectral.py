@@ -61,7 +61,7 @@ class Spectrum:
     @property
     def inverse(self) -> Array:
         """The inverse, (..., k, k), zero along directions without information."""
-        return np.asarray(self.inverse_root @ np.swapaxes(self.inverse_root, -1, -2))
+        return np.asarray(self.inverse_root @ self.inverse_root.mT)
 
     @property
     def log_det(self) -> Array:
@@ -81,7 +81,7 @@ class Spectrum:
 
     def mahalanobis_squared(self, vector: Array) -> Array:
         """`v' M^+ v` of vectors (..., k), (...,)."""
-        along = (np.swapaxes(self.vectors, -1, -2) @ (vector / self.scale)[..., None])[..., 0]
+        along = (self.vectors.mT @ (vector / self.scale)[..., None])[..., 0]
         return np.asarray(np.sum(np.where(self.held, along**2 / np.where(self.held, self.values, 1.0), 0.0), -1))
 
 

@@ -110,7 +110,7 @@ def joints_near(chain: SerialChain, base_from_flange: SE3, start: Array) -> tupl
     for _ in range(_STEPS):
         left = (chain.forward(q).inverse() @ base_from_flange).log()
         jacobian = right_jacobian_inverse(-left) @ chain.jacobian(q)
-        transposed = np.swapaxes(jacobian, -1, -2)
+        transposed = jacobian.mT
         normal = transposed @ jacobian + _DAMPING * np.eye(chain.n)
         step = np.linalg.solve(normal, transposed @ left[..., None])[..., 0]
         q += step * np.minimum(1.0, _LARGEST_STEP / np.maximum(np.abs(step).max(-1, keepdims=True), 1e-12))

@@ -102,7 +102,7 @@ def _table_1(bed: Testbed, level: float, seed: int, draws: int, numbers: dict[st
 
 
 def _angle(first: Array, second: Array) -> Array:
-    turned = nearest_rotation(np.swapaxes(first, -1, -2) @ second)
+    turned = nearest_rotation(first.mT @ second)
     return np.asarray(np.linalg.norm(rotation_log(turned), axis=-1))
 
 

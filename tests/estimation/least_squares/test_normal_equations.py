@@ -16,7 +16,6 @@ from basecal.estimation.least_squares.normal_equations import (
     prior_residuals,
     retract,
     retract_lens,
-    shared_stops,
 )
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem, State, chain
@@ -130,7 +129,7 @@ def test_views_of_no_weight_are_not_there(name):
     fewer = problem.with_groups(g.take(rows) for g in problem.groups)
     used = np.unique(np.concatenate([s for g in fewer.groups for s in (g.eye_stop, g.hand_stop)]))
     errors = state.stop_errors.copy()
-    if len(errors) and not np.any(shared_stops(problem) >= 0):
+    if len(errors) and not np.any(problem.shared_stops >= 0):
         errors[np.setdiff1d(np.arange(len(errors)), used)] = 0.0
     weighted = linearise(problem, state, [(np.arange(len(problem.groups[0])) >= 2).astype(float)])
     alone = linearise(fewer, replace(state, stop_errors=errors))
@@ -138,7 +137,7 @@ def test_views_of_no_weight_are_not_there(name):
     np.testing.assert_allclose(weighted.hessian, alone.hessian, rtol=1e-9, atol=1e-9 * np.abs(alone.hessian).max())
     np.testing.assert_allclose(weighted.gradient, alone.gradient, rtol=1e-9, atol=1e-9 * np.abs(alone.gradient).max())
     # Stops that several views had hold what nobody sees: that they promise to leave it is theirs, not of the views.
-    unseen = np.setdiff1d(np.arange(len(errors)), used) if np.any(shared_stops(problem) >= 0) else []
+    unseen = np.setdiff1d(np.arange(len(errors)), used) if np.any(problem.shared_stops >= 0) else []
     promised = alone.eliminated + np.sum(state.stop_errors[unseen] ** 2)
     assert weighted.eliminated == pytest.approx(promised, rel=1e-9)
 
@@ -181,19 +180,6 @@ def test_a_view_lost_behind_the_camera_costs_nothing_where_it_has_no_weight():
     lost = problem.with_groups([replace(group, measurement=replace(group.measurement, points_in_target=far))])
     assert linearise(lost, state).cost == np.inf
     assert np.isfinite(linearise(lost, state, [np.zeros(4)]).cost)
-
-
-def test_shared_stops_are_numbered_in_their_order():
-    """Those of several views, of either robot and of all groups; -1 for the others; none without noise."""
-    problem, _ = near_truth(*CELLS["some stops of several"])
-    (group,) = problem.groups
-    numbers = shared_stops(problem)
-    several = np.unique(np.concatenate([group.eye_stop[[1, 3]], group.hand_stop[[1, 3]]]))
-    assert numbers[several].tolist() == [0, 1, 2, 3]
-    assert set(np.delete(numbers, several).tolist()) == {-1}
-    twice = problem.with_groups([group.take(np.array([0])), group.take(np.array([0]))])
-    assert np.count_nonzero(shared_stops(twice) >= 0) == 2
-    assert shared_stops(near_truth(*CELLS["no noise"])[0]).tolist() == []
 
 
 def test_priors_are_in_sigmas():

@@ -10,7 +10,16 @@ import pytest
 from basecal.cell.robot_parameters import joint_offsets, link_parameters
 from basecal.errors import InputError
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.problem.problem import State, carrier, chain, check_carriers, has_noise
+from basecal.estimation.problem.problem import (
+    State,
+    Stops,
+    carrier,
+    chain,
+    check_carriers,
+    has_noise,
+    noisy_stops,
+    stop_tangents,
+)
 from basecal.estimation.problem.robot_parameters import Kinematics, robot_model
 from basecal.estimation.view.measurement import Noise
 from basecal.geometry import SE3
@@ -209,3 +218,26 @@ def test_what_carries_camera_and_target(made):
     together = replace(made.cell, cameras={"wrist": replace(made.cell.cameras["wrist"], on="hand")})
     with pytest.raises(InputError, match="both on 'hand'"):
         check_carriers(together, "wrist", "board")
+
+
+def test_shared_stops_are_numbered_in_their_order(problem):
+    """Those of several views, of either robot and of all groups; -1 for the others; none without noise."""
+    (group,) = problem.groups
+    again = problem.with_groups([group.take(np.array([0, 1, 1, 2, 3, 3, 4]))])
+    several = np.unique(np.concatenate([group.eye_stop[[1, 3]], group.hand_stop[[1, 3]]]))
+    assert again.shared_stops[several].tolist() == [0, 1, 2, 3]
+    assert set(np.delete(again.shared_stops, several).tolist()) == {-1}
+    twice = problem.with_groups([group.take(np.array([0])), group.take(np.array([0]))])
+    assert np.count_nonzero(twice.shared_stops >= 0) == 2
+    assert replace(problem, stops=Stops(np.zeros((0, 6)))).shared_stops.tolist() == []
+
+
+def test_errors_of_stops_stand_side_by_side(problem, state):
+    """Eye's and then hand's, in metres and radians; of a robot without noise there are none."""
+    (group,) = problem.groups
+    physical = state.stop_errors * problem.stops.sigma
+    both = stop_tangents(group, state, problem.stops)
+    np.testing.assert_array_equal(both, physical[np.concatenate([group.eye_stop, group.hand_stop])])
+    still = replace(group, eye_stop=np.full(5, -1))
+    np.testing.assert_array_equal(stop_tangents(still, state, problem.stops), physical[group.hand_stop])
+    assert noisy_stops(replace(still, hand_stop=np.full(5, -1))) == ()

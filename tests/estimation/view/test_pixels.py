@@ -9,6 +9,7 @@ import pytest
 
 from basecal.estimation.view.measurement import Noise
 from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.estimation.view.point_jacobians import point_jacobians
 from basecal.geometry import SE3, Camera
 
 LENS = Camera("pinhole", [100.0, 100.0, 50.0, 40.0])
@@ -119,3 +120,28 @@ def test_many_entries_of_a_batch_say_what_each_says_alone(measurement, lens_each
         alone = measurement.linearise(poses[row], lens[row] if lens_each else lens, False)
         for part, each in zip(together, alone, strict=True):
             np.testing.assert_allclose(part[row], each, rtol=1e-9, atol=1e-9 * np.abs(each).max())
+
+
+@pytest.mark.parametrize("lens", ["pinhole", "fisheye"])
+def test_a_free_lens_is_the_sum_over_points(measurement, lens):
+    """Gradient and information by pose and lens are those of all points' own derivatives, turned views and all."""
+    camera = Camera(lens, [100.0, 102.0, 50.0, 40.0, 0.05, -0.01, 2e-3, 1e-3])
+    poses = AHEAD @ SE3.exp(np.random.default_rng(3).normal(scale=0.2, size=(3, 6)))
+    of_points = point_jacobians(measurement, poses, camera, True)
+    view = measurement.linearise(poses, camera, True)
+    jacobian = of_points.jacobian.reshape(3, -1, 14)
+    scale = np.sqrt(np.einsum("nri,nri->i", jacobian, jacobian))
+    gradient = np.einsum("nri,nr->ni", jacobian, of_points.residual.reshape(3, -1))
+    np.testing.assert_allclose(view.gradient / scale, gradient / scale, atol=1e-11)
+    information = jacobian.mT @ jacobian / np.outer(scale, scale)
+    np.testing.assert_allclose(view.information / np.outer(scale, scale), information, atol=1e-13)
+
+
+def test_a_batch_of_one_is_the_one(measurement):
+    """With a lens of its own and without."""
+    camera = replace(LENS, parameters=np.append(LENS.parameters, [0.01, 0.0, 1e-3, 0.0]))
+    alone = measurement.linearise(AHEAD, camera, True)
+    one = SE3(AHEAD.rotation[None], AHEAD.translation[None])
+    for lens in (camera, camera.with_parameters(camera.parameters[None])):
+        for of, expected in zip(measurement.linearise(one, lens, True), alone, strict=True):
+            np.testing.assert_array_equal(of, expected[None])

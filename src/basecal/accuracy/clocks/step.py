@@ -106,6 +106,6 @@ def _mean_row(situation: Situation, k: int) -> Array:
     assert of is not None
     transposed = np.moveaxis(of.jacobian, -1, 1).reshape(len(group), 6, -1)
     row = np.repeat(group.measurement.pixels[..., 1], 2, axis=-1)
-    information = transposed @ np.swapaxes(transposed, -1, -2)
-    by_row = (transposed * row[:, None]) @ np.swapaxes(transposed, -1, -2)
+    information = transposed @ transposed.mT
+    by_row = (transposed * row[:, None]) @ transposed.mT
     return np.asarray(spectrum(information, VIEW_ROUNDING).inverse @ by_row)

@@ -70,7 +70,7 @@ def _predicted(problem: Problem, group: ViewGroup, state: State) -> _Views:
     gradient, information = view.gradient[:, :6], view.information[:, :6, :6]
     spread = np.zeros((len(group), 6, 6))
     for _, by_error in by_stop_errors(group, links, state, problem.stops, 6):
-        spread += by_error @ np.swapaxes(by_error, -1, -2)
+        spread += by_error @ by_error.mT
     shared = np.linalg.solve(np.eye(6) + information @ spread, gradient[..., None])[..., 0]
     cost = view.cost - np.einsum("ni,nij,nj->n", gradient, spread, shared)
     of = spectrum(information, VIEW_ROUNDING)

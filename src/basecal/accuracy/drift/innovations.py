@@ -65,7 +65,7 @@ class Innovations:
 
     def of(self, tangents: Array) -> Array:
         """What tangents of the views, (n, 6, k), do to `off`, (6 n, k)."""
-        return np.asarray((np.swapaxes(self.root, -1, -2) @ tangents).reshape(len(self.off), tangents.shape[-1]))
+        return np.asarray((self.root.mT @ tangents).reshape(len(self.off), tangents.shape[-1]))
 
     @property
     def robots(self) -> tuple[str, ...]:
@@ -144,7 +144,7 @@ def innovations(cell: Cell, calibration: Calibration, recording: Recording) -> I
     for views in linearise(situation.problem, situation.state).views:
         of = spectrum(views.information[:, :6, :6], VIEW_ROUNDING)
         root.append(of.root)
-        off.append(-(np.swapaxes(of.inverse_root, -1, -2) @ views.gradient[:, :6, None])[..., 0])
+        off.append(-(of.inverse_root.mT @ views.gradient[:, :6, None])[..., 0])
     sample = np.concatenate([np.zeros(0, dtype=np.int64), *(group.sample for group in groups)])
     flat = np.concatenate(off).ravel()
     exact = Innovations(situation, np.concatenate(root), flat, np.zeros((len(flat), len(flat))), sample)
@@ -206,7 +206,7 @@ def _of_robots(of: Innovations, calibration: Calibration) -> Array:
                 moved = of.of(by_flange @ errors)
                 out += moved @ moved.T
         for sigma, alike in parts:
-            each = np.swapaxes(of.root, -1, -2) @ (by_flange * sigma)
+            each = of.root.mT @ (by_flange * sigma)
             out += np.einsum("iar,ij,jbr->iajb", each, alike, each).reshape(out.shape)
     return out
 

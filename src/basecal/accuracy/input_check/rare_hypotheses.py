@@ -164,7 +164,7 @@ def _of_rotations(
         f"the rotation matrices of {who} are transposed",
         "write them by rows, or transpose them",
         tell,
-        rewritten(names, lambda poses: SE3(np.swapaxes(poses.rotation, -1, -2), poses.translation)),
+        rewritten(names, lambda poses: SE3(poses.rotation.mT, poses.translation)),
     )
     for meant, read in permutations(_LISTINGS, 2):
         # Two lists of angles give one rotation. The middle one of three axes is usually within a quarter turn.

@@ -20,7 +20,6 @@ from basecal.estimation.least_squares.normal_equations import (
     LinearisedViews,
     linearise,
     prior_residuals,
-    shared_stops,
 )
 from basecal.estimation.least_squares.schur_complement import SchurAccumulator, SchurComplement
 from basecal.estimation.problem.problem import Problem, State
@@ -111,7 +110,7 @@ def weighed(of: Linearised, weights: Sequence[Array]) -> Linearised:
     for residual, jacobian, where in prior_residuals(of.problem, of.state):
         gradient[where] += jacobian.T @ residual
         hessian[where, where] += jacobian.T @ jacobian
-    shared = shared_stops(of.problem) >= 0
+    shared = of.problem.shared_stops >= 0
     stops = SchurAccumulator(of.state.stop_errors[shared], width)
     views = tuple(each.weighted(weight) for each, weight in zip(of.views, weights, strict=True))
     for each in views:
@@ -132,8 +131,8 @@ def score(of: Linearised, candidates: Candidates) -> Score:
     tied = np.flatnonzero(across.any((0, 1)))  # of a hundred robots an error meets the unknowns of a few
     across = across[..., tied]
     gradient = gradient - across @ of.step[tied]
-    left = information - across @ of.inverse[np.ix_(tied, tied)] @ np.swapaxes(across, -1, -2)
-    return _tested(gradient, 0.5 * (left + np.swapaxes(left, -1, -2)), information)
+    left = information - across @ of.inverse[np.ix_(tied, tied)] @ across.mT
+    return _tested(gradient, 0.5 * (left + left.mT), information)
 
 
 def _tested(gradient: Array, left: Array, whole: Array) -> Score:
@@ -158,11 +157,11 @@ def sums(of: Linearised, candidates: Candidates) -> tuple[Array, Array, Array]:
         gradient += np.tensordot(views.gradient[:, :6], moves, ((0, 1), (0, 2)))
         rows = len(moves) * moves.shape[2]
         by_candidate = np.moveaxis(moves, 1, 0).reshape(b, rows, q)
-        information += np.swapaxes(by_candidate, -1, -2) @ np.moveaxis(carried, 1, 0).reshape(b, rows, q)
+        information += by_candidate.mT @ np.moveaxis(carried, 1, 0).reshape(b, rows, q)
         by_unknowns = (views.information @ views.by_unknowns)[:, :6]
         across[..., views.columns] += np.tensordot(moves, by_unknowns, ((0, 2), (0, 1)))
         for part in views.shared:
-            pull = np.swapaxes(part.by_error, -1, -2) @ views.information[part.view][:, :, :6]
+            pull = part.by_error.mT @ views.information[part.view][:, :, :6]
             np.add.at(tied, part.stop, np.moveaxis(pull[:, None] @ moves[part.view], 1, 2))
     if system is not None:
         flat = tied.reshape(-1, b * q)
@@ -173,5 +172,5 @@ def sums(of: Linearised, candidates: Candidates) -> tuple[Array, Array, Array]:
         gradient -= (system.solution[:, -1] @ flat).reshape(b, q)
         across -= (flat.T @ system.solution[:, :-1]).reshape(b, q, -1)
         of_stops = np.moveaxis(flat.reshape(-1, b, q), 0, 1)
-        information -= np.swapaxes(of_stops, -1, -2) @ np.moveaxis(solved.reshape(-1, b, q), 0, 1)
+        information -= of_stops.mT @ np.moveaxis(solved.reshape(-1, b, q), 0, 1)
     return gradient, across, information

@@ -38,7 +38,7 @@ def length_scales(of: Situation) -> Iterator[Candidates]:
 def _shorter(of: Situation, k: int, robot: str) -> Array:
     pose = of.recorded_pose(k, robot)
     outward = np.zeros((len(of.problem.groups[k]), 6, 1))
-    outward[:, :3] = np.swapaxes(pose.rotation, -1, -2) @ pose.translation[..., None]
+    outward[:, :3] = pose.rotation.mT @ pose.translation[..., None]
     return of.by_flange(k, robot) @ outward
 
 

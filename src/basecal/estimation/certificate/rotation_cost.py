@@ -119,7 +119,7 @@ def relation(state: State, group: ViewGroup) -> SE3:
 
 
 def _inverse(rotation: Array) -> Array:
-    return quaternion_from_rotation(np.swapaxes(rotation, -1, -2))
+    return quaternion_from_rotation(rotation.mT)
 
 
 def _loop(problem: Problem, state: State, group: ViewGroup, views: ViewCosts) -> tuple[Loop, str]:

@@ -108,7 +108,7 @@ def _of_pixels(measurement: PixelMeasurement, predicted: SE3, camera: Camera) ->
     rotation = np.stack([end.camera_from_target.rotation for end in ends])
     translation = np.stack([end.camera_from_target.translation for end in ends])
     information = np.stack([end.information for end in ends])[best, rows]
-    turned = np.linalg.norm(rotation_log(np.swapaxes(rotation[best, rows], -1, -2) @ rotation), axis=-1)
+    turned = np.linalg.norm(rotation_log(rotation[best, rows].mT @ rotation), axis=-1)
     second = np.where(turned > _SAME_RAD, costs, np.inf).min(0)
     found = poses.found & np.isfinite(costs[best, rows])
     weight = np.where(found, 4 * _OF_CURVATURE * _rotation_curvature(information), 0.0)
@@ -120,6 +120,6 @@ def _rotation_curvature(information: Array) -> Array:
     """Least curvature of the cost over rotations, the translation at its best, (n,)."""
     across = information[:, :3, 3:]
     by_translation = spectrum(information[:, :3, :3], VIEW_ROUNDING).inverse
-    left: Array = information[:, 3:, 3:] - np.swapaxes(across, -1, -2) @ by_translation @ across
+    left: Array = information[:, 3:, 3:] - across.mT @ by_translation @ across
     least: Array = np.maximum(np.linalg.eigvalsh(left)[:, 0], 0.0)
     return least

@@ -8,7 +8,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from basecal.estimation.problem.problem import Chain, Problem, State, Stops, ViewGroup, has_noise
+from basecal.estimation.problem.problem import (
+    Chain,
+    Problem,
+    State,
+    Stops,
+    ViewGroup,
+    has_noise,
+    noisy_stops,
+    stop_tangents,
+)
 from basecal.estimation.problem.robot_parameters import by_columns
 from basecal.geometry import SE3, Array, IntArray
 from basecal.geometry.se3_jacobians import right_jacobian
@@ -84,15 +93,18 @@ def by_stop_errors(
     Returns:
         For each of the two robots with noise: the stop of each view, (n,), and the derivative, (..., n, rows, 6).
     """
+    noisy = noisy_stops(group)
+    if not noisy:
+        return []
+    tangents, n = stop_tangents(group, state, stops), len(group)
+    moved = right_jacobian(tangents) * stops.sigma[np.concatenate(noisy)][:, None, :]
+    signed = ((-1.0, links.target_from_eye_flange), (1.0, links.target_from_hand_flange))
     parts = []
-    for stop, sign, link in (
-        (group.eye_stop, -1.0, links.target_from_eye_flange),
-        (group.hand_stop, 1.0, links.target_from_hand_flange),
-    ):
-        if has_noise(stop):
-            sigma = stops.sigma[stop]
-            moved = right_jacobian(state.stop_errors[..., stop, :] * sigma) * sigma[:, None, :]
-            out = np.zeros((*moved.shape[:-2], rows, 6))
-            out[..., :6, :] = sign * link.adjoint() @ moved
-            parts.append((stop, out))
+    for k, (sign, link) in enumerate(signed[2 - len(noisy) :] if has_noise(group.hand_stop) else signed[:1]):
+        adjoint = np.zeros((*link.shape, 6, 6))
+        link.put_adjoint(adjoint, sign)
+        by_error = adjoint @ moved[..., k * n : (k + 1) * n, :, :]
+        if rows > 6:
+            by_error = np.concatenate([by_error, np.zeros((*by_error.shape[:-2], rows - 6, 6))], -2)
+        parts.append((noisy[k], by_error))
     return parts

@@ -96,8 +96,8 @@ def linearise(problem: Problem, state: State, weights: Sequence[Array] | None = 
     hessian, gradient, cost = _priors(problem, state)
     cost += np.sum(state.stop_errors**2, axis=(-1, -2))
     eliminated, log_det, views = np.zeros(state.batch), np.zeros(state.batch), []
-    shared = shared_stops(problem)
-    sums = SchurAccumulator(state.stop_errors[..., shared >= 0, :], problem.width)
+    shared = problem.shared_stops
+    sums = SchurAccumulator(state.stop_errors[..., shared >= 0, :], problem.width) if np.any(shared >= 0) else None
     for number, group in enumerate(problem.groups):
         view_costs, lost, of = _linearise_group(problem, group, state, shared)
         log_det += lost
@@ -108,20 +108,20 @@ def linearise(problem: Problem, state: State, weights: Sequence[Array] | None = 
             of = of.weighted(weights[number])
         cost += view_costs.sum(-1)
         eliminated += of.promised.sum(-1)
-        if np.any(shared >= 0):
+        if sums is not None:
             sums.add(of.shared, of.gradient, of.information, of.by_unknowns, of.columns)
         *batch, count, rows, width = of.by_unknowns.shape
         flat = of.by_unknowns.reshape(*batch, count * rows, width)
         weighted = (of.information @ of.by_unknowns).reshape(flat.shape)
-        transposed = np.swapaxes(flat, -1, -2)
+        transposed = flat.mT
         hessian[..., of.columns[:, None], of.columns] += transposed @ weighted
         gradient[..., of.columns] += (transposed @ of.gradient.reshape(*flat.shape[:-1], 1))[..., 0]
-    system = sums.solve() if np.any(shared >= 0) else None
+    system = None if sums is None else sums.solve()
     if system is not None:
         hessian, gradient = system.reduce(hessian, gradient)
         eliminated += system.promised
         log_det += system.log_det
-    symmetric = 0.5 * (hessian + np.swapaxes(hessian, -1, -2))
+    symmetric = 0.5 * (hessian + hessian.mT)
     return NormalEquations(cost, gradient, symmetric, eliminated, log_det, tuple(views), system)
 
 
@@ -155,18 +155,6 @@ def retract_lens(camera: Camera, step: Array) -> Camera:
     parameters = np.where(np.isfinite(step), camera.parameters + step, camera.parameters)
     parameters[..., :2] = np.maximum(parameters[..., :2], 0.2 * camera.focal)
     return camera.with_parameters(parameters)
-
-
-def shared_stops(problem: Problem) -> IntArray:
-    """Number of each stop among those that several views have; -1 for the others, (k,)."""
-    count = np.zeros(len(problem.stops), dtype=np.int64)
-    if not len(count):
-        return count
-    for group in problem.groups:
-        for stop in (group.eye_stop, group.hand_stop):
-            count += np.bincount(stop[stop >= 0], minlength=len(count))
-    several = count > 1
-    return np.where(several, np.cumsum(several) - 1, -1)
 
 
 def _private_cost(views: LinearisedViews, state: State, weight: Array) -> Array:
@@ -235,15 +223,19 @@ def _marginalised(gradient: Array, information: Array, private: tuple[SharedView
     for i, of in enumerate(private):
         by_error[..., of.view, :, 6 * i : 6 * i + 6] = of.by_error
         force[..., of.view, 6 * i : 6 * i + 6] = errors[..., of.stop, :]
-    transposed, carried = np.swapaxes(by_error, -1, -2), information @ by_error
+    transposed, carried = by_error.mT, information @ by_error
     force += (transposed @ gradient[..., None])[..., 0]
-    inner = np.eye(by_error.shape[-1]) + transposed @ carried
+    inner = transposed @ carried
+    diagonal = np.einsum("...ii->...i", inner)  # a view
+    diagonal += 1.0
     # Where a lens's polynomial runs away the identity is lost in rounding: as much again as rounding keeps it regular.
-    size = np.abs(inner).max(axis=(-1, -2))
-    inner += np.where(size > _ROUNDS_ONE, _ROUNDING * size, 0.0)[..., None, None] * np.eye(inner.shape[-1])
-    solved = np.linalg.solve(inner, np.concatenate([np.swapaxes(carried, -1, -2), force[..., None]], -1))
+    # No entry of a positive definite matrix is larger than the largest of its diagonal.
+    size = diagonal.max(-1)
+    if not size.max() <= _ROUNDS_ONE:
+        diagonal += np.where(size > _ROUNDS_ONE, _ROUNDING * size, 0.0)[..., None]
+    solved = np.linalg.solve(inner, np.concatenate([carried.mT, force[..., None]], -1))
     taken = carried @ solved
-    symmetric = 0.5 * (taken[..., :-1] + np.swapaxes(taken[..., :-1], -1, -2))
+    symmetric = 0.5 * (taken[..., :-1] + taken[..., :-1].mT)
     return _Marginal(
         gradient - taken[..., -1],
         information - symmetric,
@@ -256,15 +248,17 @@ def _stop_errors(problem: Problem, state: State, normal: NormalEquations, step: 
     if not len(problem.stops):
         return state.stop_errors
     errors = state.stop_errors.copy()
-    shared_step = np.zeros((0, 6)) if normal.system is None else normal.system.step(step)
-    errors[..., shared_stops(problem) >= 0, :] += shared_step
+    shared_step = np.zeros((0, 6))
+    if normal.system is not None:
+        shared_step = normal.system.step(step)
+        errors[..., problem.shared_stops >= 0, :] += shared_step
     for of in normal.views:
         rest = (of.by_unknowns @ step[..., None, of.columns, None])[..., 0]
-        for part in of.shared:
+        for part in () if normal.system is None else of.shared:
             rest[..., part.view, :] += (part.by_error @ shared_step[..., part.stop, :, None])[..., 0]
         force = of.gradient + (of.information @ rest[..., None])[..., 0]
         for part in of.private:
-            pull = np.swapaxes(part.by_error, -1, -2) @ force[..., part.view, :, None]
+            pull = part.by_error.mT @ force[..., part.view, :, None]
             errors[..., part.stop, :] = -pull[..., 0]
     return errors
 
@@ -275,7 +269,7 @@ def _priors(problem: Problem, state: State) -> tuple[Array, Array, Array]:
     hessian, gradient = np.zeros((*state.batch, width, width)), np.zeros((*state.batch, width))
     cost = np.zeros(state.batch)
     for residual, jacobian, where in prior_residuals(problem, state):
-        transposed = np.swapaxes(jacobian, -1, -2)
+        transposed = jacobian.mT
         cost += np.sum(residual**2, -1)
         hessian[..., where, where] += transposed @ jacobian
         gradient[..., where] += (transposed @ residual[..., None])[..., 0]

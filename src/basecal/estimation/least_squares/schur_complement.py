@@ -99,7 +99,7 @@ class SchurAccumulator:
         for of in shared:
             if not len(of.view):
                 continue
-            transposed = np.swapaxes(of.by_error, -1, -2)
+            transposed = of.by_error.mT
             carried = transposed @ information[..., of.view, :, :]
             to_diagonal, to_unknowns = carried @ of.by_error, carried @ by_unknowns[..., of.view, :, :]
             to_gradient = (transposed @ gradient[..., of.view, :, None])[..., 0]
@@ -120,7 +120,7 @@ class SchurAccumulator:
         both, a, b = np.intersect1d(eye.view, hand.view, assume_unique=True, return_indices=True)
         if not len(both):
             return
-        transposed = np.swapaxes(eye.by_error[..., a, :, :], -1, -2)
+        transposed = eye.by_error[..., a, :, :].mT
         block = transposed @ information[..., both, :, :] @ hand.by_error[..., b, :, :]
         self.pairs.append((eye.stop[a], hand.stop[b], block))
 
@@ -156,7 +156,7 @@ class SchurAccumulator:
         pairs = [(a, b, block[entry]) for a, b, block in self.pairs]
         row = [np.arange(k), *(a for a, _, _ in pairs), *(b for _, b, _ in pairs)]
         column = [np.arange(k), *(b for _, b, _ in pairs), *(a for a, _, _ in pairs)]
-        blocks = [self.diagonal[entry], *(m for _, _, m in pairs), *(np.swapaxes(m, -1, -2) for _, _, m in pairs)]
+        blocks = [self.diagonal[entry], *(m for _, _, m in pairs), *(m.mT for _, _, m in pairs)]
         at_row = 6 * np.concatenate(row)[:, None, None] + np.arange(6)[:, None]
         at_column = 6 * np.concatenate(column)[:, None, None] + np.arange(6)
         values = np.concatenate(blocks)

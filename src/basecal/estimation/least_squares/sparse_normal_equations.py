@@ -13,7 +13,7 @@ import numpy as np
 from scipy.sparse import coo_array, csc_array
 
 from basecal.estimation.least_squares.alike_pairs import AlikePairs, alike_pairs
-from basecal.estimation.least_squares.normal_equations import NormalEquations, prior_residuals, retract, shared_stops
+from basecal.estimation.least_squares.normal_equations import NormalEquations, prior_residuals, retract
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import Array, IntArray
 from basecal.numerics.batch import take
@@ -28,7 +28,7 @@ def is_sparse(problem: Problem) -> bool:
     """Whether a problem has many unknowns, of which each view moves few and shares no error with another view."""
     if problem.width < MANY_COLUMNS or problem.models or problem.jitter_s:
         return False
-    return not np.any(shared_stops(problem) >= 0)
+    return not np.any(problem.shared_stops >= 0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from basecal.estimation.least_squares.normal_equations import LinearisedViews, NormalEquations, linearise, shared_stops
+from basecal.estimation.least_squares.normal_equations import LinearisedViews, NormalEquations, linearise
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
 from basecal.estimation.view.measurement import Measurement
 from basecal.estimation.view.pixels import PixelMeasurement
@@ -98,8 +98,8 @@ def studentized_views(about: LeaveOneOut) -> tuple[MahalanobisSquared, ...]:
 def _view_squares(about: LeaveOneOut, k: int) -> MahalanobisSquared:
     of, weight = about.normal.views[k], about.weights[k]
     information = spectrum(of.information, VIEW_ROUNDING)
-    whitened = (np.swapaxes(information.inverse_root, -1, -2) @ of.gradient[..., None])[..., 0]
-    leverage = np.swapaxes(information.root, -1, -2) @ about.spread[k] @ information.root
+    whitened = (information.inverse_root.mT @ of.gradient[..., None])[..., 0]
+    leverage = information.root.mT @ about.spread[k] @ information.root
     sign = np.where(weight > 0, -1.0, 1.0)[:, None, None]
     left = above(np.eye(leverage.shape[-1]) + sign * leverage, 1 - _ALONE)
     # Directions in which the view has no information stand as zeros with a share of nothing.
@@ -114,11 +114,11 @@ def studentized_stops(about: LeaveOneOut) -> MahalanobisSquared:
     system = about.normal.system
     if system is None:
         return MahalanobisSquared(value, freedoms)
-    which = np.flatnonzero(shared_stops(about.problem) >= 0)
+    which = np.flatnonzero(about.problem.shared_stops >= 0)
     number = np.arange(len(which))
     by_unknowns = system.solution[:, :-1].reshape(len(which), 6, about.problem.width)
     covariance = spectrum(about.normal.hessian).inverse
-    spread = system.covariance(number, number) + by_unknowns @ covariance @ np.swapaxes(by_unknowns, -1, -2)
+    spread = system.covariance(number, number) + by_unknowns @ covariance @ by_unknowns.mT
     learnt = above(np.eye(6) - spread, _LEAST_LEARNT)
     value[which], freedoms[which] = learnt.mahalanobis_squared(about.state.stop_errors[which]), learnt.rank
     return MahalanobisSquared(np.where(freedoms > 0, value, np.nan), freedoms)
@@ -172,8 +172,8 @@ def _by_own_view(rows: PointJacobians) -> MahalanobisSquared:
     jacobian = rows.jacobian[..., :6]
     n, p, d, _ = jacobian.shape
     flat = jacobian.reshape(n, p * d, 6)
-    pose_spread = spectrum(np.swapaxes(flat, -1, -2) @ flat, VIEW_ROUNDING).inverse
-    gradient = np.swapaxes(flat, -1, -2) @ rows.residual.reshape(n, p * d, 1)
+    pose_spread = spectrum(flat.mT @ flat, VIEW_ROUNDING).inverse
+    gradient = flat.mT @ rows.residual.reshape(n, p * d, 1)
     moved = rows.residual - (flat @ (pose_spread @ gradient)).reshape(n, p, d)
     return _studentised(moved, jacobian, pose_spread, rows.seen)
 
@@ -207,14 +207,14 @@ def _posterior(about: LeaveOneOut, k: int, rows: PointJacobians) -> Array:
     private = about.normal.views[k].private
     n, p, d, q = rows.jacobian.shape
     flat = rows.jacobian.reshape(n, p * d, q)
-    information = np.swapaxes(flat, -1, -2) @ flat
+    information = flat.mT @ flat
     by_error = np.zeros((n, q, 6 * max(len(private), 1)))
     for i, of in enumerate(private):
         by_error[of.view, :, 6 * i : 6 * i + 6] = of.by_error
-    inner = np.linalg.inv(np.eye(by_error.shape[-1]) + np.swapaxes(by_error, -1, -2) @ information @ by_error)
-    own = by_error @ inner @ np.swapaxes(by_error, -1, -2)
+    inner = np.linalg.inv(np.eye(by_error.shape[-1]) + by_error.mT @ information @ by_error)
+    own = by_error @ inner @ by_error.mT
     carried = np.eye(q) - own @ information
-    posterior: Array = carried @ spread @ np.swapaxes(carried, -1, -2) + own
+    posterior: Array = carried @ spread @ carried.mT + own
     return posterior
 
 
@@ -222,14 +222,14 @@ def _spread(normal: NormalEquations, covariance: Array, k: int) -> Array:
     of = normal.views[k]
     derivative = of.by_unknowns
     if normal.system is None:
-        return derivative @ covariance[np.ix_(of.columns, of.columns)] @ np.swapaxes(derivative, -1, -2)
+        return derivative @ covariance[np.ix_(of.columns, of.columns)] @ derivative.mT
     n, q, _ = derivative.shape
     full = np.zeros((n, q, len(covariance)))
     full[:, :, of.columns] = derivative
     by_unknowns = normal.system.solution[:, :-1].reshape(len(normal.system.precision), 6, len(covariance))
     for part in of.shared:
         full[part.view] -= part.by_error @ by_unknowns[part.stop]
-    return full @ covariance @ np.swapaxes(full, -1, -2) + _shared_spread(normal, k)
+    return full @ covariance @ full.mT + _shared_spread(normal, k)
 
 
 def _shared_spread(normal: NormalEquations, k: int) -> Array:
@@ -242,5 +242,5 @@ def _shared_spread(normal: NormalEquations, k: int) -> Array:
         for b in of.shared:
             both, i, j = np.intersect1d(a.view, b.view, assume_unique=True, return_indices=True)
             block = system.covariance(a.stop[i], b.stop[j])
-            out[both] += a.by_error[i] @ block @ np.swapaxes(b.by_error[j], -1, -2)
+            out[both] += a.by_error[i] @ block @ b.by_error[j].mT
     return out

@@ -313,7 +313,7 @@ def _summed(
     blocks, q, m = layout.blocks, layout.rows, layout.width
     e, ef, ee = np.zeros((blocks, q)), np.zeros((blocks, q, m)), np.zeros((blocks, q, q))
     own = np.flatnonzero(block >= 0)
-    by_error = np.swapaxes(errors[own], -1, -2)
+    by_error = errors[own].mT
     np.add.at(e, block[own], (by_error @ gradient[own][..., None])[..., 0])
     np.add.at(ef, block[own], by_error @ carried[own])
     np.add.at(ee, block[own], by_error @ information[own] @ errors[own])

@@ -116,7 +116,7 @@ class Posterior:
         for here in _chunks(*self.back.shape):
             back = self.back[here]
             across = (back.reshape(-1, back.shape[-1]) @ self.spread).reshape(back.shape)
-            covariance = self.own[here] + across @ np.swapaxes(back, -1, -2)
+            covariance = self.own[here] + across @ back.mT
             of_errors[here] += np.diagonal(covariance, axis1=-2, axis2=-1)
             for i, key in enumerate(keys):
                 squares[i] += _squares_of_spread(self.model.parts[key], self, here, across, covariance)
@@ -217,7 +217,7 @@ def columns_given(model: MixedModel, logs: Array, blocks: _Blocks | None = None)
         explained += flat.T @ flat
         value += 2 * float(np.log(np.diagonal(factor, axis1=-2, axis2=-1)).sum()) - float(np.sum(cu**2))
         if blocks is not None:
-            back = np.swapaxes(root, -1, -2)
+            back = root.mT
             np.multiply(back @ whitened, x, out=blocks.back[here])
             blocks.alone[here] = (back @ cu[..., None])[..., 0]
             blocks.own[here] = back @ root

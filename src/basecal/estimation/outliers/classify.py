@@ -167,7 +167,7 @@ def _prior(about: LeaveOneOut, k: int, some: IntArray, variance: float) -> Prior
     spread = about.spread[k].copy()
     errors = about.state.stop_errors.copy()
     for part in of.private:
-        spread[part.view] += part.by_error @ np.swapaxes(part.by_error, -1, -2)
+        spread[part.view] += part.by_error @ part.by_error.mT
         errors[part.stop] = 0.0
     predicted = replace(about.state, stop_errors=errors).camera_from_target(group, about.problem.stops)
     pose_spread = spread[some][:, :6, :6] * variance + _EXACT * np.eye(6)

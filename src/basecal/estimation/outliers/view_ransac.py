@@ -228,7 +228,7 @@ def _replaced(found: RansacViews, rows: IntArray, by: RansacViews) -> RansacView
 
 def _squares(measurement: Points, camera_from_target: SE3, camera: Camera | None) -> Array:
     """Squared residuals over sigma, (n, p); infinite where a point cannot be seen, 0 where it was not."""
-    rotation = np.swapaxes(camera_from_target.rotation, -1, -2)
+    rotation = camera_from_target.rotation.mT
     points_in_camera = measurement.points_in_target @ rotation + camera_from_target.translation[:, None]
     if isinstance(measurement, PixelMeasurement):
         assert camera is not None

@@ -54,7 +54,7 @@ def kron(left: Array, right: Array) -> Array:
 
 
 def _t(matrix: Array) -> Array:
-    return np.swapaxes(matrix, -1, -2)
+    return matrix.mT
 
 
 def _unvec(vector: Array) -> Array:

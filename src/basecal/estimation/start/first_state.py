@@ -281,9 +281,7 @@ def _mount_of_points(sight: PairViews, x: SE3, y: SE3, at: SE3) -> SE3:
     chords, _ = as_light(sight.group.measurement)
     g = sight.group
     camera_from_flange = (g.eye_base_from_eye_flange @ x).inverse() @ y @ g.hand_base_from_hand_flange
-    bearings = (np.swapaxes(camera_from_flange.rotation, -1, -2)[:, None] @ chords.bearings_in_camera[..., None])[
-        ..., 0
-    ]
+    bearings = (camera_from_flange.rotation.mT[:, None] @ chords.bearings_in_camera[..., None])[..., 0]
     origin_in_flange = camera_from_flange.inverse().translation
     across = (np.eye(3) - bearings[..., :, None] * bearings[..., None, :]) * (chords.weight > 0)[..., None, None]
     total = across.sum(0) + _RIDGE * np.eye(3)

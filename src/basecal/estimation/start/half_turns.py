@@ -35,7 +35,7 @@ def turned_views(group: ViewGroup, read: Array, turned: Array) -> BoolArray:
 def _motions(group: ViewGroup) -> tuple[Array, BoolArray]:
     """Angle that one robot turned between views, (n, n) [rad], and where the other stood still."""
     eye, hand = group.eye_base_from_eye_flange.rotation, group.hand_base_from_hand_flange.rotation
-    of_eye, of_hand = (_angle(np.swapaxes(r, -1, -2)[:, None] @ r[None]) for r in (eye, hand))
+    of_eye, of_hand = (_angle(r.mT[:, None] @ r[None]) for r in (eye, hand))
     eye_still, hand_still = (np.asarray(stand[:, None] == stand[None]) for stand in (group.eye_stand, group.hand_stand))
     told = (eye_still != hand_still) & ~np.eye(len(eye), dtype=bool)
     return np.where(hand_still, of_eye, of_hand), told

@@ -146,7 +146,7 @@ class _Views:
             mixed = view.information[..., :6, columns]
             right = np.concatenate([mixed, view.gradient[..., :6, None]], -1)
             back.append(np.linalg.solve(view.information[..., :6, :6] + _RIDGE * np.eye(6), right))
-            carried = np.swapaxes(mixed, -1, -2) @ back[-1]
+            carried = mixed.mT @ back[-1]
             hessian += (view.information[..., columns[:, None], columns] - carried[..., :-1]).sum(1)
             gradient += (view.gradient[..., columns] - carried[..., -1]).sum(1)
             eliminated += np.sum(view.gradient[..., :6] * back[-1][..., -1], axis=(1, 2))

@@ -97,5 +97,5 @@ def _least_squares(across: Array, rows: Array, constant: Array) -> Array:
     flat = projected.reshape(len(rows), -1, rows.shape[-1])
     right = (across @ constant[..., None]).reshape(len(rows), -1, 1)
     ridge = _RIDGE * len(across) * np.eye(rows.shape[-1])
-    normal = np.swapaxes(flat, -1, -2) @ flat + ridge
-    return -np.asarray(np.linalg.solve(normal, np.swapaxes(flat, -1, -2) @ right)[..., 0], dtype=np.float64)
+    normal = flat.mT @ flat + ridge
+    return -np.asarray(np.linalg.solve(normal, flat.mT @ right)[..., 0], dtype=np.float64)

@@ -166,7 +166,7 @@ def _moments(a: Array, b: Array, c: Array, weight: Array) -> Array:
     share = weight**2 / np.sum(weight**2, -1, keepdims=True)
     left = (share[..., None, None] * a).reshape(h, n, 9)
     right = (c[..., :, :, None, None] * b[..., None, None, :, :]).reshape(h, n, 81)
-    total = (np.swapaxes(left, -1, -2) @ right).reshape(h, 3, 3, 3, 3, 3, 3)
+    total = (left.mT @ right).reshape(h, 3, 3, 3, 3, 3, 3)
     # The axes are j, i, k, m, l, p.
     return np.asarray(total.transpose(0, 2, 5, 1, 3, 4, 6).reshape(h, 9, 9, 9))
 

@@ -30,7 +30,7 @@ def without_common_shift(
     return (
         cost - share * np.einsum("...i,...i->...", force, force),
         gradient - share[..., None] * (by_shift @ force[..., None])[..., 0],
-        information - share[..., None, None] * by_shift @ np.swapaxes(by_shift, -1, -2),
+        information - share[..., None, None] * by_shift @ by_shift.mT,
     )
 
 

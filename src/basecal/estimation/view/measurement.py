@@ -84,9 +84,7 @@ class Measurement(Protocol):
 def information_of(residual: Array, jacobian: Array) -> ViewInformation:
     """From residuals (..., m) and their derivative by rows of unknowns, (..., k, m)."""
     gradient = (jacobian @ residual[..., None])[..., 0]
-    return ViewInformation(
-        np.einsum("...i,...i->...", residual, residual), gradient, jacobian @ np.swapaxes(jacobian, -1, -2)
-    )
+    return ViewInformation(np.einsum("...i,...i->...", residual, residual), gradient, jacobian @ jacobian.mT)
 
 
 def of_batch_rows(values: Array, rows: Rows, axes: int) -> Array:

@@ -68,7 +68,7 @@ def gradient_and_information(
         of_points: Of the points.
     """
     shape, flat = rotation.shape[:-2], rotation.reshape(-1, 3, 3)
-    first = np.swapaxes(flat, -1, -2) @ _moments(forces, of_points.values[:, : of_points.linear])
+    first = flat.mT @ _moments(forces, of_points.values[:, : of_points.linear])
     # What takes the upper half of a symmetric M to that of R'MR, (n, 6, 6).
     entries = flat.reshape(-1, 9)
     carried = entries[:, _LEFT] * entries[:, _RIGHT]

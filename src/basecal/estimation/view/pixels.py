@@ -53,7 +53,9 @@ class PixelMeasurement(TargetPoints):
         camera = needed(camera)
         *batch, count = camera_from_target.shape
         if batch == [1]:
-            alone = self.of_batch(0).linearise(camera_from_target[0], camera if camera.parameters.ndim == 1 else camera[0], lens)
+            alone = self.of_batch(0).linearise(
+                camera_from_target[0], camera if camera.parameters.ndim == 1 else camera[0], lens
+            )
             return ViewInformation(*(of[None] for of in alone))
         points = max(len(self.points_in_target), 1) * (count if batch else 1)
         size = max(1, (_CHUNK_LENS_POINTS if lens else _CHUNK_POINTS) // max(points, 1))
@@ -221,11 +223,11 @@ def _information_of_rows(rows: Array, rotation: Array) -> ViewInformation:
     """What views say whose residuals, and their derivatives in the camera's axes, are rows (1 + k, 2, ..., n, p)."""
     u, v = (to_back(rows[:, i]) for i in range(2))  # (..., n, p, 1 + k)
     # Of a product of something with itself BLAS makes half, which takes longer where it is as small as this.
-    product = np.swapaxes(u[..., 1:], -1, -2) @ u
-    product += np.swapaxes(v[..., 1:], -1, -2) @ v
+    product = u[..., 1:].mT @ u
+    product += v[..., 1:].mT @ v
     cost = np.einsum("i...p,i...p->...", rows[0], rows[0])
     by_target = _in_target(product, rotation)
-    information = _in_target(np.swapaxes(by_target[..., 1:], -1, -2), rotation)
+    information = _in_target(by_target[..., 1:].mT, rotation)
     return ViewInformation(cost, by_target[..., 0], information)
 
 
@@ -233,6 +235,6 @@ def _in_target(columns: Array, rotation: Array) -> Array:
     """Columns (..., 6 + k, m) by a shift and a turn in the camera's axes, in place, as by those in the target's."""
     pose = columns[..., :6, :]
     *shape, _, m = pose.shape
-    turned = np.swapaxes(rotation, -1, -2)[..., None, :, :] @ pose.reshape(*shape, 2, 3, m)
+    turned = rotation.mT[..., None, :, :] @ pose.reshape(*shape, 2, 3, m)
     pose[...] = turned.reshape(pose.shape)
     return columns

@@ -37,7 +37,7 @@ class PoseMeasurement:
         """See `Measurement`."""
         error = self._error(camera_from_target)
         jacobian = right_jacobian_inverse(error) * self.weight[..., None]
-        return information_of(error * self.weight, np.swapaxes(jacobian, -1, -2))
+        return information_of(error * self.weight, jacobian.mT)
 
     def squares(self, camera_from_target: SE3, camera: Camera | None) -> dict[str, float]:
         """See `Measurement`."""

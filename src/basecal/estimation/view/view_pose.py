@@ -93,7 +93,7 @@ def _direct_linear(local: Array, bearings_in_camera: Array, seen: BoolArray, fla
     homogeneous = np.concatenate([places, np.ones((len(places), 1))], -1)
     rows = _cross_rows(bearings_in_camera, seen, homogeneous)
     # The unit vector that these map nearest to zero.
-    _, vectors = np.linalg.eigh(np.swapaxes(rows, -1, -2) @ rows)
+    _, vectors = np.linalg.eigh(rows.mT @ rows)
     matrix = vectors[..., 0].reshape(len(rows), 3, -1)
     # Points lie along the bearings and not against them.
     along = np.einsum("nip,npi->np", matrix @ homogeneous.T, bearings_in_camera * seen[..., None])

@@ -122,7 +122,7 @@ def _rotation_from_unit(q_xyzw: Array) -> Array:
 
 
 def _transposed(rotation: Array) -> Array:
-    return np.swapaxes(rotation, -1, -2)
+    return rotation.mT
 
 
 ROTATION_VECTOR = RotationForm(rotation_exp, rotation_log, "rotation vector")
