@@ -56,7 +56,8 @@ def exp_coefficients(angle: Array, count: int = 3) -> Array:
 
 def lengths(vectors: Array) -> Array:
     """Euclidean lengths of vectors, (..., k) to (...,): `np.linalg.norm` in half its time."""
-    return np.sqrt(np.einsum("...i,...i->...", vectors, vectors))
+    found: Array = np.sqrt(np.einsum("...i,...i->...", vectors, vectors))
+    return found
 
 
 def with_identity(matrix: Array, share: Array) -> Array:

@@ -87,7 +87,7 @@ def information_of(residual: Array, jacobian: Array) -> ViewInformation:
     return ViewInformation(np.einsum("...i,...i->...", residual, residual), gradient, jacobian @ jacobian.mT)
 
 
-def of_batch_rows(values: Array, rows: Rows, axes: int) -> Array:
+def of_batch_rows(values: Array, rows: Rows | int, axes: int) -> Array:
     """The rows of a batch, of values that have so many axes without one."""
     return values[rows] if values.ndim > axes else values
 

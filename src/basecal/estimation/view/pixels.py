@@ -53,9 +53,8 @@ class PixelMeasurement(TargetPoints):
         camera = needed(camera)
         *batch, count = camera_from_target.shape
         if batch == [1]:
-            alone = self.of_batch(0).linearise(
-                camera_from_target[0], camera if camera.parameters.ndim == 1 else camera[0], lens
-            )
+            one = camera if camera.parameters.ndim == 1 else camera[0]
+            alone = self.of_batch(0).linearise(camera_from_target[0], one, lens)
             return ViewInformation(*(of[None] for of in alone))
         points = max(len(self.points_in_target), 1) * (count if batch else 1)
         size = max(1, (_CHUNK_LENS_POINTS if lens else _CHUNK_POINTS) // max(points, 1))
@@ -196,7 +195,7 @@ class PixelMeasurement(TargetPoints):
         """See `Measurement`."""
         return replace(self, weight=self.weight / factor, common_px=self.common_px * factor)
 
-    def of_batch(self, rows: Rows) -> PixelMeasurement:
+    def of_batch(self, rows: Rows | int) -> PixelMeasurement:
         """See `Measurement`."""
         seen = self.seen[rows] if self.seen.ndim > 2 else self.seen
         pixels, stated = of_batch_rows(self.pixels, rows, 3), of_batch_rows(self.stated, rows, 2)
