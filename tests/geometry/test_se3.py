@@ -111,6 +111,16 @@ def test_batches_broadcast_and_index(rng):
     assert len(SE3.stack([])) == 0
 
 
+@pytest.mark.parametrize("left", [(), (1,), (2,), (3, 1), (3, 2)])
+@pytest.mark.parametrize("right", [(), (1,), (2,), (1, 2), (3, 1)])
+def test_batches_broadcast_as_their_matrices_do(rng, left, right):
+    """Whatever way a product or a turned point is computed, it is that of 4x4 matrices, entry by entry."""
+    a, b, points = random_transform(rng, left), random_transform(rng, right), rng.normal(size=(*right, 3))
+    np.testing.assert_allclose((a @ b).matrix, a.matrix @ b.matrix, atol=1e-12)
+    with_one = np.concatenate([points, np.ones((*right, 1))], axis=-1)
+    np.testing.assert_allclose(a @ points, (a.matrix @ with_one[..., None])[..., :3, 0], atol=1e-12)
+
+
 def test_transforms_cannot_be_written_into(rng):
     """A transform is a value: its arrays are read-only, also those it was handed."""
     made = SE3(np.eye(3), np.zeros(3))
@@ -210,6 +220,15 @@ def test_matrices_that_are_no_transform_are_refused(matrix, message):
     with pytest.raises(InputError, match=message) as caught:
         SE3.from_matrix(matrix, "base_from_flange")
     assert "base_from_flange" in str(caught.value)
+
+
+def test_a_matrix_by_columns_is_recognised():
+    """Where the transpose would be a transform the error says so, and only there."""
+    by_columns = SE3.from_quaternion([0.5, 0.5, 0.5, 0.5], [1, 2, 3]).matrix.T
+    with pytest.raises(InputError, match="looks transposed"):
+        SE3.from_matrix(by_columns)
+    with pytest.raises(InputError, match=r"\(0, 0, 0, 1\)$"):
+        SE3.from_matrix(by_columns + np.outer(np.eye(4)[0], np.eye(4)[3]))
 
 
 @pytest.mark.parametrize(

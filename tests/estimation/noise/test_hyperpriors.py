@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from basecal.estimation.noise.hyperpriors import KINEMATICS, CommonPrior, hyperpriors
 from basecal.estimation.noise.mixed_model import mixed_model
+from basecal.estimation.noise.reml import open_parts
 from basecal.estimation.noise.robot_noise import with_robot_noise, without_errors
 from basecal.estimation.noise.terms.common_errors import CommonErrors
 from basecal.estimation.problem.build import build_problem
@@ -58,3 +61,42 @@ def test_beside_errors_in_common_single_stops_may_be_tied_less():
         prior = hyperpriors(model, REACH_M, KINEMATICS._replace(tie=tie))
         costs = prior.value(prior.start + off)[0] - prior.value(prior.start)[0]
         np.testing.assert_allclose(costs, (0.1 / np.log(tie)) ** 2)
+
+
+def _cost(prior, first):
+    """What the first sigma costs over the one that is expected; 1 at a standard deviation."""
+    other = np.array([np.log(first), *prior.start[1:]])
+    return prior.value(other)[0] - prior.value(prior.start)[0]
+
+
+def test_a_view_is_expected_to_be_off_by_more_than_its_points_scatter():
+    """By 1.1 to 5 times is within a standard deviation, as on real rigs; a fiftieth or forty times is three off."""
+    model = _model()
+    (key,) = open_parts(model)
+    squares, freedoms = model.white[key]
+    assert freedoms > 100
+    scatter = np.sqrt(squares / freedoms)
+    prior = hyperpriors(model, REACH_M)
+    assert all(_cost(prior, over * scatter) < 1 for over in (1.1, 5.0))
+    assert all(_cost(prior, over * scatter) > 7 for over in (0.02, 40.0))
+
+
+def test_exact_points_leave_a_view_a_thousandth_of_a_pixel():
+    """Where points do not scatter at all, as only made-up ones do, their view is expected off by 0.001 to 0.005 px."""
+    model = _model()
+    (key,) = open_parts(model)
+    exact = hyperpriors(replace(model, white={key: (0.0, 200.0)}), REACH_M)
+    assert 1e-3 < np.exp(exact.start[0]) < 5e-3
+
+
+def test_any_arm_of_the_trade_is_within_two_standard_deviations():
+    """Two arms of 0.02 or 3 mrad are, nearly; those of a hundredth of the one or a hundred times the other are not."""
+    prior = hyperpriors(_model(), REACH_M)
+
+    def cost(rad):
+        """Of both arms at so many radians, shifts in proportion to their reach."""
+        logs = prior.start + np.array([0, 1, 1, 1, 1]) * np.log(rad / 3e-4)
+        return prior.value(logs)[0] - prior.value(prior.start)[0]
+
+    assert all(cost(rad) < 2.2**2 for rad in (2e-5, 3e-3))
+    assert all(cost(rad) > 4**2 for rad in (2e-7, 0.3))
