@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from basecal.accuracy.drift.innovations import Innovations, innovations
+from basecal.accuracy.drift.shared_errors import FEWEST_SAMPLES, with_shared_errors
 from basecal.accuracy.drift.shifts import Shift, detectable_m, frame_shifts, joint_shifts
 from basecal.cell import Calibration, Cell, Recording
 from basecal.estimation.streams.streams import synchronous
@@ -61,6 +62,9 @@ def verify(cell: Cell, calibration: Calibration, recording: Recording) -> Verifi
     """
     of = innovations(cell, calibration, synchronous(cell, recording, calibration))
     found = _verified(cell, of)
+    if found.shift is not None and len(found.samples) >= FEWEST_SAMPLES:
+        of = with_shared_errors(of, found.shift)
+        found = _verified(cell, of)
     if not found.moved or len(found.samples) < _FEWEST_TO_BLAME:
         return found
     # One sample that is off alone is a bad sample: what moved is off in all that come after.

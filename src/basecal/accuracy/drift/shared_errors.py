@@ -1,0 +1,67 @@
+"""What the views of a camera get wrong together at each sample, as the samples themselves tell.
+
+Views count as independent but for robots and for what the calibration leaves open. Those of one camera may have more in
+common: a lens that is a little off where the targets were, a picture that is blurred, a stand that shakes. Many samples
+show it, as what they say of that camera's place scatters by more than their covariance says. Where that is beyond
+chance, the camera's place counts as open by as much, in the new samples and in those that were calibrated.
+Source: the covariance of estimates from clusters, Liang & Zeger 1986; the largest eigenvalue of noise, Marchenko &
+Pastur 1967; docs/mathematics.md (13.5).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from basecal.accuracy.drift.innovations import Innovations
+from basecal.accuracy.drift.shifts import Shift
+from basecal.geometry import Array
+from basecal.numerics.spectral import above, spectrum
+
+FEWEST_SAMPLES = 12
+"""Whose scatter tells anything: six numbers of each."""
+
+_HIDDEN = 1e-9  # share of the information below which a direction of a camera's place is not seen
+
+
+def with_shared_errors(of: Innovations, moved: Shift) -> Innovations:
+    """The same with what the views of each camera are seen to get wrong together.
+
+    Args:
+        of: New views, of `FEWEST_SAMPLES` or more.
+        moved: The likeliest thing to have moved, which is none of such errors.
+    """
+    left = of.covariance_inverse @ (of.off - of.of(_moves(of, moved)) @ moved.size)
+    cameras = sorted({group.camera_mount for group in of.situation.problem.groups})
+    more = sum((_of_camera(of, of.of(of.by_frame(name)), left) for name in cameras), np.zeros(of.predicted.shape))
+    return of if not np.any(more) else replace(of, predicted=of.predicted + more, known_inverse=None)
+
+
+def _moves(of: Innovations, moved: Shift) -> Array:
+    if moved.joint is None:
+        return of.by_frame(moved.transform)
+    return of.by_joints(moved.frame.removesuffix("_flange"))[..., moved.joint : moved.joint + 1]
+
+
+def _of_camera(of: Innovations, by_place: Array, left: Array) -> Array:
+    """What a camera's views get wrong together, as a covariance of all views, (6 n, 6 n).
+
+    Args:
+        of: The views.
+        by_place: (6 n, 6) how they go with the camera's place.
+        left: (6 n,) what is left of them over its covariance.
+    """
+    inverse = of.covariance_inverse
+    rows = [np.flatnonzero(np.repeat(of.sample == number, 6)) for number in np.unique(of.sample)]
+    said = np.stack([by_place[at].T @ left[at] for at in rows])
+    expected = sum((by_place[at].T @ inverse[np.ix_(at, at)] @ by_place[at] for at in rows), np.zeros((6, 6)))
+    of_all = spectrum(expected, _HIDDEN)
+    by_chance = (1 + np.sqrt(by_place.shape[1] / len(rows))) ** 2
+    scatter = above(of_all.inverse_root.T @ (said.T @ said) @ of_all.inverse_root, by_chance, np.ones(len(expected)))
+    beyond = np.where(scatter.held, scatter.values - 1, 0.0)
+    moved = by_place @ (of_all.inverse_root @ scatter.vectors * np.sqrt(beyond))
+    together = moved @ moved.T
+    for at in rows:
+        together[np.ix_(at, at)] *= 1 + len(rows)
+    return np.asarray(together)
