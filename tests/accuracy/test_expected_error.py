@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi, norm
 
-from basecal.accuracy.expected_error import ExpectedError, check_tolerance, length_quantile
+from basecal.accuracy.expected_error import ExpectedError, check_tolerance, length_quantile, length_quantiles
 from basecal.accuracy.fit_details import fit_details
 from basecal.accuracy.verdict import calibrate
 from basecal.geometry import SE3
@@ -44,9 +44,27 @@ def test_quantile_of_any_shape_against_draws():
     assert shorter == pytest.approx(0.95, abs=7e-4)
 
 
+@pytest.mark.parametrize("variances", [[1.0, 0.3, 0.02], [1.0, 1.0, 1.0], [1.0, 1e-9, 0.0]])
+@pytest.mark.parametrize("size", [0.1, 1.0, 10.0])
+def test_quantile_about_a_mean_against_draws(variances, size):
+    """What is known to be off is no doubt: of 200,000 draws about it 94 to 96 % are shorter."""
+    covariance, mean = turned(variances), size * np.array([0.6, -0.5, 0.6])
+    drawn = np.random.default_rng(1).multivariate_normal(mean, covariance, 200_000)
+    (length,) = length_quantiles(covariance[None], mean[None])
+    assert 0.94 < np.mean(np.linalg.norm(drawn, axis=1) < length) < 0.96
+
+
+def test_a_mean_of_nothing_changes_nothing():
+    """By the four cumulants within a hundredth of what is exact."""
+    covariances = np.stack([turned([1.0, 0.3, 0.02])] * 2)
+    exact, about = length_quantiles(covariances), length_quantiles(covariances, np.array([[0.0, 0, 0], [1e-9, 0, 0]]))
+    np.testing.assert_allclose(about, exact, rtol=1e-2)
+
+
 def test_no_uncertainty_is_no_error():
-    """What is exact has a quantile of zero."""
+    """What is exact has a quantile of zero, and what is off by as much as is known that length."""
     assert length_quantile(np.zeros((3, 3))) == 0.0
+    np.testing.assert_allclose(length_quantiles(np.zeros((1, 3, 3)), np.array([[0.3, 0.0, 0.4]])), 0.5)
 
 
 @pytest.fixture(scope="module")

@@ -24,11 +24,10 @@ def problem_and_state(scenario: Scenario):
 
 
 def shifted(chain, error: int) -> Kinematics:
-    """An arm of one error: offsets first, then links, of which a turn counts a quarter."""
+    """An arm of one error: offsets first, then links."""
     values = np.zeros(chain.n + 6 * (chain.n + 1))
     values[error] = STEP
-    links = values[chain.n :].reshape(-1, 6) * np.repeat([1.0, 0.25], 3)
-    return Kinematics(chain, {"joint_offsets": values[: chain.n], "link_parameters": links})
+    return Kinematics(chain, {"joint_offsets": values[: chain.n], "link_parameters": values[chain.n :].reshape(-1, 6)})
 
 
 def test_errors_move_stops_and_points_as_they_move_the_arm():

@@ -9,7 +9,7 @@ import pytest
 from tests.estimation.noise.test_reml import NOISY, ROBOTS, at_truth
 
 from basecal.estimation.noise.hyperpriors import CommonPrior, hyperpriors
-from basecal.estimation.noise.laplace import expected_squares, integrated_covariance, sigma_posterior
+from basecal.estimation.noise.laplace import integrated_covariance, moments, sigma_posterior
 from basecal.estimation.noise.mixed_model import mixed_model
 from basecal.estimation.noise.reml import columns_given, sigmas_of
 from basecal.estimation.noise.robot_noise import stops_made
@@ -51,14 +51,15 @@ def test_tails_of_few_stops_are_integrated(samples, seed):
     assert 0.9 < ratio < 1.1
 
 
-def test_expected_squares_are_of_the_whole_posterior():
+def test_moments_are_of_the_whole_posterior():
     """Of the unknowns they are the covariance integrated about the state; of sigmas more than of the likeliest."""
     problem, state = at_truth(NOISY)
     shared = {robot: CommonErrors.in_every_coordinate(np.ones((stops_made(problem, robot), 1))) for robot in ROBOTS}
     model = mixed_model(problem, state, ROBOTS, shared)
     found = sigma_posterior(model, hyperpriors(model, dict.fromkeys(ROBOTS, 0.5), CommonPrior((2.5, 2.0))))
     columns = np.arange(len(model.prior))
-    products, squares = expected_squares(found, columns)
+    mean, covariance, squares = moments(found, columns)
+    products = covariance + np.outer(mean, mean)
     whole = integrated_covariance([found], np.zeros(model.width))
     np.testing.assert_allclose(products[: model.width, : model.width], whole, rtol=1e-9, atol=1e-9 * whole.max())
     assert np.all(squares > np.exp(2 * found.logs))

@@ -58,7 +58,7 @@ def _of_camera(of: Innovations, by_place: Array, left: Array) -> Array:
     expected = sum((by_place[at].T @ inverse[np.ix_(at, at)] @ by_place[at] for at in rows), np.zeros((6, 6)))
     of_all = spectrum(expected, _HIDDEN)
     by_chance = (1 + np.sqrt(by_place.shape[1] / len(rows))) ** 2
-    scatter = above(of_all.inverse_root.T @ (said.T @ said) @ of_all.inverse_root, by_chance, np.ones(len(expected)))
+    scatter = above(of_all.inverse_root.T @ (said.T @ said) @ of_all.inverse_root, by_chance)
     beyond = np.where(scatter.held, scatter.values - 1, 0.0)
     moved = by_place @ (of_all.inverse_root @ scatter.vectors * np.sqrt(beyond))
     together = moved @ moved.T

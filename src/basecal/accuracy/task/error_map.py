@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.accuracy.expected_error import length_quantiles
-from basecal.accuracy.task.meeting_errors import meeting_covariances
+from basecal.accuracy.task.meeting_errors import meeting_errors
 from basecal.accuracy.task.task import least_known, placing, task_at
 from basecal.cell import Calibration, Cell, ErrorMap
 from basecal.estimation.problem.problem import State, ViewGroup
@@ -47,8 +47,10 @@ def error_map(
     transforms = {name: calibration[name].mean for name in known}
     covariances = {name: calibration[name].covariance for name in known}
     task = least_known([task_at(name, transforms, points) for name in known], covariances)
-    at = meeting_covariances(cell, calibration, solution, task, points, widening)
-    return ErrorMap(points, length_quantiles(at[:, :3, :3]), length_quantiles(at[:, 3:, 3:]))
+    mean, at = meeting_errors(cell, calibration, solution, task, points, widening)
+    place, turn = slice(0, 3), slice(3, 6)
+    lengths = (length_quantiles(at[:, each, each], mean[:, each]) for each in (place, turn))
+    return ErrorMap(points, *lengths)
 
 
 def seen_at(group: ViewGroup, state: State) -> Array:

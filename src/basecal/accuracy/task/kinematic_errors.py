@@ -12,24 +12,15 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.accuracy.task.arms_at_points import in_base_axes, joints_at, kinematics_of_robot, recorded_joints
-from basecal.estimation.noise.hyperpriors import CommonPrior
+from basecal.estimation.noise.hyperpriors import KINEMATICS
 from basecal.estimation.noise.terms.common_errors import CommonErrors
 from basecal.estimation.noise.terms.posture_at_stops import posture_at_stops
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.robot_parameters import Kinematics
 from basecal.geometry import Array, BoolArray
 
-# Uncalibrated arms miss places by 0.5 to 2 mm (Nubiola & Bonev 2013). Nine tenths of that are offsets of joints (Judd &
-# Knasinski 1990), five or so of them over distances of 0.1 to 0.9 m, 1.3 m in all: 0.8 mrad, and within two standard
-# deviations 0.1 mrad, of arms calibrated by makers, to 7 mrad, of hobbyists'. The last tenth is links: turned by a
-# quarter of that, and shifted by 0.1 to 0.3 mm.
-_OFFSET_RAD = (8e-4, 3.0)
-_TURN_OVER_OFFSET = 0.25
-_SHIFT_OVER_OFFSET_M = (0.2, 2.0)
-# Beside them what is left of a stop is not smooth in its pose, and hardly tied.
-_TIE = 2.0
-EXPECTED = CommonPrior(_OFFSET_RAD, is_over_stop=False, lever=_SHIFT_OVER_OFFSET_M, tie=_TIE)
-"""Of their sigmas, that of turns the one of an offset."""
+EXPECTED = KINEMATICS._replace(tie=2.0)
+"""Of their sigmas. What joints and links together leave of a stop is not smooth in its pose, and hardly tied."""
 
 _OFFSETS, _LINKS = "joint_offsets", "link_parameters"
 
@@ -76,7 +67,6 @@ def _open_kinds(problem: Problem, robot: str) -> list[str]:
 def _moved(kinematics: Kinematics, joints: Array, kinds: list[str]) -> tuple[Array, BoolArray]:
     """How a flange at joints, (m, n), moves with each error, (m, 6, k), and which of these are turns, (k,)."""
     at, n = kinematics.moved.at(kinematics.true_joints(joints)), kinematics.chain.n
-    of_link = np.repeat([1.0, _TURN_OVER_OFFSET], 3)
-    moved = {_OFFSETS: at.by_joints, _LINKS: at.by_links * np.tile(of_link, n + 1)}
-    is_turn = {_OFFSETS: np.ones(n, dtype=bool), _LINKS: np.tile(of_link < 1, n + 1)}
+    moved = {_OFFSETS: at.by_joints, _LINKS: at.by_links}
+    is_turn = {_OFFSETS: np.ones(n, dtype=bool), _LINKS: np.tile(np.repeat([False, True], 3), n + 1)}
     return np.concatenate([moved[kind] for kind in kinds], -1), np.concatenate([is_turn[kind] for kind in kinds])

@@ -16,7 +16,7 @@ from basecal.accuracy.task.kinematic_errors import EXPECTED, kinematic_errors, m
 from basecal.accuracy.task.task import Task
 from basecal.cell import Calibration, Cell
 from basecal.estimation.noise.joint_estimate import open_robots, sigmas_with
-from basecal.estimation.noise.laplace import SigmaPosterior, expected_squares
+from basecal.estimation.noise.laplace import SigmaPosterior, moments
 from basecal.estimation.noise.reml import sigmas_of
 from basecal.estimation.noise.terms.common_errors import CommonErrors
 from basecal.estimation.solve import Solution
@@ -25,10 +25,12 @@ from basecal.geometry.rotation import hat
 from basecal.registry import NOISE_TERMS
 
 
-def meeting_covariances(
+def meeting_errors(
     cell: Cell, calibration: Calibration, solution: Solution, task: Task, points_m: Array, widening: Array | None = None
-) -> Array:
-    """Mean products of what place and turn are off by where robots meet, (n, 6, 6) [m, rad] in the axes of the base.
+) -> tuple[Array, Array]:
+    """What place and turn are off by where robots meet: its mean, (n, 6), and covariance, (n, 6, 6) [m, rad].
+
+    In the axes of the base. The mean is what a model of the arms' errors finds that the answer leaves in them.
 
     Args:
         cell: What was calibrated.
@@ -44,18 +46,19 @@ def meeting_covariances(
     if not arms.keys() & meeting.keys():
         products = solution.covariance[np.ix_(columns, columns)]
         own = [_own_variance(calibration, solution, robot) for robot in meeting]
-        return _in_all(moved, products, own)
+        return np.zeros(moved.shape[:2]), _in_all(moved, products, own)
     sigmas = sigmas_with(solution.problem, solution.state, solution.noise, arms, EXPECTED)
     errors = [_by_errors(cell, solution, task, sigmas, robot, meeting[robot]) for robot in meeting if robot in arms]
     of_errors = [of for _, of in errors]
-    products, squares = expected_squares(sigmas, np.concatenate([columns, *of_errors]))
+    mean, products, squares = moments(sigmas, np.concatenate([columns, *of_errors]))
     if widening is not None:
         products[: len(columns), : len(columns)] += widening[np.ix_(columns, columns)]
     own = [
         squares[sigmas_of(sigmas.model, robot)] if robot in arms else _own_variance(calibration, solution, robot)
         for robot in meeting
     ]
-    return _in_all(np.concatenate([moved, *(each for each, _ in errors)], axis=-1), products, own)
+    moved = np.concatenate([moved, *(each for each, _ in errors)], axis=-1)
+    return moved @ mean, _in_all(moved, products, own)
 
 
 def _in_all(moved: Array, products: Array, own: Iterable[Array]) -> Array:

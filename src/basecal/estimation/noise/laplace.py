@@ -158,23 +158,24 @@ def integrated_covariance(models: Sequence[SigmaPosterior], about: Array) -> Arr
     return total
 
 
-def expected_squares(of: SigmaPosterior, columns: IntArray) -> tuple[Array, Array]:
-    """Means over all that the sigmas may be, given the data.
+def moments(of: SigmaPosterior, columns: IntArray) -> tuple[Array, Array, Array]:
+    """What is known of columns and sigmas over all that the sigmas may be, given the data.
 
     Args:
         of: The sigmas of a model.
         columns: (c,) some of its columns.
 
     Returns:
-        Of the products of the columns' values about the model's state, (c, c), those of errors in metres and radians.
-        Of the squares of the sigmas, (k,).
+        Mean, (c,), and covariance, (c, c), of the columns' values about the model's state, in metres and radians.
+        Means of the squares of the sigmas, (k,).
     """
-    products, squares = np.zeros((len(columns), len(columns))), np.zeros(len(of.logs))
+    mean, products, squares = np.zeros(len(columns)), np.zeros((len(columns), len(columns))), np.zeros(len(of.logs))
     for weight, known in _weighed_nodes(of):
-        mean, spread = known.in_units(columns)
-        products += weight * (spread + np.outer(mean, mean))
+        here, spread = known.in_units(columns)
+        mean += weight * here
+        products += weight * (spread + np.outer(here, here))
         squares += weight * np.exp(2 * known.logs)
-    return products, squares
+    return mean, products - np.outer(mean, mean), squares
 
 
 def _over_nodes(of: SigmaPosterior, about: Array) -> Array:
