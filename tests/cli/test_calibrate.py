@@ -209,3 +209,28 @@ def test_certificate_is_told_where_asked(simulated: Path, capsys: pytest.Capture
     assert certificate["reason"] == ""
     assert main(["report", str(simulated), "--verbose"]) == 0
     assert "certificate: global optimum proven" in capsys.readouterr().out
+
+
+def test_a_box_is_calibrated_by_itself(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The summary says which calibration to use in it, its middle is the task point; of an empty one it says that."""
+    assert main(["simulate", str(tmp_path), "--samples", "15", "--target", "pose"]) == 0
+    capsys.readouterr()
+    assert main(["calibrate", str(tmp_path), "--task-box", "-9 -9 -9 9 9 8"]) == 0
+    assert "(15 samples): held-out" in capsys.readouterr().out
+    run = latest_run(tmp_path)
+    assert run is not None
+    told = read_calibration(run)
+    assert told.settings["task_point"] == [0.0, 0.0, -0.5]
+    assert [len(part.samples) for part in told.local] == [15]
+    assert main(["calibrate", str(tmp_path), "--task-box", "8", "8", "8", "9", "9", "9"]) == 0
+    assert "in the box: fewer than 10 samples" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [(["--task-point", "0 0 0"], "either --task-point"), (["--method", "axis-shift"], "--task-box says nothing to")],
+)
+def test_a_box_stands_alone(simulated: Path, more: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Neither a point nor the closed form of the paper goes with it."""
+    assert main(["calibrate", str(simulated), "--task-box", "0 0 0 1 1 1", *more]) == 2
+    assert said in capsys.readouterr().err

@@ -17,6 +17,7 @@ def test_settings_as_plain_values():
         "iterations": 100,
         "start": "closed",
         "task_point": None,
+        "task_box": None,
         "station_choice": "nearest",
         "robot_noise": None,
         "certify": False,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from basecal.cli.detected import detected_recording
 from basecal.cli.next_step import next_step
 from basecal.cli.page import StoredRun, print_page_path, write_page
-from basecal.cli.task_point import Point
+from basecal.cli.task_point import Box, Point, task_points
 from basecal.cli.terminal import print_json, print_stages, progress, say
 from basecal.cli.typed_length import length_m
 from basecal.errors import UsageError, printable
@@ -28,6 +28,7 @@ def calibrate(
     method: Literal["maximum-likelihood", "axis-shift"] = "maximum-likelihood",
     start: Literal["closed", "thorough", "guess", "axis-shift"] = "closed",
     task_point: Point | None = None,
+    task_box: Box | None = None,
     station_choice: Literal["nearest", "weighted"] = "nearest",
     certify: bool = False,
     robot_noise: Literal["estimated", "stated"] = "estimated",
@@ -49,6 +50,7 @@ def calibrate(
         basecal calibrate mycell --json > answer.json
         basecal calibrate mycell --tolerance 0.5mm
         basecal calibrate mycell --task-point 0.8 0.1 0.3
+        basecal calibrate mycell --task-box 0.6 -0.2 0.1 1.0 0.2 0.5
         basecal calibrate mycell --certify
         basecal calibrate mycell --verbose
         basecal calibrate mycell --method axis-shift --task-point 0.8 0.1 0.3
@@ -59,6 +61,8 @@ def calibrate(
         start: Where the solver starts: a closed form, a search, the cell's guesses, or the axis-shift method.
         task_point: Where the work is done, x y z [m] in the reference robot's base: the error there is told by source,
             and the axis-shift method fits best there.
+        task_box: Two opposite corners of where it is done, instead of a point: the error is told for its middle, and the
+            box is calibrated by itself, too, with whether that predicts held-out samples in it better.
         station_choice: With a task point, its nearest station, or all of them weighted by distance.
         certify: Prove that no other answer fits better, or say why that cannot be proven.
         robot_noise: Whether noise of robots that state none is estimated, or these robots are taken for exact.
@@ -70,12 +74,13 @@ def calibrate(
     from basecal.estimation.settings import Settings
 
     needed_m = None if tolerance is None else length_m(tolerance)
-    _refuse_unused(method, start, task_point, station_choice)
+    _refuse_unused(method, start, task_point, task_box, station_choice)
     described = read_cell(cell)
     settings = Settings(
         method=method,
         start=start,
-        task_point=task_point,
+        task_point=task_point if task_box is None else task_points(task_point, task_box)[0],
+        task_box=task_box,
         station_choice=station_choice,
         certify=certify,
         robot_noise=robot_noise,
@@ -101,7 +106,7 @@ class CalibratedFolder:
     tolerance: ToleranceCheck | None = None
 
 
-def _refuse_unused(method: str, start: str, task_point: object, station_choice: str) -> None:
+def _refuse_unused(method: str, start: str, task_point: object, task_box: object, station_choice: str) -> None:
     """Refuse what the method makes no use of, rather than let somebody believe it did.
 
     Raises:
@@ -110,6 +115,10 @@ def _refuse_unused(method: str, start: str, task_point: object, station_choice: 
     if method != "axis-shift" and station_choice != "nearest":
         raise UsageError(
             f"--station-choice says nothing to --method {method}: give --method axis-shift, or leave it out"
+        )
+    if method == "axis-shift" and task_box is not None:
+        raise UsageError(
+            "--task-box says nothing to --method axis-shift, whose stations are its parts: give --task-point x y z"
         )
     if method == "axis-shift" and task_point is None and station_choice != "nearest":
         raise UsageError("--station-choice needs a point to choose stations for: give --task-point x y z")

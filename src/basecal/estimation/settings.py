@@ -28,6 +28,8 @@ class Settings:
         task_point: (x, y, z) [m] in the reference robot's base, about which the error is told by source and place, and
             where the axis-shift method, for which it is the eye robot's base, should fit best; None for a mean of all
             stations.
+        task_box: With a task point: two opposite corners of the part of the workspace, (x, y, z, x, y, z) [m] there,
+            that is to be calibrated by itself, too; the workspace is parted by where samples are where it is None.
         robot_noise: `stated` (robots that state none are exact) or `estimated` where none is stated, together with all
             other noise; None for `stated` by `solve`, and for `estimated` by `calibrate`.
         station_choice: With a task point: the `nearest` station, or all of them `weighted` by distance.
@@ -39,6 +41,7 @@ class Settings:
     iterations: int = 100
     start: Start = "closed"
     task_point: tuple[float, float, float] | None = None
+    task_box: tuple[float, float, float, float, float, float] | None = None
     station_choice: StationChoice = "nearest"
     robot_noise: RobotNoise | None = None
     certify: bool = False

@@ -11,7 +11,7 @@ import numpy as np
 from basecal.accuracy.expected_error import ToleranceCheck
 from basecal.cell import Calibration, Cell, Finding, Validation
 from basecal.geometry import Array
-from basecal.reporting.text import by_weight, sigma_norms, task_sentence, tolerance_sentence
+from basecal.reporting.text import by_weight, local_rows, sigma_norms, task_sentence, tolerance_sentence
 
 WIDTH = 100
 """Characters of a line at most: what terminals show, and mails keep, unbroken."""
@@ -46,6 +46,8 @@ def summary(cell: Cell, calibration: Calibration, tolerance: ToleranceCheck | No
     if tolerance is not None:
         lines += wrapped(f"tolerance: {tolerance_sentence(tolerance)}")
     lines += wrapped(task_sentence(calibration)) if calibration.budget else []
+    if calibration.settings.get("task_box") is not None:
+        lines += [line for sentence in local_rows(calibration) for line in wrapped(sentence)]
     lines += _validation(calibration.validation)
     lines += _told(grave[1:_TOLD])
     others = [*grave[_TOLD:], *(finding for finding in findings if finding.severity == "info")]

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from basecal.accuracy.expected_error import ToleranceCheck
+from basecal.accuracy.task.local_fits import FEWEST_SAMPLES
 from basecal.cell import Calibration, Cell, Finding, LocalFit, Validation
 from basecal.exchange.exports.choice import frame_names
 from basecal.exchange.ros2 import static_transform_publisher
@@ -276,7 +277,13 @@ def task_rows(calibration: Calibration) -> Iterator[str]:
         lengths, angles = 1e3 * calibration.error_map.length_95_m, np.degrees(calibration.error_map.angle_95_rad)
         spread = f"{lengths.min():.2g} to {lengths.max():.2g} mm and {angles.max():.2g} deg"
         yield f"over the workspace 95 % of errors of one flange to another are expected below {spread}"
+    yield from local_rows(calibration)
 
+
+def local_rows(calibration: Calibration) -> Iterator[str]:
+    """Whether parts of the workspace are better calibrated by themselves, a line each; that of a box is told always."""
+    if calibration.local == () and calibration.settings.get("task_box") is not None:
+        yield f"in the box: fewer than {FEWEST_SAMPLES} samples or none held out, too few to calibrate it by itself"
     for part in calibration.local or ():
         yield local_sentence(part)
 

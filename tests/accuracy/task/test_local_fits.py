@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
+from basecal.accuracy.task.error_map import seen_at
 from basecal.accuracy.task.local_fits import CHANCE, FEWEST_SAMPLES, MOST_PARTS, local_fits
 from basecal.cell import Recording, RobotState
 from basecal.estimation.solve import solve
@@ -69,3 +70,23 @@ def test_bent_arms_are_better_calibrated_locally(made: SimulatedCell) -> None:
 def test_few_samples_have_no_parts(made: SimulatedCell) -> None:
     few = Recording(made.recording.samples[: 2 * FEWEST_SAMPLES - 1])
     assert local_fits(solve(made.cell, few), [BASE]) == ()
+
+
+def test_a_box_is_the_only_part(made: SimulatedCell) -> None:
+    """Of two opposite corners, whichever they are: the samples whose targets are in it, and whether it is better."""
+    solution = solve(made.cell, bent(made, 3e-3))
+    halves = local_fits(solution, [BASE])
+    places = np.array([seen_at(group, solution.state) for group in solution.problem.groups])[0]
+    low, high = places.min(0), places.max(0)
+    high[0] = np.median(places[:, 0])
+    (found,) = local_fits(solution, [BASE], [*high, *low])
+    inside = solution.problem.groups[0].sample[np.all((places >= low) & (places <= high), axis=-1)]
+    assert found.samples == tuple(sorted(inside))
+    assert FEWEST_SAMPLES < len(found.samples) < 48
+    assert found.is_better == (found.chance < CHANCE and found.local_m < found.global_m)
+    assert len(halves) > 1
+
+
+def test_a_box_with_few_samples_is_no_part(made: SimulatedCell) -> None:
+    solution = solve(made.cell, made.recording)
+    assert local_fits(solution, [BASE], [5.0, 5.0, 5.0, 6.0, 6.0, 6.0]) == ()

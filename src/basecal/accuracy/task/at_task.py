@@ -42,5 +42,5 @@ def at_task(
         calibration,
         budget=found,
         error_map=error_map(cell, calibration, by_clocks, point_m, by_clocks.covariance - fitted.covariance),
-        local=local_fits(fitted, [name for name in placing(cell) if name in calibration.transforms]),
+        local=local_fits(fitted, [name for name in placing(cell) if name in calibration.transforms], settings.task_box),
     )

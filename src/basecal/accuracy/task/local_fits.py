@@ -39,19 +39,23 @@ _NO_DIFFERENCE = 1e-6  # share of a variance along a direction, below which both
 _ITERATIONS = 30
 
 
-def local_fits(solution: Solution, asked: Sequence[str]) -> tuple[LocalFit, ...]:
+def local_fits(solution: Solution, asked: Sequence[str], box_m: Sequence[float] | None = None) -> tuple[LocalFit, ...]:
     """Each part of the workspace, with held-out errors of both fits; none where there are too few samples for parts.
 
     Args:
         solution: The fit of all samples.
         asked: Names of the transforms to tell of the local fits.
+        box_m: (6,) two opposite corners of the only part, in the reference's base [m]; all parts where None.
     """
     problem = solution.problem
     places = [seen_at(group, solution.state) for group in problem.groups]
     samples = [group.sample for group in problem.groups]
     split = next(splits(problem), None)
-    parts = list(_parts(np.concatenate(places), np.concatenate(samples))) if places else []
-    if len(parts) < 2 or split is None:
+    if not places or split is None:
+        return ()
+    every = np.concatenate(places), np.concatenate(samples)
+    parts = list(_halves(*every) if box_m is None else _inside(*every, box_m))
+    if not parts:
         return ()
     folds = split.folds
     everywhere = refit_folds(problem, solution.state, folds, _ITERATIONS)
@@ -68,7 +72,7 @@ def local_fits(solution: Solution, asked: Sequence[str]) -> tuple[LocalFit, ...]
     return tuple(found)
 
 
-def _parts(places: Array, samples: Array) -> Iterator[Array]:
+def _halves(places: Array, samples: Array) -> Iterator[Array]:
     """Numbers of samples in parts of about as many, halved along the axis of the base in which they are widest."""
     parts = [np.arange(len(places))]
     while len(parts) < MOST_PARTS:
@@ -78,8 +82,17 @@ def _parts(places: Array, samples: Array) -> Iterator[Array]:
         if min(len(np.unique(samples[low])), len(np.unique(samples[high]))) < FEWEST_SAMPLES:
             break
         parts = [part for part in parts if part is not widest] + [low, high]
-    for part in parts:
+    for part in parts if len(parts) > 1 else ():
         yield np.unique(samples[part])
+
+
+def _inside(places: Array, samples: Array, box_m: Sequence[float]) -> Iterator[Array]:
+    """Numbers of the samples in a box, where they are enough."""
+    corners = np.reshape(box_m, (2, 3))
+    inside = np.all((places >= corners.min(0)) & (places <= corners.max(0)), axis=-1)
+    numbers = np.unique(samples[inside])
+    if len(numbers) >= FEWEST_SAMPLES:
+        yield numbers
 
 
 def _chance_of_noise(solution: Solution, local: Refit, worth: Sequence[Array], asked: Sequence[str]) -> float:
