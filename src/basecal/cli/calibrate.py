@@ -61,8 +61,8 @@ def calibrate(
         start: Where the solver starts: a closed form, a search, the cell's guesses, or the axis-shift method.
         task_point: Where the work is done, x y z [m] in the reference robot's base: the error there is told by source,
             and the axis-shift method fits best there.
-        task_box: Two opposite corners of where it is done, instead of a point: the error is told for its middle, and the
-            box is calibrated by itself, too, with whether that predicts held-out samples in it better.
+        task_box: Two opposite corners of where it is done, instead of a point: the error is told for its middle, and
+            the box calibrated by itself, too, with whether that predicts held-out samples in it better.
         station_choice: With a task point, its nearest station, or all of them weighted by distance.
         certify: Prove that no other answer fits better, or say why that cannot be proven.
         robot_noise: Whether noise of robots that state none is estimated, or these robots are taken for exact.
