@@ -53,15 +53,15 @@ def local_fits(solution: Solution, asked: Sequence[str], box_m: Sequence[float] 
     split = next(splits(problem), None)
     if not places or split is None:
         return ()
-    every = np.concatenate(places), np.concatenate(samples)
-    parts = list(_halves(*every) if box_m is None else _inside(*every, box_m))
+    where, of = np.concatenate(places), np.concatenate(samples)
+    parts = list(_halves(where, of) if box_m is None else _inside(where, of, box_m))
     if not parts:
         return ()
     folds = split.folds
     everywhere = refit_folds(problem, solution.state, folds, _ITERATIONS)
     found = []
     for numbers in parts:
-        inside = [np.isin(of, numbers) for of in samples]
+        inside = [np.isin(each, numbers) for each in samples]
         own = np.concatenate([at[mine] for at, mine in zip(places, inside, strict=True)])
         centre = own.mean(0)
         reach = float(np.sqrt(np.mean(np.sum((own - centre) ** 2, -1))))
