@@ -23,7 +23,7 @@ from basecal.accuracy.task.error_map import seen_at
 from basecal.cell import LocalFit
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.solve import Solution
-from basecal.geometry import SE3, Array, BoolArray
+from basecal.geometry import SE3, Array, BoolArray, IntArray
 from basecal.numerics.spectral import spectrum
 
 FEWEST_SAMPLES = 10
@@ -72,7 +72,7 @@ def local_fits(solution: Solution, asked: Sequence[str], box_m: Sequence[float] 
     return tuple(found)
 
 
-def _halves(places: Array, samples: Array) -> Iterator[Array]:
+def _halves(places: Array, samples: IntArray) -> Iterator[IntArray]:
     """Numbers of samples in parts of about as many, halved along the axis of the base in which they are widest."""
     parts = [np.arange(len(places))]
     while len(parts) < MOST_PARTS:
@@ -86,7 +86,7 @@ def _halves(places: Array, samples: Array) -> Iterator[Array]:
         yield np.unique(samples[part])
 
 
-def _inside(places: Array, samples: Array, box_m: Sequence[float]) -> Iterator[Array]:
+def _inside(places: Array, samples: IntArray, box_m: Sequence[float]) -> Iterator[IntArray]:
     """Numbers of the samples in a box, where they are enough."""
     corners = np.reshape(box_m, (2, 3))
     inside = np.all((places >= corners.min(0)) & (places <= corners.max(0)), axis=-1)
@@ -121,7 +121,7 @@ def _compared(
     local: Sequence[Refit],
     inside: Sequence[BoolArray],
     centre: Array,
-    numbers: Array,
+    numbers: IntArray,
     asked: Sequence[str],
     chance: float,
 ) -> LocalFit:
