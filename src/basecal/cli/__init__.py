@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 
 from cyclopts import App, CycloptsError, Parameter
 
+from basecal.cli.study import study
 from basecal.cli.task_point import numbers_apart
 from basecal.cli.terminal import say
 from basecal.errors import BasecalError, DatasetError
@@ -50,8 +51,12 @@ For example:
     basecal import poses mycell --robot left ur.csv --format ur"""
 
 
-def build_app() -> App:
-    """The command line: every verb with its help."""
+def build_app(words: Sequence[str] = ()) -> App:
+    """The command line: every verb with its help.
+
+    Args:
+        words: What it will be asked; where they name a verb, none is imported but that.
+    """
     app = App(
         name="basecal",
         help=_HELP,
@@ -61,23 +66,24 @@ def build_app() -> App:
         default_parameter=Parameter(negative=()),
         suppress_keyboard_interrupt=False,
     )
-    for place, verb in enumerate(_VERBS):
-        app.command(_function(verb), name=verb, sort_key=place)
+    first, second = (*words[:2], "", "")[:2]
+    _add(app, {verb: verb for verb in _VERBS}, first not in {*_VERBS, "import", "study"})
     imports = App(name="import", help=_IMPORT_HELP, help_format="plaintext", sort_key=len(_VERBS))
-    for place, kind in enumerate(IMPORTS):
-        imports.command(_function(f"import_{kind.replace('-', '_')}"), name=kind, sort_key=place)
+    kinds = {kind: f"import_{kind.replace('-', '_')}" for kind in IMPORTS}
+    _add(imports, kinds, first == "import" and second not in kinds)
     app.command(imports)
     studies = App(name="study", help_format="plaintext", sort_key=len(_VERBS) + 1)
-    studies.default(_function("study"))
-    for verb in _STUDIES:
-        studies.command(_function(f"study_{verb}"), name=verb)
+    studies.default(study)
+    _add(studies, {verb: f"study_{verb}" for verb in _STUDIES}, first == "study" and second not in _STUDIES)
     app.command(studies)
     return app
 
 
-def _function(verb: str) -> Callable[..., int]:
-    function: Callable[..., int] = getattr(import_module(f"basecal.cli.{verb}"), verb)
-    return function
+def _add(app: App, verbs: Mapping[str, str], listed: bool) -> None:
+    """Add verbs, each the function of a module of that name; only where they are `listed` are they imported at once."""
+    for place, (name, verb) in enumerate(verbs.items()):
+        module = f"basecal.cli.{verb}"
+        app.command(getattr(import_module(module), verb) if listed else f"{module}:{verb}", name=name, sort_key=place)
 
 
 def _version() -> str:
@@ -98,7 +104,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _own_process()
     try:
         words = list(numbers_apart(sys.argv[1:] if arguments is None else arguments))
-        result = build_app()(words, exit_on_error=False, print_error=False)
+        result = build_app(words)(words, exit_on_error=False, print_error=False)
         if sys.stdout is not None:
             sys.stdout.flush()
     except CycloptsError as error:
