@@ -108,8 +108,9 @@ def joints_near(chain: SerialChain, base_from_flange: SE3, start: Array) -> tupl
     """
     q = np.array(np.broadcast_to(start, (len(base_from_flange), chain.n)))
     for _ in range(_STEPS):
-        left = (chain.forward(q).inverse() @ base_from_flange).log()
-        jacobian = right_jacobian_inverse(-left) @ chain.jacobian(q)
+        at = chain.at(q)
+        left = (at.base_from_flange.inverse() @ base_from_flange).log()
+        jacobian = right_jacobian_inverse(-left) @ at.by_joints
         transposed = jacobian.mT
         normal = transposed @ jacobian + _DAMPING * np.eye(chain.n)
         step = np.linalg.solve(normal, transposed @ left[..., None])[..., 0]
