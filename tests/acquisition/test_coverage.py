@@ -9,10 +9,10 @@ import numpy as np
 from basecal.acquisition.coverage import GRID, alike, coverage_of
 from basecal.cell import PixelObservation, RobotState, Sample
 from basecal.planning.sketch import sketch_of
-from basecal.simulation.running.two_arms import two_arms
+from shared.facing_arms import facing_arms
 from shared.running_cell import home
 
-WORLD = two_arms()
+WORLD = facing_arms()
 SKETCH, HOME = sketch_of(WORLD.cell), home(WORLD)
 
 

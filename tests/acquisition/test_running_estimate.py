@@ -11,10 +11,10 @@ from basecal.estimation.solve import solve
 from basecal.planning import poses
 from basecal.planning.feasible import feasible_in
 from basecal.planning.sketch import sketch_of
-from basecal.simulation.running.two_arms import two_arms
+from shared.facing_arms import facing_arms
 from shared.running_cell import home
 
-WORLD = two_arms()
+WORLD = facing_arms()
 SKETCH = sketch_of(WORLD.cell)
 PIXEL_PX = 0.15
 BASE = "eye_base_from_hand_base"

@@ -12,10 +12,10 @@ from basecal.geometry import SE3
 from basecal.planning.feasible import feasible_in, in_view, is_clear, unclear_ways, way_is_clear, within_limits
 from basecal.planning.reach import state_at
 from basecal.planning.sketch import sketch_of
-from basecal.simulation.running.two_arms import two_arms
+from shared.facing_arms import facing_arms
 from shared.running_cell import home
 
-WORLD = two_arms()
+WORLD = facing_arms()
 SKETCH, HOME = sketch_of(WORLD.cell), home(WORLD)
 
 

@@ -10,10 +10,10 @@ from basecal.errors import InputError
 from basecal.planning import poses
 from basecal.planning.feasible import feasible_in
 from basecal.planning.sketch import sketch_of
-from basecal.simulation.running.two_arms import two_arms
+from shared.facing_arms import facing_arms
 from shared.running_cell import home
 
-WORLD = two_arms()
+WORLD = facing_arms()
 SKETCH, HOME = sketch_of(WORLD.cell), home(WORLD)
 
 

@@ -10,10 +10,10 @@ import pytest
 from basecal.cell import Sample, Unknown
 from basecal.errors import InputError
 from basecal.planning.sketch import sketch_of
-from basecal.simulation.running.two_arms import two_arms
+from shared.facing_arms import facing_arms
 from shared.running_cell import home
 
-WORLD = two_arms()
+WORLD = facing_arms()
 
 
 def with_truth(cell):

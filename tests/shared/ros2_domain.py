@@ -9,7 +9,7 @@ from pathlib import Path
 
 from basecal.acquisition.driver import Place
 from basecal.cell import Cell, CellCamera
-from basecal.simulation.running.two_arms import two_arms
+from shared.facing_arms import facing_arms
 from shared.second_process import second_process
 
 
@@ -27,7 +27,7 @@ LOOPBACK = over("lo", "127.0.0.1", 65500)
 DOMAIN = 1 + os.getpid() % 60
 """Of tests without a second process. Those to 99 are free beside it, nobody sends in 100, second processes do above."""
 _COUNT = itertools.count(17 * os.getpid())
-CELL = two_arms("led").cell
+CELL = facing_arms("led").cell
 
 
 @contextmanager

@@ -12,14 +12,14 @@ from basecal.simulation.running.faults import read_faults
 from basecal.simulation.running.plant import Plant
 from basecal.simulation.running.protocol import Address, write_address
 from basecal.simulation.running.server import CellServer
-from basecal.simulation.running.two_arms import two_arms
 from basecal.simulation.running.world_file import write_world
+from shared.facing_arms import facing_arms
 
 
 @contextmanager
 def running(folder, *faults, target="charuco", seed=0):
     """The world of a cell that runs while this lasts, as its folder says; its time goes on as somebody waits."""
-    world = two_arms(target, seed, read_faults(faults))
+    world = facing_arms(target, seed, read_faults(faults))
     write_world(world, folder)
     with CellServer(Plant(world, Clock(0)), "token") as server:
         thread = threading.Thread(target=server.serve_forever, daemon=True)

@@ -6,10 +6,10 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from basecal.acquisition.driver import Place
-from basecal.simulation.running.two_arms import two_arms
+from shared.facing_arms import facing_arms
 from shared.second_process import own_host, second_process
 
-CELL = two_arms("led").cell
+CELL = facing_arms("led").cell
 
 
 @contextmanager

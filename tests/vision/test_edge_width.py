@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from basecal.geometry import SE3
-from basecal.simulation.running.two_arms import two_arms
 from basecal.vision.draw.motion_blur import smeared
 from basecal.vision.draw.render import RenderSettings, expose, radiance
 from basecal.vision.edge_width import edge_width
+from shared.facing_arms import facing_arms
 
-WORLD = two_arms()
+WORLD = facing_arms()
 BOARD, LENS = WORLD.cell.targets["board"].target, WORLD.lenses["wrist"]
 AT = SE3(np.eye(3), np.array([0.0, 0.0, 0.65]) - BOARD.points.mean(0))
 PIXELS = LENS.project(AT @ BOARD.points)

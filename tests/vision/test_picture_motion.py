@@ -7,11 +7,11 @@ import pytest
 
 from basecal.errors import InputError
 from basecal.geometry import SE3
-from basecal.simulation.running.two_arms import two_arms
 from basecal.vision.draw.render import RenderSettings, expose, radiance
 from basecal.vision.picture_motion import picture_shift, shift_between, small
+from shared.facing_arms import facing_arms
 
-WORLD = two_arms()
+WORLD = facing_arms()
 BOARD, LENS = WORLD.cell.targets["board"].target, WORLD.lenses["wrist"]
 SETTINGS = RenderSettings(texture=6.0)
 AT = SE3(np.eye(3), np.array([0.0, 0.0, 0.65]) - BOARD.points.mean(0))

@@ -16,9 +16,9 @@ from basecal.simulation.running.clock import Clock
 from basecal.simulation.running.plant import Plant
 from basecal.simulation.running.protocol import Connection
 from basecal.simulation.running.server import CellServer
-from basecal.simulation.running.two_arms import two_arms
+from shared.facing_arms import facing_arms
 
-WORLD = two_arms("led")
+WORLD = facing_arms("led")
 
 
 @pytest.fixture

@@ -10,12 +10,12 @@ import pytest
 from basecal.cell import RobotState, Unknown
 from basecal.planning.sketch import sketch_of
 from basecal.reporting.live.arms import ArmsView, lengths, links
-from basecal.simulation.running.two_arms import two_arms
+from shared.facing_arms import facing_arms
 
 
 @pytest.fixture(scope="module")
 def world():
-    return two_arms()
+    return facing_arms()
 
 
 def test_links_go_from_joint_to_joint(world):

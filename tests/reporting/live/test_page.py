@@ -19,9 +19,9 @@ from basecal.cell.targets.charuco import charuco_target
 from basecal.errors import InputError, MissingExtra
 from basecal.geometry import SE3, Camera
 from basecal.reporting.live import page
-from basecal.simulation.running.two_arms import two_arms
 from basecal.vision.draw.render import render
 from shared.browser import CHROMIUM, another_page, visit
+from shared.facing_arms import facing_arms
 
 pytest.importorskip("nicegui", reason="nicegui is not installed: pip install 'basecal[web]'")
 pytestmark = pytest.mark.filterwarnings("ignore")  # of NiceGUI's own libraries
@@ -32,7 +32,7 @@ BOARD = charuco_target((5, 7), 0.04, 0.03, "DICT_4X4_50")
 
 @pytest.fixture(scope="module")
 def cell():
-    made = two_arms().cell
+    made = facing_arms().cell
     (board,) = made.targets.values()
     return replace(made, targets={board.name: replace(board, target=BOARD)})
 
@@ -45,7 +45,7 @@ def captured(cell):
         turned = {"eye": np.full(3, 0.4), "hand": np.array([0.4, 0.1, 0.4])}
         watch.note(Step(k, "", 5 + k, 25, Coverage(cells, turned), (1e-3 / (k + 1), 1e-3)))
     watch.show(next(iter(cell.cameras)), render(LENS, BOARD, SE3(np.eye(3), np.array([-0.1, -0.14, 0.6]))))
-    for robot, joints in two_arms().home.items():
+    for robot, joints in facing_arms().home.items():
         watch.stand(robot, RobotState(joints_rad=joints))
     watch.tell("sample 3: arms move")
     return watch

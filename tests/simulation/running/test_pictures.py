@@ -10,8 +10,8 @@ import pytest
 from basecal.cell.targets.led import led_target
 from basecal.geometry import SE3, Camera
 from basecal.simulation.running.pictures import CameraView, Seen
-from basecal.simulation.running.two_arms import two_arms
 from basecal.vision.draw.light import LightSettings
+from shared.facing_arms import facing_arms
 
 LENS = Camera("pinhole", np.array([500.0, 500, 159.5, 119.5]), (320, 240))
 LIGHT = Seen(led_target(), SE3(np.eye(3), np.array([0.0, 0.0, 1.0])), np.array([[0.0, 0.1, 1.0]]))
@@ -60,7 +60,7 @@ def test_a_moving_light_is_smeared():
 
 def test_noise_is_new_in_every_picture():
     """Two pictures of the same board differ by noise of some levels, and no more."""
-    world = two_arms()
+    world = facing_arms()
     board = world.cell.targets["board"].target
     seen = Seen(board, SE3(np.diag([1.0, 1, 1]), np.array([-0.1, -0.1, 0.6])), np.zeros((0, 3)))
     view = CameraView(world.lenses["wrist"], 0.0)

@@ -9,12 +9,12 @@ from basecal.errors import InputError
 from basecal.simulation.running.clock import Clock
 from basecal.simulation.running.faults import read_faults
 from basecal.simulation.running.plant import Plant
-from basecal.simulation.running.two_arms import two_arms
 from basecal.vision.detectors import find
+from shared.facing_arms import facing_arms
 
 
 def plant(*faults, target="led"):
-    world = two_arms(target, faults=read_faults(faults))
+    world = facing_arms(target, faults=read_faults(faults))
     return world, Plant(world, Clock(0))
 
 

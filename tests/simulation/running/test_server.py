@@ -14,14 +14,14 @@ from basecal.simulation.running.clock import Clock
 from basecal.simulation.running.plant import Plant
 from basecal.simulation.running.protocol import Address, connect
 from basecal.simulation.running.server import CellServer
-from basecal.simulation.running.two_arms import two_arms
+from shared.facing_arms import facing_arms
 
 TOKEN = "open-sesame"
 
 
 @pytest.fixture(scope="module")
 def server():
-    with CellServer(Plant(two_arms("led"), Clock(0)), TOKEN) as server:
+    with CellServer(Plant(facing_arms("led"), Clock(0)), TOKEN) as server:
         thread = threading.Thread(target=server.serve_forever, daemon=True)
         thread.start()
         yield server

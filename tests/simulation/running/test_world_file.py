@@ -11,13 +11,13 @@ from basecal.errors import DatasetError
 from basecal.simulation.running.clock import Clock
 from basecal.simulation.running.faults import FAULTS, read_faults
 from basecal.simulation.running.plant import Plant
-from basecal.simulation.running.two_arms import two_arms
 from basecal.simulation.running.world_file import read_world, write_truth_of, write_world
+from shared.facing_arms import facing_arms
 
 
 def test_a_world_is_read_back(tmp_path):
     """Truth, arms and where they begin come back to the last bit, the cell names its drivers."""
-    world = two_arms(seed=4)
+    world = facing_arms(seed=4)
     write_world(world, tmp_path)
     again = read_world(tmp_path)
     for name, true in world.truth.items():
@@ -30,7 +30,7 @@ def test_a_world_is_read_back(tmp_path):
 @pytest.mark.parametrize("name", list(FAULTS))
 def test_the_truth_of_each_fault_is_written(tmp_path, name):
     """Its size and unit; of what is pushed where it stands then; of arms that are built wrongly their parameters."""
-    world = two_arms(faults=read_faults([name]))
+    world = facing_arms(faults=read_faults([name]))
     write_world(world, tmp_path)
     written = read_truth_extra(tmp_path)
     kind = FAULTS[name]
@@ -53,7 +53,7 @@ def test_the_truth_of_each_fault_is_written(tmp_path, name):
 def test_arms_of_a_user_run_as_an_mjcf_says(tmp_path):
     """A cell whose arm is an MJCF in place of its URDF is the same to the last picture."""
     pytest.importorskip("mujoco", reason="pip install 'basecal[sim]'")
-    world = two_arms(seed=2)
+    world = facing_arms(seed=2)
     write_world(world, tmp_path)
     before = Plant(read_world(tmp_path), Clock(0)).picture("wrist").image
     chain = world.cell.robots["hand"].chain
@@ -92,7 +92,7 @@ def _text(numbers):
 
 def test_faults_belong_to_a_run(tmp_path):
     """A cell that runs again with another fault draws it for the same cell, and its truth says so."""
-    write_world(two_arms(faults=read_faults(["sag"])), tmp_path)
+    write_world(facing_arms(faults=read_faults(["sag"])), tmp_path)
     world = read_world(tmp_path, read_faults(["joint-offsets"]))
     write_truth_of(world, tmp_path)
     assert [fault["name"] for fault in read_truth_extra(tmp_path)["faults"]] == ["joint-offsets"]
@@ -101,7 +101,7 @@ def test_faults_belong_to_a_run(tmp_path):
 
 def test_what_cannot_be_run(tmp_path):
     """A cell without truth, or whose truth does not say where arms begin, is told what it lacks."""
-    write_world(two_arms(), tmp_path)
+    write_world(facing_arms(), tmp_path)
     path = tmp_path / "truth.yaml"
     path.write_text(path.read_text().replace("running:", "jogging:"))
     with pytest.raises(DatasetError, match=r"truth\.yaml: running\.home_joints_rad: this cell was not made to run"):

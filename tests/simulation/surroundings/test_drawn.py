@@ -9,12 +9,12 @@ from basecal.cell.targets.led import led_target
 from basecal.geometry import SE3, Camera
 from basecal.simulation.running.clock import Clock
 from basecal.simulation.running.plant import Plant
-from basecal.simulation.running.two_arms import two_arms
 from basecal.simulation.running.ur5e import ur5e
 from basecal.simulation.surroundings.drawn import Scene, Surroundings
 from basecal.simulation.surroundings.graphics import why_none
 from basecal.simulation.surroundings.model import Stage
 from basecal.vision.detectors import find
+from shared.facing_arms import facing_arms
 
 WHY = why_none()
 pytestmark = pytest.mark.skipif(WHY is not None, reason=f"MuJoCo draws nothing here: {WHY}")
@@ -24,7 +24,7 @@ FAR = SE3(np.eye(3), np.array([0.0, 0.0, -50.0]))  # where nothing is in the way
 
 @pytest.fixture(scope="module")
 def world():
-    return two_arms("charuco")
+    return facing_arms("charuco")
 
 
 @pytest.fixture(scope="module")

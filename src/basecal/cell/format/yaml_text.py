@@ -12,6 +12,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEvent
 from ruamel.yaml.nodes import MappingNode, ScalarNode, SequenceNode
+from ruamel.yaml.parser import Parser
 
 from basecal.bounded_file import read_bounded
 from basecal.cell.format.problems import CAUSE, Loc, Problem, dataset_error, short
@@ -36,6 +37,7 @@ class Document:
 
 @dataclass(frozen=True)
 class _Notes:
+    constructor: Any
     lines: dict[Loc, int] = field(default_factory=dict)
     problems: list[Problem] = field(default_factory=list)
 
@@ -57,21 +59,60 @@ def read_text(path: Path, missing: str, largest: int = LARGEST_BYTES) -> str:
         raise DatasetError(str(path), f"not UTF-8 text (byte {error.start}); save it as UTF-8") from None
 
 
+class _NotPlain(Exception):
+    """What no plain document holds.
+
+    Attributes:
+        reason: What it is and what to do.
+        line: Where it stands, from 1.
+    """
+
+    def __init__(self, reason: str, event: Any) -> None:
+        super().__init__(reason)
+        self.reason, self.line = reason, event.start_mark.line + 1
+
+
+class _PlainParser(Parser):
+    """Events of a document without aliases, anchors and tags, nested as deeply as a cell may be."""
+
+    _nested = 0
+
+    def get_event(self) -> Any:
+        """The next event.
+
+        Raises:
+            _NotPlain: if no plain document has it.
+        """
+        event = super().get_event()
+        self._nested += isinstance(event, CollectionStartEvent) - isinstance(event, CollectionEndEvent)
+        if self._nested > _DEEPEST:
+            raise _NotPlain(f"nested deeper than {_DEEPEST} levels; nothing in a cell is", event)
+        if isinstance(event, AliasEvent) or getattr(event, "anchor", None) is not None:
+            raise _NotPlain("aliases and anchors (* and &) are not allowed; write the value out", event)
+        # A document's start has tags too: a dictionary of handles.
+        if isinstance(getattr(event, "tag", None), str):
+            raise _NotPlain(f"tags ({event.tag[:_DEEPEST]}) are not allowed; write the plain value", event)
+        return event
+
+
 def parse_yaml(text: str, path: str) -> Document:
     """The data of a YAML 1.2 document and the lines of its keys.
 
     Raises:
         DatasetError: if it is not YAML, holds an alias, an anchor, a tag or a key twice, or is nested too deeply.
     """
+    yaml = _yaml()
+    yaml.Parser = _PlainParser
     try:
-        _refuse_references(text, path)
-        node = _yaml().compose(text)
+        node = yaml.compose(text)
+    except _NotPlain as error:
+        raise DatasetError(path, error.reason, error.line) from None
     except MarkedYAMLError as error:
         fault = yaml_fault(text, error)
         raise DatasetError(path, f"not YAML: {fault.reason}", fault.line) from None
     except (YAMLError, ValueError) as error:
         raise DatasetError(path, f"not YAML: {' '.join(str(error).split())[:CAUSE]}") from None
-    notes = _Notes()
+    notes = _Notes(_yaml().constructor)
     data = None if node is None else _plain(node, (), notes)
     if notes.problems:
         raise dataset_error(path, notes.problems, notes.lines)
@@ -95,20 +136,6 @@ def _yaml() -> Any:
     return YAML(typ="safe", pure=True)
 
 
-def _refuse_references(text: str, path: str) -> None:
-    depth = 0
-    for event in _yaml().parse(text):
-        line = event.start_mark.line + 1
-        depth += isinstance(event, CollectionStartEvent) - isinstance(event, CollectionEndEvent)
-        if depth > _DEEPEST:
-            raise DatasetError(path, f"nested deeper than {_DEEPEST} levels; nothing in a cell is", line)
-        if isinstance(event, AliasEvent) or getattr(event, "anchor", None) is not None:
-            raise DatasetError(path, "aliases and anchors (* and &) are not allowed; write the value out", line)
-        # A document's start has tags too: a dictionary of handles.
-        if isinstance(getattr(event, "tag", None), str):
-            raise DatasetError(path, f"tags ({event.tag[:_DEEPEST]}) are not allowed; write the plain value", line)
-
-
 def _plain(node: Any, loc: Loc, notes: _Notes) -> Any:
     notes.lines.setdefault(loc, node.start_mark.line + 1)
     if isinstance(node, MappingNode):
@@ -118,7 +145,7 @@ def _plain(node: Any, loc: Loc, notes: _Notes) -> Any:
     if node.tag not in _CONVERTED:
         return node.value
     try:
-        return _yaml().constructor.construct_object(node)
+        return notes.constructor.construct_object(node)
     except (ValueError, OverflowError, YAMLError):
         notes.problems.append(Problem(loc, f"{short(node.value)} is not a number that can be read"))
         return None

@@ -6,6 +6,8 @@ Universal_Robots_ROS2_Description, config/ur5e/physical_parameters.yaml.
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from basecal.geometry import SE3
@@ -28,6 +30,7 @@ _CENTRES = (
 _LIMITS = np.array([2 * np.pi, 2 * np.pi, np.pi, 2 * np.pi, 2 * np.pi, 2 * np.pi])
 
 
+@cache
 def ur5e() -> SerialChain:
     """Its chain from `base_link` to `tool0`."""
     origins = SE3.stack([SE3.from_rpy(turn, place) for turn, place in zip(_TURNS, _PLACES, strict=True)])
