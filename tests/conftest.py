@@ -9,10 +9,14 @@ import pytest
 from basecal.simulation.arms import six_axis
 
 
+gc.disable()  # until all is collected: nearly all that is made meanwhile stays
+
+
 def pytest_collection_finish():
     """Leave what was imported and collected out of garbage collection: going through it again takes a tenth."""
     gc.collect()
     gc.freeze()
+    gc.enable()
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -16,9 +16,9 @@ import numpy as np
 
 from basecal.acquisition.ros2.dds import Speaker
 from basecal.exchange.urdf import chain_urdf
-from basecal.simulation.running.two_arms import two_arms
+from basecal.simulation.running.ur5e import ur5e
 
-CHAIN = two_arms("led").cell.robots["eye"].chain
+CHAIN = ur5e()
 JOINTS = CHAIN.joint_names
 HALF_TURN = (0.0, 0.0, 1.0, 0.0)
 
