@@ -8,7 +8,6 @@ import pytest
 
 from basecal.simulation.arms import six_axis
 
-
 gc.disable()  # until all is collected: nearly all that is made meanwhile stays
 
 
