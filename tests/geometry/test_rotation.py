@@ -6,6 +6,7 @@ import pytest
 from basecal.errors import InputError
 from basecal.geometry.rotation import (
     checked_rotation,
+    cross,
     exp_coefficients,
     hat,
     lengths,
@@ -71,3 +72,9 @@ def test_lengths_are_euclidean(rng):
     """Over the last axis, as NumPy has them."""
     vectors = rng.normal(size=(4, 2, 3))
     np.testing.assert_allclose(lengths(vectors), np.linalg.norm(vectors, axis=-1), rtol=1e-15)
+
+
+def test_cross_products_are_numpys(rng):
+    """Of batches that broadcast."""
+    left, right = rng.normal(size=(4, 1, 3)), rng.normal(size=(2, 3))
+    np.testing.assert_array_equal(cross(left, right), np.cross(left, right))

@@ -16,12 +16,14 @@ from basecal.numerics.spectral import (
     by_share,
     dimension,
     floored,
+    floored_inverse,
     holds_information,
     independent,
     least_norm,
     null_vector,
     principal_axes,
     pseudo_inverse,
+    smallest_vectors,
     spectrum,
 )
 
@@ -162,15 +164,15 @@ def test_floored_raises_what_is_small_and_leaves_the_rest():
 @pytest.mark.parametrize(("left", "unique"), [(0.3, True), (0.4, False)])
 def test_a_null_vector_is_unique_where_the_next_stands_clear(left, unique):
     """Singular values divide at the gap; the vector is that of the smallest."""
-    found = null_vector(np.diag([1.0, left, 3.0]) * 7, 7.0)
+    found = null_vector((np.diag([1.0, left, 3.0]) * 7) ** 2, 7.0)
     np.testing.assert_allclose(np.abs(found.vector), [0, 1, 0], atol=1e-12)
     assert found.unique is unique
 
 
 def test_two_null_vectors_are_none():
     """Of two directions that rows do not ask about neither is the null vector, whatever rounding says of them."""
-    assert not null_vector(np.diag([1e-9, 5e-4, 1.0]), 1.0).unique
-    assert null_vector(np.diag([1e-9, 2e-3, 1.0]), 1.0).unique
+    assert not null_vector(np.diag([1e-9, 5e-4, 1.0]) ** 2, 1.0).unique
+    assert null_vector(np.diag([1e-9, 2e-3, 1.0]) ** 2, 1.0).unique
 
 
 def test_a_basis_is_turned_to_what_moves_some_rows(rng):
@@ -220,3 +222,23 @@ def test_a_ridge_fades_out_what_holds_next_to_nothing():
     np.testing.assert_allclose(of.values / ridged.values, [1e-6, 0.5, 1.0, 1.0], atol=2e-6)
     along = turn @ np.array([1e-9, 1e-5, 0.1, 2.0])
     assert ridged.mahalanobis_squared(along) == pytest.approx(1e-9 + 1e-10 / 2e-9 + 10.0 + 4.0, rel=1e-5)
+
+
+def test_smallest_vectors_are_those_of_the_decomposition(rng):
+    """Of many matrices at once, whether their smallest eigenvalue is rounding, noise, or exactly none."""
+    basis = np.linalg.qr(rng.standard_normal((5, 9, 9)))[0]
+    for least, exact in ((0.0, 1e-13), (1e-6, 1e-13), (0.09, 1e-9)):
+        values = np.append(least, rng.uniform(1, 4, 8))
+        found = smallest_vectors((basis * values) @ basis.mT)
+        along = np.einsum("nk,nk->n", found, basis[..., 0])
+        np.testing.assert_allclose(found * np.sign(along)[:, None], basis[..., 0], atol=exact)
+    np.testing.assert_allclose(np.linalg.norm(smallest_vectors(np.zeros((2, 4, 4))), axis=-1), 1)
+
+
+def test_a_floored_inverse_is_that_of_the_floored_matrix(rng):
+    """Regular or singular; of several matrices of which one is, too."""
+    basis = np.linalg.qr(rng.standard_normal((2, 4, 4)))[0]
+    regular = (basis * [1.0, 2.0, 3.0, 4.0]) @ basis.mT
+    singular = (basis * [-1e-12, 0.0, 3.0, 4.0]) @ basis.mT
+    for matrix in (regular, singular, np.concatenate([regular, singular])):
+        np.testing.assert_allclose(floored_inverse(matrix, 1e-3), floored(matrix, 1e-3).inverse, rtol=1e-9, atol=1e-9)

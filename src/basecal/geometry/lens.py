@@ -51,6 +51,8 @@ Mapped = Callable[[Array, Array], Image]
 # Newton's method doubles its digits; a start near the fold takes longer, and one that has not come by then does not.
 _MOST_STEPS = 60
 _TOLERANCE = 1e-12  # of the image [focal lengths]: 1e-9 px, above the rounding of the polynomials
+# Where the image grows by half or more, from so near the next step ends at rounding: it need not be looked at.
+_BEFORE_LAST, _REGULAR = 1e-7, 0.25
 _REAL = 1e-9  # imaginary parts of a root below this share of it are rounding
 
 
@@ -159,23 +161,31 @@ def inverted(mapped: Mapped, u: Array, v: Array, limit: float) -> tuple[Array, B
         limit: How far out the map is one to one.
     """
     a, b = _clipped(u, v, limit)
+    size = _TOLERANCE * (1 + np.sqrt(u * u + v * v))
     for _ in range(_MOST_STEPS):
         at = mapped(a, b)
         here, miss_u, miss_v = (a, b), u - at.u, v - at.v
         determinant = at.du_da * at.dv_db - at.du_db * at.dv_da
-        near = np.hypot(miss_u, miss_v) <= _TOLERANCE * (1 + np.hypot(u, v))
+        square = miss_u * miss_u + miss_v * miss_v
+        near = square <= size * size
         if not np.any(np.isfinite(determinant) & ~near):
             break
         step_a = (at.dv_db * miss_u - at.du_db * miss_v) / determinant
         step_b = (at.du_da * miss_v - at.dv_da * miss_u) / determinant
         a, b = _clipped(a + step_a, b + step_b, limit)
+        if not np.any((square > _BEFORE_LAST**2) | (determinant < _REGULAR)):  # what is no number stays none
+            here, near = (a, b), np.isfinite(determinant)
+            break
     valid = near & (determinant > 0) & (at.du_da + at.dv_db > 0)
     return np.stack([*here, np.ones_like(here[0])], -1), valid
 
 
 def _clipped(a: Array, b: Array, limit: float) -> tuple[Array, Array]:
     s = a * a + b * b
-    shrink = np.where(s > limit, np.sqrt(limit / s), 1.0)
+    outside = s > limit
+    if not outside.any():
+        return a, b
+    shrink = np.where(outside, np.sqrt(limit / s), 1.0)
     return a * shrink, b * shrink
 
 
@@ -184,7 +194,12 @@ def first_root(rising: Array) -> float:
 
     Its mirror image in 1 / s is monic, so that no coefficient, however small, overflows.
     """
-    mirrored = np.roots(rising)
+    degree = int(np.flatnonzero(rising)[-1])
+    if not degree:
+        return float("inf")
+    companion = np.eye(degree, k=-1)
+    companion[0] = -rising[1 : degree + 1]
+    mirrored = np.linalg.eigvals(companion)
     real = mirrored.real[np.abs(mirrored.imag) <= _REAL * np.abs(mirrored)]
     largest = float(real.max(initial=0.0))
     return 1.0 / largest if largest > 0 else float("inf")

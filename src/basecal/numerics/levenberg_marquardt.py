@@ -328,7 +328,8 @@ def _damped_step(about: Linearised, damping: Array) -> Array:
     diagonal = np.diagonal(about.hessian, axis1=-2, axis2=-1)
     scale = 1 / np.sqrt(np.maximum(diagonal, 1e-12 * diagonal.max(-1, initial=1e-300, keepdims=True)))
     scaled = about.hessian * scale[..., None, :] * scale[..., :, None]
-    scaled += damping[:, None, None] * np.eye(diagonal.shape[-1])
+    of_diagonal = np.einsum("...ii->...i", scaled)  # a view
+    of_diagonal += damping[:, None]
     step: Array = -scale * np.linalg.solve(scaled, (scale * about.gradient)[..., None])[..., 0]
     return step
 

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from basecal.geometry import SE3, Array
-from basecal.geometry.rotation import nearest_rotation
-from basecal.numerics.spectral import NullVector, least_norm, null_vector
+from basecal.geometry.rotation import lengths, nearest_rotation
+from basecal.numerics.spectral import least_norm, null_vector
 
 
 class Loop(NamedTuple):
@@ -61,15 +61,10 @@ def _unvec(vector: Array) -> Array:
     return vector.reshape(3, 3).T
 
 
-def _null(rows: Array, weight: Array) -> NullVector:
-    """Null vector of weighted rows (n, 9, k)."""
-    flat = (rows * weight[:, None, None]).reshape(-1, rows.shape[-1])
-    return null_vector(flat, float(np.linalg.norm(weight)))
-
-
 def _two(left: Array, right: Array, weight: Array) -> tuple[Array, Array, bool]:
     """Rotations with left vec(P) = right vec(Q), (n, 9, 9) each."""
-    null = _null(np.concatenate([left, -right], -1), weight)
+    rows = (np.concatenate([left, -right], -1) * weight[:, None, None]).reshape(-1, 18)
+    null = null_vector(rows.T @ rows, float(lengths(weight)))
     first, second = _unvec(null.vector[:9]), _unvec(null.vector[9:])
     sign = np.sign(np.linalg.det(first)) or 1.0
     return nearest_rotation(sign * first), nearest_rotation(sign * second), null.unique
@@ -100,17 +95,31 @@ def solve_rotations(loop: Loop) -> Rotations:
 
 def _three(a: Array, b: Array, c: Array, weight: Array) -> Rotations:
     """All three, from K = kron(X', Y') and Z: kron(vec(A)', kron(B', I)) vec(K) = kron(I, C) vec(Z)."""
-    eye = np.broadcast_to(np.eye(3), a.shape)
-    lifted = kron(_t(a).reshape(-1, 1, 9), kron(_t(b), eye))
-    null = _null(np.concatenate([lifted, -kron(eye, c)], -1), weight)
+    null = null_vector(_three_squares(a, b, c, weight), float(lengths(weight)))
     sign = np.sign(np.linalg.det(_unvec(null.vector[81:]))) or 1.0
     product = sign * null.vector[:81].reshape(9, 9).T
     by_factor = product.reshape(3, 3, 3, 3).transpose(0, 2, 1, 3).reshape(9, 9)
     u, _, vt = np.linalg.svd(by_factor)
     x_t, y_t = u[:, 0].reshape(3, 3), vt[0].reshape(3, 3)
     sign = np.sign(np.linalg.det(x_t)) or 1.0
-    x, y = nearest_rotation(sign * x_t).T, nearest_rotation(sign * y_t).T
+    x, y = nearest_rotation(sign * np.stack([x_t, y_t])).mT
     return Rotations(x, y, mean_rotation(_t(y @ c) @ a @ x @ b, weight), null.unique)
+
+
+def _three_squares(a: Array, b: Array, c: Array, weight: Array) -> Array:
+    """The products of the rows w [kron(vec(A)', kron(B', I)), -kron(I, C)], summed over samples, (90, 90).
+
+    Those of the left with themselves are kron(vec(A) vec(A)', I), with the right kron(vec(A), kron(B, C)).
+    """
+    n, share = len(a), weight**2
+    of_a = _t(a).reshape(n, 9)
+    weighted = (share[:, None] * of_a).T
+    mixed = (weighted @ kron(b, c).reshape(n, 81)).reshape(81, 9)
+    squares = np.zeros((90, 90))
+    squares[:81, :81] = kron(weighted @ of_a, np.eye(9))
+    squares[:81, 81:], squares[81:, :81] = -mixed, -mixed.T
+    np.einsum("ii->i", squares)[81:] = share.sum()
+    return squares
 
 
 def mean_rotation(matrices: Array, weight: Array) -> Array:
@@ -124,8 +133,8 @@ def solve_translations(loop: Loop, found: Rotations) -> tuple[SE3, SE3, SE3]:
     RA tX - tY - RY RC tZ = RY tC - tA - RA RX tB, by least squares of least norm.
     """
     a, c = loop.a.rotation, loop.c.rotation
-    right = (found.y @ loop.c.translation.T).T - loop.a.translation
-    right -= (a @ found.x @ loop.b.translation[..., None])[..., 0]
+    right = loop.c.translation @ found.y.T - loop.a.translation
+    right -= (a @ (loop.b.translation @ found.x.T)[..., None])[..., 0]
     columns = {"x": a, "y": np.broadcast_to(-np.eye(3), a.shape), "z": -(found.y @ c)}
     known = {"x": loop.x, "y": loop.y, "z": loop.z}
     for name, value in known.items():
@@ -140,6 +149,6 @@ def solve_translations(loop: Loop, found: Rotations) -> tuple[SE3, SE3, SE3]:
     def whole(name: str, rotation: Array) -> SE3:
         """What was known, or the rotation with its translation."""
         value = known[name]
-        return SE3(rotation.copy(), np.array(at[name], dtype=np.float64)) if value is None else value
+        return SE3.adopt(rotation.copy(), at[name].copy()) if value is None else value
 
     return whole("x", found.x), whole("y", found.y), whole("z", found.z)

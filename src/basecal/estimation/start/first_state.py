@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -25,6 +26,7 @@ from basecal.estimation.start.light_search import light_search
 from basecal.estimation.start.pair_views import PairViews, as_light, pair_views, umeyama
 from basecal.estimation.start.refinement import Refinement, Triple, pair_problem, refined_together
 from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.estimation.view.view_pose import view_poses
 from basecal.geometry import SE3, Camera, IntArray
 
 T = TypeVar("T")
@@ -111,7 +113,8 @@ def _search(problem: Problem, cell: Cell, thorough: bool) -> _Search[State]:
     """Pair after pair; it asks for the starts of a pair to be refined and is told the best."""
     cameras = lenses(problem, cell)
     most = _MANY if thorough else _FEW
-    waiting = [pair_views(g, cameras.get(g.camera), *most) for g in problem.groups if len(g)]
+    poses_of = view_poses if thorough else partial(view_poses, iterations=0)
+    waiting = [pair_views(g, cameras.get(g.camera), *most, poses_of) for g in problem.groups if len(g)]
     sights = tuple(waiting)
     known = _Known(_given(problem))
     in_vain: dict[int, str] = {}  # of a pair, what was unknown as it could not be started

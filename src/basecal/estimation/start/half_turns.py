@@ -22,23 +22,27 @@ def turned_views(group: ViewGroup, read: Array, turned: Array) -> BoolArray:
     """Which views to read from the other end, (n,), given the target's rotations read both ways, (n, 3, 3) each."""
     alike = np.einsum("nij,ij->n", read, read[0])
     turn = np.einsum("nij,ij->n", turned, read[0]) > alike
-    angle, told = _motions(group)
+    told = _one_still(group)
     if not told.any():
         return np.asarray(turn)
-    misfit = _misfits(np.stack([read, turned], 1), angle, told)
+    misfit = _misfits(np.stack([read, turned], 1), _motions(group), told)
     turn = _descended(misfit, turn.astype(np.int64))
     first = _descended(misfit, np.argmin(misfit[:, :, 0, 0], axis=1))
     rows = np.arange(len(turn))
     return min((turn, first), key=lambda t: float(misfit[rows, t][:, rows, t].sum())).astype(bool)
 
 
-def _motions(group: ViewGroup) -> tuple[Array, BoolArray]:
-    """Angle that one robot turned between views, (n, n) [rad], and where the other stood still."""
+def _one_still(group: ViewGroup) -> BoolArray:
+    """Between which views, (n, n), one robot moved and the other stood still."""
+    eye_still, hand_still = (stand[:, None] == stand[None] for stand in (group.eye_stand, group.hand_stand))
+    return np.asarray((eye_still != hand_still) & ~np.eye(len(group), dtype=bool))
+
+
+def _motions(group: ViewGroup) -> Array:
+    """Angle that a robot turned between views, (n, n) [rad]: eye where hand stood still, else hand."""
     eye, hand = group.eye_base_from_eye_flange.rotation, group.hand_base_from_hand_flange.rotation
     of_eye, of_hand = (_angle(r.mT[:, None] @ r[None]) for r in (eye, hand))
-    eye_still, hand_still = (np.asarray(stand[:, None] == stand[None]) for stand in (group.eye_stand, group.hand_stand))
-    told = (eye_still != hand_still) & ~np.eye(len(eye), dtype=bool)
-    return np.where(hand_still, of_eye, of_hand), told
+    return np.where(group.hand_stand[:, None] == group.hand_stand[None], of_eye, of_hand)
 
 
 def _misfits(rotations: Array, angle: Array, told: BoolArray) -> Array:

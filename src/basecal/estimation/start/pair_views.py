@@ -18,7 +18,8 @@ from basecal.estimation.view.poses import PoseMeasurement
 from basecal.estimation.view.view_pose import ViewPoses, view_poses
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 from basecal.geometry.rotation import nearest_rotation
-from basecal.numerics.spectral import dimension, floored
+from basecal.numerics.batch import take, where
+from basecal.numerics.spectral import dimension, floored_inverse
 
 _LOOKS_ALIKE = 25.0  # five sigmas: below, a plane's second pose fits as well
 _EITHER_POSE = 0.2  # weight of such a view, whose pose may be the wrong one of two
@@ -78,8 +79,8 @@ def pair_views(
         poses_of: What gives views their poses, such as `KnownPoses`.
     """
     total = len(group)
-    spread = np.unique(np.linspace(0, total - 1, min(total, views)).round().astype(np.int64))
-    few = group.take(spread)
+    count = min(total, views)
+    few = group.take((np.arange(count) * ((total - 1) / max(count - 1, 1))).round().astype(np.int64))
     measurement = few.measurement
     if isinstance(measurement, PoseMeasurement):
         pose = measurement.measured_camera_from_target
@@ -90,7 +91,7 @@ def pair_views(
     assert isinstance(measurement, PixelMeasurement)
     assert camera is not None
     # A view may show a part of the target alone, as of a body in space: thinned by all of it none would be left.
-    shown = max(float(np.median(measurement.seen.sum(-1))) / len(measurement.points_in_target), 1e-3)
+    shown = 1.0 if measurement.seen.all() else max(float(np.median(measurement.seen.mean(-1))), 1e-3)
     measurement = measurement.thinned(int(np.ceil(points / shown)), paired=few.half_turn is not None)
     return _of_pixels(few, measurement, camera, total, poses_of)
 
@@ -112,11 +113,13 @@ def _of_pixels(
     if len(found) < 3:
         return PairViews(group, None, np.ones(len(group)), total)
     # Not the inverse of the sum with a ridge: of points in a line it is singular, or negative, by rounding.
-    spread = floored(poses.information[found], _RIDGE).inverse
+    if len(found) < len(group):
+        group, poses = group.take(found), take(poses, found)
+    spread = floored_inverse(poses.information, _RIDGE)
     sigma = np.sqrt(np.trace(spread[:, 3:, 3:], axis1=-2, axis2=-1))
-    alike = poses.cost[found, 1] - poses.cost[found, 0] < _LOOKS_ALIKE
+    alike = poses.cost[:, 1] - poses.cost[:, 0] < _LOOKS_ALIKE
     weight = 1 / (1 + sigma / _UNSURE_RAD) * np.where(alike, _EITHER_POSE, 1.0)
-    sight = PairViews(group.take(found), poses.camera_from_target[found], weight, total)
+    sight = PairViews(group, poses.camera_from_target, weight, total)
     return sight if group.half_turn is None else _with_half_turns(sight, group.half_turn)
 
 
@@ -125,26 +128,17 @@ def _with_half_turns(sight: PairViews, target_from_turned: SE3) -> PairViews:
     assert sight.candidates is not None
     measurement = sight.group.measurement
     assert isinstance(measurement, BearingMeasurement)
-    other = sight.candidates @ target_from_turned
-    flip = turned_views(sight.group, sight.candidates.rotation[:, 0], other.rotation[:, 0])
+    own, other = sight.candidates, sight.candidates @ target_from_turned
+    flip = turned_views(sight.group, own.rotation[:, 0], other.rotation[:, 0])
+    first, second = where(flip, other, own), where(flip, own, other)
+    rotation = np.concatenate([first.rotation, second.rotation], 1)
+    candidates = SE3.adopt(rotation, np.concatenate([first.translation, second.translation], 1))
+    if not flip.any():
+        return replace(sight, candidates=candidates)
     bearings = np.where(flip[:, None, None], measurement.bearings_in_camera[:, ::-1], measurement.bearings_in_camera)
     weight = np.where(flip[:, None], measurement.weight[:, ::-1], measurement.weight)
     group = replace(sight.group, measurement=replace(measurement, bearings_in_camera=bearings, weight=weight))
-    first, second = (_where(flip, a, b) for a, b in ((other, sight.candidates), (sight.candidates, other)))
-    rotation = np.concatenate([first.rotation, second.rotation], 1)
-    return replace(
-        sight,
-        group=group,
-        candidates=SE3(rotation, np.concatenate([first.translation, second.translation], 1)),
-    )
-
-
-def _where(mask: BoolArray, first: SE3, second: SE3) -> SE3:
-    """`first` where `mask`, (n,), holds, else `second`, (n, k)."""
-    return SE3(
-        np.where(mask[:, None, None, None], first.rotation, second.rotation),
-        np.where(mask[:, None, None], first.translation, second.translation),
-    )
+    return replace(sight, group=group, candidates=candidates)
 
 
 def _of_points(group: ViewGroup, measurement: PointMeasurement, total: int) -> PairViews:

@@ -6,10 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from basecal.estimation.view.measurement import Noise, ViewInformation, at_most_six, of_batch_rows, sums_of_squares
-from basecal.estimation.view.moments import UPPER, dot
+from basecal.estimation.view.measurement import Noise, ViewInformation, at_most_six, of_batch_rows
+from basecal.estimation.view.moments import UPPER
 from basecal.estimation.view.target_points import TargetPoints
 from basecal.geometry import SE3, Array, Camera, IntArray, Rows
+from basecal.geometry.array import to_front
+
+_FIRST, _SECOND = np.array(UPPER).T
+_SAME = np.where(_FIRST == _SECOND, 1.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,18 +30,21 @@ class BearingMeasurement(TargetPoints):
 
     def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
         """See `Measurement`; the residual is the chord between seen and predicted unit vectors."""
-        points = self.in_camera(camera_from_target)
-        axes = [points[..., i] for i in range(3)]
-        norm = np.maximum(np.sqrt(dot(axes, axes)), 1e-12)
-        unit = [axis / norm for axis in axes]
-        chord = [(u - self.bearings_in_camera[..., i]) * self.weight for i, u in enumerate(unit)]
+        axes = to_front(self.in_camera(camera_from_target), -1)
+        norm = np.maximum(np.sqrt(np.einsum("i...,i...->...", axes, axes)), 1e-12)
+        unit = axes / norm
+        seen = to_front(self.bearings_in_camera, -1)
+        chord = unit - seen.reshape(3, *[1] * (unit.ndim - seen.ndim), *seen.shape[1:])
+        chord *= self.weight
         # The derivative of a unit vector is the projection across it over the distance: its own square, but for scale.
         scale = self.weight / norm
-        along = dot(unit, chord)
-        forces = (scale * (c - u * along) for c, u in zip(chord, unit, strict=True))
-        scale2 = scale * scale
-        squares = (scale2 * (float(i == j) - unit[i] * unit[j]) for i, j in UPPER)
-        return self.information(sums_of_squares(chord), forces, squares, camera_from_target.rotation)
+        forces = chord - unit * np.einsum("i...,i...->...", unit, chord)
+        forces *= scale
+        squares = unit[_FIRST] * unit[_SECOND]
+        np.subtract(_SAME.reshape(-1, *[1] * norm.ndim), squares, out=squares)
+        squares *= scale * scale
+        cost = np.einsum("i...p,i...p->...", chord, chord)
+        return self.information(cost, forces, squares, camera_from_target.rotation)
 
     def squares(self, camera_from_target: SE3, camera: Camera | None) -> dict[str, float]:
         """See `Measurement`; its weights are its own."""

@@ -10,12 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import product
 
 import numpy as np
 
 from basecal.geometry import Array
 
+_TARGETS = 32  # of which monomials are kept: those of one calibration, whole and thinned
 UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 _MONOMIALS = tuple((a, b) for a in range(4) for b in range(a, 4))
 _FIRST, _SECOND = np.array(_MONOMIALS).T
@@ -39,13 +41,22 @@ class Monomials:
 
     @classmethod
     def of(cls, points: Array) -> Monomials:
-        """Those of points, (p, 3)."""
+        """Those of points, (p, 3); of those asked for again and again they are known."""
+        return _monomials(points.tobytes())
+
+    @classmethod
+    def _of(cls, points: Array) -> Monomials:
         h = np.concatenate([np.ones((len(points), 1)), points], -1)
         values = h[:, _FIRST] * h[:, _SECOND]
         kept = np.flatnonzero(values.any(0))
         linear = int(np.count_nonzero(kept < len(_TO_GRADIENT)))
         to_gradient = _TO_GRADIENT[kept[:linear]].swapaxes(0, 1).reshape(-1, 6)
         return cls(values[:, kept], linear, to_gradient, _TO_INFORMATION[:, kept].reshape(-1, 36))
+
+
+@lru_cache(maxsize=_TARGETS)
+def _monomials(points: bytes) -> Monomials:
+    return Monomials._of(np.frombuffer(points).reshape(-1, 3))
 
 
 def dot(left: Sequence[Array], right: Sequence[Array]) -> Array:
@@ -62,8 +73,8 @@ def gradient_and_information(
     """J'r, (..., 6), and J'J, (..., 6, 6), of views.
 
     Args:
-        forces: P'r, three arrays (..., p).
-        squares: The upper half of P'P by rows, six arrays (..., p), see `UPPER`.
+        forces: P'r, three arrays (..., p), or one (3, ..., p).
+        squares: The upper half of P'P by rows, six arrays (..., p), or one (6, ..., p), see `UPPER`.
         rotation: Of camera_from_target, (..., 3, 3).
         of_points: Of the points.
     """
@@ -81,7 +92,12 @@ def gradient_and_information(
 
 
 def _moments(planes: Iterable[Array], of_points: Array) -> Array:
-    """(n, k, m) sums over the points of k arrays (..., p), n views in all, times (p, m)."""
+    """(n, k, m) sums over the points of k arrays (..., p), n views in all, times (p, m).
+
+    As one array the planes of few views are one product; those of many are better made and used one after another.
+    """
+    if isinstance(planes, np.ndarray):
+        return np.asarray((planes.reshape(len(planes), -1, len(of_points)) @ of_points).swapaxes(0, 1))
     return np.stack([plane.reshape(-1, len(of_points)) @ of_points for plane in planes], 1)
 
 

@@ -178,7 +178,7 @@ class PixelMeasurement(TargetPoints):
         count = len(self.points_in_target)
         if paired:
             half = spread_out(self.points_in_target[: (count + 1) // 2], (most + 1) // 2)
-            rows = np.unique(np.concatenate([half, count - 1 - half]))
+            rows = np.concatenate([half, count - 1 - half[half < count // 2][::-1]])  # one in the middle is its own
         else:
             rows = spread_out(self.points_in_target, most)
         of_points = {name: getattr(self, name)[:, rows] for name in ("pixels", "seen", "stated", "weight")}

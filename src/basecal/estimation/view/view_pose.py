@@ -13,10 +13,10 @@ import numpy as np
 
 from basecal.estimation.view.measurement import Measurement, ViewInformation
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
-from basecal.geometry.rotation import nearest_rotation, rotation_exp
-from basecal.numerics.batch import concatenate
+from basecal.geometry.rotation import cross, lengths, nearest_rotation, with_identity
+from basecal.numerics.batch import concatenate, where
 from basecal.numerics.levenberg_marquardt import Stop, levenberg_marquardt
-from basecal.numerics.spectral import principal_axes
+from basecal.numerics.spectral import principal_axes, smallest_vectors
 
 FEWEST_POINTS = 4  # points that determine the pose of a plane up to two
 _FEWEST_IN_SPACE = 6  # points of the direct linear transform
@@ -45,7 +45,11 @@ class ViewPoses:
 
 
 def view_poses(
-    points_in_target: Array, bearings_in_camera: Array, seen: BoolArray, measurement: Measurement
+    points_in_target: Array,
+    bearings_in_camera: Array,
+    seen: BoolArray,
+    measurement: Measurement,
+    iterations: int = _ITERATIONS,
 ) -> ViewPoses:
     """Poses of a target in each of its views.
 
@@ -54,30 +58,34 @@ def view_poses(
         bearings_in_camera: (n, p, 3) unit.
         seen: (n, p).
         measurement: What is minimised: the views' bearings and sigmas.
+        iterations: Steps from the closed form; without any it is what is given.
 
     Returns:
         The poses; a cost is infinite in a view of fewer than four points.
     """
     centre = points_in_target.mean(0)
     flat, axes, size = _shape(points_in_target - centre)
-    target_from_plane = SE3(axes, centre)
+    plane_from_target = SE3.adopt(axes, centre).inverse()
     local = (points_in_target - centre) @ axes / size
     guess = _direct_linear(local, bearings_in_camera, seen, flat)
-    guess = SE3(guess.rotation, guess.translation * size)
+    guess = SE3.adopt(guess.rotation, guess.translation * size)
     guesses = concatenate([guess, _tilted(guess)]) if flat else guess
     n = len(guess)
     twice = measurement.take(np.arange(len(guesses)) % n)
-    poses = refined(twice, guesses @ target_from_plane.inverse(), iterations=_ITERATIONS)
+    poses = refined(twice, guesses @ plane_from_target, iterations=iterations)
     enough = seen.sum(-1) >= (FEWEST_POINTS if flat else _FEWEST_IN_SPACE)
     first, second = poses.of(slice(0, n)), poses.of(slice(len(guesses) - n, None))
-    cost = np.stack([first.cost, second.cost], -1)
-    order = np.argsort(cost, -1, kind="stable")
-    row = np.arange(len(cost))[:, None]
-    rotation = np.stack([first.camera_from_target.rotation, second.camera_from_target.rotation], 1)[row, order]
-    translation = np.stack([first.camera_from_target.translation, second.camera_from_target.translation], 1)[row, order]
-    information = np.stack([first.information, second.information], 1)[row[:, 0], order[:, 0]]
-    cost = np.where(enough[:, None] & np.isfinite(cost[row, order]), cost[row, order], np.inf)
-    return ViewPoses(SE3(rotation, translation), cost, information)
+    swapped = ~(first.cost <= second.cost) & ~np.isnan(second.cost)
+    best, next_best = where(swapped, second, first), where(swapped, first, second)
+    cost = np.stack([best.cost, next_best.cost], -1)
+    cost = np.where(enough[:, None] & np.isfinite(cost), cost, np.inf)
+    return ViewPoses(_side_by_side(best.camera_from_target, next_best.camera_from_target), cost, best.information)
+
+
+def _side_by_side(best: SE3, next_best: SE3) -> SE3:
+    """Two poses of each view, (n, 2)."""
+    rotation = np.stack([best.rotation, next_best.rotation], 1)
+    return SE3.adopt(rotation, np.stack([best.translation, next_best.translation], 1))
 
 
 def _shape(centred: Array) -> tuple[bool, Array, float]:
@@ -91,46 +99,48 @@ def _direct_linear(local: Array, bearings_in_camera: Array, seen: BoolArray, fla
     """The pose by the direct linear transform; of a plane by its homography, whose third axis is across the others."""
     places = local[:, :2] if flat else local
     homogeneous = np.concatenate([places, np.ones((len(places), 1))], -1)
-    rows = _cross_rows(bearings_in_camera, seen, homogeneous)
-    # The unit vector that these map nearest to zero.
-    _, vectors = np.linalg.eigh(rows.mT @ rows)
-    matrix = vectors[..., 0].reshape(len(rows), 3, -1)
+    bearings = bearings_in_camera * seen[..., None]
+    matrix = smallest_vectors(_squared_misses(bearings, homogeneous)).reshape(len(bearings), 3, -1)
     # Points lie along the bearings and not against them.
-    along = np.einsum("nip,npi->np", matrix @ homogeneous.T, bearings_in_camera * seen[..., None])
-    matrix = matrix * np.where(along.sum(-1) < 0, -1.0, 1.0)[:, None, None]
+    along = np.einsum("nia,nia->n", matrix, bearings.mT @ homogeneous)
+    matrix = matrix * np.where(along < 0, -1.0, 1.0)[:, None, None]
     axes = matrix[:, :, :-1]
-    scale = np.linalg.norm(axes, axis=1).mean(-1) if flat else np.cbrt(np.abs(np.linalg.det(axes)))
+    scale = lengths(axes.mT).mean(-1) if flat else np.cbrt(np.abs(np.linalg.det(axes)))
     matrix = matrix / np.maximum(scale, 1e-12)[:, None, None]
     axes = matrix[:, :, :-1]
     if flat:
-        axes = np.concatenate([axes, np.cross(axes[:, :, 0], axes[:, :, 1])[..., None]], -1)
-    return SE3(nearest_rotation(axes), matrix[:, :, -1].copy())
+        axes = np.concatenate([axes, cross(axes[:, :, 0], axes[:, :, 1])[..., None]], -1)
+    return SE3.adopt(nearest_rotation(axes), matrix[:, :, -1].copy())
 
 
-def _cross_rows(bearings_in_camera: Array, seen: BoolArray, homogeneous: Array) -> Array:
-    """Rows of b x (M h) = 0 in the entries of M by rows, (n, 3 p, 3 k), weighted by `seen`."""
-    n, p, _ = bearings_in_camera.shape
+def _squared_misses(bearings: Array, homogeneous: Array) -> Array:
+    """The quadratic form of the entries of M by rows whose value is the sum of |b x (M h)|^2, (n, 3 k, 3 k).
+
+    It is the sum of (b'b I - b b') (x) h h'.
+
+    Args:
+        bearings: b, (n, p, 3), zero where not seen.
+        homogeneous: h, (p, k).
+    """
+    n, p, _ = bearings.shape
     k = homogeneous.shape[-1]
-    b = bearings_in_camera * seen[..., None]
-    rows = np.zeros((n, p, 3, 3, k))
-    for i in range(3):
-        j, m = (i + 1) % 3, (i + 2) % 3
-        rows[:, :, i, m] = b[..., j, None] * homogeneous
-        rows[:, :, i, j] = -b[..., m, None] * homogeneous
-    return rows.reshape(n, 3 * p, 3 * k)
+    across = -bearings[..., :, None] * bearings[..., None, :]
+    across = with_identity(across, np.einsum("npi,npi->np", bearings, bearings))
+    of_points = (homogeneous[:, :, None] * homogeneous[:, None, :]).reshape(p, k * k)
+    total = across.reshape(n, p, 9).mT @ of_points
+    return np.asarray(total.reshape(n, 3, 3, k, k).swapaxes(2, 3).reshape(n, 3 * k, 3 * k))
 
 
 def _tilted(camera_from_plane: SE3) -> SE3:
-    """The pose whose normal is mirrored at the line of sight: it looks the same through a long lens."""
-    away = np.linalg.norm(camera_from_plane.translation, axis=-1, keepdims=True)
-    sight = camera_from_plane.translation / np.maximum(away, 1e-12)
-    normal = camera_from_plane.rotation[..., 2]
-    normal = normal * np.where(np.sum(normal * sight, -1, keepdims=True) < 0, -1.0, 1.0)
-    axis = np.cross(sight, normal)
-    sine = np.linalg.norm(axis, axis=-1, keepdims=True)
-    angle = np.arctan2(sine, np.sum(normal * sight, -1, keepdims=True))
-    turn = rotation_exp(-2 * angle * axis / np.maximum(sine, 1e-12))
-    return SE3(turn @ camera_from_plane.rotation, camera_from_plane.translation.copy())
+    """The pose whose normal is mirrored at the line of sight: it looks the same through a long lens.
+
+    A half turn about the normal n and then one about the line of sight s, (2 s s' - I) (2 n n' - I), turn it there.
+    """
+    normal, at = camera_from_plane.rotation[..., 2], camera_from_plane.translation
+    sight = at / np.maximum(lengths(at), 1e-12)[..., None]
+    away = 2 * np.einsum("...i,...i->...", normal, sight)[..., None] * sight - normal
+    turn = 2 * (away[..., :, None] * normal[..., None, :] - sight[..., :, None] * sight[..., None, :])
+    return SE3.adopt(with_identity(turn, np.ones(turn.shape[:-2])) @ camera_from_plane.rotation, at)
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,5 +188,8 @@ class _Poses:
 
 def refined(views: Views, start: SE3, camera: Camera | None = None, iterations: int = 8) -> _Refined:
     """Each view's pose at its own optimum near `start`, (n,); see `numerics.levenberg_marquardt`."""
+    if not iterations:
+        at = views.linearise(start, camera, False)
+        return _Refined(start, at.cost, at.information)
     optima = levenberg_marquardt(_Poses(views, camera), start, Stop(iterations, sigmas=_SETTLED))
     return _Refined(optima.state, optima.cost, optima.about.information)

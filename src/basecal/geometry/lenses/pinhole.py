@@ -173,6 +173,8 @@ def _by_terms(rays: _Rays, focal: tuple[Number, Number], count: int) -> Array:
 def fold(distortion: list[float]) -> float:
     """The s = a^2 + b^2 up to which the radial image grows with the radius; infinite where it always does."""
     k1, k2, _, _, k3, k4, k5, k6 = _padded(distortion)
+    if not any((k4, k5, k6)):
+        return first_root(np.array([1.0, 3 * k1, 5 * k2, 7 * k3]))
     top, bottom = np.array([1.0, k1, k2, k3]), np.array([1.0, k4, k5, k6])
     ramp = 2.0 * np.arange(4)
     growth = np.convolve(top, bottom) + np.convolve(ramp * top, bottom) - np.convolve(top, ramp * bottom)
