@@ -168,7 +168,7 @@ def smallest_vectors(matrix: Array) -> Array:
     inverse = matrix.copy()
     diagonal = np.einsum("...ii->...i", inverse)  # a view
     diagonal += np.maximum(_RIDGE * diagonal.sum(-1, keepdims=True), _TINY)
-    inverse = np.linalg.inv(inverse)
+    inverse = np.asarray(np.linalg.inv(inverse), dtype=np.float64)
     for _ in range(_SQUARINGS):
         inverse /= np.einsum("...ii->...", inverse)[..., None, None]
         inverse = inverse @ inverse
