@@ -427,11 +427,11 @@ def test_every_source_has_tests_under_its_own_name() -> None:
 DECOMPOSITIONS = {"svd", "eig", "eigh", "eigvals", "eigvalsh", "pinv", "pinvh", "lstsq", "matrix_rank", "cond"}
 DECIDES_NOTHING = {
     "accuracy/expected_error.py": "variances, of which zero is as good as any",
+    "geometry/lens.py": "the roots of a polynomial",
     "geometry/rotation.py": "the rotation nearest to a matrix",
     "estimation/certificate/relaxation.py": "smallest eigenvalues, which are the bound itself",
     "estimation/certificate/view_rotation.py": "the rotation nearest to a matrix, and a curvature's least eigenvalue",
     "estimation/start/closed_form.py": "a product's two factors",
-    "estimation/view/view_pose.py": "the vector that rows map nearest to zero",
     "reporting/cell_view/picture.py": "a line drawn",
     "reporting/cell_view/scene.py": "an ellipsoid drawn",
     "vision/fit/local_map.py": "the vector that rows map nearest to zero",
