@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from itertools import pairwise
 
 import pytest
 
@@ -42,3 +43,24 @@ def test_a_line_is_broken_where_there_is_no_answer() -> None:
     svg = curves("error", "samples", "mm", [Line("", bands)]).svg
     assert (len(heights(svg)), svg.count('class="median"')) == (3, 2)
     assert heights(curves("error", "samples", "mm", [Line("", (NONE,))]).svg) == []
+
+
+def test_labels_of_many_places_stand_apart() -> None:
+    """Forty times of a month: a rule each, and as many labels as can be read, the first among them."""
+    bands = tuple(Band(0.75 * k, 1.0, 1.5, 2.0) for k in range(40))
+    svg = curves("shift", "days", "mm", [Line("", bands)]).svg
+    labels = [float(x) for x in re.findall(r'<text class="tick" x="([\d.]+)"[^>]*text-anchor="middle"', svg)]
+    assert len(places(svg)) == 40
+    assert labels[0] == pytest.approx(places(svg)[0])
+    assert min(b - a for a, b in pairwise(labels)) >= 36
+    assert len(labels) > 10
+
+
+@pytest.mark.parametrize("most", [1.05, 1.3, 2.4, 5.0, 9.9, 0.02])
+def test_an_axis_has_enough_numbers(most: float) -> None:
+    """Four at the least, whatever the largest error: round ones."""
+    svg = curves("error", "days", "mm", [Line("", (Band(0, 0.0, 0.5 * most, most), Band(1, 0.0, 0.0, most)))]).svg
+    upwards = [float(label) for label in re.findall(r'text-anchor="end"[^>]*>([\d.e-]+)<', svg)]
+    assert 4 <= len(upwards) <= 13
+    step = upwards[1] - upwards[0]
+    assert any(step == pytest.approx(share * 10.0**d) for share in (1, 2, 5) for d in range(-4, 2))

@@ -32,3 +32,11 @@ def test_points_stand_by_day_and_length() -> None:
 
 def test_no_history_is_no_figure() -> None:
     assert history_figure([]) is None
+
+
+def test_hours_of_one_day_are_told_apart() -> None:
+    """And minutes of one hour; days where there are two and more."""
+    for last, unit in ((30.0, "days"), (0.5, "hours"), (0.01, "minutes")):
+        figure = history_figure([past(0, 1e-3), past(last / 2, 2e-3), past(last, 3e-3)])
+        assert figure.caption.startswith(f"{unit} since 2026-01-01 00:00 UTC")
+        assert len(set(re.findall(r'<circle cx="([\d.]+)"', figure.svg))) == 3

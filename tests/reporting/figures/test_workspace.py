@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 from basecal.cell import ErrorMap
@@ -19,6 +21,7 @@ def test_a_drawing_for_each_height():
     assert (high.x, high.y) == (("x 0.00 m", "1.00 m"), ("y 2.00 m", "0.00 m"))
     darkest = high.svg[high.svg.index('fill-opacity="1.00"') - 100 :]
     assert 'x="41" y="1"' in darkest
+    assert re.findall(r'class="tile-number"[^>]*>([^<]+)<', high.svg) == ["1", "1", "1", "2"]
     assert "(1.000, 2.000, 1.000) m: 2 mm and 0.57 deg" in high.svg
     assert "1 to 2 mm in all" in low.caption
 

@@ -12,6 +12,8 @@ from basecal.reporting.svg import drawing, element, text
 _WIDTH, _HEIGHT = 640.0, 330.0
 _LEFT, _RIGHT, _TOP, _BOTTOM = 62.0, 14.0, 12.0, 42.0
 _WIDE = 8.0  # from the least to the greatest value of an axis: more is drawn on a logarithmic scale
+_FEWEST_TICKS = 4
+_LABEL = 36.0  # of the drawing, that a label of the axis takes: one nearer to the last is left out
 _ROOM = 0.06  # of the drawing beside what is outermost
 COLOURS = 6
 """Lines that a figure can tell apart."""
@@ -54,8 +56,12 @@ class _Scale:
             decades = range(math.floor(self.low), math.ceil(self.high) + 1)
             every = [m * 10.0**d for d in decades for m in (1, 2, 5)]
             return [tick for tick in every if self.low <= math.log10(tick) <= self.high]
-        step = 10.0 ** math.floor(math.log10(self.high - self.low))
-        return [k * step for k in range(math.ceil(self.low / step), math.floor(self.high / step) + 1)]
+        whole = 10.0 ** math.floor(math.log10(self.high - self.low))
+        for step in (whole * share for share in (1.0, 0.5, 0.2)):
+            found = [k * step for k in range(math.ceil(self.low / step), math.floor(self.high / step) + 1)]
+            if len(found) >= _FEWEST_TICKS:
+                break
+        return found
 
 
 def curves(title: str, axis: str, unit: str, lines: Sequence[Line]) -> Figure:
@@ -76,9 +82,13 @@ def curves(title: str, axis: str, unit: str, lines: Sequence[Line]) -> Figure:
         y = f"{up.at(tick):.1f}"
         parts.append(element("path", class_="rule", d=f"M{_LEFT} {y}H{_WIDTH - _RIGHT}"))
         parts.append(element("text", text(f"{tick:.3g}"), class_="tick", x=_LEFT - 6, y=y, text_anchor="end"))
-    for place in places:
+    labelled = -math.inf
+    for place in sorted(set(places), key=along.__getitem__):
         x, label = f"{along[place]:.1f}", f"{place:g}" if isinstance(place, float) else str(place)
         parts.append(element("path", class_="rule", d=f"M{x} {_TOP}V{_HEIGHT - _BOTTOM}"))
+        if along[place] - labelled < _LABEL:
+            continue
+        labelled = along[place]
         parts.append(element("text", text(label), class_="tick", x=x, y=_HEIGHT - _BOTTOM + 18, text_anchor="middle"))
     parts += [_line(k, line, along, up) for k, line in enumerate(lines)]
     svg = drawing(_WIDTH, _HEIGHT, f"{title} over {axis}", *parts)

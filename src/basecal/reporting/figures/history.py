@@ -1,9 +1,10 @@
-"""How far transforms seemed to have moved since a calibration, over days."""
+"""How far transforms seemed to have moved since a calibration, over days, or what is shorter."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from datetime import UTC
 
 import numpy as np
 
@@ -12,6 +13,9 @@ from basecal.reporting.figures.curves import COLOURS, Band, Line, curves
 from basecal.reporting.figures.figure import Figure
 
 _MOST = 40  # verifications that are told apart on a page
+_UNITS = (("days", 86400.0), ("hours", 3600.0), ("minutes", 60.0))  # of time, with how many seconds each has
+_MANY_UNITS = 10.0  # of which tenths tell times apart
+_FEWEST_UNITS = 2.0  # from the first to the last, or a smaller unit tells them apart
 _SIGMAS = 2.0
 
 
@@ -21,20 +25,22 @@ def history_figure(history: Sequence[PastVerification]) -> Figure | None:
     names = list(dict.fromkeys(name for each in mine for name in each.shifts))[:COLOURS]
     if not names:
         return None
-    days = [round((each.when - mine[0].when).total_seconds() / 86400, 2) for each in mine]
+    seconds = [(each.when - mine[0].when).total_seconds() for each in mine]
+    unit, size = next((each for each in _UNITS if max(seconds) >= _FEWEST_UNITS * each[1]), _UNITS[-1])
+    times = [round(at / size, 1 if max(seconds) > _MANY_UNITS * size else 2) for at in seconds]
     lines = [
-        Line(name, tuple(_band(day, each.shifts.get(name)) for day, each in zip(days, mine, strict=True)))
+        Line(name, tuple(_band(at, each.shifts.get(name)) for at, each in zip(times, mine, strict=True)))
         for name in names
     ]
-    figure = curves("shift since the calibration", "days", "mm", lines)
-    ends = f"{mine[0].when:%Y-%m-%d} to {mine[-1].when:%Y-%m-%d}"
-    caption = f"days since {ends.partition(' ')[0]} across, length of the shift [mm] upwards, with {_SIGMAS:g} sigma"
+    figure = curves("shift since the calibration", unit, "mm", lines)
+    since = f"{unit} since {mine[0].when.astimezone(UTC):%Y-%m-%d %H:%M} UTC"
+    caption = f"{since} across, length of the shift [mm] upwards, with {_SIGMAS:g} sigma"
     return replace(figure, caption=f"{caption}; {', '.join(names)}")
 
 
-def _band(day: float, shift: MeasuredShift | None) -> Band:
+def _band(at: float, shift: MeasuredShift | None) -> Band:
     if shift is None:
-        return Band(day, None, None, None)
+        return Band(at, None, None, None)
     length = 1e3 * float(np.linalg.norm(shift.t_m))
     doubt = 1e3 * _SIGMAS * float(np.linalg.norm(shift.sigma_m)) / np.sqrt(3)
-    return Band(day, max(length - doubt, 0.0), length, length + doubt)
+    return Band(at, max(length - doubt, 0.0), length, length + doubt)

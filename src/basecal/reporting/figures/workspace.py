@@ -39,19 +39,22 @@ def _ends(values: Array, axis: str) -> tuple[str, ...]:
 
 
 def _tile(found: ErrorMap, number: int, across: Array, along: Array, highest_mm: float) -> str:
-    """The square of a point, which says its error; the darker the larger."""
+    """The square of a point with its error in mm, the darker the larger; pointed at it says all."""
     x, y, z = found.points_m[number]
     mm, degrees = 1e3 * found.length_95_m[number], float(np.degrees(found.angle_95_rad[number]))
     label = f"({x:.3f}, {y:.3f}, {z:.3f}) m: {mm:.3g} mm and {degrees:.2g} deg"
     column, row = np.searchsorted(across, x), len(along) - 1 - np.searchsorted(along, y)
     share = mm / highest_mm if highest_mm > 0 else 0.0
-    return element(
+    square = element(
         "rect",
-        element("title", text(label)),
         class_="tile",
         x=f"{_TILE * column + _GAP / 2:g}",
         y=f"{_TILE * row + _GAP / 2:g}",
         width=f"{_TILE - _GAP:g}",
         height=f"{_TILE - _GAP:g}",
         fill_opacity=f"{FAINTEST + (1 - FAINTEST) * share:.2f}",
+    )
+    at = {"x": f"{_TILE * (column + 0.5):g}", "y": f"{_TILE * (row + 0.5) + 4:g}", "text_anchor": "middle"}
+    return element(
+        "g", element("title", text(label)), square, element("text", text(f"{mm:.2g}"), class_="tile-number", **at)
     )
