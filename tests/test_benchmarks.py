@@ -13,11 +13,13 @@ import pytest
 from benchmarks import capture, report, scale
 from benchmarks.capture import HEAD, Kept, Outcome, row, size_of
 from benchmarks.common import RESULTS
+from benchmarks.entered import FileOfTests, Judge, telling
 from benchmarks.figure import Panel, svg
-from benchmarks.mutants import SOURCE, changed, mutants_of, room_tests
+from benchmarks.mutants import room_tests
 from benchmarks.peers.tables import brief
 from benchmarks.real_errors import reality
 from benchmarks.report import PAGE, page
+from benchmarks.small_faults import SOURCE, changed, mutants_of
 
 from basecal.simulation import Scenario, simulate
 
@@ -76,6 +78,54 @@ def test_mutants_change_one_expression() -> None:
     for mutant in mutants:
         assert ast.unparse(ast.parse(mutant.source)) == mutant.source != original
         assert mutant.file == "kinematics/inverse.py"
+
+
+def test_mutants_are_drawn_by_number_and_know_their_function() -> None:
+    """Those of some numbers are those of all; each lies within the lines of its function, or runs with the module."""
+    path = SOURCE / "kinematics" / "inverse.py"
+    every, lines = list(mutants_of(path)), path.read_text(encoding="utf-8").splitlines()
+    assert list(mutants_of(path, {3, 30})) == [every[3], every[30]]
+    assert len({mutant.place for mutant in every}) == len(every)
+    outside = [mutant for mutant in every if not mutant.function]
+    assert outside
+    assert all(lines[mutant.line - 1].startswith(("_", "    ")) for mutant in outside)
+    for mutant in every:
+        if mutant.function:
+            assert mutant.line in mutant.function
+            assert lines[mutant.function[0] - 1].lstrip().startswith(("def ", "@"))
+
+
+def test_sources_tell_what_is_entered(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A function tells its place when it is entered, by its first decorator's line; a module that it is imported."""
+    source = '''"""A module."""
+from __future__ import annotations
+def plain():
+    """What it gives."""
+    return 1
+class Thing:
+    @property
+    def decorated(self):
+        return plain()
+'''
+    told: list[tuple[object, ...]] = []
+    monkeypatch.setattr("builtins._entered_", lambda *place: told.append(place), raising=False)
+    monkeypatch.setattr("builtins._importing_", lambda step: told.append((step,)), raising=False)
+    names: dict[str, Any] = {}
+    exec(compile(telling(source, "a/b.py"), "b.py", "exec"), names)
+    assert told == [(1,), (-1,)]
+    assert names["Thing"]().decorated == 1
+    assert told[2:] == [("a/b.py", 7), ("a/b.py", 3)]
+    assert names["plain"].__doc__ == "What it gives."
+
+
+def test_only_tests_that_enter_a_change_judge_it() -> None:
+    """Those that enter its function or start a process; all, where it runs before any test or with the module."""
+    enters, other = Judge("a", frozenset({("f.py", 5)}), 0.1), Judge("b", frozenset(), 0.1)
+    process = Judge("c", None, 0.1)
+    of = FileOfTests((enters, other, process), frozenset({("f.py", 40)}))
+    assert of.judges("f.py", range(4, 9)) == [enters, process]
+    assert of.judges("f.py", range(10, 20)) == [process]
+    assert of.judges("f.py", range(40, 50)) == of.judges("f.py", range(0)) == [enters, other, process]
 
 
 def test_mutants_are_faults() -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.residuals.fit import residuals
+from basecal.accuracy.residuals.loops import _closed, _Relation
 from basecal.accuracy.verdict import calibrate
 from basecal.cell import Recording, RobotState
 from basecal.estimation.settings import Settings
@@ -77,3 +78,18 @@ def test_two_cameras_on_one_arm_close_a_loop_of_two():
     assert ring.path == ("eye_base", "wrist", "board", "hand_base", "board", "second", "eye_base")
     assert ring.views == 24
     assert ring.rms_m < 1e-8
+
+
+def test_the_way_to_a_ring_and_back_is_no_part_of_it():
+    """From a base outside by two steps to a ring of three: the loop begins and ends on the ring."""
+
+    def step(start: str, end: str, x: float) -> _Relation:
+        path = (start, f"camera_{start}", f"board_{end}", end)
+        return _Relation(start, end, path, SE3(np.eye(3), np.array([x, 0.0, 0.0])), 10)
+
+    out = [step("a", "b", 5.0), step("b", "c", 7.0)]
+    ring = [step("c", "d", 1.0), step("d", "e", 1.0), step("e", "c", -1.5)]
+    loop = _closed([*out, *ring, *(each.reversed() for each in reversed(out))])
+    assert (loop.path[0], loop.path[-1], loop.views) == ("c", "c", 30)
+    assert set(loop.path).isdisjoint({"a", "b"})
+    assert loop.rms_m == pytest.approx(0.5)

@@ -69,3 +69,12 @@ def test_files_are_utf_8(tmp_path):
         read_text(tmp_path / "none", "make one")
     with pytest.raises(DatasetError, match="cannot be read"):
         read_text(tmp_path, "")
+
+
+def test_what_a_parser_would_take_minutes_for_is_not_read(tmp_path):
+    """A file of a megabyte is no cell: an error says so before any of it is parsed."""
+    path = tmp_path / "a.yaml"
+    path.write_bytes(b"#" * 2**20)
+    with pytest.raises(DatasetError, match="has more than"):
+        read_text(path, "")
+    assert len(read_text(path, "", 2**20)) == 2**20

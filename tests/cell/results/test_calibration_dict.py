@@ -20,6 +20,7 @@ from basecal.cell.calibration import (
     Loop,
     Outlier,
     Residuals,
+    RobotParameters,
     SampleResidual,
     Validation,
 )
@@ -184,6 +185,20 @@ def test_what_is_no_calibration_is_refused(change, message):
     """With what is wrong and what to do."""
     with pytest.raises(InputError, match=message):
         calibration_from_dict(EMPTY | change)
+
+
+@pytest.mark.parametrize(
+    ("key", "of_arm"),
+    [("joint_offsets_seen", [True] * 3), ("joint_names", ["a", 2])],
+)
+def test_each_value_of_a_robot_has_its_sight_and_its_name(key, of_arm):
+    """A list that is too long, or a name that is none, is refused where all else fits."""
+    two = np.array([0.1, 0.2])
+    offsets = RobotParameters(("a", "b"), two, two, np.ones(2, dtype=bool), np.eye(2))
+    data = calibration_to_dict(Calibration("good", robot_parameters={"joint_offsets": {"arm": offsets}}))
+    assert calibration_from_dict(data).robot_parameters["joint_offsets"]["arm"].joints == ("a", "b")
+    with pytest.raises(InputError, match="joint_offsets of 'arm': expected a value, a sigma"):
+        calibration_from_dict(data | {key: {"arm": of_arm}})
 
 
 def test_no_mapping_is_refused():
