@@ -9,6 +9,7 @@ import numpy as np
 from basecal.estimation.least_squares import alike_pairs as module
 from basecal.estimation.least_squares.alike_pairs import alike_pairs
 from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import State
 from basecal.simulation import Scenario, simulate
 
 
@@ -51,3 +52,18 @@ def test_many_views_go_in_parts(monkeypatch) -> None:
     assert sorted(number for of in batches for number in of.groups) == list(range(10))
     assert all(of.rows.size <= 12 or len(of.groups) == 1 for of in batches)
     assert max(len(of.groups) for of in batches) == 2
+
+
+def test_states_are_the_cells(monkeypatch) -> None:
+    """Of batches of several pairs as of one, each transform is that of the pair's own name."""
+    made = simulate(Scenario(layout="ring", robots=5, samples=50, robot_noise=(1e-4, 1e-4)), 1)
+    ring = build_problem(made.cell, made.recording)[0]
+    state = State(made.truth, made.cameras, np.zeros((len(ring.stops), 6)))
+    monkeypatch.setattr(module, "MOST_VIEWS", 4)
+    batches = alike_pairs(ring)
+    assert min(len(of.groups) for of in batches) == 1
+    for of in batches:
+        own = of.state(state)
+        for k, names in enumerate(of.names):
+            for field, name in names.items():
+                np.testing.assert_array_equal(own.transforms[field][k].matrix, made.truth[name].matrix)

@@ -82,3 +82,13 @@ def test_views_that_scatter_beyond_what_is_stated_are_implausible(plain):
     """By whole views or by points; within it nothing hides."""
     assert not implausible(plain, end_of(plain).judgement)
     assert implausible(plain, end_of(plain, variance=1.6**2).judgement)
+
+
+def test_views_that_scatter_beyond_estimated_noise_are_implausible_too():
+    """Where nothing was stated: by whole views, or by a noise of points that no detector has."""
+    made = simulate(Scenario(samples=10, state_pixel_noise=False), 0)
+    plain = solve_packed(build_problem(made.cell, made.recording)[0], made.cell)
+    assert not implausible(plain, end_of(plain).judgement)
+    assert implausible(plain, end_of(plain, variance=1.6**2).judgement)
+    noise = replace(plain.noise, noise=plain.noise.noise._replace(pixel_px=30.0))
+    assert implausible(replace(plain, noise=noise), end_of(plain).judgement)
