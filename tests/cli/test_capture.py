@@ -37,14 +37,14 @@ def test_nothing_moves_without_go(tmp_path: Path, capsys: pytest.CaptureFixture[
 
 
 def test_a_program_reads_what_was_captured(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """With --json one object says which samples there are, and what is known of the base; a second run adds more."""
+    """With --json one object says which samples there are, and what is known; a second run adds one more."""
     with running(tmp_path):
-        for first in (0, 2):
-            words = ["capture", str(tmp_path), "--samples", "2", "--go", "--json", "--speed-limit-deg-s", "120"]
+        for first, count in ((0, 2), (2, 1)):
+            words = ["capture", str(tmp_path), "--samples", str(count), "--go", "--json", "--speed-limit-deg-s", "120"]
             assert main([*words, "--seed", str(first)]) == 0
             answer = json.loads(capsys.readouterr().out)
-            assert answer["captured"] == [first, first + 1]
-            assert (answer["given_up"], answer["planned"]) == ([], 2)
+            assert answer["captured"] == list(range(first, first + count))
+            assert (answer["given_up"], answer["planned"]) == ([], count)
             assert 0 < answer["covered"] <= 1
 
 

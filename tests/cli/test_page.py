@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from shutil import copytree
 
 import pytest
 
@@ -10,12 +11,19 @@ from basecal.cell.files import latest_run
 from basecal.cli import main
 
 
-@pytest.fixture
-def calibrated(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A simulated cell that has been calibrated."""
-    main(["simulate", str(tmp_path), "--samples", "12", "--robot-noise-mm", "0.1", "--robot-noise-mrad", "0.2"])
-    main(["calibrate", str(tmp_path)])
-    return tmp_path
+    folder = tmp_path_factory.mktemp("page") / "cell"
+    main(["simulate", str(folder), "--samples", "12", "--robot-noise-mm", "0.1", "--robot-noise-mrad", "0.2"])
+    main(["calibrate", str(folder)])
+    return folder
+
+
+@pytest.fixture
+def calibrated(made: Path, tmp_path: Path) -> Path:
+    """A copy of it, to be changed."""
+    return copytree(made, tmp_path / "cell")
 
 
 def page_of(folder: Path) -> Path:

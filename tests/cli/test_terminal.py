@@ -63,8 +63,8 @@ def run(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
 @pytest.mark.parametrize(
     ("command", "said"),
     [
-        ("basecal simulate CELL --json >&-", "stdout: cannot be written to, it is closed"),
-        ("basecal simulate CELL --json >/dev/full", "No space left on device"),
+        ("basecal simulate CELL --samples 3 --json >&-", "stdout: cannot be written to, it is closed"),
+        ("basecal simulate CELL --samples 3 --json >/dev/full", "No space left on device"),
     ],
 )
 def test_an_answer_that_goes_nowhere_is_an_error(command: str, said: str, tmp_path: Path) -> None:

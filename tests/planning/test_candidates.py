@@ -8,6 +8,7 @@ import pytest
 from basecal.accuracy.verdict import calibrate
 from basecal.cell import Sample
 from basecal.errors import InputError
+from basecal.estimation.settings import Settings
 from basecal.planning.candidates import candidates
 from basecal.planning.feasible import feasible_in
 from basecal.planning.prospects import sketches
@@ -17,7 +18,7 @@ from basecal.simulation import Scenario, simulate
 def made(**scenario):
     """A sketch of a calibrated cell, and where its robots stood."""
     simulated = simulate(Scenario(samples=12, **scenario), 3)
-    sketch = sketches(simulated.cell, calibrate(simulated.cell, simulated.recording))[0]
+    sketch = sketches(simulated.cell, calibrate(simulated.cell, simulated.recording, Settings(robot_noise="stated")))[0]
     return sketch, [dict(sample.robots) for sample in simulated.recording.samples]
 
 

@@ -31,6 +31,7 @@ from basecal.cell import (
 )
 from basecal.cell.files import latest_run
 from basecal.cli import main
+from basecal.estimation.settings import Settings
 from basecal.geometry import SE3
 from basecal.reporting.page import page
 from basecal.reporting.text import text_report
@@ -259,7 +260,7 @@ def test_every_kind_of_cell_has_a_page(target: Seen, layout: LayoutName) -> None
     """Whatever a cell sees, its page is whole and says what its text says."""
     scenario = Scenario(samples=20 if layout == "chain" else 8, target=target, layout=layout, target_mount="fixed")
     simulated = simulate(scenario, 2)
-    calibration = calibrate(simulated.cell, simulated.recording)
+    calibration = calibrate(simulated.cell, simulated.recording, Settings(robot_noise="stated"))
     details = fit_details(simulated.cell, simulated.recording, calibration)
     walker = Walker(page(simulated.cell, simulated.recording, calibration, details))
     assert walker.faults == []
@@ -277,13 +278,13 @@ def test_exact_fit_has_a_page() -> None:
 
 def test_pictures_are_embedded(tmp_path: Path) -> None:
     """Images that are recorded stand on the page as data, and it still fetches nothing."""
-    assert main(["simulate", str(tmp_path / "cell"), "--images", "--samples", "8"]) == 0
+    assert main(["simulate", str(tmp_path / "cell"), "--images", "--samples", "5"]) == 0
     main(["calibrate", str(tmp_path / "cell")])
     run = latest_run(tmp_path / "cell")
     assert run is not None
     html = (run / "report.html").read_text(encoding="utf-8")
     walker = Walker(html)
-    assert len([value for tag, name, value in walker.attributes if (tag, name) == ("image", "href")]) == 8
+    assert len([value for tag, name, value in walker.attributes if (tag, name) == ("image", "href")]) == 5
     assert walker.faults == []
     assert len(html.encode()) < 3e6
     test_page_fetches_nothing(html)

@@ -17,7 +17,7 @@ from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
 from basecal.simulation import Scenario, SimulatedCell, simulate
 
-ARMS = Scenario(samples=40, joints=True)
+ARMS = Scenario(samples=25, joints=True)
 DEGREE = np.pi / 180
 
 

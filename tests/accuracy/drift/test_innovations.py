@@ -10,12 +10,12 @@ from drift_cells import BASE, later
 
 
 def test_they_are_as_uncertain_as_they_are_said_to_be() -> None:
-    """Whitened by their covariance their squares have the mean 1, over six cells of six views of six numbers.
+    """Whitened by their covariance their squares have the mean 1, over four cells of six views of six numbers.
 
-    216 of them: their mean has a standard error of 0.1, of which the band is three and a half.
+    144 of them: their mean has a standard error of 0.12, of which the band is three.
     """
     squares = []
-    for seed in range(6):
+    for seed in range(4):
         made = later(seed)
         of = innovations(made.cell, made.calibration, made.recording)
         squares.append(float(of.off @ of.covariance_inverse @ of.off) / len(of.off))

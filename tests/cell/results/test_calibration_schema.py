@@ -112,7 +112,7 @@ def calibrations(draw: st.DrawFn) -> Calibration:
     )
 
 
-@settings(max_examples=30, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=15, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 @given(calibrations())
 def test_every_answer_that_can_be_written_can_be_read(calibration: Calibration) -> None:
     """What is read back is written as the same text again, but for the last digit of a unit that is converted."""

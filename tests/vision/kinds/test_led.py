@@ -64,9 +64,9 @@ def errors(settings: LightSettings, count: int, pair: bool) -> tuple[Array, Arra
 def test_as_precise_as_photons_allow(photons: float, spot: float, pair: bool) -> None:
     """A light is found at the Cramer-Rao bound of its image, or of both images of a pair, and its sigma says so."""
     settings = exposed(photons, spot)
-    error, sigma = errors(settings, 60, pair)
+    error, sigma = errors(settings, 40, pair)
     efficiency = np.sqrt(np.mean(error**2)) / bound(settings, places(1)[0], pair)
-    # 120 coordinates: an rms has a sigma of 6.5 %, so that 1.1 becomes 1.25 with two of them.
+    # 80 coordinates: an rms has a sigma of 8 %, so that 1.1 becomes 1.25 with two of them.
     assert 0.8 < efficiency < 1.25
     assert np.sqrt(np.mean((error / sigma[:, None]) ** 2)) == pytest.approx(1.0, abs=0.25)
 
