@@ -20,7 +20,7 @@ from basecal.vision.draw.render import RenderSettings, render
 from vision_scenes import FISHEYE, PLAIN, TARGETS, WIDE, poses
 
 # By 320 coordinates a ratio of errors to sigmas is known within 0.04; of targets of few points four images do.
-COORDINATES, MOST_IMAGES = 240, 4
+COORDINATES, MOST_IMAGES = 320, 4
 
 
 @dataclass
