@@ -155,6 +155,7 @@ NO_FRAMES = {
 }
 
 
+@cache
 def frames_of_name(name: str) -> tuple[str, str] | None:
     """(a, b) of `a_from_b`, (a, "") of `p_in_a`, None of any other name."""
     if (found := FRAMES.match(name)) and found["source"] not in NO_FRAMES:
@@ -164,7 +165,7 @@ def frames_of_name(name: str) -> tuple[str, str] | None:
     return None
 
 
-class FrameChecker(ast.NodeVisitor):
+class FrameChecker:
     """Whether names `a_from_b` agree with the products, inverses, assignments and returns they stand in."""
 
     def __init__(self) -> None:
@@ -205,32 +206,27 @@ class FrameChecker(ast.NodeVisitor):
         if want and got:
             self.expect(value, want, got)
 
-    def visit_Assign(self, node: ast.Assign) -> None:
-        for target in node.targets:
-            if isinstance(target, ast.Name | ast.Attribute):
-                self.agree(target.id if isinstance(target, ast.Name) else target.attr, node.value)
-        self.generic_visit(node)
-
-    def visit_keyword(self, node: ast.keyword) -> None:
-        if node.arg:
-            self.agree(node.arg, node.value)
-        self.generic_visit(node)
-
-    def visit_FunctionDef(self, node: ast.FunctionDef) -> None:
-        for each in ast.walk(node):
-            if isinstance(each, ast.Return) and each.value is not None:
-                self.agree(node.name, each.value)
-        self.generic_visit(node)
-
-    def visit_BinOp(self, node: ast.BinOp) -> None:
-        self.frames(node)
-        self.generic_visit(node)
+    def check(self, node: ast.AST) -> None:
+        match node:
+            case ast.Assign(targets=targets, value=value):
+                for target in targets:
+                    if isinstance(target, ast.Name | ast.Attribute):
+                        self.agree(target.id if isinstance(target, ast.Name) else target.attr, value)
+            case ast.keyword(arg=str(name), value=value):
+                self.agree(name, value)
+            case ast.FunctionDef(name=name) if frames_of_name(name):
+                for each in ast.walk(node):
+                    if isinstance(each, ast.Return) and each.value is not None:
+                        self.agree(name, each.value)
+            case ast.BinOp():
+                self.frames(node)
 
 
 @cache
 def frame_check(tree: ast.AST) -> FrameChecker:
     checker = FrameChecker()
-    checker.visit(tree)
+    for node in nodes_of(tree):
+        checker.check(node)
     return checker
 
 

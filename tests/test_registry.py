@@ -31,13 +31,14 @@ def asked_for(tree: ast.AST) -> list[str]:
     """Lines that compare something with a registered name, match it, or have a table of two such names and more."""
     found = []
     for node in nodes_of(tree):
-        parts: list[ast.expr] = []
         if isinstance(node, ast.Compare):
             parts = [node.left, *node.comparators]
         elif isinstance(node, ast.MatchValue):
             parts = [node.value]
         elif isinstance(node, ast.Dict):
             parts = [key for key in node.keys if key is not None]
+        else:
+            continue
         constants = [each for part in parts for each in ast.walk(part) if isinstance(each, ast.Constant)]
         named = [f"line {each.lineno}: {each.value!r}" for each in constants if each.value in NAMES]
         found += named if len(named) > isinstance(node, ast.Dict) else []
