@@ -28,14 +28,15 @@ def read_bounded(path: str | Path, largest: int, missing: str = "") -> bytes:
     try:
         number = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
         with os.fdopen(number, "rb") as file:
-            is_file = stat.S_ISREG(os.fstat(number).st_mode)
-            data = file.read(largest + 1) if is_file else b""
+            about = os.fstat(number)
+            is_file, size = stat.S_ISREG(about.st_mode), about.st_size
+            data = file.read(largest + 1) if is_file and size <= largest else b""
     except FileNotFoundError:
         raise DatasetError(name, f"cannot be read: there is no such file{f'; {missing}' if missing else ''}") from None
     except (OSError, ValueError) as error:
         raise DatasetError(name, f"cannot be read: {getattr(error, 'strerror', None) or error}") from None
     if not is_file:
         raise DatasetError(name, "is not a file but a pipe, a device or the like; copy what it gives into a file")
-    if len(data) > largest:
+    if max(size, len(data)) > largest:  # some files say that they are empty and are not
         raise DatasetError(name, f"has more than {largest / _MB:.3g} MB, no such file has; is it the right one?")
     return data

@@ -6,6 +6,7 @@ import json
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -134,7 +135,7 @@ def test_ctrl_c_stops_the_arms(tmp_path: Path) -> None:
         with subprocess.Popen([*words, "--speed-limit-deg-s", "0.2"], stdout=subprocess.PIPE, text=True) as process:
             process.stdout.readline()
             while np.array_equal(joints(tmp_path), world.home["eye"]):
-                pass
+                time.sleep(0.02)
             process.send_signal(signal.SIGINT)
             assert process.wait(60) == 130
         for _ in range(40):

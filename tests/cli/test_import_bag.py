@@ -145,6 +145,12 @@ def test_streams_of_two_clocks(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert found.clocks["wrist"].offset_s == pytest.approx(0.03, abs=4 * found.clocks["wrist"].sigma_s)
 
 
+@pytest.fixture(scope="module")
+def by_tf(simulated: SimulatedCell, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A bag that nobody changes."""
+    return bag_by_tf(tmp_path_factory.mktemp("bag"), "ros1", simulated.recording).close()
+
+
 @pytest.mark.parametrize(
     ("words", "code", "said"),
     [
@@ -165,12 +171,11 @@ def test_what_is_not_there(
     code: int,
     said: str,
     tmp_path: Path,
-    simulated: SimulatedCell,
+    by_tf: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     """One line in words; nothing is written."""
-    bag = bag_by_tf(tmp_path, "ros1", simulated.recording).close()
-    assert main(["import", "bag", str(tmp_path / "c"), str(bag), *words]) == code
+    assert main(["import", "bag", str(tmp_path / "c"), str(by_tf), *words]) == code
     told = capsys.readouterr().err
     assert said in told
     assert told.count("\n") == 1

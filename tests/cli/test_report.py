@@ -15,7 +15,7 @@ from basecal.cell.files import latest_run, write_calibration
 from basecal.cli import main
 from torment.damage import damaged
 
-MUTANTS = 30
+MUTANTS = 15
 
 
 @pytest.fixture(scope="module")

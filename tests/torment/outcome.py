@@ -24,7 +24,7 @@ class Fell(AssertionError):
 
 
 @contextlib.contextmanager
-def time_limit(seconds: int = LONGEST_S) -> Iterator[None]:
+def time_limit(seconds: float = LONGEST_S) -> Iterator[None]:
     """Raise `Fell` where what is done takes longer."""
     last_s = time.process_time()
 

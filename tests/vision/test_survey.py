@@ -95,7 +95,8 @@ def test_ids_beyond_the_board() -> None:
 @pytest.mark.parametrize("kind", quick(["chessboard", "circles"], ["chessboard"]))
 def test_markers_where_none_are_stated(kind: str) -> None:
     """A board with markers is of another kind."""
-    words = what_is_there([scene(TARGETS["charuco"], pose=pose) for pose in (STRAIGHT, LEANT)], TARGETS[kind])
+    images = [shrunk(scene(TARGETS["charuco"], pose=pose), 2) for pose in (STRAIGHT, LEANT)]
+    words = what_is_there(images, TARGETS[kind])
     assert words is not None
     assert words.startswith("DICT_4X4_50 has 17 markers here: write kind: charuco")
 

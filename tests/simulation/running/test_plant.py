@@ -59,9 +59,9 @@ def test_a_late_trigger_takes_what_is_there_later():
 def test_frames_are_lost():
     """Of many pictures the share asked for never comes: the others take as much longer, and are none the worse."""
     _, running = plant("dropped-frames=0.5")
-    stamps = [running.picture("wrist").stamp_s for _ in range(30)]
+    stamps = [running.picture("wrist").stamp_s for _ in range(16)]
     frames = np.rint(np.diff(stamps) * 30)
-    assert 1.4 < frames.mean() < 2.9  # 2 +- 0.26
+    assert 1.4 < frames.mean() < 2.9  # 2 +- 0.36
     assert frames.min() == 1
 
 
