@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 from basecal.accuracy.at_the_door.quick_look import looked_at, quick_look
 from basecal.accuracy.input_check.rewriting import inverted, scaled, shifted, with_robots
@@ -11,25 +12,28 @@ from basecal.cell.cell import Intrinsics
 from basecal.simulation import Scenario, simulate
 from stream_cells import streamed
 
-MADE = simulate(Scenario(samples=60), 4)
+
+@cache
+def made():
+    return simulate(Scenario(samples=60), 4)
 
 
 def codes(recording, is_whole=False):
-    return [(f.code, f.severity, f.about) for f in quick_look(MADE.cell, recording, is_whole).findings]
+    return [(f.code, f.severity, f.about) for f in quick_look(made().cell, recording, is_whole).findings]
 
 
 def test_rows_of_samples_are_taken():
     """Three rows of six, the first and the last sample among them, with robots two samples beside; of few all are."""
-    taken = looked_at(MADE.recording).samples
+    taken = looked_at(made().recording).samples
     assert [s.sample for s in taken if s.observations] == [*range(6), *range(27, 33), *range(54, 60)]
     assert [s.sample for s in taken if s.robots] == [*range(8), *range(25, 35), *range(52, 60)]
-    few = Recording(MADE.recording.samples[:18])
+    few = Recording(made().recording.samples[:18])
     assert looked_at(few) is few
 
 
 def test_a_cell_in_order():
     """Nothing is found, and the error is that of the pixels."""
-    look = quick_look(MADE.cell, looked_at(MADE.recording))
+    look = quick_look(made().cell, looked_at(made().recording))
     assert (look.views, look.findings, look.untold) == (18, (), "")
     assert look.error is not None
     number, unit = look.error.split()
@@ -39,29 +43,31 @@ def test_a_cell_in_order():
 
 def test_inverted_poses():
     """The robot is named."""
-    wrong = with_robots(MADE.recording, {"hand": inverted})
+    wrong = with_robots(made().recording, {"hand": inverted})
     assert codes(looked_at(wrong)) == [("robot-pose-inverted", "error", ("hand",))]
 
 
 def test_pictures_that_are_late():
     """The robots that views belong to stand beside them."""
-    found = codes(looked_at(shifted(MADE.recording, None, -2)))
+    found = codes(looked_at(shifted(made().recording, None, -2)))
     assert {code for code, _, _ in found} == {"pairing-shifted"}
 
 
 def test_units_are_told_before_anything_is_solved():
     """Millimetres of a thousand times any reach."""
-    assert codes(with_robots(MADE.recording, dict.fromkeys(("eye", "hand"), scaled(1e3)))) == [
+    assert codes(with_robots(made().recording, dict.fromkeys(("eye", "hand"), scaled(1e3)))) == [
         ("length-unit", "error", ("eye", "hand"))
     ]
 
 
 def test_too_little_to_tell():
     """Few views, arms that do not turn, and poses of nothing: it is said why."""
-    assert quick_look(MADE.cell, Recording(MADE.recording.samples[:4])).untold.startswith("5 with the robots' poses")
+    assert quick_look(made().cell, Recording(made().recording.samples[:4])).untold.startswith(
+        "5 with the robots' poses"
+    )
     still = simulate(Scenario(samples=10, target="pose", arms="hand_still"), 4)
     assert "turn every arm about two axes" in quick_look(still.cell, still.recording).untold
-    assert quick_look(MADE.cell, Recording()).views == 0
+    assert quick_look(made().cell, Recording()).views == 0
 
 
 def test_streams():

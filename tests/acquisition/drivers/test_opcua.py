@@ -12,8 +12,9 @@ from basecal.acquisition.drivers.opcua import open_robot
 from basecal.cell import Cell, Robot
 from basecal.errors import DatasetError, DriverError
 from basecal.exchange.controllers.convention import convention
+from shared.needed import needed
 
-pytest.importorskip("asyncua")
+needed("asyncua", "opcua")
 DEGREES = np.array([10.0, -90.0, 90.0, 0.0, 30.0, 5.0])
 
 

@@ -12,9 +12,10 @@ from basecal.acquisition.opcua.nodes import axes_of_devices
 from basecal.acquisition.opcua.options import OpcuaOptions
 from basecal.acquisition.opcua.session import Session
 from basecal.errors import DriverError
+from shared.needed import needed
 from shared.network import network
 
-pytest.importorskip("asyncua")
+needed("asyncua", "opcua")
 
 
 def session(port, **options):

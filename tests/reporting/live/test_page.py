@@ -22,8 +22,9 @@ from basecal.reporting.live import page
 from basecal.vision.draw.render import render
 from shared.browser import CHROMIUM, another_page, visit
 from shared.facing_arms import facing_arms
+from shared.needed import needed
 
-pytest.importorskip("nicegui", reason="nicegui is not installed: pip install 'basecal[web]'")
+needed("nicegui", "web")
 pytestmark = pytest.mark.filterwarnings("ignore")  # of NiceGUI's own libraries
 
 LENS = Camera("pinhole", np.array([500.0, 500.0, 319.5, 239.5]), (640, 480))

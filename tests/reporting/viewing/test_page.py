@@ -11,8 +11,9 @@ from basecal.accuracy.verdict import calibrate
 from basecal.reporting.viewing.page import Viewed, served
 from basecal.simulation import Scenario, simulate
 from shared.browser import CHROMIUM, another_page, visit
+from shared.needed import needed
 
-pytest.importorskip("nicegui", reason="nicegui is not installed: pip install 'basecal[web]'")
+needed("nicegui", "web")
 pytestmark = pytest.mark.filterwarnings("ignore")  # of NiceGUI's own libraries
 
 
