@@ -53,7 +53,7 @@ def test_it_says_what_is_missing(off: Path, tmp_path: Path, capsys: pytest.Captu
     words = ["export", str(off), "-o", str(tmp_path / "x.urdf"), "--to", "urdf", "--robot"]
     assert main([*words, "hand"]) != 0
     assert "has no run yet" in capsys.readouterr().err
-    main(["calibrate", str(off)])
+    main(["calibrate", str(off), "--robot-noise", "stated"])
     capsys.readouterr()
     assert main([*words, "hand"]) != 0
     assert "no joint offsets of 'hand'" in capsys.readouterr().err
@@ -67,7 +67,7 @@ def solved(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A calibrated cell."""
     folder = tmp_path_factory.mktemp("solved") / "cell"
     assert main(["simulate", str(folder), "--samples", "20"]) == 0
-    assert main(["calibrate", str(folder)]) == 0
+    assert main(["calibrate", str(folder), "--robot-noise", "stated"]) == 0
     return folder
 
 

@@ -1,5 +1,7 @@
 """Offsets of clocks from nothing."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve, solve_packed
 from basecal.estimation.streams.streams import streams_of
+from quick import quick
 from stream_cells import Streamed, pictured, streamed
 
 SIGMA_S = 4e-4  # of the offset of these recordings, at most
@@ -20,8 +23,10 @@ def found(made: Streamed, settings: Settings | None = None) -> dict[str, float]:
     return clocked(streams, settings or Settings()).offsets_s
 
 
-@pytest.mark.parametrize("offset_s", [0.0, -0.04, 0.43])
-@pytest.mark.parametrize("stated", [True, False])
+@pytest.mark.parametrize(
+    ("offset_s", "stated"),
+    quick(product((0.0, -0.04, 0.43), (True, False)), [(0.0, True), (-0.04, False), (0.43, True)]),
+)
 def test_an_offset_is_found(offset_s: float, stated: bool) -> None:
     assert found(streamed(offset_s, stated=stated))["wrist"] == pytest.approx(offset_s, abs=3.3 * SIGMA_S)
 
