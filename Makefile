@@ -28,7 +28,7 @@ demo: $(VENV)/.core
 	$(BIN)/basecal demo
 
 test: $(VENV)/.test
-	$(BIN)/python -m pytest -n auto -m "not slow"
+	$(BIN)/python -m pytest -n auto --dist loadfile -m "not slow"
 
 test-slow: $(VENV)/.test
 	$(BIN)/python -m pytest -n auto -m slow

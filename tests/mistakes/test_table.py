@@ -12,8 +12,12 @@ from mistakes.table import MISTAKES, UNREADABLE, USAGE, Mistake
 
 # What is told at the door takes no time; what has to be fitted, or searched for in pictures, does.
 QUICK = {UNREADABLE, USAGE, "length-unit", "angle-unit", "board-size", "too-few-samples", "intrinsics"}
-# Searched for among what is rare; the same mistake of one robot is among the quick ones.
-LONG = {"roll, pitch and yaw of all in radians", "all joints turned into radians twice"}
+# Searched for among what is rare; joints of one robot that are turned twice are among the quick ones.
+LONG = {
+    "roll, pitch and yaw in radians",
+    "roll, pitch and yaw of all in radians",
+    "all joints turned into radians twice",
+}
 
 
 def marked(mistake: Mistake) -> object:

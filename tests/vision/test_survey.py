@@ -72,7 +72,10 @@ CASES = {
 }
 
 
-LONG = {"another board", "corner too many", "squares for corners", "circles", "another pattern"}
+LONG = {
+    "another board", "corner too many", "squares for corners", "circles", "another pattern", "other squares",
+    "another family of one",
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("case", quick(CASES, CASES.keys() - LONG))

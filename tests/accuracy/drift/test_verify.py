@@ -12,13 +12,14 @@ from basecal.cell.targets.points import points_target
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 from drift_cells import BASE, Later, later
+from quick import quick
 
 
 def verified(made: Later, recording: Recording | None = None):
     return verify(made.cell, made.calibration, made.recording if recording is None else recording)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", quick(range(6), range(3)))
 def test_nothing_moved(seed: int) -> None:
     found = verified(later(seed))
     assert found.moved is False
@@ -27,7 +28,7 @@ def test_nothing_moved(seed: int) -> None:
     assert len(found.samples) == 6
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", quick(range(6), range(3)))
 def test_a_base_that_moved_is_named(seed: int) -> None:
     made = later(seed)
     length = 3 * verified(made).detectable_m
