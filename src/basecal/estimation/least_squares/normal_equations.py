@@ -23,9 +23,11 @@ from basecal.estimation.view.measurement import ViewInformation
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 from basecal.geometry.se3_jacobians import right_jacobian_inverse
 from basecal.numerics.batch import SHARED
+from basecal.numerics.inverse_factors import inverse_factors
 
 _ROUNDS_ONE = 1e14  # an entry of this size rounds the identity beside it away
 _ROUNDING = 1e-15  # of such entries, which restores it
+_MANY = 200  # systems whose factors together are faster than each by itself
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,15 +235,26 @@ def _marginalised(gradient: Array, information: Array, private: tuple[SharedView
     size = diagonal.max(-1)
     if not size.max() <= _ROUNDS_ONE:
         diagonal += np.where(size > _ROUNDS_ONE, _ROUNDING * size, 0.0)[..., None]
-    solved = np.linalg.solve(inner, np.concatenate([carried.mT, force[..., None]], -1))
+    solved, log_det = _solved(inner, np.concatenate([carried.mT, force[..., None]], -1))
     taken = carried @ solved
     symmetric = 0.5 * (taken[..., :-1] + taken[..., :-1].mT)
     return _Marginal(
         gradient - taken[..., -1],
         information - symmetric,
         np.sum(force * solved[..., -1], -1),
-        np.asarray(np.linalg.slogdet(inner)[1].sum(-1)),
+        log_det,
     )
+
+
+def _solved(inner: Array, right: Array) -> tuple[Array, Array]:
+    """The solution of positive definite systems, (..., n, k, m), and their log determinants summed over n, (...)."""
+    if inner.size // inner.shape[-1] ** 2 >= _MANY:
+        try:
+            root, log_det = inverse_factors(inner)
+            return root.mT @ (root @ right), np.asarray(log_det.sum(-1))
+        except np.linalg.LinAlgError:
+            pass  # beyond what a factor holds, such as where a lens's polynomial runs away
+    return np.asarray(np.linalg.solve(inner, right)), np.asarray(np.linalg.slogdet(inner)[1].sum(-1))
 
 
 def _stop_errors(problem: Problem, state: State, normal: NormalEquations, step: Array) -> Array:

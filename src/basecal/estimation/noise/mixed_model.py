@@ -8,10 +8,13 @@ block; those that tie many together stand among the unknowns. Source: Harville 1
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from basecal.estimation.least_squares.jacobians import by_robot_models, by_stop_errors, by_unknowns
 from basecal.estimation.least_squares.normal_equations import prior_residuals
@@ -161,21 +164,15 @@ def open_jitter(problem: Problem) -> tuple[str, ...]:
 
 def _layout(problem: Problem, shared: Mapping[str, CommonErrors]) -> Layout:
     count = len(problem.stops)
-    partners: list[set[int]] = [set() for _ in range(count)]
-    for group in problem.groups:
-        for a, b in set(zip(group.eye_stop.tolist(), group.hand_stop.tolist(), strict=True)):
-            if a >= 0 and b >= 0:
-                partners[a].add(b)
-                partners[b].add(a)
-    hubs, tied = _tied(partners)
-    block, row, column = (np.full(count, -1, dtype=np.int64) for _ in range(3))
-    for number, stops in enumerate(tied):
-        block[stops], row[stops] = number, 6 * np.arange(len(stops))
-    blocks, rows = len(tied), 6 * max(map(len, tied), default=1)
+    pairs = [np.stack([g.eye_stop, g.hand_stop], -1) for g in problem.groups]
+    both = np.concatenate([pair[(pair >= 0).all(-1)] for pair in pairs] or [np.zeros((0, 2), dtype=np.int64)])
+    block, row, hubs = _tied(both, count)
+    column = np.full(count, -1, dtype=np.int64)
+    blocks, rows = int(block.max(initial=-1)) + 1, int(row.max(initial=0)) + 6
     shaken, blocks, more = _shaken(problem, block, blocks, rows)
     rows += more
     width = problem.width
-    for stop in sorted(hubs):
+    for stop in hubs:
         column[stop] = width
         width += 6
     common = {}
@@ -212,18 +209,48 @@ def _shaken(
     return tuple(found), blocks, int(bool(taken))
 
 
-def _tied(partners: list[set[int]]) -> tuple[set[int], list[list[int]]]:
-    """Stops that tie too many others together, and all others in the sets that views tie together without them."""
+def _tied(pairs: IntArray, count: int) -> tuple[IntArray, IntArray, list[int]]:
+    """Which stops views tie together: of each its block and first row there, -1 of hubs, and these.
+
+    Args:
+        pairs: (n, 2) stops of two robots that a view stands in.
+        count: How many stops there are.
+    """
+    label = _components(pairs, count)
+    hubs = _hubs(pairs[np.bincount(label)[label[pairs[:, 0]]] > _MOST_TIED])
+    if hubs:
+        label = _components(pairs[~np.isin(pairs, hubs).any(-1)], count)
+    alone = np.setdiff1d(np.arange(count), hubs)
+    block, row = np.full(count, -1, dtype=np.int64), np.full(count, -1, dtype=np.int64)
+    _, block[alone] = np.unique(label[alone], return_inverse=True)
+    order = alone[np.argsort(block[alone], kind="stable")]
+    first = np.searchsorted(block[order], block[order])
+    row[order] = 6 * (np.arange(len(order)) - first)
+    return block, row, hubs
+
+
+def _components(pairs: IntArray, count: int) -> IntArray:
+    """A number for each of so many stops, that of all that pairs lead to, (count,)."""
+    if not len(pairs):
+        return np.arange(count)
+    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+
+
+def _hubs(pairs: IntArray) -> list[int]:
+    """Stops without which pairs tie no more than so many others together, rising."""
+    partners: dict[int, set[int]] = defaultdict(set)
+    for a, b in set(map(tuple, pairs.tolist())):
+        partners[a].add(b)
+        partners[b].add(a)
     hubs: set[int] = set()
-    tied: list[list[int]] = []
-    waiting, seen = list(range(len(partners))), set[int]()
+    waiting, seen = list(partners), set[int]()
     while waiting:
         first = waiting.pop()
         if first in seen or first in hubs:
             continue
         stops = _reached(first, partners)
         if len(stops) <= _MOST_TIED:
-            tied.append(sorted(stops))
             seen |= stops
             continue
         hub = max(stops, key=lambda stop: len(partners[stop]))
@@ -231,10 +258,10 @@ def _tied(partners: list[set[int]]) -> tuple[set[int], list[list[int]]]:
         for other in partners[hub]:
             partners[other].discard(hub)
         waiting += stops - {hub}
-    return hubs, tied
+    return sorted(hubs)
 
 
-def _reached(first: int, partners: Sequence[set[int]]) -> set[int]:
+def _reached(first: int, partners: Mapping[int, set[int]]) -> set[int]:
     """The stops that views tie to one, itself among them."""
     reached, waiting = {first}, [first]
     while waiting:
@@ -314,10 +341,16 @@ def _summed(
     e, ef, ee = np.zeros((blocks, q)), np.zeros((blocks, q, m)), np.zeros((blocks, q, q))
     own = np.flatnonzero(block >= 0)
     by_error = errors[own].mT
-    np.add.at(e, block[own], (by_error @ gradient[own][..., None])[..., 0])
-    np.add.at(ef, block[own], by_error @ carried[own])
-    np.add.at(ee, block[own], by_error @ information[own] @ errors[own])
+    add = _put if len(np.unique(block[own])) == len(own) else np.add.at
+    add(e, block[own], (by_error @ gradient[own][..., None])[..., 0])
+    add(ef, block[own], by_error @ carried[own])
+    add(ee, block[own], by_error @ information[own] @ errors[own])
     return Moments(view.count, float(view.cost.sum()), by_fixed, e, both, ef, ee)
+
+
+def _put(into: Array, rows: IntArray, values: Array) -> None:
+    """As `np.add.at`, which takes ten times as long, to zeros of which no row stands twice among `rows`."""
+    into[rows] = values
 
 
 def _sum(a: Moments, b: Moments) -> Moments:
@@ -354,15 +387,12 @@ def _scaled_by(
     column = np.full(layout.width, -1, dtype=np.int64)
     error = np.full((layout.blocks, layout.rows), -1, dtype=np.int64)
     common = np.zeros(layout.width, dtype=bool)
-    kind = np.repeat([0, 1], 3)
-    for stop, robot in enumerate(problem.stops.robot):
-        if robot not in robots:
-            continue
-        which = 2 * robots.index(robot) + kind
-        if layout.block[stop] >= 0:
-            error[layout.block[stop], layout.row[stop] : layout.row[stop] + 6] = which
-        else:
-            column[layout.column[stop] : layout.column[stop] + 6] = which
+    numbers = {robot: number for number, robot in enumerate(robots)}
+    of_robot = np.array([numbers.get(robot, -1) for robot in problem.stops.robot], dtype=np.int64)
+    which, six = 2 * of_robot[:, None] + np.repeat([0, 1], 3), np.arange(6)
+    tied, hub = ((of_robot >= 0) & (at >= 0) for at in (layout.block, layout.column))
+    error[layout.block[tied, None], layout.row[tied, None] + six] = which[tied]
+    column[layout.column[hub, None] + six] = which[hub]
     for group, (own, row) in zip(problem.groups, layout.shaken, strict=True):
         if group.camera in shaken:
             error[own[own >= 0], row[own >= 0]] = 2 * len(robots) + shaken.index(group.camera)

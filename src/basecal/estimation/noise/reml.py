@@ -21,6 +21,8 @@ import numpy as np
 from basecal.estimation.noise.mixed_model import MixedModel, Moments
 from basecal.estimation.noise.view_estimates import STATED
 from basecal.geometry import Array, IntArray
+from basecal.geometry.rotation import with_identity
+from basecal.numerics.inverse_factors import inverse_factors
 from basecal.numerics.spectral import floored
 
 _FLOOR = 1e-11  # of the scaled information where there is none: four digits above rounding
@@ -208,14 +210,15 @@ def columns_given(model: MixedModel, logs: Array, blocks: _Blocks | None = None)
     for here in _chunks(len(u), u.shape[1], m):
         scale = u[here]
         bu, ux, uu = _weighed(model, weights, ("errors", "errors_fixed", "errors_errors"), here)
-        factor = np.linalg.cholesky(_regular(uu * scale[:, :, None] * scale[:, None, :] + np.eye(u.shape[1])))
-        root = np.asarray(np.linalg.inv(factor), dtype=np.float64)
+        uu *= scale[:, :, None]
+        uu *= scale[:, None, :]
+        root, log_dets = inverse_factors(_regular(with_identity(uu, np.ones(len(uu)))))
         scaled = root * scale[:, None, :]
         whitened, cu = scaled @ ux, (scaled @ bu[..., None])[..., 0]
         flat = whitened.reshape(-1, m)
         by_errors += flat.T @ cu.reshape(-1)
         explained += flat.T @ flat
-        value += 2 * float(np.log(np.diagonal(factor, axis1=-2, axis2=-1)).sum()) - float(np.sum(cu**2))
+        value += float(log_dets.sum()) - float(np.sum(cu**2))
         if blocks is not None:
             back = root.mT
             np.multiply(back @ whitened, x, out=blocks.back[here])
@@ -236,7 +239,9 @@ def _chunks(blocks: int, rows: int, columns: int) -> list[slice]:
 
 def _regular(matrices: Array) -> Array:
     """I + S, with as much more of I as keeps it regular where S is so large that rounding loses it."""
-    size = np.abs(matrices).max(axis=(-1, -2), initial=0.0)
+    size = np.einsum("...ii->...i", matrices).max(axis=-1, initial=0.0)  # no entry is larger than the largest of these
+    if not size.max(initial=0.0) > _ROUNDS_ONE:
+        return matrices
     lost = np.where(size > _ROUNDS_ONE, _ROUNDING * size, 0.0)
     return matrices + lost[:, None, None] * np.eye(matrices.shape[-1])
 

@@ -1,0 +1,62 @@
+"""Inverses of the Cholesky factors of many small matrices at once.
+
+LAPACK is called for one matrix at a time, which costs more than the work where these are small: here each step of the
+factorisation is taken for all of them together, with the matrices along the last axis.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from basecal.geometry import Array
+
+_FEW = 64  # matrices: of fewer LAPACK is done before the first steps are
+_AT_ONCE = 2**17  # numbers: a megabyte stays near the processor
+
+
+class InverseFactors(NamedTuple):
+    """Of M, (..., q, q): R, likewise, lower triangular with R'R the inverse of M; and log det M, (...,)."""
+
+    root: Array
+    log_det: Array
+
+
+def inverse_factors(matrices: Array) -> InverseFactors:
+    """Of symmetric positive definite matrices, (..., q, q); what is no number in one of them is none in its factor.
+
+    Raises:
+        LinAlgError: if one of them is not positive definite.
+    """
+    q = matrices.shape[-1]
+    flat = matrices.reshape(-1, q, q)
+    if len(flat) < _FEW:
+        factor = np.linalg.cholesky(matrices)
+        log_det = 2 * np.log(np.diagonal(factor, axis1=-2, axis2=-1)).sum(-1)
+        return InverseFactors(np.asarray(np.linalg.inv(factor), dtype=np.float64), log_det)
+    root, log_det = np.empty(flat.shape), np.empty(len(flat))
+    size = max(1, _AT_ONCE // max(1, q * q))
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        for at in range(0, len(flat), size):
+            here = slice(at, at + size)
+            inverse, log_det[here] = _factorised(flat[here].transpose(1, 2, 0).copy())
+            root[here] = inverse.transpose(2, 0, 1)
+    if not np.isfinite(log_det).all() and np.isfinite(matrices).all():
+        raise np.linalg.LinAlgError("a matrix is not positive definite")
+    return InverseFactors(root.reshape(matrices.shape), log_det.reshape(matrices.shape[:-2]))
+
+
+def _factorised(lower: Array) -> tuple[Array, Array]:
+    """Inverses of the factors of matrices (q, q, b), which become these, and logarithms of determinants, (b,)."""
+    inverse, log_det = np.zeros_like(lower), np.zeros(lower.shape[-1])
+    for j in range(len(lower)):
+        above = lower[j, :j]
+        lower[j:, j] -= np.einsum("ikb,kb->ib", lower[j:, :j], above)
+        pivot = lower[j, j]
+        log_det += np.log(pivot)
+        reciprocal = 1 / np.sqrt(pivot)
+        lower[j:, j] *= reciprocal
+        inverse[j, :j] = -reciprocal * np.einsum("kb,kcb->cb", above, inverse[:j, :j])
+        inverse[j, j] = reciprocal
+    return inverse, log_det
