@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
 from basecal.estimation.least_squares.jacobians import by_stop_errors, by_unknowns
-from basecal.estimation.noise.mixed_model import mixed_model
+from basecal.estimation.noise.mixed_model import Moments, mixed_model
 from basecal.estimation.noise.reml import columns_given, posterior, sigma_count
 from basecal.estimation.noise.robot_noise import stops_made, with_robot_noise, without_errors
 from basecal.estimation.noise.terms.common_errors import CommonErrors
+from basecal.estimation.noise.view_estimates import STATED
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State, chain
 from basecal.geometry.se3_jacobians import right_jacobian_inverse
@@ -126,3 +127,18 @@ def test_columns_alone_are_those_of_the_whole(arms):
     assert alone.value == whole.value
     np.testing.assert_array_equal(alone.step, whole.step)
     np.testing.assert_array_equal(alone.covariance, whole.covariance)
+
+
+@pytest.mark.parametrize("arms", ["both", "stations"])
+def test_sums_over_blocks_are_those_of_block_by_block(arms):
+    """Where all goes by one part the slope is that of cutting it in two alike, which the general way takes."""
+    problem, state = at_truth(replace(NOISY, target="chessboard", arms=arms, state_pixel_noise=False))
+    model = mixed_model(problem, state, ROBOTS)
+    ((camera, name),) = model.parts
+    half = {f.name: 0.5 * getattr(model.parts[camera, name], f.name) for f in fields(Moments)}
+    stated = {(camera, name): Moments(**half), (camera, STATED): Moments(**half)}
+    logs = np.log([1.0, 1e-3, 2e-3, 5e-4, 1e-3])  # at 1 px both halves weigh alike
+    whole, cut = posterior(model, logs), posterior(replace(model, parts=stated), logs)
+    np.testing.assert_allclose(whole.value - cut.value, 0, atol=1e-8 * abs(whole.value))
+    np.testing.assert_allclose(cut.slope()[1:], whole.slope()[1:], rtol=1e-8, atol=1e-8)
+    np.testing.assert_allclose(2 * cut.slope()[0], whole.slope()[0], rtol=1e-8)

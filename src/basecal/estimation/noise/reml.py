@@ -13,7 +13,9 @@ Source: Patterson & Thompson 1971, Harville 1977, Dempster, Laird & Rubin 1977 (
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property, reduce
 from typing import Any
 
 import numpy as np
@@ -78,8 +80,7 @@ class Posterior:
         mean_columns: (m,) most likely values, those of scaled columns in sigmas.
         mean_errors: (b, q) likewise.
         spread: (m, m) covariance of the columns.
-        back: (b, q, m) how errors follow from columns, negative.
-        own: (b, q, q) covariance of errors, the columns known.
+        blocks: Of the errors in blocks.
     """
 
     model: MixedModel
@@ -90,8 +91,7 @@ class Posterior:
     mean_columns: Array
     mean_errors: Array
     spread: Array
-    back: Array
-    own: Array
+    blocks: _Blocks
 
     @property
     def step(self) -> Array:
@@ -111,26 +111,72 @@ class Posterior:
 
     def slope(self) -> Array:
         """(k,) derivative of the value to the logarithms."""
-        slope = np.zeros(len(self.logs))
-        keys = open_parts(self.model)
-        squares = np.array([_squares_of_mean(self.model.parts[key], self) for key in keys])
-        of_errors = self.mean_errors**2
-        for here in _chunks(*self.back.shape):
-            back = self.back[here]
+        k, keys = len(self.logs), open_parts(self.model)
+        only = len(self.model.parts) == 1 and not self.blocks.lost.any()
+        expected, squares = self._by_sums(keys) if only else self._by_blocks(keys)
+        open_errors = self.of_errors[self.of_errors >= 0]
+        slope = 2 * (np.bincount(open_errors, minlength=k) - expected)
+        scaled = self.of_columns >= 0
+        of_columns = np.diag(self.spread) + self.mean_columns**2
+        slope += np.bincount(self.of_columns[scaled], 2 * (1 - of_columns[scaled]), k)
+        for i, key in enumerate(keys):
+            total = self._squares_of_mean(key) + squares[i]
+            slope[i] += 2 * (self.model.parts[key].count - np.exp(-2 * self.logs[i]) * total)
+        return slope
+
+    @cached_property
+    def _at_mean(self) -> dict[tuple[str, str], tuple[float, Array, Array]]:
+        """Of each open part at unit sigma: squares at the mean, and half their gradient to columns and errors."""
+        return {key: _at_mean(self.model.parts[key], self) for key in open_parts(self.model)}
+
+    def _squares_of_mean(self, key: tuple[str, str]) -> float:
+        """Sum of squares of a part's residuals at unit sigma at the mean, with what the columns' spread adds."""
+        x = _scales(self.logs, self.of_columns)
+        by_spread = np.sum(self.model.parts[key].fixed_fixed * x[:, None] * x * self.spread)
+        return self._at_mean[key][0] + float(by_spread)
+
+    def _by_sums(self, keys: Sequence[tuple[str, str]]) -> tuple[Array, Array]:
+        """As `_by_blocks` where all goes by one part, whose weight is w: by sums over all blocks, half the work.
+
+        There I + w u B u is the inverse of `own`, and w u F x its product with `back`, B the part's information of
+        errors, F that of errors and columns, so that what is squared is known of `back` and `own` alone.
+        """
+        k, own = len(self.logs), np.einsum("bqq->bq", self.blocks.own)
+        sums = np.zeros((k + 1, *self.spread.shape))
+        for here in _chunks(len(own), own.shape[1], len(self.spread)):
+            back, which = self._back(here), self.of_errors[here]
+            for sigma in np.unique(which):
+                rows = back[which == sigma]
+                sums[sigma] += rows.T @ rows
+        x = _scales(self.logs, self.of_columns)
+        sums *= x[:, None] * x
+        scaled = self.of_errors >= 0
+        alone = np.bincount(self.of_errors[scaled], (own + self.mean_errors**2)[scaled], k)
+        left = own.size - own.sum() - np.vdot(self.spread, self.blocks.explained + sums.sum(0))
+        return alone + np.tensordot(sums[:k], self.spread, 2), left * np.exp(2 * self.logs[: len(keys)])
+
+    def _by_blocks(self, keys: Sequence[tuple[str, str]]) -> tuple[Array, Array]:
+        """What is expected of the squares of errors by their sigma, (k,), and of each part's by what errors spread."""
+        squares, of_errors = np.zeros(len(keys)), self.mean_errors**2
+        x = _scales(self.logs, self.of_columns)
+        for here in _chunks(len(of_errors), of_errors.shape[1], len(self.spread)):
+            back = self._back(here) * x
             across = (back.reshape(-1, back.shape[-1]) @ self.spread).reshape(back.shape)
-            covariance = self.own[here] + across @ back.mT
+            covariance = self.blocks.own[here] + across @ back.mT
             of_errors[here] += np.diagonal(covariance, axis1=-2, axis2=-1)
             for i, key in enumerate(keys):
                 squares[i] += _squares_of_spread(self.model.parts[key], self, here, across, covariance)
-        for which, expected in (
-            (self.of_errors, of_errors),
-            (self.of_columns, np.diag(self.spread) + self.mean_columns**2),
-        ):
-            scaled = which >= 0
-            slope += np.bincount(which[scaled], 2 * (1 - expected[scaled]), len(slope))
-        for i, key in enumerate(keys):
-            slope[i] += 2 * (self.model.parts[key].count - np.exp(-2 * self.logs[i]) * squares[i])
-        return slope
+        scaled = self.of_errors >= 0
+        return np.bincount(self.of_errors[scaled], of_errors[scaled], len(self.logs)).astype(np.float64), squares
+
+    def _back(self, here: slice) -> Array:
+        """How errors of some blocks follow from the columns in units of the model, negative, (b, q, m)."""
+        scaled = self.blocks.own[here] * _scales(self.logs, self.of_errors[here])[:, None, :]
+        of_parts = (
+            (weight * scaled) @ self.model.parts[key].errors_fixed[here]
+            for key, weight in _weights(self.model, self.logs).items()
+        )
+        return reduce(np.add, of_parts)
 
     def average_information(self) -> Array:
         """(k, k) the mean of the observed and the expected second derivative of the value to the logarithms.
@@ -143,13 +189,19 @@ class Posterior:
         own = np.zeros(k)
         keys = open_parts(self.model)
         for i, key in enumerate(keys):
-            own[i], columns[i], errors[i] = _at_mean(self.model.parts[key], self, float(np.exp(-2 * self.logs[i])))
+            weight = np.exp(-2 * self.logs[i])
+            own[i], columns[i], errors[i] = (weight * of for of in self._at_mean[key])
         for i in range(len(keys), k):
             columns[i] = np.where(self.of_columns == i, self.mean_columns, 0.0)
             errors[i] = np.where(self.of_errors == i, self.mean_errors, 0.0)
             own[i] = np.sum(columns[i] ** 2) + np.sum(errors[i] ** 2)
-        reduced = columns - errors.reshape(k, -1) @ self.back.reshape(-1, self.back.shape[-1])
-        by_errors = np.einsum("kbq,bqr,lbr->kl", errors, self.own, errors, optimize=True)
+        carried = (self.blocks.own @ errors.transpose(1, 2, 0)).transpose(2, 0, 1).reshape(k, -1)
+        scaled = carried * _scales(self.logs, self.of_errors).ravel()
+        by_columns = np.zeros(columns.shape)
+        for key, weight in _weights(self.model, self.logs).items():
+            by_columns += weight * (scaled @ self.model.parts[key].errors_fixed.reshape(-1, columns.shape[-1]))
+        reduced = columns - by_columns * _scales(self.logs, self.of_columns)
+        by_errors = errors.reshape(k, -1) @ carried.T
         return np.asarray(4 * (np.diag(own) - reduced @ self.spread @ reduced.T - by_errors))
 
 
@@ -172,23 +224,38 @@ def sigmas_of(model: MixedModel, robot: str) -> slice:
 
 def posterior(model: MixedModel, logs: Array) -> Posterior:
     """The restricted likelihood at logarithms of sigmas, (k,), and what is known of everything else there."""
-    _, of_errors = _which(model, len(open_parts(model)))
+    of_columns, of_errors = _which(model, len(open_parts(model)))
     b, q, m = *of_errors.shape, len(model.prior)
-    blocks = _Blocks(np.empty((b, q)), np.empty((b, q, m)), np.empty((b, q, q)))
+    blocks = _Blocks(np.empty((b, q)), np.empty((b, q, q)), np.zeros(b), np.empty((m, m)))
     known = columns_given(model, logs, blocks)
-    of_columns, _ = _which(model, len(open_parts(model)))
-    errors = -(blocks.alone + blocks.back @ known.mean)
-    of_all = (of_columns, of_errors, known.mean, errors, known.spread)
-    return Posterior(model, logs, known.value, *of_all, blocks.back, blocks.own)
+    # Of the errors there follow those where the columns are zero, and what these move them by.
+    u, at = _scales(logs, of_errors), known.mean * _scales(logs, of_columns)
+    by_columns = sum(w * (model.parts[key].errors_fixed @ at) for key, w in _weights(model, logs).items())
+    errors = -(blocks.alone + (blocks.own @ (u * by_columns)[..., None])[..., 0])
+    return Posterior(model, logs, known.value, of_columns, of_errors, known.mean, errors, known.spread, blocks)
+
+
+def _weights(model: MixedModel, logs: Array) -> dict[tuple[str, str], float]:
+    """Of each part, by the sigma that it goes by; 1 where that is stated."""
+    keys = open_parts(model)
+    return dict.fromkeys(model.parts, 1.0) | {k: float(np.exp(-2 * v)) for k, v in zip(keys, logs, strict=False)}
 
 
 @dataclass(frozen=True, eq=False)
 class _Blocks:
-    """Of errors in blocks: what they are where the columns are zero, negative, and `back` and `own` of `Posterior`."""
+    """Of errors in blocks.
+
+    Attributes:
+        alone: (b, q) what they are where the columns are zero, negative.
+        own: (b, q, q) their covariance, the columns known.
+        lost: (b,) how much more than 1 stands beside what is said of them, where that would round 1 away.
+        explained: (m, m) what they take from the information of the columns.
+    """
 
     alone: Array
-    back: Array
     own: Array
+    lost: Array
+    explained: Array
 
 
 def columns_given(model: MixedModel, logs: Array, blocks: _Blocks | None = None) -> Columns:
@@ -200,7 +267,7 @@ def columns_given(model: MixedModel, logs: Array, blocks: _Blocks | None = None)
         blocks: Filled with what is known of the errors in blocks, where that is asked for.
     """
     keys = open_parts(model)
-    weights = dict.fromkeys(model.parts, 1.0) | {k: float(np.exp(-2 * v)) for k, v in zip(keys, logs, strict=False)}
+    weights = _weights(model, logs)
     of_columns, of_errors = _which(model, len(keys))
     x, u = _scales(logs, of_columns), _scales(logs, of_errors)
     cost, fixed, fixed_fixed = _weighed(model, weights, ("cost", "fixed", "fixed_fixed"), ...)
@@ -212,7 +279,9 @@ def columns_given(model: MixedModel, logs: Array, blocks: _Blocks | None = None)
         bu, ux, uu = _weighed(model, weights, ("errors", "errors_fixed", "errors_errors"), here)
         uu *= scale[:, :, None]
         uu *= scale[:, None, :]
-        root, log_dets = inverse_factors(_regular(with_identity(uu, np.ones(len(uu)))))
+        uu = with_identity(uu, np.ones(len(uu)))
+        lost = _lost(uu)
+        root, log_dets = inverse_factors(uu if lost is None else with_identity(uu, lost))
         scaled = root * scale[:, None, :]
         whitened, cu = scaled @ ux, (scaled @ bu[..., None])[..., 0]
         flat = whitened.reshape(-1, m)
@@ -220,12 +289,14 @@ def columns_given(model: MixedModel, logs: Array, blocks: _Blocks | None = None)
         explained += flat.T @ flat
         value += float(log_dets.sum()) - float(np.sum(cu**2))
         if blocks is not None:
-            back = root.mT
-            np.multiply(back @ whitened, x, out=blocks.back[here])
-            blocks.alone[here] = (back @ cu[..., None])[..., 0]
-            blocks.own[here] = back @ root
+            blocks.alone[here] = (root.mT @ cu[..., None])[..., 0]
+            np.matmul(root.mT, root, out=blocks.own[here])
+            blocks.lost[here] = 0.0 if lost is None else lost
+    explained *= x[:, None] * x
+    if blocks is not None:
+        blocks.explained[...] = explained
     gradient = (fixed - by_errors) * x + model.prior_gradient
-    told = (fixed_fixed - explained) * x[:, None] * x + model.prior
+    told = fixed_fixed * x[:, None] * x - explained + model.prior
     spread, log_det = _inverse(told, np.diag(fixed_fixed) * x**2 + np.diag(model.prior))
     mean = -spread @ gradient
     return Columns(model, logs, value + float(gradient @ mean) + log_det, mean, spread)
@@ -237,13 +308,10 @@ def _chunks(blocks: int, rows: int, columns: int) -> list[slice]:
     return [slice(first, first + size) for first in range(0, blocks, size)]
 
 
-def _regular(matrices: Array) -> Array:
-    """I + S, with as much more of I as keeps it regular where S is so large that rounding loses it."""
+def _lost(matrices: Array) -> Array | None:
+    """How much more of I keeps I + S regular, (b,), where S is so large that rounding loses I; None where none does."""
     size = np.einsum("...ii->...i", matrices).max(axis=-1, initial=0.0)  # no entry is larger than the largest of these
-    if not size.max(initial=0.0) > _ROUNDS_ONE:
-        return matrices
-    lost = np.where(size > _ROUNDS_ONE, _ROUNDING * size, 0.0)
-    return matrices + lost[:, None, None] * np.eye(matrices.shape[-1])
+    return np.where(size > _ROUNDS_ONE, _ROUNDING * size, 0.0) if size.max(initial=0.0) > _ROUNDS_ONE else None
 
 
 def _which(model: MixedModel, first: int) -> tuple[IntArray, IntArray]:
@@ -283,13 +351,6 @@ def _inverse(hessian: Array, before: Array) -> tuple[Array, float]:
     return root.T @ root, log_det - 2 * float(np.log(size).sum())
 
 
-def _squares_of_mean(part: Moments, of: Posterior) -> float:
-    """Sum of squares of a part's residuals at unit sigma at the mean, with what the columns' spread adds."""
-    x = _scales(of.logs, of.of_columns)
-    squares, _, _ = _at_mean(part, of, 1.0)
-    return squares + float(np.sum(part.fixed_fixed * x[:, None] * x * of.spread))
-
-
 def _squares_of_spread(part: Moments, of: Posterior, here: slice, across: Array, covariance: Array) -> float:
     """What is expected to come to that by the errors of some blocks, given all data."""
     x, u = _scales(of.logs, of.of_columns), _scales(of.logs, of.of_errors[here])
@@ -299,11 +360,11 @@ def _squares_of_spread(part: Moments, of: Posterior, here: slice, across: Array,
     return float(by_u - 2 * both)
 
 
-def _at_mean(part: Moments, of: Posterior, weight: float) -> tuple[float, Array, Array]:
-    """A part's squares over variances at the mean, and half its gradient to columns, (m,), and errors, (b, q)."""
+def _at_mean(part: Moments, of: Posterior) -> tuple[float, Array, Array]:
+    """A part's squares at unit sigma at the mean, and half its gradient to columns, (m,), and errors, (b, q)."""
     x, u = _scales(of.logs, of.of_columns), _scales(of.logs, of.of_errors)
     at_x, at_u = of.mean_columns * x, of.mean_errors * u
     by_x = part.fixed_fixed @ at_x + at_u.ravel() @ part.errors_fixed.reshape(-1, len(x))
     by_u = part.errors_fixed @ at_x + (part.errors_errors @ at_u[..., None])[..., 0]
     squares = part.cost + at_x @ (2 * part.fixed + by_x) + np.sum(at_u * (2 * part.errors + by_u))
-    return float(weight * squares), weight * x * (part.fixed + by_x), weight * u * (part.errors + by_u)
+    return float(squares), x * (part.fixed + by_x), u * (part.errors + by_u)
