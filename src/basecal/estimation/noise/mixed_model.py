@@ -26,6 +26,7 @@ from basecal.geometry import Array, IntArray
 
 # So many stops stand in one block: two arms that each came to a place twice.
 _MOST_TIED = 4
+_AT_ONCE = 2**17  # numbers of an array over views: a megabyte stays near the processor
 
 
 @dataclass(frozen=True, eq=False)
@@ -340,11 +341,13 @@ def _summed(
     blocks, q, m = layout.blocks, layout.rows, layout.width
     e, ef, ee = np.zeros((blocks, q)), np.zeros((blocks, q, m)), np.zeros((blocks, q, q))
     own = np.flatnonzero(block >= 0)
-    by_error = errors[own].mT
     add = _put if len(np.unique(block[own])) == len(own) else np.add.at
-    add(e, block[own], (by_error @ gradient[own][..., None])[..., 0])
-    add(ef, block[own], by_error @ carried[own])
-    add(ee, block[own], by_error @ information[own] @ errors[own])
+    size = max(1, _AT_ONCE // max(1, q * m))
+    for here in (own[at : at + size] for at in range(0, len(own), size)):
+        by_error = errors[here].mT
+        add(e, block[here], (by_error @ gradient[here][..., None])[..., 0])
+        add(ef, block[here], by_error @ carried[here])
+        add(ee, block[here], by_error @ information[here] @ errors[here])
     return Moments(view.count, float(view.cost.sum()), by_fixed, e, both, ef, ee)
 
 
