@@ -129,6 +129,7 @@ def lens_models() -> tuple[str, ...]:
     return tuple(dict.fromkeys(lens.MODEL for lens in _lenses()))
 
 
+@cache
 def term_counts(model: str) -> tuple[int, ...]:
     """How many distortion terms a lens of the model may have, rising."""
     return tuple(sorted({count for lens in lenses_of(model) for count in lens.TERMS}))

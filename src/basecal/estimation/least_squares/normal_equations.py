@@ -27,7 +27,7 @@ from basecal.numerics.inverse_factors import inverse_factors
 
 _ROUNDS_ONE = 1e14  # an entry of this size rounds the identity beside it away
 _ROUNDING = 1e-15  # of such entries, which restores it
-_MANY = 200  # systems whose factors together are faster than each by itself
+_MANY = 64  # systems whose factors together are faster than each by itself
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,6 +192,8 @@ def _linearise_group(
 
 def _select(stop: IntArray, by_error: Array, mask: BoolArray, number: IntArray | None) -> SharedView:
     view = np.flatnonzero(mask)
+    if len(view) == len(stop):
+        return SharedView(view, stop if number is None else number[stop], by_error)
     chosen = stop[view]
     return SharedView(view, chosen if number is None else number[chosen], by_error[..., view, :, :])
 

@@ -21,7 +21,7 @@ from basecal.estimation.noise.laplace import (
     integrated_covariance,
     sigma_posterior,
 )
-from basecal.estimation.noise.mixed_model import mixed_model, open_jitter
+from basecal.estimation.noise.mixed_model import EstimatesOf, estimates_of, mixed_model, open_jitter
 from basecal.estimation.noise.neighbourhoods import goes_by_neighbourhoods, neighbourhoods, together
 from basecal.estimation.noise.reml import open_parts
 from basecal.estimation.noise.robot_noise import stands, stops_made, with_robot_noise, without_errors
@@ -192,12 +192,13 @@ def sigma_models(problem: Problem, state: State, noise: NoiseEstimate) -> dict[s
     """
     robots = open_robots(problem)
     with np.errstate(all="ignore"):
-        models = {"": _sigma_posterior(problem, state, robots, noise.logs)}
+        estimates = estimates_of(*_in_units(problem, state, robots))
+        models = {"": _sigma_posterior(problem, state, robots, noise.logs, estimates=estimates)}
         for name, term in noise_terms().items():
             found = {robot: term.errors(problem, robot) for robot in robots}
             shared = {robot: errors for robot, errors in found.items() if errors is not None}
             if shared:
-                models[name] = _sigma_posterior(problem, state, robots, noise.logs, shared, term.EXPECTED)
+                models[name] = _sigma_posterior(problem, state, robots, noise.logs, shared, term.EXPECTED, estimates)
     return models
 
 
@@ -244,25 +245,34 @@ def _sigma_posterior(
     logs: Array | None,
     shared: Mapping[str, CommonErrors] | None = None,
     expected: CommonPrior | None = None,
+    estimates: EstimatesOf | None = None,
 ) -> SigmaPosterior:
     """The sigmas about a state, looked for from `logs`; also of what stops have in common, and is expected of it.
 
-    Where nothing near them is known, those of some of the views come first.
+    Where nothing near them is known, those of some of the views come first. What all views say is given as `estimates`
+    where it is known.
     """
-    unit = with_robot_noise(used, {name: np.ones(6) for name in robots})
-    physical = replace(state, stop_errors=state.stop_errors * _units(used, robots))
+    unit, physical = _in_units(used, state, robots)
     reach_m = {name: _reach(used, name) for name in robots}
 
-    def most_likely(problem: Problem, at: State, near: Array | None) -> SigmaPosterior:
+    def most_likely(
+        problem: Problem, at: State, near: Array | None, estimates: EstimatesOf | None = None
+    ) -> SigmaPosterior:
         """Those of a problem's views."""
-        model = mixed_model(problem, at, robots, shared)
+        model = mixed_model(problem, at, robots, shared, estimates)
         return sigma_posterior(model, hyperpriors(model, reach_m, expected), near)
 
     is_near = logs is not None and shared is None
     for most in () if is_near else _SOME_VIEWS:
         if max(map(len, unit.groups), default=0) > most:
             logs = most_likely(*some_views(unit, physical, most), logs).logs
-    return most_likely(unit, physical, logs)
+    return most_likely(unit, physical, logs, estimates)
+
+
+def _in_units(used: Problem, state: State, robots: Sequence[str]) -> tuple[Problem, State]:
+    """The problem with unit sigmas of these robots' stops, and the state with their errors in metres and radians."""
+    unit = with_robot_noise(used, {name: np.ones(6) for name in robots})
+    return unit, replace(state, stop_errors=state.stop_errors * _units(used, robots))
 
 
 def _units(used: Problem, robots: Sequence[str]) -> Array:

@@ -8,13 +8,10 @@ block; those that tie many together stand among the unknowns. Source: Harville 1
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from basecal.estimation.least_squares.jacobians import by_robot_models, by_stop_errors, by_unknowns
 from basecal.estimation.least_squares.normal_equations import prior_residuals
@@ -23,6 +20,7 @@ from basecal.estimation.noise.terms.common_errors import CommonErrors
 from basecal.estimation.noise.view_estimates import ViewEstimates, view_estimates
 from basecal.estimation.problem.problem import Problem, State, chain
 from basecal.geometry import Array, IntArray
+from basecal.numerics.tied_blocks import tied_blocks
 
 # So many stops stand in one block: two arms that each came to a place twice.
 _MOST_TIED = 4
@@ -128,8 +126,25 @@ class MixedModel:
         return out
 
 
+EstimatesOf = Sequence[Mapping[str, ViewEstimates]]
+"""By group what its views say, as `view_estimates` gives it."""
+
+
+def estimates_of(problem: Problem, state: State) -> EstimatesOf:
+    """What views say of a state, which models of the same state with other errors in common share."""
+    shaped = shaped_targets(problem)
+    return [
+        view_estimates(problem, g, state, shape_of(points_of(g)) if g.target in shaped and len(points_of(g)) else None)
+        for g in problem.groups
+    ]
+
+
 def mixed_model(
-    problem: Problem, state: State, robots: Sequence[str], common: Mapping[str, CommonErrors] | None = None
+    problem: Problem,
+    state: State,
+    robots: Sequence[str],
+    common: Mapping[str, CommonErrors] | None = None,
+    estimates: EstimatesOf | None = None,
 ) -> MixedModel:
     """The problem about a state.
 
@@ -138,13 +153,14 @@ def mixed_model(
         state: The state.
         robots: Whose sigmas are open.
         common: By robot what its stops have in common.
+        estimates: `estimates_of` problem and state, where they are known.
     """
     layout = _layout(problem, common or {})
+    estimates = estimates_of(problem, state) if estimates is None else estimates
     parts: dict[tuple[str, str], Moments] = {}
     white: dict[tuple[str, str], tuple[float, float]] = {}
     for number, group in enumerate(problem.groups):
-        by_shape = shape_of(points_of(group)) if group.target in layout.shapes and len(points_of(group)) else None
-        for name, view in view_estimates(problem, group, state, by_shape).items():
+        for name, view in estimates[number].items():
             key = (group.camera, name)
             of = _moments(problem, number, state, view, layout)
             parts[key] = of if key not in parts else _sum(parts[key], of)
@@ -167,13 +183,14 @@ def _layout(problem: Problem, shared: Mapping[str, CommonErrors]) -> Layout:
     count = len(problem.stops)
     pairs = [np.stack([g.eye_stop, g.hand_stop], -1) for g in problem.groups]
     both = np.concatenate([pair[(pair >= 0).all(-1)] for pair in pairs] or [np.zeros((0, 2), dtype=np.int64)])
-    block, row, hubs = _tied(both, count)
+    of = tied_blocks(both, count, _MOST_TIED)
+    block, row = of.block, np.where(of.block >= 0, 6 * of.place, -1)
     column = np.full(count, -1, dtype=np.int64)
     blocks, rows = int(block.max(initial=-1)) + 1, int(row.max(initial=0)) + 6
     shaken, blocks, more = _shaken(problem, block, blocks, rows)
     rows += more
     width = problem.width
-    for stop in hubs:
+    for stop in of.hubs:
         column[stop] = width
         width += 6
     common = {}
@@ -208,68 +225,6 @@ def _shaken(
                 own[view], row[view] = here, rows
         found.append((own, row))
     return tuple(found), blocks, int(bool(taken))
-
-
-def _tied(pairs: IntArray, count: int) -> tuple[IntArray, IntArray, list[int]]:
-    """Which stops views tie together: of each its block and first row there, -1 of hubs, and these.
-
-    Args:
-        pairs: (n, 2) stops of two robots that a view stands in.
-        count: How many stops there are.
-    """
-    label = _components(pairs, count)
-    hubs = _hubs(pairs[np.bincount(label)[label[pairs[:, 0]]] > _MOST_TIED])
-    if hubs:
-        label = _components(pairs[~np.isin(pairs, hubs).any(-1)], count)
-    alone = np.setdiff1d(np.arange(count), hubs)
-    block, row = np.full(count, -1, dtype=np.int64), np.full(count, -1, dtype=np.int64)
-    _, block[alone] = np.unique(label[alone], return_inverse=True)
-    order = alone[np.argsort(block[alone], kind="stable")]
-    first = np.searchsorted(block[order], block[order])
-    row[order] = 6 * (np.arange(len(order)) - first)
-    return block, row, hubs
-
-
-def _components(pairs: IntArray, count: int) -> IntArray:
-    """A number for each of so many stops, that of all that pairs lead to, (count,)."""
-    if not len(pairs):
-        return np.arange(count)
-    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
-
-
-def _hubs(pairs: IntArray) -> list[int]:
-    """Stops without which pairs tie no more than so many others together, rising."""
-    partners: dict[int, set[int]] = defaultdict(set)
-    for a, b in set(map(tuple, pairs.tolist())):
-        partners[a].add(b)
-        partners[b].add(a)
-    hubs: set[int] = set()
-    waiting, seen = list(partners), set[int]()
-    while waiting:
-        first = waiting.pop()
-        if first in seen or first in hubs:
-            continue
-        stops = _reached(first, partners)
-        if len(stops) <= _MOST_TIED:
-            seen |= stops
-            continue
-        hub = max(stops, key=lambda stop: len(partners[stop]))
-        hubs.add(hub)
-        for other in partners[hub]:
-            partners[other].discard(hub)
-        waiting += stops - {hub}
-    return sorted(hubs)
-
-
-def _reached(first: int, partners: Mapping[int, set[int]]) -> set[int]:
-    """The stops that views tie to one, itself among them."""
-    reached, waiting = {first}, [first]
-    while waiting:
-        fresh = partners[waiting.pop()] - reached
-        reached |= fresh
-        waiting += fresh
-    return reached
 
 
 def _moments(problem: Problem, number: int, state: State, view: ViewEstimates, layout: Layout) -> Moments:

@@ -298,7 +298,7 @@ def chain(group: ViewGroup, state: State, stops: Stops) -> Chain:
     eye_flange = _modelled(group.eye, group.eye_joints, group.eye_base_from_eye_flange, state)
     eye_base_from_eye_flange = eye_flange if eye_error is None else eye_flange @ eye_error
     target_from_hand_base = target_from_hand_flange @ hand_flange_from_hand_base
-    target_from_eye_base = target_from_hand_base @ _relation(group, state).inverse()
+    target_from_eye_base = _to_eye_base(target_from_hand_base, group, state)
     target_from_eye_flange = target_from_eye_base @ eye_base_from_eye_flange
     target_from_camera = target_from_eye_flange @ state.beside_views(group.camera_mount)
     return Chain(
@@ -306,12 +306,16 @@ def chain(group: ViewGroup, state: State, stops: Stops) -> Chain:
     )
 
 
-def _relation(group: ViewGroup, state: State) -> SE3:
-    """`eye_base_from_hand_base`; either base is the reference's where it has no name."""
-    identity = SE3.identity()
-    world_from_eye_base = identity if group.eye_base is None else state.beside_views(group.eye_base)
-    world_from_hand_base = identity if group.hand_base is None else state.beside_views(group.hand_base)
-    return world_from_eye_base.inverse() @ world_from_hand_base
+def _to_eye_base(target_from_hand_base: SE3, group: ViewGroup, state: State) -> SE3:
+    """`target_from_eye_base`; either base is the reference's, and the world's, where it has no name."""
+    if group.hand_base is None and group.eye_base is None:
+        return target_from_hand_base
+    if group.hand_base is None:
+        return target_from_hand_base @ state.beside_views(group.eye_base or "")
+    hand_base_from_world = state.beside_views(group.hand_base).inverse()
+    if group.eye_base is None:
+        return target_from_hand_base @ hand_base_from_world
+    return target_from_hand_base @ (hand_base_from_world @ state.beside_views(group.eye_base))
 
 
 def _modelled(robot: str | None, joints: Array | None, recorded: SE3, state: State) -> SE3:

@@ -1,0 +1,89 @@
+"""Nodes that pairs tie together, in small blocks: those that tie too many are taken out as hubs."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from basecal.geometry import IntArray
+
+
+class TiedBlocks(NamedTuple):
+    """Nodes in blocks that no pair leads out of.
+
+    Attributes:
+        block: (n,) the number of each node's block; -1 of a hub.
+        place: (n,) its place there, in the order of the nodes; -1 of a hub.
+        hubs: Nodes in no block, rising.
+    """
+
+    block: IntArray
+    place: IntArray
+    hubs: list[int]
+
+
+def tied_blocks(pairs: IntArray, count: int, most: int) -> TiedBlocks:
+    """Blocks of at most so many nodes.
+
+    Args:
+        pairs: (p, 2) nodes that stand in one block, or of which one is a hub.
+        count: How many nodes there are.
+        most: Of a block.
+    """
+    label = _components(pairs, count)
+    hubs = _hubs(pairs[np.bincount(label)[label[pairs[:, 0]]] > most], most)
+    if hubs:
+        label = _components(pairs[~np.isin(pairs, hubs).any(-1)], count)
+    others = np.setdiff1d(np.arange(count), hubs)
+    block, place = np.full(count, -1, dtype=np.int64), np.full(count, -1, dtype=np.int64)
+    _, block[others] = np.unique(label[others], return_inverse=True)
+    order = others[np.argsort(block[others], kind="stable")]
+    place[order] = np.arange(len(order)) - np.searchsorted(block[order], block[order])
+    return TiedBlocks(block, place, hubs)
+
+
+def _components(pairs: IntArray, count: int) -> IntArray:
+    """A number for each of so many nodes, that of all that pairs lead to, (count,)."""
+    if not len(pairs):
+        return np.arange(count)
+    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+
+
+def _hubs(pairs: IntArray, most: int) -> list[int]:
+    """Nodes without which pairs tie no more than so many others together, rising: those of most pairs first."""
+    partners: dict[int, set[int]] = defaultdict(set)
+    for a, b in set(map(tuple, pairs.tolist())):
+        partners[a].add(b)
+        partners[b].add(a)
+    hubs: set[int] = set()
+    waiting, seen = sorted(partners), set[int]()
+    while waiting:
+        first = waiting.pop()
+        if first in seen or first in hubs:
+            continue
+        nodes = _reached(first, partners)
+        if len(nodes) <= most:
+            seen |= nodes
+            continue
+        hub = max(nodes, key=lambda node: len(partners[node]))
+        hubs.add(hub)
+        for other in partners[hub]:
+            partners[other].discard(hub)
+        waiting += nodes - {hub}
+    return sorted(hubs)
+
+
+def _reached(first: int, partners: Mapping[int, set[int]]) -> set[int]:
+    """The nodes that pairs tie to one, itself among them."""
+    reached, waiting = {first}, [first]
+    while waiting:
+        fresh = partners[waiting.pop()] - reached
+        reached |= fresh
+        waiting += fresh
+    return reached

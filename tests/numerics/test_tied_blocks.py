@@ -1,0 +1,40 @@
+"""Nodes tied by pairs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.numerics.tied_blocks import tied_blocks
+
+NOTHING = np.zeros((0, 2), dtype=np.int64)
+
+
+def test_nodes_without_pairs_stand_alone():
+    """Each in a block of its own; of none there are none."""
+    of = tied_blocks(NOTHING, 3, 4)
+    assert (of.block.tolist(), of.place.tolist(), of.hubs) == ([0, 1, 2], [0, 0, 0], [])
+    assert tied_blocks(NOTHING, 0, 4).block.tolist() == []
+
+
+def test_what_pairs_lead_to_is_one_block():
+    """Whatever way they lead, in the order of the nodes."""
+    of = tied_blocks(np.array([[5, 0], [0, 3], [5, 0], [1, 4]]), 6, 3)
+    assert of.hubs == []
+    assert of.block[[0, 3, 5]].tolist() == [of.block[0]] * 3
+    assert of.place.tolist() == [0, 0, 0, 1, 1, 2]
+    assert len({of.block[0], of.block[1], of.block[2]}) == 3
+
+
+@pytest.mark.parametrize("most", [1, 2, 4])
+def test_hubs_are_taken_out(most):
+    """A star and a long chain fall apart into blocks that are small enough; what is small anyhow keeps its nodes."""
+    star = [[0, k] for k in range(1, 9)]
+    chain = [[k, k + 1] for k in range(10, 19)]
+    of = tied_blocks(np.array([*star, *chain, [20, 21]]), 22, most)
+    assert 0 in of.hubs
+    assert set(np.flatnonzero(of.block < 0).tolist()) == set(of.hubs) == set(np.flatnonzero(of.place < 0).tolist())
+    assert np.bincount(of.block[of.block >= 0]).max() <= most
+    assert np.isin([20, 21], of.hubs).sum() == (most == 1)
+    inside = np.array([pair for pair in chain if not set(pair) & set(of.hubs)], dtype=np.int64).reshape(-1, 2)
+    assert np.array_equal(of.block[inside[:, 0]], of.block[inside[:, 1]])
