@@ -12,7 +12,7 @@ from basecal.accuracy.certify import certified
 from basecal.accuracy.verdict import calibrate
 from basecal.cell import Unknown
 from basecal.cell.targets.points import points_target
-from basecal.estimation.certificate.certificate import certify, proven_loops
+from basecal.estimation.certificate.certificate import _about, certify, proven_loops
 from basecal.estimation.certificate.relaxation import product_of
 from basecal.estimation.certificate.rotation_cost import factors_of, loop_form, present
 from basecal.estimation.certificate.view_rotation import view_costs
@@ -255,3 +255,14 @@ def test_starts_that_differ_call_for_a_certificate(monkeypatch):
     assert certificate.is_global is True
     made = simulate(Scenario(target="pose"), 0)
     assert not solve(made.cell, made.recording).disputed
+
+
+@pytest.mark.parametrize("target", ["charuco", "led"])
+def test_other_starts_are_turned_by_what_is_asked(target):
+    """All rotations together by 0.5 rad; a light, which has none, and what is fixed stay."""
+    solution = solved(Scenario(target=target, samples=8))
+    moves = [name for name in solution.problem.columns if name not in solution.problem.point_mounts]
+    for state in _about(solution, 0.5):
+        off = {n: (t.inverse() @ state.transforms[n]).log() for n, t in solution.state.transforms.items()}
+        assert np.linalg.norm([off[n][3:] for n in moves]) == pytest.approx(0.5)
+        assert not any(off[n].any() for n in off if n not in moves)

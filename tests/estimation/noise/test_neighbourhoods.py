@@ -80,3 +80,14 @@ def test_sigmas_are_those_of_all_together(problem, monkeypatch):
         assert noise.pixel_px == pytest.approx(0.2, rel=0.1)
     ratio = np.sqrt(np.diag(found.covariance) / np.diag(whole.covariance))
     assert 0.8 < ratio.min() < ratio.max() < 1.25
+
+
+def test_a_robot_alone_has_no_neighbours(problem, monkeypatch):
+    """However many unknowns there are; several robots go by neighbourhoods once there are many."""
+    alone = simulate(Scenario(layout="eye_in_hand", samples=6), 0)
+    alone = build_problem(alone.cell, alone.recording)[0]
+    monkeypatch.setattr(module, "MANY_COLUMNS", 2)
+    assert goes_by_neighbourhoods(problem)
+    assert not goes_by_neighbourhoods(alone)
+    monkeypatch.setattr(module, "MANY_COLUMNS", problem.width + 1)
+    assert not goes_by_neighbourhoods(problem)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -45,6 +46,14 @@ def test_stops_are_counted_with_or_without_noise():
     s = simulate(Scenario(samples=7, arms="hand_still"), seed=0)
     problem, _ = build_problem(s.cell, s.recording)
     assert (stops_made(problem, "eye"), stops_made(problem, "hand")) == (7, 1)
+
+
+def test_noise_is_given_to_each_stop_and_to_no_more():
+    """One of a still arm, one a sample of the other; none of a robot that stands in no view."""
+    s = simulate(Scenario(samples=7, arms="hand_still"), seed=0)
+    problem, _ = build_problem(s.cell, s.recording)
+    given = with_robot_noise(problem, dict.fromkeys(("eye", "hand", "another"), SIGMA))
+    assert Counter(given.stops.robot) == {"eye": 7, "hand": 1}
 
 
 def test_numbers_of_stops_are_those_of_the_recording():

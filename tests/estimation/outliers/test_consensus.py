@@ -59,9 +59,10 @@ def test_of_quiet_ends_the_one_that_rests_on_most(plain):
     assert best_consensus(ends) is ends[1]
     assert best_consensus([]) is None
     unstated = replace(plain.problem, unstated=frozenset({"eye"}))
-    for variance, best in ((3.9, 1), (4.1, 0)):
-        ends = [replace(end_of(plain, n, v), problem=unstated) for n, v in ((7, 1.0), (10, variance))]
-        assert best_consensus(ends) is ends[best]
+    for quiet in (1.0, 9.0):
+        for times, best in ((3.9, 1), (4.1, 0)):
+            ends = [replace(end_of(plain, n, v), problem=unstated) for n, v in ((7, quiet), (10, times * quiet))]
+            assert best_consensus(ends) is ends[best]
 
 
 def test_ends_within_stated_noise_go_first(plain):

@@ -30,9 +30,9 @@ def test_counts_and_equations(measurement):
 
 
 def test_squares_are_those_without_a_sigma(measurement):
-    """Off by 1 m and by 0.1 rad along an axis each."""
-    shifted = SE3.exp(np.tile([1.0, 0, 0, 0, 0, 0], (3, 1)))
-    turned = SE3.exp(np.tile([0, 0, 0, 0, 0.1, 0], (3, 1)))
+    """Off by 1 m along z and by 0.1 rad about x, which stand side by side."""
+    shifted = SE3.exp(np.tile([0, 0, 1.0, 0, 0, 0], (3, 1)))
+    turned = SE3.exp(np.tile([0, 0, 0, 0.1, 0, 0], (3, 1)))
     noisy = measurement.with_noise(Noise(pose_m=0.5, pose_rad=0.1))
     assert noisy.squares(shifted, None) == {"pose_m": pytest.approx(8.0), "pose_rad": pytest.approx(0.0)}
     assert noisy.squares(turned, None) == {"pose_m": pytest.approx(0.0), "pose_rad": pytest.approx(1.0)}
