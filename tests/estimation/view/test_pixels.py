@@ -76,6 +76,19 @@ def test_thinned_points_are_spread_and_keep_what_is_theirs(measurement):
     assert measurement.thinned(3).relative is None
 
 
+@pytest.mark.parametrize("count", [11, 12])
+@pytest.mark.parametrize("most", [2, 5, 6, 12])
+def test_points_that_change_places_are_kept_together(count, most):
+    """Each once, with the one whose place it takes where the target is read from its other end; no half pairs."""
+    places = np.random.default_rng(1).uniform(size=(count, 3)) * [1, 1, 0]
+    every = np.tile(np.arange(float(count)), (1, 1))
+    few = PixelMeasurement(places, np.stack([every, every], -1), every >= 0, every, every).thinned(most, paired=True)
+    kept = few.stated[0].astype(int).tolist()
+    assert len(set(kept)) == len(kept) <= most + most % 2
+    assert {count - 1 - k for k in kept} == set(kept)
+    np.testing.assert_array_equal(few.points_in_target, places[kept])
+
+
 def test_views_are_taken_with_all_that_is_theirs(measurement):
     """In the order asked for."""
     taken = replace(measurement, relative=np.tile(np.arange(3.0)[:, None], (1, 5))).take(np.array([2, 0]))

@@ -46,3 +46,10 @@ def test_arms_without_masses_and_estimated_compliances_have_none():
     light = {name: replace(chain, masses=None) for name, chain in problem.chains.items()}
     assert errors(replace(problem, chains=light), "eye") is None
     assert errors(simulated_problem(replace(SCENARIO, compliance=1e-5, deflection="prior")), "eye") is None
+
+
+def test_each_error_is_a_turn():
+    """That of all joints together, then one of each joint: all of them turn."""
+    found = errors(simulated_problem(SCENARIO), "eye")
+    assert found.by_stop.shape[-1] == 7
+    np.testing.assert_array_equal(found.is_turn, [True] * 7)
