@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.estimation.noise.joint_estimate import estimate_jointly, integrate_sigmas
+from basecal.estimation.noise.joint_estimate import _units, estimate_jointly, integrate_sigmas
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.settings import Settings
@@ -157,3 +157,14 @@ def test_errors_of_kinematics_are_told_apart_and_widen_the_covariance():
         error = (end.state.transforms[name].inverse() @ s.truth[name]).log()
         assert error @ np.linalg.solve(found.covariance[base, base], error) < 20
         assert error @ np.linalg.solve(np.linalg.inv(end.normal.hessian)[base, base], error) > 20
+
+
+def test_errors_of_stated_robots_are_in_metres_already():
+    """Those of one whose sigma is open are in units of it."""
+    s = simulate(Scenario(samples=4, robot_noise=TRUE), 0)
+    problem, _ = build_problem(s.cell, s.recording)
+    units = _units(problem, ["hand"])
+    of_hand = np.array(problem.stops.robot) == "hand"
+    assert sorted(set(of_hand)) == [False, True]
+    np.testing.assert_allclose(units[of_hand], np.tile(np.repeat(TRUE, 3), (of_hand.sum(), 1)))
+    np.testing.assert_array_equal(units[~of_hand], 1.0)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import combinations
+
 import numpy as np
 import pytest
 from tests.shared.kinds import KINDS
@@ -10,7 +12,8 @@ from tests.shared.start_trial import trial
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.start.first_state import first_state, light_states
+from basecal.estimation.start.first_state import _Known, _loop, _unknown, first_state, light_states
+from basecal.estimation.start.pair_views import pair_views
 from basecal.simulation import Scenario, simulate
 
 
@@ -42,3 +45,17 @@ def test_ends_of_a_search_for_a_light() -> None:
     assert len(states) == 12
     board = simulate(Scenario(samples=10), 0)
     assert list(light_states(build_problem(board.cell, board.recording)[0], board.cell, 12)) == []
+
+
+@pytest.mark.parametrize("layout", ["dual", "eye_in_hand", "eye_to_hand"])
+def test_what_is_unknown_of_a_pair_is_what_its_loop_lacks(layout: str) -> None:
+    """Whatever is known already: mounts by their names, bases where both are known."""
+    made = simulate(Scenario(layout=layout, samples=5), 0)
+    problem, _ = build_problem(made.cell, made.recording)
+    (group,) = problem.groups
+    sight = pair_views(group, made.cameras[group.camera], 5, 5)
+    names = sorted(problem.unknowns)
+    for count in range(len(names) + 1):
+        for chosen in combinations(names, count):
+            known = _Known({name: made.truth[name] for name in chosen})
+            assert _unknown(sight, known) == _loop(sight, known).unknown
