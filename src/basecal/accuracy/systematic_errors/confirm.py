@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from basecal.accuracy.systematic_errors.candidates import Candidates
-from basecal.accuracy.systematic_errors.score_tests import Linearised, linearised, score, sums, weighed
+from basecal.accuracy.systematic_errors.score_tests import Linearised, Sums, score_of, sums, weighed
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.geometry import Array, BoolArray, IntArray
 from basecal.numerics.spectral import principal_axes
@@ -27,15 +27,15 @@ def confirmed(of: Situation, candidate: Candidates) -> bool:
 
 def _gain(of: Situation, candidate: Candidates, blocks: IntArray) -> float:
     """How much less minus twice the log likelihood of held-out samples is, summed over blocks of `samples`, (n,)."""
-    total, about = 0.0, linearised(of.problem, of.state)
+    total = 0.0
     for held in _held(blocks):
         outside = [held[of.rank(group)] for group in of.problem.groups]
-        used = weighed(about, [np.where(h, 0.0, 1.0) for h in outside])
-        left = weighed(about, [np.where(h, 1.0, 0.0) for h in outside])
-        size = score(used, candidate).size[0]
-        none = np.zeros(len(size))
-        total += _cost(left, candidate, _step(used, candidate, none), none)
-        total -= _cost(left, candidate, _step(used, candidate, size), size)
+        used = weighed(of.about, [np.where(h, 0.0, 1.0) for h in outside])
+        left = weighed(of.about, [np.where(h, 1.0, 0.0) for h in outside])
+        of_used, of_left = sums(used, candidate), sums(left, candidate)
+        size = score_of(used, of_used).size[0]
+        total += _cost(left, of_left, -used.step, np.zeros(len(size)))
+        total -= _cost(left, of_left, -used.step - used.inverse @ (of_used.across[0].T @ size), size)
     return total
 
 
@@ -44,16 +44,9 @@ def _held(blocks: IntArray) -> Iterator[BoolArray]:
         yield blocks == block
 
 
-def _step(used: Linearised, candidate: Candidates, size: Array) -> Array:
-    """The most likely step of the unknowns, (p,), with an error of a size, (q,)."""
-    across = sums(used, candidate)[1][0]
-    step: Array = -used.step - used.inverse @ (across.T @ size)
-    return step
-
-
-def _cost(left: Linearised, candidate: Candidates, step: Array, size: Array) -> float:
+def _cost(left: Linearised, of_left: Sums, step: Array, size: Array) -> float:
     """Minus twice the log likelihood of views after a step of unknowns and sizes, but for what both have in common."""
-    gradient, across, information = (each[0] for each in sums(left, candidate))
+    gradient, across, information = (each[0] for each in of_left)
     of_step = 2 * left.gradient @ step + step @ left.hessian @ step
     return float(of_step + 2 * gradient @ size + 2 * size @ across @ step + size @ information @ size)
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import chdtrc
@@ -97,6 +98,14 @@ class Linearised:
         return np.asarray(self.inverse @ self.gradient)
 
 
+class Sums(NamedTuple):
+    """Of candidates: gradient (b, q), information with the unknowns (b, q, p) and with one another (b, q, q)."""
+
+    gradient: Array
+    across: Array
+    information: Array
+
+
 def linearised(problem: Problem, state: State) -> Linearised:
     """The problem about a state."""
     normal = linearise(problem, state)
@@ -127,7 +136,12 @@ def weighed(of: Linearised, weights: Sequence[Array]) -> Linearised:
 
 def score(of: Linearised, candidates: Candidates) -> Score:
     """The score tests of errors of one kind."""
-    gradient, across, information = sums(of, candidates)
+    return score_of(of, sums(of, candidates))
+
+
+def score_of(of: Linearised, known: Sums) -> Score:
+    """As `score`, from sums that are known."""
+    gradient, across, information = known
     tied = np.flatnonzero(across.any((0, 1)))  # of a hundred robots an error meets the unknowns of a few
     across = across[..., tied]
     gradient = gradient - across @ of.step[tied]
@@ -142,7 +156,7 @@ def _tested(gradient: Array, left: Array, whole: Array) -> Score:
     return Score(gradient, left, of.mahalanobis_squared(gradient), of.rank, sizes)
 
 
-def sums(of: Linearised, candidates: Candidates) -> tuple[Array, Array, Array]:
+def sums(of: Linearised, candidates: Candidates) -> Sums:
     """Gradient (b, q), information with the unknowns (b, q, p) and with one another (b, q, q), stops eliminated."""
     b, q = len(candidates.about), candidates.sizes
     gradient, information = np.zeros((b, q)), np.zeros((b, q, q))
@@ -173,4 +187,4 @@ def sums(of: Linearised, candidates: Candidates) -> tuple[Array, Array, Array]:
         across -= (flat.T @ system.solution[:, :-1]).reshape(b, q, -1)
         of_stops = np.moveaxis(flat.reshape(-1, b, q), 0, 1)
         information -= of_stops.mT @ np.moveaxis(solved.reshape(-1, b, q), 0, 1)
-    return gradient, across, information
+    return Sums(gradient, across, information)

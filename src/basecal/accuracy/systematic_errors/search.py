@@ -159,12 +159,11 @@ def _without(solution: Solution, of: Situation, suspect: _Suspect) -> Solution:
 
 def _suspects(of: Situation) -> list[_Suspect]:
     """Errors that chance hardly makes, the least likely first, one of each code and name."""
-    about = linearised(of.problem, of.state)
     tests: Counter[str] = Counter()
     unlikely = []
     for kind in (kind for row in TABLE for kind in row(of)):  # one at a time: all together take much memory
         tests[kind.code] += len(kind.about)
-        scores = score(about, kind)
+        scores = score(of.about, kind)
         for b in map(int, np.flatnonzero(scores.log_chance < np.log(_SUSPECT))):
             alone = float(scores.log_chance[b])
             unlikely.append(_Suspect(kind.only(b), scores.size[b], int(scores.freedoms[b]), alone, 0.0))

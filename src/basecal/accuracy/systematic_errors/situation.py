@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from basecal.accuracy.systematic_errors.score_tests import Linearised, linearised
 from basecal.estimation.problem.problem import Chain, Problem, State, ViewGroup, chain
 from basecal.geometry import SE3, Array, IntArray
 
@@ -33,6 +34,11 @@ class Situation:
     state: State
     recorded: Problem
     stamps: Mapping[int, float]
+
+    @cached_property
+    def about(self) -> Linearised:
+        """The problem about its state."""
+        return linearised(self.problem, self.state)
 
     @cached_property
     def links(self) -> tuple[Chain, ...]:
