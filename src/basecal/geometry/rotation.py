@@ -46,7 +46,7 @@ def exp_coefficients(angle: Array, count: int = 3) -> Array:
     """
     largest = angle.max(initial=0.0)
     all_small = bool(largest < _SERIES_BELOW)
-    small = angle < _SERIES_BELOW
+    small = all_small or angle < _SERIES_BELOW
     x2 = angle * angle if all_small else np.where(small, angle * angle, 0.0)
     terms = _FEW_TERMS if largest < _FEW_TERMS_BELOW else len(_RECIPROCALS)
     coefficients = _RECIPROCALS[:terms, :count].reshape(-1, count, *[1] * angle.ndim)

@@ -161,17 +161,16 @@ class SE3:
         if x.shape[-1:] != (6,):
             raise InputError(f"xi has shape {x.shape}, expected (..., 6)")
         v, w = x[..., :3], x[..., 3:]
-        angle = lengths(w)
-        a, b, c = exp_coefficients(angle)
-        square, along, crossed = angle * angle, np.einsum("...i,...i->...", v, w), hat(w)
-        scaled_w = b[..., None] * w
-        rotation = a[..., None, None] * crossed
-        rotation += scaled_w[..., :, None] * w[..., None, :]
-        translation = (1 - c * square)[..., None] * v
-        translation += (c * along)[..., None] * w
-        translation += b[..., None] * (crossed @ v[..., None])[..., 0]
-        rotation = with_identity(rotation, 1 - b * square)
-        return cls.adopt(rotation, translation)
+        a, b, c = exp_coefficients(lengths(w))[..., None, None]
+        cross, column = hat(w), x[..., :3, None]
+        square = cross @ cross
+        moved = c * (square @ column)
+        moved += b * (cross @ column)
+        translation = v + moved[..., 0]
+        square *= b
+        cross *= a
+        square += cross
+        return cls.adopt(with_identity(square, np.ones(square.shape[:-2])), translation)
 
     @classmethod
     def stack(cls, transforms: list[SE3]) -> SE3:

@@ -78,3 +78,18 @@ def test_refining_never_raises_a_cost():
     costs = np.array([refined(chords, start, None, k).cost for k in range(6)])
     assert np.all(np.diff(costs, axis=0) <= 0)
     assert np.mean(costs[-1] < 0.01 * costs[0]) >= 0.95
+
+
+def test_without_steps_poses_are_those_of_the_closed_form():
+    """Of exact directions exact; of noisy ones near, and no better than refined; either with its own information."""
+    pose = tilted(12, 0.7)
+    exact = seen_from(pose, FLAT)
+    found = view_poses(FLAT, exact.bearings_in_camera, exact.weight > 0, exact, iterations=0)
+    assert np.abs((pose.inverse() @ found.camera_from_target[:, 0]).log()).max() < 1e-8
+    noisy = seen_from(pose, FLAT, 5e-4)
+    rough = view_poses(FLAT, noisy.bearings_in_camera, noisy.weight > 0, noisy, iterations=0)
+    assert np.all(poses_of(noisy).cost[:, 0] <= rough.cost[:, 0])
+    off = (poses_of(noisy).camera_from_target[:, 0].inverse() @ rough.camera_from_target[:, 0]).log()
+    assert 0 < np.abs(off).max() < 0.05
+    of_best = noisy.linearise(rough.camera_from_target[:, 0], None, False)
+    np.testing.assert_allclose(rough.information, of_best.information)

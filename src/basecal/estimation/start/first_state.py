@@ -80,7 +80,7 @@ def first_state(problem: Problem, cell: Cell, thorough: bool) -> State:
     Args:
         problem: The problem.
         cell: Where the lenses and what is known of them stand.
-        thorough: Use many views, and search even where a closed form seems clear.
+        thorough: Use many views, their poses refined, and search even where a closed form seems clear.
     """
     found = first_states([problem], cell, thorough)[0]
     if isinstance(found, Exception):
@@ -113,6 +113,7 @@ def _search(problem: Problem, cell: Cell, thorough: bool) -> _Search[State]:
     """Pair after pair; it asks for the starts of a pair to be refined and is told the best."""
     cameras = lenses(problem, cell)
     most = _MANY if thorough else _FEW
+    # Refined, views' poses lead to a start from which a descent is no shorter.
     poses_of = view_poses if thorough else partial(view_poses, iterations=0)
     waiting = [pair_views(g, cameras.get(g.camera), *most, poses_of) for g in problem.groups if len(g)]
     sights = tuple(waiting)
