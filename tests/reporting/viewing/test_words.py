@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from basecal.accuracy.residuals.without_samples import WithoutSamples, without_samples
@@ -29,11 +31,12 @@ def test_the_answer_beside_the_run(made) -> None:
     cell, calibration = made
     whole = without_samples(cell.cell, cell.recording, calibration, ())
     first, base, *_ = answer_words(cell.cell, calibration, whole, ()).splitlines()
-    assert first == "with all samples"
+    assert first == "run: good; with all samples"
+    assert re.match(r"eye_base_from_hand_base to [\d.]+ mm and [\d.]+ deg \(1 sigma\); ", base)
     assert base.endswith("0.000 mm and 0.0000 deg from the run")
     less = without_samples(cell.cell, cell.recording, calibration, {2})
     first, base, *_ = answer_words(cell.cell, calibration, less, {2}).splitlines()
-    assert first == "without 1 sample"
+    assert first == "run: good; without 1 sample"
     assert not base.endswith("0.000 mm and 0.0000 deg from the run")
 
 

@@ -80,8 +80,7 @@ def _build(ui: Any, beside: Any, viewed: Viewed) -> None:
         """Show a sample."""
         number = numbers[int(place)]
         said.text = sample_words(number, choice.calibration.residuals.per_sample, choice.left_out)
-        for camera, source in (await beside(_pictures, viewed, number)).items():
-            pictures[camera].set_source(source)
+        _show(pictures, await beside(_pictures, viewed, number))
 
     async def choose(name: str) -> None:
         """Take another run."""
@@ -95,7 +94,8 @@ def _build(ui: Any, beside: Any, viewed: Viewed) -> None:
         await renew()
 
     with ui.column().style("max-width: 1100px; margin: auto; width: 100%"):
-        ui.select(list(viewed.runs), value=choice.run, label="run", on_change=lambda e: choose(e.value))
+        label = f"run of {viewed.folder.resolve().name}"
+        ui.select(list(viewed.runs), value=choice.run, label=label, on_change=lambda e: choose(e.value))
         answer = ui.label().style("white-space: pre-line; font-size: 1.1rem; overflow-wrap: anywhere")
         ui.label("sample").style("color: #555")
         slider = ui.slider(min=0, max=max(len(numbers) - 1, 1), value=0, on_change=lambda e: look(e.value))
@@ -108,6 +108,14 @@ def _build(ui: Any, beside: Any, viewed: Viewed) -> None:
                 box = ui.checkbox(str(number), value=True)
                 box.on_value_change(lambda e, number=number: toggle(number, e.value))
     ui.timer(0.1, lambda: choose(choice.run), once=True)
+
+
+def _show(pictures: Mapping[str, Any], sources: Mapping[str, str]) -> None:
+    """Pictures by camera, and no room for those that are not there."""
+    for camera, picture in pictures.items():
+        picture.set_visibility(camera in sources)
+        if camera in sources:
+            picture.set_source(sources[camera])
 
 
 def _answer(viewed: Viewed, calibration: Calibration, left_out: frozenset[int]) -> str:

@@ -27,14 +27,14 @@ def sample_words(number: int, residuals: Sequence[SampleResidual], left_out: Col
 def answer_words(cell: Cell, calibration: Calibration, found: WithoutSamples, left_out: Collection[int]) -> str:
     """The answer without some samples, and how far that is from the run's."""
     many = f"without {len(left_out)} sample{'s' if len(left_out) > 1 else ''}" if left_out else "with all samples"
-    lines = [many if found.converged else f"{many}: no optimum was found"]
+    lines = [f"run: {calibration.verdict}; {many}{'' if found.converged else ': no optimum was found'}"]
     for name in cell.asked:
         if name not in found.transforms:
             lines.append(f"{name}: not every direction of it is seen")
             continue
         estimate = found.transforms[name]
         sigma_mm, sigma_deg = (float(np.linalg.norm(each)) for each in (1e3 * estimate.sigma_t, estimate.sigma_r))
-        line = f"{name}: +-{sigma_mm:.2f} mm {math.degrees(sigma_deg):.3f} deg"
+        line = f"{name} to {sigma_mm:.2g} mm and {math.degrees(sigma_deg):.2g} deg (1 sigma)"
         if name in calibration.transforms:
             apart = (calibration[name].mean.inverse() @ estimate.mean).log()
             moved_mm, moved_deg = 1e3 * np.linalg.norm(apart[:3]), np.degrees(np.linalg.norm(apart[3:]))
