@@ -150,6 +150,7 @@ def test_loops_are_those_of_the_recorded_poses():
     assert fit.loop_rms_m == pytest.approx(3e-4 * np.sqrt(6), rel=0.25)
 
 
+@pytest.mark.slow
 def test_noise_of_robots_that_state_none_is_in_the_answer():
     """Robots off by 0.3 mm and 0.5 mrad, untold: good, with their sigmas; taken at their word: doubtful and scaled."""
     s = simulate(Scenario(robot_noise=(3e-4, 5e-4), state_robot_noise=False, samples=25), seed=0)

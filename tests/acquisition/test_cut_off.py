@@ -7,7 +7,8 @@ import pytest
 from shared.kill_trial import kill_trial
 
 
-@pytest.mark.parametrize(("samples", "kills"), [(2, 1), pytest.param(12, 40, marks=pytest.mark.slow)])
+@pytest.mark.slow  # that each sample is written when it is told is tried without kills by test_capture
+@pytest.mark.parametrize(("samples", "kills"), [(2, 2), (12, 40)])
 def test_nothing_that_was_told_is_lost(tmp_path, samples, kills):
     """Killed at random instants, every sample told of is there, none comes twice, the end is as if nobody had."""
     trial = kill_trial(tmp_path, samples, kills, seed=1)

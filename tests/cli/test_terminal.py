@@ -63,7 +63,7 @@ def run(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
 @pytest.mark.parametrize(
     ("command", "said"),
     [
-        ("basecal simulate CELL --samples 3 --json >&-", "stdout: cannot be written to, it is closed"),
+        ("basecal new CELL >&-", "stdout: cannot be written to, it is closed"),
         ("basecal simulate CELL --samples 3 --json >/dev/full", "No space left on device"),
     ],
 )
@@ -78,7 +78,7 @@ def test_an_answer_that_goes_nowhere_is_an_error(command: str, said: str, tmp_pa
 def test_without_an_error_stream(tmp_path: Path) -> None:
     """The answer does not need it, and an error has its exit code."""
     assert run("basecal simulate CELL --samples 3 --json 2>&-", tmp_path).returncode == 0
-    assert run("basecal simulate CELL --samples 3 --json 2>&-", tmp_path).returncode == 3
+    assert run("basecal new CELL 2>&-", tmp_path).returncode == 3
 
 
 def test_names_of_images_do_not_steer_a_terminal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

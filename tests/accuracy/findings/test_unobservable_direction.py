@@ -22,6 +22,7 @@ from basecal.cell import Calibration, Recording, RobotState
 from basecal.estimation.settings import DEFAULT, Settings
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, SimulatedCell, simulate
+from quick import quick
 
 BASE, CAMERA, BOARD = "eye_base_from_hand_base", "eye_flange_from_wrist", "hand_flange_from_board"
 SEEN = {"charuco": Scenario(samples=20), "led": Scenario(samples=30, target="led")}
@@ -38,7 +39,7 @@ def calibrated(made: SimulatedCell, settings: Settings = EXACT) -> Calibration:
     return calibrate(made.cell, made.recording, settings)
 
 
-@pytest.mark.parametrize("target", SEEN)
+@pytest.mark.parametrize("target", quick(SEEN, ["charuco"]))
 def test_general_motion_is_good(target):
     """Both arms turning about every axis: good, whatever is seen."""
     assert calibrated(recorded(SEEN[target], 3), DEFAULT).verdict == "good"

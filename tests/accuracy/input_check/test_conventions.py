@@ -42,8 +42,8 @@ def named(calibration):
         (BOARD, "eye inverted", "robot-pose-inverted", ("eye",)),
         (BOARD, "robots in mm", "length-unit", ("eye", "hand")),
         (BOARD, "everything in mm", "length-unit", ("eye", "hand")),
-        (BOARD, "target times", "board-size", ("board",)),
-        (BOARD, "focal length", "intrinsics", ("wrist",)),
+        pytest.param(BOARD, "target times", "board-size", ("board",), marks=pytest.mark.slow),  # as in mistakes
+        pytest.param(BOARD, "focal length", "intrinsics", ("wrist",), marks=pytest.mark.slow),
         (POSES, "target mirrored", "mirrored", ()),
         (LIGHT, "eye in mm", "length-unit", ("eye",)),
         *(
