@@ -427,7 +427,6 @@ DECIDES_NOTHING = {
     "geometry/rotation.py": "the rotation nearest to a matrix",
     "estimation/certificate/relaxation.py": "smallest eigenvalues, which are the bound itself",
     "estimation/certificate/view_rotation.py": "the rotation nearest to a matrix, and a curvature's least eigenvalue",
-    "estimation/start/closed_form.py": "a product's two factors",
     "reporting/cell_view/picture.py": "a line drawn",
     "reporting/cell_view/scene.py": "an ellipsoid drawn",
     "vision/fit/local_map.py": "the vector that rows map nearest to zero",

@@ -15,6 +15,9 @@ from basecal.geometry import SE3, Array
 from basecal.geometry.rotation import lengths, nearest_rotation
 from basecal.numerics.spectral import least_norm, null_vector
 
+_ROUNDS = 6  # of the power method
+_NOTHING = 1e-300  # keeps quotients of zeros finite
+
 
 class Loop(NamedTuple):
     """The six factors at n samples; an X, Y or Z not known is None.
@@ -99,11 +102,23 @@ def _three(a: Array, b: Array, c: Array, weight: Array) -> Rotations:
     sign = np.sign(np.linalg.det(_unvec(null.vector[81:]))) or 1.0
     product = sign * null.vector[:81].reshape(9, 9).T
     by_factor = product.reshape(3, 3, 3, 3).transpose(0, 2, 1, 3).reshape(9, 9)
-    u, _, vt = np.linalg.svd(by_factor)
-    x_t, y_t = u[:, 0].reshape(3, 3), vt[0].reshape(3, 3)
+    x_t, y_t = (of.reshape(3, 3) for of in _factors(by_factor))
     sign = np.sign(np.linalg.det(x_t)) or 1.0
     x, y = nearest_rotation(sign * np.stack([x_t, y_t])).mT
     return Rotations(x, y, mean_rotation(_t(y @ c) @ a @ x @ b, weight), null.unique)
+
+
+def _factors(product: Array) -> tuple[Array, Array]:
+    """Vectors, (m,) and (k,), whose product is nearest to (m, k), but for their sizes: by the power method.
+
+    Where all three rotations are clear the product is of rank one but for noise, of which each round leaves the square.
+    """
+    second = product[np.argmax(np.einsum("mk,mk->m", product, product))]
+    for _ in range(_ROUNDS):
+        first = product @ second
+        second = first @ product
+        second /= np.maximum(lengths(second), _NOTHING)
+    return product @ second, second
 
 
 def _three_squares(a: Array, b: Array, c: Array, weight: Array) -> Array:

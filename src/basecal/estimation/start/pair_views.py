@@ -59,7 +59,11 @@ class PairViews:
     def nearer(self, triple: tuple[SE3, SE3, SE3]) -> IntArray:
         """Which of each view's two poses lies nearer to what X, Y and Z predict, (n,)."""
         assert self.candidates is not None
-        agreement = np.einsum("nij,nkij->nk", self.predicted(triple).rotation, self.candidates.rotation)
+        x, y, z = (of.rotation for of in triple)
+        g = self.group
+        to_target = y @ g.hand_base_from_hand_flange.rotation @ z
+        predicted = (g.eye_base_from_eye_flange.rotation @ x).mT @ to_target
+        agreement = np.einsum("nij,nkij->nk", predicted, self.candidates.rotation)
         return np.asarray(np.argmax(agreement, axis=-1), dtype=np.int64)
 
 
@@ -80,7 +84,9 @@ def pair_views(
     """
     total = len(group)
     count = min(total, views)
-    few = group.take((np.arange(count) * ((total - 1) / max(count - 1, 1))).round().astype(np.int64))
+    few = replace(group, readings=()).take(
+        (np.arange(count) * ((total - 1) / max(count - 1, 1))).round().astype(np.int64)
+    )
     measurement = few.measurement
     if isinstance(measurement, PoseMeasurement):
         pose = measurement.measured_camera_from_target
