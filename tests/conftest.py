@@ -15,6 +15,7 @@ def pytest_collection_finish():
     """Leave what was imported and collected out of garbage collection: going through it again takes a tenth."""
     gc.collect()
     gc.freeze()
+    gc.set_threshold(20_000, 20, 20)  # hypothesis counts each collection, and little of what tests make is garbage
     gc.enable()
 
 

@@ -21,7 +21,11 @@ from basecal.simulation.testbed import simulate
 
 @pytest.mark.parametrize(
     ("arms", "robot_noise", "intrinsics"),
-    [("both", (3e-4, 5e-4), "free"), ("stations", (3e-4, 5e-4), "fixed"), ("stations", (0.0, 0.0), "free")],
+    [
+        ("both", (3e-4, 5e-4), "free"),
+        ("stations", (3e-4, 5e-4), "fixed"),
+        pytest.param("stations", (0.0, 0.0), "free", marks=pytest.mark.slow),
+    ],
 )
 def test_stored_calibration_gives_its_own_rms(arms: Arms, robot_noise: tuple[float, float], intrinsics: Status) -> None:
     """The rms over points, from the stored numbers alone, is the one the solver found, also with robots' noise."""

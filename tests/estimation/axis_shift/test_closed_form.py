@@ -14,6 +14,7 @@ from basecal.estimation.axis_shift.closed_form import base_of_station, estimate,
 from basecal.estimation.axis_shift.stations import find_stations, for_task, fused
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
+from basecal.estimation.solve import solve
 from basecal.estimation.start.first_state import lenses
 from basecal.geometry import SE3, Camera
 from basecal.geometry.rotation import nearest_rotation
@@ -160,8 +161,8 @@ def test_the_closed_form_starts_the_general_solver():
         pixel_px=0.1,
     )
     name = "eye_base_from_hand_base"
-    by_shifts = calibrate(simulated.cell, simulated.recording, Settings(start="axis-shift"))[name].mean
-    unguessed = calibrate(simulated.cell, simulated.recording)[name].mean
+    by_shifts = solve(simulated.cell, simulated.recording, Settings(start="axis-shift")).transforms[name].mean
+    unguessed = solve(simulated.cell, simulated.recording).transforms[name].mean
     assert np.abs((by_shifts.inverse() @ unguessed).log()).max() < 1e-8
 
 
