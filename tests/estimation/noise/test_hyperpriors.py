@@ -44,7 +44,7 @@ def test_errors_in_common_go_by_stops_or_stand_by_themselves():
     over = hyperpriors(model, REACH_M, CommonPrior((2.5, 2.0)))
     np.testing.assert_allclose(np.exp(over.start[5:]), [3.75e-4, 7.5e-4, 6e-4, 7.5e-4], rtol=1e-9)
     alone = hyperpriors(model, REACH_M, KINEMATICS)
-    np.testing.assert_allclose(np.exp(alone.start[5:]), [6e-5, 3e-4] * 2, rtol=1e-9)
+    np.testing.assert_allclose(np.exp(alone.start[5:]), [1.6e-4, 8e-4] * 2, rtol=1e-9)
     raised = alone.start + np.log(10) * np.repeat([1.0, 0.0], [5, 4])
     plain = hyperpriors(_model(), REACH_M)
     worse = alone.value(raised)[0] - plain.value(raised[:5])[0]
