@@ -61,6 +61,7 @@ def test_other_inputs_settings_and_transforms_are_told() -> None:
     assert found.inputs == ("recording/samples.jsonl",)
     assert found.settings == {"start": ("closed", "thorough")}
     assert found.only == {"eye_flange_from_wrist": 1}
+    assert compare(other, first).only == {"eye_flange_from_wrist": 0}
 
 
 def test_nothing_in_common_cannot_be_told() -> None:

@@ -14,10 +14,11 @@ from basecal.cell import Recording, Unknown
 from basecal.cell.robot_parameters import joint_offsets
 from basecal.errors import InputError
 from basecal.estimation.least_squares.normal_equations import linearise
+from basecal.estimation.noise.estimate import degrees_of_freedom
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.settings import Settings
-from basecal.estimation.solve import integrated, solve, solve_at_mode
+from basecal.estimation.solve import _plausible, integrated, solve, solve_at_mode
 from basecal.geometry import SE3, Camera
 from basecal.simulation import Scenario, simulate
 from basecal.simulation.shifts import simulate_shifts
@@ -242,3 +243,13 @@ def test_sigmas_that_are_sure_leave_the_covariance_as_it_is_observable(monkeypat
         monkeypatch.setattr("basecal.estimation.solve.integrate_sigmas", lambda *_, known=sure: known)
         added = (integrated(found).covariance - found.observability.inverse) / np.outer(sigma, sigma)
         np.testing.assert_allclose(added, more * at_mode / np.outer(sigma, sigma), atol=1e-4)
+
+
+def test_other_starts_are_tried_where_residuals_are_no_noise():
+    """Of eight sigmas where all were stated, of eight pixels where none was; of two of either none is."""
+    for stated in (True, False):
+        made = simulate(Scenario(samples=4, state_pixel_noise=stated), 0)
+        problem, _ = build_problem(made.cell, made.recording)
+        dof = degrees_of_freedom(problem)
+        assert _plausible(problem, 2.0**2 * dof)
+        assert not _plausible(problem, 8.0**2 * dof)

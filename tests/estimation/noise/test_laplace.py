@@ -27,6 +27,16 @@ def test_integrating_over_sigmas_widens_the_covariance():
     assert np.trace(whole[:6, :6]) > 1.02 * np.trace(found.at_mode.covariance[:6, :6])
 
 
+def test_models_count_by_how_much_likelier_one_is():
+    """However unlikely both are: of two alike the covariance is that of either."""
+    model = mixed_model(*at_truth(NOISY), ROBOTS)
+    found = sigma_posterior(model, hyperpriors(model, dict.fromkeys(ROBOTS, 0.5)))
+    alone = integrated_covariance([found], found.at_mode.step)
+    for surprise in (-1e5, 0.0, 1e5):
+        both = [replace(found, surprise=surprise), replace(found, surprise=surprise)]
+        np.testing.assert_allclose(integrated_covariance(both, found.at_mode.step), alone, rtol=1e-9)
+
+
 @pytest.mark.parametrize(("samples", "seed"), quick([(4, 2), (5, 3)], [(4, 2)]))
 def test_tails_of_few_stops_are_integrated(samples, seed):
     """The covariance is that of 1,500 nodes weighed by prior and likelihood of the sigmas, to a tenth.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from tests.shared.real_recordings import example
 from basecal.cell import CellCamera
 from basecal.cell.cell import Intrinsics, Unknown
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.start.lens import guessed_lens, lens_from_views
+from basecal.estimation.start.lens import _worth_bending, guessed_lens, lens_from_views
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Camera
 
@@ -69,3 +70,10 @@ def test_few_views_of_a_lens_that_bends_much():
     problem, _ = build_problem(cell, few)
     lens = lens_from_views(cell.cameras["camera"], [group.measurement for group in problem.groups])
     np.testing.assert_allclose(lens.focal, 772, rtol=0.05)
+
+
+def test_each_focal_length_goes_on_once_and_none_that_hardly_fits():
+    """The best of those alike to a thousandth, and what fits a hundred times worse not at all."""
+    focal, cost = np.array([900.0, 901.0, 700.0, 500.0, 300.0]), np.array([2.0, 1.0, 30.0, 101.0, np.nan])
+    rough = SimpleNamespace(cost=cost, state=SimpleNamespace(camera=SimpleNamespace(focal=focal[:, None])))
+    assert _worth_bending(rough).tolist() == [1, 2]
