@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.stats import chi, norm
 
-from basecal.accuracy.expected_error import ExpectedError, check_tolerance, length_quantile, length_quantiles
+from basecal.accuracy.expected_error import ExpectedError, _places, check_tolerance, length_quantile, length_quantiles
 from basecal.accuracy.fit_details import fit_details
 from basecal.accuracy.verdict import calibrate
+from basecal.estimation.problem.build import build_problem
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
@@ -124,3 +126,15 @@ def test_tolerances(dual):
     assert not check(5e-4, found=[]).passed
     assert check(5e-4, found=[]).expected_m is None
     assert check(3e-4).expected_m == 4e-4
+
+
+def test_a_target_seen_only_as_poses_is_used_at_its_origin():
+    """Of no shape, its mount is looked at in one point of space; a board's at all of its points."""
+    for target, count in (("pose", 1), ("charuco", 36)):
+        made = simulate(Scenario(samples=4, target=target), 0)
+        if target == "pose":
+            targets = {name: replace(of, target=None) for name, of in made.cell.targets.items()}
+            made = replace(made, cell=replace(made.cell, targets=targets))
+        problem, _ = build_problem(made.cell, made.recording)
+        (places,) = _places("hand_flange_from_board", made.cell, SimpleNamespace(problem=problem))
+        assert places.shape == (count, 3)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.input_check.hypothesis_fit import fit_hypothesis
-from basecal.accuracy.input_check.noise_evidence import noise_evidence
+from basecal.accuracy.input_check.noise_evidence import _scatter_gain, noise_evidence
 from basecal.accuracy.input_check.rewriting import with_pixels
 from basecal.accuracy.input_check.target_sizes import target_size
 from basecal.estimation.settings import Settings
@@ -82,3 +82,18 @@ def test_hypotheses_of_other_views_are_not_compared():
     fewer = replace(made.recording, samples=made.recording.samples[:-1])
     whole, part = (fit_hypothesis(made.cell, of, STATED) for of in (made.recording, fewer))
     assert noise_evidence(part, whole) is None
+
+
+@pytest.mark.parametrize("stated", [True, False])
+def test_points_in_space_speak_for_the_size_about_which_they_scatter_less(stated):
+    """The true size gains over one a hundredth off what that loses over it, and nothing over itself."""
+    made = simulate(Scenario(samples=6, target="points3d", state_pixel_noise=stated), 0)
+    if not stated:
+        unstated = [replace(o, sigma_m=None) for s in made.recording.samples for o in s.observations]
+        samples = [replace(s, observations=(o,)) for s, o in zip(made.recording.samples, unstated, strict=True)]
+        made = replace(made, recording=replace(made.recording, samples=tuple(samples)))
+    wrong = target_size("board", 1.01, made.cell).apply(made.cell, made.recording)[0]
+    right, off = (fit_hypothesis(cell, made.recording, STATED).solution for cell in (made.cell, wrong))
+    assert _scatter_gain(right, right) == 0.0
+    assert _scatter_gain(right, off) > 10
+    assert _scatter_gain(off, right) == pytest.approx(-_scatter_gain(right, off))
