@@ -176,3 +176,10 @@ def test_poses_that_fit_nothing_are_not_good():
     found = calibrate(made.cell, wild)
     assert found.verdict != "good"
     assert {f.code for f in found.findings} <= {"poor-fit", "unobservable-direction", "not-converged"}
+
+
+@pytest.mark.parametrize(("samples", "can"), [(5, False), (6, True)])
+def test_two_of_three_folds_leave_more_equations_than_unknowns(samples, can):
+    """Of measured poses, six equations each for 18 unknowns: by a quarter more from six of them."""
+    made = simulate(Scenario(samples=samples, target="pose"), 0)
+    assert conventions._can_hold_out(build_problem(made.cell, made.recording)[0]) == can

@@ -128,3 +128,12 @@ def test_priors_are_forgotten_and_what_is_fixed_is_not():
     assert {name: u.status for name, u in alone.unknowns.items()} == {
         name: "free" if name == MOUNT else "fixed" for name in problem.unknowns
     }
+
+
+def test_units_are_a_distance_a_radian_a_focal_length_and_a_large_distortion():
+    """Sigmas of a thousandth of 2 m, 1 rad, 1000 px and a term of 10 are alike; one ten times as large is so."""
+    sigmas = 1e-3 * np.repeat([DISTANCE_M, 1.0, 1000.0, 10.0], [3, 3, 4, 4])
+    assert seen_with(sigmas[:6], lens=sigmas[6:]).condition == pytest.approx(1.0)
+    for k in range(14):
+        wider = np.where(np.arange(14) == k, 10.0, 1.0) * sigmas
+        assert seen_with(wider[:6], lens=wider[6:]).condition == pytest.approx(10.0)
