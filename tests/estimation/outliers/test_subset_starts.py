@@ -10,7 +10,7 @@ from tests.pose_problem import pose_problem
 
 from basecal.cell.targets.chessboard import chessboard_target
 from basecal.estimation.outliers import subset_starts
-from basecal.estimation.outliers.subset_starts import score, subset_states
+from basecal.estimation.outliers.subset_starts import _size, score, subset_states
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.geometry import SE3
@@ -84,3 +84,12 @@ def test_nothing_seen_is_the_worst_score():
     """No view explains nothing."""
     problem, state = pose_problem(np.zeros((0, 6)), np.ones(6))
     assert score(problem, state, True) == np.inf
+
+
+@pytest.mark.parametrize("target", ["pose", "charuco"])
+def test_a_subset_holds_every_unknown_and_few_others(target):
+    """Of forty samples of six equations each, for 18 unknowns: three to ten, to be free of outliers."""
+    made = simulate(Scenario(samples=40, target=target), 0)
+    problem, _ = build_problem(made.cell, made.recording)
+    assert problem.width == 18
+    assert 3 <= _size(problem, np.arange(40)) <= 10
