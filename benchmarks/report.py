@@ -321,17 +321,23 @@ most {100 * outliers.MOST_LOST:.0f} % of the clean samples and of the clean poin
 
 def _mutants(result: Result) -> str:
     runs = result["runs"]
-    sampled = "; ".join(
-        f"{sum(run['mutants'].values())} of {', '.join(run['packages'])} (seed {run['seed']}, commit {run['commit']})"
-        for run in runs
-    )
-    about = f"""\
+    about = """\
 One expression of one file changed at a time: does a test of its own room fail? Mutants are drawn from all that there
-are: {sampled}.
-Asked: 90 % of those that are not equivalent. What survived was looked at one by one. Where tests were written for it
-the run was judged again (`--again`), so that a new sample shows less."""
-    tables = table(mutants.HEAD, mutants.rows(runs)), table(mutants.HEAD_OF_SURVIVORS, mutants.survivors(runs))
-    return "\n\n".join((about, *tables))
+are in these packages. Asked: 90 % of those that are not equivalent. What survived was looked at one by one; where it
+showed a gap a test was written, and the survivors were judged again (`--again`). Mutants of a later sample are those
+that no test was written for."""
+    parts = [about]
+    for run in runs:
+        parts += [_about_run(run), table(mutants.HEAD, mutants.rows(run))]
+    return "\n\n".join((*parts, table(mutants.HEAD_OF_SURVIVORS, mutants.survivors(runs))))
+
+
+def _about_run(run: Result) -> str:
+    judged, short = sum(run["mutants"].values()), run.get("by_own_tests_alone", 0)
+    drawn = f"{judged} of {run['drawn']} drawn" if run.get("drawn", judged) > judged else f"{judged} drawn"
+    left = f"; {short} that the tests of their own name left count as survived, the rest of their room not run"
+    again = f"; survivors judged again at commit {run['again']}" if "again" in run else ""
+    return f"Seed {run['seed']}, commit {run['commit']}, {drawn}{left if short else ''}{again}:"
 
 
 def _bag(result: Result) -> str:
