@@ -41,7 +41,8 @@ def test_models_count_by_how_much_likelier_one_is():
 def test_tails_of_few_stops_are_integrated(samples, seed, nodes):
     """The covariance is that of many nodes weighed by prior and likelihood of the sigmas, to a tenth.
 
-    Those differ by 3 % among themselves, of five stops with 4,000; nodes at one distance from the mode are short by a fifth here.
+    Those differ by 3 % among themselves, of five stops with 4,000; nodes at one distance from the mode are short by a
+    fifth here.
     """
     model = mixed_model(*at_truth(replace(NOISY, samples=samples), seed), ROBOTS)
     prior = hyperpriors(model, dict.fromkeys(ROBOTS, 0.5))
