@@ -106,9 +106,9 @@ is stated, but for `x 0.3` and `x 3`: normal errors, and sigmas so many times th
 kind. Asked: {100 * semi_synthetic.LEAST:g} to {100 * semi_synthetic.MOST:g} % of 300 held (of fewer as many
 standard errors from 95 %); of sigmas that are not so no coverage, but the finding in
 {100 * semi_synthetic.NAMED:.0f} %, and too small ones never good. The answer of rct_10x10, here the truth, has a lens
-whose p1 is 3.5 sigmas from what real lenses have, by which a free lens is held. Errors that are smooth in the arms' poses are
-dealt out like others and thus in no draw, while covariances keep them open, as halves of the recordings themselves need it:
-where rows hold more than asked, this is why."""
+whose p1 is 3.5 sigmas from what real lenses have, by which a free lens is held. Errors that are smooth in the arms'
+poses are dealt out like others and thus in no draw, while covariances keep them open, as halves of the recordings
+themselves need it: where rows hold more than asked, this is why."""
     rows = (row for found in result["rows"] for row in semi_synthetic.rows(found))
     return f"{about}\n\n{table(semi_synthetic.HEAD, rows)}"
 
