@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import f as fisher
 from scipy.stats import ttest_1samp
 
-from basecal.accuracy.lens_structure import _bending, _by_pose, _chance, lens_structures
+from basecal.accuracy.lens_structure import _bending, _by_pose, _chance, _estimated, lens_structures
 from basecal.accuracy.verdict import calibrate
 from basecal.accuracy.widening import widened
 from basecal.estimation.problem.build import build_problem
@@ -117,3 +117,15 @@ def test_derivatives_to_the_pose():
     _, by_point, _ = camera.project_with_derivatives(at)
     numeric = np.stack([(pixels(1e-6 * e) - pixels(-1e-6 * e)) / 2e-6 for e in np.eye(6)], axis=-1)
     np.testing.assert_allclose(_by_pose(by_point, camera_from_target, points), numeric, atol=1e-3)
+
+
+def test_what_known_columns_explain_is_none_of_the_others():
+    """Sizes of the others, and the chance of what they explain, are the same whatever the known ones' share."""
+    rng = np.random.default_rng(0)
+    known, columns, sizes = rng.normal(size=(8, 6, 2)), rng.normal(size=(8, 6, 3)), np.array([0.5, -1.0, 2.0])
+    residual = columns @ sizes + rng.normal(size=(8, 6))
+    found, chance = _estimated(residual, known, columns)
+    shared = _estimated(residual + known @ np.array([30.0, -20.0]), known, columns)
+    np.testing.assert_allclose(shared[0], found, rtol=1e-9)
+    assert shared[1] == pytest.approx(chance, rel=1e-6)
+    np.testing.assert_allclose(found, sizes, atol=0.7)

@@ -9,7 +9,7 @@ import pytest
 
 from basecal.accuracy.input_check.hypotheses import resized
 from basecal.accuracy.input_check.rewriting import scaled, with_targets
-from basecal.accuracy.input_check.target_sizes import _parabola, _Sized, size_hypotheses, target_size
+from basecal.accuracy.input_check.target_sizes import _parabola, _Sized, _spread, size_hypotheses, target_size
 from basecal.estimation.solve import solve
 from basecal.simulation import Scenario, simulate
 
@@ -78,3 +78,10 @@ def test_near_the_stated_size_the_vertex_of_the_parabola_is_the_size():
         gain, vertex = _parabola(_Sized(cell, made.recording, "board"), solve(cell, made.recording).state)
         assert gain > 0.7
         assert vertex == pytest.approx(-np.log(factor), rel=1 / 30)
+
+
+def test_a_spread_is_about_the_points_mean():
+    """Wherever a target's points are written from."""
+    points = np.random.default_rng(0).normal(size=(6, 3))
+    assert _spread(points + np.array([3.0, -1.0, 2.0])) == pytest.approx(_spread(points), rel=1e-12)
+    assert _spread(2 * points) == pytest.approx(2 * _spread(points))
