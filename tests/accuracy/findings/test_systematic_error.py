@@ -33,6 +33,14 @@ WORDS = {
     ),
     "larger": (found("length-scale", [0.02], 1e-3, "board", kind="target"), "board is 2.00 +/- 0.10 % larger"),
     "smaller": (found("length-scale", [-0.02], 1e-3, "board", kind="target"), "board is 2.00 +/- 0.10 % smaller"),
+    "longer lens": (
+        found("intrinsics", [0.081], 0.014, "overhead", kind="camera"),
+        "the focal length of overhead is 8.1 +/- 1.4 % larger than stated: calibrate the lens of overhead",
+    ),
+    "shorter lens": (
+        found("intrinsics", [-0.02], 1e-3, "overhead", kind="camera"),
+        "the focal length of overhead is 2.00 +/- 0.10 % smaller than stated",
+    ),
     "late": (
         found("clock-offset", [-0.021], 1e-3, "wrist", "s", kind="camera"),
         "images of wrist lag behind the other devices by 21.0 +/- 1.0 ms",

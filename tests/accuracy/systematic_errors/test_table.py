@@ -12,6 +12,7 @@ from basecal.accuracy.systematic_errors.table import (
     clock_drifts,
     clock_offsets,
     drifts,
+    focal_lengths,
     joint_offsets,
     length_scales,
     sag,
@@ -61,6 +62,37 @@ def test_a_larger_target_is_seen_nearer(of):
     np.testing.assert_allclose(
         1e-6 * row(of, length_scales, "board")[..., 0], (at.inverse() @ nearer).log(), atol=1e-12
     )
+
+
+@pytest.fixture(scope="module")
+def of_light():
+    made = simulate(Scenario(samples=8, target="led"), 0)
+    problem, _ = build_problem(made.cell, made.recording)
+    return Situation(problem, solve_packed(problem, made.cell).state, problem, {k: float(k) for k in range(8)})
+
+
+def test_through_a_longer_lens_a_light_is_seen_nearer(of_light):
+    """Its image is where that of the same light is through the lens as stated, nearer by the same fraction."""
+    group, longer = of_light.problem.groups[0], 1e-5
+    lens = of_light.state.cameras[group.camera]
+    at = of_light.state.camera_from_target(group, of_light.problem.stops)
+    moves = longer * row(of_light, focal_lengths, group.camera)[..., 0]
+    longer_lens = lens.with_parameters(lens.parameters * np.where(np.arange(len(lens.parameters)) < 2, 1 + longer, 1.0))
+    nearer, as_stated = lens.project((at @ SE3.exp(moves)).translation), lens.project(at.translation)
+    through_longer = longer_lens.project(at.translation)
+    assert np.abs(through_longer - as_stated).max() > 1e-3
+    np.testing.assert_allclose(nearer, through_longer, atol=1e-7)
+
+
+def test_a_light_has_no_size(of_light):
+    assert {about for c in length_scales(of_light) for about in c.about} == {"eye", "hand"}
+
+
+def test_focal_lengths_are_looked_for_where_nothing_else_shows_them(of, of_light):
+    """Not through targets with a size, nor of lenses that are estimated."""
+    free = {name: replace(lens, status="free") for name, lens in of_light.problem.lenses.items()}
+    assert list(focal_lengths(of)) == []
+    assert list(focal_lengths(replace(of_light, problem=replace(of_light.problem, lenses=free)))) == []
 
 
 def test_joint_offsets():

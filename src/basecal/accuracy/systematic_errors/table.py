@@ -30,7 +30,7 @@ def length_scales(of: Situation) -> Iterator[Candidates]:
         yield _one("length-scale", robot, "", _carrying(of, robot, _shorter))
     if len(of.robots) < 2:
         return  # a robot too short is then all else too long
-    for target in sorted({g.target for g in of.problem.groups}):
+    for target in sorted({g.target for g in of.problem.groups if g.target_mount not in of.problem.point_mounts}):
         seen = (_larger(of, k) if g.target == target else None for k, g in enumerate(of.problem.groups))
         yield _one("length-scale", target, "", tuple(seen))
 
@@ -46,6 +46,28 @@ def _larger(of: Situation, k: int) -> Array:
     """A target that is larger than stated is seen nearer than it stands, since its image is larger."""
     nearer = np.zeros((len(of.problem.groups[k]), 6, 1))
     nearer[:, :3] = of.links[k].target_from_camera.translation[..., None]
+    return nearer
+
+
+def focal_lengths(of: Situation) -> Iterator[Candidates]:
+    """Each fixed lens through which single points were seen, its focal length larger than stated, by a fraction.
+
+    One that shows a target's size is looked for among the conventions, by freeing it.
+    """
+    for camera in sorted({g.camera for g in of.problem.groups}):
+        lens = of.problem.lenses.get(camera)
+        mounts = {g.target_mount for g in of.problem.groups if g.camera == camera}
+        if lens is not None and lens.status == "fixed" and mounts <= of.problem.point_mounts:
+            seen = (_along_axis(of, k) if g.camera == camera else None for k, g in enumerate(of.problem.groups))
+            yield _one("intrinsics", camera, "", tuple(seen))
+
+
+def _along_axis(of: Situation, k: int) -> Array:
+    """Through a longer lens a target is seen nearer than it stands, along the camera's axis."""
+    target_from_camera = of.links[k].target_from_camera
+    depth = target_from_camera.inverse().translation[:, 2:]
+    nearer = np.zeros((len(depth), 6, 1))
+    nearer[:, :3, 0] = -depth * target_from_camera.rotation[:, :, 2]
     return nearer
 
 
@@ -208,6 +230,7 @@ def _one(code: str, about: str, unit: str, moves: _Moves) -> Candidates:
 
 TABLE: tuple[Callable[[Situation], Iterator[Candidates]], ...] = (
     length_scales,
+    focal_lengths,
     clock_offsets,
     clock_drifts,
     steps,
