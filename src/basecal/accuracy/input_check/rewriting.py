@@ -164,11 +164,13 @@ def turned_round(recording: Recording, stream: str | None) -> Recording:
 
 
 def _paired(sample: Sample, source: Sample, stream: str | None) -> Sample | None:
-    if stream is None:
-        return replace(sample, observations=source.observations)
-    if stream not in source.robots:
-        return None
-    return replace(sample, robots={**sample.robots, stream: source.robots[stream]})
+    robots, seen = sample.robots, source.observations
+    if stream is not None:
+        if stream not in source.robots:
+            return None
+        robots, seen = {**robots, stream: source.robots[stream]}, sample.observations
+    # `dataclasses.replace` takes four times as long, which of ten thousand samples a dozen times over is a second.
+    return Sample(sample.sample, sample.stamp_s, robots, seen, sample.images, sample.background)
 
 
 def without_links(cell: Cell, state: State) -> tuple[Cell, State]:
