@@ -20,11 +20,15 @@ _LISTENS = re.compile(r"DevTools listening on (ws://\S+)")
 
 @dataclass
 class Visit:
-    """What came of a visit: errors of the console, addresses that were asked for, words."""
+    """What came of a visit: errors of the console, addresses that were asked for, words.
+
+    `answers_s` is the time from the start of loading until all was loaded and scripts had the time to answer.
+    """
 
     errors: list[str] = field(default_factory=list)
     asked: list[str] = field(default_factory=list)
     words: str = ""
+    answers_s: float | None = None
 
 
 def visit(address: str, profile: Path, until: str) -> Visit:
@@ -48,8 +52,10 @@ def _visited(browser: str, address: str, until: str) -> Visit:
             tab.ask(f"{domain}.enable")
         tab.ask("Page.navigate", url=address)
         end = time.monotonic() + _LONGEST_S
-        while time.monotonic() < end and not tab.value(f"document.querySelector({json.dumps(until)}) !== null"):
-            time.sleep(0.2)
+        is_there = f"document.readyState === 'complete' && document.querySelector({json.dumps(until)}) !== null"
+        while time.monotonic() < end and came.answers_s is None:
+            came.answers_s = tab.value(f"{is_there} ? performance.now() / 1000 : null")
+            time.sleep(0.05)
         came.words = tab.value("document.body.innerText")
     return came
 

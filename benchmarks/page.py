@@ -1,0 +1,136 @@
+"""Pages of answers and the viewer in headless Chromium: their size, and the time until they can be used.
+
+That is from the start of loading until all is there and the page's scripts answer, by a browser that never saw it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from tests.shared.browser import CHROMIUM, Visit, visit
+from tests.shared.real_recordings import EXAMPLES, data_folder
+
+from basecal.accuracy.verdict import calibrate
+from basecal.cell.files import latest_run, read_cell, read_recording
+from basecal.reporting.viewing.page import Viewed, served
+from benchmarks.common import table, write
+
+MOST_S, MOST_BYTES = 2.0, 3_000_000
+TIMES = 3
+VIEWER = "viewer of ur5e_dual"
+
+
+@dataclass(frozen=True)
+class Page:
+    """What is looked at: the folder of its cell, and how it is calibrated."""
+
+    cell: Path
+    words: tuple[str, ...] = ()
+
+
+def pages() -> dict[str, Page]:
+    """By name; those of published recordings where these are at hand."""
+    found = {
+        "ur5e_dual": Page(EXAMPLES / "ur5e_dual"),
+        "ur5e_dual with a box": Page(
+            EXAMPLES / "ur5e_dual", ("--task-box", "0.6", "-0.2", "0.1", "1.0", "0.2", "0.5", "--certify")
+        ),
+        "ur5e_images": Page(EXAMPLES / "ur5e_images"),
+        "kuka_1_chessboard": Page(data_folder() / "kuka_1_chessboard"),
+        "motoman_dual_joints": Page(data_folder() / "motoman_dual_joints"),
+    }
+    return {name: page for name, page in found.items() if (page.cell / "cell.yaml").exists()}
+
+
+def _visits(address: str, folder: Path, until: str) -> list[Visit]:
+    return [visit(address, folder / f"profile{k}", until) for k in range(TIMES)]
+
+
+def _row(name: str, count: int | None, visits: list[Visit]) -> dict[str, Any]:
+    times = sorted(each.answers_s for each in visits if each.answers_s is not None)
+    return {
+        "page": name,
+        "bytes": count,
+        "seconds": times[len(times) // 2] if len(times) == len(visits) else None,
+        "errors": sum(len(each.errors) for each in visits),
+    }
+
+
+def of_answer(name: str, page: Page) -> dict[str, Any]:
+    """The page that the command writes beside its answer."""
+    with TemporaryDirectory() as folder:
+        cell = Path(folder) / "cell"
+        shutil.copytree(page.cell, cell, ignore=shutil.ignore_patterns("runs", "derived"))
+        words = [sys.executable, "-m", "basecal", "calibrate", str(cell), *page.words]
+        subprocess.run(words, check=False, capture_output=True)
+        run = latest_run(cell)
+        assert run is not None, f"basecal calibrate {cell} wrote no run"
+        written = run / "report.html"
+        return _row(name, written.stat().st_size, _visits(written.as_uri(), Path(folder), "footer, main, svg"))
+
+
+def of_viewer() -> dict[str, Any]:
+    """The page that `basecal view` serves."""
+    folder = EXAMPLES / "ur5e_dual"
+    cell = read_cell(folder)
+    recording = read_recording(folder, cell)
+    found = calibrate(cell, recording)
+    viewed = Viewed(cell, recording, folder, ("20260102T030405Z",), lambda name: found)
+    with TemporaryDirectory() as profiles, served(viewed) as address:
+        return _row(VIEWER, None, _visits(address, Path(profiles), ".q-checkbox"))
+
+
+def measured(names: list[str]) -> Iterator[dict[str, Any]]:
+    """The rows of pages by name, the viewer's last."""
+    known = pages()
+    for name in names:
+        if name != VIEWER:
+            yield of_answer(name, known[name])
+    if VIEWER in names:
+        yield of_viewer()
+
+
+HEAD = ("page", "MB", "s", "errors of the console", "holds")
+
+
+def row(found: dict[str, Any]) -> tuple[str, ...]:
+    """A line of the table with `HEAD`."""
+    size = "" if found["bytes"] is None else f"{found['bytes'] / 1e6:.2f}"
+    holds = found["seconds"] is not None and found["seconds"] <= MOST_S and not found["errors"]
+    holds = holds and (found["bytes"] or 0) <= MOST_BYTES
+    took = "never" if found["seconds"] is None else f"{found['seconds']:.2f}"
+    return found["page"], size, took, str(found["errors"]), "yes" if holds else "NO"
+
+
+def section(result: dict[str, Any]) -> str:
+    """Of docs/benchmarks.md."""
+    about = f"""\
+Pages in a Chromium without a window that never saw them: the time from the start of loading until all is there and
+its scripts answer, the median of {TIMES}. Asked: {MOST_S:g} s, {MOST_BYTES / 1e6:g} MB, and no error in the console."""
+    return f"{about}\n\n{table(HEAD, map(row, result['rows']))}"
+
+
+def main(arguments: list[str]) -> None:
+    """Measure and print; where all were measured, write results/page.json too."""
+    known = [*pages(), VIEWER]
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.page", description=__doc__)
+    parser.add_argument("--pages", nargs="*", default=known, choices=known, metavar="NAME")
+    asked = parser.parse_args(arguments)
+    if CHROMIUM is None:
+        sys.exit("Chromium is not installed: apt-get install chromium")
+    rows = list(measured(asked.pages))
+    print(table(HEAD, map(row, rows)))
+    if asked.pages == known and (data_folder() / "kuka_1_chessboard").exists():
+        write("page", {"rows": rows})
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
