@@ -233,11 +233,12 @@ def _tree(joints: list[_Joint], links: list[str], path: str) -> dict[str, _Joint
 def _way(above: dict[str, _Joint], base_link: str, flange_link: str, path: str) -> list[_Joint]:
     way = _upwards(above, flange_link, base_link)
     if way is None:
+        root = flange_link  # what it hangs on in the end
+        for _ in above:
+            root = above[root].parent if root in above else root
         exchanged = _upwards(above, base_link, flange_link) is not None
-        hint = ", but above it: exchange base_link and flange_link" if exchanged else ""
-        raise DatasetError(
-            path, f"{flange_link!r} does not hang under {base_link!r}{hint or _root_of(above, flange_link)}"
-        )
+        where = "above it: exchange base_link and flange_link" if exchanged else f"under {root!r}"
+        raise DatasetError(path, f"{flange_link!r} does not hang under {base_link!r}, but {where}")
     way.reverse()
     turning = sum(joint.kind in _TURNING for joint in way)
     if not 0 < turning <= _MOST_JOINTS:
@@ -372,10 +373,3 @@ def _upwards(above: dict[str, _Joint], link: str, end: str) -> list[_Joint] | No
         way.append(above[link])
         link = way[-1].parent
     return way
-
-
-def _root_of(above: dict[str, _Joint], link: str) -> str:
-    """What a link hangs under in the end, in words."""
-    for _ in above:
-        link = above[link].parent if link in above else link
-    return f"under {link!r}"

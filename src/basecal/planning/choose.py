@@ -80,18 +80,14 @@ def fewest(roots: Array, covariance: Array, weight: Array, most: int, enough: En
     if not enough(now):
         return chosen, False
     while len(chosen) > 1:
-        fewer, after = _one_less(roots, chosen, now, weight)
+        losses = [float(np.trace(weight @ without_sample(now, roots[k]))) for k in chosen]
+        least = chosen[int(np.argmin(losses))]
+        left = [k for k in chosen if k != least]
+        fewer, after = exchanged(roots, left, without_sample(now, roots[least]), weight)
         if not enough(after):
             break
         chosen, now = fewer, after
     return chosen, True
-
-
-def _one_less(roots: Array, chosen: list[int], covariance: Array, weight: Array) -> tuple[list[int], Array]:
-    """The chosen but the one that says least, exchanged again."""
-    losses = [float(np.trace(weight @ without_sample(covariance, roots[k]))) for k in chosen]
-    dropped = chosen[int(np.argmin(losses))]
-    return exchanged(roots, [k for k in chosen if k != dropped], without_sample(covariance, roots[dropped]), weight)
 
 
 def gains(roots: Array, covariance: Array, weight: Array) -> Array:

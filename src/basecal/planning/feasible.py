@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from basecal.cell import WORLD, RobotState, Sample
+from basecal.cell import RobotState, Sample
 from basecal.geometry import SE3, Array, BoolArray
 from basecal.planning.sketch import Sketch
 
@@ -126,19 +126,12 @@ def _body(sketch: Sketch, sample: Sample, robot: str) -> Array | None:
         return None
     frames = [*(frame.translation for frame in chain.joint_frames(state.joints_rad))]
     corners = [np.zeros(3), *frames, chain.forward(state.joints_rad).translation]
-    points = sketch.world_from_base(robot) @ np.concatenate([_along(a, b) for a, b in pairwise(corners)])
-    carried = [sketch.world_from(name, sample.robots) for name in sketch.view if _carrier(sketch, name) == robot]
+    counts = [int(np.linalg.norm(b - a) / _STEP_M) + 2 for a, b in pairwise(corners)]
+    links = [np.linspace(a, b, count) for (a, b), count in zip(pairwise(corners), counts, strict=True)]
+    points = sketch.world_from_base(robot) @ np.concatenate(links)
+    things = [thing for thing in (sketch.camera, sketch.target) if thing.on == robot]
+    carried = [sketch.world_from(thing.name, sample.robots) for thing in things]
     shape = sketch.target.target
     if shape is not None and sketch.target.on == robot:
         points = np.concatenate([points, sketch.world_from(sketch.target.name, sample.robots) @ shape.points])
     return np.concatenate([points, *(pose.translation[None] for pose in carried)])
-
-
-def _carrier(sketch: Sketch, name: str) -> str:
-    thing = sketch.cell.cameras.get(name) or sketch.cell.targets[name]
-    return thing.on if thing.on != WORLD else ""
-
-
-def _along(start: Array, end: Array) -> Array:
-    count = int(np.linalg.norm(end - start) / _STEP_M) + 2
-    return np.asarray(np.linspace(start, end, count))

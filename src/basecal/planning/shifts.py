@@ -68,7 +68,9 @@ def aimed(sketch: Sketch, sample: Sample) -> Sample | None:
     eye = sketch.camera.on
     if eye not in sketch.cell.robots:
         return sample
-    at = sketch.camera_from_target(sample) @ _centre(sketch)
+    shape = sketch.target.target
+    centre = np.zeros(3) if shape is None else shape.points.mean(0)
+    at = sketch.camera_from_target(sample) @ centre
     ahead, ray = np.array([0.0, 0.0, 1.0]), at / np.linalg.norm(at)
     across = np.cross(ahead, ray)
     sine = float(np.linalg.norm(across))
@@ -78,11 +80,6 @@ def aimed(sketch: Sketch, sample: Sample) -> Sample | None:
     turned = base_from_camera @ SE3.from_rotvec(turn, np.zeros(3)) @ flange_from_camera.inverse()
     state = state_at(sketch.cell.robots[eye], turned, sample.robots[eye])
     return None if state is None else Sample(sample.sample, robots={**sample.robots, eye: state})
-
-
-def _centre(sketch: Sketch) -> Array:
-    shape = sketch.target.target
-    return np.zeros(3) if shape is None else np.asarray(shape.points.mean(0))
 
 
 def station_at(sketch: Sketch, origin: Sample, length_m: float) -> list[Sample] | None:

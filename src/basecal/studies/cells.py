@@ -58,7 +58,12 @@ def simulated(settings: Settings, seed: int) -> SimulatedCell:
     """
     if settings["layout"] not in OF_SHIFTS:
         return simulate(_scenario(settings), seed)
-    return _noisy(settings, _of_paper(settings) if settings["layout"] == PAPER else _shifted(settings, seed))
+    made = _of_paper(settings) if settings["layout"] == PAPER else _shifted(settings, seed)
+    sigmas = (settings["robot_sigma_t_m"], settings["robot_sigma_r_rad"])
+    if not (settings["state_robot_noise"] and any(sigmas)):
+        return made
+    robots = {name: replace(robot, noise=np.repeat(sigmas, 3)) for name, robot in made.cell.robots.items()}
+    return replace(made, cell=replace(made.cell, robots=robots))
 
 
 def _scenario(settings: Settings) -> Scenario:
@@ -114,12 +119,3 @@ def _station(
         settings["shift_m"],
         pixel_px=settings["pixel_px"] if settings["state_pixel_noise"] else 0.0,
     )
-
-
-def _noisy(settings: Settings, made: SimulatedCell) -> SimulatedCell:
-    """The cell with its robots' noise stated, where it is."""
-    sigmas = (settings["robot_sigma_t_m"], settings["robot_sigma_r_rad"])
-    if not (settings["state_robot_noise"] and any(sigmas)):
-        return made
-    robots = {name: replace(robot, noise=np.repeat(sigmas, 3)) for name, robot in made.cell.robots.items()}
-    return replace(made, cell=replace(made.cell, robots=robots))

@@ -102,11 +102,7 @@ def _dask() -> Any:
 
 def _check_workers(client: Any) -> None:
     here = version("basecal")
-    for worker, there in client.run(_version, on_error="return").items():
+    for worker, there in client.run(version, "basecal", on_error="return").items():
         if there != here:
             has = f"basecal {there}" if isinstance(there, str) else "no basecal"
             raise InputError(f"the worker {worker} has {has}, here is {here}: install the same version there")
-
-
-def _version() -> str:
-    return version("basecal")

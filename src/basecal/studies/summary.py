@@ -52,6 +52,7 @@ def _of_point(point: Point, trials: Trials, reasons: list[str]) -> dict[str, Any
     nees, directions = trials.nees[solved], trials.directions[solved]
     judged = bool(len(nees)) and bool(np.all(directions > 0))
     inside = nees <= chdtri(np.maximum(directions, 1), 1 - COVERAGE) if judged else np.zeros(0)
+    error = float(nees.std(ddof=1) / np.sqrt(len(nees))) if judged and len(nees) > 1 else None  # of the mean
     return {
         "at": point.label,
         "trials": len(solved),
@@ -60,16 +61,13 @@ def _of_point(point: Point, trials: Trials, reasons: list[str]) -> dict[str, Any
         "error_deg": _spread(trials.error_deg[solved]),
         "sigma_mm": _rms(trials.sigma_mm[solved]),
         "sigma_deg": _rms(trials.sigma_deg[solved]),
-        "nees": {"mean": float(nees.mean()), "expected": int(directions[0]), **_range(nees)} if judged else None,
+        "nees": {"mean": float(nees.mean()), "expected": int(directions[0]), "standard_error": error}
+        if judged
+        else None,
         "coverage": {"share": float(inside.mean()), "expected": COVERAGE} if judged else None,
         "time_s": float(trials.time_s.mean()),
         "reasons": reasons,
     }
-
-
-def _range(nees: Array) -> dict[str, float | None]:
-    """Standard error of the mean; nothing of a single trial."""
-    return {"standard_error": float(nees.std(ddof=1) / np.sqrt(len(nees))) if len(nees) > 1 else None}
 
 
 def _spread(errors: Array) -> dict[str, float] | None:

@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from basecal.errors import BasecalError
-from basecal.estimation.problem.problem import Problem
 from basecal.estimation.solve import Solution, solve_packed
 from basecal.estimation.solve_batch import solve_batch
 from basecal.geometry import SE3, Array, BoolArray
@@ -87,12 +86,8 @@ def _each(draws: Draws, found: _Together, again: BoolArray) -> Answers:
 
 def _alone(draws: Draws, trial: int) -> Solution:
     """A trial solved by itself, from nothing."""
-    return solve_packed(_trial(draws.problem, trial), draws.made.cell)
-
-
-def _trial(problem: Problem, trial: int) -> Problem:
     groups = [
         replace(group, measurement=replace(pixels_of(group), pixels=pixels_of(group).pixels[trial]))
-        for group in problem.groups
+        for group in draws.problem.groups
     ]
-    return problem.with_groups(groups)
+    return solve_packed(draws.problem.with_groups(groups), draws.made.cell)
