@@ -334,3 +334,25 @@ def test_an_image_is_what_pixels_and_their_derivatives_follow_from(camera, point
         np.testing.assert_array_equal(by_parameters[..., 4:], image.by_terms)
     else:
         assert image.by_terms is None
+
+
+def test_the_focal_length_that_is_refused_is_told():
+    """The smallest of each axis, of one lens or of many."""
+    with pytest.raises(InputError, match=r"focal lengths are 500 and -3 px, expected both above 0"):
+        Camera("pinhole", [500.0, -3.0, 320.0, 240.0])
+    with pytest.raises(InputError, match=r"focal lengths are 0 and 400 px"):
+        Camera("pinhole", [[500.0, 400.0, 1, 1], [0.0, 410.0, 1, 1], [600.0, 420.0, 1, 1]])
+
+
+@pytest.mark.parametrize(
+    ("model", "count", "known"),
+    [("pinhole", 0, []), ("pinhole", 4, [2, 3]), ("pinhole", 5, [2, 3, 4]), ("fisheye", 4, [])],
+)
+def test_terms_that_go_beyond_what_real_lenses_have_are_told_by_their_sigmas(model, count, known):
+    """One a term: tangential ones are thousandths, the third radial one a tenth; of others, and of more, none is known."""
+    sigmas = Camera(model, [*PARAMETERS, *[0.0] * count]).term_sigmas
+    assert sigmas.shape == (count,)
+    assert np.flatnonzero(np.isfinite(sigmas)).tolist() == known
+    assert np.all((sigmas[2:4] > 1e-3) & (sigmas[2:4] < 1e-2) | (model == "fisheye"))
+    assert np.all((sigmas[4:] > 0.03) & (sigmas[4:] < 0.3))
+    assert np.all(np.isinf(Camera("pinhole", [*PARAMETERS, *[0.0] * 8]).term_sigmas))

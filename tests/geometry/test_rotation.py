@@ -11,6 +11,7 @@ from basecal.geometry.rotation import (
     hat,
     lengths,
     nearest_rotation,
+    quaternion_from_rotation,
     rotation_exp,
     rotation_log,
 )
@@ -78,3 +79,12 @@ def test_cross_products_are_numpys(rng):
     """Of batches that broadcast."""
     left, right = rng.normal(size=(4, 1, 3)), rng.normal(size=(2, 3))
     np.testing.assert_array_equal(cross(left, right), np.cross(left, right))
+
+
+def test_the_quaternion_of_a_half_turn_has_one_sign():
+    """Where w is nothing the largest entry is positive; elsewhere w is."""
+    half = np.array([2 * np.outer(axis, axis) - np.eye(3) for axis in np.eye(3)])
+    np.testing.assert_array_equal(quaternion_from_rotation(half), np.eye(4)[:3])
+    nearly = rotation_exp(np.array([[0.0, 0.0, -3.0], [0.0, 0.0, 3.0]]))
+    np.testing.assert_allclose(quaternion_from_rotation(nearly)[:, 2], np.sin([-1.5, 1.5]), atol=1e-15)
+    assert np.all(quaternion_from_rotation(nearly)[:, 3] > 0)

@@ -5,7 +5,7 @@ import pytest
 
 from basecal.errors import DatasetError, FrameNotFound
 from basecal.kinematics import parse_chain, read_chain
-from basecal.kinematics.urdf import joint_origins
+from basecal.kinematics.urdf import joint_origins, way_names
 
 LINKS = '<link name="base"/><link name="arm"/><link name="tool"/>'
 TURN = """<joint name="turn" type="revolute"><parent link="base"/><child link="arm"/>
@@ -201,3 +201,23 @@ def test_every_joint_is_told_with_its_origin():
     assert above["arm"].child == "arm"
     with pytest.raises(DatasetError, match="not a tree"):
         joint_origins(robot(LINKS, HOLD, LOOSE))
+
+
+def test_joints_on_the_way_are_told_with_fixed_ones():
+    """From the base to the flange in order, not those elsewhere."""
+    aside = '<link name="aside"/><joint name="off" type="fixed"><parent link="arm"/><child link="aside"/></joint>'
+    text = robot(LINKS, TURN, HOLD, aside)
+    assert way_names(text, "base", "tool") == ("turn", "hold")
+    assert way_names(text, "base", "aside") == ("turn", "off")
+    with pytest.raises(FrameNotFound, match="elbow"):
+        way_names(text, "base", "elbow")
+
+
+def test_a_flange_elsewhere_is_told_by_what_it_hangs_under():
+    """The root above it; or that base and flange are exchanged."""
+    forked = '<link name="aside"/><joint name="off" type="fixed"><parent link="base"/><child link="aside"/></joint>'
+    text = robot(LINKS, TURN, HOLD, forked)
+    with pytest.raises(DatasetError, match="'tool' does not hang under 'aside'.*under 'base'"):
+        parse_chain(text, "aside", "tool")
+    with pytest.raises(DatasetError, match="exchange base_link and flange_link"):
+        parse_chain(text, "tool", "base")

@@ -48,3 +48,10 @@ def test_problems_are_told_once_in_the_order_of_the_file():
     assert str(error) == "cell.yaml:3: a.b: first\ncell.yaml:9: c: last"
     assert (error.line, error.field) == (3, "a.b")
     assert str(dataset_error("cell.yaml", [Problem((), "empty")], {})) == "cell.yaml: empty"
+
+
+def test_problems_without_a_line_come_first_and_all_on_one_line_by_field():
+    """The order is that of lines, not of names; what stands nowhere in the file has no line and goes before."""
+    lines = {("z",): 1, ("y",): 2, ("b",): 7, ("a",): 7}
+    told = [Problem((name,), "bad") for name in ("y", "b", "nowhere", "z", "a")]
+    assert str(dataset_error("c", told, lines)) == "c: nowhere: bad\nc:1: z: bad\nc:2: y: bad\nc:7: a: bad\nc:7: b: bad"

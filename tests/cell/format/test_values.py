@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
@@ -161,3 +163,14 @@ def test_a_points_mount_has_no_rotation():
     ):
         with pytest.raises(ValidationError, match=message):
             read(PointMount, entry)
+
+
+def test_a_name_that_is_not_known_is_told_with_what_there_are():
+    """The nearest is offered; a name of any length is told by its beginning."""
+    kind = Annotated[str, values.known_names("lens", ("pinhole", "fisheye"))]
+    assert read(kind, "fisheye") == "fisheye"
+    with pytest.raises(ValidationError, match="no lens 'fisheyes'.*fisheye.*; there are: pinhole, fisheye"):
+        read(kind, "fisheyes")
+    with pytest.raises(ValidationError) as caught:
+        read(kind, "x" * 1000)
+    assert f"no lens '{'x' * 60}'; there are" in str(caught.value)

@@ -17,6 +17,7 @@ from basecal.cell.format.writing import (
     staged,
     write_asked_for,
     write_new,
+    write_private,
     write_whole,
 )
 from basecal.errors import InputError
@@ -164,3 +165,20 @@ def test_folders_are_made(tmp_path):
     make_folder(tmp_path / "a" / "b", tmp_path)
     make_folder(tmp_path / "a" / "c")
     assert names(tmp_path) == ["a", "a/b", "a/c"]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="permissions of POSIX")
+def test_what_is_private_only_its_owner_reads(tmp_path, monkeypatch):
+    """Whatever the mask allows others; written whole, without waiting for the disk."""
+    synced = []
+    monkeypatch.setattr(os, "fsync", synced.append)
+    before = os.umask(0)
+    try:
+        write_private(tmp_path / "key", "secret", within=tmp_path)
+        write_whole(tmp_path / "open", "all")
+    finally:
+        os.umask(before)
+    assert (tmp_path / "key").read_text() == "secret"
+    assert (tmp_path / "key").stat().st_mode & 0o777 == 0o600
+    assert (tmp_path / "open").stat().st_mode & 0o777 == 0o666
+    assert len(synced) == 2  # the open one and its folder

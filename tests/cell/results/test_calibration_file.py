@@ -34,7 +34,8 @@ from basecal.cell.files import (
     runs_of,
     write_calibration,
 )
-from basecal.errors import DatasetError
+from basecal.cell.results.calibration_file import run_folder
+from basecal.errors import DatasetError, FrameNotFound
 from basecal.geometry import SE3, Camera, PoseEstimate
 
 SEEN = np.ones((3, 6), dtype=bool)
@@ -232,3 +233,13 @@ def test_null_covariance_reads_as_nan() -> None:
     data = calibration_to_dict(Calibration("good", joint_covariance=np.full((6, 6), np.inf), order=(BASE,)))
     assert data["joint"]["covariance"][0][0] is None
     assert np.isnan(calibration_from_dict(data).joint_covariance).all()
+
+
+def test_a_run_is_found_by_its_name(tmp_path: Path) -> None:
+    """Where it has a result; else the error names those that have."""
+    one = write_calibration(Calibration("good"), tmp_path).parent
+    (tmp_path / "runs" / "empty").mkdir()
+    assert run_folder(tmp_path, one.name) == one
+    with pytest.raises(FrameNotFound, match=one.name) as caught:
+        run_folder(tmp_path, "empty")
+    assert "empty" not in str(caught.value).split(one.name, 1)[1]

@@ -9,6 +9,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from basecal.cell.files import read_truth, write_truth
+from basecal.cell.results.truth_file import read_truth_extra
 from basecal.errors import DatasetError
 from basecal.geometry import SE3
 
@@ -41,3 +42,11 @@ def test_refused(tmp_path: Path, text: str, words: str) -> None:
     with pytest.raises(DatasetError) as caught:
         read_truth(tmp_path)
     assert words in str(caught.value)
+
+
+def test_what_else_a_truth_says_is_read_back(tmp_path: Path) -> None:
+    """All but the transforms and the version."""
+    write_truth(tmp_path, {"a_from_b": SE3.identity()}, seed=7, sigmas={"pixel_px": 0.3})
+    assert read_truth_extra(tmp_path) == {"seed": 7, "sigmas": {"pixel_px": 0.3}}
+    with pytest.raises(DatasetError):
+        read_truth_extra(tmp_path / "nowhere")
