@@ -349,7 +349,7 @@ def test_the_focal_length_that_is_refused_is_told():
     [("pinhole", 0, []), ("pinhole", 4, [2, 3]), ("pinhole", 5, [2, 3, 4]), ("fisheye", 4, [])],
 )
 def test_terms_that_go_beyond_what_real_lenses_have_are_told_by_their_sigmas(model, count, known):
-    """One a term: tangential ones are thousandths, the third radial one a tenth; of others, and of more, none is known."""
+    """One a term: tangential ones are thousandths, the third radial one a tenth; of others none is known."""
     sigmas = Camera(model, [*PARAMETERS, *[0.0] * count]).term_sigmas
     assert sigmas.shape == (count,)
     assert np.flatnonzero(np.isfinite(sigmas)).tolist() == known

@@ -217,7 +217,7 @@ def test_a_flange_elsewhere_is_told_by_what_it_hangs_under():
     """The root above it; or that base and flange are exchanged."""
     forked = '<link name="aside"/><joint name="off" type="fixed"><parent link="base"/><child link="aside"/></joint>'
     text = robot(LINKS, TURN, HOLD, forked)
-    with pytest.raises(DatasetError, match="'tool' does not hang under 'aside'.*under 'base'"):
+    with pytest.raises(DatasetError, match=r"'tool' does not hang under 'aside'.*under 'base'"):
         parse_chain(text, "aside", "tool")
     with pytest.raises(DatasetError, match="exchange base_link and flange_link"):
         parse_chain(text, "tool", "base")

@@ -169,7 +169,7 @@ def test_a_name_that_is_not_known_is_told_with_what_there_are():
     """The nearest is offered; a name of any length is told by its beginning."""
     kind = Annotated[str, values.known_names("lens", ("pinhole", "fisheye"))]
     assert read(kind, "fisheye") == "fisheye"
-    with pytest.raises(ValidationError, match="no lens 'fisheyes'.*fisheye.*; there are: pinhole, fisheye"):
+    with pytest.raises(ValidationError, match=r"no lens 'fisheyes'.*fisheye.*; there are: pinhole, fisheye"):
         read(kind, "fisheyes")
     with pytest.raises(ValidationError) as caught:
         read(kind, "x" * 1000)
