@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 from tests.derivatives import check_derivative
 
-from basecal.estimation.least_squares.jacobians import by_stop_errors, by_unknowns
+from basecal.cell.robot_parameters import joint_offsets, link_parameters
+from basecal.estimation.least_squares.jacobians import by_robot_models, by_stop_errors, by_unknowns
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem, State, ViewGroup, chain
+from basecal.estimation.problem.robot_parameters import RobotModel, after_step, robot_model
 from basecal.geometry import SE3, IntArray
 from basecal.simulation import Scenario, simulate
+from quick import quick
 
 CELLS = {
     "dual": Scenario(samples=4, target="points", robot_noise=(2e-3, 3e-3)),
@@ -75,3 +78,54 @@ def test_views_move_with_the_errors_of_their_stops_as_the_derivative_says(name):
             check_derivative(lambda xi, f=after, s=size: f(xi) / s, derivative / size)
             checked += 1
     assert checked >= len(problem.groups)
+
+
+@pytest.mark.parametrize("noise", quick([None, (2e-3, 3e-3)], [(2e-3, 3e-3)]))
+def test_views_move_with_the_kinematics_of_their_robots_as_the_derivative_says(noise):
+    """Joints that are off of both arms, of one also its links, beside errors of stops of order one sigma."""
+    made = simulate(Scenario(samples=2, target="points", joints=True, robot_noise=noise or (0.0, 0.0)), 2)
+    problem, _ = build_problem(made.cell, made.recording)
+    (group,) = problem.groups
+    offsets = {"joint_offsets": joint_offsets.Stated(status="prior", sigma_rad=0.01)}
+    links = {"link_parameters": link_parameters.Stated(status="prior", sigma_m=0.01, sigma_rad=0.01)}
+    chains = {name: made.cell.robots[name].chain for name in ("eye", "hand")}
+    models = {
+        "eye": robot_model("eye", chains["eye"], offsets, group.eye_joints),
+        "hand": robot_model("hand", chains["hand"], offsets | links, group.hand_joints),
+    }
+    problem = problem.with_models(models)
+    errors = np.random.default_rng(0).standard_normal((len(problem.stops), 6))
+    assert bool(len(errors)) == (noise is not None)
+    state = State(made.truth, made.cameras, errors)
+    start = {name: after_step(model, state.kinematics(model), some_step(model)) for name, model in models.items()}
+    state = replace(state, robots=start)
+    derivative, columns = by_robot_models(problem, group, chain(group, state, problem.stops), state, 8)
+    assert derivative.shape == (2, 8, len(columns))
+    assert not np.any(derivative[:, 6:])
+    assert sorted(columns) == [
+        k for m in models.values() for n in m.widths for k in range(problem.width)[problem.columns[n]]
+    ]
+    for name, model in models.items():
+        of = np.concatenate([np.arange(problem.width)[problem.columns[n]] for n in model.widths])
+
+        def after(step: np.ndarray, name: str = name, model: RobotModel = model) -> np.ndarray:
+            parts = np.split(step, np.cumsum([*model.widths.values()])[:-1])
+            moved = after_step(model, state.robots[name], dict(zip(model.widths, parts, strict=True)))
+            return moved_by(problem, group, state, replace(state, robots={**state.robots, name: moved}))
+
+        at = [int(np.flatnonzero(columns == k)[0]) for k in of]
+        check_derivative(after, derivative[:, :6][..., at], tolerance=1e-8)
+
+
+def some_step(model: RobotModel) -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(1)
+    return {name: 0.02 * rng.standard_normal(width) for name, width in model.widths.items()}
+
+
+def test_robots_that_are_as_stated_have_no_columns():
+    """And nothing is there to differentiate."""
+    problem, state = near_truth(CELLS["dual"])
+    (group,) = problem.groups
+    derivative, columns = by_robot_models(problem, group, chain(group, state, problem.stops), state, 6)
+    assert derivative.shape == (4, 6, 0)
+    assert len(columns) == 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -12,8 +13,17 @@ from tests.shared.start_trial import trial
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.start.first_state import _Known, _loop, _unknown, first_state, light_states
+from basecal.estimation.start.first_state import (
+    _Known,
+    _loop,
+    _mount_of_points,
+    _unknown,
+    first_state,
+    guessed_state,
+    light_states,
+)
 from basecal.estimation.start.pair_views import pair_views
+from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 from quick import quick
 
@@ -60,3 +70,70 @@ def test_what_is_unknown_of_a_pair_is_what_its_loop_lacks(layout: str) -> None:
         for chosen in combinations(names, count):
             known = _Known({name: made.truth[name] for name in chosen})
             assert _unknown(sight, known) == _loop(sight, known).unknown
+
+
+def _points_seen(samples: int, each: int):
+    """Views without noise that show the first point of a board and some others each, in turn; X, Y and Z."""
+    made = simulate(Scenario(samples=samples, pixel_px=1e-9), 1)
+    problem, _ = build_problem(made.cell, made.recording)
+    (group,) = problem.groups
+    measurement = group.measurement
+    others = len(measurement.points_in_target) - 1
+    seen = np.zeros((samples, others + 1), dtype=bool)
+    turn = np.arange(samples)[:, None] * (each - 1) + np.arange(each - 1)
+    seen[np.arange(samples)[:, None], 1 + turn % others] = seen[:, [0]] = True
+    some = replace(measurement, seen=seen, weight=seen * measurement.weight, stated=seen * measurement.stated)
+    group = replace(group, measurement=some)
+    triple = [made.truth[name] for name in (group.camera_mount, group.hand_base, group.target_mount)]
+    return made, problem.with_groups([group]), pair_views(group, made.cameras["wrist"], 1000, 1000), triple
+
+
+def test_points_seen_one_at_a_time_place_the_whole_target():
+    """Where each is found in the flange, by three points a view, says where the target is."""
+    _, _, sight, (x, y, z) = _points_seen(60, 3)
+    assert sight.candidates is None
+    nowhere = SE3(np.eye(3), np.array([0.3, -0.2, 0.5]))
+    found = _mount_of_points(sight, x, y, nowhere)
+    np.testing.assert_allclose(found.matrix, z.matrix, atol=1e-5)
+
+
+def test_a_point_of_parallel_rays_stays_as_far_as_was_known():
+    """Of one view only the directions are known: each point lies on its ray, nearest to where the light was found."""
+    _, _, sight, (x, y, z) = _points_seen(1, 36)
+    chords = sight.group.measurement
+    flange_from_camera = (
+        sight.group.hand_base_from_hand_flange[0].inverse() @ y.inverse() @ sight.group.eye_base_from_eye_flange[0] @ x
+    )
+    rays = (flange_from_camera.rotation @ chords.bearings_in_camera[0].T).T
+    for known in (z.translation, z.translation + 0.1 * rays[0]):
+        away = (rays @ (known - flange_from_camera.translation))[:, None]
+        feet = flange_from_camera.translation + away * rays
+        found = _mount_of_points(sight, x, y, SE3(np.eye(3), known))
+        np.testing.assert_allclose(found @ chords.points_in_target.mean(0), feet.mean(0), atol=1e-6)
+
+
+def test_a_board_of_which_no_view_shows_four_points_is_started():
+    """Its start is near the truth, though no view has a pose."""
+    made, problem, _, _ = _points_seen(60, 3)
+    found = first_state(problem, made.cell, thorough=False)
+    for name, transform in found.transforms.items():
+        off = (transform.inverse() @ made.truth[name]).log()
+        assert np.abs(off[:3]).max() < 0.1
+        assert np.abs(off[3:]).max() < 0.1
+
+
+def test_guesses_are_a_state_where_all_unknowns_have_one():
+    """As they are written; without one of them there is none."""
+    made = simulate(Scenario(samples=4), 0)
+    problem, _ = build_problem(made.cell, made.recording)
+    assert guessed_state(problem, made.cell) is None
+    told = {name: replace(u, mean=made.truth[name]) for name, u in problem.unknowns.items()}
+    state = guessed_state(replace(problem, unknowns=told), made.cell)
+    assert {name: t is made.truth[name] for name, t in state.transforms.items()} == dict.fromkeys(
+        problem.unknowns, True
+    )
+    assert state.stop_errors.shape == (len(problem.stops), 6)
+    assert not np.any(state.stop_errors)
+    first, *others = problem.unknowns
+    assert guessed_state(replace(problem, unknowns={**told, first: problem.unknowns[first]}), made.cell) is None
+    assert others

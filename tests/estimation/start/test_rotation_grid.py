@@ -50,7 +50,10 @@ def test_with_rotations_of_the_grid_a_light_is_placed(known):
         for name, found in zip("xyz", start, strict=True):
             if name in known:
                 np.testing.assert_array_equal(found.matrix, true[name].matrix)
-    off = [np.linalg.norm([(found.inverse() @ true[n]).rotvec for n, found in zip("xy", s[:2], strict=True)]) for s in starts]
+    off = [
+        np.linalg.norm([(found.inverse() @ true[n]).rotvec for n, found in zip("xy", s[:2], strict=True)])
+        for s in starts
+    ]
     assert min(off) < np.radians(60)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -50,3 +52,28 @@ def test_views_are_taken_with_all_that_is_theirs(measurement):
     np.testing.assert_array_equal(taken.stated, STATED[[2, 0]])
     np.testing.assert_array_equal(taken.points_in_camera, measurement.points_in_camera[[2, 0]])
     np.testing.assert_array_equal(taken.weight, measurement.weight[[2, 0]])
+
+
+def test_rows_of_a_batch(measurement):
+    """What all entries saw is shared; what each saw for itself is taken by row."""
+    rows = np.array([1])
+    shared = measurement.of_batch(rows)
+    for name in ("points_in_camera", "seen", "stated", "weight"):
+        np.testing.assert_array_equal(getattr(shared, name), getattr(measurement, name))
+    twice = {
+        name: np.stack([of, 2 * of]) for name in ("points_in_camera", "weight") for of in [getattr(measurement, name)]
+    }
+    own = replace(measurement, **twice).of_batch(rows)
+    np.testing.assert_array_equal(own.points_in_camera, 2 * measurement.points_in_camera[None])
+    np.testing.assert_array_equal(own.weight, 2 * measurement.weight[None])
+    np.testing.assert_array_equal(own.seen, SEEN)
+    seen = np.stack([SEEN, ~SEEN])
+    masked = replace(measurement, seen=seen, stated=1.0 * seen).of_batch(rows)
+    np.testing.assert_array_equal(masked.seen, [~SEEN])
+    np.testing.assert_array_equal(masked.stated, [1.0 * ~SEEN])
+
+
+def test_noisier_points_weigh_less(measurement):
+    """Sigmas of all, stated or not, are larger by a factor; the cost is smaller by its square."""
+    plain, wide = (m.linearise(SE3.identity((3,)), None, False).cost for m in (measurement, measurement.noisier(2.0)))
+    np.testing.assert_allclose(wide, plain / 4)
