@@ -75,3 +75,12 @@ def test_contradicted_sigmas_are_estimated():
     large = solved(pixels=2.0)
     before = RobustSolution(large, (), large.problem.with_groups(()), 20, 0)
     assert without_contradicted(before, contradicted_sigmas(large), SETTINGS) is before
+
+
+def test_where_nothing_was_solved_nothing_is_judged():
+    """Residuals of a descent that did not end, or has no cost, say nothing of sigmas."""
+    small = solved(pixels=0.5)
+    assert contradicted_sigmas(small)
+    assert contradicted_sigmas(replace(small, converged=False)) == ()
+    assert contradicted_sigmas(replace(small, cost=np.inf)) == ()
+    assert contradicted_sigmas(replace(small, cost=np.nan)) == ()

@@ -5,7 +5,9 @@ from itertools import product
 import numpy as np
 import pytest
 
+from basecal.accuracy.clocks import search
 from basecal.accuracy.clocks.search import clocked
+from basecal.accuracy.clocks.step import ClockStep
 from basecal.cell import Clock, RollingShutter
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
@@ -68,3 +70,45 @@ def test_rows_are_mended_by_the_line_time_that_is_found(shutter: RollingShutter)
     mended = solve_packed(build_problem(made.cell, of.recording)[0], made.cell)
     assert mended.cost < 1.2 * mended.dof
     assert solution.cost > 5 * mended.cost  # each view by its mean row alone
+
+
+def tried(made: Streamed, monkeypatch: pytest.MonkeyPatch, misfit) -> tuple[list[float], float]:
+    """Offsets that are tried of the camera's clock, and the best by a misfit."""
+    streams = streams_of(made.cell, made.recording)
+    assert streams is not None
+    seen: list[float] = []
+
+    def misfit_of(streams, offsets, settings):
+        """Kept, and told."""
+        seen.append(offsets["wrist"])
+        return misfit(offsets["wrist"])
+
+    monkeypatch.setattr(search, "_misfit", misfit_of)
+    return seen, search._best(streams, {**streams.stated, "wrist": -5.0}, "wrist", Settings())["wrist"]
+
+
+def test_an_offset_is_looked_for_within_a_second_or_three_sigmas(monkeypatch: pytest.MonkeyPatch) -> None:
+    """About what is stated, in twenty steps; where none can be solved it stays as it was."""
+    seen, best = tried(streamed(clock=Clock("free", 2.0)), monkeypatch, lambda at: abs(at - 2.31))
+    np.testing.assert_allclose(seen, 2.0 + np.linspace(-1, 1, 21))
+    assert best == pytest.approx(2.3)
+    seen, best = tried(streamed(clock=Clock("prior", 2.0, 0.1)), monkeypatch, lambda at: -at)
+    np.testing.assert_allclose(seen, np.linspace(1.7, 2.3, 21))
+    assert best == pytest.approx(2.3)
+    assert tried(streamed(), monkeypatch, lambda at: np.inf)[1] == -5.0
+
+
+def test_a_step_is_no_longer_than_a_second() -> None:
+    """Beyond it the arm's velocity tells nothing; clocks without a step stay."""
+    step = ClockStep(("a", "b"), np.array([0.25, -3.0]), np.eye(2), np.zeros((6, 2)), np.ones(2, dtype=bool))
+    assert search._after({"a": 1.0, "b": 2.0, "c": 3.0}, step) == {"a": 1.25, "b": 1.0, "c": 3.0}
+
+
+def test_the_misfit_is_least_at_the_true_offset() -> None:
+    """For each residual about one by stated sigmas; more where views are taken for those of other instants."""
+    streams = streams_of((made := streamed(0.03)).cell, made.recording)
+    assert streams is not None
+    few = streams.thinned(12)
+    at, beside = (search._misfit(few, {**streams.stated, "wrist": offset}, Settings()) for offset in (0.03, 0.13))
+    assert 0.3 < at < 1.5
+    assert beside > 10 * at

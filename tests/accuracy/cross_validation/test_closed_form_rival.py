@@ -80,3 +80,17 @@ def test_exact_data_have_no_rival():
     assert _ratio(ours, 0.01 * ours) is None
     ours[:, 0] = 1e-6  # places off by a millimetre, as the rival has them
     assert _ratio(ours, ours * (1.0, 0.0)) is None
+
+
+def test_six_views_are_enough():
+    """Where each is as much better; five are not."""
+    ours = np.random.default_rng(0).uniform(0.95, 1.05, (6, 2)) * (1e-6, 1e-4)
+    assert _ratio(ours, 0.3 * ours) == pytest.approx(np.sqrt(1 / 0.3))
+    assert _ratio(ours[:5], 0.3 * ours[:5]) is None
+
+
+def test_the_ratio_counts_places_and_turns_alike():
+    """Places twice as far off by the answer and turns as far give the root of 2 over 1.25, whatever their units."""
+    rng = np.random.default_rng(0)
+    ours = rng.uniform(0.99, 1.01, (40, 2)) * (1e-4, 1e-6)
+    assert _ratio(ours, ours * (0.25, 1.0)) == pytest.approx(np.sqrt(2 / 1.25))

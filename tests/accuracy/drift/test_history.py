@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
 
-from basecal.accuracy.drift.history import FEWEST, drifts
+from basecal.accuracy.drift.history import FEWEST, drifts, past_verification
+from basecal.accuracy.drift.shifts import Shift
+from basecal.accuracy.drift.verify import Verification
 from basecal.cell import MeasuredShift, PastVerification
 
 START = datetime(2026, 1, 1, tzinfo=UTC)
@@ -49,3 +52,18 @@ def test_too_little_to_tell(rng: np.random.Generator) -> None:
     assert drifts(history([1.0] * FEWEST, np.zeros(3), rng)) == ()
     before = history([0.0, 1.0, 2.0], np.zeros(3), rng)
     assert drifts([*before, *history([3.0, 4.0], np.zeros(3), rng, "later")]) == ()
+
+
+def test_what_is_kept_of_a_verification() -> None:
+    """What each transform moved by with its sigmas; what moved is told only where something did."""
+    covariance = np.diag([1.0, 4.0, -1e-30, 9.0, 9.0, 9.0]) * 1e-8
+    shift = Shift("hand_base", "a_from_b", None, np.arange(6.0), covariance, np.eye(6), 9.0, 6)
+    found = Verification(True, 0.01, shift, (), 2e-3, (4, 7, 8), asked=(shift,))
+    kept = past_verification(found, START, "r")
+    assert (kept.samples, kept.moved, kept.chance, kept.detectable_m) == (3, True, 0.01, 2e-3)
+    assert (kept.frame, list(kept.shifts)) == ("hand_base", ["a_from_b"])
+    np.testing.assert_array_equal(kept.shifts["a_from_b"].t_m, [0.0, 1.0, 2.0])
+    np.testing.assert_allclose(kept.shifts["a_from_b"].sigma_m, [1e-4, 2e-4, 0.0])
+    assert past_verification(replace(found, moved=False), START, "r").frame is None
+    assert past_verification(replace(found, moved=None), START, "r").frame is None
+    assert past_verification(replace(found, shift=None), START, "r").frame is None

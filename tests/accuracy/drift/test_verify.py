@@ -107,3 +107,24 @@ def test_a_target_that_is_not_shaped_as_stated_is_no_move() -> None:
         verify(cell, unshaped, Recording(taken[:18])).chance
         < 0.1 * verify(cell, calibration, Recording(taken[:18])).chance
     )
+
+
+def test_chances_are_no_more_than_one() -> None:
+    """That of the frame that is furthest off, times as many as there are, which is no chance where none is off."""
+    chances = [verified(later().first(count)).chance for count in range(1, 7)]
+    assert max(chances) <= 1.0
+    assert all(chance > LEVEL for chance in chances)
+
+
+def test_what_is_far_less_likely_to_have_moved_is_no_alike() -> None:
+    """A turn of the base over six samples is nothing else's; of those that are told none is e^3 times less likely."""
+    made = later()
+    plain = verified(made, made.with_base_moved(np.array([0.003, 0, 0, 0, 0, 0])))
+    assert plain.shift is not None
+    scores = [each.statistic - each.freedoms for each in plain.alike]
+    best = plain.shift.statistic - plain.shift.freedoms
+    assert all(score > best - 6.0 for score in scores)
+    far = verified(made, made.with_base_moved(np.array([0.01, -0.01, 0.01, 0.01, 0.02, 0])))
+    assert far.shift is not None
+    assert far.shift.frame == "hand_base"
+    assert far.alike == ()

@@ -129,3 +129,18 @@ def test_ten_different_numbers_are_enough(count, told):
         return SE3(pose.rotation, np.array([next(numbers) for _ in range(3)]))
 
     assert bool(found_in(read)) == told
+
+
+def test_the_noise_in_use_is_that_of_the_robot_whose_poses_are_rounded():
+    """Each arm is told beside its own."""
+    made = simulate(Scenario(samples=12, target="pose"), 0)
+    samples = []
+    for sample in made.recording.samples:
+        robots = {name: RobotState(in_steps(1e-3)(of.base_from_flange)) for name, of in sample.robots.items()}
+        samples.append(replace(sample, robots=robots))
+    problem, _ = build_problem(made.cell, Recording(tuple(samples)))
+    used = with_robot_noise(problem, {"eye": np.full(6, 3e-4), "hand": np.full(6, 4e-3)})
+    found = rounded_poses(SimpleNamespace(solution=SimpleNamespace(problem=used)))
+    assert [(f.about, f.severity) for f in found] == [(("eye",), "warning"), (("hand",), "info")]
+    assert "beside 0.3 mm of noise in use" in found[0].message
+    assert "beside 4 mm of noise in use" in found[1].message

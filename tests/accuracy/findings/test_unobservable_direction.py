@@ -17,8 +17,10 @@ from tests.motion_cells import (
     wobbling,
 )
 
+from basecal.accuracy.findings.unobservable_direction import unobservable_by_poses
 from basecal.accuracy.verdict import calibrate
 from basecal.cell import Calibration, Recording, RobotState
+from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import DEFAULT, Settings
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, SimulatedCell, simulate
@@ -194,3 +196,24 @@ def test_too_few_samples_say_how_the_arms_moved():
     made = simulate(Scenario(samples=2, arms="hand_still"), 0)
     found = calibrate(made.cell, made.recording)
     assert "hand never moves in 2 samples" in findings(found, "too-few-samples")
+
+
+def problem_of(made: SimulatedCell):
+    return build_problem(made.cell, made.recording)[0]
+
+
+def test_the_poses_alone_tell_what_no_view_could_show():
+    """An error about the base and what it carries, in words and with what to do; none of arms that turn about."""
+    made = recorded(SEEN["charuco"], 3, hand=SHIFTS)
+    (found,) = unobservable_by_poses(made.cell, problem_of(made))
+    assert (found.code, found.severity, found.about) == ("unobservable-direction", "error", (BASE, BOARD))
+    assert found.message.startswith("by the recorded poses alone any translation of hand_base is unobservable")
+    assert "hand only translates" in found.message
+    assert f"state {BOARD} as a prior or fixed" in found.message
+    assert unobservable_by_poses(made.cell, problem_of(recorded(SEEN["charuco"], 3))) == []
+
+
+def test_what_is_known_is_not_left_open_by_the_poses():
+    """With the board's mount fixed the base is told, however the hand moves."""
+    made = recorded(replace(SEEN["charuco"], target_mount="fixed"), 3, hand=SHIFTS)
+    assert unobservable_by_poses(made.cell, problem_of(made)) == []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,10 @@ from tests.shared.mutate import lines_of, mutations, recording_of
 from tests.shared.real_recordings import example, nao_cell
 
 from basecal.accuracy.input_check import conventions
-from basecal.accuracy.input_check.hypotheses import resized
+from basecal.accuracy.input_check.hypotheses import ConventionHypothesis, resized
+from basecal.accuracy.input_check.hypothesis_choice import TriedHypothesis
+from basecal.accuracy.input_check.hypothesis_fit import HypothesisFit
+from basecal.accuracy.input_check.loop_fit import LoopFit
 from basecal.accuracy.input_check.rewriting import exchanged, inverted, with_robots, with_targets
 from basecal.accuracy.verdict import calibrate
 from basecal.errors import DatasetError
@@ -183,3 +187,87 @@ def test_two_of_three_folds_leave_more_equations_than_unknowns(samples, can):
     """Of measured poses, six equations each for 18 unknowns: by a quarter more from six of them."""
     made = simulate(Scenario(samples=samples, target="pose"), 0)
     assert conventions._can_hold_out(build_problem(made.cell, made.recording)[0]) == can
+
+
+def hypothesis(words, code="length-unit", about=("eye",), nested=False):
+    """One that changes nothing."""
+    return ConventionHypothesis(code, about, words, "", "", lambda cell, recording: (cell, recording), nested)
+
+
+def surviving(monkeypatch, offs, among=None, of_light=False, made=BOARD):
+    """Words of those that survive a quick look by which views of each are so far off, the declared one first."""
+    fits = [{("wrist", "board"): LoopFit((), np.full(4, off), of_light)} if off is not None else {} for off in offs]
+    inputs_seen = []
+
+    def screened(inputs, lenses):
+        """As `_screened`, with fits that are known."""
+        inputs_seen.extend(inputs)
+        yield from ()
+        return fits
+
+    monkeypatch.setattr(conventions, "_screened", screened)
+    among = among or [hypothesis(str(k)) for k in range(1, len(offs))]
+    (found,) = conventions._in_step([conventions._surviving(made.cell, made.recording, {}, among)])
+    return [each.words for each, _ in found], len(inputs_seen)
+
+
+@pytest.mark.parametrize(
+    ("offs", "of_light", "words"),
+    [
+        ((0.02, 0.071, 0.069, 0.01), False, ["3"]),  # three times the best and 0.01 rad are 0.04
+        ((0.1, 0.3, 0.29, 0.32, 0.2), False, ["4", "2", "1"]),
+        ((0.26, 0.24), False, ["1"]),
+        ((0.26, 0.26), False, []),
+        ((0.02, None), False, []),
+        ((0.01, 0.031, 0.033), True, ["1"]),  # of a light the floor is 0.002 rad
+        ((0.06, 0.049), True, ["1"]),
+        ((0.06, 0.051), True, []),
+    ],
+)
+def test_hypotheses_that_close_loops_about_as_well_as_the_best_are_fitted(monkeypatch, offs, of_light, words):
+    """Within three times the best and a floor, the best first; none where even the best leaves loops open."""
+    assert surviving(monkeypatch, offs, of_light=of_light) == (words, len(offs))
+
+
+def test_no_more_than_eight_hypotheses_are_fitted(monkeypatch):
+    """The best of them."""
+    words, _ = surviving(monkeypatch, [0.02, *np.linspace(0.03, 0.02, 12)])
+    assert words == [str(k) for k in range(12, 4, -1)]
+
+
+def test_what_a_quick_look_cannot_tell_is_left_out_of_it(monkeypatch):
+    """Wider models, and samples paired one late with robots that never move."""
+    late = [hypothesis("both", "pairing-shifted", ("eye", "hand")), hypothesis("hand", "pairing-shifted", ("hand",))]
+    among = [hypothesis("wider", nested=True), *late, hypothesis("exchanged", about=("eye", "hand"))]
+    still = simulate(Scenario(samples=6, arms="eye_still"), 0)
+    assert surviving(monkeypatch, [0.02] * 3, among, made=still) == (["hand", "exchanged"], 3)
+
+
+def test_a_hypothesis_is_out_of_the_race_at_twice_the_declared_error(monkeypatch):
+    """So much it is told that its error may be; nothing is fitted where a fact stands against it."""
+    limits = []
+    monkeypatch.setattr(conventions, "fit_hypothesis", lambda *given: limits.append(given[-1]))
+    whole = HypothesisFit(None, np.full(10, 0.03), True)
+    declared = TriedHypothesis(hypothesis("declared"), whole, ())
+    assert conventions._try(BOARD.cell, BOARD.recording, hypothesis("other"), STATED, None, declared) == []
+    assert limits == [pytest.approx(0.06)]
+    monkeypatch.setattr(conventions, "impossible_input", lambda *given: ("a fact",))
+    assert conventions._try(BOARD.cell, BOARD.recording, hypothesis("other"), STATED, None, declared) == []
+    assert len(limits) == 1
+
+
+@pytest.mark.parametrize(("equations", "enough"), [(6, False), (33, False), (34, True), (100, True)])
+def test_two_thirds_of_the_samples_need_a_quarter_more_equations_than_unknowns(equations, enough):
+    """Of 18 unknowns 22.5 must be left in two folds: 34 equations leave 22.7, one less is too few."""
+    measurement = SimpleNamespace(equations=lambda: np.array([equations - 3, 3]))
+    problem = SimpleNamespace(groups=(SimpleNamespace(measurement=measurement),), width=18)
+    assert conventions._can_hold_out(problem) == enough
+
+
+def test_robots_that_move_are_told_by_poses_or_joints():
+    """Those that stand elsewhere in any sample."""
+    assert conventions._moving(BOARD.recording) == ["eye", "hand"]
+    assert conventions._moving(simulate(Scenario(samples=4, arms="eye_still"), 0).recording) == ["hand"]
+    assert sorted(conventions._moving(simulate(Scenario(samples=3, joints=True), 0).recording)) == ["eye", "hand"]
+    one = replace(BOARD.recording, samples=BOARD.recording.samples[:1])
+    assert conventions._moving(one) == []

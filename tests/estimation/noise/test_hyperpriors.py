@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
+from scipy.stats import norm
 
-from basecal.estimation.noise.hyperpriors import KINEMATICS, CommonPrior, hyperpriors
+from basecal.estimation.noise.hyperpriors import KINEMATICS, CommonPrior, LogNormals, hyperpriors
 from basecal.estimation.noise.mixed_model import mixed_model
 from basecal.estimation.noise.reml import open_parts
 from basecal.estimation.noise.robot_noise import with_robot_noise, without_errors
@@ -100,3 +102,16 @@ def test_any_arm_of_the_trade_is_within_two_standard_deviations():
 
     assert all(cost(rad) < 2.2**2 for rad in (2e-5, 3e-3))
     assert all(cost(rad) > 4**2 for rad in (2e-7, 0.3))
+
+
+def test_forms_of_logarithms_are_normal():
+    """The value is twice the negative log density of independent normals; its start is their mean."""
+    forms = np.array([[1.0, 0.0], [-1.0, 1.0]])
+    of = LogNormals(forms, np.array([0.5, -0.2]), np.array([0.3, 2.0]))
+    logs = np.array([0.9, 1.1])
+    expected = -2 * norm.logpdf(forms @ logs, of.mean, of.sigma).sum()
+    value, slope = of.value(logs)
+    assert value == pytest.approx(expected, rel=1e-12)
+    np.testing.assert_allclose(forms @ of.start, of.mean)
+    np.testing.assert_allclose(of.value(of.start)[1], 0.0, atol=1e-12)
+    np.testing.assert_allclose(of.curvature @ (logs - of.start), slope)

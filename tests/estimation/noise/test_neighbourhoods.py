@@ -57,6 +57,14 @@ def test_each_robot_has_its_own_views(problem):
         assert f"r1_base_from_{part.robot}_base" not in part.problem.columns
         used = np.concatenate([np.arange(s.start, s.stop) for s in part.problem.columns.values()])
         assert sorted(used) == list(range(part.problem.width))
+        assert part.problem.width == 6 * len(part.problem.columns) == 6 * len(_needed(part))
+
+
+def _needed(part):
+    """Transforms that a robot's views depend on, but for its base."""
+    held = None if part.robot == "r1" else f"r1_base_from_{part.robot}_base"
+    named = {n for g in part.problem.groups for n in (g.camera_mount, g.target_mount, g.eye_base, g.hand_base)}
+    return named - {held, None}
 
 
 def test_few_unknowns_are_estimated_together(problem):
