@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from basecal.estimation.noise import joint_estimate
 from basecal.estimation.noise.joint_estimate import _units, estimate_jointly, integrate_sigmas
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
@@ -168,3 +169,21 @@ def test_errors_of_stated_robots_are_in_metres_already():
     assert sorted(set(of_hand)) == [False, True]
     np.testing.assert_allclose(units[of_hand], np.tile(np.repeat(TRUE, 3), (of_hand.sum(), 1)))
     np.testing.assert_array_equal(units[~of_hand], 1.0)
+
+
+@pytest.mark.parametrize("settled", [True, False])
+def test_many_views_start_from_the_sigmas_of_some_of_them_where_these_settled(monkeypatch, settled):
+    """Else all views tell their sigmas from the beginning."""
+    s = simulate(replace(SILENT, samples=12), 0)
+    problem, _ = build_problem(s.cell, s.recording)
+    state = State(s.truth, s.cameras, np.zeros((len(problem.stops), 6)))
+    monkeypatch.setattr(joint_estimate, "_MANY_VIEWS", 8)
+    if not settled:
+        monkeypatch.setattr(joint_estimate, "_ROUNDS", 0)
+    asked, of_all = [], joint_estimate._of_all
+    monkeypatch.setattr(
+        joint_estimate, "_of_all", lambda *given: asked.append(len(given[0].groups[0])) or of_all(*given)
+    )
+    _, _, noise = estimate_jointly(problem, state, 50)
+    assert asked == ([12] if settled else [])
+    assert noise.settled == settled

@@ -44,7 +44,9 @@ def dense_model(problem, state, logs):
     for stop, by_error in by_stop_errors(group, links, state, problem.stops, 6):
         z[np.arange(n), :, stop] += inner @ by_error
     sigma = {robot: np.repeat(np.exp(logs[2 * i : 2 + 2 * i]), 3) for i, robot in enumerate(ROBOTS)}
-    z = (z * np.array([sigma[robot] for robot in problem.stops.robot])).reshape(6 * n, -1)
+    z = (z * np.array([sigma[robot] for robot in problem.stops.robot]).reshape(-1, 6)).reshape(
+        6 * n, len(problem.stops) * 6
+    )
     v = np.diag(group.measurement.weight.ravel() ** -2.0) + z @ z.T
     of = np.array([2 * ROBOTS.index(robot) + np.repeat([0, 1], 3) for robot in problem.stops.robot]).ravel()
     return error.ravel(), x, v, [2 * z[:, of == k] @ z[:, of == k].T for k in range(2 * len(ROBOTS))]
@@ -142,3 +144,64 @@ def test_sums_over_blocks_are_those_of_block_by_block(arms):
     np.testing.assert_allclose(whole.value - cut.value, 0, atol=1e-8 * abs(whole.value))
     np.testing.assert_allclose(cut.slope()[1:], whole.slope()[1:], rtol=1e-8, atol=1e-8)
     np.testing.assert_allclose(2 * cut.slope()[0], whole.slope()[0], rtol=1e-8)
+
+
+@pytest.mark.parametrize("is_open", [True, False, None])
+@pytest.mark.parametrize("exact", [(), ("eye", "hand")])
+def test_stamps_that_jitter_are_noise_along_the_motion(is_open, exact):
+    """As dense: each view's own, by a sigma that is open or known, beside noise of arms or of exact ones.
+
+    Views that move by stamps that do not jitter are as any.
+    """
+    robots = tuple(robot for robot in ROBOTS if robot not in exact)
+    made = simulate(replace(NOISY, target="pose", camera_mount="fixed"), 1)
+    problem, _ = build_problem(made.cell, made.recording)
+    (group,) = problem.groups
+    motion = np.random.default_rng(5).standard_normal((len(group), 6))
+    problem = problem.with_groups([replace(group, motion=motion)])
+    if robots:
+        problem = with_robot_noise(problem, dict.fromkeys(ROBOTS, np.ones(6)))
+    state = without_errors(problem, State(made.truth, {}, np.zeros((0, 6))))
+    of_jitter = (
+        {"open_jitter": frozenset({"wrist"})} if is_open else {"jitter_s": {"wrist": 0.0 if is_open is None else 2e-3}}
+    )
+    problem = replace(problem, **of_jitter)
+    model = mixed_model(problem, state, robots)
+    assert model.shaken == (("wrist",) if is_open else ())
+    sigmas = np.log([[1e-3, 2e-3, 5e-4, 1e-3, 2e-3], [3e-3, 1e-3, 5e-4, 4e-3, 1e-3 if is_open else 2e-3]])
+    if is_open is None:
+        motion = np.zeros_like(motion)
+    keep = [*range(4 if robots else 0), *([4] if is_open else [])]
+    values = [posterior(model, logs[keep]).value for logs in sigmas]
+    dense = [dense_shaken(problem, state, logs[:4] if robots else None, motion * np.exp(logs[4])) for logs in sigmas]
+    assert values[1] - values[0] == pytest.approx(dense[1] - dense[0], abs=1e-3)
+    assert abs(dense[1] - dense[0]) > 0.5 or not keep
+    step, covariance = dense_answer(problem, state, sigmas[0][:4] if robots else None, motion * np.exp(sigmas[0][4]))
+    found = posterior(model, sigmas[0][keep])
+    np.testing.assert_allclose(found.step, step, atol=1e-6)
+    np.testing.assert_allclose(found.covariance, covariance, rtol=1e-3, atol=1e-10)
+
+
+def shaken_model(problem, state, logs, shake):
+    """Residuals, derivative and covariance: views shaken along (n, 6), arms as `logs` say, or exact."""
+    error, x, v, _ = dense_model(problem, state, np.zeros(4) if logs is None else logs)
+    inner = right_jacobian_inverse(error.reshape(-1, 6))
+    z = (inner @ shake[..., None])[..., 0]
+    for k, each in enumerate(z):
+        v[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] += np.outer(each, each)
+    return error, x, v
+
+
+def dense_shaken(problem, state, logs, shake):
+    error, x, v = shaken_model(problem, state, logs, shake)
+    information = x.T @ np.linalg.solve(v, x)
+    explained = (x.T @ np.linalg.solve(v, error)) @ np.linalg.solve(information, x.T @ np.linalg.solve(v, error))
+    value = np.linalg.slogdet(v)[1] + np.linalg.slogdet(information)[1]
+    return value + error @ np.linalg.solve(v, error) - explained
+
+
+def dense_answer(problem, state, logs, shake):
+    """The generalised least-squares step, and its covariance."""
+    error, x, v = shaken_model(problem, state, logs, shake)
+    covariance = np.linalg.inv(x.T @ np.linalg.solve(v, x))
+    return -covariance @ (x.T @ np.linalg.solve(v, error)), covariance

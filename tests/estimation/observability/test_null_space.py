@@ -148,3 +148,11 @@ def test_twists_are_parted_into_translations_and_the_rest():
     assert (shifts.shape, turns.shape) == ((2, 3), (0, 6))
     shifts, turns = separate_twists(RZ[None])
     assert (shifts.shape, turns.shape) == ((0, 3), (1, 6))
+
+
+@pytest.mark.parametrize("axis", [RX, RY, RZ])
+def test_a_turn_about_any_axis_is_a_turn(axis):
+    """No shift is left of it."""
+    shifts, turns = separate_twists(axis[None])
+    assert shifts.shape == (0, 3)
+    np.testing.assert_allclose(np.abs(turns), [axis], atol=1e-12)

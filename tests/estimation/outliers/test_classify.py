@@ -160,3 +160,20 @@ def test_a_shared_stop_that_is_off_takes_its_views_along():
     views, _, found = kept_of(moved, replace(state, stop_errors=errors))
     assert np.flatnonzero(~views).tolist() == np.flatnonzero(there).tolist()
     assert found.stops.value[stop] > 30**2 / 6
+
+
+@pytest.mark.parametrize(("off_px", "stays"), [("each elsewhere", True), ("together", False)])
+def test_points_that_stray_one_by_one_leave_their_view(off_px, stays):
+    """Of five points three are off, each elsewhere: the other two stay. Moved with their whole view they all go."""
+
+    def stray(pixels):
+        if off_px == "together":
+            pixels[6] += (40.0, -30.0)
+        else:
+            pixels[6, :3] += ((60.0, -40.0), (-50.0, 30.0), (20.0, 70.0))
+
+    problem, state = at_truth(Scenario(samples=12, target="points", robot_noise=(1e-5, 1e-5)), 2)
+    views, points, _ = kept_of(with_pixels(problem, stray), state)
+    assert np.flatnonzero(~views).tolist() == ([] if stays else [6])
+    if stays:
+        assert np.argwhere(~points).tolist() == [[6, 0], [6, 1], [6, 2]]

@@ -5,8 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
+from basecal.estimation.outliers import noise_and_outliers
 from basecal.estimation.outliers.noise_and_outliers import is_as_of_arms, solve_with_noise, with_noise
+from basecal.estimation.outliers.robust_solve import RobustSolution
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
 from basecal.geometry import SE3
@@ -26,3 +29,25 @@ def test_one_bumped_arm_is_left_out_and_noise_is_that_of_the_others():
     assert {o.sample for o in found.outliers} == {samples[5].sample}
     assert is_as_of_arms(found.solution)
     assert np.all(found.solution.noise.robots["eye"] < 1.5e-3)
+
+
+@pytest.mark.parametrize("as_of_arms", [True, False])
+@pytest.mark.parametrize("given", [True, False])
+def test_samples_that_agree_as_if_robots_were_exact_are_told_where_noise_explains_nothing(
+    monkeypatch, as_of_arms, given
+):
+    """Where the noise is such as arms have, what agreed before goes for nothing."""
+    s = simulate(Scenario(samples=8, robot_noise=(3e-4, 5e-4), state_robot_noise=False), seed=1)
+    settings = Settings(robot_noise="estimated")
+    plain = solve(s.cell, s.recording)
+    exact = RobustSolution(plain, (), plain.problem.with_groups(()), 8, 0, (2, 5)) if given else None
+    monkeypatch.setattr(noise_and_outliers, "is_as_of_arms", lambda solution: as_of_arms)
+    monkeypatch.setattr(noise_and_outliers, "with_noise", lambda solution, *given: solution)
+    monkeypatch.setattr(noise_and_outliers, "integrated", lambda solution: solution)
+    monkeypatch.setattr(
+        noise_and_outliers,
+        "_judged",
+        lambda cell, settings, plain, solution, before: RobustSolution(solution, (), before and before.left_out, 8, 0),
+    )
+    found = solve_with_noise(s.cell, settings, plain, plain, exact)
+    assert found.agreeing == ((2, 5) if given and not as_of_arms else ())

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from basecal.cell import CandidateObservation, PixelObservation, Recording, RobotState
+from basecal.estimation.outliers import robust_solve
 from basecal.estimation.outliers.classify import classify_inliers
 from basecal.estimation.outliers.inlier_mask import InlierMask, all_inliers, of_samples
-from basecal.estimation.outliers.robust_solve import solve_robustly
+from basecal.estimation.outliers.robust_solve import judged_again, solve_robustly
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.solve import solve_packed
 from basecal.geometry import SE3
@@ -240,3 +241,31 @@ def test_a_view_that_goes_and_is_taken_back_in_turns_is_left_out(monkeypatch):
     robust = solve_robustly(problem, made.cell, plain=plain)
     assert [each.sample for each in robust.outliers] == [7]
     assert len(given) == 3
+
+
+def test_what_was_left_out_is_judged_again_by_other_sigmas(monkeypatch):
+    """From where it was found; None where nothing was left out, or where less is seen or converged then."""
+    s = simulate(Scenario(samples=14, robot_noise=NOISY), seed=3)
+    samples = [bumped(x) if x.sample == 5 else x for x in s.recording.samples]
+    problem, _ = build_problem(s.cell, Recording(tuple(samples)))
+    robust = solve_robustly(problem, s.cell)
+    assert [each.sample for each in robust.outliers] == [5]
+    again = judged_again(robust, robust.solution, problem, s.cell)
+    assert [each.sample for each in again.outliers] == [5]
+    assert off(base(again.solution), base(robust.solution)) < 1e-6
+    assert judged_again(replace(robust, consensus=None), robust.solution, problem, s.cell) is None
+    end = robust.consensus
+    seen = end.solution.observability
+    blind = replace(end.solution, observability=replace(seen, unobservable=frozenset({BASE})))
+    for solution, is_answer in (
+        (end.solution, True),
+        (replace(end.solution, converged=False), False),
+        (blind, False),
+        (replace(end.solution, cost=1e9), False),
+    ):
+        monkeypatch.setattr(robust_solve, "_end", lambda *given, to=solution: replace(end, solution=to))
+        found = judged_again(robust, robust.solution, problem, s.cell)
+        assert (found is not None) == is_answer
+    monkeypatch.setattr(robust_solve, "_end", lambda *given: replace(end, solution=blind))
+    before = replace(robust, consensus=replace(end, solution=blind))
+    assert judged_again(before, robust.solution, problem, s.cell) is not None

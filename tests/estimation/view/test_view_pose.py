@@ -93,3 +93,10 @@ def test_without_steps_poses_are_those_of_the_closed_form():
     assert 0 < np.abs(off).max() < 0.05
     of_best = noisy.linearise(rough.camera_from_target[:, 0], None, False)
     np.testing.assert_allclose(rough.information, of_best.information)
+
+
+def test_a_view_is_found_where_its_best_pose_is():
+    """Whatever the next best is."""
+    poses = SE3.identity((3, 2))
+    found = ViewPoses(poses, np.array([[1.0, np.inf], [np.inf, np.inf], [1.0, 2.0]]), np.zeros((3, 6, 6))).found
+    assert found.tolist() == [True, False, True]
