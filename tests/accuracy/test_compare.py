@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from basecal.accuracy.compare import compare
 from basecal.cell import Calibration
@@ -66,3 +67,32 @@ def test_other_inputs_settings_and_transforms_are_told() -> None:
 
 def test_nothing_in_common_cannot_be_told() -> None:
     assert compare(Calibration("refused"), calibration()).agree is None
+
+
+def _apart(tangent, names=(NAME,), other=()):
+    """Two calibrations of some transforms, those of one of them off by a tangent."""
+    one = calibration().transforms[NAME]
+    off = calibration(tangent).transforms[NAME]
+    first = Calibration("good", transforms=dict.fromkeys((*names, *other), one))
+    return compare(first, Calibration("good", transforms={**dict.fromkeys(names, off), **dict.fromkeys(other, one)}))
+
+
+@pytest.mark.parametrize(("level", "agree"), [(0.006, True), (0.004, False)])
+def test_they_agree_up_to_a_chance_of_one_in_two_hundred(level, agree):
+    """Of one transform; of three, one of which is off, up to a third of that."""
+    sigma = np.sqrt(2) * 1e-4
+    assert _apart((sigma * np.sqrt(chi2.isf(level, 6)), 0, 0, 0, 0, 0)).agree == agree
+    off = (sigma * np.sqrt(chi2.isf(level / 3, 6)), 0, 0, 0, 0, 0)
+    assert _apart(off, other=("a_from_b", "c_from_d")).agree == agree
+
+
+def test_what_has_no_finite_covariance_is_compared_to_rounding():
+    """Neither sigmas nor a chance are told; what is as far apart as numbers are written agrees."""
+    vague = np.full((6, 6), np.nan)
+    for off, agree in ((0.9e-12, True), (3e-12, False)):
+        for tangent in ((off, 0, 0, 0, 0, 0), (0, 0, 0, off, 0, 0)):
+            found = compare(
+                Calibration("good", transforms={NAME: PoseEstimate(SE3.identity(), vague)}),
+                Calibration("good", transforms={NAME: PoseEstimate(SE3.exp(np.array(tangent)), vague)}),
+            )
+            assert (found.agree, found.transforms[NAME].sigmas, found.transforms[NAME].chance) == (agree, None, None)

@@ -7,6 +7,7 @@ from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from basecal.accuracy.drift.history import FEWEST, drifts, past_verification
 from basecal.accuracy.drift.shifts import Shift
@@ -67,3 +68,32 @@ def test_what_is_kept_of_a_verification() -> None:
     assert past_verification(replace(found, moved=False), START, "r").frame is None
     assert past_verification(replace(found, moved=None), START, "r").frame is None
     assert past_verification(replace(found, shift=None), START, "r").frame is None
+
+
+def measured(day: float, t_m: list[float], sigma_m: list[float]) -> PastVerification:
+    shifts = {"a_from_b": MeasuredShift(np.array(t_m), np.array(sigma_m))}
+    return PastVerification(START + timedelta(days=day), "r", 4, False, 0.5, 1e-3, None, shifts)
+
+
+def test_a_drift_is_the_weighted_line_of_each_axis() -> None:
+    """Slopes, their sigmas and the chance of all three by `np.polyfit` and the chi-square distribution."""
+    rng = np.random.default_rng(2)
+    days, t_m = [0.0, 2.0, 5.0, 6.0], 1e-4 * rng.standard_normal((4, 3))
+    sigma = 1e-4 * rng.uniform(0.5, 2.0, (4, 3))
+    (found,) = drifts([measured(d, t.tolist(), s.tolist()) for d, t, s in zip(days, t_m, sigma, strict=True)])
+    fits = [np.polyfit(days, t_m[:, k], 1, w=1 / sigma[:, k], cov="unscaled") for k in range(3)]
+    np.testing.assert_allclose(found.m_per_day, [line[0] for line, _ in fits])
+    np.testing.assert_allclose(found.sigma, [np.sqrt(covariance[0, 0]) for _, covariance in fits])
+    assert found.chance == pytest.approx(chi2.sf(np.sum((found.m_per_day / found.sigma) ** 2), 3))
+    assert (found.transform, found.run, found.count) == ("a_from_b", "r", 4)
+
+
+def test_three_verifications_of_more_than_a_minute_and_a_half_are_enough() -> None:
+    """A thousandth of a day; an axis without a sigma tells nothing."""
+    minute = 1 / 1440
+    sigma = [1e-4] * 3
+    for minutes, told in ((1.3, False), (1.6, True)):
+        days = (0.0, 0.5 * minutes * minute, minutes * minute)
+        assert bool(drifts([measured(day, [0.0] * 3, sigma) for day in days])) == told
+    exact = [measured(day, [0.0] * 3, [1e-4, 0.0, 1e-4]) for day in (0.0, 1.0, 2.0)]
+    assert drifts(exact) == ()

@@ -98,3 +98,20 @@ def test_what_is_detectable_is_seen_with_noise_of_few_freedoms(freedoms: float) 
     strength = np.einsum("di,ij,dj->d", shifts, of.information[:3, :3], shifts)
     scale = rng.chisquare(freedoms, 20_000) / freedoms if np.isfinite(freedoms) else 1.0
     assert np.mean(rng.noncentral_chisquare(6, strength) / scale > of.threshold(0.005)) == pytest.approx(0.95, abs=5e-3)
+
+
+def test_chances_that_are_no_numbers_are_told_by_their_logarithm() -> None:
+    """Of a statistic of thousands, and of a shift that nothing shows, whose chance is one."""
+    far = _of_noise(150.0, 1e8)
+    assert np.isfinite(far.log_chance)
+    assert far.log_chance < -500
+    assert _of_noise(np.inf, 30.0).log_chance == pytest.approx(chi2.logsf(30.0, 6))
+    assert replace(_of_noise(12.0, 0.0), freedoms=0).log_chance == 0.0
+
+
+def test_a_joint_has_an_angle_and_no_length() -> None:
+    of = _of_noise(np.inf)
+    joint = replace(of, joint=2, size=np.array([-0.03]))
+    assert (joint.shift_m, joint.shift_rad) == (0.0, pytest.approx(0.03))
+    frame = replace(of, size=np.array([0.003, 0.004, 0.0, 0.0, 0.06, 0.08]))
+    assert (frame.shift_m, frame.shift_rad) == (pytest.approx(0.005), pytest.approx(0.1))

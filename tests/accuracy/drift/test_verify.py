@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from basecal.accuracy.drift import verify as verify_module
 from basecal.accuracy.drift.verify import LEVEL, verify
 from basecal.accuracy.verdict import calibrate
 from basecal.cell import Recording, RobotState, Unknown
@@ -128,3 +129,27 @@ def test_what_is_far_less_likely_to_have_moved_is_no_alike() -> None:
     assert far.shift is not None
     assert far.shift.frame == "hand_base"
     assert far.alike == ()
+
+
+@pytest.mark.parametrize(("count", "blamed"), [(3, False), (4, True), (5, True)])
+def test_of_four_samples_one_may_be_the_odd_one_out(count: int, blamed: bool) -> None:
+    """Of three, one that is off may as well be the only one that is not."""
+    made = later().first(count)
+    first, *others = made.recording.samples
+    hand = first.robots["hand"].base_from_flange
+    bumped = replace(first, robots={**first.robots, "hand": RobotState(SE3.exp(np.full(6, 0.02)) @ hand)})
+    found = verified(made, Recording((bumped, *others)))
+    assert found.outliers == ((first.sample,) if blamed else ())
+    assert found.moved is not blamed
+
+
+@pytest.mark.parametrize("length_m", [0.09, 0.11, None])
+def test_beyond_a_tenth_of_a_metre_nothing_is_said_for_sure(
+    monkeypatch: pytest.MonkeyPatch, length_m: float | None
+) -> None:
+    """Neither that something moved nor that nothing did; where no shift would be seen an alarm stands alone."""
+    made = later()
+    monkeypatch.setattr(verify_module, "detectable_m", lambda *given: length_m)
+    still, moved = verified(made), verified(made, made.with_base_moved(np.array([0.02, 0, 0, 0, 0, 0])))
+    assert still.detectable_m == moved.detectable_m == length_m
+    assert (still.moved, moved.moved) == {0.09: (False, True), 0.11: (None, None), None: (None, True)}[length_m]

@@ -9,11 +9,18 @@ import numpy as np
 import pytest
 
 from basecal.estimation.noise import neighbourhoods as module
-from basecal.estimation.noise.neighbourhoods import goes_by_neighbourhoods, neighbourhoods
+from basecal.estimation.noise.estimate import NoiseEstimate
+from basecal.estimation.noise.neighbourhoods import (
+    Neighbourhood,
+    goes_by_neighbourhoods,
+    neighbourhoods,
+    together,
+)
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve_from
+from basecal.estimation.view.measurement import Noise
 from basecal.simulation import Scenario, simulate
 
 MADE = simulate(Scenario(layout="ring", robots=4, samples=96, robot_noise=(3e-4, 5e-4)), 2)
@@ -99,3 +106,33 @@ def test_a_robot_alone_has_no_neighbours(problem, monkeypatch):
     assert not goes_by_neighbourhoods(alone)
     monkeypatch.setattr(module, "MANY_COLUMNS", problem.width + 1)
     assert not goes_by_neighbourhoods(problem)
+
+
+def test_each_sigma_is_that_of_where_it_is_told():
+    """Robots' by the mean of their squares; cameras and shapes by whose neighbourhood tells them; surprises add up."""
+
+    def estimate(pixel_px, settled, variances, surprise, shapes):
+        """Of one neighbourhood, which saw both cameras."""
+        cameras = {"a": Noise(pixel_px), "b": Noise(2 * pixel_px)}
+        return NoiseEstimate(
+            Noise(pixel_px), 1.0, ("pixel_px",) if settled else (), settled, {}, cameras,
+            surprise=surprise, plain_surprise=10 * surprise, shapes=shapes,
+            robot_variances={robot: np.full(6, of) for robot, of in variances.items()},
+        )  # fmt: skip
+
+    shape = (np.ones(3), np.eye(3))
+    found = {
+        "r1": estimate(0.1, True, {"r1": 4e-6}, 3.0, {"t": shape, "u": (np.zeros(3), np.eye(3))}),
+        "r2": estimate(0.3, False, {"r2": 9e-6}, 4.0, {"u": shape}),
+    }
+    parts = {
+        "r1": Neighbourhood("r1", None, None, frozenset({"a"}), frozenset({"t"})),
+        "r2": Neighbourhood("r2", None, None, frozenset({"b"}), frozenset({"u"})),
+    }
+    of = together(found, parts)
+    assert {name: noise.pixel_px for name, noise in of.cameras.items()} == {"a": 0.1, "b": 0.6}
+    assert of.shapes == {"t": shape, "u": shape}
+    np.testing.assert_allclose(of.robots["r1"], 2e-3)
+    np.testing.assert_allclose(of.robots["r2"], 3e-3)
+    assert (of.estimated, of.settled, of.surprise, of.plain_surprise) == (("pixel_px",), False, 7.0, 70.0)
+    assert together({**found, "r2": found["r1"]}, parts).settled

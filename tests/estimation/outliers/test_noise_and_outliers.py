@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -51,3 +52,22 @@ def test_samples_that_agree_as_if_robots_were_exact_are_told_where_noise_explain
     )
     found = solve_with_noise(s.cell, settings, plain, plain, exact)
     assert found.agreeing == ((2, 5) if given and not as_of_arms else ())
+
+
+@pytest.mark.parametrize(
+    ("robots", "jitter_s", "converged", "usual"),
+    [
+        ({}, {}, True, False),
+        ({"eye": (11.9e-3, 11.9e-3)}, {}, True, True),
+        ({"eye": (11.9e-3, 11.9e-3)}, {}, False, False),
+        ({"eye": (1e-4, 1e-4), "hand": (12.1e-3, 1e-4)}, {}, True, False),
+        ({"eye": (1e-4, 12.1e-3)}, {}, True, False),
+        ({}, {"wrist": 19e-3}, True, True),
+        ({"eye": (1e-4, 1e-4)}, {"wrist": 21e-3}, True, False),
+    ],
+)
+def test_noise_such_as_arms_have(robots, jitter_s, converged, usual):
+    """Up to 12 mm, 12 mrad and 20 ms of each; where none was estimated there is none."""
+    sigmas = {name: np.repeat(of, 3) for name, of in robots.items()}
+    noise = SimpleNamespace(robots=sigmas, jitter_s=jitter_s)
+    assert is_as_of_arms(SimpleNamespace(noise=noise, converged=converged)) == usual
