@@ -96,7 +96,8 @@ def capture(by: Taker, plan: Sequence[Sample], replan: Replan | None = None) -> 
             found = by.take(wanted, captured.taken)
         except Unfit as why:
             why_not = str(why)
-            _give_up(by.folder, wanted, why_not)
+            told = {**sample_to_dict(wanted, ""), "why": why_not}
+            append_durably(by.folder / GIVEN_UP, json.dumps(told) + "\n", within=by.folder)
         else:
             append_sample(by.folder, replace(found, observations=()))
             captured.add(found)
@@ -190,8 +191,3 @@ def _lines(folder: Path) -> Iterator[dict[str, Any]]:
         except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
             continue
         yield told
-
-
-def _give_up(folder: Path, wanted: Sample, why: str) -> None:
-    told = {**sample_to_dict(wanted, ""), "why": why}
-    append_durably(folder / GIVEN_UP, json.dumps(told) + "\n", within=folder)

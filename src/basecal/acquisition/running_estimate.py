@@ -14,7 +14,7 @@ from basecal.cell import Cell, Recording, Sample
 from basecal.errors import BasecalError
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.problem.problem import State
 from basecal.geometry import Array
 from basecal.numerics.spectral import spectrum
 from basecal.planning.sketch import Sketch
@@ -46,7 +46,11 @@ class RunningEstimate:
             return self
         if not problem.groups:
             return self
-        state = _state(problem, self.sketch)
+        lenses = {
+            name: camera.intrinsics.camera for name, camera in self.sketch.cell.cameras.items() if camera.intrinsics
+        }
+        cameras = {name: lens for name, lens in lenses.items() if lens is not None and name in problem.lenses}
+        state = State(dict(self.sketch.transforms), cameras, np.zeros((len(problem.stops), 6)))
         of_sample = linearise(problem, state).hessian
         if self.information is None:
             return replace(self, information=of_sample)
@@ -90,9 +94,3 @@ def _with_noise(cell: Cell) -> Cell:
         name: robot if robot.noise is not None else replace(robot, noise=_ROBOT) for name, robot in cell.robots.items()
     }
     return replace(cell, robots=robots, pixel_px=cell.pixel_px or _PIXEL_PX)
-
-
-def _state(problem: Problem, sketch: Sketch) -> State:
-    lenses = {name: camera.intrinsics.camera for name, camera in sketch.cell.cameras.items() if camera.intrinsics}
-    cameras = {name: lens for name, lens in lenses.items() if lens is not None and name in problem.lenses}
-    return State(dict(sketch.transforms), cameras, np.zeros((len(problem.stops), 6)))

@@ -76,16 +76,14 @@ def wait_until_led(robots: Mapping[str, Robot], before: Mapping[str, RobotState]
     began: float | None = None
     while True:
         here = wait_for_arms(robots, {}, patience_s)
-        if all(name not in before or _is_elsewhere(here[name].state, before[name]) for name in robots):
+        known = [name for name in robots if name in before]
+        moved_by = [np.abs(vector_of(here[name].state) - vector_of(before[name])).max() for name in known]
+        if all(distance > _ELSEWHERE_RAD_M for distance in moved_by):
             return
         now = next(iter(here.values())).stamp_s
         began = now if began is None else began
         if now - began > patience_s:
             raise Moving(f"arm not led to another place: {', '.join(robots)}")
-
-
-def _is_elsewhere(here: RobotState, before: RobotState) -> bool:
-    return bool(np.abs(vector_of(here) - vector_of(before)).max() > _ELSEWHERE_RAD_M)
 
 
 def _is_still(readings: Sequence[Reading], goal: RobotState | None) -> bool:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from basecal.acquisition.coverage import alike
-from basecal.acquisition.driver import Grey, Moves, Reading, Switches
+from basecal.acquisition.driver import Grey, Moves, Switches
 from basecal.acquisition.rig import Rig
 from basecal.acquisition.stillness import Moving, Unfit, wait_for_arms, wait_for_picture
 from basecal.cell import CandidateObservation, Cell, PixelObservation, Recording, Sample, Target
@@ -89,8 +89,10 @@ def _take(by: Taker, wanted: Sample, taken: Sequence[Sample]) -> Sample:
     before = wait_for_arms(rig.robots, goals, settings.patience_s)
     by.tell(f"sample {wanted.sample}: waiting for a still picture")
     shots = {name: _shot(rig, sketch.cell, name, settings.patience_s) for name in rig.cameras}
-    after = _states_after(rig, before, settings.patience_s)
-    states = {name: reading.state for name, reading in after.items()}
+    # After the picture they are nearer to where they were in it, since the last of a way is slow.
+    live = {name: robot for name, robot in rig.robots.items() if robot.is_live}
+    after = wait_for_arms(live, {name: before[name].state for name in live}, settings.patience_s) if live else {}
+    states = {name: reading.state for name, reading in {**before, **after}.items()}
     stamp_s = next(iter(shots.values())).stamp_s
     by.tell(f"sample {wanted.sample}: looking for the target")
     sample = Sample(wanted.sample, stamp_s, states, (), *_written(folder, wanted.sample, shots))
@@ -128,17 +130,6 @@ def targets_before(cell: Cell, camera: str) -> list[Target]:
     """Targets that a camera may see: those that do not hang on the same body."""
     on = cell.cameras[camera].on
     return [each.target for each in cell.targets.values() if each.on != on and each.target is not None]
-
-
-def _states_after(rig: Rig, before: Mapping[str, Reading], patience_s: float) -> dict[str, Reading]:
-    """Where arms are after the picture: nearer to where they were in it, since the last of a way is slow.
-
-    Raises:
-        Moving: if one has moved away.
-    """
-    live = {name: robot for name, robot in rig.robots.items() if robot.is_live}
-    after = wait_for_arms(live, {name: before[name].state for name in live}, patience_s) if live else {}
-    return {**before, **after}
 
 
 def _written(folder: Path, number: int, shots: Mapping[str, _Shot]) -> tuple[dict[str, str], dict[str, str]]:

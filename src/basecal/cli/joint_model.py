@@ -28,11 +28,18 @@ def joint_model(
         CycloptsError: if a URDF is given without its links, or links without it.
         InputError: if none is given, and the cell has none.
     """
+    from basecal.cell.files import read_cell
+
     links = (urdf, base_link, flange_link)
     if any(each is not None for each in links) and None in links:
         raise CycloptsError(msg="--urdf, --base-link and --flange-link go together: give all three")
     if urdf is None or base_link is None or flange_link is None:
-        return _known_model(cell, robot), {}, {}
+        robots = read_cell(cell).robots if (cell / "cell.yaml").exists() else {}
+        known = robots[robot].chain if robot in robots else None
+        if known is None:
+            give = "give --urdf FILE --base-link LINK --flange-link LINK"
+            raise InputError(f"{cell} has no URDF of {robot!r}, which joints need: {give}")
+        return known, {}, {}
     from basecal.kinematics import read_chain
 
     chain = read_chain(urdf, base_link, flange_link)
@@ -48,14 +55,3 @@ def with_offsets(entry: dict[str, Any], robot: str, sigma_deg: float | None) -> 
     offsets = {"status": "prior", "sigma_rad": round(math.radians(sigma_deg), 5)}
     described = entry.get("robots", {}).get(robot, {})
     return {**entry, "robots": {robot: {**described, "joint_offsets": offsets}}}
-
-
-def _known_model(cell: Path, robot: str) -> SerialChain:
-    from basecal.cell.files import read_cell
-
-    robots = read_cell(cell).robots if (cell / "cell.yaml").exists() else {}
-    chain = robots[robot].chain if robot in robots else None
-    if chain is None:
-        give = "give --urdf FILE --base-link LINK --flange-link LINK"
-        raise InputError(f"{cell} has no URDF of {robot!r}, which joints need: {give}")
-    return chain

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 def next_step(cell: Cell, recording: Recording, folder: Path) -> str | None:
     """The first of what is missing, and what to do; None where nothing is, so that it can be calibrated."""
+    from basecal.exchange.pictures import ENDINGS
+
     place = pasted(folder)
     if not cell.cameras:
         return f"next, its pictures: basecal import images {place} DIR --camera NAME --on ROBOT --target KIND ..."
@@ -26,7 +28,8 @@ def next_step(cell: Cell, recording: Recording, folder: Path) -> str | None:
     if not seen:
         camera = next(iter(cell.cameras))
         dropped = folder / "recording" / "images" / camera
-        there = pasted(dropped) if _holds_pictures(dropped) else "DIR"
+        has_pictures = dropped.is_dir() and any(path.suffix.lower() in ENDINGS for path in dropped.iterdir())
+        there = pasted(dropped) if has_pictures else "DIR"
         return f"next, its pictures: basecal import images {place} {there} --camera {camera}"
     if not cell.targets:
         return "next, say in cell.yaml which target the pictures show (`targets:`, docs/data_format.md)"
@@ -34,9 +37,3 @@ def next_step(cell: Cell, recording: Recording, folder: Path) -> str | None:
     if idle := [name for name in cell.robots if name not in carriers]:
         return f"next, what {listed(idle)} carries: import its pictures, or correct `on:` in cell.yaml"
     return None
-
-
-def _holds_pictures(folder: Path) -> bool:
-    from basecal.exchange.pictures import ENDINGS
-
-    return folder.is_dir() and any(path.suffix.lower() in ENDINGS for path in folder.iterdir())

@@ -106,16 +106,12 @@ def print_page_path(run: Path) -> None:
 
     if sys.stderr is not None:
         path = str(run / FILE)
+        try:
+            from_here = os.path.relpath(path)
+        except (OSError, ValueError):  # there is no working folder, or it is on another drive
+            from_here = path
         line = f"page: {path}"
-        say(line if len(line) <= WIDTH else f"page: {min(path, _from_here(path), key=len)}", sys.stderr)
-
-
-def _from_here(path: str) -> str:
-    """A path relative to the working folder; itself where there is none, or it is on another drive."""
-    try:
-        return os.path.relpath(path)
-    except (OSError, ValueError):
-        return path
+        say(line if len(line) <= WIDTH else f"page: {min(path, from_here, key=len)}", sys.stderr)
 
 
 def _made(run: Path) -> datetime | None:

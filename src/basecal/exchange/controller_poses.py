@@ -22,7 +22,7 @@ from basecal.exchange.controllers.convention import (
     convention,
 )
 from basecal.exchange.importing.imported import Row
-from basecal.exchange.importing.text_table import TextRow, TextTable, number_of, read_text_table, rows_of_numbers
+from basecal.exchange.importing.text_table import TextTable, number_of, read_text_table, rows_of_numbers
 from basecal.exchange.poses import read_poses
 from basecal.geometry import SE3, Array
 from basecal.registry import CONTROLLERS
@@ -136,7 +136,13 @@ def _pose_rows(path: str, reading: Reading, is_stream: bool) -> PoseRows:
     columns = _columns(table, how.names, reading)
     numbers = np.array(list(rows_of_numbers(table, columns)))
     _check_angles(path, numbers, how, reading)
-    return PoseRows(_poses(table, numbers, how), tuple(keyed_rows(table)))
+    found = []
+    for row, values in zip(table.rows, numbers, strict=True):
+        try:
+            found.append(how.read(values))
+        except BasecalError as error:
+            raise DatasetError(table.path, str(error), row.line) from None
+    return PoseRows(SE3.stack(found), tuple(keyed_rows(table)))
 
 
 def _is_stacked(path: str) -> bool:
@@ -174,7 +180,13 @@ def _columns(table: TextTable, names: Sequence[str], reading: Reading) -> list[s
     for name in map(str.lower, names):
         known = next((each for each in (name, *_ALIASES.get(name, ())) if each in by_name), None)
         if known is None:
-            raise DatasetError(table.path, _missing(name, table.header, names, reading))
+            there = {_plain(column) for column in table.header}
+            others = [each for each in CONTROLLERS if {n.lower() for n in convention(each).names} <= there]
+            hint = f"; these columns suit --format {listed(others)}" if others else ""
+            raise DatasetError(
+                table.path,
+                f"has no column {name!r} but {', '.join(table.header)}; {reading.name} writes {', '.join(names)}{hint}",
+            )
         found.append(by_name[known])
     _check_units(table.path, found, reading)
     return found
@@ -183,13 +195,6 @@ def _columns(table: TextTable, names: Sequence[str], reading: Reading) -> list[s
 def _plain(column: str) -> str:
     """A column's name in small letters without its unit."""
     return (_UNIT.sub(r"\1", column.strip().lower())).strip()
-
-
-def _missing(name: str, header: Sequence[str], names: Sequence[str], reading: Reading) -> str:
-    there = {_plain(column) for column in header}
-    others = [each for each in CONTROLLERS if {n.lower() for n in convention(each).names} <= there]
-    hint = f"; these columns suit --format {listed(others)}" if others else ""
-    return f"has no column {name!r} but {', '.join(header)}; {reading.name} writes {', '.join(names)}{hint}"
 
 
 def _check_units(path: str, columns: Sequence[str], reading: Reading) -> None:
@@ -225,16 +230,6 @@ def _check_angles(path: str, numbers: Array, how: AnyConvention, reading: Readin
         )
 
 
-def _poses(table: TextTable, numbers: Array, how: AnyConvention) -> SE3:
-    found = []
-    for row, values in zip(table.rows, numbers, strict=True):
-        try:
-            found.append(how.read(values))
-        except BasecalError as error:
-            raise DatasetError(table.path, str(error), row.line) from None
-    return SE3.stack(found)
-
-
 def keyed_rows(table: TextTable) -> list[Row]:
     """A row for each of a table, with what says where it belongs: its columns `image`, `sample` and `stamp_s`.
 
@@ -243,18 +238,12 @@ def keyed_rows(table: TextTable) -> list[Row]:
     """
     there = {_plain(column): column for column in table.rows[0].cells}
     image, sample, stamp = (next((there[n] for n in names if n in there), None) for names in _KEYS.values())
-    return [
-        Row(
-            image=None if image is None else row.cells[image].strip("\"' "),
-            sample=None if sample is None else _whole(table.path, row, sample),
-            stamp_s=None if stamp is None else number_of(row.cells[stamp], table.path, row.line, stamp),
-        )
-        for row in table.rows
-    ]
-
-
-def _whole(path: str, row: TextRow, column: str) -> int:
-    number = number_of(row.cells[column], path, row.line, column)
-    if number != int(number) or number < 0:
-        raise DatasetError(path, f"{row.cells[column]} is not a whole number from 0", row.line, column)
-    return int(number)
+    rows = []
+    for row in table.rows:
+        name = None if image is None else row.cells[image].strip("\"' ")
+        number = None if sample is None else number_of(row.cells[sample], table.path, row.line, sample)
+        if sample is not None and number is not None and (number != int(number) or number < 0):
+            raise DatasetError(table.path, f"{row.cells[sample]} is not a whole number from 0", row.line, sample)
+        stamp_s = None if stamp is None else number_of(row.cells[stamp], table.path, row.line, stamp)
+        rows.append(Row(image=name, sample=None if number is None else int(number), stamp_s=stamp_s))
+    return rows

@@ -73,9 +73,11 @@ def merge_cells(folders: Sequence[Path], output: Path) -> Merged:
     first_numbers = []
     for part in parts:
         _add_models(files, part)
-        shift = _shift(samples, part.recording.samples)
+        first = min((sample.sample for sample in part.recording.samples), default=None)
+        # Numbers go on behind those before.
+        shift = max(sample.sample for sample in samples) + 1 - first if samples and first is not None else 0
         samples += _moved(part, shift, files)
-        first_numbers.append(min((sample.sample + shift for sample in part.recording.samples), default=0))
+        first_numbers.append(0 if first is None else first + shift)
     recording = Recording(tuple(samples), folder=str(output))
     with placed(files, output):
         cell = cell_from_dict(parse_yaml(text, str(output / "cell.yaml")).data, str(output / "cell.yaml"), output)
@@ -181,13 +183,6 @@ def _add_models(files: dict[str, Path], part: Part) -> None:
         earlier = files.setdefault(robot.urdf, source)
         if earlier.read_bytes() != source.read_bytes():
             raise InputError(f"{earlier} and {source} differ, and would be one file: rename one, in its cell.yaml too")
-
-
-def _shift(before: Sequence[Sample], samples: Sequence[Sample]) -> int:
-    """By how much numbers rise so that they go on behind those before; none where there are none before."""
-    if not before or not samples:
-        return 0
-    return max(sample.sample for sample in before) + 1 - min(sample.sample for sample in samples)
 
 
 def _moved(part: Part, shift: int, files: dict[str, Path]) -> list[Sample]:

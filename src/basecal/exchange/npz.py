@@ -38,7 +38,11 @@ def read_arrays(path: str) -> tuple[str, dict[str, Array]]:
     Raises:
         DatasetError: if it is missing, is not an archive of numbers, is too large, or has no such key.
     """
-    name, key = _split(path)
+    name, key = path, ""
+    if not Path(path).exists():
+        archive_name, colon, last = path.rpartition(":")
+        if colon and archive_name.lower().endswith(".npz"):
+            name, key = archive_name, last
     data = read_bounded(name, _LARGEST_FILE)
     if data.startswith(_NPY):
         return name, {"array": _numbers(name, "array", BytesIO(data), len(data))}
@@ -51,13 +55,6 @@ def read_arrays(path: str) -> tuple[str, dict[str, Array]]:
         raise
     except (ValueError, EOFError, RuntimeError, OSError, zipfile.BadZipFile, zlib.error) as error:
         raise DatasetError(name, f"not a NumPy archive of numbers ({str(error)[:CAUSE]})") from None
-
-
-def _split(path: str) -> tuple[str, str]:
-    if Path(path).exists():
-        return path, ""
-    head, colon, key = path.rpartition(":")
-    return (head, key) if colon and head.lower().endswith(".npz") else (path, "")
 
 
 def _unpacked(name: str, key: str, archive: zipfile.ZipFile) -> dict[str, Array]:

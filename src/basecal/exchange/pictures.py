@@ -33,7 +33,16 @@ def pictures_of(folder: Path) -> tuple[Path, ...]:
     files = [path for path in folder.iterdir() if not path.name.startswith(".")]
     found = [path for path in files if path.suffix.lower() in ENDINGS and path.is_file()]
     if not found:
-        raise DatasetError(str(folder), _instead(files))
+        inner = [
+            each.name for each in files if each.is_dir() and any(p.suffix.lower() in ENDINGS for p in each.iterdir())
+        ]
+        if inner:
+            what = f"holds no pictures but folders of them: {listed(sorted(inner))}; import one camera's at a time"
+            raise DatasetError(str(folder), what)
+        others = Counter(path.suffix.lower() or "no ending" for path in files if path.is_file())
+        there = ", ".join(f"{count} of {ending}" for ending, count in others.most_common(3)) or "nothing"
+        expected = f"expected {', '.join(ENDINGS)}"
+        raise DatasetError(str(folder), f"holds no pictures that are read, but {there}; {expected}")
     if len(found) > _MOST_PICTURES:
         raise DatasetError(str(folder), f"{len(found)} pictures, expected at most {_MOST_PICTURES}")
     return tuple(sorted(found, key=_natural))
@@ -68,13 +77,3 @@ def _natural(path: Path) -> tuple[tuple[int | str, ...], str]:
     """A key by which numbers in names count as numbers."""
     parts = _PARTS.split(path.stem.lower())
     return tuple(int(part) if i % 2 else part for i, part in enumerate(parts)), path.name
-
-
-def _instead(files: Sequence[Path]) -> str:
-    """What a folder without pictures holds, and what to do."""
-    inner = [path.name for path in files if path.is_dir() and any(p.suffix.lower() in ENDINGS for p in path.iterdir())]
-    if inner:
-        return f"holds no pictures but folders of them: {listed(sorted(inner))}; import one camera's at a time"
-    others = Counter(path.suffix.lower() or "no ending" for path in files if path.is_file())
-    there = ", ".join(f"{count} of {ending}" for ending, count in others.most_common(3)) or "nothing"
-    return f"holds no pictures that are read, but {there}; expected {', '.join(ENDINGS)}"

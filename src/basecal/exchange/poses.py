@@ -95,10 +95,6 @@ def _matrix_pose(matrix: Array) -> SE3:
     return SE3.from_matrix(matrix, "pose")
 
 
-def _quaternion_pose(row: Array) -> SE3:
-    return SE3.from_quaternion(row[3:], row[:3])
-
-
 def _from_text(path: str) -> tuple[Array, Sequence[int]]:
     whole = text_of(path, "rows of 4 numbers, or a name that ends in .csv or .npz")
     # As bytes, since lists of lists take forty times as much.
@@ -141,7 +137,8 @@ def _from_csv(path: str) -> PoseStream:
         return table.lines[i], None
 
     if all(column in table.values for column in _QUATERNION):
-        poses = _each(table.stacked(_QUATERNION), _quaternion_pose, path, where)
+        rows = table.stacked(_QUATERNION)
+        poses = _each(rows, lambda row: SE3.from_quaternion(row[3:], row[:3]), path, where)
     elif all(column in table.values for column in _MATRIX):
         matrices = np.tile(np.eye(4), (len(table.lines), 1, 1))
         matrices[:, :3] = table.stacked(_MATRIX).reshape(-1, 3, 4)

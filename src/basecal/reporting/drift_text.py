@@ -39,27 +39,24 @@ def verification_dict(found: Verification) -> dict[str, Any]:
 
 def verification_text(found: Verification) -> str:
     """Lines joined by newlines: whether something moved, what, by how much, and what would have been seen."""
-    lines = _verdict(found)
+    count = f"{len(found.samples)} sample{'s' if len(found.samples) > 1 else ''}"
+    if found.moved is None or found.shift is None:
+        lines = [
+            "CANNOT TELL: these samples do not show whether anything moved: take more of them, of the targets that "
+            "were calibrated, with both arms turned, or calibrate from more of them first"
+        ]
+    elif not found.moved:
+        lines = [f"NOT MOVED: {count} as calibrated (p = {found.chance:.2g})"]
+    else:
+        lines = [f"MOVED: {count} cannot be as calibrated (p = {found.chance:.2g}); most likely {_words(found.shift)}"]
+        if found.alike:
+            others = ", ".join(_thing(other) for other in found.alike)
+            lines.append(f"as likely, or nearly: {others}; samples with other turns of both arms tell them apart")
+        lines.append("look what was bumped or loosened there, and calibrate again")
     if found.detectable_m is not None:
         lines.append(f"a shift of {1e3 * found.detectable_m:.2g} mm would be seen with {POWER:.0%} chance")
     lines += [f"sample {number} is off by itself and was left out" for number in found.outliers[:_SHOWN]]
     return "\n".join(lines)
-
-
-def _verdict(found: Verification) -> list[str]:
-    if found.moved is None or found.shift is None:
-        return [
-            "CANNOT TELL: these samples do not show whether anything moved: take more of them, of the targets that "
-            "were calibrated, with both arms turned, or calibrate from more of them first"
-        ]
-    count = f"{len(found.samples)} sample{'s' if len(found.samples) > 1 else ''}"
-    if not found.moved:
-        return [f"NOT MOVED: {count} as calibrated (p = {found.chance:.2g})"]
-    lines = [f"MOVED: {count} cannot be as calibrated (p = {found.chance:.2g}); most likely {_words(found.shift)}"]
-    if found.alike:
-        others = ", ".join(_thing(other) for other in found.alike)
-        lines.append(f"as likely, or nearly: {others}; samples with other turns of both arms tell them apart")
-    return [*lines, "look what was bumped or loosened there, and calibrate again"]
 
 
 def _words(shift: Shift) -> str:

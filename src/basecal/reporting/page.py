@@ -128,12 +128,6 @@ def _since(verified: Sequence[PastVerification]) -> dict[str, Any]:
     return {"history": history_figure(verified), "drift": lines[-_MOST_VERIFIED:]}
 
 
-def _plan_options(calibration: Calibration) -> str:
-    """What `basecal plan` is asked for the samples of the outlook; empty without a task."""
-    point = calibration.settings.get("task_point")
-    return "" if point is None else f"--samples 10 --task-point {' '.join(f'{x:g}' for x in point)} -o plan.jsonl"
-
-
 def _json_inside_html(data: Mapping[str, Any]) -> str:
     """JSON that cannot end the element it stands in."""
     return json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
@@ -215,6 +209,8 @@ def _fit(cell: Cell, calibration: Calibration, details: FitDetails) -> dict[str,
     seen = [each for each in details.points if each.used.any()]
     by_camera = {name: [each for each in seen if each.camera == name] for name in dict.fromkeys(e.camera for e in seen)}
     views = calibration.residuals.per_sample
+    point = calibration.settings.get("task_point")
+    task = None if point is None else " ".join(f"{x:g}" for x in point)
     return {
         "fit": [*fit_sentences(calibration), *noise_sentences(calibration), *clock_sentences(calibration)],
         "cross_validation": list(validation_sentences(calibration)),
@@ -230,7 +226,8 @@ def _fit(cell: Cell, calibration: Calibration, details: FitDetails) -> dict[str,
         "view_count": len(views),
         "task": list(task_rows(calibration)),
         "budget": calibration.budget or (),
-        "plan_options": _plan_options(calibration),
+        # What `basecal plan` is asked for the samples of the outlook.
+        "plan_options": "" if task is None else f"--samples 10 --task-point {task} -o plan.jsonl",
         "workspace": [] if calibration.error_map is None else list(workspace(calibration.error_map)),
     }
 

@@ -60,11 +60,7 @@ def document(pages: Sequence[tuple[tuple[float, float], str]]) -> bytes:
         frame = f"{_POINTS:.6f} 0 0 {-_POINTS:.6f} 0 {height * _POINTS:.4f} cm\n"
         packed = zlib.compress((frame + drawing).encode("ascii"))
         objects.append(b"<</Filter/FlateDecode/Length %d>>\nstream\n%s\nendstream" % (len(packed), packed))
-    return _assembled(objects)
-
-
-def _assembled(objects: Sequence[bytes]) -> bytes:
-    """Objects numbered from 1, with the table of where they stand."""
+    # Objects are numbered from 1; behind them a table says where they stand.
     out, offsets = bytearray(b"%PDF-1.4\n%\xe2\xe3\xcf\xd3\n"), []
     for number, content in enumerate(objects, start=1):
         offsets.append(len(out))

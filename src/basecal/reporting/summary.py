@@ -91,18 +91,13 @@ def _rows(name: str, calibration: Calibration) -> Iterator[str]:
     if name not in calibration.points:
         halves.append(("rpy", "deg", np.degrees(estimate.mean.rpy), np.degrees(estimate.sigma_r)))
     for what, unit, values, sigmas in halves:
-        decimals = _decimals(sigmas)
+        # So many that the smallest of the sigmas shows two digits.
+        uncertain, decimals = sigmas[sigmas > 0], _EXACT_DECIMALS
+        if len(uncertain):
+            first = int(np.floor(np.log10(uncertain.min())))
+            decimals = int(np.clip(_SIGMA_DIGITS - 1 - first, 0, _MOST_DECIMALS))
         yield f"  {what:<5}{_row(values, decimals)} {unit}"
         yield f"  sigma{_row(sigmas, decimals)}"
-
-
-def _decimals(sigmas: Array) -> int:
-    """Of a row of numbers: so many that the smallest of their sigmas shows two digits."""
-    uncertain = sigmas[sigmas > 0]
-    if not len(uncertain):
-        return _EXACT_DECIMALS
-    first = int(np.floor(np.log10(uncertain.min())))
-    return int(np.clip(_SIGMA_DIGITS - 1 - first, 0, _MOST_DECIMALS))
 
 
 def _row(values: Array, decimals: int) -> str:

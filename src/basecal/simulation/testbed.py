@@ -23,12 +23,10 @@ def _laid_end_to_end(motions: list[Motion], scene: Scene, recorded: bool) -> dic
         states = motion.recorded if recorded else motion.true
         count = len(next(iter(states.values())))
         for robot, found in poses.items():
-            found.append(states[robot] if robot in states else _repeated(scene.parked[robot], count))
+            turn, place = scene.parked[robot].rotation, scene.parked[robot].translation
+            still = SE3.adopt(np.broadcast_to(turn, (count, 3, 3)), np.broadcast_to(place, (count, 3)))
+            found.append(states.get(robot, still))
     return {robot: concatenate(found) for robot, found in poses.items()}
-
-
-def _repeated(pose: SE3, count: int) -> SE3:
-    return SE3.adopt(np.broadcast_to(pose.rotation, (count, 3, 3)), np.broadcast_to(pose.translation, (count, 3)))
 
 
 def simulate(scenario: Scenario, seed: int) -> SimulatedCell:

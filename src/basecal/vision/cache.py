@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -32,7 +31,14 @@ def read(folder: Path, name: str) -> tuple[Detection | None] | None:
     """What was detected, in a tuple since that may be nothing; None where it is not known."""
     try:
         data = json.loads((folder / _FOLDER / f"{name}.json").read_text(encoding="utf-8"))
-        return (None if data["pixels"] is None else _detection(data),)
+        if data["pixels"] is None:
+            return (None,)
+        pixels, sigma_px = read_only(data["pixels"], (None, 2)), read_only(data["sigma_px"], (len(data["pixels"]),))
+        ids = None if data["ids"] is None else read_only_ids(data["ids"])
+        whole = len(pixels) > 0 and bool(np.all(np.isfinite(pixels))) and bool(np.all(sigma_px > 0))
+        if not whole or (ids is not None and ids.shape != (len(pixels),)):
+            return None
+        return (Detection(ids, pixels, sigma_px),)
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
 
@@ -47,12 +53,3 @@ def write(folder: Path, name: str, detection: Detection | None) -> None:
         write_whole(folder / _FOLDER / f"{name}.json", json.dumps(found), within=folder, durable=False)
     except InputError:
         return
-
-
-def _detection(data: dict[str, Any]) -> Detection:
-    pixels, sigma_px = read_only(data["pixels"], (None, 2)), read_only(data["sigma_px"], (len(data["pixels"]),))
-    ids = None if data["ids"] is None else read_only_ids(data["ids"])
-    whole = len(pixels) > 0 and bool(np.all(np.isfinite(pixels))) and bool(np.all(sigma_px > 0))
-    if not whole or (ids is not None and ids.shape != (len(pixels),)):
-        raise ValueError("a detection of another shape")
-    return Detection(ids, pixels, sigma_px)

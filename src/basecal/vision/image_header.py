@@ -48,15 +48,9 @@ def header(data: bytes) -> Header | None:
 
 def _png(data: bytes) -> Header:
     width, height, bits, kind = struct.unpack_from(">IIBB", data, 16)
-    return Header((width, height), _exif_of_png(data), _PNG_CHANNELS.get(kind, 4) * (1 + (bits > 8)))
-
-
-def _exif_of_png(data: bytes) -> int:
-    """The orientation by the chunk `eXIf`, where there is one."""
-    for name, start, end in png_chunks(data):
-        if name == b"eXIf":
-            return _tiff_tags(data[start:end]).get(_ORIENTATION, 1)
-    return 1
+    exif = next((data[start:end] for name, start, end in png_chunks(data) if name == b"eXIf"), None)
+    orientation = 1 if exif is None else _tiff_tags(exif).get(_ORIENTATION, 1)
+    return Header((width, height), orientation, _PNG_CHANNELS.get(kind, 4) * (1 + (bits > 8)))
 
 
 def png_chunks(data: bytes) -> Iterator[tuple[bytes, int, int]]:

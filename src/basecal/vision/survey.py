@@ -85,7 +85,14 @@ def other_charuco(images: list[Grey], target: Target) -> str | None:
         return f"no board of {of['dictionary']}; {other}: write dictionary: {other.partition(' ')[0]}"
     for board in (*_other_layouts(target), *likely_boards(images, target)):
         if any(charuco.detect(image, board) is not None for image in images):
-            return f"{_layout(board)} fit, not {_layout(target)}: write {_fields(board, target)}"
+            (columns, rows), legacy = board.options["squares"], bool(board.options["legacy_pattern"])
+            fields = {
+                "squares": f"squares: [{columns}, {rows}]",
+                "legacy_pattern": f"legacy_pattern: {str(legacy).lower()}",
+                "dictionary": f"dictionary: {board.options['dictionary']}",
+            }
+            written = ", ".join(text for name, text in fields.items() if board.options[name] != of[name])
+            return f"{_layout(board)} fit, not {_layout(target)}: write {written}"
     ids = f"markers {_ids(seen)} of {of['dictionary']} are there"
     if max(seen) < stated:
         return f"{ids}, but no corner between"
@@ -103,15 +110,6 @@ def _other_layouts(target: Target) -> Iterator[Target]:
 def _layout(target: Target) -> str:
     columns, rows = target.options["squares"]
     return f"{columns}x{rows} squares{' with' if target.options['legacy_pattern'] else ' without'} legacy_pattern"
-
-
-def _fields(board: Target, stated: Target) -> str:
-    """What to write in place of what is stated."""
-    columns, rows = board.options["squares"]
-    fields = {"squares": f"squares: [{columns}, {rows}]"}
-    fields["legacy_pattern"] = f"legacy_pattern: {str(bool(board.options['legacy_pattern'])).lower()}"
-    fields["dictionary"] = f"dictionary: {board.options['dictionary']}"
-    return ", ".join(text for name, text in fields.items() if board.options[name] != stated.options[name])
 
 
 def markers_instead(images: list[Grey]) -> str | None:

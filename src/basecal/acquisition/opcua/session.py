@@ -42,7 +42,22 @@ class Session:
         self._begin()
 
     def _begin(self) -> None:
-        self._client = _connected(self._name, self._options)
+        options = self._options
+        try:
+            from asyncua.sync import Client
+        except ImportError:
+            raise MissingExtra("opcua", "the driver 'opcua'") from None
+        reached(self._name, options.host, options.port, "an OPC UA server").close()
+        client = Client(options.url, timeout=_ANSWER_S)
+        if options.user is not None:
+            client.set_user(options.user)
+            client.set_password(os.environ.get(options.password_in or "", ""))
+        try:
+            _answered(self._name, client.connect)
+        except DriverError:
+            client.tloop.stop()
+            raise
+        self._client = client
         try:
             self.nodes = list(_answered(self._name, lambda: self._find(self._client)))
         except BaseException:
@@ -92,24 +107,6 @@ class Session:
 
 class _Lost(DriverError):
     """The session is gone; it may be begun again."""
-
-
-def _connected(name: str, options: OpcuaOptions) -> Any:
-    try:
-        from asyncua.sync import Client
-    except ImportError:
-        raise MissingExtra("opcua", "the driver 'opcua'") from None
-    reached(name, options.host, options.port, "an OPC UA server").close()
-    client = Client(options.url, timeout=_ANSWER_S)
-    if options.user is not None:
-        client.set_user(options.user)
-        client.set_password(os.environ.get(options.password_in or "", ""))
-    try:
-        _answered(name, client.connect)
-    except DriverError:
-        client.tloop.stop()
-        raise
-    return client
 
 
 def _answered(name: str, ask: Callable[[], Given]) -> Given:

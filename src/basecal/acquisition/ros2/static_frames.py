@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable
 from types import SimpleNamespace as Message
-from typing import Any
 
 from basecal.acquisition.ros2.dds import Speaker
 from basecal.exchange.bags.bag import TF
@@ -24,16 +23,12 @@ def send_static(domain: int, transforms: Iterable[tuple[str, str, SE3]]) -> Spea
     """
     speaker = Speaker(domain, TOPIC, TF, is_latched=True)
     now_ns = time.time_ns()
-    speaker.send(Message(transforms=[_stamped(now_ns, *each) for each in transforms]))
-    return speaker
-
-
-def _stamped(now_ns: int, parent: str, child: str, parent_from_child: SE3) -> Any:
     stamp = Message(sec=now_ns // _NS, nanosec=now_ns % _NS)
-    place = Message(**dict(zip("xyz", map(float, parent_from_child.translation), strict=True)))
-    turn = Message(**dict(zip("xyzw", map(float, parent_from_child.quaternion), strict=True)))
-    return Message(
-        header=Message(stamp=stamp, frame_id=parent),
-        child_frame_id=child,
-        transform=Message(translation=place, rotation=turn),
-    )
+    sent = []
+    for parent, child, parent_from_child in transforms:
+        place = Message(**dict(zip("xyz", map(float, parent_from_child.translation), strict=True)))
+        turn = Message(**dict(zip("xyzw", map(float, parent_from_child.quaternion), strict=True)))
+        header, transform = Message(stamp=stamp, frame_id=parent), Message(translation=place, rotation=turn)
+        sent.append(Message(header=header, child_frame_id=child, transform=transform))
+    speaker.send(Message(transforms=sent))
+    return speaker

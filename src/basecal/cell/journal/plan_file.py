@@ -27,8 +27,16 @@ def read_plan(path: str | Path, folder: str | Path, cell: Cell) -> tuple[Sample,
     Raises:
         DatasetError: if a line cannot be read as written, or says of no robot where it shall be.
     """
-    text = read_bounded(Path(path), LARGEST_BYTES, "a plan has one JSON object a line, with its robots")
-    return planned(_lines(text.removeprefix(BOM)), path, folder, cell)
+    expected = "a plan has one JSON object a line, with its robots"
+    text = read_bounded(Path(path), LARGEST_BYTES, expected).removeprefix(BOM)
+    try:
+        whole = json.loads(text)
+    except (ValueError, RecursionError):
+        whole = None  # a line for each sample
+    samples = whole.get("samples") if isinstance(whole, dict) else None
+    if isinstance(samples, list):  # all in one object, as `basecal plan --json` prints it
+        return planned([json.dumps(each).encode() for each in samples], path, folder, cell)
+    return planned(text.split(b"\n"), path, folder, cell)
 
 
 def planned(lines: Iterable[bytes], path: str | Path, folder: str | Path, cell: Cell) -> tuple[Sample, ...]:
@@ -44,16 +52,6 @@ def planned(lines: Iterable[bytes], path: str | Path, folder: str | Path, cell: 
             raise where.error("robots", "expected where robots shall be, joints or poses of their flanges")
         samples.append(Sample(read.sample, robots=read.robots))
     return tuple(samples)
-
-
-def _lines(text: bytes) -> list[bytes]:
-    """A line for each sample, also of an object that has them all, as `basecal plan --json` prints it."""
-    try:
-        whole = json.loads(text)
-    except (ValueError, RecursionError):
-        return text.split(b"\n")
-    samples = whole.get("samples") if isinstance(whole, dict) else None
-    return [json.dumps(each).encode() for each in samples] if isinstance(samples, list) else text.split(b"\n")
 
 
 def write_plan(samples: Iterable[Sample], path: Path, folder: Path) -> None:

@@ -84,7 +84,9 @@ def opened(path: Path) -> Iterator[Bag]:
     if not path.is_dir() and path.suffix not in (_BAG1, *_BAG2):
         raise DatasetError(str(path), f"is no bag by its name; {_EXPECTED}")
     if path.is_dir() and not (path / "metadata.yaml").exists():
-        raise DatasetError(str(path), f"{_within(path)}; {_EXPECTED}")
+        bags = sorted(each.name for each in path.iterdir() if each.suffix in (_BAG1, *_BAG2))
+        held = f"is a folder without a metadata.yaml; give the file in it: {', '.join(bags)}" if bags else "is no bag"
+        raise DatasetError(str(path), f"{held}; {_EXPECTED}")
     is_first = path.suffix == _BAG1 and not path.is_dir()
     with _in_words(path):
         reader: Any = Reader1(path) if is_first else Reader2(path)
@@ -135,12 +137,6 @@ def _in_words(path: Path) -> Iterator[None]:
         why = " ".join(str(error).split()) or type(error).__name__
         mend = "`rosbag reindex`" if path.suffix == _BAG1 else "`ros2 bag reindex`, or `mcap recover`,"
         raise DatasetError(str(path), f"is damaged or was cut off ({why}); {mend} may save it") from None
-
-
-def _within(path: Path) -> str:
-    """What a folder without a bag's metadata.yaml holds."""
-    bags = sorted(each.name for each in path.iterdir() if each.suffix in (_BAG1, *_BAG2))
-    return f"is a folder without a metadata.yaml; give the file in it: {', '.join(bags)}" if bags else "is no bag"
 
 
 def stamp_of(header: Any, recorded_s: float) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
-from basecal.cell import WORLD, Cell, Robot
+from basecal.cell import WORLD, Cell
 from basecal.errors import BasecalError, FrameNotFound, InputError, listed
 from basecal.exchange.bags.bag import POSE, Bag
 from basecal.exchange.bags.frames import Tree, hint
@@ -43,8 +43,12 @@ def _frames_of_robots(tree: Tree, asked: Asked, cell: Cell | None) -> dict[str, 
     """`BASE,FLANGE`, or a topic, by robot."""
     if asked.robots:
         return dict(asked.robots)
-    known = {} if cell is None else {name: _stated_frames(robot) for name, robot in cell.robots.items()}
-    stated = {name: words for name, words in known.items() if words is not None}
+    known = {} if cell is None else cell.robots
+    stated = {}
+    for name, robot in known.items():
+        base, flange = robot.frames.get("base", robot.base_link), robot.frames.get("flange", robot.flange_link)
+        if base is not None and flange is not None:
+            stated[name] = f"{base},{flange}"
     if stated and len(stated) == len(known):
         return stated
     found = _usual_frames(tree)
@@ -57,12 +61,6 @@ def _frames_of_robots(tree: Tree, asked: Asked, cell: Cell | None) -> dict[str, 
             f"no robot is found by the names of frames: give --robot NAME=BASE,FLANGE or NAME=/TOPIC; {hint(tree)}"
         )
     return found
-
-
-def _stated_frames(robot: Robot) -> str | None:
-    """The frames that a cell says are a robot's."""
-    base, flange = robot.frames.get("base", robot.base_link), robot.frames.get("flange", robot.flange_link)
-    return None if base is None or flange is None else f"{base},{flange}"
 
 
 def _usual_frames(tree: Tree) -> dict[str, str]:
@@ -91,19 +89,14 @@ def _robot(
         if topic is not None:
             return ByJoints(topic, known.chain, known.base_link or base, known.flange_link or flange)
     for urdf, text in {} if asked.by_tf else survey.urdfs.items():
-        chain = _chain(text, base, flange)
-        topic = None if chain is None else _joint_topic(survey, chain)
-        if chain is not None and topic is not None:
+        try:
+            chain = parse_chain(text, base, flange)
+        except BasecalError:  # it has no such links, or is no URDF
+            continue
+        topic = _joint_topic(survey, chain)
+        if topic is not None:
             return ByJoints(topic, chain, base, flange, urdf)
     return _by_words(bag, survey.tree, words)
-
-
-def _chain(text: str, base: str, flange: str) -> SerialChain | None:
-    """The chain of a URDF; None where it has no such links, or is none."""
-    try:
-        return parse_chain(text, base, flange)
-    except BasecalError:
-        return None
 
 
 def _joint_topic(survey: Survey, chain: SerialChain) -> str | None:

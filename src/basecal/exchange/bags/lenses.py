@@ -26,7 +26,11 @@ def lens_of(info: Any, where: str, topic: str) -> StatedLens | None:
     Raises:
         DatasetError: if it is no lens that has an equal here.
     """
-    matrix, terms, projection = (_numbers(info, name) for name in "kdp")
+    # ROS 1 writes the names of these fields large, and ROS 2 small.
+    matrix, terms, projection = (
+        [float(value) for value in (getattr(info, name) if hasattr(info, name) else getattr(info, name.upper()))]
+        for name in "kdp"
+    )
     if not any(matrix):
         return None
     kind = str(info.distortion_model)
@@ -43,8 +47,3 @@ def lens_of(info: Any, where: str, topic: str) -> StatedLens | None:
         "roi": {side: int(getattr(info.roi, side)) for side in ("width", "height")},
     }
     return camera_info_lens(Field(where, data, {}))
-
-
-def _numbers(info: Any, name: str) -> list[float]:
-    """A field that ROS 1 writes large, and ROS 2 small."""
-    return [float(value) for value in (getattr(info, name) if hasattr(info, name) else getattr(info, name.upper()))]

@@ -90,16 +90,13 @@ def rows_of(tracks: Tracks, instants: Sequence[Instant], folder: Path) -> Iterat
         for look in instant.looks:
             if isinstance(look.channel, str):
                 pictures[look.channel] = _written(_file(folder, look))
-            else:
-                views.append(_observation(look.channel, tracks.views[look.channel], look.place))
+                continue
+            view = tracks.views[look.channel]
+            if view.tags is not None:
+                views.append(PixelObservation(*look.channel, *view.tags[look.place]))
+            elif view.poses is not None:
+                views.append(PoseObservation(*look.channel, view.poses[look.place]))
         yield Row(instant.robots, tuple(views), pictures, stamp_s=instant.stamp_s)
-
-
-def _observation(channel: tuple[str, str], view: Track, place: int) -> PoseObservation | PixelObservation:
-    if view.tags is not None:
-        return PixelObservation(*channel, *view.tags[place])
-    assert view.poses is not None
-    return PoseObservation(*channel, view.poses[place])
 
 
 def _file(folder: Path, look: Look) -> Path:

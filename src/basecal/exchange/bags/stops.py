@@ -52,8 +52,24 @@ def looks_of(tracks: Tracks) -> list[Look]:
 
 
 def stops_of(tracks: Tracks) -> tuple[Stop, ...]:
-    """The stops at which something was looked at."""
-    return tuple(_stop(tracks, looks) for looks in _standing(tracks, looks_of(tracks)))
+    """The stops at which something was looked at.
+
+    Of each channel the look nearest to the middle of a stop is taken; robots are as at the first of these.
+    """
+    stops = []
+    for looks in _standing(tracks, looks_of(tracks)):
+        middle = (looks[0].stamp_s + looks[-1].stamp_s) / 2
+        nearest: dict[Channel, Look] = {}
+        for look in sorted(looks, key=lambda look: abs(look.stamp_s - middle)):
+            nearest.setdefault(look.channel, look)
+        chosen = tuple(nearest.values())
+        robots = {}
+        for name, track in tracks.robots.items():
+            values = _standing_state(track, chosen[0].stamp_s)
+            assert values is not None
+            robots[name] = _state(track, values)
+        stops.append(Stop(chosen, robots))
+    return tuple(stops)
 
 
 def why_none(tracks: Tracks) -> str:
@@ -87,21 +103,6 @@ def _standing(tracks: Tracks, looks: Sequence[Look]) -> Iterator[list[Look]]:
             stop.append(look)
     if stop:
         yield stop
-
-
-def _stop(tracks: Tracks, looks: Sequence[Look]) -> Stop:
-    """Of each channel the look nearest to the middle of a stop; robots at the first of these."""
-    middle = (looks[0].stamp_s + looks[-1].stamp_s) / 2
-    nearest: dict[Channel, Look] = {}
-    for look in sorted(looks, key=lambda look: abs(look.stamp_s - middle)):
-        nearest.setdefault(look.channel, look)
-    chosen = tuple(nearest.values())
-    robots = {}
-    for name, track in tracks.robots.items():
-        values = _standing_state(track, chosen[0].stamp_s)
-        assert values is not None
-        robots[name] = _state(track, values)
-    return Stop(chosen, robots)
 
 
 def _standing_state(track: Track, time: float) -> Array | None:

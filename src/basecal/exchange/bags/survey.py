@@ -46,22 +46,21 @@ def surveyed(bag: Bag) -> Survey:
         known = joints.get(message.topic.name, frozenset())
         if not known.issuperset(message.data.name):
             joints[message.topic.name] = known.union(message.data.name)
-    firsts = {topic.name: _first(bag, topic) for topic in (*images, *bag.of_kind(CAMERA_INFO), *texts)}
+    infos = tuple(bag.of_kind(CAMERA_INFO))
+    firsts: dict[str, Any] = {}
+    for topic in (*images, *infos, *texts):
+        first = next(bag.read([topic.name]), None)
+        if first is None:
+            raise DatasetError(bag.path, f"{topic.name} says {topic.messages} messages and holds none: it is damaged")
+        firsts[topic.name] = first.data
     return Survey(
         _tree(bag),
         images,
         {topic.name: str(firsts[topic.name].header.frame_id) for topic in images},
-        {topic.name: firsts[topic.name] for topic in bag.of_kind(CAMERA_INFO)},
+        {topic.name: firsts[topic.name] for topic in infos},
         {topic.name: str(firsts[topic.name].data) for topic in texts},
         joints,
     )
-
-
-def _first(bag: Bag, topic: Topic) -> Any:
-    first = next(bag.read([topic.name]), None)
-    if first is None:
-        raise DatasetError(bag.path, f"{topic.name} says {topic.messages} messages and holds none: it is damaged")
-    return first.data
 
 
 def _tree(bag: Bag) -> Tree:

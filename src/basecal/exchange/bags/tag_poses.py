@@ -66,11 +66,10 @@ def frames_of_tags(target: Target | None) -> TagFrames:
     if target is None or target.tags is None:
         return TagFrames({})
     corners = target.points[target.rows(target.tags.corner_ids.ravel())].reshape(-1, 4, 3)
-    return TagFrames({int(n): _frame(of).inverse() for n, of in zip(target.tags.numbers, corners, strict=True)})
-
-
-def _frame(corners_in_target: Array) -> SE3:
-    """`target_from_tag` by corners (4, 3), clockwise from the top left as OpenCV draws it."""
-    top_left, top_right, bottom_right, _ = corners_in_target
-    x, y = (v / np.linalg.norm(v) for v in (top_left - top_right, bottom_right - top_right))
-    return SE3(np.stack([x, y, np.cross(x, y)], -1), corners_in_target.mean(0))
+    frames = {}
+    for number, corners_in_target in zip(target.tags.numbers, corners, strict=True):
+        top_left, top_right, bottom_right, _ = corners_in_target  # clockwise as OpenCV draws them
+        x, y = (v / np.linalg.norm(v) for v in (top_left - top_right, bottom_right - top_right))
+        target_from_tag = SE3(np.stack([x, y, np.cross(x, y)], -1), corners_in_target.mean(0))
+        frames[int(number)] = target_from_tag.inverse()
+    return TagFrames(frames)

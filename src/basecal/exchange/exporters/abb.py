@@ -6,7 +6,7 @@ from basecal.exchange.controllers.abb import CONVENTION
 from basecal.exchange.exporters.exporter import Takes
 from basecal.exchange.exports.digits import fixed, length_decimals, written_numbers
 from basecal.exchange.exports.remarks import about, comments
-from basecal.exchange.exports.wanted import NamedTransform, Wanted
+from basecal.exchange.exports.wanted import Wanted
 
 TAKES: tuple[Takes, ...] = ("transform",)
 PASTED = True
@@ -15,31 +15,26 @@ _LONGEST_NAME = 32
 
 
 def exported(wanted: Wanted) -> str:
-    """Poses of RAPID; what is in a base is a work object too, and a base the Base Frame of the robot's parameters."""
+    """Poses of RAPID; what is in a base is a work object too, and a base the Base Frame of the robot's parameters.
+
+    Work objects are fixed in the world, base frames in metres. Source: RAPID Reference Manual, data type `wobjdata`;
+    System parameters, topic Motion, type Robot, "Base Frame".
+    """
     lines = comments(wanted.remarks, "!")
     for one in wanted.transforms:
         lines += comments([about(one, "mm and quaternion, scalar first")], "!")
         numbers = written_numbers(CONVENTION, one.estimate)
         pose = f"[[{','.join(numbers[:3])}],[{','.join(numbers[3:])}]]"
-        lines += [pose, *_objects(one, pose)]
+        lines.append(pose)
+        parent, child = one.own_frames
+        if not parent.endswith("_base"):
+            continue
+        name = f"wobj_{child}"[:_LONGEST_NAME]
+        lines.append(f'PERS wobjdata {name}:=[FALSE,TRUE,"",{pose},[[0,0,0],[1,0,0,0]]];')
+        if child.endswith("_base"):
+            metres = fixed(one.estimate.mean.translation, length_decimals(one.estimate, 1.0))
+            frame = ", ".join(f"{key} {value}" for key, value in zip("xyz", metres, strict=True))
+            turned = ", ".join(f"q{i} {value}" for i, value in enumerate(numbers[3:], start=1))
+            said = f"Base Frame of {child.removesuffix('_base')}, where the world is {parent}: {frame} [m], {turned}"
+            lines += comments([said], "!")
     return "\n".join(lines) + "\n"
-
-
-def _objects(one: NamedTransform, pose: str) -> list[str]:
-    """A work object, fixed in the world, and the base frame in metres.
-
-    Source: RAPID Reference Manual, data type `wobjdata`; System parameters, topic Motion, type Robot, "Base Frame".
-    """
-    parent, child = one.own_frames
-    if not parent.endswith("_base"):
-        return []
-    name = f"wobj_{child}"[:_LONGEST_NAME]
-    lines = [f'PERS wobjdata {name}:=[FALSE,TRUE,"",{pose},[[0,0,0],[1,0,0,0]]];']
-    if child.endswith("_base"):
-        x, y, z = fixed(one.estimate.mean.translation, length_decimals(one.estimate, 1.0))
-        q = written_numbers(CONVENTION, one.estimate)[3:]
-        frame = ", ".join(f"{key} {value}" for key, value in zip(("x", "y", "z"), (x, y, z), strict=True))
-        turned = ", ".join(f"q{i} {value}" for i, value in enumerate(q, start=1))
-        said = f"Base Frame of {child.removesuffix('_base')}, where the world is {parent}: {frame} [m], {turned}"
-        lines += comments([said], "!")
-    return lines

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from basecal.exchange.exporters.exporter import Takes
 from basecal.exchange.exports.remarks import about, comments
-from basecal.exchange.exports.wanted import NamedTransform, Wanted
+from basecal.exchange.exports.wanted import Wanted
 from basecal.exchange.ros2 import publisher_arguments, static_transform_publisher
 
 TAKES: tuple[Takes, ...] = ("transform",)
@@ -13,7 +13,19 @@ PASTED = True
 
 def exported(wanted: Wanted) -> str:
     """A launch file with a node for each transform; the command that does the same is in a comment."""
-    nodes = [line for one in wanted.transforms for line in _node(one)]
+    nodes = []
+    for one in wanted.transforms:
+        mean = one.estimate.mean
+        command = static_transform_publisher(mean, one.parent, one.child)
+        nodes += [
+            *comments([about(one, "m, quaternion x, y, z, w"), command], "#"),
+            "Node(",
+            '    package="tf2_ros",',
+            '    executable="static_transform_publisher",',
+            f"    name={one.name!r},",
+            f"    arguments={publisher_arguments(mean, one.parent, one.child)!r},",
+            "),",
+        ]
     return "\n".join(
         [
             *comments(wanted.remarks, "#"),
@@ -28,17 +40,3 @@ def exported(wanted: Wanted) -> str:
             "",
         ]
     )
-
-
-def _node(one: NamedTransform) -> list[str]:
-    mean = one.estimate.mean
-    command = static_transform_publisher(mean, one.parent, one.child)
-    return [
-        *comments([about(one, "m, quaternion x, y, z, w"), command], "#"),
-        "Node(",
-        '    package="tf2_ros",',
-        '    executable="static_transform_publisher",',
-        f"    name={one.name!r},",
-        f"    arguments={publisher_arguments(mean, one.parent, one.child)!r},",
-        "),",
-    ]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from basecal.bounded_file import read_bounded
-from basecal.cell import Robot
 from basecal.errors import InputError
 from basecal.exchange.exporters.exporter import Takes
 from basecal.exchange.exports.remarks import comments
@@ -35,7 +34,14 @@ def exported(wanted: Wanted) -> str:
     if len(paths) != len(cell.robots):
         robots = ", ".join(cell.robots)
         raise InputError(f"{len(paths)} URDFs for {len(cell.robots)} robots: give one each, --urdf for {robots}")
-    parts = {robot.name: _part(robot, path) for robot, path in zip(cell.robots.values(), paths, strict=True)}
+    parts = {}
+    for robot, path in zip(cell.robots.values(), paths, strict=True):
+        text = read_bounded(path, LARGEST_BYTES)
+        base_link = robot.base_link or robot.frames.get("base")
+        if base_link is None:
+            above = joint_origins(text, str(path))
+            base_link = next(link for link in link_names(text) if link not in above)
+        parts[robot.name] = RobotPart(text, base_link, str(path))
     known = wanted.calibration.known_transforms(cell)
     others = [name for name in cell.robots if name != cell.reference]
     for name in others:
@@ -45,12 +51,3 @@ def exported(wanted: Wanted) -> str:
     said = [f"{name}: {Path(part.path).name}, its base is the link {part.base_link}" for name, part in parts.items()]
     remarks = [line.strip() for line in comments([*wanted.remarks, *said], "")]
     return merged_urdf(parts, cell.reference, places, remarks)
-
-
-def _part(robot: Robot, path: Path) -> RobotPart:
-    text = read_bounded(path, LARGEST_BYTES)
-    stated = robot.base_link or robot.frames.get("base")
-    if stated is None:
-        above = joint_origins(text, str(path))
-        stated = next(link for link in link_names(text) if link not in above)
-    return RobotPart(text, stated, str(path))

@@ -63,26 +63,21 @@ def _named(calibration: Calibration, cell: Cell | None, name: str) -> NamedTrans
     inverse = _turned_round(name)
     found = name if name in calibration.transforms else inverse
     if found not in calibration.transforms:
-        return _composed(calibration, cell, name)
+        parent, named, child = name.partition("_from_")
+        if not named:
+            raise FrameNotFound(name, list(calibration.transforms))
+        if parent == child:
+            raise InputError(f"{name} is of one frame: name two, such as {next(iter(calibration.transforms), '')}")
+        estimate = calibration.frame_between(parent, child)
+        if not _is_covariance(estimate):
+            raise InputError(f"the covariance of {name} is none, a variance is negative or not finite: calibrate again")
+        return _called(cell, name, estimate, "free" if np.any(estimate.covariance) else "fixed")
     if found in calibration.points:
         raise InputError(f"{found} is the place of a point and has no rotation: there is no pose to export")
     if not _is_covariance(calibration[found]):
         raise InputError(f"the covariance of {found} is none, a variance is negative or not finite: calibrate again")
     estimate = calibration[found] if found == name else calibration[found].inverse()
     return _called(cell, name, estimate, calibration.status.get(found, "free"))
-
-
-def _composed(calibration: Calibration, cell: Cell | None, name: str) -> NamedTransform:
-    """Of two frames that several transforms lie between."""
-    parent, named, child = name.partition("_from_")
-    if not named:
-        raise FrameNotFound(name, list(calibration.transforms))
-    if parent == child:
-        raise InputError(f"{name} is of one frame: name two, such as {next(iter(calibration.transforms), '')}")
-    estimate = calibration.frame_between(parent, child)
-    if not _is_covariance(estimate):
-        raise InputError(f"the covariance of {name} is none, a variance is negative or not finite: calibrate again")
-    return _called(cell, name, estimate, "free" if np.any(estimate.covariance) else "fixed")
 
 
 def _called(cell: Cell | None, name: str, estimate: PoseEstimate, status: str) -> NamedTransform:

@@ -133,14 +133,13 @@ def _samples(root: Field) -> tuple[list[SE3], list[SE3]]:
     if lists.first("hand_world_samples") is None:
         held = listed(list(root.data)) if isinstance(root.data, dict) else "no fields"
         raise root.error(f"holds {held}, expected samples, hand_world_samples, transform or transformation")
-    robot, tracking = (_transforms(lists.at(key)) for key in ("hand_world_samples", "camera_marker_samples"))
+    both = [lists.at(key) for key in ("hand_world_samples", "camera_marker_samples")]
+    robot, tracking = (
+        [each.pose() for each in (where.first("transforms") or where).items("transforms")] for where in both
+    )
     if len(robot) != len(tracking):
         raise DatasetError(root.path, f"{len(robot)} hand_world_samples and {len(tracking)} camera_marker_samples")
     return robot, tracking
-
-
-def _transforms(where: Field) -> list[SE3]:
-    return [each.pose() for each in (where.first("transforms") or where).items("transforms")]
 
 
 def _stacked(poses: Sequence[SE3]) -> SE3:

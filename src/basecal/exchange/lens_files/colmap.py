@@ -82,22 +82,18 @@ def read_colmap(path: str | Path) -> dict[int, StatedLens]:
     Raises:
         DatasetError: if it is neither, or a lens has no equal here.
     """
-    file = _file(Path(path))
+    file = Path(path)
+    if file.is_dir():
+        found = [file / name for name in ("cameras.bin", "cameras.txt") if (file / name).exists()]
+        if not found:
+            raise DatasetError(
+                str(path), "cannot be read: holds neither cameras.bin nor cameras.txt; give a reconstruction's folder"
+            )
+        file = found[0]
     entries = list(_binary(file) if file.suffix.lower() == ".bin" else _text(file))
     if not entries:
         raise DatasetError(str(file), "holds no camera, expected lines `CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]`")
     return {entry.number: _lens(entry) for entry in entries}
-
-
-def _file(path: Path) -> Path:
-    if not path.is_dir():
-        return path
-    found = [path / name for name in ("cameras.bin", "cameras.txt") if (path / name).exists()]
-    if not found:
-        raise DatasetError(
-            str(path), "cannot be read: holds neither cameras.bin nor cameras.txt; give a reconstruction's folder"
-        )
-    return found[0]
 
 
 def _text(path: Path) -> Iterator[_Entry]:

@@ -118,7 +118,14 @@ def _line(number: int, line: Line, along: dict[float | str, float], up: _Scale) 
     """A line and its band; broken where there is no answer."""
     kind = f"line-{number % COLOURS}"
     parts: list[str] = []
-    for run in _runs(line.bands):
+    # Bands with answers that are next to one another: value of the axis, low, middle and high of each.
+    runs: list[list[tuple[float | str, float, float, float]]] = [[]]
+    for band in line.bands:
+        if band.low is not None and band.middle is not None and band.high is not None:
+            runs[-1].append((band.at, band.low, band.middle, band.high))
+        elif runs[-1]:
+            runs.append([])
+    for run in [run for run in runs if run]:
         ends = [(along[at], up.at(low), up.at(middle), up.at(high)) for at, low, middle, high in run]
         edge = [f"{x:.1f} {high:.1f}" for x, _, _, high in ends]
         back = [f"{x:.1f} {low:.1f}" for x, low, _, _ in reversed(ends)]
@@ -127,14 +134,3 @@ def _line(number: int, line: Line, along: dict[float | str, float], up: _Scale) 
         parts += [element("path", class_="whisker", d=f"M{x:.1f} {low:.1f}V{high:.1f}") for x, low, _, high in ends]
         parts += [element("circle", cx=f"{x:.1f}", cy=f"{middle:.1f}", r=3.5) for x, _, middle, _ in ends]
     return element("g", element("title", text(line.name)), *parts, class_=kind)
-
-
-def _runs(bands: Sequence[Band]) -> list[list[tuple[float | str, float, float, float]]]:
-    """Bands with answers that are next to one another: value of the axis, low, middle and high of each."""
-    runs: list[list[tuple[float | str, float, float, float]]] = [[]]
-    for band in bands:
-        if band.low is not None and band.middle is not None and band.high is not None:
-            runs[-1].append((band.at, band.low, band.middle, band.high))
-        elif runs[-1]:
-            runs.append([])
-    return [run for run in runs if run]

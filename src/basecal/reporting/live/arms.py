@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from itertools import pairwise
 from typing import Any
 
@@ -30,7 +31,9 @@ class ArmsView:
     """
 
     def __init__(self, ui: Any, cell: Cell) -> None:
-        self.sketch = _known(cell)
+        self.sketch: Sketch | None = None
+        with suppress(BasecalError):
+            self.sketch = sketch_of(cell)
         self._shown: dict[str, RobotState] = {}
         self._rods: dict[str, list[Any]] = {}
         self._things: dict[str, Any] = {}
@@ -39,7 +42,11 @@ class ArmsView:
         with ui.scene(width=_SIZE_PX, height=_SIZE_PX, grid=(4, 20)) as scene:
             for number, robot in enumerate(cell.robots):
                 self._rods[robot] = _arm(scene, self.sketch, robot, _COLOURS[number % len(_COLOURS)])
-            for name, lines in _drawn(cell).items():
+            # Lines, (k, 2, 3) [m], each in the frame of its camera or target.
+            lenses = {name: camera.intrinsics for name, camera in cell.cameras.items()}
+            drawn = {name: frustum(None if lens is None else lens.camera, _SEES_M) for name, lens in lenses.items()}
+            drawn |= {name: outline(target.target) for name, target in cell.targets.items()}
+            for name, lines in drawn.items():
                 with scene.group() as self._things[name]:
                     for start, end in lines:
                         scene.line(start.tolist(), end.tolist()).material(_THINGS)
@@ -66,7 +73,15 @@ class ArmsView:
 
 def links(sketch: Sketch, robot: str, state: RobotState) -> list[SE3]:
     """Where the middles of links are in the world, each along its y; none of an arm whose joints are not known."""
-    return [_rod(start, end) for start, end in _ends(sketch, robot, state)]
+    found = []
+    for start, end in _ends(sketch, robot, state):
+        along = end - start
+        length = float(np.linalg.norm(along))
+        y = along / length if length > 0 else np.array([0.0, 1.0, 0.0])
+        x = np.cross(y, np.eye(3)[int(np.argmin(np.abs(y)))])
+        x /= np.linalg.norm(x)
+        found.append(SE3(np.stack([x, y, np.cross(x, y)], axis=1), (start + end) / 2))
+    return found
 
 
 def lengths(sketch: Sketch, robot: str) -> list[float]:
@@ -87,22 +102,6 @@ def _ends(sketch: Sketch, robot: str, state: RobotState) -> list[tuple[Array, Ar
     return list(pairwise(places))
 
 
-def _rod(start: Array, end: Array) -> SE3:
-    along = end - start
-    length = float(np.linalg.norm(along))
-    y = along / length if length > 0 else np.array([0.0, 1.0, 0.0])
-    x = np.cross(y, np.eye(3)[int(np.argmin(np.abs(y)))])
-    x /= np.linalg.norm(x)
-    return SE3(np.stack([x, y, np.cross(x, y)], axis=1), (start + end) / 2)
-
-
-def _known(cell: Cell) -> Sketch | None:
-    try:
-        return sketch_of(cell)
-    except BasecalError:
-        return None
-
-
 def _arm(scene: Any, sketch: Sketch, robot: str, colour: str) -> list[Any]:
     """The base of an arm, and a rod with a ball at its end for each of its links, not seen before they are put."""
     x, y, z = sketch.world_from_base(robot).translation.tolist()
@@ -114,13 +113,6 @@ def _arm(scene: Any, sketch: Sketch, robot: str, colour: str) -> list[Any]:
             scene.sphere(_JOINT_M).material(colour).move(0.0, 0.5 * length, 0.0)
         rods.append(rod.visible(False))
     return rods
-
-
-def _drawn(cell: Cell) -> dict[str, Array]:
-    """Lines of cameras and targets in their own frames, (k, 2, 3) [m] by name."""
-    lenses = {name: camera.intrinsics for name, camera in cell.cameras.items()}
-    cameras = {name: frustum(None if lens is None else lens.camera, _SEES_M) for name, lens in lenses.items()}
-    return {**cameras, **{name: outline(target.target) for name, target in cell.targets.items()}}
 
 
 def _put(thing: Any, world_from_thing: SE3) -> None:

@@ -62,12 +62,14 @@ def faulty_world(cell: Cell, truth: Mapping[str, SE3], home: Mapping[str, Array]
         assert robot.chain is not None
         robots[name] = Kinematics(robot.chain, _parameters(robot.chain.n, faults, rng))
     pushed = {}
-    for fault, transform in (("base-bumped", _base(cell)), ("board-remounted", _mount(cell))):
+    bases = [cell.base_name(name) for name in cell.robots if name != cell.reference]
+    mounts = [cell.mount_name(name) for name, target in cell.targets.items() if target.on != WORLD]
+    for fault, movable in (("base-bumped", bases), ("board-remounted", mounts)):
         size, direction = faults.size(fault), rng.standard_normal(6)
-        if size and transform is not None:
+        if size and movable:
             unit = np.concatenate([direction[:3] / np.linalg.norm(direction[:3]), direction[3:]])
             unit[3:] *= _TURN_PER_METRE / np.linalg.norm(direction[3:])
-            pushed[transform] = SE3.exp(size * unit)
+            pushed[movable[0]] = SE3.exp(size * unit)
     lenses = {name: each.intrinsics.camera for name, each in cell.cameras.items() if each.intrinsics}
     known = {name: lens for name, lens in lenses.items() if lens is not None}
     return World(cell, truth, known, robots, home, faults, pushed, seed)
@@ -83,13 +85,3 @@ def _parameters(joints: int, faults: Faults, rng: draw.Generator) -> dict[str, A
         "deflection": faults.size("sag") / _SAG_NM * (0.5 + compliance),
     }
     return {kind: value for kind, value in values.items() if np.any(value)}
-
-
-def _base(cell: Cell) -> str | None:
-    """The base that is pushed: that of the first robot that is not the reference."""
-    return next((cell.base_name(name) for name in cell.robots if name != cell.reference), None)
-
-
-def _mount(cell: Cell) -> str | None:
-    """The mount of the first target that a robot carries."""
-    return next((cell.mount_name(name) for name, target in cell.targets.items() if target.on != WORLD), None)

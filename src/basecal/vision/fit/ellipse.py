@@ -37,7 +37,10 @@ class Ellipse:
         rows = [by_square * -2 * du - 2 * by_size * (du * g11 + dv * g12)]
         rows.append(by_square * -2 * dv - 2 * by_size * (du * g12 + dv * g22))
         uu, uv, vv = u * u, 2 * u * v, v * v
-        for h11, h12, h22 in _by_outline(q):
+        # How G's entries change with a, b and c, by differences, which of so few numbers are soon made.
+        for step in _DIFFERENCE * np.eye(3):
+            less, more = (_symmetric_exp(*(-(q[:, 2:5] + side * step)).T) for side in (-1, 1))
+            h11, h12, h22 = _entries((more @ more - less @ less) / (2 * _DIFFERENCE))
             of_size = 2 * (du * (u * h11 + v * h12) + dv * (u * h12 + v * h22))
             rows.append(by_square * (uu * h11 + uv * h12 + vv * h22) + by_size * of_size)
         rows.append(-at.z * (np.abs(q[:, 5:6]) < _MOST_LOG))
@@ -81,15 +84,6 @@ def _seen(q: Array, xy: Array) -> _Seen:
 def _entries(symmetric: Array) -> tuple[Array, Array, Array]:
     """11, 12 and 22, (n, 1) each."""
     return symmetric[:, 0, :1], symmetric[:, 0, 1:], symmetric[:, 1, 1:]
-
-
-def _by_outline(q: Array) -> list[tuple[Array, Array, Array]]:
-    """How G's entries change with a, b and c, by differences, which of so few numbers are soon made."""
-    found = []
-    for step in _DIFFERENCE * np.eye(3):
-        less, more = (_symmetric_exp(*(-(q[:, 2:5] + side * step)).T) for side in (-1, 1))
-        found.append(_entries((more @ more - less @ less) / (2 * _DIFFERENCE)))
-    return found
 
 
 ellipse = Ellipse()

@@ -162,15 +162,9 @@ def _eccentricity(plane: Array, shape: Array, spacing: float) -> tuple[Array, Ar
     circle = np.stack([squared, squared, -np.ones_like(squared)], axis=1)[:, :, None] * np.eye(3)
     conic = pixels_from_plane @ circle @ np.swapaxes(pixels_from_plane, 1, 2)
     perspective = conic[:, :2, 2] / conic[:, 2:, 2] - pixels_from_plane[:, :2, 2]
-    return perspective, _bent(bend, jacobian) * squared[:, None]
-
-
-def _bent(bend: Array, jacobian: Array) -> Array:
-    """Shift of a fitted outline's centre per squared radius, (n, 2), under second derivatives xx, xy, yy, (n, 3, 2).
-
-    Along x of the grid it is (3 xx + yy) / 8 of the part along x, and xy / 4 of the part along y; along y likewise.
-    """
+    # Per squared radius (3 xx + yy) / 8 of the bend along x shifts along x of the grid, xy / 4 along y; y likewise.
     xx, xy, yy = np.moveaxis(bend @ np.swapaxes(np.linalg.inv(jacobian), 1, 2), 1, 0)
     x = (3 * xx[:, 0] + yy[:, 0]) / 8 + xy[:, 1] / 4
     y = (3 * yy[:, 1] + xx[:, 1]) / 8 + xy[:, 0] / 4
-    return np.asarray((jacobian @ np.stack([x, y], axis=1)[..., None])[..., 0])
+    bent: Array = (jacobian @ np.stack([x, y], axis=1)[..., None])[..., 0] * squared[:, None]
+    return perspective, bent

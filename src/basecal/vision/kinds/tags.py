@@ -46,21 +46,16 @@ def detect(image: Image, target: Target) -> Detection | None:
     # Programs differ in how wide they print the border: the other width is tried where the usual one gives nothing.
     for border in (target.tags.border, 3 - target.tags.border):
         of = _Look(np.asarray(image), target.tags, dictionary(target.tags.family).markerSize + 2 * border, border)
-        seen = _fitted(of, *_read(of))
+        read = best(eight_bit(image), MARKER_WAYS, partial(_quads, of), _ENOUGH * len(of.tags.numbers))
+        if read is None:
+            continue
+        seen = _fitted(of, np.array(list(read)), np.stack(list(read.values())))
         if target.tags.squares:
             seen = _grown(of, target, seen)
         if seen.trusted.any():
             ids, kept = target.tags.corner_ids[seen.rows], seen.trusted
             return found(ids[kept], seen.pixels[kept], seen.sigma_px[kept])
     return None
-
-
-def _read(of: _Look) -> tuple[IntArray, Array]:
-    """Rows among a target's tags, (k,), and corners, (k, 4, 2) [px], of those that are read once."""
-    seen = best(eight_bit(of.image), MARKER_WAYS, partial(_quads, of), _ENOUGH * len(of.tags.numbers))
-    if seen is None:
-        return np.zeros(0, dtype=np.int64), np.zeros((0, _CORNERS, 2))
-    return np.array(list(seen)), np.stack(list(seen.values()))
 
 
 def _quads(of: _Look, image: Grey, way: Way) -> dict[int, Array]:
