@@ -101,3 +101,6 @@ def test_what_is_no_dataset_is_said(tmp_path: Path) -> None:
     (tmp_path / "x.json").write_text('{"a": {"range_min": 5, "range_max": 5, "drive_mode": 0}}')
     with pytest.raises(DatasetError, match="a: range_min and range_max"):
         read_motor_ranges(tmp_path / "x.json")
+    (tmp_path / "x.json").write_text(f'{{"a": {{"range_min": 0, "range_max": 1{"0" * 400}, "drive_mode": 0}}}}')
+    with pytest.raises(DatasetError, match="not a calibration of LeRobot"):
+        read_motor_ranges(tmp_path / "x.json")

@@ -59,6 +59,8 @@ def test_key_holds_all_that_matters(monkeypatch: pytest.MonkeyPatch) -> None:
         '{"ids": [1, 2], "pixels": [[1, 2]], "sigma_px": [0.1]}',
         '{"ids": [1], "pixels": [[1, 2], [3, 4]], "sigma_px": [0.1]}',
         '{"ids": [1], "pixels": [], "sigma_px": []}',
+        f'{{"ids": [1], "pixels": [[1, 1{"0" * 400}]], "sigma_px": [0.1]}}',
+        f'{{"ids": [1{"0" * 30}], "pixels": [[1, 2]], "sigma_px": [0.1]}}',
         "[" * 100_000,
         "\x00",
     ],

@@ -125,7 +125,7 @@ def read_motor_ranges(path: Path) -> dict[str, dict[str, float]]:
             str(name): {key: float(motor[key]) for key in ("range_min", "range_max", "drive_mode")}
             for name, motor in data.items()
         }
-    except (ValueError, LookupError, TypeError, AttributeError, RecursionError):
+    except (ValueError, LookupError, TypeError, AttributeError, OverflowError, RecursionError):
         raise DatasetError(str(path), f"not a calibration of LeRobot, {expected}") from None
     for name, motor in found.items():
         if not 0 <= motor["range_min"] < motor["range_max"] <= _TICKS:

@@ -39,7 +39,7 @@ def read(folder: Path, name: str) -> tuple[Detection | None] | None:
         if not whole or (ids is not None and ids.shape != (len(pixels),)):
             return None
         return (Detection(ids, pixels, sigma_px),)
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+    except (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError):
         return None
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from basecal.cell import Cell, Recording, RobotState
 from basecal.cell.files import read_cell, read_recording
-from basecal.errors import InputError
+from basecal.errors import DatasetError, InputError
 from basecal.exchange.importing.bring_in import bring_in
 from basecal.exchange.importing.imported import Imported, Row
 from basecal.geometry import SE3
@@ -92,3 +92,16 @@ def test_the_check_sees_what_is_new_alone(tmp_path: Path) -> None:
     told: list[Recording] = []
     bring_in(tmp_path, poses("right", 2), lambda cell, recording: told.append(recording))
     assert [sorted(sample.robots) for sample in told[0].samples] == [["right"]] * 2
+
+
+@pytest.mark.parametrize(
+    "text", ['{"samples_by_image": {"a": Infinity}}', '{"samples_by_image": 1}', "[" * 100_000, ""]
+)
+def test_damaged_names_of_pictures_are_said(text: str, tmp_path: Path) -> None:
+    """Names of an earlier table that are not as they were written are an error that says what to remove."""
+    bring_in(tmp_path, poses("left", 2, names=True, reference="left"), fine)
+    path = tmp_path / "recording" / "image_names.json"
+    assert path.exists()
+    path.write_text(text)
+    with pytest.raises(DatasetError, match=r"image_names\.json: expected .* remove it and import the table again"):
+        bring_in(tmp_path, poses("right", 2), fine)

@@ -106,7 +106,7 @@ def _names(folder: Path) -> dict[str, int]:
     try:
         data = json.loads(read_text(path, "", _LARGEST_NAMES))["samples_by_image"]
         return {str(name): int(number) for name, number in data.items()}
-    except (ValueError, LookupError, TypeError, AttributeError):
+    except (ValueError, LookupError, TypeError, AttributeError, OverflowError, RecursionError):
         expected = 'expected {"samples_by_image": {"name": 0}}; remove it and import the table again'
         raise DatasetError(str(path), expected) from None
 
