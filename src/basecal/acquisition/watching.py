@@ -103,18 +103,14 @@ def watched(rig: Rig, watch: Watch) -> Rig:
         name: (_WatchedLight if isinstance(camera, Switches) else _Watched)(name, camera, watch)
         for name, camera in rig.cameras.items()
     }
-    return Rig({name: _watched_robot(name, robot, watch) for name, robot in rig.robots.items()}, cameras)
-
-
-def _watched_robot(name: str, robot: Robot, watch: Watch) -> Robot:
-    """A robot that shows where it is, with the faces that it has and no other."""
-    faces: list[type] = [_WatchedRobot]
-    if isinstance(robot, Moves):
-        faces.append(_Sent)
-    if isinstance(robot, Freedrives):
-        faces.append(_Led)
-    shown: Robot = type("Watched", tuple(reversed(faces)), {})(name, robot, watch)
-    return shown
+    robots: dict[str, Robot] = {}
+    for name, robot in rig.robots.items():
+        # It has the faces that the robot has, and no other.
+        faces: list[type] = [_WatchedRobot]
+        faces += [_Sent] if isinstance(robot, Moves) else []
+        faces += [_Led] if isinstance(robot, Freedrives) else []
+        robots[name] = type("Watched", tuple(reversed(faces)), {})(name, robot, watch)
+    return Rig(robots, cameras)
 
 
 class _WatchedRobot:

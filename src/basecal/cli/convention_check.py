@@ -11,7 +11,6 @@ from basecal.cli.terminal import progress, say
 from basecal.errors import BasecalError
 
 if TYPE_CHECKING:
-    from basecal.accuracy.at_the_door.quick_look import QuickLook
     from basecal.cell import Cell, Recording
 
 
@@ -26,18 +25,6 @@ def say_conventions(folder: Path, cell: Cell, recording: Recording) -> bool:
     Returns:
         Whether it was certainly read otherwise than it was meant.
     """
-    look = _look(folder, cell, recording)
-    for finding in look.findings:
-        say(f"basecal: warning: {finding.code}, by {look.views} views: {finding.message}", sys.stderr)
-    if look.error is not None:
-        others = "no other direction, unit, order or pairing does better"
-        say(f"conventions hold: each of {look.views} views is predicted by the others to {look.error}, and {others}")
-    elif not look.findings:
-        say(f"conventions are not told by {look.views} views: {look.untold}")
-    return any(finding.severity == "error" for finding in look.findings)
-
-
-def _look(folder: Path, cell: Cell, recording: Recording) -> QuickLook:
     from basecal.accuracy.at_the_door.quick_look import QuickLook, looked_at, quick_look
 
     few = looked_at(recording)
@@ -48,6 +35,15 @@ def _look(folder: Path, cell: Cell, recording: Recording) -> QuickLook:
             with counting("looking at pictures") as step:
                 few = detect(cell, few, folder, progress=step)
     except BasecalError as error:
-        return QuickLook(0, untold=str(error))
-    with progress("testing conventions"):
-        return quick_look(cell, few, len(few.samples) == len(recording.samples))
+        look = QuickLook(0, untold=str(error))
+    else:
+        with progress("testing conventions"):
+            look = quick_look(cell, few, len(few.samples) == len(recording.samples))
+    for finding in look.findings:
+        say(f"basecal: warning: {finding.code}, by {look.views} views: {finding.message}", sys.stderr)
+    if look.error is not None:
+        others = "no other direction, unit, order or pairing does better"
+        say(f"conventions hold: each of {look.views} views is predicted by the others to {look.error}, and {others}")
+    elif not look.findings:
+        say(f"conventions are not told by {look.views} views: {look.untold}")
+    return any(finding.severity == "error" for finding in look.findings)

@@ -55,7 +55,9 @@ def summary(cell: Cell, calibration: Calibration, tolerance: ToleranceCheck | No
     if len(lines) + len(in_full) <= _ROOM:
         lines += in_full
     else:
-        lines += wrapped(f"also found, told by --verbose: {_codes(others)}")
+        count = Counter(finding.code for finding in others)
+        codes = ", ".join(code if times == 1 else f"{code} ({times})" for code, times in count.items())
+        lines += wrapped(f"also found, told by --verbose: {codes}")
     return "\n".join(lines)
 
 
@@ -70,12 +72,6 @@ def _told(findings: Sequence[Finding]) -> list[str]:
 
 def _said(finding: Finding) -> str:
     return f"{finding.message} [{finding.code}]"
-
-
-def _codes(findings: Sequence[Finding]) -> str:
-    """Each code once, with how often it comes."""
-    count = Counter(finding.code for finding in findings)
-    return ", ".join(code if times == 1 else f"{code} ({times})" for code, times in count.items())
 
 
 def _known(name: str, calibration: Calibration) -> str:

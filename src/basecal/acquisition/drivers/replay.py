@@ -6,6 +6,7 @@ robots and cameras of one recording share one place in it and one clock, which g
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -65,16 +66,13 @@ class Tape:
         return self.at
 
     def _distance(self, sample: Sample) -> float:
-        away = [
-            float(np.linalg.norm(_vector(sample.robots[name]) - _vector(to))) if _alike(sample, name, to) else np.inf
-            for name, to in self._wanted.items()
-        ]
-        return sum(away)
-
-
-def _alike(sample: Sample, robot: str, to: RobotState) -> bool:
-    state = sample.robots.get(robot)
-    return state is not None and (state.joints_rad is None) == (to.joints_rad is None)
+        away = 0.0
+        for name, to in self._wanted.items():
+            state = sample.robots.get(name)
+            if state is None or (state.joints_rad is None) != (to.joints_rad is None):
+                return math.inf
+            away += float(np.linalg.norm(_vector(state) - _vector(to)))
+        return away
 
 
 def _vector(state: RobotState) -> Array:

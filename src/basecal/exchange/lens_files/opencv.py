@@ -38,7 +38,11 @@ def read_opencv(path: str | Path, model: str | None = None, which: int | None = 
         DatasetError: if there is no camera matrix, or there are two and none is chosen, or it is no lens.
     """
     name = str(path)
-    root = _archive(name) if name.lower().endswith((".npz", ".npy")) else read_file_storage(path)
+    if name.lower().endswith((".npz", ".npy")):
+        file, arrays = read_arrays(name)
+        root = Field(file, {key: array.ravel().tolist() for key, array in arrays.items()}, {})
+    else:
+        root = read_file_storage(path)
     if (ros := root.first("distortion_model")) is not None:
         raise ros.error("says how ROS distorts, which OpenCV does not write: basecal import camera-info")
     named = _by_plain_name(root)
@@ -62,11 +66,6 @@ def read_opencv(path: str | Path, model: str | None = None, which: int | None = 
         f"OpenCV's {matrix.loc[-1]}, {lens} of {len(usual)} distortion terms"
         f"{'' if size is None else f', {size[0]} x {size[1]} px'}, the centre of the top-left pixel is (0, 0)",
     )
-
-
-def _archive(name: str) -> Field:
-    file, arrays = read_arrays(name)
-    return Field(file, {key: array.ravel().tolist() for key, array in arrays.items()}, {})
 
 
 def _names(root: Field) -> list[str]:

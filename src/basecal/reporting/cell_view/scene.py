@@ -100,7 +100,9 @@ class Scene:
 def scene(cell: Cell, samples: Sequence[Sample], calibration: Calibration) -> Scene:
     """The scene of a calibration: what it knows, or the cell states as fixed; of many samples some hundred."""
     worst = worst_sample(calibration)
-    shown = _shown(samples, worst)
+    # Evenly some of them, with the one that fits worst.
+    step = max(1, -(-len(samples) // _MOST_SAMPLES))
+    shown = [sample for place, sample in enumerate(samples) if place % step == 0 or sample.sample == worst]
     numbers = tuple(sample.sample for sample in shown)
     means = {**calibration.known_transforms(cell), cell.base_name(cell.reference): SE3.identity()}
     robots = [robot for robot in cell.robots.values() if cell.base_name(robot.name) in means]
@@ -129,14 +131,14 @@ def scene(cell: Cell, samples: Sequence[Sample], calibration: Calibration) -> Sc
     )
 
 
-def _shown(samples: Sequence[Sample], worst: int | None) -> list[Sample]:
-    """Evenly some of them, with the one that fits worst."""
-    step = max(1, -(-len(samples) // _MOST_SAMPLES))
-    return [sample for place, sample in enumerate(samples) if place % step == 0 or sample.sample == worst]
-
-
 def _arm(robot: Robot, base: str, means: Mapping[str, SE3], shown: Sequence[Sample], sure: Ellipsoids) -> Arm:
-    poses = [_flange(robot, sample) for sample in shown]
+    poses: list[SE3 | None] = []
+    for sample in shown:
+        state = sample.robots.get(robot.name)
+        if state is not None and state.joints_rad is not None and robot.chain is not None:
+            poses.append(robot.chain.forward(state.joints_rad))
+        else:
+            poses.append(None if state is None else state.base_from_flange)
     known = np.array([pose is not None for pose in poses], dtype=bool)
     flanges = SE3.stack([pose or SE3.identity() for pose in poses])
     return Arm(robot.name, means[base], flanges, known, _joints(robot, shown), sure.get(base))
@@ -151,15 +153,6 @@ def _joints(robot: Robot, shown: Sequence[Sample]) -> Array | None:
     joints = [at_zero if state is None or state.joints_rad is None else state.joints_rad for state in states]
     frames = robot.chain.joint_frames(np.stack(joints))
     return np.stack([base_from_joint.translation for base_from_joint in frames], axis=1)
-
-
-def _flange(robot: Robot, sample: Sample) -> SE3 | None:
-    state = sample.robots.get(robot.name)
-    if state is None:
-        return None
-    if state.joints_rad is not None and robot.chain is not None:
-        return robot.chain.forward(state.joints_rad)
-    return state.base_from_flange
 
 
 def _semi_axes(name: str, calibration: Calibration) -> Array | None:
