@@ -60,15 +60,12 @@ def coverage_of(sketch: Sketch, samples: Sequence[Sample]) -> Coverage:
                 at = seen.pixels[:, ::-1] / np.array(size[::-1]) * GRID
                 rows, columns = np.clip(at.astype(int), 0, np.array(GRID) - 1).T
                 cells[rows, columns] = True
-    return Coverage(cells, {robot: _turned(sketch, samples, robot) for robot in sketch.movers})
-
-
-def _turned(sketch: Sketch, samples: Sequence[Sample], robot: str) -> Array:
-    poses = [sketch.base_from_flange(robot, sample.robots[robot]) for sample in samples if robot in sample.robots]
-    if len(poses) < 2:
-        return np.zeros(3)
-    angles = np.stack([(poses[0].inverse() @ pose).rotvec for pose in poses])
-    return np.asarray(angles.max(0) - angles.min(0))
+    turned = {}
+    for robot in sketch.movers:
+        poses = [sketch.base_from_flange(robot, sample.robots[robot]) for sample in samples if robot in sample.robots]
+        angles = [(poses[0].inverse() @ pose).rotvec for pose in poses]
+        turned[robot] = np.asarray(np.ptp(angles, axis=0)) if len(poses) > 1 else np.zeros(3)
+    return Coverage(cells, turned)
 
 
 def alike(sketch: Sketch, sample: Sample, others: Sequence[Sample], m: float, rad: float) -> int | None:

@@ -21,7 +21,7 @@ _SAMPLES = 25  # where nobody says how many
 _SHIFTS = "shifts"
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
 
     from basecal.acquisition.capture import Replan, Step
     from basecal.acquisition.rig import Rig
@@ -115,17 +115,8 @@ def capture(
             wanted = _stored(cell, sketch, wanted, is_new)
         view = shown.enter_context(capture_view(rig, sketch.cell, web, port, quiet=json))
         by = _taker(view.rig(rig), sketch, cell, speed_limit_deg_s, view.tell)
-        steps = _noted(_steps(by, wanted, count if freedrive else None, view.key, replanned), view)
+        steps = _taken(by, wanted, count if freedrive else None, replanned, view)
     return _summed_up(cell, steps, replanned, json)
-
-
-def _noted(steps: Iterator[Step], view: CaptureView) -> list[Step]:
-    """All steps, each told when it is done."""
-    found: list[Step] = []
-    for step in steps:
-        found.append(step)
-        view.note(step, len(found))
-    return found
 
 
 def _refuse_unused(
@@ -154,6 +145,20 @@ def captured_steps(folder: Path, pattern: str, samples: int, speed_deg_s: float)
         yield from captured(_taker(rig, sketch, folder, speed_deg_s), plan)
 
 
+def _taken(
+    taker: Taker, plan: Sequence[Sample], led: int | None, replan: Replan | None, view: CaptureView
+) -> list[Step]:
+    """What becomes of each sample of a plan, or of so many that a person leads the arms to; told when it is done."""
+    from basecal.acquisition.capture import capture as captured
+    from basecal.acquisition.capture import capture_led
+
+    found: list[Step] = []
+    for step in captured(taker, plan, replan) if led is None else capture_led(taker, led, view.key):
+        found.append(step)
+        view.note(step, len(found))
+    return found
+
+
 def _stored(folder: Path, sketch: Sketch, plan: Sequence[Sample], is_new: bool) -> Sequence[Sample]:
     from basecal.acquisition.capture import store_plan
 
@@ -164,16 +169,6 @@ def _taker(rig: Rig, sketch: Sketch, folder: Path, speed_deg_s: float, tell: Tel
     from basecal.acquisition.taking import CaptureSettings, Taker
 
     return Taker(rig, sketch, folder, CaptureSettings(radians(speed_deg_s)), tell)
-
-
-def _steps(
-    taker: Taker, plan: Sequence[Sample], led: int | None, key: Callable[[], str], replan: Replan | None
-) -> Iterator[Step]:
-    """What becomes of each sample of a plan, or of so many that a person leads the arms to."""
-    from basecal.acquisition.capture import capture as captured
-    from basecal.acquisition.capture import capture_led
-
-    return captured(taker, plan, replan) if led is None else capture_led(taker, led, key)
 
 
 def _plan(

@@ -86,7 +86,13 @@ def write_pages(pages: Sequence[PrintedPage], path: Path) -> list[Path]:
         InputError: if the name ends otherwise, or it cannot be written.
     """
     if path.suffix == ".pdf":
-        write_asked_for(path, pdf.document([(page.size_mm, _drawing(page)) for page in pages]))
+        drawn = []
+        for page in pages:
+            filled = [*(pdf.rectangle(*each) for each in page.rectangles), *(pdf.circle(*each) for each in page.discs)]
+            stroked = [*(pdf.line(*each) for each in page.lines), *(pdf.circle(*each) for each in page.rings)]
+            texts = [pdf.text(*each, _TEXT_MM) for each in page.texts]
+            drawn.append((page.size_mm, pdf.page_content(filled, stroked, texts, _LINE_MM)))
+        write_asked_for(path, pdf.document(drawn))
         return [path]
     if path.suffix != ".svg":
         raise InputError(f"{path} ends in {path.suffix!r}: expected .pdf or .svg")
@@ -149,9 +155,3 @@ def page_svg(page: PrintedPage) -> str:
         "</g></svg>",
     ]
     return "\n".join(part for part in parts if part) + "\n"
-
-
-def _drawing(page: PrintedPage) -> str:
-    filled = [*(pdf.rectangle(*each) for each in page.rectangles), *(pdf.circle(*each) for each in page.discs)]
-    stroked = [*(pdf.line(*each) for each in page.lines), *(pdf.circle(*each) for each in page.rings)]
-    return pdf.page_content(filled, stroked, [pdf.text(*each, _TEXT_MM) for each in page.texts], _LINE_MM)

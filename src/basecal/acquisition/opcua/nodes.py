@@ -58,20 +58,15 @@ def axes_of_devices(client: Any, name: str, device: str | None) -> list[Any]:
             f"{name}: {what}; there are: {listed(sorted(devices))}. Name the device, or the nodes of its `joints`"
         )
     axes = _children(_children(devices[device]).get("Axes"))
-    positions = [_children(_children(axes[key]).get("ParameterSet")).get("ActualPosition") for key in _in_order(axes)]
+    numbers = {key: re.findall(r"\d+$", key) for key in axes}
+    in_order = sorted(axes, key=lambda key: int(numbers[key][0])) if all(numbers.values()) else list(axes)
+    positions = [_children(_children(axes[key]).get("ParameterSet")).get("ActualPosition") for key in in_order]
     return [each for each in positions if each is not None]
 
 
 def _children(node: Any) -> dict[str, Any]:
     """What a node holds by browse names; nothing where there is no node."""
     return {} if node is None else {each.read_browse_name().Name: each for each in node.get_children()}
-
-
-def _in_order(names: Sequence[str] | dict[str, Any]) -> list[str]:
-    numbers = {name: re.search(r"\d+$", name) for name in names}
-    if all(numbers.values()):
-        return sorted(names, key=lambda name: int(re.findall(r"\d+$", name)[0]))
-    return list(names)
 
 
 def radians_of(node: Any, name: str, stated: str | None) -> float:

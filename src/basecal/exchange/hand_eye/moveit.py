@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from basecal.errors import InputError
-from basecal.exchange.fields import Field, read_fields
+from basecal.exchange.fields import read_fields
 from basecal.exchange.hand_eye.record import HandEyeRecord
 from basecal.geometry import SE3, Array, read_only
 
@@ -39,7 +39,15 @@ def read_moveit_samples(path: str | Path, camera_on_robot: bool | None) -> HandE
         DatasetError: if it is none.
         InputError: if `camera_on_robot` is not known.
     """
-    pairs = [_pair(entry) for entry in read_fields(path, _LARGEST).items(f"samples, {_EXPECTED}")]
+    pairs = []
+    for entry in read_fields(path, _LARGEST).items(f"samples, {_EXPECTED}"):
+        if isinstance(entry.data, list):
+            both = entry.items("two matrices")
+            if len(both) != 2:
+                raise entry.error(f"has {len(both)} entries; {_EXPECTED}")
+            pairs.append((both[0].pose(), both[1].pose()))
+        else:
+            pairs.append((entry.at("effector_wrt_world").pose(), entry.at("object_wrt_sensor").pose()))
     if camera_on_robot is None:
         raise InputError(
             f"{path} does not say whether the camera is on the robot (eye-in-hand) or beside it (eye-to-hand): "
@@ -54,15 +62,6 @@ def read_moveit_samples(path: str | Path, camera_on_robot: bool | None) -> HandE
         SE3.stack([base_from_flange for base_from_flange, _ in pairs]),
         SE3.stack([camera_from_target for _, camera_from_target in pairs]),
     )
-
-
-def _pair(entry: Field) -> tuple[SE3, SE3]:
-    if isinstance(entry.data, list):
-        both = entry.items("two matrices")
-        if len(both) != 2:
-            raise entry.error(f"has {len(both)} entries; {_EXPECTED}")
-        return both[0].pose(), both[1].pose()
-    return entry.at("effector_wrt_world").pose(), entry.at("object_wrt_sensor").pose()
 
 
 def read_joint_states(path: str | Path) -> JointStates:

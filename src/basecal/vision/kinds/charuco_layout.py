@@ -20,7 +20,7 @@ _MOST_COLUMNS = 40
 _BEST = 3  # boards to try
 _NEAR = 0.2  # of the distance to the next marker: a wide lens bends a board by less
 
-Seen = Mapping[int, Array]
+Seen = Mapping[int, Array]  # where the middles of markers are, (2,) [px], by number
 
 
 def likely_boards(images: Sequence[Grey], target: Target) -> Iterator[Target]:
@@ -33,7 +33,13 @@ def likely_boards(images: Sequence[Grey], target: Target) -> Iterator[Target]:
     names = next((names for names in MARKER_SETS if target.options["dictionary"] in names), ())
     if not names:
         return
-    seen = [_centres(image, names[-1]) for image in images]
+    detector = cv2.aruco.ArucoDetector(dictionary(names[-1]))
+    seen: list[Seen] = []
+    for image in images:
+        corners, numbers, _ = detector.detectMarkers(image)
+        found = [] if numbers is None else [int(number) for number in numbers.ravel()]
+        centres = [np.asarray(quad, dtype=np.float64).reshape(4, 2).mean(0) for quad in corners]
+        seen.append(dict(zip(found, centres, strict=False)))
     most = max(seen, key=len, default={})
     if len(most) < _FEWEST:
         return
@@ -41,13 +47,6 @@ def likely_boards(images: Sequence[Grey], target: Target) -> Iterator[Target]:
     name = large_enough(target.options["dictionary"], highest + 1)
     off = {board: _off(board, most) for board in _boards(target, name, highest)}
     yield from sorted((board for board in off if off[board] < _NEAR), key=lambda board: off[board])[:_BEST]
-
-
-def _centres(image: Grey, name: str) -> Seen:
-    """Where markers are, by number, (2,) [px]."""
-    corners, numbers, _ = cv2.aruco.ArucoDetector(dictionary(name)).detectMarkers(image)
-    found = [] if numbers is None else numbers.ravel().tolist()
-    return {int(k): np.asarray(c, dtype=np.float64).reshape(4, 2).mean(0) for k, c in zip(found, corners, strict=False)}
 
 
 def _boards(target: Target, name: str, highest: int) -> Iterator[Target]:

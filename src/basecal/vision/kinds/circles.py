@@ -53,12 +53,16 @@ def detect(image: Image, target: Target) -> Detection | None:
     centres = best(eight_bit(image), _WAYS, partial(_centres, target), len(target.ids))
     if centres is None:
         return None
-    start = _facing(target, centres)
-    outlines = _fitted(image, target, start)
+    plane, spacing = target.points[:, :2], float(target.options["spacing_m"])
+    from_front = np.median(np.linalg.det(local_axes(plane, plane, centres, spacing))) > 0
+    if not from_front:  # a print cannot be seen from behind: its rows were found in the other order
+        columns, rows = target.options["circles"]
+        centres = centres.reshape(rows, columns, 2)[::-1].reshape(-1, 2)
+    outlines = _fitted(image, target, centres)
     kept, shape = outlines.trusted, outlines.shape[outlines.trusted]
     if kept.sum() < _FEWEST or np.median(outlines.left) > _MOST_LEFT:
         return None
-    perspective, bent = _eccentricity(target.points[kept, :2], shape, float(target.options["spacing_m"]))
+    perspective, bent = _eccentricity(plane[kept], shape, spacing)
     model = _MODEL_PX**2 + (_BENT_SHARE * np.linalg.norm(bent, axis=1)) ** 2
     return found(target.ids[kept], shape[:, :2] - perspective - bent, np.sqrt(outlines.variance[kept] + model))
 
@@ -83,15 +87,6 @@ def _centres(target: Target, image: Grey, way: Way) -> Array:
     grid = np.reshape(centres, (rows, columns, 2)) if seen else np.zeros((0, 0, 2))
     part = seen and not target.options["asymmetric"] and goes_on(image, grid.astype(np.float64))
     return way.places(centres if seen and not part else ())
-
-
-def _facing(target: Target, start: Array) -> Array:
-    """The grid's points in the order in which a print is seen from its front."""
-    columns, rows = target.options["circles"]
-    axes = local_axes(target.points[:, :2], target.points[:, :2], start, target.options["spacing_m"])
-    if np.median(np.linalg.det(axes)) > 0:
-        return start
-    return start.reshape(rows, columns, 2)[::-1].reshape(-1, 2)
 
 
 class _Outlines(NamedTuple):
