@@ -47,7 +47,11 @@ def calibrate_axis_shift(cell: Cell, problem: Problem, settings: Settings, findi
     sigma = cell.pixel_px or _ASSUMED_PX
     base, weights = chosen(stations, settings)
     random, systematic = _errors(stations, weights, sigma)
-    found = [*findings, *_of_stations(stations), *_of_sigma(cell), *_of_neglected_depth(random, systematic)]
+    found = [*findings, *_of_stations(stations)]
+    if cell.pixel_px is None:
+        message = f"noise.pixel_px is not stated: {_ASSUMED_PX} px assumed for the covariance"
+        found.append(Finding("axis-shift-station", "info", (), message))
+    found += _of_neglected_depth(random, systematic)
     covariance = random + np.outer(systematic, systematic)
     inverted = problem.groups[0].hand == cell.reference
     estimate = PoseEstimate(base, covariance)
@@ -84,20 +88,15 @@ def _errors(stations: Sequence[Station], weights: Array, sigma_px: float) -> tup
     random, systematic = np.zeros((6, 6)), np.zeros(6)
     for station, weight in zip(stations, weights, strict=True):
         base = station.base()
-        jacobian = _by_pixels(station, base)
+        # Derivative of the base's right tangent to the image coordinates, (6, 2 n).
+        count = station.light_px.size
+        nudges = _STEP_PX * np.eye(count).reshape(count, *station.light_px.shape)
+        ahead, behind = station.base(station.light_px + nudges), station.base(station.light_px - nudges)
+        ends = [(base.inverse() @ side).log() for side in (ahead, behind)]
+        jacobian = ((ends[0] - ends[1]) / (2 * _STEP_PX)).T
         random += (weight * sigma_px) ** 2 * jacobian @ jacobian.T
         systematic += weight * (base.inverse() @ station.base(station.predicted_px(base))).log()
     return random, systematic
-
-
-def _by_pixels(station: Station, base: SE3) -> Array:
-    """Derivative of the base's right tangent to the image coordinates, (6, 2 n)."""
-    count = station.light_px.size
-    nudges = _STEP_PX * np.eye(count).reshape(count, *station.light_px.shape)
-    ahead, behind = station.base(station.light_px + nudges), station.base(station.light_px - nudges)
-    ends = [(base.inverse() @ side).log() for side in (ahead, behind)]
-    derivative: Array = ((ends[0] - ends[1]) / (2 * _STEP_PX)).T
-    return derivative
 
 
 def _of_stations(stations: Sequence[Station]) -> list[Finding]:
@@ -110,13 +109,6 @@ def _of_stations(stations: Sequence[Station]) -> list[Finding]:
         message = f"station at samples {', '.join(numbers)}: light at ({light_mm}) mm, base at ({base_mm}) mm"
         found.append(Finding("axis-shift-station", "info", numbers, message))
     return found
-
-
-def _of_sigma(cell: Cell) -> list[Finding]:
-    if cell.pixel_px is not None:
-        return []
-    message = f"noise.pixel_px is not stated: {_ASSUMED_PX} px assumed for the covariance"
-    return [Finding("axis-shift-station", "info", (), message)]
 
 
 def _of_neglected_depth(random: Array, systematic: Array) -> list[Finding]:

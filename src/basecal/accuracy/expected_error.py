@@ -11,7 +11,6 @@ from scipy.special import chndtrix, gammainc
 
 from basecal.accuracy.residuals.fitted_again import FittedAgain
 from basecal.cell import Calibration, Cell
-from basecal.estimation.problem.problem import ViewGroup
 from basecal.geometry import Array
 from basecal.geometry.rotation import hat
 
@@ -176,10 +175,5 @@ def _places(name: str, cell: Cell, fitted: FittedAgain) -> Iterator[Array]:
         if name == group.camera_mount:
             yield fitted.state.camera_from_target(group, fitted.problem.stops).translation
         if name == group.target_mount:
-            yield _points(cell, group)
-
-
-def _points(cell: Cell, group: ViewGroup) -> Array:
-    """Of a target, (n, 3) [m]; its origin where it is seen only as poses."""
-    shape = cell.targets[group.target].target
-    return np.zeros((1, 3)) if shape is None else shape.points
+            shape = cell.targets[group.target].target
+            yield np.zeros((1, 3)) if shape is None else shape.points  # the origin of one that is seen only as poses

@@ -9,6 +9,7 @@ Fisher 1925 (analysis of variance), McCullagh & Nelder 1989 (dispersion).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import fdtrc
@@ -16,7 +17,7 @@ from scipy.special import fdtrc
 from basecal.accuracy.residuals.fit import view_alone
 from basecal.accuracy.significance import SIGNIFICANCE
 from basecal.accuracy.widening import step_between
-from basecal.estimation.problem.problem import Problem, ViewGroup
+from basecal.estimation.problem.problem import ViewGroup
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_from
 from basecal.estimation.view.pixels import PixelMeasurement
@@ -61,12 +62,12 @@ def _of_camera(solution: Solution, name: str, settings: Settings) -> LensStructu
     if sum(len(alone) for _, alone in seen) < _FEWEST_VIEWS:
         return None
     of_groups = [_projected(measurement, alone, camera) for measurement, alone in seen]
-    residual, own, other, bent = (_side_by_side(arrays) for arrays in zip(*of_groups, strict=True))
-    size, chance = _bend(residual, own, other)
+    every = _Projected(*map(_side_by_side, zip(*of_groups, strict=True)))
+    size, chance = _bend(every.residual, every.of_lens, every.of_others)
     if not np.any(size):
         return None
-    shift = bent @ size
-    rms_px = float(np.sqrt(np.mean(shift[np.any(bent, axis=-1)] ** 2)))
+    shift = every.in_pixels @ size
+    rms_px = float(np.sqrt(np.mean(shift[np.any(every.in_pixels, axis=-1)] ** 2)))
     return LensStructure(name, rms_px, chance, _moved(solution, name, size, settings))
 
 
@@ -133,11 +134,23 @@ def _alone(solution: Solution, group: ViewGroup) -> list[tuple[PixelMeasurement,
     return [(measurement.take(part), alone[part]) for part in parts]
 
 
-def _projected(few: PixelMeasurement, alone: SE3, camera: Camera) -> tuple[Array, Array, Array, Array]:
-    """Of views: residuals (n, r), columns of the lens (n, r, k) and of other terms (n, r, q).
+class _Projected(NamedTuple):
+    """What views say of a lens, weighted, with each view's own pose projected out.
 
-    All are weighted, with each view's own pose projected out; last the other terms' columns in pixels, (n, r, q).
+    Attributes:
+        residual: (n, r).
+        of_lens: (n, r, k) columns of the lens.
+        of_others: (n, r, q) columns of terms that it has not.
+        in_pixels: (n, r, q) these as they are, neither weighted nor projected [px].
     """
+
+    residual: Array
+    of_lens: Array
+    of_others: Array
+    in_pixels: Array
+
+
+def _projected(few: PixelMeasurement, alone: SE3, camera: Camera) -> _Projected:
     p_in_camera = few.in_camera(alone)
     pixels, by_point, by_lens = camera.project_with_derivatives(p_in_camera, intrinsics=True)
     weight = np.where(np.isnan(pixels).any(-1), 0.0, few.weight)
@@ -149,7 +162,7 @@ def _projected(few: PixelMeasurement, alone: SE3, camera: Camera) -> tuple[Array
     basis, _ = np.linalg.qr(weighted[..., :6].reshape(n, r, 6))
     rest = np.concatenate([residual.reshape(n, r, 1), weighted[..., 6:].reshape(n, r, -1)], axis=-1)
     rest = rest - basis @ (basis.mT @ rest)
-    return rest[..., 0], rest[..., 1:-_TERMS], rest[..., -_TERMS:], bent.reshape(n, r, _TERMS)
+    return _Projected(rest[..., 0], rest[..., 1:-_TERMS], rest[..., -_TERMS:], bent.reshape(n, r, _TERMS))
 
 
 def _by_pose(by_point: Array, alone: SE3, points: Array) -> Array:
@@ -174,12 +187,6 @@ def _bending(camera: Camera, p_in_camera: Array) -> Array:
 
 def _moved(solution: Solution, name: str, size: Array, settings: Settings) -> Array:
     """The step of the answer to that of the pixels without the bending."""
-    problem = _straightened(solution, name, size)
-    after = solve_from(replace(problem, held=True), solution.state, replace(settings, robot_noise="stated"))
-    return step_between(solution, after) if after.converged else np.zeros(problem.width)
-
-
-def _straightened(solution: Solution, name: str, size: Array) -> Problem:
     groups = []
     for group in solution.problem.groups:
         measurement = group.measurement
@@ -188,4 +195,6 @@ def _straightened(solution: Solution, name: str, size: Array) -> Problem:
             shift = _bending(solution.state.cameras[name], measurement.in_camera(predicted)) @ size
             group = replace(group, measurement=replace(measurement, pixels=measurement.pixels - shift))
         groups.append(group)
-    return solution.problem.with_groups(groups)
+    problem = solution.problem.with_groups(groups)
+    after = solve_from(replace(problem, held=True), solution.state, replace(settings, robot_noise="stated"))
+    return step_between(solution, after) if after.converged else np.zeros(problem.width)

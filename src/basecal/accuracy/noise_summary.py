@@ -70,14 +70,9 @@ def _of_cameras(recording: Recording, solution: Solution) -> dict[str, dict[str,
         if fields:
             before = found.get(group.camera, {"views_count": 0})
             found[group.camera] = {**before, **fields, "views_count": before["views_count"] + len(group)}
+    seen = [o for s in recording.samples for o in s.observations if isinstance(o, PixelObservation) and o.detected]
     for camera, entry in found.items():
-        claimed = _claimed_px(recording, camera)
-        entry["factor"] = entry["pixel_px"] / claimed if claimed is not None and "pixel_px" in entry else None
+        claimed = [o.sigma_px for o in seen if o.camera == camera and o.sigma_px is not None]
+        has_both = bool(claimed) and "pixel_px" in entry
+        entry["factor"] = entry["pixel_px"] / float(np.median(np.concatenate(claimed))) if has_both else None
     return found
-
-
-def _claimed_px(recording: Recording, camera: str) -> float | None:
-    """The median sigma that a camera's detector claims [px]."""
-    seen = [o for s in recording.samples for o in s.observations if isinstance(o, PixelObservation)]
-    claimed = [o.sigma_px for o in seen if o.camera == camera and o.detected and o.sigma_px is not None]
-    return float(np.median(np.concatenate(claimed))) if claimed else None

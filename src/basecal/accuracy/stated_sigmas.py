@@ -25,7 +25,6 @@ from basecal.estimation.view.measurement import Measurement, ViewInformation
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement
 from basecal.estimation.view.poses import PoseMeasurement
-from basecal.geometry import Array
 from basecal.numerics.spectral import spectrum
 
 _FEWEST_FREEDOMS = 3.0  # with fewer a part of the residuals says nothing of its sigma
@@ -173,14 +172,11 @@ def _without_stops(group: ViewGroup) -> ViewGroup:
 def _without_sigmas(measurement: Measurement) -> Measurement:
     """The same with no sigma stated; how points of a view compare with one another is kept."""
     if isinstance(measurement, PixelMeasurement):
-        return replace(measurement, relative=_shares(measurement.stated), stated=np.zeros_like(measurement.stated))
+        # 1 / sigma of points over that of the median point; 1 where none was stated.
+        stated = measurement.stated
+        middle = float(np.median(stated[stated > 0])) if np.any(stated > 0) else 1.0
+        shares = np.where(stated > 0, stated / middle, 1.0)
+        return replace(measurement, relative=shares, stated=np.zeros_like(stated))
     if isinstance(measurement, PoseMeasurement | PointMeasurement):
         return replace(measurement, stated=np.zeros_like(measurement.stated))
     return measurement
-
-
-def _shares(stated: Array) -> Array:
-    """1 / sigma of points over that of the median point; 1 where none was stated."""
-    given = stated > 0
-    middle = float(np.median(stated[given])) if given.any() else 1.0
-    return np.where(given, stated / middle, 1.0)

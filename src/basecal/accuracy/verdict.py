@@ -210,13 +210,14 @@ def _calibration(
 ) -> Calibration:
     found = solution.transforms if solution.converged else {}
     estimates = {n: e for n, e in found.items() if n not in solution.observability.unobservable}
+    lenses = solution.problem.columns.keys() - solution.observability.unobservable if solution.converged else set()
     order = tuple(n for n in estimates if solution.problem.unknowns[n].status != "fixed")
     return Calibration(
         verdict=verdict_of(findings),
         transforms=estimates,
         status={n: solution.problem.unknowns[n].status for n in estimates},
         points=frozenset(n for n in solution.problem.point_mounts if n in estimates),
-        cameras={n: (c, solution.lens_covariance(n)) for n, c in _estimated_lenses(solution)},
+        cameras={n: (c, solution.lens_covariance(n)) for n, c in solution.state.cameras.items() if n in lenses},
         robot_parameters=robot_parameters(solution) if solution.converged else {},
         noise=noise_summary(cell, recording, solution),
         order=order,
@@ -227,11 +228,3 @@ def _calibration(
         findings=tuple(findings),
         settings=settings.as_dict(),
     )
-
-
-def _estimated_lenses(solution: Solution) -> list[tuple[str, Any]]:
-    return [
-        (n, c)
-        for n, c in solution.state.cameras.items()
-        if solution.converged and n in solution.problem.columns and n not in solution.observability.unobservable
-    ]

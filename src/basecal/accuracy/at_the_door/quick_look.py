@@ -11,7 +11,7 @@ from basecal.accuracy.clocks.search import clocked
 from basecal.accuracy.input_check.conventions import check_conventions
 from basecal.accuracy.input_check.hypothesis_fit import HypothesisFit, fit_hypothesis, plausible
 from basecal.accuracy.input_check.unexplained_motion import hopeless, is_hopeless
-from basecal.cell import Cell, Finding, Recording, Sample
+from basecal.cell import Cell, Finding, Recording
 from basecal.errors import BasecalError
 from basecal.estimation.outliers.noise_and_outliers import is_as_of_arms, with_noise
 from basecal.estimation.problem.build import build_problem
@@ -57,11 +57,11 @@ def looked_at(recording: Recording) -> Recording:
     starts = np.linspace(0, len(views) - _IN_A_ROW, _ROWS).astype(int)
     kept = {views[start + k] for start in starts for k in range(_IN_A_ROW)}
     near = {k + step for k in kept for step in range(-_BESIDE, _BESIDE + 1)} & set(range(len(samples)))
-    return replace(recording, samples=tuple(samples[k] if k in kept else _unseen(samples[k]) for k in sorted(near)))
-
-
-def _unseen(sample: Sample) -> Sample:
-    return replace(sample, observations=(), images={}, background={})
+    few = (
+        samples[k] if k in kept else replace(samples[k], observations=(), images={}, background={})
+        for k in sorted(near)
+    )
+    return replace(recording, samples=tuple(few))
 
 
 def quick_look(cell: Cell, recording: Recording, is_whole: bool = True) -> QuickLook:
@@ -76,7 +76,8 @@ def quick_look(cell: Cell, recording: Recording, is_whole: bool = True) -> Quick
         return QuickLook(len(recording.samples), tuple(units))
     try:
         streams = streams_of(cell, recording)
-        if streams is not None and _has_free_lens(cell):
+        lenses = [camera.intrinsics for camera in cell.cameras.values() if camera.intrinsics is not None]
+        if streams is not None and any(lens.status == "free" for lens in lenses):
             return QuickLook(
                 0, untold="clocks and a lens that is not known are found together: basecal calibrate tells"
             )
@@ -84,10 +85,6 @@ def quick_look(cell: Cell, recording: Recording, is_whole: bool = True) -> Quick
         return _looked(cell, samples, is_whole)
     except (BasecalError, np.linalg.LinAlgError) as error:
         return QuickLook(0, untold=str(error))
-
-
-def _has_free_lens(cell: Cell) -> bool:
-    return any(c.intrinsics is not None and c.intrinsics.status == "free" for c in cell.cameras.values())
 
 
 def _looked(cell: Cell, recording: Recording, is_whole: bool) -> QuickLook:

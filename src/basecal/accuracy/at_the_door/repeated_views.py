@@ -53,10 +53,9 @@ def _numbers(seen: object) -> bytes | None:
 
 def _stands_elsewhere(sample: Sample, other: Sample, robots: set[str]) -> bool:
     """Whether one of these robots stands elsewhere, by more than robots are read back anew."""
-    return any(
-        name in sample.robots and name in other.robots and _differ(_state(sample, name), _state(other, name))
-        for name in robots
-    )
+    shared = [name for name in robots if name in sample.robots and name in other.robots]
+    states = [(_state(sample, name), _state(other, name)) for name in shared]
+    return any(one.shape != two.shape or bool(np.abs(one - two).max() > _READ_BACK) for one, two in states)
 
 
 def _state(sample: Sample, name: str) -> Array:
@@ -64,7 +63,3 @@ def _state(sample: Sample, name: str) -> Array:
     if state.base_from_flange is not None:
         return np.asarray(state.base_from_flange.matrix).ravel()
     return np.asarray(state.joints_rad)
-
-
-def _differ(one: Array, other: Array) -> bool:
-    return bool(one.shape != other.shape or np.abs(one - other).max() > _READ_BACK)

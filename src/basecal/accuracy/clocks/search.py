@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from basecal.accuracy.clocks.step import ClockStep, clock_step
+from basecal.accuracy.clocks.step import clock_step
 from basecal.accuracy.input_check.unexplained_motion import is_hopeless
 from basecal.cell import Recording
 from basecal.errors import InputError, NotObservable
@@ -114,26 +114,17 @@ def _stepped(
             last, samples = _solved(streams, offsets, settings, last)
         except (NotObservable, np.linalg.LinAlgError):
             return offsets, last, False
-        explained = not is_hopeless(last.problem, last.state) and _as_noise(last)
+        none_estimated = not (last.noise.robots or last.noise.jitter_s)
+        explained = not is_hopeless(last.problem, last.state) and (none_estimated or is_as_of_arms(last))
         if streams.open:
             found = clock_step(streams, samples, offsets, last)
-            offsets = _after(offsets, found)
+            # A solution beside the optimum may promise more than its velocities hold for.
+            steps = np.clip(found.step_s, -_TRIED_S[-1], _TRIED_S[-1]).tolist()
+            offsets = offsets | {name: offsets[name] + step for name, step in zip(found.clocks, steps, strict=True)}
             is_mended &= bool(np.all(np.abs(found.step_s) <= _SETTLED * np.sqrt(np.diagonal(found.covariance))))
         if is_mended:
             break
     return offsets, last, explained
-
-
-def _as_noise(solution: Solution) -> bool:
-    """Whether an arm's noise that was estimated is such as arms have; true where none was."""
-    return is_as_of_arms(solution) or not (solution.noise.robots or solution.noise.jitter_s)
-
-
-def _after(offsets: dict[str, float], found: ClockStep) -> dict[str, float]:
-    steps = dict(zip(found.clocks, found.step_s.tolist(), strict=True))
-    # A solution beside the optimum may promise more than its velocities hold for.
-    reach = float(_TRIED_S[-1])
-    return {name: offset + float(np.clip(steps.get(name, 0.0), -reach, reach)) for name, offset in offsets.items()}
 
 
 def _synchronised(streams: Streams, offsets: dict[str, float], near: Solution | None) -> Synchronised:

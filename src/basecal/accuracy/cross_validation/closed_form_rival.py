@@ -56,9 +56,11 @@ def closed_form_rival(solution: Solution, refits: Sequence[Refit]) -> ClosedForm
         if triple is None:
             return None
         rows = np.flatnonzero(held)
+        views, (x, y, z) = group.take(rows), triple
         state = with_known_stops(refit.optimum.state, refit.known)
-        ours.append(_off(alone[rows], state.camera_from_target(group.take(rows), solution.problem.stops)))
-        theirs.append(_off(alone[rows], _predicted(group.take(rows), triple)))
+        ours.append(_off(alone[rows], state.camera_from_target(views, solution.problem.stops)))
+        closed = (views.eye_base_from_eye_flange @ x).inverse() @ y @ views.hand_base_from_hand_flange @ z
+        theirs.append(_off(alone[rows], closed))
     ratio = _ratio(np.concatenate(ours), np.concatenate(theirs)) if ours else None
     whole = _closed_form(solution.problem, group, alone, enough)
     if ratio is None or whole is None:
@@ -88,11 +90,6 @@ def _closed_form(problem: Problem, group: ViewGroup, alone: SE3, used: BoolArray
 def _fixed(problem: Problem, name: str) -> SE3 | None:
     unknown = problem.unknowns[name]
     return unknown.mean if unknown.status == "fixed" else None
-
-
-def _predicted(group: ViewGroup, triple: Triple) -> SE3:
-    x, y, z = triple
-    return (group.eye_base_from_eye_flange @ x).inverse() @ y @ group.hand_base_from_hand_flange @ z
 
 
 def _off(alone: SE3, predicted: SE3) -> Array:

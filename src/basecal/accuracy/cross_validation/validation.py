@@ -161,10 +161,15 @@ def _fold(solution: Solution, asked: Sequence[str], chosen: IntArray, fit: Refit
 
 def _errors(solution: Solution, fitted: Sequence[_Fold]) -> tuple[HeldOutErrors, HeldOutErrors]:
     """Of the held-out views: as the full answer has them, and as the folds predict them."""
+    problem, state = solution.problem, solution.state
+    alone: dict[tuple[str, str], _Alone] = {}
+    for group in problem.groups:
+        if group.camera not in problem.columns:  # whose lens is known
+            said = view_alone(state, group, state.camera_from_target(group, problem.stops))
+            alone[group.camera, group.target] = _Alone(group.sample, *said)
     used, predicted = HeldOutErrors(), HeldOutErrors()
-    alone = _views_alone(solution)
     for fold in fitted:
-        full, views = with_known_stops(solution.state, fold.fit.known), fold.fit.views
+        full, views = with_known_stops(state, fold.fit.known), fold.fit.views
         for group in views.groups:
             in_pixels = isinstance(group.measurement, PixelMeasurement)
             used += _of_group(views, group, full, None if in_pixels else alone)
@@ -179,16 +184,6 @@ class _Alone:
     sample: IntArray
     camera_from_target: SE3
     enough: BoolArray
-
-
-def _views_alone(solution: Solution) -> dict[tuple[str, str], _Alone]:
-    """By camera, whose lens is known, and target."""
-    problem, state, found = solution.problem, solution.state, {}
-    for group in problem.groups:
-        if group.camera not in problem.columns:
-            alone = view_alone(state, group, state.camera_from_target(group, problem.stops))
-            found[group.camera, group.target] = _Alone(group.sample, *alone)
-    return found
 
 
 def _of_group(

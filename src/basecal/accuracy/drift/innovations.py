@@ -26,7 +26,7 @@ from basecal.estimation.noise.terms.term import noise_terms
 from basecal.estimation.problem.build import recorded_by_joints
 from basecal.estimation.problem.correspondence import choose_correspondence
 from basecal.estimation.problem.problem import Stops, ViewGroup
-from basecal.geometry import SE3, Array, BoolArray, IntArray
+from basecal.geometry import SE3, Array, IntArray
 from basecal.numerics.batch import concatenate
 from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
 from basecal.registry import NOISE_TERMS
@@ -115,7 +115,10 @@ class Innovations:
             at += len(group)
         situation = replace(self.situation, problem=self.situation.problem.with_groups(groups))
         predicted = self.predicted[np.ix_(rows, rows)]
-        inverse = _inverse_of_part(self.covariance_inverse, rows)
+        # The inverse of a part of a matrix, from the inverse of all: less work where few are left out.
+        whole = self.covariance_inverse
+        across = whole[np.ix_(rows, ~rows)]
+        inverse = whole[np.ix_(rows, rows)] - across @ np.linalg.solve(whole[np.ix_(~rows, ~rows)], across.T)
         return replace(
             self,
             situation=situation,
@@ -154,18 +157,13 @@ def innovations(cell: Cell, calibration: Calibration, recording: Recording) -> I
     return replace(exact, predicted=predicted, freedoms_of_noise=float(freedoms))
 
 
-def _inverse_of_part(inverse: Array, rows: BoolArray) -> Array:
-    """The inverse of some rows and columns of a matrix, of the inverse of all: less work where few are left out."""
-    across = inverse[np.ix_(rows, ~rows)]
-    return np.asarray(inverse[np.ix_(rows, rows)] - across @ np.linalg.solve(inverse[np.ix_(~rows, ~rows)], across.T))
-
-
 def _at(cell: Cell, calibration: Calibration, recording: Recording) -> Situation:
     """The views that a calibration predicts, at its transforms, robots taken for exact."""
     known = known_views(cell, recording, calibration)
     every = max(-(-sum(map(len, known.problem.groups)) // MOST_VIEWS), 1)
-    few = [_exact(group.take(np.arange(0, len(group), every))) for group in known.problem.groups]
-    problem = replace(known.problem, groups=tuple(few), stops=Stops(np.zeros((0, 6))))
+    few = [group.take(np.arange(0, len(group), every)) for group in known.problem.groups]
+    exact = tuple(replace(group, eye_stop=_none(group), hand_stop=_none(group)) for group in few)
+    problem = replace(known.problem, groups=exact, stops=Stops(np.zeros((0, 6))))
     state = without_errors(problem, known.state)
     problem, _ = choose_correspondence(problem, state)
     return Situation(problem, state, problem, {})
@@ -174,10 +172,6 @@ def _at(cell: Cell, calibration: Calibration, recording: Recording) -> Situation
 def _none(group: ViewGroup) -> IntArray:
     """No stop in any view of a group."""
     return np.full(len(group), -1, dtype=np.int64)
-
-
-def _exact(group: ViewGroup) -> ViewGroup:
-    return replace(group, eye_stop=_none(group), hand_stop=_none(group))
 
 
 def _of_transforms(of: Innovations, calibration: Calibration) -> Array:

@@ -32,16 +32,14 @@ def with_shared_errors(of: Innovations, moved: Shift) -> Innovations:
         of: New views, of `FEWEST_SAMPLES` or more.
         moved: The likeliest thing to have moved, which is none of such errors.
     """
-    left = of.covariance_inverse @ (of.off - of.of(_moves(of, moved)) @ moved.size)
+    if moved.joint is None:
+        moves = of.by_frame(moved.transform)
+    else:
+        moves = of.by_joints(moved.frame.removesuffix("_flange"))[..., moved.joint : moved.joint + 1]
+    left = of.covariance_inverse @ (of.off - of.of(moves) @ moved.size)
     cameras = sorted({group.camera_mount for group in of.situation.problem.groups})
     more = sum((_of_camera(of, of.of(of.by_frame(name)), left) for name in cameras), np.zeros(of.predicted.shape))
     return of if not np.any(more) else replace(of, predicted=of.predicted + more, known_inverse=None)
-
-
-def _moves(of: Innovations, moved: Shift) -> Array:
-    if moved.joint is None:
-        return of.by_frame(moved.transform)
-    return of.by_joints(moved.frame.removesuffix("_flange"))[..., moved.joint : moved.joint + 1]
 
 
 def _of_camera(of: Innovations, by_place: Array, left: Array) -> Array:

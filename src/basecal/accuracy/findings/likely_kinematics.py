@@ -25,7 +25,10 @@ def likely_kinematics(of: Evidence) -> list[Finding]:
     noise = of.solution.noise
     term, sigmas = next(iter(noise.common.items()), ("", {}))
     code = _CODES.get(term)
-    if code is None or noise.plain_surprise - noise.surprise < _LIKELY or _is_told(of, code):
+    if code is None or noise.plain_surprise - noise.surprise < _LIKELY:
+        return []
+    by_error = of.systematic_error is not None and of.systematic_error.code.startswith(("joint", "deflection"))
+    if by_error or (code == "robot-model" and robot_model(of)):  # other findings say it
         return []
     robots = " and ".join(sigmas)
     message = f"{_what(term, sigmas, robots)}: the covariance counts what that does"
@@ -33,11 +36,6 @@ def likely_kinematics(of: Evidence) -> list[Finding]:
         message = f"{message}; {gravity_taken(of.cell, of.solution, tuple(sigmas))}"
     entry = f"to be rid of it write {_entry(term, sigmas)} at {robots}"
     return [Finding(code, "info", tuple(sigmas), f"{message}; {entry}")]
-
-
-def _is_told(of: Evidence, code: str) -> bool:
-    by_error = of.systematic_error is not None and of.systematic_error.code.startswith(("joint", "deflection"))
-    return by_error or (code == "robot-model" and bool(robot_model(of)))
 
 
 def _what(term: str, sigmas: Mapping[str, Array], robots: str) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.phrases.null_space import describe_null_space
-from basecal.cell import Cell, Finding
+from basecal.cell import Finding
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.observability.null_space import separate_null_space
 from basecal.estimation.observability.observability import observability_of, without_priors
@@ -25,16 +25,11 @@ def prior_dominated(of: Evidence) -> list[Finding]:
     priors = [name for name in priors if unknowns[name].sigma is not None]
     if not priors or not of.solution.converged:
         return []
-    resting = _unobservable_without_priors(of.cell, of.solution)
+    alone = without_priors(problem)
+    hessian = linearise(alone, of.solution.state).hessian
+    unobservable = observability_of(alone, of.solution.state, hessian, of.solution.noise.factor).unobservable
+    resting = [name for name in of.cell.asked if name in unobservable - of.solution.observability.unobservable]
     return [finding for name in priors for finding in _dominated(of.solution, name, resting)]
-
-
-def _unobservable_without_priors(cell: Cell, solution: Solution) -> list[str]:
-    """Names asked for that the data alone do not determine."""
-    alone = without_priors(solution.problem)
-    hessian = linearise(alone, solution.state).hessian
-    unobservable = observability_of(alone, solution.state, hessian, solution.noise.factor).unobservable
-    return [name for name in cell.asked if name in unobservable - solution.observability.unobservable]
 
 
 def _dominated(solution: Solution, name: str, resting: Sequence[str]) -> list[Finding]:

@@ -71,9 +71,11 @@ def _shown(value: float, of: _Rounding) -> str:
 def _roundings(problem: Problem, robot: str) -> Iterator[_Rounding]:
     sigma = problem.stops.sigma[np.array(problem.stops.robot, dtype=object) == robot]
     noise_m, noise_rad = (float(sigma[0, 0]), float(sigma[0, 3])) if len(sigma) else (0.0, 0.0)
-    joints = _joints(problem, robot)
-    if joints is not None:
-        yield from _of_angles("joints", [joints], noise_rad)
+    joints = [g.eye_joints for g in problem.groups if g.eye == robot]
+    joints += [g.hand_joints for g in problem.groups if g.hand == robot]
+    recorded = [each for each in joints if each is not None]
+    if len(recorded) == len(joints) > 0:
+        yield from _of_angles("joints", [np.concatenate(recorded)], noise_rad)
         return
     poses, seen = stands(problem, robot)
     poses = poses[np.flatnonzero(seen)]
@@ -102,11 +104,3 @@ def _step(values: Array, steps: tuple[float, ...]) -> float | None:
         return None
     shares = [different / step for step in steps]
     return next((s for s, v in zip(steps, shares, strict=True) if np.all(np.abs(v - np.round(v)) < _NEAR)), None)
-
-
-def _joints(problem: Problem, robot: str) -> Array | None:
-    """Recorded joints of a robot in all views, (n, joints) [rad]."""
-    of = [g.eye_joints for g in problem.groups if g.eye == robot]
-    of += [g.hand_joints for g in problem.groups if g.hand == robot]
-    known = [joints for joints in of if joints is not None]
-    return np.concatenate(known) if len(known) == len(of) > 0 else None

@@ -7,7 +7,6 @@ import numpy as np
 from basecal.accuracy.findings.evidence import Input
 from basecal.accuracy.phrases.robot_motion import describe_poor_motions
 from basecal.cell import Finding
-from basecal.estimation.problem.problem import Problem
 
 
 def too_few_samples(given: Input) -> list[Finding]:
@@ -18,19 +17,15 @@ def too_few_samples(given: Input) -> list[Finding]:
         found = "no sample shows" if count == 0 else "a single sample shows"
         return [_finding(f"{found} a target to a camera with every robot's pose")]
     equations = np.concatenate([group.measurement.equations() for group in problem.groups])
-    unknowns = _free_unknowns(problem)
+    # Scalars that no prior holds: of transforms and lenses, and of robots' own kinematics.
+    free = [n for n in problem.columns if n in problem.unknowns and problem.unknowns[n].status == "free"]
+    unknowns = sum(problem.columns[name].stop - problem.columns[name].start for name in free)
+    models = problem.models.values()
+    unknowns += sum(width for m in models for name, width in m.widths.items() if m.sigmas[name] is None)
     if equations.sum() - equations.max() >= unknowns:
         return []
     found = f"{count} samples give {int(equations.sum())} equations for {unknowns} unknowns: none is left to check them"
     return [_finding(found, describe_poor_motions(problem))]
-
-
-def _free_unknowns(problem: Problem) -> int:
-    """How many scalars no prior holds."""
-    columns = {name: w for name, w in problem.columns.items() if name in problem.unknowns}
-    free = sum(w.stop - w.start for name, w in columns.items() if problem.unknowns[name].status == "free")
-    models = problem.models.values()
-    return int(free) + sum(int(width) for m in models for name, width in m.widths.items() if m.sigmas[name] is None)
 
 
 def _finding(what: str, moved: str = "") -> Finding:

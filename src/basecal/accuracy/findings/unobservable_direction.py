@@ -9,20 +9,16 @@ from basecal.cell import Cell, Finding
 from basecal.cell.calibration import Severity
 from basecal.estimation.observability.motions import gauge_partners, motions
 from basecal.estimation.problem.problem import Problem
-from basecal.estimation.solve import Solution
 
 
 def unobservable_directions(of: Evidence) -> list[Finding]:
     """A finding for each null space: by the solution, or where there is none by the recorded poses alone."""
     by_poses = [] if of.solution.converged else unobservable_by_poses(of.cell, of.solution.problem)
-    return by_poses or _by_solution(of.cell, of.solution)
-
-
-def _by_solution(cell: Cell, solution: Solution) -> list[Finding]:
-    """Errors where a direction of a transform asked for is open, else warnings."""
-    observability = solution.observability
-    severity: Severity = "error" if observability.unobservable.intersection(cell.asked) else "warning"
-    moved = motions(solution.problem) if observability.null_space else {}
+    if by_poses:
+        return by_poses
+    problem, observability = of.solution.problem, of.solution.observability
+    severity: Severity = "error" if observability.unobservable.intersection(of.cell.asked) else "warning"
+    moved = motions(problem) if observability.null_space else {}
     together: dict[tuple[str, ...], list[str]] = {}
     for direction in observability.null_space:
         together.setdefault(direction.names, []).append(describe_direction(direction))
@@ -31,7 +27,7 @@ def _by_solution(cell: Cell, solution: Solution) -> list[Finding]:
             "unobservable-direction",
             severity,
             names,
-            f"{is_unobservable(whats, names[1:])}: {describe_cause(cell, solution.problem, moved, names)}",
+            f"{is_unobservable(whats, names[1:])}: {describe_cause(of.cell, problem, moved, names)}",
         )
         for names, whats in together.items()
     ]

@@ -59,6 +59,7 @@ def convention_hypotheses(cell: Cell, recording: Recording) -> list[ConventionHy
     kinds = {type(o) for s in recording.samples for o in s.observations}
     by_pose = given_by_pose(cell, recording)
     by_joints = _robots(cell, recording, "joints_rad")
+    shifts = [by for by in _SHIFTS if abs(by) < len(recording.samples) // 3]
     return [
         *_of_directions(by_pose, PoseObservation in kinds),
         *_of_units(by_pose, by_joints, kinds),
@@ -66,7 +67,7 @@ def convention_hypotheses(cell: Cell, recording: Recording) -> list[ConventionHy
         *_of_quaternions(by_pose, PoseObservation in kinds),
         *_of_exchanges(cell, by_pose, "poses"),
         *_of_exchanges(cell, by_joints, "joints"),
-        *_of_pairing([*by_pose, *by_joints], recording),
+        *(shift(stream, by) for stream in streams([*by_pose, *by_joints]) for by in shifts),
         *_of_size_units(cell, kinds),
         *_of_symmetry(cell, PoseObservation in kinds),
         *_of_mirrors(kinds),
@@ -278,13 +279,6 @@ def _joint_count(cell: Cell, robot: str) -> int:
 
 def _exchange(first: str, second: str) -> Callable[[Cell, Recording], Rewritten]:
     return lambda cell, recording: (cell, rewriting.exchanged(recording, first, second))
-
-
-def _of_pairing(robots: list[str], recording: Recording) -> Iterator[ConventionHypothesis]:
-    for stream in streams(robots):
-        for by in _SHIFTS:
-            if abs(by) < len(recording.samples) // 3:
-                yield shift(stream, by)
 
 
 def streams(robots: list[str]) -> list[str | None]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.cell import CellCamera, PixelObservation, Recording
-from basecal.geometry import Array
 
 _AGREE = 0.15  # of one another, the factors along both sides: centres lie within a tenth of the middle
 _OTHER = 1.25  # factor of a resolution that is another one
@@ -21,7 +20,8 @@ def other_resolution(camera: CellCamera, recording: Recording) -> str:
         return ""
     whole = 2 * (lens.center + 0.5)
     if camera.size_px is None:
-        reach = _reach(camera.name, recording)
+        seen = [o for s in recording.samples for o in s.observations if isinstance(o, PixelObservation)]
+        reach = np.concatenate([np.zeros((1, 2)), *(o.pixels for o in seen if o.camera == camera.name)]).max(axis=0)
         if not np.all(reach > _OTHER * whole):
             return ""
         return f": points reach to ({reach[0]:.0f}, {reach[1]:.0f}) px, its camera matrix is of smaller images"
@@ -32,11 +32,3 @@ def other_resolution(camera: CellCamera, recording: Recording) -> str:
         return ""
     size = f"{width * factor:.0f} x {height * factor:.0f} px"
     return f": its camera matrix looks like that of images of about {size}, not of {width} x {height} px"
-
-
-def _reach(name: str, recording: Recording) -> Array:
-    """The greatest u and v of what a camera saw, (2,) [px]; zero where that is nothing."""
-    seen = [o for s in recording.samples for o in s.observations if isinstance(o, PixelObservation)]
-    own = [np.zeros((1, 2)), *(o.pixels for o in seen if o.camera == name)]
-    reach: Array = np.concatenate(own).max(axis=0)
-    return reach

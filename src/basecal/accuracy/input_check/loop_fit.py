@@ -171,16 +171,12 @@ def _fixed(problem: Problem, name: str) -> SE3 | None:
     return unknown.mean if unknown.status == "fixed" else None
 
 
-def _relation(problem: Problem, group: ViewGroup) -> SE3 | None:
-    ends = [SE3.identity() if n is None else _fixed(problem, n) for n in (group.eye_base, group.hand_base)]
-    eye, hand = ends
-    return None if eye is None or hand is None else eye.inverse() @ hand
-
-
 def _loop(sight: PairViews, problem: Problem, chosen: IntArray) -> Loop:
     g = sight.group
     x, z = _fixed(problem, g.camera_mount), _fixed(problem, g.target_mount)
-    return sight.loop(x, _relation(problem, g), z, chosen)
+    eye, hand = (SE3.identity() if n is None else _fixed(problem, n) for n in (g.eye_base, g.hand_base))
+    y = None if eye is None or hand is None else eye.inverse() @ hand
+    return sight.loop(x, y, z, chosen)
 
 
 def _triples(loops: Sequence[Loop]) -> list[Triple | None]:

@@ -115,18 +115,15 @@ def _factor(problem: Problem, target: str, lenses: Mapping[str, Camera]) -> floa
     """How many times larger a target is than stated, by the group that sees it most; None where none shows it."""
     group = max((g for g in problem.groups if g.target == target), key=len)
     if isinstance(group.measurement, PointMeasurement):
-        return _spread_ratio(group.measurement)
+        of = group.measurement
+        views = zip(of.seen, of.points_in_camera, strict=True)
+        ratios = [_spread(p[seen]) / _spread(of.points_in_target[seen]) for seen, p in views if seen.sum() > 1]
+        return float(np.median(ratios)) if ratios else None
     sight = sight_for(group, lenses.get(group.camera), _VIEWS)
     if sight.candidates is None:
         return None
     (fit,) = fit_loops([(sight, problem)])
     return None if fit is None else _by_translations(sight, sight.candidates, fit, problem)
-
-
-def _spread_ratio(measurement: PointMeasurement) -> float | None:
-    views = zip(measurement.seen, measurement.points_in_camera, strict=True)
-    ratios = [_spread(p[seen]) / _spread(measurement.points_in_target[seen]) for seen, p in views if seen.sum() > 1]
-    return float(np.median(ratios)) if ratios else None
 
 
 def _spread(points: Array) -> float:

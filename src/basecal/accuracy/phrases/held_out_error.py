@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-
 import numpy as np
 
 from basecal.cell import Calibration
@@ -16,7 +14,12 @@ def why_held_out_errors_are_larger(calibration: Calibration) -> str | None:
     residuals, validation = calibration.residuals, calibration.validation
     if validation is None or residuals.rms_px is None or validation.rms_px is None:
         return None
-    robots = list(_sigmas(calibration.noise.get("robots") or {}))
+    robots = []
+    for name, of in (calibration.noise.get("robots") or {}).items():
+        sigmas = np.array([of["sigma_t_m"], of["sigma_r_rad"]], dtype=np.float64)
+        length, angle = np.sqrt(np.mean(sigmas**2, axis=1)).tolist()
+        if length > 0 or angle > 0:
+            robots.append(f"{name} {1e3 * length:.2g} mm and {1e3 * angle:.2g} mrad")
     if not robots or validation.rms_px < _CLEARLY * residuals.rms_px:
         return None
     return (
@@ -24,12 +27,3 @@ def why_held_out_errors_are_larger(calibration: Calibration) -> str | None:
         f"each stop that is used has its own pose error estimated ({'; '.join(robots)}; 1 sigma per axis), which "
         "absorbs it, while that of a stop held out is not known: the larger figure is what to expect at a new pose."
     )
-
-
-def _sigmas(robots: Mapping[str, Mapping[str, list[float]]]) -> Iterator[str]:
-    """The pose noise of each robot that has any."""
-    for name, of in robots.items():
-        sigmas = np.array([of["sigma_t_m"], of["sigma_r_rad"]], dtype=np.float64)
-        length, angle = np.sqrt(np.mean(sigmas**2, axis=1)).tolist()
-        if length > 0 or angle > 0:
-            yield f"{name} {1e3 * length:.2g} mm and {1e3 * angle:.2g} mrad"

@@ -64,7 +64,10 @@ def known_views(cell: Cell, recording: Recording, calibration: Calibration) -> F
         InputError: if the cell contradicts the recording.
     """
     problem, _ = build_problem(cell, recording)
-    transforms, cameras = calibration.known_transforms(cell), _known_lenses(problem, calibration)
+    lenses = problem.lenses.items()
+    fixed = {name: lens.camera for name, lens in lenses if lens.status == "fixed" and lens.camera is not None}
+    cameras = fixed | {name: camera for name, (camera, _) in calibration.cameras.items()}
+    transforms = calibration.known_transforms(cell)
     groups = [with_noise_of(g, calibration) for g in problem.groups if _is_known(g, transforms, cameras)]
     problem = reshaped(replace(problem, columns={}, groups=tuple(groups)), _known_shapes(groups, calibration))
     state = State(transforms, cameras, np.zeros((0, 6)), kinematics_of(cell, calibration))
@@ -84,12 +87,6 @@ def _known_shapes(groups: Sequence[ViewGroup], calibration: Calibration) -> dict
     seen = {group.target: points for group in groups if group.target in found and len(points := points_of(group))}
     sizes = {name: shape_of(points).shape[-1] for name, points in seen.items()}
     return {name: shape for name, shape in found.items() if sizes.get(name) == len(shape)}
-
-
-def _known_lenses(problem: Problem, calibration: Calibration) -> dict[str, Camera]:
-    lenses = problem.lenses.items()
-    fixed = {name: lens.camera for name, lens in lenses if lens.status == "fixed" and lens.camera is not None}
-    return fixed | {name: camera for name, (camera, _) in calibration.cameras.items()}
 
 
 def _is_known(group: ViewGroup, transforms: Mapping[str, SE3], cameras: Mapping[str, Camera]) -> bool:

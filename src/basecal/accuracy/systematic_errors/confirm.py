@@ -7,14 +7,12 @@ docs/mathematics.md (11.2).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from basecal.accuracy.systematic_errors.candidates import Candidates
 from basecal.accuracy.systematic_errors.score_tests import Linearised, Sums, score_of, sums, weighed
 from basecal.accuracy.systematic_errors.situation import Situation
-from basecal.geometry import Array, BoolArray, IntArray
+from basecal.geometry import Array, IntArray
 from basecal.numerics.spectral import principal_axes
 
 _BLOCKS = 5  # as many as folds of cross-validation
@@ -28,7 +26,8 @@ def confirmed(of: Situation, candidate: Candidates) -> bool:
 def _gain(of: Situation, candidate: Candidates, blocks: IntArray) -> float:
     """How much less minus twice the log likelihood of held-out samples is, summed over blocks of `samples`, (n,)."""
     total = 0.0
-    for held in _held(blocks):
+    for block in np.unique(blocks):
+        held = blocks == block
         outside = [held[of.rank(group)] for group in of.problem.groups]
         used = weighed(of.about, [np.where(h, 0.0, 1.0) for h in outside])
         left = weighed(of.about, [np.where(h, 1.0, 0.0) for h in outside])
@@ -37,11 +36,6 @@ def _gain(of: Situation, candidate: Candidates, blocks: IntArray) -> float:
         total += _cost(left, of_left, -used.step, np.zeros(len(size)))
         total -= _cost(left, of_left, -used.step - used.inverse @ (of_used.across[0].T @ size), size)
     return total
-
-
-def _held(blocks: IntArray) -> Iterator[BoolArray]:
-    for block in np.unique(blocks):
-        yield blocks == block
 
 
 def _cost(left: Linearised, of_left: Sums, step: Array, size: Array) -> float:

@@ -146,14 +146,11 @@ def score_of(of: Linearised, known: Sums) -> Score:
     across = across[..., tied]
     gradient = gradient - across @ of.step[tied]
     left = information - across @ of.inverse[np.ix_(tied, tied)] @ across.mT
-    return _tested(gradient, 0.5 * (left + left.mT), information)
-
-
-def _tested(gradient: Array, left: Array, whole: Array) -> Score:
-    size = np.sqrt(np.maximum(np.diagonal(whole, axis1=-2, axis2=-1), 0.0))
-    of = above(left, _HIDDEN, np.where(size > 0, size, 1.0))
-    sizes = -(of.inverse @ gradient[..., None])[..., 0]
-    return Score(gradient, left, of.mahalanobis_squared(gradient), of.rank, sizes)
+    left = 0.5 * (left + left.mT)
+    size = np.sqrt(np.maximum(np.diagonal(information, axis1=-2, axis2=-1), 0.0))
+    seen = above(left, _HIDDEN, np.where(size > 0, size, 1.0))
+    sizes = -(seen.inverse @ gradient[..., None])[..., 0]
+    return Score(gradient, left, seen.mahalanobis_squared(gradient), seen.rank, sizes)
 
 
 def sums(of: Linearised, candidates: Candidates) -> Sums:

@@ -153,8 +153,16 @@ def _situation(solution: Solution, recorded: Problem, stamps: Mapping[int, float
 
 
 def _without(solution: Solution, of: Situation, suspect: _Suspect) -> Solution:
-    """The solution, to be solved again, of the recorded poses corrected by an error."""
-    return replace(solution, problem=_corrected(solution.problem, of, suspect.candidate, suspect.size))
+    """The solution, to be solved again, with every view's recorded hand where an error says that it was."""
+    groups = []
+    for group, links, moves in zip(solution.problem.groups, of.links, suspect.candidate.moves, strict=True):
+        if moves is None:
+            groups.append(group)
+            continue
+        of_target = (moves[:, 0] @ suspect.size)[..., None]
+        tangent = (links.target_from_hand_flange.inverse().adjoint() @ of_target)[..., 0]
+        groups.append(replace(group, hand_base_from_hand_flange=group.hand_base_from_hand_flange @ SE3.exp(tangent)))
+    return replace(solution, problem=solution.problem.with_groups(groups))
 
 
 def _suspects(of: Situation) -> list[_Suspect]:
@@ -223,16 +231,3 @@ def _solved_again(solution: Solution, settings: Settings) -> Solution:
     if settings.robot_noise != "stated":
         return with_noise(solution, settings, near=solution)
     return solve_from(solution.problem, solution.state, settings, solution.findings)
-
-
-def _corrected(problem: Problem, of: Situation, candidate: Candidates, size: Array) -> Problem:
-    """The problem with every view moved by an error: its recorded hand is where that says it was."""
-    groups = []
-    for group, links, moves in zip(problem.groups, of.links, candidate.moves, strict=True):
-        if moves is None:
-            groups.append(group)
-            continue
-        of_target = (moves[:, 0] @ size)[..., None]
-        tangent = (links.target_from_hand_flange.inverse().adjoint() @ of_target)[..., 0]
-        groups.append(replace(group, hand_base_from_hand_flange=group.hand_base_from_hand_flange @ SE3.exp(tangent)))
-    return problem.with_groups(groups)

@@ -12,7 +12,6 @@ from basecal.errors import NotConverged
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.robot_parameters import Kinematics, by_columns
 from basecal.geometry import SE3, Array, IntArray
-from basecal.kinematics import SerialChain
 from basecal.kinematics.inverse import inverse
 
 _STEPS = 40  # of the inverse: a point that is out of reach has the arm's errors where it comes nearest
@@ -65,7 +64,11 @@ def joints_at(problem: Problem, state: State, robot: str, recorded: Array, point
     nearest = np.linalg.norm(points_in_base_m[:, None] - poses.translation[None], axis=-1).argmin(1)
     start = recorded[nearest]
     as_stated = kinematics.chain.forward(start) @ kinematics.forward(start).inverse()
-    return _joints(kinematics.chain, as_stated @ SE3(poses.rotation[nearest], points_in_base_m), start)
+    base_from_flange = as_stated @ SE3(poses.rotation[nearest], points_in_base_m)
+    try:
+        return inverse(kinematics.chain, base_from_flange, start, iterations=_STEPS)
+    except NotConverged as error:
+        return np.asarray(error.state)
 
 
 def in_base_axes(by_columns: Array, base_from_flange: Array) -> Array:
@@ -82,10 +85,3 @@ def recorded_joints(problem: Problem, robot: str) -> Array | None:
         if name == robot and joints is not None
     ]
     return np.concatenate(found) if found else None
-
-
-def _joints(chain: SerialChain, poses: SE3, start: Array) -> Array:
-    try:
-        return inverse(chain, poses, start, iterations=_STEPS)
-    except NotConverged as error:
-        return np.asarray(error.state)

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from basecal.estimation.problem.problem import Problem, State
-from basecal.estimation.problem.robot_parameters import RobotModel
 
 
 @dataclass(frozen=True)
@@ -87,13 +86,10 @@ def _lens(name: str) -> Callable[[Problem, State, float], tuple[Problem, State]]
 def _kinematics(robot: str) -> Callable[[Problem, State, float], tuple[Problem, State]]:
     def scaled(problem: Problem, state: State, factor: float) -> tuple[Problem, State]:
         """See `Source`."""
-        return replace(problem, models={**problem.models, robot: _wider(problem.models[robot], factor)}), state
+        model = problem.models[robot]
+        columns = {
+            kind: of if of.sigma is None else of._replace(sigma=of.sigma * factor) for kind, of in model.columns.items()
+        }
+        return replace(problem, models={**problem.models, robot: replace(model, columns=columns)}), state
 
     return scaled
-
-
-def _wider(model: RobotModel, factor: float) -> RobotModel:
-    columns = {
-        kind: of if of.sigma is None else of._replace(sigma=of.sigma * factor) for kind, of in model.columns.items()
-    }
-    return replace(model, columns=columns)
