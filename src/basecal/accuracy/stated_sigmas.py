@@ -17,7 +17,7 @@ from basecal.accuracy.significance import SIGNIFICANCE
 from basecal.estimation.least_squares.studentized import LeaveOneOut, leave_one_out
 from basecal.estimation.outliers.noise_and_outliers import with_noise
 from basecal.estimation.outliers.robust_solve import RobustSolution
-from basecal.estimation.problem.problem import Problem, ViewGroup
+from basecal.estimation.problem.problem import ViewGroup
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, integrated, solve_from
 from basecal.estimation.view.common_error import without_motion
@@ -67,7 +67,9 @@ def contradicted_sigmas(solution: Solution) -> tuple[ContradictedSigma, ...]:
         total[0] += squares
         total[1] += freedoms
     stated = {key: s for key, s in sums.items() if key[1] and key[0] not in problem.unstated}
-    stated |= {key: s for key, s in sums.items() if not key[1] and _all_stated(problem, key[0])}
+    counts = [(g.camera, name) for g in problem.groups for name, count in g.measurement.counts().items() if count]
+    unstated = {camera for camera, name in counts if name != "stated"}
+    stated |= {key: s for key, s in sums.items() if not key[1] and key[0] not in unstated}
     found = [f for (name, of_robot), s in stated.items() if (f := _judged(name, of_robot, *s)) is not None]
     if not found and len(stated) == len(sums) > 1:
         found = [f for f in [_judged("", False, solution.cost, solution.dof)] if f is not None]
@@ -81,11 +83,6 @@ def _judged(name: str, of_robot: bool, squares: float, freedoms: float) -> Contr
     chance = float(tail(freedoms, squares))
     ratio = float(np.sqrt(max(squares, 1e-300) / freedoms))
     return ContradictedSigma(name, of_robot, ratio, chance) if chance < SIGNIFICANCE else None
-
-
-def _all_stated(problem: Problem, camera: str) -> bool:
-    counts = [g.measurement.counts() for g in problem.groups if g.camera == camera]
-    return all(count == 0 for of in counts for name, count in of.items() if name != "stated")
 
 
 def _of_views(about: LeaveOneOut) -> Iterator[tuple[str, bool, float, float]]:

@@ -120,20 +120,17 @@ def detectable_m(shift: Shift, level: float, power: float) -> float | None:
     visible = np.maximum(np.einsum("di,ij,dj->d", along, shift.information[:3, :3], along), 0.0)
     if not shift.freedoms:
         return None
-    threshold = shift.threshold(level) * _scales(shift.of_noise)[:, None]
+    # What a variance that is known by so many freedoms may be over the true one, as many that are alike likely.
+    chances = 1 - (np.arange(_SCALES) + 0.5) / _SCALES
+    known = np.isfinite(shift.of_noise)
+    scales = chdtri(shift.of_noise, chances) / shift.of_noise if known else np.ones(1)
+    threshold = shift.threshold(level) * scales[:, None]
 
     def seen(length_m: float) -> float:
         """The chance to see a shift of a length, less what is asked."""
         return 1 - float(np.mean(chndtr(threshold, shift.freedoms, length_m**2 * visible))) - power
 
     return None if seen(_LARGEST_M) < 0 else float(brentq(seen, 0.0, _LARGEST_M, xtol=1e-9))
-
-
-def _scales(freedoms: float) -> Array:
-    """What a variance that is known by so many freedoms may be over the true one, as many that are alike likely."""
-    if not np.isfinite(freedoms):
-        return np.ones(1)
-    return np.asarray(chdtri(freedoms, 1 - (np.arange(_SCALES) + 0.5) / _SCALES) / freedoms)
 
 
 def _sphere(count: int) -> Array:

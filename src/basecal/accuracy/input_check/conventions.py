@@ -42,7 +42,7 @@ from basecal.cell import Cell, Finding, Recording
 from basecal.errors import BasecalError
 from basecal.estimation.noise.robot_noise import stops_made
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution
 from basecal.estimation.start.lens import lens_from_views
@@ -268,15 +268,15 @@ def _pairs(cell: Cell, recording: Recording, views: ReadyViews) -> _Pairs:
     """Some views of each pair of camera and target, as a hypothesis has them; none where it makes no problem."""
     try:
         problem, _ = build_problem(cell, thinned(recording, _SCREENED))
-        return [(_thinned_views(g, views), problem) for g in problem.groups]
+        pairs = []
+        for group in problem.groups:
+            some = views.of(group, _SCREENED)
+            if some.candidates is None:  # a light, whose search is longer
+                some = views.of(group, _LIGHTS_SCREENED)
+            pairs.append((some, problem))
+        return pairs
     except (BasecalError, np.linalg.LinAlgError):
         return []
-
-
-def _thinned_views(group: ViewGroup, views: ReadyViews) -> PairViews:
-    """Some views of a pair; fewer of a light, whose search is longer."""
-    some = views.of(group, _SCREENED)
-    return some if some.candidates is not None else views.of(group, _LIGHTS_SCREENED)
 
 
 def _moving(recording: Recording) -> list[str]:

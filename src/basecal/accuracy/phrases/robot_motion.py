@@ -74,7 +74,10 @@ def advise_motion(cell: Cell, problem: Problem, motion: Motion) -> str:
     robot = motion.robot
     unknown = [n for n in attached(problem, robot) if problem.unknowns[n].status != "fixed"]
     known = _or_state(unknown)
-    if _axes_are_parallel(cell, robot) and not (motion.is_still or motion.only_shifts):
+    chain = cell.robots[robot].chain
+    # As those of a SCARA arm are.
+    axes_are_parallel = chain is not None and principal_axes(chain.jacobian(np.zeros(chain.n))[3:].T).dimension < 2
+    if axes_are_parallel and not (motion.is_still or motion.only_shifts):
         joints = "all axes of its joints are parallel, so that it cannot rotate about another"
         return f"{joints}; state {' and '.join(unknown or based(problem, robot))} as a prior or fixed"
     if motion.is_still:
@@ -88,11 +91,3 @@ def advise_motion(cell: Cell, problem: Problem, motion: Motion) -> str:
 
 def _or_state(names: Sequence[str]) -> str:
     return f", or state {' and '.join(names)} as a prior or fixed" if names else ""
-
-
-def _axes_are_parallel(cell: Cell, robot: str) -> bool:
-    """Whether a robot's joints all rotate it about one direction, as those of a SCARA arm do."""
-    chain = cell.robots[robot].chain
-    if chain is None:
-        return False
-    return principal_axes(chain.jacobian(np.zeros(chain.n))[3:].T).dimension < 2

@@ -7,7 +7,7 @@ Source: docs/mathematics.md (14.3), (14.6).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
@@ -40,7 +40,9 @@ def meeting_errors(
         points_m: (n, 3) the same points in the reference's base [m].
         widening: (p, p) what of the solution's covariance is beside the noise of the problem; nothing where None.
     """
-    meeting = dict(_meeting(cell, task, points_m))
+    # The robots that the transform brings together, and where they meet in the base of each, (n, 3) [m].
+    others = [r for r in cell.robots if r != cell.reference and cell.base_name(r) == task.transform]
+    meeting = {cell.reference: points_m} | dict.fromkeys(others, task.points_m)
     arms = _arms_with_errors(solution)
     moved, columns = _by_columns(cell, solution, task, meeting)
     if not arms.keys() & meeting.keys():
@@ -64,14 +66,6 @@ def meeting_errors(
 def _in_all(moved: Array, products: Array, own: Iterable[Array]) -> Array:
     """Of columns by how what meets moves with them, (n, 6, c), and of robots' own errors along an axis, (2,) each."""
     return np.asarray(moved @ products @ np.swapaxes(moved, 1, 2) + np.diag(np.repeat(sum(own, np.zeros(2)), 3)))
-
-
-def _meeting(cell: Cell, task: Task, points_m: Array) -> Iterator[tuple[str, Array]]:
-    """The robots that a transform brings together, and where they meet in the base of each, (n, 3) [m]."""
-    yield cell.reference, points_m
-    for robot in cell.robots:
-        if robot != cell.reference and cell.base_name(robot) == task.transform:
-            yield robot, task.points_m
 
 
 def _by_columns(cell: Cell, solution: Solution, task: Task, meeting: Mapping[str, Array]) -> tuple[Array, IntArray]:

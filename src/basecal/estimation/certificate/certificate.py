@@ -20,7 +20,7 @@ from basecal.cell import Certificate
 from basecal.estimation.certificate.relaxation import Bound, Factors, bound, local_minimum
 from basecal.estimation.certificate.rotation_cost import LoopForm, factors_of, loop_form, present, rotations_of
 from basecal.estimation.certificate.view_rotation import view_costs
-from basecal.estimation.least_squares.bundle_adjustment import Optimum, bundle_adjust
+from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.noise.estimate import degrees_of_freedom
 from basecal.estimation.problem.problem import State
 from basecal.estimation.solve import Solution
@@ -201,18 +201,12 @@ def _explored(solution: Solution, share: float, gap: float) -> Certified:
     angle = 2 * float(np.arcsin(np.sqrt(share)))
     for start in _about(solution, angle):
         end = bundle_adjust(few, start, dof, _ITERATIONS)
-        if not _alike(end, reference):
+        other_cost = abs(end.cost - reference.cost) > _SAME_COST * reference.cost
+        if other_cost and not _same_place(end.state, reference.state):
             better = _better(solution, end.state) if end.cost < reference.cost else None
             reason = f"within the {np.degrees(angle):.2g} deg in which a better fit could be there are several optima"
             return Certified(Certificate(gap, None, reason), better)
     return Certified(Certificate(gap, True), None)
-
-
-def _alike(first: Optimum, second: Optimum) -> bool:
-    """Whether two descents ended in one optimum."""
-    if abs(first.cost - second.cost) <= _SAME_COST * second.cost:
-        return True
-    return _same_place(first.state, second.state)
 
 
 def _same_place(first: State, second: State) -> bool:

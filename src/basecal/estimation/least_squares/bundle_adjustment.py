@@ -132,16 +132,13 @@ def bundle_adjust_batch(
         weights: What each view counts, (n,) or (b, n) by group; 1 where None.
         sigmas: What may be left to go.
     """
-    return _outcome(_run(problem, states, weights, Stop(iterations, dof, sigmas)))
+    optima = _run(problem, states, weights, Stop(iterations, dof, sigmas))
+    return OptimumBatch(optima.state, optima.cost, optima.about.hessian, optima.converged, optima.iterations)
 
 
 def batch_of(problem: Problem, states: Sequence[State]) -> State:
     """Several states of one problem as a batch."""
     return concatenate([state.spread(problem, 1) for state in states])
-
-
-def _outcome(optima: Optima[State, NormalEquations]) -> OptimumBatch:
-    return OptimumBatch(optima.state, optima.cost, optima.about.hessian, optima.converged, optima.iterations)
 
 
 def _run(

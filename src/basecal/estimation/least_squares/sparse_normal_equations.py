@@ -56,7 +56,8 @@ class SparseBundle:
         alone = take(state, 0) if state.batch else state
         own = tuple(pairs.state(alone) for pairs in self.pairs)
         found = tuple(pairs.linearise(of, self.weights) for pairs, of in zip(self.pairs, own, strict=True))
-        gradient, blocks = np.zeros(self.problem.width), [_nothing()]
+        nowhere = np.zeros(0, dtype=np.int64)
+        gradient, blocks = np.zeros(self.problem.width), [(nowhere, nowhere, np.zeros(0))]
         cost = float(sum(of.cost.sum() for of in found))
         for pairs, of in zip(self.pairs, found, strict=True):
             np.add.at(gradient, pairs.columns, of.gradient)
@@ -95,10 +96,6 @@ def sparse_adjust(
 def sparse_bundle(problem: Problem, weights: Sequence[Array] | None = None) -> SparseBundle:
     """A problem for which `is_sparse` holds."""
     return SparseBundle(problem, alike_pairs(problem), weights)
-
-
-def _nothing() -> tuple[IntArray, IntArray, Array]:
-    return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0)
 
 
 def _spread(columns: IntArray, blocks: Array) -> tuple[IntArray, IntArray, Array]:

@@ -140,31 +140,25 @@ def judged_by_view(measurement: Measurement) -> BoolArray:
     return np.asarray(measurement.seen.sum(-1) >= _OWN_POINTS)
 
 
-def _point_rows_of(about: LeaveOneOut, k: int) -> PointJacobians | None:
-    """The points of a group's views about the state; None where it has poses."""
+def _point_squares(about: LeaveOneOut, k: int) -> MahalanobisSquared:
     group = about.problem.groups[k]
     predicted = about.state.camera_from_target(group, about.problem.stops)
-    lens = group.camera in about.problem.columns
-    return point_jacobians(group.measurement, predicted, about.state.cameras.get(group.camera), lens)
-
-
-def _point_squares(about: LeaveOneOut, k: int) -> MahalanobisSquared:
-    rows = _point_rows_of(about, k)
-    n = len(about.problem.groups[k])
+    has_columns = group.camera in about.problem.columns
+    rows = point_jacobians(group.measurement, predicted, about.state.cameras.get(group.camera), has_columns)
+    n = len(group)
     if rows is None or rows.residual.shape[1] < 2:
         p = 1 if rows is None else rows.residual.shape[1]
         return MahalanobisSquared(np.full((n, p), np.nan), np.zeros((n, p), dtype=np.int64))
-    own = judged_by_view(about.problem.groups[k].measurement)
+    own = judged_by_view(group.measurement)
     if own.all():
         return _by_own_view(rows)
     squares = _studentised(rows.residual, rows.jacobian, _posterior(about, k, rows), rows.seen)
-    return _either(own, _by_own_view(rows), squares) if own.any() else squares
-
-
-def _either(which: BoolArray, first: MahalanobisSquared, second: MahalanobisSquared) -> MahalanobisSquared:
-    """Of views `which`, (n,), the first, of others the second."""
-    at = which[:, None]
-    return MahalanobisSquared(np.where(at, first.value, second.value), np.where(at, first.freedoms, second.freedoms))
+    if not own.any():
+        return squares
+    at, by_view = own[:, None], _by_own_view(rows)
+    return MahalanobisSquared(
+        np.where(at, by_view.value, squares.value), np.where(at, by_view.freedoms, squares.freedoms)
+    )
 
 
 def _by_own_view(rows: PointJacobians) -> MahalanobisSquared:

@@ -227,15 +227,11 @@ def _readjusted(
     sigmas: float = SETTLED_SIGMAS,
 ) -> tuple[Problem, Optimum]:
     """The problem with the most likely sigmas, and its optimum near the last."""
-    used, state = _rescaled(used, end.state, found)
-    return used, bundle_adjust(used, state, dof, iterations, sigmas=sigmas)
-
-
-def _rescaled(used: Problem, state: State, found: SigmaPosterior) -> tuple[Problem, State]:
-    """The problem with the most likely sigmas, and the state with the same errors of stops in metres and radians."""
-    physical = state.stop_errors * _units(used, found.model.robots)
+    # Errors of stops stay the same in metres and radians.
+    physical = end.state.stop_errors * _units(used, found.model.robots)
     used = _sigmas(found, used).applied(used)
-    return used, replace(state, stop_errors=physical / _units(used, found.model.robots))
+    state = replace(end.state, stop_errors=physical / _units(used, found.model.robots))
+    return used, bundle_adjust(used, state, dof, iterations, sigmas=sigmas)
 
 
 def _sigma_posterior(
@@ -296,22 +292,17 @@ def _sigmas(of: SigmaPosterior, problem: Problem) -> _Sigmas:
         cameras[camera] = cameras.get(camera, Noise())._replace(**{name: float(value)})
     of_robots, jitter, in_common = np.split(values[len(keys) :], np.cumsum([2 * len(model.robots), len(model.shaken)]))
     single, common = of_robots.reshape(-1, 2), in_common.reshape(-1, 2)
+    shapes = {}
+    for target, rows in model.layout.shapes.items():
+        before = problem.shapes.get(target, np.zeros(rows.stop - rows.start))
+        shapes[target] = before + of.columns.mean[rows], of.columns.spread[rows, rows]
     return _Sigmas(
         cameras,
         {name: np.repeat(pair, 3) for name, pair in zip(model.robots, single, strict=True)},
         {n: pair for n, pair in zip(model.robots, common, strict=False) if n in model.layout.common},
-        _shapes(of, problem) if model.layout.shapes else {},
+        shapes,
         dict(zip(model.shaken, jitter.tolist(), strict=True)),
     )
-
-
-def _shapes(of: SigmaPosterior, problem: Problem) -> dict[str, tuple[Array, Array]]:
-    """The most likely shapes of targets, and the covariance of their coefficients."""
-    known, found = of.columns, {}
-    for target, rows in of.model.layout.shapes.items():
-        before = problem.shapes.get(target, np.zeros(rows.stop - rows.start))
-        found[target] = before + known.mean[rows], known.spread[rows, rows]
-    return found
 
 
 def _estimate(of: SigmaPosterior, problem: Problem, settled: bool) -> NoiseEstimate:

@@ -154,7 +154,8 @@ def integrated_covariance(models: Sequence[SigmaPosterior], about: Array) -> Arr
     total = np.zeros((len(about), len(about)))
     for share, of in zip(shares / shares.sum(), models, strict=True):
         if share > _LEAST_SHARE:
-            total += share * _over_nodes(of, about)
+            nodes = [(weight, known.covariance, known.step - about) for weight, known in _weighed_nodes(of)]
+            total += share * sum(weight * (covariance + np.outer(off, off)) for weight, covariance, off in nodes)
     return total
 
 
@@ -176,10 +177,6 @@ def moments(of: SigmaPosterior, columns: IntArray) -> tuple[Array, Array, Array]
         products += weight * (spread + np.outer(here, here))
         squares += weight * np.exp(2 * known.logs)
     return mean, products - np.outer(mean, mean), squares
-
-
-def _over_nodes(of: SigmaPosterior, about: Array) -> Array:
-    return np.asarray(sum(weight * _spread(known, about) for weight, known in _weighed_nodes(of)))
 
 
 def _weighed_nodes(of: SigmaPosterior) -> list[tuple[float, Columns]]:
@@ -224,8 +221,3 @@ def _root(covariance: Array) -> Array:
         return np.asarray(np.linalg.cholesky(covariance).T)
     except np.linalg.LinAlgError:
         return spectrum(covariance).root.T
-
-
-def _spread(of: Columns, about: Array) -> Array:
-    off = of.step - about
-    return of.covariance + np.outer(off, off)

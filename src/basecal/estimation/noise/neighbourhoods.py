@@ -14,7 +14,7 @@ import numpy as np
 from basecal.estimation.least_squares.sparse_normal_equations import MANY_COLUMNS
 from basecal.estimation.noise.estimate import NoiseEstimate
 from basecal.estimation.noise.some_views import some_views
-from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.view.measurement import Noise
 from basecal.geometry import Array
 
@@ -53,9 +53,10 @@ def neighbourhoods(problem: Problem, state: State) -> Iterator[Neighbourhood]:
         few, own = some_views(
             problem.with_groups(g for g in problem.groups if robot in (g.eye, g.hand)), state, _MOST_VIEWS
         )
+        base = next((g.eye_base if g.eye == robot else g.hand_base for g in few.groups), None)  # None of the reference
         yield Neighbourhood(
             robot,
-            replace(few, columns=_columns(few, _base(few, robot))),
+            replace(few, columns=_columns(few, base)),
             own,
             frozenset(name for name, on in carrier.items() if on == robot),
             frozenset(name for name, on in holder.items() if on == robot),
@@ -92,21 +93,15 @@ def _robots(problem: Problem) -> list[str]:
     return sorted({robot for g in problem.groups for robot in (g.eye, g.hand) if robot is not None})
 
 
-def _base(problem: Problem, robot: str) -> str | None:
-    """Name of a robot's base; None of the reference's."""
-    return next((g.eye_base if g.eye == robot else g.hand_base for g in problem.groups), None)
-
-
 def _columns(problem: Problem, held: str | None) -> dict[str, slice]:
     """The columns of what the problem's views depend on, without those of one base."""
-    named = {name for group in problem.groups for name in _unknowns(group)} - {held}
+    named: set[str | None] = set()
+    for group in problem.groups:
+        named |= {group.camera_mount, group.target_mount, group.eye_base, group.hand_base, group.camera}
+    named.discard(held)
     columns, at = {}, 0
     for name, where in problem.columns.items():
         if name in named:
             columns[name] = slice(at, at + where.stop - where.start)
             at = columns[name].stop
     return columns
-
-
-def _unknowns(group: ViewGroup) -> tuple[str | None, ...]:
-    return group.camera_mount, group.target_mount, group.eye_base, group.hand_base, group.camera

@@ -66,12 +66,6 @@ def view_scale(problem: Problem, squares: Sequence[MahalanobisSquared], chance: 
     return robust_scale(list(squares), problem.width, is_stated(problem), chance)
 
 
-def _chance(kept: InlierMask) -> float:
-    """How often a clean view may go: more often where many are out, and what is far off is likelier one more."""
-    views = np.concatenate(kept.views)
-    return _CHANCE_AMONG_OUTLIERS if len(views) and views.mean() < 1 - _MANY_OUT else CHANCE_OF_VIEW
-
-
 def classify_inliers(problem: Problem, state: State, kept: InlierMask) -> Classification:
     """What of a problem is used at a state that what was `kept` so far led to.
 
@@ -82,7 +76,10 @@ def classify_inliers(problem: Problem, state: State, kept: InlierMask) -> Classi
     """
     about = leave_one_out(without_points(problem, kept.points), state, kept.weights)
     views, stops, points = studentized_views(about), studentized_stops(about), studentized_points(about)
-    scale = view_scale(problem, [_of(s, v) for s, v in zip(views, kept.views, strict=True)], _chance(kept))
+    # A clean view may go more often where many are out: what is far off is likelier one more.
+    before = np.concatenate(kept.views)
+    chance = _CHANCE_AMONG_OUTLIERS if len(before) and before.mean() < 1 - _MANY_OUT else CHANCE_OF_VIEW
+    scale = view_scale(problem, [_of(s, v) for s, v in zip(views, kept.views, strict=True)], chance)
     own = [judged_by_view(g.measurement) for g in about.problem.groups]
     by_view = _point_scale(problem, points, kept, own)
     by_state = _point_scale(problem, points, kept, [~o for o in own])

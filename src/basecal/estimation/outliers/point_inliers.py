@@ -89,7 +89,10 @@ def _agreed(
     """Scale of all points' squares and the points that agree at the best of each view's poses, until both rest."""
     kept = list(all_inliers(problem).points)
     stated = is_stated(problem)
-    scale = Scale(1.0 if stated else _unit(problem), np.inf, np.inf, CHANCE_OF_POINT)
+    # One pixel squared in units of what is taken for a pixel's variance.
+    seen = [g.measurement for g in problem.groups if isinstance(g.measurement, PixelMeasurement)]
+    unit = float(max((of.weight.max(initial=0.0) for of in seen), default=1.0)) ** 2 * PLAUSIBLE_PX**2
+    scale = Scale(1.0 if stated else unit, np.inf, np.inf, CHANCE_OF_POINT)
     for _ in range(_SCALE_ROUNDS):
         squares = []
         for k, group in enumerate(problem.groups):
@@ -99,14 +102,6 @@ def _agreed(
         if 1 / CONTRADICTED < scale.variance / before.variance < CONTRADICTED:
             break
     return scale, tuple(kept)
-
-
-def _unit(problem: Problem) -> float:
-    """One pixel squared in units of what is taken for a pixel's variance."""
-    weights = [
-        g.measurement.weight.max(initial=0.0) for g in problem.groups if isinstance(g.measurement, PixelMeasurement)
-    ]
-    return float(max(weights, default=1.0)) ** 2 * PLAUSIBLE_PX**2
 
 
 def _hypotheses(

@@ -88,14 +88,11 @@ def _settled(ratio: Array, value: Array, freedoms: IntArray, unknowns: int, chan
     for _ in range(_ROUNDS):
         variance = max(float(np.median(ratio[within])), 1e-300)
         left = _EFFICIENCY * max(float(freedoms[within].sum()) - unknowns, 1.0)
-        scale = Scale(variance, left, _shape(ratio[within]), chance)
+        low, high = np.quantile(ratio[within], (0.2, 0.5))
+        shape = float(np.interp(-high / max(low, 1e-300), -_RATIOS, _SHAPES))
+        scale = Scale(variance, left, shape, chance)
         now = value <= scale.limit(freedoms)
         if not now.any() or np.array_equal(now, within):
             break
         within = now
     return scale
-
-
-def _shape(ratio: Array) -> float:
-    low, high = np.quantile(ratio, (0.2, 0.5))
-    return float(np.interp(-high / max(low, 1e-300), -_RATIOS, _SHAPES))

@@ -15,7 +15,7 @@ import numpy as np
 
 from basecal.cell import Cell, Intrinsics
 from basecal.estimation.least_squares.bundle_adjustment import batch_of, bundle_adjust_batch
-from basecal.estimation.least_squares.studentized import MahalanobisSquared, studentized
+from basecal.estimation.least_squares.studentized import studentized
 from basecal.estimation.noise.estimate import degrees_of_freedom
 from basecal.estimation.outliers.inlier_mask import of_samples
 from basecal.estimation.problem.correspondence import choose_correspondence
@@ -62,17 +62,11 @@ def score(problem: Problem, state: State, stated: bool) -> float:
     value = np.minimum(np.concatenate([s.value for s in every]), _FARTHEST)
     freedoms = np.concatenate([s.freedoms for s in every])
     seen = freedoms > 0
-    return _cauchy(MahalanobisSquared(value[seen], freedoms[seen]), stated)
-
-
-def _cauchy(squares: MahalanobisSquared, stated: bool) -> float:
-    if not len(squares.value):
+    if not seen.any():
         return np.inf
-    ratio = squares.value / squares.freedoms
+    ratio, half = value[seen] / freedoms[seen], 0.5 * freedoms[seen]
     scales = np.maximum(np.quantile(ratio, np.linspace(0.1, 0.9, 17)), 1.0 if stated else 1e-12)
-    half = 0.5 * squares.freedoms
-    costs = [float(np.sum(half * np.log(s) + (half + 0.5) * np.log1p(2 * half * ratio / s))) for s in scales]
-    return min(costs)
+    return min(float(np.sum(half * np.log(s) + (half + 0.5) * np.log1p(2 * half * ratio / s))) for s in scales)
 
 
 def _with_lenses(problem: Problem, cameras: Mapping[str, Camera]) -> Problem:

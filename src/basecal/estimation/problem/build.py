@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -59,8 +60,11 @@ def build_problem(cell: Cell, recording: Recording) -> tuple[Problem, list[Findi
     """
     samples = canonical_order(recording.samples)
     findings: list[Finding] = []
-    states = _by_robot(samples)
-    poses = {name: _poses_of(cell, name, states.get(name, [])) for name in cell.robots}
+    states: dict[str, list[tuple[int, RobotState]]] = defaultdict(list)
+    for i, sample in enumerate(samples):
+        for robot, state in sample.robots.items():
+            states[robot].append((i, state))
+    poses = {name: _poses_of(cell, name, states[name]) for name in cell.robots}
     stops = _number_stops(cell, poses)
     views = _views(cell, samples, poses, findings)
     groups = tuple(_group(cell, samples, poses, key, views[key]) for key in sorted(views))
@@ -122,15 +126,6 @@ def canonical_order(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
     timed = all(s.stamp_s is not None for s in samples)
     ordered = sorted(samples, key=lambda s: (s.stamp_s if timed and s.stamp_s is not None else 0.0, s.sample))
     return tuple({s.sample: s for s in reversed(ordered)}.values())[::-1]
-
-
-def _by_robot(samples: tuple[Sample, ...]) -> dict[str, list[tuple[int, RobotState]]]:
-    """Where each robot is in the samples that have it, with their positions."""
-    found: dict[str, list[tuple[int, RobotState]]] = defaultdict(list)
-    for i, sample in enumerate(samples):
-        for robot, state in sample.robots.items():
-            found[robot].append((i, state))
-    return found
 
 
 def _poses_of(cell: Cell, robot: str, having: list[tuple[int, RobotState]]) -> _Poses:
@@ -226,8 +221,7 @@ def _group(
     observations = [o for _, o in views]
     measurement = measurement_of(cell, camera, target, kind, observations)
     readings = readings_of(measurement, shape, observations)
-    eye_flange, eye_stop, eye_stand, eye_joints = _at(poses, eye, index)
-    hand_flange, hand_stop, hand_stand, hand_joints = _at(poses, hand, index)
+    of_eye, of_hand = _at(poses, eye, index), _at(poses, hand, index)
     return ViewGroup(
         camera=camera,
         target=target,
@@ -238,30 +232,36 @@ def _group(
         eye_base=cell.base_name(eye) if eye not in (None, cell.reference) else None,
         hand_base=cell.base_name(hand) if hand not in (None, cell.reference) else None,
         sample=np.array([samples[i].sample for i in index], dtype=np.int64),
-        eye_base_from_eye_flange=eye_flange,
-        hand_base_from_hand_flange=hand_flange,
-        eye_stop=eye_stop,
-        hand_stop=hand_stop,
-        eye_stand=eye_stand,
-        hand_stand=hand_stand,
+        eye_base_from_eye_flange=of_eye.base_from_flange,
+        hand_base_from_hand_flange=of_hand.base_from_flange,
+        eye_stop=of_eye.stop,
+        hand_stop=of_hand.stop,
+        eye_stand=of_eye.stand,
+        hand_stand=of_hand.stand,
         measurement=measurement,
         readings=readings,
         half_turn=half_turn(shape) if len(readings) and shape is not None else None,
-        eye_joints=eye_joints,
-        hand_joints=hand_joints,
+        eye_joints=of_eye.joints,
+        hand_joints=of_hand.joints,
     )
 
 
-def _at(
-    poses: Mapping[str, _Poses], robot: str | None, index: list[int]
-) -> tuple[SE3, IntArray, IntArray, Array | None]:
-    """Poses, stops, stands and joints of a robot in these samples."""
+class _Recorded(NamedTuple):
+    base_from_flange: SE3
+    stop: IntArray
+    stand: IntArray
+    joints: Array | None
+
+
+def _at(poses: Mapping[str, _Poses], robot: str | None, index: list[int]) -> _Recorded:
+    """What is recorded of a robot in these samples; nothing moves what no robot carries."""
     if robot is None:
         nowhere = np.full(len(index), -1, dtype=np.int64)
-        return SE3.identity((len(index),)), nowhere, nowhere, None
+        return _Recorded(SE3.identity((len(index),)), nowhere, nowhere, None)
     of = poses[robot]
     rows = np.array([of.row[i] for i in index])
-    return of.base_from_flange[rows], of.stop[rows], of.stand[rows], None if of.joints is None else of.joints[rows]
+    joints = None if of.joints is None else of.joints[rows]
+    return _Recorded(of.base_from_flange[rows], of.stop[rows], of.stand[rows], joints)
 
 
 def _problem(cell: Cell, groups: tuple[ViewGroup, ...], stops: Stops) -> Problem:

@@ -102,7 +102,13 @@ def _pixel_measurement(
     target: Target, observations: list[PixelObservation], pixel_px: float | None
 ) -> PixelMeasurement:
     default = 0.0 if pixel_px is None else 1 / pixel_px
-    relative = _relative_precision(observations)
+    # 1 / sigma of each point as its detector has it, over that of the median point; 1 where none has it.
+    sigmas = [o.sigma_px if o.detected else None for o in observations]
+    claimed = [sigma for sigma in sigmas if sigma is not None]
+    middle = float(np.median(np.concatenate(claimed))) if claimed else 1.0
+    relative = [
+        np.ones(len(o.ids)) if sigma is None else middle / sigma for o, sigma in zip(observations, sigmas, strict=True)
+    ]
     inverse = [
         default * share if o.sigma_px is None or o.detected else 1 / o.sigma_px
         for o, share in zip(observations, relative, strict=True)
@@ -111,10 +117,3 @@ def _pixel_measurement(
     values = _scatter(target, ids, pixels, inverse)
     shares = _scatter(target, ids, pixels, relative)[2] if any(o.detected for o in observations) else None
     return PixelMeasurement(target.points, *values, weight=values[2], relative=shares).with_noise(Noise())
-
-
-def _relative_precision(observations: list[PixelObservation]) -> list[Array]:
-    """1 / sigma of each point as its detector has it, over that of the median point; 1 where none has it."""
-    sigmas = [o.sigma_px for o in observations if o.detected and o.sigma_px is not None]
-    middle = float(np.median(np.concatenate(sigmas))) if sigmas else 1.0
-    return [middle / o.sigma_px if o.detected and o.sigma_px is not None else np.ones(len(o.ids)) for o in observations]

@@ -42,14 +42,15 @@ def placed_by_pairs(
     triples = _refined(problem, seen, transforms, given)
     misfit = np.array([_misfit(sight, triple) for sight, triple in zip(seen, triples, strict=True)])
     right = _right(misfit)
-    if not _reaches(bases, [sight for sight, good in zip(seen, right, strict=True) if good]):
+    told = [Relation(seen[k].group.eye_base, seen[k].group.hand_base, triples[k][1]) for k in np.flatnonzero(right)]
+    placed = _along(bases, told)
+    if placed.keys() < bases:
         return {}
     mounts: dict[str, SE3] = {}
     for k in np.argsort(-misfit):  # the best last, and so kept
         mounts[seen[k].group.camera_mount], mounts[seen[k].group.target_mount] = triples[k][0], triples[k][2]
-    told = [Relation(seen[k].group.eye_base, seen[k].group.hand_base, triples[k][1]) for k in np.flatnonzero(right)]
     free = {name: pose for name, pose in mounts.items() if name not in given}
-    return free | placed_by_all(_along(bases, told), told)
+    return free | placed_by_all(placed, told)
 
 
 def _refined(
@@ -104,25 +105,12 @@ def _right(misfit: Array) -> BoolArray:
     return np.asarray(misfit <= _WRONG * np.median(misfit))
 
 
-def _neighbours(relations: Sequence[Relation]) -> dict[str | None, list[tuple[str | None, SE3]]]:
-    """Bases that a base is related to, with where they stand in it."""
-    found: dict[str | None, list[tuple[str | None, SE3]]] = defaultdict(list)
-    for of in relations:
-        found[of.eye_base].append((of.hand_base, of.eye_base_from_hand_base))
-        found[of.hand_base].append((of.eye_base, of.eye_base_from_hand_base.inverse()))
-    return found
-
-
-def _reaches(bases: Collection[str], sights: Sequence[PairViews]) -> bool:
-    """Whether pairs lead from the reference to every base."""
-    nowhere = SE3.identity()
-    told = [Relation(s.group.eye_base, s.group.hand_base, nowhere) for s in sights]
-    return _along(bases, told).keys() >= set(bases)
-
-
 def _along(bases: Collection[str], relations: Sequence[Relation]) -> dict[str, SE3]:
     """Where bases stand in the world by the fewest relations that lead to them."""
-    near = _neighbours(relations)
+    near: dict[str | None, list[tuple[str | None, SE3]]] = defaultdict(list)
+    for of in relations:
+        near[of.eye_base].append((of.hand_base, of.eye_base_from_hand_base))
+        near[of.hand_base].append((of.eye_base, of.eye_base_from_hand_base.inverse()))
     placed: dict[str | None, SE3] = {None: SE3.identity()}
     waiting: list[str | None] = [None]
     for name in waiting:  # grows

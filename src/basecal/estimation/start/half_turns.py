@@ -22,34 +22,22 @@ def turned_views(group: ViewGroup, read: Array, turned: Array) -> BoolArray:
     """Which views to read from the other end, (n,), given the target's rotations read both ways, (n, 3, 3) each."""
     alike = np.einsum("nij,ij->n", read, read[0])
     turn = np.einsum("nij,ij->n", turned, read[0]) > alike
-    told = _one_still(group)
+    # Where one robot moved between views and the other stood still, by how much the target turned is known.
+    eye_still, hand_still = (stand[:, None] == stand[None] for stand in (group.eye_stand, group.hand_stand))
+    told = np.asarray((eye_still != hand_still) & ~np.eye(len(group), dtype=bool))
     if not told.any():
         return np.asarray(turn)
-    misfit = _misfits(np.stack([read, turned], 1), _motions(group), told)
+    eye, hand = group.eye_base_from_eye_flange.rotation, group.hand_base_from_hand_flange.rotation
+    of_eye, of_hand = (_angle(r.mT[:, None] @ r[None]) for r in (eye, hand))
+    angle = np.where(hand_still, of_eye, of_hand)
+    # How far off is view i read the way s from view j read the way t, (i, s, j, t) [rad].
+    both = np.stack([read, turned], 1)
+    between = np.einsum("isab,jtcb->isjtac", both, both)
+    misfit = np.minimum(np.abs(_angle(between) - angle[:, None, :, None]), _MOST_RAD) * told[:, None, :, None]
     turn = _descended(misfit, turn.astype(np.int64))
     first = _descended(misfit, np.argmin(misfit[:, :, 0, 0], axis=1))
     rows = np.arange(len(turn))
     return min((turn, first), key=lambda t: float(misfit[rows, t][:, rows, t].sum())).astype(bool)
-
-
-def _one_still(group: ViewGroup) -> BoolArray:
-    """Between which views, (n, n), one robot moved and the other stood still."""
-    eye_still, hand_still = (stand[:, None] == stand[None] for stand in (group.eye_stand, group.hand_stand))
-    return np.asarray((eye_still != hand_still) & ~np.eye(len(group), dtype=bool))
-
-
-def _motions(group: ViewGroup) -> Array:
-    """Angle that a robot turned between views, (n, n) [rad]: eye where hand stood still, else hand."""
-    eye, hand = group.eye_base_from_eye_flange.rotation, group.hand_base_from_hand_flange.rotation
-    of_eye, of_hand = (_angle(r.mT[:, None] @ r[None]) for r in (eye, hand))
-    return np.where(group.hand_stand[:, None] == group.hand_stand[None], of_eye, of_hand)
-
-
-def _misfits(rotations: Array, angle: Array, told: BoolArray) -> Array:
-    """How far angles are from each other, of view i read the way s and view j the way t, (i, s, j, t) [rad]."""
-    between = np.einsum("isab,jtcb->isjtac", rotations, rotations)
-    off = np.minimum(np.abs(_angle(between) - angle[:, None, :, None]), _MOST_RAD)
-    return off * told[:, None, :, None]
 
 
 def _descended(misfit: Array, turn: Array) -> Array:

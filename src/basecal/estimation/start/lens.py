@@ -54,7 +54,8 @@ def lens_from_views(camera: CellCamera, measurements: Sequence[PixelMeasurement]
     if not usable:
         return guessed_lens(camera)
     few = [m.thinned(_FEW_POINTS) for m in usable]
-    start = _guesses(camera, few)
+    guesses = [guessed_lens(camera, focal) for focal in _FOCAL_GUESSES]
+    start = stack([_Lenses(lens, tuple(_poses(lens, m) for m in few)) for lens in guesses])
     terms = np.arange(start.camera.parameters.shape[-1])
     rough = _refined(start, few, 8, terms[:2])
     # Of a lens that bends much, what fits best without any bending is another focal length.
@@ -84,15 +85,6 @@ def _thinned(measurement: PixelMeasurement) -> PixelMeasurement:
     step = max(1, -(-len(enough) // _MOST_VIEWS))
     few = measurement.take(enough[::step]).thinned(_MOST_POINTS)
     return PixelMeasurement(few.points_in_target, few.pixels, few.seen, few.stated, few.seen.astype(np.float64))
-
-
-def _guesses(camera: CellCamera, measurements: Sequence[PixelMeasurement]) -> _Lenses:
-    """Every guess of the focal length, with the poses that suit it."""
-    guesses = []
-    for focal in _FOCAL_GUESSES:
-        lens = guessed_lens(camera, focal)
-        guesses.append(_Lenses(lens, tuple(_poses(lens, m) for m in measurements)))
-    return stack(guesses)
 
 
 def _poses(lens: Camera, measurement: PixelMeasurement) -> SE3:

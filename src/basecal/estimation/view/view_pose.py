@@ -64,9 +64,12 @@ def view_poses(
         The poses; a cost is infinite in a view of fewer than four points.
     """
     centre = points_in_target.mean(0)
-    flat, axes, size = _shape(points_in_target - centre)
+    centred = points_in_target - centre
+    of = principal_axes(centred)
+    flat, size = of.dimension < 3, float(np.sqrt(np.mean(np.sum(centred**2, -1))))
+    axes = of.axes * np.array([1.0, 1.0, np.linalg.det(of.axes)])  # a rotation, z across the plane of what is flat
     plane_from_target = SE3.adopt(axes, centre).inverse()
-    local = (points_in_target - centre) @ axes / size
+    local = centred @ axes / size
     guess = _direct_linear(local, bearings_in_camera, seen, flat)
     guess = SE3.adopt(guess.rotation, guess.translation * size)
     guesses = concatenate([guess, _tilted(guess)]) if flat else guess
@@ -79,20 +82,9 @@ def view_poses(
     best, next_best = where(swapped, second, first), where(swapped, first, second)
     cost = np.stack([best.cost, next_best.cost], -1)
     cost = np.where(enough[:, None] & np.isfinite(cost), cost, np.inf)
-    return ViewPoses(_side_by_side(best.camera_from_target, next_best.camera_from_target), cost, best.information)
-
-
-def _side_by_side(best: SE3, next_best: SE3) -> SE3:
-    """Two poses of each view, (n, 2)."""
-    rotation = np.stack([best.rotation, next_best.rotation], 1)
-    return SE3.adopt(rotation, np.stack([best.translation, next_best.translation], 1))
-
-
-def _shape(centred: Array) -> tuple[bool, Array, float]:
-    """Whether points lie in a plane, axes with z across it (a rotation), and their size [m]."""
-    of = principal_axes(centred)
-    axes = of.axes * np.array([1.0, 1.0, np.linalg.det(of.axes)])
-    return of.dimension < 3, axes, float(np.sqrt(np.mean(np.sum(centred**2, -1))))
+    pair = [best.camera_from_target, next_best.camera_from_target]
+    both = SE3.adopt(np.stack([p.rotation for p in pair], 1), np.stack([p.translation for p in pair], 1))
+    return ViewPoses(both, cost, best.information)
 
 
 def _direct_linear(local: Array, bearings_in_camera: Array, seen: BoolArray, flat: bool) -> SE3:
