@@ -158,7 +158,19 @@ def _way_in(
     for link in (base_link, flange_link):
         if link not in links:
             raise FrameNotFound(link, links)
-    return _way(above, base_link, flange_link, path), above, elements
+    way = _upwards(above, flange_link, base_link)
+    if way is None:
+        highest = flange_link  # what it hangs on in the end
+        for _ in above:
+            highest = above[highest].parent if highest in above else highest
+        exchanged = _upwards(above, base_link, flange_link) is not None
+        where = "above it: exchange base_link and flange_link" if exchanged else f"under {highest!r}"
+        raise DatasetError(path, f"{flange_link!r} does not hang under {base_link!r}, but {where}")
+    turning = sum(joint.kind in _TURNING for joint in way)
+    if not 0 < turning <= _MOST_JOINTS:
+        where = f"between {base_link!r} and {flange_link!r}"
+        raise DatasetError(path, f"{turning or 'no'} revolute joint {where}; arms have up to {_MOST_JOINTS}")
+    return way[::-1], above, elements
 
 
 def _root(text: str | bytes, path: str) -> Element:
@@ -228,23 +240,6 @@ def _tree(joints: list[_Joint], links: list[str], path: str) -> dict[str, _Joint
     if len(roots) != 1:
         raise DatasetError(path, f"not a tree: the links without a parent are {listed(roots)}, expected one")
     return above
-
-
-def _way(above: dict[str, _Joint], base_link: str, flange_link: str, path: str) -> list[_Joint]:
-    way = _upwards(above, flange_link, base_link)
-    if way is None:
-        root = flange_link  # what it hangs on in the end
-        for _ in above:
-            root = above[root].parent if root in above else root
-        exchanged = _upwards(above, base_link, flange_link) is not None
-        where = "above it: exchange base_link and flange_link" if exchanged else f"under {root!r}"
-        raise DatasetError(path, f"{flange_link!r} does not hang under {base_link!r}, but {where}")
-    way.reverse()
-    turning = sum(joint.kind in _TURNING for joint in way)
-    if not 0 < turning <= _MOST_JOINTS:
-        where = f"between {base_link!r} and {flange_link!r}"
-        raise DatasetError(path, f"{turning or 'no'} revolute joint {where}; arms have up to {_MOST_JOINTS}")
-    return way
 
 
 def _numbers(joint: _Joint, tag: str, key: str, default: str, count: int) -> Array:

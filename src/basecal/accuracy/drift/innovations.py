@@ -151,7 +151,10 @@ def innovations(cell: Cell, calibration: Calibration, recording: Recording) -> I
     sample = np.concatenate([np.zeros(0, dtype=np.int64), *(group.sample for group in groups)])
     flat = np.concatenate(off).ravel()
     exact = Innovations(situation, np.concatenate(root), flat, np.zeros((len(flat), len(flat))), sample)
-    predicted = _of_transforms(exact, calibration) + _of_robots(exact, calibration)
+    predicted = _of_robots(exact, calibration)
+    if calibration.joint_covariance is not None and calibration.order:
+        by_transforms = np.concatenate([exact.of(exact.by_frame(name)) for name in calibration.order], axis=-1)
+        predicted = by_transforms @ calibration.joint_covariance @ by_transforms.T + predicted
     robots = calibration.noise.get("robots", {})
     freedoms = min((robots.get(robot, {}).get("freedoms") or np.inf for robot in exact.robots), default=np.inf)
     return replace(exact, predicted=predicted, freedoms_of_noise=float(freedoms))
@@ -172,15 +175,6 @@ def _at(cell: Cell, calibration: Calibration, recording: Recording) -> Situation
 def _none(group: ViewGroup) -> IntArray:
     """No stop in any view of a group."""
     return np.full(len(group), -1, dtype=np.int64)
-
-
-def _of_transforms(of: Innovations, calibration: Calibration) -> Array:
-    """What the covariance of the calibration's transforms leaves open."""
-    if calibration.joint_covariance is None or not calibration.order:
-        return np.zeros(of.predicted.shape)
-    moves = [of.of(of.by_frame(name)) for name in calibration.order]
-    by_transforms = np.concatenate(moves, axis=-1)
-    return np.asarray(by_transforms @ calibration.joint_covariance @ by_transforms.T)
 
 
 def _of_robots(of: Innovations, calibration: Calibration) -> Array:

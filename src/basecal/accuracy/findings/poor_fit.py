@@ -8,7 +8,6 @@ from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.stated_sigmas import ContradictedSigma
 from basecal.cell import Finding
 from basecal.cell.calibration import Severity
-from basecal.estimation.solve import Solution
 
 _OFF_BY_LITTLE = 1.1  # true sigma over the stated one: the covariance is estimated then, and the answer hardly moves
 _DETECTOR_PX = 3.0  # [px] rms, far beyond the detectors of docs/benchmarks.md
@@ -22,12 +21,14 @@ def poor_fit(of: Evidence) -> list[Finding]:
     found = [_stated(each) for each in of.contradicted_sigmas]
     if any(f.severity == "warning" for f in found):
         return found
+    sigmas = np.array(list(solution.noise.robots.values())).reshape(-1, 6)
+    worst_m, worst_rad = sigmas[:, :3].max(initial=0.0), sigmas[:, 3:].max(initial=0.0)
     if "pixel_px" in solution.noise.estimated and rms_px is not None and rms_px > _DETECTOR_PX:
         message = f"residuals are {rms_px:.1f} px rms, more than any detector's noise: something in the input is wrong"
-    elif (worst := _beyond_an_arm(solution)) is not None:
+    elif worst_m > _REPEATABILITY_M or worst_rad > _REPEATABILITY_RAD:
         message = (
-            f"residuals ask for pose noise of the robots of {1e3 * worst[0]:.1f} mm and "
-            f"{np.degrees(worst[1]):.2f} deg, 1 sigma per axis, more than any arm's repeatability"
+            f"residuals ask for pose noise of the robots of {1e3 * worst_m:.1f} mm and "
+            f"{np.degrees(worst_rad):.2f} deg, 1 sigma per axis, more than any arm's repeatability"
         )
     else:
         return found
@@ -49,10 +50,3 @@ def _stated(found: ContradictedSigma) -> Finding:
     advice = "check units, directions, the lens and the target's size, or state larger sigmas"
     severity: Severity = "warning" if found.ratio > _OFF_BY_LITTLE else "info"
     return Finding("poor-fit", severity, about, f"{message}: {advice}")
-
-
-def _beyond_an_arm(solution: Solution) -> tuple[float, float] | None:
-    """The largest estimated sigmas of robots [m, rad], where no arm in order is as bad as that."""
-    sigmas = np.array(list(solution.noise.robots.values())).reshape(-1, 6)
-    worst_m, worst_rad = sigmas[:, :3].max(initial=0.0), sigmas[:, 3:].max(initial=0.0)
-    return (worst_m, worst_rad) if worst_m > _REPEATABILITY_M or worst_rad > _REPEATABILITY_RAD else None

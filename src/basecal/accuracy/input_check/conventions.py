@@ -173,7 +173,8 @@ def _tried(
     found: list[TriedHypothesis] = []
     common = convention_hypotheses(cell, recording)
     surviving = yield from _surviving(cell, recording, lenses, common)
-    if not surviving and not plausible(declared.fit) and _has_priors(problem):
+    has_priors = any(unknown.status == "prior" for unknown in problem.unknowns.values())
+    if not surviving and not plausible(declared.fit) and has_priors:
         # Loops of arms that turn about one axis stay open without what is known by priors, whatever is tried.
         surviving = [(hypothesis, {}) for hypothesis in common if not hypothesis.nested]
     for hypothesis, fits in surviving:
@@ -196,10 +197,6 @@ def _tried(
         for hypothesis, fits in rare:
             found += _try(cell, recording, hypothesis, settings, (fits, lenses), declared)
     return found
-
-
-def _has_priors(problem: Problem) -> bool:
-    return any(unknown.status == "prior" for unknown in problem.unknowns.values())
 
 
 def _try(

@@ -76,7 +76,11 @@ def decide_hypotheses(
         named = [_named(t, declared, certain) for t, certain in winning if _alike(t.fit, best.fit)]
         return tuple(dict.fromkeys(named))
     if not plausible(declared.fit):
-        return () if declared.fit.in_pixels else (_poor(declared),)
+        message = (
+            f"the loop-closure error is {declared.fit.error_in_words()}, and no other convention of the input that was "
+            "tried closes the loops: look at the samples with the largest residuals, and at what the frames mean"
+        )
+        return () if declared.fit.in_pixels else (Finding("poor-fit", "warning", (), message),)
     if not is_observable(cell, declared.fit):
         return ()
     rivals = [
@@ -145,14 +149,6 @@ def _named(tried: TriedHypothesis, declared: TriedHypothesis, certain: bool) -> 
     else:
         why = f"as declared it fits as well, but {' and '.join(declared.impossible)} cannot be"
     return Finding(hypothesis.code, severity, hypothesis.about, f"{hypothesis.words}: {hypothesis.fix} ({why})")
-
-
-def _poor(declared: TriedHypothesis) -> Finding:
-    message = (
-        f"the loop-closure error is {declared.fit.error_in_words()}, and no other convention of the input that was "
-        "tried closes the loops: look at the samples with the largest residuals, and at what the frames mean"
-    )
-    return Finding("poor-fit", "warning", (), message)
 
 
 def _ambiguous(cell: Cell, declared: TriedHypothesis, rivals: Sequence[TriedHypothesis], severity: Severity) -> Finding:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,7 +17,7 @@ from basecal.estimation.problem.correspondence import choose_correspondence
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
 from basecal.estimation.view.measurement import Noise
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.geometry import SE3, Array, Camera
+from basecal.geometry import SE3, Camera
 
 _STOP_ROUNDS = 4  # Gauss-Newton steps for the stops' errors, which converge quadratically from zero
 
@@ -69,7 +69,12 @@ def known_views(cell: Cell, recording: Recording, calibration: Calibration) -> F
     cameras = fixed | {name: camera for name, (camera, _) in calibration.cameras.items()}
     transforms = calibration.known_transforms(cell)
     groups = [with_noise_of(g, calibration) for g in problem.groups if _is_known(g, transforms, cameras)]
-    problem = reshaped(replace(problem, columns={}, groups=tuple(groups)), _known_shapes(groups, calibration))
+    # Shapes that targets were found to have; those of a target of other points are left out.
+    shapes = {name: np.array(of["shape"]) for name, of in calibration.noise.get("targets", {}).items()}
+    seen = {group.target: points for group in groups if group.target in shapes and len(points := points_of(group))}
+    sizes = {name: shape_of(points).shape[-1] for name, points in seen.items()}
+    shapes = {name: shape for name, shape in shapes.items() if sizes.get(name) == len(shape)}
+    problem = reshaped(replace(problem, columns={}, groups=tuple(groups)), shapes)
     state = State(transforms, cameras, np.zeros((0, 6)), kinematics_of(cell, calibration))
     return FittedAgain(problem, without_errors(problem, state))
 
@@ -79,14 +84,6 @@ def with_noise_of(group: ViewGroup, calibration: Calibration) -> ViewGroup:
     of_camera = calibration.noise.get("cameras", {}).get(group.camera, {})
     known = {field: of_camera.get(field) or calibration.noise.get(field) for field in Noise._fields}
     return group.with_noise(Noise(**{field: sigma for field, sigma in known.items() if sigma}))
-
-
-def _known_shapes(groups: Sequence[ViewGroup], calibration: Calibration) -> dict[str, Array]:
-    """Coefficients of the shapes that targets were found to have; those of a target of other points are left out."""
-    found = {name: np.array(of["shape"]) for name, of in calibration.noise.get("targets", {}).items()}
-    seen = {group.target: points for group in groups if group.target in found and len(points := points_of(group))}
-    sizes = {name: shape_of(points).shape[-1] for name, points in seen.items()}
-    return {name: shape for name, shape in found.items() if sizes.get(name) == len(shape)}
 
 
 def _is_known(group: ViewGroup, transforms: Mapping[str, SE3], cameras: Mapping[str, Camera]) -> bool:

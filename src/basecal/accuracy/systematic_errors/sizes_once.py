@@ -29,10 +29,6 @@ def sizes_once(cell: Cell, findings: Sequence[Finding], found: SystematicError |
     target = found.about if found.is_target else found.or_target
     if not target:
         return [f for f in findings if f.code != "board-size"]
-    return [_larger(cell, target, found), *(f for f in findings if f.code not in _CODES)]
-
-
-def _larger(cell: Cell, target: str, found: SystematicError) -> Finding:
     factor = 1 / (1 - found.size[0] if found.is_target else 1 + found.size[0])
     sigma = found.sigma * factor**2
     what = f"{target} is {rounded(factor, sigma)} times as large as stated"
@@ -40,4 +36,5 @@ def _larger(cell: Cell, target: str, found: SystematicError) -> Finding:
         what += f" where the lengths of {found.about}'s poses are right, which one robot does not tell"
     fix = f"measure {target} and state its true size{as_written(cell, target, factor)}"
     after = "the answer leaves it out, and its covariance is the wider for it"
-    return Finding("board-size", "warning", (target,), f"{what}: {fix}; {after}")
+    finding = Finding("board-size", "warning", (target,), f"{what}: {fix}; {after}")
+    return [finding, *(f for f in findings if f.code not in _CODES)]

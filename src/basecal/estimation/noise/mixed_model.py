@@ -9,7 +9,7 @@ block; those that tie many together stand among the unknowns. Source: Harville 1
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -48,6 +48,9 @@ class Moments:
     fixed_fixed: Array
     errors_fixed: Array
     errors_errors: Array
+
+    def __add__(self, other: Moments) -> Moments:
+        return Moments(*(getattr(self, of.name) + getattr(other, of.name) for of in fields(self)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +166,7 @@ def mixed_model(
         for name, view in estimates[number].items():
             key = (group.camera, name)
             of = _moments(problem, number, state, view, layout)
-            parts[key] = of if key not in parts else _sum(parts[key], of)
+            parts[key] = of if key not in parts else parts[key] + of
             before = white.get(key, (0.0, 0.0))
             white[key] = (before[0] + view.white, before[1] + view.white_count)
     prior, gradient, cost = _prior(problem, state, layout)
@@ -309,18 +312,6 @@ def _summed(
 def _put(into: Array, rows: IntArray, values: Array) -> None:
     """As `np.add.at`, which takes ten times as long, to zeros of which no row stands twice among `rows`."""
     into[rows] = values
-
-
-def _sum(a: Moments, b: Moments) -> Moments:
-    return Moments(
-        a.count + b.count,
-        a.cost + b.cost,
-        a.fixed + b.fixed,
-        a.errors + b.errors,
-        a.fixed_fixed + b.fixed_fixed,
-        a.errors_fixed + b.errors_fixed,
-        a.errors_errors + b.errors_errors,
-    )
 
 
 def _prior(problem: Problem, state: State, layout: Layout) -> tuple[Array, Array, float]:

@@ -137,28 +137,24 @@ def _of_cluster(
         main = next(name for name in cluster if size[name] >= _MAIN * max(size.values()))
         turned = by_share(space, _half(problem, main, is_rotation))
         moves = turned.share > _LITTLE * turned.share[0]
-        found += _of_main(problem, state, turned.basis[:, moves], main, cluster, scale, is_rotation)
-        space = turned.basis[:, ~moves]
+        own, space = turned.basis[:, moves], turned.basis[:, ~moves]
+        along = {name: float(np.linalg.norm(_block(problem, own, name))) for name in cluster}
+        names = (main, *(name for name in cluster if name != main and along[name] > _ALONG * along[main]))
+        at = state.transforms[main]
+        tangents = (own * scale[:, None])[problem.columns[main]].T
+        if is_rotation:
+            twists = tangents @ at.adjoint().T
+            parts = [twists] if len(twists) == 3 else twists[:, None]
+            found += [NullDirection("rotation", names, part) for part in parts]
+        else:
+            directions = orthonormal_rows(tangents[:, :3] @ at.rotation.T)
+            found.append(NullDirection("translation", names, np.hstack([directions, np.zeros_like(directions)])))
     return found
 
 
 def _half(problem: Problem, name: str, is_rotation: bool) -> IntArray:
     """Rows of an unknown's rotation, or of its translation."""
     return _rows(problem, [name])[slice(3, 6) if is_rotation else slice(0, 3)]
-
-
-def _of_main(
-    problem: Problem, state: State, space: Array, main: str, cluster: Sequence[str], scale: Array, is_rotation: bool
-) -> list[NullDirection]:
-    size = {name: float(np.linalg.norm(_block(problem, space, name))) for name in cluster}
-    names = (main, *(name for name in cluster if name != main and size[name] > _ALONG * size[main]))
-    at = state.transforms[main]
-    tangents = (space * scale[:, None])[problem.columns[main]].T
-    if not is_rotation:
-        directions = orthonormal_rows(tangents[:, :3] @ at.rotation.T)
-        return [NullDirection("translation", names, np.hstack([directions, np.zeros_like(directions)]))]
-    twists = tangents @ at.adjoint().T
-    return [NullDirection("rotation", names, part) for part in ([twists] if len(twists) == 3 else twists[:, None])]
 
 
 def separate_twists(twists: Array) -> tuple[Array, Array]:

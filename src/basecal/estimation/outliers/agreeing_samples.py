@@ -22,21 +22,14 @@ def agreeing_samples(problem: Problem, states: Iterable[State]) -> tuple[int, ..
     where no state shows such a gap among the middle half of the samples.
     """
     found: tuple[float, tuple[int, ...]] = (np.inf, ())
+    numbers, row = np.unique(np.concatenate([g.sample for g in problem.groups]), return_inverse=True)
     for state in states:
-        numbers, sigmas = _by_sample(problem, state)
-        found = min(found, _parted(numbers, sigmas), key=lambda f: f[0])
+        squares = studentized(problem, state)
+        sigmas = np.sqrt(np.concatenate([s.value / np.maximum(s.freedoms, 1) for s in squares]))
+        worst = np.zeros(len(numbers))  # view of each sample
+        np.maximum.at(worst, row, sigmas)
+        found = min(found, _parted(numbers, worst), key=lambda f: f[0])
     return found[1]
-
-
-def _by_sample(problem: Problem, state: State) -> tuple[IntArray, Array]:
-    """Each sample's number and its worst view's misfit [sigma]."""
-    squares = studentized(problem, state)
-    numbers = np.concatenate([g.sample for g in problem.groups])
-    sigmas = np.sqrt(np.concatenate([s.value / np.maximum(s.freedoms, 1) for s in squares]))
-    every, row = np.unique(numbers, return_inverse=True)
-    worst = np.zeros(len(every))
-    np.maximum.at(worst, row, sigmas)
-    return every, worst
 
 
 def _parted(numbers: IntArray, sigmas: Array) -> tuple[float, tuple[int, ...]]:

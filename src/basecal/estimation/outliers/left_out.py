@@ -81,7 +81,11 @@ def _of_view(group: ViewGroup, state: State, expected: SE3, view: int, sigmas: f
     place = int(group.sample[view]), group.camera, group.target
     pose = _alone(one, state, near)
     if pose is None:
-        return LeftOut(*place, (), sigmas, off_px=_pixels_off(one, state, near))
+        if not isinstance(one.measurement, PixelMeasurement):
+            return LeftOut(*place, (), sigmas, off_px=np.nan)
+        pixels_off = np.linalg.norm(one.measurement.residual_px(near, state.cameras[one.camera]), axis=-1)
+        worst = float(np.nanmax(pixels_off)) if np.isfinite(pixels_off).any() else np.nan
+        return LeftOut(*place, (), sigmas, off_px=worst)
     off = pose.inverse() @ expected[view]
     off_m, off_rad = float(np.linalg.norm(off.translation)), float(np.linalg.norm(off.rotvec))
     return LeftOut(*place, (), sigmas, off_m, off_rad)
@@ -97,13 +101,6 @@ def _alone(one: ViewGroup, state: State, near: SE3) -> SE3 | None:
     if measurement.seen.sum() < fewest:
         return None
     return refined(measurement, near, state.cameras.get(one.camera), _STEPS).camera_from_target[0]
-
-
-def _pixels_off(one: ViewGroup, state: State, expected: SE3) -> float:
-    if not isinstance(one.measurement, PixelMeasurement):
-        return np.nan
-    off = np.linalg.norm(one.measurement.residual_px(expected, state.cameras[one.camera]), axis=-1)
-    return float(np.nanmax(off)) if np.isfinite(off).any() else np.nan
 
 
 @dataclass(frozen=True, eq=False)

@@ -79,11 +79,6 @@ def robust_scale(squares: list[MahalanobisSquared], unknowns: int, stated: bool,
     ratio = value / chdtri(np.arange(1, int(freedoms.max()) + 1), 0.5)[freedoms - 1]
     if stated and np.median(ratio) < CONTRADICTED**2:
         return as_stated
-    found = _settled(ratio, value, freedoms, unknowns, chance)
-    return as_stated if stated and found.variance < CONTRADICTED**2 else found
-
-
-def _settled(ratio: Array, value: Array, freedoms: IntArray, unknowns: int, chance: float) -> Scale:
     within = np.ones(len(value), dtype=bool)
     for _ in range(_ROUNDS):
         variance = max(float(np.median(ratio[within])), 1e-300)
@@ -95,4 +90,4 @@ def _settled(ratio: Array, value: Array, freedoms: IntArray, unknowns: int, chan
         if not now.any() or np.array_equal(now, within):
             break
         within = now
-    return scale
+    return as_stated if stated and scale.variance < CONTRADICTED**2 else scale

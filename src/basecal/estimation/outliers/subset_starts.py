@@ -21,7 +21,7 @@ from basecal.estimation.outliers.inlier_mask import of_samples
 from basecal.estimation.problem.correspondence import choose_correspondence
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.start.first_state import first_states, lenses, light_states
-from basecal.geometry import BoolArray, Camera, IntArray
+from basecal.geometry import Camera, IntArray
 from basecal.numerics.batch import take
 
 _BLOCKS = (2, 3)  # halves and thirds: what is bumped stays so
@@ -130,20 +130,15 @@ def _fitted(problem: Problem, subsets: Sequence[_Subset]) -> list[State]:
     """Each start fitted to its own samples, all side by side; those without an end are left out."""
     inside = [np.stack([np.isin(g.sample, subset.numbers) for subset in subsets]) for g in problem.groups]
     if not len(problem.stops):
-        problem, inside = _gathered(problem, inside)
+        # Of each the views that are inside alone, and as many of others as make their number even.
+        rows = [np.argsort(~of, axis=-1, kind="stable")[:, : max(int(of.sum(-1).max()), 1)] for of in inside]
+        problem = problem.with_groups([g.take(row) for g, row in zip(problem.groups, rows, strict=True)])
+        inside = [np.take_along_axis(of, row, axis=-1) for of, row in zip(inside, rows, strict=True)]
     states = batch_of(problem, [subset.start for subset in subsets])
     problem, _ = choose_correspondence(problem, states)
     dof, weights = np.array([subset.dof for subset in subsets]), [of.astype(np.float64) for of in inside]
     ends = bundle_adjust_batch(problem, states, dof, _STEPS, weights)
     return [take(ends.state, int(k)) for k in np.flatnonzero(np.isfinite(ends.cost))]
-
-
-def _gathered(problem: Problem, inside: Sequence[BoolArray]) -> tuple[Problem, list[BoolArray]]:
-    """For each of a batch the views that are inside, (b, n), and as many of others as make their number even."""
-    rows = [np.argsort(~of, axis=-1, kind="stable")[:, : max(int(of.sum(-1).max()), 1)] for of in inside]
-    groups = [g.take(row) for g, row in zip(problem.groups, rows, strict=True)]
-    taken = [np.take_along_axis(of, row, axis=-1) for of, row in zip(inside, rows, strict=True)]
-    return problem.with_groups(groups), taken
 
 
 def _concentrated(problem: Problem, states: Sequence[State]) -> list[State]:

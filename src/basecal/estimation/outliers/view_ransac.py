@@ -131,10 +131,20 @@ class _Views:
 
     def at(self, pose: SE3, limit: float) -> RansacViews:
         """What points agree with poses, (n,)."""
-        squares = _squares(self.measurement, pose, self.camera)
+        # Squared residuals over sigma, (n, p); infinite where a point cannot be seen, 0 where it was not.
+        of, in_camera = self.measurement, self.measurement.points_in_target @ pose.rotation.mT
+        in_camera = in_camera + pose.translation[:, None]
+        if isinstance(of, PixelMeasurement):
+            assert self.camera is not None
+            off = self.camera.project(in_camera) - of.pixels
+        else:
+            off = in_camera - of.points_in_camera
+        squares = np.sum(off**2, -1) * of.weight**2
+        checked = np.isfinite(squares) & (of.weight > 0)
+        squares = np.where(of.seen, np.where(checked, squares, np.inf), 0.0)
         tension = 0.0 if self.prior is None else self.prior.tension(pose)[0]
         cost = np.minimum(squares, limit).sum(-1) + tension
-        return RansacViews(pose, self.measurement.seen & (squares <= limit), squares, cost)
+        return RansacViews(pose, of.seen & (squares <= limit), squares, cost)
 
 
 def view_ransac(
@@ -224,20 +234,6 @@ def _replaced(found: RansacViews, rows: IntArray, by: RansacViews) -> RansacView
         np.concatenate([found.cost, by.cost]),
     )
     return both.take(source)
-
-
-def _squares(measurement: Points, camera_from_target: SE3, camera: Camera | None) -> Array:
-    """Squared residuals over sigma, (n, p); infinite where a point cannot be seen, 0 where it was not."""
-    rotation = camera_from_target.rotation.mT
-    points_in_camera = measurement.points_in_target @ rotation + camera_from_target.translation[:, None]
-    if isinstance(measurement, PixelMeasurement):
-        assert camera is not None
-        off = camera.project(points_in_camera) - measurement.pixels
-    else:
-        off = points_in_camera - measurement.points_in_camera
-    squares = np.sum(off**2, -1) * measurement.weight**2
-    checked = np.isfinite(squares) & (measurement.weight > 0)
-    return np.where(measurement.seen, np.where(checked, squares, np.inf), 0.0)
 
 
 def _subsets(seen: BoolArray) -> BoolArray:

@@ -7,25 +7,20 @@ from collections.abc import Hashable, Sequence
 import numpy as np
 
 from basecal.cell import Finding, Observation, PixelObservation, PointObservation, PoseObservation
-from basecal.geometry import Array
 
 _LISTED = 10  # samples that a message names
 
 
 def view_content(observation: Observation, stops: Sequence[int]) -> Hashable:
     """All that a view says, and the stops of the robots that carry camera and target: equal for copies."""
-    return observation.camera, observation.target, *stops, *map(np.ndarray.tobytes, _numbers(observation))
-
-
-def _numbers(observation: Observation) -> list[Array]:
-    """What was seen, as arrays."""
     if isinstance(observation, PoseObservation):
-        pose = observation.camera_from_target
-        return [pose.rotation, pose.translation]
-    if isinstance(observation, PointObservation):
-        return [observation.points_in_camera, observation.ids.astype(np.float64)]
-    ids = observation.ids if isinstance(observation, PixelObservation) else np.zeros(0)
-    return [observation.pixels, ids.astype(np.float64)]
+        arrays = [observation.camera_from_target.rotation, observation.camera_from_target.translation]
+    elif isinstance(observation, PointObservation):
+        arrays = [observation.points_in_camera, observation.ids.astype(np.float64)]
+    else:
+        ids = observation.ids if isinstance(observation, PixelObservation) else np.zeros(0)
+        arrays = [observation.pixels, ids.astype(np.float64)]
+    return observation.camera, observation.target, *stops, *map(np.ndarray.tobytes, arrays)
 
 
 def repeated_views(numbers: Sequence[int]) -> list[Finding]:

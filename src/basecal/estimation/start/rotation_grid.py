@@ -7,7 +7,7 @@ Source: docs/mathematics.md (6.5).
 
 from __future__ import annotations
 
-from itertools import permutations, product
+from itertools import combinations, permutations, product
 
 import numpy as np
 
@@ -25,7 +25,7 @@ def icosahedral_rotations() -> Array:
     whole = [tuple(q) for q in np.concatenate([np.eye(4), -np.eye(4)])]
     halves = list(product((0.5, -0.5), repeat=4))
     base = (golden / 2, 0.5, 1 / (2 * golden), 0.0)
-    even = [p for p in permutations(range(4)) if _parity(p) == 0]
+    even = [p for p in permutations(range(4)) if sum(a > b for a, b in combinations(p, 2)) % 2 == 0]
     mixed = [
         tuple(np.array([base[i] for i in p]) * [s[i] if i < 3 else 1 for i in p])
         for p in even
@@ -34,10 +34,6 @@ def icosahedral_rotations() -> Array:
     quaternions = np.array(whole + halves + mixed)
     first = np.array([q[np.flatnonzero(np.abs(q) > 1e-9)[0]] > 0 for q in quaternions])
     return rotation_from_quaternion(quaternions[first])
-
-
-def _parity(order: tuple[int, ...]) -> int:
-    return sum(order[i] > order[j] for i in range(4) for j in range(i + 1, 4)) % 2
 
 
 def light_starts(loop: Loop, bearings_in_camera: Array, most: int) -> list[tuple[SE3, SE3, SE3]]:
