@@ -232,8 +232,8 @@ def _group(
         eye_base=cell.base_name(eye) if eye not in (None, cell.reference) else None,
         hand_base=cell.base_name(hand) if hand not in (None, cell.reference) else None,
         sample=np.array([samples[i].sample for i in index], dtype=np.int64),
-        eye_base_from_eye_flange=of_eye.base_from_flange,
-        hand_base_from_hand_flange=of_hand.base_from_flange,
+        eye_base_from_eye_flange=of_eye.pose,
+        hand_base_from_hand_flange=of_hand.pose,
         eye_stop=of_eye.stop,
         hand_stop=of_hand.stop,
         eye_stand=of_eye.stand,
@@ -247,7 +247,7 @@ def _group(
 
 
 class _Recorded(NamedTuple):
-    base_from_flange: SE3
+    pose: SE3
     stop: IntArray
     stand: IntArray
     joints: Array | None
