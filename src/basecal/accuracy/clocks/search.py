@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from basecal.accuracy.clocks.step import clock_step
+from basecal.accuracy.clocks.step import ClockStep, clock_step
 from basecal.accuracy.input_check.unexplained_motion import is_hopeless
 from basecal.cell import Recording
 from basecal.errors import InputError, NotObservable
@@ -118,13 +118,18 @@ def _stepped(
         explained = not is_hopeless(last.problem, last.state) and (none_estimated or is_as_of_arms(last))
         if streams.open:
             found = clock_step(streams, samples, offsets, last)
-            # A solution beside the optimum may promise more than its velocities hold for.
-            steps = np.clip(found.step_s, -_TRIED_S[-1], _TRIED_S[-1]).tolist()
-            offsets = offsets | {name: offsets[name] + step for name, step in zip(found.clocks, steps, strict=True)}
+            offsets = _after(offsets, found)
             is_mended &= bool(np.all(np.abs(found.step_s) <= _SETTLED * np.sqrt(np.diagonal(found.covariance))))
         if is_mended:
             break
     return offsets, last, explained
+
+
+def _after(offsets: dict[str, float], found: ClockStep) -> dict[str, float]:
+    steps = dict(zip(found.clocks, found.step_s.tolist(), strict=True))
+    # A solution beside the optimum may promise more than its velocities hold for.
+    reach = float(_TRIED_S[-1])
+    return {name: offset + float(np.clip(steps.get(name, 0.0), -reach, reach)) for name, offset in offsets.items()}
 
 
 def _synchronised(streams: Streams, offsets: dict[str, float], near: Solution | None) -> Synchronised:
