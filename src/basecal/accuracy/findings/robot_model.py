@@ -34,7 +34,14 @@ def robot_model_findings(choice: RobotModelChoice) -> list[Finding]:
     message = f"{_freed(chosen)} lowers {_from_to(none, chosen)}: {_largest(choice)}"
     if choice.better is not None:
         message += f"; whether {_freed(choice.better)} helps more is undecided"
-    return [Finding("robot-model", "warning", chosen.robots, f"{message}; {_to_write(choice)}")]
+    offsets = robot_parameters(choice.solution).get(OFFSETS, {})
+    values = np.concatenate([np.zeros(0), *(of.values[of.seen] for of in offsets.values())])
+    entry = f"`joint_offsets: {{status: prior, sigma_rad: {suggested_sigma(values)}}}`"
+    if chosen.kind == "links":
+        sigmas = f"sigma_rad: {LINK_SIGMA_RAD}, sigma_m: {LINK_SIGMA_M}"
+        entry += f" and `link_parameters: {{status: prior, {sigmas}}}`"
+    advice = f"write {entry} at {' and '.join(chosen.robots)} in cell.yaml"
+    return [Finding("robot-model", "warning", chosen.robots, f"{message}; {advice}")]
 
 
 def _freed(candidate: Candidate) -> str:
@@ -65,14 +72,3 @@ def _largest(choice: RobotModelChoice) -> str:
     value, sigma = np.degrees(of.values[joint]), np.degrees(of.sigma[joint])
     whose = "its offset" if choice.chosen.kind == "joint" else f"the clearest, of joint {joint + 1} of {robot},"
     return f"{whose} is {value:.2f} +/- {sigma:.2g} deg"
-
-
-def _to_write(choice: RobotModelChoice) -> str:
-    candidate = choice.chosen
-    offsets = robot_parameters(choice.solution).get(OFFSETS, {})
-    found = np.concatenate([np.zeros(0), *(of.values[of.seen] for of in offsets.values())])
-    entry = f"`joint_offsets: {{status: prior, sigma_rad: {suggested_sigma(found)}}}`"
-    if candidate.kind == "links":
-        sigmas = f"sigma_rad: {LINK_SIGMA_RAD}, sigma_m: {LINK_SIGMA_M}"
-        entry += f" and `link_parameters: {{status: prior, {sigmas}}}`"
-    return f"write {entry} at {' and '.join(candidate.robots)} in cell.yaml"

@@ -6,8 +6,7 @@ import numpy as np
 
 from basecal.accuracy.findings.evidence import Input
 from basecal.cell import Finding
-from basecal.estimation.problem.problem import Problem
-from basecal.geometry import SE3, IntArray
+from basecal.geometry import SE3
 
 _ROUNDING = 1e-9  # [m, rad] of numbers written with all their digits
 
@@ -19,7 +18,11 @@ def same_stop(given: Input) -> list[Finding]:
     robots = sorted({robot for g in given.problem.groups for robot in (g.eye, g.hand) if robot is not None})
     findings = []
     for robot in robots:
-        stand, poses = _poses(given.problem, robot)
+        of_eye = [(g.eye_stand, g.eye_base_from_eye_flange) for g in given.problem.groups if g.eye == robot]
+        of_hand = [(g.hand_stand, g.hand_base_from_hand_flange) for g in given.problem.groups if g.hand == robot]
+        stand = np.concatenate([stands for stands, _ in (*of_eye, *of_hand)])
+        recorded = [pose for _, pose in (*of_eye, *of_hand)]
+        poses = SE3(np.concatenate([p.rotation for p in recorded]), np.concatenate([p.translation for p in recorded]))
         first = np.unique(stand, return_index=True)[1]
         off = (poses[first[np.searchsorted(stand[first], stand)]].inverse() @ poses).log()
         far_m, far_rad = (float(np.linalg.norm(half, axis=-1).max()) for half in (off[:, :3], off[:, 3:]))
@@ -32,12 +35,3 @@ def same_stop(given: Input) -> list[Finding]:
         )
         findings.append(Finding("same-stop", "info", (robot,), message))
     return findings
-
-
-def _poses(problem: Problem, robot: str) -> tuple[IntArray, SE3]:
-    """Stops and recorded poses of a robot in all views, (n,)."""
-    of_eye = [(g.eye_stand, g.eye_base_from_eye_flange) for g in problem.groups if g.eye == robot]
-    of_hand = [(g.hand_stand, g.hand_base_from_hand_flange) for g in problem.groups if g.hand == robot]
-    stands, poses = zip(*of_eye, *of_hand, strict=True)
-    rotation = np.concatenate([p.rotation for p in poses])
-    return np.concatenate(stands), SE3(rotation, np.concatenate([p.translation for p in poses]))

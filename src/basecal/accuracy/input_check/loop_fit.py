@@ -95,8 +95,9 @@ def fit_loops(pairs: Sequence[tuple[PairViews, Problem]]) -> list[LoopFit | None
     first = _fits_of(pairs, [np.zeros(len(sight.group), dtype=np.int64) for sight, _ in pairs])
     again = {}
     for k, ((sight, _), fit) in enumerate(zip(pairs, first, strict=True)):
-        if fit is not None and not fit.of_light and trimmed(fit.off) < _HOPELESS_RAD:
-            chosen = _nearer(sight, fit.triple)
+        if fit is not None and sight.candidates is not None and trimmed(fit.off) < _HOPELESS_RAD:
+            predicted = _predicted(sight, fit.triple).rotation
+            chosen = np.argmax(np.einsum("nij,nkij->nk", predicted, sight.candidates.rotation), axis=-1)
             if np.any(chosen):
                 again[k] = chosen
     second = dict(zip(again, _fits_of([pairs[k] for k in again], list(again.values())), strict=True))
@@ -145,7 +146,11 @@ def off_loops(sight: PairViews, triple: Triple) -> Array:
     """How far each view is off where X, Y and Z put it, (n,) [rad]; of its candidate poses the nearest counts."""
     predicted = _predicted(sight, triple)
     if sight.candidates is None:
-        return _off_light(sight, predicted)
+        # Chords of the point that most views see, whose place `z` is; NaN where it is not seen.
+        chords, point = as_light(sight.group.measurement)
+        unit = predicted.translation / np.maximum(np.linalg.norm(predicted.translation, axis=-1, keepdims=True), 1e-12)
+        off = np.linalg.norm(unit - chords.bearings_in_camera[:, point], axis=-1)
+        return np.where(chords.weight[:, point] > 0, off, np.nan)
     seen = sight.candidates
     angles = angle_between(seen.rotation, predicted.rotation[:, None])
     lengths = np.linalg.norm(seen.translation - predicted.translation[:, None], axis=-1)
@@ -158,12 +163,6 @@ def _predicted(sight: PairViews, triple: Triple) -> SE3:
     x, y, z = triple
     g = sight.group
     return (g.eye_base_from_eye_flange @ x).inverse() @ y @ g.hand_base_from_hand_flange @ z
-
-
-def _nearer(sight: PairViews, triple: Triple) -> IntArray:
-    assert sight.candidates is not None
-    agreement = np.einsum("nij,nkij->nk", _predicted(sight, triple).rotation, sight.candidates.rotation)
-    return np.asarray(np.argmax(agreement, axis=-1), dtype=np.int64)
 
 
 def _fixed(problem: Problem, name: str) -> SE3 | None:
@@ -223,11 +222,3 @@ def _light(sight: PairViews, problem: Problem) -> Refinement | None:
     except np.linalg.LinAlgError:
         return None
     return Refinement(one, light, starts, is_point=True)
-
-
-def _off_light(sight: PairViews, predicted: SE3) -> Array:
-    """Chords of the point that most views see, whose place `z` is; infinite where it is not seen."""
-    chords, point = as_light(sight.group.measurement)
-    unit = predicted.translation / np.maximum(np.linalg.norm(predicted.translation, axis=-1, keepdims=True), 1e-12)
-    off = np.linalg.norm(unit - chords.bearings_in_camera[:, point], axis=-1)
-    return np.where(chords.weight[:, point] > 0, off, np.nan)

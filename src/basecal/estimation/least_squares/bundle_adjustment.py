@@ -96,14 +96,10 @@ def bundle_adjust(
         sigmas: What may be left to go.
     """
     stop = Stop(iterations, dof, sigmas)
-    if is_sparse(problem):
-        return _sparsely(problem, state, stop, weights)
-    only = take(_run(problem, state.spread(problem, 1), weights, stop), 0)
-    normal = replace(only.about, cost=only.cost)
-    return Optimum(only.state, float(only.cost), bool(only.converged), int(only.iterations), normal)
-
-
-def _sparsely(problem: Problem, state: State, stop: Stop, weights: Sequence[Array] | None) -> Optimum:
+    if not is_sparse(problem):
+        only = take(_run(problem, state.spread(problem, 1), weights, stop), 0)
+        normal = replace(only.about, cost=only.cost)
+        return Optimum(only.state, float(only.cost), bool(only.converged), int(only.iterations), normal)
     optima = sparse_adjust(problem, state, stop, weights)
     end, cost = take(optima.state, 0), float(optima.cost[0])
 
