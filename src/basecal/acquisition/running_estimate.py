@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from basecal.cell import Cell, Recording, Sample
+from basecal.cell import Recording, Sample
 from basecal.errors import BasecalError
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.problem.build import build_problem
@@ -40,15 +40,20 @@ class RunningEstimate:
 
     def added(self, sample: Sample) -> RunningEstimate:
         """With one sample more; the same where it says nothing that can be used."""
+        cell = self.sketch.cell
+        # Noise that is not stated is taken for a usual one.
+        robots = {
+            name: robot if robot.noise is not None else replace(robot, noise=_ROBOT)
+            for name, robot in cell.robots.items()
+        }
+        known = replace(cell, robots=robots, pixel_px=cell.pixel_px or _PIXEL_PX)
         try:
-            problem, _ = build_problem(_with_noise(self.sketch.cell), Recording((sample,)))
+            problem, _ = build_problem(known, Recording((sample,)))
         except BasecalError:
             return self
         if not problem.groups:
             return self
-        lenses = {
-            name: camera.intrinsics.camera for name, camera in self.sketch.cell.cameras.items() if camera.intrinsics
-        }
+        lenses = {name: camera.intrinsics.camera for name, camera in cell.cameras.items() if camera.intrinsics}
         cameras = {name: lens for name, lens in lenses.items() if lens is not None and name in problem.lenses}
         state = State(dict(self.sketch.transforms), cameras, np.zeros((len(problem.stops), 6)))
         of_sample = linearise(problem, state).hessian
@@ -87,10 +92,3 @@ class RunningEstimate:
 def running_estimate(sketch: Sketch) -> RunningEstimate:
     """What is known before the first sample, of the first transform that the cell asks for."""
     return RunningEstimate(sketch, next(iter(sketch.cell.asked), ""))
-
-
-def _with_noise(cell: Cell) -> Cell:
-    robots = {
-        name: robot if robot.noise is not None else replace(robot, noise=_ROBOT) for name, robot in cell.robots.items()
-    }
-    return replace(cell, robots=robots, pixel_px=cell.pixel_px or _PIXEL_PX)

@@ -101,7 +101,13 @@ def joint_rows(
     Raises:
         InputError: if the motors do not suit the chain, or the calibration lacks one.
     """
-    places = _places(episode.names, chain)
+    by_name = {name: i for i, name in enumerate(episode.names)}
+    places = [by_name[name] for name in chain.joint_names if name in by_name]
+    if len(places) < chain.n:
+        places = [i for i, name in enumerate(episode.names) if "gripper" not in name]
+    if len(places) != chain.n:
+        there = f"motors {', '.join(episode.names)}, the URDF has the joints {', '.join(chain.joint_names)}"
+        raise InputError(f"{there}: as many as motors without the gripper are needed, or the same names")
     joints = np.stack([_radians(episode, place, unit, calibration) for place in places], axis=-1)
     taken, last = [], -math.inf
     for i, stamp in enumerate(episode.stamps_s):
@@ -153,18 +159,6 @@ def _array(folder: Path, values: Sequence[Any], count: int) -> Array:
     if array.shape != (len(values), count) or not np.isfinite(array).all():
         raise DatasetError(str(folder), f"expected {count} finite numbers in every {_STATE}")
     return array
-
-
-def _places(names: Sequence[str], chain: SerialChain) -> list[int]:
-    """The motor of each joint of the chain."""
-    by_name = {name: i for i, name in enumerate(names)}
-    if all(name in by_name for name in chain.joint_names):
-        return [by_name[name] for name in chain.joint_names]
-    arm = [i for i, name in enumerate(names) if "gripper" not in name]
-    if len(arm) != chain.n:
-        there = f"motors {', '.join(names)}, the URDF has the joints {', '.join(chain.joint_names)}"
-        raise InputError(f"{there}: as many as motors without the gripper are needed, or the same names")
-    return arm
 
 
 def _radians(
