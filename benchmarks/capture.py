@@ -213,6 +213,23 @@ def tried(kept: Kept, faults: Iterable[str], counts: dict[bool, int], until: flo
             print(fault or "none", seed, kept.keep(f"{fault}#{seed}", captured(seed, words)), flush=True)
 
 
+def killed(kept: Kept, wanted: int, until: float) -> dict[str, Any] | None:
+    """What came of captures killed so often in all, or until a time; None where none was."""
+    trials: list[dict[str, Any]] = []
+    while sum(each["kills"] for each in trials) < wanted:
+        key = f"killed {len(trials)}"
+        if kept.get(key) is None:
+            if time.monotonic() > until:
+                break
+            with tempfile.TemporaryDirectory() as folder:
+                kept.keep(key, vars(kill_trial(Path(folder), 12, wanted, seed=len(trials))))
+        trials.append(kept.get(key))
+    if not trials:
+        return None
+    sums = {name: sum(each[name] for each in trials) for name in ("kills", "lost", "twice")}
+    return {**sums, "captures": len(trials), "is_equal": all(each["is_equal"] for each in trials)}
+
+
 def section(result: dict[str, Any]) -> str:
     """The section of docs/benchmarks.md."""
     wanted, kills = result["wanted"], result["kills"]
@@ -227,8 +244,9 @@ table says have been tried{_since(result)}."""
         return f"{about}\n\n{lines}"
     equal = "equal" if kills["is_equal"] else "do not equal"
     told = f"""\
-A capture killed {kills["kills"]} times (asked: {wanted["kills"]}) at random instants: {kills["lost"]} samples lost,
-{kills["twice"]} asked twice; in the end samples and states {equal} those of one that nobody killed."""
+{kills["captures"]} captures killed {kills["kills"]} times (asked: {wanted["kills"]}) at random instants:
+{kills["lost"]} samples lost, {kills["twice"]} asked twice; in the end samples and states {equal} those of ones that
+nobody killed."""
     return f"{about}\n\n{lines}\n\n{told}"
 
 
@@ -256,14 +274,11 @@ def main(words: Sequence[str] | None = None) -> int:
         print(f"goes on with outcomes kept since commit {since}; --anew throws them away")
     faults = ["" if each == "none" else each for each in asked.only or ("none", *EXPECTED)]
     tried(kept, faults, {False: asked.cells, True: asked.faulty}, until)
-    if asked.kills and kept.get("kills") is None and time.monotonic() < until:
-        with tempfile.TemporaryDirectory() as folder:
-            kept.keep("kills", vars(kill_trial(Path(folder), 12, asked.kills, seed=0)))
+    kills = killed(kept, asked.kills, until)
     rows = [
         row(fault, size_of(kept, fault), outcomes) for fault in ("", *EXPECTED) if (outcomes := kept.outcomes(fault))
     ]
     print(table(HEAD, rows))
-    kills = kept.get("kills")
     result = {"samples": SAMPLES, "wanted": {"sound": 200, "each fault": 40, "kills": 200}, "kept_since": since}
     write("capture", {**result, "rows": [dict(zip(HEAD, each, strict=True)) for each in rows], "kills": kills})
     from benchmarks.report import PAGE, page
