@@ -8,9 +8,11 @@ from tests.evidence import evidence_of
 
 from basecal.accuracy.findings.systematic_error import systematic_error as findings
 from basecal.accuracy.stated_sigmas import contradicted_sigmas
+from basecal.accuracy.systematic_errors import search
 from basecal.accuracy.systematic_errors.search import _reconciling, systematic_error
 from basecal.accuracy.widening import widened
 from basecal.cell import Recording, RobotState, Sample
+from basecal.estimation.outliers.noise_and_outliers import with_noise
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve_packed
@@ -75,6 +77,21 @@ def test_what_is_put_in_is_found(code):
     (finding,) = findings(type(evidence)(**vars(evidence) | {"systematic_error": error}))
     assert (finding.code, finding.severity) == (code, "warning")
     assert words in finding.message
+
+
+def test_the_error_that_gains_most_is_named_whatever_scores_best(monkeypatch):
+    """A step is named as one where a drift of the same base is suspected after it, or before."""
+    cell, recording = as_recorded(KINDS["base-moved"][0], replace(SCENARIO, state_robot_noise=False))
+    problem, _ = build_problem(cell, recording)
+    exact = solve_packed(problem, cell, SETTINGS)
+    solution, stamps = with_noise(exact, Settings(), near=exact), {s.sample: s.stamp_s for s in recording.samples}
+    suspects = search._suspects(search._situation(solution, problem, stamps))
+    assert {"base-moved", "drift"} <= {each.candidate.code for each in suspects}
+    for in_order in (suspects, suspects[::-1]):
+        monkeypatch.setattr(search, "_suspects", lambda of, in_order=in_order: in_order)
+        error = systematic_error(solution, problem, stamps, Settings())
+        assert error is not None
+        assert (error.code, error.about, error.is_certain) == ("base-moved", "eye_base_from_hand_base", True)
 
 
 def test_the_covariance_covers_the_answer_without_the_error():

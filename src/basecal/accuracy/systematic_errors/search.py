@@ -27,6 +27,7 @@ from basecal.geometry import SE3, Array
 from basecal.numerics.spectral import spectrum
 
 _SUSPECT = 0.02  # chance of a score below which an error is solved for
+_COST = 0.5  # among errors, one of many costs as much as the unknown that says which: half the log of their number
 _TRIES = 3  # errors that are solved for at most, which bounds the time
 
 
@@ -122,16 +123,15 @@ def systematic_error(
         certain = [suspect for suspect in suspects if suspect.log_chance < np.log(CONFIRMED_SIGNIFICANCE)]
         alike = replace(certain[0], size=0 * certain[0].size) if certain else None
         return None if alike is None else _described(situation, alike, solution, solution)
-    known = solution.noise.logs is not None or not suspects
-    before = solution if known else _solved_again(solution, settings)
-    possible = None
-    for suspect in suspects:
-        after = _solved_again(_without(solution, situation, suspect), settings)
-        found = _described(situation, suspect, solution, after)
-        if min(suspect.log_chance, _log_chance(suspect, before, after)) < np.log(CONFIRMED_SIGNIFICANCE):
-            return found
-        possible = possible or replace(found, is_certain=False)
-    return possible
+    if not suspects:
+        return None
+    before = solution if solution.noise.logs is not None else _solved_again(solution, settings)
+    # A step and a drift of one base score alike; what they gain with the noise estimated anew tells them apart.
+    after = [_solved_again(_without(solution, situation, each), settings) for each in suspects]
+    chances = [min(s.log_chance, _log_chance(s, before, each)) for s, each in zip(suspects, after, strict=True)]
+    k = int(np.argmin([chance - _COST * each.several for chance, each in zip(chances, suspects, strict=True)]))
+    is_certain = bool(chances[k] < np.log(CONFIRMED_SIGNIFICANCE))
+    return replace(_described(situation, suspects[k], solution, after[k]), is_certain=is_certain)
 
 
 def _reconciling(
@@ -181,8 +181,7 @@ def _suspects(of: Situation) -> list[_Suspect]:
         several = float(np.log(tests[code]))
         if suspect.log_chance + several >= np.log(_SUSPECT):
             continue
-        # Among errors, one of many costs as much as the unknown that says which: half the log of their number.
-        rank = suspect.log_chance + 0.5 * several
+        rank = suspect.log_chance + _COST * several
         if (code, name) not in found or rank < found[code, name][0]:
             chance = suspect.log_chance + several
             found[code, name] = rank, replace(suspect, log_chance=chance, several=several)
