@@ -22,6 +22,7 @@ from basecal.errors import DatasetError
         ("a: b: c\n", 1, "two colons"),
         ("on eye  # x: y\nb: 2\n", 1, "there is no colon"),
         ("a: @x\n", 1, "a value cannot start with '@'"),
+        ("%YAM\n", 1, "it ends before anything is said: expected `key: value`"),
         ("a: }\n", 1, "a bracket } closes that nothing opened"),
         ("a:\n  b: {c: d}}\n", 2, "a bracket } closes that nothing opened"),
     ],

@@ -40,6 +40,8 @@ def yaml_fault(text: str, error: MarkedYAMLError) -> Fault:
     if error.context == _QUOTE and begun:
         return Fault("the quote that opens here is not closed: add another", begun.line + 1)
     if said.startswith(_UNEXPECTED_KEYS) and line is not None:
+        if line > len(lines):
+            return Fault("it ends before anything is said: expected `key: value`", len(lines))
         return _of_key(lines, line)
     if said == _UNEXPECTED_ENTRY:
         return Fault("this line is indented unlike those beside it: give entries of one list the same spaces", line)
