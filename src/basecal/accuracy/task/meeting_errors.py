@@ -16,7 +16,7 @@ from basecal.accuracy.task.kinematic_errors import EXPECTED, kinematic_errors, m
 from basecal.accuracy.task.task import Task
 from basecal.cell import Calibration, Cell
 from basecal.estimation.noise.joint_estimate import open_robots, sigmas_with
-from basecal.estimation.noise.laplace import SigmaPosterior, moments
+from basecal.estimation.noise.laplace import moments
 from basecal.estimation.noise.reml import sigmas_of
 from basecal.estimation.noise.terms.common_errors import CommonErrors
 from basecal.estimation.solve import Solution
@@ -50,16 +50,20 @@ def meeting_errors(
         own = [_own_variance(calibration, solution, robot) for robot in meeting]
         return np.zeros(moved.shape[:2]), _in_all(moved, products, own)
     sigmas = sigmas_with(solution.problem, solution.state, solution.noise, arms, EXPECTED)
-    errors = [_by_errors(cell, solution, task, sigmas, robot, meeting[robot]) for robot in meeting if robot in arms]
-    of_errors = [of for _, of in errors]
-    mean, products, squares = moments(sigmas, np.concatenate([columns, *of_errors]))
+    every_move, every_column = [moved], [columns]
+    for robot in (name for name in meeting if name in arms):
+        by_errors = moved_by_errors(solution.problem, solution.state, robot, meeting[robot])
+        first = sigmas.model.layout.common[robot][0]
+        every_move.append(_of_meeting(cell, solution, task, robot, by_errors))
+        every_column.append(np.arange(first, first + by_errors.shape[-1]))
+    mean, products, squares = moments(sigmas, np.concatenate(every_column))
     if widening is not None:
         products[: len(columns), : len(columns)] += widening[np.ix_(columns, columns)]
     own = [
         squares[sigmas_of(sigmas.model, robot)] if robot in arms else _own_variance(calibration, solution, robot)
         for robot in meeting
     ]
-    moved = np.concatenate([moved, *(each for each, _ in errors)], axis=-1)
+    moved = np.concatenate(every_move, axis=-1)
     return moved @ mean, _in_all(moved, products, own)
 
 
@@ -80,15 +84,6 @@ def _by_columns(cell: Cell, solution: Solution, task: Task, meeting: Mapping[str
             moved.append(_of_meeting(cell, solution, task, robot, found[0]))
             columns.append(found[1])
     return np.concatenate(moved, axis=-1), np.concatenate(columns)
-
-
-def _by_errors(
-    cell: Cell, solution: Solution, task: Task, sigmas: SigmaPosterior, robot: str, where_m: Array
-) -> tuple[Array, IntArray]:
-    """How what meets moves with the errors of an arm's joints and links, (n, 6, k), and their columns, (k,)."""
-    moved = moved_by_errors(solution.problem, solution.state, robot, where_m)
-    first = sigmas.model.layout.common[robot][0]
-    return _of_meeting(cell, solution, task, robot, moved), np.arange(first, first + moved.shape[-1])
 
 
 def _of_meeting(cell: Cell, solution: Solution, task: Task, robot: str, of_flange: Array) -> Array:
