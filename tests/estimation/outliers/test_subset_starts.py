@@ -96,3 +96,68 @@ def test_a_subset_holds_every_unknown_and_few_others(target):
     problem, _ = build_problem(made.cell, made.recording)
     assert problem.width == 18
     assert 3 <= _size(problem, np.arange(40)) <= 10
+
+
+def test_every_view_of_a_subset_is_gathered():
+    """And as many of others as make their number even, which do not count."""
+    problem, _ = pose_problem(np.zeros((12, 6)), np.ones(6))
+    inside = np.zeros((3, 12), dtype=bool)
+    inside[0, [1, 4, 7, 8, 11]] = inside[1, [0, 2, 3]] = True
+    few, (counts,) = subset_starts._gathered(problem, [inside])
+    (group,) = few.groups
+    assert group.sample.shape == counts.shape == (3, 5)
+    for row, of, own in zip(group.sample, counts, inside, strict=True):
+        assert sorted(row[of]) == problem.groups[0].sample[own].tolist()
+        assert len(set(row)) == 5
+    none, (counts,) = subset_starts._gathered(problem, [np.zeros((2, 12), dtype=bool)])
+    assert none.groups[0].sample.shape == counts.shape == (2, 1)
+    assert not counts.any()
+
+
+def test_subsets_are_halves_thirds_and_draws_of_a_few():
+    """Blocks in their order; then 24 draws of as many samples as hold every unknown, each sample once."""
+    problem, _ = build_problem(*(lambda m: (m.cell, m.recording))(simulate(Scenario(samples=12, target="pose"), 0)))
+    numbers = np.arange(100, 112)
+    found = [of.tolist() for of in subset_starts._subsets(problem, numbers)]
+    assert found[:2] == [list(range(100, 106)), list(range(106, 112))]
+    assert found[2:5] == [list(range(k, k + 4)) for k in (100, 104, 108)]
+    draws = found[5:]
+    assert len(draws) == 24
+    for draw in draws:
+        assert len(draw) == _size(problem, numbers) == 4
+        assert sorted(set(draw)) == draw
+        assert set(draw) <= set(numbers.tolist())
+    assert len({tuple(draw) for draw in draws}) > 20
+
+
+def test_lenses_are_held_and_the_other_columns_close_up():
+    """In their order, as wide as before."""
+    made = simulate(Scenario(samples=4, intrinsics="free"), 0)
+    problem, _ = build_problem(made.cell, made.recording)
+    held = subset_starts._with_lenses(problem, made.cameras)
+    assert held.lenses["wrist"].camera is made.cameras["wrist"]
+    assert held.lenses["wrist"].status == "fixed"
+    assert list(held.columns) == [name for name in problem.columns if name != "wrist"]
+    assert [held.columns[name] for name in held.columns] == [slice(0, 6), slice(6, 12), slice(12, 18)]
+
+
+def test_where_numbers_end_for_one_the_others_go_on():
+    """In their order; nothing of nothing."""
+
+    def work(items):
+        """Fails with a three among them."""
+        if 3 in items:
+            raise np.linalg.LinAlgError
+        return [10 * item for item in items]
+
+    assert subset_starts._side_by_side(work, [1, 2, 3, 4, 5]) == [10, 20, 40, 50]
+    assert subset_starts._side_by_side(work, [3]) == []
+    assert subset_starts._side_by_side(work, []) == []
+
+
+def test_one_freedom_more_or_less_is_told_to_each_subset():
+    """Residuals less unknowns of its own samples, one at least; those that cannot hold the unknowns are left out."""
+    made = simulate(Scenario(samples=12, target="pose"), 0)
+    problem, _ = build_problem(made.cell, made.recording)
+    begun = subset_starts._begun(problem, made.cell, [np.arange(5), np.arange(2), np.arange(3), np.array([50])])
+    assert [(of.numbers.tolist(), of.dof) for of in begun] == [([0, 1, 2, 3, 4], 12), ([0, 1, 2], 1)]
