@@ -61,3 +61,11 @@ def test_without_another_spot_nothing_is_said(made, evidence):
     """Neither of a light alone, nor where nothing is seen by a camera."""
     assert found(made, {}) == []
     assert reflection(evidence()) == []
+
+
+@pytest.mark.parametrize(("off_px", "severity"), [((0.5, 0.4), None), ((1.2, 0.9), "warning"), ((2.6, 2.8), "info")])
+def test_spots_within_a_pixel_are_one_and_beyond_three_are_clear(made, off_px, severity):
+    """Between them they could be taken for the light."""
+    assert [f.severity for f in found(made, dict.fromkeys(range(4), np.array(off_px)))] == (
+        [severity] if severity else []
+    )

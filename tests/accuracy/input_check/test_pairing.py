@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.accuracy.input_check import rewriting
+from basecal.accuracy.input_check import pairing, rewriting
 from basecal.accuracy.input_check.loop_fit import trimmed
 from basecal.accuracy.input_check.pairing import half_turns, pairing_errors
 from basecal.cell import Recording
@@ -79,3 +79,38 @@ def test_ten_turned_views_are_listed(count, more):
     for mended, true in zip(right.samples, made.recording.samples, strict=True):
         off = mended.observations[0].camera_from_target.inverse() @ true.observations[0].camera_from_target
         assert np.abs(off.log()).max() < 1e-9
+
+
+@pytest.mark.parametrize("at", [4, 9, 15, 16])
+@pytest.mark.parametrize("lost", [0, 1])
+def test_the_change_is_where_fewest_samples_are_off(at, lost):
+    """Before it as recorded, after it as shifted; what is lost there is off in neither way, and is not counted."""
+    rng = np.random.default_rng(0)
+    fine, off = 0.002 * rng.uniform(0.8, 1.2, 20), 0.3 * rng.uniform(0.8, 1.2, 20)
+    before = np.where(np.arange(20) < at, fine, off)
+    after = np.where(np.arange(20) < at + lost, off, fine)
+    score, found = pairing._change(before, after, lost)
+    counted = np.concatenate([fine[:at], fine[at + lost :]])
+    assert found == at
+    assert score == pytest.approx(np.sqrt(np.sum(counted**2) / 20))
+
+
+def test_a_change_nearer_to_an_end_than_four_samples_is_none():
+    """The best of the others is told, at which what is off counts as off by four times the rest, whatever it is."""
+    before, after = np.full(20, 0.01), np.full(20, np.nan)
+    before[18:] = 7.0
+    after[18:] = 0.01
+    score, found = pairing._change(before, after, 0)
+    assert found == 16
+    assert score == pytest.approx(np.sqrt((16 * 0.01**2 + 2 * 0.04**2 + 2 * 0.01**2) / 20))
+    assert pairing._change(before / 100, after / 100, 0)[1] == 16
+
+
+def test_loops_that_close_well_are_alike():
+    """Below 5 mrad what is smaller still is no better: four times that is as far as a sample can be off."""
+    before, after = np.full(20, 1e-6), np.full(20, 1.0)
+    before[10:], after[10:] = 1.0, 1e-6
+    before[5] = 0.9
+    score, found = pairing._change(before, after, 0)
+    assert found == 10
+    assert score == pytest.approx(np.sqrt((19 * 1e-12 + 0.02**2) / 20))

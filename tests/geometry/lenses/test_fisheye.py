@@ -90,3 +90,12 @@ def test_the_centre_of_the_lens_has_no_image():
     points = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -1.0], [1e-9, 0.0, 0.0], [0.0, 0.0, 1e-9]])
     u, v = fisheye.project(points, DISTORTION)
     assert np.isnan(u).tolist() == np.isnan(v).tolist() == [True, True, False, False]
+
+
+def test_lenses_that_are_drawn_are_nearly_equidistant(rng):
+    """Four terms, uniform about none, each smaller than the one before."""
+    drawn = np.array([fisheye.usual_distortion(rng) for _ in range(2000)])
+    half = np.array([0.03, 0.01, 0.003, 0.001])
+    assert np.all(np.abs(drawn) <= half)
+    assert np.all(drawn.min(0) < -0.98 * half)
+    assert np.all(drawn.max(0) > 0.98 * half)

@@ -86,3 +86,20 @@ def test_every_term_has_a_name():
     """As many names as the longest distortion has terms; what is usual is allowed."""
     assert len(pinhole.TERM_NAMES) == max(pinhole.TERMS)
     assert pinhole.USUAL_TERMS in pinhole.TERMS
+
+
+def test_sigmas_of_terms_are_those_of_real_lenses():
+    """Tangential terms of sixteen cameras have an rms of 3.3e-3; k1 and k2 may be anything."""
+    k1, k2, p1, p2, k3 = pinhole.TERM_SIGMAS
+    assert k1 == k2 == np.inf
+    assert p1 == p2 == pytest.approx(3.3e-3, rel=0.2)
+    assert 0.05 < k3 < 0.2
+
+
+def test_lenses_that_are_drawn_are_slight_barrels(rng):
+    """Uniform about k1 -0.08 and k2 0.02, within 0.05 and 0.02; tangential terms within a thousandth."""
+    drawn = np.array([pinhole.usual_distortion(rng) for _ in range(2000)])
+    middle, half = np.array([-0.08, 0.02, 0, 0, 0]), np.array([0.05, 0.02, 1e-3, 1e-3, 0.005])
+    assert np.all(np.abs(drawn - middle) <= half)
+    assert np.all(drawn.min(0) < middle - 0.98 * half)
+    assert np.all(drawn.max(0) > middle + 0.98 * half)

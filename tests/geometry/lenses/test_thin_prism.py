@@ -139,3 +139,15 @@ def test_usual_distortion_is_a_pinholes_with_a_slight_prism(rng: np.random.Gener
     assert np.all(np.abs(drawn[:, 0] + 0.08) <= 0.05)
     assert np.all(np.abs(drawn[:, 8:]) <= spread)
     assert np.all(np.ptp(drawn[:, 8:], axis=0) > 1.5 * spread)
+
+
+def test_lenses_that_are_drawn_are_a_pinholes_with_a_slight_prism(rng):
+    """No rational terms; of the prism's the first of either axis within 2e-3, the second within 5e-4."""
+    drawn = np.array([thin_prism.usual_distortion(rng) for _ in range(2000)])
+    assert drawn.shape == (2000, 12)
+    assert not np.any(drawn[:, 5:8])
+    half = np.array([2e-3, 5e-4, 2e-3, 5e-4])
+    assert np.all(np.abs(drawn[:, 8:]) <= half)
+    assert np.all(drawn[:, 8:].min(0) < -0.98 * half)
+    assert np.all(drawn[:, 8:].max(0) > 0.98 * half)
+    assert np.all((drawn[:, 0] < -0.02) & (drawn[:, 0] > -0.14))

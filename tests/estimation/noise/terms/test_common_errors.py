@@ -38,3 +38,16 @@ def test_at_the_flange_is_the_root_mean_square_over_stops():
     np.testing.assert_allclose(
         CommonErrors(by_stop, np.array([True])).at_flange(np.array([7.0, 2.0])), [0, np.sqrt(50), 0, 0, 0, 0]
     )
+
+
+def test_what_frames_take_up_is_by_half_a_metre_a_radian():
+    """The rest is nearest to nothing in these units: it is orthogonal to what any base or mount does."""
+    rng = np.random.default_rng(1)
+    poses = SE3.exp(0.5 * rng.standard_normal((7, 6)))
+    errors = CommonErrors(rng.standard_normal((7, 6, 3)), np.array([False, True, True]))
+    left = errors.beyond_frames(poses)
+    units = np.repeat([1.0, 0.5], 3)[:, None]
+    for frames in (poses.inverse().adjoint(), np.broadcast_to(np.eye(6), (7, 6, 6))):
+        product = np.einsum("nij,nik->jk", units * frames, units * left.by_stop)
+        np.testing.assert_allclose(product, 0.0, atol=1e-10)
+    assert left.is_turn.tolist() == [False, True, True]
