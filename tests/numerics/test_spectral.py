@@ -242,3 +242,12 @@ def test_a_floored_inverse_is_that_of_the_floored_matrix(rng):
     singular = (basis * [-1e-12, 0.0, 3.0, 4.0]) @ basis.mT
     for matrix in (regular, singular, np.concatenate([regular, singular])):
         np.testing.assert_allclose(floored_inverse(matrix, 1e-3), floored(matrix, 1e-3).inverse, rtol=1e-9, atol=1e-9)
+
+
+def test_above_takes_units_out_of_rows_and_columns(rng):
+    """A full matrix in units ten orders apart has the values, and the inverse, of the one in its own."""
+    rows = rng.standard_normal((9, 5))
+    plain = rows.T @ rows
+    of = above(plain * np.outer(UNITS, UNITS), 0.1, UNITS)
+    np.testing.assert_allclose(of.values, np.linalg.eigvalsh(plain), rtol=1e-9)
+    np.testing.assert_allclose(of.inverse * np.outer(UNITS, UNITS), np.linalg.inv(plain), rtol=1e-7)

@@ -90,3 +90,10 @@ def test_known_tags_stand_at_their_points() -> None:
     for target in tagged:
         assert target.tags is not None
         np.testing.assert_array_equal(np.sort(target.tags.corner_ids.ravel()), target.ids)
+
+
+def test_grids_without_marks_look_alike_turned() -> None:
+    """Boards whose squares or dots say nothing of themselves; every other target tells its ends apart."""
+    usual = {kind: target_kind(kind).usual(np.random.default_rng(0)) for kind in KIND_NAMES}
+    assert {kind for kind, target in usual.items() if target.alike_turned} == {"chessboard", "circles"}
+    assert {kind for kind, target in usual.items() if target.found_by is None} == {"points"}
