@@ -10,6 +10,7 @@ from tests.derivatives import check_derivative
 from tests.pose_problem import MOUNT, pose_problem
 
 from basecal.cell import Intrinsics, Unknown
+from basecal.cell.robot_parameters import joint_offsets
 from basecal.estimation.least_squares.jacobians import by_stop_errors, by_unknowns
 from basecal.estimation.least_squares.normal_equations import (
     linearise,
@@ -19,6 +20,7 @@ from basecal.estimation.least_squares.normal_equations import (
 )
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem, State, chain
+from basecal.estimation.problem.robot_parameters import Kinematics, robot_model
 from basecal.geometry import SE3, Camera
 from basecal.simulation import Scenario, simulate
 
@@ -225,3 +227,27 @@ def test_focal_lengths_stay_above_a_fifth_and_finite():
     step = np.array([-720.0, 10, np.nan, 5, 0.2, 0, np.inf, 0, 0])
     np.testing.assert_allclose(retract_lens(lens, step).parameters, [160, 910, 320, 245, 0.3, 0, 0, 0, 0])
     np.testing.assert_allclose(lens.parameters[:2], [800, 900])
+
+
+def test_joints_known_beforehand_are_in_sigmas_and_free_ones_have_no_prior():
+    """Each offset over the sigma that was stated; of an arm that has both, of the one kind alone."""
+    made = simulate(Scenario(samples=6, joints=True, camera_mount="fixed", target_mount="fixed"), 0)
+    problem, _ = build_problem(made.cell, made.recording)
+    (group,) = problem.groups
+    prior = {"joint_offsets": joint_offsets.Stated(status="prior", sigma_rad=0.01)}
+    free = {"joint_offsets": joint_offsets.Stated(status="free")}
+    chain_of = {name: made.cell.robots[name].chain for name in ("eye", "hand")}
+    models = {
+        "eye": robot_model("eye", chain_of["eye"], prior, group.eye_joints),
+        "hand": robot_model("hand", chain_of["hand"], free, group.hand_joints),
+    }
+    problem = problem.with_models(models)
+    values = np.array([0.01, -0.02, 0.0, 0.005, 0.0, 0.03])
+    robots = {name: Kinematics(chain_of[name], {"joint_offsets": values}) for name in models}
+    state = State(made.truth, made.cameras, np.zeros((len(problem.stops), 6)), robots)
+    ((residual, jacobian, where),) = prior_residuals(problem, state)
+    np.testing.assert_allclose(residual, values / 0.01)
+    np.testing.assert_allclose(jacobian, np.eye(6) / 0.01)
+    assert where == problem.columns["eye_joint_offsets"]
+    held = problem.columns["hand_joint_offsets"]
+    assert held.stop - held.start == len(models["hand"].columns["joint_offsets"].basis.T)
