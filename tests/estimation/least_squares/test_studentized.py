@@ -6,9 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.pose_problem import pose_problem
 
+from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.least_squares.studentized import (
     MahalanobisSquared,
+    judged_by_view,
     leave_one_out,
     studentized,
     studentized_points,
@@ -145,3 +148,60 @@ def test_points_not_seen_have_no_deviation(target):
     assert not found.freedoms[~seen].any()
     assert np.isfinite(found.value[seen]).all()
     assert set(found.freedoms[seen].tolist()) == {3 if target == "points3d" else 2}
+
+
+@pytest.mark.parametrize("count", [2, 3, 9])
+def test_a_view_is_off_from_the_mean_of_the_others(count):
+    """Of poses of one mount: by the square of that over both variances, whatever of its own it brought."""
+    sigma = 1e-6 * np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
+    errors = sigma * np.random.default_rng(count).standard_normal((count, 6))
+    problem, state = pose_problem(errors, sigma)
+    state = bundle_adjust(problem, state, 1).state
+    (found,) = studentized_views(leave_one_out(problem, state, [np.ones(len(problem.groups[0]))]))
+    others = (errors.sum(0) - errors) / (count - 1)
+    expected = np.sum((errors - others) ** 2 / (sigma**2 * (1 + 1 / (count - 1))), axis=-1)
+    np.testing.assert_allclose(found.value, expected, rtol=1e-3)
+    assert found.freedoms.tolist() == [6] * count
+
+
+def test_a_view_that_alone_tells_an_unknown_has_no_freedoms():
+    """Nothing else predicts it, and it has no deviation; of a direction that it alone tells it has one less."""
+    problem, state = pose_problem(np.full((1, 6), 1e-3), np.ones(6))
+    (found,) = studentized_views(leave_one_out(problem, state, [np.ones(len(problem.groups[0]))]))
+    assert found.freedoms.tolist() == [0]
+    assert np.isnan(found.value).all()
+    problem, state = pose_problem(np.full((3, 6), 1e-6), np.ones(6))
+    (group,) = problem.groups
+    weight = np.ones((3, 6))
+    weight[1:, 4] = 0.0  # only the first view tells this turn
+    one = problem.with_groups([replace(group, measurement=replace(group.measurement, weight=weight))])
+    (found,) = studentized_views(leave_one_out(one, state, [np.ones(3)]))
+    assert found.freedoms.tolist() == [5, 5, 5]
+
+
+@pytest.mark.parametrize(("count", "own"), [(11, False), (12, True)])
+def test_twelve_points_judge_each_other(count, own):
+    """With fewer, all else does."""
+    made = simulate(Scenario(samples=4), 0)
+    (group,) = build_problem(made.cell, made.recording)[0].groups
+    seen = np.zeros_like(group.measurement.seen)
+    seen[:, :count] = True
+    assert judged_by_view(replace(group.measurement, seen=seen)).tolist() == [own] * 4
+    poses = simulate(Scenario(samples=4, target="pose"), 0)
+    (group,) = build_problem(poses.cell, poses.recording)[0].groups
+    assert not judged_by_view(group.measurement).any()
+
+
+def test_points_of_a_view_that_is_not_in_the_fit_are_judged_too():
+    """By the state alone where its robots are exact: a point's square is that of its residual over its sigma."""
+    made = simulate(Scenario(samples=8, target="points"), 1)
+    problem, _ = build_problem(made.cell, made.recording)
+    state = State(made.truth, made.cameras, np.zeros((0, 6)))
+    out = np.where(np.arange(8) == 3, 0.0, 1.0)
+    (found,) = studentized_points(leave_one_out(problem, state, [out]))
+    (group,) = problem.groups
+    predicted = state.camera_from_target(group, problem.stops)
+    off = group.measurement.residual_px(predicted, made.cameras["wrist"])[3] / 0.2
+    np.testing.assert_allclose(found.value[3], np.sum(off**2, -1), rtol=1e-6)
+    assert found.freedoms[3].tolist() == [2] * len(off)
+    assert np.all(np.isfinite(found.value))
