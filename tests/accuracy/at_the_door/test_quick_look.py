@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
+from basecal.accuracy.at_the_door import quick_look as module
 from basecal.accuracy.at_the_door.quick_look import looked_at, quick_look
 from basecal.accuracy.input_check.rewriting import inverted, scaled, shifted, with_robots
-from basecal.cell import Recording
+from basecal.cell import Finding, Recording
 from basecal.cell.cell import Intrinsics
 from basecal.simulation import Scenario, simulate
 from stream_cells import streamed
@@ -86,3 +88,51 @@ def test_streams_by_an_unknown_lens():
     made = streamed()
     cameras = {n: replace(c, intrinsics=Intrinsics("free")) for n, c in made.cell.cameras.items()}
     assert "basecal calibrate tells" in quick_look(replace(made.cell, cameras=cameras), made.recording).untold
+
+
+def looked(monkeypatch, is_whole=True, said=(), hopeless=False, fit="good", plausible=True, unobservable=()):
+    """A quick look at a recording in order of which everything says what it is told to."""
+    fit = SimpleNamespace(error_in_words=lambda: "0.2 px") if fit == "good" else None
+    plain = SimpleNamespace(problem=None, state=None, observability=SimpleNamespace(unobservable=set(unobservable)))
+    for name, value in {
+        "solve_packed": lambda *_: plain,
+        "with_noise": lambda *_: plain,
+        "is_as_of_arms": lambda *_: True,
+        "check_conventions": lambda *_: said,
+        "is_hopeless": lambda *_: hopeless,
+        "hopeless": lambda *_: "hopeless",
+        "fit_hypothesis": lambda *_: fit,
+        "plausible": lambda *_: plausible,
+    }.items():
+        monkeypatch.setattr(module, name, value)
+    return quick_look(made().cell, Recording(made().recording.samples[:6]), is_whole)
+
+
+def test_doubts_are_told_where_the_rest_will_not_dispel_them(monkeypatch):
+    """Warnings of a whole recording; errors of any part of one; infos never."""
+    each = {s: Finding("code", s, (), "") for s in ("error", "warning", "info")}
+    for is_whole, told in ((True, ["error", "warning"]), (False, ["error"])):
+        found = looked(monkeypatch, is_whole, tuple(each.values()))
+        assert [f.severity for f in found.findings] == told
+        assert (found.views, found.error, found.untold) == (6, None, "")
+    assert looked(monkeypatch, said=(each["info"],)).error == "0.2 px"
+    assert looked(monkeypatch, False, (each["warning"],)).findings == ()
+
+
+def test_what_is_left_untold(monkeypatch):
+    """Where nothing explains the views, no fit is found, a transform is open, or the fit predicts badly."""
+    assert looked(monkeypatch, hopeless=True).findings == ("hopeless",)
+    assert looked(monkeypatch, fit=None).untold == "leave open what is asked for; turn every arm about two axes or more"
+    name = made().cell.asked[0]
+    assert looked(monkeypatch, unobservable=[name]).untold.startswith("they fit to 0.2 px as they are read, but leave")
+    assert looked(monkeypatch, unobservable=["another"]).error == "0.2 px"
+    bad = looked(monkeypatch, plausible=False)
+    assert bad.untold == "the others predict each to 0.2 px, in no other convention better"
+    assert bad.error is None
+
+
+def test_open_zeros_of_joints_are_why_a_base_is_open(monkeypatch):
+    """Whatever the arms do."""
+    robots = {n: replace(r, parameters={"joint_offsets": None}) for n, r in made().cell.robots.items()}
+    said = module._left_open(replace(made().cell, robots=robots), None)
+    assert said == "leave open what is asked for without the priors of its robots"

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from basecal.accuracy.at_the_door.repeated_views import repeated_views
+from basecal.cell import RobotState
 from basecal.simulation import Scenario, simulate
 
 
@@ -50,3 +52,27 @@ def test_where_nothing_that_matters_moved_it_is_no_mistake():
     assert repeated_views(replace(alone.cell, robots=idle), moved) == []
     light = simulate(Scenario(samples=6, target="led"), 0)
     assert repeated_views(light.cell, copied(light, (1, 4))) == []
+
+
+def test_joints_tell_where_a_robot_stands():
+    """Recorded by joints, a view that stands under two postures is told; under postures read back anew it is not."""
+    made = simulate(Scenario(samples=6, joints=True), 0)
+    (found,) = repeated_views(made.cell, copied(made, (1, 4)))
+    assert found.about == ("1", "4")
+    first = made.recording.samples[1].robots
+    for off, told in ((4e-3, False), (6e-3, True)):
+        rows = list(copied(made, (1, 4)).samples)
+        again = {name: RobotState(joints_rad=of.joints_rad + off * np.eye(6)[2]) for name, of in first.items()}
+        rows[4] = replace(rows[4], robots=again)
+        assert bool(repeated_views(made.cell, replace(made.recording, samples=tuple(rows)))) == told
+
+
+def test_a_robot_that_is_recorded_otherwise_stands_elsewhere():
+    """Once by its pose and once by its joints."""
+    made = simulate(Scenario(samples=6), 0)
+    rows = list(copied(made, (1, 4)).samples)
+    rows[4] = replace(rows[4], robots={**rows[1].robots, "hand": RobotState(joints_rad=np.zeros(6))})
+    (found,) = repeated_views(made.cell, replace(made.recording, samples=tuple(rows)))
+    assert found.about == ("1", "4")
+    missing = replace(rows[4], robots={"eye": rows[1].robots["eye"]})
+    assert repeated_views(made.cell, replace(made.recording, samples=(*rows[:4], missing, rows[5]))) == []

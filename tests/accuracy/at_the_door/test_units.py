@@ -64,3 +64,20 @@ def test_what_was_seen_in_millimetres():
     assert codes(points.cell, with_points(points.recording, 1000)) == [("length-unit", "error", ())]
     board = simulate(Scenario(samples=5), 0)
     assert codes(resized(board.cell, {"board": 1000.0}), board.recording) == [("board-size", "error", ("board",))]
+
+
+@pytest.mark.parametrize(("end", "off_rad", "told"), [("lower", -0.09, True), ("lower", -0.11, False),
+                                                      ("upper", 0.09, True), ("upper", 0.11, False)])  # fmt: skip
+def test_degrees_are_such_as_the_urdf_lets_be(end, off_rad, told):
+    """A tenth of a radian beyond a limit is borne; farther, degrees would be no posture of the arm either."""
+    made = simulate(Scenario(samples=6, joints=True), 0)
+    chain = made.cell.robots["hand"].chain
+    narrow = replace(chain, lower=np.full(6, -2.0), upper=np.full(6, 2.0))
+    cell = replace(made.cell, robots={**made.cell.robots, "hand": replace(made.cell.robots["hand"], chain=narrow)})
+    joints = np.degrees(np.array([[1.5, -1.5, 1.0, 0.5, 0.2, 0.1]] * 6))
+    joints[2, 3] = np.degrees(getattr(narrow, end)[3] + off_rad)
+    samples = [
+        replace(s, robots={**s.robots, "hand": RobotState(joints_rad=q)})
+        for s, q in zip(made.recording.samples, joints, strict=True)
+    ]
+    assert bool(codes(cell, replace(made.recording, samples=tuple(samples)))) == told

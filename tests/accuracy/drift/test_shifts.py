@@ -115,3 +115,13 @@ def test_a_joint_has_an_angle_and_no_length() -> None:
     assert (joint.shift_m, joint.shift_rad) == (0.0, pytest.approx(0.03))
     frame = replace(of, size=np.array([0.003, 0.004, 0.0, 0.0, 0.06, 0.08]))
     assert (frame.shift_m, frame.shift_rad) == (pytest.approx(0.005), pytest.approx(0.1))
+
+
+def test_a_shift_of_ten_metres_that_would_not_be_seen_is_none() -> None:
+    """Views so uncertain tell of no length; thirty times less uncertain they do."""
+    of = _of_noise(np.inf)
+    assert detectable_m(replace(of, information=1e-9 * of.information), 0.005, 0.95) is None
+    length = detectable_m(replace(of, information=1e-6 * of.information), 0.005, 0.95)
+    assert length is not None
+    assert 1.0 < length < 10.0
+    assert detectable_m(of, 0.005, 0.95) == pytest.approx(length * np.sqrt(1e-6), rel=1e-3)

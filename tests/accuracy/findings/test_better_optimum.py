@@ -2,7 +2,7 @@
 
 from types import SimpleNamespace
 
-from basecal.accuracy.findings.better_optimum import better_optimum
+from basecal.accuracy.findings.better_optimum import better_optimum, guess_led_astray
 
 
 def test_only_where_the_answer_is_another_than_the_start_led_to(evidence):
@@ -24,3 +24,10 @@ def test_a_closed_form_that_predicts_better_is_a_warning(evidence):
     (found,) = better_optimum(same)
     assert (found.code, found.severity) == ("better-optimum", "warning")
     assert "1.5 times better than the answer" in found.message
+
+
+def test_guesses_that_led_astray_are_an_info():
+    """The answer did not start from them."""
+    found = guess_led_astray()
+    assert (found.code, found.severity, found.about) == ("better-optimum", "info", ())
+    assert "the answer starts without them" in found.message

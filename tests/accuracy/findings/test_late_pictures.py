@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from basecal.accuracy.findings.late_pictures import _Late, _said
 from basecal.accuracy.verdict import calibrate
 from basecal.cell import Finding, PoseObservation, Recording, Sample
 from basecal.geometry import SE3
@@ -57,3 +58,18 @@ def test_many_are_a_warning():
     views = {s.sample: s for s in made.recording.samples if s.observations}
     (finding,) = said(made, {k: late(views[k], 0.09) for k in (11, 27, 48)})
     assert finding.severity == "warning"
+
+
+@pytest.mark.parametrize(
+    ("count", "words"),
+    [
+        (1, "a picture of wrist was not taken when its stamp says, at sample 10 (30 ms late): left out"),
+        (5, "5 pictures of wrist were not taken when their stamps say, at samples 10 to 14 (30 ms late, 10 ms late, "),
+        (6, ", 10 ms early, 30 ms early, 50 ms early, ...): left out"),
+    ],
+)
+def test_the_first_five_delays_are_told(count: int, words: str) -> None:
+    """Late or early, to a millisecond; of more pictures than that an ellipsis says so."""
+    late = [_Late(10 + k, 0.03 - 0.02 * k) for k in range(count)]
+    assert words in _said("wrist", late)
+    assert ("..." in _said("wrist", late)) == (count > 5)

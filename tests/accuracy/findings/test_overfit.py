@@ -44,3 +44,10 @@ def test_without_cross_validation_nothing_is_said(evidence):
     """Nor where nothing could be held out."""
     assert overfit(evidence()) == []
     assert overfit(evidence(cross_validation=compared(errors(1.0), errors(100.0), summary=None))) == []
+
+
+@pytest.mark.parametrize(("used", "predicted"), [((1.0,), (25.0, 1.0)), ((1.0, 0.2), (25.0,)), ((1.0,), (25.0,))])
+def test_what_cannot_be_compared_in_pixels_or_lengths_is_told_by_its_ratio(evidence, used, predicted):
+    """Where one of them has none."""
+    (made,) = overfit(evidence(cross_validation=compared(errors(*used), errors(*predicted))))
+    assert "is 5.0 times the residual of the same samples when they are used: there are too few" in made.message

@@ -42,3 +42,11 @@ def test_noise_beyond_any_arm(evidence, metres, radians, found):
     assert len(made) == found
     if found:
         assert f"{1e3 * metres:.1f} mm and {np.degrees(radians):.2f} deg" in made[0].message
+
+
+def test_what_is_contradicted_as_a_whole_is_everything(evidence):
+    """About nobody; too large sigmas alike."""
+    for ratio, severity in ((1.5, "warning"), (0.5, "info")):
+        (finding,) = poor_fit(evidence(contradicted_sigmas=(ContradictedSigma("", False, ratio, 1e-9),)))
+        assert (finding.severity, finding.about) == (severity, ())
+        assert "of everything" in finding.message

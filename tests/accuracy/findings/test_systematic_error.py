@@ -124,3 +124,13 @@ def test_what_may_be_chance_is_an_info(evidence):
     assert (finding.code, finding.severity) == ("length-scale", "info")
     assert finding.message.startswith("perhaps chance, and the covariance covers it: ")
     assert words in finding.message
+
+
+@pytest.mark.parametrize(("size", "words"), [(0.01, "short, or board is smaller"), (-0.01, "long, or board is larger")])
+def test_an_arm_too_short_is_a_target_too_small(evidence, size, words):
+    """One robot does not tell which."""
+    error = replace(found("length-scale", [size], 1e-3), or_target="board")
+    assert (
+        f"poses of hand are 1.00 +/- 0.10 % too {words}"
+        in systematic_error(evidence(systematic_error=error))[0].message
+    )

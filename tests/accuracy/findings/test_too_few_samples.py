@@ -45,3 +45,13 @@ def test_one_sample_is_too_few():
     fixed = replace(one, columns={})
     assert messages(fixed)[0].startswith("a single sample shows a target")
     assert messages(fixed.with_groups([]))[0].startswith("no sample shows a target")
+
+
+@pytest.mark.parametrize(("sigma", "few"), [(None, True), (np.ones(6), False)])
+def test_free_parameters_of_robots_are_unknowns(sigma, few):
+    """Six offsets beside a pose leave nothing to check three views by; those that a prior holds do not count."""
+    problem, _ = pose_problem(np.zeros((2, 6)), np.ones(6))
+    model = SimpleNamespace(widths={"eye_joint_offsets": 6}, sigmas={"eye_joint_offsets": sigma})
+    told = messages(replace(problem, models={"eye": model}))
+    assert bool(told) == few
+    assert not few or told[0].startswith("2 samples give 12 equations for 12 unknowns")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from tests.motion_cells import (
     wobbling,
 )
 
+from basecal.accuracy.findings import unobservable_direction
 from basecal.accuracy.findings.unobservable_direction import unobservable_by_poses
 from basecal.accuracy.verdict import calibrate
 from basecal.cell import Calibration, Recording, RobotState
@@ -217,3 +219,14 @@ def test_what_is_known_is_not_left_open_by_the_poses():
     """With the board's mount fixed the base is told, however the hand moves."""
     made = recorded(replace(SEEN["charuco"], target_mount="fixed"), 3, hand=SHIFTS)
     assert unobservable_by_poses(made.cell, problem_of(made)) == []
+
+
+@pytest.mark.parametrize("converged", [True, False])
+@pytest.mark.parametrize("by_poses", [(), ("by poses",)])
+def test_where_nothing_was_solved_the_poses_are_asked_first(monkeypatch, converged, by_poses):
+    """What the solution says counts where there is one, or where the poses say nothing."""
+    monkeypatch.setattr(unobservable_direction, "unobservable_by_poses", lambda *given: list(by_poses))
+    monkeypatch.setattr(unobservable_direction, "_by_solution", lambda *given: ["by solution"])
+    of = SimpleNamespace(cell=None, solution=SimpleNamespace(converged=converged, problem=None))
+    expected = "by poses" if by_poses and not converged else "by solution"
+    assert unobservable_direction.unobservable_directions(of) == [expected]

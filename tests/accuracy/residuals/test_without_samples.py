@@ -39,3 +39,12 @@ def test_too_few_are_told(made):
     with pytest.raises(InputError, match="no sample is left"):
         without_samples(cell.cell, cell.recording, calibration, set(range(15)))
     assert BASE not in without_samples(cell.cell, cell.recording, calibration, set(range(1, 15))).transforms
+
+
+def test_noise_that_was_estimated_is_that_of_the_calibration():
+    """Nobody stated any: the answer without some samples goes by the sigmas that all of them told."""
+    made = simulate(Scenario(samples=14, robot_noise=(3e-4, 5e-4), state_robot_noise=False), 2)
+    calibration = calibrate(made.cell, made.recording)
+    found = without_samples(made.cell, made.recording, calibration, {5})
+    before, after = (np.sqrt(np.diag(of.covariance)) for of in (calibration[BASE], found.transforms[BASE]))
+    assert np.all(np.abs(np.log(after / before)) < 0.4)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from basecal.estimation.least_squares.jacobians import by_stop_errors, by_unknowns
-from basecal.estimation.noise.mixed_model import Moments, mixed_model
+from basecal.estimation.noise.mixed_model import Moments, mixed_model, open_jitter
 from basecal.estimation.noise.reml import columns_given, posterior, sigma_count
 from basecal.estimation.noise.robot_noise import stops_made, with_robot_noise, without_errors
 from basecal.estimation.noise.terms.common_errors import CommonErrors
@@ -205,3 +205,16 @@ def dense_answer(problem, state, logs, shake):
     error, x, v = shaken_model(problem, state, logs, shake)
     covariance = np.linalg.inv(x.T @ np.linalg.solve(v, x))
     return -covariance @ (x.T @ np.linalg.solve(v, error)), covariance
+
+
+def test_jitter_of_views_that_do_not_move_is_not_open():
+    """Nothing tells it."""
+    problem, state = at_truth(replace(NOISY, target="pose", camera_mount="fixed"))
+    problem = replace(problem, open_jitter=frozenset({"wrist"}))
+    assert open_jitter(problem) == ()
+    (group,) = problem.groups
+    moving = replace(group, motion=np.ones((len(group), 6)))
+    assert open_jitter(problem.with_groups([moving])) == ("wrist",)
+    assert open_jitter(problem.with_groups([moving.take(np.zeros(0, dtype=int))])) == ()
+    assert open_jitter(replace(problem.with_groups([moving]), open_jitter=frozenset())) == ()
+    assert mixed_model(problem, state, ROBOTS).shaken == ()
