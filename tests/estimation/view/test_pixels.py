@@ -158,3 +158,36 @@ def test_a_batch_of_one_is_the_one(measurement):
     for lens in (camera, camera.with_parameters(camera.parameters[None])):
         for of, expected in zip(measurement.linearise(one, lens, True), alone, strict=True):
             np.testing.assert_array_equal(of, expected[None])
+
+
+@pytest.mark.parametrize("lens", [False, True])
+def test_many_views_say_what_few_of_them_do(measurement, lens):
+    """Chunks of them change nothing, nor do views in a batch that each saw something of its own."""
+    rng = np.random.default_rng(0)
+    rows = rng.integers(0, 3, 9000)
+    many = measurement.take(rows)
+    poses = SE3(AHEAD.rotation[rows], AHEAD.translation[rows] + 0.1 * rng.standard_normal((9000, 3)))
+    together = many.linearise(poses, LENS, lens)
+    for some in (slice(0, 3), slice(2398, 2402), slice(5758, 5762), slice(8997, 9000)):
+        numbers = np.arange(9000)[some]
+        alone = many.take(numbers).linearise(poses[numbers], LENS, lens)
+        for part, each in zip(together, alone, strict=True):
+            np.testing.assert_allclose(part[some], each, rtol=1e-9, atol=1e-9 * np.abs(each).max())
+
+
+def test_shapes_have_columns_of_their_own(measurement):
+    """After pose and lens, how points move in the target: by differences of the cost."""
+    by_shape = np.random.default_rng(2).standard_normal((5, 3, 2))
+    view = measurement.linearise_shape(AHEAD, LENS, True, by_shape)
+    plain = measurement.linearise(AHEAD, LENS, True)
+    assert view.gradient.shape == (3, 12)
+    np.testing.assert_allclose(view.gradient[:, :10], plain.gradient)
+    np.testing.assert_allclose(view.information[:, :10, :10], plain.information)
+
+    def cost(step):
+        """Of a target whose points are moved by so much."""
+        return replace(measurement, points_in_target=POINTS + by_shape @ step).linearise(AHEAD, LENS, False).cost
+
+    for k in range(2):
+        step = 1e-5 * np.eye(2)[k]
+        np.testing.assert_allclose(view.gradient[:, 10 + k], (cost(step) - cost(-step)) / 4e-5, rtol=1e-5, atol=1e-5)
