@@ -6,12 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 from tests.pose_problem import pose_problem
 
 from basecal.estimation.least_squares.studentized import MahalanobisSquared
+from basecal.estimation.outliers import classify
 from basecal.estimation.outliers.classify import CHANCE_OF_VIEW, classify_inliers, is_stated, view_scale
 from basecal.estimation.outliers.inlier_mask import InlierMask, all_inliers
 from basecal.estimation.outliers.robust_scale import robust_scale
+from basecal.estimation.outliers.view_ransac import view_ransac
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.geometry import SE3
@@ -177,3 +180,21 @@ def test_points_that_stray_one_by_one_leave_their_view(off_px, stays):
     assert np.flatnonzero(~views).tolist() == ([] if stays else [6])
     if stays:
         assert np.argwhere(~points).tolist() == [[6, 0], [6, 1], [6, 2]]
+
+
+@pytest.mark.parametrize(("target", "numbers"), [("points", 2), ("points3d", 3)])
+def test_points_that_may_come_back_are_judged_by_as_many_numbers_as_they_have(monkeypatch, target, numbers):
+    """Two of a pixel, three of a point in space, at the chance at which a good point is left out."""
+    limits = []
+
+    def kept_limit(few, poses, camera, limit, prior):
+        """As `view_ransac`."""
+        limits.append(limit)
+        return view_ransac(few, poses, camera, limit, prior)
+
+    monkeypatch.setattr(classify, "view_ransac", kept_limit)
+    problem, state = at_truth(Scenario(samples=12, target=target, robot_noise=NOISY), 2)
+    before = InlierMask((np.arange(12) != 5,), all_inliers(problem).points)
+    views, _, _ = kept_of(bumped(problem, [5]), state, before)
+    assert not views[5]
+    assert limits == [pytest.approx(chi2.isf(1e-6, numbers), rel=1e-6)]
