@@ -1,16 +1,19 @@
 """Answers with their clocks."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from basecal.accuracy.clocks.search import Clocked
 from basecal.accuracy.clocks.settle import clock_findings, clock_offsets, clocks_left, settled
+from basecal.accuracy.clocks.step import ClockStep
 from basecal.accuracy.verdict import calibrate
 from basecal.cell import Clock, Recording, RollingShutter
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.solve import Solution, solve_packed
+from basecal.estimation.streams.rolling_shutter import line_of
 from basecal.estimation.streams.streams import streams_of, synchronised
 from stream_cells import MOUNT, Streamed, pictured, streamed
 
@@ -120,3 +123,43 @@ def test_a_line_time_far_from_its_prior_is_named():
     found = calibrate(made.cell, made.recording)
     (finding,) = [f for f in found.findings if f.code == "prior-contradicted"]
     assert "the line time of wrist is 20" in finding.message or "the line time of wrist is 19" in finding.message
+
+
+def said(known: Clock, offset_s: float, step_s: float, seen: bool = True, name: str = "wrist") -> list[tuple[str, ...]]:
+    """Severity, code, device and words of what is said of a clock that was stated so, stands there and steps on."""
+    streams = SimpleNamespace(cell=SimpleNamespace(cameras={"wrist": None}), clocks={name: known})
+    left = ClockStep((name,), np.array([step_s]), np.eye(1), np.zeros((6, 1)), np.array([seen]))
+    found = clock_findings(SimpleNamespace(streams=streams, offsets_s={name: offset_s}), left)
+    return [(f.severity, f.code, *f.about, f.message) for f in found]
+
+
+@pytest.mark.parametrize(
+    ("step_s", "contradicted"), [(2.9e-3, False), (3.1e-3, True), (-4.9e-3, False), (-5.1e-3, True)]
+)
+def test_an_offset_contradicts_its_prior_at_four_sigmas(step_s: float, contradicted: bool) -> None:
+    """Where it goes counts: 1 ms from a prior of 1 ms already, to either side."""
+    found = said(Clock("prior", 0.02, 1e-3), 0.021, step_s)
+    assert bool(found) == contradicted
+    if contradicted:
+        off_ms, sigmas = ("24.1", "4.1") if step_s > 0 else ("15.9", "4.1")
+        words = f"the clock of wrist is {off_ms} ms off, {sigmas} sigma from its prior of 20.0 ms: check the prior"
+        assert found[0][:3] == ("warning", "prior-contradicted", "wrist")
+        assert words in found[0][3]
+    assert said(Clock("free", 0.02), 0.021, step_s) == []
+
+
+def test_line_times_are_told_in_microseconds() -> None:
+    """Of the camera whose they are: contradicted, or held where nothing moves."""
+    name = line_of("wrist")
+    (found,) = said(Clock("prior", 2e-5, 1e-6), 2.5e-5, 1e-6, name=name)
+    assert found[:3] == ("warning", "prior-contradicted", "wrist")
+    assert "the line time of wrist is 26.00 us, 6.0 sigma from its prior of 20.00 us:" in found[3]
+    (found,) = said(Clock("free", 2e-5), 2.5e-5, 0.0, seen=False, name=name)
+    assert found[:3] == ("info", "unobservable-direction", "wrist")
+    assert "the line time of wrist is unobservable" in found[3]
+    assert "it is held at 25.0 us, and nothing depends on it" in found[3]
+    (found,) = said(Clock("free", 2e-5), 0.0254, 0.0, seen=False)
+    assert (
+        "the clock of wrist is unobservable, since nothing moves enough while it records: it is held at 0.025 s"
+        in found[3]
+    )

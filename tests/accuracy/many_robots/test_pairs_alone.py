@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -71,3 +73,24 @@ def test_a_mix_up_in_a_ring_is_named():
     named = {(f.code, f.about) for f in found.findings if f.severity == "error"}
     assert ("robot-pose-inverted", ("r3",)) in named
     assert all("r3" in about for code, about in named)
+
+
+@pytest.mark.parametrize(("count", "many"), [(4, False), (5, True)])
+def test_four_robots_are_looked_at_together(count, many):
+    """Those that carry a camera or a target that is seen; the world is none."""
+    robots = [f"r{k}" for k in range(count)]
+    groups = [SimpleNamespace(eye=eye, hand=hand) for eye, hand in zip(robots, [None, *robots[:-1]], strict=True)]
+    assert has_many_robots(SimpleNamespace(groups=groups)) == many
+
+
+def test_a_pair_has_what_is_its_own(pairs):
+    """Its samples with its robots alone and its one view, its lens, its transforms; of the eye the base is fixed."""
+    for pair in pairs:
+        (camera,), (target,) = pair.cell.cameras, pair.cell.targets
+        assert set(pair.cell.robots) == {*pair.robots, RING.cell.reference}
+        for sample in pair.recording.samples:
+            assert set(sample.robots) <= pair.robots
+            assert [(o.camera, o.target) for o in sample.observations] == [(camera, target)]
+        assert set(pair.state.cameras) == {camera}
+        assert set(pair.state.transforms) == set(pair.cell.transforms)
+        assert len(pair.state.stop_errors) == 0
