@@ -6,8 +6,14 @@ import numpy as np
 import pytest
 from scipy.stats import kstest, norm
 
-from basecal.accuracy.stated_sigmas import contradicted_sigmas, without_contradicted
+from basecal.accuracy.stated_sigmas import (
+    _of_shared_stops,
+    _of_views,
+    contradicted_sigmas,
+    without_contradicted,
+)
 from basecal.cell import Robot
+from basecal.estimation.least_squares.studentized import leave_one_out
 from basecal.estimation.outliers.robust_solve import RobustSolution
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
@@ -84,3 +90,17 @@ def test_where_nothing_was_solved_nothing_is_judged():
     assert contradicted_sigmas(replace(small, converged=False)) == ()
     assert contradicted_sigmas(replace(small, cost=np.inf)) == ()
     assert contradicted_sigmas(replace(small, cost=np.nan)) == ()
+
+
+@pytest.mark.parametrize("changed", [{}, {"arms": "stations"}, {"target": "points", "arms": "halves"}])
+def test_freedoms_of_all_parts_are_those_of_the_whole(changed):
+    """Residuals less unknowns, shared out between what each camera saw and where each robot stood; squares alike."""
+    solution = solved(**changed)
+    problem = solution.noise.held_by(solution.problem)
+    about = leave_one_out(problem, solution.state, [np.ones(len(g)) for g in problem.groups])
+    parts = [*_of_views(about), *_of_shared_stops(about)]
+    assert {name for name, *_ in parts} == {"wrist", "eye", "hand"}
+    assert sum(freedoms for *_, freedoms in parts) == pytest.approx(solution.dof, rel=1e-6)
+    assert sum(squares for *_, squares, _ in parts) == pytest.approx(solution.cost, rel=1e-6)
+    assert all(freedoms > 0 for *_, freedoms in parts)
+    assert all(freedoms < 6 * 20 for name, _, _, freedoms in parts if name != "wrist")
