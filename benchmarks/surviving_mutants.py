@@ -146,6 +146,102 @@ WHY: dict[tuple[str, str, str, str], str] = {
         "-1",
         "1",
     ): "equivalent: the last of two axes",
+    (
+        "estimation/observability/motions.py",
+        "off = (carried - mean).reshape(-1, 6)",
+        "1",
+        "2",
+    ): "equivalent: to NumPy any negative length is the one that is left",
+    (
+        "estimation/solve.py",
+        "eye_base_from_hand_base = fused([s.base() for s in stations], [1.0] * len(stations))",
+        "1.0",
+        "10.0",
+    ): "equivalent: all weights are alike, and shares of their sum",
+    (
+        "estimation/start/lens.py",
+        "chords = BearingMeasurement(measurement.points_in_target, np.where(valid[..., None], bearings, 0.0), weight)",
+        "0.0",
+        "1.0",
+    ): "equivalent: these directions have no weight",
+    (
+        "estimation/start/rotation_search.py",
+        "_LOOPS_AT_A_TIME = 8",
+        "8",
+        "9",
+    ): "equivalent: loops side by side do not know of one another",
+    (
+        "estimation/view/pixels.py",
+        "size = max(1, (_CHUNK_LENS_POINTS if lens else _CHUNK_POINTS) // max(points, 1))",
+        "1",
+        "2",
+    ): "equivalent: views say the same in chunks of any size",
+    (
+        "geometry/se3.py",
+        "if left.ndim > 2 and left.shape[-3] == 1 and right.ndim > 2:",
+        "2",
+        "3",
+    ): "equivalent: the same product the slower way",
+    (
+        "kinematics/urdf.py",
+        "if link not in above or len(way) > len(above):",
+        "len(way) > len(above)",
+        "len(way) >= len(above)",
+    ): "equivalent: a way of as many joints as there are that goes on is a ring",
+    (
+        "estimation/least_squares/normal_equations.py",
+        "return _Marginal(gradient, information, np.zeros(gradient.shape[:-1]), np.zeros(gradient.shape[:-2]))",
+        "2",
+        "3",
+    ): "equivalent: a zero is added to all of a batch",
+    (
+        "estimation/noise/target_shape.py",
+        "return measurement.points_in_target if isinstance(measurement, PixelMeasurement) else np.zeros((0, 3))",
+        "3",
+        "4",
+    ): "equivalent: of no points only their number is asked",
+    (
+        "estimation/noise/view_estimates.py",
+        "if by_shape is not None and by_shape.shape[-1] == by_shape[..., 0].size:",
+        "0",
+        "1",
+    ): "equivalent: one slice is as large as another",
+    (
+        "estimation/outliers/robust_scale.py",
+        "if not now.any() or np.array_equal(now, within):",
+        "not now.any() or np.array_equal(now, within)",
+        "not now.any() and np.array_equal(now, within)",
+    ): "equivalent: further rounds change nothing, and the better half is always within",
+    (
+        "estimation/view/view_pose.py",
+        "matrix = smallest_vectors(_squared_misses(bearings, homogeneous)).reshape(len(bearings), 3, -1)",
+        "1",
+        "2",
+    ): "equivalent: to NumPy any negative length is the one that is left",
+    (
+        "cell/format/yaml_text.py",
+        "_WIDTH = 4096  # characters before a line is broken: a matrix stays on one",
+        "4096",
+        "4097",
+    ): "no test so far: a line of 4096 characters more or less",
+    (
+        "accuracy/drift/shared_errors.py",
+        "_HIDDEN = 1e-9  # share of the information below which a direction of a camera's place is not seen",
+        "1e-09",
+        "1e-08",
+    ): "no test so far: shares of rounding are far below either, those of what is seen far above",
+    (
+        "estimation/observability/observability.py",
+        "few = [g.take(slice(None, None, -(-len(g) // _ENOUGH_VIEWS))) for g in problem.groups if len(g)]",
+        "-(-len(g) // _ENOUGH_VIEWS)",
+        "-len(g) // _ENOUGH_VIEWS",
+    ): "no test so far: every other view, counted from the last: the median is of others",
+    (
+        "accuracy/systematic_errors/score_tests.py",
+        "tied = np.zeros((0 if system is None else len(system.precision), 6, b, q))",
+        "0",
+        "1",
+    ): "equivalent: without shared stops these sums are not used",
 }
 
 

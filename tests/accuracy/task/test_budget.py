@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.accuracy.task.budget import REST, budget
+from basecal.accuracy.task.budget import COMMON, REST, budget, calibration_budget
 from basecal.accuracy.task.task import Task, task_at
 from basecal.accuracy.verdict import calibrate
 from basecal.estimation.settings import Settings
@@ -111,3 +111,18 @@ def test_a_calibration_has_a_budget_where_a_task_is_named():
     assert sum(entry.rms_m**2 for entry in calibration.budget) == pytest.approx(total, rel=1e-6)
     assert {e.source for e in calibration.budget} >= {"views of wrist", "repeatability of eye", "repeatability of hand"}
     assert calibrate(made.cell, made.recording).budget is None
+
+
+@pytest.mark.parametrize("common", [{}, {"smooth": {"eye": np.array([1e-4, 1e-4])}}])
+def test_what_is_left_over_is_called_by_what_was_estimated(common):
+    """How well the noise is known; where arms' poses have errors in common, these too."""
+    made = simulate(Scenario(samples=12, target="pose", robot_noise=(1e-4, 2e-4)), 3)
+    solution, calibration = solve(made.cell, made.recording), calibrate(made.cell, made.recording)
+    wide = {name: replace(e, covariance=3 * e.covariance) for name, e in calibration.transforms.items()}
+    solution = replace(solution, noise=replace(solution.noise, common=common))
+    found = calibration_budget(made.cell, replace(calibration, transforms=wide), solution, {}, np.array(POINT))
+    shares = {entry.source: entry.share for entry in found}
+    assert shares[COMMON if common else REST] == pytest.approx(2 / 3, rel=1e-2)
+    assert len({REST, COMMON} & shares.keys()) == 1
+    nothing = replace(calibration, transforms={})
+    assert calibration_budget(made.cell, nothing, solution, {}, np.array(POINT)) is None

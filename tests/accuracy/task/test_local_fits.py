@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
+from basecal.accuracy.cross_validation.refit import refit_folds
+from basecal.accuracy.task import local_fits as module
 from basecal.accuracy.task.error_map import seen_at
 from basecal.accuracy.task.local_fits import CHANCE, FEWEST_SAMPLES, MOST_PARTS, local_fits
 from basecal.cell import Recording, RobotState
@@ -90,3 +92,28 @@ def test_a_box_is_the_only_part(made: SimulatedCell) -> None:
 def test_a_box_with_few_samples_is_no_part(made: SimulatedCell) -> None:
     solution = solve(made.cell, made.recording)
     assert local_fits(solution, [BASE], [5.0, 5.0, 5.0, 6.0, 6.0, 6.0]) == ()
+
+
+def test_views_count_by_how_near_they_are_to_the_part(made: SimulatedCell, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As a normal density about its middle, as wide as its own samples are spread, in three directions alike."""
+    given = []
+
+    def refitted(*arguments, worth=None):
+        """As `refit_folds`, with what views count."""
+        given.append(worth)
+        return refit_folds(*arguments, worth=worth)
+
+    monkeypatch.setattr(module, "refit_folds", refitted)
+    solution = solve(made.cell, made.recording)
+    found = local_fits(solution, [BASE])
+    (group,) = solution.problem.groups
+    places = seen_at(group, solution.state)
+    everywhere, *parts = given
+    assert everywhere is None
+    assert len(parts) == len(found)
+    for part, (worth,) in zip(found, parts, strict=True):
+        own = places[np.isin(group.sample, part.samples)]
+        np.testing.assert_allclose(part.centre_m, own.mean(0))
+        reach = np.sqrt(np.mean(np.sum((own - own.mean(0)) ** 2, axis=-1)))
+        away = np.linalg.norm(places - own.mean(0), axis=-1) / reach
+        np.testing.assert_allclose(worth, np.exp(-(away**2) / 2))
