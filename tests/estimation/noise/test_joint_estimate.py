@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from basecal.estimation.noise import joint_estimate
+from basecal.estimation.noise.estimate import NoiseEstimate
 from basecal.estimation.noise.joint_estimate import _units, estimate_jointly, integrate_sigmas
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_from
+from basecal.estimation.view.measurement import Noise
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 from quick import quick
@@ -187,3 +190,19 @@ def test_many_views_start_from_the_sigmas_of_some_of_them_where_these_settled(mo
     _, _, noise = estimate_jointly(problem, state, 50)
     assert asked == ([12] if settled else [])
     assert noise.settled == settled
+
+
+@pytest.mark.parametrize(
+    ("terms", "counted"),
+    [(["smooth"], ["", "smooth"]), (["smooth", "sag"], ["", "smooth", "sag"]), (["sag", "links"], ["sag", "links"])],
+)
+def test_no_arm_is_built_as_stated(monkeypatch, terms, counted):
+    """Where links or zeros are modelled, the model without any of them does not count, however likely it is."""
+    models = {name: SimpleNamespace(surprise=10.0 * len(name), name=name) for name in ("", *terms)}
+    integrated = []
+    monkeypatch.setattr(joint_estimate, "sigma_models", lambda *of: models)
+    monkeypatch.setattr(joint_estimate, "integrated_covariance", lambda of, about: integrated.extend(of) or np.eye(2))
+    noise = NoiseEstimate(Noise(), 1.0, (), True, logs=np.zeros(1))
+    found = joint_estimate.integrate_sigmas(SimpleNamespace(width=2), None, noise)
+    assert [each.name for each in integrated] == counted
+    assert (found.surprise, dict(found.common)) == (0.0, {})

@@ -51,14 +51,14 @@ class CommonPrior(NamedTuple):
     tie: float = _TIE
 
 
-KINEMATICS = CommonPrior((8e-4, 3.0), is_over_stop=False, lever=(0.2, 2.0))
+KINEMATICS = CommonPrior((8e-4, 5.0), is_over_stop=False, lever=(0.2, 2.0))
 """Of each joint and link of an arm that is built otherwise than stated.
 
 What makers find of each arm before it leaves them tells what a URDF of its type lacks: of fifteen arms of Universal
 Robots whose calibrations are in public repositories, taken for turns alike of all joints and links, 1.2 mrad within a
 factor of 1.9, with shifts of 0.1 m times that. Two Motoman MA1400 have 1.2 mrad and 0.65 mm. An accuracy of 0.5 to 2 mm
-comes of 0.8 mrad (Nubiola & Bonev 2013); that of an arm that was calibrated, of a tenth, is within two standard
-deviations, and so are the 7 mrad of hobbyists' arms.
+comes of 0.8 mrad (Nubiola & Bonev 2013); that of an arm that was calibrated, of a tenth, and the 7 mrad of hobbyists'
+arms are within one and a half standard deviations.
 """
 
 

@@ -175,8 +175,10 @@ def integrate_sigmas(problem: Problem, state: State, noise: NoiseEstimate) -> No
         return noise
     models = sigma_models(problem, state, noise)
     likeliest = min(models, key=lambda name: models[name].surprise)
+    is_sure = any(noise_terms()[name].IS_SURE for name in models if name)
+    counted = [of for name, of in models.items() if name or not is_sure]
     with np.errstate(all="ignore"):
-        covariance = integrated_covariance(list(models.values()), np.zeros(problem.width))
+        covariance = integrated_covariance(counted, np.zeros(problem.width))
     best = models[likeliest]
     common = {likeliest: _sigmas(best, problem).common} if likeliest else {}
     return replace(noise, common=common, covariance=covariance, surprise=best.surprise)

@@ -14,6 +14,7 @@ from basecal.estimation.problem.problem import Problem
 
 EXPECTED = KINEMATICS
 IS_LEFT = True
+IS_SURE = True
 FIGURES: Mapping[str, float] = {}
 
 

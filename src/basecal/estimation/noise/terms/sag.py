@@ -18,6 +18,7 @@ from basecal.kinematics import gravity_torques
 
 EXPECTED = KINEMATICS
 IS_LEFT = True
+IS_SURE = False
 FIGURES: Mapping[str, float] = {}
 _ALIKE = 0.7  # of the variance of compliances, what all joints of an arm share
 

@@ -21,6 +21,7 @@ LENGTH_M = 0.7
 _ARM_M = 1.0
 EXPECTED = CommonPrior((2.5, 2.0))  # smooth errors are larger than what differs between neighbouring stops
 IS_LEFT = False
+IS_SURE = False
 FIGURES = {"length_m": LENGTH_M}
 _FEWEST_STOPS = 4  # fewer show nothing of how errors change over poses
 _MOST_STOPS = 150  # that the modes are found of: more are between these

@@ -24,11 +24,13 @@ class NoiseTerm(Protocol):
     Attributes:
         EXPECTED: What is expected of its sigmas beforehand.
         IS_LEFT: Whether what is told of it is what a base and a mount leave, which take up most of such errors.
+        IS_SURE: Whether every arm that has it modelled has some of it, however little: none is built as stated.
         FIGURES: What else is told of it beside its sigmas, by the names that its words in the registry have.
     """
 
     EXPECTED: CommonPrior
     IS_LEFT: bool
+    IS_SURE: bool
     FIGURES: Mapping[str, float]
 
     def errors(self, problem: Problem, robot: str) -> CommonErrors | None:
