@@ -220,6 +220,10 @@ def test_a_ridge_fades_out_what_holds_next_to_nothing():
     of = Spectrum(np.array([1e-15, 1e-9, 1e-3, 1.0]), turn, np.ones(4), np.array([False, False, True, True]))
     ridged = of.ridged(1e-9)
     np.testing.assert_allclose(of.values / ridged.values, [1e-6, 0.5, 1.0, 1.0], atol=2e-6)
+    larger = Spectrum(100 * of.values, turn, np.ones(4), of.held)
+    np.testing.assert_allclose(larger.ridged(1e-9).values, 100 * ridged.values)
+    nothing = Spectrum(np.array([-1e-20, 0.0, 0.0, 0.0]), turn, np.ones(4), of.held).ridged(1e-9)
+    assert np.all(nothing.values > 0)
     along = turn @ np.array([1e-9, 1e-5, 0.1, 2.0])
     assert ridged.mahalanobis_squared(along) == pytest.approx(1e-9 + 1e-10 / 2e-9 + 10.0 + 4.0, rel=1e-5)
 
