@@ -52,3 +52,16 @@ def test_a_new_cell_is_all_that_is_added() -> None:
     """Where there is none, what is added makes it."""
     text, _ = completed_cell_text(None, {"reference": "left", "robots": {"left": {}}}, "cell.yaml")
     assert cell_from_dict(parse_yaml(text, "cell.yaml").data).reference == "left"
+
+
+def test_what_is_added_is_written_as_by_hand() -> None:
+    """A line for each innermost mapping or list, those around them as blocks."""
+    added = {"cameras": {"cam": {"on": "left", "mount": {"status": "fixed", "t_m": [0.0, 0.1, 0.2]}}}}
+    text, changed = completed_cell_text("schema: basecal/cell/1\n", added, "cell.yaml")
+    assert text.splitlines()[1:] == [
+        "cameras:",
+        "  cam:",
+        "    on: left",
+        "    mount: {status: fixed, t_m: [0.0, 0.1, 0.2]}",
+    ]
+    assert changed == ("cameras",)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -71,3 +73,20 @@ def test_doubtful_views_count_for_nothing():
     costs = ViewCosts(SE3.identity((3,)), np.array([1.0, 1.0, 1.0]), np.ones(3), np.array([2.0, 11.0, np.inf]))
     np.testing.assert_array_equal(costs.without_doubtful(5.0).weight, [0.0, 1.0, 1.0])
     np.testing.assert_array_equal(costs.without_doubtful(0.5).weight, [1.0, 1.0, 1.0])
+
+
+def test_a_view_of_three_points_proves_nothing():
+    """It costs nothing however it is turned, and the others what they did."""
+    made = simulate(Scenario(samples=3), 4)
+    problem, _ = build_problem(made.cell, made.recording)
+    state = State(made.truth, made.cameras, np.zeros((len(problem.stops), 6)))
+    (group,) = problem.groups
+    whole = view_costs(problem, state, group)
+    seen = group.measurement.seen.copy()
+    seen[1, 3:] = False
+    few = replace(group, measurement=replace(group.measurement, seen=seen, weight=seen * group.measurement.weight))
+    found = view_costs(problem.with_groups([few]), state, few)
+    assert (found.constant[1], found.weight[1]) == (0.0, 0.0)
+    for part in ("constant", "weight"):
+        np.testing.assert_allclose(getattr(found, part)[[0, 2]], getattr(whole, part)[[0, 2]], rtol=1e-6)
+    assert np.all(whole.weight > 0)
