@@ -242,6 +242,24 @@ WHY: dict[tuple[str, str, str, str], str] = {
         "0",
         "1",
     ): "equivalent: without shared stops these sums are not used",
+    (
+        "geometry/lens.py",
+        "if not np.any((square > _BEFORE_LAST**2) | (determinant < _REGULAR)):  # what is no number stays none",
+        "2",
+        "3",
+    ): "equivalent: a step of Newton's method more, where it has converged",
+    (
+        "estimation/start/closed_form.py",
+        "rows = (np.concatenate([left, -right], -1) * weight[:, None, None]).reshape(-1, 18)",
+        "1",
+        "2",
+    ): "equivalent: to NumPy any negative length is the one that is left",
+    (
+        "estimation/start/rotation_grid.py",
+        "tuple(np.array([base[i] for i in p]) * [s[i] if i < 3 else 1 for i in p])",
+        "1",
+        "2",
+    ): "equivalent: this sign is of a zero",
 }
 
 

@@ -100,3 +100,16 @@ def test_a_view_is_found_where_its_best_pose_is():
     poses = SE3.identity((3, 2))
     found = ViewPoses(poses, np.array([[1.0, np.inf], [np.inf, np.inf], [1.0, 2.0]]), np.zeros((3, 6, 6))).found
     assert found.tolist() == [True, False, True]
+
+
+@pytest.mark.parametrize(("points", "fewest"), [(FLAT, 4), (DEEP, 6)], ids=["flat", "deep"])
+def test_four_points_of_a_plane_or_six_in_space_have_a_pose(points, fewest):
+    """One less has none."""
+    pose = tilted(2, 0.7)
+    chords = seen_from(pose, points)
+    spread = [0, 3, 16, 19, 9, 6]
+    chords.weight[:] = 0.0
+    chords.weight[0, spread[:fewest]] = chords.weight[1, spread[: fewest - 1]] = 2000.0
+    found = poses_of(chords)
+    assert found.found.tolist() == [True, False]
+    assert np.abs((pose[0].inverse() @ found.camera_from_target[0, 0]).log()).max() < 1e-6
