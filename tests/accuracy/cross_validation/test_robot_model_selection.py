@@ -40,6 +40,7 @@ def test_one_joint_that_is_off_is_named_with_its_offset():
     choice = choose_robot_model(solve(made.cell, made.recording))
     assert choice is not None
     assert (choice.chosen.kind, choice.chosen.robots, choice.chosen.joint) == ("joint", ("hand",), 2)
+    assert choice.better is None  # nothing predicts clearly better than the simplest that is not clearly worse
     found = robot_parameters(choice.solution)["joint_offsets"]["hand"]
     assert abs(found.values[2] - 0.3 * DEGREE) < 4 * found.sigma[2] < 0.1 * DEGREE
     (finding,) = robot_model_findings(choice)
