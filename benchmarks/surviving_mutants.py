@@ -260,6 +260,18 @@ WHY: dict[tuple[str, str, str, str], str] = {
         "1",
         "2",
     ): "equivalent: this sign is of a zero",
+    (
+        "accuracy/task/budget.py",
+        "return BudgetEntry(name, rms_m, variance / total if total > 0 else 0.0, left_m)",
+        "total > 0",
+        "total >= 0",
+    ): "equivalent: where there is no error no source has a part of it",
+    (
+        "accuracy/residuals/loops.py",
+        "while len(steps) > 2 and steps[0].path == steps[-1].path[::-1]:",
+        "2",
+        "3",
+    ): "equivalent: every step leads to another base, so that none lies between one forth and the same one back",
 }
 
 
