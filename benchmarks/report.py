@@ -331,7 +331,8 @@ One expression of one file changed at a time: does a test of its own room fail? 
 are in these packages. Asked: 90 % of those that are not equivalent. What survived was looked at one by one; where it
 showed a gap a test was written, and the survivors were judged again (`--again`). Seed 11 was the first. Each later seed
 was drawn when tests for those before had been written, and none for its own mutants: `killed` is by the tests as they
-stood then."""
+stood then. For most survivors of seeds 12 to 14 tests have been written since; only where it is told have these judged
+them."""
     parts = [about]
     for run in runs:
         parts += [_about_run(run), table(mutants.HEAD, mutants.rows(run))]
@@ -342,7 +343,8 @@ def _about_run(run: Result) -> str:
     judged, short = sum(run["mutants"].values()), run.get("by_own_tests_alone", 0)
     drawn = f"{judged} of {run['drawn']} drawn" if run.get("drawn", judged) > judged else f"{judged} drawn"
     left = f"; {short} that the tests of their own name left count as survived, the rest of their room not run"
-    again = f"; survivors judged again at commit {run['again']}" if "again" in run else ""
+    who = f"{run['judged_again']} of its survivors" if "judged_again" in run else "survivors"
+    again = f"; {who} judged again at commit {run['again']}" if "again" in run else ""
     tests = f" with the tests of {run['tests']}" if "tests" in run else ""
     return f"Seed {run['seed']}, commit {run['commit']}{tests}, {drawn}{left if short else ''}{again}:"
 

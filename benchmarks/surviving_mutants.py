@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-UNKNOWN = "no test so far"
+UNKNOWN = "no test has judged it so far"
 
 # By file, line, what stood there and what stands there now.
 WHY: dict[tuple[str, str, str, str], str] = {
