@@ -8,8 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from basecal.cell import PixelObservation, PointObservation, Recording, Robot, RobotState, Sample
-from basecal.estimation.problem.build import build_problem, canonical_order
+from basecal.cell import (
+    CandidateObservation,
+    PixelObservation,
+    PointObservation,
+    Recording,
+    Robot,
+    RobotState,
+    Sample,
+)
+from basecal.cell.robot_parameters import joint_offsets, link_parameters
+from basecal.errors import InputError
+from basecal.estimation.problem.build import build_problem, canonical_order, recorded_by_joints
 from basecal.estimation.problem.problem import Problem
 from basecal.geometry import SE3
 from basecal.kinematics import read_chain
@@ -103,3 +113,153 @@ def test_one_camera_may_see_pixels_and_points_of_one_target():
     problem, _ = build_problem(s.cell, Recording((mixed, *s.recording.samples[1:])))
     assert [len(g) for g in problem.groups] == [3, 1]
     assert {g.camera_mount for g in problem.groups} == {"eye_flange_from_wrist"}
+
+
+def _by_joints_where(made, has_joints, noise=None):
+    """The hand recorded by joints in some samples and by its pose in the others; the cell has its chain."""
+    chain = read_chain(URDF, "base_link", "tool0")
+    joints = np.random.default_rng(3).uniform(-1, 1, (len(has_joints), chain.n))
+    samples = tuple(
+        _with_hand(sample, RobotState(joints_rad=joints[k])) if has_joints[k] else sample
+        for k, sample in enumerate(made.recording.samples)
+    )
+    cell = replace(made.cell, robots={**made.cell.robots, "hand": Robot("hand", chain=chain, noise=noise)})
+    return cell, Recording(samples), chain.forward(joints)
+
+
+def test_some_samples_may_have_joints_and_others_poses():
+    """Each flange is where its own sample says; the joints of all are known only where all have them."""
+    made = simulate(Scenario(samples=5), seed=0)
+    has_joints = [True, False, True, True, False]
+    cell, recording, forward = _by_joints_where(made, has_joints)
+    problem, findings = build_problem(cell, recording)
+    (group,) = problem.groups
+    assert findings == []
+    for k, sample in enumerate(made.recording.samples):
+        expected = forward[k] if has_joints[k] else sample.robots["hand"].base_from_flange
+        np.testing.assert_allclose(group.hand_base_from_hand_flange[k].matrix, expected.matrix, atol=1e-12)
+    assert (group.eye_joints, group.hand_joints) == (None, None)
+    assert not recorded_by_joints(problem, "hand")
+    whole, _ = build_problem(*_by_joints_where(made, [True] * 5)[:2])
+    assert recorded_by_joints(whole, "hand")
+    assert not recorded_by_joints(whole, "eye")
+    assert whole.groups[0].hand_joints.shape == (5, 6)
+
+
+def test_a_pose_that_is_recorded_beside_joints_counts():
+    """What the robot's controller says comes before what its kinematics say."""
+    made = simulate(Scenario(samples=4), seed=0)
+    cell, recording, _ = _by_joints_where(made, [True] * 4)
+    poses = [sample.robots["hand"].base_from_flange for sample in made.recording.samples]
+    both = [
+        _with_hand(sample, replace(sample.robots["hand"], base_from_flange=pose))
+        for sample, pose in zip(recording.samples, poses, strict=True)
+    ]
+    (group,) = build_problem(cell, Recording(tuple(both)))[0].groups
+    np.testing.assert_array_equal(group.hand_base_from_hand_flange.matrix, SE3.stack(poses).matrix)
+    assert group.hand_joints.shape == (4, 6)
+
+
+def test_joints_without_kinematics_are_refused():
+    """The robot is named."""
+    made = simulate(Scenario(samples=4), seed=0)
+    _, recording, _ = _by_joints_where(made, [False, False, True, False])
+    with pytest.raises(InputError, match="robot 'hand' is recorded by joints and has no urdf"):
+        build_problem(made.cell, recording)
+
+
+def test_parameters_need_kinematics_and_joints_in_every_sample():
+    """Both kinds asked for are named; one that is fixed asks nothing, nor does a robot that no camera sees."""
+    made = simulate(Scenario(samples=4), seed=0)
+    asked = {
+        "joint_offsets": joint_offsets.Stated(status="prior", sigma_rad=0.01),
+        "link_parameters": link_parameters.Stated(status="free"),
+    }
+    wanted = "robot 'hand': to estimate joint_offsets and link_parameters, its urdf and joints_rad in every sample"
+    for has_joints, chain in (([True, True, False, True], True), ([False] * 4, False)):
+        cell, recording, _ = _by_joints_where(made, has_joints)
+        hand = replace(cell.robots["hand"], parameters=asked)
+        hand = hand if chain else replace(hand, chain=None)
+        with pytest.raises(InputError, match=wanted):
+            build_problem(replace(cell, robots={**cell.robots, "hand": hand}), recording)
+        still = replace(hand, parameters={"joint_offsets": joint_offsets.Stated(status="fixed")})
+        idle = replace(hand, name="idle")
+        problem, _ = build_problem(replace(cell, robots={**cell.robots, "hand": still, "idle": idle}), recording)
+        assert problem.models == {}
+    cell, recording, _ = _by_joints_where(made, [True] * 4)
+    one = {**asked, "link_parameters": link_parameters.Stated(status="fixed")}
+    hand = replace(cell.robots["hand"], parameters=one)
+    problem, _ = build_problem(replace(cell, robots={**cell.robots, "hand": hand}), recording)
+    assert list(problem.models) == ["hand"]
+    assert list(problem.models["hand"].columns) == ["joint_offsets"]
+
+
+@pytest.mark.parametrize(("lacking", "shown"), [(10, ", 8, 9"), (11, ", 8, 9, ...")])
+def test_the_first_ten_samples_left_out_are_named(lacking, shown):
+    """And that there are more; all of them are in the finding."""
+    made = simulate(Scenario(samples=14), seed=0)
+    samples = [
+        replace(sample, robots={"eye": sample.robots["eye"]}) if k < lacking else sample
+        for k, sample in enumerate(made.recording.samples)
+    ]
+    _, (finding,) = build_problem(made.cell, Recording(tuple(samples)))
+    expected = f"{lacking} view(s) not used, no pose of hand in the same sample: sample 0, 1, 2, 3, 4, 5, 6, 7{shown}"
+    assert finding.message == expected
+    assert finding.about == tuple(str(k) for k in range(lacking))
+
+
+@pytest.mark.parametrize("shape", ["board", "none"])
+def test_candidates_for_several_lights_are_left_out(shape):
+    """Which spot is which point nothing tells, of a target of several points nor of one without a kind."""
+    made = simulate(Scenario(samples=5, target="points" if shape == "board" else "pose"), seed=0)
+    (board,) = made.cell.targets.values()
+    spots = CandidateObservation("wrist", board.name, np.array([[100.0, 200.0], [300.0, 50.0]]))
+    first = replace(made.recording.samples[0], observations=(spots,))
+    problem, (finding,) = build_problem(made.cell, Recording((first, *made.recording.samples[1:])))
+    assert [len(group) for group in problem.groups] == [4]
+    assert finding.about == ("0",)
+    assert finding.message.startswith("1 view(s) not used, candidates for several lights")
+
+
+def test_only_robots_with_noise_have_stops():
+    """Zero sigmas are none; stops are numbered on from robot to robot, with the sigmas of each."""
+    made = simulate(Scenario(samples=3, robot_noise=(1e-3, 2e-3)), seed=0)
+    eye, hand = made.cell.robots["eye"], made.cell.robots["hand"]
+    for first, second, stops in (
+        (eye, hand, ([0, 1, 2], [3, 4, 5])),
+        (replace(eye, noise=np.zeros(6)), hand, ([-1] * 3, [0, 1, 2])),
+        (eye, replace(hand, noise=None), ([0, 1, 2], [-1] * 3)),
+    ):
+        hand_noise = None if second.noise is None else 3 * second.noise
+        robots = {"eye": first, "hand": replace(second, noise=hand_noise)}
+        problem, _ = build_problem(replace(made.cell, robots=robots), made.recording)
+        (group,) = problem.groups
+        assert (sorted(group.eye_stop), sorted(group.hand_stop)) == stops
+        expected = [robots[name].noise for name in problem.stops.robot]
+        np.testing.assert_array_equal(problem.stops.sigma, np.reshape(expected, (-1, 6)))
+        assert problem.unstated == ({"hand"} if hand_noise is None else set())
+        assert problem.stands == {"eye": 3, "hand": 3}
+        assert sorted(group.eye_stand) == sorted(group.hand_stand) == [0, 1, 2]
+
+
+def test_columns_follow_one_another():
+    """Six of a transform that is not fixed, three of a light's mount, and four and the terms of a lens."""
+    made = simulate(Scenario(samples=4, target="led", intrinsics="free", camera_mount="fixed"), seed=0)
+    problem, _ = build_problem(made.cell, made.recording)
+    widths = {name: where.stop - where.start for name, where in problem.columns.items()}
+    assert widths == {"eye_base_from_hand_base": 6, "hand_flange_from_board": 3, "wrist": 9}
+    assert [where.start for where in problem.columns.values()] == [0, *np.cumsum([*widths.values()])[:-1]]
+    still = simulate(Scenario(samples=4, base="fixed", target="pose", intrinsics="free"), seed=0)
+    problem, _ = build_problem(still.cell, still.recording)
+    assert problem.columns == {"eye_flange_from_wrist": slice(0, 6), "hand_flange_from_board": slice(6, 12)}
+    assert problem.lenses == {}
+
+
+def test_what_no_robot_carries_stays_where_it_is():
+    """A board on the world: its flange is the world, which has neither stops nor joints nor a base."""
+    made = simulate(Scenario(samples=4, layout="eye_in_hand", robot_noise=(1e-3, 1e-3)), seed=0)
+    (group,) = build_problem(made.cell, made.recording)[0].groups
+    assert (group.eye, group.hand, group.eye_base, group.hand_base, group.hand_joints) == ("arm", *[None] * 4)
+    np.testing.assert_array_equal(group.hand_base_from_hand_flange.matrix, np.broadcast_to(np.eye(4), (4, 4, 4)))
+    assert group.hand_stop.tolist() == group.hand_stand.tolist() == [-1] * 4
+    assert sorted(group.eye_stop) == sorted(group.eye_stand) == [0, 1, 2, 3]

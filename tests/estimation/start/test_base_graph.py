@@ -50,3 +50,25 @@ def test_a_base_that_nothing_names_stays(bases) -> None:
     alone = SE3.exp(np.arange(6) * 0.1)
     found = placed_by_all({**{k: v for k, v in bases.items() if k}, "alone": alone}, told)
     np.testing.assert_array_equal(found["alone"].matrix, alone.matrix)
+
+
+def test_bases_are_those_of_least_squares(bases, rng) -> None:
+    """Relations that contradict one another, the reference on either side: no step of a base lessens what is left."""
+    told = ring(bases, 0.05 * rng.standard_normal((12, 6)))
+    told[0] = Relation(told[0].hand_base, told[0].eye_base, told[0].eye_base_from_hand_base.inverse())
+    eye_from_hand = SE3.stack([of.eye_base_from_hand_base for of in told])
+    found = placed_by_all({name: bases[name] @ SE3.exp(np.full(6, 0.1)) for name in bases if name}, told)
+
+    def misfit(moved):
+        at = {None: SE3.identity(), **found, **moved}
+        eye, hand = (SE3.stack([at[name] for name in side]) for side in zip(*pairs, strict=True))
+        return float(np.sum((eye_from_hand.inverse() @ eye.inverse() @ hand).log() ** 2))
+
+    pairs = [(of.eye_base, of.hand_base) for of in told]
+    least = misfit({})
+    assert least > 1e-3
+    for name, pose in found.items():
+        for step in 1e-4 * np.eye(6):
+            there, back = (misfit({name: pose @ SE3.exp(sign * step)}) for sign in (1, -1))
+            assert there > least < back
+            assert abs(there - back) < 1e-6 * least
