@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import norm
+from scipy.stats import multivariate_normal, norm
 
 from basecal.estimation.noise.hyperpriors import KINEMATICS, CommonPrior, LogNormals, hyperpriors
 from basecal.estimation.noise.mixed_model import mixed_model
@@ -115,3 +115,61 @@ def test_forms_of_logarithms_are_normal():
     np.testing.assert_allclose(forms @ of.start, of.mean)
     np.testing.assert_allclose(of.value(of.start)[1], 0.0, atol=1e-12)
     np.testing.assert_allclose(of.curvature @ (logs - of.start), slope)
+
+
+def _pooled_cost(logs, scale, factor):
+    """Minus twice the log density of robots of one cell: each apart by a factor of two, all together by `factor`."""
+    own = np.log(2.0) ** 2
+    covariance = np.full((len(logs), len(logs)), np.log(factor) ** 2 - own) + own * np.eye(len(logs))
+    return -2 * multivariate_normal.logpdf(logs, np.full(len(logs), np.log(scale)), covariance)
+
+
+def _apart(value, mean, factor):
+    """That of one logarithm, or a difference of two."""
+    return -2 * norm.logpdf(value, mean, np.log(factor))
+
+
+@pytest.mark.parametrize("lever", [None, 0.3])
+@pytest.mark.parametrize("is_over_stop", [True, False])
+def test_all_that_is_known_of_sigmas_is_one_density(lever, is_over_stop, rng):
+    """Of views by their scatter, arms by reach and turns alike, errors in common, written out one by one."""
+    model = _model(CommonErrors.in_every_coordinate(np.ones((8, 1))))
+    common = CommonPrior((2.5, 3.0), is_over_stop, (lever, 1.7), tie=1.4)
+    (key,) = open_parts(model)
+    model = replace(model, white={key: (9.0, 100.0)})
+    prior = hyperpriors(model, {"eye": 0.5, "hand": 0.02}, common)
+    logs = prior.start + rng.standard_normal(9)
+    scatter = (logs[0] - np.log(2 * 0.3)) / np.hypot(np.log(3), 1 / np.sqrt(200))
+    cost = scatter**2 + np.log(2 * np.pi * (np.log(3) ** 2 + 1 / 200))
+    turns, shared = logs[[2, 4]], logs[[6, 8]]
+    for k, reach in enumerate((0.5, 0.1)):  # an arm is not shorter than a tenth of a metre
+        cost += _apart(logs[1 + 2 * k] - turns[k], np.log(reach), 1.4)
+        cost += _apart(logs[5 + 2 * k] - shared[k], np.log(lever or reach), 1.7)
+        cost += _apart(shared[k] - turns[k], np.log(2.5), 3.0) if is_over_stop else 0.0
+    cost += _pooled_cost(turns, 3e-4, 4.0)
+    cost += 0.0 if is_over_stop else _pooled_cost(shared, 2.5, 3.0)
+    assert prior.value(logs)[0] == pytest.approx(cost, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("freedoms", "mean", "factor"), [(19.0, 0.2, 5.0), (20.0, 2.0, np.exp(np.hypot(np.log(3), 40**-0.5)))]
+)
+def test_twenty_freedoms_tell_how_points_scatter(freedoms, mean, factor):
+    """Of fewer what detectors have counts, within a factor of five."""
+    model = _model()
+    (key,) = open_parts(model)
+    prior = hyperpriors(replace(model, white={key: (freedoms, freedoms)}), REACH_M)
+    assert np.exp(prior.start[0]) == pytest.approx(mean)
+    assert _cost(prior, mean * factor) == pytest.approx(1.0)
+    assert _cost(prior, mean / factor) == pytest.approx(1.0)
+
+
+def test_stamps_are_expected_to_jitter_by_a_fifth_of_a_millisecond():
+    """Within a factor of five, whatever arms have."""
+    model = replace(_model(), shaken=("wrist",))
+    prior = hyperpriors(model, REACH_M, None)
+    plain = hyperpriors(_model(), REACH_M)
+    assert len(prior.start) == 6
+    np.testing.assert_allclose(np.exp(prior.start), [*np.exp(plain.start), 2e-4])
+    off = prior.start + np.log(5.0) * np.eye(6)[5]
+    assert prior.value(off)[0] - prior.value(prior.start)[0] == pytest.approx(1.0)

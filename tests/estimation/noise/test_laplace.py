@@ -11,7 +11,7 @@ from tests.estimation.noise.test_reml import NOISY, ROBOTS, at_truth
 from basecal.estimation.noise.hyperpriors import CommonPrior, hyperpriors
 from basecal.estimation.noise.laplace import integrated_covariance, moments, sigma_posterior
 from basecal.estimation.noise.mixed_model import mixed_model
-from basecal.estimation.noise.reml import columns_given, sigmas_of
+from basecal.estimation.noise.reml import columns_given, open_parts, sigmas_of
 from basecal.estimation.noise.robot_noise import stops_made
 from basecal.estimation.noise.terms.common_errors import CommonErrors
 from quick import quick
@@ -81,3 +81,91 @@ def test_moments_are_of_the_whole_posterior():
         expected = squares[sigmas_of(model, robot).start + 2 * len(ROBOTS) :][:2].repeat(3)
         assert np.all(own < 1.05 * expected)
         assert own.max() > 0.5 * expected.max()
+
+
+@pytest.fixture(scope="module")
+def found():
+    """The sigmas of a small model, given its views."""
+    model = mixed_model(*at_truth(NOISY), ROBOTS)
+    return sigma_posterior(model, hyperpriors(model, dict.fromkeys(ROBOTS, 0.5)))
+
+
+def test_surprise_is_laplaces(found):
+    """Minus twice the log of the height at the mode times what a normal of that covariance covers."""
+    assert (np.linalg.eigvalsh(found.covariance) > 0).all()
+    here = found.at_mode
+    height = here.value + found.prior.value(found.logs)[0]
+    assert found.surprise == pytest.approx(height - np.linalg.slogdet(2 * np.pi * found.covariance)[1], rel=1e-9)
+    information = 0.5 * (here.average_information() + found.prior.curvature)
+    np.testing.assert_allclose(found.covariance, np.linalg.inv(information), rtol=1e-6, atol=1e-9)
+    np.testing.assert_array_equal(found.columns.step, here.step)
+
+
+def test_the_mode_is_found_from_anywhere(found):
+    """Wherever the first logarithms are; no others near are likelier."""
+    k = len(found.logs)
+
+    def height(logs):
+        return columns_given(found.model, logs).value + found.prior.value(logs)[0]
+
+    for start in (found.logs[:1] + 2.0, found.logs - 1.5, found.logs + np.resize([2.5, -2.5], k)):
+        again = sigma_posterior(found.model, found.prior, start)
+        assert height(again.logs) == pytest.approx(height(found.logs), abs=0.02)
+        np.testing.assert_allclose(again.logs, found.logs, atol=0.1)
+    for step in 0.3 * np.eye(k):
+        assert height(found.logs + step) > height(found.logs) < height(found.logs - step)
+
+
+def test_sigmas_stay_within_what_devices_have():
+    """Of data without noise views have a twentieth of what is expected of them, however little that is known."""
+    exact = replace(NOISY, pixel_px=1e-9, robot_noise=(1e-9, 1e-9), state_pixel_noise=False)
+    model = mixed_model(*at_truth(exact), ROBOTS)
+    prior = hyperpriors(model, dict.fromkeys(ROBOTS, 0.5))
+    vague = replace(prior, sigma=30 * prior.sigma)
+    least = sigma_posterior(model, vague).logs - vague.start
+    views = len(open_parts(model))
+    np.testing.assert_allclose(least[:views], -np.log(20.0), atol=1e-9)
+    assert np.all(least[views:] < -np.log(20.0))
+    assert np.all(least[views:] > -np.log(400.0) - 1e-9)
+
+
+def test_sigmas_known_to_a_twentieth_count_as_known(found):
+    """Then the covariance is that at the mode, with how far its mean is off; else nodes about it are weighed."""
+    k, about = len(found.logs), 0.9 * found.columns.step
+    off = np.outer(found.columns.step - about, found.columns.step - about)
+    sure = replace(found, covariance=0.049**2 * np.eye(k))
+    np.testing.assert_allclose(integrated_covariance([sure], about), found.columns.covariance + off, rtol=1e-12)
+    less = replace(found, covariance=0.051**2 * np.eye(k))
+    assert not np.allclose(integrated_covariance([less], about), found.columns.covariance + off, rtol=1e-6, atol=0)
+
+
+def test_nearly_normal_sigmas_are_integrated_by_cubature(found):
+    """At the root of k standard deviations to either side along k axes, each node by its likelihood."""
+    rng, k, about = np.random.default_rng(3), len(found.logs), found.columns.step
+    root = 0.1 * np.eye(k) + 0.05 * np.tril(rng.standard_normal((k, k)))
+    near = replace(found, covariance=root @ root.T)
+    assert 0.05 < np.sqrt(np.diag(near.covariance)).max() < 0.5
+    total, weights = 0.0, 0.0
+    for axis in np.linalg.cholesky(near.covariance).T:
+        for sign in (1, -1):
+            node = columns_given(found.model, found.logs + sign * np.sqrt(k) * axis)
+            height = node.value + found.prior.value(node.logs)[0] - found.surprise
+            off = node.step - about
+            total = total + np.exp(-0.5 * height) * (node.covariance + np.outer(off, off))
+            weights += np.exp(-0.5 * height)
+    expected = total / weights
+    np.testing.assert_allclose(integrated_covariance([near], about), expected, rtol=1e-9, atol=1e-12 * expected.max())
+
+
+def test_a_model_counts_by_its_evidence(found):
+    """One thrice as likely as another has three quarters; of one of a millionth nothing is left."""
+    k, about = len(found.logs), np.zeros(found.model.width)
+    sure = replace(found, covariance=1e-4 * np.eye(k), surprise=7.0)
+    other = replace(sure, logs=found.logs + 0.5)
+    first, second = (integrated_covariance([of], about) for of in (sure, other))
+    third = replace(other, surprise=7.0 + 2 * np.log(3.0))
+    np.testing.assert_allclose(integrated_covariance([sure, third], about), 0.75 * first + 0.25 * second, rtol=1e-9)
+    for share, rest in ((1.1e-6, 1.0), (0.9e-6, 0.0)):
+        hardly = replace(other, surprise=7.0 - 2 * np.log(share))
+        left = integrated_covariance([sure, hardly], about) - first / (1 + share)
+        np.testing.assert_allclose(left, rest * share * second, rtol=1e-4, atol=1e-7 * share * second.max())
