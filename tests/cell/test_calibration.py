@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import basecal
-from basecal.cell import Calibration, RobotParameters
-from basecal.errors import FrameNotFound
+from basecal.cell import Calibration, Cell, CellCamera, Robot, RobotParameters, Unknown
+from basecal.errors import FrameNotFound, InputError
 from basecal.geometry import SE3, PoseEstimate
 from basecal.registry import EXPORTERS
 from export_example import BASE, CALIBRATION, CELL
@@ -49,3 +49,31 @@ def test_a_calibration_exports_itself():
 def test_a_notebook_shows_its_summary():
     """As HTML."""
     assert CALIBRATION._repr_html_() == basecal.html_summary(CALIBRATION)
+
+
+def test_what_is_known_is_fixed_or_found():
+    """A mean of the cell counts where it is fixed, not where it is a prior or a guess; what was found comes first."""
+    known, guessed, found = (SE3.from_rotvec([0, 0, 0], [x, 0, 0]) for x in (1.0, 2.0, 3.0))
+    cell = Cell(
+        "eye",
+        {"eye": Robot("eye")},
+        cameras={
+            "first": CellCamera("first", "eye", Unknown("fixed", known)),
+            "second": CellCamera("second", "eye", Unknown("prior", guessed, np.ones(6))),
+            "third": CellCamera("third", "eye"),
+        },
+    )
+    calibration = Calibration("good", {"eye_flange_from_third": PoseEstimate.exact(found)})
+    assert calibration.known_transforms(cell) == {"eye_flange_from_first": known, "eye_flange_from_third": found}
+
+
+def test_a_point_has_no_frame_to_start_from():
+    """Neither end may be one; the message says where it stands."""
+    of = {name: PoseEstimate.exact(SE3.identity()) for name in ("arm_flange_from_led", "arm_flange_from_wrist")}
+    calibration = Calibration("good", of, points=frozenset({"arm_flange_from_led"}))
+    said = "'led' is a point and has no rotation: see arm_flange_from_led in calibration.json"
+    for ends in (("led", "wrist"), ("wrist", "led")):
+        with pytest.raises(InputError) as caught:
+            calibration.frame_between(*ends)
+        assert str(caught.value) == said
+    assert calibration.frame_between("wrist", "arm_flange").mean.translation.tolist() == [0, 0, 0]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from basecal.cell import Calibration
-from basecal.errors import FrameNotFound
+from basecal.errors import FrameNotFound, InputError
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
 from basecal.geometry import SE3, PoseEstimate
@@ -102,3 +102,20 @@ def test_bases_are_as_far_off_as_is_said():
         apart.append(off @ np.linalg.solve(alone.covariance, off))
     assert abs(np.mean(together) - 6) < 4 * np.sqrt(12 / 60)
     assert np.mean(apart) < 6 - 4 * np.sqrt(12 / 60)
+
+
+def test_frames_that_are_not_there_or_move_are_told():
+    """With those there are; of two that move against each other those that stand still beside the first."""
+    of = {
+        name: PoseEstimate.exact(SE3.identity())
+        for name in ("eye_base_from_hand_base", "eye_flange_from_wrist", "eye_flange_from_lamp")
+    }
+    made = Calibration("good", of)
+    with pytest.raises(FrameNotFound, match=r"no 'wirst'.*eye_base, hand_base, eye_flange, wrist, lamp"):
+        made.frame_between("lamp", "wirst")
+    with pytest.raises(InputError) as caught:
+        made.frame_between("wrist", "hand_base")
+    assert str(caught.value) == (
+        "'wrist' and 'hand_base' move against each other, or nothing leads from one to the other; "
+        "to 'wrist' these stand still: eye_flange, lamp"
+    )

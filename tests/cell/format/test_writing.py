@@ -10,6 +10,7 @@ import pytest
 
 from basecal.cell.format import writing
 from basecal.cell.format.writing import (
+    append_durably,
     beside,
     make_folder,
     open_new,
@@ -182,3 +183,44 @@ def test_what_is_private_only_its_owner_reads(tmp_path, monkeypatch):
     assert (tmp_path / "key").stat().st_mode & 0o777 == 0o600
     assert (tmp_path / "open").stat().st_mode & 0o777 == 0o666
     assert len(synced) == 2  # the open one and its folder
+
+
+def test_lines_are_appended_and_on_the_disk(tmp_path, monkeypatch):
+    """Into a new file, whose folder is made, and to what is there; through no link, and an error names the file."""
+    synchronised = []
+    monkeypatch.setattr(os, "fsync", synchronised.append)
+    path = tmp_path / "runs" / "lines"
+    append_durably(path, "one\n", within=tmp_path)
+    append_durably(path, "two \udcff\n")
+    assert path.read_bytes() == b"one\ntwo \\udcff\n"
+    assert len(synchronised) == 4  # the file and its folder, each time
+    (tmp_path / "link").symlink_to(path)
+    for wrong in (tmp_path / "link", path / "below"):
+        with pytest.raises(InputError, match=f"^{wrong} cannot be written: "):
+            append_durably(wrong, "three\n")
+    (tmp_path / "elsewhere").symlink_to(tmp_path / "runs")
+    with pytest.raises(InputError, match="elsewhere is a link"):
+        append_durably(tmp_path / "elsewhere" / "lines", "three\n", within=tmp_path)
+    assert path.read_bytes().count(b"\n") == 2
+
+
+def test_bytes_and_text_go_into_a_pipe_alike(tmp_path):
+    """As they are, what is half a character escaped."""
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    for content, wanted in ((b"\xffraw", b"\xffraw"), ("gr\u00fcn \udcff", "gr\u00fcn \\udcff".encode())):
+        reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+        write_asked_for(pipe, content)
+        assert os.read(reader, 100) == wanted
+        os.close(reader)
+
+
+@pytest.mark.parametrize(("named", "told"), [(None, "cell"), ("other", "other")])
+def test_what_cannot_be_staged_is_named(tmp_path, named, told):
+    """The file of the fault where it is known, else the folder."""
+    folder = tmp_path / "cell"
+    error = OSError(errno.ENOSPC, "No space left", named and str(tmp_path / named))
+    with pytest.raises(InputError) as caught, staged(folder):
+        raise error
+    assert str(caught.value) == f"{tmp_path / told} cannot be written: No space left"
+    assert names(tmp_path) == []

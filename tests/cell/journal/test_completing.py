@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +12,7 @@ import pytest
 from basecal.cell import PoseObservation, RobotState, Sample
 from basecal.cell.files import completed_recording_text, recording_from_text
 from basecal.cell.schema.cell_file import cell_from_dict
-from basecal.errors import DatasetError
+from basecal.errors import DatasetError, InputError
 from basecal.geometry import SE3
 
 CELL = cell_from_dict(
@@ -75,3 +77,27 @@ def test_a_damaged_line_is_an_error(tmp_path: Path) -> None:
     """A line in the middle that is no JSON is named, since nothing could be joined to it."""
     with pytest.raises(DatasetError, match=r"samples.jsonl:1: not JSON"):
         completed_recording_text(journal(tmp_path, "{oops\n" + LINE), [Sample(0, None, {"right": STATE})])
+
+
+SEEN = PoseObservation("cam", "board", SE3.identity())
+
+
+def test_a_cell_without_a_journal_gets_one(tmp_path: Path) -> None:
+    """Its samples in the order in which they are given."""
+    text = completed_recording_text(tmp_path, [Sample(n, None, {"right": STATE}) for n in (7, 3)])
+    assert [sample.sample for sample in recording_from_text(text.encode(), tmp_path, CELL).samples] == [7, 3]
+
+
+def test_what_was_seen_of_another_target_joins(tmp_path: Path) -> None:
+    """A sample without observations gets them; the same pair of camera and target twice is an error."""
+    once = completed_recording_text(journal(tmp_path, LINE), [Sample(0, 2.0, {}, (SEEN,))])
+    (first,) = recording_from_text(once.encode(), tmp_path, CELL).samples
+    assert [(o.camera, o.target) for o in first.observations] == [("cam", "board")]
+    (tmp_path / "recording" / "samples.jsonl").write_text(once)
+    twice = completed_recording_text(tmp_path, [Sample(0, 3.0, {"right": STATE})])
+    (second,) = recording_from_text(twice.encode(), tmp_path, CELL).samples
+    assert (second.stamp_s, len(second.observations), len(second.robots)) == (2.0, 1, 2)
+    other = completed_recording_text(tmp_path, [Sample(0, None, {}, (replace(SEEN, target="second"),))])
+    assert [o["target"] for o in json.loads(other)["observations"]] == ["board", "second"]
+    with pytest.raises(InputError, match=r"samples\.jsonl:1: observations of board by cam: is recorded already"):
+        completed_recording_text(tmp_path, [Sample(0, None, {}, (SEEN,))])

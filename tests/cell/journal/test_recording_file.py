@@ -13,6 +13,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from basecal.cell.files import append_sample, read_cell, read_recording, write_recording
+from basecal.cell.journal import recording_file
+from basecal.cell.journal.recording_file import BOM, LARGEST_BYTES, MOST_SAMPLES, read_samples
 from basecal.cell.recording import (
     CandidateObservation,
     PixelObservation,
@@ -360,3 +362,36 @@ def test_a_whole_journal_is_appended_to_without_a_word(folder: Path) -> None:
         assert append_sample(folder, Sample(number)) is None
         assert file(folder).read_bytes().startswith(before)
     assert [sample.sample for sample in read_recording(folder, read_cell(folder)).samples] == [0, 1, 2, 3]
+
+
+def test_new_samples_stand_anywhere(folder: Path, tmp_path: Path) -> None:
+    """As those of the cell's own journal, a byte-order mark or not; their images are the cell's, and errors name it."""
+    own, cell = read_recording(folder), read_cell(folder)
+    path = tmp_path / "new.jsonl"
+    for mark in (b"", BOM):
+        path.write_bytes(mark + file(folder).read_bytes())
+        found = read_samples(path, folder, cell)
+        assert [s.sample for s in found.samples] == [s.sample for s in own.samples]
+        assert [s.images for s in found.samples] == [s.images for s in own.samples]
+        assert found.folder == own.folder == str(folder)
+    path.write_bytes(b"\n[]\n")
+    with pytest.raises(DatasetError, match=rf"^{path}:2: "):
+        read_samples(path, folder, cell)
+
+
+def test_a_journal_has_so_many_lines_and_bytes(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """At the limits all is read; a line more, or a byte more in one, is an error with the number."""
+    text = file(folder).read_bytes()
+    longest = max(map(len, text.split(b"\n")))
+    number = [len(line) for line in text.split(b"\n")].index(longest) + 1
+    lines = text.count(b"\n")
+    monkeypatch.setattr(recording_file, "MOST_SAMPLES", lines)
+    monkeypatch.setattr(recording_file, "_LONGEST_LINE", longest)
+    assert read_recording(folder).samples
+    monkeypatch.setattr(recording_file, "_LONGEST_LINE", longest - 1)
+    with pytest.raises(DatasetError, match=f":{number}: a line of {longest} bytes, no sample has that many"):
+        read_recording(folder)
+    monkeypatch.setattr(recording_file, "MOST_SAMPLES", lines - 1)
+    with pytest.raises(DatasetError, match=f"more than {lines - 1} lines, expected one for each sample"):
+        read_recording(folder)
+    assert (MOST_SAMPLES, LARGEST_BYTES) == (200_000, 2**28)

@@ -34,7 +34,7 @@ from basecal.cell.files import (
     runs_of,
     write_calibration,
 )
-from basecal.cell.results.calibration_file import run_folder
+from basecal.cell.results.calibration_file import read_calibration_data, run_folder
 from basecal.errors import DatasetError, FrameNotFound
 from basecal.geometry import SE3, Camera, PoseEstimate
 
@@ -243,3 +243,39 @@ def test_a_run_is_found_by_its_name(tmp_path: Path) -> None:
     with pytest.raises(FrameNotFound, match=one.name) as caught:
         run_folder(tmp_path, "empty")
     assert "empty" not in str(caught.value).split(one.name, 1)[1]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('{"a": NaN}', "NaN is not JSON; calibrate again"),
+        ('{"a": -Infinity}', "-Infinity is not JSON; calibrate again"),
+        ("[" * 100_000, "nested too deeply"),
+        ('{"a": "\\uD800"}', r"a text holds half a character (\ud800 to \udfff); calibrate again"),
+        ('\n{"a": }', "not JSON (Expecting value); calibrate again"),
+    ],
+)
+def test_what_is_no_json_is_said_in_words(tmp_path: Path, text: str, words: str) -> None:
+    """With the file, and its line where that is known."""
+    path = tmp_path / "calibration.json"
+    path.write_text(text)
+    line = ":2" if "Expecting" in words else ""
+    with pytest.raises(DatasetError, match=f"^{re.escape(f'{path}{line}: {words}')}"):
+        read_calibration_data(path)
+
+
+def test_two_halves_of_a_character_are_one(tmp_path: Path) -> None:
+    (tmp_path / "calibration.json").write_text('{"a": "\\ud83d\\ude00"}')
+    assert read_calibration_data(tmp_path) == {"a": "\U0001f600"}
+
+
+def test_only_folders_named_as_runs_are_runs(tmp_path: Path) -> None:
+    """Others, and those without a calibration, are none; of those written at once the later and higher is first."""
+    for name in ("20260101T000000Z", "20260101T000000Z-2", "20260101T000000Z-10", "notes", "20270101T000000Z"):
+        folder = tmp_path / "runs" / name
+        folder.mkdir(parents=True)
+        if name != "20270101T000000Z":
+            (folder / "calibration.json").write_text("{}")
+            os.utime(folder / "calibration.json", ns=(1, 1))
+    assert runs_of(tmp_path) == ("20260101T000000Z-10", "20260101T000000Z-2", "20260101T000000Z")
+    assert latest_run(tmp_path / "nowhere") is None

@@ -55,3 +55,16 @@ def test_what_cannot_be_read_is_named(tmp_path: Path, old: str, new: str, field:
     path.write_text(f"{first}\n{second.replace(old, new)}\n")
     with pytest.raises(DatasetError, match=rf"verifications\.jsonl:2: .*{field}"):
         read_verifications(tmp_path)
+
+
+def test_times_without_a_zone_are_universal_and_empty_lines_nothing(tmp_path: Path) -> None:
+    append_verification(tmp_path, entry(2))
+    path = tmp_path / "verifications.jsonl"
+    text = path.read_text()
+    assert "2026-01-02T06:00:00+00:00" in text or "2026-01-02T06:00:00Z" in text
+    naive = text.replace("+00:00", "").replace("06:00:00Z", "06:00:00")
+    elsewhere = text.replace("+00:00", "+02:00").replace("06:00:00Z", "06:00:00+02:00")
+    path.write_text(f"{naive}\n  \n{elsewhere}")
+    first, second = read_verifications(tmp_path)
+    assert first.when == datetime(2026, 1, 2, 6, tzinfo=UTC)
+    assert second.when == datetime(2026, 1, 2, 4, tzinfo=UTC)

@@ -14,6 +14,7 @@ from basecal.errors import InputError
 from basecal.kinematics import gravity_torques
 from basecal.simulation.arms import six_axis
 
+SEEN = np.ones(2, dtype=bool)
 FOUND = RobotParameters(("a", "b"), np.array([0.1, 0.2]), np.array([0.3, 0.4]), np.array([False, True]))
 
 
@@ -59,3 +60,46 @@ def test_numbers_of_other_shapes_are_refused(key):
     entry = of.to_dict({"arm": FOUND})["deflection"]["arm"]
     with pytest.raises(InputError, match=f"{key} has shape"):
         of.from_dict({"deflection": {"arm": entry | {key: [1.0]}}})
+
+
+@pytest.mark.parametrize(("stated", "sigma"), [({"status": "free"}, None), ({"sigma_rad_per_nm": 2e-5}, [2e-5] * 6)])
+def test_a_column_a_joint(stated, sigma):
+    """In rad/Nm, with the prior's sigma where there is one."""
+    columns = of.columns(six_axis(), of.Stated(**{"status": "prior", **stated}))
+    np.testing.assert_array_equal(columns.basis, np.eye(6))
+    assert (columns.sigma if sigma is None else columns.sigma.tolist()) == sigma
+
+
+def test_a_batch_of_compliances_goes_over_all_joints():
+    """Each of a batch at every row of joints, as one by one."""
+    joints = np.random.default_rng(0).uniform(-2, 2, (5, 6))
+    values = 1e-4 * np.random.default_rng(1).standard_normal((3, 6))
+    found = of.shift(six_axis(), of.Stated(), joints, values)
+    one_by_one = [of.shift(six_axis(), of.Stated(), joints, value) for value in values]
+    np.testing.assert_allclose(found, one_by_one, rtol=1e-14)
+
+
+def test_down_is_by_any_one_axis():
+    """A single component other than 0 is a direction, and three numbers as they are."""
+    for down in ([1.0, 0.0, 0.0], [0.0, -1.0, 0.0]):
+        np.testing.assert_array_equal(of.hung(six_axis(), of.Stated(down=down)).masses.down, down)
+    assert of.Stated(down=None).down is None
+
+
+@pytest.mark.parametrize(
+    ("by_prior", "how"), [(True, "known from their prior alone"), (False, "that are unobservable")]
+)
+def test_why_compliances_are_not_seen(by_prior, how):
+    assert of.unobserved("joint 1 (a)", [0], 6, "arm_base", by_prior) == (
+        f"compliances {how}: joint 1 (a): the torque of gravity about them is small in these samples, or the same in "
+        "all of them"
+    )
+
+
+def test_compliances_are_told_in_microradians():
+    heading, *lines = of.report("arm", RobotParameters(("a", "b"), np.array([1e-4, -2e-6]), np.full(2, 3e-7), SEEN))
+    assert heading == "compliances of the joints of arm under the torque of gravity"
+    assert [line.split()[2:6] for line in lines] == [
+        ["+100.00", "urad/Nm", "sigma", "0.30"],
+        ["-2.00", "urad/Nm", "sigma", "0.30"],
+    ]

@@ -36,3 +36,15 @@ def test_fields_of_the_calibration():
         np.testing.assert_array_equal(getattr(back, name), getattr(FOUND, name))
     assert of.to_dict({}) == {"link_parameters": None}
     assert of.from_dict({"link_parameters": None}) == {}
+
+
+def test_links_are_told_in_millimetres_and_degrees():
+    """A line an origin, from 1, to the tenth of a micrometre; what rounds to nothing has no sign."""
+    values = np.array([[1e-3, -2e-3, -1e-9, np.radians(0.5), 0, 0], [0, 0, 0, 0, 0, np.radians(-1)]])
+    heading, *lines = of.report("arm", RobotParameters((), values, np.ones((2, 6)), SEEN[:2]))
+    assert heading == "link errors of arm, right tangents of each joint's origin, then of the tip"
+    assert [line.split() for line in lines] == [
+        ["1", "t", "1.0000", "-2.0000", "0.0000", "mm", "r", "0.5000", "0.0000", "0.0000", "deg"],
+        ["2", "t", "0.0000", "0.0000", "0.0000", "mm", "r", "0.0000", "0.0000", "-1.0000", "deg"],
+    ]
+    assert of.unobserved("all", [0], 6, "arm_base", True) == "links that are unobservable: all"
