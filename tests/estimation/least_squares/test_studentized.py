@@ -9,6 +9,7 @@ import pytest
 from tests.pose_problem import pose_problem
 
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
+from basecal.estimation.least_squares.jacobians import by_stop_errors, by_unknowns
 from basecal.estimation.least_squares.studentized import (
     MahalanobisSquared,
     judged_by_view,
@@ -21,9 +22,11 @@ from basecal.estimation.least_squares.studentized import (
 from basecal.estimation.outliers.inlier_mask import InlierMask, all_inliers, at_stops_of, inlier_problem
 from basecal.estimation.outliers.robust_scale import robust_scale
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.problem.problem import State
+from basecal.estimation.problem.problem import State, chain
 from basecal.estimation.solve import solve, solve_from, solve_packed
+from basecal.estimation.view.point_jacobians import point_jacobians
 from basecal.geometry import SE3
+from basecal.geometry.se3_jacobians import right_jacobian_inverse
 from basecal.simulation import Scenario, simulate
 
 NOISY = (3e-4, 5e-4)
@@ -205,3 +208,124 @@ def test_points_of_a_view_that_is_not_in_the_fit_are_judged_too():
     np.testing.assert_allclose(found.value[3], np.sum(off**2, -1), rtol=1e-6)
     assert found.freedoms[3].tolist() == [2] * len(off)
     assert np.all(np.isfinite(found.value))
+
+
+def dense_rows(problem, state):
+    """Whitened residuals of views, those of errors of stops behind them, and their derivative to unknowns and errors.
+
+    Written out for poses, each view's six rows by its own sigmas.
+    """
+    p, k = problem.width, len(problem.stops)
+    residuals, rows = [], []
+    for group in problem.groups:
+        links = chain(group, state, problem.stops)
+        error = (group.measurement.measured_camera_from_target.inverse() @ links.camera_from_target).log()
+        inner = group.measurement.weight[..., None] * right_jacobian_inverse(error)
+        derivative, columns = by_unknowns(problem, group, links, 6)
+        full = np.zeros((len(group), 6, p + 6 * k))
+        full[..., columns] = inner @ derivative
+        for stop, by_error in by_stop_errors(group, links, state, problem.stops, 6):
+            for view, number in enumerate(stop):
+                full[view, :, p + 6 * number : p + 6 * number + 6] += inner[view] @ by_error[view]
+        residuals.append(group.measurement.weight * error)
+        rows.append(full)
+    return np.concatenate(residuals), np.concatenate(rows)
+
+
+def held_by_the_others(residuals, rows, width, weights, view):
+    """The squared deviation of a view from where all others that count put it: residual and covariance in full."""
+    others = (np.arange(len(rows)) != view) & (weights > 0)
+    flat = rows[others].reshape(-1, rows.shape[-1])
+    told = flat.T @ flat + np.diag((np.arange(rows.shape[-1]) >= width).astype(float))
+    step = -np.linalg.solve(told, flat.T @ residuals[others].ravel())
+    off = residuals[view] + rows[view] @ step
+    return off @ np.linalg.solve(np.eye(6) + rows[view] @ np.linalg.solve(told, rows[view].T), off)
+
+
+STATIONS = Scenario(samples=12, target="pose", arms="stations", stations=4, robot_noise=(2e-3, 3e-3))
+
+
+@pytest.mark.parametrize(
+    "scenario", [STATIONS, replace(STATIONS, arms="both"), replace(STATIONS, robot_noise=(0.0, 0.0))]
+)
+@pytest.mark.parametrize("out", [(), (2, 7)])
+def test_views_deviate_as_a_fit_of_the_others_says(scenario, out):
+    """Written out view by view at the optimum: of those in the fit and of two that are not."""
+    made = simulate(scenario, 3)
+    problem, _ = build_problem(made.cell, made.recording)
+    weights = np.ones(12)
+    weights[list(out)] = 0.0
+    kept = problem.with_groups(g.take(np.flatnonzero(weights)) for g in problem.groups)
+    state = State(made.truth, {}, np.zeros((len(problem.stops), 6)))
+    state = at_stops_of(kept, bundle_adjust(kept, state, 1, 50).state)
+    found = studentized_views(leave_one_out(problem, state, [weights]))[0]
+    residuals, rows = dense_rows(problem, state)
+    # Errors of stops are unknowns whose residuals are what they are at the state.
+    residuals = residuals - rows[..., problem.width :] @ state.stop_errors.ravel()
+    expected = [held_by_the_others(residuals, rows, problem.width, weights, view) for view in range(12)]
+    np.testing.assert_allclose(found.value, expected, rtol=1e-4)
+    assert set(found.freedoms.tolist()) == {6}
+
+
+def test_shared_stops_deviate_by_what_views_tell_of_them():
+    """Their errors by the variance that views take from what was stated, of the joint covariance written out."""
+    made = simulate(STATIONS, 3)
+    problem, _ = build_problem(made.cell, made.recording)
+    state = State(made.truth, {}, np.zeros((len(problem.stops), 6)))
+    state = bundle_adjust(problem, state, 1, 50).state
+    found = studentized_stops(leave_one_out(problem, state, [np.ones(12)]))
+    _, rows = dense_rows(problem, state)
+    flat = rows.reshape(-1, rows.shape[-1])
+    own = np.diag((np.arange(flat.shape[1]) >= problem.width).astype(float))
+    covariance = np.linalg.inv(flat.T @ flat + own)[problem.width :, problem.width :].reshape(
+        -1, 6, len(own) - problem.width
+    )
+    shared = np.flatnonzero(problem.shared_stops >= 0)
+    assert len(shared) == 4
+    for stop in range(len(problem.stops)):
+        if stop not in shared:
+            assert np.isnan(found.value[stop])
+            assert found.freedoms[stop] == 0
+            continue
+        values, vectors = np.linalg.eigh(np.eye(6) - covariance[stop][:, 6 * stop : 6 * stop + 6])
+        told = values > 1e-9
+        along = vectors.T @ state.stop_errors[stop]
+        assert found.freedoms[stop] == told.sum()
+        assert found.value[stop] == pytest.approx(np.sum(along[told] ** 2 / values[told]), rel=1e-4)
+
+
+@pytest.mark.parametrize("arms", ["both", "stations"])
+def test_points_of_small_targets_deviate_as_all_else_says(arms):
+    """Each point's residual at the optimum by its covariance: what noise leaves of it about the whole fit."""
+    made = simulate(Scenario(samples=8, target="points", arms=arms, stations=4, robot_noise=(2e-3, 3e-3)), 3)
+    problem, _ = build_problem(made.cell, made.recording)
+    state = State(made.truth, made.cameras, np.zeros((len(problem.stops), 6)))
+    state = bundle_adjust(problem, state, 1, 50).state
+    (group,) = problem.groups
+    (found,) = studentized_points(leave_one_out(problem, state, [np.ones(8)]))
+    links = chain(group, state, problem.stops)
+    points = point_jacobians(group.measurement, links.camera_from_target, state.cameras["wrist"], False)
+    p, k = problem.width, len(problem.stops)
+    derivative, columns = by_unknowns(problem, group, links, 6)
+    full = np.zeros((8, 6, p + 6 * k))
+    full[..., columns] = derivative
+    for stop, by_error in by_stop_errors(group, links, state, problem.stops, 6):
+        for view, number in enumerate(stop):
+            full[view, :, p + 6 * number : p + 6 * number + 6] += by_error[view]
+    rows = points.jacobian[..., :6] @ full[:, None]
+    flat = rows.reshape(-1, rows.shape[-1])
+    spread = np.linalg.inv(flat.T @ flat + np.diag((np.arange(p + 6 * k) >= p).astype(float)))
+    left = np.eye(2) - rows @ spread @ rows.mT
+    expected = (points.residual[..., None, :] @ np.linalg.solve(left, points.residual[..., None]))[..., 0, 0]
+    assert not judged_by_view(group.measurement).any()
+    np.testing.assert_allclose(found.value, expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize(("points", "by_view"), [(11, False), (12, True)])
+def test_from_twelve_points_on_a_view_judges_its_own(points, by_view):
+    """Of fewer all else judges them, too."""
+    made = simulate(Scenario(samples=3), 0)
+    (group,) = build_problem(made.cell, made.recording)[0].groups
+    seen = np.zeros_like(group.measurement.seen)
+    seen[:2, :points] = seen[2, :1] = True
+    assert judged_by_view(replace(group.measurement, seen=seen)).tolist() == [by_view, by_view, False]
