@@ -76,4 +76,6 @@ def test_a_point_has_no_frame_to_start_from():
         with pytest.raises(InputError) as caught:
             calibration.frame_between(*ends)
         assert str(caught.value) == said
+    with pytest.raises(FrameNotFound, match=r"there are: arm_flange, wrist$"):
+        calibration.frame_between("wrist", "lamp")
     assert calibration.frame_between("wrist", "arm_flange").mean.translation.tolist() == [0, 0, 0]

@@ -3,9 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
-from basecal.accuracy.drift.innovations import MOST_VIEWS, innovations
-from basecal.cell import Recording
+from basecal.accuracy.drift.innovations import MOST_VIEWS, Innovations, innovations
+from basecal.cell import Recording, RobotState
+from basecal.geometry import SE3
 from drift_cells import BASE, later
 
 
@@ -116,3 +118,57 @@ def test_what_a_sigma_may_be_counts_and_not_what_is_likeliest() -> None:
     without = replace(made.calibration, noise={**made.calibration.noise, "robots": exact})
     rest = innovations(made.cell, without, made.recording).predicted
     np.testing.assert_allclose(after - rest, 9 * (before - rest), rtol=1e-6, atol=1e-6 * np.abs(after).max())
+
+
+def test_errors_of_arms_are_those_of_their_stops() -> None:
+    """Where transforms are exact: of each robot its sigmas through its derivative, independent between samples."""
+    made = later()
+    exact = replace(made.calibration, joint_covariance=None)
+    of = innovations(made.cell, exact, made.recording)
+    wanted = np.zeros_like(of.predicted)
+    for robot in ("eye", "hand"):
+        known = made.calibration.noise["robots"][robot]
+        sigma = np.array([*known["sigma_t_m"], *known["sigma_r_rad"]])
+        moved = of.root.mT @ of.by_flange(robot) * sigma * (known.get("rms_factor") or 1.0)
+        for k, each in enumerate(moved):
+            wanted[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] += each @ each.T
+    np.testing.assert_allclose(of.predicted, wanted, atol=1e-9 * np.abs(wanted).max())
+    np.testing.assert_allclose(of.covariance_inverse @ (np.eye(len(wanted)) + wanted), np.eye(len(wanted)), atol=1e-7)
+
+
+def pulls(of: Innovations, off: np.ndarray) -> np.ndarray:
+    """What views say in their own tangents, (6 n,), whatever the order and signs in which they are whitened."""
+    return np.asarray(of.root @ off.reshape(-1, 6, 1)).ravel()
+
+
+@pytest.mark.parametrize("robot", ["eye", "hand"])
+@pytest.mark.parametrize("joints", [False, True])
+def test_either_arm_moves_them_as_its_derivative_says(robot: str, joints: bool) -> None:
+    """By a shift of its flange, and of the joints where these are recorded; else it has none."""
+    made, by = later(joints=joints), 1e-5 * np.array([3.0, -2, 1, 2, 1, -3])
+    before = innovations(made.cell, made.calibration, made.recording)
+    samples = []
+    for sample in made.recording.samples:
+        of = sample.robots[robot]
+        moved = RobotState(joints_rad=of.joints_rad + by) if joints else RobotState(of.base_from_flange @ SE3.exp(by))
+        samples.append(replace(sample, robots={**sample.robots, robot: moved}))
+    after = innovations(made.cell, made.calibration, Recording(tuple(samples)))
+    moves = before.by_joints(robot) if joints else before.by_flange(robot)
+    expected = -pulls(before, before.of(moves) @ by)
+    found = pulls(after, after.off) - pulls(before, before.off)
+    np.testing.assert_allclose(found, expected, atol=0.05 * np.abs(expected).max())
+    assert before.by_joints(robot).shape == (6, 6, 6 if joints else 0)
+
+
+def test_noise_is_known_by_the_fewest_freedoms() -> None:
+    """Of the robots that took part; stated noise has no end of them."""
+    made = later()
+    robots = made.calibration.noise["robots"]
+    for freedoms, fewest in (((30.0, 12.0), 12.0), ((None, 40.0), 40.0), ((None, None), np.inf)):
+        each = dict(zip(("eye", "hand"), freedoms, strict=True))
+        noise = {
+            **made.calibration.noise,
+            "robots": {**{n: {**robots[n], "freedoms": f} for n, f in each.items()}, "idle": {"freedoms": 3.0}},
+        }
+        found = innovations(made.cell, replace(made.calibration, noise=noise), made.recording)
+        assert found.freedoms_of_noise == fewest

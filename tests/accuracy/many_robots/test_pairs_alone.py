@@ -94,3 +94,14 @@ def test_a_pair_has_what_is_its_own(pairs):
         assert set(pair.state.cameras) == {camera}
         assert set(pair.state.transforms) == set(pair.cell.transforms)
         assert len(pair.state.stop_errors) == 0
+
+
+def test_only_pairs_of_the_same_robot_tell_what_one_leaves_open(pairs):
+    """A pair of others that says nothing is no witness; of two findings of one code each has its own robot."""
+    first = next(pair for pair in pairs if "r1" in pair.robots)
+    apart = next(pair for pair in pairs if not pair.robots & first.robots)
+    one = Finding("ambiguous-convention", "warning", ("r1",), "")
+    other = Finding("ambiguous-convention", "warning", (min(apart.robots),), "")
+    assert agreed([first, apart], [[one], []]) == (one,)
+    assert agreed([first, apart], [[one], [other]]) == (one, other)
+    assert agreed([first, apart, first], [[one], [other], []]) == (other,)

@@ -40,3 +40,19 @@ def test_the_place_is_kept():
     """Sample, camera, target and points are those of what was left out."""
     outlier = described_outlier(LeftOut(3, "wrist", "board", (4, 5), 7.0, off_px=2.0))
     assert (outlier.sample, outlier.camera, outlier.target, outlier.ids) == (3, "wrist", "board", (4, 5))
+
+
+def test_from_a_thousand_sigmas_on_the_number_says_no_more():
+    """And what has no distance at all is far."""
+    assert "disagree by 1000 sigma, " in outlier_reason(LeftOut(3, "a", "b", (), 1000.0, 0.1, 0.1))
+    assert "disagree by more than 1000 sigma, " in outlier_reason(LeftOut(3, "a", "b", (), 1000.1, 0.1, 0.1))
+    assert outlier_reason(LeftOut(3, "a", "b", (), math.nan)) == (
+        "seen far from where the rest predicts it: a reflection, or a robot bumped or not settled"
+    )
+    assert outlier_reason(LeftOut(3, "a", "b", (), math.nan, 0.01, 0.02)) == (
+        "the robots' poses and the view disagree, 10.0 mm and 1.15 deg: a robot bumped or not settled, or poses and "
+        "view of different instants"
+    )
+    assert outlier_reason(LeftOut(3, "a", "b", (1,), math.nan)) == (
+        "point is far from where the rest predicts it: a reflection, a wrong id or occluded"
+    )

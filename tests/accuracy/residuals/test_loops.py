@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.residuals.fit import residuals
-from basecal.accuracy.residuals.loops import _closed, _Relation
+from basecal.accuracy.residuals.loops import _closed, _Relation, loops
 from basecal.accuracy.verdict import calibrate
 from basecal.cell import Recording, RobotState
 from basecal.estimation.settings import Settings
@@ -93,3 +93,33 @@ def test_the_way_to_a_ring_and_back_is_no_part_of_it():
     assert (loop.path[0], loop.path[-1], loop.views) == ("c", "c", 30)
     assert set(loop.path).isdisjoint({"a", "b"})
     assert loop.rms_m == pytest.approx(0.5)
+
+
+def test_the_order_of_pairs_does_not_matter():
+    """Pairs from their other ends, or where none touches what is known at first: the same ring and the same error."""
+    s = simulate(replace(RING, samples=18), seed=3)
+    solution = solve(s.cell, s.recording)
+    groups = solution.problem.groups
+    *_, ring = residuals(solution).loops
+    for order in ((2, 1, 0), (1, 2, 0), (1, 0, 2)):
+        problem = solution.problem.with_groups([groups[k] for k in order])
+        *pairs, other = loops(replace(solution, problem=problem), residuals(solution).per_sample)
+        assert [pair.path[1] for pair in pairs] == [groups[k].camera for k in order]
+        assert other.views == ring.views == 18
+        assert set(other.path) == set(ring.path)
+        assert other.path[0] == other.path[-1]
+        assert other.rms_m == pytest.approx(ring.rms_m, rel=0.1)
+        assert other.rms_rad == pytest.approx(ring.rms_rad, rel=1e-3)
+
+
+def test_views_that_are_not_known_to_close_do_not_count():
+    """Of a pair the root of the mean square over those that have both numbers; without any it has no loop."""
+    s = simulate(Scenario(samples=8), seed=0)
+    solution = solve(s.cell, s.recording)
+    sizes = [(3e-3, 1e-3), (4e-3, 7e-3), (None, 5.0), (5.0, None)]
+    first = residuals(solution).per_sample[0]
+    views = [replace(first, loop_m=length, loop_rad=angle) for length, angle in sizes]
+    (loop,) = loops(solution, views)
+    assert (loop.path, loop.views) == (("eye_base", "wrist", "board", "hand_base"), 2)
+    assert (loop.rms_m, loop.rms_rad) == (pytest.approx(np.sqrt(12.5) * 1e-3), pytest.approx(5e-3))
+    assert loops(solution, views[2:]) == ()

@@ -126,3 +126,36 @@ def test_what_is_left_over_is_called_by_what_was_estimated(common):
     assert len({REST, COMMON} & shares.keys()) == 1
     nothing = replace(calibration, transforms={})
     assert calibration_budget(made.cell, nothing, solution, {}, np.array(POINT)) is None
+
+
+@pytest.fixture(scope="module")
+def of_priors():
+    made = simulate(PRIORS, 3)
+    solution = solve(made.cell, made.recording)
+    return solution, *at(solution, "eye_base_from_hand_base")
+
+
+def test_a_prior_has_the_share_of_its_information(of_priors):
+    """J C W C J' with W that of the prior alone, C the covariance and J how the point goes with the base."""
+    solution, task, total = of_priors
+    name = "eye_flange_from_wrist"
+    where, base = solution.problem.columns[name], solution.problem.columns[task.transform]
+    sigma = solution.problem.unknowns[name].sigma
+    across = solution.covariance[base, where]
+    own = task.variance_m2(across @ np.diag(sigma**-2.0) @ across.T)
+    (entry,) = [each for each in budget(solution, task, total, {}) if each.source == f"prior of {name}"]
+    assert entry.rms_m == pytest.approx(np.sqrt(own), rel=3e-3)
+    assert entry.share == pytest.approx(own / total, rel=6e-3)
+
+
+def test_all_shrink_where_the_answer_is_known_better_than_by_its_sources(of_priors):
+    """Half the variance is half of each source's, and halving one still brings the same share; the largest first."""
+    solution, task, total = of_priors
+    whole, half = (budget(solution, task, of, {}) for of in (total, total / 2))
+    assert [entry.source for entry in half] == [entry.source for entry in whole if entry.source != REST]
+    assert sum(entry.rms_m**2 for entry in half) == pytest.approx(total / 2, rel=1e-9)
+    for before, after in zip(whole, half, strict=False):
+        assert after.share == pytest.approx(before.share, rel=2e-3)
+        assert after.halved_rms_m == pytest.approx(before.halved_rms_m / np.sqrt(2), rel=2e-3)
+    sizes = [entry.rms_m for entry in half]
+    assert sizes == sorted(sizes, reverse=True)

@@ -7,10 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from basecal.accuracy.task.arms_at_points import joints_at, recorded_joints
 from basecal.accuracy.task.error_map import error_map
+from basecal.accuracy.task.meeting_errors import meeting_errors
+from basecal.accuracy.task.task import Task
 from basecal.cell import Calibration
+from basecal.estimation.problem.robot_parameters import after_step
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
+from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
 BASE = "eye_base_from_hand_base"
@@ -84,3 +89,48 @@ def test_estimated_kinematics_count_as_far_as_they_are_known():
         found[status] = error_map(made.cell, calibration, solution, made.truth[BASE].translation / 2).angle_95_rad
     assert np.all(found["prior"] > 2e-3)
     assert found["prior"].min() > 2 * found["fixed"].max()
+
+
+def test_what_meets_moves_with_the_base_and_both_arms():
+    """J C J' by differences of base and arms at recorded poses, and each robot's mean own variance on top."""
+    made = simulate(
+        Scenario(samples=6, joints=True, joint_offsets="prior", joint_offset_rad=2e-3, robot_noise=(1e-4, 2e-4)), 3
+    )
+    solution = solve(made.cell, made.recording)
+    problem, state = solution.problem, solution.state
+    own = {"eye": (1e-3, 2e-3, 3e-3, 1e-3, 1e-3, 4e-3), "hand": (4e-3, 0, 0, 0, 5e-3, 0)}
+    noise = {name: {"sigma_t_m": of[:3], "sigma_r_rad": of[3:]} for name, of in own.items()}
+    noise["hand"]["smooth"] = {"sigma": [3e-3, 0, 0, 0, 0, 6e-3]}
+    calibration = Calibration("good", dict(solution.transforms), noise={"robots": noise})
+    base, step = state.transforms[BASE], 1e-6
+    recorded = np.array([s.robots["hand"].joints_rad for s in made.recording.samples])
+    hand = state.kinematics(problem.models["hand"])
+    at_hand = hand.forward(recorded).translation
+    points = base @ at_hand
+    eye_joints = joints_at(problem, state, "eye", recorded_joints(problem, "eye"), points)
+    mean, found = meeting_errors(made.cell, calibration, solution, Task(BASE, at_hand), points)
+    np.testing.assert_array_equal(mean, 0)
+    columns = np.zeros((len(points), 6, problem.width))
+    for k in range(6):
+        moved = SE3.exp(step * np.eye(6)[k])
+        columns[:, :3, problem.columns[BASE].start + k] = (moved @ at_hand - at_hand) / step
+        columns[:, 3:, problem.columns[BASE].start + k] = moved.rotvec / step
+    for robot, joints in (("hand", recorded), ("eye", eye_joints)):
+        model = problem.models[robot]
+        (name,) = model.widths
+        where, before = problem.columns[name], state.kinematics(model)
+        poses = before.forward(joints)
+        for k in range(where.stop - where.start):
+            values = {name: step * np.eye(where.stop - where.start)[k]}
+            after = after_step(model, before, values).forward(joints)
+            shift, turn = (after.translation - poses.translation) / step, (after @ poses.inverse()).rotvec / step
+            if robot == "eye":  # away from the point, in the axes of the hand's base
+                shift, turn = (-each @ base.rotation for each in (shift, turn))
+            columns[:, :3, where.start + k], columns[:, 3:, where.start + k] = shift, turn
+    places = np.mean([1e-6, 4e-6, 9e-6]) + 16e-6 / 3 + 9e-6 / 3
+    turns = np.mean([1e-6, 1e-6, 16e-6]) + 25e-6 / 3 + 36e-6 / 3
+    by_columns, by_robots = columns @ solution.covariance @ columns.mT, np.diag(np.repeat([places, turns], 3))
+    wanted = by_columns + by_robots
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-4 * np.abs(wanted).max())
+    _, without = meeting_errors(made.cell, replace(calibration, noise={}), solution, Task(BASE, at_hand), points)
+    np.testing.assert_allclose(found - without, np.broadcast_to(by_robots, found.shape), atol=1e-15)

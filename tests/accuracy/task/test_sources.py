@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from basecal.accuracy.task.sources import sources_of
+from basecal.cell import Recording
 from basecal.estimation.least_squares.normal_equations import linearise
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import State
 from basecal.estimation.solve import solve
 from basecal.simulation import Scenario, simulate
 
@@ -57,3 +62,34 @@ def test_a_scaled_source_leaves_the_state_where_it_is(solution):
     (group,) = problem.groups
     before = solution.state.camera_from_target(group, solution.problem.stops)
     np.testing.assert_allclose(state.camera_from_target(group, problem.stops).matrix, before.matrix, atol=1e-14)
+
+
+def test_a_source_is_that_of_its_name_alone():
+    """Views of one of two cameras, stops of one of two robots and the prior of one of them; the others stay."""
+    made = simulate(EVERYTHING, 3)
+    twin = replace(made.cell.cameras["wrist"], name="second")
+    cell = replace(made.cell, cameras={**made.cell.cameras, "second": twin})
+    samples = [
+        replace(s, observations=(*s.observations, *(replace(o, camera="second") for o in s.observations)))
+        for s in made.recording.samples
+    ]
+    problem, _ = build_problem(cell, Recording(tuple(samples)))
+    state = State({}, {}, np.zeros((len(problem.stops), 6)))
+    scaled = {source.name: source.scaled(problem, state, 2.0)[0] for source in sources_of(problem)}
+    assert {"views of second", "prior of eye_flange_from_second", "lens of second"} <= scaled.keys()
+    for name, other in scaled.items():
+        weights = {f"views of {g.camera}": g.measurement.weight for g in problem.groups}
+        after = {f"views of {g.camera}": g.measurement.weight for g in other.groups}
+        for each, weight in weights.items():
+            np.testing.assert_allclose(after[each], weight / (2.0 if each == name else 1.0))
+        for robot in ("eye", "hand"):
+            mine = np.array(problem.stops.robot) == robot
+            factor = 2.0 if name == f"repeatability of {robot}" else 1.0
+            np.testing.assert_allclose(other.stops.sigma[mine], factor * problem.stops.sigma[mine])
+        for unknown, of in problem.unknowns.items():
+            if of.sigma is not None:
+                factor = 2.0 if name == f"prior of {unknown}" else 1.0
+                np.testing.assert_allclose(other.unknowns[unknown].sigma, factor * of.sigma)
+        for camera, lens in problem.lenses.items():
+            factor = 2.0 if name == f"lens of {camera}" else 1.0
+            np.testing.assert_allclose(other.lenses[camera].sigma, factor * lens.sigma)
