@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicHermiteSpline
 
 from basecal.estimation.streams.path import MOST_APART_S, Path
 from basecal.geometry import SE3
@@ -85,3 +86,46 @@ def test_joints_are_interpolated_as_joints() -> None:
     step = 1e-6
     moved = path.at(asked - step).base_from_flange.inverse() @ path.at(asked + step).base_from_flange
     np.testing.assert_allclose(there.velocity, moved.log() / (2 * step), atol=1e-6)
+
+
+@pytest.mark.parametrize("by_joints", [False, True])
+def test_between_records_it_is_the_cubic_of_the_slopes_around(by_joints: bool) -> None:
+    """As SciPy's Hermite spline, of unequal times, one-sided at both ends and beside a pause: places and velocity."""
+    times = np.array([0.0, 0.1, 0.25, 0.3, 0.5, 1.5, 1.6, 1.85, 1.9])
+    values = np.random.default_rng(2).uniform(-1, 1, (len(times), 3))
+    before, after = np.array([0, 0, 1, 2, 3, 5, 5, 6, 7]), np.array([1, 2, 3, 4, 4, 6, 7, 8, 8])
+    slopes = (values[after] - values[before]) / (times[after] - times[before])[:, None]
+    spline = CubicHermiteSpline(times, values, slopes[:, None].reshape(values.shape))
+    asked = np.array([0.0, 0.03, 0.1, 0.2, 0.27, 0.35, 0.49, 0.5, 1.5, 1.55, 1.7, 1.8, 1.88, 1.9])
+    if by_joints:
+        chain = planar(0.4, 0.3, 0.2)
+        there = Path(times, chain.forward(values), values, chain).at(asked)
+        np.testing.assert_allclose(there.joints, spline(asked), atol=1e-12)
+        at = chain.at(spline(asked))
+        expected = (at.by_joints @ spline(asked, 1)[..., None])[..., 0]
+        np.testing.assert_allclose(there.base_from_flange.matrix, at.base_from_flange.matrix, atol=1e-12)
+    else:
+        turn = np.broadcast_to(SE3.exp([0, 0, 0, 0.3, -0.2, 1.0]).rotation, (len(times), 3, 3))
+        there = Path(times, SE3(turn, values)).at(asked)
+        assert there.joints is None
+        np.testing.assert_allclose(there.base_from_flange.translation, spline(asked), atol=1e-12)
+        np.testing.assert_allclose(there.base_from_flange.rotation, turn[0][None].repeat(len(asked), 0), atol=1e-12)
+        expected = np.hstack([spline(asked, 1) @ turn[0], np.zeros((len(asked), 3))])
+    np.testing.assert_allclose(there.velocity, expected, atol=1e-10)
+
+
+def test_a_quarter_of_a_second_is_followed_and_more_is_not() -> None:
+    """Both ends of a path belong to it; a record with none so near is one of a robot that stood, for as long."""
+    path = Path(np.array([0.0, 0.25, 0.5, 1.0, 1.251953125]), SE3.identity((5,)))
+    np.testing.assert_array_equal(path.steady, [True, True, False, False])
+    np.testing.assert_array_equal(path.alone, [False, False, False, True, True])
+    asked = [-0.001, 0.0, 0.25, 0.4, 0.5, 0.6, 0.749, 0.751, 1.25, 1.5, 1.51]
+    np.testing.assert_array_equal(path.followed(np.array(asked)), [0, 1, 1, 1, 1, 0, 0, 1, 1, 1, 0])
+
+
+def test_a_robot_stands_at_the_nearer_record() -> None:
+    """Just before the middle at the first, just after it at the second."""
+    times = np.array([0.0, 0.4, 0.8])
+    path = Path(times, along(times))
+    there = path.at(np.array([0.19, 0.21, 0.61, 1.0])).base_from_flange
+    np.testing.assert_allclose(there.matrix, along(times[[0, 1, 2, 2]]).matrix, atol=1e-12)

@@ -5,11 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.cell import CandidateObservation, Recording, RollingShutter, Sample
+from basecal.cell import (
+    CandidateObservation,
+    Cell,
+    CellCamera,
+    CellTarget,
+    Recording,
+    Robot,
+    RollingShutter,
+    Sample,
+    Unknown,
+)
 from basecal.cell.calibration import Calibration, LineTime
 from basecal.estimation.streams.rolling_shutter import Known, Moving, as_at_once, line_of, mean_row
 from basecal.estimation.streams.streams import streams_of, synchronised, synchronous
-from basecal.geometry import PoseEstimate
+from basecal.geometry import SE3, PoseEstimate
 from stream_cells import BOARD, MOUNT, Streamed, along, pictured
 
 LINE_S = 3e-5
@@ -98,3 +108,72 @@ def _beside(made: Streamed) -> tuple[Sample, ...]:
 def test_the_mean_row_is_of_all_pixels(rows: list[float]) -> None:
     spots = np.array([[0.0, v] for v in rows]).reshape(-1, 2)
     assert mean_row(Sample(0, observations=(CandidateObservation("a", "b", spots),))) == (30.0 if rows else 0.0)
+
+
+@pytest.mark.parametrize(
+    ("camera_on", "target_on"), [("eye", "hand"), ("hand", "eye"), ("world", "hand"), ("eye", "world")]
+)
+def test_poses_and_velocities_of_any_pair_are_those_of_differences(camera_on: str, target_on: str) -> None:
+    """Both arms move; the reference's base is the world, the other's stands where the cell says."""
+    cell = Cell(
+        "eye",
+        {"eye": Robot("eye"), "hand": Robot("hand")},
+        {"hand": Unknown()},
+        {"wrist": CellCamera("wrist", camera_on)},
+        {"tag": CellTarget("tag", target_on)},
+    )
+    rng, step = np.random.default_rng(3), 1e-5
+    names = {"base": cell.base_name("hand"), "camera": cell.mount_name("wrist"), "target": cell.mount_name("tag")}
+    transforms = {name: SE3.exp(rng.uniform(-1, 1, 6)) for name in names.values()}
+    flanges = {"eye": SE3.exp(rng.uniform(-1, 1, 6)), "hand": SE3.exp(rng.uniform(-1, 1, 6))}
+    velocities = {name: rng.uniform(-1, 1, 6) for name in flanges}
+
+    def seen(after_s: float) -> SE3:
+        """The target in the camera, written out."""
+        at = {name: flange @ SE3.exp(after_s * velocities[name]) for name, flange in flanges.items()}
+        in_world = {"eye": at["eye"], "hand": transforms[names["base"]] @ at["hand"], "world": SE3.identity()}
+        camera = in_world[camera_on] @ transforms[names["camera"]]
+        return camera.inverse() @ in_world[target_on] @ transforms[names["target"]]
+
+    moving = {name: Moving(flanges[name], velocities[name]) for name in flanges}
+    pose, velocity = Known(cell, transforms, {}).camera_from_target("wrist", "tag", moving) or (None, None)
+    assert pose is not None
+    np.testing.assert_allclose(pose.matrix, seen(0.0).matrix, atol=1e-12)
+    np.testing.assert_allclose(velocity, (seen(-step).inverse() @ seen(step)).log() / (2 * step), atol=1e-8)
+    for missing in names.values():
+        fewer = Known(cell, {n: t for n, t in transforms.items() if n != missing}, {})
+        unneeded = missing == names["base"] and "hand" not in (camera_on, target_on)
+        assert (fewer.camera_from_target("wrist", "tag", moving) is None) != unneeded
+
+
+def test_each_pixel_is_mended_by_the_rows_since_the_mean_one() -> None:
+    """Written out for corners and for candidates of a light; other cameras, and lines without time, stay."""
+    made = pictured(LINE_S, RollingShutter("fixed", LINE_S))
+    streams = streams_of(made.cell, made.recording)
+    assert streams is not None
+    at_mean = synchronised(streams, streams.stated)
+    first = at_mean.recording.samples[3]
+    (seen,) = first.observations
+    shape, lens = made.cell.targets["board"].target, known(made).lenses["wrist"]
+    assert shape is not None
+    ids, spots = seen.ids[[4, 1]], np.array([[600.0, 100.0], [650.0, 700.0], [640.0, 400.0]])
+    some = replace(seen, ids=ids, pixels=seen.pixels[[4, 1]], sigma_px=None)
+    candidates = CandidateObservation("wrist", "board", spots)
+    recording = replace(at_mean.recording, samples=(replace(first, observations=(some, candidates)),))
+    mended = as_at_once(recording, known(made), {"wrist": LINE_S}, at_mean.robots).samples[0].observations
+    arm = at_mean.robots["arm"][first.sample]
+    middle = np.concatenate([some.pixels, spots])[:, 1].mean()
+    for before, after, points in (
+        (some, mended[0], shape.points[shape.rows(ids)]),
+        (candidates, mended[1], shape.points[[0, 0, 0]]),
+    ):
+        for k, point in enumerate(points):
+            flange = arm.base_from_flange @ SE3.exp((before.pixels[k, 1] - middle) * LINE_S * arm.velocity)
+            there, here = (
+                lens.project((at @ MOUNT).inverse() @ BOARD @ point) for at in (flange, arm.base_from_flange)
+            )
+            np.testing.assert_allclose(after.pixels[k], before.pixels[k] - (there - here), atol=1e-9)
+            assert np.abs(there - here).max() > 0.01
+    for lines, lenses in (({"wrist": 0.0}, known(made).lenses), ({"wrist": LINE_S}, {})):
+        same = as_at_once(recording, replace(known(made), lenses=lenses), lines, at_mean.robots)
+        assert same.samples[0].observations == (some, candidates)

@@ -5,11 +5,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.cell import Calibration, CellCamera, Clock, ClockOffset, PoseObservation, Recording, RobotState, Sample
+from basecal.cell import (
+    Calibration,
+    CellCamera,
+    Clock,
+    ClockOffset,
+    PoseObservation,
+    Recording,
+    Robot,
+    RobotState,
+    Sample,
+)
 from basecal.errors import InputError
 from basecal.estimation.solve import solve
 from basecal.estimation.streams.streams import streams_of, synchronised, synchronous
 from basecal.geometry import SE3
+from planar_arm import planar
 from stream_cells import MOUNT, along, streamed
 
 
@@ -139,3 +150,83 @@ def test_a_few_samples_without_a_robot_do_not_make_streams() -> None:
     made = streamed()
     samples = [Sample(k, None, {"arm": RobotState(SE3.identity())} if k else {}, (view,)) for k in range(4)]
     assert streams_of(made.cell, Recording(tuple(samples))) is None
+
+
+def test_most_views_stand_alone_or_there_are_no_streams() -> None:
+    """Of four views two without their robot are not most; three are, if other lines have that robot."""
+    view = PoseObservation("wrist", "tag", SE3.identity())
+    made = streamed()
+
+    def of(alone: int, elsewhere: bool = True) -> Recording:
+        """Four views, the first ones without the arm, and a line with the arm alone."""
+        arm = {"arm": RobotState(SE3.identity())}
+        views = [Sample(k, float(k), {} if k < alone else arm, (view,)) for k in range(4)]
+        return Recording((*views, *([Sample(9, 0.5, arm), Sample(10, 2.5, arm)] if elsewhere else [])))
+
+    assert streams_of(made.cell, of(2)) is None
+    assert streams_of(made.cell, of(3)) is not None
+    assert streams_of(made.cell, of(4, elsewhere=False)) is None
+
+
+@pytest.mark.parametrize(("gone", "shown"), [(10, "8, 9"), (11, "8, 9, ...")])
+def test_ten_of_the_views_left_out_are_named(gone: int, shown: str) -> None:
+    """All of them are in the finding."""
+    made = streamed(clock=Clock(offset_s=0.03))
+    late = tuple(s for s in made.recording.samples if s.observations or s.stamp_s > 0.5 + 0.1 * (gone - 1) + 1e-3)
+    assert min(s.stamp_s for s in late if s.robots) < 0.5 + 0.1 * gone + 1e-3
+    (finding,) = synchronous(made.cell, Recording(late)).findings
+    numbers = ", ".join(map(str, range(8)))
+    expected = (
+        f"{gone} view(s) not used, no robot was recorded within 0.25 s before and after: sample {numbers}, {shown}"
+    )
+    assert finding.message == expected
+    assert finding.about == tuple(map(str, range(gone)))
+
+
+def test_of_two_records_at_one_stamp_the_first_counts() -> None:
+    """By its number, wherever it stands in the recording."""
+    made = streamed(clock=Clock(offset_s=0.03))
+    record = next(s for s in made.recording.samples if s.robots and s.stamp_s == 2.0)
+    elsewhere = replace(record, sample=5000, robots={"arm": RobotState(SE3.identity())})
+    streams = streams_of(made.cell, Recording((elsewhere, *made.recording.samples)))
+    assert streams is not None
+    path = streams.paths["arm"]
+    assert len(path.times) == 400
+    assert np.all(np.diff(path.times) > 0)
+    np.testing.assert_allclose(path.base_from_flange.matrix, along(path.times).matrix, atol=1e-12)
+
+
+@pytest.mark.parametrize(("shift", "shares"), [(7.49, False), (7.47, True), (-7.39, True), (-7.41, False)])
+def test_one_view_within_the_records_is_enough(shift: float, shares: bool) -> None:
+    """The first at the end of the records, or the last at their beginning: by the clocks as stated."""
+    made = streamed(offset_s=0.0, clock=Clock(offset_s=shift))
+    assert max(s.stamp_s for s in made.recording.samples if s.robots) == pytest.approx(7.98)
+    if shares:
+        assert streams_of(made.cell, made.recording) is not None
+        return
+    first, last = 0.5 + shift, 7.4 + shift
+    with pytest.raises(InputError, match=f"share no time: {first:.3f} to {last:.3f} s and 0.000 to 7.980 s; write"):
+        streams_of(made.cell, made.recording)
+
+
+def test_joints_are_given_on_as_joints() -> None:
+    """Where a robot was recorded by them; without its kinematics that is an error."""
+    made, chain = streamed(clock=Clock(offset_s=0.03)), planar(0.4, 0.3, 0.2)
+    joints = {s.sample: np.sin(s.stamp_s + np.arange(chain.n)) for s in made.recording.samples}
+    samples = tuple(
+        replace(s, robots={"arm": RobotState(joints_rad=joints[s.sample])}) if s.robots else s
+        for s in made.recording.samples
+    )
+    with pytest.raises(InputError, match="robot 'arm' is recorded by joints and has no urdf"):
+        streams_of(made.cell, Recording(samples))
+    cell = replace(made.cell, robots={"arm": Robot("arm", chain=chain)})
+    streams = streams_of(cell, Recording(samples))
+    assert streams is not None
+    found = synchronised(streams, {"arm": 0.01, "wrist": 0.03})
+    assert len(found.recording.samples) == 70
+    for sample in found.recording.samples:
+        arm = sample.robots["arm"]
+        assert arm.base_from_flange is None
+        np.testing.assert_allclose(arm.joints_rad, np.sin(sample.stamp_s - 0.01 + np.arange(chain.n)), atol=1e-5)
+        moving = found.robots["arm"][sample.sample]
+        np.testing.assert_allclose(moving.base_from_flange.matrix, chain.forward(arm.joints_rad).matrix, atol=1e-12)
