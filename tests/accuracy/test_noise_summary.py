@@ -93,3 +93,35 @@ def test_few_samples_leave_sigmas_open():
         factors.append(noise_summary(made.cell, made.recording, solution)["robots"]["eye"]["rms_factor"])
     assert 1 < factors[0] < 1.3
     assert factors[1] > 1.5
+
+
+def test_all_that_was_estimated_stands_by_its_name():
+    """Of robots the freedoms, equations less unknowns, and the root of the mean square; clocks, shapes, and images."""
+    solution = solve(STATED.cell, STATED.recording)
+    sigma = np.array([1e-3, 2e-3, 3e-3, 4e-3, 5e-3, 6e-3])
+    noise = replace(
+        solution.noise,
+        robots={"hand": sigma},
+        robot_variances={"hand": 4 * sigma**2},
+        shapes={"board": (np.array([0.1, -0.2]), np.eye(2))},
+    )
+    timed = replace(solution, noise=noise, problem=replace(solution.problem, jitter_s={"wrist": 2e-3}))
+    cell = replace(STATED.cell, correlated_px=0.4)
+    found = noise_summary(cell, STATED.recording, timed)
+    assert found == {
+        "pixel_px": STATED.cell.pixel_px,
+        "correlated_px": 0.4,
+        "robots": {
+            "eye": {"sigma_t_m": [2e-4] * 3, "sigma_r_rad": [4e-4] * 3},
+            "hand": {
+                "sigma_t_m": [1e-3, 2e-3, 3e-3],
+                "sigma_r_rad": [4e-3, 5e-3, 6e-3],
+                "freedoms": 12 * 6 - 18.0,
+                "rms_factor": pytest.approx(2.0),
+            },
+        },
+        "clocks": {"wrist": {"jitter_s": 2e-3}},
+        "targets": {"board": {"shape": [0.1, -0.2]}},
+    }
+    few = replace(timed, problem=timed.problem.with_groups(g.take(np.arange(2)) for g in timed.problem.groups))
+    assert noise_summary(cell, STATED.recording, few)["robots"]["hand"]["freedoms"] == 1.0

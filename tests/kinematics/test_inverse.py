@@ -114,3 +114,24 @@ def test_bad_input_is_refused(chain):
             inverse(chain, pose, start)
     with pytest.raises(InputError, match="start has shape"):
         inverse(chain, chain.forward(np.zeros((2, chain.n))), np.zeros((3, chain.n)))
+
+
+def test_no_pose_needs_no_joints(chain):
+    """Of an empty batch the answer is empty, too."""
+    nothing = chain.forward(np.zeros((0, chain.n)))
+    assert inverse(chain, nothing, np.zeros(chain.n)).shape == (0, chain.n)
+
+
+def test_what_is_left_is_told_of_the_farthest_pose():
+    """In millimetres and degrees; the others stand in the state where they were reached."""
+    arm = planar(0.5, 0.4)
+    near = arm.forward(np.array([0.3, 0.4]))
+    far = SE3.from_rotvec([0, 0, 0.0], [1.4, 0.0, 0.0])
+    with pytest.raises(NotConverged) as caught:
+        inverse(arm, SE3.stack([near, far]), np.array([0.2, 0.3]))
+    joints = caught.value.state
+    np.testing.assert_allclose(joints[0], [0.3, 0.4], atol=1e-8)
+    off = left(arm, joints[1], far)
+    said = f"{1e3 * np.linalg.norm(off[:3]):.3g} mm and {np.degrees(np.linalg.norm(off[3:])):.3g} deg away; give a"
+    assert said in str(caught.value)
+    assert np.linalg.norm(off[:3]) == pytest.approx(0.5, abs=0.1)

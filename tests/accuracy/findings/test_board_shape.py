@@ -53,3 +53,20 @@ def test_points_in_space_that_are_off_are_told(evidence, times, severity):
     found = board_shape(of)
     assert [f.severity for f in found] == ([] if severity is None else [severity])
     assert all("points of board are up to" in f.message for f in found)
+
+
+def test_a_target_without_points_has_no_shape(evidence):
+    """Of one that is seen only as poses nothing is told, of the next it is, in whole words."""
+    of = made(evidence, (0.0, 1.0, 0.0))
+    of.solution.noise.shapes = {"posed": of.solution.noise.shapes["board"], **of.solution.noise.shapes}
+    of.cell.targets["posed"] = SimpleNamespace(target=None)
+    (found,) = board_shape(of)
+    assert found.message == (
+        "board is not flat: its points lie up to 0.36 mm off their plane; the answer takes that into account; a board "
+        "on glass or aluminium needs no such correction"
+    )
+    (bent,) = board_shape(made(evidence, (0.0, 3.1, 0.0)))
+    assert bent.message == (
+        "board is not flat: its points lie up to 1.1 mm off their plane, more than printed boards do: check the points "
+        "stated, the lens model and the target's size"
+    )

@@ -78,3 +78,8 @@ def test_a_single_joint_stands_alone():
     """With the camera's mount fixed the eye's first offset alone is open."""
     found = told(**PRIOR, camera_mount="fixed")
     assert "alone: joint 1 (shoulder_pan): the first joint moves" in found["eye"].message
+
+
+def test_links_are_told_together_or_not_at_all():
+    """What is not joint by joint has no joints to name."""
+    assert told(link_error=(1e-4, 2e-4), link_parameters="prior", samples=8) == {}

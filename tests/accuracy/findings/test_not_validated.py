@@ -30,3 +30,14 @@ def test_no_folds_at_all(evidence):
     (found,) = not_validated(evidence(cross_validation=SimpleNamespace(skipped=(), summary=None)))
     assert found.about == ()
     assert "cannot be split into folds" in found.message
+
+
+def test_only_what_is_estimated_can_be_unobservable(evidence):
+    """Of what is asked for."""
+    made = evidence(cross_validation=SimpleNamespace(skipped=(4,), summary="any"))
+    made.cell.asked = ["base", "fixed"]
+    (found,) = not_validated(made)
+    assert found.message == (
+        "samples 4 could not be held out in cross-validation, as without them base is unobservable: record more of "
+        "their kind"
+    )

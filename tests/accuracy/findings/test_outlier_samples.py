@@ -206,3 +206,14 @@ def test_two_abb_of_which_half_the_samples_close_the_loop(tmp_path):
     assert set(map(str, range(10, 20))) <= set(finding.about)
     assert len(finding.about) <= 11
     assert "10 to 19" in finding.message
+
+
+def test_where_few_samples_agree_their_stops_are_not_told():
+    """That is said by itself; and of two stops far off both samples and the larger error are told."""
+    assert far_stops(robust(kept=range(10, 15), errors=(0.5, 9.0), agreeing=(10, 11))) == []
+    (found,) = far_stops(robust(kept=range(10, 15), errors=(7.0, 0.5, -9.4)))
+    assert found.message == (
+        "a robot's pose was off by up to 9 of its sigmas at samples 10, 12: taken before the arm settled, or bumped; "
+        "leave these samples out, or state a larger noise"
+    )
+    assert (found.severity, found.about) == ("warning", ("10", "12"))

@@ -9,7 +9,14 @@ import pytest
 
 from basecal.accuracy.input_check.hypotheses import resized
 from basecal.accuracy.input_check.rewriting import scaled, with_targets
-from basecal.accuracy.input_check.target_sizes import _parabola, _Sized, _spread, size_hypotheses, target_size
+from basecal.accuracy.input_check.target_sizes import (
+    _parabola,
+    _Sized,
+    _spread,
+    as_written,
+    size_hypotheses,
+    target_size,
+)
 from basecal.estimation.solve import solve
 from basecal.simulation import Scenario, simulate
 
@@ -85,3 +92,26 @@ def test_a_spread_is_about_the_points_mean():
     points = np.random.default_rng(0).normal(size=(6, 3))
     assert _spread(points + np.array([3.0, -1.0, 2.0])) == pytest.approx(_spread(points), rel=1e-12)
     assert _spread(2 * points) == pytest.approx(2 * _spread(points))
+
+
+def test_a_size_is_told_whole_and_taken():
+    """Words to four digits, advice with the field to five; poses of this target alone go further away."""
+    made = simulate(Scenario(samples=2, target="pose"), 0)
+    (first, second) = made.recording.samples
+    other = replace(second.observations[0], target="other")
+    recording = replace(made.recording, samples=(first, replace(second, observations=(other,))))
+    reading = target_size("board", 1.23456, made.cell)
+    assert reading.words == "board is 1.235 times as large as stated"
+    assert (reading.code, reading.about, reading.nested) == ("board-size", ("board",), True)
+    cell, read = reading.apply(made.cell, recording)
+    before, after = (r.samples[0].observations[0].camera_from_target for r in (recording, read))
+    np.testing.assert_allclose(after.translation, 1.23456 * before.translation)
+    np.testing.assert_array_equal(after.rotation, before.rotation)
+    np.testing.assert_array_equal(
+        read.samples[1].observations[0].camera_from_target.matrix, other.camera_from_target.matrix
+    )
+    assert cell.targets["board"].target is None
+    assert reading.fix == "measure board and state its true size"
+    seen = simulate(Scenario(samples=1), 0)
+    size_m = seen.cell.targets["board"].target.options["square_m"]
+    assert as_written(seen.cell, "board", 1.23456) == f": square_m would be {1.23456 * size_m:.5g}"

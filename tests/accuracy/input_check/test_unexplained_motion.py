@@ -81,3 +81,28 @@ def test_what_hardly_moves_says_nothing():
     problem, _ = build_problem(MADE.cell, same)
     assert unexplained_motion(problem, TRUE) == 0.0
     assert unexplained_motion(problem.with_groups(()), TRUE) == 0.0
+
+
+def through_a_long_lens(off_px, count=16):
+    """The views through a lens ten times as long, exact, and a state whose lens has its centre off by so much."""
+    (group,) = PROBLEM.groups
+    lens = MADE.cameras["wrist"]
+    parameters = lens.parameters * np.where(np.arange(len(lens.parameters)) < 2, 10.0, 1.0)
+    long = lens.with_parameters(parameters)
+    predicted = TRUE.camera_from_target(group, PROBLEM.stops)
+    pixels = group.measurement.pixels + np.nan_to_num(group.measurement.residual_px(predicted, long))
+    seen = replace(group, measurement=replace(group.measurement, pixels=pixels)).take(np.arange(count))
+    parameters[2:4] += off_px
+    return PROBLEM.with_groups([seen]), replace(TRUE, cameras={"wrist": lens.with_parameters(parameters)})
+
+
+@pytest.mark.parametrize(("off_px", "lost"), [(0.0, False), (49.0, False), (51.0, True)])
+def test_residuals_of_fifty_pixels_are_hopeless(off_px, lost):
+    """However far the target moves in the images, and told in pixels then; four stops are too few to say so."""
+    problem, state = through_a_long_lens(off_px)
+    assert unexplained_motion(problem, state) < 0.2
+    assert is_hopeless(problem, state) == lost
+    assert f": residuals of {off_px:.0f} px are left even in the better half" in hopeless(problem, state).message
+    for count, told in ((4, False), (5, lost)):
+        few = through_a_long_lens(off_px, count)
+        assert is_hopeless(*few) == (told or unexplained_motion(*few) > 0.2)

@@ -10,7 +10,7 @@ import pytest
 from basecal.accuracy.residuals.fit import residuals
 from basecal.accuracy.residuals.loops import _closed, _Relation, loops
 from basecal.accuracy.verdict import calibrate
-from basecal.cell import Recording, RobotState
+from basecal.cell import Recording, RobotState, Unknown
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
 from basecal.geometry import SE3
@@ -123,3 +123,17 @@ def test_views_that_are_not_known_to_close_do_not_count():
     assert (loop.path, loop.views) == (("eye_base", "wrist", "board", "hand_base"), 2)
     assert (loop.rms_m, loop.rms_rad) == (pytest.approx(np.sqrt(12.5) * 1e-3), pytest.approx(5e-3))
     assert loops(solution, views[2:]) == ()
+
+
+def test_a_loop_of_two_from_its_other_end():
+    """Seen from the base of the robot that carries the target: begins and ends there, and is closed as well."""
+    s = simulate(Scenario(samples=8), seed=0)
+    twin = replace(s.cell.cameras["wrist"], name="second")
+    cell = replace(s.cell, reference="hand", bases={"eye": Unknown()}, cameras={**s.cell.cameras, "second": twin})
+    samples = [
+        replace(x, observations=(*x.observations, *(replace(o, camera="second") for o in x.observations)))
+        for x in s.recording.samples
+    ]
+    *_, ring = residuals(solve(cell, Recording(tuple(samples)))).loops
+    assert ring.path == ("hand_base", "board", "second", "eye_base", "wrist", "board", "hand_base")
+    assert (ring.views, ring.rms_m < 1e-8) == (16, True)

@@ -4,9 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2, norm
 
 from basecal.accuracy.systematic_errors.candidates import Candidates
-from basecal.accuracy.systematic_errors.score_tests import linearised, score, weighed
+from basecal.accuracy.systematic_errors.score_tests import (
+    Linearised,
+    Sums,
+    linearised,
+    log_chance_of,
+    score,
+    score_of,
+    weighed,
+)
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.cell import Unknown
 from basecal.estimation.problem.build import build_problem
@@ -95,3 +104,48 @@ def test_chance_has_no_end():
     logs = [float(replace(found, statistic=np.array([s])).log_chance[0]) for s in far]
     assert logs[0] == pytest.approx(-2.08, abs=0.01)
     assert np.all(np.diff(logs) < -90)
+
+
+@pytest.mark.parametrize("hidden", [False, True])
+def test_a_score_is_the_elimination_of_the_unknowns(hidden):
+    """Of random sums: the Schur complement of the joint information, and the best sizes of the joint minimum.
+
+    What the unknowns take up whole has neither a size nor a freedom.
+    """
+    rng = np.random.default_rng(5)
+    root = rng.standard_normal((9, 12))
+    if hidden:
+        root[8] = root[0] - 2 * root[3]  # the last error stands for two unknowns
+    joint, pull = root @ root.T, root @ rng.standard_normal(12)
+    about = Linearised(None, None, (), pull[:6], joint[:6, :6], None)
+    twice = np.array([1.0, 3.0])[:, None]  # the same errors in other units
+    among = np.broadcast_to(joint[6:, 6:], (2, 3, 3))
+    known = Sums(twice * pull[6:], twice[..., None] * joint[6:, :6], (twice**2)[..., None] * among)
+    found = score_of(about, known)
+    rest = slice(0, 8) if hidden else slice(0, 9)
+    best = -np.linalg.solve(joint[rest, rest], pull[rest])[6:]
+    gains = [pull[part] @ np.linalg.solve(joint[part, part], pull[part]) for part in (rest, slice(0, 6))]
+    gain = gains[0] - gains[1]
+    left = joint[6:, 6:] - joint[6:, :6] @ np.linalg.solve(joint[:6, :6], joint[:6, 6:])
+    np.testing.assert_allclose(found.statistic, [gain, gain], rtol=1e-8)
+    assert found.freedoms.tolist() == [len(best)] * 2
+    np.testing.assert_allclose(found.information, [left, 9 * left], rtol=1e-8, atol=1e-8)
+    np.testing.assert_allclose(found.size[:, : len(best)], [best, best / 3], rtol=1e-8)
+    np.testing.assert_allclose(found.size[:, len(best) :], 0.0, atol=1e-8)
+    np.testing.assert_allclose(found.gradient[1], 3 * found.gradient[0], atol=1e-12)
+
+
+@pytest.mark.parametrize("freedoms", [1, 2, 6])
+def test_chances_are_those_of_a_chi_square(freedoms):
+    """By SciPy's logarithm; where the chance itself is no number within one of the exact tail; 0 without freedoms."""
+    for statistic in (0.0, 3.0, 80.0, 1300.0):
+        assert log_chance_of(statistic, freedoms) == pytest.approx(chi2.logsf(statistic, freedoms), rel=1e-9)
+    for statistic in (1500.0, 1e5):
+        half = statistic / 2
+        exact = {
+            1: np.log(2) + norm.logsf(np.sqrt(statistic)),
+            2: -half,
+            6: -half + np.log(1 + half + half**2 / 2),
+        }
+        assert log_chance_of(statistic, freedoms) == pytest.approx(exact[freedoms], abs=1.0)
+    assert log_chance_of(80.0, 0) == 0.0

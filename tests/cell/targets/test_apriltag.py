@@ -58,3 +58,13 @@ def test_a_single_tag_may_leave_its_pose_out():
     """It is at the target's origin then."""
     entry = {"on": "hand", "kind": "apriltag", "family": "tag36h11", "tags": [{"id": 1, "size_m": 0.1}]}
     np.testing.assert_allclose(KIND.entries[0].model_validate(entry).shape().points.mean(0), 0.0, atol=1e-17)
+
+
+def test_a_cell_has_tags_of_other_numbers():
+    """The next target's begin after the last of the one before; everything else stays."""
+    tags = [{"id": number, "size_m": 0.1, **POSE} for number in (3, 7)]
+    fields = {"kind": "apriltag", "family": "tag36h11", "tags": tags}
+    numbers = [[tag["id"] for tag in KIND.another(fields, place)["tags"]] for place in range(3)]
+    assert numbers == [[3, 7], [8, 12], [13, 17]]
+    assert KIND.another(fields, 1)["tags"][0] == {**tags[0], "id": 8}
+    assert KIND.marks(fields) == {"tag36h11 3", "tag36h11 7"}
