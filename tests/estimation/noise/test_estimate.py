@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.pose_problem import pose_problem
@@ -9,7 +11,11 @@ from tests.pose_problem import pose_problem
 from basecal.cell import Unknown
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.noise.estimate import degrees_of_freedom, estimate_noise, residual_counts
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import State
+from basecal.estimation.view.measurement import Noise
 from basecal.geometry import SE3
+from basecal.simulation import Scenario, simulate
 
 
 def estimated(errors, sigma=None, prior=None):
@@ -65,3 +71,61 @@ def test_a_prior_pays_for_a_part_of_the_unknowns(rng):
         paid = 3 * n * width**2 / (n * width**2 + variance)
         assert 1.5 < paid < 2.9
         assert squares[name] == pytest.approx(3 * n - paid, rel=2e-3)
+
+
+def test_stated_poses_hold_the_mount_for_those_that_state_none(rng):
+    """Of three that state 1 mm and mrad and six that do not: these pay for their share of the mount alone."""
+    n, stated = 9, np.arange(9) < 3
+    errors = 2e-3 * rng.normal(size=(n, 6))
+    problem, state = pose_problem(errors, np.full(6, 1e-3))
+    (group,) = problem.groups
+    inverse = np.where(stated[:, None], group.measurement.stated, 0.0)
+    silent = replace(group.measurement, stated=inverse, weight=np.where(inverse > 0, inverse, 1.0))
+    problem = problem.with_groups([replace(group, measurement=silent)])
+    end = bundle_adjust(problem, state, 1, 30)
+    problem, end, noise = estimate_noise(problem, end, 30)
+    assert (noise.settled, noise.factor, noise.estimated) == (True, 1.0, ("pose_m", "pose_rad"))
+    for name, part in (("pose_m", slice(0, 3)), ("pose_rad", slice(3, 6))):
+        variance = getattr(noise.noise, name) ** 2
+        weights = np.where(stated, 1e6, 1 / variance)
+        off = errors[:, part] - weights @ errors[:, part] / weights.sum()
+        paid = 3 * (6 / variance) / weights.sum()
+        assert 0.3 < paid < 2.5
+        assert np.sum(off[~stated] ** 2) / variance == pytest.approx(18 - paid, rel=3e-3)
+
+
+def test_one_sigma_alone_is_a_factor(rng):
+    """Cost over freedoms, of points in pixels of which nothing else is stated; noise held is no longer estimated."""
+    made = simulate(Scenario(samples=6, state_pixel_noise=False), 0)
+    problem, _ = build_problem(made.cell, made.recording)
+    end = bundle_adjust(problem, State(made.truth, made.cameras, np.zeros((0, 6))), 1, 30)
+    same, again, noise = estimate_noise(problem, end, 30)
+    count = 2 * sum(int(g.measurement.seen.sum()) for g in problem.groups)
+    assert degrees_of_freedom(problem) == count - 18
+    assert noise.factor == pytest.approx(end.cost / (count - 18))
+    assert noise.noise.pixel_px == pytest.approx(Noise().pixel_px * np.sqrt(noise.factor))
+    assert 0.15 < noise.noise.pixel_px < 0.25
+    assert (same is problem, again is end, noise.estimated) == (True, True, ("pixel_px",))
+    held = replace(problem, held=True)
+    _, _, noise = estimate_noise(held, end, 30)
+    assert (noise.factor, noise.estimated, noise.noise) == (1.0, (), Noise())
+    fixed = {
+        name: replace(u, status="prior", mean=made.truth[name], sigma=np.ones(6))
+        for name, u in problem.unknowns.items()
+    }
+    _, _, noise = estimate_noise(replace(problem, unknowns=fixed), end, 30)
+    assert noise.factor == 1.0
+    assert noise.noise.pixel_px == pytest.approx(np.sqrt(end.cost / (count - 18)) * Noise().pixel_px, rel=1e-3)
+
+
+@pytest.mark.parametrize(("links", "more"), [("free", 0), ("prior", 1)])
+def test_each_column_of_an_arm_under_a_prior_is_a_residual(links, more):
+    """Six offsets and all links that are told: a prior adds what its columns take away; a lens's likewise."""
+    scenario = Scenario(samples=12, target="points", joints=True, joint_offset_rad=1e-3, joint_offsets="prior",
+                        link_error=(1e-3, 1e-3), link_parameters=links, intrinsics="prior")  # fmt: skip
+    made = simulate(scenario, 0)
+    problem, _ = build_problem(made.cell, made.recording)
+    count = sum(residual_counts(problem).values())
+    free = sum(m.widths[f"{name}_link_parameters"] for name, m in problem.models.items())
+    assert free > 12
+    assert degrees_of_freedom(problem) == count - 18 - (0 if more else free)

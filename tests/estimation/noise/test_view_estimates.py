@@ -13,6 +13,7 @@ from basecal.estimation.noise.view_estimates import view_estimates
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.solve import solve
+from basecal.estimation.view.measurement import Noise
 from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
 from basecal.simulation import Scenario, simulate
 
@@ -43,3 +44,42 @@ def test_freedoms_of_views_with_a_lens_follow_the_state_smoothly():
     counts, ranks = np.array([freedoms(times) for times in np.arange(0.4, 1.6, 0.025)]).T
     assert np.abs(np.diff(ranks)).max() >= 1
     assert np.abs(np.diff(counts)).max() < 0.1
+
+
+def test_stated_sigmas_and_open_ones_are_told_apart():
+    """Views of which half state 0.5 px: each part has its own views alone, at that and at unit sigma."""
+    made = simulate(Scenario(samples=8, state_pixel_noise=False), 1)
+    problem, _ = build_problem(made.cell, made.recording)
+    (group,) = problem.groups
+    own = np.arange(8) < 4
+    stated = np.where(own[:, None] & group.measurement.seen, 2.0, 0.0)
+    mixed = problem.with_groups([replace(group, measurement=replace(group.measurement, stated=stated))])
+    state = State(made.truth, made.cameras, np.zeros((0, 6)))
+    found = view_estimates(mixed, mixed.groups[0], state)
+    assert set(found) == {"stated", "pixel_px"}
+    alone = view_estimates(problem, group, state)["pixel_px"]
+    for name, rows, times in (("stated", own, 2.0), ("pixel_px", ~own, 1.0)):
+        some, size = found[name], np.abs(alone.information).max()
+        expected = np.where(rows[:, None, None], times**2 * alone.information, 0.0)
+        np.testing.assert_allclose(some.information, expected, atol=1e-9 * size)
+        np.testing.assert_allclose(some.cost, np.where(rows, times**2 * alone.cost, 0.0), rtol=1e-6, atol=1e-9)
+        assert some.count == pytest.approx(6 * 4, rel=1e-6)
+        assert some.white_count == pytest.approx(2 * group.measurement.seen[rows].sum() - 24, rel=1e-6)
+        measured = group.measurement.with_noise(Noise(pixel_px=1.0)).take(np.flatnonzero(rows))
+        poses = state.camera_from_target(group, problem.stops)[np.flatnonzero(rows)]
+        squares = np.sum(measured.residual_px(poses, made.cameras["wrist"]) ** 2 * measured.seen[..., None])
+        assert some.white + some.cost.sum() == pytest.approx(times**2 * squares, rel=1e-6)
+
+
+def test_a_view_says_as_much_as_its_own_estimate():
+    """Its cost is what its own pose lowers that of its points by, to first order: dense, view by view."""
+    made = simulate(Scenario(samples=5, state_pixel_noise=False), 2)
+    problem, _ = build_problem(made.cell, made.recording)
+    (group,) = problem.groups
+    state = State(made.truth, made.cameras, np.zeros((0, 6)))
+    found = view_estimates(problem, group, state)["pixel_px"]
+    unit = group.measurement.with_noise(Noise(pixel_px=1.0))
+    view = unit.linearise(state.camera_from_target(group, problem.stops), made.cameras["wrist"], False)
+    own = np.einsum("ni,nij,nj->n", view.gradient, np.linalg.inv(view.information), view.gradient)
+    np.testing.assert_allclose(found.cost, own, rtol=1e-6)
+    assert found.white == pytest.approx(view.cost.sum() - own.sum(), rel=1e-6)

@@ -11,7 +11,9 @@ from basecal.cell import CandidateObservation, Recording
 from basecal.cell.targets.charuco import charuco_target
 from basecal.cell.targets.chessboard import chessboard_target
 from basecal.cell.targets.circles import circles_target
-from basecal.estimation.problem.correspondence import half_turn
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.correspondence import choose_correspondence, half_turn, half_turned
+from basecal.estimation.problem.problem import State
 from basecal.estimation.solve import solve
 from basecal.simulation import Scenario, simulate
 
@@ -62,3 +64,37 @@ def test_half_turn_maps_the_grid_onto_itself_backwards():
     np.testing.assert_allclose(target_from_turned @ board.points, board.points[::-1], atol=1e-15)
     assert half_turn(charuco_target((5, 4), 0.03, 0.02, "DICT_4X4_50")) is None
     assert half_turn(circles_target((4, 11), 0.02, asymmetric=True)) is None
+
+
+@pytest.mark.parametrize("detected", [False, True])
+def test_each_view_is_read_as_the_state_predicts(detected):
+    """All that is a point's own goes with it, 1 / sigma, weight and detected shares among it; the others stay."""
+    made = simulate(Scenario(samples=6, target="chessboard", spread_rad=0.3), 3)
+    problem, _ = build_problem(made.cell, made.recording)
+    (group,) = problem.groups
+    rng, n = np.random.default_rng(0), len(group.measurement.points_in_target)
+    flips = np.array([True, False, True, True, False, False])
+    seen = rng.random((6, n)) < 0.8
+    weight = seen * rng.uniform(1, 5, (6, n))
+    right = replace(
+        group.measurement,
+        seen=seen,
+        weight=weight,
+        stated=0.5 * weight,
+        relative=rng.uniform(0.5, 2, (6, n)) if detected else None,
+    )
+    fields = ("pixels", "seen", "weight", "stated", *(["relative"] if detected else []))
+
+    def turned(array):
+        return np.where(flips.reshape(6, *[1] * (array.ndim - 1)), array[:, ::-1], array)
+
+    wrong = replace(right, **{name: turned(getattr(right, name)) for name in fields})
+    mixed = replace(group, measurement=wrong, readings=(wrong, half_turned(wrong)))
+    state = State(made.truth, made.cameras, np.zeros((0, 6)))
+    after, changed = choose_correspondence(problem.with_groups([mixed]), state)
+    assert changed
+    for name in fields:
+        np.testing.assert_array_equal(getattr(after.groups[0].measurement, name), getattr(right, name))
+    assert (after.groups[0].measurement.relative is None) != detected
+    again, changed = choose_correspondence(after, state)
+    assert (again is after, changed) == (True, False)

@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.cell import CandidateObservation, PixelObservation, PoseObservation, Recording
+from basecal.cell import CandidateObservation, PixelObservation, PointObservation, PoseObservation, Recording
 from basecal.errors import InputError
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.problem.measurements import measurement_of
+from basecal.estimation.problem.correspondence import MOST_CANDIDATES
+from basecal.estimation.problem.measurements import measurement_of, readings_of
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
@@ -68,3 +69,59 @@ def test_candidates_are_read_in_as_many_ways(spots, readings):
         np.testing.assert_array_equal(reading.pixels[0, 0], samples[0].observations[0].pixels[k])
     board = simulate(Scenario(samples=4), seed=0)
     assert build_problem(board.cell, board.recording)[0].groups[0].readings == ()
+
+
+def test_3d_points_stand_in_the_rows_of_their_ids():
+    """With 1 / sigma where it was stated; what was not seen has neither place nor weight."""
+    cell = simulate(Scenario(samples=4, target="points3d"), seed=0).cell
+    (board,) = cell.targets.values()
+    rng, ids = np.random.default_rng(0), board.target.ids
+    stated = PointObservation("wrist", "board", ids[[3, 1]], rng.standard_normal((2, 3)), np.array([0.5, 0.25]))
+    silent = PointObservation("wrist", "board", ids[[0]], rng.standard_normal((1, 3)))
+    measurement = measurement_of(cell, "wrist", "board", "PointObservation", [stated, silent])
+    expected, inverse = np.zeros((2, len(ids), 3)), np.zeros((2, len(ids)))
+    expected[0, [3, 1]], expected[1, 0], inverse[0, [3, 1]] = stated.points_in_camera, silent.points_in_camera, (2, 4)
+    np.testing.assert_array_equal(measurement.points_in_camera, expected)
+    np.testing.assert_array_equal(measurement.stated, inverse)
+    np.testing.assert_array_equal(np.argwhere(measurement.seen), [[0, 1], [0, 3], [1, 0]])
+    np.testing.assert_array_equal(measurement.points_in_target, board.target.points)
+
+
+def test_detected_sigmas_are_shares_of_the_cells():
+    """Of 0.5 px: a point detected as twice the median has half its weight, what states a sigma keeps its own."""
+    cell = replace(simulate(Scenario(samples=4), seed=0).cell, pixel_px=0.5)
+    pixels = np.ones((3, 2))
+    detected = PixelObservation(
+        "wrist", "board", np.array([0, 1, 2]), pixels, np.array([0.2, 0.1, 0.05]), detected=True
+    )
+    plain = PixelObservation("wrist", "board", np.array([0, 1, 2]), pixels)
+    stated = PixelObservation("wrist", "board", np.array([0, 1, 2]), pixels, np.array([0.2, 0.1, 0.05]))
+    measurement = measurement_of(cell, "wrist", "board", "PixelObservation", [detected, plain, stated])
+    np.testing.assert_allclose(measurement.stated[:, :3], [[1, 2, 4], [2, 2, 2], [5, 10, 20]])
+    np.testing.assert_allclose(measurement.relative[:, :3], [[0.5, 1, 2], [1, 1, 1], [1, 1, 1]])
+    assert measurement_of(cell, "wrist", "board", "PixelObservation", [plain, stated]).relative is None
+
+
+def test_views_of_fewer_spots_are_read_by_their_first():
+    """Of three, one and two spots there are three readings, each spot with its own sigma; of ten no more than eight."""
+    cell = simulate(Scenario(samples=4, target="led"), seed=0).cell
+    spots = np.arange(20.0).reshape(10, 2)
+    (light,) = cell.targets.values()
+    few = [CandidateObservation("wrist", light.name, spots[:n], 0.1 * (1 + np.arange(n))) for n in (3, 1, 2)]
+    measurement = measurement_of(cell, "wrist", light.name, "PixelObservation", few)
+    np.testing.assert_allclose(measurement.stated[:, 0], 10.0)
+    readings = readings_of(measurement, light.target, few)
+    assert [reading.pixels[:, 0, 0].tolist() for reading in readings] == [[0, 0, 0], [2, 0, 2], [4, 0, 0]]
+    for name in ("stated", "weight"):
+        inverse = [getattr(reading, name)[:, 0] for reading in readings]
+        np.testing.assert_allclose(inverse, [[10, 10, 10], [5, 10, 5], [10 / 3, 10, 10]])
+    detected = [replace(of, detected=True) for of in few]
+    measurement = measurement_of(replace(cell, pixel_px=None), "wrist", light.name, "PixelObservation", detected)
+    readings = readings_of(measurement, light.target, detected)
+    np.testing.assert_allclose([r.relative[:, 0] for r in readings], [[1, 1, 1], [0.5, 1, 0.5], [1 / 3, 1, 1]])
+    assert not any(reading.stated.any() for reading in readings)
+    many = [CandidateObservation("wrist", light.name, spots)]
+    assert len(readings_of(measurement_of(cell, "wrist", light.name, "P", many), light.target, many)) == MOST_CANDIDATES
+    mixed = [few[0], PixelObservation("wrist", light.name, light.target.ids, spots[9:])]
+    readings = readings_of(measurement_of(cell, "wrist", light.name, "P", mixed), light.target, mixed)
+    assert [reading.pixels[:, 0, 0].tolist() for reading in readings] == [[0, 18], [2, 18], [4, 18]]

@@ -73,14 +73,23 @@ def readings_of(
         return measurement, half_turned(measurement)
     candidates = [o for o in observations if isinstance(o, CandidateObservation)]
     most = min(max((len(o.pixels) for o in candidates), default=1), MOST_CANDIDATES)
-    found = []
-    for k in range(most if most > 1 else 0):
-        pixels = measurement.pixels.copy()
-        for view, observation in enumerate(observations):
-            if isinstance(observation, CandidateObservation):
-                pixels[view] = _as_pixels(observation, k).pixels
-        found.append(replace(measurement, pixels=pixels))
-    return tuple(found)
+    return tuple(_by_spot(measurement, observations, k) for k in range(most if most > 1 else 0))
+
+
+def _by_spot(measurement: PixelMeasurement, observations: list[Observation], which: int) -> PixelMeasurement:
+    """The views as if the light were the spot of this number, or the first where there are fewer; each by its sigma."""
+    pixels = measurement.pixels.copy()
+    share, of_detector = np.ones((2, len(observations), 1))  # 1 / sigma over that of the first spot
+    for view, observation in enumerate(observations):
+        if isinstance(observation, CandidateObservation):
+            first, spot = _as_pixels(observation), _as_pixels(observation, which)
+            pixels[view] = spot.pixels
+            if first.sigma_px is not None and spot.sigma_px is not None:
+                share[view] = first.sigma_px / spot.sigma_px
+                of_detector[view] = share[view] if observation.detected else 1.0
+    relative = None if measurement.relative is None else measurement.relative * of_detector
+    stated, weight = measurement.stated * share, measurement.weight * share
+    return replace(measurement, pixels=pixels, stated=stated, weight=weight, relative=relative)
 
 
 def _scatter(

@@ -98,7 +98,7 @@ class Path:
         """Which record comes before each instant, the last but one at most; of one that ends a way the one before."""
         first = np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, len(self.times) - 2).astype(np.int64)
         ends = (self.times[first] == times) & ~self.steady[first] & self.steady[np.maximum(first - 1, 0)]
-        return np.where(ends & (first > 0), first - 1, first)
+        return np.where(ends, first - 1, first)
 
     def _around(self, first: IntArray) -> tuple[IntArray, IntArray, IntArray]:
         """The records before a first, after it, and after that; at a pause or an end those of the gap itself."""
