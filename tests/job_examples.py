@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import time
+from importlib import metadata
 from pathlib import Path
 
 
@@ -41,3 +42,8 @@ def wrong(number: int) -> bytes:
 def lacking(number: int) -> bytes:
     """Needs what is not installed."""
     raise ModuleNotFoundError(f"No module named 'no_such_package' in job {number}")
+
+
+def of_another_version() -> None:
+    """Whoever calls it says from then on that it has another version of every package."""
+    metadata.version = lambda name: "0.0.0"

@@ -21,7 +21,7 @@ from basecal.studies import cluster as module
 from basecal.studies.cluster import called_on_cluster
 from basecal.studies.jobs import Job, Where, done_jobs
 from basecal.studies.run import run_study
-from job_examples import deadly, lacking, named
+from job_examples import deadly, lacking, named, of_another_version
 from study_example import SMALL, numbers, study
 
 
@@ -55,13 +55,15 @@ def test_without_dask_the_extra_is_named(monkeypatch) -> None:
 
 
 @pytest.mark.slow
-def test_workers_that_differ_are_refused(monkeypatch) -> None:
+def test_workers_that_differ_are_refused() -> None:
     """Of another version before anything is done; without a package as the first call needs it."""
+    distributed = pytest.importorskip("distributed")
     with local_cluster(1) as cluster:
         with pytest.raises(InputError, match=r"a worker lacks what it needs .*no_such_package"):
             list(called_on_cluster(cluster.scheduler_address, [partial(lacking, 1)]))
-        monkeypatch.setattr(module, "version", lambda name: "0.0.0")
-        with pytest.raises(InputError, match=r"here is 0\.0\.0: install the same version there"):
+        with distributed.Client(cluster.scheduler_address) as client:
+            client.run(of_another_version)
+        with pytest.raises(InputError, match=r"has basecal 0\.0\.0, here is .*: install the same version there"):
             list(called_on_cluster(cluster.scheduler_address, []))
 
 

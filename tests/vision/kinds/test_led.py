@@ -68,7 +68,8 @@ def test_as_precise_as_photons_allow(photons: float, spot: float, pair: bool) ->
     efficiency = np.sqrt(np.mean(error**2)) / bound(settings, places(1)[0], pair)
     # 80 coordinates: an rms has a sigma of 8 %, so that 1.1 becomes 1.25 with two of them.
     assert 0.8 < efficiency < 1.25
-    assert np.sqrt(np.mean((error / sigma[:, None]) ** 2)) == pytest.approx(1.0, abs=0.25)
+    # Sigmas have a floor besides, which of 300,000 photons in a small spot makes them a sixth larger.
+    assert 0.7 < np.sqrt(np.mean((error / sigma[:, None]) ** 2)) < 1.25
 
 
 def test_saturated_light() -> None:
