@@ -100,7 +100,18 @@ def test_a_chain_keeps_its_masses_through_a_urdf():
 
 
 @pytest.mark.parametrize(
-    "inertial", ['<mass value="-1"/>', '<mass value="x"/>', '<origin xyz="0 0"/><mass value="1"/>', ""]
+    "inertial",
+    [
+        '<mass value="-1"/>',
+        '<mass value="x"/>',
+        '<mass value="nan"/>',
+        '<mass value="1.1e6"/>',
+        '<mass value="1 1"/>',
+        '<origin xyz="0 0"/><mass value="1"/>',
+        '<origin xyz="0 inf 0"/><mass value="1"/>',
+        '<origin xyz="0 -1.1e6 0"/><mass value="1"/>',
+        "",
+    ],
 )
 def test_masses_that_cannot_be_used_are_said(inertial):
     """With the link's name."""

@@ -127,3 +127,11 @@ def test_without_mujoco(tmp_path, monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(MissingExtra, match="sim"):
         chain_of(tmp_path, ARM)
+
+
+def test_a_joint_without_a_name_has_that_of_its_body(tmp_path) -> None:
+    """Beside those that have one; a joint that slides is told by it, too."""
+    bare = ARM.replace('<joint name="elbow" limited="false"/>', '<joint limited="false"/>')
+    assert chain_of(tmp_path, bare).joint_names == ("swing", "lift", "lower_joint")
+    with pytest.raises(DatasetError, match="lower_joint"):
+        chain_of(tmp_path, bare.replace('<joint limited="false"/>', '<joint type="slide" limited="false"/>'))

@@ -10,7 +10,8 @@ import pytest
 from basecal.accuracy.at_the_door.units import impossible_units
 from basecal.accuracy.input_check.hypotheses import resized
 from basecal.accuracy.input_check.rewriting import scaled, with_joints, with_points, with_robots, with_targets
-from basecal.cell import Recording, RobotState
+from basecal.cell import PointObservation, PoseObservation, Recording, RobotState, Sample
+from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
 
@@ -81,3 +82,65 @@ def test_degrees_are_such_as_the_urdf_lets_be(end, off_rad, told):
         for s, q in zip(made.recording.samples, joints, strict=True)
     ]
     assert bool(codes(cell, replace(made.recording, samples=tuple(samples)))) == told
+
+
+def posed(far_m, distance_m=1.0, kind="pose"):
+    """Three samples of a flange and a target so far off, and one of both a kilometre off."""
+    samples = []
+    for k, (far, distance) in enumerate(((far_m, distance_m), (far_m, distance_m), (far_m, distance_m), (1e3, 1e3))):
+        place = np.array([0.0, 0.0, distance])
+        seen = (
+            PoseObservation("wrist", "board", SE3(np.eye(3), place))
+            if kind == "pose"
+            else PointObservation("wrist", "board", np.arange(2), np.array([place - 0.1, place + 0.1]))
+        )
+        samples.append(
+            Sample(k, robots={"hand": RobotState(SE3(np.eye(3), np.array([0.0, far, 0.0])))}, observations=(seen,))
+        )
+    return Recording(tuple(samples))
+
+
+@pytest.mark.parametrize("kind", ["pose", "points"])
+def test_beyond_fifty_metres_lengths_are_millimetres(kind):
+    """The median of a robot's flanges, and of targets from cameras, told with how far that is."""
+    cell = simulate(Scenario(samples=1), 0).cell
+    assert codes(cell, posed(49.9, 49.9, kind)) == []
+    (flange, target) = impossible_units(cell, posed(51.2, 53.4, kind))
+    divide = "lengths are in metres, divide them by 1000"
+    assert flange.about == ("hand",)
+    assert flange.message == (
+        f"the poses of hand are in millimetres: {divide} (they tell of a flange 51 m from its base)"
+    )
+    who = "the observed poses" if kind == "pose" else "the observed 3-D points"
+    assert target.message == f"{who} are in millimetres: {divide} (they tell of a target 53 m away)"
+
+
+@pytest.mark.parametrize(("size_m", "told"), [(19.9, False), (20.1, True)])
+def test_no_target_is_wider_than_twenty_metres(size_m, told):
+    """Of those that are seen in images, or searched for."""
+    made = simulate(Scenario(samples=3), 0)
+    width = float(np.ptp(made.cell.targets["board"].target.points, axis=0).max())
+    cell = resized(made.cell, {"board": size_m / width})
+    found = impossible_units(cell, made.recording)
+    assert [f.about for f in found] == ([("board",)] if told else [])
+    assert not told or found[0].message == (
+        "the size of board is in millimetres: lengths are in metres, divide it by 1000 (it is stated to be 20 m wide)"
+    )
+    blind = [replace(s, observations=()) for s in made.recording.samples]
+    assert impossible_units(cell, Recording(tuple(blind))) == []
+    pictured = [replace(s, images={"wrist": "a.png"}) for s in blind]
+    assert bool(impossible_units(cell, Recording(tuple(pictured)))) == told
+
+
+@pytest.mark.parametrize(("turn_rad", "told"), [(6.9, False), (6.95, True)])
+def test_two_joints_that_turn_beyond_a_turn_are_in_degrees(turn_rad, told):
+    """2.2 half turns; the message says how far they reach."""
+    made = simulate(Scenario(samples=4, joints=True), 0)
+    joints = np.array([0.0, turn_rad, -turn_rad, 0.0, 0.0, 0.0])
+    samples = [replace(s, robots={**s.robots, "hand": RobotState(joints_rad=joints)}) for s in made.recording.samples]
+    found = impossible_units(made.cell, Recording(tuple(samples)))
+    assert [f.message for f in found] == (
+        ["the joints of hand are in degrees: joints_rad is in radians, turn them into radians (they reach 6.95)"]
+        if told
+        else []
+    )

@@ -69,3 +69,14 @@ def test_scores_are_those_of_poses_that_each_fold_predicts():
     np.testing.assert_allclose(found.scores, np.log1p(np.sum(errors**2, -1) / 6), rtol=2e-3)
     assert found.mean_square == pytest.approx(np.mean(errors**2), rel=2e-3)
     np.testing.assert_allclose(np.sort(found.off_m), np.sort(1e-3 * np.linalg.norm(errors[:, :3], axis=-1)), rtol=2e-3)
+
+
+def test_noise_of_the_arm_counts_as_that_of_the_views():
+    """Stops twice as uncertain as the views: squares are over five variances, and what is off is as far."""
+    errors = np.random.default_rng(0).standard_normal((12, 6))
+    prior = Unknown("prior", SE3.identity(), np.full(6, 1e-9))
+    problem, state = pose_problem(1e-3 * errors, np.full(6, 1e-3), prior, stop_sigma=np.full(6, 2e-3))
+    found = scored(problem, state)
+    np.testing.assert_allclose(found.scores, np.log1p(np.sum(errors**2, -1) / 5 / 6), rtol=5e-3)
+    assert found.mean_square == pytest.approx(np.mean(errors**2) / 5, rel=5e-3)
+    np.testing.assert_allclose(np.sort(found.off_m), np.sort(1e-3 * np.linalg.norm(errors[:, :3], axis=-1)), rtol=5e-3)

@@ -7,6 +7,7 @@ import pytest
 
 from basecal.accuracy.drift.innovations import MOST_VIEWS, Innovations, innovations
 from basecal.cell import Recording, RobotState
+from basecal.estimation.noise.terms.smooth import kernel
 from basecal.geometry import SE3
 from drift_cells import BASE, later
 
@@ -172,3 +173,29 @@ def test_noise_is_known_by_the_fewest_freedoms() -> None:
         }
         found = innovations(made.cell, replace(made.calibration, noise=noise), made.recording)
         assert found.freedoms_of_noise == fewest
+
+
+def test_smooth_errors_are_alike_at_poses_near_one_another() -> None:
+    """Each pair of views by the kernel of its robot's poses, through both derivatives, in sigmas."""
+    made = later()
+    robots = made.calibration.noise["robots"]
+    sigma = np.array([1e-3, 2e-3, 0.0, 1e-3, 0.0, 3e-3])
+    smooth = {"sigma": sigma.tolist(), "length_m": 0.7}
+    noise = {**made.calibration.noise, "robots": {**robots, "hand": {**robots["hand"], "smooth": smooth}}}
+    of, more = (
+        innovations(made.cell, each, made.recording)
+        for each in (made.calibration, replace(made.calibration, noise=noise))
+    )
+    poses, stands = of.stands("hand")
+    moved = of.root.mT @ (of.by_flange("hand") * sigma)
+    alike = kernel(poses, poses)
+    added = more.predicted - of.predicted
+    for i in range(len(moved)):
+        for j in range(len(moved)):
+            wanted = alike[i, j] * moved[i] @ moved[j].T
+            np.testing.assert_allclose(
+                added[6 * i : 6 * i + 6, 6 * j : 6 * j + 6], wanted, atol=1e-8 * np.abs(added).max()
+            )
+    assert len(set(stands.tolist())) == len(stands) == 6
+    recorded = [s.robots["hand"].base_from_flange.matrix for s in made.recording.samples]
+    np.testing.assert_allclose(poses.matrix, recorded, atol=1e-12)

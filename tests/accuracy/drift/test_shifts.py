@@ -125,3 +125,28 @@ def test_a_shift_of_ten_metres_that_would_not_be_seen_is_none() -> None:
     assert length is not None
     assert 1.0 < length < 10.0
     assert detectable_m(of, 0.005, 0.95) == pytest.approx(length * np.sqrt(1e-6), rel=1e-3)
+
+
+@pytest.mark.parametrize("joints", [False, True])
+def test_a_shift_is_that_of_generalised_least_squares(joints: bool) -> None:
+    """Of whitened innovations on whitened moves: size, covariance, and the squares that it takes away."""
+    made = later(joints=joints)
+    of = innovations(made.cell, made.calibration, made.with_base_moved(TANGENT) if not joints else made.recording)
+    root = np.linalg.cholesky(np.eye(len(of.off)) + of.predicted)
+    found = [(each, of.by_frame(each.transform)) for each in frame_shifts(of)]
+    zeros = [each for each in joint_shifts(of) if each.freedoms]
+    found += [(each, of.by_joints(each.frame[:-7])[..., each.joint : each.joint + 1]) for each in zeros]
+    assert bool(zeros) == joints
+    off = np.linalg.solve(root, of.off)
+    for each, moves in found:
+        if each.freedoms < moves.shape[-1]:
+            continue
+        by_shift = np.linalg.solve(root, of.of(moves))
+        size, left, *_ = np.linalg.lstsq(by_shift, off)
+        np.testing.assert_allclose(each.size, size, rtol=1e-4, atol=1e-5 * np.abs(size).max())
+        assert each.statistic == pytest.approx(off @ off - left[0], rel=1e-5, abs=1e-6)
+        wanted = np.linalg.inv(by_shift.T @ by_shift)
+        np.testing.assert_allclose(each.covariance, wanted, rtol=0, atol=1e-4 * np.abs(wanted).max())
+        np.testing.assert_allclose(each.information @ wanted, np.eye(len(size)), atol=1e-3)
+        assert each.freedoms == len(size)
+        assert each.of_noise == of.freedoms_of_noise

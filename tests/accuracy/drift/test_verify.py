@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.drift import verify as verify_module
-from basecal.accuracy.drift.innovations import Innovations
-from basecal.accuracy.drift.shifts import Shift, frame_shifts
-from basecal.accuracy.drift.verify import LEVEL, verify
+from basecal.accuracy.drift.innovations import Innovations, innovations
+from basecal.accuracy.drift.shifts import Shift, detectable_m, frame_shifts
+from basecal.accuracy.drift.verify import LEVEL, POWER, verify
 from basecal.accuracy.verdict import calibrate
 from basecal.cell import Recording, RobotState, Unknown
 from basecal.cell.targets.points import points_target
@@ -163,3 +163,18 @@ def test_beyond_a_tenth_of_a_metre_nothing_is_said_for_sure(
     still, moved = verified(made), verified(made, made.with_base_moved(np.array([0.02, 0, 0, 0, 0, 0])))
     assert still.detectable_m == moved.detectable_m == length_m
     assert (still.moved, moved.moved) == {0.09: (False, True), 0.11: (None, None), None: (None, True)}[length_m]
+
+
+def test_what_would_be_seen_is_the_worst_of_what_was_asked_for() -> None:
+    """With the chance of an alarm shared by all frames; the chance told is that of the likeliest, times as many."""
+    made = later()
+    found = verified(made)
+    frames = list(frame_shifts(innovations(made.cell, made.calibration, made.recording)))
+    asked = [each for each in frames if each.transform in made.cell.asked]
+    lengths = [detectable_m(each, LEVEL / len(frames), POWER) for each in asked]
+    assert found.detectable_m == pytest.approx(max(lengths))
+    assert [each.transform for each in found.asked] == [each.transform for each in asked]
+    best = min(frames, key=lambda each: each.log_chance)
+    assert found.chance == pytest.approx(min(1.0, len(frames) * np.exp(best.log_chance)))
+    assert found.shift.frame == best.frame
+    assert found.samples == tuple(s.sample for s in made.recording.samples)

@@ -9,6 +9,7 @@ import pytest
 
 from basecal.accuracy.task.error_map import STEPS, error_map
 from basecal.accuracy.verdict import calibrate
+from basecal.cell import Calibration
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
 from basecal.geometry import SE3
@@ -71,3 +72,10 @@ def test_a_flat_box_has_one_layer():
     few = replace(solution, problem=solution.problem.with_groups([group.take(np.array([2]))]))
     at = (group.eye_base_from_eye_flange @ solution.state.transforms["arm_flange_from_wrist"]).translation[2]
     assert len(error_map(made.cell, calibration, few, at + np.array([0.1, 0, 0])).points_m) == STEPS
+
+
+def test_nothing_found_has_no_map():
+    """Of what is placed in the reference's base."""
+    made = simulate(Scenario(samples=6), 0)
+    solution = solve(made.cell, made.recording)
+    assert error_map(made.cell, Calibration("refused"), solution, POINT) is None

@@ -117,3 +117,28 @@ def test_views_count_by_how_near_they_are_to_the_part(made: SimulatedCell, monke
         reach = np.sqrt(np.mean(np.sum((own - own.mean(0)) ** 2, axis=-1)))
         away = np.linalg.norm(places - own.mean(0), axis=-1) / reach
         np.testing.assert_allclose(worth, np.exp(-(away**2) / 2))
+
+
+def test_a_fit_that_did_not_settle_says_nothing(made: SimulatedCell, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No errors, no chance but one, and no recommendation, whichever of the fits it is; its transforms are told."""
+    few = Recording(bent(made, 3e-3).samples[:24])
+    solution = solve(made.cell, few)
+    box = [-9.0, -9.0, -9.0, 9.0, 9.0, 9.0]
+    (settled,) = local_fits(solution, [BASE], box)
+    assert settled.samples == tuple(range(24))
+    assert settled.global_m is not None
+    assert settled.local_m is not None
+    for worth_of in (False, True):
+
+        def refitted(*arguments, worth=None, worth_of=worth_of):
+            """As `refit_folds`, the first of one kind not converged."""
+            first, *rest = refit_folds(*arguments, worth=worth)
+            ended = np.array(bool(first.optimum.converged) and (worth is not None) != worth_of)
+            return [replace(first, optimum=replace(first.optimum, converged=ended)), *rest]
+
+        monkeypatch.setattr(module, "refit_folds", refitted)
+        (found,) = local_fits(solution, [BASE], box)
+        assert (found.global_m, found.local_m, found.chance, found.is_better) == (None, None, 1.0, False)
+        np.testing.assert_allclose(found.transforms[BASE].matrix, settled.transforms[BASE].matrix)
+    nothing = replace(solution, problem=solution.problem.with_groups(()))
+    assert local_fits(nothing, [BASE]) == ()
