@@ -266,3 +266,52 @@ def test_other_starts_are_turned_by_what_is_asked(target):
         off = {n: (t.inverse() @ state.transforms[n]).log() for n, t in solution.state.transforms.items()}
         assert np.linalg.norm([off[n][3:] for n in moves]) == pytest.approx(0.5)
         assert not any(off[n].any() for n in off if n not in moves)
+
+
+@pytest.mark.parametrize("reference", ["eye", "hand"])
+def test_the_proven_rotations_lead_back_from_a_worse_state(reference):
+    """To the best fit, whichever arm's base is the world; the certificate of what stood there claims nothing."""
+    made = simulate(Scenario(target="pose", samples=12, pose_noise=(1e-3, 1e-2)), 1)
+    other = "hand" if reference == "eye" else "eye"
+    best = solve(replace(made.cell, reference=reference, bases={other: Unknown()}), made.recording)
+    astray = replace(best, state=shifted(best, np.random.default_rng(0), 0.8), cost=1e3 * best.cost)
+    certificate, better = certify(astray)
+    assert certificate.is_global is None
+    assert certificate.reason == "the proven rotations lead to a better fit"
+    assert better is not None
+    for name, transform in best.state.transforms.items():
+        np.testing.assert_allclose(better.transforms[name].matrix, transform.matrix, atol=1e-6)
+    assert certify(best).better is None
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (lambda of: replace(of, converged=False), "the solution is not an optimum"),
+        (lambda of: replace(of, problem=of.problem.with_groups(())), "nothing was seen"),
+        (
+            lambda of: replace(of, problem=replace(of.problem, columns={**of.problem.columns, "eye": slice(18, 19)})),
+            "more than transforms is estimated",
+        ),
+        (
+            lambda of: replace(of, problem=of.problem.with_groups(g.take(np.arange(2)) for g in of.problem.groups)),
+            "no pose from a single view: fewer than 3 views of board by wrist have one that is beyond doubt",
+        ),
+    ],
+)
+def test_why_nothing_is_said(change, reason):
+    """Each reason by itself; a gap stands where it was found on the way."""
+    solution = solved(Scenario(target="pose", samples=8))
+    certificate, better = certify(change(solution))
+    assert (certificate.is_global, certificate.reason, better) == (None, reason, None)
+    assert (certificate.gap is None) == (reason != "the solution is not an optimum")
+
+
+@pytest.mark.parametrize(("corners", "told"), [(3, False), (4, True)])
+def test_views_of_four_points_have_a_pose(corners, told):
+    """Those of three do not, as is said."""
+    square = np.array([[0.0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0, 0.1, 0]])[:corners]
+    certificate = certify(solved(Scenario(target="points", samples=10, board=points_target(square)))).certificate
+    reason = "no pose from a single view: less than four points are seen"
+    assert (certificate.reason == reason) != told
+    assert (certificate.gap is None) != told

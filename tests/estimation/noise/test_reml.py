@@ -61,7 +61,7 @@ def dense_surprise(problem, state, logs):
     return np.linalg.slogdet(v)[1] + np.linalg.slogdet(information)[1] + error @ vr - explained
 
 
-@pytest.mark.parametrize("arms", ["both", "stations"])
+@pytest.mark.parametrize("arms", ["both", "stations", "halves"])
 def test_average_information_is_that_of_the_dense_formula(arms):
     """It is r'P V_i P V_j P r of all residuals and stops written out, Gilmour, Thompson & Cullis 1995, (7)."""
     problem, state = at_truth(replace(NOISY, target="pose", arms=arms, camera_mount="fixed"))
@@ -75,7 +75,7 @@ def test_average_information_is_that_of_the_dense_formula(arms):
     np.testing.assert_allclose(posterior(model, logs).average_information(), dense, rtol=1e-5, atol=1e-6 * dense.max())
 
 
-@pytest.mark.parametrize("arms", ["both", "stations"])
+@pytest.mark.parametrize("arms", ["both", "stations", "halves"])
 def test_value_is_that_of_the_dense_formula(arms):
     """Between sigmas it changes as the restricted likelihood of all residuals and stops written out."""
     problem, state = at_truth(replace(NOISY, target="pose", arms=arms, camera_mount="fixed"))

@@ -93,3 +93,43 @@ def test_views_that_scatter_beyond_estimated_noise_are_implausible_too():
     assert implausible(plain, end_of(plain, variance=1.6**2).judgement)
     noise = replace(plain.noise, noise=plain.noise.noise._replace(pixel_px=30.0))
     assert implausible(replace(plain, noise=noise), end_of(plain).judgement)
+
+
+def fitting(solution, ratio):
+    """The same with residuals of so many times their sigmas."""
+    return replace(solution, cost=ratio**2 * solution.dof)
+
+
+def test_how_large_residuals_may_be():
+    """Three pixels of points, or 1.5 sigmas where that is more; ten sigmas of poses, and any that nobody stated."""
+    for pixel_px, most in ((0.2, 15.0), (6.0, 1.5)):
+        made = simulate(Scenario(samples=6, pixel_px=pixel_px), 0)
+        solution = solve_packed(build_problem(made.cell, made.recording)[0], made.cell)
+        assert fits(fitting(solution, 0.99 * most))
+        assert not fits(fitting(solution, 1.01 * most))
+    for stated in (True, False):
+        made = simulate(Scenario(samples=6, target="pose", state_observation_noise=stated), 0)
+        solution = solve_packed(build_problem(made.cell, made.recording)[0], made.cell)
+        assert fits(fitting(solution, 9.9))
+        assert fits(fitting(solution, 10.1)) != stated
+
+
+def test_a_pixel_of_noise_that_was_estimated_hides_outliers():
+    """A little less does not; nor does noise that is not of pixels, or that was not estimated."""
+    made = simulate(Scenario(samples=10, state_pixel_noise=False), 0)
+    plain = solve_packed(build_problem(made.cell, made.recording)[0], made.cell)
+
+    def hides(pixel_px, names=("pixel_px",)):
+        noise = replace(plain.noise, noise=plain.noise.noise._replace(pixel_px=pixel_px), estimated=names)
+        return implausible(replace(plain, noise=noise), end_of(plain).judgement)
+
+    assert (hides(0.99), hides(1.01), hides(1.01, ("pose_m",)), hides(1.01, ())) == (False, True, False, False)
+
+
+def test_points_that_scatter_beyond_what_is_stated_are_implausible(plain):
+    """Though whole views do not: by 1.5 sigmas and more."""
+    judgement = end_of(plain).judgement
+    for sigmas, hides in ((1.49, False), (1.51, True)):
+        scale = replace(judgement.point_scale, variance=sigmas**2)
+        assert implausible(plain, replace(judgement, point_scale=scale)) == hides
+        assert convincing(end_of(plain, variance=sigmas**2)) != hides

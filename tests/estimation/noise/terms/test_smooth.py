@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
 
 from basecal.estimation.noise.robot_noise import stands
-from basecal.estimation.noise.terms.smooth import LENGTH_M, modes
+from basecal.estimation.noise.terms.common_errors import CommonErrors
+from basecal.estimation.noise.terms.smooth import LENGTH_M, errors, kernel, modes
 from basecal.estimation.problem.build import build_problem
+from basecal.geometry import SE3
 from basecal.geometry.rotation import rotation_log
 from basecal.simulation import Scenario, simulate
 
@@ -20,3 +24,42 @@ def test_modes_make_the_kernel():
     shift = poses.translation[:, None] - poses.translation[None]
     squared = np.sum(shift**2, -1) + np.sum(turn**2, -1)
     np.testing.assert_allclose(found @ found.T, np.exp(-0.5 * squared / LENGTH_M**2), atol=0.08)
+
+
+def test_errors_are_alike_by_a_gaussian_of_the_distance():
+    """Over 0.7 m, a radian counting as a metre: of pairs near and half a turn apart, of two different lists."""
+    rng = np.random.default_rng(0)
+    first, second = (SE3.exp(rng.uniform(-1.5, 1.5, (n, 6))) for n in (5, 3))
+    found = kernel(first, second)
+    assert found.shape == (5, 3)
+    for i in range(5):
+        for j in range(3):
+            shift = np.linalg.norm(first[i].translation - second[j].translation)
+            turn = Rotation.from_matrix(first[i].rotation.T @ second[j].rotation).magnitude()
+            assert found[i, j] == pytest.approx(np.exp(-(shift**2 + turn**2) / (2 * LENGTH_M**2)), rel=1e-9)
+    np.testing.assert_allclose(np.diag(kernel(first, first)), 1.0, atol=1e-7)
+
+
+@pytest.mark.parametrize(("samples", "some"), [(3, False), (4, True)])
+def test_four_stops_have_smooth_errors(samples, some):
+    """Fewer show nothing of how they change."""
+    problem, _ = build_problem(*(lambda made: (made.cell, made.recording))(simulate(Scenario(samples=samples), 1)))
+    assert modes(problem, "hand").shape == (samples, samples if some else 0)
+    found = errors(problem, "hand")
+    assert (found is not None) == some
+    if found is not None:
+        expected = CommonErrors.in_every_coordinate(modes(problem, "hand"))
+        np.testing.assert_array_equal(found.by_stop, expected.by_stop)
+
+
+def test_modes_are_the_strongest_sixteen_that_matter():
+    """Of forty stops: as the kernel's eigenvectors, but for those of a hundredth of the largest."""
+    made = simulate(Scenario(samples=40), 1)
+    problem, _ = build_problem(made.cell, made.recording)
+    poses, _ = stands(problem, "hand")
+    values, vectors = np.linalg.eigh(kernel(poses, poses))
+    kept = np.flatnonzero(values > 1e-2 * values[-1])[-16:]
+    found = modes(problem, "hand")
+    assert found.shape == (40, len(kept))
+    expected = (vectors[:, kept] * values[kept]) @ vectors[:, kept].T
+    np.testing.assert_allclose(found @ found.T, expected, atol=1e-8)
