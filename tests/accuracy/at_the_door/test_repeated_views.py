@@ -76,3 +76,27 @@ def test_a_robot_that_is_recorded_otherwise_stands_elsewhere():
     assert found.about == ("1", "4")
     missing = replace(rows[4], robots={"eye": rows[1].robots["eye"]})
     assert repeated_views(made.cell, replace(made.recording, samples=(*rows[:4], missing, rows[5]))) == []
+
+
+@pytest.mark.parametrize(("points", "told"), [(3, False), (4, True)])
+def test_eight_numbers_are_no_chance(points, told):
+    """Four points in an image; of another target, or with another number of a point, it is another view."""
+    made = simulate(Scenario(samples=6), 0)
+    rows = []
+    for row in copied(made, (1, 4)).samples:
+        (seen,) = row.observations
+        rows.append(replace(row, observations=(replace(seen, ids=seen.ids[:points], pixels=seen.pixels[:points]),)))
+    assert bool(repeated_views(made.cell, replace(made.recording, samples=tuple(rows)))) == told
+    (seen,) = rows[4].observations
+    rows[4] = replace(rows[4], observations=(replace(seen, ids=seen.ids + 1),))
+    assert repeated_views(made.cell, replace(made.recording, samples=tuple(rows))) == []
+
+
+def test_five_pairs_are_all_listed():
+    made = simulate(Scenario(samples=12), 0)
+    (found,) = repeated_views(made.cell, copied(made, *((k, k + 6) for k in range(5))))
+    assert found.message == (
+        "the same picture or view stands twice under other poses, at samples 0 and 6, samples 1 and 7, samples 2 and "
+        "8, samples 3 and 9, samples 4 and 10: pair poses and pictures anew, or remove the copies"
+    )
+    assert found.about == ("0", "6", "1", "7", "2", "8", "3", "9", "4", "10")

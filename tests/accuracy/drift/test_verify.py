@@ -73,7 +73,8 @@ def test_a_calibration_that_knows_next_to_nothing_tells_nothing() -> None:
     assert found.alike == ()
 
 
-def test_a_cell_with_everything_fixed_is_checked_too() -> None:
+def everything_fixed() -> Later:
+    """A cell in which nothing is asked for."""
     made = later(seed=1)
     known = {name: Unknown("fixed", estimate.mean) for name, estimate in made.calibration.transforms.items()}
     cell = replace(
@@ -83,8 +84,14 @@ def test_a_cell_with_everything_fixed_is_checked_too() -> None:
         targets={n: replace(t, mount=known[made.cell.mount_name(n)]) for n, t in made.cell.targets.items()},
     )
     fixed = replace(made.calibration, transforms={}, order=(), joint_covariance=None)
-    found = verify(cell, fixed, made.with_base_moved(np.array([0.02, 0, 0, 0, 0, 0])))
+    return Later(cell, fixed, made.recording)
+
+
+def test_a_cell_with_everything_fixed_is_checked_too() -> None:
+    made = everything_fixed()
+    found = verified(made, made.with_base_moved(np.array([0.02, 0, 0, 0, 0, 0])))
     assert found.moved is True
+    assert len(found.asked) == 3
 
 
 def test_samples_of_nothing_that_was_calibrated_tell_nothing() -> None:
@@ -165,12 +172,16 @@ def test_beyond_a_tenth_of_a_metre_nothing_is_said_for_sure(
     assert (still.moved, moved.moved) == {0.09: (False, True), 0.11: (None, None), None: (None, True)}[length_m]
 
 
-def test_what_would_be_seen_is_the_worst_of_what_was_asked_for() -> None:
-    """With the chance of an alarm shared by all frames; the chance told is that of the likeliest, times as many."""
-    made = later()
+@pytest.mark.parametrize("nothing_asked", [False, True])
+def test_what_would_be_seen_is_the_worst_of_what_was_asked_for(nothing_asked: bool) -> None:
+    """With the chance of an alarm shared by all frames; the chance told is that of the likeliest, times as many.
+
+    Where nothing is asked for all frames count.
+    """
+    made = everything_fixed() if nothing_asked else later()
     found = verified(made)
     frames = list(frame_shifts(innovations(made.cell, made.calibration, made.recording)))
-    asked = [each for each in frames if each.transform in made.cell.asked]
+    asked = frames if nothing_asked else [each for each in frames if each.transform == BASE]
     lengths = [detectable_m(each, LEVEL / len(frames), POWER) for each in asked]
     assert found.detectable_m == pytest.approx(max(lengths))
     assert [each.transform for each in found.asked] == [each.transform for each in asked]

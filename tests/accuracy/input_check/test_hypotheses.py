@@ -254,3 +254,38 @@ def test_robots_with_some_poses_only_are_not_reread():
     recording = replace(BOARD.recording, samples=(mixed, *BOARD.recording.samples[1:]))
     about = {h.about for h in convention_hypotheses(BOARD.cell, recording) if h.code == "robot-pose-inverted"}
     assert about == {("eye",)}
+
+
+def test_units_are_told_in_whole_words():
+    """Of each robot, of both, of what was seen and of all: what is wrong and what to do."""
+    found = hypotheses(POSES, "length-unit")
+    who = ["the poses of eye", "the poses of hand", "the poses of eye and hand", "the observed poses"]
+    who += ["all lengths, of robots and targets,"]
+    words = [f"{each} are {what}" for what in ("in millimetres", "1000 times too small") for each in who]
+    assert [h.words for h in found] == words
+    assert [h.fix for h in found] == [
+        f"lengths are in metres: {advice} by 1000" for advice in ("divide them", "multiply them") for _ in who
+    ]
+    assert [h.about for h in found[:5]] == [("eye",), ("hand",), ("eye", "hand"), (), ("eye", "hand")]
+    (size,) = hypotheses(BOARD, "board-size")
+    assert size.words == "the size of board is in millimetres"
+    points = size.apply(BOARD.cell, BOARD.recording)[0].targets["board"].target.points
+    np.testing.assert_allclose(points, 1e-3 * BOARD.cell.targets["board"].target.points)
+    angles = [h.words for h in hypotheses(JOINTS, "angle-unit")]
+    assert angles[:2] == [
+        "the joints of eye are in degrees",
+        "the joints of eye are turned from degrees into radians though they were radians",
+    ]
+
+
+@pytest.mark.parametrize("samples", [6, 7, 9, 10])
+def test_streams_are_late_by_less_than_a_third_of_the_samples(samples):
+    """By one and two samples, and either way."""
+    made = simulate(Scenario(samples=samples), 0)
+    late = {h.words for h in hypotheses(made, "pairing-shifted") if h.about == ()}
+    wanted = [by for by in (1, 2) if by < samples // 3]
+    assert late == {
+        f"what the cameras saw belongs {by} sample{'s' if by > 1 else ''} {way}"
+        for by in wanted
+        for way in ("later", "earlier")
+    }

@@ -39,3 +39,33 @@ def test_another_resolution_is_named(center, size_px, clause):
 def test_without_a_lens_nothing_is_said():
     """A camera that gives poses has no camera matrix."""
     assert other_resolution(CellCamera("wrist", "eye"), RECORDING) == ""
+
+
+@pytest.mark.parametrize(
+    ("factors", "told"),
+    [
+        ((1.24, 1.24), False),
+        ((1.26, 1.26), True),
+        ((0.81, 0.81), False),
+        ((0.79, 0.79), True),
+        ((2.0, 2.28), True),
+        ((2.0, 2.38), False),
+    ],
+)
+def test_a_quarter_is_another_resolution_and_both_sides_agree(factors, told):
+    """To a seventh of one another; the size is that of the images by the mean of both factors."""
+    center = np.array(factors) * np.array([1280, 720]) / 2 - 0.5
+    found = other_resolution(camera(center, (1280, 720)), RECORDING)
+    mean = np.sqrt(factors[0] * factors[1])
+    size = f"{1280 * mean:.0f} x {720 * mean:.0f} px"
+    said = f": its camera matrix looks like that of images of about {size}, not of 1280 x 720 px"
+    assert found == (said if told else "")
+
+
+@pytest.mark.parametrize(("center", "told"), [((479.6, 275.4), False), ((479.4, 275.4), True), ((479.4, 275.6), False)])
+def test_points_reach_beyond_smaller_images(center, told):
+    """A quarter beyond twice the centre both ways, by the pixels of this camera alone."""
+    other = PixelObservation("other", "board", np.arange(1), np.array([[9e3, 9e3]]))
+    seen = Recording((*RECORDING.samples, Sample(1, observations=(other,))))
+    found = other_resolution(camera(center, None), seen)
+    assert found == (": points reach to (1200, 690) px, its camera matrix is of smaller images" if told else "")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from basecal.accuracy.phrases.held_out_error import why_held_out_errors_are_larger
@@ -43,3 +44,17 @@ def test_nothing_is_said_where_there_is_nothing_to_explain(rms_px, held_out_px, 
 def test_not_validated_is_not_explained():
     """Without cross-validation there is no second figure."""
     assert why_held_out_errors_are_larger(Calibration("good", residuals=Residuals(0.1), noise=NOISE)) is None
+
+
+@pytest.mark.parametrize(("length_m", "angle_rad"), [(3e-4, 0.0), (0.0, 5e-4)])
+def test_a_robot_that_only_shifts_or_only_turns_absorbs_too(length_m, angle_rad):
+    """From one and a half times the residual on, in whole words; sigmas are the root of their mean square."""
+    arm = {"sigma_t_m": [length_m * np.sqrt(3), 0.0, 0.0], "sigma_r_rad": [0.0, angle_rad * np.sqrt(3), 0.0]}
+    noise = {"robots": {"still": {"sigma_t_m": [0.0] * 3, "sigma_r_rad": [0.0] * 3}, "arm": arm, **NOISE["robots"]}}
+    assert told(0.1, 0.149, noise) is None
+    assert told(0.1, 0.151, noise) == (
+        "Held-out views are off by 0.151 px and residuals are 0.100 px because each stop that is used has its own pose "
+        f"error estimated (arm {1e3 * length_m:.2g} mm and {1e3 * angle_rad:.2g} mrad; eye 0.2 mm and 0.4 mrad; 1 "
+        "sigma per axis), which absorbs it, while that of a stop held out is not known: the larger figure is what to "
+        "expect at a new pose."
+    )

@@ -131,10 +131,10 @@ def test_a_fit_that_did_not_settle_says_nothing(made: SimulatedCell, monkeypatch
     for worth_of in (False, True):
 
         def refitted(*arguments, worth=None, worth_of=worth_of):
-            """As `refit_folds`, the first of one kind not converged."""
-            first, *rest = refit_folds(*arguments, worth=worth)
-            ended = np.array(bool(first.optimum.converged) and (worth is not None) != worth_of)
-            return [replace(first, optimum=replace(first.optimum, converged=ended)), *rest]
+            """As `refit_folds`, the last of one kind not converged."""
+            *rest, last = refit_folds(*arguments, worth=worth)
+            ended = np.array(bool(last.optimum.converged) and (worth is not None) != worth_of)
+            return [*rest, replace(last, optimum=replace(last.optimum, converged=ended))]
 
         monkeypatch.setattr(module, "refit_folds", refitted)
         (found,) = local_fits(solution, [BASE], box)

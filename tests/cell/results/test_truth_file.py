@@ -50,3 +50,11 @@ def test_what_else_a_truth_says_is_read_back(tmp_path: Path) -> None:
     assert read_truth_extra(tmp_path) == {"seed": 7, "sigmas": {"pixel_px": 0.3}}
     with pytest.raises(DatasetError):
         read_truth_extra(tmp_path / "nowhere")
+
+
+@pytest.mark.parametrize(("text", "got"), [("- 1\n", "None"), ("schema: other\n", "'other'"), ("5\n", "None")])
+def test_what_is_no_truth_is_refused(tmp_path: Path, text: str, got: str) -> None:
+    """A list or a number too; what stands for the schema is said."""
+    (tmp_path / "truth.yaml").write_text(text)
+    with pytest.raises(DatasetError, match=f"expected `schema: basecal/truth/1` and `transforms`, got {got}"):
+        read_truth(tmp_path)
