@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import kstest, norm
+from scipy.stats import chi2, kstest, norm
+from tests.pose_problem import pose_problem
 
 from basecal.accuracy.stated_sigmas import (
     _of_shared_stops,
@@ -17,7 +18,7 @@ from basecal.estimation.least_squares.studentized import leave_one_out
 from basecal.estimation.outliers.robust_solve import RobustSolution
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
-from basecal.estimation.solve import solve_packed
+from basecal.estimation.solve import solve_from, solve_packed
 from basecal.simulation import Scenario, simulate
 
 NOISE = (1e-3, 1e-3)
@@ -104,3 +105,20 @@ def test_freedoms_of_all_parts_are_those_of_the_whole(changed):
     assert sum(squares for *_, squares, _ in parts) == pytest.approx(solution.cost, rel=1e-6)
     assert all(freedoms > 0 for *_, freedoms in parts)
     assert all(freedoms < 6 * 20 for name, _, _, freedoms in parts if name != "wrist")
+
+
+@pytest.mark.parametrize(("times", "told"), [(1.0, False), (2.0, True), (0.5, True)])
+def test_poses_about_their_mean_are_a_chi_square(times, told):
+    """Of twenty poses of one unknown mount: the squares about their mean, and six freedoms less than numbers."""
+    errors = times * np.random.default_rng(0).standard_normal((20, 6))
+    problem, state = pose_problem(1e-3 * errors, np.full(6, 1e-3))
+    found = contradicted_sigmas(solve_from(problem, state, Settings()))
+    squares, freedoms = np.sum((errors - errors.mean(0)) ** 2), 6 * 20 - 6
+    assert [(f.about, f.of_robot) for f in found] == ([("camera", False)] if told else [])
+    for each in found:
+        assert each.ratio == pytest.approx(np.sqrt(squares / freedoms), rel=1e-3)
+        tail = chi2.sf if times > 1 else chi2.cdf
+        assert np.log(each.chance) == pytest.approx(np.log(tail(squares, freedoms)), rel=1e-2)
+        assert each.too_small == (times > 1)
+    few, at = pose_problem(1e-3 * errors[:1], np.full(6, 1e-3))
+    assert contradicted_sigmas(solve_from(few, at, Settings())) == ()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from basecal.accuracy.widening import step_between, widened
@@ -30,3 +32,17 @@ def test_the_step_between_solutions_is_that_of_their_transforms():
     for name, where in SOLUTION.problem.columns.items():
         expected = (SOLUTION.state.transforms[name].inverse() @ half.state.transforms[name]).log()
         np.testing.assert_allclose(step[where], expected)
+
+
+def test_the_step_of_a_lens_is_that_of_its_parameters():
+    """In the columns of the lens; the others are those of transforms."""
+    made = simulate(Scenario(samples=10, intrinsics="free"), 0)
+    solution = solve(made.cell, made.recording)
+    lens = solution.state.cameras["wrist"]
+    off = 0.5 * np.arange(1.0, len(lens.parameters) + 1)
+    moved = replace(solution.state, cameras={"wrist": lens.with_parameters(lens.parameters + off)})
+    step = step_between(solution, replace(solution, state=moved))
+    where = solution.problem.columns["wrist"]
+    np.testing.assert_allclose(step[where], off)
+    step[where] = 0.0
+    np.testing.assert_allclose(step, 0.0, atol=1e-15)

@@ -1,13 +1,16 @@
 """Pictures that were not taken when their stamps say."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tests.pose_problem import pose_problem
 
-from basecal.accuracy.findings.late_pictures import _Late, _said
+from basecal.accuracy.findings.late_pictures import _Late, _said, late_pictures
 from basecal.accuracy.verdict import calibrate
 from basecal.cell import Finding, PoseObservation, Recording, Sample
+from basecal.estimation.outliers.left_out import LeftOut
 from basecal.geometry import SE3
 from stream_cells import Streamed, streamed
 
@@ -73,3 +76,47 @@ def test_the_first_five_delays_are_told(count: int, words: str) -> None:
     late = [_Late(10 + k, 0.03 - 0.02 * k) for k in range(count)]
     assert words in _said("wrist", late)
     assert ("..." in _said("wrist", late)) == (count > 5)
+
+
+MOTION = np.array([0.1, -0.2, 0.05, 0.3, 0.1, -0.2])  # of a camera before its target, a second
+ACROSS = np.array([0.2, 0.1, 0.0, 0.0, 0.0, 0.0])
+
+
+def seen_late(*late_s: float, aside: float = 0.0, samples: int = 100) -> list[Finding]:
+    """What is told of pictures so late that were left out, of which views are aside of the way by a share of it.
+
+    A second camera has one that is as late and was used, and one that stood still and was left out.
+    """
+    way = np.array(late_s)[:, None] * MOTION
+    across = ACROSS / np.linalg.norm(ACROSS) * np.linalg.norm(way, axis=-1, keepdims=True)
+    problem, state = pose_problem(way + aside * across, np.ones(6))
+    (group,) = problem.groups
+    moving = replace(group, motion=np.tile(MOTION, (len(group), 1)))
+    used = replace(moving, camera="other", sample=moving.sample + 50)
+    still = replace(group, camera="other")
+    out = [LeftOut(k, "camera", "target", (), 9.0) for k in range(len(group))]
+    out += [LeftOut(0, "other", "target", (), 9.0), LeftOut(50, "other", "target", (3,), 9.0)]
+    of = SimpleNamespace(
+        robust=SimpleNamespace(outliers=out, samples=samples),
+        recorded=problem.with_groups([moving, used, still]),
+        solution=SimpleNamespace(state=state),
+    )
+    return late_pictures(of)
+
+
+def test_a_delay_is_how_far_along_its_way_a_view_is() -> None:
+    """To the millisecond, late and early, of the pictures of one camera that were left out; others say nothing."""
+    (finding,) = seen_late(0.06, -0.08, 0.04)
+    assert (finding.code, finding.about) == ("clock-offset", ("camera", "0", "1", "2"))
+    assert "3 pictures of camera were not taken when their stamps say, at samples 0 to 2" in finding.message
+    assert "(60 ms late, 80 ms early, 40 ms late)" in finding.message
+    assert seen_late(0.06, samples=34)[0].severity == "info"
+    assert seen_late(0.06, samples=33)[0].severity == "warning"
+
+
+@pytest.mark.parametrize(("late_s", "aside", "told"), [
+    (0.49, 0.0, True), (0.51, 0.0, False), (-0.51, 0.0, False), (0.05, 0.3, True), (0.05, 0.36, False),
+])  # fmt: skip
+def test_time_takes_away_nine_tenths_of_what_a_view_is_off_by(late_s: float, aside: float, told: bool) -> None:
+    """Of its square, and is half a second at most."""
+    assert bool(seen_late(late_s, aside=aside)) == told

@@ -161,3 +161,14 @@ def test_names_are_known_ones():
     with pytest.raises(DatasetError, match="expected an object"):
         HERE.mapping([1], "robots")
     assert HERE.mapping({"any": 1}, "robots") == {"any": 1}
+
+
+def test_a_row_that_fills_the_line_is_told_by_its_length():
+    """Up to sixty characters as it is written, from there on as a list of so many."""
+    short_row, long_row = [1] * 20, [1] * 21  # of three characters each, but for the first and the last
+    for row, told in ((short_row, str(short_row)), (long_row, "a list of 21")):
+        with pytest.raises(DatasetError) as caught:
+            numbers(Where("samples.jsonl", 3), "pixels", [[1, 2], row], 2)
+        assert str(caught.value) == (
+            f"samples.jsonl:3: pixels: expected a list of rows of 2 numbers, got {told} in row 1, counted from 0"
+        )
