@@ -11,7 +11,7 @@ from basecal.accuracy.axis_shift import calibrate_axis_shift, stations_of
 from basecal.accuracy.closed_form_beside import closed_form_beside
 from basecal.accuracy.fit_details import FitDetails
 from basecal.accuracy.verdict import calibrate
-from basecal.cell import Calibration
+from basecal.cell import Calibration, Unknown
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
 from basecal.geometry import SE3, Camera, PoseEstimate
@@ -85,3 +85,18 @@ def test_the_page_shows_both_methods(made):
     assert f"{1e3 * beside.estimate.mean.translation[0]:.3f}" in part
     plain = page(made.cell, made.recording, calibration, replace(FitDetails(), closed_form=None))
     assert "Two methods" not in plain
+
+
+def test_the_base_may_be_that_of_the_eye(made):
+    """Where the robot with the light is the reference the inverses are compared, and lights stay where they were."""
+    cell = replace(made.cell, reference="hand", bases={"eye": Unknown()})
+    calibration = Calibration("good", {"hand_base_from_eye_base": PoseEstimate(TRUE.inverse(), 1e-8 * np.eye(6))})
+    beside = closed_form_beside(cell, made.recording, calibration)
+    plain = closed_form_beside(made.cell, made.recording, answer(TRUE))
+    assert beside.name == "hand_base_from_eye_base"
+    np.testing.assert_allclose(beside.estimate.mean.matrix, plain.estimate.mean.inverse().matrix, atol=1e-12)
+    own = stations_of(build_problem(made.cell, made.recording)[0], made.cell)
+    for each, other, station in zip(beside.stations, plain.stations, own, strict=True):
+        np.testing.assert_allclose(each.off, (TRUE @ station.base().inverse()).log(), atol=1e-12)
+        np.testing.assert_allclose(each.light, other.light)
+        assert (each.samples, each.weight) == (other.samples, pytest.approx(other.weight))

@@ -85,17 +85,17 @@ ACROSS = np.array([0.2, 0.1, 0.0, 0.0, 0.0, 0.0])
 def seen_late(*late_s: float, aside: float = 0.0, samples: int = 100) -> list[Finding]:
     """What is told of pictures so late that were left out, of which views are aside of the way by a share of it.
 
-    A second camera has one that is as late and was used, and one that stood still and was left out.
+    The next one is as late and was used, of a second camera, that stood still, left out. Of that another was used.
     """
-    way = np.array(late_s)[:, None] * MOTION
+    way = np.array([*late_s, late_s[0]])[:, None] * MOTION
     across = ACROSS / np.linalg.norm(ACROSS) * np.linalg.norm(way, axis=-1, keepdims=True)
     problem, state = pose_problem(way + aside * across, np.ones(6))
     (group,) = problem.groups
     moving = replace(group, motion=np.tile(MOTION, (len(group), 1)))
     used = replace(moving, camera="other", sample=moving.sample + 50)
     still = replace(group, camera="other")
-    out = [LeftOut(k, "camera", "target", (), 9.0) for k in range(len(group))]
-    out += [LeftOut(0, "other", "target", (), 9.0), LeftOut(50, "other", "target", (3,), 9.0)]
+    out = [LeftOut(k, "camera", "target", (), 9.0) for k in range(len(late_s))]
+    out += [LeftOut(len(late_s), "other", "target", (), 9.0), LeftOut(50, "other", "target", (3,), 9.0)]
     of = SimpleNamespace(
         robust=SimpleNamespace(outliers=out, samples=samples),
         recorded=problem.with_groups([moving, used, still]),

@@ -139,3 +139,15 @@ def test_a_robot_without_kinematics_has_no_parallel_axes(made, problem):
     """Recorded by poses, it may turn as it likes."""
     cell = SimpleNamespace(robots={"hand": SimpleNamespace(chain=None)})
     assert advise_motion(cell, problem, moved(0.5, 0.0)).startswith("add poses")
+
+
+def test_what_is_fixed_is_not_asked_for():
+    """Of two arms that turn about one axis each only the mount that is open is to be stated."""
+    known = simulate(Scenario(samples=5, camera_mount="fixed"), 0)
+    problem = build_problem(known.cell, known.recording)[0]
+    both = {"eye": moved(0.5, robot="eye"), "hand": moved(0.5, 0.01)}
+    assert describe_cause(known.cell, problem, both, (BASE,)) == (
+        "eye rotates about one axis, along (0.00, 0.00, 1.00) in eye_base, and hand rotates mostly about one axis, "
+        "along (0.00, 0.00, 1.00) in hand_base, and by at most 0.57 deg about any other: rotate each about two axes "
+        f"that are not parallel, or state {BOARD} as a prior or fixed"
+    )
