@@ -9,7 +9,7 @@ import pytest
 from tests.estimation.noise.test_reml import NOISY, ROBOTS, at_truth
 
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
-from basecal.estimation.noise.mixed_model import mixed_model
+from basecal.estimation.noise.mixed_model import estimates_of, mixed_model
 from basecal.estimation.noise.reml import posterior
 from basecal.estimation.noise.robot_noise import stops_made, with_robot_noise, without_errors
 from basecal.estimation.noise.terms.common_errors import CommonErrors
@@ -36,6 +36,8 @@ def test_views_in_two_groups_are_those_of_one(arms):
     halves = problem.with_groups([group.take(np.arange(5)), group.take(np.arange(5, 8))])
     whole, parts = mixed_model(problem, state, ROBOTS), mixed_model(halves, state, ROBOTS)
     assert parts.white.keys() == whole.white.keys() == parts.parts.keys()
+    of_views = estimates_of(problem, state)[0]["pixel_px"]
+    assert whole.white["wrist", "pixel_px"] == (of_views.white, of_views.white_count)
     for key in whole.white:
         np.testing.assert_allclose(parts.white[key], whole.white[key], rtol=1e-9)
         for name in ("count", "cost", "fixed", "errors", "fixed_fixed", "errors_fixed", "errors_errors"):

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from tests.motion_cells import (
     AXIS,
     GENERAL,
@@ -25,7 +26,8 @@ from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.observability.motions import HARDLY_RAD, gauge_partners, motions, null_directions
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
-from basecal.simulation import Scenario
+from basecal.geometry import SE3
+from basecal.simulation import Scenario, simulate
 
 # Twists that each kind of motion leaves open: about one line the shift along it and the turn about it.
 FEW = Scenario(samples=15)
@@ -120,3 +122,39 @@ def test_every_pose_carries_a_twist_to_one_of_the_flange(kind):
     for twist in motions(problem)["hand"].twists_in_base:
         carried = group.hand_base_from_hand_flange.inverse().adjoint() @ twist
         np.testing.assert_allclose(carried, np.tile(carried[0], (len(carried), 1)), atol=1e-6)
+
+
+def test_each_robot_has_its_own_samples_and_poses():
+    """Of two cameras on a robot each: travel, turns and samples are those of its own views, written out."""
+    made = simulate(Scenario(samples=20, layout="two_cameras"), 1)
+    problem, _ = build_problem(made.cell, made.recording)
+    found = motions(problem)
+    robots = {group.eye for group in problem.groups}
+    assert set(found) == robots
+    assert len(robots) == 2
+    first, second = problem.groups
+    fewer = problem.with_groups([first.take(np.arange(7)), second])
+    for group, count in zip(fewer.groups, (7, len(second)), strict=True):
+        motion, poses = motions(fewer)[group.eye], group.eye_base_from_eye_flange
+        assert motion.samples == count
+        away = np.linalg.norm(poses.translation - poses[0].translation, axis=-1)
+        assert motion.travel_m == pytest.approx(away.max())
+        turns = Rotation.from_matrix(poses.rotation @ poses[0].rotation.T).as_rotvec()
+        np.testing.assert_allclose(motion.turn_rad, np.abs(turns @ motion.axes_in_base).max(0), atol=1e-9)
+        assert list(motion.turn_rad) == sorted(motion.turn_rad, reverse=True)
+
+
+@pytest.mark.parametrize(("turn_rad", "travel_m", "kind"), [
+    (0.0099, 9.9e-4, "still"), (0.0101, 9.9e-4, "turns"), (0.0099, 1.01e-3, "shifts"),
+])  # fmt: skip
+def test_a_hundredth_of_a_radian_and_a_millimetre_are_motion(turn_rad, travel_m, kind):
+    """Less is standing still."""
+    problem, _ = packed(still)
+    (group,) = problem.groups
+    away = np.where((np.arange(len(group)) == 4)[:, None], [travel_m, 0, 0, 0, 0, turn_rad], 0.0)
+    at = group.hand_base_from_hand_flange[0]
+    poses = SE3.from_rotvec(away[:, 3:], np.zeros((len(group), 3)))
+    moved = SE3(poses.rotation @ at.rotation, at.translation + away[:, :3])
+    hand = motions(problem.with_groups([replace(group, hand_base_from_hand_flange=moved)]))["hand"]
+    assert (hand.is_still, hand.only_shifts) == (kind == "still", kind != "turns")
+    assert hand.orientations == (2 if kind == "turns" else 1)

@@ -156,3 +156,18 @@ def test_a_turn_about_any_axis_is_a_turn(axis):
     shifts, turns = separate_twists(axis[None])
     assert shifts.shape == (0, 3)
     np.testing.assert_allclose(np.abs(turns), [axis], atol=1e-12)
+
+
+def test_what_moves_together_through_a_third_is_one():
+    """A base and a mount that share no direction, each of them with another mount: one cluster of three."""
+    made = simulate(Scenario(samples=5, layout="two_cameras"), 0)
+    problem, _ = build_problem(made.cell, made.recording)
+    names = [name for name in problem.columns if name in problem.unknowns]
+    assert len(names) >= 4
+    first, second, third, fourth = names[:4]
+    found = separated(problem, [{first: X, third: X}, {second: Y, third: Y}, {fourth: Z}])
+    clusters = {frozenset(moved) for _, moved, _ in found}
+    assert frozenset({fourth}) in clusters
+    assert all(fourth not in moved for moved in clusters if len(moved) > 1)
+    assert {name for moved in clusters for name in moved} == set(names[:4])
+    assert sum(len(of.twists_in_parent) for _, _, of in found) == 3

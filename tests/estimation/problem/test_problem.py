@@ -241,3 +241,38 @@ def test_errors_of_stops_stand_side_by_side(problem, state):
     still = replace(group, eye_stop=np.full(5, -1))
     np.testing.assert_array_equal(stop_tangents(still, state, problem.stops), physical[group.hand_stop])
     assert noisy_stops(replace(still, hand_stop=np.full(5, -1))) == ()
+
+
+@pytest.mark.parametrize(("idle", "hint"), [((), ""), (("third",), r" \(on: third\?\)"), (("third", "fourth"), "")])
+def test_what_hangs_on_one_body_is_refused_with_the_robot_that_is_meant(made, idle, hint):
+    """Where just one robot carries nothing it is named."""
+    wrist = replace(made.cell.cameras["wrist"], on="hand")
+    robots = {name: replace(made.cell.robots["hand"], name=name) for name in ("hand", *idle)}
+    cell = replace(made.cell, reference="hand", robots=robots, cameras={"wrist": wrist})
+    with pytest.raises(InputError, match=f"'wrist' and target 'board' are both on 'hand'.*what carries it{hint}$"):
+        check_carriers(cell, "wrist", "board")
+    check_carriers(made.cell, "wrist", "board")
+
+
+def test_stops_of_several_views_are_numbered(problem):
+    """Of either robot, over all groups; those of one view, or of none, have no number."""
+    (group,) = problem.groups
+    eye, hand = np.array([0, 0, 1, 2, 3]), np.array([4, 5, 5, 6, 7])
+    one = replace(group, eye_stop=eye, hand_stop=hand)
+    assert problem.with_groups([one]).shared_stops.tolist() == [0, -1, -1, -1, -1, 1, -1, -1, -1, -1]
+    two = [one.take(np.array([0, 1, 2])), one.take(np.array([3, 4, 4]))]
+    assert problem.with_groups(two).shared_stops.tolist() == [0, -1, -1, 1, -1, 2, -1, 3, -1, -1]
+    still = replace(group, eye_stop=np.full(5, -1), hand_stop=hand)
+    assert problem.with_groups([still]).shared_stops.tolist() == [-1] * 5 + [0] + [-1] * 4
+
+
+def test_views_in_motion_shake_by_their_stamps_jitter(problem):
+    """In metres and radians; without jitter, or standing still, there is none."""
+    (group,) = problem.groups
+    motion = np.arange(30.0).reshape(5, 6)
+    moving = replace(group, motion=motion)
+    np.testing.assert_array_equal(replace(problem, jitter_s={"wrist": 2e-3}).shake(moving), 2e-3 * motion)
+    np.testing.assert_array_equal(moving.take(np.array([3, 1])).motion, motion[[3, 1]])
+    assert replace(problem, jitter_s={"wrist": 2e-3}).shake(group) is None
+    assert replace(problem, jitter_s={"wrist": 0.0}).shake(moving) is None
+    assert replace(problem, jitter_s={"other": 2e-3}).shake(moving) is None

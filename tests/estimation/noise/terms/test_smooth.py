@@ -52,14 +52,16 @@ def test_four_stops_have_smooth_errors(samples, some):
         np.testing.assert_array_equal(found.by_stop, expected.by_stop)
 
 
-def test_modes_are_the_strongest_sixteen_that_matter():
-    """Of forty stops: as the kernel's eigenvectors, but for those of a hundredth of the largest."""
-    made = simulate(Scenario(samples=40), 1)
+@pytest.mark.parametrize(("spread_rad", "fewer"), [(0.6, True), (2.5, False)])
+def test_modes_are_the_strongest_sixteen_that_matter(spread_rad, fewer):
+    """As the kernel's eigenvectors: of arms that turn much all sixteen, else but for those below a hundredth."""
+    made = simulate(Scenario(samples=40, spread_rad=spread_rad), 1)
     problem, _ = build_problem(made.cell, made.recording)
     poses, _ = stands(problem, "hand")
     values, vectors = np.linalg.eigh(kernel(poses, poses))
     kept = np.flatnonzero(values > 1e-2 * values[-1])[-16:]
     found = modes(problem, "hand")
     assert found.shape == (40, len(kept))
+    assert (len(kept) < 16) == fewer
     expected = (vectors[:, kept] * values[kept]) @ vectors[:, kept].T
     np.testing.assert_allclose(found @ found.T, expected, atol=1e-8)
