@@ -10,7 +10,7 @@ from tests.shared.deceivers import adversarial, tried
 
 from basecal.accuracy.certify import certified
 from basecal.accuracy.verdict import calibrate
-from basecal.cell import Unknown
+from basecal.cell import Recording, RobotState, Unknown
 from basecal.cell.targets.points import points_target
 from basecal.estimation.certificate.certificate import _about, certify, proven_loops
 from basecal.estimation.certificate.relaxation import product_of
@@ -273,8 +273,14 @@ def test_the_proven_rotations_lead_back_from_a_worse_state(reference, monkeypatc
     """By few steps to the best fit, whichever arm's base is the world; of what stood there nothing is claimed."""
     monkeypatch.setattr("basecal.estimation.certificate.certificate._ITERATIONS", 2)
     made = simulate(Scenario(target="pose", samples=12, pose_noise=(1e-3, 1e-2)), 1)
+    # Arms that face one another have a base that is its own inverse, nearly: this one stands askew.
+    askew = SE3.exp([0.3, 0.2, -0.1, 0.5, -0.4, 0.8])
+    samples = [
+        replace(s, robots={**s.robots, "hand": RobotState(askew @ s.robots["hand"].base_from_flange)})
+        for s in made.recording.samples
+    ]
     other = "hand" if reference == "eye" else "eye"
-    best = solve(replace(made.cell, reference=reference, bases={other: Unknown()}), made.recording)
+    best = solve(replace(made.cell, reference=reference, bases={other: Unknown()}), Recording(tuple(samples)))
     astray = replace(best, state=shifted(best, np.random.default_rng(0), 0.8), cost=1e3 * best.cost)
     certificate, better = certify(astray)
     assert certificate.is_global is None

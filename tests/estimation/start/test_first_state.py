@@ -10,6 +10,7 @@ import pytest
 from tests.shared.kinds import KINDS
 from tests.shared.start_trial import trial
 
+from basecal.cell import Unknown
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.problem.build import build_problem
@@ -135,3 +136,33 @@ def test_guesses_are_a_state_where_all_unknowns_have_one():
     first, *others = problem.unknowns
     assert guessed_state(replace(problem, unknowns={**told, first: problem.unknowns[first]}), made.cell) is None
     assert others
+
+
+@pytest.mark.parametrize(("sigma_rad", "stays"), [(0.29, True), (0.31, False)])
+def test_a_prior_within_three_tenths_of_a_radian_is_a_start(sigma_rad, stays):
+    """About each axis: it stays where its mean is; a wider one, and a guess without a prior, are searched for."""
+    made = simulate(Scenario(samples=8), 0)
+    problem, _ = build_problem(made.cell, made.recording)
+    name = "eye_flange_from_wrist"
+    mean = made.truth[name] @ SE3.exp(np.full(6, 0.02))
+    sigma = np.array([1.0, 1.0, 1.0, 0.1, 0.1, sigma_rad])
+    known = replace(problem, unknowns={**problem.unknowns, name: Unknown("prior", mean, sigma)})
+    start = first_state(known, made.cell, thorough=False)
+    assert np.array_equal(start.transforms[name].matrix, mean.matrix) == stays
+    guessed = replace(problem, unknowns={**problem.unknowns, name: Unknown("free", mean)})
+    assert not np.array_equal(first_state(guessed, made.cell, thorough=False).transforms[name].matrix, mean.matrix)
+    for other, transform in start.transforms.items():
+        assert np.abs((transform.inverse() @ made.truth[other]).log()).max() < 0.1
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 2, 0), (3, 2, 1), (1, 2, 3)])
+def test_bases_are_placed_from_wherever_a_chain_begins(order):
+    """A ring of four robots of which only some pairs are kept: the bases follow along the chain, either way."""
+    made = simulate(Scenario(layout="chain", robots=4, samples=40, target="pose", pose_noise=(1e-6, 1e-6)), 1)
+    problem, _ = build_problem(made.cell, made.recording)
+    groups = [problem.groups[k] for k in order]
+    start = first_state(problem.with_groups(groups), made.cell, thorough=False)
+    placed = {name for g in groups for name in (g.eye_base, g.hand_base) if name is not None}
+    assert len(placed) == 3
+    for name in placed:
+        assert np.abs((start.transforms[name].inverse() @ made.truth[name]).log()).max() < 1e-3

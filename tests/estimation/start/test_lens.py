@@ -77,3 +77,13 @@ def test_each_focal_length_goes_on_once_and_none_that_hardly_fits():
     focal, cost = np.array([900.0, 901.0, 700.0, 500.0, 300.0]), np.array([2.0, 1.0, 30.0, 101.0, np.nan])
     rough = SimpleNamespace(cost=cost, state=SimpleNamespace(camera=SimpleNamespace(focal=focal[:, None])))
     assert _worth_bending(rough).tolist() == [1, 2]
+
+
+def test_a_guess_is_centred_and_as_wide_as_asked():
+    """In the middle of the pixels' centres; of a camera whose size nobody stated that of 1280 by 720."""
+    wide = guessed_lens(replace(ASKED, size_px=(641, 401)), 0.8)
+    np.testing.assert_allclose(wide.parameters, [512.8, 512.8, 320, 200, 0, 0, 0, 0, 0])
+    assert wide.size_px == (641, 401)
+    unknown = guessed_lens(replace(ASKED, size_px=None), 2.0)
+    np.testing.assert_allclose(unknown.parameters, [2560, 2560, 639.5, 359.5, 0, 0, 0, 0, 0])
+    assert unknown.size_px is None
