@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.cell import Cell, Robot, RobotState, Sample
+from basecal.cell import Cell, CellCamera, CellTarget, PointObservation, Robot, RobotState, Sample
 from basecal.cell.files import append_samples, read_plan, write_plan
+from basecal.cell.targets.points import points_target
 from basecal.errors import DatasetError
 from basecal.geometry import SE3
 
@@ -47,3 +48,13 @@ def test_a_plan_in_one_object(tmp_path):
     (tmp_path / "plan.json").write_text('{"needed": 3, "samples": [' + ",\n".join(lines) + "]}\n")
     found = read_plan(tmp_path / "plan.json", tmp_path, CELL)
     assert [sample.sample for sample in found] == [3, 4, 5]
+
+
+def test_a_sample_that_cannot_be_used_is_no_place_to_go_to(tmp_path):
+    """What names points that its target has not is dropped of a recording, and an error in a plan."""
+    target = CellTarget("board", "world", target=points_target([[0, 0, 0], [1, 0, 0]]))
+    cell = Cell("eye", {"eye": Robot("eye")}, cameras={"wrist": CellCamera("wrist", "eye")}, targets={"board": target})
+    seen = PointObservation("wrist", "board", np.array([7]), np.zeros((1, 3)))
+    write_plan([Sample(0, robots=PLAN[0].robots, observations=(seen,))], tmp_path / "plan.jsonl", tmp_path)
+    with pytest.raises(DatasetError, match=r"plan\.jsonl:1: robots: expected where robots shall be, joints or poses"):
+        read_plan(tmp_path / "plan.jsonl", tmp_path, cell)
