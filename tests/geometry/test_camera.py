@@ -356,3 +356,12 @@ def test_terms_that_go_beyond_what_real_lenses_have_are_told_by_their_sigmas(mod
     assert np.all((sigmas[2:4] > 1e-3) & (sigmas[2:4] < 1e-2) | (model == "fisheye"))
     assert np.all((sigmas[4:] > 0.03) & (sigmas[4:] < 0.3))
     assert np.all(np.isinf(Camera("pinhole", [*PARAMETERS, *[0.0] * 8]).term_sigmas))
+
+
+def test_the_image_begins_at_its_edge_and_ends_before_the_other():
+    """Half a pixel before the first centre belongs to it, half a pixel beyond the last does not; unsized all does."""
+    camera = Camera("pinhole", [1.0, 1.0, 0.0, 0.0], (8, 4))
+    pixels = np.array([[-0.5, -0.5], [7.5, 0.0], [0.0, 3.5], [7.25, 3.25], [-0.625, 0.0], [0.0, -0.625]])
+    points = np.column_stack([pixels, np.ones(6)])
+    np.testing.assert_array_equal(camera.sees(points), [True, False, False, True, False, False])
+    assert Camera("pinhole", [1.0, 1.0, 0.0, 0.0]).sees(points).all()

@@ -81,3 +81,21 @@ def test_descents_take_them(dense) -> None:
     found = levenberg_marquardt(_Line(dense), np.zeros((1, 12)), Stop())
     assert found.converged.all()
     np.testing.assert_allclose(found.state, 1.0, atol=1e-6)
+
+
+def test_parts_of_large_inverses_are_put_together() -> None:
+    """Of more columns than are solved for at a time, in any order, they are those of the dense inverse."""
+    rng = np.random.default_rng(0)
+    dense = np.diag(rng.uniform(1, 2, 560)) + np.diag(np.full(559, 0.3), 1) + np.diag(np.full(559, 0.3), -1)
+    sparse, columns = SparseHessian(csc_array(dense)), rng.permutation(560)[:530]
+    inverse = np.linalg.inv(dense)
+    np.testing.assert_allclose(sparse.inverse_columns(columns), inverse[:, columns], atol=1e-12)
+    np.testing.assert_allclose(sparse.inverse_at(columns), inverse[np.ix_(columns, columns)], atol=1e-12)
+
+
+@pytest.mark.parametrize(("smallest", "found"), [(3e-12, 3e-12), (3e-13, 0.0)])
+def test_an_eigenvalue_of_rounding_is_none(smallest: float, found: float) -> None:
+    """Below a millionth of a millionth of the largest."""
+    values = np.append(np.geomspace(1e-3, 1.0, 8), smallest)
+    extremes = SparseHessian(csc_array(np.diag(values))).extremes
+    assert extremes == pytest.approx((found, 1.0), rel=5e-3, abs=0.0)
