@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.accuracy.task.kinematic_errors import kinematic_errors, moved_by_errors
+from basecal.accuracy.task.kinematic_errors import MODELS, kinematic_errors, moved_by_errors
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.problem.robot_parameters import Kinematics
@@ -52,6 +52,19 @@ def test_turns_are_offsets_and_turns_of_links():
     _, problem, state = problem_and_state(JOINTS)
     found = kinematic_errors(problem, state, "eye")
     np.testing.assert_array_equal(found.is_turn, [True] * 6 + 7 * [False, False, False, True, True, True])
+
+
+def test_models_are_parts_of_all_errors():
+    """Offsets alone are the first six columns, links alone the others, at stops and at points."""
+    made, problem, state = problem_and_state(JOINTS)
+    places = made.true_base_from_flange["hand"].translation
+    every, at_points = kinematic_errors(problem, state, "hand"), moved_by_errors(problem, state, "hand", places)
+    for kinds, part in zip(MODELS, (slice(0, 6), slice(6, 48), slice(0, 48)), strict=True):
+        found = kinematic_errors(problem, state, "hand", kinds)
+        np.testing.assert_array_equal(found.by_stop, every.by_stop[..., part])
+        np.testing.assert_array_equal(found.is_turn, every.is_turn[part])
+        moved = moved_by_errors(problem, state, "hand", places, kinds)
+        np.testing.assert_array_equal(moved, at_points[..., part])
 
 
 @pytest.mark.parametrize(

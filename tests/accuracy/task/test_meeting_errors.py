@@ -9,9 +9,11 @@ import pytest
 
 from basecal.accuracy.task.arms_at_points import joints_at, recorded_joints
 from basecal.accuracy.task.error_map import error_map
+from basecal.accuracy.task.kinematic_errors import EXPECTED, kinematic_errors
 from basecal.accuracy.task.meeting_errors import meeting_errors
 from basecal.accuracy.task.task import Task
 from basecal.cell import Calibration
+from basecal.estimation.noise.joint_estimate import sigmas_with
 from basecal.estimation.problem.robot_parameters import after_step
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
@@ -24,38 +26,44 @@ ARMS = Scenario(samples=12, joints=True, **UNSTATED)
 OFF = replace(ARMS, joint_offset_rad=2e-3)
 
 
-def mapped(scenario: Scenario, seed: int = 3, **changed):
-    made = simulate(scenario, seed)
-    solution = solve(made.cell, made.recording, Settings(robot_noise="estimated"))
+def solved(scenario: Scenario):
+    made = simulate(scenario, 3)
+    return made, solve(made.cell, made.recording, Settings(robot_noise="estimated"))
+
+
+def mapped(made, solution, **changed):
     robots = {name: {"sigma_t_m": of[:3], "sigma_r_rad": of[3:]} for name, of in solution.noise.robots.items()}
     calibration = Calibration("good", dict(solution.transforms), noise={"robots": robots})
-    return solution, error_map(made.cell, calibration, solution, made.truth[BASE].translation / 2, **changed)
+    return error_map(made.cell, calibration, solution, made.truth[BASE].translation / 2, **changed)
 
 
 @pytest.fixture(scope="module")
-def of_arms_off():
-    return mapped(OFF)
+def arms_off():
+    return solved(OFF)
 
 
-def test_arms_that_are_off_are_off_elsewhere(of_arms_off):
+@pytest.fixture(scope="module")
+def map_of_arms_off(arms_off):
+    return mapped(*arms_off)
+
+
+def test_arms_that_are_off_are_off_elsewhere(map_of_arms_off):
     """Offsets of 2 mrad turn each flange by more than that, which mounts take up: the map says 4 mrad at the least."""
-    _, found = of_arms_off
-    assert found.angle_95_rad.min() > 4e-3
+    assert map_of_arms_off.angle_95_rad.min() > 4e-3
 
 
-def test_arms_that_are_not_off_are_not_said_to_be(of_arms_off):
+def test_arms_that_are_not_off_are_not_said_to_be(map_of_arms_off):
     """The same recording of exact arms has a map less than half as large."""
-    _, exact = mapped(ARMS)
-    assert exact.angle_95_rad.max() < of_arms_off[1].angle_95_rad.min() / 2
+    assert mapped(*solved(ARMS)).angle_95_rad.max() < map_of_arms_off.angle_95_rad.min() / 2
 
 
-def test_what_noise_is_not_comes_on_top(of_arms_off):
+def test_what_noise_is_not_comes_on_top(arms_off):
     """A widening by 10 mrad about each axis of the base is found again in the turns."""
-    solution, _ = of_arms_off
+    made, solution = arms_off
     wider = np.zeros_like(solution.covariance)
     turns = np.arange(6)[3:] + solution.problem.columns[BASE].start
     wider[turns, turns] = 1e-4
-    _, found = mapped(OFF, widening=wider)
+    found = mapped(made, solution, widening=wider)
     assert found.angle_95_rad.min() > 2.7e-2
     assert found.angle_95_rad.max() < 4e-2
 
@@ -77,6 +85,31 @@ def test_a_robot_by_poses_beside_an_arm():
     calibration = Calibration("good", dict(solution.transforms), noise={"robots": robots})
     found = error_map(cell, calibration, solution, made.truth[BASE].translation / 2)
     assert 1e-3 < found.angle_95_rad.min() < 2e-2
+
+
+def test_what_may_be_off_counts_by_its_evidence(arms_off, monkeypatch):
+    """Mean and covariance of the mixture of models by offsets, by links and by both, its shares by Bayes."""
+    made, solution = arms_off
+    problem, state = solution.problem, solution.state
+    points = made.truth[BASE].translation[None] / 2
+    task = Task(BASE, made.truth[BASE].inverse() @ points)
+    calibration = Calibration("good", dict(solution.transforms))
+    mean, covariance = meeting_errors(made.cell, calibration, solution, task, points)
+    likelihoods, means, covariances = [], [], []
+    for kinds in (["joint_offsets"], ["link_parameters"], ["joint_offsets", "link_parameters"]):
+        monkeypatch.setattr("basecal.accuracy.task.meeting_errors.MODELS", (tuple(kinds),))
+        arms = {robot: kinematic_errors(problem, state, robot, kinds) for robot in ("eye", "hand")}
+        evidence = sigmas_with(problem, state, solution.noise, arms, EXPECTED).surprise
+        likelihoods.append(np.exp(-evidence / 2 - 500))
+        alone = meeting_errors(made.cell, calibration, solution, task, points)
+        means.append(alone[0][0])
+        covariances.append(alone[1][0])
+    shares = np.array(likelihoods) / sum(likelihoods)
+    assert np.count_nonzero(shares > 0.02) > 1
+    wanted = sum(share * each for share, each in zip(shares, means, strict=True))
+    np.testing.assert_allclose(mean[0], wanted, rtol=1e-9)
+    squares = sum(share * (each + np.outer(at, at)) for share, each, at in zip(shares, covariances, means, strict=True))
+    np.testing.assert_allclose(covariance[0], squares - np.outer(wanted, wanted), rtol=1e-6, atol=1e-14)
 
 
 def test_estimated_kinematics_count_as_far_as_they_are_known():

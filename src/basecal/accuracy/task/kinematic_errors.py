@@ -9,6 +9,8 @@ Source: docs/mathematics.md (14.6).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from basecal.accuracy.task.arms_at_points import in_base_axes, joints_at, kinematics_of_robot, recorded_joints
@@ -23,23 +25,30 @@ EXPECTED = KINEMATICS._replace(tie=2.0)
 """Of their sigmas. What joints and links together leave of a stop is not smooth in its pose, and hardly tied."""
 
 _OFFSETS, _LINKS = "joint_offsets", "link_parameters"
+MODELS = ((_OFFSETS,), (_LINKS,), (_OFFSETS, _LINKS))
+"""What may be off: controllers of calibrated arms know the zeros of their joints, or those alone were never set."""
 
 
-def kinematic_errors(problem: Problem, state: State, robot: str) -> CommonErrors | None:
+def kinematic_errors(
+    problem: Problem, state: State, robot: str, kinds: Sequence[str] = MODELS[-1]
+) -> CommonErrors | None:
     """What the stops of a robot have in common by its joints and links; None where it has none that are open.
 
     Args:
         problem: What was recorded.
         state: What was found.
         robot: The robot.
+        kinds: Those that may be off, of `MODELS`.
     """
-    at, kinds = posture_at_stops(problem, robot), _open_kinds(problem, robot)
+    at, kinds = posture_at_stops(problem, robot), _open_kinds(problem, robot, kinds)
     if at is None or not kinds:
         return None
     return CommonErrors(*_moved(kinematics_of_robot(problem, state, robot), at.recorded, kinds))
 
 
-def moved_by_errors(problem: Problem, state: State, robot: str, points_in_base_m: Array) -> Array:
+def moved_by_errors(
+    problem: Problem, state: State, robot: str, points_in_base_m: Array, kinds: Sequence[str] = MODELS[-1]
+) -> Array:
     """How the flange of a robot moves with its `kinematic_errors`, (n, 6, k) in the axes of its base [m, rad].
 
     Args:
@@ -47,21 +56,22 @@ def moved_by_errors(problem: Problem, state: State, robot: str, points_in_base_m
         state: What was found.
         robot: A robot that has some.
         points_in_base_m: (n, 3) where its flange is, in its base [m].
+        kinds: As there.
     """
     recorded = recorded_joints(problem, robot)
     assert recorded is not None
     joints = joints_at(problem, state, robot, recorded, points_in_base_m)
     kinematics = kinematics_of_robot(problem, state, robot)
-    moved, _ = _moved(kinematics, joints, _open_kinds(problem, robot))
+    moved, _ = _moved(kinematics, joints, _open_kinds(problem, robot, kinds))
     return in_base_axes(moved, kinematics.forward(joints).rotation)
 
 
-def _open_kinds(problem: Problem, robot: str) -> list[str]:
-    """Kinds of errors of which no prior says how large they are; none of a robot without a chain."""
+def _open_kinds(problem: Problem, robot: str, kinds: Sequence[str]) -> list[str]:
+    """Those of these kinds of which no prior says how large they are; none of a robot without a chain."""
     if robot not in problem.chains:
         return []
     stated = problem.models[robot].stated if robot in problem.models else {}
-    return [kind for kind in (_OFFSETS, _LINKS) if kind not in stated or stated[kind].status != "prior"]
+    return [kind for kind in kinds if kind not in stated or stated[kind].status != "prior"]
 
 
 def _moved(kinematics: Kinematics, joints: Array, kinds: list[str]) -> tuple[Array, BoolArray]:

@@ -1,18 +1,19 @@
 """How far flanges that were sent to one point are from where they should be to one another, by all that is unknown.
 
-Arms given by joints, of whose joints and links nothing is stated, have errors of these: a model of them explains the
-views, and says what both flanges are off by elsewhere. Of others what their stops have in common counts in full.
+Arms given by joints, of whose joints and links nothing is stated, have errors of these: models of them explain the
+views, and say what both flanges are off by elsewhere. Of others what their stops have in common counts in full.
 Source: docs/mathematics.md (14.3), (14.6).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from basecal.accuracy.task.arms_at_points import moved_by_kinematics
-from basecal.accuracy.task.kinematic_errors import EXPECTED, kinematic_errors, moved_by_errors
+from basecal.accuracy.task.kinematic_errors import EXPECTED, MODELS, kinematic_errors, moved_by_errors
 from basecal.accuracy.task.task import Task
 from basecal.cell import Calibration, Cell
 from basecal.estimation.noise.joint_estimate import open_robots, sigmas_with
@@ -43,28 +44,73 @@ def meeting_errors(
     # The robots that the transform brings together, and where they meet in the base of each, (n, 3) [m].
     others = [r for r in cell.robots if r != cell.reference and cell.base_name(r) == task.transform]
     meeting = {cell.reference: points_m} | dict.fromkeys(others, task.points_m)
-    arms = _arms_with_errors(solution)
     moved, columns = _by_columns(cell, solution, task, meeting)
-    if not arms.keys() & meeting.keys():
+    known = _Known(moved, columns, None if widening is None else widening[np.ix_(columns, columns)])
+    own = {robot: _own_variance(calibration, solution, robot) for robot in meeting}
+    models = _models_of_arms(solution, meeting)
+    if not models:
         products = solution.covariance[np.ix_(columns, columns)]
-        own = [_own_variance(calibration, solution, robot) for robot in meeting]
-        return np.zeros(moved.shape[:2]), _in_all(moved, products, own)
-    sigmas = sigmas_with(solution.problem, solution.state, solution.noise, arms, EXPECTED)
-    every_move, every_column = [moved], [columns]
-    for robot in (name for name in meeting if name in arms):
-        by_errors = moved_by_errors(solution.problem, solution.state, robot, meeting[robot])
+        return np.zeros(moved.shape[:2]), _in_all(moved, products, own.values())
+    return _mixture([_by_model(cell, solution, task, meeting, known, own, model) for model in models])
+
+
+class _Known(NamedTuple):
+    """Columns of the problem, (c,), how what meets moves with them, (n, 6, c), and what widens them, (c, c)."""
+
+    moved: Array
+    columns: IntArray
+    widening: Array | None
+
+
+class _ArmErrors(NamedTuple):
+    """Kinds of errors that arms may have, and what the stops of each robot have in common by them."""
+
+    kinds: tuple[str, ...]
+    of: Mapping[str, CommonErrors]
+
+
+class _Meeting(NamedTuple):
+    """By one model: minus twice the log of its evidence, mean, (n, 6), and covariance, (n, 6, 6)."""
+
+    surprise: float
+    mean: Array
+    covariance: Array
+
+
+def _by_model(
+    cell: Cell,
+    solution: Solution,
+    task: Task,
+    meeting: Mapping[str, Array],
+    known: _Known,
+    own: Mapping[str, Array],
+    model: _ArmErrors,
+) -> _Meeting:
+    """What is off by a model of the arms' errors, its sigmas integrated."""
+    sigmas = sigmas_with(solution.problem, solution.state, solution.noise, model.of, EXPECTED)
+    every_move, every_column = [known.moved], [known.columns]
+    for robot in (name for name in meeting if name in model.of):
+        by_errors = moved_by_errors(solution.problem, solution.state, robot, meeting[robot], model.kinds)
         first = sigmas.model.layout.common[robot][0]
         every_move.append(_of_meeting(cell, solution, task, robot, by_errors))
         every_column.append(np.arange(first, first + by_errors.shape[-1]))
     mean, products, squares = moments(sigmas, np.concatenate(every_column))
-    if widening is not None:
-        products[: len(columns), : len(columns)] += widening[np.ix_(columns, columns)]
-    own = [
-        squares[sigmas_of(sigmas.model, robot)] if robot in arms else _own_variance(calibration, solution, robot)
-        for robot in meeting
-    ]
+    if known.widening is not None:
+        products[: len(known.columns), : len(known.columns)] += known.widening
+    estimated = {robot: squares[sigmas_of(sigmas.model, robot)] for robot in model.of}
     moved = np.concatenate(every_move, axis=-1)
-    return moved @ mean, _in_all(moved, products, own)
+    return _Meeting(sigmas.surprise, moved @ mean, _in_all(moved, products, ({**own, **estimated}[r] for r in meeting)))
+
+
+def _mixture(found: Sequence[_Meeting]) -> tuple[Array, Array]:
+    """Mean and covariance over models, which count by their evidence."""
+    least = min(each.surprise for each in found)
+    shares = np.exp([-0.5 * (each.surprise - least) for each in found])
+    shares /= shares.sum()
+    mean = np.einsum("m,mni->ni", shares, [each.mean for each in found])
+    off = np.array([each.mean for each in found]) - mean
+    spread = np.array([each.covariance for each in found]) + off[..., None] * off[..., None, :]
+    return mean, np.einsum("m,mnij->nij", shares, spread)
 
 
 def _in_all(moved: Array, products: Array, own: Iterable[Array]) -> Array:
@@ -94,13 +140,18 @@ def _of_meeting(cell: Cell, solution: Solution, task: Task, robot: str, of_flang
     return np.asarray(-np.kron(np.eye(2), turned) @ of_flange)
 
 
-def _arms_with_errors(solution: Solution) -> dict[str, CommonErrors]:
-    """Errors of joints and links, by robot; none where noise was not estimated, of all views at once."""
+def _models_of_arms(solution: Solution, meeting: Mapping[str, Array]) -> list[_ArmErrors]:
+    """What may be wrong with the arms that meet; nothing where noise was not estimated, of all views at once."""
     if solution.noise.logs is None:
-        return {}
+        return []
     problem, state = solution.problem, solution.state
-    found = {robot: kinematic_errors(problem, state, robot) for robot in open_robots(problem)}
-    return {robot: errors for robot, errors in found.items() if errors is not None}
+    models: dict[tuple[int, ...], _ArmErrors] = {}
+    for kinds in MODELS:
+        found = {robot: kinematic_errors(problem, state, robot, kinds) for robot in open_robots(problem)}
+        arms = {robot: errors for robot, errors in found.items() if errors is not None}
+        if arms.keys() & meeting.keys():
+            models.setdefault(tuple(len(errors.is_turn) for errors in arms.values()), _ArmErrors(kinds, arms))
+    return list(models.values())
 
 
 def _own_variance(calibration: Calibration, solution: Solution, robot: str) -> Array:
