@@ -21,3 +21,17 @@ def test_more_than_a_tenth(kept, dropped, found):
     made = many_dropped_samples(given(kept, dropped))
     assert [f.severity for f in made] == (["warning"] if found else [])
     assert not found or made[0].message.startswith(f"{dropped} of {kept + dropped} samples could not be used")
+
+
+def test_the_reason_of_most_samples_is_told():
+    """Not that of other findings, however many they are about; nothing beside images that are too few."""
+    reasons = (
+        Finding("dropped-sample", "info", ("1",), "one reason"),
+        Finding("dropped-sample", "info", ("2", "3"), "another reason"),
+        Finding("other", "info", ("4", "5", "6"), "no reason"),
+    )
+    problem = SimpleNamespace(groups=(SimpleNamespace(sample=range(10, 15)),))
+    (found,) = many_dropped_samples(SimpleNamespace(problem=problem, findings=reasons))
+    assert found.message == "3 of 8 samples could not be used: another reason"
+    few = Finding("few-images", "warning", (), "")
+    assert many_dropped_samples(SimpleNamespace(problem=problem, findings=(*reasons, few))) == []

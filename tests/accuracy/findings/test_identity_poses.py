@@ -1,7 +1,9 @@
 """`identity-poses`."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from basecal.accuracy.findings.evidence import Input
@@ -23,3 +25,15 @@ def test_a_driver_that_gives_nothing_is_named(mount, severity):
     assert "is its driver connected?" in found[0].message
     samples[2] = made.recording.samples[2]
     assert identity_poses(Input(build_problem(made.cell, Recording(tuple(samples)))[0], ())) == []
+
+
+def test_only_a_robot_that_gave_poses_is_named():
+    """Not what stands in the world, nor an arm given by its joints, whose flange may be anywhere."""
+    still = SE3.identity((3,))
+    world = {"eye": None, "eye_joints": None, "eye_base_from_eye_flange": still, "camera_mount": "camera"}
+    arm = {"hand": "arm", "hand_base_from_hand_flange": still, "target_mount": "target"}
+    unknowns = {name: SimpleNamespace(status="free") for name in ("camera", "target")}
+    for joints, about in ((None, [("arm",)]), (np.zeros((3, 6)), [])):
+        groups = (SimpleNamespace(**world, **arm, hand_joints=joints),)
+        problem = SimpleNamespace(groups=groups, unknowns=unknowns)
+        assert [f.about for f in identity_poses(Input(problem, ()))] == about

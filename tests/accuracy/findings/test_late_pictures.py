@@ -110,6 +110,7 @@ def test_a_delay_is_how_far_along_its_way_a_view_is() -> None:
     assert (finding.code, finding.about) == ("clock-offset", ("camera", "0", "1", "2"))
     assert "3 pictures of camera were not taken when their stamps say, at samples 0 to 2" in finding.message
     assert "(60 ms late, 80 ms early, 40 ms late)" in finding.message
+    assert finding.severity == "info"  # three of a hundred are not more than 3 %
     assert seen_late(0.06, samples=34)[0].severity == "info"
     assert seen_late(0.06, samples=33)[0].severity == "warning"
 

@@ -7,7 +7,11 @@ import numpy as np
 import pytest
 from tests.pose_problem import pose_problem
 
-from basecal.accuracy.findings.noise_not_identifiable import noise_not_identifiable, robots_with_few_stops
+from basecal.accuracy.findings.noise_not_identifiable import (
+    noise_not_identifiable,
+    robots_with_few_stops,
+    robots_with_one_stop,
+)
 
 
 def recorded(stops, unstated=("eye",)):
@@ -30,3 +34,13 @@ def test_robots_are_named_with_their_stops(evidence):
     made.settings = SimpleNamespace(robot_noise="stated")
     assert noise_not_identifiable(made) == ["of the solver"]
     assert noise_not_identifiable(evidence(recorded=recorded(5, unstated=()))) == []
+
+
+@pytest.mark.parametrize(("stops", "told"), [(1, ["eye"]), (2, [])])
+def test_a_single_stop_tells_no_noise(evidence, stops, told):
+    """It is told as such, of robots that state none; two stops are few, but more than one."""
+    assert robots_with_one_stop(recorded(stops)) == told
+    assert robots_with_one_stop(recorded(stops, unstated=())) == []
+    (found,) = noise_not_identifiable(evidence(recorded=recorded(stops)))
+    assert (found.severity, found.about) == ("info", ("eye",))
+    assert ("made a single stop" in found.message) == bool(told)

@@ -128,6 +128,7 @@ def robust(left_out=(), kept=(), agreeing=(), errors=(), points=(), samples=100)
         ((0, 1, 2), range(3, 9), "as if before sample 3 a base, a mount or the target had stood elsewhere"),
         ((7, 8), range(7), "look at them, and record with arms at rest"),
         ((2, 8, 9), range(3, 8), "look at them, and record with arms at rest"),
+        ((0, 1, 9), range(3, 9), "look at them, and record with arms at rest"),
         ((4,), range(3), "look at it, and record with arms at rest"),
         ((0, 1, 2), (), "look at them, and record with arms at rest"),
     ],

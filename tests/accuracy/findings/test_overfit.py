@@ -46,8 +46,17 @@ def test_without_cross_validation_nothing_is_said(evidence):
     assert overfit(evidence(cross_validation=compared(errors(1.0), errors(100.0), summary=None))) == []
 
 
-@pytest.mark.parametrize(("used", "predicted"), [((1.0,), (25.0, 1.0)), ((1.0, 0.2), (25.0,)), ((1.0,), (25.0,))])
+@pytest.mark.parametrize(("used", "predicted"), [
+    ((1.0,), (25.0, 1.0)), ((1.0, 0.2), (25.0,)), ((1.0,), (25.0,)), ((1.0, None, 1e-3), (25.0,)),
+])  # fmt: skip
 def test_what_cannot_be_compared_in_pixels_or_lengths_is_told_by_its_ratio(evidence, used, predicted):
     """Where one of them has none."""
     (made,) = overfit(evidence(cross_validation=compared(errors(*used), errors(*predicted))))
     assert "is 5.0 times the residual of the same samples when they are used: there are too few" in made.message
+
+
+def test_the_ratio_is_of_both_costs(evidence):
+    """A fit that costs little is overfitted where one that costs more is not, by the same held-out error."""
+    assert overfit(evidence(cross_validation=compared(errors(4.0), errors(60.0)))) == []
+    (made,) = overfit(evidence(cross_validation=compared(errors(0.25), errors(60.0))))
+    assert "is 15.5 times the residual" in made.message

@@ -35,9 +35,11 @@ def test_residuals_beyond_any_detector(evidence, rms, found):
 @pytest.mark.parametrize(
     ("metres", "radians", "found"), [(2.9e-3, 9e-3, False), (3.1e-3, 1e-4, True), (1e-4, 1.1e-2, True)]
 )
-def test_noise_beyond_any_arm(evidence, metres, radians, found):
+@pytest.mark.parametrize("axis", range(3))
+def test_noise_beyond_any_arm(evidence, axis, metres, radians, found):
     """Estimated noise of a robot above 3 mm or 10 mrad is no arm's: the worst of each is told."""
-    robots = {"eye": np.full(6, 1e-5), "hand": np.array([1e-5, metres, 1e-5, 1e-5, 1e-5, radians])}
+    robots = {"eye": np.full(6, 1e-5), "hand": np.full(6, 1e-5)}
+    robots["hand"][[axis, 3 + axis]] = metres, radians
     made = poor_fit(evidence({"noise": SimpleNamespace(estimated=("pixel_px",), robots=robots)}))
     assert len(made) == found
     if found:
@@ -50,3 +52,16 @@ def test_what_is_contradicted_as_a_whole_is_everything(evidence):
         (finding,) = poor_fit(evidence(contradicted_sigmas=(ContradictedSigma("", False, ratio, 1e-9),)))
         assert (finding.severity, finding.about) == (severity, ())
         assert "of everything" in finding.message
+
+
+def test_sigmas_that_are_too_large_leave_other_reasons(evidence):
+    """They are told after what is wrong; where sigmas are too small that is the reason, and all there is to say."""
+    noise = SimpleNamespace(estimated=("pixel_px",), robots={})
+    large, small = (ContradictedSigma("wrist", False, ratio, 1e-9) for ratio in (0.5, 2.0))
+    of = {"noise": noise}, {"residuals": SimpleNamespace(rms_px=4.0)}
+    found = poor_fit(evidence(of[0], **of[1], contradicted_sigmas=(large,)))
+    assert [(f.severity, f.about) for f in found] == [("warning", ()), ("info", ("wrist",))]
+    assert "residuals are 4.0 px rms" in found[0].message
+    found = poor_fit(evidence(of[0], **of[1], contradicted_sigmas=(small, large)))
+    assert [f.severity for f in found] == ["warning", "info"]
+    assert "times what the stated sigmas explain" in found[0].message

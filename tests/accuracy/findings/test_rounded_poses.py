@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from basecal.accuracy.findings.rounded_poses import rounded_poses
+from basecal.accuracy.findings.rounded_poses import _Rounding, _step, rounded_poses
 from basecal.cell import Recording, RobotState
 from basecal.estimation.noise.robot_noise import with_robot_noise
 from basecal.estimation.problem.build import build_problem
@@ -144,3 +144,46 @@ def test_the_noise_in_use_is_that_of_the_robot_whose_poses_are_rounded():
     assert [(f.about, f.severity) for f in found] == [(("eye",), "warning"), (("hand",), "info")]
     assert "beside 0.3 mm of noise in use" in found[0].message
     assert "beside 4 mm of noise in use" in found[1].message
+
+
+STEPS = (1.0, 0.1, 0.01)
+
+
+@pytest.mark.parametrize(("values", "step"), [
+    (np.arange(10.0), 1.0),
+    (np.arange(-3.0, 7.0), 1.0),
+    (np.arange(9.0), None),  # few numbers may all be round by chance
+    (np.repeat(np.arange(9.0), 3), None),
+    (0.3 * np.arange(10), 0.1),
+    (0.07 * np.arange(10), 0.01),
+    (0.007 * np.arange(10), None),
+    (np.arange(10) + 9e-4, 1.0),  # what conversions leave
+    (np.arange(10) - 9e-4, 1.0),
+    (np.arange(10) + 1.1e-3, None),
+    (np.append(np.arange(10.0), 0.1), 0.1),  # one that is not is enough
+])  # fmt: skip
+def test_the_largest_step_of_which_all_are_multiples(values, step):
+    """To a thousandth of it, from ten numbers that differ."""
+    assert _step(values.reshape(-1, 1), STEPS) == step
+
+
+@pytest.mark.parametrize(("step_deg", "told"), [(1.0, "1 deg"), (0.1, "0.1 deg"), (0.01, "0.01 deg")])
+def test_steps_of_angles_are_those_of_displays(step_deg, told):
+    """A degree, its tenths and hundredths, of joints that all differ."""
+    joints = np.radians(step_deg * np.arange(1, 37).reshape(6, 6))
+    group = SimpleNamespace(eye=None, eye_joints=None, hand="hand", hand_joints=joints)
+    stops = SimpleNamespace(sigma=np.array([[1, 1, 1, 2, 9, 9], [9, 9, 9, 9, 9, 9.0]]), robot=("hand", "hand"))
+    problem = SimpleNamespace(groups=(group,), stops=stops)
+    (found,) = rounded_poses(SimpleNamespace(solution=SimpleNamespace(problem=problem)))
+    assert f"joints of hand are all multiples of {told}: rounding" in found.message
+    assert "beside 2e+03 mrad of noise in use" in found.message
+
+
+@pytest.mark.parametrize(("noise", "severity"), [
+    (0.49, "info"), (0.51, "warning"), (1.99, "warning"), (2.01, "info"),
+])  # fmt: skip
+def test_rounding_that_makes_a_good_part_of_the_noise_is_a_warning(noise, severity):
+    """From half to twice what is in use; a step makes a uniform error of its length over the root of twelve."""
+    rounding = _Rounding("angles", np.sqrt(12.0), "", noise)
+    assert rounding.sigma == pytest.approx(1.0)
+    assert rounding.severity == severity

@@ -1,6 +1,7 @@
 """`same-stop`."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -28,3 +29,30 @@ def test_jitter_within_stops_is_told(jitter_m):
     assert [(f.code, f.severity, f.about) for f in found] == ([("same-stop", "info", ("eye",))] if jitter_m else [])
     assert not found or "its 3 stops" in found[0].message
     assert same_stop(Input(problem, (), on_paths=True)) == []
+
+
+def stops_of(*moves, stands):
+    """Poses of a robot that carries a target, off by these tangents, at such stops, after one group of the camera's."""
+    recorded = SE3.exp(np.array(moves, dtype=float))
+    groups = (
+        SimpleNamespace(eye="arm", eye_stand=np.array(stands[:1]), eye_base_from_eye_flange=recorded[:1], hand=None),
+        SimpleNamespace(eye=None, hand="arm", hand_stand=np.array(stands[1:]), hand_base_from_hand_flange=recorded[1:]),
+    )
+    return same_stop(Input(SimpleNamespace(groups=groups), ()))
+
+
+PLACE = [0.5, 0.2, 0.1, 0.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize(("off", "told"), [
+    ([3e-5, 4e-5, 0, 0, 0, 0], "0.05 mm and 0 mrad"),
+    ([0, 0, 0, 0, 6e-4, -8e-4], "0 mm and 1 mrad"),
+    ([9e-10, 0, 0, 0, 0, 0], None),
+    ([0, 0, 0, 0, 0, 9e-10], None),
+    ([1.1e-9, 0, 0, 0, 0, 0], "1.1e-06 mm and 0 mrad"),
+])  # fmt: skip
+def test_the_farthest_from_the_first_of_a_stop_is_told(off, told):
+    """Shift and turn by themselves, whichever group has seen it; other stops are other places, rounding is none."""
+    found = stops_of(np.zeros(6), PLACE, off, stands=[4, 7, 4])
+    assert [f.about for f in found] == ([] if told is None else [("arm",)])
+    assert told is None or f"poses of arm differ by up to {told} within its 2 stops" in found[0].message

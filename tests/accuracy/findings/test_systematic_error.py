@@ -134,3 +134,30 @@ def test_an_arm_too_short_is_a_target_too_small(evidence, size, words):
         f"poses of hand are 1.00 +/- 0.10 % too {words}"
         in systematic_error(evidence(systematic_error=error))[0].message
     )
+
+
+@pytest.mark.parametrize("code", ["clock-offset", "clock-drift"])
+@pytest.mark.parametrize(("kind", "size", "late"), [
+    ("camera", -3e-4, True), ("camera", 3e-4, False), ("robot", 3e-4, True), ("robot", -3e-4, False),
+])  # fmt: skip
+def test_who_is_late_goes_by_the_sign_alone(evidence, code, kind, size, late):
+    """Pictures to be stamped earlier and poses to be read later are late, by however little."""
+    error = found(code, [size], 1e-5, "device", "s", kind=kind)
+    (finding,) = systematic_error(evidence(systematic_error=error))
+    way = {"clock-offset": "lag behind", "clock-drift": "fall behind"}[code] if late else "run ahead of"
+    assert f"{'images' if kind == 'camera' else 'poses'}" in finding.message
+    assert f" {way} the other devices by 0.300 +/- 0.010 ms" in finding.message
+
+
+@pytest.mark.parametrize("code", ["length-scale", "intrinsics"])
+def test_fractions_are_told_in_per_cent(evidence, code):
+    """Both the size and its sigma, to the last digit shown."""
+    (finding,) = systematic_error(evidence(systematic_error=found(code, [0.08], 9.46e-3)))
+    assert "8.00 +/- 0.95 %" in finding.message
+
+
+def test_a_joint_of_which_nothing_is_known_is_not_the_clearest(evidence):
+    """One that the data do not tell has a sigma of zero; the others are compared by their sigmas, on either side."""
+    error = found("joint-offsets", np.radians([0.5, 0.1, -0.2]), np.radians([0.0, 0.01, 0.01]))
+    (finding,) = systematic_error(evidence(systematic_error=error))
+    assert "the clearest of them joint 3, by -0.200 +/- 0.010 deg" in finding.message

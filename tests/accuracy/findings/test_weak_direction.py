@@ -15,14 +15,22 @@ def cause(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("k", "sigma", "found"), [(0, 0.29, False), (2, 0.31, True), (3, 0.149, False), (5, 0.151, True)]
+    ("k", "sigma", "length_m", "found"),
+    [
+        (0, 0.29, 2.0, False),
+        (2, 0.31, 2.0, True),
+        (3, 0.149, 0.5, False),
+        (3, 0.151, 2.0, True),
+        (5, 0.149, 0.5, False),
+        (5, 0.151, 2.0, True),
+    ],
 )
-def test_above_fifteen_hundredths(evidence, k, sigma, found):
-    """Of a radian, or of the viewing distance of 2 m; the worst axis of each is told."""
+def test_above_fifteen_hundredths(evidence, k, sigma, length_m, found):
+    """Of a radian, or of the viewing distance; the worst axis of each is told."""
     covariance = 1e-8 * np.eye(6)
     covariance[k, k] = sigma**2
     made = evidence({"covariance_of": lambda names: covariance})
-    made.solution.observability.length_m = 2.0
+    made.solution.observability.length_m = length_m
     told = weak_directions(made)
     assert [f.about for f in told] == ([("base",)] if found else [])
     if found:

@@ -70,7 +70,7 @@ def agreeing_of(robust: RobustSolution) -> list[Finding]:
 def far_stops(of: Evidence) -> list[Finding]:
     """A warning about stops with a pose error of more than six sigma, where nothing else is said of samples."""
     solution = of.robust.solution
-    errors = np.abs(solution.state.stop_errors).max(axis=-1, initial=0.0)
+    errors = np.abs(solution.state.stop_errors).max(axis=1)
     far = np.flatnonzero(errors > _FAR_SIGMAS)
     ends = [(group, stop) for group in solution.problem.groups for stop in (group.eye_stop, group.hand_stop)]
     samples = sorted({int(number) for group, stop in ends for number in group.sample[np.isin(stop, far)]})

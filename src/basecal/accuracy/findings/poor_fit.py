@@ -21,7 +21,8 @@ def poor_fit(of: Evidence) -> list[Finding]:
     found = [_stated(each) for each in of.contradicted_sigmas]
     if any(f.severity == "warning" for f in found):
         return found
-    sigmas = np.array(list(solution.noise.robots.values())).reshape(-1, 6)
+    robots = solution.noise.robots
+    sigmas = np.array([*robots.values()]).reshape(len(robots), 6)
     worst_m, worst_rad = sigmas[:, :3].max(initial=0.0), sigmas[:, 3:].max(initial=0.0)
     if "pixel_px" in solution.noise.estimated and rms_px is not None and rms_px > _DETECTOR_PX:
         message = f"residuals are {rms_px:.1f} px rms, more than any detector's noise: something in the input is wrong"

@@ -46,7 +46,7 @@ def robot_model_findings(choice: RobotModelChoice) -> list[Finding]:
 
 def _freed(candidate: Candidate) -> str:
     robots = " and ".join(candidate.robots)
-    if candidate.kind == "joint" and candidate.joint is not None:
+    if candidate.joint is not None:
         return f"freeing joint {candidate.joint + 1} of {robots}"
     return f"freeing the {'joint offsets' if candidate.kind == 'offsets' else 'joint offsets and links'} of {robots}"
 
@@ -61,7 +61,7 @@ def _largest(choice: RobotModelChoice) -> str:
     """The offset that stands out most from its sigma, or how far links are off."""
     if choice.chosen.kind == "links":
         tangents = np.concatenate([each.of(LINKS) for each in choice.solution.state.robots.values()])
-        off_m, off_rad = (float(np.linalg.norm(half, axis=-1).max()) for half in np.split(tangents, 2, axis=-1))
+        off_m, off_rad = (float(np.linalg.norm(half, axis=1).max()) for half in np.split(tangents, 2, axis=1))
         return f"links are off by up to {1e3 * off_m:.2g} mm and {np.degrees(off_rad):.2g} deg"
     found = robot_parameters(choice.solution).get(OFFSETS, {})
     seen = [(abs(o.values[j]) / o.sigma[j], r, int(j)) for r, o in found.items() for j in np.flatnonzero(o.seen)]

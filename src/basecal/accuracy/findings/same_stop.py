@@ -25,7 +25,7 @@ def same_stop(given: Input) -> list[Finding]:
         poses = SE3(np.concatenate([p.rotation for p in recorded]), np.concatenate([p.translation for p in recorded]))
         first = np.unique(stand, return_index=True)[1]
         off = (poses[first[np.searchsorted(stand[first], stand)]].inverse() @ poses).log()
-        far_m, far_rad = (float(np.linalg.norm(half, axis=-1).max()) for half in (off[:, :3], off[:, 3:]))
+        far_m, far_rad = (float(np.linalg.norm(half, axis=1).max()) for half in (off[:, :3], off[:, 3:]))
         # Rotations that were read back as quaternions differ by rounding alone.
         if far_m < _ROUNDING and far_rad < _ROUNDING:
             continue

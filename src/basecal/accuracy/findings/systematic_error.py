@@ -65,24 +65,28 @@ def _focal_length(found: SystematicError) -> Finding:
 def _clock_offset(found: SystematicError) -> Finding:
     factor, unit = (1e3, "ms") if found.unit == "s" else (1.0, "samples")
     value, sigma = factor * found.size[0], factor * found.sigma
-    late = value < 0 if found.is_camera else value > 0
+    way = "lag behind" if _is_late(found) else "run ahead of"
     what = (
-        f"{'images' if found.is_camera else 'poses'} of {found.about} {'lag behind' if late else 'run ahead of'} the "
-        f"other devices by {rounded(abs(value), sigma)} {unit}: record while all stand still, or correct the stamps"
+        f"{'images' if found.is_camera else 'poses'} of {found.about} {way} the other devices by "
+        f"{rounded(abs(value), sigma)} {unit}: record while all stand still, or correct the stamps"
     )
     return Finding("clock-offset", "warning", (found.about,), f"{what}; {_AGAIN}")
 
 
 def _clock_drift(found: SystematicError) -> Finding:
     value, sigma = 1e3 * found.size[0], 1e3 * found.sigma
-    late = value < 0 if found.is_camera else value > 0
-    way = "fall behind" if late else "run ahead of"
+    way = "fall behind" if _is_late(found) else "run ahead of"
     what = (
         f"the clock of {found.about} drifts: its {'images' if found.is_camera else 'poses'} {way} the other devices by "
         f"{rounded(abs(value), sigma)} ms more at the last sample than at the first: synchronise the "
         "clocks, as by PTP or NTP, or record for a shorter time"
     )
     return Finding("clock-offset", "warning", (found.about,), f"{what}; {_AGAIN}")
+
+
+def _is_late(found: SystematicError) -> bool:
+    """Whether a camera or a robot is behind: pictures are to be stamped earlier, poses to be read later."""
+    return bool(np.sign(found.size[0]) == (-1 if found.is_camera else 1))
 
 
 def _base_moved(found: SystematicError) -> Finding:
@@ -122,7 +126,7 @@ def _joint_offset(found: SystematicError) -> Finding:
     assert found.joint is not None
     per_rad = 180 / np.pi
     offset = rounded(per_rad * found.size[0], per_rad * found.sigma)
-    sigma = suggested_sigma(found.size[:1])
+    sigma = suggested_sigma(found.size)
     what = (
         f"joint {found.joint + 1} of {found.about} is off by {offset} deg, which is to be added to what it records: "
         f"check its zero, or write `joint_offsets: {{status: prior, sigma_rad: {sigma}}}` at {found.about}"
