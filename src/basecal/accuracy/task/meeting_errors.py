@@ -8,6 +8,7 @@ Source: docs/mathematics.md (14.3), (14.6).
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -41,25 +42,61 @@ def meeting_errors(
         points_m: (n, 3) the same points in the reference's base [m].
         widening: (p, p) what of the solution's covariance is beside the noise of the problem; nothing where None.
     """
-    # The robots that the transform brings together, and where they meet in the base of each, (n, 3) [m].
     others = [r for r in cell.robots if r != cell.reference and cell.base_name(r) == task.transform]
     meeting = {cell.reference: points_m} | dict.fromkeys(others, task.points_m)
-    moved, columns = _by_columns(cell, solution, task, meeting)
-    known = _Known(moved, columns, None if widening is None else widening[np.ix_(columns, columns)])
+    at = _Meeting(solution, task, cell.reference, meeting)
+    known = at.by_columns()
     own = {robot: _own_variance(calibration, solution, robot) for robot in meeting}
     models = _models_of_arms(solution, meeting)
     if not models:
-        products = solution.covariance[np.ix_(columns, columns)]
-        return np.zeros(moved.shape[:2]), _in_all(moved, products, own.values())
-    return _mixture([_by_model(cell, solution, task, meeting, known, own, model) for model in models])
+        products = solution.covariance[np.ix_(known.columns, known.columns)]
+        return np.zeros(known.moved.shape[:2]), _in_all(known.moved, products, own.values())
+    return _mixture([_by_model(at, known, own, model, widening) for model in models])
 
 
 class _Known(NamedTuple):
-    """Columns of the problem, (c,), how what meets moves with them, (n, 6, c), and what widens them, (c, c)."""
+    """Columns of the problem, (c,), and how what meets moves with them, (n, 6, c)."""
 
     moved: Array
     columns: IntArray
-    widening: Array | None
+
+
+@dataclass(frozen=True, eq=False)
+class _Meeting:
+    """Robots that a transform brings together, one of them the reference, and where, in the base of each.
+
+    Attributes:
+        solution: What the errors are those of.
+        task: The points in the other robot's base, and the transform.
+        reference: The robot in whose base all is placed.
+        points_m: (n, 3) of each robot [m].
+    """
+
+    solution: Solution
+    task: Task
+    reference: str
+    points_m: Mapping[str, Array]
+
+    def by_columns(self) -> _Known:
+        """All that was estimated."""
+        problem, state = self.solution.problem, self.solution.state
+        own = problem.columns[self.task.transform]
+        by_base = np.broadcast_to(np.eye(6), (len(self.task.points_m), 6, 6)).copy()
+        by_base[:, :3, 3:] = -hat(self.task.points_m)
+        moved, columns = [by_base[:, :, : own.stop - own.start]], [np.arange(own.start, own.stop)]
+        for robot, where_m in self.points_m.items():
+            found = moved_by_kinematics(problem, state, robot, where_m)
+            if found is not None:
+                moved.append(self.moved(robot, found[0]))
+                columns.append(found[1])
+        return _Known(np.concatenate(moved, axis=-1), np.concatenate(columns))
+
+    def moved(self, robot: str, of_flange: Array) -> Array:
+        """How what meets moves, in the axes of the task's base, with what moves a flange, in those of its own."""
+        if robot != self.reference:
+            return of_flange
+        turned = self.solution.state.transforms[self.task.transform].rotation.T
+        return np.asarray(-np.kron(np.eye(2), turned) @ of_flange)
 
 
 class _ArmErrors(NamedTuple):
@@ -69,7 +106,7 @@ class _ArmErrors(NamedTuple):
     of: Mapping[str, CommonErrors]
 
 
-class _Meeting(NamedTuple):
+class _Expected(NamedTuple):
     """By one model: minus twice the log of its evidence, mean, (n, 6), and covariance, (n, 6, 6)."""
 
     surprise: float
@@ -78,31 +115,28 @@ class _Meeting(NamedTuple):
 
 
 def _by_model(
-    cell: Cell,
-    solution: Solution,
-    task: Task,
-    meeting: Mapping[str, Array],
-    known: _Known,
-    own: Mapping[str, Array],
-    model: _ArmErrors,
-) -> _Meeting:
+    at: _Meeting, known: _Known, own: Mapping[str, Array], model: _ArmErrors, widening: Array | None
+) -> _Expected:
     """What is off by a model of the arms' errors, its sigmas integrated."""
-    sigmas = sigmas_with(solution.problem, solution.state, solution.noise, model.of, EXPECTED)
+    problem, state = at.solution.problem, at.solution.state
+    sigmas = sigmas_with(problem, state, at.solution.noise, model.of, EXPECTED)
     every_move, every_column = [known.moved], [known.columns]
-    for robot in (name for name in meeting if name in model.of):
-        by_errors = moved_by_errors(solution.problem, solution.state, robot, meeting[robot], model.kinds)
+    for robot in (name for name in at.points_m if name in model.of):
+        by_errors = moved_by_errors(problem, state, robot, at.points_m[robot], model.kinds)
         first = sigmas.model.layout.common[robot][0]
-        every_move.append(_of_meeting(cell, solution, task, robot, by_errors))
+        every_move.append(at.moved(robot, by_errors))
         every_column.append(np.arange(first, first + by_errors.shape[-1]))
     mean, products, squares = moments(sigmas, np.concatenate(every_column))
-    if known.widening is not None:
-        products[: len(known.columns), : len(known.columns)] += known.widening
+    if widening is not None:
+        products[: len(known.columns), : len(known.columns)] += widening[np.ix_(known.columns, known.columns)]
     estimated = {robot: squares[sigmas_of(sigmas.model, robot)] for robot in model.of}
-    moved = np.concatenate(every_move, axis=-1)
-    return _Meeting(sigmas.surprise, moved @ mean, _in_all(moved, products, ({**own, **estimated}[r] for r in meeting)))
+    moved, variances = np.concatenate(every_move, axis=-1), {**own, **estimated}
+    return _Expected(
+        sigmas.surprise, moved @ mean, _in_all(moved, products, (variances[robot] for robot in at.points_m))
+    )
 
 
-def _mixture(found: Sequence[_Meeting]) -> tuple[Array, Array]:
+def _mixture(found: Sequence[_Expected]) -> tuple[Array, Array]:
     """Mean and covariance over models, which count by their evidence."""
     least = min(each.surprise for each in found)
     shares = np.exp([-0.5 * (each.surprise - least) for each in found])
@@ -118,30 +152,11 @@ def _in_all(moved: Array, products: Array, own: Iterable[Array]) -> Array:
     return np.asarray(moved @ products @ np.swapaxes(moved, 1, 2) + np.diag(np.repeat(sum(own, np.zeros(2)), 3)))
 
 
-def _by_columns(cell: Cell, solution: Solution, task: Task, meeting: Mapping[str, Array]) -> tuple[Array, IntArray]:
-    """How what meets moves with all that was estimated, (n, 6, c), and the columns of the problem, (c,)."""
-    own = solution.problem.columns[task.transform]
-    by_base = np.broadcast_to(np.eye(6), (len(task.points_m), 6, 6)).copy()
-    by_base[:, :3, 3:] = -hat(task.points_m)
-    moved, columns = [by_base[:, :, : own.stop - own.start]], [np.arange(own.start, own.stop)]
-    for robot, where_m in meeting.items():
-        found = moved_by_kinematics(solution.problem, solution.state, robot, where_m)
-        if found is not None:
-            moved.append(_of_meeting(cell, solution, task, robot, found[0]))
-            columns.append(found[1])
-    return np.concatenate(moved, axis=-1), np.concatenate(columns)
-
-
-def _of_meeting(cell: Cell, solution: Solution, task: Task, robot: str, of_flange: Array) -> Array:
-    """How what meets moves, in the axes of the task's base, with what moves a robot's flange, in those of its own."""
-    if robot != cell.reference:
-        return of_flange
-    turned = solution.state.transforms[task.transform].rotation.T
-    return np.asarray(-np.kron(np.eye(2), turned) @ of_flange)
-
-
 def _models_of_arms(solution: Solution, meeting: Mapping[str, Array]) -> list[_ArmErrors]:
-    """What may be wrong with the arms that meet; nothing where noise was not estimated, of all views at once."""
+    """What may be wrong with the arms that meet; nothing where noise was not estimated, of all views at once.
+
+    Where one kind has a prior, two of `MODELS` are the same errors, and count once.
+    """
     if solution.noise.logs is None:
         return []
     problem, state = solution.problem, solution.state
