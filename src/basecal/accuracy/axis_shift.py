@@ -13,6 +13,7 @@ from basecal.estimation.problem.problem import Problem
 from basecal.estimation.settings import Settings
 from basecal.estimation.start.first_state import lenses
 from basecal.geometry import SE3, Array, PoseEstimate
+from basecal.geometry.rotation import lengths
 
 _ASSUMED_PX = 0.3  # [px] of a light's centre where no noise is stated: that of a plain centroid
 _STEP_PX = 1e-3  # [px] of the central difference, whose error is of its square
@@ -77,7 +78,7 @@ def chosen(stations: Sequence[Station], settings: Settings) -> tuple[SE3, Array]
     task = np.array(settings.task_point)
     base = for_task(stations, task, nearest=settings.station_choice == "nearest")
     lights = np.stack([(b @ s.hand_base_from_light).translation for b, s in zip(bases, stations, strict=True)])
-    distance = np.maximum(np.linalg.norm(lights - task, axis=-1), 1e-6)
+    distance = np.maximum(lengths(lights - task), 1e-6)
     near = (distance == distance.min()).astype(np.float64)
     weights = near if settings.station_choice == "nearest" else 1 / distance**2
     return base, weights / weights.sum()

@@ -176,7 +176,7 @@ def _bending(camera: Camera, p_in_camera: Array) -> Array:
     """Pixels' derivatives to terms that no lens model here has all of, (n, p, 2, q) [px]."""
     with np.errstate(all="ignore"):
         plane = p_in_camera[..., :2] / p_in_camera[..., 2:]
-    s = np.sum(plane**2, axis=-1)
+    s = np.einsum("...i,...i->...", plane, plane)
     zero = np.zeros_like(s)
     across, along = (np.stack([np.stack([s**k, zero], -1) for k in (1, 2)], -1),
                      np.stack([np.stack([zero, s**k], -1) for k in (1, 2)], -1))  # fmt: skip

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from basecal.accuracy.input_check import loop_fit
 from basecal.accuracy.input_check.hypotheses import convention_hypotheses
 from basecal.accuracy.input_check.loop_fit import (
     LoopFit,
@@ -18,6 +20,7 @@ from basecal.accuracy.input_check.loop_fit import (
     trimmed,
 )
 from basecal.estimation.problem.build import build_problem
+from basecal.estimation.start.closed_form import Loop, Rotations
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
@@ -71,6 +74,7 @@ def test_trimmed_counts_what_is_not_finite_as_the_largest():
     assert trimmed(off) == pytest.approx(np.sqrt(np.mean(off[:7] ** 2)))
     assert trimmed(np.append(off, [np.nan] * 4)) == np.inf
     assert trimmed(np.zeros(0)) == np.inf
+    assert trimmed(np.array([9.0, 3.0]), 0.1) == pytest.approx(3.0)
 
 
 def ready(scenario, seed=1, rows=None):
@@ -192,3 +196,59 @@ def test_the_second_pose_of_a_plane_is_taken_where_it_closes_the_loop():
     assert trimmed(fit.off, 1.0) < 0.02
     for found, true in zip(fit.triple, truth, strict=True):
         assert np.abs((found.inverse() @ true).log()).max() < 0.06
+
+
+@pytest.mark.parametrize(("known", "count"), [("xyz", 1), ("xz", 3), ("yz", 3), ("z", 6)])
+def test_a_light_is_searched_from_more_starts_the_more_is_unknown(monkeypatch, known, count):
+    """By the rotations that its directions depend on, those of X and Y; it is refined as a point."""
+    asked = []
+    monkeypatch.setattr(loop_fit, "light_search", lambda sight, loop, most: asked.append((loop, most)) or (1, 2, [3]))
+    loop = SimpleNamespace(**{k: SE3.identity() if k in known else None for k in "xyz"})
+    monkeypatch.setattr(loop_fit, "_loop", lambda sight, problem, chosen: loop)
+    found = loop_fit._light(SimpleNamespace(group=range(4)), None)
+    assert asked == [(loop, count)]
+    assert (found.views, found.loop, found.starts, found.is_point) == (1, 2, [3], True)
+
+
+def drawn_loop(known, n=8, spread=1.0, seed=0):
+    """A loop that closes, of which some factors are known; and its three rotations."""
+    rng = np.random.default_rng(seed)
+    a, c = (SE3.exp(spread * rng.normal(size=(n, 6))) for _ in range(2))
+    x, y, z = (SE3.exp(rng.normal(size=6)) for _ in range(3))
+    b = (a @ x).inverse() @ y @ c @ z
+    factors = (of if k in known else None for k, of in zip("xyz", (x, y, z), strict=True))
+    return Loop(a, b, c, *factors, np.ones(n)), (x, y, z)
+
+
+def test_only_what_the_closed_form_leaves_open_is_searched(monkeypatch):
+    """Three rotations are settled on the samples, those that are not clear searched, those of two taken as they are."""
+    settled, searched = [], []
+
+    def settle(loops, near):
+        settled.append((len(loops), [len(of) for of in near]))
+        return [Rotations(*of, True) for of in near]
+
+    def search(loops):
+        searched.append([len(loop.a) for loop in loops])
+        return [Rotations(np.eye(3), np.eye(3), np.eye(3), True) for _ in loops]
+
+    monkeypatch.setattr(loop_fit, "settled_rotations", settle)
+    monkeypatch.setattr(loop_fit, "search_rotations", search)
+    cases = [drawn_loop("", 14), drawn_loop("x"), drawn_loop("", 14, seed=1), drawn_loop("xyz"), drawn_loop("xz")]
+    still, _ = drawn_loop("z", 3, spread=1e-9)
+    found = loop_fit._triples([*(loop for loop, _ in cases), still])
+    assert settled == [(2, [3, 3])]
+    assert searched == [[3]]
+    for triple, (loop, true) in zip(found, cases, strict=False):
+        for of, is_so in zip(triple, true, strict=True):
+            np.testing.assert_allclose(of.matrix, is_so.matrix, atol=1e-6 if loop.x is not None else 1e-3)
+
+
+def test_distances_are_to_the_likelier_poses():
+    """The first candidate of each view tells how far the target is, whatever the others say."""
+    sight, _, truth = ready(Scenario(samples=5, target="pose", pose_noise=(0.0, 0.0)))
+    poses = sight.candidates[:, 0]
+    shifted = poses.translation + np.array([0.0, 0.1, 0.0])
+    far = SE3(np.stack([poses.rotation] * 2, 1), np.stack([shifted, 50 * shifted], 1))
+    expected = 0.1 / np.median(np.linalg.norm(shifted, axis=-1))
+    np.testing.assert_allclose(off_loops(replace(sight, candidates=far), truth), expected, rtol=1e-6)

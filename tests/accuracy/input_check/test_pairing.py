@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from basecal.accuracy.input_check.pairing import half_turns, pairing_errors
 from basecal.cell import Recording
 from basecal.cell.targets.chessboard import chessboard_target
 from basecal.estimation.problem.correspondence import half_turn
+from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
 
@@ -114,3 +116,110 @@ def test_loops_that_close_well_are_alike():
     score, found = pairing._change(before, after, 0)
     assert found == 10
     assert score == pytest.approx(np.sqrt((19 * 1e-12 + 0.02**2) / 20))
+
+
+def test_what_counts_as_off_goes_by_the_best_two_fifths():
+    """Of either pairing: half of the samples of the better one are off by as much as a sample can be."""
+    for k in (0, 1):
+        both = [np.full(20, 0.5), np.where(np.arange(20) < 10, 0.5, 0.01)]
+        before, after = both if k else both[::-1]
+        score, _ = pairing._change(before, after, 0)
+        assert score < 0.05
+    fine, bad = np.full(20, 0.01), np.full(20, 0.5)
+    bad[:8] = 0.01
+    assert pairing._change(bad, np.full(20, 0.5), 0)[0] == pytest.approx(
+        np.sqrt((8 * 0.01**2 + 12 * 0.04**2) / 20), rel=1e-12
+    )
+    assert pairing._change(fine, fine, 0) == (pytest.approx(0.01), 4)
+
+
+def test_the_halves_are_fitted_as_recorded_and_as_shifted(monkeypatch):
+    """The first half as it is, the second with each stream one sample later and earlier; twelve samples are enough."""
+    made = simulate(Scenario(samples=13, target="pose"), 0)
+    fitted = []
+
+    def fits(cell, recordings, lenses):
+        fitted.extend(recordings)
+        return [{} for _ in recordings]
+
+    monkeypatch.setattr(pairing, "_fits", fits)
+    pairing_errors(made.cell, made.recording, made.cameras, [None, "hand"])
+    numbers = [[s.sample for s in part.samples] for part in fitted]
+    assert numbers[0] == list(range(6))
+    assert fitted[0].samples == made.recording.samples[:6]
+    true = made.recording.samples
+    for stream, by, part in zip([None, None, "hand", "hand"], [1, -1, 1, -1], fitted[1:], strict=True):
+        kept = list(range(1, 13)) if by > 0 else list(range(12))
+        assert [s.sample for s in part.samples] == kept[6:]
+        for sample in part.samples:
+            other = true[sample.sample - by]
+            assert sample.observations == (other if stream is None else true[sample.sample]).observations
+            assert sample.robots["hand"] is (true[sample.sample] if stream is None else other).robots["hand"]
+
+
+@pytest.mark.parametrize(("count", "some"), [(11, False), (12, True)])
+def test_six_samples_to_either_side_are_needed(monkeypatch, count, some):
+    """And the two likeliest slips are given, best first."""
+    made = simulate(Scenario(samples=count, target="pose"), 0)
+    monkeypatch.setattr(pairing, "_fits", lambda cell, recordings, lenses: [{k: k} for k in range(len(recordings))])
+    monkeypatch.setattr(pairing, "_off", lambda pairs, order, fits: np.full(count, 0.1 * (7 - next(iter(fits)))))
+    found = pairing_errors(made.cell, made.recording, made.cameras, [None, "eye", "hand"])
+    assert [fits for _, fits in found] == ([{6: 6}, {5: 5}] if some else [])
+
+
+def test_how_far_samples_are_off(monkeypatch):
+    """Root of the mean square over the views of a sample, of pairs that were fitted; NaN where it has none."""
+    offs = {"a": [0.1, 0.2, 0.3], "b": [0.4, 0.5], "c": [9.0, 9.0]}
+    monkeypatch.setattr(pairing, "off_loops", lambda sight, triple: np.array(offs[triple]))
+    pairs = [
+        SimpleNamespace(group=SimpleNamespace(camera=camera, target="board", sample=np.array(rows)))
+        for camera, rows in (("a", [7, 2, 5]), ("b", [2, 4]), ("c", [1, 2]))
+    ]
+    fits = {(name, "board"): SimpleNamespace(triple=name) for name in "ab"}
+    order = SimpleNamespace(samples=[SimpleNamespace(sample=k) for k in (1, 2, 4, 5, 7)])
+    expected = [np.nan, np.sqrt((0.2**2 + 0.4**2) / 2), 0.5, 0.3, 0.1]
+    np.testing.assert_allclose(pairing._off(pairs, order, fits), expected)
+
+
+def test_views_are_turned_to_the_end_of_the_first():
+    """Few or many that were read from the other end, but for noise."""
+    turn = half_turn(chessboard_target((8, 6), 0.03))
+    poses = SE3.exp(0.3 * np.random.default_rng(0).standard_normal((9, 6)))
+    for other in ([1], [2, 5, 7], [1, 2, 3, 4, 5, 6, 7]):
+        is_other = np.isin(np.arange(9), other)
+        turned = poses @ turn
+        read = SE3(*(np.where(is_other[(...,) + (None,) * (a.ndim - 1)], b, a) for a, b in
+                     ((poses.rotation, turned.rotation), (poses.translation, turned.translation))))  # fmt: skip
+        np.testing.assert_array_equal(pairing._less_alike(read, read @ turn), is_other)
+    assert not pairing._less_alike(poses, poses).any()
+
+
+@pytest.mark.parametrize("count", [5, 6])
+def test_six_views_of_a_grid_show_which_are_turned(count):
+    """Of this target alone: views of others do not count, nor does what was seen otherwise."""
+    board = chessboard_target((8, 6), 0.03)
+    made = simulate(Scenario(samples=count, target="pose", board=board), 0)
+    (entry,) = made.cell.targets.values()
+    others = {name: replace(entry, name=name) for name in ("other", "blank")}
+    cell = replace(made.cell, targets={"board": replace(entry, target=board), **others})
+    turn = half_turn(board)
+    samples = []
+    for k, sample in enumerate(made.recording.samples):
+        (seen,) = sample.observations
+        other = replace(seen, target="other", camera_from_target=seen.camera_from_target @ turn)
+        mine = replace(seen, camera_from_target=seen.camera_from_target @ turn) if k == 2 else seen
+        samples.append(replace(sample, observations=(mine, other)))
+    found = half_turns(cell, Recording(tuple(samples)))
+    assert [h.about for h in found] == ([] if count < 6 else [("board", "2"), ("board", *"01345")])
+    if found:
+        mended = found[0].apply(cell, Recording(tuple(samples)))[1]
+        for true, sample, given in zip(made.recording.samples, mended.samples, samples, strict=True):
+            off = sample.observations[0].camera_from_target.inverse() @ true.observations[0].camera_from_target
+            assert np.abs(off.log()).max() < 1e-9
+            assert sample.observations[1] is given.observations[1]
+
+
+def test_only_poses_are_turned():
+    """Pixels of a target of the same name stay as they are."""
+    (sample,) = simulate(Scenario(samples=1), 0).recording.samples
+    assert pairing._turned(sample.observations[0], "board", SE3.identity()) is sample.observations[0]

@@ -156,17 +156,24 @@ def test_a_parabola_has_its_vertex_and_its_gain(a, b, c):
     assert vertex == pytest.approx(-b / (2 * c), rel=1e-6)
 
 
-@pytest.mark.parametrize("valley", [Valley(lambda x: 1 - x**2), Valley(None, error=BasecalError("no")),
-                                    Valley(None, error=np.linalg.LinAlgError())])  # fmt: skip
+@pytest.mark.parametrize(
+    "valley",
+    [
+        Valley(lambda x: 1 - x**2),
+        Valley(lambda x: 1.0),
+        Valley(None, error=BasecalError("no")),
+        Valley(None, error=np.linalg.LinAlgError()),
+    ],
+)
 def test_what_is_no_parabola_may_gain_everything(valley):
-    """Squares that fall to both sides, and descents that fail, say nothing against another size."""
+    """Squares that fall to both sides, or do not change, and descents that fail, say nothing against another size."""
     assert _parabola(valley, None) == (1.0, np.inf)
 
 
 @pytest.mark.parametrize("least", [-0.21, 0.03])
 def test_the_factor_of_least_cost_is_found_from_the_best_of_those_tried(least):
     """By secants to its ten thousandth; a slope that bends is followed, too."""
-    valley = Valley(lambda x: (x - least) ** 2, lambda x: (x - least) + (x - least) ** 2)
+    valley = Valley(lambda x: (x - least) ** 2, lambda x: 0.2 * ((x - least) + (x - least) ** 2))
     assert _refined(valley, [0.4, least + 0.05, -0.6], 9.0, None) == pytest.approx(np.exp(least), rel=1e-4)
     assert valley.asked[3] == pytest.approx(least + 0.05)
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from basecal.cell import Cell, Finding, PixelObservation, PointObservation, PoseObservation, Recording, Robot
 from basecal.geometry import Array
+from basecal.geometry.rotation import lengths
 
 # Beyond what any arm reaches and any target spans, and within a thousand times of it: it is told by its size alone.
 _TOO_FAR_M = 50.0  # [m] of flanges from their base, or targets from their camera, the median
@@ -53,12 +54,12 @@ def _joints(recording: Recording, robot: str) -> Array:
 
 
 def _millimetres(recording: Recording) -> Iterator[Finding]:
-    lengths: dict[str, list[float]] = {}
+    reaches: dict[str, list[float]] = {}
     for sample in recording.samples:
         for name, state in sample.robots.items():
             if state.base_from_flange is not None:
-                lengths.setdefault(name, []).append(float(np.linalg.norm(state.base_from_flange.translation)))
-    far = {name: float(np.median(of)) for name, of in lengths.items() if np.median(of) > _TOO_FAR_M}
+                reaches.setdefault(name, []).append(float(np.linalg.norm(state.base_from_flange.translation)))
+    far = {name: float(np.median(of)) for name, of in reaches.items() if np.median(of) > _TOO_FAR_M}
     if far:
         who = " and ".join(far)
         message = f"the poses of {who} are in millimetres: lengths are in metres, divide them by 1000"
@@ -73,8 +74,7 @@ def _of_views(recording: Recording) -> Iterator[Finding]:
         "the observed 3-D points": [o.points_in_camera.mean(0) for o in seen if isinstance(o, PointObservation)],
     }
     for who, places in kinds.items():
-        distance = float(np.median(np.linalg.norm(places, axis=-1))) if places else 0.0
-        if distance > _TOO_FAR_M:
+        if places and (distance := float(np.median(lengths(np.array(places))))) > _TOO_FAR_M:
             message = f"{who} are in millimetres: lengths are in metres, divide them by 1000"
             yield Finding("length-unit", "error", (), f"{message} (they tell of a target {distance:.0f} m away)")
 

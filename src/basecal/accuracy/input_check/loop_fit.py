@@ -21,6 +21,7 @@ from basecal.estimation.view.known_poses import KnownPoses
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.view_pose import view_poses
 from basecal.geometry import SE3, Array, Camera, IntArray
+from basecal.geometry.rotation import lengths
 
 KEPT = 0.7  # share of the views that counts: three in ten may be outliers
 _MOST_POINTS = 16  # of a view, spread: more make its pose no clearer
@@ -148,14 +149,14 @@ def off_loops(sight: PairViews, triple: Triple) -> Array:
     if sight.candidates is None:
         # Chords of the point that most views see, whose place `z` is; NaN where it is not seen.
         chords, point = as_light(sight.group.measurement)
-        unit = predicted.translation / np.maximum(np.linalg.norm(predicted.translation, axis=-1, keepdims=True), 1e-12)
-        off = np.linalg.norm(unit - chords.bearings_in_camera[:, point], axis=-1)
+        unit = predicted.translation / np.maximum(lengths(predicted.translation), 1e-12)[:, None]
+        off = lengths(unit - chords.bearings_in_camera[:, point])
         return np.where(chords.weight[:, point] > 0, off, np.nan)
     seen = sight.candidates
     angles = angle_between(seen.rotation, predicted.rotation[:, None])
-    lengths = np.linalg.norm(seen.translation - predicted.translation[:, None], axis=-1)
-    distance = max(float(np.median(np.linalg.norm(seen.translation[:, 0], axis=-1))), 1e-12)
-    both: Array = np.hypot(angles, lengths / distance).min(-1)
+    apart = lengths(seen.translation - predicted.translation[:, None])
+    distance = max(float(np.median(lengths(seen.translation[:, 0]))), 1e-12)
+    both: Array = np.hypot(angles, apart / distance).min(-1)
     return both
 
 

@@ -89,7 +89,7 @@ def _change(before: Array, after: Array, lost: int) -> tuple[float, int]:
     """
     limit = _FAR * max(min(trimmed(before, 0.4), trimmed(after, 0.4)), _LEAST_OFF)
     before, after = (np.minimum(np.nan_to_num(off, nan=limit), limit) ** 2 for off in (before, after))
-    until = np.concatenate([[0.0], np.cumsum(before)])
+    until = np.cumsum(np.append(0.0, before))
     since = np.concatenate([np.cumsum(after[::-1])[::-1], np.zeros(1 + lost)])[lost:]
     total = until + since
     k = _FEWEST_SLIPPED + int(np.argmin(total[_FEWEST_SLIPPED:-_FEWEST_SLIPPED]))

@@ -16,6 +16,7 @@ from basecal.cell import (
     Recording,
 )
 from basecal.geometry import SE3, Array
+from basecal.geometry.rotation import lengths
 
 # Wide enough for any arm, cell and target that people calibrate, and a factor of 1000 beyond which none is.
 _REACH_M = 0.02, 5.0  # [m] of the farthest flange from its base
@@ -40,7 +41,7 @@ def _of_robots(cell: Cell, recording: Recording) -> list[str]:
         poses = [s.base_from_flange.translation for s in states if s.base_from_flange is not None]
         joints = [s.joints_rad for s in states if s.joints_rad is not None]
         if poses:
-            found += _outside(f"flange of {name}", float(np.linalg.norm(poses, axis=-1).max()), _REACH_M)
+            found += _outside(f"flange of {name}", float(lengths(np.array(poses)).max()), _REACH_M)
         if joints and robot.chain is not None:
             found += _of_joints(name, np.array(joints), robot.chain.lower, robot.chain.upper)
     return found
@@ -80,7 +81,7 @@ def _of_views(recording: Recording) -> list[str]:
 
 
 def _of_places(p_in_camera: Array) -> list[str]:
-    found = _outside("distance to the target", float(np.median(np.linalg.norm(p_in_camera, axis=-1))), _DISTANCE_M)
+    found = _outside("distance to the target", float(np.median(lengths(p_in_camera))), _DISTANCE_M)
     if np.mean(p_in_camera[:, 2] < 0) > _MOST:
         found.append("targets behind the camera")
     return found

@@ -28,6 +28,7 @@ from basecal.accuracy.input_check.hypotheses import (
 )
 from basecal.cell import CandidateObservation, Cell, PixelObservation, PoseObservation, Recording, Unknown
 from basecal.geometry import SE3, Array
+from basecal.geometry.rotation import lengths
 
 _FAR_SHIFTS = tuple(by for far in (3, 4, 5, 6) for by in (far, -far))  # samples; up to two are usual slips
 _RADIANS_AS_DEGREES_RAD = np.radians(2 * np.pi)  # of three angles up to half a turn each, read as degrees
@@ -211,7 +212,7 @@ def _together(numbers: Array) -> Array:
 
 
 def _shorter(numbers: Array) -> Array:
-    chosen: Array = numbers[np.arange(len(numbers)), np.argmin(np.linalg.norm(numbers, axis=-1), axis=-1)]
+    chosen: Array = numbers[np.arange(len(numbers)), np.argmin(lengths(numbers), axis=-1)]
     return chosen
 
 
@@ -220,7 +221,7 @@ def _numbers(rotation: Array, listing: str) -> Array:
     turned = Rotation.from_matrix(rotation)
     if not listing:
         vector = turned.as_rotvec()
-        angle = np.linalg.norm(vector, axis=-1, keepdims=True)
+        angle = lengths(vector)[:, None]
         return np.stack([vector, vector * (1 - 2 * np.pi / np.maximum(angle, _NO_TURN_RAD))], axis=1)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # where two axes align any split of the angles is right

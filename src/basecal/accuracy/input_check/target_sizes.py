@@ -127,7 +127,7 @@ def _factor(problem: Problem, target: str, lenses: Mapping[str, Camera]) -> floa
 
 
 def _spread(points: Array) -> float:
-    return float(np.sqrt(np.mean(np.sum((points - points.mean(0)) ** 2, -1))))
+    return float(np.sqrt(np.sum(points.var(0))))
 
 
 def _by_translations(sight: PairViews, candidates: SE3, fit: LoopFit, problem: Problem) -> float:

@@ -13,7 +13,7 @@ from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array, BoolArray
-from basecal.geometry.rotation import nearest_rotation
+from basecal.geometry.rotation import lengths, nearest_rotation
 
 PIXEL_SCALE = 1e-3  # [rad/px] of a usual lens, so that errors in pixels and angles are of one size
 _SHORTEST_M = 1e-12  # [m] of a distance to a target, which is divided by
@@ -62,16 +62,14 @@ def _about_median(values: Array, seen: BoolArray) -> Array:
 
 def _distance(measurement: PointMeasurement) -> float:
     """The median distance of points to the camera [m]."""
-    distance = np.linalg.norm(measurement.points_in_camera, axis=-1)[measurement.seen]
+    distance = lengths(measurement.points_in_camera)[measurement.seen]
     return max(float(np.median(distance)), _SHORTEST_M)
 
 
 def _off_poses(measured: SE3, predicted: SE3) -> Array:
     off = measured.inverse() @ predicted
-    distance = max(float(np.median(np.linalg.norm(measured.translation, axis=-1))), _SHORTEST_M)
-    both: Array = np.hypot(
-        np.linalg.norm(off.rotvec, axis=-1), np.linalg.norm(off.translation, axis=-1) / distance
-    ) / np.sqrt(6)
+    distance = max(float(np.median(lengths(measured.translation))), _SHORTEST_M)
+    both: Array = np.hypot(lengths(off.rotvec), lengths(off.translation) / distance) / np.sqrt(6)
     return both
 
 

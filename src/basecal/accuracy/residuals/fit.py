@@ -17,6 +17,7 @@ from basecal.estimation.view.points import PointMeasurement
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.estimation.view.view_pose import FEWEST_POINTS, refined
 from basecal.geometry import SE3, Array, BoolArray
+from basecal.geometry.rotation import lengths
 from basecal.numerics.spectral import dimension
 
 _FEWEST_3D_POINTS = 3  # that hold a pose, unless they lie on a line
@@ -61,8 +62,8 @@ def _of_group(solution: Solution, group: ViewGroup) -> tuple[list[SampleResidual
     alone, enough = view_alone(solution.state, group, predicted)
     as_recorded = replace(solution.state, stop_errors=np.zeros_like(solution.state.stop_errors))
     off = alone.inverse() @ as_recorded.camera_from_target(group, solution.problem.stops)
-    length = np.where(enough, np.linalg.norm(off.translation, axis=-1), np.nan)
-    angle = np.where(enough, np.linalg.norm(off.rotvec, axis=-1), np.nan)
+    length = np.where(enough, lengths(off.translation), np.nan)
+    angle = np.where(enough, lengths(off.rotvec), np.nan)
     of_views = [
         SampleResidual(int(number), group.camera, group.target, *fit)
         for number, *fit in zip(group.sample, _known(rms), _known(length), _known(angle), strict=True)
