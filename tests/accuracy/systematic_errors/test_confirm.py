@@ -1,10 +1,13 @@
 """Held-out blocks: what is in all of them is confirmed, what chance put into one is not."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+from tests.pose_problem import pose_problem
 
 from basecal.accuracy.systematic_errors.candidates import Candidates
-from basecal.accuracy.systematic_errors.confirm import confirmed
+from basecal.accuracy.systematic_errors.confirm import _gain, _in_configuration, _in_time, confirmed
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.accuracy.systematic_errors.table import length_scales
 from basecal.cell import Recording, RobotState, Sample
@@ -40,3 +43,51 @@ def test_what_is_in_one_block_is_not_confirmed():
     moves = np.zeros((25, 1, 6, 1))
     moves[7, 0, 0, 0] = 1.0
     assert not confirmed(of, Candidates("", ("hand",), (None,), "", (moves,)))
+
+
+def test_blocks_in_time_are_fifths():
+    """Of as many samples each as there can be, in their order; none of none."""
+    for count, wanted in ((5, [0, 1, 2, 3, 4]), (10, [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]), (3, [0, 1, 3]), (0, [])):
+        assert _in_time(SimpleNamespace(samples=np.zeros(count))).tolist() == wanted
+
+
+@pytest.mark.parametrize("robots", [("eye", "hand"), ("hand",)])
+def test_blocks_in_configuration_go_along_the_widest_spread(robots):
+    """Of all robots' places, each sample's in its row, whichever group has it; what stands nowhere spreads nothing."""
+    rng = np.random.default_rng(3)
+    along = rng.permutation(10)
+    places = 1e-3 * rng.standard_normal((10, 3)) + along[:, None] * np.array([0.1, -0.3, 0.2]) + 5.0
+    order = rng.permutation(10)
+    groups = [SimpleNamespace(eye=None, hand="hand", at=order[:6]), SimpleNamespace(eye="eye", hand=None, at=order[6:])]
+    groups.append(SimpleNamespace(eye=None, hand="hand", at=order[6:]))
+
+    def pose(k, robot):
+        """The hand along a line, the eye in one place."""
+        return SimpleNamespace(translation=places[groups[k].at] if robot == "hand" else np.full((4, 3), 0.0))
+
+    problem = SimpleNamespace(groups=groups)
+    of = SimpleNamespace(samples=np.arange(10), robots=robots, problem=problem, rank=lambda g: g.at, recorded_pose=pose)
+    found = _in_configuration(of)
+    wanted = along // 2
+    assert found.tolist() in (wanted.tolist(), (4 - wanted).tolist())
+    nowhere = SimpleNamespace(samples=np.arange(10), robots=(), problem=problem)
+    assert _in_configuration(nowhere).tolist() == [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]
+
+
+def test_the_gain_is_what_held_out_blocks_cost_less():
+    """By fits of the others with and without the error, each a system of linear equations; views are nearly linear."""
+    rng = np.random.default_rng(6)
+    problem, state = pose_problem(1e-3 * rng.standard_normal((8, 6)), np.array([1e-3, 2e-3, 1e-3, 1e-3, 3e-3, 1e-3]))
+    of = Situation(problem, state, problem, {})
+    blocks, moves = np.array([0, 0, 1, 1, 2, 2, 2, 0]), rng.standard_normal((8, 1, 6, 2))
+    (views,) = of.about.views
+    both = np.concatenate([views.by_unknowns, moves[:, 0]], axis=-1)
+    wanted = 0.0
+    for block in range(3):
+        used, held = np.flatnonzero(blocks != block), np.flatnonzero(blocks == block)
+        for sign, by in ((1, views.by_unknowns), (-1, both)):
+            hessian, gradient = (by.mT @ views.information @ by), (by.mT @ views.gradient[..., None])[..., 0]
+            best = -np.linalg.solve(hessian[used].sum(0), gradient[used].sum(0))
+            wanted += sign * float(2 * best @ gradient[held].sum(0) + best @ hessian[held].sum(0) @ best)
+    found = _gain(of, Candidates("", ("camera",), (None,), "", (moves,)), blocks)
+    assert found == pytest.approx(wanted, rel=1e-6)

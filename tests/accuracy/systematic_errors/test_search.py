@@ -1,19 +1,24 @@
 """Systematic errors put into simulated cells are found, with their size; clean cells have none."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 from tests.evidence import evidence_of
 
 from basecal.accuracy.findings.systematic_error import systematic_error as findings
 from basecal.accuracy.stated_sigmas import contradicted_sigmas
 from basecal.accuracy.systematic_errors import search
+from basecal.accuracy.systematic_errors.candidates import Candidates
 from basecal.accuracy.systematic_errors.search import _reconciling, systematic_error
+from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.accuracy.widening import widened
 from basecal.cell import Recording, RobotState, Sample
 from basecal.estimation.outliers.noise_and_outliers import with_noise
 from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve_packed
 from basecal.geometry import SE3
@@ -243,3 +248,201 @@ def test_what_chance_may_make_is_kept_where_held_out_blocks_confirm_it(monkeypat
     assert (certain.is_certain, possible.is_certain) == (True, False)
     assert (possible.code, possible.about) == (certain.code, certain.about)
     np.testing.assert_array_equal(possible.moved, certain.moved)
+
+
+def candidates(code, *about, since=None):
+    return Candidates(code, about, since or (None,) * len(about), "m", (np.zeros((2, len(about), 6, 1)),))
+
+
+def suspected(monkeypatch, *kinds):
+    """Suspects among candidates with such logarithms of chances; sizes are numbered, each with two freedoms."""
+    chances = {id(kind): np.array(logs) for kind, logs in kinds}
+
+    def scored(_, kind):
+        """As `score`."""
+        logs = chances[id(kind)]
+        return SimpleNamespace(
+            log_chance=logs, size=np.arange(len(logs))[:, None], freedoms=np.full(len(logs), 2, dtype=np.int64)
+        )
+
+    rows = tuple(lambda of, kind=kind: iter([kind]) for kind, _ in kinds)
+    monkeypatch.setattr(search, "TABLE", rows)
+    monkeypatch.setattr(search, "score", scored)
+    return search._suspects(SimpleNamespace(about=None))
+
+
+def test_the_least_likely_of_each_code_and_name_is_suspected(monkeypatch):
+    """Its chance is that of any of its code, in all rows; what one of so many has by chance is none."""
+    steps = candidates("step", "a", "a", "b", since=(4, 6, 8))
+    more = candidates("step", "c")
+    found = suspected(monkeypatch, (steps, [-10.0, -12.0, -5.2]), (more, [-5.4]))
+    assert [each.candidate.about for each in found] == [("a",), ("c",)]
+    first, second = found
+    assert (first.candidate.since, first.size.tolist(), first.freedoms) == ((6,), [1], 2)
+    assert (first.several, first.log_chance) == pytest.approx((np.log(4), -12.0 + np.log(4)))
+    assert (second.several, second.log_chance) == pytest.approx((np.log(4), -5.4 + np.log(4)))
+    (earlier,) = suspected(monkeypatch, (candidates("step", "a", "a", since=(4, 6)), [-12.0, -10.0]))
+    assert (earlier.candidate.since, earlier.size.tolist()) == ((4,), [0])
+
+
+def test_one_in_fifty_is_suspected(monkeypatch):
+    """Of a single test; of two of its code one in a hundred each."""
+    for chance, count in ((0.021, 0), (0.019, 1)):
+        assert len(suspected(monkeypatch, (candidates("drift", "a"), [np.log(chance)]))) == count
+    for chance, count in ((0.0105, 0), (0.0095, 1)):
+        assert len(suspected(monkeypatch, (candidates("drift", "a", "b"), [np.log(chance), 0.0]))) == count
+
+
+@pytest.mark.parametrize(("chance", "first"), [(-11.35, "step"), (-11.4, "drift")])
+def test_one_of_many_costs_half_the_logarithm_of_their_number(monkeypatch, chance, first):
+    """Of four steps, by log 2: the best of them is before a drift that is alone in its code, or behind."""
+    steps = candidates("step", "a", "a", "a", "a", since=(3, 4, 5, 6))
+    found = suspected(monkeypatch, (steps, [0, -12.07, 0, 0]), (candidates("drift", "a"), [chance]))
+    assert found[0].candidate.code == first
+    assert len(found) == 2
+
+
+def test_three_are_solved_for_at_most(monkeypatch):
+    """The least likely, in their order."""
+    found = suspected(monkeypatch, (candidates("drift", *"abcde"), [-20.0, -30.0, -25.0, -10.0, -40.0]))
+    assert [each.candidate.about[0] for each in found] == ["e", "b", "c"]
+
+
+def suspect(code="drift", log_chance=-20.0, several=0.0, about="arm", moves=(None,), size=(0.5,), joint=()):
+    candidate = Candidates(code, (about,), (7,), "m", moves, joint)
+    return search._Suspect(candidate, np.array(size), len(size), log_chance, several)
+
+
+def surprised(plain, logs=True, equations=(20, 30), width=10):
+    """A solution of such a surprise, with so many equations by group."""
+    groups = [
+        SimpleNamespace(measurement=SimpleNamespace(equations=lambda n=n: np.array([n - 1, 1]))) for n in equations
+    ]
+    noise = SimpleNamespace(logs=np.zeros(1) if logs else None, plain_surprise=plain)
+    return SimpleNamespace(noise=noise, problem=SimpleNamespace(groups=groups, width=width))
+
+
+def test_a_gain_counts_by_the_share_of_equations_that_are_left():
+    """Of fifty equations ten are of unknowns and two of the error: what it gains is a chi-square less 24 %."""
+    of = suspect(size=(0.5, 0.1), several=1.5)
+    found = search._log_chance(of, surprised(130.0), surprised(30.0))
+    assert found == pytest.approx(chi2.logsf(76.0, 2) + 1.5)
+    assert search._log_chance(of, surprised(30.0), surprised(130.0)) == 1.5  # nothing gained
+    assert search._log_chance(of, surprised(130.0, equations=(4, 2)), surprised(30.0)) == 1.5  # nothing left
+    assert search._log_chance(of, surprised(130.0, equations=()), surprised(30.0)) == 1.5
+    for logs in ((True, False), (False, True)):  # noise that was not estimated tells nothing
+        assert search._log_chance(of, surprised(130.0, logs[0]), surprised(30.0, logs[1])) == 0.0
+
+
+@dataclass(frozen=True)
+class Solved:
+    """A problem and nothing else."""
+
+    problem: Problem
+
+
+def test_without_an_error_the_hand_is_where_views_move_by_it():
+    """Each view moves by its moves times the sizes; groups that have none stay."""
+    made = simulate(Scenario(samples=4), 0)
+    problem, _ = build_problem(made.cell, made.recording)
+    (group,) = problem.groups
+    problem = problem.with_groups([group, group])
+    of = Situation(problem, State(made.truth, made.cameras, np.zeros((len(problem.stops), 6))), problem, {})
+    moves = 1e-2 * np.random.default_rng(1).standard_normal((4, 1, 6, 2))
+    error = suspect(moves=(moves, None), size=(0.4, -0.7))
+    moved, same = search._without(Solved(problem), of, error).problem.groups
+    before, after = (of.state.camera_from_target(g, problem.stops) for g in (group, moved))
+    np.testing.assert_allclose((before.inverse() @ after).log(), moves[:, 0] @ error.size, atol=1e-12)
+    assert same is problem.groups[1]
+
+
+@pytest.mark.parametrize(
+    ("code", "robots", "about", "is_camera", "is_target", "or_target"),
+    [
+        ("length-scale", ("arm",), "arm", False, False, "board"),
+        ("length-scale", ("arm", "other"), "arm", False, False, ""),
+        ("drift", ("arm",), "arm", False, False, ""),
+        ("clock-offset", ("arm",), "wrist", True, False, ""),
+        ("drift", ("arm",), "board", False, True, ""),
+    ],
+)
+def test_an_error_is_described_by_what_it_is_about(monkeypatch, code, robots, about, is_camera, is_target, or_target):
+    """Its size corrected by what is left of it, its covariance the inverse of its information."""
+    again = SimpleNamespace(size=np.array([[0.25]]), information=np.array([[[4.0]]]))
+    monkeypatch.setattr(search, "linearised", lambda problem, state: (problem, state))
+    monkeypatch.setattr(search, "score", lambda about, kind: again if about == ("held problem", "state") else None)
+    monkeypatch.setattr(search, "step_between", lambda before, after: (before, after.state))
+    after = SimpleNamespace(
+        noise=SimpleNamespace(held_by=lambda problem: f"held {problem}"), problem="problem", state="state"
+    )
+    groups = (SimpleNamespace(camera="wrist", target="board"), SimpleNamespace(camera="other", target="board"))
+    of = SimpleNamespace(problem=SimpleNamespace(groups=groups), robots=robots)
+    found = search._described(of, suspect(code, about=about, joint=(3,)), "before", after)
+    assert (found.code, found.about, found.since, found.unit, found.joint) == (code, about, 7, "m", 3)
+    assert (found.is_camera, found.is_target, found.or_target) == (is_camera, is_target, or_target)
+    assert (found.size.tolist(), found.covariance.tolist(), found.sigma) == ([0.75], [[0.25]], 0.5)
+    assert found.moved == ("before", "state")
+    assert search._described(of, suspect(about=about), "before", after).joint is None
+    two = (*groups, SimpleNamespace(camera="wrist", target="second"))
+    of = SimpleNamespace(problem=SimpleNamespace(groups=two), robots=robots)
+    assert search._described(of, suspect(code, about=about), "before", after).or_target == ""
+
+
+ERROR = search.SystematicError("drift", "arm", False, False, None, "", np.zeros(1), np.eye(1), np.zeros(6))
+
+
+def searched(monkeypatch, suspects, gains=None, models=(), refuted=(), **solution):
+    """Which suspect is described, with its size, and whether it is certain; `gains` are by name, refuted ones too."""
+    described = []
+
+    def told(of, error, before, after):
+        """As `_described`."""
+        described.append((error.candidate.about[0], error.size.tolist(), before.name, after.name))
+        return ERROR
+
+    monkeypatch.setattr(search, "_situation", lambda *given: None)
+    monkeypatch.setattr(search, "_suspects", lambda of: list(suspects))
+    monkeypatch.setattr(search, "confirmed", lambda of, candidate: candidate.about[0] not in refuted)
+    monkeypatch.setattr(search, "_without", lambda whole, of, error: SimpleNamespace(name=error.candidate.about[0]))
+    monkeypatch.setattr(search, "_solved_again", lambda whole, settings: SimpleNamespace(name=f"{whole.name} again"))
+    monkeypatch.setattr(
+        search, "_log_chance", lambda error, before, after: (gains or {}).get(error.candidate.about[0], 0)
+    )
+    monkeypatch.setattr(search, "_described", told)
+    usual = {"converged": True, "cost": 1.0, "name": "answer", "noise": SimpleNamespace(logs=np.zeros(1))}
+    problem = SimpleNamespace(groups=(1,), models=models)
+    found = systematic_error(SimpleNamespace(**usual | {"problem": problem} | solution), None, {}, SETTINGS)
+    assert len(described) == (found is not None)
+    return None if found is None else (*described[0], found.is_certain)
+
+
+def test_the_least_likely_by_score_or_by_gain_is_the_error(monkeypatch):
+    """Of those that held-out blocks confirm, each solved without itself, one of many for half their number's log."""
+    pair = suspect(about="a", log_chance=-20.0), suspect(about="b", log_chance=-21.0)
+    assert searched(monkeypatch, pair) == ("b", [0.5], "answer", "b again", True)
+    assert searched(monkeypatch, pair, {"a": -22.0})[0] == "a"
+    assert searched(monkeypatch, pair, {"b": -10.0})[0] == "b"
+    assert searched(monkeypatch, pair, refuted="b")[0] == "a"
+    assert searched(monkeypatch, pair, refuted="ab") is None
+    assert searched(monkeypatch, ()) is None
+    of_many = suspect(about="a", log_chance=-20.0, several=2.1)
+    assert searched(monkeypatch, (of_many, pair[1]))[0] == "a"
+    assert searched(monkeypatch, (suspect(about="a", log_chance=-20.0, several=1.9), pair[1]))[0] == "b"
+
+
+@pytest.mark.parametrize(("chance", "is_certain"), [(0.9e-3, True), (1.1e-3, False)])
+def test_one_in_a_thousand_is_certain(monkeypatch, chance, is_certain):
+    """What is likelier may be chance; of arms whose kinematics are estimated it is not told, and corrects nothing."""
+    possible = suspect(about="a", log_chance=np.log(chance))
+    assert searched(monkeypatch, [possible])[-1] == is_certain
+    found = searched(monkeypatch, [possible, suspect(about="b", log_chance=-30.0)], models=("arm",))
+    assert found == ("a" if is_certain else "b", [0.0], "answer", "answer", True)
+    assert (searched(monkeypatch, [possible], models=("arm",)) is not None) == is_certain
+
+
+def test_what_is_no_answer_has_no_error(monkeypatch):
+    """Nor one without views, or of a cost that is no number."""
+    some = [suspect()]
+    assert searched(monkeypatch, some) is not None
+    for changed in ({"converged": False}, {"cost": np.inf}, {"problem": SimpleNamespace(groups=(), models=())}):
+        assert searched(monkeypatch, some, **changed) is None

@@ -1,6 +1,7 @@
 """What systematic errors know of a solved problem."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -62,3 +63,124 @@ def test_times():
 def test_no_velocity_off_a_path():
     """Poses one after another in no order have none."""
     assert situation(Scenario(samples=20)).velocity("hand") is None
+
+
+def seen(samples, arm=None, stands=None, **others):
+    """Views of these samples, with a target on an arm whose flange was at these poses."""
+    world = SE3.identity((len(samples),))
+    of_arm = {"hand": "arm", "hand_base_from_hand_flange": arm, "hand_stand": np.array(stands or samples)}
+    usual = {"eye": None, "eye_base_from_eye_flange": world, "eye_stand": np.full(len(samples), -1)}
+    of_world = {"hand": None, "hand_base_from_hand_flange": world, "hand_stand": np.full(len(samples), -1)}
+    return SimpleNamespace(sample=np.array(samples), **usual | (of_world if arm is None else of_arm) | others)
+
+
+def recorded(*groups, stamps=()):
+    problem = SimpleNamespace(groups=groups)
+    return Situation(problem, None, problem, dict(stamps))
+
+
+def test_samples_in_their_order_in_time():
+    """Each once, whichever groups have it; those without a stamp as if taken at 0 s, in the order of their numbers."""
+    groups = seen([7, 3, 5]), seen([5, 9, 3])
+    of = recorded(*groups, stamps={7: 0.0, 3: 2.0, 5: 1.0, 9: 3.0})
+    assert of.samples.tolist() == [7, 5, 3, 9]
+    assert of.times.tolist() == [0.0, 1.0, 2.0, 3.0]
+    assert [of.rank(group).tolist() for group in groups] == [[0, 2, 1], [1, 3, 2]]
+    partly = recorded(*groups, stamps={7: 0.5, 9: -1.0})
+    assert partly.samples.tolist() == [9, 3, 5, 7]
+    assert not partly.timed
+    assert not recorded(*groups, stamps=dict.fromkeys((3, 5, 7, 9), 4.0)).timed
+    assert recorded(*groups, stamps={3: 4.0, 5: 4.0, 7: 4.0, 9: 4.1}).timed
+
+
+def test_robots_that_stood_in_two_places_whichever_views_tell():
+    """In views of one group or of two; an arm that never moved, and the world, are none."""
+    pose = SE3.identity((2,))
+    eye = {"eye": "still", "eye_stand": np.array([4, 4])}
+    assert recorded(seen([0, 1], pose, [2, 2], **eye)).robots == ()
+    assert recorded(seen([0, 1], pose, [2, 3], **eye)).robots == ("arm",)
+    assert recorded(seen([0, 1], pose, [2, 2]), seen([2, 3], pose, [5, 5])).robots == ("arm",)
+
+
+TWIST = np.array([0.1, -0.05, 0.02, 0.2, 0.1, -0.3])  # a second
+
+
+def on_the_way(seconds):
+    return SE3.from_rotvec([0.3, -0.2, 0.5], [0.4, 0.1, 0.3]) @ SE3.exp(np.asarray(seconds, float)[:, None] * TWIST)
+
+
+def test_the_velocity_on_a_path_is_that_of_its_twist():
+    """At its ends and between, at uneven times, of views in any order of two groups; nothing where it has no view."""
+    seconds = np.array([0, 0.8, 2, 3, 4.2, 5, 6, 7.1, 8, 9])
+    shuffled = np.array([3, 0, 8, 5, 2])
+    rest = np.setdiff1d(np.arange(10), shuffled)
+    groups = seen(shuffled, on_the_way(seconds[shuffled])), seen(rest, on_the_way(seconds[rest])), seen([10, 11])
+    stamps = {**dict(enumerate(seconds)), 10: 2.5, 11: 20.0}
+    of = recorded(*groups, stamps=stamps)
+    found = of.velocity("arm")
+    here = of.samples < 10
+    np.testing.assert_allclose(found[here], np.tile(TWIST, (10, 1)), atol=1e-12)
+    np.testing.assert_array_equal(found[~here], 0)
+    by_order = recorded(seen(np.arange(10), on_the_way(2.0 * np.arange(10)))).velocity("arm")
+    np.testing.assert_allclose(by_order, np.tile(2 * TWIST, (10, 1)), atol=1e-12)
+    assert of.velocity("other") is None
+
+
+def test_an_arm_that_moves_in_no_time_has_no_velocity_there():
+    """Where the neighbours of a view have the same stamp."""
+    stamps = {k: float(max(k - 2, 0)) for k in range(10)}
+    found = recorded(seen(np.arange(10), on_the_way(np.arange(10))), stamps=stamps).velocity("arm")
+    np.testing.assert_array_equal(found[1], 0)
+    np.testing.assert_allclose(found[4], TWIST, atol=1e-12)
+
+
+@pytest.mark.parametrize(("count", "on_path"), [(7, False), (8, True)])
+def test_eight_poses_make_a_path(count, on_path):
+    assert (recorded(seen(np.arange(count), on_the_way(np.arange(count)))).velocity("arm") is not None) == on_path
+
+
+def to_and_fro(aside, turn, count=9):
+    """Along x by a metre each, to one side and the other by turns, and turned about x so."""
+    way = np.where(np.arange(count) % 2, 1.0, -1.0)[:, None]
+    places = np.arange(count)[:, None] * [1.0, 0, 0] + aside * way * [0, 1.0, 0]
+    return SE3.from_rotvec(turn * way * [1.0, 0, 0], places)
+
+
+@pytest.mark.parametrize(("aside", "turn", "on_path"), [
+    (0.24, 0.0, True), (0.26, 0.0, False), (0.0, 0.49, True), (0.0, 0.51, False),
+])  # fmt: skip
+def test_a_path_is_smooth(aside, turn, on_path):
+    """Poses are off the middle of their neighbours by less than a quarter of how far these are apart, angles by 0.5 m.
+
+    Those between are off by twice as much as to one side, and their neighbours are two metres apart.
+    """
+    of = recorded(seen(np.arange(9), to_and_fro(aside, turn)))
+    assert (of.velocity("arm") is not None) == on_path
+
+
+@pytest.mark.parametrize("where", [1, 6])
+def test_every_pose_but_the_ends_tells_whether_a_path_is_smooth(where):
+    """Of eight in a line, one that is off by 1.2 of their distance is too much, 1.0 is not, the first as the last."""
+    for aside, on_path in ((1.0, True), (1.2, False)):
+        places = np.arange(8)[:, None] * np.array([1.0, 0, 0])
+        places[where, 1] = aside
+        of = recorded(seen(np.arange(8), SE3(np.tile(np.eye(3), (8, 1, 1)), places)))
+        assert (of.velocity("arm") is not None) == on_path
+
+
+def test_views_move_with_each_frame_as_it_stands_in_the_chain():
+    """Against those on the camera's side, with those on the target's; what carries nothing is at the identity."""
+    rng = np.random.default_rng(4)
+    names = "target_from_camera", "target_from_eye_base", "target_from_hand_base"
+    links = SimpleNamespace(**{name: SE3.exp(rng.standard_normal((2, 6))) for name in names})
+    frames = {"camera_mount": "a", "eye_base": "b", "hand_base": "c", "target_mount": "d"}
+    group = type("Views", (SimpleNamespace,), {"__len__": lambda self: 2})(**vars(seen([0, 1])) | frames)
+    of = recorded(group)
+    vars(of)["links"] = (links,)
+    assert of.frames == ("b", "c", "a", "d")
+    np.testing.assert_array_equal(of.by_frame(0, "a"), -links.target_from_camera.adjoint())
+    np.testing.assert_array_equal(of.by_frame(0, "b"), -links.target_from_eye_base.adjoint())
+    np.testing.assert_array_equal(of.by_frame(0, "c"), links.target_from_hand_base.adjoint())
+    np.testing.assert_array_equal(of.by_frame(0, "d"), np.tile(np.eye(6), (2, 1, 1)))
+    np.testing.assert_array_equal(of.by_frame(0, "e"), np.zeros((2, 6, 6)))
+    np.testing.assert_array_equal(of.recorded_pose(0, "arm").matrix, np.tile(np.eye(4), (2, 1, 1)))

@@ -1,6 +1,7 @@
 """The rows of the table move views as the errors they stand for do."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -190,3 +191,154 @@ def test_a_clock_that_drifts_is_right_in_the_middle():
     share = np.linspace(-0.5, 0.5, 50)[of.rank(problem.groups[0])]
     np.testing.assert_allclose(drift.moves[0], share[:, None, None, None] * offset.moves[0], atol=1e-12)
     assert not list(clock_drifts(Situation(problem, of.state, problem, {})))
+
+
+FRAMES = {"eye_base": None, "hand_base": "base", "camera_mount": "camera", "target_mount": "target"}
+
+
+class Made:
+    """Situations of so many samples in a row, whose frames and flanges move views by random matrices."""
+
+    def __init__(self, count, *groups, **changed):
+        """Of groups by what differs from a hand's views of a target."""
+        rng = np.random.default_rng(0)
+        usual = {"camera": "wrist", "target": "board", "eye": None, "hand": "hand", "sample": np.arange(count)} | FRAMES
+        self.groups = [SimpleNamespace(**usual | group) for group in groups or ({},)]
+        self.problem = SimpleNamespace(groups=self.groups, point_mounts=frozenset(), lenses={}, chains={})
+        self.recorded = SimpleNamespace(open_clocks=())
+        self.samples, self.times, self.timed = 10 * np.arange(count), np.arange(count, dtype=float), True
+        self.robots, self.frames, self.speeds = ("hand",), ("base",), {"hand": rng.standard_normal((count, 6))}
+        self.moves = rng.standard_normal((len(self.groups), 2, count, 6, 6))
+        vars(self).update(changed)
+
+    def rank(self, group):
+        """Where samples stand."""
+        return group.sample
+
+    def by_frame(self, k, name):
+        """How views go with a frame."""
+        return self.moves[k, 0][: len(self.groups[k].sample)]
+
+    def by_flange(self, k, robot):
+        """How views go with a flange, the eye's turned round."""
+        return (-1 if robot == "eye" else 1) * self.moves[k, 1][: len(self.groups[k].sample)]
+
+    def velocity(self, robot):
+        """Of those on a path."""
+        return self.speeds.get(robot)
+
+
+@pytest.mark.parametrize(("count", "since"), [(5, []), (6, [30]), (7, [30, 40]), (10, [30, 40, 50, 60, 70])])
+def test_steps_leave_three_samples_on_either_side(count, since):
+    """Each is told by the number of its first sample."""
+    found = list(steps(Made(count)))
+    assert [list(each.since) for each in found] == ([since] if since else [])
+    assert all(each.about == ("base",) * len(since) for each in found)
+
+
+def test_steps_of_long_recordings_are_looked_for_at_thirty_two_places():
+    """Evenly over all of them, the first and the last among them; up to 37 samples at each."""
+    (long,), (most,) = steps(Made(100)), steps(Made(37))
+    assert len(long.since) == 32
+    assert (long.since[0], long.since[-1]) == (30, 970)
+    assert set(np.diff(long.since)) == {30, 40}
+    assert list(most.since) == list(range(30, 350, 10))
+
+
+def test_steps_and_drifts_are_of_the_views_that_depend_on_them():
+    """Others have none; a step moves a view from its sample on, a drift by its share of the time."""
+    of = Made(6, {}, {"hand_base": None, "sample": np.arange(3)}, times=np.array([0.0, 1.0, 2.0, 3.0, 4.0, 8.0]))
+    (step,), (drift,) = steps(of), drifts(of)
+    assert (step.moves[1], drift.moves[1]) == (None, None)
+    moved = of.by_frame(0, "base")
+    np.testing.assert_array_equal(step.moves[0][:, 0], moved * (np.arange(6) >= 3)[:, None, None])
+    share = np.array([0, 0.125, 0.25, 0.375, 0.5, 1.0])
+    np.testing.assert_allclose(drift.moves[0][:, 0], share[:, None, None] * moved)
+    assert list(drifts(Made(5))) == []
+
+
+def test_clocks_are_those_of_cameras_and_of_robots_on_paths():
+    """A camera is late against all arms that carry it or what it sees, a robot against the others."""
+    speeds = {name: np.random.default_rng(1).standard_normal((8, 6)) for name in ("eye", "hand")}
+    of = Made(8, {"eye": "eye"}, {"camera": "other"}, robots=("eye", "hand"), speeds=speeds)
+    found = {each.about[0]: each for each in clock_offsets(of)}
+    eye, hand = (
+        [(of.by_flange(k, name) @ speeds[name][..., None])[:, None] for k in range(2)] for name in ("eye", "hand")
+    )
+    assert list(found) == ["other", "wrist", "eye", "hand"]
+    wanted = {"wrist": (eye[0] + hand[0], None), "other": (None, hand[1]), "eye": (eye[0], None), "hand": tuple(hand)}
+    for name, moves in wanted.items():
+        assert (found[name].code, found[name].unit) == ("clock-offset", "s")
+        for one, other in zip(found[name].moves, moves, strict=True):
+            assert (one is None) == (other is None)
+            assert one is None or np.allclose(one, other, atol=1e-12)
+    of.timed = False
+    assert {each.unit for each in clock_offsets(of)} == {"samples"}
+    of.recorded.open_clocks = ("wrist", "hand")
+    assert [each.about[0] for each in clock_offsets(of)] == ["other", "eye"]
+
+
+def test_a_single_robot_on_a_path_has_no_clock_of_its_own():
+    """It is late as much as all cameras are early; without a path there is no clock to tell."""
+    of = Made(8, {"eye": "eye"}, {"camera": "still", "hand": None}, robots=("eye", "hand"))
+    assert [each.about[0] for each in clock_offsets(of)] == ["wrist"]
+    of.speeds = {}
+    assert list(clock_offsets(of)) == []
+
+
+@pytest.mark.parametrize(("count", "timed", "told"), [(6, True, True), (5, True, False), (6, False, False)])
+def test_clocks_drift_over_six_samples_and_more(count, timed, told):
+    """From half less at the first to half more at the last, by their stamps."""
+    of = Made(count, timed=timed)
+    found = list(clock_drifts(of))
+    assert [(each.code, each.about, each.unit) for each in found] == (
+        [("clock-drift", ("wrist",), "s")] if told else []
+    )
+    if told:
+        (offset,) = clock_offsets(of)
+        share = np.linspace(-0.5, 0.5, count)[:, None, None, None]
+        np.testing.assert_allclose(found[0].moves[0], share * offset.moves[0], atol=1e-12)
+
+
+@pytest.mark.parametrize(("robots", "points", "told"), [
+    (("eye", "hand"), (), ["eye", "hand", "board", "light"]),
+    (("eye", "hand"), ("bulb",), ["eye", "hand", "board"]),
+    (("hand",), (), ["hand"]),
+])  # fmt: skip
+def test_targets_have_lengths_beside_those_of_two_robots(robots, points, told):
+    """Where they have a size; each moves its own views."""
+    still = SE3.identity((4,))
+    of = Made(4, {"eye": "eye"}, {"target": "light", "target_mount": "bulb"}, robots=robots)
+    of.groups = [type("Views", (SimpleNamespace,), {"__len__": lambda self: 4})(**vars(g)) for g in of.groups]
+    of.problem = SimpleNamespace(groups=of.groups, point_mounts=frozenset(points))
+    of.recorded_pose = lambda k, robot: still
+    of.links = [SimpleNamespace(target_from_camera=SE3(np.eye(3), np.array([0.0, 0.0, k + 1.0]))) for k in range(2)]
+    found = {each.about[0]: each.moves for each in length_scales(of)}
+    assert list(found) == told
+    assert found["hand"][0] is not None
+    assert ("eye" in found) <= (found.get("eye", (0, None))[1] is None)
+    for k, name in enumerate(("board", "light")):
+        if name in found:
+            assert found[name][1 - k] is None
+            np.testing.assert_array_equal(found[name][k][:, 0, :, 0], np.tile([0, 0, k + 1.0, 0, 0, 0], (4, 1)))
+
+
+@pytest.mark.parametrize(("mounts", "status", "told"), [
+    (("bulb", "bulb"), "fixed", True), (("bulb", "target"), "fixed", False), (("bulb", "bulb"), "free", False),
+    (("bulb", "bulb"), None, False),
+])  # fmt: skip
+def test_a_focal_length_is_looked_for_where_all_that_a_camera_sees_are_points(mounts, status, told):
+    """And its lens is fixed; what other cameras see does not count, and does not move."""
+    groups = [{"target_mount": mount} for mount in mounts]
+    of = Made(3, *groups, {"camera": "other"})
+    of.problem.point_mounts = frozenset({"bulb"})
+    of.problem.lenses = {} if status is None else {"wrist": SimpleNamespace(status=status)}
+    of.links = [
+        SimpleNamespace(target_from_camera=SE3(np.tile(np.eye(3), (3, 1, 1)), np.tile([0, 0, -2.0], (3, 1))))
+    ] * 3
+    found = list(focal_lengths(of))
+    assert [(each.code, each.about) for each in found] == ([("intrinsics", ("wrist",))] if told else [])
+    if told:
+        assert found[0].moves[2] is None
+        for moves in found[0].moves[:2]:
+            np.testing.assert_array_equal(moves[:, 0, :, 0], np.tile([0, 0, -2.0, 0, 0, 0], (3, 1)))
