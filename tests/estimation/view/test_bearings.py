@@ -39,6 +39,13 @@ def test_distance_along_the_direction_is_not_seen():
     np.testing.assert_array_equal(view.information[0, 3:], 0.0)
 
 
+def test_a_point_has_a_direction_down_to_the_camera_itself():
+    """Some billionths of a millimetre before it the point is seen where it is; in its very centre it is nowhere."""
+    one = BearingMeasurement(np.zeros((1, 3)), np.array([[[0.0, 0.6, 0.8]]]), np.array([[5.0]]))
+    at = SE3(np.tile(np.eye(3), (2, 1, 1)), np.array([[0.0, 0.6, 0.8], [0, 0, 0]]) * 2e-12)
+    np.testing.assert_allclose(one.take([0, 0]).linearise(at, None, False).cost, [0.0, 25.0], atol=1e-9)
+
+
 def test_weights_are_its_own(measurement):
     """No noise that is estimated changes them, and none of its residuals asks for one."""
     assert measurement.with_noise(Noise(pixel_px=7.0)) is measurement

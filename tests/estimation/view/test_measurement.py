@@ -10,11 +10,12 @@ from tests.derivatives import check_derivative
 
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.view.bearings import BearingMeasurement
-from basecal.estimation.view.measurement import Measurement, at_most_six
+from basecal.estimation.view.measurement import Measurement, Noise, at_most_six
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Camera
+from basecal.numerics.batch import stack
 from basecal.simulation import Scenario, simulate
 
 LENS = Camera("pinhole", np.array([900.0, 880, 640, 360, -0.1, 0.05, 1e-3, -2e-3, 0.01]), (1280, 720))
@@ -98,6 +99,30 @@ def test_noisier_views_say_less(kind):
         np.testing.assert_allclose(4 * noisier, plain, rtol=1e-12, atol=1e-12 * np.abs(plain).max())
 
 
+@pytest.mark.parametrize("own", [False, True], ids=["shared", "own"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_batch_says_what_each_of_its_entries_says_alone(kind, own):
+    """Of poses (3, 4), whether all entries saw the same or each had its own sigmas; the lens free where there is one."""
+    measurement, pose, camera = made(kind, 1.0)
+    poses = pose @ SE3.exp(0.03 * np.random.default_rng(0).standard_normal((3, 4, 6)))
+    each = [measurement.noisier(1.0 + own * k) for k in range(3)]
+    together = (stack(each) if own else measurement).linearise(poses, camera, camera is not None)
+    for k, alone in enumerate(each):
+        for part, expected in zip(together, alone.linearise(poses[k], camera, camera is not None), strict=True):
+            np.testing.assert_allclose(part[k], expected, rtol=1e-9, atol=1e-10 * np.abs(expected).max())
+    counts = (stack(each) if own else measurement).equations()
+    np.testing.assert_array_equal(counts, np.stack([of.equations() for of in each]) if own else each[0].equations())
+
+
+@pytest.mark.parametrize(("kind", "weight"), [("pixels", 1.0), ("points", 1000.0), ("pose", 1000.0)])
+def test_where_nobody_states_it_sigma_is_a_pixel_a_millimetre_and_a_milliradian(kind, weight):
+    """Of what was seen; the rest has no weight."""
+    measurement, _, _ = made(kind, 0.0)
+    seen = getattr(measurement, "seen", np.ones((4, 6)))
+    unstated = replace(measurement, stated=np.zeros(measurement.stated.shape)).with_noise(Noise())
+    np.testing.assert_allclose(unstated.weight, weight * seen)
+
+
 @pytest.mark.parametrize("kind", ["pixels", "fisheye pixels"])
 def test_lens_columns_are_the_slope_of_the_gradient(kind):
     """The same with the lens's parameters, each scaled to order one."""
@@ -145,7 +170,9 @@ def test_many_views_say_what_each_says_alone():
         np.testing.assert_allclose(together[some], each, rtol=1e-10, atol=1e-9 * np.abs(each).max())
 
 
-def test_a_seen_point_behind_the_camera_costs_infinitely_much_and_an_unseen_one_nothing():
+@pytest.mark.parametrize("common_px", [0.0, 0.5])
+@pytest.mark.parametrize("free_lens", [False, True])
+def test_a_seen_point_behind_the_camera_costs_infinitely_much_and_an_unseen_one_nothing(free_lens, common_px):
     """Only its own view is lost, and gradients stay finite."""
     rng = np.random.default_rng(2)
     pose, points = facing(rng, 3, 0.9), target(rng)
@@ -153,8 +180,8 @@ def test_a_seen_point_behind_the_camera_costs_infinitely_much_and_an_unseen_one_
     pose = SE3(np.broadcast_to(np.eye(3), (3, 3, 3)).copy(), pose.translation)
     weight = np.full((3, 7), 5.0)
     weight[1:, 0] = 0.0
-    measurement = PixelMeasurement(points, np.full((3, 7, 2), 300.0), weight > 0, weight, weight)
-    view = measurement.linearise(pose, LENS, False)
+    measurement = PixelMeasurement(points, np.full((3, 7, 2), 300.0), weight > 0, weight, weight, common_px)
+    view = measurement.linearise(pose, LENS, free_lens)
     without = replace(
         measurement,
         points_in_target=points[1:],
@@ -162,11 +189,14 @@ def test_a_seen_point_behind_the_camera_costs_infinitely_much_and_an_unseen_one_
         seen=measurement.seen[:, 1:],
         stated=weight[:, 1:],
         weight=weight[:, 1:],
-    ).linearise(pose, LENS, False)
+    ).linearise(pose, LENS, free_lens)
     assert np.isinf(view.cost[0])
     np.testing.assert_allclose(view.cost[1:], without.cost[1:], rtol=1e-12)
     np.testing.assert_allclose(view.information, without.information, rtol=1e-9, atol=1e-6)
     np.testing.assert_allclose(view.gradient, without.gradient, rtol=1e-9, atol=1e-6)
+    ahead = SE3(np.stack([pose.rotation] * 2), np.stack([pose.translation, pose.translation + np.array([0, 0, 4.0])]))
+    cost = measurement.linearise(ahead, LENS, free_lens).cost
+    assert np.isinf(cost).tolist() == [[True, False, False], [False, False, False]]
 
 
 @pytest.mark.parametrize("free_lens", [False, True])

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from basecal.estimation.view import pixels
 from basecal.estimation.view.measurement import Noise
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.point_jacobians import point_jacobians
@@ -79,13 +80,18 @@ def test_thinned_points_are_spread_and_keep_what_is_theirs(measurement):
 @pytest.mark.parametrize("count", [11, 12])
 @pytest.mark.parametrize("most", [2, 5, 6, 12])
 def test_points_that_change_places_are_kept_together(count, most):
-    """Each once, with the one whose place it takes where the target is read from its other end; no half pairs."""
+    """Each once, with the one whose place it takes where the target is read from its other end; no half pairs.
+
+    They stay in order, so that their places are taken likewise, and all of few stay.
+    """
     places = np.random.default_rng(1).uniform(size=(count, 3)) * [1, 1, 0]
     every = np.tile(np.arange(float(count)), (1, 1))
     few = PixelMeasurement(places, np.stack([every, every], -1), every >= 0, every, every).thinned(most, paired=True)
     kept = few.stated[0].astype(int).tolist()
     assert len(set(kept)) == len(kept) <= most + most % 2
-    assert {count - 1 - k for k in kept} == set(kept)
+    assert [count - 1 - k for k in kept] == kept[::-1]
+    assert kept == sorted(kept)
+    assert len(kept) == count or most < count
     np.testing.assert_array_equal(few.points_in_target, places[kept])
 
 
@@ -135,6 +141,39 @@ def test_many_entries_of_a_batch_say_what_each_says_alone(measurement, lens_each
             np.testing.assert_allclose(part[row], each, rtol=1e-9, atol=1e-9 * np.abs(each).max())
 
 
+@pytest.mark.parametrize(("shape", "lens", "chunks"), [
+    ((9,), False, [9]),
+    ((10,), False, [6, 4]),
+    ((3,), True, [3]),
+    ((4,), True, [2, 2]),
+    ((4, 2), False, [4]),
+    ((5, 2), False, [3, 2]),
+    ((2, 7), False, [1, 1]),
+    ((40, 0), False, [40]),
+])  # fmt: skip
+@pytest.mark.parametrize("lens_each", [False, True])
+def test_chunks_have_so_many_points_or_half_as_many_again(measurement, monkeypatch, shape, lens, chunks, lens_each):
+    """Of 34, or 12 with a free lens, and of one view or entry at least; each has its own lenses."""
+    monkeypatch.setattr(pixels, "_CHUNK_POINTS", 34)
+    monkeypatch.setattr(pixels, "_CHUNK_LENS_POINTS", 12)
+    found, whole = [], PixelMeasurement._linearise
+
+    def watched(of, poses, camera, lens):
+        found.append((poses.shape[0], camera.parameters.shape[:-1]))
+        return whole(of, poses, camera, lens)
+
+    monkeypatch.setattr(PixelMeasurement, "_linearise", watched)
+    rows = np.arange(shape[-1]) % 3
+    poses = AHEAD[np.broadcast_to(rows, shape)]
+    own = lens_each and len(shape) > 1
+    camera = LENS.with_parameters(LENS.parameters + np.arange(shape[0])[:, None]) if own else LENS
+    together = measurement.take(rows).linearise(poses, camera, lens)
+    assert found == [(count, (count,) if own else ()) for count in chunks]
+    for k in range(shape[0] if own and shape[-1] else 0):
+        alone = measurement.take(rows).linearise(poses[k], camera[k], lens)
+        np.testing.assert_allclose(together.gradient[k], alone.gradient, rtol=1e-9, atol=1e-9)
+
+
 @pytest.mark.parametrize("lens", ["pinhole", "fisheye"])
 def test_a_free_lens_is_the_sum_over_points(measurement, lens):
     """Gradient and information by pose and lens are those of all points' own derivatives, turned views and all."""
@@ -158,6 +197,18 @@ def test_a_batch_of_one_is_the_one(measurement):
     for lens in (camera, camera.with_parameters(camera.parameters[None])):
         for of, expected in zip(measurement.linearise(one, lens, True), alone, strict=True):
             np.testing.assert_array_equal(of, expected[None])
+    seen_anew = replace(measurement, pixels=measurement.pixels[None], weight=measurement.weight[None])
+    for of, expected in zip(seen_anew.linearise(one, camera, True), alone, strict=True):
+        np.testing.assert_array_equal(of, expected[None])
+
+
+def test_noisier_pixels_have_a_larger_common_error_too(measurement):
+    """By the same factor: all that they say falls by its square."""
+    shaken = replace(measurement, common_px=0.7)
+    for wide, plain in zip(
+        shaken.noisier(3.0).linearise(AHEAD, LENS, False), shaken.linearise(AHEAD, LENS, False), strict=True
+    ):
+        np.testing.assert_allclose(9 * wide, plain, rtol=1e-10, atol=1e-9)
 
 
 @pytest.mark.parametrize("lens", [False, True])

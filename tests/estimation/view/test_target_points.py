@@ -57,6 +57,13 @@ def test_a_few_points_of_a_grid_span_it(columns, rows):
     assert np.all(grid[few].std(0)[:2] >= 0.8 * grid.std(0)[:2])
 
 
+@pytest.mark.parametrize("away", [0.0, [-10.0, 5.0, 0.0], [10.0, -5.0, 3.0]], ids=str)
+def test_points_of_which_every_so_manyth_span_less_are_spread_from_the_outermost_on(away):
+    """First the one farthest from their middle, then what is farthest from all of these, wherever the target stands."""
+    points = np.array([[0.0, 0.2, 0.0], [-1.75, 0.9, 0.0], [0.05, 0.9, 0.0], [1.7, 0.9, 0.0], [0.0, -2.0, 0.0]]) + away
+    assert spread_out(points, 2).tolist() == [1, 4]
+
+
 def test_few_points_stay_all():
     """As many as are asked for, or fewer, are not thinned."""
     np.testing.assert_array_equal(spread_out(POINTS, 4), np.arange(4))

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from basecal.estimation.view.bearings import BearingMeasurement
+from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.view_pose import ViewPoses, refined, view_poses
-from basecal.geometry import SE3, Array
+from basecal.geometry import SE3, Array, Camera
+from basecal.geometry.rotation import rotation_exp
 
 FLAT = np.array([[x, y, 0.0] for x in np.linspace(0.2, 0.4, 5) for y in np.linspace(0.02, 0.18, 4)])
 DEEP = FLAT + np.random.default_rng(0).standard_normal(FLAT.shape) * [0, 0, 0.05]
@@ -42,6 +44,41 @@ def test_exact_directions_give_the_exact_pose(points):
     assert found.found.all()
     assert np.abs((pose.inverse() @ found.camera_from_target[:, 0]).log()).max() < 1e-8
     assert found.cost[:, 0].max() < 1e-8
+
+
+@pytest.mark.parametrize("at", [[-1.0, 0.1, 0.3], [0.1, -1.0, 0.3], [1.0, 1.0, 0.2], [0.0, 0.0, 0.2]], ids=str)
+@pytest.mark.parametrize("points", [FLAT, DEEP], ids=["flat", "deep"])
+def test_a_target_is_found_wherever_before_the_camera_it_stands(points, at):
+    """Far to a side and so near that it fills the view, whichever way it is turned: by closed form alone."""
+    rng = np.random.default_rng(2)
+    pose = SE3.from_rotvec(rng.standard_normal((8, 3)), np.tile(at, (8, 1))) @ SE3(np.eye(3), -points.mean(0))
+    exact = seen_from(pose, points)
+    found = view_poses(points, exact.bearings_in_camera, exact.weight > 0, exact, iterations=0)
+    assert np.abs((pose.inverse() @ found.camera_from_target[:, 0]).log()).max() < 1e-7
+
+
+def test_a_plane_is_turned_about_its_normal_and_then_about_the_line_of_sight():
+    """By half a turn each: that is its second pose before any step, its middle where it was."""
+    pose, middle = tilted(6, 0.7), FLAT.mean(0)
+    exact = seen_from(pose, FLAT)
+    second = view_poses(FLAT, exact.bearings_in_camera, exact.weight > 0, exact, iterations=0).camera_from_target[:, 1]
+    at = np.stack([each @ middle for each in pose])
+    sight = at / np.linalg.norm(at, axis=-1, keepdims=True)
+    about_normal, about_sight = (rotation_exp(np.pi * axis) for axis in (pose.rotation[..., 2], sight))
+    np.testing.assert_allclose(second.rotation, about_sight @ about_normal @ pose.rotation, atol=1e-7)
+    np.testing.assert_allclose(np.stack([each @ middle for each in second]), at, atol=1e-8)
+
+
+@pytest.mark.parametrize("steps", [0, 3])
+def test_views_of_pixels_are_refined_with_the_lens_that_took_them(steps):
+    """It stays as it is: what a view says is of its pose alone."""
+    pose, camera = tilted(3, 0.7), Camera("pinhole", [900.0, 900.0, 640.0, 360.0])
+    at = (pose.rotation @ FLAT.T).swapaxes(1, 2) + pose.translation[:, None]
+    seen = np.ones(at.shape[:2], dtype=bool)
+    pixels = PixelMeasurement(FLAT, camera.project(at), seen, 1.0 * seen, 1.0 * seen)
+    found = refined(pixels, pose, camera, steps)
+    np.testing.assert_allclose((pose.inverse() @ found.camera_from_target).log(), 0.0, atol=1e-9)
+    np.testing.assert_allclose(found.information, pixels.linearise(pose, camera, False).information, rtol=1e-6)
 
 
 def test_the_second_candidate_of_a_plane_is_tilted_the_other_way():

@@ -41,7 +41,7 @@ class BearingMeasurement(TargetPoints):
         forces = chord - unit * np.einsum("i...,i...->...", unit, chord)
         forces *= scale
         squares = unit[_FIRST] * unit[_SECOND]
-        np.subtract(_SAME.reshape(-1, *[1] * norm.ndim), squares, out=squares)
+        np.subtract(_SAME.reshape(len(UPPER), *[1] * norm.ndim), squares, out=squares)
         squares *= scale * scale
         cost = np.einsum("i...p,i...p->...", chord, chord)
         return self.information(cost, forces, squares, camera_from_target.rotation)

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import product
+from itertools import combinations_with_replacement, product
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from basecal.geometry import Array
 
 _TARGETS = 32  # of which monomials are kept: those of one calibration, whole and thinned
 UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
-_MONOMIALS = tuple((a, b) for a in range(4) for b in range(a, 4))
+_MONOMIALS = tuple(combinations_with_replacement(range(4), 2))
 _FIRST, _SECOND = np.array(_MONOMIALS).T
 
 
@@ -46,12 +46,12 @@ class Monomials:
 
     @classmethod
     def _of(cls, points: Array) -> Monomials:
-        h = np.concatenate([np.ones((len(points), 1)), points], -1)
+        h = np.column_stack([np.ones(len(points)), points])
         values = h[:, _FIRST] * h[:, _SECOND]
         kept = np.flatnonzero(values.any(0))
         linear = int(np.count_nonzero(kept < len(_TO_GRADIENT)))
-        to_gradient = _TO_GRADIENT[kept[:linear]].swapaxes(0, 1).reshape(-1, 6)
-        return cls(values[:, kept], linear, to_gradient, _TO_INFORMATION[:, kept].reshape(-1, 36))
+        to_gradient = _TO_GRADIENT[kept[:linear]].swapaxes(0, 1).reshape(3 * linear, 6)
+        return cls(values[:, kept], linear, to_gradient, _TO_INFORMATION[:, kept].reshape(6 * len(kept), 36))
 
 
 @lru_cache(maxsize=_TARGETS)
@@ -81,13 +81,13 @@ def gradient_and_information(
     shape, flat = rotation.shape[:-2], rotation.reshape(-1, 3, 3)
     first = flat.mT @ _moments(forces, of_points.values[:, : of_points.linear])
     # What takes the upper half of a symmetric M to that of R'MR, (n, 6, 6).
-    entries = flat.reshape(-1, 9)
+    entries = flat.reshape(len(flat), 9)
     carried = entries[:, _LEFT] * entries[:, _RIGHT]
     carried += entries[:, _LEFT_SWAPPED] * entries[:, _RIGHT_SWAPPED]
     carried *= _ONCE
-    second = carried.reshape(-1, 6, 6) @ _moments(squares, of_points.values)
-    gradient = first.reshape(-1, len(of_points.to_gradient)) @ of_points.to_gradient
-    information = second.reshape(-1, len(of_points.to_information)) @ of_points.to_information
+    second = carried.reshape(len(flat), 6, 6) @ _moments(squares, of_points.values)
+    gradient = first.reshape(len(flat), len(of_points.to_gradient)) @ of_points.to_gradient
+    information = second.reshape(len(flat), len(of_points.to_information)) @ of_points.to_information
     return gradient.reshape(*shape, 6), information.reshape(*shape, 6, 6)
 
 

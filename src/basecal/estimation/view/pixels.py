@@ -56,7 +56,7 @@ class PixelMeasurement(TargetPoints):
             one = camera if camera.parameters.ndim == 1 else camera[0]
             alone = self.of_batch(0).linearise(camera_from_target[0], one, lens)
             return ViewInformation(*(of[None] for of in alone))
-        points = max(len(self.points_in_target), 1) * (count if batch else 1)
+        points = len(self.points_in_target) * (count if batch else 1)
         size = max(1, (_CHUNK_LENS_POINTS if lens else _CHUNK_POINTS) // max(points, 1))
         if camera_from_target.shape[0] <= 1.5 * size:
             return self._linearise(camera_from_target, camera, lens)
@@ -140,14 +140,14 @@ class PixelMeasurement(TargetPoints):
             np.subtract(pixels[..., i], self.pixels[..., i], out=out[0, i])
         out[0] *= self.weight
         np.multiply(_planes(image.by_points), self.weight, out=out[1:4])
-        product = np.empty_like(out[0])
+        product = np.empty(out.shape[1:])
         for i in range(3):
             j, k = (i + 1) % 3, (i + 2) % 3
             np.multiply(turned[j], out[1 + k], out=out[4 + i])
             np.multiply(turned[k], out[1 + j], out=product)
             out[4 + i] -= product
         if image.by_terms is not None:
-            out[7:11] = 0.0
+            out[7:at] = 0.0
             for i, of in enumerate((image.u, image.v)):
                 np.multiply(of, self.weight, out=out[7 + i, i])
                 out[9 + i, i] = self.weight

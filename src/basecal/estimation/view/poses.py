@@ -65,7 +65,7 @@ class PoseMeasurement:
 
     def equations(self) -> IntArray:
         """See `Measurement`."""
-        return np.full(len(self.weight), 6, dtype=np.int64)
+        return np.full(self.weight.shape[:-1], 6, dtype=np.int64)
 
     def counts(self) -> dict[str, int]:
         """See `Measurement`."""

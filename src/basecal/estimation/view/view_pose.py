@@ -90,12 +90,12 @@ def view_poses(
 def _direct_linear(local: Array, bearings_in_camera: Array, seen: BoolArray, flat: bool) -> SE3:
     """The pose by the direct linear transform; of a plane by its homography, whose third axis is across the others."""
     places = local[:, :2] if flat else local
-    homogeneous = np.concatenate([places, np.ones((len(places), 1))], -1)
+    homogeneous = np.column_stack([places, np.ones(len(places))])
     bearings = bearings_in_camera * seen[..., None]
     matrix = smallest_vectors(_squared_misses(bearings, homogeneous)).reshape(len(bearings), 3, -1)
     # Points lie along the bearings and not against them.
     along = np.einsum("nia,nia->n", matrix, bearings.mT @ homogeneous)
-    matrix = matrix * np.where(along < 0, -1.0, 1.0)[:, None, None]
+    matrix[along < 0] = -matrix[along < 0]
     axes = matrix[:, :, :-1]
     scale = lengths(axes.mT).mean(-1) if flat else np.cbrt(np.abs(np.linalg.det(axes)))
     matrix = matrix / np.maximum(scale, 1e-12)[:, None, None]
@@ -114,8 +114,7 @@ def _squared_misses(bearings: Array, homogeneous: Array) -> Array:
         bearings: b, (n, p, 3), zero where not seen.
         homogeneous: h, (p, k).
     """
-    n, p, _ = bearings.shape
-    k = homogeneous.shape[-1]
+    n, (p, k) = len(bearings), homogeneous.shape
     across = -bearings[..., :, None] * bearings[..., None, :]
     across = with_identity(across, np.einsum("npi,npi->np", bearings, bearings))
     of_points = (homogeneous[:, :, None] * homogeneous[:, None, :]).reshape(p, k * k)
@@ -132,7 +131,7 @@ def _tilted(camera_from_plane: SE3) -> SE3:
     sight = at / np.maximum(lengths(at), 1e-12)[..., None]
     away = 2 * np.einsum("...i,...i->...", normal, sight)[..., None] * sight - normal
     turn = 2 * (away[..., :, None] * normal[..., None, :] - sight[..., :, None] * sight[..., None, :])
-    return SE3.adopt(with_identity(turn, np.ones(turn.shape[:-2])) @ camera_from_plane.rotation, at)
+    return SE3.adopt(with_identity(turn, np.ones(len(turn))) @ camera_from_plane.rotation, at)
 
 
 @dataclass(frozen=True, eq=False)
