@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import ViewGroup
 from basecal.estimation.start import all_pairs
 from basecal.estimation.start.all_pairs import placed_by_pairs
 from basecal.estimation.start.first_state import first_state
-from basecal.estimation.start.pair_views import pair_views
+from basecal.estimation.start.pair_views import PairViews, pair_views
 from basecal.estimation.start.refinement import refined_together
+from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
@@ -86,3 +90,100 @@ def test_bases_that_no_right_pair_reaches_are_left(made, rng) -> None:
 
     seen = [spoilt(s) if "r5" in (s.group.eye, s.group.hand) else s for s in sights(made, problem)]
     assert placed_by_pairs(problem, seen, made.truth, ()) == {}
+
+
+NAMES = [None, *(f"b{k}" for k in range(8))]
+
+
+def pair(rng, bases, k, eye, hand, turned_rad=(0.0,) * 5):
+    """Views of the k-th camera and target between two bases, turned so far from where X, Y and Z have them; these."""
+    n, at = len(turned_rad), {None: SE3.identity(), **bases}
+    a, c = SE3.exp(rng.standard_normal((n, 6))), SE3.exp(rng.standard_normal((n, 6)))
+    x, z = SE3.exp(rng.standard_normal(6)), SE3.exp(rng.standard_normal(6))
+    y = at[eye].inverse() @ at[hand]
+    b = (a @ x).inverse() @ y @ c @ z @ SE3.from_rotvec(np.outer(turned_rad, [0.6, 0.0, 0.8]), np.zeros((n, 3)))
+    stop, weight = np.full(n, -1), np.ones((n, 6))
+    group = ViewGroup(
+        f"c{k}", f"t{k}", eye, hand, f"x{k}", f"z{k}", eye, hand, np.arange(n), a, c, stop, stop, stop, stop,
+        PoseMeasurement(b, weight, weight),
+    )  # fmt: skip
+    both = SE3(np.stack([b.rotation] * 2, 1), np.stack([b.translation] * 2, 1))
+    return PairViews(group, both, np.ones(n), n), (x, y, z)
+
+
+@pytest.fixture
+def ring(rng):
+    """Eight bases about the reference and the nine pairs of neighbours among them, views turned by a milliradian."""
+    bases = {name: SE3.exp(rng.uniform(-1, 1, 6)) for name in NAMES if name}
+    pairs = [pair(rng, bases, k, NAMES[k], NAMES[(k + 1) % 9], (1e-3,) * 5) for k in range(9)]
+    return bases, pairs
+
+
+def placed(monkeypatch, pairs, given=()):
+    """Where pairs place bases and mounts whose X, Y and Z are these."""
+    monkeypatch.setattr(all_pairs, "_refined", lambda problem, seen, *_: [dict(found)[id(sight)] for sight in seen])
+    found = [(id(sight), triple) for sight, triple in pairs]
+    return placed_by_pairs(None, [sight for sight, _ in pairs], {}, given)
+
+
+def test_bases_stand_where_pairs_agree_and_mounts_where_the_best_has_them(ring, rng, monkeypatch) -> None:
+    """What is known stays; a pair that fits badly, one without poses and one of a robot with itself place no base."""
+    bases, pairs = ring
+    off = SE3.exp(np.full(6, 0.5))
+    sight, (x, y, z) = pair(rng, bases, 9, "b2", "b5")
+    pairs.append((sight, (x, y @ off, z)))
+    best, worse = (pair(rng, bases, 3, "b2", "b6", (turned_rad,) * 5) for turned_rad in (0.5e-3, 2e-3))
+    pairs = [best, *pairs, worse]
+    without, _ = pair(rng, bases, 10, "b1", "b3")
+    pairs.append((replace(without, candidates=None), (off, off, off)))
+    alone, triple = pair(rng, bases, 11, "b4", "b4")
+    pairs.append((alone, (off, triple[1] @ off, off)))
+    found = placed(monkeypatch, pairs, ("x5",))
+    assert set(found) == {*bases, *(f"{of}{k}" for of in "xz" for k in range(10))} - {"x5"}
+    assert max(np.abs((found[name].inverse() @ pose).log()).max() for name, pose in bases.items()) < 1e-6
+    np.testing.assert_array_equal(found["x3"].matrix, best[1][0].matrix)
+
+
+@pytest.mark.parametrize(("bases", "given", "are_placed"), [(8, (), True), (7, (), False), (8, ("b3",), False)])
+def test_eight_free_bases_are_many(rng, monkeypatch, bases, given, are_placed) -> None:
+    """The reference is none of them; of seven, or where one is known, nothing is placed."""
+    names = NAMES[: bases + 1]
+    at = {name: SE3.exp(rng.uniform(-1, 1, 6)) for name in names if name}
+    pairs = [pair(rng, at, k, first, second) for k, (first, second) in enumerate(pairwise(names))]
+    assert bool(placed(monkeypatch, pairs, given)) == are_placed
+
+
+@pytest.mark.parametrize(("share", "is_searched"), [(3.9, False), (4.1, True)])
+@pytest.mark.parametrize("is_better", [True, False])
+def test_a_pair_that_fits_four_times_as_badly_as_others_is_searched(
+    ring, rng, monkeypatch, share, is_searched, is_better
+) -> None:
+    """Its rotations, from the same start; what is found is taken where it fits better."""
+    bases, pairs = ring
+    pairs[4] = bad, (x, y, z) = pair(rng, bases, 4, "b3", "b4", (share * 1e-3,) * 5)
+    own = [triple for _, triple in pairs]
+    turn = SE3.from_rotvec([0.48e-3, 0.0, 0.64e-3] if is_better else [0.1, 0.0, 0.0], np.zeros(3))
+    wished, searched = [], (x, y, z @ turn)
+
+    def refined(wishes):
+        wished.append(wishes)
+        return list(own) if len(wished) == 1 else [searched] * len(wishes)
+
+    monkeypatch.setattr(all_pairs, "refined_together", refined)
+    transforms = dict(bases)
+    for k, (at_x, _, at_z) in enumerate(own):
+        transforms |= {f"x{k}": at_x, f"z{k}": at_z}
+    found = all_pairs._refined(SimpleNamespace(point_mounts={"z4"}), [sight for sight, _ in pairs], transforms, ())
+    assert [wish.searched for wish in wished[0]] == [False] * 9
+    assert [(wish.views, wish.searched, wish.is_point) for wish in wished[1]] == [(bad, True, True)] * is_searched
+    assert [of is triple for of, triple in zip(found, own, strict=True)] == [
+        k != 4 or not (is_searched and is_better) for k in range(9)
+    ]
+
+
+def test_a_pair_fits_as_the_median_of_its_views_is_turned(rng) -> None:
+    """By the better pose of each view; a few views anywhere do not count."""
+    sight, triple = pair(rng, {"b0": SE3.identity()}, 0, None, "b0", (0.1, 0.2, 3.0, -0.15, 0.01))
+    assert all_pairs._misfit(sight, triple) == pytest.approx(0.15)
+    nowhere = SE3(np.full((3, 3), np.nan), np.zeros(3))
+    assert all_pairs._misfit(sight, (triple[0], nowhere, triple[2])) == np.inf

@@ -43,7 +43,7 @@ def placed_by_pairs(
     misfit = np.array([_misfit(sight, triple) for sight, triple in zip(seen, triples, strict=True)])
     right = _right(misfit)
     told = [Relation(seen[k].group.eye_base, seen[k].group.hand_base, triples[k][1]) for k in np.flatnonzero(right)]
-    placed = _along(bases, told)
+    placed = _along(told)
     if placed.keys() < bases:
         return {}
     mounts: dict[str, SE3] = {}
@@ -105,7 +105,7 @@ def _right(misfit: Array) -> BoolArray:
     return np.asarray(misfit <= _WRONG * np.median(misfit))
 
 
-def _along(bases: Collection[str], relations: Sequence[Relation]) -> dict[str, SE3]:
+def _along(relations: Sequence[Relation]) -> dict[str, SE3]:
     """Where bases stand in the world by the fewest relations that lead to them."""
     near: dict[str | None, list[tuple[str | None, SE3]]] = defaultdict(list)
     for of in relations:
@@ -118,4 +118,4 @@ def _along(bases: Collection[str], relations: Sequence[Relation]) -> dict[str, S
             if other not in placed:
                 placed[other] = placed[name] @ from_other
                 waiting.append(other)
-    return {name: pose for name, pose in placed.items() if name is not None and name in bases}
+    return {name: pose for name, pose in placed.items() if name is not None}

@@ -68,9 +68,13 @@ def _two(left: Array, right: Array, weight: Array) -> tuple[Array, Array, bool]:
     """Rotations with left vec(P) = right vec(Q), (n, 9, 9) each."""
     rows = (np.concatenate([left, -right], -1) * weight[:, None, None]).reshape(-1, 18)
     null = null_vector(rows.T @ rows, float(lengths(weight)))
-    first, second = _unvec(null.vector[:9]), _unvec(null.vector[9:])
-    sign = np.sign(np.linalg.det(first)) or 1.0
-    return nearest_rotation(sign * first), nearest_rotation(sign * second), null.unique
+    vector = _upright(null.vector, _unvec(null.vector[:9]))
+    return nearest_rotation(_unvec(vector[:9])), nearest_rotation(_unvec(vector[9:])), null.unique
+
+
+def _upright(values: Array, matrix: Array) -> Array:
+    """Values that hold for either sign, by the one that leaves a matrix among them a determinant not below zero."""
+    return -values if np.linalg.det(matrix) < 0 else values
 
 
 def solve_rotations(loop: Loop) -> Rotations:
@@ -99,12 +103,10 @@ def solve_rotations(loop: Loop) -> Rotations:
 def _three(a: Array, b: Array, c: Array, weight: Array) -> Rotations:
     """All three, from K = kron(X', Y') and Z: kron(vec(A)', kron(B', I)) vec(K) = kron(I, C) vec(Z)."""
     null = null_vector(_three_squares(a, b, c, weight), float(lengths(weight)))
-    sign = np.sign(np.linalg.det(_unvec(null.vector[81:]))) or 1.0
-    product = sign * null.vector[:81].reshape(9, 9).T
+    product = _upright(null.vector, _unvec(null.vector[81:]))[:81].reshape(9, 9).T
     by_factor = product.reshape(3, 3, 3, 3).transpose(0, 2, 1, 3).reshape(9, 9)
     x_t, y_t = (of.reshape(3, 3) for of in _factors(by_factor))
-    sign = np.sign(np.linalg.det(x_t)) or 1.0
-    x, y = nearest_rotation(sign * np.stack([x_t, y_t])).mT
+    x, y = nearest_rotation(_upright(np.stack([x_t, y_t]), x_t)).mT
     return Rotations(x, y, mean_rotation(_t(y @ c) @ a @ x @ b, weight), null.unique)
 
 
