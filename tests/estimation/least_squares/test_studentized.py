@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from tests.pose_problem import pose_problem
 
+from basecal.cell import Intrinsics, Unknown
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.least_squares.jacobians import by_stop_errors, by_unknowns
 from basecal.estimation.least_squares.studentized import (
-    MahalanobisSquared,
+    _studentised,
     judged_by_view,
     leave_one_out,
     studentized,
@@ -19,13 +20,13 @@ from basecal.estimation.least_squares.studentized import (
     studentized_stops,
     studentized_views,
 )
-from basecal.estimation.outliers.inlier_mask import InlierMask, all_inliers, at_stops_of, inlier_problem
-from basecal.estimation.outliers.robust_scale import robust_scale
+from basecal.estimation.outliers.inlier_mask import all_inliers, at_stops_of
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State, chain
-from basecal.estimation.solve import solve, solve_from, solve_packed
+from basecal.estimation.solve import solve
+from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.point_jacobians import point_jacobians
-from basecal.geometry import SE3
+from basecal.geometry import SE3, Camera
 from basecal.geometry.se3_jacobians import right_jacobian_inverse
 from basecal.simulation import Scenario, simulate
 
@@ -80,61 +81,6 @@ def test_shared_stops_are_chi_square():
     assert abs(mean.mean() - 1) < 5 * np.sqrt(2 / 4 / len(mean))
 
 
-@pytest.mark.parametrize("noise", [(0.0, 0.0), NOISY])
-def test_a_view_deviates_alike_in_the_fit_and_out_of_it(noise):
-    """The deviation of a view from the others does not depend on whether it was part of the fit, to 3 %.
-
-    The problem is linear but for second order.
-    """
-    made = simulate(Scenario(robot_noise=noise, arms="stations"), seed=3)
-    problem, _ = build_problem(made.cell, made.recording)
-    found = solve_packed(problem, made.cell)
-    within = studentized_views(leave_one_out(found.problem, found.state, all_inliers(problem).weights))[0].value[5]
-    kept = InlierMask((np.arange(30) != 5,), all_inliers(problem).points)
-    left = inlier_problem(problem, kept)
-    others = solve_from(left, at_stops_of(left, found.state))
-    without = studentized_views(leave_one_out(problem, others.state, kept.weights))[0].value[5]
-    assert without == pytest.approx(within, rel=0.03)
-
-
-def test_a_bump_of_known_size_deviates_by_as_much():
-    """A pose off by 10 sigma in the noise of pixels and robots, at the true state, is 10 sigma off within 4."""
-    made = simulate(Scenario(target="pose", pose_noise=(1e-3, 1e-3)), seed=1)
-    problem, _ = build_problem(made.cell, made.recording)
-    group = problem.groups[0]
-    shift = np.zeros((30, 6))
-    shift[4, 1] = 0.01
-    moved = replace(
-        group.measurement, measured_camera_from_target=group.measurement.measured_camera_from_target @ SE3.exp(shift)
-    )
-    found = solve_packed(problem, made.cell)
-    square = studentized(problem.with_groups([replace(group, measurement=moved)]), found.state)[0].value[4]
-    assert abs(np.sqrt(square) - 10) < 4
-
-
-def test_scale_is_that_of_the_bulk():
-    """With three tenths of the squares gross, an unstated variance of 9 is found within 40 %, and these lie beyond."""
-    rng = np.random.default_rng(0)
-    value = 9 * rng.chisquare(6, 200)
-    value[:60] = 9 * rng.uniform(100, 1000, 60)
-    squares = MahalanobisSquared(value, np.full(200, 6))
-    scale = robust_scale([squares], 18, stated=False, chance=1e-4)
-    assert scale.variance == pytest.approx(9, rel=0.4)
-    assert scale.beyond(squares)[:60].all()
-    assert not scale.beyond(squares)[60:].any()
-
-
-def test_stated_sigmas_are_taken_at_their_word():
-    """Squares half as large as stated, or a little larger, leave the scale at 1; four times as large do not."""
-    rng = np.random.default_rng(1)
-    value = rng.chisquare(6, 300)
-    variances = [
-        robust_scale([MahalanobisSquared(k * value, np.full(300, 6))], 18, True, 1e-4).variance for k in (0.5, 1.5, 4)
-    ]
-    assert variances[:2] == [1.0, 1.0]
-    assert variances[2] == pytest.approx(4, rel=0.4)
-
-
 @pytest.mark.parametrize("target", ["charuco", "points", "points3d"])
 def test_points_not_seen_have_no_deviation(target):
     """No freedoms and no number, while the others of their views have theirs."""
@@ -184,15 +130,15 @@ def test_a_view_that_alone_tells_an_unknown_has_no_freedoms():
 
 @pytest.mark.parametrize(("count", "own"), [(11, False), (12, True)])
 def test_twelve_points_judge_each_other(count, own):
-    """With fewer, all else does."""
+    """With fewer, all else does; those of measured poses are none."""
     made = simulate(Scenario(samples=4), 0)
     (group,) = build_problem(made.cell, made.recording)[0].groups
     seen = np.zeros_like(group.measurement.seen)
     seen[:, :count] = True
-    assert judged_by_view(replace(group.measurement, seen=seen)).tolist() == [own] * 4
-    poses = simulate(Scenario(samples=4, target="pose"), 0)
-    (group,) = build_problem(poses.cell, poses.recording)[0].groups
-    assert not judged_by_view(group.measurement).any()
+    seen[2, 1:] = False
+    assert judged_by_view(replace(group.measurement, seen=seen)).tolist() == [own, own, False, own]
+    problem, _ = pose_problem(np.zeros((2, 6)), np.ones(6))
+    assert judged_by_view(problem.groups[0].measurement).tolist() == [False, False]
 
 
 def test_points_of_a_view_that_is_not_in_the_fit_are_judged_too():
@@ -321,11 +267,134 @@ def test_points_of_small_targets_deviate_as_all_else_says(arms):
     np.testing.assert_allclose(found.value, expected, rtol=1e-6)
 
 
-@pytest.mark.parametrize(("points", "by_view"), [(11, False), (12, True)])
-def test_from_twelve_points_on_a_view_judges_its_own(points, by_view):
-    """Of fewer all else judges them, too."""
-    made = simulate(Scenario(samples=3), 0)
-    (group,) = build_problem(made.cell, made.recording)[0].groups
-    seen = np.zeros_like(group.measurement.seen)
-    seen[:2, :points] = seen[2, :1] = True
-    assert judged_by_view(replace(group.measurement, seen=seen)).tolist() == [by_view, by_view, False]
+@pytest.mark.parametrize("batch", [(), (2,)])
+def test_a_view_is_off_from_a_state_by_its_own_sigmas(batch):
+    """Of poses near the identity by the squares of their errors; what is beyond numbers is infinitely far."""
+    sigma = 1e-6 * np.arange(1.0, 7.0)
+    errors = np.array([[1.0, -2, 0, 0, 3, 0], [0, 0, 0, 1, 0, 1], [1, 0, 0, 0, 0, 0]]) * sigma
+    problem, state = pose_problem(errors, sigma)
+    problem.groups[0].measurement.weight[2] = np.inf
+    with np.errstate(invalid="ignore"):
+        (found,) = studentized(problem, state.spread(problem, 2) if batch else state)
+    np.testing.assert_allclose(found.value, np.broadcast_to([14.0, 2.0, np.inf], (*batch, 3)), rtol=1e-5)
+    np.testing.assert_array_equal(found.freedoms, np.full((*batch, 3), 6))
+
+
+def lights(points, free_lens=False):
+    """Views of a target from its front at 1, 0.5, 0 and -1 m, each point 3 px and 4 px off where it is expected."""
+    problem, state = pose_problem(np.zeros((4, 6)), None)
+    (group,) = problem.groups
+    lens = Camera("pinhole", [1000.0, 1000.0, 500.0, 500.0])
+    at = np.array([[0.0, 0.0, z] for z in (1.0, 0.5, 0.0, -1.0)])
+    pixels = lens.project(points + np.abs(at + np.array([0, 0, 1e-9]))[:, None]) + np.array([3.0, 4.0])
+    seen = np.ones(pixels.shape[:2], dtype=bool)
+    views = PixelMeasurement(points, np.nan_to_num(pixels), seen, seen / 2.0, seen / 2.0)
+    flanges = SE3(np.tile(np.eye(3), (4, 1, 1)), -at)
+    problem = problem.with_groups([replace(group, measurement=views, eye_base_from_eye_flange=flanges)])
+    if free_lens:
+        problem = replace(problem, columns={**problem.columns, "camera": slice(6, 10)})
+        problem = replace(problem, lenses={"camera": Intrinsics("fixed", lens)})
+    return problem, replace(state, cameras={"camera": lens})
+
+
+def test_a_view_of_a_light_is_off_by_its_pixels_and_infinitely_far_behind_the_camera():
+    """From the camera's own place on; as many freedoms are counted as it has equations."""
+    problem, state = lights(np.array([[0.0, 0.0, 0.0]]))
+    (found,) = studentized(problem, state)
+    np.testing.assert_allclose(found.value, [25 / 4, 25 / 4, np.inf, np.inf], rtol=1e-9)
+    assert found.freedoms.tolist() == [2, 2, 2, 2]
+
+
+@pytest.mark.parametrize(("share", "freedoms"), [(1.5e-4, 6), (0.7e-4, 0)])
+def test_a_view_is_judged_where_others_tell_a_ten_thousandth(share, freedoms):
+    """Of the information in all; with less of it, it stands alone."""
+    errors = np.array([[1e-6] * 6, [-1e-6] * 6])
+    problem, state = pose_problem(errors, np.ones(6))
+    problem.groups[0].measurement.weight[1] = np.sqrt(share / (1 - share))
+    (found,) = studentized_views(leave_one_out(problem, state, [np.ones(2)]))
+    assert found.freedoms.tolist() == [freedoms, 6]
+    assert np.isfinite(found.value).tolist() == [freedoms > 0, True]
+
+
+def test_a_view_of_one_coordinate_has_one_freedom():
+    """Its error there, against that of the other view, by the variance of both."""
+    problem, state = pose_problem(np.array([[3e-6] * 6, [1e-6] * 6]), np.full(6, 1e-6))
+    problem.groups[0].measurement.weight[0, 1:] = 0.0
+    state = bundle_adjust(problem, state, 1).state
+    (found,) = studentized_views(leave_one_out(problem, state, [np.ones(2)]))
+    assert found.freedoms.tolist() == [1, 1]
+    np.testing.assert_allclose(found.value, 4 / 2, rtol=1e-4)
+
+
+@pytest.mark.parametrize(("learnt", "freedoms"), [(0.5, 1), (3e-9, 1), (0.5e-9, 0), (0.0, 0)])
+def test_a_shared_stop_is_judged_where_views_tell_a_billionth_of_it(learnt, freedoms):
+    """Of its variance along a direction: by the square of its error there over what they tell."""
+    tight = Unknown("prior", SE3.identity(), np.full(6, 1e-20))
+    problem, state = pose_problem(np.zeros((3, 6)), np.full(6, 1e-3), tight, np.full(6, 1e-3))
+    (group,) = problem.groups
+    group.measurement.weight[:] = 0.0
+    group.measurement.weight[:2, 0] = 1e3 * np.sqrt(learnt / (1 - learnt) / 2)
+    problem = problem.with_groups([replace(group, eye_stop=np.array([1, 1, 0]))])
+    error = np.array([0.0, 2e-5, 0.0])[:, None] * np.ones(6)
+    found = studentized_stops(leave_one_out(problem, replace(state, stop_errors=error), [np.ones(3)]))
+    assert found.freedoms.tolist() == [0, freedoms, 0]
+    np.testing.assert_allclose(found.value, [np.nan, 4e-10 / learnt if freedoms else np.nan, np.nan], rtol=1e-4)
+
+
+def test_points_of_poses_and_single_points_are_none():
+    """They have no freedoms and no number; two points of a view have."""
+    problem, state = pose_problem(np.zeros((3, 6)), np.ones(6))
+    (found,) = studentized_points(leave_one_out(problem, state, [np.ones(3)]))
+    for points, shape in ((None, (3, 1)), (np.zeros((1, 3)), (4, 1)), (np.array([[0, 0, 0], [0.1, 0, 0]]), (4, 2))):
+        if points is not None:
+            problem, state = lights(points)
+        (found,) = studentized_points(leave_one_out(problem, state, [(np.arange(shape[0]) < 2) * 1.0]))
+        assert found.value.shape == found.freedoms.shape == shape
+        assert np.isnan(found.value[:2]).all() == (shape[1] == 1)
+        assert bool(found.freedoms[:2].any()) == (shape[1] == 2)
+
+
+@pytest.mark.parametrize("free_lens", [False, True])
+def test_points_of_a_full_view_are_judged_by_a_pose_of_its_own(free_lens):
+    """Each by its residual about the pose fitted to its view alone, whatever the lens; of other views by all else."""
+    points = np.random.default_rng(0).uniform(-0.2, 0.2, (14, 3))
+    problem, state = lights(points, free_lens)
+    (group,) = (g.take(np.array([0, 1])) for g in problem.groups)
+    noise = np.random.default_rng(1).standard_normal(group.measurement.pixels.shape)
+    seen = np.arange(14) < np.array([[14], [11]])
+    views = replace(group.measurement, pixels=group.measurement.pixels + noise, seen=seen, weight=seen / 2.0)
+    problem = problem.with_groups([replace(group, measurement=views)])
+    about = leave_one_out(problem, state, [np.ones(2)])
+    (found,) = studentized_points(about)
+    rows = point_jacobians(views, state.camera_from_target(group, problem.stops), state.cameras["camera"], False)
+    of_pose, residual = rows.jacobian[0].reshape(28, 6), rows.residual[0].ravel()
+    hat = of_pose @ np.linalg.solve(of_pose.T @ of_pose, of_pose.T)
+    off = (residual - hat @ residual).reshape(14, 2)
+    left = [np.linalg.inv((np.eye(28) - hat)[k : k + 2, k : k + 2]) for k in range(0, 28, 2)]
+    np.testing.assert_allclose(found.value[0], [r @ inverse @ r for r, inverse in zip(off, left, strict=True)])
+    few = problem.with_groups([replace(group, measurement=replace(views, seen=seen & seen[1]))])
+    (by_all_else,) = studentized_points(replace(about, problem=few))
+    np.testing.assert_allclose(found.value[1], by_all_else.value[1])
+
+
+@pytest.mark.parametrize(("left", "value", "freedoms"), [
+    ([0.5, 0.8], 1 / 0.5 + 4 / 0.8, 2),
+    ([0.9, 2e-3], 1 / 0.9 + 4 / 2e-3, 2),
+    ([0.9, 0.5e-3], 1 / 0.9, 1),
+    ([0.5e-3, 0.9], 4 / 0.9, 1),
+    ([0.5e-3, 1e-4], np.nan, 0),
+    ([-1.0, -2.0], np.nan, 0),
+    ([0.5, 0.8, 0.4], 1 / 0.5 + 4 / 0.8 + 9 / 0.4, 3),
+    ([2e-3, 0.8, 0.5e-3], 1 / 2e-3 + 4 / 0.8, 2),
+])  # fmt: skip
+@pytest.mark.parametrize("turn_rad", [0.0, 0.7])
+def test_a_point_counts_where_a_thousandth_of_its_noise_is_left(left, value, freedoms, turn_rad):
+    """Its residual by what is left of each direction, however these are turned; a point not seen not at all."""
+    d = len(left)
+    turn = np.eye(d)
+    turn[:2, :2] = [[np.cos(turn_rad), -np.sin(turn_rad)], [np.sin(turn_rad), np.cos(turn_rad)]]
+    residual = np.tile(turn @ np.array([1.0, 2.0, 3.0])[:d], (1, 2, 1))
+    jacobian = np.tile(turn @ np.diag(np.sqrt(1 - np.array(left))), (1, 2, 1, 1))
+    found = _studentised(residual, jacobian, np.eye(d)[None], np.array([[True, False]]))
+    np.testing.assert_allclose(found.value, [[value, np.nan]])
+    assert found.freedoms.tolist() == [[freedoms, 0]]

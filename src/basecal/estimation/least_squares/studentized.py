@@ -202,7 +202,7 @@ def _posterior(about: LeaveOneOut, k: int, rows: PointJacobians) -> Array:
     n, p, d, q = rows.jacobian.shape
     flat = rows.jacobian.reshape(n, p * d, q)
     information = flat.mT @ flat
-    by_error = np.zeros((n, q, 6 * max(len(private), 1)))
+    by_error = np.zeros((n, q, 6 * len(private)))
     for i, of in enumerate(private):
         by_error[of.view, :, 6 * i : 6 * i + 6] = of.by_error
     inner = np.linalg.inv(np.eye(by_error.shape[-1]) + by_error.mT @ information @ by_error)
