@@ -102,7 +102,7 @@ def test_noisier_views_say_less(kind):
 @pytest.mark.parametrize("own", [False, True], ids=["shared", "own"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_batch_says_what_each_of_its_entries_says_alone(kind, own):
-    """Of poses (3, 4), whether all entries saw the same or each had its own sigmas; the lens free where there is one."""
+    """Of poses (3, 4), whether all entries saw the same or each had its own sigmas; the lens free if any."""
     measurement, pose, camera = made(kind, 1.0)
     poses = pose @ SE3.exp(0.03 * np.random.default_rng(0).standard_normal((3, 4, 6)))
     each = [measurement.noisier(1.0 + own * k) for k in range(3)]
