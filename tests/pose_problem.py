@@ -6,12 +6,15 @@ covariances are known in closed form.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 
 from basecal.cell import Unknown
 from basecal.estimation.problem.problem import Problem, State, Stops, ViewGroup
 from basecal.estimation.view.poses import PoseMeasurement
-from basecal.geometry import SE3, Array
+from basecal.geometry import SE3, Array, IntArray
 
 MOUNT, TARGET = "eye_flange_from_camera", "eye_base_from_target"
 
@@ -40,3 +43,25 @@ def pose_problem(
     unknowns = {MOUNT: prior or Unknown(), TARGET: Unknown("fixed", fixed)}
     problem = Problem("eye", (group,), unknowns, frozenset(), {}, stops, {MOUNT: slice(0, 6)})
     return problem, State({MOUNT: fixed, TARGET: fixed}, {}, np.zeros((len(stops), 6)))
+
+
+def two_arm_problem(errors: Array, eye_stop: Sequence[int], hand_stop: Sequence[int]) -> tuple[Problem, State]:
+    """As `pose_problem`, the target on a second arm `hand` whose base is the world, both arms with unit sigmas.
+
+    Args:
+        errors: (n, 6) right tangents of the measured poses.
+        eye_stop: (n,) the stop of each view, from 0 on; -1 everywhere of an arm that is exact.
+        hand_stop: (n,) likewise, from the last of `eye_stop` on.
+    """
+    problem, state = pose_problem(errors, None)
+    (group,) = problem.groups
+    eye, hand = np.array(eye_stop), np.array(hand_stop)
+    count = eye.max() + 1
+    robots = ("eye",) * count + ("hand",) * max(hand.max() + 1 - count, 0)
+    group = replace(group, hand="hand", eye_stop=eye, hand_stop=hand, eye_stand=_stands(eye), hand_stand=_stands(hand))
+    stops = Stops(np.ones((len(robots), 6)), robots)
+    return replace(problem, groups=(group,), stops=stops), replace(state, stop_errors=np.zeros((len(stops), 6)))
+
+
+def _stands(stop: IntArray) -> IntArray:
+    return np.arange(len(stop)) if stop.max() < 0 else stop - stop.min()

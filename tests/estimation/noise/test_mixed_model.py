@@ -7,12 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from tests.estimation.noise.test_reml import NOISY, ROBOTS, at_truth
+from tests.pose_problem import MOUNT, pose_problem, two_arm_problem
 
+from basecal.cell import Unknown
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
-from basecal.estimation.noise.mixed_model import estimates_of, mixed_model
+from basecal.estimation.least_squares.jacobians import by_stop_errors, by_unknowns
+from basecal.estimation.noise.mixed_model import chunks, estimates_of, mixed_model
 from basecal.estimation.noise.reml import posterior
 from basecal.estimation.noise.robot_noise import stops_made, with_robot_noise, without_errors
 from basecal.estimation.noise.terms.common_errors import CommonErrors
+from basecal.estimation.problem.problem import chain
+from basecal.geometry import SE3
 
 
 def test_step_leads_to_the_optimum():
@@ -73,3 +78,231 @@ def test_errors_of_stops_are_their_own_and_what_they_have_in_common(arms):
     assert len(model.prior) == problem.width + 6 * tied + 24
     np.testing.assert_array_equal(np.diag(model.prior)[problem.width :], 1.0)
     assert model.common.sum() == 24
+
+
+OWN = ([0, 1, 2, 3], [-1] * 4)
+CHAINED = ([0, 0, 1, 2], [3, 4, 4, 5])  # 0, 1, 3 and 4 are tied, and 2 and 5
+STAR = ([0, 1, 2, 3, 4, 5], [6, 6, 6, 6, 6, 7])  # 6 is tied to five
+EXACT = ([-1] * 3, [-1] * 3)
+SINGLE = ([0], [1])
+
+
+def shaken(problem, views, known_s=0.0):
+    """The problem with the camera in motion at all views, its stamps' jitter open, or known."""
+    (group,) = problem.groups
+    motion = np.random.default_rng(9).standard_normal((views, 6))
+    of = {"jitter_s": {"camera": known_s}} if known_s else {"open_jitter": frozenset({"camera"})}
+    return replace(problem.with_groups([replace(group, motion=motion)]), **of), motion
+
+
+@pytest.mark.parametrize(
+    ("stops", "block", "row", "column", "rows", "jitter"),
+    [
+        (OWN, [0, 1, 2, 3], [0] * 4, [-1] * 4, 6, [0, 1, 2, 3]),
+        (CHAINED, [0, 0, 1, 0, 0, 1], [0, 6, 0, 12, 18, 6], [-1] * 6, 24, [0, -1, -1, 1]),
+        (STAR, [0, 1, 2, 3, 4, 5, -1, 5], [0] * 6 + [-1, 6], [-1] * 6 + [6, -1], 12, [0, 1, 2, 3, 4, 5]),
+        (EXACT, [], [], [], 6, [0, 1, 2]),
+        (SINGLE, [0, 0], [0, 6], [-1, -1], 12, [0]),
+    ],
+)
+@pytest.mark.parametrize("known_s", [None, 0.0, 2.0])
+def test_each_stop_stands_in_a_block_or_among_the_columns(stops, block, row, column, rows, jitter, known_s):
+    """Stops of one block in rows of six; one that ties more than four among the columns; jitter in the row below.
+
+    Of views that share a block the first has a row for its jitter; without stops each has a block of its own.
+    """
+    problem, state = two_arm_problem(np.zeros((len(stops[0]), 6)), *stops)
+    moving = problem if known_s is None else shaken(problem, len(stops[0]), known_s)[0]
+    layout = mixed_model(moving, state, ROBOTS).layout
+    for found, expected in ((layout.block, block), (layout.row, row), (layout.column, column)):
+        assert found.tolist() == expected
+    as_stamped = mixed_model(replace(moving, open_jitter=frozenset(), jitter_s={}), state, ROBOTS).layout
+    assert as_stamped.rows == rows
+    jitter = [-1 if known_s is None else of for of in jitter]
+    ((of_views, row_of_views),) = layout.shaken
+    assert of_views.tolist() == jitter
+    assert row_of_views.tolist() == [-1 if of < 0 else rows for of in jitter]
+    assert layout.blocks == max(*block, *jitter, -1) + 1
+    assert (layout.rows, layout.width) == (rows + (known_s is not None), 6 + 6 * sum(at >= 0 for at in column))
+
+
+def derivative(problem, layout, view, motion, common):
+    """Of a view near the identity to the columns, (6, m), and to the errors in its block, (6, q)."""
+    (group,) = problem.groups
+    columns, errors = np.zeros((6, layout.width)), np.zeros((6, layout.rows))
+    columns[:, : problem.width] = -np.eye(6, problem.width)
+    for sign, stop, stand, robot in (
+        (-1, group.eye_stop[view], group.eye_stand[view], "eye"),
+        (1, group.hand_stop[view], group.hand_stand[view], "hand"),
+    ):
+        if stop < 0:
+            continue
+        in_columns = layout.block[stop] < 0
+        at = layout.column[stop] if in_columns else layout.row[stop]
+        (columns if in_columns else errors)[:, at : at + 6] += sign * np.eye(6)
+        if robot in common:
+            first, shared = layout.common[robot]
+            columns[:, first : first + len(shared.is_turn)] += sign * shared.by_stop[stand]
+    ((_, row),) = layout.shaken
+    if row[view] >= 0:
+        errors[:, row[view]] = motion[view]
+    return columns, errors
+
+
+@pytest.mark.parametrize("stops", [OWN, CHAINED, STAR, EXACT, SINGLE], ids=["own", "tied", "star", "exact", "single"])
+@pytest.mark.parametrize(
+    ("known_s", "robots_in_common", "mount"),
+    [(None, (), "free"), (0.0, ("eye",), "free"), (2.0, ROBOTS, "free"), (None, ROBOTS, "fixed")],
+)
+def test_moments_are_sums_over_views(stops, known_s, robots_in_common, mount, rng):
+    """Of poses near the identity: products of residuals and derivatives, about the state without errors of stops."""
+    views = len(stops[0])
+    residual = 1e-6 * rng.standard_normal((views, 6))
+    problem, state = two_arm_problem(-residual, *stops)
+    state = replace(state, stop_errors=1e-6 * rng.standard_normal(state.stop_errors.shape))
+    problem = problem if mount == "free" else replace(problem, columns={})
+    motion = None
+    if known_s is not None:
+        problem, motion = shaken(problem, views, known_s)
+        motion = motion * (known_s or 1.0)
+    common = {
+        robot: CommonErrors(rng.standard_normal((stops_made(problem, robot), 6, 3)), np.array([False, True, True]))
+        for robot in robots_in_common
+        if robot in problem.stops.robot
+    }
+    model = mixed_model(problem, state, ROBOTS, common)
+    layout = model.layout
+    ((jitter, _),) = layout.shaken
+    (group,) = problem.groups
+    for name, own in (("pose_m", np.repeat([1.0, 0.0], 3)), ("pose_rad", np.repeat([0.0, 1.0], 3))):
+        part = model.parts["camera", name]
+        fixed, fixed_fixed = np.zeros(layout.width), np.zeros((layout.width, layout.width))
+        errors = np.zeros((layout.blocks, layout.rows))
+        across = np.zeros((*errors.shape, layout.width))
+        errors_errors = np.zeros((*errors.shape, layout.rows))
+        for view in range(views):
+            x, z = derivative(problem, layout, view, motion, common)
+            of_stops = [s[view] for s in (group.eye_stop, group.hand_stop) if s[view] >= 0]
+            block = max([jitter[view], *layout.block[of_stops].tolist()])
+            fixed += x.T @ (own * residual[view])
+            fixed_fixed += x.T @ (own[:, None] * x)
+            if block >= 0:
+                errors[block] += z.T @ (own * residual[view])
+                across[block] += z.T @ (own[:, None] * x)
+                errors_errors[block] += z.T @ (own[:, None] * z)
+        assert part.count == pytest.approx(3 * views)
+        assert part.cost == pytest.approx(np.sum(own * residual**2), rel=1e-4)
+        for found, expected in (
+            (part.fixed, fixed), (part.errors, errors), (part.fixed_fixed, fixed_fixed),
+            (part.errors_fixed, across), (part.errors_errors, errors_errors),
+        ):  # fmt: skip
+            np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-4 * np.abs(expected).max(initial=1e-9))
+
+
+def test_sigmas_scale_what_they_are_of():
+    """Shifts and turns of each robot that is open, in blocks and columns; jitter after them; terms by their kind."""
+    problem, state = two_arm_problem(np.zeros((6, 6)), *STAR)
+    problem, _ = shaken(problem, 6)
+    shared = CommonErrors(np.ones((2, 6, 3)), np.array([False, True, True]))
+    model = mixed_model(problem, state, ("hand",), {"hand": shared})
+    shift_and_turn = [0] * 3 + [1] * 3
+    assert model.column_robot.tolist() == [-1] * 6 + shift_and_turn + [0, 1, 1]
+    assert model.common.tolist() == [False] * 12 + [True] * 3
+    none = [-1] * 6
+    assert model.error_robot.tolist() == [[*none, *none, 2]] * 5 + [[*none, *shift_and_turn, 2]]
+    of_both = mixed_model(problem, state, ROBOTS, {"hand": shared})
+    assert of_both.column_robot.tolist() == [-1] * 6 + [2] * 3 + [3] * 3 + [2, 3, 3]
+    assert of_both.error_robot.tolist() == [[*shift_and_turn, *none, 4]] * 5 + [[*shift_and_turn, 2, 2, 2, 3, 3, 3, 4]]
+    (group,) = problem.groups
+    second = replace(group, camera="another", eye_stop=np.full(6, -1), hand_stop=np.full(6, -1))
+    of_two = replace(problem.with_groups([group, second]), open_jitter=frozenset({"another", "camera"}))
+    found = mixed_model(of_two, state, ROBOTS)
+    assert found.shaken == ("another", "camera")
+    assert found.error_robot[:, 12].tolist() == [5] * 6 + [4] * 6
+    assert (of_both.robots, of_both.shaken, of_both.robot_of_stop) == (ROBOTS, ("camera",), problem.stops.robot)
+
+
+def test_what_is_known_beforehand_is_that_of_the_state():
+    """A mount a thousandth of a sigma off costs as much in each coordinate; errors have unit variance about nothing."""
+    sigma = np.array([1e-3, 2e-3, 3e-3, 1e-3, 2e-3, 4e-3])
+    known = Unknown("prior", SE3.exp(np.zeros(6)), sigma)
+    problem, state = pose_problem(np.zeros((3, 6)), None, known, np.ones(6))
+    state = replace(state, transforms={**state.transforms, MOUNT: SE3.exp(1e-3 * sigma)})
+    shared = {"eye": CommonErrors.in_every_coordinate(np.ones((3, 1)))}
+    model = mixed_model(problem, state, ("eye",), shared)
+    np.testing.assert_allclose(model.prior, np.diag([*sigma**-2, *[1.0] * 6]), rtol=1e-4, atol=10.0)
+    np.testing.assert_array_equal(model.prior[6:], np.eye(12)[6:])
+    np.testing.assert_allclose(model.prior_gradient, [*1e-3 / sigma, *[0.0] * 6], rtol=1e-3, atol=1e-6)
+    assert model.prior_cost == pytest.approx(6e-6, rel=1e-3)
+
+
+def test_a_shape_has_columns_of_its_own(rng):
+    """After all others: what all views say of it; beforehand it is where it was, of unit variance."""
+    problem, state = at_truth(replace(NOISY, samples=3, target="chessboard", state_pixel_noise=False))
+    problem = replace(problem, shapes={"board": np.array([1.0, -2.0, 0.5])})
+    model = mixed_model(problem, state, ROBOTS)
+    shape = model.layout.shapes["board"]
+    assert (shape, model.width) == (slice(18, 21), 18)
+    (view,) = estimates_of(problem, state)[0].values()
+    (part,) = model.parts.values()
+    np.testing.assert_allclose(part.fixed[shape], view.gradient[:, 6:].sum(0), rtol=1e-12)
+    np.testing.assert_allclose(part.fixed_fixed[shape, shape], view.information[:, 6:, 6:].sum(0), rtol=1e-12)
+    (group,) = problem.groups
+    by_unknown, columns = by_unknowns(problem, group, chain(group, state, problem.stops), 6)
+    both = np.einsum("nij,nik->jk", by_unknown, view.information[:, :6, 6:])
+    np.testing.assert_allclose(part.fixed_fixed[columns, shape], both, rtol=1e-9, atol=1e-9 * np.abs(both).max())
+    np.testing.assert_array_equal(part.fixed_fixed[shape, :18], part.fixed_fixed[:18, shape].T)
+    across = part.errors_fixed[:, :6, shape]
+    of_eye = by_stop_errors(group, chain(group, state, problem.stops), state, problem.stops, 6)[0][1]
+    expected = of_eye.mT @ view.information[:, :6, 6:]
+    np.testing.assert_allclose(across, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+    np.testing.assert_array_equal(model.prior_gradient[shape], problem.shapes["board"])
+    np.testing.assert_array_equal(model.prior[18:, 18:], np.eye(3))
+    assert model.prior_cost == 1.0 + 4.0 + 0.25
+
+
+def test_views_that_hang_on_the_same_block_add_up(monkeypatch):
+    """Views taken one by one, or all of a chunk at once, add up to the same; a block may have several."""
+    problem, state = two_arm_problem(1e-3 * np.random.default_rng(2).standard_normal((4, 6)), *CHAINED)
+    together = mixed_model(problem, state, ROBOTS).parts["camera", "pose_m"]
+    monkeypatch.setattr("basecal.estimation.noise.mixed_model._AT_ONCE", 1)
+    apart = mixed_model(problem, state, ROBOTS).parts["camera", "pose_m"]
+    for name in ("errors", "errors_fixed", "errors_errors"):
+        np.testing.assert_allclose(getattr(apart, name), getattr(together, name), rtol=1e-12, atol=1e-15)
+
+
+def test_targets_without_a_shape_have_no_columns_of_it():
+    """Nor those of too few points, nor poses that were measured."""
+    problem, state = at_truth(replace(NOISY, samples=3, target="chessboard", state_pixel_noise=False))
+    (of_poses,) = pose_problem(np.zeros((3, 6)), None)[0].groups
+    few = problem.with_groups([replace(problem.groups[0], measurement=of_poses.measurement)])
+    (of_board,), (of_poses,) = (estimates_of(of, state) for of in (problem, few))
+    points, state_of_points = at_truth(replace(NOISY, samples=3, target="points", state_pixel_noise=False))
+    (of_points,) = estimates_of(points, state_of_points)
+    assert of_points["pixel_px"].gradient.shape == (3, 6)
+    assert of_board["pixel_px"].gradient.shape == (3, 9)
+    assert of_poses["pose_m"].gradient.shape == (3, 6)
+
+
+def test_jitter_moves_the_view_and_not_the_lens(rng):
+    """Where a lens is free, too."""
+    problem, state = at_truth(replace(NOISY, samples=3, intrinsics="free", state_pixel_noise=False))
+    motion = rng.standard_normal((3, 6))
+    moving = replace(problem.with_groups([replace(problem.groups[0], motion=motion)]), open_jitter=frozenset({"wrist"}))
+    (part,) = mixed_model(moving, state, ROBOTS).parts.values()
+    (view,) = estimates_of(moving, state)[0].values()
+    expected = np.einsum("ni,nij,nj->n", motion, view.information[:, :6, :6], motion)
+    np.testing.assert_allclose(part.errors_errors[:, -1, -1], expected, rtol=1e-9)
+    across = np.einsum("nij,nj->ni", view.information[:, 6:15, :6], motion)
+    lens = problem.columns["wrist"]
+    np.testing.assert_allclose(
+        part.errors_fixed[:, -1, lens], across[:, : lens.stop - lens.start], rtol=1e-9, atol=1e-9 * np.abs(across).max()
+    )
+
+
+def test_as_many_blocks_at_a_time_as_stay_near_the_processor():
+    """A megabyte of numbers, one block at least, all of none."""
+    assert chunks(5, 2, 32768) == [slice(0, 2), slice(2, 4), slice(4, 6)]
+    assert chunks(2, 2, 131072) == [slice(0, 1), slice(1, 2)]
+    assert chunks(3, 0, 7) == [slice(0, 131072)]
+    assert chunks(0, 2, 7) == []

@@ -110,7 +110,7 @@ def test_blocks_at_a_time_change_nothing(monkeypatch):
     logs = np.log([0.3, 1e-3, 2e-3, 1e-3, 2e-3])
     together = posterior(model, logs)
     slope = together.slope()
-    monkeypatch.setattr("basecal.estimation.noise.reml._AT_ONCE", 1)
+    monkeypatch.setattr("basecal.estimation.noise.mixed_model._AT_ONCE", 1)
     apart = posterior(model, logs)
     assert model.layout.blocks > 2
     assert apart.value == pytest.approx(together.value, rel=1e-11)

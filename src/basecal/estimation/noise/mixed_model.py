@@ -24,7 +24,7 @@ from basecal.numerics.tied_blocks import tied_blocks
 
 # So many stops stand in one block: two arms that each came to a place twice.
 _MOST_TIED = 4
-_AT_ONCE = 2**17  # numbers of an array over views: a megabyte stays near the processor
+_AT_ONCE = 131_072  # numbers of an array over blocks: a megabyte stays near the processor, which memory keeps waiting
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,9 +184,8 @@ def open_jitter(problem: Problem) -> tuple[str, ...]:
 
 def _layout(problem: Problem, shared: Mapping[str, CommonErrors]) -> Layout:
     count = len(problem.stops)
-    pairs = [np.stack([g.eye_stop, g.hand_stop], -1) for g in problem.groups]
-    both = np.concatenate([pair[(pair >= 0).all(-1)] for pair in pairs] or [np.zeros((0, 2), dtype=np.int64)])
-    of = tied_blocks(both, count, _MOST_TIED)
+    pairs = np.concatenate([np.column_stack([g.eye_stop, g.hand_stop]) for g in problem.groups])
+    of = tied_blocks(pairs[(pairs >= 0).all(1)], count, _MOST_TIED)
     block, row = of.block, np.where(of.block >= 0, 6 * of.place, -1)
     column = np.full(count, -1, dtype=np.int64)
     blocks, rows = int(block.max(initial=-1)) + 1, int(row.max(initial=0)) + 6
@@ -254,7 +253,7 @@ def _moments(problem: Problem, number: int, state: State, view: ViewEstimates, l
     _place_jitter(errors, block, problem, number, layout)
     carried = (view.information[..., :rows] @ present[..., None])[..., 0]
     gradient = view.gradient - carried
-    squares = np.sum(present * (carried - 2 * view.gradient)[:, :rows], -1)
+    squares = np.vecdot(present, (carried - 2 * view.gradient)[:, :rows])
     about = replace(view, cost=view.cost + squares, gradient=gradient)
     return _summed(about, fixed, errors, block, layout, by_shape)
 
@@ -263,7 +262,7 @@ def _place_jitter(errors: Array, block: IntArray, problem: Problem, number: int,
     """Put what jitter moves views by into its row: by a second where it is open, else by its sigma."""
     group, (own, row) = problem.groups[number], layout.shaken[number]
     here = np.flatnonzero(own >= 0)
-    if len(here) and group.motion is not None:
+    if len(here):
         unit = group.motion if group.camera in problem.open_jitter else problem.shake(group)
         assert unit is not None
         errors[here, :6, row[here]] = unit[here]
@@ -291,7 +290,7 @@ def _summed(
     if by_shape is not None:
         carried[..., by_shape] = view.information[:, :rows, rows:]
     flat = fixed.reshape(n * rows, layout.width)
-    by_fixed, both = flat.T @ gradient.reshape(-1), flat.T @ carried.reshape(n * rows, layout.width)
+    by_fixed, both = flat.T @ gradient.ravel(), flat.T @ carried.reshape(n * rows, layout.width)
     if by_shape is not None:
         by_fixed[by_shape] = view.gradient[:, rows:].sum(0)
         both[by_shape] = both[:, by_shape].T
@@ -300,13 +299,18 @@ def _summed(
     e, ef, ee = np.zeros((blocks, q)), np.zeros((blocks, q, m)), np.zeros((blocks, q, q))
     own = np.flatnonzero(block >= 0)
     add = _put if len(np.unique(block[own])) == len(own) else np.add.at
-    size = max(1, _AT_ONCE // max(1, q * m))
-    for here in (own[at : at + size] for at in range(0, len(own), size)):
+    for here in (own[some] for some in chunks(len(own), q, m)):
         by_error = errors[here].mT
         add(e, block[here], (by_error @ gradient[here][..., None])[..., 0])
         add(ef, block[here], by_error @ carried[here])
         add(ee, block[here], by_error @ information[here] @ errors[here])
     return Moments(view.count, float(view.cost.sum()), by_fixed, e, both, ef, ee)
+
+
+def chunks(blocks: int, rows: int, columns: int) -> list[slice]:
+    """So many blocks of so many rows and columns at a time."""
+    size = max(1, _AT_ONCE // max(1, rows * columns))
+    return [slice(first, first + size) for first in range(0, blocks, size)]
 
 
 def _put(into: Array, rows: IntArray, values: Array) -> None:

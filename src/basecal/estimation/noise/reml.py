@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from basecal.estimation.noise.mixed_model import MixedModel, Moments
+from basecal.estimation.noise.mixed_model import MixedModel, Moments, chunks
 from basecal.estimation.noise.view_estimates import STATED
 from basecal.geometry import Array, IntArray
 from basecal.geometry.rotation import with_identity
@@ -30,7 +30,6 @@ from basecal.numerics.spectral import floored
 _FLOOR = 1e-11  # of the scaled information where there is none: four digits above rounding
 _ROUNDS_ONE = 1e12  # an entry of this size leaves the identity beside it four digits
 _ROUNDING = 1e-13  # of such entries, which keeps it regular
-_AT_ONCE = 2**17  # numbers of an array over blocks: a megabyte stays near the processor, which memory keeps waiting
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +142,7 @@ class Posterior:
         """
         k, own = len(self.logs), np.einsum("bqq->bq", self.blocks.own)
         sums = np.zeros((k + 1, *self.spread.shape))
-        for here in _chunks(len(own), own.shape[1], len(self.spread)):
+        for here in chunks(len(own), own.shape[1], len(self.spread)):
             back, which = self._back(here), self.of_errors[here]
             for sigma in np.unique(which):
                 rows = back[which == sigma]
@@ -159,7 +158,7 @@ class Posterior:
         """What is expected of the squares of errors by their sigma, (k,), and of each part's by what errors spread."""
         squares, of_errors = np.zeros(len(keys)), self.mean_errors**2
         x = _scales(self.logs, self.of_columns)
-        for here in _chunks(len(of_errors), of_errors.shape[1], len(self.spread)):
+        for here in chunks(len(of_errors), of_errors.shape[1], len(self.spread)):
             back = self._back(here) * x
             across = (back.reshape(-1, back.shape[-1]) @ self.spread).reshape(back.shape)
             covariance = self.blocks.own[here] + across @ back.mT
@@ -274,7 +273,7 @@ def columns_given(model: MixedModel, logs: Array, blocks: _Blocks | None = None)
     value = sum(2 * model.parts[k].count * v for k, v in zip(keys, logs, strict=False)) + cost + model.prior_cost
     m = len(x)
     explained, by_errors = np.zeros((m, m)), np.zeros(m)
-    for here in _chunks(len(u), u.shape[1], m):
+    for here in chunks(len(u), u.shape[1], m):
         scale = u[here]
         bu, ux, uu = _weighed(model, weights, ("errors", "errors_fixed", "errors_errors"), here)
         uu *= scale[:, :, None]
@@ -300,12 +299,6 @@ def columns_given(model: MixedModel, logs: Array, blocks: _Blocks | None = None)
     spread, log_det = _inverse(told, np.diag(fixed_fixed) * x**2 + np.diag(model.prior))
     mean = -spread @ gradient
     return Columns(model, logs, value + float(gradient @ mean) + log_det, mean, spread)
-
-
-def _chunks(blocks: int, rows: int, columns: int) -> list[slice]:
-    """So many blocks at a time."""
-    size = max(1, _AT_ONCE // max(1, rows * columns))
-    return [slice(first, first + size) for first in range(0, blocks, size)]
 
 
 def _lost(matrices: Array) -> Array | None:
