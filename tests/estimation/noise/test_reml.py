@@ -6,10 +6,11 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from tests.made_up_model import ALL_STATED, BLOCKS, COLUMNS, OPEN, ROWS, UNKNOWNS, made_up, written
 
 from basecal.estimation.least_squares.jacobians import by_stop_errors, by_unknowns
 from basecal.estimation.noise.mixed_model import Moments, mixed_model, open_jitter
-from basecal.estimation.noise.reml import columns_given, posterior, sigma_count
+from basecal.estimation.noise.reml import _inverse, _lost, columns_given, open_parts, posterior, sigma_count, sigmas_of
 from basecal.estimation.noise.robot_noise import stops_made, with_robot_noise, without_errors
 from basecal.estimation.noise.terms.common_errors import CommonErrors
 from basecal.estimation.noise.view_estimates import STATED
@@ -218,3 +219,145 @@ def test_jitter_of_views_that_do_not_move_is_not_open():
     assert open_jitter(problem.with_groups([moving.take(np.zeros(0, dtype=int))])) == ()
     assert open_jitter(replace(problem.with_groups([moving]), open_jitter=frozenset())) == ()
     assert mixed_model(problem, state, ROBOTS).shaken == ()
+
+
+@pytest.fixture(params=[(*OPEN, ALL_STATED), OPEN[:1], (ALL_STATED,)], ids=["parts", "open", "stated"])
+def of_numbers(request, rng):
+    """A made-up model, its parts written out, and sigmas: one part alone goes by sums over blocks."""
+    model, parts = made_up(rng, request.param)
+    return model, parts, np.exp(0.5 * rng.standard_normal(9 + len(open_parts(model))))
+
+
+def test_sigmas_are_counted_in_their_order(of_numbers):
+    """Those of parts, then a shift and a turn of each robot, jitter, and the same of errors in common if any."""
+    model, _, sigmas = of_numbers
+    first = sum(key in OPEN for key in model.parts)
+    assert open_parts(model) == list(OPEN[:first])
+    assert sigma_count(model) == len(sigmas) == first + 4 + 1 + 4
+    assert (sigmas_of(model, "eye"), sigmas_of(model, "hand")) == (slice(first, first + 2), slice(first + 2, first + 4))
+    assert sigma_count(replace(model, common=np.zeros(COLUMNS, dtype=bool))) == first + 5
+    assert sigma_count(replace(model, shaken=())) == first + 8
+
+
+def test_all_that_is_unknown_is_that_of_one_matrix(of_numbers):
+    """Value, means and covariances: columns and errors of blocks by one inverse of all of it."""
+    model, parts, sigmas = of_numbers
+    found, expected = posterior(model, np.log(sigmas)), written(model, parts, sigmas)
+    assert found.value == pytest.approx(expected.value, rel=1e-8)
+    mean, covariance = expected.mean, expected.covariance
+    np.testing.assert_allclose(found.mean_columns, mean[:COLUMNS], rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(found.mean_errors.ravel(), mean[COLUMNS:], rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(found.spread, covariance[:COLUMNS, :COLUMNS], rtol=1e-6, atol=1e-8)
+    np.testing.assert_array_equal(found.step, found.mean_columns[:UNKNOWNS])
+    np.testing.assert_array_equal(found.covariance, found.spread[:UNKNOWNS, :UNKNOWNS])
+    own = np.linalg.inv(expected.information[COLUMNS:, COLUMNS:])
+    for block in range(BLOCKS):
+        here = slice(block * ROWS, (block + 1) * ROWS)
+        np.testing.assert_allclose(found.blocks.own[block], own[here, here], rtol=1e-8, atol=1e-10)
+    assert not found.blocks.lost.any()
+    some, known = np.array([1, 4, 10]), columns_given(model, np.log(sigmas))
+    units = expected.scales[some]
+    of_some = known.in_units(some)
+    np.testing.assert_allclose(of_some[0], mean[some] * units, rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(
+        of_some[1], covariance[np.ix_(some, some)] * np.outer(units, units), rtol=1e-6, atol=1e-8
+    )
+
+
+def test_errors_of_stops_are_in_their_units(of_numbers):
+    """From blocks and columns, each times its sigma; those in common likewise."""
+    model, parts, sigmas = of_numbers
+    expected = written(model, parts, sigmas)
+    units = expected.mean * expected.scales
+    errors, (_, shared) = units[COLUMNS:].reshape(BLOCKS, ROWS), model.layout.common["hand"]
+    of_stops = np.array([errors[0, :6], units[3:9], errors[1, :6]])
+    of_stops[1:] += shared.by_stop @ units[9:11]
+    np.testing.assert_allclose(posterior(model, np.log(sigmas)).stop_errors, of_stops, rtol=1e-6, atol=1e-8)
+
+
+def test_slope_and_average_information_are_written_out(of_numbers):
+    """The slope is that of the value; the information is 4 (S - V' M^-1 V), V by what each sigma scales."""
+    model, parts, sigmas = of_numbers
+    found, logs, step = posterior(model, np.log(sigmas)), np.log(sigmas), 1e-5
+    slope = [
+        (written(model, parts, np.exp(logs + h)).value - written(model, parts, np.exp(logs - h)).value) / (2 * step)
+        for h in step * np.eye(len(logs))
+    ]
+    np.testing.assert_allclose(found.slope(), slope, rtol=1e-5, atol=1e-5)
+    general = replace(found, blocks=replace(found.blocks, lost=np.ones(BLOCKS)))
+    np.testing.assert_allclose(general.slope(), found.slope(), rtol=1e-7, atol=1e-7)
+    at, keys = written(model, parts, sigmas), open_parts(model)
+    mean = at.mean
+    v, squares = np.zeros((len(sigmas), len(mean))), np.zeros(len(sigmas))
+    for i, key in enumerate(keys):
+        scaled = parts[key].both * at.scales
+        left = parts[key].residual + scaled @ mean
+        v[i], squares[i] = at.weights[key] * scaled.T @ left, at.weights[key] * left @ left
+    which = np.concatenate([found.of_columns, found.of_errors.ravel()])
+    for i in range(len(keys), len(sigmas)):
+        v[i] = np.where(which == i, mean, 0.0)
+        squares[i] = v[i] @ v[i]
+    expected = 4 * (np.diag(squares) - v @ at.covariance @ v.T)
+    np.testing.assert_allclose(found.average_information(), expected, rtol=1e-5, atol=1e-6)
+
+
+def test_errors_that_no_sigma_scales_stand_as_they_are(of_numbers):
+    """Of a robot that is not open, in blocks and columns alike."""
+    model, parts, sigmas = of_numbers
+    error_robot, column_robot = model.error_robot.copy(), model.column_robot.copy()
+    error_robot[0, :6] = -1
+    column_robot[3:9] = -1
+    model = replace(model, error_robot=error_robot, column_robot=column_robot)
+    found, expected = posterior(model, np.log(sigmas)), written(model, parts, sigmas)
+    assert found.value == pytest.approx(expected.value, rel=1e-8)
+    step = 1e-5 * np.eye(len(sigmas))
+    slope = [
+        (posterior(model, np.log(sigmas) + h).value - posterior(model, np.log(sigmas) - h).value) / 2e-5 for h in step
+    ]
+    np.testing.assert_allclose(found.slope(), slope, rtol=1e-5, atol=1e-5)
+
+
+def test_an_identity_beside_what_would_round_it_away_is_raised():
+    """By a ten-trillionth of it, so that what is left stays regular; a trillion leaves four digits."""
+    assert _lost(np.array([np.diag([0.9e12, 1.0])])) is None
+    assert _lost(np.zeros((0, 2, 2))) is None
+    np.testing.assert_allclose(_lost(np.array([np.diag([1.0, 2e12]), np.diag([0.9e12, 1.0])])), [0.2, 0.0])
+
+
+def test_directions_without_information_are_held_by_a_floor():
+    """Of a hundred billionth beside what there was; those below nothing count as there."""
+    log = np.log
+    for last, held in ((0.0, 1e-11), (-1.0, 1e-11), (16 * 3e-11, 4e-11)):
+        inverse, log_det = _inverse(np.diag([4.0, last]), np.array([4.0, 16.0]))
+        np.testing.assert_allclose(inverse, np.diag([0.25, 1 / (16 * held)]), rtol=1e-6, atol=1e-6)
+        assert log_det == pytest.approx(log(4.0) + log(16 * held))
+    inverse, log_det = _inverse(np.array([[4.0, 3.0], [1.0, 9.0]]), np.array([4.0, 9.0]))
+    np.testing.assert_allclose(inverse, np.linalg.inv([[4.0, 2.0], [2.0, 9.0]]), rtol=1e-9)
+    assert log_det == pytest.approx(log(32.0))
+
+
+def test_what_would_be_rounded_away_does_not_break_the_sums(rng):
+    """At a sigma a million times what residuals have, mean and value are those of a sigma not known at all."""
+    model, parts = made_up(rng)
+    sigmas = np.ones(11)
+    sigmas[[2, 3, 6]] = 3e6  # shifts, turns and jitter of the first block
+    found = posterior(model, np.log(sigmas))
+    assert found.blocks.lost[0] > 0.0 == found.blocks.lost[1]
+    expected = written(model, parts, sigmas)
+    np.testing.assert_allclose(found.mean_columns, expected.mean[:COLUMNS], rtol=1e-2, atol=1e-3)
+    assert found.value == pytest.approx(expected.value, rel=1e-2)
+
+
+def test_unknowns_that_cannot_be_told_apart_are_held_beside_what_each_had(rng):
+    """By a hundred billionth of its own information, that known beforehand included."""
+    model, parts = made_up(rng, OPEN)
+    alike = {key: replace(of, by_columns=of.by_columns[:, [0, 1, 1, *range(3, COLUMNS)]]) for key, of in parts.items()}
+    prior, gradient = model.prior.copy(), np.zeros(COLUMNS)
+    prior[:3, :3] = 0.0
+    prior[1:3, 1:3] = 500.0
+    moments = {key: of.moments() for key, of in alike.items()}
+    model = replace(model, parts=moments, prior=prior, prior_gradient=gradient)
+    sigmas = np.ones(11)
+    diagonal = np.diag(prior) + sum(np.diag(of.fixed_fixed) for of in moments.values())
+    held = replace(model, prior=prior + 1e-11 * np.diag(diagonal))
+    assert columns_given(model, np.log(sigmas)).value == pytest.approx(written(held, alike, sigmas).value, abs=1e-2)

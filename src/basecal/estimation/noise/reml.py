@@ -284,7 +284,7 @@ def columns_given(model: MixedModel, logs: Array, blocks: _Blocks | None = None)
         scaled = root * scale[:, None, :]
         whitened, cu = scaled @ ux, (scaled @ bu[..., None])[..., 0]
         flat = whitened.reshape(-1, m)
-        by_errors += flat.T @ cu.reshape(-1)
+        by_errors += flat.T @ cu.ravel()
         explained += flat.T @ flat
         value += float(log_dets.sum()) - float(np.sum(cu**2))
         if blocks is not None:
@@ -303,8 +303,9 @@ def columns_given(model: MixedModel, logs: Array, blocks: _Blocks | None = None)
 
 def _lost(matrices: Array) -> Array | None:
     """How much more of I keeps I + S regular, (b,), where S is so large that rounding loses I; None where none does."""
-    size = np.einsum("...ii->...i", matrices).max(axis=-1, initial=0.0)  # no entry is larger than the largest of these
-    return np.where(size > _ROUNDS_ONE, _ROUNDING * size, 0.0) if size.max(initial=0.0) > _ROUNDS_ONE else None
+    size = np.einsum("bii->bi", matrices).max(axis=1)  # no entry is larger than the largest of these
+    large = size > _ROUNDS_ONE
+    return np.where(large, _ROUNDING * size, 0.0) if large.any() else None
 
 
 def _which(model: MixedModel, first: int) -> tuple[IntArray, IntArray]:
@@ -315,7 +316,7 @@ def _which(model: MixedModel, first: int) -> tuple[IntArray, IntArray]:
 
 
 def _scales(logs: Array, which: IntArray) -> Array:
-    scales: Array = np.where(which >= 0, np.exp(np.append(logs, 0.0))[which], 1.0)
+    scales: Array = np.exp(np.append(logs, 0.0))[which]  # -1 is the last
     return scales
 
 
