@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from basecal.cell.targets.chessboard import chessboard_target
-from basecal.estimation.noise.board_bow import bow_of, height_m
+from basecal.estimation.noise.board_bow import COEFFICIENTS, bow_of, height_m
+from basecal.geometry import SE3
 
 BOARD = chessboard_target((9, 6), 0.04)
 
@@ -21,3 +22,32 @@ def test_shape_moves_points_off_their_plane_alone():
 def test_height_is_that_off_the_points_own_plane():
     """Tilt and shift of the surface do not count: a twist of one sigma lifts the corner (1, 5/8) by its product."""
     assert height_m(BOARD.points, np.array([0.0, 1.0, 0.0])) == pytest.approx(3e-3 * 0.16 * 5 / 8, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("tilt", "u_axis", "normal"),
+    [
+        ([0, 0, 0], [1, 0, 0], [0, 0, 1]),
+        ([0, np.pi / 2, 0], [0, 1, 0], [1, 0, 0]),  # the first axis of the target is across the board
+        ([0, 1.1, 0], [np.cos(1.1), 0, -np.sin(1.1)], [np.sin(1.1), 0, np.cos(1.1)]),
+        ([0, 1.2, 0], [0, 1, 0], [np.sin(1.2), 0, np.cos(1.2)]),
+        ([np.pi, 0, 0], [1, 0, 0], [0, 0, 1]),
+    ],
+)
+def test_coefficients_are_those_of_squares_and_the_product(tilt, u_axis, normal):
+    """Of places over the half size along the target's first axis, as far as it lies in the plane, and across it.
+
+    Where nine tenths of the first axis and more are across the board the second one is taken.
+    """
+    points = BOARD.points @ SE3.from_rotvec(np.array(tilt, dtype=float), np.zeros(3)).rotation.T
+    u, v = ((points - points.mean(0)) @ np.transpose([u_axis, np.cross(normal, u_axis)]) / 0.16).T
+    heights = 3e-3 * 0.16 * np.array([u * u, u * v, v * v]).T
+    shape = bow_of(points + np.array([0.1, -0.2, 0.3]))
+    assert shape.shape == (len(points), 3, COEFFICIENTS)
+    np.testing.assert_allclose(shape, np.einsum("pk,i->pik", heights, normal), atol=1e-12)
+
+
+def test_height_of_a_bowl_is_that_over_the_mean_of_its_square():
+    """Of u squared, with u from -1 to 1 in nine steps, the mean is taken up by the plane: it is 5/12."""
+    assert np.mean(np.linspace(-1, 1, 9) ** 2) == pytest.approx(5 / 12)
+    assert height_m(BOARD.points, np.array([1.0, 0.0, 0.0])) == pytest.approx(3e-3 * 0.16 * 7 / 12, rel=1e-6)

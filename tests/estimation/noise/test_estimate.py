@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,9 @@ from tests.pose_problem import pose_problem
 
 from basecal.cell import Unknown
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
-from basecal.estimation.noise.estimate import degrees_of_freedom, estimate_noise, residual_counts
+from basecal.estimation.least_squares.normal_equations import linearise
+from basecal.estimation.noise import estimate as module
+from basecal.estimation.noise.estimate import NoiseEstimate, degrees_of_freedom, estimate_noise, residual_counts
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.view.measurement import Noise
@@ -129,3 +132,86 @@ def test_each_column_of_an_arm_under_a_prior_is_a_residual(links, more):
     free = sum(m.widths[f"{name}_link_parameters"] for name, m in problem.models.items())
     assert free > 12
     assert degrees_of_freedom(problem) == count - 18 - (0 if more else free)
+
+
+def ratio(problem, state, noise, name="pose_m"):
+    """New over old variance of one field at a state."""
+    problem = problem.with_noise(noise)
+    return module._ratio(
+        problem, SimpleNamespace(state=state, normal=linearise(problem, state)), noise, name, 3 * len(problem.groups[0])
+    )
+
+
+@pytest.mark.parametrize(("stop", "sigma"), [(1e-3, 2e-3), (3e-3, 1e-3)])
+def test_views_at_stops_of_their_own_pay_for_these_too(rng, stop, sigma):
+    """Beside n stops of sigma s of their own: s^2 n + sigma^2 over s^2 + sigma^2 in each coordinate."""
+    errors = 1e-3 * rng.standard_normal((5, 6))
+    problem, state = pose_problem(errors, None, stop_sigma=np.full(6, stop))
+    squares = np.sum(errors[:, :3] ** 2) / sigma**2
+    paid = 3 * (5 * stop**2 + sigma**2) / (stop**2 + sigma**2)
+    found = ratio(problem, state, Noise(pose_m=sigma))
+    assert found == pytest.approx(squares / (15 - paid), rel=1e-3)
+
+
+def test_a_view_that_is_all_paid_for_has_a_hundredth_of_its_freedoms_left():
+    """Then the variance is 100 times its mean square, between a hundred-millionth and its inverse of what it was."""
+    for size, expected in ((1e-3, 100.0), (1e-9, 1e-8), (3.0, 1e8)):
+        problem, state = pose_problem(np.array([[size, -size, size, 0.0, 0.0, 0.0]]), None)
+        assert ratio(problem, state, Noise()) == pytest.approx(expected, rel=1e-4)
+
+
+def test_what_fits_to_the_last_bit_is_off_by_a_nanometre():
+    """And by a nanoradian: less is rounding."""
+    _, _, noise = estimated(np.zeros((4, 6)))
+    assert noise.noise.pose_m == pytest.approx(1e-9, rel=1e-3)
+    assert noise.noise.pose_rad == pytest.approx(1e-9, rel=1e-3)
+    assert noise.settled
+
+
+def test_an_estimate_that_did_not_come_to_rest_says_so(rng, monkeypatch):
+    """After one round of what takes several."""
+    monkeypatch.setattr(module, "_ROUNDS", 1)
+    _, _, noise = estimated(0.1 * rng.standard_normal((4, 6)))
+    assert (noise.settled, noise.factor, noise.estimated) == (False, 1.0, ("pose_m", "pose_rad"))
+
+
+def test_a_factor_of_fewest_freedoms():
+    """Of as many numbers as unknowns it is the cost; of a cost that rounding took below nothing it is nothing."""
+    made = simulate(
+        Scenario(samples=9, target="led", camera_mount="fixed", target_mount="fixed", state_pixel_noise=False), 0
+    )
+    problem, _ = build_problem(made.cell, made.recording)
+    end = bundle_adjust(problem, State(made.truth, made.cameras, np.zeros((0, 6))), 1, 2)
+    for views, freedoms in ((3, 1), (4, 2), (9, 12)):
+        few = problem.with_groups(g.take(np.arange(views)) for g in problem.groups)
+        assert max(degrees_of_freedom(few), 1) == freedoms
+        for cost, factor in ((5.0, 5.0 / freedoms), (-1e-9, 0.0)):
+            _, _, noise = estimate_noise(few, replace(end, cost=cost), 2)
+            assert noise.factor == pytest.approx(factor)
+            assert (noise.settled, noise.estimated) == (True, ("pixel_px",))
+
+
+def test_what_is_held_or_stated_needs_no_estimate(rng):
+    """It is settled as it is."""
+    problem, state = pose_problem(1e-3 * rng.standard_normal((4, 6)), np.full(6, 1e-3))
+    end = bundle_adjust(problem, state, 1, 2)
+    for given in (problem, replace(problem, held=True)):
+        same, again, noise = estimate_noise(given, end, 2)
+        assert (same is given, again is end, noise.settled, noise.factor) == (True, True, True, 1.0)
+        assert (noise.surprise, noise.plain_surprise) == (0.0, 0.0)
+
+
+def test_a_problem_holds_what_was_estimated():
+    """Of each camera its own, of others that of all; robots, jitter and shapes beside what the problem had."""
+    problem, _ = pose_problem(np.zeros((2, 6)), None)
+    (group,) = problem.groups
+    two = replace(problem.with_groups([group, replace(group, camera="other")]), jitter_s={"other": 1e-3})
+    noise = NoiseEstimate(
+        Noise(pose_m=2e-3), 1.0, ("pose_m",), True, robots={"eye": np.full(6, 1e-4)},
+        cameras={"other": Noise(pose_m=5e-3)}, jitter_s={"camera": 2e-3},
+    )  # fmt: skip
+    held = noise.held_by(two)
+    assert held.held
+    assert [g.measurement.weight[0, 0] for g in held.groups] == pytest.approx([500.0, 200.0])
+    assert (held.jitter_s, held.stops.robot) == ({"other": 1e-3, "camera": 2e-3}, ("eye", "eye"))
+    np.testing.assert_array_equal(held.stops.sigma, 1e-4)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.pose_problem import pose_problem, two_arm_problem
 
 from basecal.estimation.noise import neighbourhoods as module
 from basecal.estimation.noise.estimate import NoiseEstimate
@@ -136,3 +137,42 @@ def test_each_sigma_is_that_of_where_it_is_told():
     np.testing.assert_allclose(of.robots["r2"], 3e-3)
     assert (of.estimated, of.settled, of.surprise, of.plain_surprise) == (("pixel_px",), False, 7.0, 70.0)
     assert together({**found, "r2": found["r1"]}, parts).settled
+    assert of.factor == 1.0
+    assert of.noise == of.cameras["a"]
+
+
+def test_two_robots_are_each_others_neighbours(monkeypatch):
+    """One alone has none, nor have such whose own kinematics are estimated."""
+    monkeypatch.setattr(module, "MANY_COLUMNS", 6)
+    problem, state = two_arm_problem(np.zeros((3, 6)), [0, 1, 2], [3, 4, 5])
+    assert goes_by_neighbourhoods(problem)
+    assert not goes_by_neighbourhoods(replace(problem, models={"eye": None}))
+    assert not goes_by_neighbourhoods(pose_problem(np.zeros((3, 6)), None)[0])
+    assert not goes_by_neighbourhoods(replace(problem, columns={}))
+    of_eye, of_hand = neighbourhoods(problem, state)
+    assert (of_eye.robot, of_eye.cameras, of_eye.targets) == ("eye", {"camera"}, set())
+    assert (of_hand.robot, of_hand.cameras, of_hand.targets) == ("hand", set(), {"target"})
+
+
+@pytest.mark.parametrize("role", ["eye", "hand"])
+def test_what_stands_on_the_world_is_told_with_the_robot_that_shares_its_views(role):
+    """A camera with the target's arm, a target with the camera's; whose base is no column."""
+    problem, state = two_arm_problem(np.zeros((3, 6)), [0, 1, 2], [3, 4, 5])
+    (group,) = problem.groups
+    still = {"eye": None} if role == "hand" else {"hand": None}
+    base = {f"{role}_base": "base"}
+    columns = {"base": slice(0, 6), "unused": slice(6, 12), group.camera_mount: slice(12, 18)}
+    alone = replace(problem.with_groups([replace(group, **still, **base)]), columns=columns)
+    (part,) = neighbourhoods(alone, state)
+    assert (part.robot, part.cameras, part.targets) == (role, {"camera"}, {"target"})
+    assert part.problem.columns == {group.camera_mount: slice(0, 6)}
+
+
+def test_columns_close_up_in_their_order():
+    """Each as wide as it was."""
+    problem, _ = two_arm_problem(np.zeros((3, 6)), [0, 1, 2], [3, 4, 5])
+    (group,) = problem.groups
+    mount, target = group.camera_mount, group.target_mount
+    columns = {"other": slice(0, 4), target: slice(4, 7), "camera": slice(7, 16), mount: slice(16, 22)}
+    found = module._columns(replace(problem, columns=columns), None)
+    assert found == {target: slice(0, 3), "camera": slice(3, 12), mount: slice(12, 18)}

@@ -7,10 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.pose_problem import pose_problem, two_arm_problem
 
-from basecal.estimation.noise.robot_noise import stops_made, with_robot_noise
+from basecal.estimation.noise.robot_noise import stands, stops_made, with_robot_noise, without_errors
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.solve import solve_packed
+from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
 NOISY = (2e-4, 3e-4)
@@ -66,3 +68,49 @@ def test_numbers_of_stops_are_those_of_the_recording():
     assert len(few.stops) == 12
     np.testing.assert_array_equal(left.eye_stop, all_views.eye_stop[:4])
     np.testing.assert_array_equal(left.hand_stop, all_views.hand_stop[:4])
+
+
+def test_a_robot_that_is_nowhere_made_no_stop():
+    """It has no pose, and no error."""
+    problem, state = two_arm_problem(np.zeros((3, 6)), [0, 1, 1], [2, 2, 3])
+    assert [stops_made(problem, robot) for robot in ("eye", "hand", "another")] == [2, 2, 0]
+    poses, seen = stands(problem, "another")
+    assert (poses.shape, seen.shape) == ((0,), (0,))
+    given = with_robot_noise(problem, {"another": SIGMA})
+    assert given.stops.robot == problem.stops.robot
+    assert without_errors(given, state).stop_errors.tolist() == [[0.0] * 6] * 4
+
+
+@pytest.mark.parametrize(("made", "count"), [(0, 4), (4, 4), (5, 5)])
+def test_poses_of_stops_are_those_recorded_there(made, count):
+    """By their numbers, of views of either role; those of which no view is left have none."""
+    problem, _ = two_arm_problem(np.zeros((2, 6)), [0, 1], [2, 3])
+    (group,) = problem.groups
+    poses = SE3.exp(0.1 * np.arange(24.0).reshape(4, 6))
+    first = replace(group, hand_base_from_hand_flange=poses[:2], hand_stand=np.array([3, 1]))
+    second = replace(group, eye="hand", hand=None, eye_base_from_eye_flange=poses[2:3], eye_stand=np.array([0]))
+    two = replace(problem.with_groups([first, second.take(np.array([0]))]), stands={"hand": made, "eye": 9})
+    found, seen = stands(two, "hand")
+    assert seen.tolist() == [True, True, False, True, False][:count]
+    for stand, pose in ((3, poses[0]), (1, poses[1]), (0, poses[2])):
+        np.testing.assert_array_equal(found[stand].matrix, pose.matrix)
+    np.testing.assert_array_equal(found[2].matrix, np.eye(4))
+    assert with_robot_noise(two, {"hand": SIGMA}).stops.robot.count("hand") == count
+
+
+def test_one_stop_is_one_whoever_stands_there():
+    """Of eye and hand alike; the rows of views without noise stay -1."""
+    problem, _ = two_arm_problem(np.zeros((2, 6)), [-1, -1], [0, 1])
+    (group,) = problem.groups
+    still = replace(group, eye_stand=np.zeros(2, dtype=int), hand_stand=np.zeros(2, dtype=int))
+    of_eye = with_robot_noise(problem.with_groups([still]), {"eye": SIGMA})
+    assert of_eye.stops.robot == ("hand", "hand", "eye")
+    assert (of_eye.groups[0].eye_stop.tolist(), of_eye.groups[0].hand_stop.tolist()) == ([2, 2], [0, 1])
+    of_hand = with_robot_noise(problem.with_groups([still]), {"hand": 2 * SIGMA})
+    assert of_hand.stops.robot == ("hand",)
+    assert (of_hand.groups[0].eye_stop.tolist(), of_hand.groups[0].hand_stop.tolist()) == ([-1, -1], [0, 0])
+    np.testing.assert_array_equal(of_hand.stops.sigma, [2 * SIGMA])
+    alone, _ = pose_problem(np.zeros((1, 6)), None)
+    given = with_robot_noise(alone, {"eye": SIGMA})
+    assert given.stops.robot == ("eye",)
+    assert given.groups[0].hand_stop.tolist() == [-1]

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.pose_problem import pose_problem
 
 from basecal.estimation.noise import joint_estimate
 from basecal.estimation.noise.robot_noise import with_robot_noise
@@ -33,6 +34,19 @@ def test_stops_are_those_of_the_views_kept(arms):
         np.testing.assert_array_equal(few.stops.sigma[now], problem.stops.sigma[was])
         assert [few.stops.robot[k] for k in now] == [problem.stops.robot[k] for k in was]
     assert set(after.eye_stop) | set(after.hand_stop) == set(range(len(few.stops)))
+
+
+def test_views_without_a_stop_have_none():
+    """Of seven views the first, fourth and last are spread most evenly; the last stop is kept with the last view."""
+    problem, state = pose_problem(np.zeros((7, 6)), None, stop_sigma=np.ones(6))
+    problem = problem.with_groups([*problem.groups, problem.groups[0].take(np.zeros(0, dtype=int))])
+    state = replace(state, stop_errors=np.arange(42.0).reshape(7, 6))
+    few, at = some_views(problem, state, 3)
+    (group,) = few.groups
+    assert group.sample.tolist() == [0, 3, 6]
+    assert (group.eye_stop.tolist(), group.hand_stop.tolist()) == ([0, 1, 2], [-1] * 3)
+    np.testing.assert_array_equal(at.stop_errors, state.stop_errors[[0, 3, 6]])
+    assert [len(some_views(problem, state, most)[0].groups[0]) for most in (1, 6, 7, 8)] == [1, 4, 7, 7]
 
 
 @pytest.mark.parametrize("arms", ["both", "halves", "stations"])

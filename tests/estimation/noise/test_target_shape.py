@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.pose_problem import pose_problem
 
 from basecal.cell.targets.chessboard import chessboard_target
 from basecal.cell.targets.points import points_target
 from basecal.estimation.noise.board_bow import bow_of
-from basecal.estimation.noise.target_shape import is_flat, off_m, reshaped, shape_of, shaped_targets
+from basecal.estimation.noise.target_shape import is_flat, off_m, points_of, reshaped, shape_of, shaped_targets
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
@@ -50,6 +51,55 @@ def test_flat_is_what_a_board_may_be_bowed_by():
     """A bow of ten sigmas leaves it flat, a target made in space is none."""
     assert is_flat(BOARD.points + 10 * bow_of(BOARD.points)[..., 0])
     assert not is_flat(BODY.points)
+    cube = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    assert is_flat(cube * [1.0, 0.7, 0.049])
+    assert not is_flat(cube * [1.0, 0.7, 0.051])
+
+
+def of_points(points, stated=False):
+    """A problem of a target of such points, seen at three places."""
+    (group,) = (problem := problem_of(replace(NOISY, samples=3))).groups
+    count = len(points)
+    measurement = replace(
+        group.measurement,
+        points_in_target=points,
+        pixels=np.zeros((3, count, 2)),
+        seen=np.ones((3, count), dtype=bool),
+        stated=np.full((3, count), float(stated)),
+        weight=np.ones((3, count)),
+    )
+    return problem.with_groups([replace(group, measurement=measurement, readings=())])
+
+
+@pytest.mark.parametrize(
+    ("points", "coefficients"),
+    [
+        (BOARD.points[:8], 0),
+        (BOARD.points[:9], 0),  # a row of a board
+        (BOARD.points[:18], 3),
+        (BOARD.points[[0, 1, 2, 9, 10, 11, 18, 19, 20]], 3),
+        (np.random.default_rng(0).uniform(-1, 1, (8, 3)), 0),
+        (np.random.default_rng(0).uniform(-1, 1, (9, 3)), 27),
+        (np.random.default_rng(0).uniform(-1, 1, (40, 3)), 120),
+        (np.random.default_rng(0).uniform(-1, 1, (41, 3)), 0),
+    ],
+)
+def test_how_many_coefficients_a_shape_has(points, coefficients):
+    """Of nine points and more: three in a plane, three a point of 40 in space; none of a line, or a stated board."""
+    expected = {"board": coefficients} if coefficients else {}
+    assert shaped_targets(of_points(points)) == expected
+    assert shaped_targets(of_points(points, stated=True)) == (expected if coefficients > 3 else {})
+
+
+def test_poses_have_no_points():
+    """Nor any shape: they are left as they are, as are targets of which none is given."""
+    problem, _ = pose_problem(np.zeros((2, 6)), None)
+    assert points_of(problem.groups[0]).shape == (0, 3)
+    assert shaped_targets(problem) == {}
+    same = reshaped(problem, {"target": np.ones(3)})
+    assert same.groups == problem.groups
+    other = of_points(BOARD.points)
+    assert reshaped(other, {"another": np.ones(3)}).groups == other.groups
 
 
 def test_a_board_is_bowed_and_a_body_has_a_coefficient_for_each_coordinate():
@@ -57,6 +107,7 @@ def test_a_board_is_bowed_and_a_body_has_a_coefficient_for_each_coordinate():
     np.testing.assert_array_equal(shape_of(BOARD.points), bow_of(BOARD.points))
     shape = shape_of(BODY.points)
     assert shape.shape == (12, 3, 36)
+    np.testing.assert_allclose(shape_of(BODY.points + np.array([0.3, -0.1, 0.2])), shape, atol=1e-12)
     half = 0.06 * np.sqrt(3)
     assert np.linalg.matrix_rank(shape.reshape(36, 36), tol=1e-9) == 30
     np.testing.assert_allclose(np.linalg.norm(shape.reshape(36, 36), 2), 5e-3 * half, rtol=1e-9)
@@ -71,6 +122,8 @@ def test_shaping_is_undone_by_the_opposite(scenario, shape):
     there = reshaped(problem, {"board": np.array(shape)})
     back = reshaped(there, {"board": np.zeros(len(shape))})
     at = [p.groups[0].measurement.points_in_target for p in (problem, there, back)]
+    np.testing.assert_allclose(at[1] - at[0], shape_of(at[0]) @ shape, atol=1e-12)
+    np.testing.assert_array_equal(there.shapes["board"], shape)
     off = off_m(at[0], np.array(shape))
     np.testing.assert_allclose(np.linalg.norm(at[1] - at[0], axis=-1), off, atol=1e-12)
     np.testing.assert_allclose(at[2], at[0], atol=0.02 * off.max())

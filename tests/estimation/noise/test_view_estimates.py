@@ -6,8 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.pose_problem import pose_problem
 from tests.shared.real_recordings import example
 
+from basecal.cell.targets.points import points_target
 from basecal.estimation.noise.target_shape import points_of, shape_of
 from basecal.estimation.noise.view_estimates import view_estimates
 from basecal.estimation.problem.build import build_problem
@@ -83,3 +85,48 @@ def test_a_view_says_as_much_as_its_own_estimate():
     own = np.einsum("ni,nij,nj->n", view.gradient, np.linalg.inv(view.information), view.gradient)
     np.testing.assert_allclose(found.cost, own, rtol=1e-6)
     assert found.white == pytest.approx(view.cost.sum() - own.sum(), rel=1e-6)
+
+
+def test_poses_say_all_that_they_are():
+    """Three freedoms of each kind a view, none of them scatter; nothing of what nothing says."""
+    errors = 1e-6 * np.random.default_rng(0).standard_normal((4, 6))
+    problem, state = pose_problem(errors, None)
+    found = view_estimates(problem, problem.groups[0], state)
+    assert set(found) == {"pose_m", "pose_rad"}
+    for name, own in (("pose_m", np.repeat([1.0, 0.0], 3)), ("pose_rad", np.repeat([0.0, 1.0], 3))):
+        of = found[name]
+        np.testing.assert_allclose(of.cost, (own * errors**2).sum(1), rtol=1e-4)
+        np.testing.assert_allclose(of.gradient, -own * errors, rtol=1e-4, atol=1e-11)
+        np.testing.assert_allclose(of.information, np.tile(np.diag(own), (4, 1, 1)), atol=1e-4)
+        assert of.count == pytest.approx(12.0)
+        assert of.white == pytest.approx(0.0, abs=1e-16)
+        assert of.white_count == pytest.approx(0.0, abs=1e-6)
+    stated, state = pose_problem(errors, np.full(6, 1e-3))
+    assert set(view_estimates(stated, stated.groups[0], state)) == {"stated"}
+    (of,) = view_estimates(stated, stated.groups[0], state).values()
+    assert of.count == pytest.approx(24.0)
+    assert of.white_count == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_body_of_which_each_point_may_be_off_has_no_scatter():
+    """All that is seen of it counts; with a coefficient less, what shape and pose do not explain is scatter."""
+    body = points_target(0.06 * np.array([[x, y, z] for x in (-1, 0, 1) for y in (-1, 1) for z in (-1, 1)]))
+    made = simulate(Scenario(samples=3, target="points", board=body, state_pixel_noise=False), 1)
+    problem, _ = build_problem(made.cell, made.recording)
+    (group,) = problem.groups
+    state = State(made.truth, made.cameras, np.zeros((0, 6)))
+    by_shape = shape_of(points_of(group))
+    assert by_shape.shape == (12, 3, 36)
+    of = view_estimates(problem, group, state, by_shape)["pixel_px"]
+    seen = 2 * int(group.measurement.seen.sum())
+    assert (of.count, of.white, of.white_count) == (seen, 0.0, 0)
+    assert of.gradient.shape == (3, 42)
+    unit = group.measurement.with_noise(Noise(pixel_px=1.0))
+    poses = state.camera_from_target(group, problem.stops)
+    squares = np.sum(unit.residual_px(poses, made.cameras["wrist"]) ** 2 * unit.seen[..., None], axis=(1, 2))
+    np.testing.assert_allclose(of.cost, squares, rtol=1e-9)
+    bowed = view_estimates(problem, group, state, by_shape[..., :3])["pixel_px"]
+    assert bowed.gradient.shape == (3, 9)
+    assert 0.0 < bowed.white < of.cost.sum()
+    assert 18 < bowed.count <= 27
+    assert bowed.count + bowed.white_count == pytest.approx(seen)

@@ -25,7 +25,7 @@ def bow_of(points_in_target: Array) -> Array:
     plane, normal = _plane(points_in_target)
     half = float(np.abs(plane).max())
     u, v = (plane / half).T
-    heights = _SIGMA * half * np.stack([u * u, u * v, v * v], -1)
+    heights = _SIGMA * half * np.column_stack([u * u, u * v, v * v])
     return np.asarray(heights[:, None, :] * normal[None, :, None])
 
 
@@ -36,16 +36,16 @@ def _plane(points_in_target: Array) -> tuple[Array, Array]:
     """
     centred = points_in_target - points_in_target.mean(0)
     normal = principal_axes(centred).axes[:, 2]
-    normal = normal * np.sign(normal[np.argmax(np.abs(normal))])
+    normal = np.copysign(1.0, normal[np.argmax(np.abs(normal))]) * normal
     first = np.eye(3)[0 if abs(normal[0]) < _STEEP else 1]
     u = first - (first @ normal) * normal
     u /= np.linalg.norm(u)
-    return centred @ np.stack([u, np.cross(normal, u)], -1), normal
+    return centred @ np.column_stack([u, np.cross(normal, u)]), normal
 
 
 def height_m(points_in_target: Array, bow: Array) -> float:
     """How far a bowed target's points lie from their own plane, the largest distance [m]."""
     plane, normal = _plane(points_in_target)
     heights = (bow_of(points_in_target) @ bow) @ normal
-    rows = np.concatenate([plane, np.ones((len(plane), 1))], -1)
+    rows = np.column_stack([plane, np.ones(len(plane))])
     return float(np.abs(heights - rows @ least_norm(rows, heights)).max())

@@ -42,7 +42,7 @@ def with_robot_noise(problem: Problem, sigmas: Mapping[str, Array]) -> Problem:
         sigmas: By robot, (6,) [m, rad] in flange axes.
     """
     kept = np.array([name not in sigmas for name in problem.stops.robot], dtype=bool)
-    renumbered = np.where(kept, np.cumsum(kept) - 1, -1)
+    renumbered = np.cumsum(kept) - 1  # of stops that are kept
     sigma, names = [problem.stops.sigma[kept]], [n for n, k in zip(problem.stops.robot, kept, strict=True) if k]
     first: dict[str, int] = {}
     for robot in sorted(sigmas):
@@ -62,7 +62,7 @@ def without_errors(problem: Problem, state: State) -> State:
 def _highest_stand(problem: Problem, robot: str) -> int:
     of_eyes = [int(g.eye_stand.max(initial=-1)) for g in problem.groups if g.eye == robot]
     of_hands = [int(g.hand_stand.max(initial=-1)) for g in problem.groups if g.hand == robot]
-    return max(*of_eyes, *of_hands, problem.stands.get(robot, 0) - 1, -1)
+    return max((*of_eyes, *of_hands, problem.stands.get(robot, 0) - 1))
 
 
 def _renumbered(group: ViewGroup, renumbered: IntArray, first: Mapping[str, int]) -> ViewGroup:

@@ -36,6 +36,6 @@ def corrected(curvature: Array, secants: Sequence[Secant]) -> Array:
         if abs(along) <= _PARALLEL * float(np.linalg.norm(off) * np.linalg.norm(step)):
             continue
         left = 1 + floored(curvature, _LEAST_CURVATURE).mahalanobis_squared(off) / along
-        if along > 0 or left > _LEAST_LEFT:
+        if left > _LEAST_LEFT:
             curvature = curvature + np.outer(off, off) / along
     return curvature

@@ -66,7 +66,7 @@ def shape_of(points_in_target: Array) -> Array:
     count = len(points_in_target)
     rigid = np.concatenate([np.broadcast_to(np.eye(3), (count, 3, 3)), hat(centred)], -1).reshape(3 * count, 6)
     onto = np.linalg.qr(rigid)[0]
-    half = float(np.linalg.norm(centred, axis=-1).max())
+    half = float(np.linalg.norm(centred, axis=1).max())
     return np.asarray(_SIGMA * half * (np.eye(3 * count) - onto @ onto.T)).reshape(count, 3, 3 * count)
 
 
@@ -87,4 +87,4 @@ def reshaped(problem: Problem, shapes: Mapping[str, Array]) -> Problem:
 
 def off_m(points_in_target: Array, shape: Array) -> Array:
     """How far each point of a target is from where it is stated, (p,) [m]."""
-    return np.asarray(np.linalg.norm(shape_of(points_in_target) @ shape, axis=-1))
+    return np.asarray(np.linalg.norm(shape_of(points_in_target) @ shape, axis=1))

@@ -83,10 +83,6 @@ def _parts(
     return parts
 
 
-def _less(both: ViewInformation, stated: ViewInformation) -> ViewInformation:
-    return ViewInformation(*(b - s for b, s in zip(both, stated, strict=True)))
-
-
 def _estimates(view: ViewInformation, total: int, by_shape: Array | None) -> ViewEstimates:
     if by_shape is not None and by_shape.shape[-1] == by_shape[..., 0].size:
         # Where every point may be off by itself, nothing of a view is noise of single points alone.
