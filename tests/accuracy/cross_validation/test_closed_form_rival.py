@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from basecal.accuracy.cross_validation.closed_form_rival import _ratio, closed_form_rival
+from basecal.accuracy.cross_validation.closed_form_rival import _off, _ratio, closed_form_rival
 from basecal.accuracy.cross_validation.folds import splits
 from basecal.accuracy.cross_validation.refit import refit_folds
 from basecal.accuracy.cross_validation.validation import cross_validate
+from basecal.cell import Unknown
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import State
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
+from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
 MOUNT = "arm_flange_from_wrist"
@@ -94,3 +99,51 @@ def test_the_ratio_counts_places_and_turns_alike():
     rng = np.random.default_rng(0)
     ours = rng.uniform(0.99, 1.01, (40, 2)) * (1e-4, 1e-6)
     assert _ratio(ours, ours * (0.25, 1.0)) == pytest.approx(np.sqrt(2 / 1.25))
+
+
+def fake_answer(reference, off):
+    """Exact poses of two arms about either base, an answer whose base is off, and folds that are as far off."""
+    made = simulate(Scenario(samples=8, target="pose", target_mount="fixed", pose_noise=(1e-12, 1e-12)), 2)
+    cell = made.cell
+    if reference == "hand":
+        cell = replace(cell, reference="hand", bases={"eye": Unknown()})
+    problem, _ = build_problem(cell, made.recording)
+    (base,) = [name for name in problem.columns if name.count("_base")]
+    truth = dict(made.truth)
+    truth[base] = truth["eye_base_from_hand_base"] if reference == "eye" else truth["eye_base_from_hand_base"].inverse()
+    wrong = State({**truth, base: truth[base] @ SE3.exp(off)}, made.cameras, np.zeros((len(problem.stops), 6)))
+    known = np.zeros(len(problem.stops), dtype=bool)
+    folds = [
+        SimpleNamespace(held=frozenset(held), known=known, optimum=SimpleNamespace(state=wrong))
+        for held in (range(4), range(4, 8))
+    ]
+    return SimpleNamespace(problem=problem, state=wrong), folds, base
+
+
+@pytest.mark.parametrize("reference", ["eye", "hand"])
+def test_an_answer_that_is_wrong_is_moved_to_the_closed_form(reference):
+    """Of exact poses by the very tangent that its base is off by, whichever of the arms is the reference."""
+    off = np.array([3e-3, -2e-3, 1e-3, 2e-3, 1e-3, -1e-3])
+    solution, folds, base = fake_answer(reference, off)
+    rival = closed_form_rival(solution, folds)
+    assert rival.ratio > 50
+    where = solution.problem.columns[base]
+    np.testing.assert_allclose(rival.moved[where], -off, atol=1e-8)
+    np.testing.assert_allclose(np.delete(rival.moved, np.r_[where]), 0, atol=1e-8)
+
+
+@pytest.mark.parametrize(("held", "told"), [(5, True), (6, False)])
+def test_a_closed_form_needs_three_views(held, told):
+    """Of eight, as many as are left where others are held out; and folds to compare it with."""
+    solution, (fold, _), _ = fake_answer("eye", np.full(6, 3e-3))
+    rest = SimpleNamespace(**vars(fold) | {"held": frozenset(range(held, 8))})
+    fold.held = frozenset(range(held))
+    assert (closed_form_rival(solution, [fold, rest][: 1 if not told else 2]) is not None) == told
+    assert closed_form_rival(solution, []) is None
+
+
+def test_squares_are_of_lengths_and_of_angles():
+    """Of the target as predicted about where a view alone has it, in its own axes."""
+    alone = SE3.from_rotvec(np.array([[0.3, 0, 0.1], [0, 1.0, 0]]), np.array([[1.0, 2, 3], [0, 0, 1]]))
+    off = SE3.from_rotvec(np.array([[0, 0.3, -0.4], [0, 0, 0]]), np.array([[1.0, 2, 2], [0, 3, 0]]))
+    np.testing.assert_allclose(_off(alone, alone @ off), [[9, 0.25], [9, 0]], atol=1e-12)

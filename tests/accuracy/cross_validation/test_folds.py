@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from basecal.accuracy.cross_validation.folds import instant_split, splits
+from basecal.accuracy.cross_validation.folds import _joined, _split, instant_split, splits
 from basecal.cell import Recording
 from basecal.estimation.problem.build import build_problem
 from basecal.simulation import Scenario, simulate
@@ -76,3 +77,52 @@ def test_instants_alone_may_be_parted():
     assert frozenset({2, 7}) in mild.parts
     assert len(mild.parts) == 11
     assert sorted(map(len, mild.folds)) == [4, 4, 4]
+
+
+def parts(*sizes):
+    """Parts of so many samples each, numbered on."""
+    ends = np.cumsum(sizes)
+    return [frozenset(range(end - size, end)) for size, end in zip(sizes, ends, strict=True)]
+
+
+@pytest.mark.parametrize(("sizes", "told"), [
+    ((1, 1, 1), True), ((1, 1), False), ((), False),  # three parts are enough, each a sample
+    ((2, 2, 1), True), ((2, 1, 1), False),  # two fifths of them are not too many, a half is
+    ((4, 3, 3), True), ((5, 3, 3), False),
+])  # fmt: skip
+def test_parts_are_three_and_none_has_more_than_two_fifths(sizes, told):
+    found = _split(parts(*sizes), sum(sizes), 5)
+    assert (found is not None) == told
+    assert found is None or found.parts == tuple(parts(*sizes))
+
+
+def test_parts_are_dealt_to_the_fold_that_has_the_fewest_samples():
+    """The first of those that have as few; no more folds than are asked for, or than there are parts."""
+    made = parts(3, 1, 2, 2, 1, 1)
+    found = _split(made, 10, 3)
+    assert found.folds == (made[0] | made[5], made[1] | made[3], made[2] | made[4])
+    assert len(_split(made, 10, 8).folds) == 6
+
+
+def test_parts_have_no_place_in_common():
+    """Samples that share one of either robot's are in one part, and those that a third joins, too."""
+    places = {"eye": {0: "a", 1: "b", 2: "a", 3: "c", 5: "e"}, "hand": {1: "x", 3: "y", 4: "x", 2: "z", 5: "y"}}
+    assert set(_joined(range(7), places)) == {frozenset(each) for each in ((0, 2), (1, 4), (3, 5), (6,))}
+    places["hand"][2] = "x"
+    assert set(_joined(range(7), places)) == {frozenset(each) for each in ((0, 1, 2, 4), (3, 5), (6,))}
+
+
+def test_ways_to_split_go_from_all_robots_to_none():
+    """What stands in one place of any robot, of the robot with fewest places, of the other, and in one of all."""
+    eye, hand = [0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3], [0, 1, 2, 3, 4, 5, 0, 1, 2, 3, 4, 4]
+    group = SimpleNamespace(
+        sample=np.arange(12), eye="eye", eye_stand=np.array(eye), hand="hand", hand_stand=np.array(hand)
+    )
+    still = SimpleNamespace(
+        sample=np.arange(12), eye="still", eye_stand=np.zeros(12, int), hand=None, hand_stand=np.full(12, -1)
+    )
+    found = list(splits(SimpleNamespace(groups=[group, still])))
+    by_eye = [frozenset(range(3 * k, 3 * k + 3)) for k in range(4)]
+    by_hand = [frozenset(np.flatnonzero(np.equal(hand, k)).tolist()) for k in range(6)]
+    instants = [*(frozenset({k}) for k in range(10)), frozenset({10, 11})]
+    assert [list(each.parts) for each in found] == [by_eye, by_hand, instants]

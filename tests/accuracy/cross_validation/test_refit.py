@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+from tests.pose_problem import MOUNT, pose_problem
 
 from basecal.accuracy.cross_validation.folds import splits
-from basecal.accuracy.cross_validation.refit import refit_folds, with_known_stops
+from basecal.accuracy.cross_validation.refit import _known_stops, refit_folds, with_known_stops
 from basecal.accuracy.cross_validation.validation import cross_validate
 from basecal.estimation.least_squares import sparse_normal_equations
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.noise.estimate import degrees_of_freedom
+from basecal.estimation.problem.problem import State
 from basecal.estimation.solve import solve
 from basecal.simulation import Scenario, simulate
 
@@ -66,3 +70,32 @@ def test_folds_of_many_unknowns_go_by_sparse_matrices(monkeypatch):
     (one, *_) = refit_folds(solution.problem, solution.state, folds.folds[:1], 50)
     assert one.sparse is not None
     np.testing.assert_allclose(one.optimum.hessian, one.sparse.matrix.toarray())
+
+
+@pytest.mark.parametrize("weighed", [False, True])
+def test_a_refit_is_the_mean_of_the_views_it_uses(weighed):
+    """Of poses near the identity, each by what it is worth; what is held out counts for nothing."""
+    rng = np.random.default_rng(2)
+    errors, worth = 1e-6 * rng.standard_normal((9, 6)), rng.uniform(0.1, 1.0, 9)
+    problem, state = pose_problem(errors, np.full(6, 1e-3))
+    folds = [frozenset({0, 4}), frozenset(), frozenset({8})]
+    fits = refit_folds(problem, state, folds, 20, worth=[worth] if weighed else None)
+    for fit, held in zip(fits, folds, strict=True):
+        used = np.setdiff1d(np.arange(9), list(held))
+        weight = worth[used] if weighed else np.ones(len(used))
+        mean = np.average(errors[used], axis=0, weights=weight)
+        found = fit.optimum.state.transforms[MOUNT].log()
+        np.testing.assert_allclose(found, -mean, atol=1e-10)  # flange_from_camera is the way back
+        np.testing.assert_allclose(fit.optimum.hessian, 1e6 * weight.sum() * np.eye(6), rtol=1e-4, atol=100.0)
+        assert fit.held == held
+        assert sum(map(len, fit.views.groups)) == len(held)
+
+
+def test_stops_are_known_where_a_used_view_stands():
+    """Those of either arm; views without a stop know none, not even the last."""
+    stops = [SimpleNamespace(eye_stop=np.array([0, -1]), hand_stop=np.array([3, -1]))]
+    stops.append(SimpleNamespace(eye_stop=np.array([1]), hand_stop=np.array([-1])))
+    found = _known_stops(SimpleNamespace(stops=range(6), groups=stops))
+    assert found.tolist() == [True, True, False, True, False, False]
+    state = State({}, {}, np.arange(1.0, 37.0).reshape(6, 6))
+    np.testing.assert_array_equal(with_known_stops(state, found).stop_errors, state.stop_errors * found[:, None])

@@ -4,11 +4,22 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.stats import norm
+from scipy.stats import t as student
 
-from basecal.accuracy.cross_validation.robot_model_selection import choose_robot_model, suggested_sigma
+from basecal.accuracy.cross_validation import robot_model_selection as module
+from basecal.accuracy.cross_validation.robot_model_selection import (
+    Candidate,
+    _standard_errors,
+    _Trials,
+    _worth_a_look,
+    choose_robot_model,
+    suggested_sigma,
+)
 from basecal.accuracy.findings.robot_model import robot_model_findings
 from basecal.accuracy.robot_parameters import robot_parameters
 from basecal.accuracy.verdict import calibrate
@@ -108,3 +119,87 @@ def test_there_is_nothing_to_choose_where_poses_are_recorded_or_offsets_estimate
 def test_a_suggested_sigma_does_not_contradict_what_was_found(offsets_deg: list[float], sigma_rad: float) -> None:
     """It is as wide as the largest offset, and never less than what is usual of arms."""
     assert suggested_sigma(DEGREE * np.array(offsets_deg)) == sigma_rad
+
+
+def test_a_difference_in_standard_errors():
+    """As rare under the normal distribution as Student's t is with one freedom less than there are numbers."""
+    difference = np.array([1.0, 2.0, 4.0, 1.0, -0.5])
+    t = difference.mean() / (difference.std(ddof=1) / np.sqrt(5))
+    assert _standard_errors(difference) == pytest.approx(norm.isf(student.sf(t, 4)), rel=1e-9)
+    assert _standard_errors(-difference) == pytest.approx(-_standard_errors(difference), rel=1e-9)
+    assert _standard_errors(difference[:2]) == pytest.approx(norm.isf(student.sf(3.0, 1)), rel=1e-9)
+    assert _standard_errors(np.array([3.0])) == 0.0
+    assert _standard_errors(np.full(4, 2.0)) == 0.0
+
+
+@pytest.mark.parametrize(("gain", "told"), [(2 * (8 + 23.9), False), (2 * (8 + 24.1), True)])
+def test_a_model_is_worth_a_look_beyond_six_sigmas_of_chance(gain, told):
+    """Eight columns lower a cost by eight times what a freedom leaves, with a sigma of four; here that is two."""
+    richest = SimpleNamespace(cost=200.0, dof=100)
+    assert _worth_a_look(200.0 + gain, richest, 8) == told
+    assert not _worth_a_look(0.0, SimpleNamespace(cost=0.0, dof=0), 8)
+
+
+def tried(means, robots=("eye", "hand")):
+    """Kinds and robots of the candidates that are tried, in order, by mean scores; where none is given it is 1."""
+    trials = _Trials(None, dict.fromkeys(robots), None, None, 0)
+    spread = np.linspace(-0.01, 0.01, 21)  # of which none adds up to anything
+
+    def scored(kind, robots, joint=None):
+        """As `_Trials.scored`."""
+        name = "-".join([kind, *robots, *([] if joint is None else [str(joint)])])
+        mean = means.get(name, 1.0)
+        return Candidate(kind, robots, joint, mean + (mean != 1.0) * spread, None, 1.0)
+
+    stand_in = SimpleNamespace(chains=trials.chains, scored=scored, likeliest_joints=lambda: [("eye", 2), ("hand", 0)])
+    return [(c.kind, c.robots, c.joint) for c in _Trials.candidates(stand_in)]
+
+
+BOTH = ("eye", "hand")
+
+
+@pytest.mark.parametrize("better", ["offsets-eye-hand", "links-eye-hand"])
+def test_simpler_models_are_tried_where_richer_ones_help(better):
+    """Single joints, then one robot's offsets, each the better first; else there is none between none and all."""
+    ends = [("offsets", BOTH, None), ("links", BOTH, None)]
+    assert tried({}) == [("none", (), None), *ends]
+    found = tried({better: 0.5, "joint-hand-0": 0.6, "offsets-hand": 0.7})
+    assert found == [
+        ("none", (), None),
+        ("joint", ("hand",), 0),
+        ("joint", ("eye",), 2),
+        ("offsets", ("hand",), None),
+        ("offsets", ("eye",), None),
+        *ends,
+    ]
+    assert tried({better: 1.5}) == [("none", (), None), *ends]
+    one = tried({better.replace("-hand", ""): 0.5}, ("eye",))
+    assert [kind for kind, _, _ in one] == ["none", "joint", "joint", "offsets", "links"]
+
+
+@pytest.mark.parametrize(("errors_better", "kept"), [(1.9, 3), (2.1, 5)])
+def test_simpler_models_are_tried_from_two_standard_errors_on(monkeypatch, errors_better, kept):
+    monkeypatch.setattr(module, "_standard_errors", lambda difference: errors_better)
+    assert len(tried({}, ("eye",))) == kept
+
+
+@pytest.mark.parametrize(("behind", "chosen", "better"), [
+    ((3.1, 2.9, 0.0), 1, True), ((2.9, 2.9, 0.0), 0, True), ((2.1, 0.5, 0.0), 0, True), ((1.9, 0.5, 0.0), 0, False),
+    ((5.0, 4.0, 0.0), 2, False), ((4.0, 1.0, 0.0), 1, False),
+])  # fmt: skip
+def test_the_simplest_that_is_not_clearly_worse_is_chosen(monkeypatch, behind, chosen, better):
+    """By three standard errors than the best, which is told beside it from two on."""
+    made = simulate(replace(ARMS, samples=15), 0)
+    solution = solve(made.cell, made.recording)
+    found = [
+        Candidate(kind, ("hand",) if kind != "none" else (), None, np.array([errors]), None, 1.0)
+        for kind, errors in zip(("none", "offsets", "links"), behind, strict=True)
+    ]
+    monkeypatch.setattr(module, "_worth_a_look", lambda *given: True)
+    monkeypatch.setattr(module, "solve_from", lambda problem, state, settings: solution)
+    monkeypatch.setattr(module._Trials, "candidates", lambda trials: found)
+    monkeypatch.setattr(module, "_standard_errors", lambda difference: float(difference[0]))
+    choice = choose_robot_model(solution)
+    assert choice.chosen is found[chosen]
+    assert choice.better is (found[2] if better else None)
+    assert choice.candidates == tuple(found)

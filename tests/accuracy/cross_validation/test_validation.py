@@ -3,13 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import astuple, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
+from scipy.stats import f as fisher
 from tests.evidence import evidence_of
 from tests.motion_cells import SCARA, recorded
+from tests.pose_problem import pose_problem
 
-from basecal.accuracy.cross_validation.validation import CrossValidation, HeldOutErrors, cross_validate, root_mean
+from basecal.accuracy.cross_validation import validation
+from basecal.accuracy.cross_validation.validation import (
+    CrossValidation,
+    HeldOutErrors,
+    _Alone,
+    _columns_of,
+    _Fold,
+    _moved,
+    _of_group,
+    _spread,
+    _whitening,
+    cross_validate,
+    root_mean,
+)
 from basecal.accuracy.findings.inconsistent_folds import inconsistent_folds
 from basecal.accuracy.findings.not_validated import not_validated
 from basecal.accuracy.findings.overfit import overfit
@@ -18,6 +35,7 @@ from basecal.estimation.least_squares import sparse_normal_equations
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve_packed
+from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
 LIGHT = Scenario(samples=25, target="led")
@@ -193,3 +211,149 @@ def test_clean_cells_are_not_alarmed():
     scenarios = [Scenario(samples=12), LIGHT, NOISY, Scenario(samples=15, state_pixel_noise=False)]
     rung = [validated(scenarios[k % 4], k)[1] for k in range(400)]
     assert sum("inconsistent-folds" in codes for codes in rung) <= 1
+
+
+@pytest.mark.parametrize("full", [np.eye(4), np.diag([4.0, 1e-4, 9.0, 1.0]), np.eye(4) + 0.5])
+def test_changes_are_compared_where_a_fold_has_lost_something_but_not_all(full):
+    """Along directions whose variance grew by more than 1 % and less than eleven times; there they are made unit."""
+    root = np.linalg.cholesky(full)
+    gains = np.array([0.0099, 0.0101, 9.9, 10.1])
+    without = full + root @ np.diag(gains) @ root.T
+    found = _whitening(without, full)
+    assert found.shape == (2, 4)
+    np.testing.assert_allclose(found @ (without - full) @ found.T, np.eye(2), atol=1e-9)
+    np.testing.assert_allclose(found @ root[:, [0, 3]], 0, atol=1e-9)  # of the others nothing is seen
+
+
+def test_a_change_is_the_tangent_from_the_full_answer():
+    """Of each transform asked for, as wide as its columns."""
+    full = {"a": SE3.from_rotvec([0.1, 0.2, 0.3], [1, 2, 3]), "b": SE3.from_rotvec([0, 0, 1.0], [0, 1, 0])}
+    tangents = {"a": np.array([1e-3, 2e-3, 0, 1e-3, 0, 2e-3]), "b": np.array([3e-3, 0, -1e-3, 0, 0, 0])}
+    fold = {name: full[name] @ SE3.exp(tangent) for name, tangent in tangents.items()}
+    columns = {"b": slice(2, 5), "other": slice(0, 2), "a": slice(5, 11)}
+    states = (SimpleNamespace(transforms=each) for each in (full, fold))
+    found = _moved(*states, ["a", "b"], columns)
+    np.testing.assert_allclose(found, [*tangents["a"], 3e-3, 0, -1e-3], atol=1e-15)
+    assert _columns_of(SimpleNamespace(columns=columns), ["a", "b"]).tolist() == [5, 6, 7, 8, 9, 10, 2, 3, 4]
+
+
+COUNTS = [20, 20, 30, 10]  # of equations that folds hold out, of all of which one tells as much as another
+
+
+def spread_of(monkeypatch, counts, changes, asked=2, **noise):
+    """The spread of folds whose answers, of so many numbers that each equation tells alike, changed by these sigmas."""
+    total, factor = sum(counts), noise.pop("factor", 1.0)
+    usual = {"estimated": (), "factor": factor} | noise
+    solution = SimpleNamespace(
+        problem=SimpleNamespace(columns={}),
+        state="full",
+        noise=SimpleNamespace(**usual),
+        covariance=factor * np.eye(3) / total,
+        dof=total - 3,
+    )
+    fits = [
+        SimpleNamespace(sparse=None, optimum=SimpleNamespace(state=k, hessian=(total - count) * np.eye(3)))
+        for k, count in enumerate(counts)
+    ]
+    folds = [_Fold(fit, np.eye(3)[:, :asked] / (total - count)) for fit, count in zip(fits, counts, strict=True)]
+    sigma = [np.sqrt(factor * (1 / (total - count) - 1 / total)) for count in counts]
+
+    def moved(full, fold, *of):
+        """As many sigmas as told."""
+        return np.asarray(changes[fold])[:asked] * sigma[fold]
+
+    monkeypatch.setattr(validation, "_information", lambda of: total * np.eye(3))
+    monkeypatch.setattr(validation, "_moved", moved)
+    return _spread(solution, folds, ["any"], np.arange(asked))
+
+
+CHANGES = [(1.0, -2.0), (0.5, 0.5), (3.0, 0.0), (-1.0, 1.0)]
+
+
+@pytest.mark.parametrize("factor", [1.0, 2.5])
+@pytest.mark.parametrize("estimated", [(), ("pixel_px",)])
+def test_the_spread_of_folds_is_a_chi_square_of_fewer_freedoms(monkeypatch, factor, estimated):
+    """The mean of squares over what is expected; freedoms by how folds go together; noise as estimated is Fisher's."""
+    found = spread_of(monkeypatch, COUNTS, CHANGES, factor=factor, estimated=estimated)
+    mean = np.mean(np.square(CHANGES))
+    assert found.mean_square == pytest.approx(mean)
+    total = sum(COUNTS)
+    left = total - np.array(COUNTS)
+    # Cov(j - full, k - full) by the equations that both have used, over the product of their sigmas.
+    both = np.where(np.eye(4), left, np.add.outer(left, left) - total)
+    together = both / np.outer(left, left) - 1 / total
+    sigma = np.sqrt(1 / left - 1 / total)
+    freedoms = 8**2 / (2 * np.sum((together / np.outer(sigma, sigma)) ** 2))
+    assert found.freedoms == pytest.approx(freedoms)
+    if factor == 1.0 and not estimated:
+        assert found.chance == pytest.approx(chi2.sf(freedoms * mean, freedoms))
+    else:
+        assert found.chance == pytest.approx(fisher.sf(mean, freedoms, total - 3))
+
+
+def test_few_freedoms_tell_no_spread(monkeypatch):
+    """Of one number five folds alike have four, of two eight; of nothing asked, and where nothing was lost, none."""
+    alike = [20] * 5
+    assert spread_of(monkeypatch, alike, [(1.0, 1.0)] * 5, 1) is None
+    assert spread_of(monkeypatch, alike, [(1.0, 1.0)] * 5, 2).freedoms == pytest.approx(8.0)
+    assert spread_of(monkeypatch, alike, [(1.0, 1.0)] * 5, 0) is None
+    assert spread_of(monkeypatch, [1000, 1, 1], [(1.0, 1.0)] * 3) is None
+
+
+def test_errors_of_poses_are_those_of_what_is_predicted():
+    """Costs and squares of how far predictions are off, used and held out; of a light's pixels no pose."""
+    rng = np.random.default_rng(1)
+    errors = 1e-3 * rng.standard_normal((6, 6))
+    problem, state = pose_problem(errors, np.full(6, 2e-3))
+    (group,) = problem.groups
+    some = group.take(np.array([1, 4]))
+    off = errors[[1, 4]]
+    for alone in ({}, {("camera", "target"): _Alone(group.sample, group.measurement.measured_camera_from_target, ODD)}):
+        found = _of_group(problem, some, state, alone)
+        kept = off if not alone else off[:1]
+        assert (found.count_px, found.square_px, found.count_poses) == (0, 0.0, len(kept))
+        assert found.cost == pytest.approx(np.sum(off**2) / 4e-6, rel=1e-6)
+        assert found.square_rad == pytest.approx(np.sum(kept[:, 3:] ** 2), rel=1e-6)
+        assert found.square_m == pytest.approx(np.sum(kept[:, :3] ** 2), rel=1e-3)
+    assert _of_group(problem, some, state, None) == HeldOutErrors(found.cost)
+
+
+ODD = np.arange(6) % 2 == 1
+
+
+@pytest.mark.parametrize(("lost", "ways", "folds", "skipped"), [
+    ([0, 0, 0, 0], 1, 4, ()), ([1, 0, 0, 0], 1, 3, (0,)), ([1, 1, 0, 0], 2, 2, (0, 1)), ([1, 1, 1, 0], 2, 1, (0, 1, 2)),
+    ([1, 1, 1, 1], 2, None, (0, 1, 2, 3)),
+])  # fmt: skip
+def test_milder_ways_to_split_are_tried_where_half_the_folds_are_lost(monkeypatch, lost, ways, folds, skipped):
+    """Until more than half of one's folds can be fitted; what the last of them lost is told."""
+    tried = []
+
+    def refitted(problem, state, folds, iterations):
+        """Folds of one sample each."""
+        tried.append(iterations)
+        return [SimpleNamespace(held=held) for held in folds]
+
+    split = SimpleNamespace(folds=tuple(frozenset({k}) for k in range(4)))
+    monkeypatch.setattr(validation, "splits", lambda problem: iter([split, split]))
+    monkeypatch.setattr(validation, "refit_folds", refitted)
+    monkeypatch.setattr(
+        validation, "_fold", lambda of, free, chosen, fit: None if lost[min(fit.held)] else _Fold(fit, 0)
+    )
+    monkeypatch.setattr(validation, "_errors", lambda *of: (HeldOutErrors(), HeldOutErrors(1.0, 8.0, 2, 27.0, 12.0, 3)))
+    monkeypatch.setattr(validation, "_spread", lambda *of: None)
+    monkeypatch.setattr(validation, "closed_form_rival", lambda solution, fits: len(fits))
+    observability = SimpleNamespace(unobservable=frozenset({"other"}))
+    solution = SimpleNamespace(
+        converged=True, problem=SimpleNamespace(columns={"a": slice(0, 6)}), state=None, observability=observability
+    )
+    found = cross_validate(solution, ["a", "fixed"], Settings(iterations=7))
+    assert tried == [7] * ways
+    assert found.skipped == set(skipped)
+    if folds is None:
+        assert (found.summary, found.spread, found.rival) == (None, None, None)
+        return
+    assert (found.summary.kind, found.summary.folds, found.rival) == ("leave-one-out", folds, folds)
+    assert (found.summary.rms_px, found.summary.target_m, found.summary.target_rad) == (2.0, 3.0, 2.0)
+    for changed in ({"converged": False}, {"observability": SimpleNamespace(unobservable=frozenset({"a"}))}):
+        assert cross_validate(SimpleNamespace(**vars(solution) | changed), ["a"]) is None

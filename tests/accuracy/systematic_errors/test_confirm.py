@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from tests.pose_problem import pose_problem
 
+from basecal.accuracy.systematic_errors import confirm
 from basecal.accuracy.systematic_errors.candidates import Candidates
 from basecal.accuracy.systematic_errors.confirm import _gain, _in_configuration, _in_time, confirmed
 from basecal.accuracy.systematic_errors.situation import Situation
@@ -56,7 +57,7 @@ def test_blocks_in_configuration_go_along_the_widest_spread(robots):
     """Of all robots' places, each sample's in its row, whichever group has it; what stands nowhere spreads nothing."""
     rng = np.random.default_rng(3)
     along = rng.permutation(10)
-    places = 1e-3 * rng.standard_normal((10, 3)) + along[:, None] * np.array([0.1, -0.3, 0.2]) + 5.0
+    places = 1e-3 * rng.standard_normal((10, 3)) + (along[:, None] - 4.5) * np.array([0.1, -0.3, 0.2]) + 5.0
     order = rng.permutation(10)
     groups = [SimpleNamespace(eye=None, hand="hand", at=order[:6]), SimpleNamespace(eye="eye", hand=None, at=order[6:])]
     groups.append(SimpleNamespace(eye=None, hand="hand", at=order[6:]))
@@ -91,3 +92,15 @@ def test_the_gain_is_what_held_out_blocks_cost_less():
             wanted += sign * float(2 * best @ gradient[held].sum(0) + best @ hessian[held].sum(0) @ best)
     found = _gain(of, Candidates("", ("camera",), (None,), "", (moves,)), blocks)
     assert found == pytest.approx(wanted, rel=1e-6)
+
+
+@pytest.mark.parametrize(("gains", "wanted"), [
+    ((0.1, 0.1), True), ((0.1, -0.1), False), ((-0.1, 0.1), False), ((0.1, 0.0), False), ((0.0, 0.1), False),
+])  # fmt: skip
+def test_blocks_of_both_kinds_have_to_gain(monkeypatch, gains, wanted):
+    """Those of time and those of configuration, by however little; nothing is no gain."""
+    by_blocks = dict(zip(("time", "configuration"), gains, strict=True))
+    monkeypatch.setattr(confirm, "_in_time", lambda of: "time")
+    monkeypatch.setattr(confirm, "_in_configuration", lambda of: "configuration")
+    monkeypatch.setattr(confirm, "_gain", lambda of, candidate, blocks: by_blocks[blocks])
+    assert confirmed(None, None) == wanted

@@ -47,17 +47,17 @@ def _cost(left: Linearised, of_left: Sums, step: Array, size: Array) -> float:
 
 def _in_time(of: Situation) -> IntArray:
     count = len(of.samples)
-    return np.arange(count) * _BLOCKS // max(count, 1)
+    return np.arange(count) * _BLOCKS // count
 
 
 def _in_configuration(of: Situation) -> IntArray:
     """Blocks along the direction in which the arms' places spread most."""
-    places = np.zeros((len(of.samples), 3 * len(of.robots)))
+    places = np.zeros((len(of.samples), len(of.robots), 3))
     for i, robot in enumerate(of.robots):
         for k, group in enumerate(of.problem.groups):
             if robot in (group.eye, group.hand):
-                places[of.rank(group), 3 * i : 3 * i + 3] = of.recorded_pose(k, robot).translation
-    centred = places - places.mean(0)
+                places[of.rank(group), i] = of.recorded_pose(k, robot).translation
+    centred = (places - places.mean(0)).reshape(len(places), 3 * len(of.robots))
     along = centred @ principal_axes(centred).axes[:, 0] if places.size else np.zeros(len(places))
     blocks = np.empty(len(places), dtype=np.int64)
     blocks[np.argsort(along, kind="stable")] = _in_time(of)

@@ -123,12 +123,12 @@ class Situation:
         before, after = np.maximum(np.arange(len(where)) - 1, 0), np.minimum(np.arange(len(where)) + 1, len(where) - 1)
         apart = (poses[before].inverse() @ poses[after]).log()
         middle = poses[before] @ SE3.exp(0.5 * apart)
-        off = (middle.inverse() @ poses).log()[1:-1]
-        if not _size(off) < _SMOOTH * 0.5 * _size(apart[1:-1]):
+        between = slice(1, -1)
+        if not _size((middle.inverse() @ poses).log()[between]) < _SMOOTH * 0.5 * _size(apart[between]):
             return None
-        span = times[after] - times[before]
+        span = np.tile((times[after] - times[before])[:, None], 6)
         out = np.zeros((len(self.samples), 6))
-        out[where] = np.where(span > 0, 1 / np.where(span > 0, span, 1.0), 0.0)[:, None] * apart
+        out[where] = np.divide(apart, span, out=np.zeros_like(apart), where=span > 0)
         return out
 
     def _path(self, robot: str) -> tuple[IntArray, SE3]:
