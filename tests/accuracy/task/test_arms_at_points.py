@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from basecal.accuracy.task.arms_at_points import moved_by_kinematics
+from basecal.accuracy.task.arms_at_points import (
+    in_base_axes,
+    joints_at,
+    kinematics_of_robot,
+    moved_by_kinematics,
+    recorded_joints,
+)
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.problem.robot_parameters import after_step
+from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
 STEP = 1e-6
@@ -52,3 +61,41 @@ def test_nothing_of_arms_as_stated(arms):
     problem, _ = build_problem(made.cell, made.recording)
     state = State(made.truth, made.cameras, np.zeros((0, 6)))
     assert moved_by_kinematics(problem, state, "hand", np.zeros((1, 3))) is None
+
+
+def test_an_arm_is_sent_to_points_turned_as_in_the_nearest_pose(arms):
+    """Its kinematics as estimated bring the flange to within a tenth of the millimetres from the recorded poses."""
+    made, problem, state = arms
+    recorded = recorded_joints(problem, "eye")
+    np.testing.assert_array_equal(recorded, [sample.robots["eye"].joints_rad for sample in made.recording.samples])
+    kinematics = kinematics_of_robot(problem, state, "eye")
+    poses = kinematics.forward(recorded)
+    order = np.array([5, 0, 3])
+    points = poses.translation[order] + np.array([4e-3, -3e-3, 5e-3])
+    sent = kinematics.forward(joints_at(problem, state, "eye", recorded, points))
+    np.testing.assert_allclose(sent.translation, points, atol=3e-4)
+    np.testing.assert_allclose((poses[order].inverse() @ sent).rotvec, 0, atol=1e-3)
+
+
+def test_joints_of_all_views_in_which_a_robot_has_a_part():
+    """On either side; none where it was recorded by poses."""
+    q = np.arange(18.0).reshape(3, 6)
+    groups = [
+        SimpleNamespace(eye="a", eye_joints=q, hand="b", hand_joints=None),
+        SimpleNamespace(eye="b", eye_joints=None, hand="a", hand_joints=q + 1),
+        SimpleNamespace(eye="c", eye_joints=q + 2, hand=None, hand_joints=None),
+    ]
+    problem = SimpleNamespace(groups=groups)
+    np.testing.assert_array_equal(recorded_joints(problem, "a"), np.concatenate([q, q + 1]))
+    np.testing.assert_array_equal(recorded_joints(problem, "c"), q + 2)
+    assert recorded_joints(problem, "b") is None
+
+
+def test_derivatives_in_the_axes_of_the_base():
+    """Shifts and turns of the flange, each by its rotation."""
+    rng = np.random.default_rng(0)
+    by_columns, rotation = rng.standard_normal((2, 6, 4)), SE3.exp(rng.standard_normal((2, 6))).rotation
+    found = in_base_axes(by_columns, rotation)
+    for k in range(2):
+        np.testing.assert_allclose(found[k, :3], rotation[k] @ by_columns[k, :3])
+        np.testing.assert_allclose(found[k, 3:], rotation[k] @ by_columns[k, 3:])

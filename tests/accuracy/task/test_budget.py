@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from basecal.accuracy.task.budget import COMMON, REST, budget, calibration_budget
+from basecal.accuracy.task import budget as module
+from basecal.accuracy.task.budget import COMMON, REST, _at_task, _entry, budget, calibration_budget
 from basecal.accuracy.task.task import Task, task_at
 from basecal.accuracy.verdict import calibrate
 from basecal.estimation.settings import Settings
@@ -159,3 +161,42 @@ def test_all_shrink_where_the_answer_is_known_better_than_by_its_sources(of_prio
         assert after.halved_rms_m == pytest.approx(before.halved_rms_m / np.sqrt(2), rel=2e-3)
     sizes = [entry.rms_m for entry in half]
     assert sizes == sorted(sizes, reverse=True)
+
+
+@pytest.mark.parametrize("size", [6, 3])
+def test_the_variance_at_a_task_is_of_the_columns_of_its_transform(size):
+    """Of a point's offset three columns shift, and nothing turns."""
+    covariance = np.diag(np.arange(1.0, 11.0))
+    solution = SimpleNamespace(problem=SimpleNamespace(columns={"a_from_b": slice(2, 2 + size)}))
+    task = Task("a_from_b", np.array([[0.0, 0.0, 2.0]]))
+    turns = 4 * (6 + 7) if size == 6 else 0
+    assert _at_task(solution, task, covariance) == pytest.approx(3 + 4 + 5 + turns)
+
+
+@pytest.mark.parametrize(("variance", "gain", "left"), [(4.0, 3.0, 13.0**0.5), (4.0, 17.0, 0.0)])
+def test_an_entry_is_a_root_a_share_and_what_is_left(variance, gain, left):
+    """Of sixteen; more than all cannot be gained."""
+    found = _entry("views", variance, 16.0, gain)
+    assert (found.source, found.rms_m, found.share, found.halved_rms_m) == ("views", 2.0, 0.25, pytest.approx(left))
+
+
+@pytest.mark.parametrize(("left", "told"), [(0.9e-4, False), (1.1e-4, True)])
+def test_what_is_left_over_is_told_from_a_ten_thousandth_on(monkeypatch, left, told):
+    """Three quarters of its variance go where it is halved; sources that make no error have no line."""
+    monkeypatch.setattr(module, "_variance", lambda *given: 1.0)
+    monkeypatch.setattr(module, "sources_of", lambda problem: [])
+    solution = SimpleNamespace(problem=None, state=None)
+    found = budget(solution, None, 1.0, {"clocks": 1.0 - left, "nothing": 0.0}, "rest")
+    assert [entry.source for entry in found] == (["clocks", "rest"] if told else ["clocks"])
+    assert not told or found[1].halved_rms_m ** 2 == pytest.approx(1 - 0.75 * left)
+
+
+def test_a_share_is_the_derivative_to_the_logarithm_of_a_variance(monkeypatch):
+    """Of a part that grows by the square of its sigma beside one that does not; halving brings three quarters of it."""
+    part = SimpleNamespace(name="part", scaled=lambda problem, state, factor: (factor, None))
+    monkeypatch.setattr(module, "_variance", lambda solution, task, problem, state: 3.0 * problem**2 + 2.0)
+    monkeypatch.setattr(module, "sources_of", lambda problem: [part])
+    (found, rest) = budget(SimpleNamespace(problem=1.0, state=None), None, 5.0, {}, "rest")
+    assert found.rms_m**2 == pytest.approx(3.0, rel=1e-3)
+    assert found.halved_rms_m**2 == pytest.approx(5.0 - 0.75 * 3.0)
+    assert rest.rms_m**2 == pytest.approx(2.0, rel=1e-3)

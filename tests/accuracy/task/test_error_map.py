@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from basecal.accuracy.task.error_map import STEPS, error_map
+from basecal.accuracy.task.error_map import STEPS, _box, error_map, seen_at
 from basecal.accuracy.verdict import calibrate
 from basecal.cell import Calibration
 from basecal.estimation.settings import Settings
@@ -79,3 +80,34 @@ def test_nothing_found_has_no_map():
     made = simulate(Scenario(samples=6), 0)
     solution = solve(made.cell, made.recording)
     assert error_map(made.cell, Calibration("refused"), solution, POINT) is None
+
+
+@pytest.mark.parametrize(("thick_m", "layers"), [(0.9e-3, 1), (1.1e-3, STEPS)])
+def test_points_are_spread_over_the_box(thick_m, layers):
+    """Five along each edge, from corner to corner, x first; one in the middle of an edge below a millimetre."""
+    places = np.array([[1.0, -2.0, 3.0], [2.0, 0.0, 3.0 + thick_m], [1.5, -1.0, 3.0]])
+    found = _box(places)
+    heights = np.linspace(3.0, 3.0 + thick_m, STEPS) if layers > 1 else [3.0 + thick_m / 2]
+    wanted = [(x, y, z) for x in np.linspace(1, 2, STEPS) for y in np.linspace(-2, 0, STEPS) for z in heights]
+    np.testing.assert_allclose(found, wanted, atol=1e-12)
+
+
+@pytest.mark.parametrize("based", [True, False])
+@pytest.mark.parametrize("on_arm", [True, False])
+def test_places_are_those_of_the_target_on_its_arm_or_of_the_camera(on_arm, based):
+    """In the reference's base, about which the arm's own may stand."""
+    rng = np.random.default_rng(1)
+    base, mount, other = (SE3.exp(rng.standard_normal(6)) for _ in range(3))
+    arm, world = SE3.exp(rng.standard_normal((3, 6))), SE3.identity((3,))
+    names = {"hand_base": "base", "eye_base": None} if on_arm else {"hand_base": None, "eye_base": "base"}
+    group = SimpleNamespace(
+        hand="hand" if on_arm else None,
+        target_mount="mount" if on_arm else "other",
+        camera_mount="other" if on_arm else "mount",
+        hand_base_from_hand_flange=arm if on_arm else world,
+        eye_base_from_eye_flange=world if on_arm else arm,
+        **names if based else dict.fromkeys(names),
+    )
+    found = seen_at(group, SimpleNamespace(transforms={"base": base, "mount": mount, "other": other}))
+    wanted = (base @ arm @ mount if based else arm @ mount).translation
+    np.testing.assert_allclose(found, wanted, atol=1e-12)

@@ -3,17 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.stats import kstest
+from scipy.stats import chi2, kstest
+from tests.pose_problem import MOUNT, pose_problem
 
 from basecal.accuracy.cross_validation.refit import refit_folds
 from basecal.accuracy.task import local_fits as module
 from basecal.accuracy.task.error_map import seen_at
-from basecal.accuracy.task.local_fits import CHANCE, FEWEST_SAMPLES, MOST_PARTS, local_fits
+from basecal.accuracy.task.local_fits import (
+    CHANCE,
+    FEWEST_SAMPLES,
+    MOST_PARTS,
+    _chance_of_noise,
+    _compared,
+    _halves,
+    _inside,
+    _squares,
+    local_fits,
+)
 from basecal.cell import Recording, RobotState
-from basecal.estimation.solve import solve
+from basecal.estimation.solve import Solution, solve
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, SimulatedCell, simulate
 
@@ -142,3 +154,124 @@ def test_a_fit_that_did_not_settle_says_nothing(made: SimulatedCell, monkeypatch
         np.testing.assert_allclose(found.transforms[BASE].matrix, settled.transforms[BASE].matrix)
     nothing = replace(solution, problem=solution.problem.with_groups(()))
     assert local_fits(nothing, [BASE]) == ()
+
+
+def test_parts_are_halves_of_the_widest_until_there_are_four() -> None:
+    """Along x where that is widest, then each along y; every sample is in one, as many in each."""
+    x, y = np.meshgrid(np.arange(8.0), 0.5 * np.arange(8))
+    places = np.stack([x.ravel(), y.ravel(), np.zeros(64)], -1)
+    order = np.random.default_rng(0).permutation(64)
+    found = [set(each.tolist()) for each in _halves(places[order], 3 * order)]
+    wanted = [
+        {3 * k for k in np.flatnonzero((places[:, 0] > 3.5) == right) if (places[k, 1] > 1.75) == far}
+        for right in (False, True)
+        for far in (False, True)
+    ]
+    assert sorted(map(min, found)) == sorted(map(min, wanted))
+    assert all(each in wanted for each in found)
+
+
+@pytest.mark.parametrize(("count", "parts"), [(19, 0), (20, 2), (38, 2), (39, 3), (40, 4)])
+def test_a_part_has_ten_samples(count: int, parts: int) -> None:
+    """Or there is none; a line of twenty has two, of forty four, and of one less only its larger half has two."""
+    places = np.arange(count)[:, None] * [0.0, 0.0, 1.0]
+    found = list(_halves(places, np.arange(count)))
+    assert len(found) == parts
+    assert not parts or sorted(np.concatenate(found).tolist()) == list(range(count))
+
+
+def test_samples_count_once_however_many_views_they_have() -> None:
+    """Twenty views of ten samples have no parts; the widest part is that with most views."""
+    places = np.arange(20)[:, None] * [0.0, 1.0, 0.0]
+    assert list(_halves(places, np.arange(20) // 2)) == []
+    assert [each.tolist() for each in _halves(np.tile(places, (2, 1)), np.tile(np.arange(20), 2))] == [
+        list(range(10)),
+        list(range(10, 20)),
+    ]
+
+
+@pytest.mark.parametrize("corners", [[0, 0, 0, 1, 2, 3], [1, 2, 3, 0, 0, 0], [1, 0, 3, 0, 2, 0]])
+def test_a_box_holds_what_is_on_its_sides(corners: list[float]) -> None:
+    """Of opposite corners in any order; what is outside along one axis is outside."""
+    inside = np.array([[0, 0, 0], [1, 2, 3], [0.5, 1, 1.5], [1, 0, 3]])
+    outside = np.array([[1.1, 1, 1], [-0.1, 1, 1], [0.5, 2.1, 1], [0.5, 1, -0.1]])
+    places = np.concatenate([np.repeat(inside, 3, axis=0), outside])
+    (found,) = _inside(places, np.arange(16), corners)
+    assert found.tolist() == list(range(12))
+
+
+@pytest.mark.parametrize(("count", "told"), [(9, False), (10, True)])
+def test_a_box_holds_ten_samples(count: int, told: bool) -> None:
+    """Each counts once."""
+    samples = np.repeat(np.arange(count), 2)
+    assert bool(list(_inside(np.zeros((2 * count, 3)), samples, [-1, -1, -1, 1, 1, 1]))) == told
+
+
+@pytest.mark.parametrize(("by_all", "by_part", "chance", "is_better"), [
+    ((4.0, 4.0), (1.0, 1.0), 0.009, True), ((4.0, 4.0), (1.0, 1.0), 0.011, False), ((1.0, 1.0), (4.0, 4.0), 0.0, False),
+    ((4.0, 1.0), (2.0, 2.0), 0.0, True), ((4.0,), (1.0,), 0.0, None), ((), (), 0.0, None),
+])  # fmt: skip
+def test_a_part_is_better_where_it_predicts_better_beyond_chance(
+    monkeypatch: pytest.MonkeyPatch,
+    by_all: tuple[float, ...],
+    by_part: tuple[float, ...],
+    chance: float,
+    is_better: bool | None,
+) -> None:
+    """Of the means of squares; one view held out tells nothing. The transforms are those of the fit of all samples."""
+    fit = {kind: SimpleNamespace(optimum=SimpleNamespace(converged=True), kind=kind) for kind in ("all", "part")}
+    whole = SimpleNamespace(optimum=SimpleNamespace(converged=True, state=SimpleNamespace(transforms={"a": 1, "b": 2})))
+    squares = {"all": by_all, "part": by_part}
+    monkeypatch.setattr(module, "_squares", lambda solution, fit, inside: np.array(squares[fit.kind]))
+    found = _compared(None, [fit["all"]], [fit["part"], whole], [], np.zeros(3), np.array([4, 7]), ["b"], chance)
+    assert (found.samples, found.transforms) == ((4, 7), {"b": 2})
+    assert found.is_better == bool(is_better)
+    if is_better is None:
+        assert (found.global_m, found.local_m, found.chance) == (None, None, 1.0)
+    else:
+        assert (found.global_m, found.local_m) == pytest.approx((np.mean(by_all) ** 0.5, np.mean(by_part) ** 0.5))
+        assert found.chance == chance
+
+
+def near(errors: np.ndarray, factor: float = 1.0) -> Solution:
+    """An answer to poses near the identity with these errors, that stands at the identity."""
+    problem, state = pose_problem(errors, np.full(6, 1e-3))
+    return SimpleNamespace(problem=problem, state=state, noise=SimpleNamespace(factor=factor))
+
+
+@pytest.mark.parametrize("factor", [1.0, 4.0])
+def test_the_chance_of_a_weighted_mean_so_far_from_that_of_all(factor: float) -> None:
+    """Of n views of variance s^2, by their worth w: their difference has s^2 (sum w^2 / (sum w)^2 - 1 / n) an axis."""
+    worth = np.linspace(0.1, 1.0, 9)
+    step = 1e-4 * np.array([1.0, -2.0, 0.5, 3.0, 0.0, -1.0])
+    solution = near(np.zeros((9, 6)), factor)
+    local = SimpleNamespace(optimum=SimpleNamespace(state=SimpleNamespace(transforms={MOUNT: SE3.exp(step)})))
+    variance = factor * 1e-6 * (np.sum(worth**2) / np.sum(worth) ** 2 - 1 / 9)
+    found = _chance_of_noise(solution, local, [worth], [MOUNT])
+    assert found == pytest.approx(chi2.sf(step @ step / variance, 6), rel=1e-6)
+    assert _chance_of_noise(solution, local, [np.ones(9)], [MOUNT]) == 1.0  # the same fit, whatever its step
+
+
+def test_squares_are_of_held_out_views_in_the_part_alone() -> None:
+    """How far a fit has the target from where each view alone does."""
+    rng = np.random.default_rng(3)
+    errors = 1e-3 * rng.standard_normal((8, 6))
+    solution = near(errors)
+    shift = np.array([2e-3, -1e-3, 0.0])
+    moved = replace(solution.state, transforms={**solution.state.transforms, MOUNT: SE3(np.eye(3), -shift)})
+    fit = SimpleNamespace(
+        held=frozenset({1, 2, 5, 9}), known=np.zeros(0, dtype=bool), optimum=SimpleNamespace(state=moved)
+    )
+    inside = np.array([True, True, False, True, True, True, True, True])
+    wanted = [np.sum((shift - SE3.exp(errors[k]).translation) ** 2) for k in (1, 5)]
+    np.testing.assert_allclose(_squares(solution, fit, [inside]), wanted, rtol=1e-9)
+    assert _squares(solution, fit, [np.zeros(8, dtype=bool)]).shape == (0,)
+
+
+def test_a_part_of_one_place_is_all_alike() -> None:
+    """Where a target stands still nothing is nearer to the middle: both fits are one."""
+    (found,) = local_fits(
+        near(1e-3 * np.random.default_rng(0).standard_normal((12, 6))), [MOUNT], [-1, -1, -1, 1, 1, 1]
+    )
+    assert found.local_m == pytest.approx(found.global_m)
+    assert (found.chance, found.is_better) == (1.0, False)

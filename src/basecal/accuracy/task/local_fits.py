@@ -64,7 +64,7 @@ def local_fits(solution: Solution, asked: Sequence[str], box_m: Sequence[float] 
         inside = [np.isin(each, numbers) for each in samples]
         own = np.concatenate([at[mine] for at, mine in zip(places, inside, strict=True)])
         centre = own.mean(0)
-        reach = float(np.sqrt(np.mean(np.sum((own - centre) ** 2, -1))))
+        reach = max(float(np.sqrt(np.mean(np.sum((own - centre) ** 2, -1)))), np.finfo(np.float64).eps)
         worth = [np.exp(-0.5 * np.sum((at - centre) ** 2, -1) / reach**2) for at in places]
         local = refit_folds(problem, solution.state, [*folds, frozenset()], _ITERATIONS, worth=worth)
         chance = _chance_of_noise(solution, local[-1], worth, asked)
@@ -105,12 +105,14 @@ def _chance_of_noise(solution: Solution, local: Refit, worth: Sequence[Array], a
     by_all, by_worth, by_square = (
         linearise(problem, state, weights).hessian for weights in (None, worth, [each**2 for each in worth])
     )
-    inverse = spectrum(by_worth).inverse
-    apart = solution.noise.factor * (inverse @ by_square @ inverse - spectrum(by_all).inverse)
+    inverse, whole = spectrum(by_worth).inverse, solution.noise.factor * spectrum(by_all).inverse
+    apart = solution.noise.factor * (inverse @ by_square @ inverse) - whole
     columns = [problem.columns[name] for name in asked]
     steps = [(state.transforms[name].inverse() @ local.optimum.state.transforms[name]).log() for name in asked]
     step = np.concatenate([each[: of.stop - of.start] for each, of in zip(steps, columns, strict=True)])
     of = np.concatenate([np.arange(each.start, each.stop) for each in columns])
+    if np.all(np.diag(apart)[of] <= _NO_DIFFERENCE * np.diag(whole)[of]):
+        return 1.0  # all views are worth as much
     differs = spectrum(apart[np.ix_(of, of)], _NO_DIFFERENCE)
     return float(chdtrc(int(differs.rank), float(step @ differs.inverse @ step)))
 
