@@ -10,10 +10,15 @@ import pytest
 from basecal.cell.targets.points import points_target
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.correspondence import half_turned
-from basecal.estimation.problem.problem import State
+from basecal.estimation.problem.problem import State, ViewGroup
+from basecal.estimation.start import pair_views as module
 from basecal.estimation.start.pair_views import as_light, pair_views, umeyama
 from basecal.estimation.view.bearings import BearingMeasurement
-from basecal.geometry import SE3
+from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.estimation.view.points import PointMeasurement
+from basecal.estimation.view.poses import PoseMeasurement
+from basecal.estimation.view.view_pose import ViewPoses
+from basecal.geometry import SE3, Camera
 from basecal.geometry.rotation import rotation_exp
 from basecal.simulation import Scenario, simulate
 
@@ -30,14 +35,6 @@ def prepared(scenario, views=100, points=100, seed=1, change=None):
 
 def off(candidates, truth):
     return np.abs((candidates[:, 0].inverse() @ truth).log()).max()
-
-
-def test_views_are_thinned_evenly():
-    """Five of twenty, first and last among them; the total is that before."""
-    found, _, group = prepared(Scenario(samples=20, target="pose"), views=5)
-    assert found.group.sample.tolist() == group.sample[[0, 5, 10, 14, 19]].tolist()
-    assert found.total == 20
-    assert len(prepared(Scenario(samples=4, target="pose"), views=5)[0].group) == 4
 
 
 def test_measured_poses_are_their_own_candidates():
@@ -89,12 +86,6 @@ def test_a_light_gives_directions_alone(target):
     assert found.weight.shape == (8,)
     if target == "points":
         assert off(found.candidates, truth) < 0.05
-
-
-def test_two_views_of_a_board_are_taken_as_directions():
-    """Three views at least have to give a pose."""
-    assert prepared(Scenario(samples=2))[0].candidates is None
-    assert prepared(Scenario(samples=3))[0].candidates is not None
 
 
 def test_3d_points_give_their_poses():
@@ -175,7 +166,7 @@ def test_umeyama_brings_points_together(rng):
 
 def test_a_light_of_several_points_is_the_one_most_views_see():
     """Of three points the one with the most weights."""
-    weight = np.array([[1.0, 2.0, 0.0], [0.0, 3.0, 1.0]])
+    weight = np.array([[0.1, 0.2, 0.0], [0.0, 0.3, 0.1]])
     measurement = BearingMeasurement(np.zeros((3, 3)), np.zeros((2, 3, 3)), weight)
     assert as_light(measurement) == (measurement, 1)
 
@@ -206,3 +197,165 @@ def test_a_view_of_points_in_a_line_counts_next_to_nothing():
     found, _, _ = prepared(Scenario(samples=20, target="charuco"), change=of_a_line)
     assert np.isfinite(found.weight).all()
     assert found.weight[3] < 0.01 * np.median(found.weight)
+
+
+LENS = Camera("pinhole", [500.0, 700.0, 320.0, 240.0])
+
+
+def group_of(measurement, count):
+    """Views of an arm's camera, whose flanges stand anywhere."""
+    flanges, none = SE3.exp(np.random.default_rng(0).standard_normal((count, 6))), np.full(count, -1)
+    return ViewGroup(
+        "c", "t", "r", None, "x", "z", None, None, np.arange(count), flanges, SE3.identity((count,)),
+        none, none, none, none, measurement,
+    )  # fmt: skip
+
+
+def pixels_of(seen, stated=None):
+    """Pixels of points on a curve, some of which were seen, with 1 / sigma where it was stated."""
+    n, p = seen.shape
+    points = np.column_stack([np.linspace(0, 1, p), np.linspace(0, 1, p) ** 2, np.zeros(p)])
+    pixels = np.random.default_rng(1).uniform(0, 600, (n, p, 2))
+    stated = np.zeros((n, p)) if stated is None else stated
+    return PixelMeasurement(points, pixels, seen, stated * seen, 1.0 * seen)
+
+
+def poses_with(cost, sigma_rad=0.02):
+    """What finds poses of such costs, each known to so many radians in all."""
+    cost = np.array(cost, dtype=np.float64)
+    poses = SE3.exp(np.random.default_rng(2).standard_normal((*cost.shape, 6)))
+    information = np.tile(np.diag([1e6] * 3 + [3 / sigma_rad**2] * 3), (len(cost), 1, 1))
+    return lambda *_: ViewPoses(poses, cost, information)
+
+
+def test_poses_are_trusted_by_their_own_sigma_and_a_fifth_where_two_look_alike():
+    """Half at 0.02 rad; alike are two whose costs differ by less than five sigmas, 25."""
+    group = group_of(pixels_of(np.ones((4, 6), dtype=bool)), 4)
+    cost = [[0.0, 24.9], [0.0, 25.1], [10.0, 34.9], [10.0, 36.0]]
+    for sigma_rad, half in ((0.02, 0.5), (0.06, 0.25)):
+        found = pair_views(group, LENS, 9, 9, poses_with(cost, sigma_rad))
+        np.testing.assert_allclose(found.weight, half * np.array([0.2, 1.0, 0.2, 1.0]), rtol=1e-6)
+
+
+@pytest.mark.parametrize(("none", "kept"), [([], [0, 1, 2, 3]), ([1], [0, 2, 3]), ([1, 2], None)])
+def test_views_without_a_pose_are_left_out_and_of_fewer_than_three_all_go_by_directions(none, kept):
+    """With the poses that are theirs."""
+    cost = np.array([[0.0, 30.0]] * 4)
+    cost[none] = np.inf
+    poses_of = poses_with(cost)
+    found = pair_views(group_of(pixels_of(np.ones((4, 6), dtype=bool)), 4), LENS, 9, 9, poses_of)
+    assert found.group.sample.tolist() == (kept or [0, 1, 2, 3])
+    assert len(found.weight) == len(found.group) == len(found.group.measurement.weight)
+    assert found.total == 4
+    if kept is None:
+        assert found.candidates is None
+        assert found.weight.tolist() == [1.0] * 4
+    else:
+        np.testing.assert_array_equal(found.candidates.matrix, poses_of().camera_from_target.matrix[kept])
+
+
+@pytest.mark.parametrize(("points", "has_poses"), [(3, False), (4, True)])
+def test_a_target_of_four_points_has_poses(points, has_poses):
+    """Of three it has none, whatever they would cost."""
+    found = pair_views(group_of(pixels_of(np.ones((3, points), dtype=bool)), 3), LENS, 9, 9, poses_with([[0, 30]] * 3))
+    assert (found.candidates is not None) == has_poses
+
+
+def test_directions_weigh_by_stated_sigmas_or_half_a_pixel():
+    """In radians by the mean focal length; what was not seen has neither weight nor direction."""
+    seen = np.array([[True, True, False]] * 2)
+    group = group_of(pixels_of(seen, np.array([[0.5, 0.0, 0.5]] * 2)), 2)
+    of = pair_views(group, LENS, 9, 9).group.measurement
+    np.testing.assert_allclose(of.weight, np.array([[0.5, 2.0, 0.0]] * 2) * 600)
+    np.testing.assert_allclose(of.bearings_in_camera[:, :2], LENS.undistort(group.measurement.pixels)[0][:, :2])
+    assert not of.bearings_in_camera[:, 2].any()
+
+
+@pytest.mark.parametrize(("total", "views", "kept"), [
+    (5, 1, [0]),
+    (5, 2, [0, 4]),
+    (6, 3, [0, 2, 5]),
+    (3, 3, [0, 1, 2]),
+    (3, 4, [0, 1, 2]),
+    (20, 5, [0, 5, 10, 14, 19]),
+])  # fmt: skip
+def test_few_views_are_spread_from_first_to_last(total, views, kept):
+    """One alone is the first."""
+    poses, weight = SE3.identity((total,)), np.ones((total, 6))
+    found = pair_views(group_of(PoseMeasurement(poses, weight, weight), total), None, views, 9)
+    assert found.group.sample.tolist() == kept
+    assert found.total == total
+
+
+@pytest.mark.parametrize(
+    ("shown", "most", "left"), [([12, 12, 24], 6, 12), ([24, 24, 24], 6, 6), ([0, 0, 150], 1, 150)]
+)
+def test_of_a_target_shown_in_part_more_points_are_kept(shown, most, left):
+    """As many as the median view shows so many of; where that shows none, all of hundreds."""
+    count = max(shown)
+    group = group_of(pixels_of(np.arange(count) < np.array(shown)[:, None]), 3)
+    assert len(pair_views(group, LENS, 9, most).group.measurement.points_in_target) == left
+
+
+@pytest.mark.parametrize(("extent", "seen", "kept"), [
+    ((1, 1, 1), [3, 3, 3, 2], [0, 1, 2]),
+    ((1, 1, 0), [3, 4, 5, 5], [0, 1, 2, 3]),
+    ((1, 1, 1), [3, 3, 2, 2], None),
+    ((1, 0, 0), [5, 5, 5, 5], None),
+])  # fmt: skip
+def test_three_points_in_space_hold_a_pose_but_in_a_line(rng, extent, seen, kept):
+    """Where three views at least have so many; else all go by directions."""
+    points, poses = rng.standard_normal((5, 3)) * extent, SE3.exp(rng.standard_normal((4, 6)))
+    at = (poses.rotation @ points.T).mT + poses.translation[:, None]
+    mask = np.arange(5) < np.array(seen)[:, None]
+    found = pair_views(group_of(PointMeasurement(points, at, mask, 1.0 * mask, 1.0 * mask), 4), None, 9, 9)
+    assert found.group.sample.tolist() == (kept or [0, 1, 2, 3])
+    assert found.weight.tolist() == [1.0] * len(found.group)
+    if kept is None:
+        assert found.candidates is None
+        np.testing.assert_array_equal(found.group.measurement.weight, 1000.0 * mask)
+    else:
+        for k in (0, 1):
+            np.testing.assert_allclose(found.candidates[:, k].matrix, poses.matrix[kept], atol=1e-9)
+
+
+@pytest.mark.parametrize("flip", [[False, True, True], [False, False, False]])
+def test_views_read_from_the_other_end_are_turned_with_all_that_is_theirs(monkeypatch, flip):
+    """Directions and weights in the other order, the poses of that end first; judged by each end's best pose."""
+    target_from_turned = SE3(np.diag([-1.0, -1.0, 1.0]), np.array([0.2, 0.1, 0.0]))
+    asked = []
+
+    def turned_views(group, read, turned):
+        asked.append((read, turned))
+        return np.array(flip)
+
+    monkeypatch.setattr(module, "turned_views", turned_views)
+    measurement, poses_of = pixels_of(np.arange(6) < np.array([[6], [5], [4]])), poses_with([[0.0, 30.0]] * 3)
+    group = replace(group_of(measurement, 3), half_turn=target_from_turned)
+    found, plain = (
+        pair_views(group, LENS, 9, 6, poses_of),
+        pair_views(replace(group, half_turn=None), LENS, 9, 6, poses_of),
+    )
+    own = poses_of().camera_from_target
+    ends = own, own @ target_from_turned
+    np.testing.assert_array_equal(asked[0], [end.rotation[:, 0] for end in ends])
+    for view, is_flipped in enumerate(flip):
+        first, second = (ends[k][view].matrix for k in (is_flipped, not is_flipped))
+        np.testing.assert_allclose(found.candidates[view].matrix, np.concatenate([first, second]))
+        order = slice(None, None, -1 if is_flipped else 1)
+        for name in ("bearings_in_camera", "weight"):
+            of = getattr(plain.group.measurement, name)[view, order]
+            np.testing.assert_array_equal(getattr(found.group.measurement, name)[view], of)
+
+
+def test_the_nearer_of_two_poses_is_the_one_turned_less(rng):
+    """Against what X, Y and Z predict, wherever it stands."""
+    group = group_of(PoseMeasurement(SE3.identity((3,)), np.ones((3, 6)), np.ones((3, 6))), 3)
+    triple = tuple(SE3.exp(rng.standard_normal(6)) for _ in "xyz")
+    turns = np.array([[0.1, 0.2], [0.4, 0.3], [2.0, -1.0]])
+    sight = module.PairViews(group, SE3.identity((3, 2)), np.ones(3), 3)
+    predicted = sight.predicted(triple)
+    expected = (group.eye_base_from_eye_flange @ triple[0]).inverse() @ triple[1] @ triple[2]
+    np.testing.assert_allclose(predicted.matrix, expected.matrix, atol=1e-12)
+    off = SE3.from_rotvec(turns[..., None] * [0.0, 0.6, 0.8], rng.standard_normal((3, 2, 3)))
+    assert replace(sight, candidates=predicted[:, None] @ off).nearer(triple).tolist() == [0, 1, 1]

@@ -26,12 +26,14 @@ def _unit_quaternions(n: int) -> tuple[np.ndarray, np.ndarray]:
     return q / np.linalg.norm(q, axis=-1, keepdims=True), np.zeros((n, 3))
 
 
-def _light(views, known=()):
-    """A loop that closes exactly on a light, its bearings, and X, Y and Z."""
+def _light(views, known=(), turned=None):
+    """A loop that closes exactly on a light, its bearings, and X, Y and Z, whose rotations may be given."""
     rng = np.random.default_rng(3)
     a, c = (SE3.exp(rng.standard_normal((views, 6)) * [0.3, 0.3, 0.3, 0.8, 0.8, 0.8]) for _ in range(2))
     x, y = SE3.exp(0.3 * rng.standard_normal(6)), SE3.exp(np.array([0.9, 0.2, 0.1, 0.4, -0.3, 1.2]))
     z = SE3(np.eye(3), np.array([0.05, -0.02, 0.2]))
+    if turned is not None:
+        x, y = (SE3(turn, at.translation) for turn, at in zip(turned, (x, y), strict=True))
     light = ((a @ x).inverse() @ y @ c @ z).translation
     true = {"x": x, "y": y, "z": z}
     loop = Loop(
@@ -73,3 +75,21 @@ def test_of_many_views_evenly_spread_ones_rank_the_grid(views, step):
     for found, same in zip(light_starts(loop, bearings, 2), light_starts(fewer, bearings[::step], 2), strict=True):
         for one, other in zip(found, same, strict=True):
             np.testing.assert_array_equal(one.matrix, other.matrix)
+
+
+def test_the_grid_carries_an_icosahedron_onto_itself():
+    """That of vertices (0, 1, golden ratio), of either signs, and with its coordinates in turn."""
+    golden = (1 + np.sqrt(5)) / 2
+    vertices = np.array([np.roll([0, s, t * golden], k) for k in range(3) for s in (1, -1) for t in (1, -1)])
+    carried = np.einsum("kij,vj->kvi", icosahedral_rotations(), vertices)
+    assert np.abs(carried[:, :, None] - vertices).max(-1).min(-1).max() < 1e-12
+
+
+@pytest.mark.parametrize(("known", "count"), [("x", 8), ("y", 20), ("xz", 8), ("yz", 20)])
+def test_a_light_whose_rotations_are_of_the_grid_comes_first(known, count):
+    """Exactly where it is, however far from the camera: directions alone count. Of one rotation of X eight go on."""
+    loop, bearings, true = _light(9, known, icosahedral_rotations()[[13, 42]])
+    starts = light_starts(loop, bearings, 20)
+    assert len(starts) == count
+    for name, found in zip("xyz", starts[0], strict=True):
+        np.testing.assert_allclose(found.matrix, true[name].matrix, atol=1e-4)

@@ -5,17 +5,21 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.estimation.start.closed_form import Loop
+from basecal.estimation.start import rotation_search
+from basecal.estimation.start.closed_form import Loop, solve_rotations
 from basecal.estimation.start.rotation_grid import icosahedral_rotations
 from basecal.estimation.start.rotation_search import (
+    _grid_starts,
+    _loops,
     _sum_of_singular_values,
+    _trimmed_rms,
     angle_between,
     pose_starts,
     search_rotations,
     settled_rotations,
 )
 from basecal.geometry import SE3
-from basecal.geometry.rotation import rotation_exp, rotation_log
+from basecal.geometry.rotation import nearest_rotation, rotation_exp, rotation_log
 
 
 def loop(truth, unknown, n, seed, noise=0.0):
@@ -48,6 +52,7 @@ def test_exact_loops_are_closed(unknown):
     """Eight loops of 12 to 19 samples, each with its own truth: every one is found to a tenth of a milliradian."""
     truths = [drawn(k) for k in range(8)]
     found = search_rotations([loop(truth, unknown, 12 + k, k) for k, truth in enumerate(truths)])
+    assert all(rotations.clear for rotations in found)
     off = [
         angle_between(getattr(rotations, k), truth[k].rotation)
         for rotations, truth in zip(found, truths, strict=True)
@@ -67,6 +72,7 @@ def test_rotations_settle_where_samples_lead(unknown):
         for truth, turn in zip(truths, turns, strict=True)
     ]
     found = settled_rotations([loop(truth, unknown, 20, k) for k, truth in enumerate(truths)], near)
+    assert all(rotations.clear for rotations in found)
     for at, begun, truth in zip(found, near, truths, strict=True):
         off = max(angle_between(getattr(at, k), truth[k].rotation) for k in "xyz")
         assert off < max(angle_between(begun["xyz".index(k)], truth[k].rotation) for k in "xyz") / 10
@@ -97,12 +103,14 @@ def test_a_fifth_of_wrong_samples_does_not_choose_the_end():
 
 
 def test_sums_of_singular_values():
-    """Those of 3 x 3 matrices, of any rank and determinant, to a millionth of the sum."""
+    """Those of 3 x 3 matrices, of any rank, determinant and size, to a millionth of the sum."""
     rng = np.random.default_rng(0)
     matrix = rng.standard_normal((200, 3, 3)) * rng.uniform(0, 1, (200, 1, 3)) ** 4
     matrix[:20, :, 0] = 0.0
     matrix[:10, :, 1] = 0.0
     matrix[20:30] = rotation_exp(rng.standard_normal((10, 3)))
+    matrix[30:40] *= 1e-4
+    matrix[40:50] *= 1e4
     true = np.linalg.svd(matrix, compute_uv=False).sum(-1)
     np.testing.assert_allclose(_sum_of_singular_values(matrix), true, rtol=1e-6)
 
@@ -119,4 +127,69 @@ def test_angles_between_rotations():
     np.testing.assert_allclose(angle_between(first, half), np.pi, atol=1e-7)
     np.testing.assert_allclose(
         angle_between(first, second), np.linalg.norm(rotation_log(first.T @ second), axis=-1), atol=1e-8
+    )
+
+
+@pytest.mark.parametrize("unknown", ["x", "y", "z"])
+def test_one_rotation_settles_at_the_mean_of_the_samples(unknown):
+    """Each by the square of its weight, as the closed form of one unknown has it."""
+    loops = [loop(drawn(k), unknown, 9 + k, k, noise=0.3) for k in range(2)]
+    near = [[np.eye(3) if at is None else at.rotation for at in (of.x, of.y, of.z)] for of in loops]
+    for of, found in zip(loops, settled_rotations(loops, near), strict=True):
+        np.testing.assert_allclose(getattr(found, unknown), getattr(solve_rotations(of), unknown), atol=1e-9)
+
+
+@pytest.mark.parametrize("unknown", ["y", "xz"])
+def test_rotations_that_have_settled_go_no_further(monkeypatch, unknown):
+    """From the truth of exact samples a round finds no change; a loop that moved has another, by itself."""
+    counted, nearest = [], rotation_search.nearest_rotations
+    monkeypatch.setattr(rotation_search, "nearest_rotations", lambda of: counted.append(len(of)) or nearest(of))
+    truth = drawn(1)
+    exact, right = loop(truth, unknown, 20, 1), [truth[k].rotation for k in "xyz"]
+    settled_rotations([exact], [right])
+    assert counted == [1] * len(unknown)
+    counted.clear()
+    off = [
+        turn @ rotation_exp(np.array([0.0, 0.0, 1e-2])) if k in unknown[:1] else turn
+        for k, turn in zip("xyz", right, strict=True)
+    ]
+    settled_rotations([exact, loop(truth, unknown, 12, 2)], [off, right])
+    assert counted[: len(unknown) + 1] == [2] * len(unknown) + [1]
+
+
+def test_starts_that_differ_in_any_rotation_are_apart(monkeypatch):
+    """By more than 0.15 rad; of those alike the first stays, each loop by itself."""
+    turn = rotation_exp(np.array([[0.0, 0, 0], [0.14, 0, 0], [0.16, 0, 0], [0, 0.5, 0]]))
+    same = np.broadcast_to(np.eye(3), (4, 3, 3))
+    ends = {"x": np.stack([same, turn, same]), "y": np.stack([turn, same, same]), "z": np.eye(3)[None, None]}
+    monkeypatch.setattr(rotation_search, "_alternated", lambda loops, at, rounds: ends)
+    found = pose_starts([loop(drawn(k), "xy", 5, k) for k in range(3)], 4)
+    np.testing.assert_array_equal([start[1] for start in found[0]], turn[[0, 2, 3]])
+    np.testing.assert_array_equal([start[0] for start in found[1]], turn[[0, 2, 3]])
+    np.testing.assert_array_equal(found[2], [np.stack([np.eye(3)] * 3)])
+
+
+@pytest.mark.parametrize(("most", "unknown"), [(1, "xy"), (5, "xy"), (7, "yz"), (61, "xz")])
+def test_the_best_cells_of_the_grid_are_those_that_close_loops_best(most, unknown):
+    """By the sum of the singular values of the mean that the other rotation is nearest to, tried one by one."""
+    grid, given = icosahedral_rotations(), [loop(drawn(k), unknown, 8 + k, k, noise=0.2) for k in range(2)]
+    best, averaged = _grid_starts(_loops(given), most), unknown[-1]
+    for h, of in enumerate(given):
+        a, b, c = (at.rotation for at in (of.a, of.b, of.c))
+        x, y, z = (
+            grid[:, None] if k == unknown[0] else None if k == averaged else getattr(of, k).rotation for k in "xyz"
+        )
+        each = c.mT @ y.mT @ a @ x @ b if averaged == "z" else a @ x @ b @ z.mT @ c.mT
+        means = np.einsum("mnij,n->mij", each, of.weight**2 / np.sum(of.weight**2))
+        order = np.argsort(-np.linalg.svd(means, compute_uv=False).sum(-1), kind="stable")[:most]
+        np.testing.assert_array_equal(best[unknown[0]][h], grid[order])
+        np.testing.assert_allclose(best[averaged][h], nearest_rotation(means[order]), atol=1e-9)
+
+
+def test_a_third_of_the_samples_may_be_wrong():
+    """Of each loop's own samples the least seven tenths, rounded up, count, one at least: their root mean square."""
+    angle = np.array([[[1.0, 5.0, 2.0, 2.0, 0.1], [3.0, 3.0, 3.0, 9.0, 9.0]], [[4.0, 1.0, 1.0, 1.0, 1.0]] * 2])
+    np.testing.assert_allclose(_trimmed_rms(angle, np.array([4, 1])), [[np.sqrt(3.0), 3.0], [4.0, 4.0]])
+    np.testing.assert_allclose(
+        _trimmed_rms(angle, np.array([5, 2])), [[np.sqrt(9.01 / 4), np.sqrt(27.0)], [np.sqrt(17 / 2)] * 2]
     )
