@@ -13,6 +13,7 @@ from basecal.cell import Intrinsics, Unknown
 from basecal.cell.robot_parameters import joint_offsets
 from basecal.estimation.least_squares.jacobians import by_robot_models, by_stop_errors, by_unknowns
 from basecal.estimation.least_squares.normal_equations import (
+    LinearisedViews,
     linearise,
     prior_residuals,
     retract,
@@ -237,8 +238,9 @@ def test_priors_are_in_sigmas():
     check_derivative(of, 1e-3 * jacobian, 1e-2, 1e-9)
     point = replace(problem, columns={MOUNT: slice(0, 3)})
     assert [part.shape for part in prior_residuals(point, moved)[0][:2]] == [(3,), (3, 3)]
-    free = replace(problem, unknowns={**problem.unknowns, MOUNT: Unknown()})
-    assert prior_residuals(free, moved) == []
+    for guess in (None, SE3.identity()):
+        free = replace(problem, unknowns={**problem.unknowns, MOUNT: Unknown(mean=guess)})
+        assert prior_residuals(free, moved) == []
 
 
 def test_a_lens_known_beforehand_is_in_sigmas():
@@ -255,6 +257,14 @@ def test_a_lens_known_beforehand_is_in_sigmas():
     assert prior_residuals(free, moved) == []
     fixed = replace(known, lenses={"camera": Intrinsics("fixed", lens)})
     assert prior_residuals(fixed, moved) == []
+    bent = Camera("pinhole", [800.0, 800, 320, 240, 0.1, 0.2, 0.3, 0.4, 0.5])
+    held = np.flatnonzero(np.isfinite(bent.term_sigmas))
+    found = prior_residuals(replace(free, columns={"camera": slice(0, 9)}), replace(state, cameras={"camera": bent}))
+    assert len(found) == (len(held) > 0)
+    for residual, jacobian, where in found:
+        np.testing.assert_allclose(residual, bent.distortion[held] / bent.term_sigmas[held])
+        np.testing.assert_allclose(jacobian, np.eye(9)[4 + held] / bent.term_sigmas[held, None])
+        assert where == slice(0, 9)
 
 
 def test_focal_lengths_stay_above_a_fifth_and_finite():
@@ -287,3 +297,50 @@ def test_joints_known_beforehand_are_in_sigmas_and_free_ones_have_no_prior():
     assert where == problem.columns["eye_joint_offsets"]
     held = problem.columns["hand_joint_offsets"]
     assert held.stop - held.start == len(models["hand"].columns["joint_offsets"].basis.T)
+
+
+@pytest.mark.parametrize("batch", [(), (2,)])
+def test_weights_scale_what_views_say_and_none_silences_them(rng, batch):
+    """Gradient, information and what errors promise, each view by its own; at none even what is no number."""
+    gradient, root = rng.standard_normal((*batch, 3, 6)), rng.standard_normal((*batch, 3, 6, 6))
+    promised = rng.uniform(1, 2, (*batch, 3))
+    views = LinearisedViews(gradient, root @ root.mT, promised, np.zeros((*batch, 3, 6, 0)), np.zeros(0, int), (), ())
+    weight = np.broadcast_to([0.5, 1.0, 3.0], (*batch, 3))
+    names = ("gradient", "information", "promised")
+    for name in names:
+        plain, found = getattr(views, name), getattr(views.weighted(weight), name)
+        np.testing.assert_allclose(
+            np.moveaxis(found, len(batch), 0),
+            [k * np.take(plain, i, len(batch)) for i, k in enumerate((0.5, 1.0, 3.0))],
+        )
+    lost = np.array([False, True, False])
+    wild = {
+        name: np.where(lost.reshape(3, *[1] * k), np.nan, getattr(views, name))
+        for k, name in zip((1, 2, 0), names, strict=True)
+    }
+    found = replace(views, **wild).weighted(np.where(lost, 0.0, weight))
+    expected = views.weighted(np.where(lost, 0.0, weight))
+    for name in names:
+        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
+        assert not np.take(getattr(found, name), 1, len(batch)).any()
+
+
+@pytest.mark.parametrize("count", [1, 70])
+def test_views_beyond_all_measure_leave_the_others_as_they_are(count):
+    """Of a weight that rounds away the identity of their stop's errors: all is finite, and others are exact."""
+    problem, state = pose_problem(np.full((count + 1, 6), 1e-6), np.ones(6), stop_sigma=np.full(6, 1.0))
+    (group,) = problem.groups
+    plain = linearise(problem, state)
+    wild = np.where(np.arange(count + 1) == 0, 1e12, 1.0)[:, None] * group.measurement.weight
+    mixing = SE3.exp(np.array([3.0, -2.0, 1.0, 1.0, 2.0, 0.5]))  # makes information singular but for rounding
+    off = SE3.stack([mixing, *[SE3.identity()] * count])
+    measured = replace(
+        group.measurement, weight=wild, measured_camera_from_target=group.measurement.measured_camera_from_target @ off
+    )
+    normal = linearise(problem.with_groups([replace(group, measurement=measured)]), state)
+    assert np.isfinite(normal.hessian).all()
+    assert np.isfinite(normal.stop_log_det)
+    for name in ("gradient", "information"):
+        np.testing.assert_allclose(
+            getattr(normal.views[0], name)[1:], getattr(plain.views[0], name)[1:], rtol=1e-9, atol=1e-15
+        )

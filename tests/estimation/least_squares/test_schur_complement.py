@@ -120,3 +120,17 @@ def test_numbers_beyond_all_measure_are_no_solution(rng):
     values = errors, gradient, np.where(information > 0, np.inf, information), by_unknowns, by_error
     with np.errstate(all="ignore"), pytest.raises(np.linalg.LinAlgError):
         eliminated(values, (0, 1))
+
+
+@pytest.mark.parametrize("robots", [(0,), (0, 1)])
+def test_views_added_one_by_one_are_those_added_together(rng, robots):
+    """Of groups whose views stand each in a stop of its own, as of one group in which several share them."""
+    errors, gradient, information, by_unknowns, by_error = drawn(rng)
+    sums, columns = SchurAccumulator(errors, WIDTH), np.array([0, 2, 3, 4])
+    for row in range(VIEWS):
+        of, first = slice(row, row + 1), np.zeros(1, dtype=np.int64)
+        shared = [SharedView(first, {0: EYE, 1: HAND}[r][of], by_error[r][of]) for r in robots]
+        sums.add(shared, gradient[of], information[of], by_unknowns[of], columns)
+    ours, together = sums.solve(), eliminated((errors, gradient, information, by_unknowns, by_error), robots)
+    for name in ("by_unknowns", "solution", "promised", "log_det", "precision"):
+        np.testing.assert_allclose(getattr(ours, name), getattr(together, name), rtol=1e-9, atol=1e-9)

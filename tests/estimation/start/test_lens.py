@@ -12,9 +12,18 @@ from tests.shared.real_recordings import example
 from basecal.cell import CellCamera
 from basecal.cell.cell import Intrinsics, Unknown
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.start.lens import _worth_bending, guessed_lens, lens_from_views
+from basecal.estimation.start.lens import (
+    _Lenses,
+    _poses,
+    _thinned,
+    _Views,
+    _worth_bending,
+    guessed_lens,
+    lens_from_views,
+)
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Camera
+from basecal.numerics.batch import stack
 
 BOARD = np.array([[x, y, 0.0] for x in np.linspace(-0.15, 0.15, 6) for y in np.linspace(-0.1, 0.1, 5)])
 SIZE = (1280, 720)
@@ -87,3 +96,65 @@ def test_a_guess_is_centred_and_as_wide_as_asked():
     unknown = guessed_lens(replace(ASKED, size_px=None), 2.0)
     np.testing.assert_allclose(unknown.parameters, [2560, 2560, 639.5, 359.5, 0, 0, 0, 0, 0])
     assert unknown.size_px is None
+
+
+@pytest.mark.parametrize(("count", "step"), [(30, 1), (31, 2), (60, 2), (61, 3)])
+def test_at_most_thirty_views_of_four_points_or_more_are_kept(count, step):
+    """Spread evenly, each point that was seen counting alike, whatever was stated of it."""
+    whole = views(lens(950.0), count=count + 2)
+    seen = whole.seen.copy()
+    seen[0, 3:], seen[1, 4:] = False, False  # three points, and four
+    seen[-1] = False
+    few = _thinned(replace(whole, seen=seen, stated=7.0 * seen, weight=7.0 * seen))
+    np.testing.assert_array_equal(few.pixels, whole.pixels[1:-1][::step])
+    np.testing.assert_array_equal(few.weight, 1.0 * few.seen)
+    np.testing.assert_array_equal(few.seen, seen[1:-1][::step])
+    assert len(_thinned(replace(whole, seen=np.zeros_like(seen))).seen) == 0
+
+
+def test_poses_of_a_guess_are_of_the_points_it_can_place():
+    """Exact where the lens is; pixels where nothing was seen, or that it bends out of sight, do not count."""
+    fisheye = Camera("fisheye", [300.0, 300.0, 640.0, 360.0, 0.0, 0.0, 0.0, 0.0], SIZE)
+    seen = views(fisheye, noise=0.0)
+    pixels, mask = seen.pixels.copy(), seen.seen.copy()
+    pixels[:, 3], mask[:, 3] = [100.0, 50.0], False
+    pixels[:, 7] = [640.0 + 3.3 * 300, 360.0]  # beyond half a turn
+    assert not fisheye.undistort(pixels)[1][:, 7].any()
+    poses = _poses(fisheye, replace(seen, pixels=pixels, seen=mask, weight=1.0 * mask))
+    at = (poses.rotation @ BOARD.T).swapaxes(1, 2) + poses.translation[:, None]
+    others = np.setdiff1d(np.arange(len(BOARD)), [3, 7])
+    np.testing.assert_allclose(fisheye.project(at)[:, others], seen.pixels[:, others], atol=1e-4)
+
+
+def test_poses_are_eliminated_from_what_views_say_of_lenses(rng):
+    """Of two boards and two lenses: cost, gradient, Hessian, what poses promise, and the step, as written out."""
+    boards = [views(lens(950.0), count=3), views(lens(950.0), noise=2.0, count=2)]
+    lenses = [guessed_lens(ASKED, 0.7), lens(900.0)]
+    state = stack([_Lenses(each, tuple(_poses(each, m) for m in boards)) for each in lenses])
+    free = np.array([0, 2, 4])
+    system = _Views(boards, free)
+    found = system.linearise(state)
+    step = 1e-3 * rng.standard_normal((2, 3))
+    after = system.retract(state, found, step)
+    for k, each in enumerate(lenses):
+        parts = [m.linearise(poses[k], each, True) for m, poses in zip(boards, state.poses, strict=True)]
+        whole, force, at = np.zeros((33, 33)), np.zeros(33), 3
+        for part in parts:
+            for information, gradient in zip(part.information, part.gradient, strict=True):
+                columns = np.concatenate([np.arange(at, at + 6), [0, 1, 2]])
+                rows = np.concatenate([np.arange(6), 6 + free])
+                whole[np.ix_(columns, columns)] += information[np.ix_(rows, rows)]
+                force[columns] += gradient[rows]
+                at += 6
+        of_poses = np.linalg.inv(whole[3:, 3:])
+        mixed = whole[:3, 3:]
+        np.testing.assert_allclose(found.cost[k], sum(part.cost.sum() for part in parts))
+        np.testing.assert_allclose(found.gradient[k], force[:3] - mixed @ of_poses @ force[3:], rtol=1e-6)
+        np.testing.assert_allclose(found.hessian[k], whole[:3, :3] - mixed @ of_poses @ mixed.T, rtol=1e-6)
+        np.testing.assert_allclose(found.eliminated[k], force[3:] @ of_poses @ force[3:], rtol=1e-6)
+        moved = (-of_poses @ (force[3:] + mixed.T @ step[k])).reshape(5, 6)
+        steps = np.concatenate([(a[k].inverse() @ b[k]).log() for a, b in zip(state.poses, after.poses, strict=True)])
+        np.testing.assert_allclose(steps, moved, rtol=1e-5, atol=1e-9)
+        np.testing.assert_allclose(
+            (after.camera.parameters - state.camera.parameters)[k], np.eye(9)[free].T @ step[k], atol=1e-9
+        )
