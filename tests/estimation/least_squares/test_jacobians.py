@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from tests.derivatives import check_derivative
+from tests.pose_problem import pose_problem
 
 from basecal.cell.robot_parameters import joint_offsets, link_parameters
 from basecal.estimation.least_squares.jacobians import by_robot_models, by_stop_errors, by_unknowns
@@ -129,3 +130,18 @@ def test_robots_that_are_as_stated_have_no_columns():
     derivative, columns = by_robot_models(problem, group, chain(group, state, problem.stops), state, 6)
     assert derivative.shape == (4, 6, 0)
     assert len(columns) == 0
+
+
+def test_a_lens_has_columns_where_views_have_rows_of_it():
+    """One a parameter, behind those of the transforms; of rows of a pose alone there are none."""
+    problem, state = pose_problem(np.zeros((3, 6)), np.ones(6))
+    (group,), links = problem.groups, chain(problem.groups[0], state, problem.stops)
+    free = replace(problem, columns={**problem.columns, "camera": slice(6, 10)})
+    derivative, columns = by_unknowns(free, group, links, 10)
+    assert columns.tolist() == [*range(10)]
+    np.testing.assert_array_equal(derivative[:, 6:, 6:], np.tile(np.eye(4), (3, 1, 1)))
+    assert not derivative[:, 6:, :6].any()
+    assert not derivative[:, :6, 6:].any()
+    of_pose, columns = by_unknowns(free, group, links, 6)
+    assert columns.tolist() == [*range(6)]
+    np.testing.assert_array_equal(of_pose, derivative[:, :6, :6])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,7 +20,13 @@ from basecal.cell import (
 )
 from basecal.cell.robot_parameters import joint_offsets, link_parameters
 from basecal.errors import InputError
-from basecal.estimation.problem.build import build_problem, canonical_order, recorded_by_joints
+from basecal.estimation.problem.build import (
+    build_problem,
+    canonical_order,
+    free_ends,
+    recorded_by_joints,
+    recorded_joints,
+)
 from basecal.estimation.problem.problem import Problem
 from basecal.geometry import SE3
 from basecal.kinematics import read_chain
@@ -263,3 +270,34 @@ def test_what_no_robot_carries_stays_where_it_is():
     np.testing.assert_array_equal(group.hand_base_from_hand_flange.matrix, np.broadcast_to(np.eye(4), (4, 4, 4)))
     assert group.hand_stop.tolist() == group.hand_stand.tolist() == [-1] * 4
     assert sorted(group.eye_stop) == sorted(group.eye_stand) == [0, 1, 2, 3]
+
+
+def test_joints_at_which_a_robot_was_seen_are_each_there_once():
+    """Of all groups in which it carries something; those of another robot are not its own."""
+    first, second = np.array([[0.1, 0.2], [0.1, 0.2], [0.3, 0.2]]), np.array([[0.3, 0.2], [0.0, 1.0]])
+    groups = [
+        SimpleNamespace(eye="a", eye_joints=first, hand="b", hand_joints=first + 9),
+        SimpleNamespace(eye="c", eye_joints=None, hand="a", hand_joints=second),
+    ]
+    np.testing.assert_array_equal(
+        recorded_joints(SimpleNamespace(groups=groups), "a"), [[0.0, 1.0], [0.1, 0.2], [0.3, 0.2]]
+    )
+
+
+@pytest.mark.parametrize(("held", "robot", "ends"), [
+    ([], "a", (True, True)), ([], "b", (True, True)), ([], "c", (True, True)),
+    (["B"], "a", (False, True)), (["B"], "b", (False, True)), (["B"], "c", (True, True)),
+    (["xa"], "a", (True, False)), (["xa"], "b", (True, True)),
+    (["zb"], "a", (True, True)), (["zb"], "b", (True, False)), (["zb"], "c", (True, True)),
+    (["xw"], "a", (False, True)), (["xw"], "b", (True, True)), (["xw"], "c", (True, True)),
+])  # fmt: skip
+def test_what_hangs_on_one_robot_does_not_hold_another(held, robot, ends):
+    """Robots b and c before the camera of a, the reference, and b before one on the world, of which some are known."""
+    groups = [
+        SimpleNamespace(eye=eye, hand=hand, eye_base=None, hand_base=base, camera_mount=camera, target_mount=target)
+        for eye, hand, base, camera, target in (
+            ("a", "b", "B", "xa", "zb"), ("a", "c", "C", "xa", "zc"), (None, "b", "B", "xw", "zb"),
+        )
+    ]  # fmt: skip
+    unknowns = {k: SimpleNamespace(status="prior" if k in held else "free") for k in ("B", "C", "xa", "xw", "zb", "zc")}
+    assert free_ends(SimpleNamespace(groups=groups, unknowns=unknowns), robot) == ends

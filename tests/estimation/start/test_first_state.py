@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import combinations
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.start.first_state import (
+    _given,
     _Known,
     _loop,
     _mount_of_points,
@@ -166,3 +168,38 @@ def test_bases_are_placed_from_wherever_a_chain_begins(order):
     assert len(placed) == 3
     for name in placed:
         assert np.abs((start.transforms[name].inverse() @ made.truth[name]).log()).max() < 1e-3
+
+
+def test_bases_are_placed_as_relations_lead_to_them(rng):
+    """In whatever order they come and whichever end is known: none before it hangs together with the world."""
+    at = {name: SE3.exp(rng.uniform(-1, 1, 6)) for name in "abcd"} | {None: SE3.identity()}
+    known = _Known()
+    for first, second in (("a", "b"), ("c", "b"), ("d", "c")):
+        known.add_relation(first, second, at[first].inverse() @ at[second])
+        assert known.transforms == {}
+    assert known.relation("b", "a") is known.relation("a", None) is known.base("a") is None
+    np.testing.assert_allclose(known.relation("d", "c").matrix, (at["d"].inverse() @ at["c"]).matrix)
+    known.add_relation("a", None, at["a"].inverse())
+    assert set(known.transforms) == set("abcd")
+    for name in "abcd":
+        np.testing.assert_allclose(known.base(name).matrix, at[name].matrix, atol=1e-12)
+    np.testing.assert_allclose(known.relation("d", "a").matrix, (at["d"].inverse() @ at["a"]).matrix, atol=1e-12)
+    np.testing.assert_allclose(known.relation("b", None).matrix, at["b"].inverse().matrix, atol=1e-12)
+    np.testing.assert_array_equal(known.base(None).matrix, np.eye(4))
+    placed = dict(known.transforms)
+    known.add_relation("a", "b", SE3.identity())
+    assert known.transforms == placed
+
+
+def test_what_is_given_is_fixed_or_has_a_narrow_prior():
+    """In all of its angles; a mean alone, or none, is no start."""
+    mean = SE3.identity()
+    narrow, wide = np.array([9.0, 9, 9, 0.1, 0.2, 0.29]), np.array([0.0, 0, 0, 0.1, 0.31, 0.1])
+    unknowns = {
+        "fixed": Unknown("fixed", mean),
+        "narrow": Unknown("prior", mean, narrow),
+        "wide": Unknown("prior", mean, wide),
+        "guess": Unknown("free", mean),
+        "free": Unknown(),
+    }
+    assert _given(SimpleNamespace(unknowns=unknowns)) == {"fixed": mean, "narrow": mean}
