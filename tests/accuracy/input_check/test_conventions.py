@@ -15,9 +15,9 @@ from basecal.accuracy.input_check.hypotheses import ConventionHypothesis, resize
 from basecal.accuracy.input_check.hypothesis_choice import TriedHypothesis
 from basecal.accuracy.input_check.hypothesis_fit import HypothesisFit
 from basecal.accuracy.input_check.loop_fit import LoopFit
-from basecal.accuracy.input_check.rewriting import exchanged, inverted, with_robots, with_targets
+from basecal.accuracy.input_check.rewriting import LINKS, exchanged, inverted, with_robots, with_targets
 from basecal.accuracy.verdict import calibrate
-from basecal.errors import DatasetError
+from basecal.errors import BasecalError, DatasetError
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve_packed
@@ -269,5 +269,341 @@ def test_robots_that_move_are_told_by_poses_or_joints():
     assert conventions._moving(BOARD.recording) == ["eye", "hand"]
     assert conventions._moving(simulate(Scenario(samples=4, arms="eye_still"), 0).recording) == ["hand"]
     assert sorted(conventions._moving(simulate(Scenario(samples=3, joints=True), 0).recording)) == ["eye", "hand"]
-    one = replace(BOARD.recording, samples=BOARD.recording.samples[:1])
-    assert conventions._moving(one) == []
+    for count, moving in ((1, []), (2, ["eye", "hand"])):
+        few = replace(BOARD.recording, samples=BOARD.recording.samples[:count])
+        assert conventions._moving(few) == moving
+
+
+def test_what_closes_loops_is_known_by_the_declared_fit_of_a_light(monkeypatch):
+    """A hypothesis of poses beside it is held to a light's limits."""
+    fits = [{("wrist", "board"): LoopFit((), np.full(4, off), light)} for off, light in ((0.06, True), (0.055, False))]
+
+    def screened(inputs, lenses):
+        """As `_screened`, with fits that are known."""
+        yield from ()
+        return fits
+
+    monkeypatch.setattr(conventions, "_screened", screened)
+    assert ended(conventions._surviving(BOARD.cell, BOARD.recording, {}, [hypothesis("other")])) == []
+
+
+def ended(check):
+    """What a check that asks for nothing ends with."""
+    with pytest.raises(StopIteration) as end:
+        next(check)
+    return end.value.value
+
+
+def test_checks_in_step_get_their_own_answers(monkeypatch):
+    """One asks twice, one never, one once for two pairs; each is told the fits of what it asked for."""
+    asked = []
+    monkeypatch.setattr(conventions, "fit_loops", lambda pairs: asked.append(pairs) or [f"fit of {p}" for p in pairs])
+
+    def check(*wanted):
+        """Asks for these, one after the other."""
+        told = []
+        for each in wanted:
+            told.append((yield each))
+        return told
+
+    found = conventions._in_step([check(["a"], ["b"]), check(), check(["c", "d"])])
+    assert found == [[["fit of a"], ["fit of b"]], [], [["fit of c", "fit of d"]]]
+    assert asked[:2] == [["a", "c", "d"], ["b"]]
+
+
+def test_cells_of_many_robots_are_checked_pair_by_pair(monkeypatch):
+    """Eight at a time go side by side, in their order, and what they find is brought together."""
+    pairs = [SimpleNamespace(cell=f"cell {k}", recording=f"recording {k}", state=k) for k in range(17)]
+    told, parts, steps = [], [], []
+    in_step = conventions._in_step
+
+    def checked(cell, recording, problem, state, settings, explained):
+        """Finds the number of the pair."""
+        told.append((cell, recording, problem, explained))
+        yield from ()
+        return (state,)
+
+    monkeypatch.setattr(conventions, "has_many_robots", lambda problem: True)
+    monkeypatch.setattr(conventions, "pairs_alone", lambda *given: pairs)
+    monkeypatch.setattr(conventions, "agreed", lambda pairs, found: found)
+    monkeypatch.setattr(conventions, "build_problem", lambda cell, recording: (f"problem of {cell}", ()))
+    monkeypatch.setattr(conventions, "_checked", checked)
+    monkeypatch.setattr(conventions, "_in_step", lambda checks: steps.append(len(checks)) or in_step(checks))
+    settings = SimpleNamespace(part=lambda at, count: parts.append((at, count)))
+    given = (BOARD.cell, BOARD.recording, None, SimpleNamespace(state=None), settings)
+    assert conventions.check_conventions(*given) == [(k,) for k in range(17)]
+    assert told == [(f"cell {k}", f"recording {k}", f"problem of cell {k}", False) for k in range(17)]
+    assert (steps, parts) == ([8, 8, 1], [(0, 17), (8, 17), (16, 17)])
+
+
+def fit_of(core=0.01, good=True, tail=False, explained=True, best=False):
+    """A fit by what is asked of it."""
+    solution = SimpleNamespace(state="known", problem=None)
+    return SimpleNamespace(core=core, good=good, tail=tail, explained=explained, best=best, solution=solution)
+
+
+@pytest.fixture
+def judged_by_name(monkeypatch):
+    """Fits of `fit_of` are judged by what they say of themselves."""
+    monkeypatch.setattr(conventions, "plausible", lambda fit: fit.good)
+    monkeypatch.setattr(conventions, "has_tail", lambda fit: fit.tail)
+    monkeypatch.setattr(conventions, "better", lambda fit, other, times: fit.best)
+    return monkeypatch
+
+
+COMMON, WIDER = ["common"], ["wider", "size"]
+PAIRING = ["slip", "turned"]
+
+
+@pytest.mark.parametrize(
+    ("declared", "facts", "found", "tried"),
+    [
+        (fit_of(), (), {}, COMMON),
+        (fit_of(explained=False), (), {}, COMMON + WIDER),
+        (fit_of(tail=True), (), {}, COMMON + PAIRING),
+        (fit_of(tail=True, explained=False), (), {}, COMMON + WIDER + PAIRING),
+        (fit_of(good=False), (), {}, COMMON + PAIRING + ["rare"]),
+        (fit_of(), ("a fact",), {}, COMMON + PAIRING + ["rare"]),
+        (fit_of(good=False, explained=False), (), {"common": fit_of(best=True)}, COMMON),
+        (fit_of(good=False), (), {"common": fit_of()}, COMMON),
+        (fit_of(good=False, explained=False), (), {"common": fit_of()}, COMMON + WIDER),
+        (fit_of(good=False), (), {"common": fit_of(good=False, best=True)}, COMMON + PAIRING + ["rare"]),
+        (fit_of(good=False), (), {"slip": fit_of()}, COMMON + PAIRING),
+        (fit_of(good=False), (), {"turned": fit_of(good=False)}, COMMON + PAIRING + ["rare"]),
+    ],
+)
+def test_what_is_tried_goes_by_what_explains_so_far(judged_by_name, declared, facts, found, tried):
+    """Rarer mix-ups one after the other, until something that can be explains the views."""
+    assert stages(judged_by_name, declared, facts, found) == tried
+
+
+def stages(monkeypatch, declared, facts=(), found=None, facts_found=(), odd=0.081, survive=True, status="free"):
+    """Words of the hypotheses that are fitted in earnest, each from where it is to start."""
+    common, wider = hypothesis("common"), hypothesis("wider", nested=True)
+    tried, starts = [], {"common": ({}, {}), "slip": ({"slip": 1}, {}), "rare": ({}, {}), "turned": None}
+
+    def surviving(cell, recording, lenses, among):
+        """All that are no wider model."""
+        yield from ()
+        return [(each, {}) for each in among if not each.nested] if survive else []
+
+    def try_one(cell, recording, each, settings, start, about):
+        """What is known of it."""
+        tried.append(each.words)
+        assert start == starts.get(each.words, "known")
+        fit = (found or {}).get(each.words)
+        return [] if fit is None else [TriedHypothesis(each, fit, facts_found)]
+
+    known = {
+        "convention_hypotheses": [common, wider], "size_hypotheses": [hypothesis("size", nested=True)],
+        "pairing_errors": [(hypothesis("slip"), {"slip": 1})], "half_turns": [hypothesis("turned")],
+        "rare_hypotheses": [hypothesis("rare")], "unexplained_motion": odd, "_lenses": {},
+    }  # fmt: skip
+    for name, value in known.items():
+        monkeypatch.setattr(conventions, name, lambda *given, value=value: value)
+    monkeypatch.setattr(conventions, "_explained", lambda fit: fit.explained)
+    monkeypatch.setattr(conventions, "_surviving", surviving)
+    monkeypatch.setattr(conventions, "_try", try_one)
+    problem = SimpleNamespace(unknowns={"a": SimpleNamespace(status="free"), "b": SimpleNamespace(status=status)})
+    about = TriedHypothesis(hypothesis("declared"), declared, facts)
+    ended(conventions._tried(BOARD.cell, BOARD.recording, problem, about, STATED))
+    return tried
+
+
+def test_what_contradicts_facts_explains_nothing(judged_by_name):
+    """However well it fits, the others are tried."""
+    found = {"common": fit_of(best=True)}
+    tried = stages(judged_by_name, fit_of(good=False), found=found, facts_found=("a fact",))
+    assert tried == [*COMMON, *PAIRING, "rare"]
+
+
+def test_rare_mix_ups_are_tried_where_much_motion_is_unexplained(judged_by_name):
+    """From eight hundredths of it on."""
+    assert "rare" not in stages(judged_by_name, fit_of(good=False), odd=0.079)
+
+
+@pytest.mark.parametrize(
+    ("status", "good", "tried"), [("prior", False, COMMON), ("free", False, []), ("prior", True, [])]
+)
+def test_loops_that_only_priors_close_rank_nothing(judged_by_name, status, good, tried):
+    """Where a quick look leaves no hypothesis, all are fitted if there are priors and the declared one cannot be."""
+    declared = fit_of(good=good)
+    assert stages(judged_by_name, declared, odd=0.0, survive=False, status=status)[: len(tried)] == tried
+    assert ("common" in stages(judged_by_name, declared, odd=0.0, survive=False, status=status)) == bool(tried)
+
+
+@pytest.mark.parametrize(
+    ("first", "anew", "start", "expected"),
+    [
+        (fit_of(0.3, good=False), fit_of(0.1), "closed", 0.3),
+        (None, fit_of(0.1), "closed", None),
+        (fit_of(0.3), fit_of(0.1), "guess", 0.3),
+        (fit_of(0.3, good=False), fit_of(0.1), "guess", 0.1),
+        (fit_of(0.1, good=False), fit_of(0.3), "guess", 0.1),
+        (fit_of(0.3, good=False), None, "guess", 0.3),
+        (None, fit_of(0.1), "guess", 0.1),
+        (None, None, "guess", None),
+    ],
+)
+def test_a_guess_that_misled_is_no_mix_up(judged_by_name, first, anew, start, expected):
+    """Where the declared fit from it cannot be, the better one of it and of one without a guess counts."""
+    asked = []
+
+    def fit(cell, recording, settings, known=None):
+        """The first with what is known, then without."""
+        asked.append((len(recording.samples), settings.start, known))
+        return first if known is not None else anew
+
+    judged_by_name.setattr(conventions, "fit_hypothesis", fit)
+    judged_by_name.setattr(conventions, "_SOLVED", 7)
+    found = conventions._as_declared(BOARD.cell, BOARD.recording, Settings(start=start), "known")
+    assert (None if found is None else found.core) == expected
+    assert asked[0] == (7, start, "known")
+    assert asked[1:] in ([], [(7, "closed", None)])
+
+
+@pytest.mark.parametrize(
+    ("samples", "can", "whole", "facts", "observable", "decided"),
+    [
+        (5, True, fit_of(), (), True, True),
+        (4, True, fit_of(), (), True, False),
+        (5, False, fit_of(), (), True, False),
+        (5, True, None, (), True, False),
+        (5, True, fit_of(), (), False, False),
+        (5, True, fit_of(), ("a fact",), False, True),
+        (5, True, fit_of(good=False), (), False, True),
+    ],
+)
+def test_when_hypotheses_are_compared(judged_by_name, samples, can, whole, facts, observable, decided):
+    """Where samples can be held out, and what fits as declared is not merely left open by the data."""
+    told = {}
+
+    def tried(cell, recording, problem, declared, settings):
+        """Nothing."""
+        yield from ()
+        told.update(declared=declared, start=settings.start)
+        return ["tried"]
+
+    def decide(cell, declared, found, explained, still):
+        """What was told."""
+        told.update(found=found, explained=explained, still=still)
+        return ("finding",)
+
+    known = {
+        "_can_hold_out": can, "_as_declared": whole, "is_observable": observable,
+        "impossible_input": (), "impossible_answer": facts,
+    }  # fmt: skip
+    for name, value in known.items():
+        judged_by_name.setattr(conventions, name, lambda *given, value=value: value)
+    judged_by_name.setattr(conventions, "stops_made", lambda problem, robot: {"eye": 1, "hand": 2}[robot])
+    judged_by_name.setattr(conventions, "_tried", tried)
+    judged_by_name.setattr(conventions, "decide_hypotheses", decide)
+    few = replace(BOARD.recording, samples=BOARD.recording.samples[:samples])
+    check = conventions._checked(BOARD.cell, few, SimpleNamespace(models={}), None, Settings(start="guess"), True)
+    assert ended(check) == (("finding",) if decided else ())
+    if decided:
+        known = {"start": "closed", "found": ["tried"], "explained": True, "still": frozenset({"eye"})}
+        assert {name: told[name] for name in known} == known
+        assert (told["declared"].fit, told["declared"].impossible) == (whole, facts)
+
+
+def test_links_take_no_part(monkeypatch):
+    """Where any robot's links are estimated the problem is that without them."""
+    asked = []
+    monkeypatch.setattr(conventions, "without_links", lambda cell, known: ("cell without", "known without"))
+    monkeypatch.setattr(conventions, "build_problem", lambda cell, recording: [f"problem of {cell}", "dropped"])
+    monkeypatch.setattr(conventions, "_can_hold_out", lambda problem: asked.append(problem))
+    for columns in ({LINKS: 0}, {}):
+        problem = SimpleNamespace(models={"a": SimpleNamespace(columns={}), "b": SimpleNamespace(columns=columns)})
+        assert ended(conventions._checked(BOARD.cell, BOARD.recording, problem, None, STATED, False)) == ()
+    assert asked == ["problem of cell without", problem]
+
+
+def test_hypotheses_by_order_are_applied_to_all_samples(monkeypatch):
+    """The others to as many as tell."""
+    monkeypatch.setattr(conventions, "_REWRITTEN", 6)
+    for by_order, count in ((True, 20), (False, 6)):
+        each = replace(hypothesis("other"), by_order=by_order)
+        assert len(conventions._applied(each, BOARD.cell, BOARD.recording)[1].samples) == count
+
+
+def test_a_fit_begins_where_loops_were_closed(monkeypatch):
+    """The state that a quick look found for the samples that are solved; or the one that is given."""
+    begun = []
+    monkeypatch.setattr(conventions, "_SOLVED", 7)
+    monkeypatch.setattr(conventions, "state_of", lambda problem, fits, lenses: (len(problem.groups[0]), fits, lenses))
+    monkeypatch.setattr(conventions, "fit_hypothesis", lambda cell, few, settings, start, beyond: begun.append(start))
+    declared = TriedHypothesis(hypothesis("declared"), fit_of(), ())
+    for start in (({"fit": 1}, {"lens": 2}), "a state"):
+        conventions._try(BOARD.cell, BOARD.recording, hypothesis("other"), STATED, start, declared)
+    assert begun == [(7, {"fit": 1}, {"lens": 2}), "a state"]
+
+
+def test_a_quick_look_names_the_fits_of_each_hypothesis(monkeypatch):
+    """By camera and target; a hypothesis of which one pair cannot be fitted has none."""
+
+    def pair(camera):
+        return SimpleNamespace(group=SimpleNamespace(camera=camera, target="board")), None
+
+    given = {"one": [pair("a"), pair("b")], "two": [pair("a"), pair("b")], "three": []}
+    monkeypatch.setattr(conventions, "_pairs", lambda cell, recording, views: given[cell])
+    check = conventions._screened([(name, None) for name in given], {})
+    assert next(check) == given["one"] + given["two"]
+    with pytest.raises(StopIteration) as end:
+        check.send(["A", "B", "C", None])
+    assert end.value.value == [{("a", "board"): "A", ("b", "board"): "B"}, {}, {}]
+
+
+@pytest.mark.parametrize("is_light", [True, False])
+def test_of_a_light_fewer_views_are_looked_at(is_light):
+    """Its search is longer; a cell that makes no problem has no pairs."""
+    counts = []
+
+    def of(group, views):
+        """Views without poses of their own where they show a light."""
+        counts.append(views)
+        return SimpleNamespace(candidates=None if is_light else 1, views=views)
+
+    ((some, problem),) = conventions._pairs(BOARD.cell, BOARD.recording, SimpleNamespace(of=of))
+    assert len(counts) == (2 if is_light else 1)
+    assert some.views == counts[-1]
+    assert not is_light or counts[1] < counts[0]
+    assert [g.camera for g in problem.groups] == ["wrist"]
+
+
+@pytest.mark.parametrize("error", [BasecalError("no"), np.linalg.LinAlgError()])
+def test_what_makes_no_problem_has_no_pairs(monkeypatch, error):
+    """As where what a hypothesis says contradicts the cell."""
+
+    def fails(*given):
+        raise error
+
+    monkeypatch.setattr(conventions, "build_problem", fails)
+    assert conventions._pairs(BOARD.cell, BOARD.recording, None) == []
+
+
+@pytest.mark.parametrize(
+    ("stated", "good", "lens"), [("stated", True, "stated"), (None, True, "solved"), (None, False, "by views")]
+)
+def test_lenses_are_stated_or_solved_or_seen(judged_by_name, stated, good, lens):
+    """By the views of that camera alone, of which those of pixels count."""
+    (group,) = build_problem(BOARD.cell, BOARD.recording)[0].groups
+    poses = SimpleNamespace(camera="wrist", measurement="poses")
+    other = SimpleNamespace(camera="other", measurement=group.measurement)
+    problem = SimpleNamespace(lenses={"wrist": SimpleNamespace(camera=stated)}, groups=(group, poses, other))
+    judged_by_name.setattr(
+        conventions, "lens_from_views", lambda camera, pixels: "by views" if pixels == [group.measurement] else None
+    )
+    declared = fit_of(good=good)
+    declared.solution.state = SimpleNamespace(cameras={"wrist": "solved"})
+    assert conventions._lenses(BOARD.cell, problem, declared) == {"wrist": lens}
+
+
+@pytest.mark.parametrize(
+    ("share", "estimated", "tail", "explained"),
+    [(1.14, (), False, True), (1.16, (), False, False), (1.14, ("pixel_px",), False, False), (1.14, (), True, False)],
+)
+def test_stated_sigmas_explain_residuals_of_their_size(judged_by_name, share, estimated, tail, explained):
+    """Within 15 %, sigmas that were estimated say nothing, nor do those of most views where some are far off."""
+    solution = SimpleNamespace(noise=SimpleNamespace(estimated=estimated), cost=100 * share**2, dof=100)
+    assert conventions._explained(SimpleNamespace(solution=solution, tail=tail)) == explained
