@@ -589,7 +589,7 @@ def test_lenses_are_stated_or_solved_or_seen(judged_by_name, stated, good, lens)
     """By the views of that camera alone, of which those of pixels count."""
     (group,) = build_problem(BOARD.cell, BOARD.recording)[0].groups
     poses = SimpleNamespace(camera="wrist", measurement="poses")
-    other = SimpleNamespace(camera="other", measurement=group.measurement)
+    other = SimpleNamespace(camera="other", measurement=replace(group.measurement))
     problem = SimpleNamespace(lenses={"wrist": SimpleNamespace(camera=stated)}, groups=(group, poses, other))
     judged_by_name.setattr(
         conventions, "lens_from_views", lambda camera, pixels: "by views" if pixels == [group.measurement] else None

@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from basecal.accuracy.input_check.rare_hypotheses import rare_hypotheses, with_stated_inverted
+from basecal.accuracy.input_check.rare_hypotheses import (
+    _numbers,
+    _of_order,
+    _of_small_angles,
+    _shorter,
+    _together,
+    rare_hypotheses,
+    with_stated_inverted,
+)
 from basecal.accuracy.input_check.rewriting import turned_round, with_robots
 from basecal.accuracy.verdict import calibrate
+from basecal.cell import Recording, Unknown
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
@@ -145,3 +155,77 @@ def test_pixels_are_exchanged():
     _, once = swap.apply(MADE.cell, MADE.recording)
     seen = MADE.recording.samples[0].observations[0]
     np.testing.assert_array_equal(once.samples[0].observations[0].pixels, seen.pixels[:, ::-1])
+
+
+@pytest.mark.parametrize("listing", ["xyz", "XYZ", "ZYX", "ZYZ", ""])
+def test_two_lists_of_numbers_give_one_rotation(listing):
+    """The usual one first; of angles within half a turn, of a rotation vector the other is the long way round."""
+    turns = Rotation.random(9, random_state=0)
+    found = _numbers(turns.as_matrix(), listing)
+    assert found.shape == (9, 2, 3)
+    np.testing.assert_allclose(found[:, 0], turns.as_euler(listing) if listing else turns.as_rotvec(), atol=1e-12)
+    for k in range(2):
+        again = Rotation.from_euler(listing, found[:, k]) if listing else Rotation.from_rotvec(found[:, k])
+        np.testing.assert_allclose(again.as_matrix(), turns.as_matrix(), atol=1e-9)
+    if listing:
+        assert np.abs(found).max() <= np.pi
+        assert np.all(np.abs(found[:, 0] - found[:, 1]).max(1) > 1.0)
+    else:
+        np.testing.assert_allclose(np.linalg.norm(found, axis=-1).sum(1), 2 * np.pi)
+
+
+def test_no_turn_has_a_vector():
+    """Of no length, both ways."""
+    np.testing.assert_array_equal(_numbers(np.eye(3)[None], ""), 0.0)
+
+
+@pytest.mark.parametrize("home", [(0.3, -0.2, 0.4), (3.1, 0.2, -3.1)])
+def test_lists_are_chosen_that_lie_together(home):
+    """About a home, also where angles go round at half a turn, whatever the first of them is."""
+    rng = np.random.default_rng(0)
+    near = np.array(home) + 0.1 * rng.standard_normal((30, 3))
+    far = rng.uniform(-3, 3, (30, 3))
+    far[:, 1] = home[1] + np.pi / 2
+    near[0] += [1.5, -1.0, 1.0]
+    second = rng.random(30) < 0.5
+    numbers = np.stack([np.where(second[:, None], far, near), np.where(second[:, None], near, far)], axis=1)
+    numbers = (numbers + np.pi) % (2 * np.pi) - np.pi
+    off = (_together(numbers) - near + np.pi) % (2 * np.pi) - np.pi
+    np.testing.assert_allclose(off[1:], 0.0, atol=1e-9)
+
+
+def test_the_shorter_list_has_the_lesser_sum_of_squares():
+    """Of each rotation by itself."""
+    numbers = np.array([[[1.0, 1, 1], [0, 0, 1.5]], [[0, 0, 1], [1, 1, 1]]])
+    np.testing.assert_array_equal(_shorter(numbers), [[0, 0, 1.5], [0, 0, 1]])
+
+
+@pytest.mark.parametrize(("samples", "shifts"), [(9, []), (12, [3]), (20, [3, 4, 5]), (60, [3, 4, 5, 6])])
+def test_streams_are_shifted_by_up_to_six_samples(samples, shifts):
+    """Both ways, by less than a third of the recording; each goes by the order of all samples."""
+    recording = Recording(tuple(replace(MADE.recording.samples[0], sample=k) for k in range(samples)))
+    for stream, who in ((None, "what the cameras saw"), ("hand", "what hand recorded")):
+        turned, *shifted = _of_order([stream], recording)
+        assert turned.words == f"{who} stands in reverse order"
+        assert turned.about == (() if stream is None else ("hand",))
+        words = [f"{who} belongs {by} samples {way}" for by in shifts for way in ("later", "earlier")]
+        assert [h.words for h in shifted] == words
+        assert all(h.by_order and not h.nested for h in (turned, *shifted))
+
+
+@pytest.mark.parametrize(("turn_rad", "small"), [(0.109, True), (0.110, False)])
+def test_angles_that_may_be_radians_are_below_two_pi_degrees(turn_rad, small):
+    """Three angles of half a turn each, read as degrees, are no longer than that: 0.1097 rad."""
+    turns = [[0.0, turn_rad, 0.0]] * 19 + [[0.0, 0.0, 0.0]]
+    recording = with_robots(MADE.recording, {"hand": lambda poses: SE3.from_rotvec(turns, poses.translation)})
+    assert len(list(_of_small_angles(["hand", "eye"], recording))) == (2 if small else 0)
+
+
+def test_a_mean_of_what_is_free_is_not_stated():
+    """A value to start from may be anything."""
+    known = simulate(Scenario(samples=2, base="fixed", camera_mount="fixed", target_mount="fixed"), 1).cell
+    ((name, base),) = known.bases.items()
+    cell = replace(known, bases={name: Unknown("free", base.mean)})
+    assert {h.about[0] for h in rare_hypotheses(cell, MADE.recording) if h.code == "transform-inverted"} == {
+        known.mount_name("wrist"), known.mount_name("board"),
+    }  # fmt: skip
