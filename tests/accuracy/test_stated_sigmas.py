@@ -1,15 +1,21 @@
 """Stated sigmas against residuals, by camera and robot."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 from scipy.stats import chi2, kstest, norm
 from tests.pose_problem import pose_problem
 
+from basecal.accuracy import stated_sigmas
 from basecal.accuracy.stated_sigmas import (
+    ContradictedSigma,
+    _judged,
     _of_shared_stops,
     _of_views,
+    _without_sigmas,
     contradicted_sigmas,
     without_contradicted,
 )
@@ -18,7 +24,7 @@ from basecal.estimation.least_squares.studentized import leave_one_out
 from basecal.estimation.outliers.robust_solve import RobustSolution
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
-from basecal.estimation.solve import solve_from, solve_packed
+from basecal.estimation.solve import Solution, solve_from, solve_packed
 from basecal.simulation import Scenario, simulate
 
 NOISE = (1e-3, 1e-3)
@@ -122,3 +128,172 @@ def test_poses_about_their_mean_are_a_chi_square(times, told):
         assert each.too_small == (times > 1)
     few, at = pose_problem(1e-3 * errors[:1], np.full(6, 1e-3))
     assert contradicted_sigmas(solve_from(few, at, Settings())) == ()
+
+
+@pytest.mark.parametrize(
+    ("squares", "freedoms", "told"),
+    [(100.0, 4.0, True), (100.0, 2.9, False), (0.01, 4.0, True), (5.0, 4.0, False), (4.0, 4.0, False)],
+)
+def test_a_sigma_is_judged_by_a_chi_square(squares, freedoms, told):
+    """On the side on which it is off, its ratio the root of squares over freedoms; of three freedoms or more."""
+    found = _judged("eye", True, squares, freedoms)
+    assert (found is not None) == told
+    if told:
+        tail = chi2.sf if squares > freedoms else chi2.cdf
+        assert (found.about, found.of_robot, found.too_small) == ("eye", True, squares > freedoms)
+        assert found.chance == pytest.approx(tail(squares, freedoms))
+        assert found.ratio == pytest.approx(np.sqrt(squares / freedoms))
+
+
+def test_no_squares_at_all_are_too_few():
+    """A ratio of nothing can still be written down; what is as stated is not too small."""
+    assert 0 < _judged("eye", True, 0.0, 40.0).ratio < 1e-100
+    assert not ContradictedSigma("eye", True, 1.0, 0.5).too_small
+
+
+class Views(NamedTuple):
+    """A group of two views."""
+
+    camera: str
+    measurement: SimpleNamespace
+
+
+def contradicted(monkeypatch, views, stops=(), unstated=(), counts=(), squares=(100.0, 100.0)):
+    """What is contradicted by these parts of the residuals; `counts` are (camera, where its sigmas are from)."""
+    monkeypatch.setattr(stated_sigmas, "leave_one_out", lambda *given: None)
+    monkeypatch.setattr(stated_sigmas, "_of_views", lambda about: iter(views))
+    monkeypatch.setattr(stated_sigmas, "_of_shared_stops", lambda about: iter(stops))
+    groups = [Views(camera, SimpleNamespace(counts=lambda of=of: of)) for camera, of in counts]
+    problem = SimpleNamespace(groups=groups, unstated=frozenset(unstated))
+    noise = SimpleNamespace(held_by=lambda problem: problem)
+    cost, dof = squares
+    solution = SimpleNamespace(converged=True, cost=cost, dof=dof, problem=problem, noise=noise, state=None)
+    return [(f.about, f.of_robot, round(f.ratio, 6)) for f in contradicted_sigmas(solution)]
+
+
+def test_parts_of_one_camera_or_robot_are_judged_together(monkeypatch):
+    """Squares and freedoms add up, of views and of shared stops; the worst comes first, be it too large or small."""
+    views = [("a", False, 100.0, 20.0), ("b", False, 5.0, 100.0), ("a", False, 80.0, 25.0), ("r", True, 30.0, 10.0)]
+    stops = [("r", True, 60.0, 20.0), ("s", True, 21.0, 20.0)]
+    found = contradicted(monkeypatch, views, stops)
+    assert found == [
+        ("b", False, round(np.sqrt(0.05), 6)), ("a", False, 2.0), ("r", True, round(np.sqrt(3), 6)),
+    ]  # fmt: skip
+
+
+def test_only_what_was_stated_is_judged(monkeypatch):
+    """No robot that states no noise, no camera of which some measured things state none; a name may be of both."""
+    parts = [
+        ("a", False, 400.0, 100.0),
+        ("b", False, 400.0, 100.0),
+        ("a", True, 400.0, 100.0),
+        ("c", True, 400.0, 100.0),
+    ]
+    counts = [("a", {"stated": 4, "pixel_px": 0}), ("b", {"stated": 4, "pixel_px": 2})]
+    found = contradicted(monkeypatch, parts, unstated={"a"}, counts=counts)
+    assert sorted(found) == [("a", False, 2.0), ("c", True, 2.0)]
+
+
+@pytest.mark.parametrize(
+    ("parts", "unstated", "told"),
+    [
+        (2, (), [("", False, 2.0)]),
+        (1, (), []),
+        (2, ("r1",), []),
+    ],
+)
+def test_all_together_are_judged_where_none_alone_is_contradicted(monkeypatch, parts, unstated, told):
+    """Where there are several and all are stated."""
+    views = [(f"r{k}", True, 110.0, 100.0) for k in range(parts)]
+    assert contradicted(monkeypatch, views, unstated=unstated, squares=(400.0, 100.0)) == told
+    views.append(("b", True, 900.0, 100.0))
+    assert contradicted(monkeypatch, views, unstated=unstated, squares=(400.0, 100.0)) == [("b", True, 3.0)]
+
+
+def test_points_keep_how_they_compare():
+    """Sigmas over that of the median point are kept, none is stated any more; points without one are as that."""
+    (group,) = build_problem(*made_of(target="charuco"))[0].groups
+    seen = group.measurement
+    stated = np.zeros_like(seen.stated)
+    stated[0, :3] = 0.5, 4.0, 8.0
+    found = _without_sigmas(replace(seen, stated=stated))
+    expected = np.ones_like(stated)
+    expected[0, :3] = 0.125, 1.0, 2.0
+    np.testing.assert_array_equal(found.relative, expected)
+    assert not found.stated.any()
+    np.testing.assert_array_equal(_without_sigmas(replace(seen, stated=0 * stated)).relative, 1.0)
+
+
+def made_of(**changed):
+    """A small cell and its recording."""
+    made = simulate(Scenario(samples=3, **changed), 0)
+    return made.cell, made.recording
+
+
+@pytest.mark.parametrize("target", ["pose", "points3d"])
+def test_poses_and_points_in_space_state_nothing_any_more(target):
+    """All else stays."""
+    (group,) = build_problem(*made_of(target=target))[0].groups
+    assert group.measurement.stated.any()
+    found = _without_sigmas(group.measurement)
+    assert not found.stated.any()
+    assert found.weight is group.measurement.weight
+    other = SimpleNamespace()
+    assert _without_sigmas(other) is other
+
+
+def opened(monkeypatch, found, robot_noise):
+    """The problem that is solved in place of one whose sigmas are contradicted, and how."""
+    solved_with = []
+    problem = build_problem(*made_of(robot_noise=NOISE))[0]
+    (group,) = problem.groups
+    other = replace(group, camera="other")
+    problem = replace(problem.with_groups([group, other]), held=True, unstated=frozenset({"third"}))
+    solution = solve_stub(problem)
+    monkeypatch.setattr(
+        stated_sigmas, "solve_from", lambda problem, *_: solved_with.append(("from", problem)) or solve_stub(problem)
+    )
+    monkeypatch.setattr(
+        stated_sigmas, "with_noise", lambda of, _: solved_with.append(("noise", of.problem)) or solve_stub(of.problem)
+    )
+    monkeypatch.setattr(stated_sigmas, "integrated", lambda solution: replace(solution, cost=7.0))
+    robust = RobustSolution(solution, (), problem.with_groups([group]), 3, 0)
+    after = without_contradicted(robust, found, Settings(robot_noise=robot_noise))
+    for stops in (after.left_out.groups[0].eye_stop, after.left_out.groups[0].hand_stop):
+        np.testing.assert_array_equal(stops, -1)
+        assert len(stops) == 3
+    assert after.solution.cost == (7.0 if robot_noise != "stated" else 1.0)
+    (how, now) = solved_with[0]
+    assert len(solved_with) == 1
+    assert not now.held
+    return how, {g.camera for g in now.groups if not g.measurement.stated.any()}, set(now.unstated)
+
+
+def solve_stub(problem):
+    """A solution of which only the problem counts."""
+    return Solution(problem, None, None, None, None, 1.0, 0, True, ())
+
+
+def too_small(about, of_robot):
+    return ContradictedSigma(about, of_robot, 2.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("found", "cameras", "robots"),
+    [
+        ([too_small("wrist", False)], {"wrist"}, set()),
+        ([too_small("eye", True)], set(), {"eye"}),
+        ([too_small("hand", True), too_small("other", False)], {"other"}, {"hand"}),
+        ([too_small("", False)], {"wrist", "other"}, {"eye", "hand"}),
+        ([too_small("eye", True), ContradictedSigma("wrist", False, 0.5, 0.0)], set(), {"eye"}),
+    ],
+)
+def test_only_what_is_too_small_is_opened(monkeypatch, found, cameras, robots):
+    """Sigmas of that camera's measurements, and that robot's noise; of all where all together are too small."""
+    assert opened(monkeypatch, found, "estimated") == ("noise", cameras, robots | {"third"})
+
+
+def test_of_robots_taken_as_stated_no_noise_is_opened(monkeypatch):
+    """Only what was seen."""
+    found = [too_small("eye", True), too_small("wrist", False)]
+    assert opened(monkeypatch, found, "stated") == ("from", {"wrist"}, {"third"})

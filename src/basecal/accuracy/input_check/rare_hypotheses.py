@@ -205,7 +205,7 @@ def _second(numbers: Array) -> Array:
 def _together(numbers: Array) -> Array:
     """Of each rotation the list that is nearest to those of the others: arms turn about a home, and lists with them."""
     centres = numbers[:_CENTRES].reshape(-1, 3)
-    off = np.abs((numbers[None] - centres[:, None, None] + np.pi) % (2 * np.pi) - np.pi).sum(-1)
+    off = np.abs(_within_half_a_turn(numbers[None] - centres[:, None, None])).sum(-1)
     best = off[np.argmin(off.min(axis=2).sum(axis=1))]
     chosen: Array = numbers[np.arange(len(numbers)), np.argmin(best, axis=1)]
     return chosen
@@ -228,5 +228,9 @@ def _numbers(rotation: Array, listing: str) -> Array:
         angles = turned.as_euler(listing)
     first, middle, last = angles.T
     other = -middle if listing[0] == listing[2] else np.pi - middle
-    both: Array = np.stack([angles, np.column_stack([first + np.pi, other, last + np.pi])], axis=1)
-    return (both + np.pi) % (2 * np.pi) - np.pi
+    return _within_half_a_turn(np.stack([angles, np.column_stack([first + np.pi, other, last + np.pi])], axis=1))
+
+
+def _within_half_a_turn(angles: Array) -> Array:
+    within: Array = (angles + np.pi) % (2 * np.pi) - np.pi
+    return within
