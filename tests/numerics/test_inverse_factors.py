@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.numerics.inverse_factors import inverse_factors
+from basecal.numerics import inverse_factors as module
+from basecal.numerics.inverse_factors import _factorised, inverse_factors
 
 
-@pytest.mark.parametrize("shape", [(3,), (70,), (4, 40), (1200,), (0,)])
+@pytest.mark.parametrize("shape", [(3,), (2, 5), (70,), (4, 40), (1200,), (0,)])
 def test_factors_invert_and_measure_the_matrices(shape):
     """Few or many, in chunks, with axes before: R M R' is the identity, R is lower triangular, log det as NumPy's."""
     rng = np.random.default_rng(len(shape))
@@ -38,3 +39,37 @@ def test_what_is_no_number_stays_with_its_matrix(count):
     root, log_det = inverse_factors(matrices)
     assert np.isnan(log_det[1])
     np.testing.assert_allclose(np.delete(root, 1, axis=0), np.tile(np.diag([1 / 2, 1 / 3]), (count - 1, 1, 1)))
+
+
+@pytest.mark.parametrize(("count", "at_once", "chunks"), [
+    (63, 2**17, []),  # by LAPACK, one by one
+    (64, 2**17, [64]),
+    (1200, 2**17, [910, 290]),
+    (70, 40 * 144 + 143, [40, 30]),
+    (64, 100, [1] * 64),  # one at a time where even one is more than that
+])  # fmt: skip
+def test_many_are_taken_by_megabytes(monkeypatch, count, at_once, chunks):
+    """As many matrices at once as have so many numbers; of few each by itself."""
+    taken = []
+
+    def factorised(lower):
+        """As `_factorised`."""
+        taken.append(lower.shape[-1])
+        return _factorised(lower)
+
+    assert module._AT_ONCE == 2**17
+    monkeypatch.setattr(module, "_AT_ONCE", at_once)
+    monkeypatch.setattr(module, "_factorised", factorised)
+    matrices = np.tile(4 * np.eye(12), (count, 1, 1))
+    root, log_det = inverse_factors(matrices)
+    assert taken == chunks
+    np.testing.assert_allclose(root, np.tile(0.5 * np.eye(12), (count, 1, 1)))
+    np.testing.assert_allclose(log_det, np.full(count, 12 * np.log(4)))
+
+
+def test_matrices_of_nothing_have_factors_of_nothing():
+    """However many there are."""
+    for count in (3, 70):
+        root, log_det = inverse_factors(np.zeros((count, 0, 0)))
+        assert root.shape == (count, 0, 0)
+        np.testing.assert_array_equal(log_det, np.zeros(count))

@@ -8,7 +8,20 @@ import numpy as np
 import pytest
 
 from basecal.geometry import Array
-from basecal.numerics.levenberg_marquardt import Stop, levenberg_marquardt
+from basecal.numerics.levenberg_marquardt import (
+    Quadratic,
+    Stop,
+    _damped_step,
+    _Ends,
+    _Flight,
+    _is_near,
+    _moved,
+    _next_step,
+    _scale,
+    _settled,
+    _undamped,
+    levenberg_marquardt,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,3 +254,153 @@ def test_a_direction_that_nothing_holds_is_no_error():
     optima = levenberg_marquardt(Half(), np.array([[0.0, 7.0]]), Stop())
     assert optima.converged.all()
     np.testing.assert_allclose(optima.state, [[2.0, 7.0]], atol=1e-6)
+
+
+def flight(cost=8.0, dof=2.0, damping=1e-9, growth=2.0, expected=0.0, eliminated=0.0, hessian=None, gradient=(0, 0)):
+    """One problem of two unknowns, on its way."""
+    hessian = np.eye(2) if hessian is None else np.array(hessian, dtype=float)
+    about = Quadratic(np.array([cost]), np.array([gradient], dtype=float), hessian[None], np.array([eliminated]))
+    numbers = (np.array([float(of)]) for of in (dof, damping, growth, expected))
+    return _Flight(np.array([0]), np.zeros((1, 2)), np.array([cost]), about, *numbers, np.zeros((1, 2, 2)))
+
+
+LOOSE = Stop(sigmas=1e-2)  # of a scale of 4: at most 4e-4 may be left
+
+
+@pytest.mark.parametrize(("expected", "before", "damping", "settled"), [
+    (3.9e-4, 0.0, 1e-9, True),
+    (4.1e-4, 0.0, 1e-9, False),
+    (4.1e-4, 8e-4, 1e-9, True),  # half as much as before: as much again is left in all
+    (7.0e-4, 1.2e-3, 1e-9, False),
+    (4.1e-4, 8e-4, 1e-3, True),
+    (4.1e-4, 8e-4, 1.1e-3, False),  # how damped steps shrink says nothing
+    (4.1e-4, 4e-4, 1e-9, False),
+    (3.9e-4, 1e-4, 1e-9, True),  # that a step promises more than the last is no reason to go on
+])  # fmt: skip
+def test_what_is_left_to_go_is_what_a_step_promises_by_how_steps_shrink(expected, before, damping, settled):
+    """In squares of sigmas, scaled by the residuals."""
+    step = np.array([[1e-3, 0.0]])
+    of = flight(damping=damping, expected=before)
+    assert _settled(of, step, np.array([expected]), LOOSE).tolist() == [settled]
+    assert _scale(of).tolist() == [4.0]
+    assert _scale(flight(cost=np.inf)).tolist() == [1.0]
+
+
+@pytest.mark.parametrize(("step", "eliminated", "before", "damping", "settled"), [
+    ((0.9e-13, -0.9e-13), 0.0, 0.0, 1e-9, True),
+    ((0.9e-13, -1.1e-13), 0.0, 0.0, 1e-9, False),
+    ((0.0, 0.0), 4.1e-4, 0.0, 1e-9, False),  # what is eliminated still moves
+    ((0.0, 0.0), 3.9e-4, 0.0, 1e-9, True),
+    ((0.0, 0.0), 1.0, 0.0, 1.1e-3, True),  # refused: it moves by rounding
+    ((0.0, 0.0), 1.0, 0.0, 1e-3, False),
+    ((0.0, 0.0), 1.0, 1.9, 1e-9, True),  # it promises as much as before: likewise
+    ((0.0, 0.0), 1.0, 2.1, 1e-9, False),
+])  # fmt: skip
+def test_a_step_that_is_none_settles_where_nothing_else_moves(step, eliminated, before, damping, settled):
+    """By 1e-13 on every axis."""
+    of = flight(damping=damping, expected=before, eliminated=eliminated)
+    assert _settled(of, np.array([step]), np.array([1.0]), LOOSE).tolist() == [settled]
+
+
+@pytest.mark.parametrize(("damping", "slope", "undamped"), [
+    (1e-3, 1.0, True), (1.1e-3, 1.0, False), (1e3, 1.9e-2, True), (1e3, 2.1e-2, False),
+])  # fmt: skip
+def test_damping_hides_no_step_that_could_be_seen(damping, slope, undamped):
+    """Below a thousandth it is none; else the step without it, whose square of sigmas is 4e-4, has to be nothing."""
+    of = flight(damping=damping, gradient=(slope, 0.0))
+    assert _undamped(of, LOOSE).tolist() == [undamped]
+
+
+@pytest.mark.parametrize(
+    ("gain", "factor"), [(1.0, 0.1), (0.75, 0.875), (0.5, 1.0), (0.25, 1.125), (0.0, 2.0), (99, 0.1)]
+)
+def test_a_step_taken_eases_the_damping_by_what_it_gained(gain, factor):
+    """Over what it promised, by Nielsen's cubic; the next refusal counts from two."""
+    of = flight(cost=300.0, damping=0.5, growth=16.0, expected=7.0)
+    after = flight(cost=300.0 - 2 * gain).about
+    moved = _moved(of, np.ones((1, 2)), after, after.cost, YES, np.array([2.0]), None)
+    assert moved.damping[0] == pytest.approx(0.5 * factor)
+    assert (moved.growth[0], moved.expected[0], moved.cost[0]) == (2.0, 2.0, 300.0 - 2 * gain)
+    assert (moved.about is after, moved.state.tolist(), moved.bend) == (True, [[1.0, 1.0]], None)
+
+
+@pytest.mark.parametrize(("damping", "stiffened"), [(0.5, 8.0), (1e-9, 1.6e-2)])
+def test_a_step_refused_stiffens_the_damping_ever_faster(damping, stiffened):
+    """From a thousandth on; all else stays as it was."""
+    of = flight(damping=damping, growth=16.0, expected=7.0)
+    after = flight(cost=9.0).about
+    moved = _moved(of, np.ones((1, 2)), after, after.cost, ~YES, np.array([2.0]), None)
+    assert moved.damping[0] == pytest.approx(stiffened)
+    assert (moved.growth[0], moved.expected[0], moved.cost[0]) == (32.0, 7.0, 8.0)
+    assert (moved.about is of.about, moved.state.tolist()) == (True, [[0.0, 0.0]])
+
+
+@pytest.mark.parametrize(("before", "after", "factor"), [
+    (np.inf, np.inf, 0.1), (np.inf, 5.0, 0.1), (1.0, 1.0 + 0.9e-12, 0.1), (1.0, 1.0 - 6e-12, 0.875),
+])  # fmt: skip
+def test_what_costs_do_not_tell_says_nothing_of_the_damping(before, after, factor):
+    """Infinite ones, or by rounding of a step that promises next to nothing: it counts as having gained that."""
+    about = flight(cost=after).about
+    of = flight(cost=before, damping=0.5)
+    promised = 8e-12 if factor != 0.1 else 1e-14
+    moved = _moved(of, np.ones((1, 2)), about, about.cost, YES, np.array([promised]), None)
+    assert moved.damping[0] == pytest.approx(0.5 * factor, rel=1e-3)
+
+
+def test_damping_has_an_end_below():
+    """At which a step is one of Gauss-Newton."""
+    about = flight(cost=6.0).about
+    moved = _moved(flight(damping=2e-9), np.ones((1, 2)), about, about.cost, YES, np.array([2.0]), None)
+    assert moved.damping[0] == 1e-9
+
+
+@pytest.mark.parametrize(("dof", "limit"), [(2.0, 0.8), (2000.0, 0.4)])
+def test_near_is_within_a_sigma_and_a_thousandth_of_the_cost(dof, limit):
+    """By what a step promises, of a cost of 800."""
+    of = flight(cost=800.0, dof=dof)
+    assert _is_near(of, np.array([0.99 * limit])).all()
+    assert not _is_near(of, np.array([1.01 * limit])).any()
+
+
+def test_the_next_step_goes_by_what_residuals_bend():
+    """Where that leads downhill; else by the hessian alone. What is eliminated promises its own."""
+    of = flight(gradient=(2.0, 1.0), hessian=np.diag([4.0, 1.0]), eliminated=0.25)
+    for bend, step in ((np.diag([0, 0.0]), (-0.5, -1.0)), (np.diag([4.0, 1.0]), (-0.25, -0.5))):
+        found, expected = _next_step(replace(of, bend=bend[None]))
+        np.testing.assert_allclose(found, [step], rtol=1e-6)
+        assert expected == pytest.approx(np.sum(np.square(step) * np.diag(np.diag([4.0, 1.0]) + bend)) + 0.25)
+    uphill = np.array([[0.0, 5.0], [5.0, 0.0]])  # its step promises less than nothing
+    of = flight(gradient=(1.0, -1.0), hessian=np.diag([4.0, 1.0]), eliminated=0.25)
+    found, expected = _next_step(replace(of, bend=uphill[None]))
+    np.testing.assert_allclose(found, [(-0.25, 1.0)], rtol=1e-6)
+    assert expected == pytest.approx(1.5)
+
+
+def test_a_damped_step_is_that_of_the_scaled_diagonal_raised():
+    """Whatever the units of the unknowns; a column without information scales by a millionth of a millionth."""
+    hessian = np.array([[4.0, 1.0, 0.0], [1.0, 900.0, 0.0], [0.0, 0.0, 0.0]])
+    gradient = np.array([1.0, -3.0, 1e-12])
+    about = Quadratic(np.zeros(1), gradient[None], hessian[None])
+    raised = hessian + 0.5 * np.diag([4.0, 900.0, 900e-12])
+    np.testing.assert_allclose(_damped_step(about, np.array([0.5]))[0], -np.linalg.solve(raised, gradient), rtol=1e-9)
+
+
+def test_ends_are_told_in_the_order_of_their_problems():
+    """Whichever ended first."""
+    ends = _Ends()
+    for row, cost, converged in (([2, 0], [20.0, 0.0], True), ([1], [10.0], False)):
+        about = Quadratic(*(np.array([cost]).T for _ in range(4)))
+        ends.add(np.array(row), np.array(cost), np.array(cost), about, converged, 5 + len(row))
+    found = ends.in_order()
+    assert found.cost.tolist() == found.state.tolist() == found.about.cost[:, 0].tolist() == [0.0, 10.0, 20.0]
+    assert (found.converged.tolist(), found.iterations.tolist()) == ([True, False, True], [7, 6, 7])
+
+
+@pytest.mark.parametrize("iterations", [1, 3])
+def test_no_more_steps_are_tried_than_may_be(iterations):
+    """Where none is left a problem ends where it is, not converged."""
+    found = levenberg_marquardt(curves(0.1), np.tile([1.0, 1.0], (4, 1)), Stop(iterations=iterations, sigmas=0.0))
+    assert (found.iterations.tolist(), found.converged.any()) == ([iterations] * 4, False)
+
+
+YES = np.array([True])

@@ -99,3 +99,11 @@ def test_an_eigenvalue_of_rounding_is_none(smallest: float, found: float) -> Non
     values = np.append(np.geomspace(1e-3, 1.0, 8), smallest)
     extremes = SparseHessian(csc_array(np.diag(values))).extremes
     assert extremes == pytest.approx((found, 1.0), rel=5e-3, abs=0.0)
+
+
+def test_a_column_without_information_scales_by_a_millionth_of_a_millionth() -> None:
+    """Of the largest, as of dense ones: what little pulls at it is damped by that."""
+    hessian, gradient = np.diag([4.0, 900.0, 0.0]), np.array([[1.0, -3.0, 1e-12]])
+    raised = hessian + 0.5 * np.diag([4.0, 900.0, 900e-12])
+    step = SparseHessian(csc_array(hessian)).damped_step(gradient, np.array([0.5]))
+    np.testing.assert_allclose(step[0], -np.linalg.solve(raised, gradient[0]), rtol=1e-9)

@@ -33,8 +33,20 @@ def test_hubs_are_taken_out(most):
     chain = [[k, k + 1] for k in range(10, 19)]
     of = tied_blocks(np.array([*star, *chain, [20, 21]]), 22, most)
     assert 0 in of.hubs
-    assert set(np.flatnonzero(of.block < 0).tolist()) == set(of.hubs) == set(np.flatnonzero(of.place < 0).tolist())
+    assert np.flatnonzero(of.block == -1).tolist() == of.hubs == np.flatnonzero(of.place == -1).tolist()
     assert np.bincount(of.block[of.block >= 0]).max() <= most
     assert np.isin([20, 21], of.hubs).sum() == (most == 1)
     inside = np.array([pair for pair in chain if not set(pair) & set(of.hubs)], dtype=np.int64).reshape(-1, 2)
     assert np.array_equal(of.block[inside[:, 0]], of.block[inside[:, 1]])
+
+
+def test_hubs_are_those_of_most_pairs_and_no_more():
+    """Two stars that share a leaf fall apart without their middles; a pair told twice, or turned round, counts once."""
+    pairs = [[0, k] for k in range(2, 7)] + [[k, 1] for k in range(6, 10)] + [[2, 3]] * 9 + [[3, 2]] * 9
+    of = tied_blocks(np.array(pairs), 10, 2)
+    assert of.hubs == [0, 1]
+    assert of.block[2] == of.block[3]
+    assert len(set(of.block[2:].tolist())) == 7
+    assert of.place.tolist() == [-1, -1, 0, 1, 0, 0, 0, 0, 0, 0]
+    assert tied_blocks(np.array([[0, 1], [1, 2]]), 3, 3).hubs == []
+    assert tied_blocks(np.array([[0, 1], [1, 2]]), 3, 2).hubs == [1]

@@ -36,7 +36,8 @@ def where(mask: BoolArray, first: T, second: T) -> T:
 
     def chosen(arrays: Sequence[Array]) -> Array:
         """Entries of the two arrays."""
-        return np.where(mask.reshape(-1, *[1] * (arrays[0].ndim - 1)), *arrays)
+        one, other = arrays
+        return np.where(mask.reshape(len(mask), *[1] * (one.ndim - 1)), one, other)
 
     mixed: T = _mapped(chosen, [first, second])
     return mixed

@@ -6,6 +6,7 @@ factorisation is taken for all of them together, with the matrices along the las
 
 from __future__ import annotations
 
+from math import prod
 from typing import NamedTuple
 
 import numpy as np
@@ -29,8 +30,8 @@ def inverse_factors(matrices: Array) -> InverseFactors:
     Raises:
         LinAlgError: if one of them is not positive definite.
     """
-    q = matrices.shape[-1]
-    flat = matrices.reshape(-1, q, q)
+    *batch, q, _ = matrices.shape
+    flat = matrices.reshape(prod(batch), q, q)
     if len(flat) < _FEW:
         factor = np.linalg.cholesky(matrices)
         log_det = 2 * np.log(np.diagonal(factor, axis1=-2, axis2=-1)).sum(-1)
@@ -44,7 +45,7 @@ def inverse_factors(matrices: Array) -> InverseFactors:
             root[here] = inverse.transpose(2, 0, 1)
     if not np.isfinite(log_det).all() and np.isfinite(matrices).all():
         raise np.linalg.LinAlgError("a matrix is not positive definite")
-    return InverseFactors(root.reshape(matrices.shape), log_det.reshape(matrices.shape[:-2]))
+    return InverseFactors(root.reshape(matrices.shape), log_det.reshape(batch))
 
 
 def _factorised(lower: Array) -> tuple[Array, Array]:

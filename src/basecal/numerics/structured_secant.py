@@ -38,7 +38,7 @@ def with_secant(bend: Array, hessian: Array, change: Array, step: Array, near: B
         along, curvature = np.einsum("bi,bi->b", missed, step), np.einsum("bi,bi->b", by_hessian, step)
         diagonal = np.maximum(np.diagonal(hessian, axis1=-2, axis2=-1), np.finfo(np.float64).tiny)
         tells = near & np.isfinite(along) & (np.abs(along) > _LEAST_SHARE * curvature) & (curvature > 0)
-        tells &= (missed**2 / diagonal).sum(-1) <= _LARGEST_CHANGE * np.abs(along)
+        tells &= (missed**2 / diagonal).sum(axis=1) <= _LARGEST_CHANGE * np.abs(along)
     rows = np.flatnonzero(tells)
     told = missed[rows]
     kept[rows] += told[:, :, None] * told[:, None, :] / along[rows, None, None]
@@ -48,5 +48,5 @@ def with_secant(bend: Array, hessian: Array, change: Array, step: Array, near: B
 def usable(bend: Array, hessian: Array) -> Array:
     """The bend of residuals where it leaves enough of the hessian's diagonal, none elsewhere, (b, p, p)."""
     diagonal, change = (np.diagonal(of, axis1=-2, axis2=-1) for of in (hessian, bend))
-    leaves = np.all(diagonal + change >= _LEAST_LEFT * diagonal, axis=-1)
+    leaves = np.all(diagonal + change >= _LEAST_LEFT * diagonal, axis=1)
     return np.where(leaves[:, None, None], bend, 0.0)

@@ -38,7 +38,7 @@ def tied_blocks(pairs: IntArray, count: int, most: int) -> TiedBlocks:
     label = _components(pairs, count)
     hubs = _hubs(pairs[np.bincount(label)[label[pairs[:, 0]]] > most], most)
     if hubs:
-        label = _components(pairs[~np.isin(pairs, hubs).any(-1)], count)
+        label = _components(pairs[~np.isin(pairs, hubs).any(axis=1)], count)
     others = np.setdiff1d(np.arange(count), hubs)
     block, place = np.full(count, -1, dtype=np.int64), np.full(count, -1, dtype=np.int64)
     _, block[others] = np.unique(label[others], return_inverse=True)
@@ -52,7 +52,7 @@ def _components(pairs: IntArray, count: int) -> IntArray:
     if not len(pairs):
         return np.arange(count)
     graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+    return np.asarray(connected_components(graph)[1], dtype=np.int64)
 
 
 def _hubs(pairs: IntArray, most: int) -> list[int]:
@@ -65,7 +65,7 @@ def _hubs(pairs: IntArray, most: int) -> list[int]:
     waiting, seen = sorted(partners), set[int]()
     while waiting:
         first = waiting.pop()
-        if first in seen or first in hubs:
+        if first in seen:
             continue
         nodes = _reached(first, partners)
         if len(nodes) <= most:
@@ -73,7 +73,7 @@ def _hubs(pairs: IntArray, most: int) -> list[int]:
             continue
         hub = max(nodes, key=lambda node: len(partners[node]))
         hubs.add(hub)
-        for other in partners[hub]:
+        for other in partners.pop(hub):
             partners[other].discard(hub)
         waiting += nodes - {hub}
     return sorted(hubs)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.input_check.rewriting import inverted, with_robots
-from basecal.accuracy.many_robots.pairs_alone import agreed, has_many_robots, pairs_alone
+from basecal.accuracy.many_robots.pairs_alone import _covering, agreed, has_many_robots, pairs_alone
 from basecal.accuracy.verdict import calibrate
 from basecal.cell import Finding
 from basecal.cell.targets.charuco import charuco_target
@@ -105,3 +105,23 @@ def test_only_pairs_of_the_same_robot_tell_what_one_leaves_open(pairs):
     assert agreed([first, apart], [[one], []]) == (one,)
     assert agreed([first, apart], [[one], [other]]) == (one, other)
     assert agreed([first, apart, first], [[one], [other], []]) == (other,)
+
+
+def of_pair(eye, hand, camera, target, views=1):
+    """A group of so many views."""
+    return type("Views", (SimpleNamespace,), {"__len__": lambda self: views})(
+        eye=eye, hand=hand, camera=camera, target=target
+    )
+
+
+def test_pairs_with_most_that_no_other_has_come_first():
+    """Then those with most views; a pair that has nothing new is left out, and so are the world's."""
+    groups = [
+        of_pair("a", None, "ca", "world board"),
+        of_pair("a", "b", "ca", "tb", views=3),
+        of_pair("a", "b", "ca2", "tb", views=5),
+        of_pair("c", "d", "cc", "td", views=4),
+        of_pair("c", "b", "cc", "tb", views=50),
+    ]
+    found = [groups.index(group) for group in _covering(groups)]
+    assert found == [4, 0, 3, 2]

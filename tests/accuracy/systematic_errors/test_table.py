@@ -43,6 +43,7 @@ def moved_by_pose(of, robot, pose):
 
 def row(of, make, about):
     (found,) = [c for c in make(of) if c.about == (about,)]
+    assert found.sizes == (1 if make in (length_scales, focal_lengths) else 6)
     return found.moves[0][:, 0]
 
 
@@ -341,4 +342,5 @@ def test_a_focal_length_is_looked_for_where_all_that_a_camera_sees_are_points(mo
     if told:
         assert found[0].moves[2] is None
         for moves in found[0].moves[:2]:
+            assert moves.shape == (3, 1, 6, 1)
             np.testing.assert_array_equal(moves[:, 0, :, 0], np.tile([0, 0, -2.0, 0, 0, 0], (3, 1)))
