@@ -41,11 +41,30 @@ def test_far_ones_disagree() -> None:
     assert compare(calibration(), calibration((0, 0, 0, 0, 0, 0.02))).agree is False
 
 
-def test_the_rotation_of_a_point_does_not_count() -> None:
-    turned = calibration((0, 0, 0, 0, 0, 0.5), points=frozenset({NAME}))
-    found = compare(calibration(points=frozenset({NAME})), turned)
-    assert found.agree is True
-    assert found.transforms[NAME].shift_rad == 0.0
+@pytest.mark.parametrize("axis", [3, 4, 5])
+@pytest.mark.parametrize("of_both", [True, False])
+def test_the_rotation_of_a_point_does_not_count(axis, of_both) -> None:
+    """Where it is a point to either; of others the angle is told, about whichever axis."""
+    tangent = 0.5 * np.eye(6)[axis]
+    point = frozenset({NAME})
+    turned = calibration(tangent, points=point)
+    for found in (compare(calibration(points=point if of_both else frozenset()), turned),
+                  compare(turned, calibration(points=point if of_both else frozenset()))):  # fmt: skip
+        assert found.agree is True
+        assert found.transforms[NAME].shift_rad == 0.0
+    whole = compare(calibration(), calibration(tangent))
+    assert whole.agree is False
+    assert whole.transforms[NAME].shift_rad == pytest.approx(0.5)
+    assert whole.transforms[NAME].shift_m == pytest.approx(0.0, abs=1e-9)
+
+
+def test_what_only_one_has_differs() -> None:
+    """A file, or something asked for, that the other does not know."""
+    one = calibration(inputs={"cell.yaml": "a"}, settings={"start": "closed"})
+    for found in (compare(one, calibration()), compare(calibration(), one)):
+        assert found.inputs == ("cell.yaml",)
+        assert set(found.settings) == {"start"}
+    assert compare(one, calibration()).settings == {"start": ("closed", None)}
 
 
 def test_fixed_ones_have_to_be_equal() -> None:

@@ -65,7 +65,7 @@ def compare(first: Calibration, second: Calibration) -> Comparison:
     found = {name: _difference(first, second, name) for name in common}
     chances = [each.chance for each in found.values() if each.chance is not None]
     moved = any(each.chance is None and max(each.shift_m, each.shift_rad) > _ROUNDING for each in found.values())
-    least = min((len(chances) * chance for chance in chances), default=1.0)
+    alike = all(len(chances) * chance >= LEVEL for chance in chances)
     only = {name: 0 for name in first.transforms if name not in common}
     only |= {name: 1 for name in second.transforms if name not in common}
     files = sorted(first.inputs.keys() | second.inputs.keys())
@@ -75,7 +75,7 @@ def compare(first: Calibration, second: Calibration) -> Comparison:
         only,
         tuple(name for name in files if first.inputs.get(name) != second.inputs.get(name)),
         {n: (a, b) for n in asked if (a := first.settings.get(n)) != (b := second.settings.get(n))},
-        (least >= LEVEL and not moved) if found else None,
+        (alike and not moved) if found else None,
     )
 
 

@@ -15,6 +15,7 @@ from basecal.accuracy.input_check.hypotheses import (
     resized,
     shift,
     streams,
+    subsets,
 )
 from basecal.accuracy.input_check.target_sizes import target_size
 from basecal.simulation import Scenario, simulate
@@ -289,3 +290,36 @@ def test_streams_are_late_by_less_than_a_third_of_the_samples(samples):
         for by in wanted
         for way in ("later", "earlier")
     }
+
+
+def test_subsets_are_each_and_all():
+    """All together only where there are several."""
+    assert [subsets([]), subsets(["a"]), subsets(["a", "b", "c"])] == [
+        [], [("a",)], [("a",), ("b",), ("c",), ("a", "b", "c")],
+    ]  # fmt: skip
+
+
+def test_a_shift_of_all_samples_goes_by_their_order():
+    """It is no wider model, and asks for no missed detection; what is declared is neither."""
+    whole = shift(None, 1)
+    assert (whole.fix, whole.by_order, whole.nested) == ("pair it so", True, False)
+    assert (AS_DECLARED.by_order, AS_DECLARED.nested) == (False, False)
+
+
+def test_all_lengths_are_not_mistaken_where_an_arm_tells_joints():
+    """Its kinematics are in metres: only poses of the other arm may be in millimetres."""
+    samples = [
+        replace(s, robots={"eye": s.robots["eye"], "hand": j.robots["hand"]})
+        for s, j in zip(BOARD.recording.samples, JOINTS.recording.samples, strict=True)
+    ]
+    mixed = replace(BOARD.recording, samples=tuple(samples))
+    found = [h for h in convention_hypotheses(JOINTS.cell, mixed) if h.code == "length-unit"]
+    assert [h.about for h in found] == [("eye",), ("eye",)]
+    none = replace(BOARD.recording, samples=tuple(replace(s, robots={}) for s in samples))
+    assert not [h for h in convention_hypotheses(JOINTS.cell, none) if h.code == "length-unit"]
+
+
+def test_the_size_of_what_is_seen_as_poses_does_not_matter():
+    """Though the cell states it."""
+    cell = replace(POSES.cell, targets=BOARD.cell.targets)
+    assert not [h for h in convention_hypotheses(cell, POSES.recording) if h.code == "board-size"]

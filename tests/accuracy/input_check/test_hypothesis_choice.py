@@ -7,8 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from basecal.accuracy.input_check import hypothesis_choice
 from basecal.accuracy.input_check.hypotheses import AS_DECLARED, ConventionHypothesis
-from basecal.accuracy.input_check.hypothesis_choice import TriedHypothesis, decide_hypotheses
+from basecal.accuracy.input_check.hypothesis_choice import TriedHypothesis, better, decide_hypotheses, has_tail
 from basecal.accuracy.input_check.hypothesis_fit import HypothesisFit
 from basecal.geometry import SE3
 
@@ -159,3 +160,45 @@ def test_a_mount_that_a_symmetry_moves_does_not_count():
         tried = TriedHypothesis(reading, predicted(1e-3, moved=50), ())
         found = decide_hypotheses(cell, TriedHypothesis(AS_DECLARED, predicted(1e-3), ()), [tried])
         assert [f.code for f in found] == codes
+
+
+@pytest.mark.parametrize(
+    ("core", "whole", "tail"), [(1e-3, 1.9e-3, False), (1e-3, 2.1e-3, True), (np.inf, np.inf, False)]
+)
+def test_a_tail_is_twice_as_far_off_as_most(core, whole, tail):
+    """Where anything is predicted at all."""
+    assert has_tail(SimpleNamespace(core=core, whole=whole)) == tail
+
+
+@pytest.mark.parametrize(
+    ("core", "whole", "is_better"),
+    [(0.9, 1.0, True), (0.92, 1.0, False), (1.0, 0.9, True), (0.5, 1.11, False), (1.11, 0.5, False), (1.09, 0.5, True)],
+)
+def test_better_is_by_a_tenth_and_in_nothing_worse(core, whole, is_better):
+    """Most samples or all of them, whatever the size of errors."""
+    for scale in (1e-3, 1e3):
+        fit, other = (SimpleNamespace(core=scale * a, whole=scale * b) for a, b in ((core, whole), (1.0, 1.0)))
+        assert better(fit, other) == is_better
+
+
+def test_the_best_is_so_over_most_and_all_samples():
+    """Of one a twentieth better in most, whose others are far off, nothing is said."""
+    found = findings_about(predicted(0.01), predicted(1e-3, 6e-3, moved=9), predicted(1.05e-3, moved=9))
+    assert [f.about for f in found] == [("eye", "hand1")]
+
+
+@pytest.mark.parametrize(
+    ("evidence", "core", "severity"),
+    [
+        (SimpleNamespace(chance=0.9e-3, gain=101.0), 0.6e-3, "error"),
+        (SimpleNamespace(chance=0.9e-3, gain=99.0), 0.6e-3, "warning"),
+        (SimpleNamespace(chance=1.1e-3, gain=101.0), 0.6e-3, None),
+        (None, 0.6e-3, "warning"),
+        (None, 0.4e-3, "error"),
+    ],
+)
+def test_a_wider_model_is_held_against_noise_of_arms(monkeypatch, evidence, core, severity):
+    """Where that explains what is left: by its likelihood, certain from a hundred on, and else by a factor of two."""
+    monkeypatch.setattr(hypothesis_choice, "noise_evidence", lambda fit, declared: evidence)
+    found = findings_about(predicted(1e-3), predicted(core, moved=9), nested=True, explained=True)
+    assert [f.severity for f in found] == ([] if severity is None else [severity])

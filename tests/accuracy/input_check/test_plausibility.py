@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -79,6 +80,18 @@ def test_sizes_of_targets(size, found):
     assert told(observations=[[PoseObservation("wrist", "board", at(z=1.0))]], size=size) == ()
 
 
+def test_a_target_without_an_extent_has_no_size():
+    """A single point, a target that is seen without being stated, or one of three coordinates far from its origin."""
+    cell = Cell("eye", {"eye": Robot("eye")}, cameras={"wrist": CellCamera("wrist", "eye")}, targets={
+        name: CellTarget(name, "world", target=of)
+        for name, of in (("light", points_target([[0, 0, 0]])), ("bare", None), ("far", points_target(
+            [[0, 0, 9.0], [0.1, 0, 9.0]]
+        )))
+    })  # fmt: skip
+    seen = [replace(seen_points(0.5), target=name) for name in ("light", "bare", "far")]
+    assert impossible_input(cell, Recording((Sample(0, observations=tuple(seen)),))) == ()
+
+
 @pytest.mark.parametrize(("distance", "found"), [(0.019, True), (0.021, False), (19.9, False), (20.1, True)])
 @pytest.mark.parametrize("kind", ["pose", "points"])
 def test_distances(kind, distance, found):
@@ -92,7 +105,7 @@ def test_distances(kind, distance, found):
 @pytest.mark.parametrize(("behind", "found"), [(4, False), (5, True)])
 def test_views_behind_the_camera(behind, found):
     """More than four fifths of them."""
-    views = [[seen_points(-1.0 if k < behind else 1.0)] for k in range(5)]
+    views = [[seen_points(-0.5 if k < behind else 0.5)] for k in range(5)]
     assert told(observations=views) == (("targets behind the camera",) if found else ())
 
 

@@ -122,6 +122,31 @@ def test_points_and_poses_move_over_their_distance():
     np.testing.assert_allclose(moved_views(poses), [0, 0, 0.15 / np.sqrt(6)], atol=2e-3)
 
 
+def test_most_of_four_poses_tell_where_the_target_stands():
+    """Coordinate by coordinate: one off by 0.3 m and one by 0.4 rad move the others by nothing."""
+    problem, _ = pose_problem(np.zeros((5, 6)), np.ones(6))
+    seen = np.tile([0.1, 0.2, 2.0, 0, 0, 0], (5, 1))
+    seen[1, 0] += 0.3
+    seen[3, 5] += 1e-3
+    poses = replace(problem.groups[0].measurement, measured_camera_from_target=SE3.exp(seen))
+    distance = np.median(np.linalg.norm(SE3.exp(seen).translation, axis=-1))
+    expected = [0, 0.3 / distance / np.sqrt(6), 0, 0.8e-3 / np.sqrt(6), 0]
+    np.testing.assert_allclose(moved_views(poses), expected, atol=1.5e-4)
+
+
+def test_a_view_of_one_point_counts_that_point():
+    """By its own coordinates, and one of none is not off at all."""
+
+    def change(of):
+        pixels, seen = of.pixels.copy(), np.zeros_like(of.seen)
+        seen[[0, 2, 3]] = True
+        seen[0, 1:] = False
+        pixels[0] += (3.0, 4.0)
+        return replace(of, pixels=pixels, seen=seen)
+
+    np.testing.assert_allclose(of_views("charuco", change)[0], [5e-3 / np.sqrt(2), 0, 0, 0], atol=1e-9)
+
+
 def test_other_measurements_are_not_known():
     """What is neither pixels nor poses nor points has no place."""
     with pytest.raises(InputError, match="expected pixels, poses or points"):

@@ -86,7 +86,7 @@ def _robots(cell: Cell, recording: Recording, field: str) -> list[str]:
     for sample in recording.samples:
         for name, state in sample.robots.items():
             given[name] = given.get(name, True) and getattr(state, field) is not None
-    return [name for name in cell.robots if given.get(name, False)]
+    return [name for name in cell.robots if given.get(name)]
 
 
 def subsets(robots: list[str]) -> list[tuple[str, ...]]:
@@ -134,9 +134,10 @@ def _of_directions(robots: list[str], poses: bool) -> Iterator[ConventionHypothe
 def _of_units(
     by_pose: list[str], by_joints: list[str], kinds: set[type[Observation]]
 ) -> Iterator[ConventionHypothesis]:
-    for factor in (_MILLI, 1 / _MILLI):
-        words = "in millimetres" if factor < 1 else "1000 times too small"
-        advice = "divide them by 1000" if factor < 1 else "multiply them by 1000"
+    for factor, words, advice in (
+        (_MILLI, "in millimetres", "divide them by 1000"),
+        (1 / _MILLI, "1000 times too small", "multiply them by 1000"),
+    ):
         of = rewriting.scaled(factor)
         for names in subsets(by_pose):
             who = f"the poses of {listed(names)}"

@@ -76,6 +76,6 @@ def _off_poses(measured: SE3, predicted: SE3) -> Array:
 def _rms(off: Array, seen: BoolArray) -> Array:
     """Rms over the coordinates of the points that each view sees."""
     squares = np.where(seen[..., None], off, 0.0) ** 2
-    count = off.shape[-1] * np.maximum(seen.sum(-1), 1)
+    count = off.shape[2] * np.maximum(seen.sum(1), 1)
     rms: Array = np.sqrt(squares.sum((1, 2)) / count)
     return rms
