@@ -75,6 +75,12 @@ WHY: dict[tuple[str, str, str, str], str] = {
         "7",
     ): "equivalent: without the lens there are six columns",
     (
+        "accuracy/input_check/hypotheses.py",
+        'words = "in millimetres" if factor < 1 else "1000 times too small"',
+        "1",
+        "2",
+    ): "equivalent: the factor is 0.001 or 1000",
+    (
         "estimation/view/view_pose.py",
         "sight = camera_from_plane.translation / np.maximum(away, 1e-12)",
         "1e-12",
