@@ -295,6 +295,7 @@ def test_what_is_left_to_go_is_what_a_step_promises_by_how_steps_shrink(expected
     ((0.0, 0.0), 1.0, 0.0, 1e-3, False),
     ((0.0, 0.0), 1.0, 1.9, 1e-9, True),  # it promises as much as before: likewise
     ((0.0, 0.0), 1.0, 2.1, 1e-9, False),
+        ((0.0, 0.0), 1.0, 0.9, 1e-9, True),
 ])  # fmt: skip
 def test_a_step_that_is_none_settles_where_nothing_else_moves(step, eliminated, before, damping, settled):
     """By 1e-13 on every axis."""
@@ -385,15 +386,18 @@ def test_a_damped_step_is_that_of_the_scaled_diagonal_raised():
     np.testing.assert_allclose(_damped_step(about, np.array([0.5]))[0], -np.linalg.solve(raised, gradient), rtol=1e-9)
 
 
-def test_ends_are_told_in_the_order_of_their_problems():
+@pytest.mark.parametrize("ended", [([2, 0], [1]), ([2], [1, 0]), ([0, 2], [1]), ([1], [0, 2]), ([0], [1, 2])])
+def test_ends_are_told_in_the_order_of_their_problems(ended):
     """Whichever ended first."""
     ends = _Ends()
-    for row, cost, converged in (([2, 0], [20.0, 0.0], True), ([1], [10.0], False)):
+    for rows, converged in zip(ended, (True, False), strict=True):
+        cost = 10.0 * np.array(rows)
         about = Quadratic(*(np.array([cost]).T for _ in range(4)))
-        ends.add(np.array(row), np.array(cost), np.array(cost), about, converged, 5 + len(row))
+        ends.add(np.array(rows), cost, cost, about, converged, 5 + converged)
     found = ends.in_order()
     assert found.cost.tolist() == found.state.tolist() == found.about.cost[:, 0].tolist() == [0.0, 10.0, 20.0]
-    assert (found.converged.tolist(), found.iterations.tolist()) == ([True, False, True], [7, 6, 7])
+    assert found.converged.tolist() == [row in ended[0] for row in range(3)]
+    assert found.iterations.tolist() == [6 if row in ended[0] else 5 for row in range(3)]
 
 
 @pytest.mark.parametrize("iterations", [1, 3])
@@ -404,3 +408,38 @@ def test_no_more_steps_are_tried_than_may_be(iterations):
 
 
 YES = np.array([True])
+
+
+def test_one_that_goes_nowhere_leaves_the_others_going():
+    """Beside a curve that is found, one whose every step is beyond numbers is given up where it is."""
+    system = replace(curves(), singular_above=3.0)
+    starts = np.array([[1.0, 1.0], [1.0, 3.0 - 1e-9]])
+    seen = np.stack([curves().seen[0], np.exp(-50 * Exponentials.times)])
+    optima = levenberg_marquardt(replace(system, seen=seen), starts, Stop(iterations=200))
+    assert optima.converged.tolist()[0]
+    np.testing.assert_allclose(optima.state[0], TRUE[0], atol=1e-6)
+    assert optima.state[1, 1] <= 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class Straight:
+    """A parabola of curvature 4 about 2, of which 0.3 are left at its best."""
+
+    def linearise(self, state):
+        x = state[:, 0] - 2.0
+        return About(4 * x**2 + 0.3, 4 * x[:, None], np.full((len(x), 1, 1), 4.0))
+
+    def retract(self, state, about, step):
+        return state + step
+
+    def take(self, rows):
+        return self
+
+
+def test_the_cost_is_that_after_the_last_step():
+    """Though nothing is computed there: by what the step has promised."""
+    loose = levenberg_marquardt(Straight(), np.array([[2.1], [1.8]]), Stop(sigmas=1.0))
+    assert (loose.iterations.tolist(), loose.converged.tolist()) == ([1, 1], [True, True])
+    np.testing.assert_allclose(loose.state, 2.0, atol=1e-6)
+    np.testing.assert_allclose(loose.cost, 0.3, atol=1e-8)
+    np.testing.assert_allclose(loose.about.cost, [0.34, 0.46])

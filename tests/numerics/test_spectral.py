@@ -255,3 +255,66 @@ def test_above_takes_units_out_of_rows_and_columns(rng):
     of = above(plain * np.outer(UNITS, UNITS), 0.1, UNITS)
     np.testing.assert_allclose(of.values, np.linalg.eigvalsh(plain), rtol=1e-9)
     np.testing.assert_allclose(of.inverse * np.outer(UNITS, UNITS), np.linalg.inv(plain), rtol=1e-7)
+
+
+@pytest.mark.parametrize(("smallest", "rank"), [(2e-9, 3), (5e-10, 2)])
+def test_a_thousand_millionth_of_exact_columns_counts(smallest, rank):
+    """What is less is rounding: of ranks, of pseudo-inverses and of least squares alike."""
+    values = np.array([2.0, 1.0, 2 * smallest])
+    assert independent(values) == rank
+    left = np.divide(1, values, out=np.zeros(3), where=values > 2e-9)
+    np.testing.assert_allclose(pseudo_inverse(np.diag(values)), np.diag(left), rtol=1e-9)
+    np.testing.assert_allclose(least_norm(np.diag(values), np.ones(3)), left, rtol=1e-9)
+
+
+def test_of_smallest_vectors_a_sixteenth_power_of_the_next_is_left():
+    """Of eigenvalues of 1 and 2, turned by 30 degrees: 2^-16 of the next, by how much of both the larger column has."""
+    turn = np.array([[np.sqrt(3) / 2, -0.5], [0.5, np.sqrt(3) / 2]])
+    found = smallest_vectors((turn @ np.diag([1.0, 2.0]) @ turn.T)[None])[0]
+    along, across = turn.T @ found
+    assert across / along == pytest.approx(-(2.0**-16) / np.sqrt(3), rel=1e-6)
+
+
+@pytest.mark.parametrize("shape", [(0, 0), (4, 0, 0), (0, 3, 3)])
+def test_matrices_of_nothing_and_batches_of_none_are_taken_apart_all_the_same(shape):
+    """Into as many values as they have."""
+    for of in (
+        spectrum(np.zeros(shape)),
+        above(np.zeros(shape), 1.0),
+        above(np.zeros(shape), 1.0, np.ones(shape[:-1])),
+    ):
+        assert of.values.shape == of.scale.shape == of.held.shape == shape[:-1]
+        assert of.inverse.shape == of.vectors.shape == shape
+        assert of.rank.shape == shape[:-2]
+        assert not of.rank.any()
+
+
+@pytest.mark.parametrize("unit", [1e-12, 1.0, 1e12])
+def test_the_diagonal_is_the_unit_of_each_row(unit):
+    """However small or large; a row of nothing has a unit of one."""
+    of = spectrum(np.array([[4.0 * unit, unit, 0.0], [unit, 9e-6 * unit + unit, 0.0], [0.0, 0.0, 0.0]]))
+    np.testing.assert_allclose(of.scale, [2 * unit**0.5, ((1 + 9e-6) * unit) ** 0.5, 1.0])
+    assert of.values[-1] == pytest.approx(1 + 0.5 / (1 + 9e-6) ** 0.5)
+    assert of.rank == 2
+
+
+@pytest.mark.parametrize(("first", "second", "size", "unique"), [
+    (3.4, 10.0, 100.0, True), (3.6, 10.0, 100.0, False),  # it has to be a third of the next
+    (0.0, 10.0, 9e3, True), (0.0, 10.0, 1.1e4, False),  # which has to be a thousandth of the rows' size
+    (0.034, 0.1, 1.0, True), (0.036, 0.1, 1.0, False),
+])  # fmt: skip
+def test_a_null_vector_stands_clear_of_the_next_which_is_none(first, second, size, unique):
+    found = null_vector(np.diag(np.square([50.0, second, first])), size)
+    assert found.unique == unique
+    np.testing.assert_allclose(np.abs(found.vector), [0, 0, 1], atol=1e-9)
+
+
+@pytest.mark.parametrize("unit", [1e-3, 1.0, 1e3])
+def test_a_millionth_of_the_largest_extent_is_none(unit):
+    """Of points a millimetre or a kilometre apart; no points span nothing."""
+    plane = unit * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0.0]])
+    for depth, spans in ((1e-7, 2), (1e-5, 3)):
+        raised = plane.copy()
+        raised[3, 2] = unit * depth
+        assert dimension(raised) == spans
+    assert dimension(np.zeros((0, 3))) == 0

@@ -97,7 +97,7 @@ def spectrum(information: Array, rounding: float = ROUNDING) -> Spectrum:
     """
     diagonal = np.sqrt(np.maximum(np.diagonal(information, axis1=-2, axis2=-1), 0.0))
     scale = np.where(diagonal > 0, diagonal, 1.0)
-    if not information.shape[-1]:
+    if not information.size:
         return Spectrum(diagonal, np.zeros(information.shape), scale, np.zeros(diagonal.shape, dtype=bool))
     values, vectors = np.linalg.eigh(information / scale[..., :, None] / scale[..., None, :])
     return Spectrum(values, vectors, scale, holds_information(values, rounding))
@@ -115,7 +115,7 @@ def above(matrix: Array, least: float, scale: Array | None = None) -> Spectrum:
     """
     scaled = matrix if scale is None else matrix / scale[..., :, None] / scale[..., None, :]
     scale = np.ones(matrix.shape[:-1]) if scale is None else scale
-    if not matrix.shape[-1]:
+    if not matrix.size:
         return Spectrum(scale, matrix, scale, np.zeros(scale.shape, dtype=bool))
     values, vectors = np.linalg.eigh(scaled)
     return Spectrum(values, vectors, scale, (values > least) & holds_information(values))

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from basecal.accuracy.drift.innovations import innovations
-from basecal.accuracy.drift.shared_errors import FEWEST_SAMPLES, with_shared_errors
+from basecal.accuracy.drift.shared_errors import FEWEST_SAMPLES, _of_camera, with_shared_errors
 from basecal.accuracy.drift.shifts import frame_shifts, joint_shifts
 from basecal.accuracy.drift.verify import verify
 from basecal.cell import Recording, RobotState
@@ -83,3 +84,39 @@ def test_a_joint_that_moved_is_none_of_them() -> None:
     joint = next(shift for shift in joint_shifts(off) if shift.frame == "hand_flange" and shift.joint == 2)
     assert with_shared_errors(off, joint) is off
     assert with_shared_errors(off, replace(joint, size=np.zeros(1))) is not off
+
+
+COUNT = 24  # samples, of which chance makes scatters of up to (1 + sqrt(6 / 24))^2 = 2.25
+
+
+@pytest.mark.parametrize(("scatter", "told"), [(2.2, 0.0), (2.3, 1.3)])
+@pytest.mark.parametrize("views", [1, 2])
+def test_what_scatters_beyond_chance_is_open(scatter: float, told: float, views: int) -> None:
+    """Of views that tell of a camera's place alike, by what is more than one; in each sample, as in those calibrated.
+
+    Two views of a sample are one by their sum, whose share of the information is twice as large.
+    """
+    rng = np.random.default_rng(2)
+    directions, _ = np.linalg.qr(rng.standard_normal((COUNT, 6)))
+    said = np.sqrt(COUNT) * directions * np.sqrt([scatter, 1.0, 0.5, 1.0, 1.5, 0.1])  # mean squares, not together
+    sample = np.tile(np.arange(COUNT), views)
+    left = np.tile(said / np.sqrt(views), (views, 1)).ravel()
+    of = SimpleNamespace(covariance_inverse=np.eye(6 * len(sample)), sample=sample)
+    found = _of_camera(of, np.tile(np.eye(6), (len(sample), 1)), left)
+    first = np.diag([told, 0, 0, 0, 0, 0]) / (COUNT * views)
+    alike = np.where(sample[:, None] == sample, 1 + COUNT, 1)
+    np.testing.assert_allclose(found, np.kron(alike, first), atol=1e-9)
+
+
+def test_a_place_that_is_not_seen_is_not_open() -> None:
+    """Along directions in which views say nothing of it; where information is more, places are open by less."""
+    rng = np.random.default_rng(2)
+    directions, _ = np.linalg.qr(rng.standard_normal((COUNT, 6)))
+    by_place = np.diag([10.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+    inverse = 4.0 * np.eye(6)
+    said = np.sqrt(COUNT) * directions * np.sqrt([5.0, 5.0, 1.0, 9.0, 9.0, 9.0])
+    of = SimpleNamespace(covariance_inverse=np.kron(np.eye(COUNT), inverse), sample=np.arange(COUNT))
+    found = _of_camera(of, np.tile(by_place, (COUNT, 1)), (2.0 * said).ravel())
+    open_by = np.diag([4.0, 4.0, 0, 0, 0, 0]) / (4 * COUNT)
+    np.testing.assert_allclose(found[:6, 6:12], open_by, atol=1e-9)
+    np.testing.assert_allclose(found[:6, :6], (1 + COUNT) * open_by, atol=1e-9)

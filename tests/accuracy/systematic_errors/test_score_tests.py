@@ -5,19 +5,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.stats import chi2, norm
+from tests.pose_problem import pose_problem
 
 from basecal.accuracy.systematic_errors.candidates import Candidates
 from basecal.accuracy.systematic_errors.score_tests import (
     Linearised,
+    Score,
     Sums,
     linearised,
     log_chance_of,
     score,
     score_of,
+    sums,
     weighed,
 )
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.cell import Unknown
+from basecal.estimation.least_squares.normal_equations import prior_residuals
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve_from, solve_packed
@@ -149,3 +153,59 @@ def test_chances_are_those_of_a_chi_square(freedoms):
         }
         assert log_chance_of(statistic, freedoms) == pytest.approx(exact[freedoms], abs=1.0)
     assert log_chance_of(80.0, 0) == 0.0
+
+
+def test_sums_are_those_over_views_of_every_group():
+    """Of each error by itself; groups that it does not move say nothing."""
+    rng = np.random.default_rng(1)
+    one, state = pose_problem(1e-3 * rng.standard_normal((4, 6)), np.array([1e-3, 2e-3, 1e-3, 3e-3, 1e-3, 1e-3]))
+    (group,) = one.groups
+    problem = one.with_groups([group, group.take(np.array([0, 2])), group.take(np.array([1]))])
+    about = linearised(problem, state)
+    moves = rng.standard_normal((4, 3, 6, 2)), None, rng.standard_normal((1, 3, 6, 2))
+    found = sums(about, Candidates("", ("a", "b", "c"), (None,) * 3, "", moves))
+    for b in range(3):
+        wanted = [np.zeros(2), np.zeros((2, 6)), np.zeros((2, 2))]
+        for views, each in zip(about.views, moves, strict=True):
+            for k in range(0 if each is None else len(each)):
+                wanted[0] += each[k, b].T @ views.gradient[k]
+                wanted[1] += each[k, b].T @ views.information[k] @ views.by_unknowns[k]
+                wanted[2] += each[k, b].T @ views.information[k] @ each[k, b]
+        for got, want in zip(found, wanted, strict=True):
+            np.testing.assert_allclose(got[b], want, rtol=1e-9, atol=1e-6)
+
+
+def test_weights_and_priors_are_in_the_sums_of_the_unknowns():
+    """Each view by its weight; a prior counts in full."""
+    rng = np.random.default_rng(1)
+    prior = Unknown("prior", SE3.exp(np.full(6, 2e-3)), np.full(6, 1e-2))
+    problem, state = pose_problem(1e-3 * rng.standard_normal((4, 6)), np.full(6, 1e-3), prior)
+    about, weights = linearised(problem, state), np.array([1.0, 0.25, 0.0, 2.0])
+    (views,) = about.views
+    found = weighed(about, [weights])
+    ((residual, jacobian, where),) = prior_residuals(problem, state)
+    assert where == slice(0, 6)
+    by = views.by_unknowns
+    hessian = jacobian.T @ jacobian + np.einsum("n,nki,nkl,nlj->ij", weights, by, views.information, by)
+    gradient = jacobian.T @ residual + np.einsum("n,nki,nk->i", weights, by, views.gradient)
+    np.testing.assert_allclose(found.hessian, hessian, rtol=1e-9)
+    np.testing.assert_allclose(found.gradient, gradient, rtol=1e-9)
+    np.testing.assert_allclose(found.inverse, np.linalg.inv(hessian), rtol=1e-6, atol=1e-15)
+    np.testing.assert_allclose(found.step, np.linalg.solve(hessian, gradient), rtol=1e-6)
+
+
+def test_each_score_has_its_own_chance():
+    """By its own freedoms."""
+    score = Score(np.zeros((2, 1)), np.zeros((2, 1, 1)), np.array([3.0, 20.0]), np.array([1, 4]), np.zeros((2, 1)))
+    np.testing.assert_allclose(score.log_chance, [chi2.logsf(3.0, 1), chi2.logsf(20.0, 4)])
+
+
+@pytest.mark.parametrize(("share", "freedoms"), [(0.9e-4, 0), (1.1e-4, 1)])
+def test_an_error_of_which_a_ten_thousandth_is_left_is_seen(share, freedoms):
+    """Below, it stands for what is unknown anyhow, whatever its units."""
+    for unit in (1.0, 1e-3):
+        across = unit * np.sqrt(1 - share)
+        known = Sums(np.full((1, 1), unit), np.array([[[across]]]), np.array([[[unit**2]]]))
+        found = score_of(Linearised(None, None, (), np.zeros(1), np.eye(1), None), known)
+        assert found.freedoms.tolist() == [freedoms]
+        assert found.statistic[0] == pytest.approx(freedoms / share)

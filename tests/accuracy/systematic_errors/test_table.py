@@ -21,17 +21,22 @@ from basecal.accuracy.systematic_errors.table import (
     yielding_joints,
 )
 from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import State
 from basecal.estimation.problem.robot_parameters import Kinematics
-from basecal.estimation.solve import solve_packed
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
+
+
+def truth(made, problem):
+    """The true state: what moves views is told of any."""
+    return State(made.truth, made.cameras, np.zeros((len(problem.stops), 6)), made.robots)
 
 
 @pytest.fixture(scope="module")
 def of():
     made = simulate(Scenario(samples=12), 0)
     problem, _ = build_problem(made.cell, made.recording)
-    state = solve_packed(problem, made.cell).state
+    state = truth(made, problem)
     return Situation(problem, state, problem, {k: float(k) for k in range(12)})
 
 
@@ -70,7 +75,7 @@ def test_a_larger_target_is_seen_nearer(of):
 def of_light():
     made = simulate(Scenario(samples=8, target="led"), 0)
     problem, _ = build_problem(made.cell, made.recording)
-    return Situation(problem, solve_packed(problem, made.cell).state, problem, {k: float(k) for k in range(8)})
+    return Situation(problem, truth(made, problem), problem, {k: float(k) for k in range(8)})
 
 
 def test_through_a_longer_lens_a_light_is_seen_nearer(of_light):
@@ -101,7 +106,7 @@ def test_joint_offsets():
     """One unit of a joint's offset moves the view as the flange of an arm whose joint stands elsewhere."""
     made = simulate(Scenario(samples=6, joints=True), 0)
     problem, _ = build_problem(made.cell, made.recording)
-    of = Situation(problem, solve_packed(problem, made.cell).state, problem, {k: float(k) for k in range(6)})
+    of = Situation(problem, truth(made, problem), problem, {k: float(k) for k in range(6)})
     every = list(joint_offsets(of))
     assert [(candidates.code, candidates.about[0]) for candidates in every] == [
         (code, robot) for robot in ("eye", "hand") for code in ("joint-offset", "joint-offsets")
@@ -124,7 +129,7 @@ def test_offsets_that_are_estimated_or_have_no_joints_are_not_tested(of):
     assert list(joint_offsets(of)) == []
     made = simulate(Scenario(samples=12, joints=True, joint_offset_rad=1e-3, joint_offsets="prior"), 0)
     problem, _ = build_problem(made.cell, made.recording)
-    state = solve_packed(problem, made.cell).state
+    state = truth(made, problem)
     assert list(joint_offsets(Situation(problem, state, problem, {}))) == []
 
 
@@ -132,7 +137,7 @@ def test_joints_yield_to_their_torques():
     """A unit of each compliance moves the view as a joint that turns by its torque; one for all is their sum."""
     made = simulate(Scenario(samples=6, joints=True), 0)
     problem, _ = build_problem(made.cell, made.recording)
-    of = Situation(problem, solve_packed(problem, made.cell).state, problem, {k: float(k) for k in range(6)})
+    of = Situation(problem, truth(made, problem), problem, {k: float(k) for k in range(6)})
     alike, each = (c.moves[0][:, 0] for c in yielding_joints(of) if c.about == ("hand",))
     kinematics = Kinematics(problem.chains["hand"], {"deflection": 1e-8 * np.arange(1.0, 7.0)})
     moved = kinematics.forward(problem.groups[0].hand_joints)
@@ -145,7 +150,7 @@ def test_compliances_that_are_estimated_or_of_no_masses_are_not_tested(of):
     assert list(yielding_joints(of)) == []
     made = simulate(Scenario(samples=12, joints=True, compliance=1e-5, deflection="prior"), 0)
     problem, _ = build_problem(made.cell, made.recording)
-    state = solve_packed(problem, made.cell).state
+    state = truth(made, problem)
     assert list(yielding_joints(Situation(problem, state, problem, {}))) == []
     light = {name: replace(chain, masses=None) for name, chain in problem.chains.items()}
     light_arms = replace(problem, chains=light, models={})
@@ -183,10 +188,14 @@ def test_every_row_has_moves_for_all_views(of):
 
 def test_a_clock_that_drifts_is_right_in_the_middle():
     """Half of a clock's offset at the last sample, and less than none at the first; of stamps that say when."""
+    made = simulate(Scenario(samples=1, layout="eye_to_hand", target="pose"), 0)
     cell, recording = on_a_path(0.0)
     problem, _ = build_problem(cell, recording)
     of = Situation(
-        problem, solve_packed(problem, cell).state, problem, {s.sample: s.stamp_s for s in recording.samples}
+        problem,
+        State(made.truth, made.cameras, np.zeros((0, 6))),
+        problem,
+        {s.sample: s.stamp_s for s in recording.samples},
     )
     (offset,), (drift,) = clock_offsets(of), clock_drifts(of)
     share = np.linspace(-0.5, 0.5, 50)[of.rank(problem.groups[0])]
