@@ -1,6 +1,8 @@
 """Offsets of clocks from nothing."""
 
+from dataclasses import replace
 from itertools import product
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,7 +10,8 @@ import pytest
 from basecal.accuracy.clocks import search
 from basecal.accuracy.clocks.search import clocked
 from basecal.accuracy.clocks.step import ClockStep
-from basecal.cell import Clock, RollingShutter
+from basecal.cell import Clock, Robot, RollingShutter
+from basecal.errors import NotObservable
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve, solve_packed
@@ -112,3 +115,171 @@ def test_the_misfit_is_least_at_the_true_offset() -> None:
     at, beside = (search._misfit(few, {**streams.stated, "wrist": offset}, Settings()) for offset in (0.03, 0.13))
     assert 0.3 < at < 1.5
     assert beside > 10 * at
+
+
+def solved_as(hopeless: bool = False, robots: object = (), jitter_s: object = (), of_arms: bool = False) -> object:
+    """A solution by what is asked of it."""
+    noise = SimpleNamespace(robots=robots, jitter_s=jitter_s)
+    return SimpleNamespace(problem=hopeless, state=None, noise=noise, of_arms=of_arms)
+
+
+def stepped(monkeypatch: pytest.MonkeyPatch, steps, solution=None, names=("a",), fails_at: int = 99):
+    """What `_stepped` gives where views ask for these steps, in sigmas of 0.01 s; and what solutions started from."""
+    near, left = [], iter(steps)
+
+    def solve_once(streams, offsets, settings, last):
+        """The same each time."""
+        near.append(last)
+        if len(near) > fails_at:
+            raise NotObservable("no")
+        return solution or solved_as(), "samples"
+
+    def step(streams, samples, offsets, last):
+        """The next one."""
+        sizes = 0.01 * np.broadcast_to(next(left), (len(names),))
+        return ClockStep(names, sizes, 1e-4 * np.eye(len(names)), np.zeros((0, 1)), np.ones(len(names), dtype=bool))
+
+    monkeypatch.setattr(search, "_solved", solve_once)
+    monkeypatch.setattr(search, "clock_step", step)
+    monkeypatch.setattr(search, "is_hopeless", lambda problem, state: problem)
+    monkeypatch.setattr(search, "is_as_of_arms", lambda last: last.of_arms)
+    return search._stepped(SimpleNamespace(open=names), {"a": 1.0, "b": 2.0}, Settings()), near
+
+
+@pytest.mark.parametrize(
+    ("steps", "solutions", "end"),
+    [
+        ([3.0, 1.0, 0.04], 3, 1.0404),
+        ([3.0, -1.0, 0.06, -0.04, 9.0], 4, 1.0202),
+        ([0.0, 0.0, 9.0], 2, 1.0),  # pixels are mended by a solution: the first does not end it
+        ([1.0] * 20, 8, 1.08),
+    ],
+)
+def test_steps_are_taken_until_they_are_small(monkeypatch: pytest.MonkeyPatch, steps, solutions, end) -> None:
+    """Of a twentieth of a sigma, each from the solution before; eight at most."""
+    (offsets, last, explained), near = stepped(monkeypatch, steps)
+    assert len(near) == solutions
+    assert near == [None, *[last] * (solutions - 1)]
+    assert offsets == {"a": pytest.approx(end), "b": 2.0}
+    assert explained
+
+
+def test_every_clock_has_to_be_settled(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One of two that still moves asks for another solution."""
+    steps = [[0.01, 1.0], [0.01, 0.5], [0.5, 0.01], [0.01, 0.01]]
+    assert len(stepped(monkeypatch, steps, names=("a", "b"))[1]) == 4
+
+
+def test_without_a_clock_to_find_two_solutions_mend_the_pixels(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert len(stepped(monkeypatch, [], names=())[1]) == 2
+
+
+def test_where_nothing_is_solved_offsets_stay_as_they_were(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the last solution that there was, which explains nothing."""
+    assert stepped(monkeypatch, [1.0], fails_at=0)[0] == ({"a": 1.0, "b": 2.0}, None, False)
+    (offsets, last, explained), _ = stepped(monkeypatch, [1.0, 1.0], fails_at=1)
+    assert (offsets, last is not None, explained) == ({"a": pytest.approx(1.01), "b": 2.0}, True, False)
+
+
+@pytest.mark.parametrize(
+    ("solution", "explained"),
+    [
+        (solved_as(), True),
+        (solved_as(hopeless=True), False),
+        (solved_as(robots=("arm",)), False),
+        (solved_as(jitter_s=("wrist",)), False),
+        (solved_as(robots=("arm",), of_arms=True), True),
+        (solved_as(hopeless=True, robots=("arm",), of_arms=True), False),
+    ],
+)
+def test_noise_as_of_arms_explains_views(monkeypatch: pytest.MonkeyPatch, solution, explained) -> None:
+    """Where any is estimated it has to be such; what no noise explains is hopeless."""
+    assert stepped(monkeypatch, [0.0, 0.0], solution)[0][2] == explained
+
+
+def stepwise(monkeypatch: pytest.MonkeyPatch, explained: bool, views: int) -> tuple[list[object], dict[str, float]]:
+    """What `clocked` does, one after the other, and the offsets it ends with."""
+    done: list[object] = []
+
+    def thinned(count):
+        """At most so many views."""
+        return SimpleNamespace(**{**vars(streams), "instants": range(min(count, views)), "views": count})
+
+    streams = SimpleNamespace(
+        stated={"a": 0.0}, cell=SimpleNamespace(cameras=["wrist"]), open=("a", "wrist line", "b"),
+        instants=range(views), thinned=thinned, views="all",
+    )  # fmt: skip
+
+    def step(of, offsets, settings):
+        """One further each time."""
+        done.append((of.views, dict(offsets)))
+        return {"a": offsets["a"] + 1.0}, "last", explained
+
+    def best(of, offsets, name, settings):
+        """Ten further for each clock."""
+        done.append((of.views, name))
+        return {"a": offsets["a"] + 10.0}
+
+    monkeypatch.setattr(search, "_stepped", step)
+    monkeypatch.setattr(search, "_best", best)
+    monkeypatch.setattr(search, "_synchronised", lambda of, offsets, last: (of.views, last))
+    found = clocked(streams, Settings())
+    assert (found.near, found.synchronised) == ("last", ("all", "last"))
+    return done, found.offsets_s
+
+
+def test_offsets_are_stepped_and_only_tried_where_that_explains_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From what is stated, of few views; those of clocks, not of line times, are tried; the last steps are of all."""
+    assert stepwise(monkeypatch, True, 200) == ([(200, {"a": 0.0})], {"a": 1.0})
+    assert stepwise(monkeypatch, True, 201) == ([(200, {"a": 0.0}), ("all", {"a": 1.0})], {"a": 2.0})
+    tries: list[object] = [(200, {"a": 0.0}), (40, "a"), (40, "b"), (200, {"a": 20.0})]
+    assert stepwise(monkeypatch, False, 200) == (tries, {"a": 21.0})
+
+
+def test_the_misfit_is_minus_twice_the_log_likelihood_a_residual(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With sigmas that were estimated, by their counts; robots are exact, and descents short."""
+    given = []
+
+    def solve_once(streams, offsets, settings):
+        """A cost of 12."""
+        given.append((streams.cell.robots, settings))
+        noise = SimpleNamespace(noise=SimpleNamespace(pixel_px=0.5, pose_m=2.0))
+        return SimpleNamespace(cost=12.0, noise=noise, problem=None), None
+
+    counts = {"stated": 10, "pixel_px": 20, "pose_m": 5}
+    monkeypatch.setattr(search, "_solved", solve_once)
+    monkeypatch.setattr(search, "residual_counts", lambda problem: counts)
+    made = streamed(seconds=2.0)
+    cell = replace(made.cell, robots={"arm": Robot("arm", noise=np.full(6, 1e-3))})
+    streams = streams_of(cell, made.recording)
+    assert streams is not None
+    expected = (12 + 40 * np.log(0.5) + 10 * np.log(2.0)) / 35
+    assert search._misfit(streams, {}, Settings()) == pytest.approx(expected)
+    ((robots, settings),) = given
+    assert robots["arm"].noise is None
+    assert (settings.robot_noise, settings.iterations < 20) == ("stated", True)
+
+
+@pytest.mark.parametrize("error", [NotObservable("no"), np.linalg.LinAlgError()])
+def test_where_nothing_is_solved_the_misfit_is_infinite(monkeypatch: pytest.MonkeyPatch, error) -> None:
+    def fails(*given):
+        raise error
+
+    monkeypatch.setattr(search, "_solved", fails)
+    made = streamed(seconds=2.0)
+    streams = streams_of(made.cell, made.recording)
+    assert streams is not None
+    assert search._misfit(streams, {}, Settings()) == np.inf
+
+
+@pytest.mark.parametrize(("noise", "expected"), [("stated", "plain"), ("estimated", "with noise")])
+def test_noise_of_robots_is_estimated_unless_taken_as_stated(monkeypatch: pytest.MonkeyPatch, noise, expected) -> None:
+    """Of the problem of samples by these offsets."""
+    monkeypatch.setattr(search, "solve_packed", lambda problem, cell, settings: "plain")
+    monkeypatch.setattr(search, "with_noise", lambda plain, settings: "with noise")
+    made = streamed(seconds=2.0)
+    streams = streams_of(made.cell, made.recording)
+    assert streams is not None
+    solution, samples = search._solved(streams, streams.stated, Settings(robot_noise=noise))
+    assert solution == expected
+    assert len(samples.recording.samples) == len(streams.instants)

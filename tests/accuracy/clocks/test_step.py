@@ -1,16 +1,20 @@
 """What a solution says of clocks."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from basecal.accuracy.clocks import step
 from basecal.accuracy.clocks.step import ClockStep, clock_step
 from basecal.cell import Clock, RollingShutter
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.solve import Solution, solve_packed
 from basecal.estimation.streams.rolling_shutter import Known
 from basecal.estimation.streams.streams import Synchronised, streams_of, synchronised
+from basecal.geometry import SE3
+from basecal.simulation import Scenario, simulate
 from stream_cells import Streamed, pictured, streamed
 
 
@@ -90,3 +94,101 @@ def test_a_step_leads_to_the_true_line_time(away_s: float) -> None:
     sigma = float(np.sqrt(found.covariance[0, 0]))
     assert sigma < 5e-7
     assert found.step_s[0] + away_s == pytest.approx(0.0, abs=3.3 * sigma + 0.05 * abs(away_s))
+
+
+def test_a_step_weighs_the_views_against_priors(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Gauss and Newton's, of a free clock and one with a prior from which it is 3 ms off; exact but for rounding."""
+    information, gradient = np.array([[4e4, 1e4], [1e4, 9e4]]), np.array([50.0, -70.0])
+    across, hessian = np.array([[[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]]), np.diag([10.0, 20.0, 50.0])
+    clocks = {"a": Clock("free", 7.0), "b": Clock("prior", 0.1, 5e-3)}
+    found = stepped_by(monkeypatch, information, gradient, across, hessian, clocks, {"a": 7.2, "b": 0.103})
+    total = information + np.diag([0.0, 5e-3**-2])
+    expected = -np.linalg.solve(total, gradient + np.array([0.0, 3e-3 / 5e-3**2]))
+    np.testing.assert_allclose(found.step_s, expected)
+    np.testing.assert_allclose(found.covariance, np.linalg.inv(total))
+    np.testing.assert_allclose(found.by_offsets, -np.linalg.inv(hessian) @ across[0].T)
+    assert found.seen.all()
+
+
+def stepped_by(monkeypatch, information, gradient, across, hessian, clocks, offsets) -> ClockStep:
+    """The step of clocks that views hold with this information, whose camera's line time is one of them."""
+    problem = SimpleNamespace(groups=[])
+    about = SimpleNamespace(hessian=hessian)
+    monkeypatch.setattr(step, "Situation", lambda *given: None)
+    monkeypatch.setattr(step, "linearised", lambda problem, state: about)
+    of_views = SimpleNamespace(information=information[None], gradient=gradient[None])
+    monkeypatch.setattr(step, "score", lambda about, every: of_views)
+    monkeypatch.setattr(step, "sums", lambda about, every: (None, across, None))
+    streams = SimpleNamespace(clocks=clocks, open=tuple(clocks), cell=SimpleNamespace(cameras=["wrist"]))
+    solution = SimpleNamespace(noise=SimpleNamespace(held_by=lambda of: of), problem=problem, state=None)
+    return clock_step(streams, None, offsets, solution)
+
+
+@pytest.mark.parametrize(
+    ("name", "sigma_s", "seen"),
+    [("arm", 0.49, True), ("arm", 0.51, False), ("wrist line", 4.9e-4, True), ("wrist line", 5.1e-4, False)],
+)
+def test_what_is_known_to_half_a_second_is_seen(monkeypatch: pytest.MonkeyPatch, name, sigma_s, seen) -> None:
+    """Of a line time half a millisecond; what is not seen has neither step nor covariance, and moves nothing."""
+    information = np.diag([sigma_s**-2, 1e4])
+    clocks = {name: Clock("free", 0.0), "other": Clock("free", 0.0)}
+    across = np.ones((1, 2, 3))
+    found = stepped_by(monkeypatch, information, np.ones(2), across, np.eye(3), clocks, dict.fromkeys(clocks, 0.0))
+    assert found.seen.tolist() == [seen, True]
+    assert (found.step_s[0] != 0, found.covariance[0, 0] != 0, np.any(found.by_offsets[:, 0])) == (seen,) * 3
+    assert found.step_s[1] == pytest.approx(-1e-4)
+
+
+def test_what_no_view_shows_is_not_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A variance of zero is that of nothing."""
+    clocks = {"a": Clock("free", 0.0)}
+    found = stepped_by(monkeypatch, np.zeros((1, 1)), np.zeros(1), np.zeros((1, 1, 3)), np.eye(3), clocks, {"a": 0.0})
+    assert not found.seen.any()
+
+
+def test_views_move_with_the_clocks_of_camera_and_robots(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A late camera sees all flanges on, a late robot is behind itself; a line time counts by the mean row."""
+    rng = np.random.default_rng(0)
+    by = {"eye": rng.normal(size=(3, 6, 6)), "hand": rng.normal(size=(3, 6, 6))}
+    row = rng.normal(size=(3, 6, 6))
+    velocity = {name: rng.normal(size=(9, 6)) for name in by}
+    robots = {name: {k: SimpleNamespace(velocity=v) for k, v in enumerate(of)} for name, of in velocity.items()}
+
+    class Views(SimpleNamespace):
+        def __len__(self) -> int:
+            return 3
+
+    monkeypatch.setattr(step, "_mean_row", lambda situation, k: row)
+    numbers = np.array([7, 2, 5])
+    for eye, hand in (("eye", "hand"), (None, "hand"), ("eye", None)):
+        group = Views(eye=eye, hand=hand, camera="wrist", sample=numbers)
+        situation = SimpleNamespace(problem=SimpleNamespace(groups=[None, group]), by_flange=lambda k, robot: by[robot])
+        clocks = ("hand", "wrist", "wrist line", "eye", "other")
+        found = step._moves(situation, 1, clocks, SimpleNamespace(robots=robots))
+        moved = {name: np.einsum("nij,nj->ni", by[name], velocity[name][numbers]) for name in (eye, hand) if name}
+        whole = sum(moved.values())
+        none = np.zeros((3, 6))
+        expected = [-moved.get("hand", none), whole, np.einsum("nij,nj->ni", row, whole), -moved.get("eye", none), none]
+        assert found.shape == (3, 1, 6, 5)
+        np.testing.assert_allclose(found[:, 0], np.stack(expected, axis=-1), atol=1e-12)
+
+
+def test_the_mean_row_of_pixels_in_one_row_is_that_row() -> None:
+    """In every direction; of what has no pixels it is none."""
+    made = simulate(Scenario(samples=3), 0)
+    problem, _ = build_problem(made.cell, made.recording)
+    (group,) = problem.groups
+    pixels = group.measurement.pixels.copy()
+    pixels[..., 1] = [[100.0], [200.0], [300.0]]
+    group = replace(group, measurement=replace(group.measurement, pixels=pixels))
+    at = SE3.exp(np.array([[0.1, 0.0, 0.7, 0.2, -0.1, 0.3]] * 3))
+    situation = SimpleNamespace(
+        problem=problem.with_groups([group]),
+        links=[SimpleNamespace(camera_from_target=at)],
+        state=SimpleNamespace(cameras=made.cameras),
+    )
+    found = step._mean_row(situation, 0)
+    np.testing.assert_allclose(found, np.array([100.0, 200.0, 300.0])[:, None, None] * np.eye(6), atol=1e-6)
+    poses = replace(group, measurement=None)
+    situation.problem = problem.with_groups([poses])
+    np.testing.assert_array_equal(step._mean_row(situation, 0), np.zeros((3, 6, 6)))

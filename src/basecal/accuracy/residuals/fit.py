@@ -56,7 +56,7 @@ def _of_group(solution: Solution, group: ViewGroup) -> tuple[list[SampleResidual
     rms, coordinates = np.full(len(group), np.nan), np.zeros(0)
     if isinstance(group.measurement, PixelMeasurement):
         off_px = group.measurement.residual_px(predicted, solution.state.cameras[group.camera])
-        count = 2 * group.measurement.seen.sum(-1)
+        count = 2 * group.measurement.seen.sum(1)
         rms = np.sqrt(np.nansum(off_px**2, axis=(1, 2)) / np.maximum(count, 1))
         coordinates = off_px[np.isfinite(off_px)]
     alone, enough = view_alone(solution.state, group, predicted)
@@ -87,9 +87,9 @@ def view_alone(state: State, group: ViewGroup, predicted: SE3) -> tuple[SE3, Boo
     if dimension(points) < 2:
         return predicted, ~everywhere
     if isinstance(measurement, PointMeasurement):
-        enough = measurement.seen.sum(-1) >= _FEWEST_3D_POINTS
+        enough = measurement.seen.sum(1) >= _FEWEST_3D_POINTS
         weight = np.where(enough[:, None], measurement.weight, 1.0) ** 2
         return umeyama(points, measurement.points_in_camera, weight), enough
     camera = state.cameras[group.camera]
     alone = refined(measurement, predicted, camera, iterations=20).camera_from_target
-    return alone, measurement.seen.sum(-1) >= FEWEST_POINTS
+    return alone, measurement.seen.sum(1) >= FEWEST_POINTS
