@@ -45,6 +45,7 @@ def test_a_fixed_offset_stays() -> None:
     assert found(streamed(0.03, clock=Clock("fixed", 0.011)))["wrist"] == 0.011
 
 
+@pytest.mark.slow
 def test_many_views_end_where_all_do() -> None:
     made = streamed(0.02, seconds=26.0)
     streams = streams_of(made.cell, made.recording)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.clocks.search import Clocked
-from basecal.accuracy.clocks.settle import clock_findings, clock_offsets, clocks_left, settled
+from basecal.accuracy.clocks.settle import clock_findings, clock_offsets, clocks_left, line_times, settled
 from basecal.accuracy.clocks.step import ClockStep
 from basecal.accuracy.verdict import calibrate
 from basecal.cell import Clock, Recording, RollingShutter
@@ -118,6 +118,7 @@ def test_a_line_time_that_was_found_is_told_with_its_sigma():
     assert xi @ np.linalg.solve(found[NAME].covariance, xi) < 22.5
 
 
+@pytest.mark.slow
 def test_a_line_time_far_from_its_prior_is_named():
     made = pictured(2e-5, RollingShutter("prior", 1e-5, 1e-6), seconds=5.0)
     found = calibrate(made.cell, made.recording)
@@ -131,6 +132,21 @@ def said(known: Clock, offset_s: float, step_s: float, seen: bool = True, name: 
     left = ClockStep((name,), np.array([step_s]), np.eye(1), np.zeros((6, 1)), np.array([seen]))
     found = clock_findings(SimpleNamespace(streams=streams, offsets_s={name: offset_s}), left)
     return [(f.severity, f.code, *f.about, f.message) for f in found]
+
+
+def test_offsets_are_told_with_the_step_that_is_left() -> None:
+    """With their sigmas; as they stand where they were stated, and not at all where they are 0 or not seen."""
+    offsets = {"a": 0.03, "b": 0.2, "c": 0.0, "d": 0.4, line_of("wrist"): 1e-5, line_of("other"): 3e-5}
+    streams = SimpleNamespace(cell=SimpleNamespace(cameras={"wrist": None, "other": None, "third": None}))
+    left = ClockStep(
+        ("a", "b", line_of("wrist")), np.array([2e-3, 0.0, -1e-6]), np.diag([4e-8, 1.0, 9e-16]),
+        np.zeros((6, 3)), np.array([True, False, True]),
+    )  # fmt: skip
+    of = SimpleNamespace(streams=streams, offsets_s=offsets)
+    told = {name: (each.offset_s, each.sigma_s) for name, each in clock_offsets(of, left).items()}
+    assert told == {"a": (pytest.approx(0.032), pytest.approx(2e-4)), "d": (0.4, 0.0)}
+    lines = {name: (each.line_time_s, each.sigma_s) for name, each in line_times(of, left).items()}
+    assert lines == {"wrist": (pytest.approx(9e-6), pytest.approx(3e-8)), "other": (3e-5, 0.0)}
 
 
 @pytest.mark.parametrize(
