@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from basecal.accuracy.residuals import loops as module
 from basecal.accuracy.residuals.fit import residuals
 from basecal.accuracy.residuals.loops import _closed, _Relation, loops
 from basecal.accuracy.verdict import calibrate
-from basecal.cell import Recording, RobotState, Unknown
+from basecal.cell import Recording, RobotState, SampleResidual, Unknown
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
 from basecal.geometry import SE3
@@ -137,3 +139,126 @@ def test_a_loop_of_two_from_its_other_end():
     *_, ring = residuals(solve(cell, Recording(tuple(samples)))).loops
     assert ring.path == ("hand_base", "board", "second", "eye_base", "wrist", "board", "hand_base")
     assert (ring.views, ring.rms_m < 1e-8) == (16, True)
+
+
+class Views(SimpleNamespace):
+    """A group of views by its names."""
+
+    def __len__(self):
+        return self.count
+
+
+def views(camera="c", target="t", eye="a", hand="b", eye_base=None, hand_base="a_from_b", count=4):
+    """Of a camera on robot a that sees a target on robot b; a is the reference."""
+    mounts = {"camera_mount": f"{eye}_from_{camera}", "target_mount": f"{hand}_from_{target}"}
+    return Views(
+        camera=camera, target=target, eye=eye, hand=hand, eye_base=eye_base, hand_base=hand_base, count=count, **mounts
+    )
+
+
+def solution_of(*groups, columns=()):
+    problem = SimpleNamespace(groups=groups, reference="a", columns=dict.fromkeys(columns))
+    return SimpleNamespace(problem=problem)
+
+
+def test_what_counts_as_closed_are_views_with_both_numbers():
+    """Of each pair its own; what stands on the world counts from the base of the reference."""
+    sizes = [("c", 3e-3, 1e-3), ("c", 4e-3, 7e-3), ("c", None, 5.0), ("c", 5.0, None), ("d", 1.0, 2.0)]
+    told = [SampleResidual(k, camera, "t", None, *size) for k, (camera, *size) in enumerate(sizes)]
+    both = solution_of(views(hand=None))
+    (loop,) = loops(both, told)
+    assert (loop.path, loop.views) == (("a_base", "c", "t", "a_base"), 2)
+    assert (loop.rms_m, loop.rms_rad) == (pytest.approx(np.sqrt(12.5) * 1e-3), pytest.approx(5e-3))
+    assert loops(both, told[2:]) == ()
+
+
+def related(monkeypatch, *groups, columns=(), alone=lambda mounts: "state"):
+    """Relations of groups, and the mounts that were tried with each base."""
+    tried = []
+
+    def fit(solution, group, base, mounts):
+        """What is told of it."""
+        tried.append((group.camera, base, list(mounts)))
+        return alone(mounts)
+
+    monkeypatch.setattr(module, "_alone", fit)
+    monkeypatch.setattr(module, "relation", lambda state, group: (state, group.camera))
+    found = module._relations(solution_of(*groups, columns=columns))
+    return [(r.path, r.start_from_end, r.views) for r in found], tried
+
+
+def test_pairs_relate_the_bases_that_they_stand_on(monkeypatch):
+    """Each by its own views, with the mounts that are estimated; not where both are one base, or nothing is seen."""
+    other = views("d", "u", eye="b", hand="a", eye_base="a_from_b", hand_base=None, count=7)
+    same, nothing = views("e", hand="a", hand_base=None), views("f", count=0)
+    nameless = views("g", hand_base=None)
+    columns = ("a_from_c", "b_from_d", "a_from_u")
+    found, tried = related(monkeypatch, views(), same, nothing, nameless, other, columns=columns)
+    assert found == [
+        (("a_base", "c", "t", "b_base"), ("state", "c"), 4),
+        (("b_base", "d", "u", "a_base"), ("state", "d"), 7),
+    ]
+    assert tried == [("c", "a_from_b", ["a_from_c"]), ("d", "a_from_b", ["b_from_d", "a_from_u"])]
+
+
+def test_where_views_do_not_show_the_mounts_these_stay(monkeypatch):
+    """Nothing is related where the base is not seen either."""
+    found, tried = related(monkeypatch, views(), columns=("a_from_c",), alone=lambda mounts: None if mounts else "held")
+    assert [start_from_end for _, start_from_end, _ in found] == [("held", "c")]
+    assert tried == [("c", "a_from_b", ["a_from_c"]), ("c", "a_from_b", [])]
+    assert related(monkeypatch, views(), alone=lambda mounts: None)[0] == []
+
+
+@pytest.mark.parametrize(
+    ("converged", "open_names", "found"),
+    [(True, set(), True), (False, set(), False), (True, {"eye_base_from_hand_base"}, False), (True, {"other"}, True)],
+)
+def test_a_pair_alone_is_fitted_by_its_base_and_mounts(monkeypatch, converged, open_names, found):
+    """These are its columns, one after the other, and what is stated of the base does not count."""
+    s = simulate(Scenario(samples=6, base="prior"), seed=0)
+    solution = solve(s.cell, s.recording)
+    given = []
+
+    def adjust(problem, state, dof, steps):
+        """The state as it is."""
+        given.append((problem, dof))
+        return SimpleNamespace(state=state, converged=converged, normal=SimpleNamespace(hessian="hessian"))
+
+    monkeypatch.setattr(module, "bundle_adjust", adjust)
+    seen = SimpleNamespace(unobservable=open_names)
+    monkeypatch.setattr(module, "observability_of", lambda problem, state, hessian, factor: seen)
+    (group,) = solution.problem.groups
+    base, mounts = group.hand_base, [group.target_mount]
+    end = module._alone(solution, group, base, mounts)
+    assert (end is not None) == found
+    ((problem, dof),) = given
+    assert dict(problem.columns) == {group.target_mount: slice(0, 6), base: slice(6, 12)}
+    assert (solution.problem.unknowns[base].status, problem.unknowns[base].status) == ("prior", "free")
+    assert dof == 2 * group.measurement.seen.sum() - 12
+
+
+def ring(monkeypatch, *steps, reference="a"):
+    """Loops around rings of relations, given as (start, end, camera, metres)."""
+    relations = [
+        _Relation(start, end, (start, camera, f"t{camera}", end), SE3(np.eye(3), np.array([x, 0.0, 0.0])), 5)
+        for start, end, camera, x in steps
+    ]
+    monkeypatch.setattr(module, "_relations", lambda solution: relations)
+    found = module._around_rings(SimpleNamespace(problem=SimpleNamespace(groups=steps, reference=reference)))
+    return [(" ".join(loop.path), loop.views, round(loop.rms_m, 9)) for loop in found]
+
+
+def test_rings_are_what_a_tree_over_the_bases_does_not_need(monkeypatch):
+    """Relations in any order and from either end; what hangs together with nothing known is no ring."""
+    a, b, c = "a_base", "b_base", "c_base"
+    around = ("a_base k tk b_base l tl c_base tm m a_base", 15, 0.5)
+    assert ring(monkeypatch, (a, b, "k", 1.0), (b, c, "l", 2.0), (a, c, "m", 2.5)) == [
+        ("a_base m tm c_base tl l b_base tk k a_base", 15, 0.5)
+    ]
+    assert ring(monkeypatch, (a, b, "k", 1.0), (b, c, "l", 2.0), (c, a, "m", -2.5)) != [around]
+    assert ring(monkeypatch, (a, b, "k", 1.0), (a, b, "l", 1.25)) == [("a_base l tl b_base tk k a_base", 10, 0.25)]
+    assert ring(monkeypatch, (a, b, "k", 1.0), ("x_base", "y_base", "l", 1.0)) == []
+    assert ring(monkeypatch, (a, b, "k", 1.0)) == []
+    assert ring(monkeypatch, ("x_base", "y_base", "l", 1.0), (b, a, "k", 1.0), (a, b, "m", 1.0)) == [
+        ("a_base m tm b_base k tk a_base", 10, 2.0)
+    ]
