@@ -20,8 +20,9 @@ SETTLED_SIGMAS = 1e-5  # what may be left to go, in sigmas of the unknowns: no s
 _SMALLEST_STEP = 1e-13  # [m, rad]: rounding of poses a metre away
 _NO_LESS = 0.5  # of what the step before promised: what is eliminated moves less each time until rounding is left
 _FIRST_DAMPING = 1e-9  # of the scaled diagonal: Gauss-Newton, yet regular where a direction is not observable
-_NEAR_SIGMAS = 1.0  # what a step promises where the gradient's change over it tells of the optimum [sigma]
-_NEAR_SHARE = 1e-3  # likewise of the cost, for starts whose residuals say nothing of sigmas
+# Of the cost, what a step promises where the gradient's change over it tells of the optimum, for starts whose residuals
+# say nothing of sigmas.
+_NEAR_SHARE = 1e-3
 _UNDAMPED = 1e-3  # below this a step is a Gauss-Newton step to three digits
 _LARGEST_DAMPING = 1e12  # beyond it steps are rounding
 _LARGEST_GAIN = 10.0  # clips the ratio of gain to prediction, whose cube sets the damping
@@ -249,7 +250,9 @@ def _settled(flight: _Flight[S, L], step: Array, expected: Array, stop: Stop) ->
     rate = np.where(shrinks, np.minimum(1.0, expected / np.where(shrinks, flight.expected, 1.0)), 1.0)
     # Refused, or promising no less than the one before it, a step is of rounding.
     is_rounding = (flight.damping > _UNDAMPED) | ((flight.expected > 0) & (expected > _NO_LESS * flight.expected))
-    still = (np.abs(step).max(-1, initial=0.0) < _SMALLEST_STEP) & ((flight.about.eliminated <= limit) | is_rounding)
+    still = (np.abs(step).max(axis=1, initial=0.0) < _SMALLEST_STEP) & (
+        (flight.about.eliminated <= limit) | is_rounding
+    )
     settled: BoolArray = (expected * rate <= limit) | still
     return settled
 
@@ -264,10 +267,12 @@ def _moved(
     bend: Array | None,
 ) -> _Flight[S, L]:
     """The flight after a step, taken where it is `better`; elsewhere the damping grows."""
-    both = np.isfinite(flight.cost) & np.isfinite(cost)  # from one infinite cost to another a step is taken, undamped
-    drop = np.where(both, np.where(both, flight.cost, 0.0) - np.where(both, cost, 0.0), expected)
-    # What rounding of the costs makes of a step that is nearly none says nothing of the damping it needs.
-    drop = np.where(np.abs(drop - expected) <= _UPHILL * np.where(both, cost, 0.0), expected, drop)
+    with np.errstate(invalid="ignore"):
+        drop = flight.cost - cost
+        # From one infinite cost to another a step is taken, undamped; and what rounding of the costs makes of a step
+        # that is nearly none says nothing of the damping it needs.
+        tells = np.isfinite(drop) & (np.abs(drop - expected) > _UPHILL * cost)
+    drop = np.where(tells, drop, expected)
     gain = np.clip(drop / expected, -_LARGEST_GAIN, _LARGEST_GAIN)
     eased = np.maximum(flight.damping * np.maximum(0.1, 1 - (2 * gain - 1) ** 3), _FIRST_DAMPING)
     stiffened = np.maximum(flight.damping, _UNDAMPED) * flight.growth  # less would try nearly the same step again
@@ -285,15 +290,16 @@ def _moved(
 
 
 def _is_near(flight: _Flight[S, L], expected: Array) -> BoolArray:
-    """Whether a step that promises so much less cost is near enough to an optimum to tell what bends there, (b,)."""
-    near: BoolArray = expected <= np.minimum(_NEAR_SIGMAS**2 * _scale(flight), _NEAR_SHARE * flight.cost)
+    """Whether a step that promises so much less cost, of a sigma at most, tells what bends at an optimum, (b,)."""
+    near: BoolArray = expected <= np.minimum(_scale(flight), _NEAR_SHARE * flight.cost)
     return near
 
 
 def _bend(flight: _Flight[S, L], after: L, step: Array, near: BoolArray) -> Array | None:
     """What the residuals add to the hessian, by what a step shows where it was taken and `near` an optimum."""
-    if flight.bend is None or isinstance(after.hessian, SparseHessian):
+    if isinstance(after.hessian, SparseHessian):
         return None
+    assert flight.bend is not None
     change = after.gradient - flight.about.gradient
     return with_secant(flight.bend, after.hessian, change, step, near & (flight.damping <= _UNDAMPED))
 
@@ -326,7 +332,7 @@ def _damped_step(about: Linearised, damping: Array) -> Array:
     if isinstance(about.hessian, SparseHessian):
         return about.hessian.damped_step(about.gradient, damping)
     diagonal = np.diagonal(about.hessian, axis1=-2, axis2=-1)
-    scale = 1 / np.sqrt(np.maximum(diagonal, 1e-12 * diagonal.max(-1, initial=1e-300, keepdims=True)))
+    scale = 1 / np.sqrt(np.maximum(diagonal, 1e-12 * diagonal.max(axis=1, initial=1e-300, keepdims=True)))
     scaled = about.hessian * scale[..., None, :] * scale[..., :, None]
     of_diagonal = np.einsum("...ii->...i", scaled)  # a view
     of_diagonal += damping[:, None]

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from basecal.accuracy.cross_validation.folds import _joined, _split, instant_split, splits
+from basecal.accuracy.cross_validation.folds import _joined, _places, _split, instant_split, splits
 from basecal.cell import Recording
 from basecal.estimation.problem.build import build_problem
 from basecal.simulation import Scenario, simulate
@@ -126,3 +126,16 @@ def test_ways_to_split_go_from_all_robots_to_none():
     by_hand = [frozenset(np.flatnonzero(np.equal(hand, k)).tolist()) for k in range(6)]
     instants = [*(frozenset({k}) for k in range(10)), frozenset({10, 11})]
     assert [list(each.parts) for each in found] == [by_eye, by_hand, instants]
+
+
+def test_places_are_of_robots_that_move():
+    """Between two places and more, in views of one group or of several; each sample's is its stop."""
+    one = SimpleNamespace(sample=np.array([4, 5]), eye="eye", eye_stand=np.array([0, 1]), hand="hand")
+    one.hand_stand = np.array([7, 7])
+    two = SimpleNamespace(sample=np.array([6]), eye="eye", eye_stand=np.array([0]), hand="other")
+    two.hand_stand = np.array([3])
+    world = SimpleNamespace(sample=np.array([7]), eye=None, eye_stand=np.array([-1]), hand="hand")
+    world.hand_stand = np.array([7])
+    assert _places(SimpleNamespace(groups=[one, two, world])) == {"eye": {4: 0, 5: 1, 6: 0}}
+    world.hand_stand = np.array([8])
+    assert _places(SimpleNamespace(groups=[one, two, world]))["hand"] == {4: 7, 5: 7, 7: 8}

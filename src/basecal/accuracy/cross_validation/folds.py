@@ -62,8 +62,7 @@ def instant_split(problem: Problem, count: int) -> Split | None:
 
 
 def _split(parts: list[Samples], total: int, count: int) -> Split | None:
-    largest = max(map(len, parts), default=0)
-    if len(parts) < _FEWEST_PARTS or largest > max(_LARGEST_SHARE * total, 1):
+    if len(parts) < _FEWEST_PARTS or max(map(len, parts)) > max(_LARGEST_SHARE * total, 1):
         return None
     dealt: list[set[int]] = [set() for _ in range(min(count, len(parts)))]
     for part in parts:
