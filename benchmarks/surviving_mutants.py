@@ -272,6 +272,108 @@ WHY: dict[tuple[str, str, str, str], str] = {
         "2",
         "3",
     ): "equivalent: every step leads to another base, so that none lies between one forth and the same one back",
+    (
+        "accuracy/lens_structure.py",
+        "_AT_A_TIME = 400  # views whose derivatives are held at once: more take memory that no cache holds",
+        "400",
+        "401",
+    ): "equivalent: how many views are held at once changes the time alone",
+    (
+        "accuracy/lens_structure.py",
+        "flat = known.reshape(-1, known.shape[-1])",
+        "1",
+        "2",
+    ): "equivalent: to NumPy any negative length is the one that is left",
+    (
+        "accuracy/lens_structure.py",
+        "columns = columns - known @ (inverse @ (flat.T @ columns.reshape(len(flat), -1)))",
+        "1",
+        "2",
+    ): "equivalent: to NumPy any negative length is the one that is left",
+    (
+        "accuracy/lens_structure.py",
+        "rest = np.concatenate([residual.reshape(n, r, 1), weighted[..., 6:].reshape(n, r, -1)], axis=-1)",
+        "1",
+        "2",
+    ): "equivalent: to NumPy any negative length is the one that is left",
+    (
+        "accuracy/input_check/target_sizes.py",
+        "return float(least_norm(rows.reshape(-1, rows.shape[-1]), right.reshape(-1))[0])",
+        "1",
+        "2",
+    ): "equivalent: to NumPy any negative length is the one that is left",
+    (
+        "accuracy/input_check/rare_hypotheses.py",
+        "centres = numbers[:_CENTRES].reshape(-1, 3)",
+        "1",
+        "2",
+    ): "equivalent: to NumPy any negative length is the one that is left",
+    (
+        "accuracy/input_check/rare_hypotheses.py",
+        "return _within_half_a_turn(np.stack([angles, np.column_stack([first + np.pi, other, last + np.pi])], axis=1))",
+        "first + np.pi",
+        "first - np.pi",
+    ): "equivalent: whole turns are taken off",
+    (
+        "accuracy/input_check/rare_hypotheses.py",
+        "return _within_half_a_turn(np.stack([angles, np.column_stack([first + np.pi, other, last + np.pi])], axis=1))",
+        "last + np.pi",
+        "last - np.pi",
+    ): "equivalent: whole turns are taken off",
+    (
+        "accuracy/input_check/rare_hypotheses.py",
+        "within: Array = (angles + np.pi) % (2 * np.pi) - np.pi",
+        "angles + np.pi",
+        "angles - np.pi",
+    ): "equivalent: whole turns are taken off",
+    (
+        "accuracy/expected_error.py",
+        "c2 = np.where(known, 1.0, c2)",
+        "1.0",
+        "10.0",
+    ): "equivalent: where the length is known nothing is made of it",
+    (
+        "accuracy/expected_error.py",
+        "skew, tails = np.where(known, 1.0, c3 / c2**1.5), np.where(known, 1.0, c4 / c2**2)",
+        "1.0",
+        "10.0",
+    ): "equivalent: where the length is known nothing is made of it",
+    (
+        "accuracy/expected_error.py",
+        'up, turn = np.meshgrid((nodes + 1) / 2, (np.arange(_NODES) + 0.5) / _NODES * np.pi / 2, indexing="ij")',
+        "nodes + 1",
+        "nodes - 1",
+    ): "equivalent: the nodes lie alike to both sides of 0, and only squares of these count",
+    (
+        "accuracy/expected_error.py",
+        "for _ in range(4):",
+        "4",
+        "5",
+    ): "equivalent: a power more is computed and not used",
+    (
+        "accuracy/input_check/hypothesis_fit.py",
+        "return trimmed(self.off, 1.0)",
+        "1.0",
+        "10.0",
+    ): "equivalent: there are no more than all",
+    (
+        "accuracy/input_check/hypothesis_fit.py",
+        "if trimmed(every, 1.0) < _HEAVY_TAIL * trimmed(every):",
+        "1.0",
+        "10.0",
+    ): "equivalent: there are no more than all",
+    (
+        "accuracy/residuals/loops.py",
+        "while len(steps) > 2 and steps[0].path == steps[-1].path[::-1]:",
+        "len(steps) > 2",
+        "len(steps) >= 2",
+    ): "equivalent: no two steps are one forth and the same one back, since every step leads to another base",
+    (
+        "accuracy/axis_shift.py",
+        'weights = near if settings.station_choice == "nearest" else 1 / distance**2',
+        "1",
+        "2",
+    ): "equivalent: weights are divided by their sum",
 }
 
 

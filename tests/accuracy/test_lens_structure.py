@@ -219,6 +219,8 @@ def test_chance_of_the_fewest_views():
     assert _chance(scores, information, scores.mean(0)) == pytest.approx(expected, abs=1e-12)
     assert _chance(scores[:1], information[:1], scores[0]) == 1.0
     assert _chance(np.ones((4, 1)), np.ones((4, 1, 1)), np.ones(1)) == 1.0
+    for of in np.random.default_rng(0).normal(size=(20, 1, 3)):  # as many freedoms as terms, but for rounding
+        assert _chance(of @ np.diag([2.0, 3.0, 7.0]), np.diag([2.0, 3.0, 7.0])[None], of[0]) == 1.0
 
 
 def test_views_of_fewer_points_are_filled_up():

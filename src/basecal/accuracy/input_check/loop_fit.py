@@ -98,7 +98,7 @@ def fit_loops(pairs: Sequence[tuple[PairViews, Problem]]) -> list[LoopFit | None
     for k, ((sight, _), fit) in enumerate(zip(pairs, first, strict=True)):
         if fit is not None and sight.candidates is not None and trimmed(fit.off) < _HOPELESS_RAD:
             predicted = _predicted(sight, fit.triple).rotation
-            chosen = np.argmax(np.einsum("nij,nkij->nk", predicted, sight.candidates.rotation), axis=-1)
+            chosen = np.argmax(np.einsum("nij,nkij->nk", predicted, sight.candidates.rotation), axis=1)
             if np.any(chosen):
                 again[k] = chosen
     second = dict(zip(again, _fits_of([pairs[k] for k in again], list(again.values())), strict=True))
@@ -156,7 +156,7 @@ def off_loops(sight: PairViews, triple: Triple) -> Array:
     angles = angle_between(seen.rotation, predicted.rotation[:, None])
     apart = lengths(seen.translation - predicted.translation[:, None])
     distance = max(float(np.median(lengths(seen.translation[:, 0]))), 1e-12)
-    both: Array = np.hypot(angles, apart / distance).min(-1)
+    both: Array = np.hypot(angles, apart / distance).min(1)
     return both
 
 
