@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from basecal.accuracy.noise_summary import noise_summary
+from basecal.accuracy.noise_summary import _of_cameras, noise_summary
 from basecal.accuracy.verdict import calibrate
 from basecal.cell import Recording
 from basecal.cell.results.calibration_dict import calibration_from_dict, calibration_to_dict
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
+from basecal.estimation.view.measurement import Noise
 from basecal.reporting.text import noise_sentences
 from basecal.simulation import Scenario, simulate
 
@@ -125,3 +127,49 @@ def test_all_that_was_estimated_stands_by_its_name():
     }
     few = replace(timed, problem=timed.problem.with_groups(g.take(np.arange(2)) for g in timed.problem.groups))
     assert noise_summary(cell, STATED.recording, few)["robots"]["hand"]["freedoms"] == 1.0
+
+
+def seen_by(camera, sigmas, is_detected=True):
+    """Pixels of a camera whose detector claims these sigmas."""
+    (sample,) = simulate(Scenario(samples=1), 0).recording.samples
+    (seen,) = sample.observations
+    claimed = None if sigmas is None else np.resize(np.array(sigmas), len(seen.ids))
+    seen = replace(seen, camera=camera, detected=is_detected, sigma_px=claimed)
+    return replace(sample, observations=(seen,))
+
+
+class Views(SimpleNamespace):
+    """A group of views."""
+
+    def __len__(self):
+        return self.count
+
+
+def test_each_camera_has_the_noise_of_what_it_saw():
+    """Views of all its targets count; of sigmas those that were estimated, and are of what it measures."""
+    counts = {"a": {"pixel_px": 4, "stated": 0}, "b": {"pixel_px": 2}, "c": {"pose_m": 6, "pose_rad": 6}, "d": {}}
+    groups = [
+        Views(camera=name, count=count, measurement=SimpleNamespace(counts=lambda name=name: counts[name]))
+        for name, count in (("a", 3), ("b", 2), ("a", 4), ("c", 9), ("d", 1))
+    ]
+    noise = SimpleNamespace(
+        noise=Noise(pixel_px=0.3, pose_m=2e-3), cameras={"b": Noise(pixel_px=0.6)}, estimated=("pixel_px", "pose_m")
+    )
+    solution = SimpleNamespace(noise=noise, problem=SimpleNamespace(groups=groups))
+    claims = [seen_by("a", [0.05, 0.15]), seen_by("a", [0.1]), seen_by("b", None), seen_by("b", [0.1], False)]
+    found = _of_cameras(Recording((*claims, seen_by("c", [0.1]))), solution)
+    assert found == {
+        "a": {"views_count": 7, "pixel_px": 0.3, "factor": pytest.approx(3.0)},
+        "b": {"views_count": 2, "pixel_px": 0.6, "factor": None},
+        "c": {"views_count": 9, "pose_m": 2e-3, "factor": None},
+    }
+
+
+def test_an_estimated_pixel_sigma_stands_before_a_stated_one():
+    """The cell's own is told where none was estimated."""
+    solution = solve(STATED.cell, STATED.recording)
+    noise = replace(solution.noise, estimated=("pixel_px",), noise=solution.noise.noise._replace(pixel_px=0.77))
+    found = noise_summary(STATED.cell, STATED.recording, replace(solution, noise=noise))
+    assert found["pixel_px"] == 0.77
+    assert "cameras" in found
+    assert "correlated_px" not in found

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from basecal.accuracy import robot_parameters as module
 from basecal.accuracy.robot_parameters import kinematics_of, robot_parameters
 from basecal.cell import Calibration, RobotParameters
 from basecal.cell.robot_parameters.joint_offsets import Stated
+from basecal.cell.robot_parameters.kind import robot_parameter_kinds
 from basecal.errors import InputError
 from basecal.estimation.solve import solve
 from basecal.simulation import Scenario, simulate
@@ -149,3 +152,93 @@ def test_kinematics_of_a_calibration_are_those_stated_moved_by_what_is_known():
     bare = replace(cell, robots={**cell.robots, "hand": replace(cell.robots["hand"], chain=None)})
     with pytest.raises(InputError, match="'hand', which has no urdf"):
         kinematics_of(bare, offsets)
+
+
+NAMES = ("a", "b", "c")
+OFFSETS = np.array([0.1, 0.2, 0.3])
+
+
+def known_of(kind, basis, prior, variance, values=OFFSETS):
+    """A solution of an arm of three joints whose columns are of these, and its model; two other columns come first."""
+    model = SimpleNamespace(
+        robot="hand",
+        columns={kind: (Columns(basis, prior))},
+        chain=SimpleNamespace(n=3, joint_names=NAMES),
+    )
+    width = 2 + basis.shape[1]
+    covariance = np.arange(width * width, dtype=float).reshape(width, width) + 50 * np.eye(width)
+    solution = SimpleNamespace(
+        problem=SimpleNamespace(columns={f"hand_{kind}": slice(2, width)}, models={"hand": model}, width=width),
+        state=SimpleNamespace(kinematics=lambda of: SimpleNamespace(of=lambda kind: values)),
+        covariance=covariance,
+        observability=SimpleNamespace(inverse=np.diag([9.0, 9.0, *variance]), unobservable=frozenset()),
+    )
+    return solution, model
+
+
+class Columns(tuple):
+    """Columns of a model: their basis and their prior."""
+
+    def __new__(cls, basis, prior):
+        return super().__new__(cls, (basis, prior))
+
+    basis = property(lambda self: self[0])
+
+
+THIRD_AND_FIRST = np.array([[0.0, 1.0], [0.0, 0.0], [1.0, 0.0]])
+
+
+@pytest.mark.parametrize(("share", "seen"), [(0.49, True), (0.51, False)])
+def test_columns_are_those_of_their_joints(share, seen):
+    """In whatever order; a joint without a column is not known, and half of a prior's variance tells what is seen."""
+    prior = np.array([0.5, 2.0])
+    solution, _ = known_of("joint_offsets", THIRD_AND_FIRST, prior, [share * 0.25, 0.1])
+    found = joint_offsets(solution)["hand"]
+    np.testing.assert_array_equal(found.values, [0.1, np.nan, 0.3])
+    assert found.joint_names == NAMES
+    assert found.seen.tolist() == [True, False, seen]
+    np.testing.assert_allclose(found.sigma, np.sqrt([15 + 50, np.nan, 10 + 50]))
+    assert (found.covariance[2, 0], found.covariance[0, 2]) == (11.0, 14.0)
+
+
+@pytest.mark.parametrize("share", [0.98, 1.02])
+def test_free_offsets_are_known_up_to_a_largest_sigma(share):
+    """Beyond it there is no number, neither of theirs nor of what goes with them."""
+    largest = robot_parameter_kinds()["joint_offsets"].LARGEST_SIGMA
+    solution, _ = known_of("joint_offsets", THIRD_AND_FIRST, None, [share * largest**2, 0.5 * largest**2])
+    found = joint_offsets(solution)["hand"]
+    assert found.seen.tolist() == [True, False, share < 1]
+    assert np.isfinite(found.values).tolist() == found.seen.tolist()
+    assert np.isfinite(found.covariance[0]).tolist() == [True, False, share < 1]
+    assert np.isfinite(found.covariance[:, 0]).tolist() == [True, False, share < 1]
+
+
+def test_a_joint_with_a_part_in_what_nothing_shows_has_no_number(monkeypatch):
+    """Its column and another of a null vector; where all is observable nothing is looked for."""
+    solution, _ = known_of("joint_offsets", THIRD_AND_FIRST, np.array([9.0, 9.0]), [0.1, 0.1])
+    rows = np.array([[1.0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1.0]])
+    monkeypatch.setattr(module, "linearise", lambda problem, state: SimpleNamespace(hessian=rows.T @ rows))
+    assert np.isfinite(joint_offsets(solution)["hand"].values).tolist() == [True, False, True]
+    solution.observability.unobservable = frozenset({"x"})
+    found = joint_offsets(solution)["hand"]
+    assert np.isfinite(found.values).tolist() == [True, False, False]
+    assert found.seen.tolist() == [True, False, False]
+
+
+@pytest.mark.parametrize("hidden", [False, True])
+def test_what_is_known_together_is_left_out_where_any_of_it_is_open(monkeypatch, hidden):
+    """Else all of it is told, with sigmas by all columns."""
+    values = np.arange(4.0).reshape(2, 2)
+    basis = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [0.0, 2.0]])
+    solution, _ = known_of("link_parameters", basis, None, [1.0, 1.0], values)
+    monkeypatch.setattr(module, "_touched_by_null_space", lambda solution: np.array([True, True, hidden, False]))
+    found = robot_parameters(solution)
+    if hidden:
+        assert found == {}
+        return
+    of = found["link_parameters"]["hand"]
+    covariance = solution.covariance[2:, 2:]
+    np.testing.assert_array_equal(of.values, values)
+    np.testing.assert_allclose(of.sigma, np.sqrt(np.diag(basis @ covariance @ basis.T)).reshape(2, 2))
+    assert of.seen.all()
+    assert of.seen.shape == (2, 2)

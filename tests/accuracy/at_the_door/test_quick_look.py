@@ -6,6 +6,8 @@ from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
 
+import numpy as np
+
 from basecal.accuracy.at_the_door import quick_look as module
 from basecal.accuracy.at_the_door.quick_look import looked_at, quick_look
 from basecal.accuracy.input_check.rewriting import inverted, scaled, shifted, with_robots
@@ -70,13 +72,20 @@ def test_too_little_to_tell():
     still = simulate(Scenario(samples=10, target="pose", arms="hand_still"), 4)
     assert "turn every arm about two axes" in quick_look(still.cell, still.recording).untold
     assert quick_look(made().cell, Recording()).views == 0
+    board = replace(made().cell.targets["board"], on="eye")
+    both_on_one = quick_look(replace(made().cell, targets={"board": board}), made().recording)
+    assert (both_on_one.views, bool(both_on_one.untold)) == (0, True)
 
 
 def test_streams():
     """Clocks are found first; all lines of robots are kept."""
     made = streamed()
     few = looked_at(made.recording)
-    assert sum(bool(s.observations) for s in few.samples) == 40
+    stamps = [s.stamp_s for s in made.recording.samples if s.observations]
+    kept = [s.stamp_s for s in few.samples if s.observations]
+    assert len(kept) == 40
+    assert (kept[0], kept[-1]) == (stamps[0], stamps[-1])
+    assert np.diff(kept).max() < 2.5 * np.diff(stamps).max()
     look = quick_look(made.cell, few)
     assert look.findings == ()
     assert look.error is not None
@@ -87,10 +96,12 @@ def test_streams_by_an_unknown_lens():
     """An import does not take as long as a calibration."""
     made = streamed()
     cameras = {n: replace(c, intrinsics=Intrinsics("free")) for n, c in made.cell.cameras.items()}
-    assert "basecal calibrate tells" in quick_look(replace(made.cell, cameras=cameras), made.recording).untold
+    look = quick_look(replace(made.cell, cameras=cameras), made.recording)
+    assert "basecal calibrate tells" in look.untold
+    assert look.views == 0
 
 
-def looked(monkeypatch, is_whole=True, said=(), hopeless=False, fit="good", plausible=True, unobservable=()):
+def looked(monkeypatch, is_whole=None, said=(), hopeless=False, fit="good", plausible=True, unobservable=()):
     """A quick look at a recording in order of which everything says what it is told to."""
     fit = SimpleNamespace(error_in_words=lambda: "0.2 px") if fit == "good" else None
     plain = SimpleNamespace(problem=None, state=None, observability=SimpleNamespace(unobservable=set(unobservable)))
@@ -105,13 +116,14 @@ def looked(monkeypatch, is_whole=True, said=(), hopeless=False, fit="good", plau
         "plausible": lambda *_: plausible,
     }.items():
         monkeypatch.setattr(module, name, value)
-    return quick_look(made().cell, Recording(made().recording.samples[:6]), is_whole)
+    given = made().cell, Recording(made().recording.samples[:6])
+    return quick_look(*given) if is_whole is None else quick_look(*given, is_whole)
 
 
 def test_doubts_are_told_where_the_rest_will_not_dispel_them(monkeypatch):
     """Warnings of a whole recording; errors of any part of one; infos never."""
     each = {s: Finding("code", s, (), "") for s in ("error", "warning", "info")}
-    for is_whole, told in ((True, ["error", "warning"]), (False, ["error"])):
+    for is_whole, told in ((True, ["error", "warning"]), (None, ["error", "warning"]), (False, ["error"])):
         found = looked(monkeypatch, is_whole, tuple(each.values()))
         assert [f.severity for f in found.findings] == told
         assert (found.views, found.error, found.untold) == (6, None, "")

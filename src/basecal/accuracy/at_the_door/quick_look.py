@@ -56,11 +56,8 @@ def looked_at(recording: Recording) -> Recording:
         return recording
     starts = np.linspace(0, len(views) - _IN_A_ROW, _ROWS).astype(int)
     kept = {views[start + k] for start in starts for k in range(_IN_A_ROW)}
-    near = {k + step for k in kept for step in range(-_BESIDE, _BESIDE + 1)} & set(range(len(samples)))
-    few = (
-        samples[k] if k in kept else replace(samples[k], observations=(), images={}, background={})
-        for k in sorted(near)
-    )
+    near = sorted({j for k in kept for j in range(k - _BESIDE, k + _BESIDE + 1)} & set(range(len(samples))))
+    few = (samples[k] if k in kept else replace(samples[k], observations=(), images={}, background={}) for k in near)
     return replace(recording, samples=tuple(few))
 
 
