@@ -195,7 +195,7 @@ def test_columns_are_those_of_their_joints(share, seen):
     solution, _ = known_of("joint_offsets", THIRD_AND_FIRST, prior, [share * 0.25, 0.1])
     found = joint_offsets(solution)["hand"]
     np.testing.assert_array_equal(found.values, [0.1, np.nan, 0.3])
-    assert found.joint_names == NAMES
+    assert found.joints == NAMES
     assert found.seen.tolist() == [True, False, seen]
     np.testing.assert_allclose(found.sigma, np.sqrt([15 + 50, np.nan, 10 + 50]))
     assert (found.covariance[2, 0], found.covariance[0, 2]) == (11.0, 14.0)

@@ -1,14 +1,18 @@
 """Likelihoods of wider hypotheses where arms have noise."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
+from basecal.accuracy.input_check import noise_evidence as module
 from basecal.accuracy.input_check.hypothesis_fit import fit_hypothesis
 from basecal.accuracy.input_check.noise_evidence import _scatter_gain, noise_evidence
 from basecal.accuracy.input_check.rewriting import with_pixels
 from basecal.accuracy.input_check.target_sizes import target_size
+from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
 from basecal.simulation import Scenario, simulate
 from quick import quick
@@ -51,7 +55,8 @@ def test_noise_of_arms_is_no_size(seed):
     assert wrong.gain > 30
 
 
-@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2])
 def test_pixels_of_any_size_scatter_alike(seed):
     """Pixels bent as no lens bends them say nothing for or against a size of 2 % where arms are off by millimetres."""
     made = simulate(replace(FEW, samples=12, robot_noise=(3e-3, 5e-3), intrinsics="free", pixel_px=0.1), seed)
@@ -76,14 +81,6 @@ def test_noise_of_arms_is_no_lens(seed):
     assert of_lens(made, with_lens(made.cell, 30.0)).chance < 1e-6
 
 
-def test_hypotheses_of_other_views_are_not_compared():
-    """Fits that rest on different views have likelihoods of different data."""
-    made = simulate(FEW, 0)
-    fewer = replace(made.recording, samples=made.recording.samples[:-1])
-    whole, part = (fit_hypothesis(made.cell, of, STATED) for of in (made.recording, fewer))
-    assert noise_evidence(part, whole) is None
-
-
 @pytest.mark.parametrize("stated", [True, False])
 def test_points_in_space_speak_for_the_size_about_which_they_scatter_less(stated):
     """The true size gains over one a hundredth off what that loses over it, and nothing over itself."""
@@ -97,3 +94,98 @@ def test_points_in_space_speak_for_the_size_about_which_they_scatter_less(stated
     assert _scatter_gain(right, right) == 0.0
     assert _scatter_gain(right, off) > 10
     assert _scatter_gain(off, right) == pytest.approx(-_scatter_gain(right, off))
+
+
+def known(monkeypatch, narrower, wider):
+    """Evidence of a fit beside the declared one, whose solutions with noise are these."""
+    fits = [
+        SimpleNamespace(solution=SimpleNamespace(problem=of, state=None, views=of.views)) for of in (wider, narrower)
+    ]
+    told = {}
+
+    def solve(problem, state, settings, near=None):
+        """As it is told."""
+        told[problem.name] = near
+        return problem
+
+    monkeypatch.setattr(module, "solve_at_mode", solve)
+    monkeypatch.setattr(module, "_views", lambda solution: solution.views)
+    found = noise_evidence(*fits)
+    if found is not None:
+        assert told == {"narrower": None, "wider": narrower.noise}
+    return found
+
+
+def solution_of(name, surprise=0.0, columns=(), views=5):
+    return SimpleNamespace(
+        name=name,
+        views=views,
+        noise=SimpleNamespace(surprise=surprise),
+        problem=SimpleNamespace(columns=dict.fromkeys(columns)),
+        state=SimpleNamespace(cameras={k: SimpleNamespace(parameters=k) for k in ("a", "b", "c")}),
+    )
+
+
+@pytest.mark.parametrize(("surprise", "scatter"), [(7.0, 2.0), (3.0, -1.0), (12.0, 1.0)])
+def test_a_gain_is_of_both_likelihoods(monkeypatch, surprise, scatter):
+    """What the declared noise is surprised by more, and by how much less points scatter; one freedom gives a chance."""
+    monkeypatch.setattr(module, "_scatter_gain", lambda wider, narrower: scatter)
+    found = known(monkeypatch, solution_of("narrower", 10.0, ["a"]), solution_of("wider", surprise, ["a"]))
+    gain = 10.0 - surprise + scatter
+    assert found.gain == pytest.approx(gain)
+    assert found.chance == pytest.approx(chi2.sf(max(gain, 0.0), 1))
+
+
+def test_of_free_lenses_it_is_how_far_they_are_from_those_stated(monkeypatch):
+    """Of all that only the hypothesis estimates, squares and freedoms together."""
+    squares = {"b": (5.0, 4), "c": (7.0, 9)}
+    monkeypatch.setattr(module, "_off", lambda solution, name, stated: squares[name if name == stated else ""])
+    found = known(monkeypatch, solution_of("narrower", 10.0, ["a"]), solution_of("wider", 3.0, ["a", "b", "c"]))
+    assert found.gain == 12.0
+    assert found.chance == pytest.approx(chi2.sf(12.0, 13))
+
+
+def test_other_views_have_other_likelihoods(monkeypatch):
+    """Nothing is compared."""
+    assert known(monkeypatch, solution_of("narrower"), solution_of("wider", views=4)) is None
+
+
+def test_scatter_counts_by_its_squares_or_their_logarithm(monkeypatch):
+    """Where sigmas are stated by the squares, else by how many times less, for each freedom; of none not at all."""
+    of = {
+        "wider": {"stated": (10.0, 30.0), "point_m": (4.0, 20.0), "nothing": (0.0, 9.0), "exact": (3.0, 9.0)},
+        "narrower": {"stated": (14.5, 30.0), "point_m": (8.0, 20.0), "nothing": (2.0, 9.0), "exact": (0.0, 9.0)},
+    }
+    monkeypatch.setattr(module, "_scatter", of.get)
+    assert _scatter_gain("wider", "narrower") == pytest.approx(4.5 + 20 * np.log(2.0))
+
+
+def test_scatter_is_that_of_all_points_in_space(monkeypatch):
+    """Of every group of them, by what their sigmas are; pixels have none."""
+    groups = [
+        build_problem(made.cell, made.recording)[0].groups[0]
+        for made in (simulate(Scenario(samples=2, target=target), 0) for target in ("points3d", "charuco", "points3d"))
+    ]
+    estimates = [{"stated": (1.0, 2)}, {"stated": (100.0, 200)}, {"stated": (4.0, 8), "point_m": (16.0, 32)}]
+
+    def view_estimates(problem, group, state):
+        """Squares and freedoms of each."""
+        of = estimates[[id(g) for g in groups].index(id(group))]
+        return {name: SimpleNamespace(white=white, white_count=count) for name, (white, count) in of.items()}
+
+    monkeypatch.setattr(module, "view_estimates", view_estimates)
+    solution = SimpleNamespace(problem=SimpleNamespace(groups=groups), state=None)
+    assert module._scatter(solution) == {"stated": (5.0, 10), "point_m": (16.0, 32)}
+
+
+def test_a_lens_is_off_in_sigmas_of_all_of_its_terms():
+    """Terms that were not stated are off from zero."""
+    step, sigma = np.array([3.0, -1.0, 0.5, 0.25, 0.02]), np.array([1.0, 2.0, 0.5, 0.1, 0.01])
+    stated = np.array([500.0, 510.0, 320.0, 240.0])
+    found = SimpleNamespace(parameters=np.append(stated, 0.0) + step)
+    solution = SimpleNamespace(
+        state=SimpleNamespace(cameras={"wrist": found}), lens_covariance=lambda camera: np.diag(sigma**2)
+    )
+    squared, count = module._off(solution, "wrist", stated)
+    assert squared == pytest.approx(np.sum((step / sigma) ** 2))
+    assert count == 5
