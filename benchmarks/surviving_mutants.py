@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from benchmarks.equivalent_mutants import EQUIVALENT
+
 UNKNOWN = "no test has judged it so far"
 
 # By file, line, what stood there and what stands there now.
@@ -379,7 +381,11 @@ WHY: dict[tuple[str, str, str, str], str] = {
 
 def reason(survivor: dict[str, Any]) -> str:
     """Why it survives."""
-    return WHY.get((survivor["file"], survivor["text"], survivor["old"], survivor["new"]), UNKNOWN)
+    file, text, change = survivor["file"], survivor["text"], (survivor["old"], survivor["new"])
+    for part, old, new, why in EQUIVALENT.get(file, ()):
+        if part in text and change == (old, new):
+            return f"equivalent: {why}"
+    return WHY.get((file, text, *change), UNKNOWN)
 
 
 def is_equivalent(survivor: dict[str, Any]) -> bool:

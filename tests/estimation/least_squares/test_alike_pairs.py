@@ -67,3 +67,34 @@ def test_states_are_the_cells(monkeypatch) -> None:
         for k, names in enumerate(of.names):
             for field, name in names.items():
                 np.testing.assert_array_equal(own.transforms[field][k].matrix, made.truth[name].matrix)
+
+
+def test_weights_of_views_go_with_those_of_each_pair(monkeypatch) -> None:
+    """None where all count once; a view that is there again has none."""
+    ring = problem(Scenario(layout="ring", robots=5, samples=53, robot_noise=(1e-4, 1e-4)))
+    monkeypatch.setattr(module, "linearise", lambda problem, own, weights: weights)
+    for of in alike_pairs(ring):
+        once = bool(of.weight.all())
+        assert (of.linearise(None, None) is None) == once
+        assert (of.linearise(None, [np.ones(len(g)) for g in ring.groups]) is None) == once
+        for scale in (0.5, 2.0):
+            (found,) = of.linearise(None, [scale + np.arange(len(g)) for g in ring.groups])
+            np.testing.assert_array_equal(found, of.weight * (scale + of.rows))
+            (found,) = of.linearise(None, [np.full(len(g), scale) for g in ring.groups])
+            np.testing.assert_array_equal(found, scale * of.weight)
+
+
+def test_other_unknowns_are_another_batch() -> None:
+    """A pair whose target's mount is known has columns less; a light's mount has a place alone."""
+    ring = problem(Scenario(layout="ring", robots=5, samples=50))
+    mount = ring.groups[4].target_mount
+    known = replace(ring, columns={name: where for name, where in ring.columns.items() if name != mount})
+    apart = {of.groups: of.columns.shape[1] for of in alike_pairs(known)}
+    assert len(apart) > len(alike_pairs(ring))
+    for groups, width in apart.items():
+        for number in groups:
+            names = (getattr(ring.groups[number], f) for f in ("camera_mount", "eye_base", "hand_base", "target_mount"))
+            assert width == 6 * sum(name in known.columns for name in names)
+    assert [of.problem.point_mounts for of in alike_pairs(ring)] == [frozenset()] * len(alike_pairs(ring))
+    (light,) = alike_pairs(problem(Scenario(samples=4, target="led")))
+    assert light.problem.point_mounts == {"target_mount"}

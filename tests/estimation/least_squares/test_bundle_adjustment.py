@@ -6,9 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.pose_problem import pose_problem
 
 from basecal.estimation.least_squares.bundle_adjustment import (
     ROUGH_SIGMAS,
+    _Bundle,
     batch_of,
     bundle_adjust,
     bundle_adjust_batch,
@@ -139,3 +141,13 @@ def test_views_and_weights_of_a_batch_are_its_own():
             assert ends.cost[row] == pytest.approx(alone.cost, rel=1e-9)
             for name, transform in alone.state.transforms.items():
                 np.testing.assert_allclose(ends.state.transforms[name].matrix[row], transform.matrix, atol=1e-9)
+
+
+def test_of_a_batch_weights_are_taken_where_each_entry_has_its_own():
+    """Those of all alike stay."""
+    problem, _ = pose_problem(np.zeros((3, 6)), np.ones(6))
+    own = np.arange(6.0).reshape(2, 3)
+    shared, taken = _Bundle(problem, [np.arange(3.0), own]).take(np.array([1])).weights
+    np.testing.assert_array_equal(shared, [0, 1, 2])
+    np.testing.assert_array_equal(taken, own[[1]])
+    assert _Bundle(problem, None).take(np.array([1])).weights is None

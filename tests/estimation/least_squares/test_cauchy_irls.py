@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
+import pytest
 from tests.pose_problem import MOUNT, pose_problem
 
+from basecal.estimation.least_squares import cauchy_irls as module
 from basecal.estimation.least_squares.bundle_adjustment import batch_of, bundle_adjust
 from basecal.estimation.least_squares.cauchy_irls import cauchy_irls
+from basecal.estimation.least_squares.studentized import MahalanobisSquared
 
 SIGMA = np.full(6, 1e-3)
 
@@ -49,3 +54,29 @@ def test_exact_views_are_no_error():
     """Without noise the scale is none, and the answer exact."""
     problem, state = pose_problem(np.zeros((10, 6)), SIGMA)
     np.testing.assert_allclose(mount(cauchy_irls(problem, batch_of(problem, [state]))), 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("fails_at", [None, 4])
+def test_a_few_steps_without_weights_are_followed_by_one_of_each_weights(monkeypatch, fails_at):
+    """By squares over freedoms of all groups, each state's own scale; where there is no step all stays."""
+    values = np.array([[6.0, 12.0, np.inf], [1.0, 2.0, 3.0]]), np.array([[30.0, 0.0], [4.0, 5.0]])
+    freedoms = np.array([[6, 6, 6], [1, 1, 1]]), np.array([[6, 0], [2, 1]])
+    steps = []
+
+    def adjusted(problem, states, dof, iterations, weights):
+        if len(steps) == fails_at:
+            raise np.linalg.LinAlgError
+        steps.append((iterations, weights))
+        return SimpleNamespace(state=states + 1)
+
+    monkeypatch.setattr(module, "bundle_adjust_batch", adjusted)
+    squares = [MahalanobisSquared(*each) for each in zip(values, freedoms, strict=True)]
+    monkeypatch.setattr(module, "studentized", lambda problem, states: squares)
+    assert cauchy_irls(None, 0) == len(steps) == (fails_at or 25)
+    assert [iterations for iterations, _ in steps] == [3, *[1] * (len(steps) - 1)]
+    assert steps[0][1] is None
+    scale = np.array([[3.2], [2.4]])  # six tenths of 0, 1, 2, 5 and what is beyond; of 1, 2, 2, 3 and 5
+    expected = [1 / (1 + np.array(of) / scale) for of in ([[1, 2, np.inf], [1, 2, 3]], [[5, 0], [2, 5]])]
+    for _, weights in steps[1:]:
+        for found, wanted in zip(weights, expected, strict=True):
+            np.testing.assert_allclose(found, wanted, atol=1e-25)

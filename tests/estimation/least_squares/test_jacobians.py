@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -145,3 +146,29 @@ def test_a_lens_has_columns_where_views_have_rows_of_it():
     of_pose, columns = by_unknowns(free, group, links, 6)
     assert columns.tolist() == [*range(6)]
     np.testing.assert_array_equal(of_pose, derivative[:, :6, :6])
+
+
+def test_without_unknowns_views_have_no_columns():
+    """Nor have those of a robot that is recorded by poses, whatever is asked of its kinematics."""
+    problem, state = pose_problem(np.zeros((3, 6)), np.ones(6))
+    (group,), links = problem.groups, chain(problem.groups[0], state, problem.stops)
+    asked = SimpleNamespace(modelled=lambda robot: robot and SimpleNamespace())
+    for derivative, columns in (
+        by_unknowns(replace(problem, columns={}), group, links, 6),
+        by_robot_models(asked, group, links, state, 6),
+    ):
+        assert derivative.shape == (3, 6, 0)
+        assert columns.shape == (0,)
+
+
+def test_a_robots_kinematics_do_not_move_the_lens():
+    """Rows of the lens are zero, those of the pose as without it."""
+    made = simulate(Scenario(samples=2, target="points", joints=True, joint_offsets="prior", joint_offset_rad=0.01), 0)
+    problem, _ = build_problem(made.cell, made.recording)
+    state = State(made.truth, made.cameras, np.zeros((len(problem.stops), 6)))
+    (group,), links = problem.groups, chain(problem.groups[0], state, problem.stops)
+    of_pose, columns = by_robot_models(problem, group, links, state, 6)
+    with_lens, same = by_robot_models(problem, group, links, state, 11)
+    np.testing.assert_array_equal(columns, same)
+    np.testing.assert_array_equal(with_lens[:, :6], of_pose)
+    assert not with_lens[:, 6:].any()

@@ -348,7 +348,7 @@ def test_points_of_poses_and_single_points_are_none():
     for points, shape in ((None, (3, 1)), (np.zeros((1, 3)), (4, 1)), (np.array([[0, 0, 0], [0.1, 0, 0]]), (4, 2))):
         if points is not None:
             problem, state = lights(points)
-        (found,) = studentized_points(leave_one_out(problem, state, [(np.arange(shape[0]) < 2) * 1.0]))
+        (found,) = studentized_points(leave_one_out(problem, state, [np.zeros(shape[0])]))
         assert found.value.shape == found.freedoms.shape == shape
         assert np.isnan(found.value[:2]).all() == (shape[1] == 1)
         assert bool(found.freedoms[:2].any()) == (shape[1] == 2)
@@ -387,7 +387,7 @@ def test_points_of_a_full_view_are_judged_by_a_pose_of_its_own(free_lens):
     ([0.5, 0.8, 0.4], 1 / 0.5 + 4 / 0.8 + 9 / 0.4, 3),
     ([2e-3, 0.8, 0.5e-3], 1 / 2e-3 + 4 / 0.8, 2),
 ])  # fmt: skip
-@pytest.mark.parametrize("turn_rad", [0.0, 0.7])
+@pytest.mark.parametrize("turn_rad", [0.0, 0.7, -0.7])
 def test_a_point_counts_where_a_thousandth_of_its_noise_is_left(left, value, freedoms, turn_rad):
     """Its residual by what is left of each direction, however these are turned; a point not seen not at all."""
     d = len(left)

@@ -27,6 +27,7 @@ from basecal.estimation.problem.build import (
     recorded_by_joints,
     recorded_joints,
 )
+from basecal.estimation.problem.correspondence import half_turn
 from basecal.estimation.problem.problem import Problem
 from basecal.geometry import SE3
 from basecal.kinematics import read_chain
@@ -301,3 +302,29 @@ def test_what_hangs_on_one_robot_does_not_hold_another(held, robot, ends):
     ]  # fmt: skip
     unknowns = {k: SimpleNamespace(status="prior" if k in held else "free") for k in ("B", "C", "xa", "xw", "zb", "zc")}
     assert free_ends(SimpleNamespace(groups=groups, unknowns=unknowns), robot) == ends
+
+
+def test_a_robot_that_was_never_recorded_made_no_stop():
+    """Whether its noise is stated or not; and only robots with kinematics have a chain."""
+    made = simulate(Scenario(samples=3), seed=0)
+    cell, recording, _ = _by_joints_where(made, [True] * 3)
+    for noise in (None, np.full(6, 1e-3)):
+        robots = {**cell.robots, "idle": Robot("idle", noise=noise)}
+        problem, _ = build_problem(replace(cell, robots=robots), recording)
+        assert problem.stands == {"eye": 3, "hand": 3, "idle": 0}
+        assert set(problem.chains) == {"hand"}
+        assert "idle" not in problem.stops.robot
+
+
+@pytest.mark.parametrize("seen_as", ["chessboard", "pose"])
+def test_views_of_a_chessboard_have_its_half_turn(seen_as):
+    """Measured as poses they have none: nothing is to be read in two ways."""
+    board = simulate(Scenario(samples=3, target="chessboard"), 0).cell.targets["board"].target
+    made = simulate(Scenario(samples=3, target=seen_as), 0)
+    targets = {"board": replace(made.cell.targets["board"], target=board)}
+    (group,) = build_problem(replace(made.cell, targets=targets), made.recording)[0].groups
+    if seen_as == "pose":
+        assert group.half_turn is None
+        assert group.readings == ()
+    else:
+        np.testing.assert_array_equal(group.half_turn.matrix, half_turn(board).matrix)

@@ -62,6 +62,7 @@ def test_half_turn_maps_the_grid_onto_itself_backwards():
     board = chessboard_target((5, 4), 0.03)
     target_from_turned = half_turn(board)
     np.testing.assert_allclose(target_from_turned @ board.points, board.points[::-1], atol=1e-15)
+    np.testing.assert_array_equal(target_from_turned.rotation, np.diag([-1, -1, 1]))
     assert half_turn(charuco_target((5, 4), 0.03, 0.02, "DICT_4X4_50")) is None
     assert half_turn(circles_target((4, 11), 0.02, asymmetric=True)) is None
 

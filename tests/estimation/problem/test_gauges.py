@@ -119,3 +119,23 @@ def test_a_compliance_under_a_torque_that_never_changes_is_an_offset(arm, joints
     free = deflection.Stated(status="free")
     kept = robot_model("hand", arm, {**OFFSETS, "deflection": free}, joints).columns["deflection"].basis.argmax(axis=0)
     assert kept.tolist() == [1, 2, 3, 4]
+
+
+@pytest.mark.parametrize(("size", "left"), [(0.5, 1.0), (2.0, 0.0)])
+def test_others_as_small_as_noise_take_up_nothing(size, left):
+    """Half and twice the rms below which their motion counts for none, along the very same way."""
+    moves = np.zeros((4, 6, 1))
+    moves[:, 4, 0] = 1.0
+    found = beyond(moves, size * LEAST_RMS * moves)
+    np.testing.assert_allclose(found.values, [left], atol=1e-9)
+
+
+def test_of_each_gauge_among_joints_one_is_held():
+    """Two pairs that move the flange alike: the first of each; and all of three of which any two make the third."""
+    moves = np.random.default_rng(0).standard_normal((8, 6, 4))
+    moves[..., 1], moves[..., 3] = 2.0 * moves[..., 0], moves[..., 2]
+    told = told_joints(moves, np.zeros((8, 6, 0)))
+    assert len(told) == 2
+    assert np.linalg.matrix_rank(moves[..., told].reshape(48, 2)) == 2
+    two = np.concatenate([moves[..., [0, 2]], moves[..., [0]] + moves[..., [2]]], -1)
+    assert len(told_joints(two, np.zeros((8, 6, 0)))) == 2

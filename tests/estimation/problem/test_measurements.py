@@ -10,7 +10,6 @@ import pytest
 from basecal.cell import CandidateObservation, PixelObservation, PointObservation, PoseObservation, Recording
 from basecal.errors import InputError
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.problem.correspondence import MOST_CANDIDATES
 from basecal.estimation.problem.measurements import measurement_of, readings_of
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
@@ -25,6 +24,7 @@ def test_a_stated_sigma_is_kept_and_a_detected_one_weighs():
     np.testing.assert_allclose(measurement.stated[:, [0, 2]], [[10, 1 / 0.3], [0, 0]])
     np.testing.assert_allclose(measurement.relative[1, [0, 2]], [2, 2 / 3])
     assert np.count_nonzero(measurement.seen) == 4
+    assert measurement.common_px == 0.0
 
 
 def test_poses_state_a_sigma_or_none():
@@ -120,8 +120,22 @@ def test_views_of_fewer_spots_are_read_by_their_first():
     readings = readings_of(measurement, light.target, detected)
     np.testing.assert_allclose([r.relative[:, 0] for r in readings], [[1, 1, 1], [0.5, 1, 0.5], [1 / 3, 1, 1]])
     assert not any(reading.stated.any() for reading in readings)
+    assert {reading.stated.shape for reading in readings} == {(3, 1)}
+    half = [detected[0], few[2]]
+    measurement = measurement_of(replace(cell, pixel_px=None), "wrist", light.name, "PixelObservation", half)
+    assert [r.relative[1, 0] for r in readings_of(measurement, light.target, half)] == [1, 1, 1]
     many = [CandidateObservation("wrist", light.name, spots)]
-    assert len(readings_of(measurement_of(cell, "wrist", light.name, "P", many), light.target, many)) == MOST_CANDIDATES
+    assert len(readings_of(measurement_of(cell, "wrist", light.name, "P", many), light.target, many)) == 8
     mixed = [few[0], PixelObservation("wrist", light.name, light.target.ids, spots[9:])]
     readings = readings_of(measurement_of(cell, "wrist", light.name, "P", mixed), light.target, mixed)
     assert [reading.pixels[:, 0, 0].tolist() for reading in readings] == [[0, 18], [2, 18], [4, 18]]
+
+
+def test_only_pixels_are_read_in_several_ways():
+    """Poses of a chessboard stand for themselves, and so do views of a target of no kind."""
+    board = simulate(Scenario(samples=3, target="chessboard"), 0).cell.targets["board"].target
+    cell = simulate(Scenario(samples=4, target="pose"), seed=0).cell
+    seen = [PoseObservation("wrist", "board", SE3.identity(), None)]
+    measurement = measurement_of(cell, "wrist", "board", "PoseObservation", seen)
+    assert readings_of(measurement, board, seen) == ()
+    assert readings_of(measurement, None, seen) == ()

@@ -33,3 +33,6 @@ def test_many_copies_are_listed_up_to_ten():
     assert "remove them" in single.message
     assert "8, 9, ..." in finding.message
     assert "10, ..." not in finding.message
+    (ten,) = repeated_views(list(range(10)))
+    assert "..." not in ten.message
+    assert ten.about == tuple("0123456789")

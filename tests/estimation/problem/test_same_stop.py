@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from basecal.estimation.problem.same_stop import READ_BACK_M, READ_BACK_RAD, stop_numbers
+from basecal.estimation.problem.same_stop import READ_BACK_M, stop_numbers
 from basecal.geometry import SE3
 
 PLACES = SE3.exp(np.random.default_rng(0).uniform(-1, 1, (5, 6)))
@@ -22,11 +22,11 @@ def test_equal_poses_are_one_stop_wherever_they_are():
     assert stop_numbers(PLACES[order], None, None).tolist() == [0, 0, 1, 2, 0, 1, 3]
 
 
-@pytest.mark.parametrize(("share", "stops"), [(0.9, [0, 0, 0]), (1.1, [0, 1, 0])])
-def test_limit_of_read_back(share, stops):
-    """Poses in a row are one stop up to the limit, in place and in angle."""
-    assert stop_numbers(shifted([0, share * READ_BACK_M, 0]), None, None).tolist() == stops
-    turns = SE3.exp(np.array([[0.0] * 6, [0, 0, 0, 0, 0, share * READ_BACK_RAD], [0.0] * 6]))
+@pytest.mark.parametrize(("off", "stops"), [(1.3e-4, [0, 0, 0]), (1.5e-4, [0, 1, 0])])
+def test_limit_of_read_back(off, stops):
+    """Poses in a row are one stop within five sigmas of a difference of read-backs, 0.14 mm and mrad."""
+    assert stop_numbers(shifted([0, off, 0]), None, None).tolist() == stops
+    turns = SE3.exp(np.array([[0.0] * 6, [0, 0, 0, 0, 0, off], [0.0] * 6]))
     assert stop_numbers(turns, None, None).tolist() == stops
 
 
@@ -47,3 +47,19 @@ def test_other_joints_are_another_stop():
     """An arm that reaches one place in two ways has two errors."""
     joints = np.array([[0.1, 1.0], [0.1, 1.0], [0.1, -1.0]])
     assert stop_numbers(PLACES[[0, 0, 0]], joints, None).tolist() == [0, 0, 1]
+
+
+@pytest.mark.parametrize("axis", range(6))
+def test_the_least_noise_of_places_and_of_angles_is_their_own_limit(axis):
+    """Of three axes each: one of half a millimetre, or milliradian, parts what the others would not."""
+    noise = np.full(6, 1e-3)
+    noise[axis] = 5e-4
+    moved = shifted([0, 8e-4])
+    turned = SE3.exp(np.array([[0.0] * 6, [0, 0, 0, 0, 8e-4, 0]]))
+    for poses, is_apart in ((moved, axis < 3), (turned, axis >= 3)):
+        assert stop_numbers(poses, None, noise).tolist() == [0, int(is_apart)]
+
+
+def test_what_is_as_far_as_the_limit_is_within_it():
+    """Half a metre at a noise of as much, both exact in binary."""
+    assert stop_numbers(shifted([0, 0.5, 0.25]), None, np.full(6, 0.5)).tolist() == [0, 0, 0]

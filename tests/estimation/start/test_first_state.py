@@ -12,9 +12,11 @@ from tests.shared.kinds import KINDS
 from tests.shared.start_trial import trial
 
 from basecal.cell import Unknown
+from basecal.errors import InputError
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.problem.build import build_problem
+from basecal.estimation.start import first_state as module
 from basecal.estimation.start.first_state import (
     _given,
     _Known,
@@ -26,6 +28,7 @@ from basecal.estimation.start.first_state import (
     light_states,
 )
 from basecal.estimation.start.pair_views import pair_views
+from basecal.estimation.view.view_pose import view_poses
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 from quick import quick
@@ -203,3 +206,23 @@ def test_what_is_given_is_fixed_or_has_a_narrow_prior():
         "free": Unknown(),
     }
     assert _given(SimpleNamespace(unknowns=unknowns)) == {"fixed": mean, "narrow": mean}
+
+
+def test_a_thorough_start_takes_more_views_whose_poses_are_refined(monkeypatch):
+    """Others go by closed forms of few views and points."""
+    made, asked = simulate(Scenario(samples=3), 0), []
+
+    def watched(group, camera, views, points, poses_of):
+        asked.append((views, points, poses_of))
+        raise InputError("seen")
+
+    monkeypatch.setattr(module, "pair_views", watched)
+    problem, _ = build_problem(made.cell, made.recording)
+    for thorough in (True, False):
+        with pytest.raises(InputError, match="seen"):
+            first_state(problem, made.cell, thorough)
+    (views, points, refined), (few_views, few_points, closed) = asked
+    assert views > 10 * few_views
+    assert points > 10 * few_points
+    assert refined is view_poses
+    assert (closed.func, closed.keywords) == (view_poses, {"iterations": 0})

@@ -42,3 +42,11 @@ def test_refined_the_best_start_is_the_truth():
     pair, loop, truth = partial_views()
     (found,) = refined_together([Refinement(*light_search(pair, loop, 3), is_point=True)])
     assert np.linalg.norm((found[1].inverse() @ truth[1]).rotvec) < 1e-3
+
+
+def test_views_count_however_little_they_weigh():
+    """What has no weight alone is not seen."""
+    pair, loop, _ = partial_views()
+    faint = replace(pair.group.measurement, weight=1e-9 * pair.group.measurement.weight)
+    one, _, _ = light_search(replace(pair, group=replace(pair.group, measurement=faint)), loop, 1)
+    assert len(one.group) == 10

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import State
 from basecal.estimation.start.pair_views import pair_views
 from basecal.estimation.start.refinement import Refinement, pair_problem, refined_together
 from basecal.geometry import SE3
@@ -94,3 +96,13 @@ def test_structures_are_told_apart():
         wish(1, scenario=Scenario(samples=10, target="points"))[0],
     ]
     assert len({same.structure, *(other.structure for other in others)}) == 4
+
+
+def test_every_view_of_a_pair_counts():
+    """The end is the optimum of the pair alone, first and last view and all between."""
+    asked, truth = wish(8, views=4, starts=(0.02,))
+    (found,) = refined_together([asked])
+    state = State(dict(zip("xyz", truth, strict=True)), {}, np.zeros((0, 6)))
+    best = bundle_adjust(pair_problem(asked.views, asked.loop, False), state, 1).state
+    for name, at in zip("xyz", found, strict=True):
+        np.testing.assert_allclose((best.transforms[name].inverse() @ at).log(), 0.0, atol=1e-5)
