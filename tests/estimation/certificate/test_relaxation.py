@@ -7,6 +7,7 @@ from itertools import combinations_with_replacement, product
 import numpy as np
 import pytest
 
+from basecal.estimation.certificate import relaxation
 from basecal.estimation.certificate.relaxation import Bound, bound, local_minimum, product_of
 
 
@@ -41,8 +42,12 @@ def test_no_product_lies_below_the_bound(count, rank):
     form = random_form(rng, count, rank)
     factors, least = brute_force(form, count, 20, 1)
     found = bound(form, factors)
-    vectors = np.stack([product_of(units(rng, count)) for _ in range(2000)])
-    assert found.lower <= min(least, float(np.einsum("ni,ij,nj->n", vectors, form, vectors).min())) + 1e-12
+    factors_of_all = rng.standard_normal((count, 2000, 4))
+    factors_of_all /= np.linalg.norm(factors_of_all, axis=-1, keepdims=True)
+    vectors = np.ones((2000, 1))
+    for factor in factors_of_all:
+        vectors = np.einsum("na,nb->nab", vectors, factor).reshape(2000, -1)
+    assert found.lower <= min(least, float(np.vecdot(vectors @ form, vectors).min())) + 1e-12
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])
@@ -135,3 +140,169 @@ def test_bound_of_three_factors_is_that_of_another_solver():
     form = near_a_product(np.random.default_rng(9), 3, 0.1)
     found = bound(form, brute_force(form, 3, 10, 1)[0])
     assert found.lower == pytest.approx(by_clarabel(form, 3), abs=1e-6 * np.linalg.eigvalsh(form)[-1])
+
+
+def exchanged(matrix: np.ndarray, count: int) -> list[np.ndarray]:
+    """A matrix with the indices of any of its factors exchanged between row and column, all 2^k."""
+    of = matrix.reshape((4,) * (2 * count))
+    found = []
+    for which in product([False, True], repeat=count):
+        order = np.arange(2 * count)
+        for j, turn in enumerate(which):
+            if turn:
+                order[[j, count + j]] = order[[count + j, j]]
+        found.append(of.transpose(order).reshape(matrix.shape))
+    return found
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_products_see_the_mean_over_exchanges(count, rng):
+    """That of all 2^k; what is exchanged changes nothing."""
+    matrix = rng.standard_normal((4**count, 4**count))
+    mean = sum(exchanged(matrix, count)) / 2**count
+    np.testing.assert_allclose(relaxation._on_products(matrix, count), mean, atol=1e-12)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_classes_hold_what_exchanges_carry_into_one_another(count):
+    """Two entries are of one class where the sets of each factor's two indices are the same."""
+    classes = relaxation._classes(count)
+    assert classes.shape == (4**count, 4**count)
+    digits = [np.unravel_index(i, (4,) * count) for i in range(4**count)]
+    sets = {}
+    for i, j in product(range(4**count), repeat=2):
+        key = tuple(tuple(sorted(pair)) for pair in zip(digits[i], digits[j], strict=True))
+        assert sets.setdefault(key, classes[i, j]) == classes[i, j]
+    assert sorted(sets.values()) == list(range(10**count))
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_a_form_is_cleared_of_its_first_row(count, rng):
+    """As far as products do not tell: what its entries have in others' classes is spread there alike."""
+    matrix = random_form(rng, count, 30)
+    found = relaxation._cleared(matrix, count)
+    np.testing.assert_allclose(
+        relaxation._on_products(found, count), relaxation._on_products(matrix, count), atol=1e-12
+    )
+    np.testing.assert_array_equal(found, found.T)
+    assert found[0, 0] == matrix[0, 0]
+    several = np.array([sum(digit > 0 for digit in np.unravel_index(j, (4,) * count)) > 1 for j in range(4**count)])
+    np.testing.assert_array_equal(found[0], np.where(several, 0.0, matrix[0]))
+    added = (found - matrix)[1:, 1:]
+    classes = relaxation._classes(count)
+    for number in np.unique(classes[0, several]):
+        of_class = added[classes[1:, 1:] == number]
+        np.testing.assert_allclose(of_class, of_class[0], atol=1e-12)
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_what_vanishes_on_products_is_what_is_left_of_class_means(count, rng):
+    """Projected twice as once, and at right angles to what is taken away."""
+    project, size = relaxation._vanishing(count), 4**count - 1
+    root = rng.standard_normal((size, size))
+    matrix = root + root.T
+    found = project(matrix)
+    whole = np.zeros((size + 1, size + 1))
+    whole[1:, 1:] = found
+    np.testing.assert_allclose(relaxation._on_products(whole, count), 0.0, atol=1e-12)
+    np.testing.assert_allclose(project(found), found, atol=1e-12)
+    assert np.vdot(found, matrix - found) == pytest.approx(0.0, abs=1e-9)
+    inner = relaxation._classes(count)[1:, 1:]
+    for number in np.unique(inner)[:20]:
+        here = inner == number
+        np.testing.assert_allclose(found[here], matrix[here] - matrix[here].mean(), atol=1e-12)
+
+
+def test_newtons_step_is_stationary(rng, monkeypatch):
+    """Of what the barrier is to second order: in every direction that vanishes on products, and in the level."""
+    monkeypatch.setattr(relaxation, "_GRADIENT_LEFT", 1e-12)
+    project, size = relaxation._vanishing(2), 15
+    root = rng.standard_normal((size, 40))
+    inverse, pull = np.linalg.inv(root @ root.T / 40), 50.0
+    step, rise = relaxation._newton(inverse, pull, project)
+    np.testing.assert_allclose(project(step), step, atol=1e-9)
+    moved = inverse - inverse @ (step - rise * np.eye(size)) @ inverse
+    np.testing.assert_allclose(project(moved), 0.0, atol=1e-8 * np.abs(inverse).max() ** 2)
+    assert pull - np.trace(moved) == pytest.approx(0.0, abs=1e-8 * np.trace(inverse) ** 2)
+
+
+def test_gradients_end_where_a_hundredth_is_left(rng, monkeypatch):
+    """As many steps as that takes, the last ones' sums right; and so many at most."""
+    root = rng.standard_normal((12, 12))
+    matrix, right = root @ root.T + np.eye(12), rng.standard_normal(12)
+    asked = []
+
+    def operator(along):
+        """The matrix, by its products alone."""
+        asked.append(along)
+        return matrix @ along
+
+    def left(found):
+        """Of the first gradient."""
+        return np.linalg.norm(right - matrix @ found) / np.linalg.norm(right)
+
+    found, steps = relaxation._solved(operator, right), len(asked)
+    assert 2 < steps < 12
+    assert left(found) <= 1e-2
+    monkeypatch.setattr(relaxation, "_MOST_GRADIENTS", steps - 1)
+    assert left(relaxation._solved(operator, right)) > 1e-2
+    monkeypatch.setattr(relaxation, "_GRADIENT_LEFT", 1e-9)
+    monkeypatch.setattr(relaxation, "_MOST_GRADIENTS", 50)
+    np.testing.assert_allclose(relaxation._solved(operator, right), np.linalg.solve(matrix, right), rtol=1e-6)
+    np.testing.assert_array_equal(relaxation._solved(operator, 0 * right), 0.0)
+
+
+def test_what_leaks_into_products_is_taken_off_the_bound(monkeypatch):
+    """Were the form raised by what products see, the bound would be none the higher."""
+    rng = np.random.default_rng(3)
+    form = near_a_product(rng, 2, 0.05)
+    factors, value = brute_force(form, 2, 5, 1)
+    honest, raised = bound(form, factors), relaxation._raised
+    monkeypatch.setattr(relaxation, "_raised", lambda rest, count: raised(rest, count) + 0.1 * np.eye(len(rest)))
+    found = bound(form, factors)
+    assert found.value == honest.value == pytest.approx(value)
+    assert found.lower <= honest.lower + 1e-9
+    assert found.lower == pytest.approx(honest.lower - 0.1, abs=1e-6)
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_a_local_minimum_is_lowest_in_each_factor(count, rng):
+    """The others at rest; of a single factor it is the smallest eigenvalue, found at once and seen to stand still."""
+    form = random_form(rng, count, 6)
+    factors, value = local_minimum(form, units(rng, count))
+    best = product_of(factors)
+    assert best @ form @ best == pytest.approx(value, rel=1e-9)
+    for j in range(count):
+        axes = [np.eye(4) if i == j else f[:, None] for i, f in enumerate(factors)]
+        along = axes[0]
+        for axis in axes[1:]:
+            along = np.kron(along, axis)
+        values, vectors = np.linalg.eigh(along.T @ form @ along)
+        assert values[0] == pytest.approx(value, rel=1e-6)
+        assert abs(vectors[:, 0] @ factors[j]) == pytest.approx(1.0, abs=1e-4)
+
+
+def test_sweeps_end_where_nothing_is_gained(rng, monkeypatch):
+    """Of one factor the second sweep stands still; asked for one there is one."""
+    form, start = random_form(rng, 1, 6), units(rng, 1)
+    made, whole = [], relaxation.product_of
+    monkeypatch.setattr(relaxation, "product_of", lambda of: made.append(len(of)) or whole(of))
+    _, value = local_minimum(form, start)
+    assert value == pytest.approx(np.linalg.eigvalsh(form)[0])
+    assert made == [0, 0]
+    local_minimum(form, start, 1)
+    assert made == [0, 0, 0]
+
+
+def test_raising_reaches_what_is_there_to_reach():
+    """A form lowered by what vanishes on products is raised back, to a tenth; one factor leaves nothing to add."""
+    rng = np.random.default_rng(5)
+    project = relaxation._vanishing(2)
+    root = rng.standard_normal((15, 15))
+    flat, lowering = np.diag(np.linspace(1.0, 2.0, 15)), project(root + root.T)
+    form = flat - 3.0 * lowering / np.abs(np.linalg.eigvalsh(lowering)).max()
+    assert np.linalg.eigvalsh(form)[0] < -0.5
+    raised = relaxation._raised(form, 2)
+    np.testing.assert_allclose(project(raised - form), raised - form, atol=1e-9)
+    assert np.linalg.eigvalsh(raised)[0] > 0.85
+    np.testing.assert_array_equal(relaxation._raised(form[:3, :3], 1), form[:3, :3])

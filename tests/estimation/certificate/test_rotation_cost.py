@@ -71,6 +71,7 @@ def test_factors_stand_for_rotations(rng):
     np.testing.assert_allclose(back.x, x, atol=1e-14)
     np.testing.assert_allclose(back.y, state.transforms[Y].rotation, atol=1e-14)
     np.testing.assert_allclose(back.z, z, atol=1e-14)
+    assert back.clear
 
 
 @pytest.mark.parametrize(("eye", "hand", "merged"), [(None, "hand", "x"), ("eye", None, "z"), ("eye", "hand", "")])
@@ -96,8 +97,14 @@ def test_stops_share_the_angle(rng):
     slack = np.array([2 * 0.09, 2 * 0.09, 0.25, 0.0]) / 4
     np.testing.assert_allclose(found.loop.weight, 1 / (1 / costs.weight + slack))
     assert found.weight == pytest.approx(found.loop.weight.sum())
-    blind = costs._replace(weight=np.array([0.0, 1.0, 1.0, 1.0]))
-    assert loop_form(problem, state, group, blind).loop.weight[0] == 0.0
+    blind = costs._replace(weight=np.array([0.0, 1.0, 1.0, 0.4]))
+    weights = loop_form(problem, state, group, blind).loop.weight
+    assert weights[0] == 0.0
+    assert weights[3] == pytest.approx(0.4)
+    both = replace(group, eye_stop=np.array([0, 0, -1, -1]), hand_stop=np.array([1, 1, 1, -1]))
+    problem = replace(problem.with_groups([both]), stops=Stops(stops.sigma[:, [0, 1, 2, 4, 3, 5]], ("eye", "hand")))
+    slack = np.array([2 * 0.09 + 3 * 0.25, 2 * 0.09 + 3 * 0.25, 3 * 0.25, 0.0]) / 4
+    np.testing.assert_allclose(loop_form(problem, state, both, costs).loop.weight, 1 / (1 / costs.weight + slack))
 
 
 def test_views_beyond_one_chunk(rng):

@@ -6,10 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.pose_problem import pose_problem
 
 from basecal.estimation.certificate.view_rotation import ViewCosts, view_costs
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
+from basecal.estimation.view.points import PointMeasurement
+from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
@@ -73,6 +76,105 @@ def test_doubtful_views_count_for_nothing():
     costs = ViewCosts(SE3.identity((3,)), np.array([1.0, 1.0, 1.0]), np.ones(3), np.array([2.0, 11.0, np.inf]))
     np.testing.assert_array_equal(costs.without_doubtful(5.0).weight, [0.0, 1.0, 1.0])
     np.testing.assert_array_equal(costs.without_doubtful(0.5).weight, [1.0, 1.0, 1.0])
+    dear = costs._replace(constant=np.full(3, 4.0), second=np.array([8.9, 9.1, np.inf]))
+    np.testing.assert_array_equal(dear.without_doubtful(5.0).weight, [0.0, 1.0, 1.0])
+
+
+def test_a_measured_pose_costs_by_its_least_weight():
+    """Four times its square; by itself nothing."""
+    problem, state = pose_problem(np.zeros((3, 6)), None)
+    (group,) = problem.groups
+    weight = np.array([[1, 1, 1, 3, 4, 5], [9, 9, 9, 8, 7, 6], [1, 2, 0.1, 6, 2, 4]], dtype=float)
+    poses = SE3.exp(0.1 * np.arange(18.0).reshape(3, 6))
+    of_poses = replace(group, measurement=PoseMeasurement(poses, weight, weight))
+    found = view_costs(problem, state, of_poses)
+    np.testing.assert_allclose(found.weight, [36.0, 144.0, 16.0])
+    np.testing.assert_array_equal(found.constant, np.zeros(3))
+    np.testing.assert_array_equal(found.second, np.full(3, np.inf))
+    np.testing.assert_array_equal(found.camera_from_target.rotation, poses.rotation)
+
+
+@pytest.mark.parametrize(
+    ("half", "least", "scatter"), [((3, 2, 1), 4 * (8 + 2), 28), ((3, 2, 0), 4 * 8, 26), ((3, 0, 0), 0.0, 18)]
+)
+def test_points_cost_by_how_far_they_spread(half, least, scatter):
+    """Pairs at 3, 2 and 1 m along three axes, each by a weight of 1: the two smaller sums of squares, four times."""
+    points = np.array([sign * size * axis for size, axis in zip(half, np.eye(3), strict=True) for sign in (-1, 1)])
+    poses = SE3.exp(np.array([[0.1, 0.2, 0.3, 0.4, -0.5, 0.6], [0.0, 1.0, 2.0, -1.0, 0.3, 0.2]]))
+    seen = 1.1 * points @ poses.rotation.mT + np.array([5.0, -4.0, 3.0])
+    problem, state = pose_problem(np.zeros((2, 6)), None)
+    for times in (1.0, 10.0):
+        weight = np.full((2, 6), times)
+        of_points = PointMeasurement(points + np.array([0.7, 0.1, -2.0]), seen, weight > 0, weight, weight)
+        found = view_costs(problem, state, replace(problem.groups[0], measurement=of_points))
+        np.testing.assert_allclose(found.weight, 1.1 * least * times**2, atol=1e-9)
+        np.testing.assert_allclose(found.constant, 0.01 * scatter * times**2, atol=1e-9)
+        if half[2]:
+            np.testing.assert_allclose(found.camera_from_target.rotation, poses.rotation, atol=1e-9)
+
+
+def test_points_of_no_weight_count_for_nothing():
+    """Wherever they are; and a mirror image is no pose."""
+    points = np.array([[3.0, 0, 0], [-3, 0, 0], [0, 2, 0], [0, -2, 0], [0, 0, 1], [0, 0, -1]])
+    weight = np.array([[1.0, 1, 1, 1, 1, 1, 0]])
+    problem, state = pose_problem(np.zeros((1, 6)), None)
+    far, mirrored = np.vstack([points, [50.0, 60.0, 70.0]])[None], np.vstack([points * [1, 1, -1], np.zeros(3)])[None]
+
+    def found(seen):
+        """Of a target with a point more."""
+        of = PointMeasurement(np.vstack([points, [9.0, 9.0, 9.0]]), seen, weight > 0, weight, weight)
+        return view_costs(problem, state, replace(problem.groups[0], measurement=of))
+
+    np.testing.assert_allclose(found(far).weight, 4 * (8 + 2))
+    np.testing.assert_allclose(found(far).constant, 0.0, atol=1e-9)
+    assert np.linalg.det(found(mirrored).camera_from_target.rotation[0]) == pytest.approx(1.0)
+    np.testing.assert_allclose(found(mirrored).weight, 4 * (8 - 2))
+    np.testing.assert_allclose(found(mirrored).constant, 2 * 28 - 2 * (18 + 8 - 2))
+
+
+def test_corners_that_were_not_seen_or_weigh_nothing_are_not_used():
+    """A view without any of them, or of three, is known nothing of; wherever else they are, others stay as they are."""
+    made = simulate(Scenario(samples=4), 4)
+    problem, _ = build_problem(made.cell, made.recording)
+    state = State(made.truth, made.cameras, np.zeros((len(problem.stops), 6)))
+    (group,) = problem.groups
+    of = group.measurement
+    whole = view_costs(problem, state, group)
+    seen, weight, pixels = of.seen.copy(), of.weight.copy(), of.pixels.copy()
+    seen[0], weight[0], weight[1, 3:], seen[2, 30:] = False, 0.0, 0.0, False
+    pixels[:, 30:] = 7e4
+    some = replace(group, measurement=replace(of, seen=seen, weight=weight, pixels=pixels))
+    found = view_costs(problem, state, some.take(np.array([0, 1, 2])))
+    assert found.weight[:2].tolist() == found.constant[:2].tolist() == [0.0, 0.0]
+    fewer = replace(group, measurement=replace(of, seen=seen, weight=np.where(seen, of.weight, 0.0)))
+    expected = view_costs(problem, state, fewer.take(np.array([2])))
+    np.testing.assert_allclose(found.weight[2], expected.weight[0], rtol=1e-6)
+    np.testing.assert_allclose(found.constant[2], expected.constant[0], rtol=1e-6)
+    assert whole.weight[2] > found.weight[2] > 0
+    none = replace(group, measurement=replace(of, seen=0 * of.seen > 0, weight=0 * of.weight))
+    nothing = view_costs(problem, state, none)
+    assert not nothing.weight.any()
+    assert not nothing.constant.any()
+    assert np.isinf(nothing.second).all()
+
+
+def test_a_flat_board_has_a_second_pose():
+    """Not so good as the first where it is seen at a slant; its cost is that of the points about it."""
+    made = simulate(Scenario(samples=4), 4)
+    problem, _ = build_problem(made.cell, made.recording)
+    state = State(made.truth, made.cameras, np.zeros((len(problem.stops), 6)))
+    (group,) = problem.groups
+    found = view_costs(problem, state, group)
+    camera = made.cameras[group.camera]
+    cost = group.measurement.linearise(found.camera_from_target, camera, False).cost
+    np.testing.assert_allclose(found.constant, cost, rtol=1e-9)
+    away = State({**made.truth}, made.cameras, state.stop_errors)
+    off = found.camera_from_target.inverse() @ away.camera_from_target(group, problem.stops)
+    assert np.abs(off.log()).max() < 0.05
+    assert np.all(found.second > found.constant)
+    information = group.measurement.linearise(found.camera_from_target, camera, False).information
+    left = np.linalg.inv(np.linalg.inv(information)[:, 3:, 3:])
+    np.testing.assert_allclose(found.weight, 2 * np.linalg.eigvalsh(left)[:, 0], rtol=1e-5)
 
 
 def test_a_view_of_three_points_proves_nothing():

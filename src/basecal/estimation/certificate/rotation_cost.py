@@ -68,8 +68,7 @@ def loop_form(problem: Problem, state: State, group: ViewGroup, views: ViewCosts
     # + b) <= sin(a) + sin(b) and Cauchy's inequality; a stop's error counts for all of its views.
     with np.errstate(divide="ignore"):
         slack = 1 / views.weight
-    slack = slack + _robot_slack(problem, group.eye_stop) + _robot_slack(problem, group.hand_stop)
-    weight = np.where(views.weight > 0, 1 / slack, 0.0)
+    weight = 1 / (slack + _robot_slack(problem, group.eye_stop) + _robot_slack(problem, group.hand_stop))
     loop = loop._replace(weight=weight)
     total = float(weight.sum())
     size = 4 ** len(loop.unknown)
@@ -96,7 +95,7 @@ def rotations_of(loop: Loop, factors: Factors) -> Rotations:
         known: SE3 | None = getattr(loop, name)
         if known is not None:
             return known.rotation
-        return rotation_from_quaternion(found[name] * (1.0 if name == "x" else _CONJUGATE))
+        return rotation_from_quaternion(found[name] if name == "x" else _CONJUGATE * found[name])
 
     return Rotations(rotation("x"), rotation("y"), rotation("z"), True)
 
@@ -139,7 +138,7 @@ def _loop(problem: Problem, state: State, group: ViewGroup, views: ViewCosts) ->
 def _robot_slack(problem: Problem, stop: IntArray) -> Array:
     if not len(problem.stops):
         return np.zeros(len(stop))
-    sigma = problem.stops.sigma[:, 3:].max(-1)
+    sigma = problem.stops.sigma[:, 3:].max(1)
     shared = sum(
         np.bincount(s[s >= 0], minlength=len(sigma)) for g in problem.groups for s in (g.eye_stop, g.hand_stop)
     )

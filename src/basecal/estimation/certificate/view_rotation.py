@@ -59,7 +59,7 @@ def view_costs(problem: Problem, state: State, group: ViewGroup) -> ViewCosts:
     """
     measurement = group.measurement
     if isinstance(measurement, PoseMeasurement):
-        least = measurement.weight[:, 3:].min(-1)
+        least = measurement.weight[:, 3:].min(1)
         return _sure(measurement.measured_camera_from_target, np.zeros(len(least)), 4 * least**2)
     if isinstance(measurement, PointMeasurement):
         return _of_points(measurement)
