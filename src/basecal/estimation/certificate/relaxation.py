@@ -133,7 +133,7 @@ def _cleared(form: Array, count: int) -> Array:
     """The form with its first row and column given to the other entries of their classes, where there are such."""
     classes = _classes(count)
     inner, first = classes[1:, 1:], classes[0, 1:]
-    members = np.bincount(inner.ravel(), minlength=classes.max() + 1) / 2
+    members = np.bincount(inner.ravel()) / 2
     moves = members[first] > 0
     share = np.zeros(len(members))
     share[first[moves]] = form[0, 1:][moves] / members[first[moves]]
