@@ -10,6 +10,7 @@ import pytest
 
 from basecal.accuracy.verdict import calibrate
 from basecal.errors import NotConverged, NotObservable
+from basecal.estimation.axis_shift import closed_form
 from basecal.estimation.axis_shift.closed_form import base_of_station, estimate, image_gradient, orthonormalised
 from basecal.estimation.axis_shift.stations import find_stations, for_task, fused
 from basecal.estimation.problem.build import build_problem
@@ -187,3 +188,57 @@ def test_two_rows_and_what_is_across_them_turn_to_the_nearest_rotation(angle):
     found = estimate(np.zeros((20, 2)), gradient, np.array([800.0, 800.0]))
     expected = nearest_rotation(found.raw_rotation)
     assert np.abs(found.camera_from_light.rotation - expected).max() < 1e-9
+
+
+def lagrangian(x, rows):
+    """Half the squares of three rows off a rotation's, and what holds its first two to length one and across."""
+    r1, r2, (m1, m2, m3) = x[:3], x[3:6], x[6:]
+    off = np.concatenate([r1, r2, np.cross(r1, r2)]) - rows.ravel()
+    return 0.5 * (off @ off + m1 * r1 @ r2 + m2 * (r1 @ r1 - 1) + m3 * (r2 @ r2 - 1))
+
+
+def test_newtons_equations_are_derivatives(rng):
+    """Of what is least and holds, by nine numbers; their matrix is their derivative."""
+    step = 1e-5 * np.eye(9)
+    for _ in range(3):
+        rows, x = rng.standard_normal((3, 3)), rng.standard_normal(9)
+        slope = [(lagrangian(x + h, rows) - lagrangian(x - h, rows)) / 2e-5 for h in step]
+        slope[6:] = 2 * np.array(slope[6:])
+        np.testing.assert_allclose(closed_form._stationarity(x, rows), slope, atol=1e-8)
+        matrix = [
+            (closed_form._stationarity(x + h, rows) - closed_form._stationarity(x - h, rows)) / 2e-5 for h in step
+        ]
+        np.testing.assert_allclose(closed_form._newton_matrix(x, rows), np.transpose(matrix), atol=1e-8)
+
+
+def test_two_rows_lead_to_a_rotation_that_keeps_the_first():
+    """However long they are: the second is turned in their plane until it is across."""
+    found = closed_form._gram_schmidt(np.array([[0.0, 2.0, 0.0], [3.0, 4.0, 0.0], [9.0, 9.0, 9.0]]))
+    np.testing.assert_allclose(found, [[0, 1, 0], [1, 0, 0], [0, 0, -1]], atol=1e-15)
+
+
+@pytest.mark.parametrize(("third", "is_flat"), [(0.9e-3, True), (1.1e-3, False)])
+def test_shifts_leave_a_plane_by_a_thousandth(third, is_flat):
+    """Of the longest at least."""
+    shifts = np.array([sign * axis for axis in np.diag([2.0, 1.0, 2.0 * third]) for sign in (-1, 1)])
+    gradient = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
+    if is_flat:
+        with pytest.raises(NotObservable):
+            image_gradient(shifts @ gradient.T, shifts)
+    else:
+        np.testing.assert_allclose(image_gradient(shifts @ gradient.T, shifts), gradient, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("angle", "closed"), [(1.1e-4, True), (0.9e-4, False)])
+def test_rows_that_are_nearly_parallel_are_left_to_the_general_way(monkeypatch, angle, closed):
+    """Or nearly opposite: below a ten-thousandth of a radian."""
+    asked = []
+    monkeypatch.setattr(closed_form, "nearest_rotation", lambda raw: asked.append(raw) or nearest_rotation(raw))
+    k1 = np.array([1.0, 0.0, 0.0])
+    for sign in (1, -1):
+        k2 = sign * np.array([np.cos(angle), np.sin(angle), 0.0])
+        raw = np.stack([k1, k2, np.cross(k1, k2)])
+        found = closed_form._nearest_to(raw)
+        np.testing.assert_allclose(found @ found.T, np.eye(3), atol=1e-9)
+    assert len(asked) == (0 if closed else 2)
+    assert closed_form._nearest_to(np.zeros((0, 3, 3))).shape == (0, 3, 3)

@@ -9,7 +9,7 @@ import pytest
 
 from basecal.cell import Unknown
 from basecal.errors import NotObservable
-from basecal.estimation.axis_shift.stations import find_stations, for_task, fused
+from basecal.estimation.axis_shift.stations import Station, _station, find_stations, for_task, fused
 from basecal.estimation.problem.build import build_problem
 from basecal.geometry import SE3, Camera
 from basecal.simulation.shifts import simulate_shifts
@@ -116,3 +116,52 @@ def test_the_base_for_a_task():
     expected = fused(bases, weights)
     np.testing.assert_allclose(for_task([first, second], task, nearest=False).matrix, expected.matrix, atol=1e-12)
     np.testing.assert_allclose(for_task([first, second], lights[0], nearest=False).matrix, bases[0].matrix, atol=1e-9)
+
+
+SHIFTS = np.array([[0.0, 0.0, 0.0], [0.02, 0.0, 0.0], [0.0, 0.03, 0.0], [0.0, 0.0, 0.06]])
+FOCAL = np.array([800.0, 400.0])
+
+
+def station_of(light_px):
+    """One that saw so much at `SHIFTS`."""
+    return Station("camera", "light", np.arange(4), FOCAL, light_px, SHIFTS, EYE[0], SEEN[1])
+
+
+def test_a_station_predicts_what_it_would_see():
+    """Each shift of the light through the base and the camera's pose, by both focal lengths; shifts are of 4 cm rms."""
+    matrix = np.linalg.inv(EYE[0].matrix) @ BASE.matrix @ SEEN[1].matrix
+    at = SHIFTS @ matrix[:3, :3].T + matrix[:3, 3]
+    found = station_of(np.zeros((4, 2)))
+    np.testing.assert_allclose(found.predicted_px(BASE), np.stack([800 * at[:, 0], 400 * at[:, 1]], 1) / at[:, 2:])
+    assert found.length == pytest.approx(np.sqrt((0.02**2 + 0.03**2 + 0.06**2) / 3))
+
+
+def test_the_closed_form_is_of_how_the_image_shifts():
+    """Of a light 0.5 m away whose image moves as if depth did not change the pose is found to the last digit."""
+    pose = SE3.from_rotvec([0.3, -0.2, 0.4], [0.05, -0.1, 0.5])
+    first = FOCAL * pose.translation[:2] / 0.5
+    px = first + FOCAL * (SHIFTS @ pose.rotation[:2].T) / 0.5
+    found = station_of(px).camera_from_light()
+    np.testing.assert_allclose(found.matrix, pose.matrix, atol=1e-12)
+    several = station_of(np.zeros((4, 2))).camera_from_light(np.stack([px, px]))
+    np.testing.assert_allclose(several.matrix, np.stack([pose.matrix] * 2), atol=1e-12)
+    base = EYE[0].matrix @ pose.matrix @ np.linalg.inv(SEEN[1].matrix)
+    np.testing.assert_allclose(station_of(px).base().matrix, base, atol=1e-12)
+
+
+def test_shifts_start_from_the_view_nearest_to_their_middle():
+    """Wherever the light is; they stand in its axes, and three views, or shifts in a plane, are no station."""
+    (group,) = recorded()[0].groups
+    turned = SE3.from_rotvec([0.0, 0.0, np.pi / 2], [5.0, 6.0, 7.0])
+    shifts = np.array([[0.2, 0, 0], [0, 0.3, 0], [0.01, 0, 0], [0, 0, 0.25], [-0.2, 0, 0], [0, -0.3, 0], [0, 0, -0.25]])
+    lights = SE3.stack([SE3(turned.rotation, turned.translation + shift) for shift in shifts])
+    cameras, px, views = SE3.identity((7,)), np.arange(14.0).reshape(7, 2), np.arange(7)
+    found = _station(group, views, px, cameras, lights, FOCAL)
+    order = [2, 0, 1, 3, 4, 5, 6]
+    assert found.samples.tolist() == group.sample[order].tolist()
+    np.testing.assert_array_equal(found.light_px, px[order])
+    np.testing.assert_allclose(found.shifts_in_light, (shifts - shifts[2])[order] @ turned.rotation, atol=1e-12)
+    assert found.hand_base_from_light.translation.tolist() == lights[2].translation.tolist()
+    for some in (views[:3], np.array([0, 1, 2, 4, 5])):
+        assert _station(group, some, px[some], cameras[some], lights[some], FOCAL) is None
+    assert _station(group, views[:4], px[:4], cameras[:4], lights[:4], FOCAL) is not None

@@ -21,11 +21,21 @@ from tests.motion_cells import (
     turned,
     wobbling,
 )
+from tests.pose_problem import MOUNT, TARGET, pose_problem, two_arm_problem
 
+from basecal.cell import Unknown
 from basecal.estimation.least_squares.normal_equations import linearise
-from basecal.estimation.observability.motions import HARDLY_RAD, gauge_partners, motions, null_directions
+from basecal.estimation.observability.motions import (
+    HARDLY_RAD,
+    _indistinct,
+    _least,
+    gauge_partners,
+    motions,
+    null_directions,
+)
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.problem.problem import State
+from basecal.estimation.problem.gauges import LEAST_RMS, SCALE
+from basecal.estimation.problem.problem import State, Stops
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
@@ -158,3 +168,83 @@ def test_a_hundredth_of_a_radian_and_a_millimetre_are_motion(turn_rad, travel_m,
     hand = motions(problem.with_groups([replace(group, hand_base_from_hand_flange=moved)]))["hand"]
     assert (hand.is_still, hand.only_shifts) == (kind == "still", kind != "turns")
     assert hand.orientations == (2 if kind == "turns" else 1)
+
+
+def moving(rotvecs, translations, hand_poses=None):
+    """How the eye, and the hand, of a problem of a view a pose move."""
+    poses = SE3.from_rotvec(np.array(rotvecs, dtype=float), np.array(translations, dtype=float))
+    problem, _ = two_arm_problem(np.zeros((len(poses), 6)), np.arange(len(poses)), len(poses) + np.arange(len(poses)))
+    (group,) = problem.groups
+    moved = replace(
+        group, eye_base_from_eye_flange=poses, hand_base_from_hand_flange=hand_poses or SE3.identity(poses.shape)
+    )
+    return problem.with_groups([moved])
+
+
+@pytest.mark.parametrize(("travel", "turn"), [(0.9e-3, 9e-3), (1.1e-3, 9e-3), (0.9e-3, 11e-3), (1.1e-3, 11e-3)])
+def test_what_hardly_moves_is_still(travel, turn):
+    """Below a millimetre and a hundredth of a radian from where it was at first; below the latter it only shifts."""
+    found = motions(moving([[0, 0, 0.3], [0, 0, 0.3 + turn]], [[1, 2, 3], [1, 2 - travel, 3]]))["eye"]
+    assert found.travel_m == pytest.approx(travel)
+    np.testing.assert_allclose(found.turn_rad, [turn, 0.0, 0.0], atol=1e-9)
+    assert found.only_shifts == (turn < 0.01)
+    assert found.is_still == (turn < 0.01 and travel < 1e-3)
+
+
+def test_turns_are_about_axes_of_the_base():
+    """The largest since the first pose first; travel is to the farthest; robots and samples each by themselves."""
+    problem = moving(
+        [[0, 0, 0], [0, 0, 0.02], [0.3, 0, 0], [0, 0.1, 0]], [[0, 0, 0], [0.3, 0.4, 0], [0, 0, 0.1], [0.1, 0, 0]]
+    )
+    (group,) = problem.groups
+    twice = replace(group, sample=np.array([4, 4, 5, 6]))
+    found = motions(problem.with_groups([twice, replace(twice.take(np.array([0])), sample=np.array([9]), hand=None)]))
+    assert list(found) == ["eye", "hand"]
+    eye, hand = found["eye"], found["hand"]
+    np.testing.assert_allclose(eye.turn_rad, [0.3, 0.1, 0.02], atol=1e-9)
+    np.testing.assert_allclose(np.abs(eye.axes_in_base), np.eye(3)[:, [0, 1, 2]], atol=1e-9)
+    assert eye.travel_m == pytest.approx(0.5)
+    assert (eye.robot, eye.samples, eye.orientations) == ("eye", 4, 3)
+    assert (hand.robot, hand.samples, hand.orientations, hand.is_still) == ("hand", 3, 1, True)
+    assert (len(eye.twists_in_base), len(hand.twists_in_base)) == (0, 6)
+
+
+@pytest.mark.parametrize(
+    ("about_z", "count"),
+    [([0, 0.009], 1), ([0, 0.011], 2), ([0, 0.2, 0.204, 0.2], 2), ([0, 0.1, 0.2], 3), ([0, 1, 2, 3], 3)],
+)
+def test_orientations_are_counted_to_three(about_z, count):
+    """Those that are a hundredth of a radian and more from all counted before."""
+    found = motions(moving([[0, 0, angle] for angle in about_z], np.zeros((len(about_z), 3))))["eye"]
+    assert found.orientations == count
+
+
+@pytest.mark.parametrize(("over", "alike"), [(0.9, 0), (1.1, 6)])
+def test_twists_differ_by_more_than_noise(over, alike):
+    """Shifted to and fro by d a turn carries 2 d per radian at half a metre: six twists stay where that is noise."""
+    poses = SE3.from_rotvec(np.zeros((6, 3)), np.outer([1, -1] * 3, [0.01, 0, 0]))
+    at_base, at_flange = _indistinct(poses, over * 0.01 / SCALE[0])
+    assert len(at_base) == len(at_flange) == max(alike, 4)
+    np.testing.assert_allclose(at_flange, at_base, atol=1e-12)
+
+
+def test_motion_counts_from_five_sigmas_of_a_robots_noise():
+    """Of its largest, half a metre counting as a radian; from three thousandths where that is more."""
+    problem, _ = pose_problem(np.zeros((2, 6)), None, stop_sigma=np.ones(6))
+    sigma = np.array([[2e-3, 1e-3, 0, 0, 1e-3, 0], [9, 9, 9, 9, 9, 9], [0, 0, 0, 2e-3, 3e-3, 1e-3], [1e-5] * 6])
+    noisy = replace(problem, stops=Stops(sigma, ("a", "a", "b", "c")))
+    found = _least(noisy)
+    assert found == {"a": pytest.approx(5 * 2e-3 / SCALE[0]), "b": pytest.approx(5 * 3e-3), "c": LEAST_RMS}
+
+
+def test_nothing_loose_is_no_direction():
+    """As many rows as unknowns, no column; what something is known of has no partners."""
+    problem = moving([[0, 0, 0], [0, 0, 1], [1, 0, 0], [0, 1, 0]], np.zeros((4, 3)), SE3.exp(np.eye(6)[:4]))
+    state = State({MOUNT: SE3.identity(), TARGET: SE3.identity()}, {}, np.zeros((0, 6)))
+    assert null_directions(problem, state).shape == (6, 0)
+    still = moving(np.zeros((3, 3)), np.zeros((3, 3)))
+    free = replace(still, unknowns={MOUNT: Unknown(), TARGET: Unknown()}, reference="none")
+    of_eye = motions(still)["eye"]
+    assert gauge_partners(free, of_eye) == (MOUNT,)
+    assert gauge_partners(replace(free, unknowns={MOUNT: Unknown("prior", SE3.identity(), np.ones(6))}), of_eye) == ()
+    assert gauge_partners(free, motions(problem)["eye"]) == ()

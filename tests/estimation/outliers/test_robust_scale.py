@@ -70,3 +70,40 @@ def test_without_deviations_there_is_the_stated_scale():
 def test_what_is_not_a_number_is_not_gross():
     """A deviation that cannot be told is left where it is."""
     assert Scale(1.0, np.inf, np.inf, CHANCE).beyond(squares([np.nan, 1.0, 1e6])).tolist() == [False, False, True]
+
+
+@pytest.mark.parametrize(("times", "is_stated"), [(1.45, True), (1.55, False)])
+def test_sigmas_are_taken_at_their_word_up_to_one_and_a_half(times, is_stated):
+    """By the median of squares over the chi-square's; beyond it they are what squares say."""
+    alike = squares(np.full(50, times**2 * chi2.median(6)))
+    found = robust_scale([alike], 6, True, CHANCE)
+    assert (found.variance, np.isinf(found.freedoms)) == (pytest.approx(1.0 if is_stated else times**2), is_stated)
+
+
+@pytest.mark.parametrize(
+    ("count", "unknowns", "freedoms"), [(50, 6, 0.4 * 294), (50, 40, 0.4 * 260), (1, 6, 0.4), (1, 60, 0.4)]
+)
+def test_freedoms_are_those_of_all_less_the_unknowns(count, unknowns, freedoms):
+    """Of which the median tells as two fifths would; one at least."""
+    found = robust_scale([squares(np.full(count, 3.0))], unknowns, False, CHANCE)
+    assert found.freedoms == pytest.approx(freedoms)
+    assert found.chance == CHANCE
+
+
+def test_deviations_of_one_freedom_count():
+    """And those of other freedoms beside them, each over its own median."""
+    of_one, of_six = squares(np.full(9, 4.0 * chi2.median(1)), 1), squares(np.full(8, 4.0 * chi2.median(6)))
+    assert robust_scale([of_one], 0, False, CHANCE).variance == pytest.approx(4.0)
+    found = robust_scale([of_one, of_six, squares([1e9, 1e9], 0)], 0, False, CHANCE)
+    assert found.variance == pytest.approx(4.0)
+    assert found.freedoms == pytest.approx(0.4 * (9 + 48))
+
+
+def test_limits_of_few_freedoms_are_those_of_one():
+    """A scale of less than one freedom is as wide as one of one; exact data have a limit of nothing."""
+    few, one = (Scale(1.0, freedoms, np.inf, CHANCE).limit(np.array([2])) for freedoms in (0.4, 1.0))
+    np.testing.assert_allclose(few, one)
+    np.testing.assert_allclose(one, 2 * f.isf(CHANCE, 2, 1))
+    exact = Scale(1e-9, np.inf, np.inf, CHANCE)
+    assert exact.beyond(squares([np.nan, 1e-10, 0.5])).tolist() == [False, False, True]
+    assert exact.limit(np.zeros(0, dtype=int)).shape == (0,)

@@ -9,10 +9,12 @@ import pytest
 
 from basecal.estimation.outliers import view_ransac as ransac
 from basecal.estimation.outliers.agreeing_samples import agreeing_samples
-from basecal.estimation.outliers.view_ransac import Prior, largest_agreement, subset_fits, view_ransac
+from basecal.estimation.outliers.view_ransac import Prior, explained, largest_agreement, subset_fits, view_ransac
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
-from basecal.geometry import SE3
+from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.estimation.view.points import PointMeasurement
+from basecal.geometry import SE3, Camera
 from basecal.simulation import Scenario, simulate
 
 LIMIT = 27.6
@@ -130,3 +132,117 @@ def test_of_many_points_random_fives(rng):
     assert not np.any(found & ~seen)
     assert len(np.unique(found[:, 0], axis=0)) > 35
     assert ransac._subsets(np.ones((1, 9), dtype=bool)).shape == (40, 1, 9)
+
+
+def plain(in_pixels, seen=((True, True, True),)):
+    """Three points at (0, 0, 2), (1, 0, 2) and (0, 1, -2) m before the camera, seen where the first two are."""
+    points = np.array([[0.0, 0, 2], [1, 0, 2], [0, 1, -2]])
+    seen = np.array(seen)
+    weight = np.array([[2.0, 3.0, 5.0]] * len(seen))
+    if not in_pixels:
+        at = np.tile(points + np.array([[0.1, 0, 0], [0, 0.2, 0.1], [0, 0, 0]]), (len(seen), 1, 1))
+        return PointMeasurement(points, at, seen, weight, weight)
+    pixels = np.tile(np.array([[640.0, 363.0], [1044.0, 360.0], [0.0, 0.0]]), (len(seen), 1, 1))
+    return PixelMeasurement(points, pixels, seen, weight, weight)
+
+
+CAMERA = Camera("pinhole", np.array([800.0, 800.0, 640.0, 360.0]), (1280, 720))
+
+
+@pytest.mark.parametrize("in_pixels", [True, False])
+def test_points_are_explained_by_their_squares(in_pixels):
+    """Over sigma: infinite behind the camera and where they weigh nothing, nothing where not seen, up to the limit."""
+    of = plain(in_pixels, [[True, True, True], [False, True, False]])
+    found = explained(of, SE3.identity((2,)), CAMERA if in_pixels else None, 40.0)
+    squares = [36.0, 144.0, np.inf] if in_pixels else [0.04, 0.45, 0.0]
+    np.testing.assert_allclose(found.squares, [squares, [0.0, squares[1], 0.0]])
+    agree = [True, not in_pixels, not in_pixels]
+    assert found.points.tolist() == [agree, [False, agree[1], False]]
+    np.testing.assert_allclose(found.cost, np.minimum(found.squares, 40.0).sum(1))
+    light = replace(of, weight=of.weight * [0, 1, 1])
+    assert np.isinf(explained(light, SE3.identity((2,)), CAMERA if in_pixels else None, 40.0).squares[0, 0])
+    information = np.diag([1.0, 2, 3, 4, 5, 6])[None].repeat(2, 0)
+    prior = Prior(SE3.from_rotvec(np.zeros((2, 3)), [[-1.0, 0, 0], [0, 0, -2.0]]), information)
+    drawn = explained(of, SE3.identity((2,)), CAMERA if in_pixels else None, 40.0, prior)
+    np.testing.assert_allclose(drawn.cost - found.cost, [1.0, 12.0])
+
+
+def test_a_prior_adds_to_what_a_view_says():
+    """Squares, half their derivative, and their information; of views taken the priors are theirs."""
+    of, information = (
+        plain(False, [[True] * 3] * 2),
+        np.diag([1.0, 2, 3, 4, 5, 6])[None] * np.array([1.0, 2.0])[:, None, None],
+    )
+    off = np.array([[0.1, 0.2, 0.3, 0, 0, 0], [0.3, 0.0, -0.2, 0, 0, 0]])
+    prior = Prior(SE3.exp(-off), information)
+    alone = of.linearise(SE3.identity((2,)), None, False)
+    both = ransac._WithPrior(of, prior).linearise(SE3.identity((2,)), None, False)
+    np.testing.assert_allclose(both.cost - alone.cost, np.einsum("ni,nij,nj->n", off, information, off))
+    np.testing.assert_allclose(both.gradient - alone.gradient, np.einsum("nij,nj->ni", information, off), atol=1e-12)
+    np.testing.assert_allclose(both.information - alone.information, information, atol=1e-12)
+    second = ransac._WithPrior(of, prior).take(np.array([1])).linearise(SE3.identity((1,)), None, False)
+    np.testing.assert_allclose(second.cost, both.cost[1:])
+
+
+def test_the_cheaper_of_two_counts():
+    """View by view; the first where they are alike."""
+    of = plain(False, [[True] * 3] * 3)
+    one = explained(of, SE3.exp(np.array([[0.0] * 6, [0.1] * 6, [0.0] * 6])), None, 40.0)
+    two = explained(of, SE3.exp(np.array([[0.1] * 6, [0.0] * 6, [0.0] * 6])), None, 40.0)
+    two = replace(two, points=~two.points)
+    better = one.better(two)
+    np.testing.assert_array_equal(better.cost, np.minimum(one.cost, two.cost))
+    np.testing.assert_allclose(better.camera_from_target.translation, 0.0)
+    np.testing.assert_allclose(better.camera_from_target.rotation, np.tile(np.eye(3), (3, 1, 1)))
+    np.testing.assert_array_equal(better.points, [one.points[0], two.points[1], one.points[2]])
+    np.testing.assert_array_equal(better.squares, [one.squares[0], two.squares[1], one.squares[2]])
+
+
+def test_the_best_of_several_poses_is_taken():
+    """For each view its own, whatever is no number; fitted to the points that agree."""
+    points = np.random.default_rng(0).standard_normal((6, 3))
+    seen, weight = np.ones((2, 6), dtype=bool), np.full((2, 6), 100.0)
+    of = PointMeasurement(points, np.tile(points, (2, 1, 1)), seen, weight, weight)
+    far, near = np.full(6, 0.5), np.full(6, 1e-3)
+    poses = SE3.exp(np.array([[far, far], [far, near], [near, far], [np.full(6, np.nan)] * 2]))
+    found = largest_agreement(of, poses, None, LIMIT)
+    np.testing.assert_allclose(found.camera_from_target.log(), 0.0, atol=1e-9)
+    np.testing.assert_allclose(found.cost, 0.0, atol=1e-12)
+    assert found.points.all()
+
+
+def test_as_many_hypotheses_at_once_as_memory_has_room_for():
+    """Fifty thousand points, one hypothesis at least; all of views without points."""
+    assert list(ransac._chunks(5, 10, 2500)) == [slice(0, 2), slice(2, 4), slice(4, 5)]
+    assert list(ransac._chunks(2, 100, 2500)) == [slice(0, 1), slice(1, 2)]
+    assert list(ransac._chunks(3, 0, 10)) == [slice(0, 3)]
+    assert list(ransac._chunks(0, 10, 10)) == []
+
+
+@pytest.mark.parametrize(("points", "left"), [(1, []), (2, [1, 1]), (3, [2, 2, 2, 1, 1, 1])])
+def test_of_fewest_points_some_are_left(points, left):
+    """One at least."""
+    found = ransac._subsets(np.ones((1, points), dtype=bool))
+    assert found.shape == (len(left), 1, points)
+    assert found.sum(-1).ravel().tolist() == left
+
+
+def test_closed_form_poses_are_those_of_the_points_taken(monkeypatch):
+    """Of boards of many points alone; where it finds none it is where the view may be."""
+    problem, state, true = truth_of(Scenario(samples=3, pixel_px=0.01), 0)
+    measurement, camera = problem.groups[0].measurement, state.cameras["wrist"]
+    subsets = np.zeros((6, 36), dtype=bool)
+    subsets[:5, [0, 5, 14, 30, 35]] = True
+    near = SE3.exp(np.full((3, 6), 0.3))
+    found = ransac._closed_form(measurement, subsets, camera, near)
+    off = (SE3.stack([true[k % 3] for k in range(5)]).inverse() @ found[:5]).log()
+    assert np.abs(off).max() < 0.03
+    np.testing.assert_array_equal(found[5].matrix, near[2].matrix)
+    asked, closed = [], ransac._closed_form
+    monkeypatch.setattr(ransac, "_closed_form", lambda *of: asked.append(of) or closed(*of))
+    subset_fits(measurement, true, camera)
+    assert len(asked) == 1
+    for target in ("points", "points3d"):
+        problem, state, true = truth_of(Scenario(samples=3, target=target), 0)
+        subset_fits(problem.groups[0].measurement, true, state.cameras.get("wrist"))
+    assert len(asked) == 1
