@@ -16,6 +16,7 @@ from tests.pose_problem import pose_problem
 from basecal.accuracy.cross_validation import validation
 from basecal.accuracy.cross_validation.validation import (
     CrossValidation,
+    FoldSpread,
     HeldOutErrors,
     _Alone,
     _columns_of,
@@ -33,6 +34,7 @@ from basecal.accuracy.findings.overfit import overfit
 from basecal.cell import Cell, Finding, Recording, Validation
 from basecal.estimation.least_squares import sparse_normal_equations
 from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import State
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve_packed
 from basecal.geometry import SE3
@@ -357,3 +359,40 @@ def test_milder_ways_to_split_are_tried_where_half_the_folds_are_lost(monkeypatc
     assert (found.summary.rms_px, found.summary.target_m, found.summary.target_rad) == (2.0, 3.0, 2.0)
     for changed in ({"converged": False}, {"observability": SimpleNamespace(unobservable=frozenset({"a"}))}):
         assert cross_validate(SimpleNamespace(**vars(solution) | changed), ["a"]) is None
+
+
+def test_errors_of_pixels_are_those_of_points_that_were_seen():
+    """However much they weigh; each has two numbers."""
+    made = simulate(Scenario(samples=3), 0)
+    problem, _ = build_problem(made.cell, made.recording)
+    state = State(made.truth, made.cameras, np.zeros((len(problem.stops), 6)))
+    (group,) = problem.groups
+    seen = np.random.default_rng(0).uniform(size=group.measurement.weight.shape) < 0.7
+    group = replace(group, measurement=replace(group.measurement, weight=0.5 * seen))
+    at = state.camera_from_target(group, problem.stops)
+    points = at.rotation @ group.measurement.points_in_target.T + at.translation[..., None]
+    off = state.cameras[group.camera].project(np.swapaxes(points, -1, -2)) - group.measurement.pixels
+    found = _of_group(problem, group, state, None)
+    assert found.count_px == 2 * seen.sum()
+    assert found.square_px == pytest.approx(np.sum(off[seen] ** 2), rel=1e-9)
+    assert found.cost == pytest.approx(0.25 * found.square_px, rel=1e-9)
+
+
+@pytest.mark.parametrize(("held", "kind"), [((1, 1), "leave-one-out"), ((1, 2), "k-fold")])
+def test_folds_of_one_sample_each_leave_one_out(monkeypatch, held, kind):
+    folds = [SimpleNamespace(held=range(count)) for count in held]
+    monkeypatch.setattr(validation, "splits", lambda problem: iter([SimpleNamespace(folds=folds)]))
+    monkeypatch.setattr(validation, "refit_folds", lambda problem, state, folds, iterations: folds)
+    monkeypatch.setattr(validation, "_fold", lambda of, free, chosen, fit: _Fold(fit, np.zeros(0)))
+    monkeypatch.setattr(validation, "_errors", lambda *of: (HeldOutErrors(), HeldOutErrors()))
+    monkeypatch.setattr(validation, "_spread", lambda *of: FoldSpread(1.5, 8.0, 0.1))
+    monkeypatch.setattr(validation, "closed_form_rival", lambda *of: None)
+    solution = SimpleNamespace(
+        converged=True,
+        problem=SimpleNamespace(columns={}),
+        state=None,
+        observability=SimpleNamespace(unobservable=frozenset()),
+    )
+    found = cross_validate(solution, [])
+    assert (found.summary.kind, found.summary.folds, found.summary.base_change) == (kind, 2, 1.5)
+    assert (found.summary.rms_px, found.summary.target_m, found.spread.freedoms) == (None, None, 8.0)

@@ -11,7 +11,10 @@ from basecal.accuracy.findings.late_pictures import _Late, _said, late_pictures
 from basecal.accuracy.verdict import calibrate
 from basecal.cell import Finding, PoseObservation, Recording, Sample
 from basecal.estimation.outliers.left_out import LeftOut
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import State
 from basecal.geometry import SE3
+from basecal.simulation import Scenario, simulate
 from stream_cells import Streamed, streamed
 
 
@@ -121,3 +124,25 @@ def test_a_delay_is_how_far_along_its_way_a_view_is() -> None:
 def test_time_takes_away_nine_tenths_of_what_a_view_is_off_by(late_s: float, aside: float, told: bool) -> None:
     """Of its square, and is half a second at most."""
     assert bool(seen_late(late_s, aside=aside)) == told
+
+
+@pytest.mark.parametrize("status", ["fixed", "free"])
+def test_pictures_are_late_as_poses_are(status: str) -> None:
+    """Of a board that was seen where it is a moment later, through a lens that is known or not."""
+    made = simulate(Scenario(samples=3, intrinsics=status), 0)
+    problem, _ = build_problem(made.cell, made.recording)
+    state = State(made.truth, made.cameras, np.zeros((len(problem.stops), 6)))
+    (group,) = problem.groups
+    late_s = np.array([0.02, 0.0, -0.03])
+    at = state.camera_from_target(group, problem.stops) @ SE3.exp(late_s[:, None] * MOTION)
+    points = at.rotation @ group.measurement.points_in_target.T + at.translation[..., None]
+    pixels = state.cameras[group.camera].project(np.swapaxes(points, -1, -2))
+    group = replace(group, measurement=replace(group.measurement, pixels=pixels), motion=np.tile(MOTION, (3, 1)))
+    of = SimpleNamespace(
+        robust=SimpleNamespace(outliers=[LeftOut(k, "wrist", "board", (), 9.0) for k in (0, 2)], samples=100),
+        recorded=problem.with_groups([group]),
+        solution=SimpleNamespace(state=state),
+    )
+    (finding,) = late_pictures(of)
+    assert finding.about == ("wrist", "0", "2")
+    assert "(20 ms late, 30 ms early)" in finding.message

@@ -12,8 +12,9 @@ from tests.pose_problem import MOUNT, pose_problem
 from basecal.accuracy.findings.prior_dominated import prior_dominated
 from basecal.cell import Unknown
 from basecal.estimation.settings import Settings
-from basecal.estimation.solve import solve_from
+from basecal.estimation.solve import solve, solve_from
 from basecal.geometry import SE3
+from basecal.simulation import Scenario, simulate
 
 PRIOR = np.full(6, 1e-2)
 GOOD = np.full(6, 1e-3)
@@ -58,3 +59,13 @@ def test_a_prior_that_the_data_improve_is_not_told():
     assert told(GOOD) == []
     assert told(with_share(0, 0.5), status="free") == []
     assert told(with_share(0, 0.96), converged=False) == []
+
+
+def test_the_offset_of_a_light_has_three_directions():
+    """Known to ten micrometres beforehand, which a few views do not better: all of them are told, and no turn."""
+    scenario = Scenario(samples=5, target="led", camera_mount="fixed", target_mount="prior", mount_prior=(1e-5, 1e-5))
+    made = simulate(scenario, 0)
+    (found,) = prior_dominated(SimpleNamespace(solution=solve(made.cell, made.recording), cell=made.cell))
+    assert found.about[0] == "hand_flange_from_board"
+    assert "any translation of board" in found.message
+    assert "rotation of board" not in found.message
