@@ -129,3 +129,19 @@ def test_masses_suit_their_chain():
         SerialChain(*one, Masses(np.ones(2), np.zeros((2, 3))))
     with pytest.raises(InputError, match="not negative"):
         Masses(-np.ones(1), np.zeros((1, 3)))
+
+
+def test_light_links_and_links_of_nothing():
+    """Of less than a kilogram, or of no mass: the centre is that of what hangs there, or the joint's own origin."""
+    text = """<robot name="r"><link name="base"/>
+      <link name="arm"><inertial><origin xyz="0.1 0 0"/><mass value="0.4"/></inertial></link>
+      <link name="rod"><inertial><origin xyz="0 0 0.2"/><mass value="0"/></inertial></link>
+      <link name="tool"><inertial><origin xyz="0.3 0.1 0"/><mass value="0.1"/></inertial></link>
+      <joint name="turn" type="continuous"><parent link="base"/><child link="arm"/></joint>
+      <joint name="bend" type="continuous"><parent link="arm"/><child link="rod"/></joint>
+      <joint name="hold" type="fixed"><parent link="arm"/><child link="tool"/></joint></robot>"""
+    masses = parse_chain(text, "base", "rod").masses
+    np.testing.assert_allclose(masses.kg, [0.5, 0.0])
+    np.testing.assert_allclose(masses.centres, [[0.14, 0.02, 0], [0, 0, 0]], atol=1e-15)
+    nothing = text.replace('value="0.4"', 'value="0"').replace('value="0.1"', 'value="0"')
+    assert parse_chain(nothing, "base", "rod").masses is None

@@ -6,6 +6,7 @@ import pytest
 from basecal.errors import InputError, NotConverged
 from basecal.geometry import SE3
 from basecal.kinematics import inverse, read_chain
+from basecal.kinematics.inverse import _Arm
 from planar_arm import planar
 
 
@@ -135,3 +136,61 @@ def test_what_is_left_is_told_of_the_farthest_pose():
     said = f"{1e3 * np.linalg.norm(off[:3]):.3g} mm and {np.degrees(np.linalg.norm(off[3:])):.3g} deg away; give a"
     assert said in str(caught.value)
     assert np.linalg.norm(off[:3]) == pytest.approx(0.5, abs=0.1)
+
+
+def test_what_is_left_falls_as_the_gradient_says(folder):
+    """Half the derivative of the squares by differences, far from the pose, for each pose of a batch."""
+    chain = read_chain(folder / "six_axis.urdf", "base_link", "tool0")
+    rng, step = np.random.default_rng(1), 1e-6
+    q = rng.uniform(-1.0, 1.0, (3, 6))
+    arm = _Arm(chain, chain.forward(q + rng.uniform(-0.6, 0.6, (3, 6))))
+    about = arm.linearise(q)
+    np.testing.assert_allclose(about.cost, np.sum(arm.left(q) ** 2, axis=1))
+    for k in range(6):
+        more, less = (np.sum(arm.left(q + way * step * np.eye(6)[k]) ** 2, axis=1) for way in (1, -1))
+        np.testing.assert_allclose(about.gradient[:, k], (more - less) / (4 * step), atol=1e-7)
+
+
+@pytest.mark.parametrize("at", ["lower", "upper"])
+def test_a_joint_on_a_limit_is_held_where_it_would_leave_it(folder, at):
+    """Its gradient is none and its row and column of the hessian, too; those that go back inside are free."""
+    chain = read_chain(folder / "six_axis.urdf", "base_link", "tool0")
+    limit = getattr(chain, at)
+    inside = 0.1 if at == "lower" else -0.1
+    wanted = limit + inside * np.array([1, -1, 1, -1, 1, -1])
+    arm = _Arm(chain, SE3.stack([chain.forward(wanted)]))
+    for q in (limit, limit + 0.2 * inside):
+        about = arm.linearise(q[None])
+        moved = _Arm(replace(chain, lower=chain.lower - 9, upper=chain.upper + 9), arm.base_from_flange).linearise(
+            q[None]
+        )
+        downhill = np.where(at == "lower", moved.gradient < 0, moved.gradient > 0)[0] | (q != limit)
+        np.testing.assert_allclose(about.gradient[0], np.where(downhill, moved.gradient[0], 0.0))
+        np.testing.assert_allclose(about.hessian[0], np.where(np.outer(downhill, downhill), moved.hessian[0], 0.0))
+        assert downhill.all() == (q is not limit)
+
+
+def test_how_far_away_the_flange_stays_is_told():
+    """Of the pose of a batch that is left the farthest, in millimetres and degrees; the others stay reached."""
+    chain = planar(0.5, 0.3)
+    there = chain.forward(np.array([0.3, 0.8]))
+    raised = SE3(there.rotation, there.translation + np.array([0, 0, 0.04]))
+    with pytest.raises(NotConverged, match=r"stays 40 mm and \S+ deg away; give") as caught:
+        inverse(chain, SE3.stack([there, raised]), np.array([0.3, 0.8]))
+    np.testing.assert_allclose(caught.value.state[0], [0.3, 0.8], atol=1e-9)
+    assert caught.value.state.shape == (2, 2)
+
+
+@pytest.mark.parametrize("largest", [0.5, 1.0, 4.0])
+def test_steps_end_at_a_radian(largest):
+    """Shortened as a whole, and at the limits."""
+    chain = planar(0.5, 0.3)
+    arm = _Arm(replace(chain, lower=np.array([-9.0, -0.1]), upper=np.array([9.0, 9.0])), SE3.identity((1,)))
+    found = arm.retract(np.zeros((1, 2)), None, largest * np.array([[1.0, -0.5]]))
+    share = min(1.0, 1 / largest)
+    np.testing.assert_allclose(found, [[share * largest, -0.1]])
+
+
+def test_no_poses_have_no_joints():
+    """A batch of none is reached."""
+    assert inverse(planar(0.5, 0.3), SE3.identity((0,)), np.zeros(2)).shape == (0, 2)

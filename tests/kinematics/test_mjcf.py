@@ -78,6 +78,7 @@ def test_limits_and_masses(tmp_path) -> None:
     """Ranges are in radians, a joint without one turns for ever, and weights turn joints as in MuJoCo."""
     chain, model = chain_of(tmp_path, ARM), own_model()
     np.testing.assert_allclose(chain.upper, [np.radians(170), np.radians(170), np.inf])
+    np.testing.assert_array_equal(chain.lower, -chain.upper)
     data = mujoco.MjData(model)
     data.qpos[:] = ANGLES[1]
     mujoco.mj_forward(model, data)
@@ -135,3 +136,33 @@ def test_a_joint_without_a_name_has_that_of_its_body(tmp_path) -> None:
     assert chain_of(tmp_path, bare).joint_names == ("swing", "lift", "lower_joint")
     with pytest.raises(DatasetError, match="lower_joint"):
         chain_of(tmp_path, bare.replace('<joint limited="false"/>', '<joint type="slide" limited="false"/>'))
+
+
+LIGHT = """
+<mujoco>
+  <worldbody>
+    <body name="first">
+      <inertial pos="0.1 0 0" mass="0.5" diaginertia="0.1 0.1 0.1"/>
+      <joint name="one" pos="0 0 0.2" axis="0 3 4"/>
+      <body name="second" pos="0 0 0.4">
+        <inertial pos="0 0.2 0" mass="{mass}" diaginertia="0.1 0.1 0.1"/>
+        <joint name="two" axis="0 1 0"/>
+        <body name="tool" pos="0.3 0 0"><inertial pos="0 0 0" mass="0.1" diaginertia="0.1 0.1 0.1"/></body>
+      </body>
+    </body>
+    <body name="beside"><inertial pos="0 0 0" mass="7" diaginertia="0.1 0.1 0.1"/></body>
+  </worldbody>
+</mujoco>"""
+
+
+def test_masses_are_those_of_the_bodies_that_a_joint_carries(tmp_path) -> None:
+    """From the first body of the world on, what hangs beside the chain counts where it hangs; the world's does not."""
+    chain = chain_of(tmp_path, LIGHT.format(mass=0.3), "world", "second")
+    assert chain.masses is not None
+    np.testing.assert_allclose(chain.masses.kg, [0.5, 0.4])
+    np.testing.assert_allclose(
+        chain.masses.centres, [[0.1, 0, -0.2], [0.3 * 0.1 / 0.4, 0.2 * 0.3 / 0.4, 0]], atol=1e-12
+    )
+    np.testing.assert_allclose(chain.masses.down, [0, 0, -1])
+    np.testing.assert_allclose(chain.axes, [[0, 0.6, 0.8], [0, 1, 0]], atol=1e-15)
+    np.testing.assert_array_equal(chain.upper, [np.inf, np.inf])

@@ -43,9 +43,9 @@ def inverse(
     if np.abs(left := arm.left(q)).max(initial=0.0) > tolerance:
         q = levenberg_marquardt(arm, q, Stop(iterations)).state
         left = arm.left(q)
-    farthest = left[np.abs(left).max(-1).argmax()] if len(left) else np.zeros(6)
-    if np.abs(farthest).max() <= tolerance:
+    if np.abs(left).max(initial=0.0) <= tolerance:
         return q.reshape(shape)
+    farthest = left[np.abs(left).max(axis=1).argmax()]
     millimetres, degrees = 1e3 * np.linalg.norm(farthest[:3]), np.degrees(np.linalg.norm(farthest[3:]))
     message = (
         f"the flange stays {millimetres:.3g} mm and {degrees:.3g} deg away; give a nearer start or check the reach"

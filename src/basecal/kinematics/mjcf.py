@@ -61,7 +61,7 @@ def chain_of_mjcf(root: Element, base: str, flange: str, path: str) -> SerialCha
             anchor, axis = SE3.from_rotvec(np.zeros(3), model.jnt_pos[joint]), np.array(model.jnt_axis[joint])
             names.append(name)
             origins.append(since_last @ anchor)
-            axes.append(axis / np.linalg.norm(axis))
+            axes.append(axis)  # of unit length, as MuJoCo keeps it
             limits.append(model.jnt_range[joint] if model.jnt_limited[joint] else np.array([-np.inf, np.inf]))
             # Angles count from `ref`, at which bodies stand as they are written.
             back = rotation_exp(-float(model.qpos0[model.jnt_qposadr[joint]]) * axes[-1])
