@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from basecal.estimation.least_squares import bundle_adjustment, sparse_normal_equations
+from basecal.estimation.least_squares import bundle_adjustment
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.least_squares.normal_equations import linearise, retract
-from basecal.estimation.least_squares.sparse_normal_equations import is_sparse, sparse_bundle
+from basecal.estimation.least_squares.sparse_normal_equations import MANY_COLUMNS, is_sparse, sparse_bundle
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.geometry import SE3
@@ -78,11 +80,15 @@ def test_descents_end_alike(monkeypatch: pytest.MonkeyPatch) -> None:
     )
 
 
-def test_shared_stops_and_few_unknowns_go_the_dense_way(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A stop that several views share ties them by more than unknowns."""
-    problem, _ = near(SCENARIOS["robots with noise"])
-    assert not is_sparse(problem)
-    monkeypatch.setattr(sparse_normal_equations, "MANY_COLUMNS", problem.width)
-    assert is_sparse(problem)
-    shared, _ = near(Scenario(layout="ring", robots=4, samples=40, arms="hand_still", robot_noise=(3e-4, 5e-4)))
-    assert not is_sparse(shared)
+@pytest.mark.parametrize(("changed", "sparse"), [
+    ({}, True),
+    ({"width": MANY_COLUMNS - 1}, False),
+    ({"models": {"hand": None}}, False),
+    ({"jitter_s": {"wrist": 1e-3}}, False),
+    ({"shared_stops": np.array([-1, 0])}, False),
+    ({"shared_stops": np.zeros(0)}, True),
+])  # fmt: skip
+def test_few_unknowns_and_what_ties_views_by_more_than_unknowns_go_the_dense_way(changed, sparse) -> None:
+    """Kinematics of robots, jitter of stamps, and a stop that several views share, be it the first."""
+    many = {"width": MANY_COLUMNS, "models": {}, "jitter_s": {}, "shared_stops": np.array([-1, -1])}
+    assert is_sparse(SimpleNamespace(**(many | changed))) == sparse

@@ -121,6 +121,7 @@ def test_columns_of_robots_follow_all_others(problem, joints):
     fewer = robot_model("hand", six_axis(), offsets, joints)
     again = within.with_models({"hand": fewer})
     assert again.width == 33
+    assert replace(problem, columns={}).with_models({"hand": fewer}).columns == {"hand_joint_offsets": slice(0, 6)}
     assert again.columns.keys() == {*problem.columns, "hand_joint_offsets"}
     assert within.with_models({}).columns == problem.columns
     assert replace(within, columns=problem.columns).modelled("hand") is None
@@ -169,13 +170,15 @@ def test_chain_is_the_one_equation(scenario):
         np.testing.assert_allclose(links.target_from_hand_flange.matrix, mount.matrix, atol=1e-12)
 
 
+@pytest.mark.parametrize("noise", [True, False])
 @pytest.mark.parametrize("robot", ["eye", "hand"])
-def test_kinematics_that_are_not_as_stated_move_the_flange(problem, state, made, robot):
+def test_kinematics_that_are_not_as_stated_move_the_flange(problem, state, made, robot, noise):
     """A joint that is off by 0.1 rad gives the views of a recording whose joints are off by that."""
     stated = made.cell.robots[robot].chain
     off = np.array([0, 0.1, 0, 0, 0, 0])
     moved = replace(state, robots={robot: Kinematics(stated, {"joint_offsets": off})})
     (group,) = problem.groups
+    group = group if noise else replace(group, eye_stop=np.full(5, -1), hand_stop=np.full(5, -1))
     joints = getattr(group, f"{robot}_joints")
     name = "eye_base_from_eye_flange" if robot == "eye" else "hand_base_from_hand_flange"
     wanted = replace(group, **{name: stated.forward(joints + off)})
@@ -203,9 +206,23 @@ def test_a_state_spread_out_is_itself_many_times(problem, state):
     assert state.spread(known, 3).cameras["wrist"] is state.cameras["wrist"]
 
 
+def test_a_state_spread_out_has_the_kinematics_that_are_estimated(problem, state, joints):
+    """As stated where they were not moved; those of a robot without columns only if they were."""
+    offsets = {"joint_offsets": joint_offsets.Stated(status="prior", sigma_rad=0.01)}
+    modelled = problem.with_models({"hand": robot_model("hand", six_axis(), offsets, joints)})
+    assert set(state.spread(modelled, 2).robots) == {"hand"}
+    np.testing.assert_array_equal(state.spread(modelled, 2).robots["hand"].values["joint_offsets"], np.zeros((2, 6)))
+    assert state.spread(replace(modelled, columns=problem.columns), 2).robots == {}
+    moved = replace(state, robots={"eye": Kinematics(six_axis(), {"joint_offsets": np.arange(6.0)})})
+    spread = moved.spread(modelled, 2).robots
+    assert set(spread) == {"eye", "hand"}
+    np.testing.assert_array_equal(spread["eye"].values["joint_offsets"], [np.arange(6.0)] * 2)
+
+
 def test_noise_is_where_stops_are_numbered():
     """A number of a stop, -1 for a robot without noise, nothing without views."""
     assert has_noise(np.array([0, 0, 1]))
+    assert has_noise(np.array([0]))
     assert not has_noise(np.array([-1, -1]))
     assert not has_noise(np.zeros(0, dtype=np.int64))
 
@@ -252,6 +269,9 @@ def test_what_hangs_on_one_body_is_refused_with_the_robot_that_is_meant(made, id
     with pytest.raises(InputError, match=f"'wrist' and target 'board' are both on 'hand'.*what carries it{hint}$"):
         check_carriers(cell, "wrist", "board")
     check_carriers(made.cell, "wrist", "board")
+    busy = {**cell.cameras, **{name: replace(wrist, name=name, on=name) for name in idle}}
+    with pytest.raises(InputError, match=r"to what carries it$"):
+        check_carriers(replace(cell, cameras=busy), "wrist", "board")
 
 
 def test_stops_of_several_views_are_numbered(problem):
