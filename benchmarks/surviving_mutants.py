@@ -376,6 +376,24 @@ WHY: dict[tuple[str, str, str, str], str] = {
         "1",
         "2",
     ): "equivalent: weights are divided by their sum",
+    (
+        "accuracy/phrases/null_space.py",
+        "return _numbers(unit * np.sign(unit[np.argmax(np.round(np.abs(unit), 3))]))",
+        "unit * np.sign(unit[np.argmax(np.round(np.abs(unit), 3))])",
+        "unit / np.sign(unit[np.argmax(np.round(np.abs(unit), 3))])",
+    ): "equivalent: a sign is 1 or -1",
+    (
+        "accuracy/phrases/robot_motion.py",
+        "first = first * np.sign(first[np.argmax(np.round(np.abs(first), 3))])  # its largest component positive",
+        "first * np.sign(first[np.argmax(np.round(np.abs(first), 3))])",
+        "first / np.sign(first[np.argmax(np.round(np.abs(first), 3))])",
+    ): "equivalent: a sign is 1 or -1",
+    (
+        "accuracy/phrases/gravity.py",
+        "apart = float(np.degrees(np.arccos(np.clip(min(cosines, default=1.0), -1, 1))))",
+        "1.0",
+        "10.0",
+    ): "equivalent: it is cut to 1",
 }
 
 

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from basecal.accuracy.input_check import hypothesis_fit as module
 from basecal.accuracy.input_check.hypothesis_fit import (
     HypothesisFit,
     fit_hypothesis,
@@ -118,3 +119,56 @@ def test_nothing_to_fit_is_no_fit():
     assert fit_hypothesis(made.cell, Recording(), Settings()) is None
     board = replace(made.cell.targets["board"], on="eye")
     assert fit_hypothesis(replace(made.cell, targets={"board": board}), made.recording, Settings()) is None
+
+
+@pytest.mark.parametrize(
+    ("near", "predicted", "off"), [(True, [3.0], [3.0]), (True, None, [1.0, 2.0]), (False, [3.0], [1.0, 2.0])]
+)
+def test_errors_are_held_out_where_a_fit_is_near(monkeypatch, near, predicted, off):
+    """Else, and where nothing can be held out, they are those that it was fitted to."""
+    made = simulate(Scenario(samples=2, target="pose"), 0)
+    held_out = None if predicted is None else np.array(predicted)
+    solution = SimpleNamespace(state=None)
+    monkeypatch.setattr(module, "solve_packed", lambda problem, cell, settings: solution)
+    monkeypatch.setattr(module, "_concentrated", lambda solution, settings: solution)
+    monkeypatch.setattr(module, "off_views", lambda problem, group, state: np.array([1.0, 2.0]))
+    monkeypatch.setattr(module, "_is_near", lambda fit: near)
+    monkeypatch.setattr(module, "_predicted_off", lambda problem, solution: held_out)
+    found = fit_hypothesis(made.cell, made.recording, Settings())
+    assert (found.solution, found.in_pixels) == (solution, False)
+    np.testing.assert_array_equal(found.off, off)
+
+
+def test_of_folds_each_predicts_its_own_views(monkeypatch):
+    """Those that it was not fitted to, one fold after the other; none where samples cannot be parted."""
+    split = SimpleNamespace(folds="folds")
+    refits = [SimpleNamespace(optimum=SimpleNamespace(state=k), views=SimpleNamespace(groups=[10, 20])) for k in (1, 2)]
+    monkeypatch.setattr(module, "instant_split", lambda problem, count: split if problem == "parted" else None)
+    monkeypatch.setattr(module, "refit_folds", lambda problem, state, folds, steps, predicted: refits)
+    monkeypatch.setattr(module, "off_views", lambda problem, group, state: np.array([group + state]))
+    solution = SimpleNamespace(problem=None, state=None)
+    assert module._predicted_off("whole", solution) is None
+    np.testing.assert_array_equal(module._predicted_off("parted", solution), [11, 21, 12, 22])
+
+
+@pytest.mark.parametrize(("far", "times"), [((), 0), ((5.0,), 0), ((8.0,), 2), ((30.0,) * 3, 2)])
+def test_a_fit_is_repeated_without_views_far_off(monkeypatch, far, times):
+    """Those beyond seven tenths of the views, twice at most, where all are off twice as far as most."""
+    off = [np.array([*[1.0] * (12 - len(far)), *far]), np.zeros(0)]
+    groups = [SimpleNamespace(k=0, take=lambda rows: range(len(rows))), SimpleNamespace(k=1, take=lambda rows: ())]
+    kept = []
+
+    def solve(problem, state, settings):
+        """The rest, of which the same views are far off as before."""
+        kept.append(problem.groups)
+        return SimpleNamespace(problem=whole, state=None)
+
+    whole = SimpleNamespace(groups=groups, with_groups=lambda groups: SimpleNamespace(groups=[*groups]))
+    monkeypatch.setattr(module, "off_views", lambda problem, group, state: off[group.k])
+    monkeypatch.setattr(module, "solve_from", solve)
+    first = SimpleNamespace(problem=whole, state=None)
+    found = module._concentrated(first, Settings())
+    assert (found is first) == (not kept)
+    assert len(kept) == times
+    for each in kept:
+        assert [len(group) for group in each] == [np.count_nonzero(off[0] <= np.quantile(off[0], 0.7))]

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from basecal.accuracy.input_check import unexplained_motion as module
 from basecal.accuracy.input_check.unexplained_motion import hopeless, is_hopeless, unexplained_motion
 from basecal.accuracy.verdict import calibrate
 from basecal.cell import Recording
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.solve import solve
+from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.estimation.view.poses import PoseMeasurement
 from basecal.simulation import Scenario, simulate
 
 MADE = simulate(Scenario(samples=16), 3)
@@ -106,3 +110,70 @@ def test_residuals_of_fifty_pixels_are_hopeless(off_px, lost):
     for count, told in ((4, False), (5, lost)):
         few = through_a_long_lens(off_px, count)
         assert is_hopeless(*few) == (told or unexplained_motion(*few) > 0.2)
+
+
+def looks(off, moved, in_pixels=True, stands=None):
+    """A group of views, each of a stop of its own unless told."""
+    rows = range(len(off)) if stands is None else stands
+    return Group(np.array(rows), np.array(rows) % 2, np.array(off), np.array(moved), in_pixels)
+
+
+class Group:
+    """Views of stops, which are off and move by so much."""
+
+    def __init__(self, eye_stand, hand_stand, off, moved, in_pixels):
+        self.eye_stand, self.hand_stand = eye_stand, hand_stand
+        self.off, self.moved, self.in_pixels = off, moved, in_pixels
+        self.measurement = object.__new__(PixelMeasurement if in_pixels else PoseMeasurement)
+        object.__setattr__(self.measurement, "moved", moved)
+
+    def __len__(self):
+        return len(self.off)
+
+    def take(self, rows):
+        return Group(*(of[rows] for of in (self.eye_stand, self.hand_stand, self.off, self.moved)), self.in_pixels)
+
+
+@pytest.fixture
+def by_number(monkeypatch):
+    """Groups of `looks` say themselves how far they are off, and how far they move."""
+    monkeypatch.setattr(module, "off_views", lambda problem, group, state: group.off)
+    monkeypatch.setattr(module, "moved_views", lambda measurement: measurement.moved)
+    monkeypatch.setattr(module, "trimmed", lambda off, share: float(np.sqrt(np.mean(off**2))))
+
+
+def share_of(*groups):
+    """The share of their motion that is unexplained, with rms over all stops."""
+    return unexplained_motion(SimpleNamespace(groups=groups), None)
+
+
+def test_the_share_is_of_what_is_left_in_what_moves(by_number):
+    """Over all groups' stops, one view each; at most all of it, and none where hardly anything moves."""
+    one, two = looks([0.3, 0.4], [1.0, 2.0]), looks([0.1, 9.0, 0.5], [2.0, 9.0, 4.0], stands=[1, 1, 2])
+    expected = np.sqrt((0.09 + 0.16 + 0.01 + 0.25) / (1 + 4 + 4 + 16))
+    assert share_of(one, looks([], []), two) == pytest.approx(expected)
+    assert share_of(looks([3.0], [0.5])) == 1.0
+    assert share_of(looks([0.011], [0.021])) == pytest.approx(11 / 21)
+    assert share_of(looks([0.011], [0.019])) == 0.0
+    assert share_of() == 0.0
+
+
+@pytest.mark.parametrize(("stops", "px"), [(4, 0.0), (5, 60.0)])
+def test_residuals_in_images_are_of_five_stops_and_more(by_number, stops, px):
+    """In pixels, one view a stop; what is seen otherwise does not count."""
+    pixels = looks([0.06] * stops + [9.0], [1.0] * (stops + 1), stands=[*range(stops), 0])
+    groups = [looks([], []), pixels, looks([5.0] * 9, [1.0] * 9, in_pixels=False)]
+    assert module._left_px(SimpleNamespace(groups=groups), None) == pytest.approx(px)
+
+
+@pytest.mark.parametrize(
+    ("share", "left_px", "said"),
+    [(0.19, 49.0, None), (0.21, 0.0, "21 % of that motion is left"), (0.19, 51.0, "residuals of 51 px are left")],
+)
+def test_hopeless_is_a_fifth_of_the_motion_or_fifty_pixels(monkeypatch, share, left_px, said):
+    """Either is told."""
+    monkeypatch.setattr(module, "unexplained_motion", lambda problem, state: share)
+    monkeypatch.setattr(module, "_left_px", lambda problem, state: left_px)
+    assert is_hopeless(None, None) == (said is not None)
+    if said is not None:
+        assert said in hopeless(None, None).message

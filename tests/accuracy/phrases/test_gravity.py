@@ -42,6 +42,13 @@ def test_an_arm_on_the_wall_is_told(robots):
     assert "deflection: {down: [x, y, z]}" in words
 
 
+@pytest.mark.parametrize(("hand_down", "apart"), [((0, 0, -1), None), ((0, 0, 1), "180 deg")])
+def test_directions_are_unit_vectors_but_for_rounding(hand_down, apart):
+    """Whose products may be beyond one: alike they contradict nothing, opposed they do."""
+    words = said(("hand",), SE3.identity(), np.array(hand_down) * (1 + 1e-10))
+    assert (apart in words) if apart else words.endswith("of hand_base")
+
+
 def test_a_base_that_is_not_known_says_nothing():
     """No angle; a direction along no axis is told by its numbers."""
     chain = six_axis()

@@ -113,7 +113,8 @@ def test_a_screw_is_told_from_a_turn(pitch, screw):
     """From two centimetres a radian on."""
     twist = np.array([[0.0, 0.0, pitch, 0.0, 0.0, 1.0]])
     line = "rotation of hand_base about the axis through (0.00, 0.00, 0.00) m along (0.00, 0.00, 1.00) in eye_base"
-    assert describe_null_space(NullDirection("rotation", (BASE,), twist)) == line + screw
+    for size in (1.0, 3.0):
+        assert describe_null_space(NullDirection("rotation", (BASE,), size * twist)) == line + screw
 
 
 def test_several_directions_in_a_clause():

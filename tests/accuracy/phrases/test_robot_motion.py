@@ -57,6 +57,7 @@ def test_a_second_axis_counts_from_a_limit_on(turn, poor):
         (moved(8e-5), "hand only translates"),
         (moved(0.5, 0.0, orientations=2), "hand has two orientations only"),
         (moved(0.5, 0.0), "hand rotates about one axis, along (0.00, 0.00, 1.00) in hand_base"),
+        (moved(0.5, 0.0, axis=(-4e-3, 4e-3, 1)), "hand rotates about one axis, along (0.00, 0.00, 1.00) in hand_base"),
         (moved(0.5, 0.0, axis=(0.6, 0.0, -0.8)), "hand rotates about one axis, along (-0.60, 0.00, 0.80) in hand_base"),
         (
             moved(0.5, 5e-3),
@@ -92,7 +93,7 @@ def test_advice(made, problem, motion, words):
     assert advise_motion(made.cell, fixed, motion) == words
 
 
-@pytest.mark.parametrize(("axes", "parallel"), [("zzz", True), ("zyz", False)])
+@pytest.mark.parametrize(("axes", "parallel"), [("zzz", True), ("zyz", False), ("zxz", False)])
 def test_an_arm_of_parallel_axes_is_not_told_to_turn_otherwise(made, problem, axes, parallel):
     """It cannot: what is known has to be stated; of an arm that stands still this is not said."""
     hand = replace(made.cell.robots["hand"], chain=arm(*axes))
@@ -101,6 +102,7 @@ def test_an_arm_of_parallel_axes_is_not_told_to_turn_otherwise(made, problem, ax
     assert said.startswith("all axes of its joints are parallel") == parallel
     assert f"state {BOARD} as a prior or fixed" in said
     assert advise_motion(cell, problem, moved(0.0, travel=0.0)).startswith("move it")
+    assert advise_motion(cell, problem, moved(0.0)).startswith("add poses that rotate it about two axes")
     fixed = replace(problem, unknowns={**problem.unknowns, BOARD: replace(problem.unknowns[BOARD], status="fixed")})
     if parallel:
         assert f"state {BASE} as a prior or fixed" in advise_motion(cell, fixed, moved(0.5, 0.0))

@@ -64,5 +64,5 @@ def _left_px(problem: Problem, state: State) -> float:
 
 def _one_a_stop(group: ViewGroup) -> IntArray:
     """The first view of each pair of stops: many of one would pass for a target that hardly moves."""
-    stops = np.stack([group.eye_stand, group.hand_stand], axis=-1)
+    stops = np.column_stack([group.eye_stand, group.hand_stand])
     return np.sort(np.unique(stops, axis=0, return_index=True)[1]).astype(np.int64)
