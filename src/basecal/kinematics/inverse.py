@@ -75,11 +75,11 @@ class _Arm:
         held = ((q <= self.chain.lower) & (uphill > 0)) | ((q >= self.chain.upper) & (uphill < 0))
         jacobian = np.where(held[:, None], 0.0, jacobian)
         hessian = jacobian.mT @ jacobian
-        return Quadratic((left**2).sum(-1), np.where(held, 0.0, uphill), hessian)
+        return Quadratic((left**2).sum(axis=1), np.where(held, 0.0, uphill), hessian)
 
     def retract(self, q: Array, about: Quadratic, step: Array) -> Array:
         """See `System`; steps are shortened and end at the limits."""
-        share = _LARGEST_STEP / np.maximum(np.abs(step).max(-1, keepdims=True), _LARGEST_STEP)
+        share = _LARGEST_STEP / np.maximum(np.abs(step).max(axis=1, keepdims=True), _LARGEST_STEP)
         there: Array = (q + share * step).clip(self.chain.lower, self.chain.upper)
         return there
 

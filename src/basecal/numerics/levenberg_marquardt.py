@@ -331,7 +331,7 @@ def _quadratic(about: Linearised, step: Array) -> Array:
 def _damped_step(about: Linearised, damping: Array) -> Array:
     if isinstance(about.hessian, SparseHessian):
         return about.hessian.damped_step(about.gradient, damping)
-    diagonal = np.diagonal(about.hessian, axis1=-2, axis2=-1)
+    diagonal = np.diagonal(about.hessian, axis1=1, axis2=2)
     scale = 1 / np.sqrt(np.maximum(diagonal, 1e-12 * diagonal.max(axis=1, initial=1e-300, keepdims=True)))
     scaled = about.hessian * scale[..., None, :] * scale[..., :, None]
     of_diagonal = np.einsum("...ii->...i", scaled)  # a view

@@ -36,7 +36,7 @@ def with_secant(bend: Array, hessian: Array, change: Array, step: Array, near: B
         by_hessian = (hessian @ step[..., None])[..., 0]
         missed = change - by_hessian - (kept @ step[..., None])[..., 0]
         along, curvature = np.einsum("bi,bi->b", missed, step), np.einsum("bi,bi->b", by_hessian, step)
-        diagonal = np.maximum(np.diagonal(hessian, axis1=-2, axis2=-1), np.finfo(np.float64).tiny)
+        diagonal = np.maximum(np.diagonal(hessian, axis1=1, axis2=2), np.finfo(np.float64).tiny)
         tells = near & np.isfinite(along) & (np.abs(along) > _LEAST_SHARE * curvature) & (curvature > 0)
         tells &= (missed**2 / diagonal).sum(axis=1) <= _LARGEST_CHANGE * np.abs(along)
     rows = np.flatnonzero(tells)
@@ -47,6 +47,6 @@ def with_secant(bend: Array, hessian: Array, change: Array, step: Array, near: B
 
 def usable(bend: Array, hessian: Array) -> Array:
     """The bend of residuals where it leaves enough of the hessian's diagonal, none elsewhere, (b, p, p)."""
-    diagonal, change = (np.diagonal(of, axis1=-2, axis2=-1) for of in (hessian, bend))
+    diagonal, change = (np.diagonal(of, axis1=1, axis2=2) for of in (hessian, bend))
     leaves = np.all(diagonal + change >= _LEAST_LEFT * diagonal, axis=1)
     return np.where(leaves[:, None, None], bend, 0.0)

@@ -95,7 +95,7 @@ def _fixed(problem: Problem, name: str) -> SE3 | None:
 def _off(alone: SE3, predicted: SE3) -> Array:
     """Squares of lengths [m^2] and of angles [rad^2], (n, 2)."""
     off = alone.inverse() @ predicted
-    return np.stack([np.sum(off.translation**2, -1), np.sum(off.rotvec**2, -1)], axis=-1)
+    return np.stack([np.sum(off.translation**2, axis=1), np.sum(off.rotvec**2, axis=1)], axis=1)
 
 
 def _ratio(ours: Array, theirs: Array) -> float | None:
@@ -107,7 +107,7 @@ def _ratio(ours: Array, theirs: Array) -> float | None:
         return None
     ours, theirs = np.maximum(ours, _SMALLEST**2), np.maximum(theirs, _SMALLEST**2)
     unit = ours.mean(0)
-    gain = np.sum((ours - theirs) / unit, axis=-1)
+    gain = np.sum((ours - theirs) / unit, axis=1)
     ratio = float(np.sqrt(2 / np.sum(theirs.mean(0) / unit)))
     spread = float(np.std(gain, ddof=1)) / np.sqrt(len(gain))
     chance = float(stdtr(len(gain) - 1, -gain.mean() / max(spread, 1e-300)))

@@ -76,5 +76,5 @@ def _predicted(problem: Problem, group: ViewGroup, state: State) -> _Views:
     of = spectrum(information, VIEW_ROUNDING)
     step = (of.inverse @ gradient[..., None])[..., 0]
     alone = view.cost - np.einsum("ni,ni->n", gradient, step)
-    off_m = np.where(of.held.all(-1), np.linalg.norm(step[:, :3], axis=-1), np.nan)
+    off_m = np.where(of.held.all(axis=1), np.linalg.norm(step[:, :3], axis=1), np.nan)
     return _Views(cost, np.maximum(cost - alone, 0.0), of.rank.astype(np.float64), off_m)

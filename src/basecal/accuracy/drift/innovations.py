@@ -153,7 +153,7 @@ def innovations(cell: Cell, calibration: Calibration, recording: Recording) -> I
     exact = Innovations(situation, np.concatenate(root), flat, np.zeros((len(flat), len(flat))), sample)
     predicted = _of_robots(exact, calibration)
     if calibration.joint_covariance is not None and calibration.order:
-        by_transforms = np.concatenate([exact.of(exact.by_frame(name)) for name in calibration.order], axis=-1)
+        by_transforms = np.concatenate([exact.of(exact.by_frame(name)) for name in calibration.order], axis=1)
         predicted = by_transforms @ calibration.joint_covariance @ by_transforms.T + predicted
     robots = calibration.noise.get("robots", {})
     freedoms = min((robots.get(robot, {}).get("freedoms") or np.inf for robot in exact.robots), default=np.inf)

@@ -138,4 +138,4 @@ def _sphere(count: int) -> Array:
     k = np.arange(count) + 0.5
     z, turn = 1 - 2 * k / count, np.pi * (1 + 5**0.5) * k
     flat = np.sqrt(1 - z**2)
-    return np.stack([flat * np.cos(turn), flat * np.sin(turn), z], axis=-1)
+    return np.stack([flat * np.cos(turn), flat * np.sin(turn), z], axis=1)

@@ -147,7 +147,7 @@ def score_of(of: Linearised, known: Sums) -> Score:
     gradient = gradient - across @ of.step[tied]
     left = information - across @ of.inverse[np.ix_(tied, tied)] @ across.mT
     left = 0.5 * (left + left.mT)
-    size = np.sqrt(np.maximum(np.diagonal(information, axis1=-2, axis2=-1), 0.0))
+    size = np.sqrt(np.maximum(np.diagonal(information, axis1=1, axis2=2), 0.0))
     seen = above(left, _HIDDEN, np.where(size > 0, size, 1.0))
     sizes = -(seen.inverse @ gradient[..., None])[..., 0]
     return Score(gradient, left, seen.mahalanobis_squared(gradient), seen.rank, sizes)

@@ -151,4 +151,4 @@ def frames_of(group: ViewGroup) -> list[str]:
 
 def _size(tangents: Array) -> float:
     """Root of the mean square, angles by an arm's length [m]."""
-    return float(np.sqrt(np.mean(np.sum((tangents * np.repeat([1.0, _ARM_M], 3)) ** 2, -1))))
+    return float(np.sqrt(np.mean(np.sum((tangents * np.repeat([1.0, _ARM_M], 3)) ** 2, axis=1))))

@@ -8,6 +8,8 @@ Source: docs/mathematics.md (14.3).
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 
 from basecal.accuracy.expected_error import length_quantiles
@@ -68,4 +70,4 @@ def _box(places: Array) -> Array:
     edges = [
         np.linspace(a, b, STEPS) if b - a > _FLAT_M else np.array([(a + b) / 2]) for a, b in zip(low, high, strict=True)
     ]
-    return np.stack(np.meshgrid(*edges, indexing="ij"), axis=-1).reshape(-1, 3)
+    return np.array([*product(*edges)])

@@ -64,8 +64,8 @@ def local_fits(solution: Solution, asked: Sequence[str], box_m: Sequence[float] 
         inside = [np.isin(each, numbers) for each in samples]
         own = np.concatenate([at[mine] for at, mine in zip(places, inside, strict=True)])
         centre = own.mean(0)
-        reach = max(float(np.sqrt(np.mean(np.sum((own - centre) ** 2, -1)))), np.finfo(np.float64).eps)
-        worth = [np.exp(-0.5 * np.sum((at - centre) ** 2, -1) / reach**2) for at in places]
+        reach = max(float(np.sqrt(np.mean(np.sum((own - centre) ** 2, axis=1)))), np.finfo(np.float64).eps)
+        worth = [np.exp(-0.5 * np.sum((at - centre) ** 2, axis=1) / reach**2) for at in places]
         local = refit_folds(problem, solution.state, [*folds, frozenset()], _ITERATIONS, worth=worth)
         chance = _chance_of_noise(solution, local[-1], worth, asked)
         found.append(_compared(solution, everywhere, local, inside, centre, numbers, asked, chance))
@@ -89,7 +89,7 @@ def _halves(places: Array, samples: IntArray) -> Iterator[IntArray]:
 def _inside(places: Array, samples: IntArray, box_m: Sequence[float]) -> Iterator[IntArray]:
     """Numbers of the samples in a box, where they are enough."""
     corners = np.reshape(box_m, (2, 3))
-    inside = np.all((places >= corners.min(0)) & (places <= corners.max(0)), axis=-1)
+    inside = np.all((places >= corners.min(0)) & (places <= corners.max(0)), axis=1)
     numbers = np.unique(samples[inside])
     if len(numbers) >= FEWEST_SAMPLES:
         yield numbers
@@ -148,5 +148,5 @@ def _squares(solution: Solution, fit: Refit, inside: Sequence[BoolArray]) -> Arr
         by_all: SE3 = solution.state.camera_from_target(views, solution.problem.stops)
         alone, enough = view_alone(solution.state, views, by_all)
         off = alone.inverse() @ state.camera_from_target(views, solution.problem.stops)
-        found.append(np.sum(off.translation**2, -1)[enough])
+        found.append(np.sum(off.translation**2, axis=1)[enough])
     return np.concatenate(found)
