@@ -202,3 +202,17 @@ def test_a_wider_model_is_held_against_noise_of_arms(monkeypatch, evidence, core
     monkeypatch.setattr(hypothesis_choice, "noise_evidence", lambda fit, declared: evidence)
     found = findings_about(predicted(1e-3), predicted(core, moved=9), nested=True, explained=True)
     assert [f.severity for f in found] == ([] if severity is None else [severity])
+
+
+def test_noise_of_arms_is_asked_only_where_it_explains_the_views(monkeypatch):
+    """Not unless it is told so: then a wider model goes by how well it predicts."""
+
+    def asked(fit, declared):
+        raise AssertionError("asked")
+
+    monkeypatch.setattr(hypothesis_choice, "noise_evidence", asked)
+    wider = ConventionHypothesis("wider", ("eye",), "words", "fix", "tell", lambda c, r: (c, r), nested=True)
+    cell = SimpleNamespace(asked=(ASKED,), mount_name=lambda name: "mount")
+    declared = TriedHypothesis(AS_DECLARED, predicted(1e-3), ())
+    (found,) = decide_hypotheses(cell, declared, [TriedHypothesis(wider, predicted(0.6e-3, moved=9), ())])
+    assert (found.code, found.severity) == ("wider", "warning")

@@ -153,11 +153,23 @@ def test_other_views_have_other_likelihoods(monkeypatch):
 def test_scatter_counts_by_its_squares_or_their_logarithm(monkeypatch):
     """Where sigmas are stated by the squares, else by how many times less, for each freedom; of none not at all."""
     of = {
-        "wider": {"stated": (10.0, 30.0), "point_m": (4.0, 20.0), "nothing": (0.0, 9.0), "exact": (3.0, 9.0)},
-        "narrower": {"stated": (14.5, 30.0), "point_m": (8.0, 20.0), "nothing": (2.0, 9.0), "exact": (0.0, 9.0)},
+        "wider": {
+            "stated": (10.0, 30.0),
+            "point_m": (4.0, 20.0),
+            "nothing": (0.0, 9.0),
+            "exact": (3.0, 9.0),
+            "m": (0.2, 3.0),
+        },
+        "narrower": {
+            "stated": (14.5, 30.0),
+            "point_m": (8.0, 20.0),
+            "nothing": (2.0, 9.0),
+            "exact": (0.0, 9.0),
+            "m": (0.4, 3.0),
+        },
     }
     monkeypatch.setattr(module, "_scatter", of.get)
-    assert _scatter_gain("wider", "narrower") == pytest.approx(4.5 + 20 * np.log(2.0))
+    assert _scatter_gain("wider", "narrower") == pytest.approx(4.5 + 23 * np.log(2.0))
 
 
 def test_scatter_is_that_of_all_points_in_space(monkeypatch):

@@ -77,6 +77,7 @@ def test_ten_turned_views_are_listed(count, more):
     numbers = tuple(str(k) for k in range(1, 2 * count, 2))
     (found,) = [h for h in half_turns(cell, Recording(tuple(wrong))) if h.about == ("board", *numbers)]
     assert (", ..." in found.words) == more
+    assert f"at sample {', '.join(numbers[:10])}{', ...' if more else ''}: read" in found.words
     right = found.apply(cell, Recording(tuple(wrong)))[1]
     for mended, true in zip(right.samples, made.recording.samples, strict=True):
         off = mended.observations[0].camera_from_target.inverse() @ true.observations[0].camera_from_target
@@ -165,6 +166,17 @@ def test_six_samples_to_either_side_are_needed(monkeypatch, count, some):
     monkeypatch.setattr(pairing, "_off", lambda pairs, order, fits: np.full(count, 0.1 * (7 - next(iter(fits)))))
     found = pairing_errors(made.cell, made.recording, made.cameras, [None, "eye", "hand"])
     assert [fits for _, fits in found] == ([{6: 6}, {5: 5}] if some else [])
+
+
+def test_a_stream_that_comes_later_leaves_a_sample_out(monkeypatch):
+    """Where it changes nothing is left for that sample; one that comes earlier loses its last."""
+    made = simulate(Scenario(samples=12, target="pose"), 0)
+    lost = []
+    monkeypatch.setattr(pairing, "_fits", lambda cell, recordings, lenses: [{} for _ in recordings])
+    monkeypatch.setattr(pairing, "_change", lambda before, after, by: lost.append(by) or (0.1, 5))
+    found = pairing_errors(made.cell, made.recording, made.cameras, [None])
+    assert lost == [1, 1, 0, 0]
+    assert "from sample 5 on belongs 1 sample later" in found[0][0].words
 
 
 def test_how_far_samples_are_off(monkeypatch):

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from basecal.accuracy.residuals import without_samples as module
 from basecal.accuracy.residuals.without_samples import without_samples
 from basecal.accuracy.verdict import calibrate
 from basecal.cell import Recording
@@ -48,3 +52,34 @@ def test_noise_that_was_estimated_is_that_of_the_calibration():
     found = without_samples(made.cell, made.recording, calibration, {5})
     before, after = (np.sqrt(np.diag(of.covariance)) for of in (calibration[BASE], found.transforms[BASE]))
     assert np.all(np.abs(np.log(after / before)) < 0.4)
+
+
+def test_it_begins_where_the_calibration_is_and_holds_its_noise(made, monkeypatch):
+    """From its transforms, with the sigmas that it found of robots which state none, and no noise estimated again."""
+    cell, calibration = made
+    bare = replace(cell.cell, robots={name: replace(of, noise=None) for name, of in cell.cell.robots.items()})
+    robots = {"eye": {"sigma_t_m": [1e-3, 2e-3, 3e-3], "sigma_r_rad": [4e-3, 5e-3, 6e-3]}}
+    known = replace(calibration, noise={**calibration.noise, "robots": robots})
+    given = []
+
+    def solve(problem, start, settings):
+        """The start itself."""
+        given.append((problem, start, settings))
+        seen = SimpleNamespace(unobservable={cell.cell.mount_name("wrist")})
+        transforms = {name: name for name in problem.unknowns}
+        return SimpleNamespace(transforms=transforms, observability=seen, converged=False)
+
+    monkeypatch.setattr(module, "solve_from", solve)
+    monkeypatch.setattr(module, "residuals", lambda solution: "residuals")
+    found = without_samples(bare, cell.recording, known, {3})
+    ((problem, start, settings),) = given
+    assert problem.held
+    assert settings.robot_noise == "stated"
+    assert set(problem.stops.robot) == {"eye"}
+    np.testing.assert_allclose(problem.stops.sigma, np.tile(np.arange(1, 7) * 1e-3, (14, 1)))
+    assert start.stop_errors.shape == (14, 6)
+    assert not start.stop_errors.any()
+    for name in problem.unknowns:
+        np.testing.assert_array_equal(start.transforms[name].matrix, calibration[name].mean.matrix)
+    assert set(found.transforms) == set(cell.cell.asked) - {cell.cell.mount_name("wrist")}
+    assert (found.residuals, found.converged) == ("residuals", False)
