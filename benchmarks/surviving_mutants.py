@@ -394,6 +394,18 @@ WHY: dict[tuple[str, str, str, str], str] = {
         "1.0",
         "10.0",
     ): "equivalent: it is cut to 1",
+    (
+        "accuracy/residuals/fit.py",
+        "rms = np.sqrt(np.nansum(off_px**2, axis=(1, 2)) / np.maximum(count, 1))",
+        "1",
+        "2",
+    ): "equivalent: a view of a point has two coordinates, and of none the sum is 0",
+    (
+        "accuracy/residuals/fit.py",
+        "weight = np.where(enough[:, None], measurement.weight, 1.0) ** 2",
+        "1.0",
+        "10.0",
+    ): "equivalent: points that all weigh the same count the same",
 }
 
 

@@ -128,6 +128,17 @@ def test_a_task_chooses_its_station(choice):
     np.testing.assert_allclose(found[NAME].covariance, calibrated(alone)[NAME].covariance, rtol=1e-3)
 
 
+def test_beside_a_light_the_nearest_station_answers_alone():
+    """By weights all of them have a part."""
+    simulated = made(stations=3)
+    of = stations(simulated)[1]
+    task = (of.base() @ of.hand_base_from_light).translation + np.array([0.01, 0.0, 0.0])
+    for choice, alone in (("nearest", True), ("weighted", False)):
+        settings = Settings(method="axis-shift", task_point=tuple(task), station_choice=choice)
+        off = (calibrated(simulated, settings)[NAME].mean.inverse() @ of.base()).log()
+        assert (np.abs(off).max() < 1e-9) == alone
+
+
 def test_stations_share_in_the_covariance_as_in_the_mean():
     """For a task between them each counts by the distance to the power of minus two, its noise by the square."""
     simulated = made(stations=3)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from tests.pose_problem import pose_problem
 
 from basecal.accuracy.residuals.fit import residuals, view_alone
@@ -141,3 +142,21 @@ def test_points_on_a_line_give_no_pose():
     (poses, given), true = alone("led", (0,))
     assert not given.any()
     np.testing.assert_allclose((true.inverse() @ poses).log(), 0.01, atol=1e-12)
+
+
+def test_points_in_space_count_by_their_sigmas():
+    """The pose of a view alone is that of Kabsch's weighted points, by one over their variances."""
+    made = simulate(Scenario(samples=2, target="points3d", point_m=5e-3), 1)
+    problem, _ = build_problem(made.cell, made.recording)
+    (group,) = problem.groups
+    of = group.measurement
+    weight = np.random.default_rng(0).uniform(0.1, 3.0, of.weight.shape)
+    group = replace(group, measurement=replace(of, weight=weight))
+    (found, given) = view_alone(State(made.truth, made.cameras, np.zeros((0, 6))), group, None)
+    assert given.all()
+    for k in range(2):
+        share = weight[k] ** 2 / np.sum(weight[k] ** 2)
+        here, there = share @ of.points_in_target, share @ of.points_in_camera[k]
+        turn, _ = Rotation.align_vectors(of.points_in_camera[k] - there, of.points_in_target - here, weights=share)
+        np.testing.assert_allclose(found.rotation[k], turn.as_matrix(), atol=1e-6)
+        np.testing.assert_allclose(found.translation[k], there - turn.apply(here), atol=1e-6)
