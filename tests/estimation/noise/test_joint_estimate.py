@@ -7,10 +7,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tests.made_up_model import OPEN, made_up
+from tests.pose_problem import pose_problem
 
 from basecal.estimation.noise import joint_estimate
 from basecal.estimation.noise.estimate import NoiseEstimate
 from basecal.estimation.noise.joint_estimate import _units, estimate_jointly, integrate_sigmas
+from basecal.estimation.noise.laplace import SigmaPosterior
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.settings import Settings
@@ -206,3 +209,93 @@ def test_no_arm_is_built_as_stated(monkeypatch, terms, counted):
     found = joint_estimate.integrate_sigmas(SimpleNamespace(width=2), None, noise)
     assert [each.name for each in integrated] == counted
     assert (found.surprise, dict(found.common)) == (0.0, {})
+
+
+def sigmas_found(rng, shapes=None):
+    """Of a made-up model: sigmas of two cameras, two robots, a jitter and, of one robot, errors in common."""
+    model, _ = made_up(rng, OPEN)
+    if shapes is not None:
+        model = replace(model, layout=replace(model.layout, shapes=shapes))
+    logs = np.log([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0])
+    return SigmaPosterior(model, None, logs, np.diag(0.01 * np.arange(11.0)), 12.5)
+
+
+def test_sigmas_go_by_their_names(rng):
+    """In the order of the logarithms: fields of cameras, shift and turn of each robot, jitter, what stops share."""
+    found = joint_estimate._sigmas(sigmas_found(rng), SimpleNamespace(shapes={}))
+    assert found.cameras == {"left": Noise(pose_m=pytest.approx(1.0)), "right": Noise(pixel_px=pytest.approx(2.0))}
+    assert found.robots.keys() == {"eye", "hand"}
+    np.testing.assert_allclose(found.robots["eye"], [3.0] * 3 + [4.0] * 3)
+    np.testing.assert_allclose(found.robots["hand"], [5.0] * 3 + [6.0] * 3)
+    assert found.jitter_s == {"left": pytest.approx(7.0)}
+    assert found.common.keys() == {"hand"}
+    np.testing.assert_allclose(found.common["hand"], [10.0, 11.0])
+    assert found.shapes == {}
+
+
+def test_shapes_add_to_those_that_the_problem_has(rng):
+    """Their mean about the state and its covariance; what is left of it to go tells whether they have come to rest."""
+    of = sigmas_found(rng, {"board": slice(3, 5)})
+    mean, spread = of.columns.mean[3:5], of.columns.spread[3:5, 3:5]
+    before = np.array([0.5, -1.0])
+    for shapes, expected in (({}, mean), ({"board": before}, before + mean)):
+        problem = SimpleNamespace(shapes=shapes)
+        found = joint_estimate._sigmas(of, problem).shapes["board"]
+        np.testing.assert_allclose(found[0], expected)
+        np.testing.assert_array_equal(found[1], spread)
+        estimate = joint_estimate._estimate(of, problem, True)
+        np.testing.assert_allclose(estimate.shapes["board"][0], before if shapes else mean)
+    largest = np.abs(mean).max()
+    for limit in (1.01 * largest, 0.99 * largest):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(joint_estimate, "_SETTLED", limit)
+            assert joint_estimate._shaped_enough(of) == (limit > largest)
+    assert joint_estimate._shaped_enough(sigmas_found(rng))
+
+
+def test_an_estimate_holds_what_was_found(rng):
+    """Sigmas by their names; of robots also the mean of their squares, of what is log-normal by twice its variance."""
+    of = sigmas_found(rng)
+    found = joint_estimate._estimate(of, SimpleNamespace(shapes={}), False)
+    assert (found.factor, found.settled, found.surprise, found.plain_surprise) == (1.0, False, 12.5, 12.5)
+    assert found.estimated == ("pixel_px", "pose_m")
+    assert found.noise == found.cameras["left"]
+    assert found.jitter_s == {"left": pytest.approx(7.0)}
+    np.testing.assert_array_equal(found.logs, of.logs)
+    for robot, sigmas, variances in (("eye", (3, 4), (0.02, 0.03)), ("hand", (5, 6), (0.04, 0.05))):
+        squares = [s**2 * np.exp(2 * v) for s, v in zip(sigmas, variances, strict=True)]
+        np.testing.assert_allclose(found.robot_variances[robot], np.repeat(squares, 3))
+
+
+def test_what_is_open_is_stated_by_nobody():
+    """Sigmas of views, robots that were seen, or jitter of cameras in motion."""
+    stated, _ = pose_problem(np.zeros((3, 6)), np.ones(6))
+    silent, _ = pose_problem(np.zeros((3, 6)), None)
+    assert not joint_estimate._is_open(stated)
+    assert joint_estimate._is_open(silent)
+    assert joint_estimate._is_open(replace(stated, unstated=frozenset({"eye"})))
+    assert not joint_estimate._is_open(replace(stated, unstated=frozenset({"another"})))
+    assert joint_estimate.open_robots(replace(stated, unstated=frozenset({"hand", "eye"}))) == ["eye"]
+    moving = stated.with_groups([replace(stated.groups[0], motion=np.ones((3, 6)))])
+    assert not joint_estimate._is_open(moving)
+    assert joint_estimate._is_open(replace(moving, open_jitter=frozenset({"camera"})))
+
+
+def test_reach_is_of_places_where_something_was_seen():
+    """The root of the mean square of the distance of flange and base."""
+    problem, _ = pose_problem(np.zeros((3, 6)), None)
+    poses = SE3.from_rotvec(np.zeros((3, 3)), [[3.0, 0, 4.0], [0, 1.0, 0], [0, 0, 2.0]])
+    moved = replace(problem.groups[0], eye_base_from_eye_flange=poses, eye_stand=np.array([4, 0, 2]))
+    assert joint_estimate._reach(problem.with_groups([moved]), "eye") == pytest.approx(np.sqrt(30.0 / 3))
+
+
+def test_errors_keep_their_size_in_other_units():
+    """Of stops of an open robot they go by its sigma; at unit sigmas they are in metres and radians."""
+    problem, state = pose_problem(np.zeros((2, 6)), None, stop_sigma=np.repeat([1e-3, 2e-3], 3))
+    state = replace(state, stop_errors=np.ones((2, 6)))
+    unit, physical = joint_estimate._in_units(problem, state, ["eye"])
+    np.testing.assert_array_equal(unit.stops.sigma, 1.0)
+    np.testing.assert_allclose(physical.stop_errors, np.tile(np.repeat([1e-3, 2e-3], 3), (2, 1)))
+    same, as_it_was = joint_estimate._in_units(problem, state, [])
+    np.testing.assert_array_equal(same.stops.sigma, problem.stops.sigma)
+    np.testing.assert_array_equal(as_it_was.stop_errors, 1.0)

@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from tests.estimation.noise.test_reml import NOISY, ROBOTS, at_truth
+from tests.made_up_model import made_up
 
-from basecal.estimation.noise.hyperpriors import CommonPrior, hyperpriors
-from basecal.estimation.noise.laplace import integrated_covariance, moments, sigma_posterior
+from basecal.estimation.noise import laplace
+from basecal.estimation.noise.hyperpriors import CommonPrior, LogNormals, hyperpriors
+from basecal.estimation.noise.laplace import SigmaPosterior, integrated_covariance, moments, sigma_posterior
 from basecal.estimation.noise.mixed_model import mixed_model
 from basecal.estimation.noise.reml import columns_given, open_parts, sigmas_of
 from basecal.estimation.noise.robot_noise import stops_made
@@ -169,3 +171,110 @@ def test_a_model_counts_by_its_evidence(found):
         hardly = replace(other, surprise=7.0 - 2 * np.log(share))
         left = integrated_covariance([sure, hardly], about) - first / (1 + share)
         np.testing.assert_allclose(left, rest * share * second, rtol=1e-4, atol=1e-7 * share * second.max())
+
+
+@pytest.fixture
+def of_numbers(rng):
+    """Sigmas of a made-up model: eleven, that are expected within a factor of e."""
+    model, _ = made_up(rng)
+    prior = LogNormals(np.eye(11), 0.1 * np.arange(11.0), np.ones(11))
+    root = 0.02 * rng.standard_normal((11, 30))
+    return SigmaPosterior(model, prior, 0.1 * rng.standard_normal(11), root @ root.T, 0.0)
+
+
+def test_sigmas_are_looked_for_within_bounds(of_numbers):
+    """Four hundred times what is expected, and a four-hundredth; a twentieth of those of views, which come first."""
+    least, most = laplace._bounds(of_numbers.model, of_numbers.prior)
+    np.testing.assert_allclose(np.exp(most - of_numbers.prior.start), 400.0)
+    np.testing.assert_allclose(np.exp(of_numbers.prior.start - least), [20.0] * 2 + [400.0] * 9)
+
+
+def test_a_covariance_has_a_root_though_rounding_takes_its_last_axis(rng):
+    """Rows whose outer products add up to it."""
+    rows = rng.standard_normal((3, 4))
+    for covariance in (rows.T @ rows + np.eye(4), rows.T @ rows, np.diag([1.0, 4.0, 0.0, 9.0]), np.zeros((0, 0))):
+        root = laplace._root(covariance)
+        np.testing.assert_allclose(root.T @ root, covariance, atol=1e-9)
+    assert laplace._root(np.diag([4.0, 9.0])).tolist() == [[2.0, 0.0], [0.0, 3.0]]
+
+
+def test_nodes_of_cubature_hold_mean_and_covariance(of_numbers):
+    """Two along each axis of the root, alike in weight."""
+    nodes, drawn = laplace._cubature(of_numbers)
+    assert (nodes.shape, drawn.tolist()) == ((22, 11), [0.0] * 22)
+    np.testing.assert_allclose(nodes.mean(0), of_numbers.logs, atol=1e-12)
+    np.testing.assert_allclose(np.cov(nodes.T, bias=True), of_numbers.covariance, rtol=1e-9, atol=1e-12)
+
+
+def test_drawn_nodes_come_in_pairs_with_their_density(of_numbers):
+    """Of Student's t with five freedoms, a fifth wider than the covariance; none beyond the bounds."""
+    nodes, drawn = laplace._drawn(of_numbers)
+    assert (nodes.shape, drawn.shape) == ((128, 11), (128,))
+    np.testing.assert_allclose(nodes[:64] + nodes[64:], np.tile(2 * of_numbers.logs, (64, 1)), atol=1e-12)
+    off = nodes - of_numbers.logs
+    squares = np.einsum("ni,ij,nj->n", off, np.linalg.inv(of_numbers.covariance), off) / 1.2**2
+    np.testing.assert_allclose(drawn, (5 + 11) * np.log(1 + squares / 5), rtol=1e-8)
+    assert 0.4 * 11 < np.median(squares) < 2.5 * 11  # the median of that t is 12.6
+    np.testing.assert_array_equal(laplace._drawn(of_numbers)[0], nodes)
+    least, most = laplace._bounds(of_numbers.model, of_numbers.prior)
+    wide = laplace._drawn(replace(of_numbers, covariance=1e4 * of_numbers.covariance))[0]
+    assert np.all((wide >= least) & (wide <= most))
+    assert np.any(wide == most)
+
+
+@pytest.mark.parametrize(
+    ("sigma", "blocks", "nodes"), [(0.049, 2, 1), (0.051, 2, 22), (0.49, 2, 22), (0.51, 40, 128), (0.51, 41, 22)]
+)
+def test_how_sigmas_are_integrated(of_numbers, sigma, blocks, nodes):
+    """By the worst known of them: at the mode, by cubature, or drawn where stops are few; each node by its height."""
+    variances = np.full(11, 1e-4)
+    variances[3] = sigma**2
+    layout = replace(of_numbers.model.layout, blocks=blocks)
+    of = replace(of_numbers, covariance=np.diag(variances), model=replace(of_numbers.model, layout=layout))
+    found = laplace._weighed_nodes(of)
+    assert 1 <= len(found) <= nodes
+    assert (len(found) == 1) == (nodes == 1)
+    assert sum(weight for weight, _ in found) == pytest.approx(1.0)
+    if nodes == 1:
+        np.testing.assert_array_equal(found[0][1].logs, of.logs)
+        return
+    where, drawn = laplace._drawn(of) if nodes == 128 else laplace._cubature(of)
+    of_node = {known.logs.tobytes(): weight for weight, known in found}
+    heights = [columns_given(of.model, node).value + of.prior.value(node)[0] for node in where]
+    expected = np.exp(-0.5 * (np.array(heights) - drawn - np.min(np.array(heights) - drawn)))
+    weights = [of_node.get(node.tobytes(), 0.0) for node in where]
+    np.testing.assert_allclose(weights, expected / expected.sum(), rtol=1e-6, atol=1e-12)
+
+
+def test_a_step_is_newtons_where_no_bound_holds():
+    """What is at a bound and leads beyond it rests; uphill slopes count to the curvature twice; that is floored."""
+    logs, least, most = np.array([0.0, 1.0, 0.0, 1.0, 0.5, 0.5]), np.zeros(6), np.ones(6)
+    slope = np.array([3.0, -2.0, -5.0, 4.0, 0.7, -0.6])
+    curvature = np.diag([2.0, 3.0, 4.0, 5.0, 6.0, 7.0])
+    curvature[2, 4] = curvature[4, 2] = 0.5
+    step = laplace._within(laplace._Surface(0.0, slope, curvature), logs, least, most, [])
+    free = [2, 3, 4, 5]
+    expected = np.zeros(6)
+    full = curvature + 2 * np.diag([3.0, 0.0, 0.0, 4.0, 0.7, 0.0])
+    expected[free] = -np.linalg.solve(full[np.ix_(free, free)], slope[free])
+    np.testing.assert_allclose(step, expected, rtol=1e-9)
+    flat = laplace._Surface(0.0, np.array([-1.0]), np.array([[0.01]]))
+    np.testing.assert_allclose(laplace._within(flat, np.zeros(1), -np.ones(1), np.ones(1), []), [10.0])
+
+
+def test_a_model_of_next_to_no_share_is_left_out(of_numbers):
+    """Of two, the covariance about a place is theirs by their shares, with how far each mean is off."""
+    sure = replace(of_numbers, covariance=1e-6 * np.eye(11))
+    other = replace(sure, logs=sure.logs + 0.3, surprise=2 * np.log(3.0))
+    about = np.array([0.1, -0.2, 0.3])
+    expected = 0.0
+    for share, of in ((0.75, sure), (0.25, other)):
+        known = columns_given(of.model, of.logs)
+        expected = expected + share * (known.covariance + np.outer(known.step - about, known.step - about))
+    np.testing.assert_allclose(integrated_covariance([sure, other], about), expected, rtol=1e-9)
+    columns = np.array([0, 3, 10])
+    mean, covariance, squares = moments(sure, columns)
+    known = columns_given(sure.model, sure.logs)
+    np.testing.assert_allclose(mean, known.in_units(columns)[0])
+    np.testing.assert_allclose(covariance, known.in_units(columns)[1], rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(squares, np.exp(2 * sure.logs))

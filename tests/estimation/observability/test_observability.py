@@ -7,10 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.sparse import csc_array
-from tests.pose_problem import MOUNT, pose_problem
+from tests.pose_problem import MOUNT, TARGET, pose_problem
 
 from basecal.cell import Intrinsics, Unknown
 from basecal.estimation.least_squares.normal_equations import linearise
+from basecal.estimation.observability import observability as module
+from basecal.estimation.observability.motions import null_directions
 from basecal.estimation.observability.observability import observability_of, sparse_observability, without_priors
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
@@ -137,3 +139,87 @@ def test_units_are_a_distance_a_radian_a_focal_length_and_a_large_distortion():
     for k in range(14):
         wider = np.where(np.arange(14) == k, 10.0, 1.0) * sigmas
         assert seen_with(wider[:6], lens=wider[6:]).condition == pytest.approx(10.0)
+
+
+def test_a_problem_without_unknowns_is_seen():
+    """It has no direction that could be open."""
+    problem, state = pose_problem(np.zeros((2, 6)), np.ones(6))
+    found = observability_of(replace(problem, columns={}), state, np.zeros((0, 0)), 1.0)
+    assert (found.inverse.shape, found.onto_held.shape, found.condition) == ((0, 0), (0, 0), 1.0)
+    assert (found.null_space, found.unobservable) == ((), frozenset())
+
+
+@pytest.mark.parametrize(("count", "taken"), [(3, 1), (40, 1), (41, 2), (81, 3)])
+def test_how_far_targets_are_is_the_median_of_some_views(count, taken):
+    """Of every so manieth of each group, forty at most; a millimetre at least, a metre of none."""
+    problem, state = pose_problem(np.zeros((count, 6)), np.ones(6))
+    distances = 1.0 + np.arange(count) ** 2
+    at = SE3.from_rotvec(np.zeros((count, 3)), np.outer(distances, [0.0, 0.6, 0.8]))
+    away = problem.with_groups([replace(problem.groups[0], eye_base_from_eye_flange=at)])
+    assert module._length(away, state) == pytest.approx(np.median(distances[::taken]))
+    assert module._length(problem, state) == 1e-3
+    assert module._length(problem.with_groups([problem.groups[0].take(np.zeros(0, dtype=int))]), state) == 1.0
+
+
+def test_units_of_columns_are_those_of_what_they_move():
+    """A length and radians of a transform; a focal length, and ten, of a lens's pixels and distortion."""
+    problem, state = pose_problem(np.zeros((2, 6)), np.ones(6))
+    columns = {"camera": slice(0, 8), MOUNT: slice(8, 14)}
+    lens = replace(problem, columns=columns, lenses={"camera": Intrinsics("free", LENS)})
+    found = module._scales(lens, replace(state, cameras={"camera": LENS}), 2.5)
+    np.testing.assert_array_equal(found, [1000.0] * 4 + [10.0] * 4 + [2.5] * 3 + [1.0] * 3)
+    assert [module._gated(lens, name) for name in (MOUNT, "camera", "eye_joint_offsets")] == [6, 4, 0]
+
+
+def test_priors_are_taken_off_and_what_is_fixed_stays():
+    """Unknowns under a prior count as free."""
+    problem, _ = pose_problem(np.zeros((2, 6)), np.ones(6), Unknown("prior", SE3.identity(), np.ones(6)))
+    assert {name: of.status for name, of in without_priors(problem).unknowns.items()} == {
+        MOUNT: "free",
+        TARGET: "fixed",
+    }
+
+
+@pytest.mark.parametrize(
+    ("sigma", "factor", "seen"),
+    [(0.29, 1.0, True), (0.31, 1.0, False), (2.9, 0.01, True), (29, 1e-9, True), (31, 1e-9, False)],
+)
+def test_sparse_information_is_seen_below_three_tenths(sigma, factor, seen):
+    """Of the worst direction, at a hundredth of its sigma where noise is less; the condition is that of sigmas."""
+    problem, state = pose_problem(np.zeros((4, 6)), np.ones(6))
+    turned = SE3.from_rotvec(np.concatenate([np.zeros((1, 3)), np.eye(3)]), np.zeros((4, 3)))
+    problem = problem.with_groups([replace(problem.groups[0], eye_base_from_eye_flange=turned)])
+    state = replace(state, transforms={**state.transforms, MOUNT: SE3.from_rotvec([0, 0, 0], [0, 0, -2.0])})
+    sigmas = np.array([2e-2, 2e-2, 2e-2, 1e-2, 1e-2, sigma])
+    hessian = np.diag(sigmas**-2.0)
+    found = module.condition_where_seen(problem, state, SparseHessian(csc_array(hessian)), factor)
+    assert (found is not None) == seen
+    if seen:
+        assert found == pytest.approx(sigma / 1e-2, rel=1e-2)
+
+
+@pytest.mark.parametrize("moves", [True, False])
+def test_what_motions_leave_open_is_not_seen_however_sure_it_looks(moves):
+    """A still arm does not tell its camera's mount from its target: what seems to is noise, and is taken off."""
+    problem, state = pose_problem(np.zeros((4, 6)), np.full(6, 1e-3))
+    axes = np.concatenate([np.zeros((1, 3)), np.eye(3)]) * moves
+    group = replace(problem.groups[0], eye_base_from_eye_flange=SE3.from_rotvec(axes, axes))
+    unknowns = {MOUNT: Unknown(), TARGET: Unknown()}
+    columns = {MOUNT: slice(0, 6), TARGET: slice(6, 12)}
+    problem = replace(problem.with_groups([group]), unknowns=unknowns, columns=columns)
+    sure = 1e6 * np.eye(12)
+    found = sparse_observability(problem, state, SparseHessian(csc_array(sure)), 1.0)
+    assert (found is not None) == moves
+    left = module._without_null_directions(problem, state, sure)
+    np.testing.assert_allclose(left, left.T)
+    if moves:
+        np.testing.assert_array_equal(left, sure)
+        np.testing.assert_allclose(found.inverse, 1e-6 * np.eye(12))
+        np.testing.assert_array_equal(found.onto_held, np.eye(12))
+        return
+    hessian = linearise(problem, state).hessian
+    loose = null_directions(problem, state)
+    assert loose.shape == (12, 6)
+    taken = module._without_null_directions(problem, state, hessian)
+    np.testing.assert_allclose(taken @ loose, 0.0, atol=1e-6 * np.abs(hessian).max())
+    np.testing.assert_allclose(taken, taken.T)

@@ -10,6 +10,8 @@ from basecal.cell import (
     Cell,
     CellCamera,
     CellTarget,
+    PixelObservation,
+    PoseObservation,
     Recording,
     Robot,
     RollingShutter,
@@ -17,9 +19,10 @@ from basecal.cell import (
     Unknown,
 )
 from basecal.cell.calibration import Calibration, LineTime
+from basecal.cell.targets.points import points_target
 from basecal.estimation.streams.rolling_shutter import Known, Moving, as_at_once, line_of, mean_row
 from basecal.estimation.streams.streams import streams_of, synchronised, synchronous
-from basecal.geometry import SE3, PoseEstimate
+from basecal.geometry import SE3, Camera, PoseEstimate
 from stream_cells import BOARD, MOUNT, Streamed, along, pictured
 
 LINE_S = 3e-5
@@ -177,3 +180,59 @@ def test_each_pixel_is_mended_by_the_rows_since_the_mean_one() -> None:
     for lines, lenses in (({"wrist": 0.0}, known(made).lenses), ({"wrist": LINE_S}, {})):
         same = as_at_once(recording, replace(known(made), lenses=lenses), lines, at_mean.robots)
         assert same.samples[0].observations == (some, candidates)
+
+
+def moving_light(velocity: np.ndarray) -> tuple[Known, dict[str, Moving]]:
+    """A camera on an arm, a tag of two points on another, 1 m before it, that goes by a velocity; and these arms."""
+    lens = Camera("pinhole", np.array([800.0, 800.0, 640.0, 360.0]), (1280, 720))
+    tag = points_target(np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]]))
+    cell = Cell(
+        "eye",
+        {"eye": Robot("eye"), "hand": Robot("hand")},
+        {"hand": Unknown()},
+        {"wrist": CellCamera("wrist", "eye")},
+        {"tag": CellTarget("tag", "hand", target=tag)},
+    )
+    transforms = {cell.mount_name("wrist"): SE3.identity(), cell.mount_name("tag"): SE3.identity()}
+    transforms[cell.base_name("hand")] = SE3.from_rotvec([0, 0, 0], [0, 0, 1.0])
+    arms = {"eye": Moving(SE3.identity(), np.zeros(6)), "hand": Moving(SE3.identity(), velocity)}
+    return Known(cell, transforms, {"wrist": lens}), arms
+
+
+def test_what_moved_until_a_row_is_taken_off_its_pixels() -> None:
+    """A tag that goes by 1 m/s, seen 100 rows of 10 us after the mean one: 800 px at 1 m times a millimetre."""
+    known, arms = moving_light(np.array([1.0, 0, 0, 0, 0, 0]))
+    ids = known.cell.targets["tag"].target.ids
+    pixels = np.array([[640.0, 260.0], [720.0, 460.0]])
+    sample = Sample(3, stamp_s=0.0, observations=(PixelObservation("wrist", "tag", ids, pixels),))
+    robots = {name: {3: of} for name, of in arms.items()}
+
+    def mended(line_s: float, known: Known = known, sample: Sample = sample) -> np.ndarray:
+        """Pixels of the sample as if they had been seen at once."""
+        (found,) = as_at_once(Recording((sample,)), known, {"wrist": line_s}, robots).samples
+        assert found.stamp_s == sample.stamp_s
+        return found.observations[0].pixels
+
+    np.testing.assert_allclose(mended(1e-5), pixels + np.array([[0.8, 0.0], [-0.8, 0.0]]), atol=1e-9)
+    np.testing.assert_array_equal(mended(0.0), pixels)
+    np.testing.assert_array_equal(mended(1e-5, replace(known, lenses={})), pixels)
+    np.testing.assert_array_equal(mended(1e-5, replace(known, transforms={})), pixels)
+    spots = replace(sample, observations=(CandidateObservation("wrist", "tag", pixels),))
+    np.testing.assert_allclose(mended(1e-5, sample=spots), pixels + np.array([[0.8, 0.0], [-0.8, 0.0]]), atol=1e-9)
+    targets = {"tag": CellTarget("tag", "hand")}
+    np.testing.assert_array_equal(mended(1e-5, replace(known, cell=replace(known.cell, targets=targets))), pixels)
+    posed = replace(sample, observations=(PoseObservation("wrist", "tag", SE3.identity()),))
+    (same,) = as_at_once(Recording((posed,)), known, {"wrist": 1e-5}, robots).samples
+    assert same.observations == posed.observations
+
+
+def test_what_is_behind_the_camera_is_left_where_it_is() -> None:
+    """It has no pixel to be mended by."""
+    known, arms = moving_light(np.array([1.0, 0, 0, 0, 0, 0]))
+    base = {known.cell.base_name("hand"): SE3.from_rotvec([0, 0, 0], [0, 0, -1.0])}
+    behind = replace(known, transforms={**known.transforms, **base})
+    pixels = np.array([[640.0, 260.0], [720.0, 460.0]])
+    ids = known.cell.targets["tag"].target.ids
+    sample = Sample(3, stamp_s=0.0, observations=(PixelObservation("wrist", "tag", ids, pixels),))
+    (found,) = as_at_once(Recording((sample,)), behind, {"wrist": 1e-5}, {n: {3: of} for n, of in arms.items()}).samples
+    np.testing.assert_array_equal(found.observations[0].pixels, pixels)
