@@ -13,26 +13,22 @@ from basecal.estimation.noise import laplace
 from basecal.estimation.noise.hyperpriors import CommonPrior, LogNormals, hyperpriors
 from basecal.estimation.noise.laplace import SigmaPosterior, integrated_covariance, moments, sigma_posterior
 from basecal.estimation.noise.mixed_model import mixed_model
-from basecal.estimation.noise.reml import columns_given, open_parts, sigmas_of
+from basecal.estimation.noise.reml import columns_given, open_parts, posterior, sigmas_of
 from basecal.estimation.noise.robot_noise import stops_made
 from basecal.estimation.noise.terms.common_errors import CommonErrors
 from quick import quick
 
 
-def test_integrating_over_sigmas_widens_the_covariance():
+def test_integrating_over_sigmas_widens_the_covariance(found):
     """The most likely sigmas are stationary, and the covariance integrated over them is larger than at them."""
-    model = mixed_model(*at_truth(NOISY), ROBOTS)
-    prior = hyperpriors(model, dict.fromkeys(ROBOTS, 0.5))
-    found = sigma_posterior(model, prior)
-    assert np.abs(found.at_mode.slope() + prior.value(found.logs)[1]).max() < 0.1
+    assert np.abs(found.at_mode.slope() + found.prior.value(found.logs)[1]).max() < 0.1
     whole = integrated_covariance([found], found.at_mode.step)
     assert np.trace(whole[:6, :6]) > 1.02 * np.trace(found.at_mode.covariance[:6, :6])
 
 
-def test_models_count_by_how_much_likelier_one_is():
+def test_models_count_by_how_much_likelier_one_is(found):
     """However unlikely both are: of two alike the covariance is that of either."""
-    model = mixed_model(*at_truth(NOISY), ROBOTS)
-    found = sigma_posterior(model, hyperpriors(model, dict.fromkeys(ROBOTS, 0.5)))
+    found = replace(found, covariance=1e-6 * np.eye(len(found.logs)))
     alone = integrated_covariance([found], found.at_mode.step)
     for surprise in (-1e5, 0.0, 1e5):
         both = [replace(found, surprise=surprise), replace(found, surprise=surprise)]
@@ -249,13 +245,14 @@ def test_how_sigmas_are_integrated(of_numbers, sigma, blocks, nodes):
 def test_a_step_is_newtons_where_no_bound_holds():
     """What is at a bound and leads beyond it rests; uphill slopes count to the curvature twice; that is floored."""
     logs, least, most = np.array([0.0, 1.0, 0.0, 1.0, 0.5, 0.5]), np.zeros(6), np.ones(6)
-    slope = np.array([3.0, -2.0, -5.0, 4.0, 0.7, -0.6])
+    slope = np.array([0.3, -0.4, -5.0, 4.0, 0.7, -0.6])
     curvature = np.diag([2.0, 3.0, 4.0, 5.0, 6.0, 7.0])
     curvature[2, 4] = curvature[4, 2] = 0.5
+    curvature[0, 2] = curvature[2, 0] = 0.4
     step = laplace._within(laplace._Surface(0.0, slope, curvature), logs, least, most, [])
     free = [2, 3, 4, 5]
     expected = np.zeros(6)
-    full = curvature + 2 * np.diag([3.0, 0.0, 0.0, 4.0, 0.7, 0.0])
+    full = curvature + 2 * np.diag([0.3, 0.0, 0.0, 4.0, 0.7, 0.0])
     expected[free] = -np.linalg.solve(full[np.ix_(free, free)], slope[free])
     np.testing.assert_allclose(step, expected, rtol=1e-9)
     flat = laplace._Surface(0.0, np.array([-1.0]), np.array([[0.01]]))
@@ -264,8 +261,8 @@ def test_a_step_is_newtons_where_no_bound_holds():
 
 def test_a_model_of_next_to_no_share_is_left_out(of_numbers):
     """Of two, the covariance about a place is theirs by their shares, with how far each mean is off."""
-    sure = replace(of_numbers, covariance=1e-6 * np.eye(11))
-    other = replace(sure, logs=sure.logs + 0.3, surprise=2 * np.log(3.0))
+    sure = replace(of_numbers, covariance=1e-6 * np.eye(11), surprise=1e5)
+    other = replace(sure, logs=sure.logs + 0.3, surprise=1e5 + 2 * np.log(3.0))
     about = np.array([0.1, -0.2, 0.3])
     expected = 0.0
     for share, of in ((0.75, sure), (0.25, other)):
@@ -278,3 +275,23 @@ def test_a_model_of_next_to_no_share_is_left_out(of_numbers):
     np.testing.assert_allclose(mean, known.in_units(columns)[0])
     np.testing.assert_allclose(covariance, known.in_units(columns)[1], rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(squares, np.exp(2 * sure.logs))
+
+
+def test_the_mode_of_made_up_numbers_is_stationary(of_numbers):
+    """The slope there is less than the last step's gain tells; curvature and surprise are of that place."""
+    model, prior = of_numbers.model, of_numbers.prior
+    surface = laplace._Surface.at(model, prior, of_numbers.logs)
+    known, (height, slope) = posterior(model, of_numbers.logs), prior.value(of_numbers.logs)
+    assert surface.value == pytest.approx(known.value + height)
+    np.testing.assert_allclose(surface.slope, known.slope() + slope)
+    np.testing.assert_allclose(surface.curvature, known.average_information() + prior.curvature)
+    found = sigma_posterior(model, prior)
+    at_mode = laplace._Surface.at(model, prior, found.logs)
+    gain = 0.5 * at_mode.slope @ np.linalg.solve(at_mode.curvature, at_mode.slope)
+    assert 0.0 <= gain < 0.01
+    assert at_mode.value < surface.value
+    np.testing.assert_allclose(found.covariance, np.linalg.inv(0.5 * at_mode.curvature), rtol=1e-6, atol=1e-9)
+    spread = np.linalg.slogdet(2 * np.pi * found.covariance)[1]
+    assert found.surprise == pytest.approx(at_mode.value - spread)
+    again = sigma_posterior(model, prior, found.logs[:3])
+    np.testing.assert_allclose(again.logs, found.logs, atol=0.1)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from basecal.estimation.outliers import left_out
 from basecal.estimation.outliers.classify import classify_inliers
 from basecal.estimation.outliers.inlier_mask import InlierMask, all_inliers
 from basecal.estimation.outliers.left_out import measure_left_out
@@ -156,3 +157,55 @@ def test_ids_are_those_of_the_recording():
     found = measured(cell, problem, state, points=[(1, 0), (2, 0)], recorded=recorded)
     ids = cell.targets["board"].target.ids
     assert [o.ids for o in found] == [(int(ids[0]),), (int(ids[-1]),)]
+
+
+def test_sigmas_are_those_that_views_and_points_scatter_by():
+    """Where these are of twice the variance's root, views and points are half as many sigmas off."""
+    cell, problem, state = cell_at_truth(Scenario(samples=6))
+    (group,) = problem.groups
+    pixels = group.measurement.pixels.copy()
+    pixels[4, 7] += (6.0, -8.0)
+    problem = bumped(
+        problem.with_groups([replace(group, measurement=replace(group.measurement, pixels=pixels))]),
+        2,
+        [0.05] + [0] * 5,
+    )
+    mask = all_inliers(problem)
+    points = mask.points[0].copy()
+    points[4, 7] = False
+    kept = InlierMask((np.arange(6) != 2,), (points,))
+    judgement = classify_inliers(problem, state, kept)
+    plain = measure_left_out(cell, problem, problem, state, kept, judgement)
+    wider = replace(
+        judgement,
+        view_scale=replace(judgement.view_scale, variance=4.0 * judgement.view_scale.variance),
+        point_scale=replace(judgement.point_scale, variance=9.0 * judgement.point_scale.variance),
+    )
+    found = measure_left_out(cell, problem, problem, state, kept, wider)
+    assert [of.sample for of in found] == [2, 4]
+    assert [one.sigmas / other.sigmas for one, other in zip(found, plain, strict=True)] == pytest.approx([1 / 2, 1 / 3])
+    assert plain[0].sigmas == pytest.approx(np.sqrt(judgement.views[0].value[2] / judgement.view_scale.variance))
+    assert found[1].off_px == plain[1].off_px
+
+
+@pytest.mark.parametrize(("kept", "by_view"), [(2, False), (3, True), (30, True)])
+def test_points_are_off_from_where_their_own_view_puts_them(kept, by_view):
+    """By its own pose where three points and more are kept; else from where all else predicts them."""
+    _, problem, state = cell_at_truth(Scenario(samples=2, pixel_px=1e-3))
+    (group,) = problem.groups
+    true, lens = state.camera_from_target(group, problem.stops), state.cameras["wrist"]
+    off = true @ SE3.exp([0.004, 0.0, 0.0, 0.0, 0.0, 0.0])
+    used = np.zeros((2, 36), dtype=bool)
+    used[:, [0, 5, 30, *range(6, 30), 31, 32, 33][:kept]] = True
+    weight = group.measurement.weight.copy()
+    weight[0, 35] = 0.0
+    few = left_out._LostPoints(np.arange(2), replace(group.measurement, weight=weight), ~used, used)
+    found = left_out._distances(few, off, lens)
+    moved = np.linalg.norm(
+        lens.project(off[:, None] @ group.measurement.points_in_target) - group.measurement.pixels, axis=-1
+    )
+    seen = group.measurement.seen & (weight > 0)
+    if by_view:
+        assert np.abs(found[seen]).max() < 0.3
+    else:
+        np.testing.assert_allclose(found[seen], moved[seen], rtol=1e-6)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from tests.pose_problem import pose_problem
 
 from basecal.cell.targets.chessboard import chessboard_target
+from basecal.estimation.least_squares.studentized import MahalanobisSquared
 from basecal.estimation.outliers import subset_starts
 from basecal.estimation.outliers.subset_starts import _size, score, subset_states
 from basecal.estimation.problem.build import build_problem
@@ -161,3 +163,47 @@ def test_one_freedom_more_or_less_is_told_to_each_subset():
     problem, _ = build_problem(made.cell, made.recording)
     begun = subset_starts._begun(problem, made.cell, [np.arange(5), np.arange(2), np.arange(3), np.array([50])])
     assert [(of.numbers.tolist(), of.dof) for of in begun] == [([0, 1, 2, 3, 4], 12), ([0, 1, 2], 1)]
+
+
+def test_views_that_nothing_checks_do_not_count(monkeypatch):
+    """Of those of one freedom each counts by it; squares beyond all bounds are alike."""
+    problem, state = pose_problem(np.zeros((2, 6)), np.ones(6))
+    value, freedoms = np.array([3.0, 7.0, np.inf, 0.2]), np.array([1, 0, 2, 1])
+    told = MahalanobisSquared(value, freedoms)
+    monkeypatch.setattr(subset_starts, "studentized", lambda *of: (told,))
+    ratio, half = np.array([3.0, 0.5e30, 0.2]), np.array([0.5, 1.0, 0.5])
+    scales = np.maximum(np.quantile(ratio, np.linspace(0.1, 0.9, 17)), 1.0)
+    wanted = min(float(np.sum(half * np.log(s) + (half + 0.5) * np.log1p(2 * half * ratio / s))) for s in scales)
+    assert score(problem, state, True) == pytest.approx(wanted)
+
+
+@pytest.mark.parametrize(("views", "size"), [(10, 3), (3, 3), (2, 2)])
+def test_three_samples_at_least(views, size):
+    """Or all that there are, though one could hold the mount."""
+    problem, _ = pose_problem(np.zeros((views, 6)), np.ones(6))
+    assert _size(problem, np.arange(views)) == size
+
+
+def test_states_are_drawn_on_to_the_better_half(monkeypatch):
+    """Views whose squares over freedoms are up to the median of all groups; of each state its own, three times."""
+    problem, state = pose_problem(np.zeros((3, 6)), np.ones(6))
+    (group,) = problem.groups
+    problem = problem.with_groups([group, group.take(np.arange(2))])
+    told = (
+        MahalanobisSquared(np.array([[6.0, 12.0, 40.0], [1.0, 1.0, np.inf]]), np.array([[6, 6, 2], [2, 1, 3]])),
+        MahalanobisSquared(np.array([[30.0, 0.5], [4.0, 0.2]]), np.array([[6, 0], [1, 1]])),
+    )
+    given = []
+
+    def adjusted(read, drawn, dof, steps, weights):
+        """Nothing moves."""
+        given.append((dof, steps, [of.tolist() for of in weights]))
+        return SimpleNamespace(state=drawn)
+
+    monkeypatch.setattr(subset_starts, "studentized", lambda *of: told)
+    monkeypatch.setattr(subset_starts, "bundle_adjust_batch", adjusted)
+    found = subset_starts._concentrated(problem, [state, state])
+    assert len(found) == 2
+    # Of the first 1, 2, 20, 5 and 0.5, of the second 0.5, 1, infinity, 4 and 0.2.
+    weights = [[[1.0, 1.0, 0.0], [1.0, 1.0, 0.0]], [[0.0, 1.0], [0.0, 1.0]]]
+    assert given == [(1, 4, weights)] * 3

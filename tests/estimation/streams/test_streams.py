@@ -1,5 +1,6 @@
 """Recordings of streams, and their samples."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -7,17 +8,24 @@ import pytest
 
 from basecal.cell import (
     Calibration,
+    CandidateObservation,
+    Cell,
     CellCamera,
+    CellTarget,
     Clock,
     ClockOffset,
     PoseObservation,
     Recording,
     Robot,
     RobotState,
+    RollingShutter,
     Sample,
+    Unknown,
 )
 from basecal.errors import InputError
 from basecal.estimation.solve import solve
+from basecal.estimation.streams import streams
+from basecal.estimation.streams.rolling_shutter import line_of
 from basecal.estimation.streams.streams import streams_of, synchronised, synchronous
 from basecal.geometry import SE3
 from planar_arm import planar
@@ -230,3 +238,116 @@ def test_joints_are_given_on_as_joints() -> None:
         np.testing.assert_allclose(arm.joints_rad, np.sin(sample.stamp_s - 0.01 + np.arange(chain.n)), atol=1e-5)
         moving = found.robots["arm"][sample.sample]
         np.testing.assert_allclose(moving.base_from_flange.matrix, chain.forward(arm.joints_rad).matrix, atol=1e-12)
+
+
+def seen(number: int, stamp_s: float | None, cameras: Sequence[str] = (), robots: Sequence[str] = ()) -> Sample:
+    """A line with views of the tag by some cameras, and robots where they stand."""
+    views = tuple(PoseObservation(camera, "tag", SE3.identity()) for camera in cameras)
+    return Sample(number, stamp_s=stamp_s, observations=views, robots={n: RobotState(SE3.identity()) for n in robots})
+
+
+def two_arms(**clocks: Clock) -> Cell:
+    """An arm with a camera, one with two that roll, and a tag on the world; clocks by name."""
+    robots = {name: Robot(name, clock=clocks.get(name)) for name in ("left", "right")}
+    rolling = RollingShutter("fixed", 1e-5)
+    cameras = {
+        "first": CellCamera("first", "left", clock=clocks.get("first")),
+        "second": CellCamera("second", "right", clock=clocks.get("second"), rolling_shutter=rolling),
+        "third": CellCamera("third", "right", clock=clocks.get("third")),
+    }
+    return Cell("left", robots, {"right": Unknown()}, cameras, {"tag": CellTarget("tag", "world")})
+
+
+def test_views_of_further_cameras_have_numbers_beyond_all_others() -> None:
+    """A sample for each camera, that of the first with its number; without robots, the stamp as it was."""
+    lines = [
+        seen(4, 1.0, ["first", "second"], ["left"]),
+        seen(7, 2.0, ["third"]),
+        seen(2, 3.0),
+        seen(3, 4.0, ["third", "first", "third", "second"]),
+    ]
+    found = list(streams._instants(lines))
+    assert [of.sample for of in found] == [4, 8, 7, 3, 9, 10]
+    assert [of.stamp_s for of in found] == [1.0, 1.0, 2.0, 4.0, 4.0, 4.0]
+    assert [[o.camera for o in of.observations] for of in found] == [
+        ["first"], ["second"], ["third"], ["third", "third"], ["first"], ["second"],
+    ]  # fmt: skip
+    assert not any(of.robots for of in found)
+
+
+def test_an_instant_is_later_than_its_stamp_by_clock_and_rows() -> None:
+    spots = CandidateObservation("second", "tag", np.array([[0.0, 20.0], [0.0, 40.0]]))
+    sample = Sample(1, stamp_s=5.0, observations=(spots,))
+    offsets = {"second": 0.5, line_of("second"): 2e-3}
+    assert streams._after_stamp(sample, offsets) == pytest.approx(0.56)
+    assert streams._after_stamp(sample, {"second": 0.5}) == 0.5
+    assert streams._after_stamp(sample, {"second": -0.5, line_of("second"): 0.0}) == -0.5
+
+
+def test_a_path_is_in_the_order_of_stamps() -> None:
+    """Of two records at one stamp the first line counts; lines without a stamp do not."""
+    poses = SE3.exp(np.arange(30.0).reshape(5, 6) / 50)
+    stamps = (3.0, 1.0, 3.0, None, 2.0)
+    lines = [Sample(k, stamp_s=at, robots={"left": RobotState(poses[k])}) for k, at in enumerate(stamps)]
+    path = streams._path(two_arms(), "left", [*lines, seen(9, 0.5, robots=["right"])])
+    assert path.times.tolist() == [1.0, 2.0, 3.0]
+    np.testing.assert_array_equal(path.base_from_flange.translation, poses.translation[[1, 4, 0]])
+    nothing = streams._path(two_arms(), "right", lines)
+    assert (nothing.times.shape, nothing.base_from_flange.shape) == ((0,), (0,))
+    by_joints = [Sample(0, stamp_s=1.0, robots={"left": RobotState(joints_rad=np.zeros(2))})]
+    with pytest.raises(InputError, match="no urdf"):
+        streams._path(two_arms(), "left", by_joints)
+    with pytest.raises(InputError, match="give one kind"):
+        streams._path(two_arms(), "left", [*by_joints, seen(2, 2.0, robots=["left"])])
+
+
+@pytest.mark.parametrize(
+    ("offset_s", "of_robot_s", "robot", "overlaps"),
+    [
+        (0.0, 0.0, "left", False),
+        (98.5, 0.0, "left", False),
+        (99.5, 0.0, "left", True),
+        (102.5, 0.0, "left", True),
+        (103.5, 0.0, "left", False),
+        (0.0, -100.0, "left", True),
+        (0.0, 100.0, "left", False),
+        (0.0, 0.0, "right", True),
+    ],
+)
+def test_stamps_must_share_some_time(offset_s: float, of_robot_s: float, robot: str, overlaps: bool) -> None:
+    """Of a camera and the robot that carries it, by clocks as they are stated; other robots do not matter."""
+    cell = two_arms(first=Clock("fixed", offset_s), left=Clock("fixed", of_robot_s))
+    arm = [seen(k, 100.0 + k, robots=[robot]) for k in range(3)]
+    lines = [*arm, seen(5, 1e4, ["third"]), seen(8, -1.0, ["first"]), seen(9, 1.0, ["first"])]
+    lines = lines if robot == "left" else [*arm, *lines[4:]]
+    if overlaps:
+        assert streams_of(cell, Recording(tuple(lines))) is not None
+    else:
+        with pytest.raises(InputError, match="share no time"):
+            streams_of(cell, Recording(tuple(lines)))
+
+
+@pytest.mark.parametrize(("apart_s", "is_path"), [(0.24, True), (0.26, False)])
+def test_rows_matter_where_robots_are_recorded_often(apart_s: float, is_path: bool) -> None:
+    """At most a quarter of a second apart, all lines with stamps."""
+    lines = tuple(seen(k, k * apart_s, ["second"], ["right", "left"]) for k in range(4))
+    assert streams._moves_before_lines(two_arms(), Recording(lines)) == is_path
+    views = tuple(seen(k, 0.1 * k, ["second"]) for k in range(10, 14))
+    assert streams._moves_before_lines(two_arms(), Recording((*lines, *views))) == is_path
+    unstamped = seen(9, None, ["second"], ["right"])
+    assert not streams._moves_before_lines(two_arms(), Recording((*lines, unstamped)))
+    cell = two_arms()
+    still = replace(cell, cameras={"third": cell.cameras["third"]})
+    assert not streams._moves_before_lines(still, Recording(lines))
+
+
+@pytest.mark.parametrize(("offset_s", "followed"), [(0.4, [8, 9]), (-0.4, [6, 7])])
+def test_robots_are_followed_by_their_own_clock(offset_s: float, followed: list[int]) -> None:
+    """An arm recorded from 1 to 2 s by a clock that is so much behind."""
+    cell = two_arms(left=Clock("fixed"))
+    arm = [seen(100 + k, 1.0 + 0.1 * k, robots=["left"]) for k in range(11)]
+    at = {6: 0.7, 7: 1.3, 8: 1.7, 9: 2.3}
+    found = streams_of(cell, Recording((*arm, *(seen(k, t, ["first"]) for k, t in at.items()))))
+    assert found is not None
+    samples = synchronised(found, {**found.stated, "left": offset_s}).recording.samples
+    assert [of.sample for of in samples] == followed

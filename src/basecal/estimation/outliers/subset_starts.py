@@ -128,9 +128,9 @@ def _begun(problem: Problem, cell: Cell, numbers: Iterable[IntArray]) -> list[_S
 
 def _gathered(problem: Problem, inside: Sequence[BoolArray]) -> tuple[Problem, list[BoolArray]]:
     """Of each subset the views that are inside alone, and as many of others as make their number even."""
-    rows = [np.argsort(~of, axis=-1, kind="stable")[:, : max(int(of.sum(-1).max()), 1)] for of in inside]
+    rows = [np.argsort(~of, axis=1, kind="stable")[:, : max(int(of.sum(1).max()), 1)] for of in inside]
     few = problem.with_groups([g.take(row) for g, row in zip(problem.groups, rows, strict=True)])
-    return few, [np.take_along_axis(of, row, axis=-1) for of, row in zip(inside, rows, strict=True)]
+    return few, [np.take_along_axis(of, row, axis=1) for of, row in zip(inside, rows, strict=True)]
 
 
 def _fitted(problem: Problem, subsets: Sequence[_Subset]) -> list[State]:
