@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import pytest
 from basecal.accuracy.task.arms_at_points import joints_at, recorded_joints
 from basecal.accuracy.task.error_map import error_map
 from basecal.accuracy.task.kinematic_errors import EXPECTED, kinematic_errors
-from basecal.accuracy.task.meeting_errors import meeting_errors
+from basecal.accuracy.task.meeting_errors import _Expected, _mixture, _own_variance, meeting_errors
 from basecal.accuracy.task.task import Task
 from basecal.cell import Calibration
 from basecal.estimation.noise.joint_estimate import sigmas_with
@@ -167,3 +168,36 @@ def test_what_meets_moves_with_the_base_and_both_arms():
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-4 * np.abs(wanted).max())
     _, without = meeting_errors(made.cell, replace(calibration, noise={}), solution, Task(BASE, at_hand), points)
     np.testing.assert_allclose(found - without, np.broadcast_to(by_robots, found.shape), atol=1e-15)
+
+
+def test_a_robots_own_variance_is_that_of_its_stops_and_of_what_these_have_in_common():
+    """Means over the axes, of place and of turn; estimated variances count in place of the sigmas that are told."""
+    told = {"sigma_t_m": [1.0, 2.0, 3.0], "sigma_r_rad": [1.0, 1.0, 4.0]}
+    smooth = {"smooth": {"sigma": [3.0, 0.0, 0.0, 0.0, 0.0, 6.0]}}
+    robots = {"plain": told, "smooth": told | smooth, "estimated": told | smooth}
+    calibration = Calibration("good", noise={"robots": robots})
+    solution = SimpleNamespace(noise=SimpleNamespace(robot_variances={"estimated": np.arange(6.0)}))
+    found = {name: _own_variance(calibration, solution, name) for name in (*robots, "exact")}
+    np.testing.assert_allclose(found["plain"], [14 / 3, 6.0])
+    np.testing.assert_allclose(found["smooth"], [14 / 3 + 3, 6.0 + 12])
+    np.testing.assert_allclose(found["estimated"], [1.0 + 3, 4.0 + 12])
+    np.testing.assert_array_equal(found["exact"], 0)
+
+
+def test_models_count_by_their_evidence():
+    """Mean and covariance of draws of both, one three times as likely; far less likely ones count nothing."""
+    rng = np.random.default_rng(0)
+    means, roots = rng.standard_normal((2, 2, 6)), rng.standard_normal((2, 2, 6, 6))
+    both = [
+        _Expected(surprise, mean, root @ root.mT)
+        for surprise, mean, root in zip((500.0, 500.0 + 2 * np.log(3)), means, roots, strict=True)
+    ]
+    mean, covariance = _mixture(both)
+    np.testing.assert_allclose(mean, 0.75 * means[0] + 0.25 * means[1])
+    second = sum(
+        share * (each.covariance + np.einsum("ni,nj->nij", each.mean, each.mean))
+        for share, each in zip((0.75, 0.25), both, strict=True)
+    )
+    np.testing.assert_allclose(covariance, second - np.einsum("ni,nj->nij", mean, mean), atol=1e-12)
+    for found, alone in zip(_mixture([both[0], both[1]._replace(surprise=1e4)]), both[0][1:], strict=True):
+        np.testing.assert_allclose(found, alone)
