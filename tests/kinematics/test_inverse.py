@@ -194,3 +194,11 @@ def test_steps_end_at_a_radian(largest):
 def test_no_poses_have_no_joints():
     """A batch of none is reached."""
     assert inverse(planar(0.5, 0.3), SE3.identity((0,)), np.zeros(2)).shape == (0, 2)
+
+
+def test_both_halves_of_what_is_left_are_told():
+    """Where no step is tried it is the tangent from the start, in millimetres and degrees."""
+    chain, start = planar(0.5, 0.3), np.array([0.3, 0.8])
+    pose = chain.forward(start) @ SE3.exp(np.array([0, 0, 0.03, np.radians(2), 0, 0]))
+    with pytest.raises(NotConverged, match="stays 30 mm and 2 deg away"):
+        inverse(chain, pose, start, iterations=0)
