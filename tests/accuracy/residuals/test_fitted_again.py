@@ -3,34 +3,45 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
-from basecal.accuracy.residuals.fitted_again import fitted_again
+from basecal.accuracy.residuals import fitted_again as module
+from basecal.accuracy.residuals.fitted_again import fitted_again, known_views, with_noise_of
 from basecal.accuracy.verdict import calibrate
+from basecal.cell import Calibration
 from basecal.estimation.noise.target_shape import shape_of
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.view.measurement import Noise
+from basecal.geometry import PoseEstimate
 from basecal.simulation import Scenario, simulate
 
 MADE = simulate(Scenario(samples=10, robot_noise=(2e-4, 4e-4)), 1)
 
 
-def test_views_without_their_transforms_are_left_out():
+@pytest.fixture(scope="module")
+def calibration():
+    """Of the recording that all tests share."""
+    return calibrate(MADE.cell, MADE.recording)
+
+
+def test_views_without_their_transforms_are_left_out(calibration):
     """A calibration that lacks a mount has no view of what it carries."""
-    calibration = calibrate(MADE.cell, MADE.recording)
     assert len(fitted_again(MADE.cell, MADE.recording, calibration).problem.groups) == 1
     lacking = replace(calibration, transforms={})
     assert fitted_again(MADE.cell, MADE.recording, lacking).problem.groups == ()
 
 
-def test_errors_of_stops_are_found():
+def test_errors_of_stops_are_found(calibration):
     """Where robots have noise, their errors at the optimum are of the order of one sigma, not zero."""
-    fitted = fitted_again(MADE.cell, MADE.recording, calibrate(MADE.cell, MADE.recording))
+    fitted = fitted_again(MADE.cell, MADE.recording, calibration)
     assert 0.1 < np.sqrt(np.mean(fitted.state.stop_errors**2)) < 1.5
 
 
-def test_targets_have_the_shapes_that_were_found():
+def test_targets_have_the_shapes_that_were_found(calibration):
     """Points are moved by the coefficients that the calibration holds; those of a target of other points are not."""
-    calibration = calibrate(MADE.cell, MADE.recording)
     (stated,) = fitted_again(MADE.cell, MADE.recording, calibration).problem.groups
     points = stated.measurement.points_in_target
     for shape, moved in (([3.0, 0.0, -2.0], True), ([1.0, 2.0], False)):
@@ -47,3 +58,70 @@ def test_a_light_has_no_shape():
     calibration = calibrate(light.cell, light.recording)
     with np.errstate(all="raise"):
         assert len(fitted_again(light.cell, light.recording, calibration).problem.groups) == 1
+
+
+@pytest.mark.parametrize(
+    ("camera", "expected"),
+    [
+        ("a", {"pixel_px": 0.5, "pose_m": 2e-3}),
+        ("b", {"pixel_px": 0.3, "pose_m": 2e-3}),
+        ("c", {"pixel_px": 0.3, "pose_m": 7e-3}),
+    ],
+)
+def test_noise_is_that_of_the_camera_or_else_of_all(camera, expected):
+    """And what is usual where the calibration tells none."""
+    cameras = {"a": {"pixel_px": 0.5, "pose_m": None}, "c": {"pose_m": 7e-3}}
+    calibration = Calibration("good", noise={"pixel_px": 0.3, "pose_m": 2e-3, "cameras": cameras})
+    found = with_noise_of(SimpleNamespace(camera=camera, with_noise=lambda noise: noise), calibration)
+    assert found == Noise(**expected)
+
+
+@pytest.mark.parametrize(
+    ("lacking", "lens", "target", "is_known"),
+    [
+        (None, True, "charuco", True),
+        ("camera_mount", True, "charuco", False),
+        ("target_mount", True, "charuco", False),
+        ("hand_base", True, "charuco", False),
+        (None, False, "charuco", False),
+        (None, False, "pose", True),
+    ],
+)
+def test_views_are_known_by_all_of_their_transforms(lacking, lens, target, is_known):
+    """And those in pixels by their lens."""
+    made = simulate(Scenario(samples=2, target=target), 1)
+    (group,) = build_problem(made.cell, made.recording)[0].groups
+    known = {"camera_mount": group.camera_mount, "target_mount": group.target_mount, "hand_base": group.hand_base}
+    transforms = {name: made.truth[name] for what, name in known.items() if what != lacking}
+    assert module._is_known(group, transforms, made.cameras if lens else {}) == is_known
+
+
+def test_a_lens_that_is_not_fixed_is_that_of_the_calibration():
+    """One that only a guess is stated of is none until it was found."""
+    made = simulate(Scenario(samples=2, intrinsics="prior"), 1)
+    estimates = {name: PoseEstimate(of, np.zeros((6, 6))) for name, of in made.truth.items()}
+    calibration = Calibration("good", transforms=estimates)
+    assert known_views(made.cell, made.recording, calibration).problem.groups == ()
+    lens = made.cameras["wrist"]
+    found = known_views(made.cell, made.recording, replace(calibration, cameras={"wrist": (lens, np.zeros((9, 9)))}))
+    assert len(found.problem.groups) == 1
+    assert found.state.cameras == {"wrist": lens}
+    fixed = simulate(Scenario(samples=2), 1)
+    assert len(known_views(fixed.cell, fixed.recording, calibration).problem.groups) == 1
+
+
+def test_errors_of_stops_are_the_most_probable_ones():
+    """By the noise that the calibration found of robots which state none, at an optimum; of others by theirs."""
+    truth = {name: PoseEstimate(of, np.zeros((6, 6))) for name, of in MADE.truth.items()}
+    sigmas = {"sigma_t_m": [2e-4] * 3, "sigma_r_rad": [4e-4] * 3}
+    robots = {name: replace(of, noise=None) for name, of in MADE.cell.robots.items()}
+    bare = replace(MADE.cell, robots=robots)
+    stated, found, none = (
+        fitted_again(cell, MADE.recording, Calibration("good", transforms=truth, noise={"robots": noise}))
+        for cell, noise in ((MADE.cell, {}), (bare, {"eye": sigmas, "hand": sigmas}), (bare, {}))
+    )
+    np.testing.assert_allclose(found.state.stop_errors, stated.state.stop_errors, rtol=1e-9)
+    assert (len(stated.problem.stops), len(none.problem.stops)) == (20, 0)
+    again = module.retract(stated.problem, stated.state, module.linearise(stated.problem, stated.state), np.zeros(0))
+    np.testing.assert_allclose(again.stop_errors, stated.state.stop_errors, atol=1e-9)
+    assert np.abs(stated.state.stop_errors).max() > 0.5
