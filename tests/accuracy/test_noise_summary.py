@@ -58,6 +58,7 @@ def test_smooth_errors_have_their_length():
     alike = replace(solution, noise=replace(solution.noise, common=common))
     of = noise_summary(BARE.cell, BARE.recording, alike)["robots"]
     assert of["eye"]["smooth"]["length_m"] == 0.7
+    assert "shift_m" not in of["eye"]["smooth"]
     np.testing.assert_allclose(of["eye"]["smooth"]["sigma"], [1e-4] * 3 + [2e-4] * 3, rtol=0.05)
     assert "smooth" not in of["hand"]
 
@@ -69,8 +70,9 @@ def test_of_joints_it_is_told_what_base_and_mount_leave():
     zeros = {"zeros": {"eye": np.array([5e-4, 1e-3])}}
     found = noise_summary(arms.cell, arms.recording, replace(solution, noise=replace(solution.noise, common=zeros)))[
         "robots"
-    ]["eye"]["zeros"]["sigma"]
-    assert 1e-4 < np.mean(found[3:]) < 1e-3
+    ]["eye"]["zeros"]
+    assert 1e-4 < np.mean(found["sigma"][3:]) < 1e-3
+    assert (found["shift_m"], found["turn_rad"]) == (5e-4, 1e-3)
 
 
 def test_it_is_written_read_and_said():
