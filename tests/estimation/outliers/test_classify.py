@@ -9,14 +9,15 @@ import pytest
 from scipy.stats import chi2
 from tests.pose_problem import pose_problem
 
-from basecal.estimation.least_squares.studentized import MahalanobisSquared
+from basecal.estimation.least_squares.studentized import MahalanobisSquared, leave_one_out
 from basecal.estimation.outliers import classify
 from basecal.estimation.outliers.classify import CHANCE_OF_VIEW, classify_inliers, is_stated, view_scale
 from basecal.estimation.outliers.inlier_mask import InlierMask, all_inliers
 from basecal.estimation.outliers.robust_scale import robust_scale
-from basecal.estimation.outliers.view_ransac import view_ransac
+from basecal.estimation.outliers.view_ransac import explained, view_ransac
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
+from basecal.estimation.view.points import PointMeasurement
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
@@ -198,3 +199,66 @@ def test_points_that_may_come_back_are_judged_by_as_many_numbers_as_they_have(mo
     views, _, _ = kept_of(bumped(problem, [5]), state, before)
     assert not views[5]
     assert limits == [pytest.approx(chi2.isf(1e-6, numbers), rel=1e-6)]
+
+
+def test_views_of_bad_stops_are_those_that_stand_there():
+    """With either arm; views without a stop stand in none, the last stop is no stop of theirs."""
+    problem, _ = pose_problem(np.zeros((4, 6)), None)
+    (group,) = problem.groups
+    group = replace(group, eye_stop=np.array([0, 1, -1, -1]), hand_stop=np.array([2, -1, 0, -1]))
+    assert classify._in_stops(group, np.array([True, False, False])).tolist() == [True, False, True, False]
+    assert classify._in_stops(group, np.array([False, False, True])).tolist() == [True, False, False, False]
+    assert classify._in_stops(group, np.zeros(0, dtype=bool)).tolist() == [False] * 4
+
+
+def some_points(seen):
+    """A group of views of points measured in space, seen where told."""
+    seen = np.array(seen, dtype=bool)
+    points = np.random.default_rng(0).standard_normal((seen.shape[1], 3))
+    weight = np.where(seen, 100.0, 0.0)
+    measurement = PointMeasurement(points, np.tile(points, (len(seen), 1, 1)), seen, weight, weight)
+    (group,) = pose_problem(np.zeros((len(seen), 6)), None)[0].groups
+    return replace(group, measurement=measurement)
+
+
+def test_half_of_what_was_seen_is_enough():
+    """One point at least; a pose is always."""
+    seen = [[1] * 6, [1] * 6, [1, 1, 1, 1, 0, 0], [1, 1, 1, 1, 0, 0], [0] * 6]
+    left = np.array(
+        [[1, 1, 1, 0, 0, 0], [1, 1, 0, 0, 0, 0], [1, 1, 0, 0, 1, 1], [1, 0, 0, 0, 1, 1], [1] * 6], dtype=bool
+    )
+    assert classify._enough(some_points(seen), left).tolist() == [True, False, True, False, False]
+    (poses,) = pose_problem(np.zeros((2, 6)), None)[0].groups
+    assert classify._enough(poses, np.zeros((2, 1), dtype=bool)).tolist() == [True, True]
+
+
+def test_a_view_whose_points_all_agree_is_off_itself():
+    """Wherever it is; not so one of which a point is elsewhere, or that not all points that were seen agree with."""
+    group = some_points([[1] * 6, [1] * 6, [1, 1, 1, 1, 1, 0]])
+    away = SE3.exp(np.full(6, 0.3))
+    at = away @ group.measurement.points_in_camera
+    at[1, 2] += 0.5
+    at[2, 5] += 9.0
+    few = replace(group.measurement, points_in_camera=at)
+    found = explained(few, SE3.identity((3,)), None, 30.0)
+    assert classify._agrees_with_itself(few, found, None, 30.0).tolist() == [True, False, True]
+
+
+@pytest.mark.parametrize("variance", [1.0, 4.0])
+def test_a_view_is_predicted_by_all_others(rng, variance):
+    """Where the others put it, its stop's own error unknown: as sure as their mean and that error are."""
+    sigma, stop = np.full(6, 2e-3), np.repeat([1e-3, 3e-3], 3)
+    problem, state = pose_problem(1e-6 * rng.standard_normal((5, 6)), sigma, stop_sigma=stop)
+    state = replace(state, stop_errors=rng.standard_normal((5, 6)))
+    weights = np.array([1.0, 0.0, 1.0, 0.0, 1.0])
+    about = leave_one_out(problem, state, [weights])
+    found = classify._prior(about, 0, np.array([1, 3]), variance)
+    np.testing.assert_allclose(found.camera_from_target.log(), 0.0, atol=1e-9)
+    spread = variance * ((sigma**2 + stop**2) / 3 + stop**2)
+    np.testing.assert_allclose(
+        found.information, np.tile(np.diag(1 / spread), (2, 1, 1)), rtol=0.02, atol=0.02 / spread.min()
+    )
+    exact, state = pose_problem(np.zeros((3, 6)), np.full(6, 1e-12))
+    known = leave_one_out(exact, state, [np.ones(3)])
+    sure = classify._prior(known, 0, np.array([0]), 1.0).information
+    np.testing.assert_allclose(sure, [1e14 * np.eye(6)], rtol=1e-6)

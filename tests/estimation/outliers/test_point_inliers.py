@@ -6,10 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
+from tests.pose_problem import pose_problem
 
+from basecal.estimation.least_squares.studentized import MahalanobisSquared
+from basecal.estimation.outliers import point_inliers as module
 from basecal.estimation.outliers.point_inliers import points_within
+from basecal.estimation.outliers.robust_scale import Scale
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
+from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.estimation.view.points import PointMeasurement
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
@@ -80,3 +87,100 @@ def test_measured_poses_have_nothing_to_leave_out():
     state = State(made.truth, made.cameras, np.zeros((0, 6)))
     (kept,) = points_within(problem, state, [np.array([1])], made.cell)
     assert kept.tolist() == [[True]] * 5
+
+
+def points_in_space(seen):
+    """A group of views of points measured in space, of weight 2, seen where told."""
+    seen = np.array(seen, dtype=bool)
+    problem, state = pose_problem(np.zeros((len(seen), 6)), None)
+    points = np.random.default_rng(0).standard_normal((seen.shape[1], 3))
+    weight = np.where(seen, 2.0, 0.0)
+    measurement = PointMeasurement(points, np.tile(points, (len(seen), 1, 1)), seen, weight, weight)
+    group = replace(problem.groups[0], measurement=measurement)
+    return problem.with_groups([group]), state, group
+
+
+def test_views_of_which_many_points_do_not_agree_are_unclear():
+    """A twentieth and more of those that were seen; of eight points all are, of poses none."""
+    seen = np.ones((5, 40), dtype=bool)
+    seen[3, 20:], seen[4] = False, False
+    _, _, group = points_in_space(seen)
+    kept = np.ones((5, 40), dtype=bool)
+    kept[0, :3] = kept[1, :2] = kept[3, :2] = kept[3, 25:] = False
+    assert module._unclear(group, kept, np.arange(5)).tolist() == [0, 3, 4]
+    assert module._unclear(group, kept, np.array([1, 2, 3])).tolist() == [3]
+    for count, unclear in ((8, [0, 1]), (9, [])):
+        _, _, few = points_in_space(np.ones((2, count)))
+        assert module._unclear(few, np.ones((2, count), dtype=bool), np.arange(2)).tolist() == unclear
+    poses = pose_problem(np.zeros((2, 6)), None)[0].groups[0]
+    assert module._unclear(poses, np.ones((2, 1), dtype=bool), np.arange(2)).tolist() == []
+
+
+@pytest.mark.parametrize(
+    ("variances", "rounds"),
+    [([1.4], 1), ([0.7], 1), ([1.6, 1.7], 2), ([0.6, 0.5], 2), ([4.0, 1.0, 4.0, 1.0], 4), ([10.0, 14.0], 2)],
+)
+def test_scale_and_points_rest_within_a_factor_of_one_and_a_half(monkeypatch, variances, rounds):
+    """Of the variance, four rounds at most; from the stated scale, or of points in pixels from three of them."""
+    problem, state, group = points_in_space(np.ones((2, 5)))
+    used, left = [], list(variances)
+
+    def agreeing(group, poses, state, scale):
+        """All points."""
+        used.append(scale)
+        return np.ones((2, 5), dtype=bool), MahalanobisSquared(np.zeros(3), np.full(3, 3))
+
+    monkeypatch.setattr(module, "_agreeing_points", agreeing)
+    monkeypatch.setattr(module, "robust_scale", lambda *of: Scale(left.pop(0), 7.0, 1.0, of[3]))
+    scale, _ = module._agreed(problem, state, [[]])
+    assert [of.variance for of in used] == [1.0, *variances[: rounds - 1]]
+    assert scale.variance == variances[rounds - 1]
+    assert (used[0].freedoms, used[0].chance) == (np.inf, 1e-6)
+    silent = replace(group.measurement, stated=np.zeros((2, 5)))
+    pixels = PixelMeasurement(silent.points_in_target, np.zeros((2, 5, 2)), silent.seen, silent.stated, silent.weight)
+    for measurement, first in ((silent, 9.0), (pixels, 4.0 * 9.0)):
+        used.clear()
+        left[:] = [first]
+        module._agreed(problem.with_groups([replace(group, measurement=measurement)]), state, [[]])
+        assert [of.variance for of in used] == [first]
+
+
+def test_all_points_tell_the_scale_and_those_within_it_are_kept(rng):
+    """By as many numbers as a point has; what was not seen is kept, and so are views without a hypothesis."""
+    seen = np.ones((3, 6))
+    seen[1, 5] = False
+    _, state, group = points_in_space(seen)
+    at = group.measurement.points_in_camera.copy()
+    scale = Scale(1.0, np.inf, np.inf, 1e-6)
+    limit = chi2.isf(1e-6, 3)
+    at[1, 2, 0] += 1.01 * np.sqrt(limit) / 2.0 * 4
+    group = replace(group, measurement=replace(group.measurement, points_in_camera=at))
+    poses = [module._Hypotheses(np.array([1, 2]), SE3.identity((1, 2)))]
+    kept, squares = module._agreeing_points(group, poses, state, scale)
+    assert np.argwhere(~kept).tolist() == [[1, 2]]
+    assert (len(squares.value), set(squares.freedoms.tolist())) == (11, {3})
+    assert squares.value.max() == pytest.approx((4 * 1.01) ** 2 * limit)
+    nothing, none = module._agreeing_points(group, [], state, scale)
+    assert nothing.all()
+    assert len(none.value) == 0
+    poses = pose_problem(np.zeros((2, 6)), None)[0].groups[0]
+    kept, squares = module._agreeing_points(poses, [], state, scale)
+    assert kept.tolist() == [[True], [True]]
+    assert (squares.value.shape, squares.freedoms.shape) == ((0,), (0,))
+
+
+@pytest.mark.parametrize(("stated", "limit"), [(True, 1.5**2), (False, 1.0)])
+@pytest.mark.parametrize("is_free", [True, False])
+def test_a_lens_is_suspected_where_points_scatter(monkeypatch, stated, limit, is_free):
+    """By 1.5 sigmas, or a pixel that nobody stated; of the two lenses the one by which they scatter less is taken."""
+    made = simulate(Scenario(samples=3, intrinsics="free" if is_free else "fixed", state_pixel_noise=stated), 0)
+    problem, _ = build_problem(made.cell, made.recording)
+    bent = {name: replace(of) for name, of in made.cameras.items()}
+    state = State(made.truth, bent, np.zeros((0, 6)))
+    monkeypatch.setattr(module, "lenses", lambda problem, cell: made.cameras)
+    for variance in (0.99 * limit, 1.01 * limit):
+        for other, best in ((0.5 * variance, "alone"), (2.0 * variance, "bent")):
+            found = {id(bent): (variance, ("bent",)), id(made.cameras): (other, ("alone",))}
+            monkeypatch.setattr(module, "_points_by", lambda problem, at, of, found=found: found[id(at.cameras)])
+            kept = points_within(problem, state, [np.array([0])], made.cell)
+            assert kept == ((best if is_free and variance > limit else "bent"),)

@@ -88,7 +88,7 @@ def classify_inliers(problem: Problem, state: State, kept: InlierMask) -> Classi
     for k, group in enumerate(about.problem.groups):
         bad = np.where(own[k][:, None], by_view.beyond(points[k]), by_state.beyond(points[k]))
         stray = bad & own[k][:, None]
-        used = ~scale.beyond(views[k]) & ~_in_stops(group, bad_stop) & ~(bad & ~stray).any(-1)
+        used = ~scale.beyond(views[k]) & ~_in_stops(group, bad_stop) & ~(bad & ~stray).any(1)
         use_views.append(used & _enough(problem.groups[k], kept.points[k] & ~stray))
         use_points.append(kept.points[k] & ~stray)
     now = _readmitted(about, problem, InlierMask(tuple(use_views), tuple(use_points)), scale, by_view, bad_stop)
@@ -120,8 +120,8 @@ def _enough(group: ViewGroup, points: BoolArray) -> BoolArray:
     if not isinstance(group.measurement, PixelMeasurement | PointMeasurement):
         return np.ones(len(group), dtype=bool)
     seen = group.measurement.seen
-    left: BoolArray = (seen & points).sum(-1) >= _LEAST_SHARE * seen.sum(-1)
-    return left & (seen & points).any(-1)
+    left: BoolArray = (seen & points).sum(1) >= _LEAST_SHARE * seen.sum(1)
+    return left & (seen & points).any(1)
 
 
 def _readmitted(
@@ -142,7 +142,7 @@ def _readmitted(
         limit = float(of_points.limit(np.array(2 if isinstance(measurement, PixelMeasurement) else 3)))
         found = view_ransac(few, prior.camera_from_target, camera, limit, prior)
         tension = prior.tension(found.camera_from_target)[0] * scale.variance
-        left, all_points = found.points.sum(-1), few.seen.sum(-1)
+        left, all_points = found.points.sum(1), few.seen.sum(1)
         strays = (left >= _LEAST_STRAYED * all_points) & (left > 1) & ~_agrees_with_itself(few, found, camera, limit)
         agrees = (tension <= scale.limit(np.array(6))) & ((left >= _LEAST_SHARE * all_points) | strays)
         views[k] = views[k].copy()
@@ -155,7 +155,7 @@ def _readmitted(
 def _agrees_with_itself(few: Points, found: RansacViews, camera: Camera | None, limit: float) -> BoolArray:
     """Whether all points of a view, (n,), agree with one another: then the view is off, not its points."""
     alone = explained(few, refined(few, found.camera_from_target, camera).camera_from_target, camera, limit)
-    return np.asarray(alone.points.sum(-1) == few.seen.sum(-1))
+    return np.asarray(alone.points.sum(1) == few.seen.sum(1))
 
 
 def _prior(about: LeaveOneOut, k: int, some: IntArray, variance: float) -> Prior:

@@ -78,8 +78,8 @@ def _unclear(group: ViewGroup, kept: BoolArray, suspects: IntArray) -> IntArray:
     if not isinstance(measurement, PixelMeasurement | PointMeasurement):
         return suspects[:0]
     seen = measurement.seen[suspects]
-    share = (seen & kept[suspects]).sum(-1) / np.maximum(seen.sum(-1), 1)
-    unclear: IntArray = suspects[(share < _AGREED) | (seen.shape[-1] <= FEW_POINTS)]
+    share = (seen & kept[suspects]).sum(1) / np.maximum(seen.sum(1), 1)
+    unclear: IntArray = suspects[(share < _AGREED) | (seen.shape[1] <= FEW_POINTS)]
     return unclear
 
 
