@@ -136,6 +136,13 @@ EQUIVALENT: dict[str, tuple[tuple[str, str, str, str], ...]] = {
         ("score = np.mean(1 - depth", "-1", "1", TWO_AXES),
         ("flat = projected.reshape(len(rows), -1", "1", "2", ANY_LENGTH),
         ("right = (across @ constant[..., None]).reshape(", "1", "2", ANY_LENGTH),
+        ("ridge = _RIDGE * len(across)", "_RIDGE * len(across)", "_RIDGE / len(across)", "next to nothing either way"),
+        (
+            "normal = flat.mT @ flat + ridge",
+            "flat.mT @ flat + ridge",
+            "flat.mT @ flat - ridge",
+            "next to nothing either way",
+        ),
     ),
     "estimation/start/nearest_rotations.py": (
         ("largest = np.sqrt(3 * squares)", "3", "4", "from any start above the largest root the rounds lead to it"),
@@ -156,6 +163,7 @@ EQUIVALENT: dict[str, tuple[tuple[str, str, str, str], ...]] = {
         ("turns = [[Rotations(*turn, True)", "True", "False", "translations do not ask whether rotations are clear"),
         ("states = State({k: SE3.stack", "0", "1", "a pair alone has no stops"),
         ("states = State({k: SE3.stack", "6", "7", "a pair alone has no stops"),
+        ('return Problem("", (group,), unknowns', "6", "7", "a pair alone has no stops"),
     ),
     "estimation/least_squares/studentized.py": (
         (
@@ -234,5 +242,54 @@ EQUIVALENT: dict[str, tuple[tuple[str, str, str, str], ...]] = {
     ),
     "estimation/problem/correspondence.py": (
         ("costs = np.stack([reading.linearise(", "False", "True", "the cost is the same with the lens's columns"),
+        (
+            "both = None if chosen.relative is None",
+            "chosen.relative is None or reading.relative is None",
+            "chosen.relative is None and reading.relative is None",
+            "all readings of a measurement have shares or none has",
+        ),
+    ),
+    "estimation/problem/build.py": (("ordered = sorted(samples", "0.0", "1.0", "it is the same number for all"),),
+    "estimation/problem/measurements.py": (
+        (
+            "if first.sigma_px is not None and",
+            "first.sigma_px is not None and spot.sigma_px is not None",
+            "first.sigma_px is not None or spot.sigma_px is not None",
+            "sigmas are stated of all spots of a view or of none",
+        ),
+        ("out = np.zeros((n, p, values[0].shape[-1]))", "-1", "1", TWO_AXES),
+        ("middle = float(np.median(", "1.0", "10.0", "where no sigma is detected it is not used"),
+    ),
+    "estimation/problem/repeated_views.py": (("ids = observation.ids if", "0", "1", "of all candidates alike"),),
+    "estimation/problem/gauges.py": (("share = np.round(np.linalg.norm(left, axis=-1)", "-1", "1", TWO_AXES),),
+    "estimation/least_squares/alike_pairs.py": (
+        (
+            'points = getattr(group.measurement, "points_in_target"',
+            "0",
+            "1",
+            "measurements without points are of a kind of their own",
+        ),
+        (
+            'points = getattr(group.measurement, "points_in_target"',
+            "3",
+            "4",
+            "measurements without points are of a kind of their own",
+        ),
+        ("of_lens = (lens is not None", "lens is not None", "lens is None", "what differed differs"),
+        (
+            "group.eye is None, group.hand is None",
+            "group.eye is None",
+            "group.eye is not None",
+            "what differed differs",
+        ),
+        (
+            "group.eye is None, group.hand is None",
+            "group.hand is None",
+            "group.hand is not None",
+            "what differed differs",
+        ),
+    ),
+    "estimation/least_squares/bundle_adjustment.py": (
+        ("only = take(_run(problem, state.spread(problem, 1)", "1", "2", "of two alike the first is taken"),
     ),
 }

@@ -121,10 +121,11 @@ def test_a_compliance_under_a_torque_that_never_changes_is_an_offset(arm, joints
     assert kept.tolist() == [1, 2, 3, 4]
 
 
+@pytest.mark.parametrize("count", [1, 4])
 @pytest.mark.parametrize(("size", "left"), [(0.5, 1.0), (2.0, 0.0)])
-def test_others_as_small_as_noise_take_up_nothing(size, left):
+def test_others_as_small_as_noise_take_up_nothing(size, left, count):
     """Half and twice the rms below which their motion counts for none, along the very same way."""
-    moves = np.zeros((4, 6, 1))
+    moves = np.zeros((count, 6, 1))
     moves[:, 4, 0] = 1.0
     found = beyond(moves, size * LEAST_RMS * moves)
     np.testing.assert_allclose(found.values, [left], atol=1e-9)

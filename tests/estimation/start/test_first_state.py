@@ -208,6 +208,7 @@ def test_what_is_given_is_fixed_or_has_a_narrow_prior():
         "fixed": Unknown("fixed", mean),
         "narrow": Unknown("prior", mean, narrow),
         "wide": Unknown("prior", mean, wide),
+        "wide about its first axis": Unknown("prior", mean, np.roll(wide, -1)),
         "guess": Unknown("free", mean),
         "free": Unknown(),
     }

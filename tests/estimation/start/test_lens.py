@@ -82,10 +82,11 @@ def test_few_views_of_a_lens_that_bends_much():
 
 
 def test_each_focal_length_goes_on_once_and_none_that_hardly_fits():
-    """The best of those alike to a thousandth, and what fits a hundred times worse not at all."""
-    focal, cost = np.array([900.0, 901.0, 700.0, 500.0, 300.0]), np.array([2.0, 1.0, 30.0, 101.0, np.nan])
+    """The best of those alike to two thousandths, and what fits a hundred times worse not at all."""
+    focal = np.array([900.0, 901.0, 905.0, 700.0, 500.0, 300.0])
+    cost = np.array([2.0, 1.0, 3.0, 30.0, 101.0, np.nan])
     rough = SimpleNamespace(cost=cost, state=SimpleNamespace(camera=SimpleNamespace(focal=focal[:, None])))
-    assert _worth_bending(rough).tolist() == [1, 2]
+    assert _worth_bending(rough).tolist() == [1, 2, 3]
 
 
 def test_a_guess_is_centred_and_as_wide_as_asked():
