@@ -406,6 +406,90 @@ WHY: dict[tuple[str, str, str, str], str] = {
         "1.0",
         "10.0",
     ): "equivalent: points that all weigh the same count the same",
+    (
+        "numerics/spectral.py",
+        "_RIDGE, _TINY = 1e-15, 1e-100  # of the trace, and of none: a singular matrix has an inverse with them",
+        "1e-100",
+        "1e-99",
+    ): "equivalent: keeps a matrix of zeros regular",
+    (
+        "accuracy/cross_validation/closed_form_rival.py",
+        "chance = float(stdtr(len(gain) - 1, -gain.mean() / max(spread, 1e-300)))",
+        "1e-300",
+        "1e-299",
+    ): "equivalent: keeps a quotient by zero finite",
+    (
+        "accuracy/cross_validation/validation.py",
+        "effective = freedoms**2 / max(correlation, 1e-300)",
+        "1e-300",
+        "1e-299",
+    ): "equivalent: keeps a quotient by zero finite",
+    (
+        "accuracy/findings/late_pictures.py",
+        "by_s = -by_time / np.maximum(per_s2, 1e-300)",
+        "1e-300",
+        "1e-299",
+    ): "equivalent: keeps a quotient by zero finite",
+    (
+        "accuracy/findings/systematic_error.py",
+        "along = values / max(length, 1e-300)",
+        "1e-300",
+        "1e-299",
+    ): "equivalent: keeps a quotient by zero finite",
+    (
+        "accuracy/systematic_errors/table.py",
+        "return np.asarray((of.times - of.times[0]) / max(of.times[-1] - of.times[0], 1e-300))",
+        "1e-300",
+        "1e-299",
+    ): "equivalent: keeps a quotient by zero finite",
+    (
+        "kinematics/mjcf.py",
+        "return Masses(kg, moments / np.where(kg > 0, kg, 1.0)[:, None], down)",
+        "1.0",
+        "10.0",
+    ): "equivalent: what stands here is not used",
+    (
+        "kinematics/urdf.py",
+        "return Masses(kg, moments / np.where(kg > 0, kg, 1.0)[:, None], down) if np.any(kg) else None",
+        "1.0",
+        "10.0",
+    ): "equivalent: what stands here is not used",
+    (
+        "numerics/levenberg_marquardt.py",
+        "flight = _moved(flight, candidate, after, cost, better, np.maximum(expected, 1e-300), bend)",
+        "1e-300",
+        "1e-299",
+    ): "equivalent: keeps a quotient by zero finite",
+    (
+        "numerics/levenberg_marquardt.py",
+        "scale = 1 / np.sqrt(np.maximum(diagonal, 1e-12 * diagonal.max(axis=1, initial=1e-300, keepdims=True)))",
+        "1e-300",
+        "1e-299",
+    ): "equivalent: the largest of nothing",
+    (
+        "numerics/sparse_hessian.py",
+        "return np.asarray(1 / np.sqrt(np.maximum(diagonal, _LEAST_DIAGONAL * diagonal.max(initial=1e-300))))",
+        "1e-300",
+        "1e-299",
+    ): "equivalent: the largest of nothing",
+    (
+        "numerics/spectral.py",
+        "_NOTHING = 1e-300  # keeps quotients of zeros finite",
+        "1e-300",
+        "1e-299",
+    ): "equivalent: keeps a quotient by zero finite",
+    (
+        "numerics/spectral.py",
+        "size = np.where(self.held, 1 / np.sqrt(np.where(self.held, self.values, 1.0)), 0.0)",
+        "1.0",
+        "10.0",
+    ): "equivalent: what stands here is not used",
+    (
+        "numerics/spectral.py",
+        "return np.asarray(np.sum(np.where(self.held, along**2 / np.where(self.held, self.values, 1.0), 0.0), -1))",
+        "1.0",
+        "10.0",
+    ): "equivalent: what stands here is not used",
 }
 
 

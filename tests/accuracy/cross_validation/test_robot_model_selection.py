@@ -20,6 +20,7 @@ from basecal.accuracy.cross_validation.robot_model_selection import (
     choose_robot_model,
     suggested_sigma,
 )
+from basecal.accuracy.cross_validation.station_scores import StationScores
 from basecal.accuracy.findings.robot_model import robot_model_findings
 from basecal.accuracy.robot_parameters import robot_parameters
 from basecal.accuracy.verdict import calibrate
@@ -138,6 +139,7 @@ def test_a_model_is_worth_a_look_beyond_six_sigmas_of_chance(gain, told):
     richest = SimpleNamespace(cost=200.0, dof=100)
     assert _worth_a_look(200.0 + gain, richest, 8) == told
     assert not _worth_a_look(0.0, SimpleNamespace(cost=0.0, dof=0), 8)
+    assert _worth_a_look(10.0 + 5 * gain, SimpleNamespace(cost=10.0, dof=0), 8) == told  # as of one freedom
 
 
 def tried(means, robots=("eye", "hand")):
@@ -208,3 +210,16 @@ def test_the_simplest_that_is_not_clearly_worse_is_chosen(monkeypatch, solution,
     assert choice.chosen is found[chosen]
     assert choice.better is (found[2] if better else None)
     assert choice.candidates == tuple(found)
+
+
+@pytest.mark.parametrize(("off_m", "error_m"), [([3.0, 4.0], 12.5**0.5), ([3.0, np.nan], None), ([], None)])
+def test_a_candidate_has_the_errors_of_stations_held_out(monkeypatch, off_m, error_m):
+    """Roots of mean squares, of lengths where every view has one; and the score of each station."""
+    scores = StationScores(np.array([0.1, 0.2]), 0.25, np.array(off_m))
+    monkeypatch.setattr(module, "_of", lambda problem, chains, candidate: candidate.kind)
+    monkeypatch.setattr(module, "score_stations", lambda modelled, state, split, steps: scores if steps == 7 else None)
+    trials = _Trials(SimpleNamespace(with_models=lambda models: models), {}, None, None, 7)
+    found = trials.scored("joint", ("hand",), 2)
+    assert (found.kind, found.robots, found.joint, found.rms) == ("joint", ("hand",), 2, 0.5)
+    assert found.scores is scores.scores
+    assert found.error_m == (None if error_m is None else pytest.approx(error_m))
