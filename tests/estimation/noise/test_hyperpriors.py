@@ -173,3 +173,16 @@ def test_stamps_are_expected_to_jitter_by_a_fifth_of_a_millisecond():
     np.testing.assert_allclose(np.exp(prior.start), [*np.exp(plain.start), 2e-4])
     off = prior.start + np.log(5.0) * np.eye(6)[5]
     assert prior.value(off)[0] - prior.value(prior.start)[0] == pytest.approx(1.0)
+
+
+def test_each_stamps_jitter_stands_between_stops_and_what_they_share():
+    """Of two cameras one after the other; what is expected of all else is as without them."""
+    shared = CommonErrors.in_every_coordinate(np.ones((8, 1)))
+    common = CommonPrior((2.5, 2.0))
+    plain = hyperpriors(_model(shared), REACH_M, common)
+    prior = hyperpriors(replace(_model(shared), shaken=("left", "right")), REACH_M, common)
+    np.testing.assert_allclose(np.exp(prior.start), [*np.exp(plain.start[:5]), 2e-4, 2e-4, *np.exp(plain.start[5:])])
+    off = 0.3 * np.arange(11.0)
+    without = np.delete(off, [5, 6])
+    rises = [of.value(of.start + by)[0] - of.value(of.start)[0] for of, by in ((prior, off), (plain, without))]
+    assert rises[0] - rises[1] == pytest.approx((off[5] ** 2 + off[6] ** 2) / np.log(5.0) ** 2)

@@ -262,3 +262,24 @@ def test_a_view_is_predicted_by_all_others(rng, variance):
     known = leave_one_out(exact, state, [np.ones(3)])
     sure = classify._prior(known, 0, np.array([0]), 1.0).information
     np.testing.assert_allclose(sure, [1e14 * np.eye(6)], rtol=1e-6)
+
+
+@pytest.mark.parametrize(("kept", "chance"), [(12, 1e-4), (11, 1e-4), (10, 1e-3)])
+def test_where_many_views_are_out_a_clean_one_may_go_more_often(kept, chance):
+    """More than a tenth of them; of no views at all none are."""
+    problem, state = pose_problem(1e-4 * np.random.default_rng(0).standard_normal((12, 6)), np.full(6, 1e-3))
+    before = InlierMask((np.arange(12) < kept,), all_inliers(problem).points)
+    assert classify_inliers(problem, state, before).view_scale.chance == chance
+    none, state = pose_problem(np.zeros((0, 6)), np.full(6, 1e-3))
+    assert classify_inliers(none, state, all_inliers(none)).view_scale.chance == 1e-4
+
+
+@pytest.mark.parametrize(("target", "kinds"), [("pose", 0), ("led", 0), ("points", 1)])
+def test_only_views_of_several_points_are_looked_through(monkeypatch, target, kinds):
+    """Of poses, and of lights, there is nothing that could agree without the rest."""
+    asked = []
+    monkeypatch.setattr(classify, "view_ransac", lambda *of: asked.append(of) or view_ransac(*of))
+    problem, state = at_truth(Scenario(samples=12, target=target, robot_noise=NOISY), 2)
+    before = InlierMask((np.arange(12) != 5,), all_inliers(problem).points)
+    kept_of(bumped(problem, [5]), state, before)
+    assert len(asked) == kinds
