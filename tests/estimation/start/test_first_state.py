@@ -25,6 +25,8 @@ from basecal.estimation.start.first_state import (
     _light,
     _loop,
     _mount_of_points,
+    _names,
+    _search,
     _unknown,
     first_state,
     first_states,
@@ -326,3 +328,36 @@ def test_lenses_that_are_not_stated_are_those_of_their_own_views(monkeypatch):
     assert [(name, [view is of for view, of in zip(views, own, strict=True)]) for name, views in asked] == [
         (second, [True] * len(own))
     ]
+
+
+class Pair(SimpleNamespace):
+    """A group of one view, and its sight."""
+
+    def __len__(self):
+        return 1
+
+
+@pytest.mark.parametrize("is_clear", [True, False])
+def test_pairs_with_poses_and_many_views_go_first(monkeypatch, is_clear):
+    """Of as few unknowns; each is tried once before one is forced, and again only where more is known."""
+    ends = {"camera_mount": "x", "target_mount": "z", "eye_base": None, "hand_base": None, "camera": "c"}
+    given = (("light", None, 50), ("few", "poses", 5), ("many", "poses", 9))
+    pairs = [Pair(name=name, candidates=candidates, total=total, **ends) for name, candidates, total in given]
+    tried = []
+
+    def start(sight, known, problem, thorough, forced):
+        tried.append((sight.name, forced))
+        return is_clear or forced
+        yield
+
+    monkeypatch.setattr(module, "_start", start)
+    monkeypatch.setattr(module, "lenses", lambda problem, cell: {})
+    monkeypatch.setattr(module, "placed_by_pairs", lambda *_: {})
+    monkeypatch.setattr(module, "pair_views", lambda group, *_: Pair(group=group, **vars(group)))
+    problem = SimpleNamespace(groups=pairs, unknowns={"x": Unknown()}, stops=[])
+    with pytest.raises(StopIteration) as end:
+        next(_search(problem, None, False))
+    np.testing.assert_array_equal(end.value.value.transforms["x"].matrix, np.eye(4))
+    order = ["many", "few", "light"]
+    assert tried == [(name, False) for name in order] + [(name, True) for name in order] * (not is_clear)
+    assert _names(SimpleNamespace(group=pairs[0])) == ["x", "z"]
