@@ -11,7 +11,7 @@ from scipy.stats import chi2
 from scipy.stats import f as fisher
 from tests.evidence import evidence_of
 from tests.motion_cells import SCARA, recorded
-from tests.pose_problem import pose_problem
+from tests.pose_problem import MOUNT, pose_problem
 
 from basecal.accuracy.cross_validation import validation
 from basecal.accuracy.cross_validation.validation import (
@@ -20,7 +20,9 @@ from basecal.accuracy.cross_validation.validation import (
     HeldOutErrors,
     _Alone,
     _columns_of,
+    _errors,
     _Fold,
+    _fold,
     _moved,
     _of_group,
     _spread,
@@ -396,3 +398,47 @@ def test_folds_of_one_sample_each_leave_one_out(monkeypatch, held, kind):
     found = cross_validate(solution, [])
     assert (found.summary.kind, found.summary.folds, found.summary.base_change) == (kind, 2, 1.5)
     assert (found.summary.rms_px, found.summary.target_m, found.spread.freedoms) == (None, None, 8.0)
+
+
+def fitted_as(problem, state):
+    """A fold that holds out all views, with a fit of its own."""
+    fit = SimpleNamespace(
+        known=np.zeros(len(problem.stops), dtype=bool), views=problem, optimum=SimpleNamespace(state=state)
+    )
+    return _Fold(fit, np.zeros((0, 0)))
+
+
+def test_used_views_have_poses_only_where_these_were_seen():
+    """What the full answer is off by is told in pixels where there are some; what folds predict, in both."""
+    errors = 1e-3 * np.random.default_rng(0).standard_normal((5, 6))
+    problem, state = pose_problem(errors, np.full(6, 1e-3))
+    moved = replace(state, transforms={**state.transforms, MOUNT: SE3.exp([2e-3, 0, 0, 0, 0, 0])})
+    used, predicted = _errors(SimpleNamespace(problem=problem, state=state), [fitted_as(problem, moved)])
+    assert used.count_poses == predicted.count_poses == 5
+    assert used.square_rad == pytest.approx(np.sum(errors[:, 3:] ** 2), rel=1e-6)
+    assert predicted.square_m > used.square_m
+    made = simulate(Scenario(samples=3), 0)
+    problem, _ = build_problem(made.cell, made.recording)
+    state = State(made.truth, made.cameras, np.zeros((len(problem.stops), 6)))
+    used, predicted = _errors(SimpleNamespace(problem=problem, state=state), [fitted_as(problem, state)] * 2)
+    assert (used.count_poses, predicted.count_poses) == (0, 6)
+    assert used.square_px == pytest.approx(predicted.square_px)
+    assert used.count_px == predicted.count_px > 0
+
+
+@pytest.mark.parametrize(("converged", "sparse", "condition", "unobservable", "told"), [
+    (True, True, 9.0, (), "by sparse"), (True, True, None, (), "by dense"), (True, False, 9.0, (), "by dense"),
+    (True, False, None, ("b",), "by dense"), (True, False, None, ("a",), None), (False, True, 9.0, (), None),
+])  # fmt: skip
+def test_a_fold_determines_what_is_asked_or_is_none(monkeypatch, converged, sparse, condition, unobservable, told):
+    """By sparse matrices where these are enough; a fit that has not settled, or leaves it open, is no fold."""
+    matrix = SimpleNamespace(inverse_columns=lambda chosen: "by sparse") if sparse else None
+    fit = SimpleNamespace(
+        optimum=SimpleNamespace(converged=converged, state=None, hessian=None), sparse=matrix, used="used"
+    )
+    inverse = type("Inverse", (), {"__getitem__": lambda self, where: "by dense"})()
+    dense = SimpleNamespace(unobservable=frozenset(unobservable), inverse=inverse)
+    monkeypatch.setattr(validation, "condition_where_seen", lambda *of: condition)
+    monkeypatch.setattr(validation, "observability_of", lambda used, *of: dense if used == "used" else None)
+    found = _fold(SimpleNamespace(noise=SimpleNamespace(factor=1.0)), ["a"], np.zeros(1), fit)
+    assert (None if found is None else found.columns) == told
