@@ -292,4 +292,9 @@ EQUIVALENT: dict[str, tuple[tuple[str, str, str, str], ...]] = {
     "estimation/least_squares/bundle_adjustment.py": (
         ("only = take(_run(problem, state.spread(problem, 1)", "1", "2", "of two alike the first is taken"),
     ),
+    "estimation/certificate/rotation_cost.py": (
+        ("behind_y = np.einsum(", "True", "False", "the same sum in another order"),
+    ),
+    "estimation/noise/joint_estimate.py": (("raised = np.exp(of.logs", "1", "2", ANY_LENGTH),),
+    "accuracy/systematic_errors/score_tests.py": (("across -= (flat.T @", "1", "2", ANY_LENGTH),),
 }

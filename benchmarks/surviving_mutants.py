@@ -6,7 +6,7 @@ from typing import Any
 
 from benchmarks.equivalent_mutants import EQUIVALENT
 
-UNKNOWN = "no test has judged it so far"
+UNKNOWN = "no test of its room tells the two apart so far"
 
 # By file, line, what stood there and what stands there now.
 WHY: dict[tuple[str, str, str, str], str] = {
