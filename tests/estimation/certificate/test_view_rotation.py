@@ -20,12 +20,17 @@ SMALL_RAD = 1e-3
 
 
 def views_of(target):
-    """Problem, state, group and costs of three views of a board, in pixels, as points or as poses."""
-    made = simulate(Scenario(samples=3, target=target), 4)
+    """Group, camera, costs and poses of three views of a board, in pixels, as points or as poses."""
+    problem, state, group = at_the_truth(Scenario(samples=3, target=target))
+    return group, state.cameras.get(group.camera), view_costs(problem, state, group), near_of(problem, state)
+
+
+def at_the_truth(scenario: Scenario):
+    """A simulated problem of one group, its true state, and the group."""
+    made = simulate(scenario, 4)
     problem, _ = build_problem(made.cell, made.recording)
-    state = State(made.truth, made.cameras, np.zeros((len(problem.stops), 6)))
     (group,) = problem.groups
-    return group, made.cameras.get(group.camera), view_costs(problem, state, group), near_of(problem, state)
+    return problem, State(made.truth, made.cameras, np.zeros((len(problem.stops), 6))), group
 
 
 def near_of(problem, state):
@@ -134,10 +139,7 @@ def test_points_of_no_weight_count_for_nothing():
 
 def test_corners_that_were_not_seen_or_weigh_nothing_are_not_used():
     """A view without any of them, or of three, is known nothing of; wherever else they are, others stay as they are."""
-    made = simulate(Scenario(samples=4), 4)
-    problem, _ = build_problem(made.cell, made.recording)
-    state = State(made.truth, made.cameras, np.zeros((len(problem.stops), 6)))
-    (group,) = problem.groups
+    problem, state, group = at_the_truth(Scenario(samples=4))
     of = group.measurement
     whole = view_costs(problem, state, group)
     seen, weight, pixels = of.seen.copy(), of.weight.copy(), of.pixels.copy()
@@ -160,16 +162,12 @@ def test_corners_that_were_not_seen_or_weigh_nothing_are_not_used():
 
 def test_a_flat_board_has_a_second_pose():
     """Not so good as the first where it is seen at a slant; its cost is that of the points about it."""
-    made = simulate(Scenario(samples=4), 4)
-    problem, _ = build_problem(made.cell, made.recording)
-    state = State(made.truth, made.cameras, np.zeros((len(problem.stops), 6)))
-    (group,) = problem.groups
+    problem, state, group = at_the_truth(Scenario(samples=4))
     found = view_costs(problem, state, group)
-    camera = made.cameras[group.camera]
+    camera = state.cameras[group.camera]
     cost = group.measurement.linearise(found.camera_from_target, camera, False).cost
     np.testing.assert_allclose(found.constant, cost, rtol=1e-9)
-    away = State({**made.truth}, made.cameras, state.stop_errors)
-    off = found.camera_from_target.inverse() @ away.camera_from_target(group, problem.stops)
+    off = found.camera_from_target.inverse() @ state.camera_from_target(group, problem.stops)
     assert np.abs(off.log()).max() < 0.05
     assert np.all(found.second > found.constant)
     information = group.measurement.linearise(found.camera_from_target, camera, False).information
@@ -179,10 +177,7 @@ def test_a_flat_board_has_a_second_pose():
 
 def test_a_view_of_three_points_proves_nothing():
     """It costs nothing however it is turned, and the others what they did."""
-    made = simulate(Scenario(samples=3), 4)
-    problem, _ = build_problem(made.cell, made.recording)
-    state = State(made.truth, made.cameras, np.zeros((len(problem.stops), 6)))
-    (group,) = problem.groups
+    problem, state, group = at_the_truth(Scenario(samples=3))
     whole = view_costs(problem, state, group)
     seen = group.measurement.seen.copy()
     seen[1, 3:] = False
