@@ -8,8 +8,9 @@ import types
 
 import pytest
 
-from basecal.acquisition import rig as rig_module
-from basecal.acquisition.rig import GROUP, driver_names, open_rig
+from basecal.acquisition import driver_modules
+from basecal.acquisition.driver_modules import GROUP, driver_names
+from basecal.acquisition.rig import open_rig
 from basecal.cell import Cell, CellCamera, Driver, Robot
 from basecal.errors import DatasetError
 
@@ -39,12 +40,12 @@ class Arm:
 def stranger(monkeypatch):
     """A module of another package that offers a driver `stranger` as an entry point."""
     module = types.ModuleType("strangers_driver")
-    module.arms = []
+    module.arms, module.NEEDS_OWN_PROCESS = [], False
     module.open_robot = lambda place: module.arms.append(Arm(place)) or module.arms[-1]
     monkeypatch.setitem(sys.modules, "strangers_driver", module)
     point = importlib.metadata.EntryPoint("stranger", "strangers_driver", GROUP)
     monkeypatch.setattr(
-        rig_module, "entry_points", lambda **wanted: [point] if wanted.get("name", "stranger") == "stranger" else []
+        driver_modules, "entry_points", lambda **wanted: [point] if wanted.get("name", "stranger") == "stranger" else []
     )
     return module
 

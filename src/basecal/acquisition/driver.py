@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol, TypeVar, runtime_checkable
+from typing import Any, Literal, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,13 @@ from basecal.cell.schema.errors import problems_of
 
 Grey = NDArray[np.integer[Any]]
 Options = TypeVar("Options", bound=Entry)
+
+StopGuarantee = Literal["watchdog", "short-horizon", "none"]
+"""What stops an arm when this computer is silent, as `STOP_GUARANTEE` of a driver's module declares it.
+
+`watchdog`: its controller stops it within half a second. `short-horizon`: it is only ever sent goals that it reaches
+within 0.3 s. `none`: it finishes its move.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +102,31 @@ class Moves(Protocol):
         """
 
     def stop(self) -> None:
-        """Stand still as soon as it can."""
+        """Stand still as soon as it can; called from another thread than the rest, also while a call hangs."""
+
+
+@runtime_checkable
+class ChecksGoals(Protocol):
+    """What a robot has whose controller can be asked whether it would go somewhere."""
+
+    def goal_refusal(self, to: RobotState) -> str:
+        """Why the controller would not go there, in words; empty if it would.
+
+        Raises:
+            DriverError: if it cannot be asked.
+        """
+
+
+@runtime_checkable
+class HasWatchdog(Protocol):
+    """What a robot has whose controller stops it unless it is told again and again that this computer is well."""
+
+    def keep_alive(self) -> None:
+        """Tell the controller that this computer is well; called every 20 ms by a thread of its own.
+
+        Raises:
+            DriverError: if the controller no longer listens.
+        """
 
 
 @runtime_checkable

@@ -9,7 +9,8 @@ import numpy as np
 
 from basecal.acquisition.driver import Freedrives, Moves, Robot
 from basecal.acquisition.rig import Rig
-from basecal.acquisition.stillness import vector_of, wait_until_led
+from basecal.acquisition.states import vector_of
+from basecal.acquisition.stillness import wait_until_led
 from basecal.acquisition.taking import Tell
 from basecal.cell import RobotState
 from basecal.geometry import Array

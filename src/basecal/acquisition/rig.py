@@ -2,77 +2,118 @@
 
 from __future__ import annotations
 
+import threading
+import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
-from importlib import import_module
-from importlib.metadata import entry_points
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
-from typing import Any
 
-from basecal.acquisition.driver import Camera, Moves, Place, Robot
+from basecal.acquisition.driver import Camera, Moves, Place, Robot, StopGuarantee
+from basecal.acquisition.driver_modules import driver_module, driver_names, runs_alone, stop_guarantee
+from basecal.acquisition.supervision.arms import Arms
+from basecal.acquisition.supervision.signals import routed_signals
 from basecal.cell import Cell, Driver
 from basecal.errors import DatasetError, nearest
-from basecal.registry import DRIVERS
 
-GROUP = "basecal.drivers"
-"""The group of entry points in which other packages offer modules with `open_robot` or `open_camera`."""
+_STOP_S = 1.0  # that all stops may take together; a supervised arm has 0.3 s, and is then cut off
+_CLOSE_S = 0.5  # that a camera or robot may take to close: its stream may hang
+
+_Openers = Mapping[str, tuple[ModuleType, Place]]
 
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """The robots and cameras of a cell that have a driver, by name."""
+    """The robots and cameras of a cell that have a driver.
+
+    Attributes:
+        robots: Robots by name.
+        cameras: Cameras by name.
+        guarantees: What stops each robot when this computer is silent, by name.
+    """
 
     robots: Mapping[str, Robot]
     cameras: Mapping[str, Camera]
+    guarantees: Mapping[str, StopGuarantee] = field(default_factory=dict)
 
     def stop(self) -> None:
-        """Have every robot that moves stand still, whatever any of them answers."""
-        with ExitStack() as each:
-            for robot in self.robots.values():
-                if isinstance(robot, Moves):
-                    each.callback(robot.stop)
-
-
-def driver_names() -> tuple[str, ...]:
-    """Names of all drivers, those of this package first."""
-    return (*DRIVERS, *sorted({point.name for point in entry_points(group=GROUP)} - set(DRIVERS)))
+        """Stop every robot that moves, all at once, whatever any of them answers."""
+        _all_at_once([robot.stop for robot in self.robots.values() if isinstance(robot, Moves)], _STOP_S)
 
 
 @contextmanager
 def open_rig(cell: Cell, folder: Path) -> Iterator[Rig]:
-    """The rig of a cell, closed at the end; if that is an error, robots stop first.
+    """The rig of a cell, closed at the end; if that is an error or a signal, all robots stop first.
+
+    Each robot's driver runs in a process of its own, unless it declares that it needs none. SIGTERM and SIGHUP end the
+    capture as Ctrl-C does.
 
     Raises:
         DatasetError: if a driver is not known, lacks the face that is asked of it, or an option is wrong.
-        DriverError: if a robot or camera does not answer.
+        DriverError: if a robot or camera does not answer, or all arms were stopped.
     """
+    places = _places(cell, folder, "robots", "open_robot")
+    alone = {name: place for name, (module, place) in places.items() if runs_alone(module)}
+    here = {name: opener for name, opener in places.items() if name not in alone}
+    supervisor: list[Arms] = []
     with ExitStack() as opened:
-        robots, cameras = dict[str, Robot](), dict[str, Camera]()
-        for name, robot in cell.robots.items():
-            if robot.driver is not None:
-                robots[name] = _opener(robot.driver, "robots", name, folder, "open_robot")(
-                    Place(name, cell, folder, robot.driver.options)
-                )
-                opened.callback(robots[name].close)
-        for name, camera in cell.cameras.items():
-            if camera.driver is not None:
-                cameras[name] = _opener(camera.driver, "cameras", name, folder, "open_camera")(
-                    Place(name, cell, folder, camera.driver.options)
-                )
-                opened.callback(cameras[name].close)
-        rig = Rig(robots, cameras)
+        signals_fd = opened.enter_context(routed_signals(lambda: supervisor[0].interruption if supervisor else ""))
         try:
-            yield rig
-        except BaseException:
-            rig.stop()
-            raise
+            if alone:
+                supervisor.append(Arms(alone, signals_fd))
+                opened.callback(supervisor[0].close)
+            robots: dict[str, Robot] = {name: module.open_robot(place) for name, (module, place) in here.items()}
+            cameras = {
+                name: module.open_camera(place)
+                for name, (module, place) in _places(cell, folder, "cameras", "open_camera").items()
+            }
+            opened.callback(_all_at_once, [each.close for each in (*robots.values(), *cameras.values())], _CLOSE_S)
+            robots |= supervisor[0].opened() if alone else {}
+            guarantees = {name: stop_guarantee(module) for name, (module, _) in places.items()}
+            rig = Rig({name: robots[name] for name in places}, cameras, guarantees)
+            try:
+                yield rig
+            except BaseException:
+                rig.stop()
+                raise
+        finally:
+            for arms in supervisor:
+                arms.leave_main_thread_alone()
 
 
-def _opener(driver: Driver, section: str, name: str, folder: Path, function: str) -> Callable[[Place], Any]:
-    where = f"{section}.{name}.driver.kind"
-    module = _module(driver.kind)
+def _all_at_once(calls: list[Callable[[], None]], most_s: float) -> None:
+    """Make calls in threads of their own, each until it returns or the time [s] is over; errors are of no use here."""
+
+    def quietly(call: Callable[[], None]) -> None:
+        with suppress(Exception):
+            call()
+
+    threads = [threading.Thread(target=quietly, args=(call,), daemon=True) for call in calls]
+    for thread in threads:
+        thread.start()
+    until = time.monotonic() + most_s
+    for thread in threads:
+        thread.join(max(until - time.monotonic(), 0.0))
+
+
+def _places(cell: Cell, folder: Path, section: str, function: str) -> _Openers:
+    """Modules and places of all robots or cameras that have a driver, by name.
+
+    Raises:
+        DatasetError: if a driver is not known, or lacks the function.
+    """
+    things = cell.robots if section == "robots" else cell.cameras
+    found = {}
+    for name, thing in things.items():
+        if thing.driver is not None:
+            module = _module(thing.driver, f"{section}.{name}.driver.kind", folder, function)
+            found[name] = (module, Place(name, cell, folder, thing.driver.options))
+    return found
+
+
+def _module(driver: Driver, where: str, folder: Path, function: str) -> ModuleType:
+    module = driver_module(driver.kind)
     if module is None:
         known = driver_names()
         message = f"no driver {driver.kind!r}{nearest(driver.kind, known)}; there are: {', '.join(known)}"
@@ -80,14 +121,4 @@ def _opener(driver: Driver, section: str, name: str, folder: Path, function: str
     if not hasattr(module, function):
         message = f"driver {driver.kind!r} is for {'cameras' if function == 'open_robot' else 'robots'} only"
         raise DatasetError(str(folder / "cell.yaml"), message, field=where)
-    opener: Callable[[Place], Any] = getattr(module, function)
-    return opener
-
-
-def _module(kind: str) -> ModuleType | None:
-    if kind in DRIVERS:
-        return import_module(f"basecal.acquisition.drivers.{kind}")
-    for point in entry_points(group=GROUP, name=kind):
-        module = point.load()
-        return module if isinstance(module, ModuleType) else None
-    return None
+    return module

@@ -9,8 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from basecal.acquisition.driver import Camera, Picture, Reading, Robot
+from basecal.acquisition.states import has_arrived, vector_of
 from basecal.cell import RobotState
 from basecal.cell.target import Target
+from basecal.errors import DriverError
 from basecal.geometry import SE3, Array
 from basecal.geometry.rotation import nearest_rotation
 from basecal.vision.detectors import LIGHT, find
@@ -19,7 +21,6 @@ from basecal.vision.picture_motion import Levels, shift_between, small
 _WINDOW = 12  # states that are looked at: a tenth of a second of most controllers
 _STILL_RAD_M = 1e-4  # by which the two halves of them may differ: 0.1 mm at a metre
 _BEYOND_NOISE = 4.0  # sigmas of that difference, where states are noisy
-_ARRIVED_RAD_M = 2e-3  # from where an arm was sent: controllers round, and some stop a little short
 _ELSEWHERE_RAD_M = 2e-3  # from where a person began to lead an arm
 _STILL_PX = 0.1  # by which a picture may differ from those before it
 _PICTURES = 3  # in a row: of two, a swing may happen to be at the same place
@@ -45,6 +46,7 @@ def wait_for_arms(
 
     Raises:
         Moving: if one is still moving then.
+        DriverError: if one stands elsewhere than it was sent.
     """
     latest: dict[str, deque[Reading]] = {name: deque(maxlen=_WINDOW) for name in robots}
     began: float | None = None
@@ -59,6 +61,8 @@ def wait_for_arms(
         now = latest[live[0]][-1].stamp_s
         began = now if began is None else began
         if now - began > patience_s:
+            for name in moving:
+                _check_arrived(name, latest[name], goals.get(name))
             raise Moving(f"arm still moving: {', '.join(moving)}")
 
 
@@ -86,6 +90,19 @@ def wait_until_led(robots: Mapping[str, Robot], before: Mapping[str, RobotState]
             raise Moving(f"arm not led to another place: {', '.join(robots)}")
 
 
+def _check_arrived(name: str, readings: Sequence[Reading], goal: RobotState | None) -> None:
+    """An arm that stands elsewhere than it was sent was held up by something that nobody reported.
+
+    Raises:
+        DriverError: if it does.
+    """
+    if goal is not None and _is_still(readings, None) and not has_arrived(readings[-1].state, goal):
+        raise DriverError(
+            f"{name}: the arm stopped before it arrived. Look for an obstacle, a paused program, or a speed slider at "
+            f"zero, then start again."
+        )
+
+
 def _is_still(readings: Sequence[Reading], goal: RobotState | None) -> bool:
     if len(readings) < _WINDOW:
         return False
@@ -95,7 +112,7 @@ def _is_still(readings: Sequence[Reading], goal: RobotState | None) -> bool:
     noise = np.diff(values, axis=0).std(0) / np.sqrt(2)
     if np.any(between > np.maximum(_STILL_RAD_M, _BEYOND_NOISE * noise * np.sqrt(2 / half))):
         return False
-    return goal is None or bool(np.abs(values.mean(0) - vector_of(goal)).max() < _ARRIVED_RAD_M)
+    return goal is None or has_arrived(_mean(readings).state, goal)
 
 
 def _mean(readings: Sequence[Reading]) -> Reading:
@@ -104,15 +121,6 @@ def _mean(readings: Sequence[Reading]) -> Reading:
     if last.state.joints_rad is not None:
         return Reading(last.stamp_s, RobotState(joints_rad=values))
     return Reading(last.stamp_s, RobotState(SE3(nearest_rotation(values[3:].reshape(3, 3)), values[:3])))
-
-
-def vector_of(state: RobotState) -> Array:
-    """Joints [rad], or position [m] and rotation matrix of a pose."""
-    if state.joints_rad is not None:
-        return state.joints_rad
-    pose = state.base_from_flange
-    assert pose is not None
-    return np.concatenate([pose.translation, pose.rotation.ravel()])
 
 
 def wait_for_picture(camera: Camera, targets: Sequence[Target], patience_s: float) -> Picture:

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from basecal.acquisition.coverage import alike
-from basecal.acquisition.driver import Grey, Moves, Switches
+from basecal.acquisition.driver import ChecksGoals, Grey, Moves, Switches
 from basecal.acquisition.rig import Rig
 from basecal.acquisition.stillness import Moving, Unfit, wait_for_arms, wait_for_picture
 from basecal.cell import CandidateObservation, Cell, PixelObservation, Recording, Sample, Target
 from basecal.cell.format.writing import write_whole
+from basecal.errors import DriverError
 from basecal.planning.sketch import Sketch
 from basecal.vision.detect import detect
 from basecal.vision.detectors import LIGHT
@@ -70,6 +71,7 @@ class Taker:
             Unfit: if it cannot be used.
             DriverError: if a robot or camera does not answer.
         """
+        _send(self, wanted)
         for _ in range(_ATTEMPTS - 1):
             try:
                 return _take(self, wanted, taken)
@@ -78,13 +80,24 @@ class Taker:
         return _take(self, wanted, taken)
 
 
+def _send(by: Taker, wanted: Sample) -> None:
+    """Send the arms, once every controller that can be asked accepts its goal.
+
+    Raises:
+        DriverError: if one refuses, or does not answer.
+    """
+    by.tell(f"sample {wanted.sample}: arms move" if wanted.robots else f"sample {wanted.sample}")
+    sent = {name: by.rig.robots[name] for name in wanted.robots if name in by.rig.robots}
+    for name, robot in sent.items():
+        if isinstance(robot, ChecksGoals) and (why := robot.goal_refusal(wanted.robots[name])):
+            raise DriverError(f"{name}: {why}. Nothing was sent to any arm for sample {wanted.sample}.")
+    for name, robot in sent.items():
+        if isinstance(robot, Moves):
+            robot.move(wanted.robots[name], by.settings.speed_rad_s)
+
+
 def _take(by: Taker, wanted: Sample, taken: Sequence[Sample]) -> Sample:
     rig, sketch, folder, settings = by.rig, by.sketch, by.folder, by.settings
-    by.tell(f"sample {wanted.sample}: arms move" if wanted.robots else f"sample {wanted.sample}")
-    for name, state in wanted.robots.items():
-        robot = rig.robots.get(name)
-        if isinstance(robot, Moves):
-            robot.move(state, settings.speed_rad_s)
     goals = {name: state for name, state in wanted.robots.items() if isinstance(rig.robots.get(name), Moves)}
     before = wait_for_arms(rig.robots, goals, settings.patience_s)
     by.tell(f"sample {wanted.sample}: waiting for a still picture")

@@ -27,6 +27,10 @@ from basecal.vision.image_file import grey_image, read_bytes
 _TICK_S = 0.01  # of the clock with each reading
 
 
+NEEDS_OWN_PROCESS = False
+"""Nothing is moved, and whoever replays is asked nothing twice."""
+
+
 class ReplayOptions(Entry):
     """`recording`: the folder of the cell that was recorded, from this cell's folder."""
 

@@ -19,6 +19,10 @@ from basecal.vision.image_file import grey_image
 _Answer = TypeVar("_Answer", bound=Entry)
 
 
+NEEDS_OWN_PROCESS = False
+"""A simulated arm hurts nobody, and its time may stand still while nobody asks."""
+
+
 class SimulatedOptions(Entry):
     """`port` and `token` of the process; where they are left out, those in the cell's folder."""
 

@@ -21,6 +21,10 @@ _JOINTS = {"joints_deg": np.radians(1.0), "joints_rad": 1.0}  # [rad] of what is
 _NOTATIONS = (*CONTROLLERS, *_JOINTS)
 
 
+NEEDS_OWN_PROCESS = False
+"""A person is asked on the terminal."""
+
+
 class TypedOptions(Entry):
     """`notation`: a controller, whose convention a pose is typed in, or `joints_deg` or `joints_rad`."""
 

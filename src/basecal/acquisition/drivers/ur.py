@@ -1,12 +1,13 @@
 """Universal Robots' controllers, over RTDE by ur-rtde: states with the controller's stamps, moves, leading by hand.
 
 States need only port 30004. Moves and freedrive run a program on the controller, which is sent there when the first of
-them is asked for; that needs remote control, the dashboard (29999) and the ports for programs.
+them is asked for; that needs remote control, the dashboard (29999) and the ports for programs. The controller's
+watchdog ends that program, and with it any motion, when this computer is silent for a third of a second.
 """
 
 from __future__ import annotations
 
-from basecal.acquisition.driver import Place, Reading, checked_options
+from basecal.acquisition.driver import Place, Reading, StopGuarantee, checked_options
 from basecal.acquisition.ur.options import UrOptions
 from basecal.acquisition.ur.program import Program
 from basecal.acquisition.ur.receiver import Receiver
@@ -14,11 +15,12 @@ from basecal.cell import RobotState
 from basecal.errors import DatasetError, DriverError
 from basecal.exchange.controllers.convention import convention
 
+STOP_GUARANTEE: StopGuarantee = "watchdog"
+
 _JOINTS = 6
-_STOP_RAD_S2 = 2.0  # of each joint when it is told to stop: from 30 deg/s it takes a quarter of a second
 _FASTEST_RAD_S = 3.14  # that ur-rtde takes for a joint
-_BEYOND = "where it is sent is beyond its safety limits"
-_NOT_TAKEN = "the controller did not take the move"
+_BEYOND = "the goal is beyond the safety limits of the controller"
+_ENDED = 10  # states in a row that say that the program no longer runs, before it counts as stopped
 
 
 class UrWatched:
@@ -33,7 +35,7 @@ class UrWatched:
         """Its next state, with the controller's stamp: seconds since it was switched on.
 
         Raises:
-            DriverError: if it stands in a protective or emergency stop, or no state comes, though tried again.
+            DriverError: if it is in any safety stop, or no state comes, though tried again.
         """
         return self._receiver.state()
 
@@ -42,18 +44,61 @@ class UrWatched:
         self._receiver.close()
 
 
-class UrMoved:
-    """A controller that is sent to places."""
+class _WithProgram(UrWatched):
+    """A controller that runs the program of ur-rtde, and stops the arm when this computer is silent."""
 
-    is_live = True
-
-    def __init__(self, name: str, receiver: Receiver, program: Program, acceleration_rad_s2: float) -> None:
-        self._name, self._receiver, self._program = name, receiver, program
-        self._acceleration_rad_s2 = acceleration_rad_s2
+    def __init__(self, name: str, receiver: Receiver, program: Program) -> None:
+        super().__init__(receiver)
+        self._name, self._program = name, program
+        self._ended = 0
 
     def state(self) -> Reading:
-        """As `UrWatched.state`."""
-        return self._receiver.state()
+        """As `UrWatched.state`.
+
+        Raises:
+            DriverError: also if somebody stopped the program.
+        """
+        was_asked = self._program.was_asked
+        reading = self._receiver.state()
+        self._ended = self._ended + 1 if was_asked and not self._receiver.is_program_running else 0
+        if self._ended >= _ENDED:
+            raise DriverError(
+                f"{self._name}: the program on the controller was stopped, by a person or by its watchdog"
+            )
+        return reading
+
+    def keep_alive(self) -> None:
+        """Keep the controller's watchdog awake."""
+        self._program.keep_alive()
+
+    def close(self) -> None:
+        """End the program, and hang up."""
+        self._program.close()
+        self._receiver.close()
+
+    def _check(self, is_well: bool, did: str) -> None:
+        if not is_well:
+            raise DriverError(f"{self._name}: the controller did not {did}; look at the pendant's log")
+
+
+class UrMoved(_WithProgram):
+    """A controller that is sent to places."""
+
+    def __init__(self, name: str, receiver: Receiver, program: Program, acceleration_rad_s2: float) -> None:
+        super().__init__(name, receiver, program)
+        self._acceleration_rad_s2 = acceleration_rad_s2
+
+    def goal_refusal(self, to: RobotState) -> str:
+        """Why the controller would not go there, in words; empty if it would.
+
+        Raises:
+            DriverError: if it cannot be asked.
+        """
+        if to.joints_rad is not None:
+            joints = to.joints_rad.tolist()
+            return "" if self._program.ask(lambda line: line.isJointsWithinSafetyLimits(joints)) else _BEYOND
+        pose = _written(to)
+        return "" if self._program.ask(lambda line: line.isPoseWithinSafetyLimits(pose)) else _BEYOND
 
     def move(self, to: RobotState, speed_rad_s: float) -> None:
         """Begin to go there, the leading joint at this speed, or at the fastest that ur-rtde allows.
@@ -61,42 +106,27 @@ class UrMoved:
         Raises:
             DriverError: if it is beyond the safety limits, or the controller does not take it.
         """
+        if why := self.goal_refusal(to):
+            raise DriverError(f"{self._name}: {why}")
         how = (min(speed_rad_s, _FASTEST_RAD_S), self._acceleration_rad_s2, True)
         if to.joints_rad is not None:
             joints = to.joints_rad.tolist()
-            self._check(self._program.ask(lambda line: line.isJointsWithinSafetyLimits(joints)), _BEYOND)
-            self._check(self._program.ask(lambda line: line.moveJ(joints, *how)), _NOT_TAKEN)
-        elif to.base_from_flange is not None:
-            pose = convention("ur").written(to.base_from_flange).tolist()
-            self._check(self._program.ask(lambda line: line.isPoseWithinSafetyLimits(pose)), _BEYOND)
-            self._check(self._program.ask(lambda line: line.moveJ_IK(pose, *how)), _NOT_TAKEN)
-
-    def _check(self, is_well: bool, why: str) -> None:
-        if not is_well:
-            raise DriverError(f"{self._name}: {why}; look at the pendant's log")
+            self._check(self._program.ask(lambda line: line.moveJ(joints, *how)), "take the move")
+        else:
+            pose = _written(to)
+            self._check(self._program.ask(lambda line: line.moveJ_IK(pose, *how)), "take the move")
 
     def stop(self) -> None:
-        """Stand still; where nothing was moved there is nothing to stop."""
-        if self._program.was_asked:
-            self._program.ask(lambda line: line.stopJ(_STOP_RAD_S2))
+        """Stand still; where nothing was moved there is nothing to stop.
 
-    def close(self) -> None:
-        """End the program, and hang up."""
-        self._program.close()
-        self._receiver.close()
+        Raises:
+            DriverError: if the controller does not take it.
+        """
+        self._program.stop()
 
 
-class UrLed:
+class UrLed(_WithProgram):
     """A controller whose arm a person leads."""
-
-    is_live = True
-
-    def __init__(self, name: str, receiver: Receiver, program: Program) -> None:
-        self._name, self._receiver, self._program = name, receiver, program
-
-    def state(self) -> Reading:
-        """As `UrWatched.state`."""
-        return self._receiver.state()
 
     def freedrive(self, on: bool) -> None:
         """Let the arm be led, or hold it.
@@ -104,14 +134,14 @@ class UrLed:
         Raises:
             DriverError: if the controller does not take it.
         """
-        if not self._program.ask(lambda line: line.freedriveMode() if on else line.endFreedriveMode()):
-            word = "begin" if on else "end"
-            raise DriverError(f"{self._name}: the controller did not {word} freedrive; look at the pendant's log")
+        is_taken = self._program.ask(lambda line: line.freedriveMode() if on else line.endFreedriveMode())
+        self._check(is_taken, f"{'begin' if on else 'end'} freedrive")
 
-    def close(self) -> None:
-        """End the program, and hang up."""
-        self._program.close()
-        self._receiver.close()
+
+def _written(to: RobotState) -> list[float]:
+    """A pose as UR controllers take it."""
+    assert to.base_from_flange is not None
+    return [float(number) for number in convention("ur").written(to.base_from_flange)]
 
 
 def open_robot(place: Place) -> UrWatched | UrMoved | UrLed:

@@ -1,7 +1,9 @@
-"""The program of ur-rtde, which runs on a UR controller while it is moved or led."""
+"""The program of ur-rtde, which runs on a UR controller while it is moved or led, and its watchdog."""
 
 from __future__ import annotations
 
+import socket
+import threading
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, TypeVar
@@ -10,17 +12,23 @@ from basecal.acquisition.reach import reached
 from basecal.acquisition.ur.options import UrOptions, in_a_line
 from basecal.errors import DriverError
 
-_NEEDED = {29999: "the dashboard of a UR", 30003: "a UR that takes programs"}
+_DASHBOARD = 29999
+_NEEDED = {_DASHBOARD: "the dashboard of a UR", 30003: "a UR that takes programs"}
+_WATCHDOG_HZ = 6.0  # URSim stops a program after about two periods of silence: a third of a second
+_BUSY_S = 0.1  # that another call may hold the line while a stop waits
+_STOP_RAD_S2 = 2.0  # of each joint when it is told to stop: from 30 deg/s it takes a quarter of a second
+_DASHBOARD_S = 0.2  # that the dashboard may take to take a line
 
 Given = TypeVar("Given")
 
 
 class Program:
-    """The program; it is sent when it is first asked for something, and again when it was lost."""
+    """The program; it is sent once, when it is first asked for something, and never again after it ended."""
 
     def __init__(self, name: str, options: UrOptions) -> None:
         self._name, self._options = name, options
         self._line: Any = None
+        self._lock = threading.Lock()
 
     @property
     def was_asked(self) -> bool:
@@ -36,26 +44,70 @@ class Program:
         Raises:
             DriverError: if it cannot be started, or was stopped.
         """
-        try:
-            if self._line is None or not (self._line.isConnected() and self._line.isProgramRunning()):
-                self._line = self._started()
-            return what(self._line)
-        except (RuntimeError, ValueError) as error:
-            said = in_a_line(error)
-            if "remote control" in said:
-                said = "no permission to move: choose remote control on the pendant, then start again"
-            raise DriverError(f"{self._name}: {said}") from None
+        with self._lock:
+            try:
+                if self._line is None:
+                    self._line = self._started()
+                elif not (self._line.isConnected() and self._line.isProgramRunning()):
+                    raise DriverError(
+                        f"{self._name}: the program on the controller was stopped. It is not sent again by itself: "
+                        f"find out who stopped it, then start again."
+                    )
+                return what(self._line)
+            except (RuntimeError, ValueError) as error:
+                said = in_a_line(error)
+                if "remote control" in said:
+                    said = "no permission to move: choose remote control on the pendant, then start again"
+                raise DriverError(f"{self._name}: {said}") from None
 
     def _started(self) -> Any:
         from rtde_control import RTDEControlInterface
 
         for port, what in _NEEDED.items():
             reached(self._name, self._options.host, port, what).close()
-        return RTDEControlInterface(self._options.host, self._options.rate_hz)
+        line = RTDEControlInterface(self._options.host, self._options.rate_hz)
+        if not line.setWatchdog(_WATCHDOG_HZ):
+            line.stopScript()
+            raise DriverError(f"{self._name}: the controller did not start its watchdog; look at the pendant's log")
+        return line
+
+    def keep_alive(self) -> None:
+        """Keep the watchdog awake; a call that is under way does so, too."""
+        if self._line is not None and self._lock.acquire(blocking=False):
+            try:
+                self._line.kickWatchdog()
+            finally:
+                self._lock.release()
+
+    def stop(self) -> None:
+        """Decelerate all joints; if another call holds the line, stop the program by the dashboard.
+
+        Raises:
+            DriverError: if neither was taken.
+        """
+        if not self.was_asked:
+            return
+        if self._lock.acquire(timeout=_BUSY_S):
+            try:
+                self._line.stopJ(_STOP_RAD_S2, True)
+            except (RuntimeError, ValueError) as error:
+                raise DriverError(f"{self._name}: {in_a_line(error)}") from None
+            finally:
+                self._lock.release()
+        else:
+            self._stop_by_dashboard()
+
+    def _stop_by_dashboard(self) -> None:
+        try:
+            with socket.create_connection((self._options.host, _DASHBOARD), timeout=_DASHBOARD_S) as line:
+                line.sendall(b"stop\n")
+                line.recv(256)
+        except OSError as error:
+            raise DriverError(f"{self._name}: its dashboard did not take the stop ({error})") from None
 
     def close(self) -> None:
         """End it on the controller, and hang up."""
         if self._line is not None:
-            with suppress(RuntimeError):
+            with suppress(RuntimeError), self._lock:
                 self._line.stopScript()
                 self._line.disconnect()

@@ -22,6 +22,24 @@ _VERSION_2 = struct.pack(">HBH", 5, 86, 2)  # asks for the second version of the
 _ACCEPTED = struct.pack(">HBB", 4, 86, 1)
 _VARIABLES = ["timestamp", "actual_q", "actual_TCP_pose", "robot_status_bits", "safety_status_bits"]
 _TRY_AGAIN_S = 0.2  # between two attempts to connect
+_PROGRAM_RUNS = 2  # bit of the robot's status
+_SAFETY_STOPS = {
+    9: "the controller reports a fault",
+    8: "the controller reports a violation",
+    6: "emergency stop of the robot",
+    5: "emergency stop of the system",
+    7: "emergency stop",
+    2: "protective stop",
+    4: "safeguard stop",
+    3: "recovery mode",
+    10: "stopped for safety",
+}
+"""Bits of `safety_status_bits` with which an arm must not be moved, the most telling first; 0 is normal, 1 reduced.
+
+Source: Universal Robots, Real-Time Data Exchange Guide.
+"""
+
+_LET_GO = (4, 10)  # bits of a safeguard stop, as of an enabling device that is let go in manual mode
 
 
 class Receiver:
@@ -29,6 +47,8 @@ class Receiver:
 
     def __init__(self, name: str, options: UrOptions, gives_joints: bool) -> None:
         self._name, self._options, self._gives_joints = name, options, gives_joints
+        # A person who leads an arm by its pendant lets go of the enabling device whenever it stands.
+        self._tolerated = _LET_GO if options.motion == "watch" else ()
         self._waits = Waits(name)
         self._line = _opened(name, options)
         self._last_s = -1.0
@@ -37,7 +57,7 @@ class Receiver:
         """The next state, with the controller's stamp: seconds since it was switched on.
 
         Raises:
-            DriverError: if it stands in a protective or emergency stop, or no state comes, though tried again.
+            DriverError: if it is in any safety stop, or no state comes, though tried again.
         """
         began_s = time.monotonic()
         until_s, is_new = began_s + STALE_S + self._options.reconnect_s, False
@@ -67,13 +87,16 @@ class Receiver:
         state = RobotState(joints_rad=numbers) if self._gives_joints else RobotState(convention("ur").read(numbers))
         return Reading(stamp_s, state)
 
+    @property
+    def is_program_running(self) -> bool:
+        """Whether the last state says that a program runs on the controller."""
+        return bool(self._line.getRobotStatus() & _PROGRAM_RUNS)
+
     def _check_safety(self) -> None:
-        stops = {"emergency": self._line.isEmergencyStopped, "protective": self._line.isProtectiveStopped}
-        for word, is_stopped in stops.items():
-            if is_stopped():
-                raise DriverError(
-                    f"{self._name}: {word} stop: release it at the pendant, then start again; what was recorded stays"
-                )
+        bits = self._line.getSafetyStatusBits()
+        for bit, words in _SAFETY_STOPS.items():
+            if bits >> bit & 1 and bit not in self._tolerated:
+                raise DriverError(f"{self._name}: {words}. Release it at the pendant.")
 
     def _reconnect(self, until_s: float) -> None:
         """A new connection.

@@ -1,0 +1,25 @@
+"""States of arms as vectors, and whether an arm has arrived where it was sent."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.cell import RobotState
+from basecal.geometry import Array
+
+ARRIVED_RAD_M = 2e-3
+"""Distance from its goal at which an arm counts as arrived: controllers round, and some stop a little short."""
+
+
+def vector_of(state: RobotState) -> Array:
+    """Joints [rad], or position [m] and rotation matrix of a pose."""
+    if state.joints_rad is not None:
+        return state.joints_rad
+    pose = state.base_from_flange
+    assert pose is not None
+    return np.concatenate([pose.translation, pose.rotation.ravel()])
+
+
+def has_arrived(state: RobotState, goal: RobotState) -> bool:
+    """Whether an arm is where it was sent."""
+    return bool(np.abs(vector_of(state) - vector_of(goal)).max() < ARRIVED_RAD_M)

@@ -1,0 +1,232 @@
+"""The process of one arm: its driver, and threads that read it, keep its watchdog awake, and stop it.
+
+A call of a vendor's library may block for ever. Each of four threads makes calls of its own kind: states, requests,
+the heartbeat of the controller's watchdog, and a stop. The main thread calls no driver: it hears the supervisor, and
+judges whether states still come.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import queue
+import resource
+import select
+import sys
+import threading
+import time
+from contextlib import suppress
+from typing import Any
+
+from basecal.acquisition.driver import ChecksGoals, Freedrives, HasWatchdog, Moves, Place, Reading, Robot
+from basecal.acquisition.driver_modules import driver_module
+from basecal.acquisition.states import has_arrived
+from basecal.acquisition.supervision.frames import Channel, Frame, Kind
+from basecal.acquisition.supervision.limits import CLOSE_S, HEARTBEAT_S, SILENT_S, STALE_S, STOP_S, TICK_S
+from basecal.cell import RobotState
+
+_KICK_S = 0.02  # between heartbeats to the controller: a watchdog of 6 Hz may miss seven
+_SETTLED = 10  # states at the goal, after which an arm no longer counts as moving
+_MEMORY_BYTES = 2**30  # that a driver may take: a damaged packet can ask for any length
+_FACES = {"moves": Moves, "freedrives": Freedrives, "checks_goals": ChecksGoals}
+
+
+class ArmProcess:
+    """An arm, served until the supervisor closes it or ends."""
+
+    def __init__(self, channel: Channel) -> None:
+        self._channel = channel
+        self._name = "robot"
+        self._robot: Robot | None = None
+        self._requests: queue.SimpleQueue[tuple[int, str, tuple[Any, ...]]] = queue.SimpleQueue()
+        self._goal: RobotState | None = None
+        self._at_goal, self._is_led = 0, False
+        now = time.monotonic()
+        self._read_s = self._supervisor_s = self._beat_s = now
+        self._must_stop = self._is_over = False
+
+    def run(self) -> None:
+        """Obey the supervisor until it closes this arm; stop the arm if the supervisor ends or hangs."""
+        while not self._is_over:
+            select.select([self._channel.read_fd], [], [], TICK_S)
+            try:
+                for frame in self._channel.receive():
+                    self._supervisor_s = time.monotonic()
+                    self._obey(frame)
+            except EOFError:
+                self._end()
+            self._judge(time.monotonic())
+            self._channel.flush()
+
+    def _obey(self, frame: Frame) -> None:
+        if frame.kind == Kind.OPEN:
+            _begin(self._open, frame.payload)
+        elif frame.kind == Kind.REQUEST:
+            self._requests.put(pickle.loads(frame.payload))
+        elif frame.kind == Kind.STOP:
+            self._stop()
+        elif frame.kind == Kind.CLOSE:
+            self._end()
+
+    def _judge(self, now: float) -> None:
+        if now - self._beat_s > HEARTBEAT_S:
+            self._beat_s = now
+            self._channel.send(Kind.ALIVE, bytes([self._is_moving]))
+        if self._robot is None or self._must_stop:
+            return
+        if self._is_moving and now - self._read_s > STALE_S:
+            self._report(f"{self._name}: no state came for {STALE_S:g} s while it moved: its link is lost")
+        if now - self._supervisor_s > SILENT_S:
+            self._stop()
+
+    @property
+    def _is_moving(self) -> bool:
+        """Whether the arm was sent or let go, and is not known to stand where it was sent."""
+        return self._goal is not None or self._is_led
+
+    def _report(self, reason: str) -> None:
+        """Have all arms stopped, this one first."""
+        self._channel.send(Kind.TROUBLE, reason.encode())
+        self._stop()
+
+    def _open(self, payload: bytes) -> None:
+        place, sys.path[:] = pickle.loads(payload)
+        self._name = place.name
+        try:
+            robot = _opened(place)
+            faces = {name: isinstance(robot, face) for name, face in _FACES.items()}
+            self._channel.send(Kind.OPENED, pickle.dumps({"is_live": robot.is_live, **faces}))
+        except BaseException as error:
+            self._channel.send(Kind.FAILED, pickle.dumps(_as_data(error)))
+            return
+        self._read_s, self._robot = time.monotonic(), robot
+        for each in (self._read, self._answer, *((self._kick,) if isinstance(robot, HasWatchdog) else ())):
+            _begin(each, robot)
+
+    def _read(self, robot: Robot) -> None:
+        try:
+            while not self._is_over:
+                reading = robot.state()
+                self._read_s = time.monotonic()
+                self._note(reading)
+                self._channel.send(Kind.READING, pickle.dumps(reading))
+        except BaseException as error:
+            self._report(_in_words(self._name, error))
+
+    def _note(self, reading: Reading) -> None:
+        goal = self._goal
+        if goal is not None:
+            self._at_goal = self._at_goal + 1 if has_arrived(reading.state, goal) else 0
+            if self._at_goal >= _SETTLED:
+                self._goal = None
+
+    def _answer(self, robot: Robot) -> None:
+        while not self._is_over:
+            number, method, arguments = self._requests.get()
+            answer: tuple[int, Any, Any]
+            try:
+                answer = (number, self._ask(robot, method, arguments), None)
+            except BaseException as error:
+                answer = (number, None, _as_data(error))
+            self._channel.send(Kind.ANSWER, pickle.dumps(answer))
+
+    def _ask(self, robot: Robot, method: str, arguments: tuple[Any, ...]) -> Any:
+        if self._must_stop:
+            return None
+        if method == "move":
+            self._at_goal, self._goal, self._read_s = 0, arguments[0], time.monotonic()
+        if method == "freedrive":
+            self._is_led, self._read_s = arguments[0], time.monotonic()
+        return getattr(robot, method)(*arguments)
+
+    def _kick(self, robot: HasWatchdog) -> None:
+        """Keep the watchdog awake as long as the supervisor runs and states come."""
+        try:
+            while not self._is_over:
+                now = time.monotonic()
+                if now - self._supervisor_s < SILENT_S and now - self._read_s < STALE_S:
+                    robot.keep_alive()
+                time.sleep(_KICK_S)
+        except BaseException as error:
+            self._report(_in_words(self._name, error))
+
+    def _stop(self) -> None:
+        if not self._must_stop:
+            self._must_stop = True
+            _begin(self._stop_robot)
+
+    def _stop_robot(self) -> None:
+        """Stop the arm, and confirm it only if the driver did: else the supervisor ends this process."""
+        robot = self._robot
+        with suppress(Exception):
+            if isinstance(robot, Moves):
+                robot.stop()
+            elif isinstance(robot, Freedrives) and self._is_led:
+                robot.freedrive(False)
+            self._channel.send(Kind.STOPPED)
+
+    def _end(self) -> None:
+        """Stop an arm that moves, close the driver, and end, however long that takes."""
+        if self._is_over:
+            return
+        self._is_over = True
+        if self._is_moving and not self._must_stop:
+            self._must_stop = True
+            _begin(self._stop_robot).join(STOP_S)
+        _begin(self._close).join(CLOSE_S - STOP_S)
+        self._channel.flush()
+        os._exit(0)
+
+    def _close(self) -> None:
+        if self._robot is not None:
+            with suppress(Exception):
+                self._robot.close()
+
+
+def _opened(place: Place) -> Robot:
+    driver = place.cell.robots[place.name].driver
+    module = None if driver is None else driver_module(driver.kind)
+    assert module is not None
+    robot: Robot = module.open_robot(place)
+    _, hard = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (_address_space_bytes() + _MEMORY_BYTES, hard))
+    return robot
+
+
+def _address_space_bytes() -> int:
+    """What this process has mapped; nothing where the system does not tell."""
+    try:
+        with open("/proc/self/statm", encoding="ascii") as file:
+            return int(file.read().split()[0]) * resource.getpagesize()
+    except (OSError, ValueError):
+        return 2**33
+
+
+def _begin(do: Any, *arguments: Any) -> threading.Thread:
+    thread = threading.Thread(target=do, args=arguments, daemon=True)
+    thread.start()
+    return thread
+
+
+def _as_data(error: BaseException) -> tuple[type[BaseException], str, dict[str, Any]]:
+    """An error as another process can raise it again."""
+    kind: type[BaseException] = type(error) if type(error).__module__ == "basecal.errors" else RuntimeError
+    words = str(error) if kind is not RuntimeError else f"{type(error).__name__}: {error}"
+    return kind, words, vars(error) if kind is not RuntimeError else {}
+
+
+def _in_words(name: str, error: BaseException) -> str:
+    _, words, _ = _as_data(error)
+    return words if words.startswith(name) else f"{name}: {words}"
+
+
+def main() -> None:
+    """Serve the arm that the first frame names; what libraries print goes to the standard error."""
+    out = os.dup(1)
+    os.dup2(2, 1)
+    sys.stdin = open(os.devnull, encoding="utf-8")  # noqa: SIM115
+    ArmProcess(Channel(0, out)).run()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,270 @@
+"""Arms that run in processes of their own, as the capture sees them: proxies, and what their supervisor reports."""
+
+from __future__ import annotations
+
+import json
+import os
+import pickle
+import select
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+from typing import Any
+
+from basecal.acquisition.driver import Place, Reading, Robot
+from basecal.acquisition.supervision.frames import Channel, Frame, Kind
+from basecal.acquisition.supervision.limits import CLOSE_S, HEARTBEAT_S, PARENT_SILENT_S, STOP_S, TICK_S
+from basecal.acquisition.supervision.signals import interrupt_main_thread
+from basecal.cell import RobotState
+from basecal.errors import DriverError
+
+_SUPERVISOR = "basecal.acquisition.supervision.supervisor"
+_OPEN_S = 60.0  # that a driver may take to connect: it imports libraries, and drivers have deadlines of their own
+_ANSWER_S = 15.0  # that a request may take: the first one of a UR sends a program
+_WAIT_S = 0.1  # between looks at whether all arms were stopped
+
+
+class Arms:
+    """The supervisor of the arms of a capture, and proxies of these arms."""
+
+    def __init__(self, places: Mapping[str, Place], signals_fd: int) -> None:
+        """Start the supervisor and one process for each arm.
+
+        Args:
+            places: Place of each arm, by its name.
+            signals_fd: Read end of a pipe into which the system writes numbers of signals.
+        """
+        self._names = list(places)
+        self._changed = threading.Condition()
+        self._readings: dict[int, tuple[int, Reading]] = {}
+        self._answers: dict[int, tuple[Any, Any]] = {}
+        self._opened: dict[int, Any] = {}
+        self._requests = 0
+        self._reason = ""
+        self._is_ending = False
+        command = [sys.executable, "-m", _SUPERVISOR, str(signals_fd), *self._names]
+        self._process = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            pass_fds=(signals_fd,),
+            start_new_session=True,  # a terminal's Ctrl-C reaches the capture alone
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+        )
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._channel = Channel(self._process.stdout.fileno(), self._process.stdin.fileno())
+        threading.Thread(target=self._listen, daemon=True).start()
+        for number, place in enumerate(places.values()):
+            self._channel.send(Kind.OPEN, pickle.dumps((place, sys.path)), number)
+
+    @property
+    def interruption(self) -> str:
+        """What to interrupt the main thread with: why all arms were stopped; empty if it knows, or they were not."""
+        return "" if self._is_ending else self._reason
+
+    def leave_main_thread_alone(self) -> None:
+        """Interrupt the main thread no more: it is on its way to close the arms."""
+        self._is_ending = True
+
+    def opened(self) -> dict[str, Robot]:
+        """Proxies of all arms, by name, once every driver has opened its own.
+
+        Raises:
+            BasecalError: what the first driver that did not open raised.
+        """
+        with self._changed:
+            self._wait(lambda: len(self._opened) == len(self._names), _OPEN_S, "a driver did not open")
+        for found in self._opened.values():
+            if not isinstance(found, dict):
+                raise _error(*found)
+        return {name: _proxy(self, number, self._opened[number]) for number, name in enumerate(self._names)}
+
+    def newer(self, arm: int, count: int) -> tuple[int, Reading]:
+        """The latest state of an arm, once there is one after the first `count`, and how many there were.
+
+        Raises:
+            DriverError: if all arms were stopped.
+        """
+        with self._changed:
+            while True:
+                self._check()
+                found = self._readings.get(arm)
+                if found is not None and found[0] > count:
+                    return found
+                self._changed.wait(_WAIT_S)
+
+    def ask(self, arm: int, method: str, *arguments: Any) -> Any:
+        """What a method of an arm's driver returns.
+
+        Raises:
+            DriverError: if all arms were stopped, or it does not answer.
+            BasecalError: what the driver raised.
+        """
+        with self._changed:
+            self._check()
+            self._requests += 1
+            number = self._requests
+        self._channel.send(Kind.REQUEST, pickle.dumps((number, method, arguments)), arm)
+        with self._changed:
+            what = f"{self._names[arm]}: its controller did not answer"
+            self._wait(lambda: number in self._answers, _ANSWER_S, what)
+            result, error = self._answers.pop(number)
+        if error is not None:
+            raise _error(*error)
+        return result
+
+    def stop(self, reason: str) -> None:
+        """Stop all arms now, and wait until they confirmed it or their time is over; nothing is sent to them after."""
+        self._is_ending = True
+        self._channel.send(Kind.STOP, reason.encode())
+        with self._changed:
+            self._changed.wait_for(lambda: bool(self._reason), 2 * STOP_S)
+
+    def close(self) -> None:
+        """End the processes of all arms; kill what does not end in time."""
+        self._is_ending = True
+        self._channel.send(Kind.CLOSE)
+        try:
+            self._process.wait(CLOSE_S + STOP_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        for pipe in (self._process.stdin, self._process.stdout):
+            with suppress(OSError):
+                pipe.close()  # type: ignore[union-attr]
+
+    def _wait(self, is_done: Any, most_s: float, what: str) -> None:
+        until = time.monotonic() + most_s
+        while not is_done():
+            self._check()
+            if time.monotonic() > until:
+                raise DriverError(f"{what} within {most_s:g} s")
+            self._changed.wait(_WAIT_S)
+
+    def _check(self) -> None:
+        if self._reason:
+            raise DriverError(self._reason)
+
+    def _listen(self) -> None:
+        """Take what the supervisor sends until it ends, and tell it that this process runs."""
+        heard_s = beat_s = time.monotonic()
+        while True:
+            select.select([self._channel.read_fd], [], [], TICK_S)
+            now = time.monotonic()
+            try:
+                frames = self._channel.receive()
+            except (EOFError, ValueError):
+                self._end("the process that supervises the arms ended", self._names)
+                return
+            heard_s = now if frames else heard_s
+            for frame in frames:
+                self._note(frame)
+            if now - heard_s > PARENT_SILENT_S:
+                self._end("the process that supervises the arms hangs", self._names)
+                self._process.kill()
+                return
+            if now - beat_s > HEARTBEAT_S:
+                beat_s = now
+                self._channel.send(Kind.ALIVE)
+            self._channel.flush()
+
+    def _note(self, frame: Frame) -> None:
+        if frame.kind == Kind.EVENT:
+            said = json.loads(frame.payload)
+            self._is_ending = self._is_ending or said["by_signal"]  # which the main thread gets itself
+            self._end(said["reason"], said["unconfirmed"])
+        elif frame.kind != Kind.ALIVE:
+            found = pickle.loads(frame.payload)
+            with self._changed:
+                if frame.kind == Kind.READING:
+                    count, _ = self._readings.get(frame.arm, (0, None))
+                    self._readings[frame.arm] = (count + 1, found)
+                elif frame.kind == Kind.ANSWER:
+                    self._answers[found[0]] = found[1:]
+                else:
+                    self._opened[frame.arm] = found
+                self._changed.notify_all()
+
+    def _end(self, reason: str, unconfirmed: list[str]) -> None:
+        """Note why arms were stopped, and have the main thread leave whatever it waits for."""
+        if self._reason:
+            return
+        with self._changed:
+            self._reason = _in_words(reason, self._names, unconfirmed)
+            self._changed.notify_all()
+        if not self._is_ending:
+            interrupt_main_thread()
+
+
+def _in_words(reason: str, names: list[str], unconfirmed: list[str]) -> str:
+    stopped = [name for name in names if name not in unconfirmed]
+    words = [f"{reason.rstrip('.')}."]
+    words += [f"{' and '.join(stopped)} confirmed the stop."] if stopped else []
+    words += [f"{' and '.join(unconfirmed)} did not confirm the stop: look at the arm."] if unconfirmed else []
+    words += ["Find the cause, then start again; what was recorded is kept."]
+    return " ".join(words)
+
+
+def _error(kind: type[BaseException], words: str, attributes: dict[str, Any]) -> BaseException:
+    """An error of a driver, raised again with its words and attributes."""
+    if kind is RuntimeError:
+        return DriverError(words)
+    error = kind.__new__(kind, words)
+    vars(error).update(attributes)
+    return error
+
+
+class RemoteRobot:
+    """A robot whose driver runs in a process of its own."""
+
+    def __init__(self, arms: Arms, number: int, is_live: bool) -> None:
+        self._arms, self._number, self.is_live = arms, number, is_live
+        self._count = 0
+
+    def state(self) -> Reading:
+        """Its latest state, once there is one newer than the last one given.
+
+        Raises:
+            DriverError: if all arms were stopped.
+        """
+        self._count, reading = self._arms.newer(self._number, self._count)
+        return reading
+
+    def close(self) -> None:
+        """Do nothing: all arms are closed at once."""
+
+
+class _Moved(RemoteRobot):
+    def move(self, to: RobotState, speed_rad_s: float) -> None:
+        """Begin to go there."""
+        self._arms.ask(self._number, "move", to, speed_rad_s)
+
+    def stop(self) -> None:
+        """Stop this arm, and with it all others."""
+        self._arms.stop("an arm was told to stop")
+
+
+class _Led(RemoteRobot):
+    def freedrive(self, on: bool) -> None:
+        """Let the arm be led, or hold it."""
+        self._arms.ask(self._number, "freedrive", on)
+
+
+class _Checked(RemoteRobot):
+    def goal_refusal(self, to: RobotState) -> str:
+        """Why its controller would not go there; empty if it would."""
+        return str(self._arms.ask(self._number, "goal_refusal", to))
+
+
+_FACES = {"moves": _Moved, "freedrives": _Led, "checks_goals": _Checked}
+
+
+def _proxy(arms: Arms, number: int, found: dict[str, bool]) -> Robot:
+    """A proxy with the faces that the robot has, and no other."""
+    faces = tuple(face for name, face in _FACES.items() if found[name])
+    robot: Robot = type("Remote", (*faces, RemoteRobot), {})(arms, number, found["is_live"])
+    return robot

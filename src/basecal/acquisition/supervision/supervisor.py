@@ -1,0 +1,224 @@
+"""The supervisor: a process that starts one process for each arm, and stops all arms at once.
+
+It imports nothing but the standard library and computes nothing, so that nothing delays it. It stops all arms when one
+of them reports trouble, hangs or ends, when the capture ends or hangs while an arm moves, and at SIGINT, SIGTERM and
+SIGHUP of the capture, whose numbers the system itself writes into a pipe. After that no request reaches an arm.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import selectors
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+
+from basecal.acquisition.supervision.frames import Channel, Frame, Kind
+from basecal.acquisition.supervision.limits import (
+    CLOSE_S,
+    FORCED_END_S,
+    HEARTBEAT_S,
+    PARENT_SILENT_S,
+    SILENT_S,
+    STOP_S,
+    TICK_S,
+)
+
+_ARM = [sys.executable, "-m", "basecal.acquisition.supervision.arm_process"]
+_ENDING = {signal.SIGINT: "Ctrl-C", signal.SIGTERM: "SIGTERM", signal.SIGHUP: "SIGHUP"}
+_TO_PARENT = (Kind.OPENED, Kind.FAILED, Kind.ANSWER, Kind.READING)
+_PYTHON_NOISE = "ignore"  # warnings of drivers' libraries
+
+
+@dataclass(eq=False)
+class _Arm:
+    """The process of an arm."""
+
+    number: int
+    name: str
+    process: subprocess.Popen[bytes]
+    channel: Channel
+    heard_s: float
+    is_open: bool = False
+    is_moving: bool = False
+    has_stopped: bool = False
+    is_gone: bool = False
+
+    @classmethod
+    def started(cls, number: int, name: str) -> _Arm:
+        process = subprocess.Popen(
+            _ARM, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env={**os.environ, "PYTHONWARNINGS": _PYTHON_NOISE}
+        )
+        assert process.stdin is not None
+        assert process.stdout is not None
+        channel = Channel(process.stdout.fileno(), process.stdin.fileno())
+        return cls(number, name, process, channel, time.monotonic())
+
+
+class Supervisor:
+    """All arms of a capture, and the capture that owns them."""
+
+    def __init__(self, parent: Channel, signals_fd: int, names: list[str]) -> None:
+        self._parent, self._signals_fd, self._parent_pid = parent, signals_fd, os.getppid()
+        self._arms = [_Arm.started(number, name) for number, name in enumerate(names)]
+        now = time.monotonic()
+        self._parent_heard_s = self._beat_s = now
+        self._stopped_s: float | None = None
+        self._closed_s: float | None = None
+        self._forced_s: float | None = None
+        self._reason, self._signals = "", 0
+        self._is_reported = self._has_parent_ended = False
+        self._ready = selectors.DefaultSelector()
+        for fd in (parent.read_fd, signals_fd, *(arm.channel.read_fd for arm in self._arms)):
+            self._ready.register(fd, selectors.EVENT_READ)
+
+    def run(self) -> None:
+        """Go on until all arms are closed."""
+        while not self._is_over():
+            self._ready.select(TICK_S)
+            self._hear_signals()
+            self._hear_parent()
+            for arm in self._arms:
+                self._hear_arm(arm)
+            self._judge(time.monotonic())
+
+    def _is_over(self) -> bool:
+        return self._closed_s is not None and all(arm.is_gone for arm in self._arms)
+
+    def stop(self, reason: str) -> None:
+        """Stop all arms now; the first reason is the one that counts."""
+        if self._stopped_s is not None:
+            return
+        self._stopped_s, self._reason = time.monotonic(), reason
+        for arm in self._arms:
+            arm.channel.send(Kind.STOP)
+
+    def close(self) -> None:
+        """Have all arms end."""
+        if self._closed_s is None:
+            self._closed_s = time.monotonic()
+            for arm in self._arms:
+                arm.channel.send(Kind.CLOSE)
+
+    def _hear_signals(self) -> None:
+        with suppress(OSError):
+            for number in os.read(self._signals_fd, 64):
+                if number in _ENDING:
+                    self._signals += 1
+                    if self._signals == 2:
+                        self._forced_s = time.monotonic()
+                    self.stop(_ENDING[signal.Signals(number)])
+
+    def _hear_parent(self) -> None:
+        try:
+            for frame in self._parent.receive():
+                self._parent_heard_s = time.monotonic()
+                self._obey(frame)
+        except EOFError:
+            if not self._has_parent_ended:
+                self._has_parent_ended = True
+                self._ready.unregister(self._parent.read_fd)
+                self.stop("the capture ended without closing the arms")
+                self.close()
+
+    def _obey(self, frame: Frame) -> None:
+        if frame.kind == Kind.STOP:
+            self.stop(frame.payload.decode())
+        elif frame.kind == Kind.CLOSE:
+            self.close()
+        elif frame.kind == Kind.OPEN or (frame.kind == Kind.REQUEST and self._stopped_s is None):
+            self._arms[frame.arm].channel.send(Kind(frame.kind), frame.payload)
+
+    def _hear_arm(self, arm: _Arm) -> None:
+        if arm.is_gone:
+            return
+        try:
+            for frame in arm.channel.receive():
+                arm.heard_s = time.monotonic()
+                self._note(arm, frame)
+        except EOFError:
+            self._drop(arm)
+            if self._closed_s is None:
+                self.stop(f"{arm.name}: the process of its driver ended ({_how(arm.process.wait())})")
+
+    def _drop(self, arm: _Arm) -> None:
+        """Kill the process of an arm, whatever it does; the watchdog of its controller stops the arm."""
+        if not arm.is_gone:
+            arm.is_gone = True
+            self._ready.unregister(arm.channel.read_fd)
+            with suppress(OSError):
+                arm.process.kill()
+
+    def _note(self, arm: _Arm, frame: Frame) -> None:
+        if frame.kind in _TO_PARENT:
+            self._parent.send(Kind(frame.kind), frame.payload, arm.number)
+        if frame.kind == Kind.OPENED:
+            arm.is_open = True
+        elif frame.kind == Kind.ALIVE:
+            arm.is_moving = bool(frame.payload[0])
+        elif frame.kind == Kind.TROUBLE:
+            self.stop(frame.payload.decode())
+        elif frame.kind == Kind.STOPPED:
+            arm.has_stopped = True
+
+    def _judge(self, now: float) -> None:
+        for arm in self._arms:
+            arm.channel.flush()
+            if arm.is_open and not arm.is_gone and now - arm.heard_s > SILENT_S:
+                self.stop(f"{arm.name}: its driver hangs")
+        if now - self._parent_heard_s > PARENT_SILENT_S and any(arm.is_moving for arm in self._arms):
+            self.stop("the capture hangs while an arm moves")
+        if now - self._beat_s > HEARTBEAT_S:
+            self._beat_s = now
+            for channel in (self._parent, *(arm.channel for arm in self._arms)):
+                channel.send(Kind.ALIVE)
+        self._report(now)
+        self._end(now)
+
+    def _report(self, now: float) -> None:
+        """Tell the capture why arms were stopped, once all confirmed it or their time is over."""
+        if self._stopped_s is None or self._is_reported:
+            return
+        waiting = [arm for arm in self._arms if not (arm.has_stopped or arm.is_gone)]
+        if waiting and now - self._stopped_s < STOP_S:
+            return
+        for arm in waiting:
+            self._drop(arm)
+        unconfirmed = [arm.name for arm in self._arms if not arm.has_stopped]
+        event = {"reason": self._reason, "unconfirmed": unconfirmed, "by_signal": self._reason in _ENDING.values()}
+        self._parent.send(Kind.EVENT, json.dumps(event).encode())
+        self._is_reported = True
+
+    def _end(self, now: float) -> None:
+        if self._forced_s is not None and now - self._forced_s > FORCED_END_S and not self._has_parent_ended:
+            with suppress(OSError):
+                os.kill(self._parent_pid, signal.SIGKILL)
+        if self._closed_s is not None and now - self._closed_s > CLOSE_S:
+            for arm in self._arms:
+                self._drop(arm)
+
+
+def _how(code: int) -> str:
+    return f"signal {-code}" if code < 0 else f"exit code {code}"
+
+
+def main() -> None:
+    """Supervise the arms whose names are on the command line, after the descriptor that signals are written to."""
+    for number in _ENDING:
+        signal.signal(number, signal.SIG_IGN)
+    signals_fd = int(sys.argv[1])
+    os.set_blocking(signals_fd, False)
+    supervisor = Supervisor(Channel(0, 1), signals_fd, sys.argv[2:])
+    try:
+        supervisor.run()
+    finally:
+        supervisor.stop("the supervisor failed")
+        supervisor.close()
+
+
+if __name__ == "__main__":
+    main()
