@@ -12,7 +12,6 @@ from basecal.acquisition.driver import Camera, Picture, Reading, Robot
 from basecal.acquisition.states import has_arrived, vector_of
 from basecal.cell import RobotState
 from basecal.cell.target import Target
-from basecal.errors import DriverError
 from basecal.geometry import SE3, Array
 from basecal.geometry.rotation import nearest_rotation
 from basecal.vision.detectors import LIGHT, find
@@ -46,7 +45,6 @@ def wait_for_arms(
 
     Raises:
         Moving: if one is still moving then.
-        DriverError: if one stands elsewhere than it was sent.
     """
     latest: dict[str, deque[Reading]] = {name: deque(maxlen=_WINDOW) for name in robots}
     began: float | None = None
@@ -61,8 +59,6 @@ def wait_for_arms(
         now = latest[live[0]][-1].stamp_s
         began = now if began is None else began
         if now - began > patience_s:
-            for name in moving:
-                _check_arrived(name, latest[name], goals.get(name))
             raise Moving(f"arm still moving: {', '.join(moving)}")
 
 
@@ -88,19 +84,6 @@ def wait_until_led(robots: Mapping[str, Robot], before: Mapping[str, RobotState]
         began = now if began is None else began
         if now - began > patience_s:
             raise Moving(f"arm not led to another place: {', '.join(robots)}")
-
-
-def _check_arrived(name: str, readings: Sequence[Reading], goal: RobotState | None) -> None:
-    """An arm that stands elsewhere than it was sent was held up by something that nobody reported.
-
-    Raises:
-        DriverError: if it does.
-    """
-    if goal is not None and _is_still(readings, None) and not has_arrived(readings[-1].state, goal):
-        raise DriverError(
-            f"{name}: the arm stopped before it arrived. Look for an obstacle, a paused program, or a speed slider at "
-            f"zero, then start again."
-        )
 
 
 def _is_still(readings: Sequence[Reading], goal: RobotState | None) -> bool:

@@ -56,7 +56,7 @@ def run_process(
         if until_eof:
             threading.Thread(target=_end_with_input, args=(server,), daemon=True).start()
         try:
-            server.serve_forever()
+            server.serve_forever(poll_interval=0.1)
         finally:
             server.rest()
             server.plant.close()

@@ -8,7 +8,7 @@ from typing import Annotated, Any, TypeVar
 import numpy as np
 from pydantic import Field, ValidationError
 
-from basecal.acquisition.driver import Picture, Place, Reading, checked_options
+from basecal.acquisition.driver import Picture, Place, Reading, StopGuarantee, checked_options
 from basecal.cell import RobotState
 from basecal.cell.format.values import Entry, Number
 from basecal.cell.schema.errors import problems_of
@@ -18,6 +18,8 @@ from basecal.vision.image_file import grey_image
 
 _Answer = TypeVar("_Answer", bound=Entry)
 
+
+STOP_GUARANTEE: StopGuarantee = "watchdog"
 
 NEEDS_OWN_PROCESS = False
 """A simulated arm hurts nobody, and its time may stand still while nobody asks."""

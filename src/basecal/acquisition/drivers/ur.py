@@ -31,6 +31,11 @@ class UrWatched:
     def __init__(self, receiver: Receiver) -> None:
         self._receiver = receiver
 
+    @property
+    def is_connected(self) -> bool:
+        """Whether the connection that states come over stands."""
+        return self._receiver.is_connected
+
     def state(self) -> Reading:
         """Its next state, with the controller's stamp: seconds since it was switched on.
 

@@ -2,7 +2,7 @@
 
 A call of a vendor's library may block for ever. Each of four threads makes calls of its own kind: states, requests,
 the heartbeat of the controller's watchdog, and a stop. The main thread calls no driver: it hears the supervisor, and
-judges whether states still come.
+judges whether the arm still moves.
 """
 
 from __future__ import annotations
@@ -18,15 +18,30 @@ import time
 from contextlib import suppress
 from typing import Any
 
+import numpy as np
+
 from basecal.acquisition.driver import ChecksGoals, Freedrives, HasWatchdog, Moves, Place, Reading, Robot
 from basecal.acquisition.driver_modules import driver_module
-from basecal.acquisition.states import has_arrived
+from basecal.acquisition.states import has_arrived, vector_of
 from basecal.acquisition.supervision.frames import Channel, Frame, Kind
-from basecal.acquisition.supervision.limits import CLOSE_S, HEARTBEAT_S, SILENT_S, STALE_S, STOP_S, TICK_S
+from basecal.acquisition.supervision.limits import (
+    CLOSE_S,
+    HEARTBEAT_S,
+    HELD_S,
+    RECONNECT_S,
+    REST_SILENT_S,
+    SILENT_S,
+    STALE_S,
+    STOP_S,
+    TICK_S,
+)
 from basecal.cell import RobotState
+from basecal.errors import DriverError
+from basecal.geometry import Array
 
 _KICK_S = 0.02  # between heartbeats to the controller: a watchdog of 6 Hz may miss seven
 _SETTLED = 10  # states at the goal, after which an arm no longer counts as moving
+_CHANGED_RAD_M = 1e-4  # by which an arm moves that is on its way: in two seconds, even the slowest
 _MEMORY_BYTES = 2**30  # that a driver may take: a damaged packet can ask for any length
 _FACES = {"moves": Moves, "freedrives": Freedrives, "checks_goals": ChecksGoals}
 
@@ -41,9 +56,12 @@ class ArmProcess:
         self._requests: queue.SimpleQueue[tuple[int, str, tuple[Any, ...]]] = queue.SimpleQueue()
         self._goal: RobotState | None = None
         self._at_goal, self._is_led = 0, False
+        self._least_lag_s = float("inf")
         now = time.monotonic()
-        self._read_s = self._supervisor_s = self._beat_s = now
+        self._read_s = self._changed_s = self._supervisor_s = self._beat_s = now
+        self._values: Array | None = None
         self._must_stop = self._is_over = False
+        self._patience_s = REST_SILENT_S + RECONNECT_S
 
     def run(self) -> None:
         """Obey the supervisor until it closes this arm; stop the arm if the supervisor ends or hangs."""
@@ -74,8 +92,15 @@ class ArmProcess:
             self._channel.send(Kind.ALIVE, bytes([self._is_moving]))
         if self._robot is None or self._must_stop:
             return
-        if self._is_moving and now - self._read_s > STALE_S:
-            self._report(f"{self._name}: no state came for {STALE_S:g} s while it moved: its link is lost")
+        if self._is_moving and not getattr(self._robot, "is_connected", True):
+            self._report(f"{self._name}: its connection was closed while it moved")
+        if self._goal is not None and now - self._changed_s > HELD_S:
+            self._report(
+                f"{self._name}: it stands still, but not where it was sent. Look for an obstacle, a paused program "
+                f"or a speed slider at zero"
+            )
+        if self._robot.is_live and now - self._read_s > self._patience_s:
+            self._report(f"{self._name}: no state came for {self._patience_s:g} s: its link is lost")
         if now - self._supervisor_s > SILENT_S:
             self._stop()
 
@@ -92,6 +117,7 @@ class ArmProcess:
     def _open(self, payload: bytes) -> None:
         place, sys.path[:] = pickle.loads(payload)
         self._name = place.name
+        self._patience_s = REST_SILENT_S + float(place.options.get("reconnect_s", RECONNECT_S))
         try:
             robot = _opened(place)
             faces = {name: isinstance(robot, face) for name, face in _FACES.items()}
@@ -100,20 +126,39 @@ class ArmProcess:
             self._channel.send(Kind.FAILED, pickle.dumps(_as_data(error)))
             return
         self._read_s, self._robot = time.monotonic(), robot
-        for each in (self._read, self._answer, *((self._kick,) if isinstance(robot, HasWatchdog) else ())):
-            _begin(each, robot)
+        _begin(self._answer, robot)
+        if robot.is_live:
+            _begin(self._read, robot)
+        if isinstance(robot, HasWatchdog):
+            _begin(self._kick, robot)
 
     def _read(self, robot: Robot) -> None:
         try:
             while not self._is_over:
                 reading = robot.state()
                 self._read_s = time.monotonic()
+                self._check_lag(reading)
                 self._note(reading)
                 self._channel.send(Kind.READING, pickle.dumps(reading))
         except BaseException as error:
             self._report(_in_words(self._name, error))
 
+    def _check_lag(self, reading: Reading) -> None:
+        """A link that delays shows where the arm was; its stamps fall behind this machine's clock.
+
+        Raises:
+            DriverError: if the arm moves, and the state is late.
+        """
+        lag_s = self._read_s - reading.stamp_s
+        self._least_lag_s = min(self._least_lag_s, lag_s)
+        if self._is_moving and lag_s - self._least_lag_s > STALE_S:
+            late_s = lag_s - self._least_lag_s
+            raise DriverError(f"{self._name}: its states came {late_s:.1f} s late while it moved: the link is too slow")
+
     def _note(self, reading: Reading) -> None:
+        values = vector_of(reading.state)
+        if self._values is None or np.abs(values - self._values).max() > _CHANGED_RAD_M:
+            self._values, self._changed_s = values, time.monotonic()
         goal = self._goal
         if goal is not None:
             self._at_goal = self._at_goal + 1 if has_arrived(reading.state, goal) else 0
@@ -134,9 +179,9 @@ class ArmProcess:
         if self._must_stop:
             return None
         if method == "move":
-            self._at_goal, self._goal, self._read_s = 0, arguments[0], time.monotonic()
+            self._at_goal, self._goal, self._changed_s = 0, arguments[0], time.monotonic()
         if method == "freedrive":
-            self._is_led, self._read_s = arguments[0], time.monotonic()
+            self._is_led = arguments[0]
         return getattr(robot, method)(*arguments)
 
     def _kick(self, robot: HasWatchdog) -> None:

@@ -97,8 +97,8 @@ class Arms:
                     return found
                 self._changed.wait(_WAIT_S)
 
-    def ask(self, arm: int, method: str, *arguments: Any) -> Any:
-        """What a method of an arm's driver returns.
+    def ask(self, arm: int, method: str, *arguments: Any, most_s: float = _ANSWER_S) -> Any:
+        """What a method of an arm's driver returns; it may take so long [s].
 
         Raises:
             DriverError: if all arms were stopped, or it does not answer.
@@ -111,7 +111,7 @@ class Arms:
         self._channel.send(Kind.REQUEST, pickle.dumps((number, method, arguments)), arm)
         with self._changed:
             what = f"{self._names[arm]}: its controller did not answer"
-            self._wait(lambda: number in self._answers, _ANSWER_S, what)
+            self._wait(lambda: number in self._answers, most_s, what)
             result, error = self._answers.pop(number)
         if error is not None:
             raise _error(*error)
@@ -201,12 +201,16 @@ class Arms:
 
 
 def _in_words(reason: str, names: list[str], unconfirmed: list[str]) -> str:
-    stopped = [name for name in names if name not in unconfirmed]
+    told = [name for name in names if name not in unconfirmed]
     words = [f"{reason.rstrip('.')}."]
-    words += [f"{' and '.join(stopped)} confirmed the stop."] if stopped else []
-    words += [f"{' and '.join(unconfirmed)} did not confirm the stop: look at the arm."] if unconfirmed else []
+    words += [f"{_joined(told)} told to stop."] if told else []
+    words += [f"{_joined(unconfirmed)} not told to stop: look at the arm."] if unconfirmed else []
     words += ["Find the cause, then start again; what was recorded is kept."]
     return " ".join(words)
+
+
+def _joined(names: list[str]) -> str:
+    return f"{' and '.join(names)} {'were' if len(names) > 1 else 'was'}"
 
 
 def _error(kind: type[BaseException], words: str, attributes: dict[str, Any]) -> BaseException:
@@ -231,6 +235,9 @@ class RemoteRobot:
         Raises:
             DriverError: if all arms were stopped.
         """
+        if not self.is_live:
+            asked: Reading = self._arms.ask(self._number, "state", most_s=float("inf"))
+            return asked
         self._count, reading = self._arms.newer(self._number, self._count)
         return reading
 

@@ -7,13 +7,25 @@ HEARTBEAT_S = 0.05
 """How often each process says that it runs."""
 
 SILENT_S = 0.4
-"""Without a heartbeat for so long, a process of an arm, or the supervisor, counts as hung."""
+"""Without a heartbeat for so long while any arm moves, a process of an arm, or the supervisor, counts as hung."""
+
+HUNG_AT_REST_S = 10.0
+"""The same while all arms stand: a library may hold Python's lock while it connects."""
 
 PARENT_SILENT_S = 1.0
 """The same of the capture itself while an arm moves; it computes, and its heartbeat may be late."""
 
 STALE_S = 0.45
-"""Without a new state for so long while its arm moves, a link counts as lost."""
+"""Without a new state for so long while any arm moves, a link counts as lost."""
+
+RECONNECT_S = 10.0
+"""How long a driver may try a lost link again while all arms stand, unless its option `reconnect_s` says otherwise."""
+
+REST_SILENT_S = 2.0
+"""How long a link may be silent beyond that."""
+
+HELD_S = 2.0
+"""An arm that stands still for so long away from its goal is held up by something that nobody reported."""
 
 STOP_S = 0.3
 """How long an arm has to confirm a stop; then its process is killed, and its watchdog stops it."""

@@ -22,8 +22,10 @@ from basecal.acquisition.supervision.limits import (
     CLOSE_S,
     FORCED_END_S,
     HEARTBEAT_S,
+    HUNG_AT_REST_S,
     PARENT_SILENT_S,
     SILENT_S,
+    STALE_S,
     STOP_S,
     TICK_S,
 )
@@ -43,6 +45,7 @@ class _Arm:
     process: subprocess.Popen[bytes]
     channel: Channel
     heard_s: float
+    read_s: float | None = None
     is_open: bool = False
     is_moving: bool = False
     has_stopped: bool = False
@@ -160,17 +163,22 @@ class Supervisor:
             arm.is_open = True
         elif frame.kind == Kind.ALIVE:
             arm.is_moving = bool(frame.payload[0])
+        elif frame.kind == Kind.READING:
+            arm.read_s = arm.heard_s
         elif frame.kind == Kind.TROUBLE:
             self.stop(frame.payload.decode())
         elif frame.kind == Kind.STOPPED:
             arm.has_stopped = True
 
     def _judge(self, now: float) -> None:
+        is_moving = any(arm.is_moving for arm in self._arms)
         for arm in self._arms:
             arm.channel.flush()
-            if arm.is_open and not arm.is_gone and now - arm.heard_s > SILENT_S:
+            if arm.is_open and not arm.is_gone and now - arm.heard_s > (SILENT_S if is_moving else HUNG_AT_REST_S):
                 self.stop(f"{arm.name}: its driver hangs")
-        if now - self._parent_heard_s > PARENT_SILENT_S and any(arm.is_moving for arm in self._arms):
+            if is_moving and arm.read_s is not None and now - arm.read_s > STALE_S:
+                self.stop(f"{arm.name}: no state came for {STALE_S:g} s while an arm moved: its link is lost")
+        if is_moving and now - self._parent_heard_s > PARENT_SILENT_S:
             self.stop("the capture hangs while an arm moves")
         if now - self._beat_s > HEARTBEAT_S:
             self._beat_s = now

@@ -88,6 +88,11 @@ class Receiver:
         return Reading(stamp_s, state)
 
     @property
+    def is_connected(self) -> bool:
+        """Whether the connection stands; false as soon as the controller, or something between, closes it."""
+        return bool(self._line.isConnected())
+
+    @property
     def is_program_running(self) -> bool:
         """Whether the last state says that a program runs on the controller."""
         return bool(self._line.getRobotStatus() & _PROGRAM_RUNS)

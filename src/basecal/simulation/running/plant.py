@@ -67,6 +67,16 @@ class Plant:
         """Have an arm come to rest."""
         self._arm(robot).stop(self._clock.now())
 
+    @property
+    def robots(self) -> tuple[str, ...]:
+        """Names of the arms."""
+        return tuple(self._arms)
+
+    @property
+    def is_real_time(self) -> bool:
+        """Whether time goes on while nobody waits."""
+        return self._clock.speed > 0
+
     def wait(self, seconds: float) -> None:
         """Let time go on."""
         self._clock.wait(seconds)

@@ -6,8 +6,9 @@ import base64
 import hmac
 import socketserver
 import threading
+import time
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from typing import Annotated, Any, cast
 
 import numpy as np
@@ -21,6 +22,7 @@ from basecal.simulation.running.protocol import HOST, LONGEST_LINE, MOST_JOINTS,
 from basecal.vision.image_file import png_bytes
 
 _LONGEST_REQUEST = 2**16  # bytes: a request has a few joints
+_SILENT_S = 0.3  # without a request, arms of a cell whose time goes on by itself come to rest
 
 
 class Request(Entry):
@@ -84,6 +86,7 @@ class CellServer(socketserver.ThreadingTCPServer):
     def __init__(self, plant: Plant, token: str, port: int = 0) -> None:
         self.plant, self.token = plant, token
         self._one_at_a_time = threading.Lock()
+        self._asked_s = time.monotonic()
         try:
             super().__init__((HOST, port), _Handler)
         except OSError as error:
@@ -100,10 +103,23 @@ class CellServer(socketserver.ThreadingTCPServer):
         """Answer nobody any more, once the present request is done: a process that ends while it draws is aborted."""
         self._one_at_a_time.acquire()
 
+    def stop(self) -> None:
+        """Have all arms come to rest."""
+        with self._one_at_a_time:
+            for robot in self.plant.robots:
+                self.plant.stop(robot)
+
+    def service_actions(self) -> None:
+        """Have all arms come to rest if nobody asked for a while, as the watchdog of a controller does."""
+        is_busy = self._one_at_a_time.locked()
+        if self.plant.is_real_time and not is_busy and time.monotonic() - self._asked_s > _SILENT_S:
+            self.stop()
+
     def answer(self, line: bytes) -> dict[str, Any]:
         """The answer to a line, whatever it holds."""
         try:
             request = self._checked(decoded(line))
+            self._asked_s = time.monotonic()
             with self._one_at_a_time:
                 return {"ok": True, **_DONE[request.do](self.plant, request)}
         except BasecalError as error:
@@ -128,9 +144,10 @@ class _Handler(socketserver.StreamRequestHandler):
     disable_nagle_algorithm = True
 
     def handle(self) -> None:
-        """Answer a connection line by line, until it ends or a line is longer than any request."""
+        """Answer a connection line by line, until it ends or a line is longer than any request; then arms rest."""
         server = cast(CellServer, self.server)
-        with suppress(OSError):  # whoever asked was cut off
+        with suppress(OSError), ExitStack() as ending:  # whoever asked was cut off
+            ending.callback(server.stop)
             while line := self.rfile.readline(_LONGEST_REQUEST):
                 answer = encoded(server.answer(line))
                 self.wfile.write(answer if len(answer) < LONGEST_LINE else encoded({"ok": False, "error": "too long"}))

@@ -1,0 +1,82 @@
+"""Stops: two arms by drivers of others, one of which fails; when the other is told to stop, and what is sent after.
+
+The full product of ten faults of a controller or link, the arm, the order in the cell, and what the arms do at that
+time (idle, moving, at rest, reconnecting), each with its own seed for the instant. The controllers run in a process of
+their own and log what they are told on the system's clock. Allowed: 0.3 s after an event, 0.6 s after a link falls
+silent while an arm moves, 2.3 s for an arm that says that it stands still on its way. While all arms stand, a lost link
+is tried again for `reconnect_s`. Run it on a machine that does nothing else; the load is reported beside it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import tempfile
+from collections import defaultdict
+from dataclasses import asdict
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tests.safety.installed_driver import installed_driver
+from tests.safety.link_trial import ARMS, FAULTS, PHASES, Trial, attempt, faults_found
+
+from benchmarks.common import Kept, table, write
+
+DRIVER = Path(__file__).parents[1] / "tests" / "safety" / "frail_driver.py"
+HEAD = ("phase", "fault", "trials", "broken", "told: median, longest [s]", "ended [s]", "moves after")
+
+
+def rows(kept: Kept, seeds: range) -> list[dict[str, Any]]:
+    """Times by fault and phase, over arms, orders and seeds."""
+    found: dict[tuple[str, str], list[dict[str, Any]]] = defaultdict(list)
+    for seed, fault, phase, arm, order in product(seeds, FAULTS, PHASES, ARMS, (ARMS, ARMS[::-1])):
+        trial = Trial(fault, arm, order, phase, seed)
+        outcome = kept.of(f"{fault}-{phase}-{arm}-{'-'.join(order)}-{seed}", lambda trial=trial: _tried(trial))
+        found[phase, fault].append(outcome)
+    return [_row(phase, fault, outcomes) for (phase, fault), outcomes in sorted(found.items())]
+
+
+def _tried(trial: Trial) -> dict[str, Any]:
+    outcome = attempt(trial)
+    return {**asdict(outcome), "broken": faults_found(trial, outcome), "load": os.getloadavg()[0]}
+
+
+def _row(phase: str, fault: str, outcomes: list[dict[str, Any]]) -> dict[str, Any]:
+    told = [each["other_stopped_s"] for each in outcomes if each["other_stopped_s"] is not None]
+    ended = [each["ended_s"] for each in outcomes if each["ended_s"] is not None]
+    return {
+        "phase": phase,
+        "fault": fault,
+        "trials": len(outcomes),
+        "broken": sum(bool(each["broken"]) for each in outcomes),
+        "told_s": None if not told else [float(np.median(told)), max(told)],
+        "ended_s": None if not ended else max(ended),
+        "moves_after": sum(each["moves_after"] for each in outcomes),
+        "load": max(each["load"] for each in outcomes),
+    }
+
+
+def _shown(row: dict[str, Any]) -> list[str]:
+    told = "-" if row["told_s"] is None else f"{row['told_s'][0]:.3f}, {row['told_s'][1]:.3f}"
+    ended = "-" if row["ended_s"] is None else f"{row['ended_s']:.2f}"
+    return [row["phase"], row["fault"], str(row["trials"]), str(row["broken"]), told, ended, str(row["moves_after"])]
+
+
+def main() -> int:
+    """Run it, print the table, write it down; 1 if a promise is broken."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", type=int, nargs=2, default=(0, 20), metavar=("FIRST", "END"))
+    parser.add_argument("--keep", type=Path, help="file of trials that are kept, so that a run can go on")
+    given = parser.parse_args()
+    with installed_driver(Path(tempfile.mkdtemp()), "frail", DRIVER):
+        found = rows(Kept(given.keep), range(*given.seeds))
+    print(table(HEAD, map(_shown, found)))
+    write("stops", {"rows": found})
+    return int(any(row["broken"] for row in found))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
