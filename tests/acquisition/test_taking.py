@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from basecal.acquisition import taking as module
-from basecal.acquisition.rig import open_rig
+from basecal.acquisition.rig import Rig, open_rig
 from basecal.acquisition.stillness import Moving, Unfit
 from basecal.acquisition.taking import CaptureSettings, Taker, targets_before
 from basecal.cell import Sample
@@ -34,8 +34,8 @@ def test_what_still_moves_is_waited_for_once_more(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "_take", attempt)
     told = []
     with pytest.raises(Unfit, match="too blurred"):
-        Taker(None, None, tmp_path, FAST, told.append).take(Sample(0), [])
-    assert told == ["arm still moving: eye; once more"]
+        Taker(Rig({}, {}), None, tmp_path, FAST, told.append).take(Sample(0), [])
+    assert told == ["sample 0", "arm still moving: eye; once more"]
 
 
 def test_a_camera_does_not_look_at_what_hangs_beside_it(tmp_path):

@@ -1,4 +1,4 @@
-"""Controllers of two arms in one process, with a watchdog each, that fail as they are told: `python -m safety.frail_controllers`.
+"""Two controllers in one process, with a watchdog each, that fail as told: `python -m safety.frail_controllers`.
 
 Each arm listens on a port of its own and speaks lines of JSON: states a hundred times a second one way, commands the
 other. Lines on the standard input are faults; every line is answered by one. All times are of the system's monotonic

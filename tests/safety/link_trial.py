@@ -114,7 +114,7 @@ def _until_phase(rig: Rig, trial: Trial, controllers, rng) -> None:
 
 def _go_on(rig: Rig, trial: Trial) -> None:
     """Read states as a capture does, at most twenty seconds; at rest no arm is sent."""
-    until = time.monotonic() + 7
+    until = time.monotonic() + 5
     while time.monotonic() < until:
         for robot in rig.robots.values():
             robot.state()

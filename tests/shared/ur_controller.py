@@ -15,6 +15,7 @@ import struct
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 REQUEST_VERSION, CONTROLLER_VERSION, SETUP_OUTPUTS, SETUP_INPUTS = 86, 118, 79, 73
@@ -34,7 +35,16 @@ MOVEJ, MOVEJ_IK, STOPJ, POSE_WITHIN, JOINTS_WITHIN, FREEDRIVE, END_FREEDRIVE, ST
     53,
     255,
 )
-PROTECTIVE_STOPPED, EMERGENCY_STOPPED = 1 << 2, 1 << 7
+SET_WATCHDOG = 35
+SAFETY_BITS = {
+    "protective_stop": 2,
+    "recovery": 3,
+    "safeguard_stop": 4,
+    "emergency_stop": 7,
+    "violation": 8,
+    "fault": 9,
+}
+WATCHDOG_PERIODS = 2  # without an input, after which the program stops, as URSim does
 LAYOUT = {"DOUBLE": "d", "VECTOR6D": "6d", "INT32": "i", "UINT32": "I", "UINT64": "Q", "UINT8": "B"}
 VECTORS = ("actual_q", "actual_qd", "target_q", "actual_TCP_pose")
 WORDS = ("robot_status_bits", "safety_status_bits", "runtime_state")
@@ -72,9 +82,26 @@ class Arm:
     registers: dict[str, float] = field(default_factory=dict)
     seen: list[int] = field(default_factory=list)
     spins: bool = False
+    link_frozen: bool = False
+    sends_nan: bool = False
+    watchdog_hz: float = 0.0
+    heard_s: float = 0.0
+    log: list[str] = field(default_factory=list)
+
+    def note(self, what: str) -> None:
+        """Write down what happened, with the system's clock, and whether the arm moved then."""
+        self.log.append(f"{time.monotonic():.4f}:{what}:{'moving' if self.q != self.goal else 'still'}")
+
+    def halt(self, why: str) -> None:
+        """Stand still."""
+        self.note(why)
+        self.goal, self.speed = list(self.q), 0.0
 
     def tick(self) -> None:
         """Go on by two milliseconds."""
+        if self.playing and self.watchdog_hz and time.monotonic() - self.heard_s > WATCHDOG_PERIODS / self.watchdog_hz:
+            self.halt("watchdog")
+            self.playing = False
         if not self.frozen:
             self.timestamp = 1000.0 + time.monotonic() - self.began_s
         before = list(self.q)
@@ -100,24 +127,28 @@ class Arm:
             numbers = [self.registers.get(f"input_double_register_{k}", 0.0) for k in range(8)]
             if command == MOVEJ:
                 self.goal, self.speed = numbers[:6], numbers[6]
+                self.note("move")
+            elif command == SET_WATCHDOG:
+                self.watchdog_hz = numbers[0]
             elif command == MOVEJ_IK:  # of its pose only the last number turns, with the last joint
                 self.goal, self.speed = [*self.q[:5], numbers[5]], numbers[6]
             elif command in (POSE_WITHIN, JOINTS_WITHIN):
                 self.registers["output_int_register_1"] = max(map(abs, numbers[:6])) < FARTHEST
             elif command == STOPJ:
-                self.goal, self.speed = list(self.q), 0.0
+                self.halt("stopj")
             elif command == FREEDRIVE:
                 self.led = True
             elif command == END_FREEDRIVE:
                 self.led = False
             elif command == STOP_SCRIPT:
-                self.playing = False
+                self.halt("script_ended")
+                self.playing, self.watchdog_hz = False, 0.0
             self.registers["output_int_register_0"] = DONE
 
     def value(self, name: str) -> tuple[float, ...]:
         """What a variable is now."""
         if name in ("actual_q", "target_q"):
-            return tuple(self.q)
+            return (float("nan"),) * 6 if self.sends_nan else tuple(self.q)
         if name == "actual_TCP_pose":
             return (0.1, 0.2, 0.3, 0.0, 0.0, self.q[5])
         known = {
@@ -167,6 +198,7 @@ class Session:
             self.answer(kind, b"\x01")
             self.started = kind == START
         elif kind == DATA:
+            self.arm.heard_s = time.monotonic()
             names = self.inputs[payload[0]]
             layout = ">" + "".join(LAYOUT[kind_of(name)] for name in names)
             values = struct.unpack(layout, payload[1 : 1 + struct.calcsize(layout)])
@@ -175,7 +207,7 @@ class Session:
 
     def tick(self, now_s: float) -> None:
         """Send the state where it is time for it."""
-        if self.started and now_s >= self.next_s:
+        if self.started and now_s >= self.next_s and not self.arm.link_frozen:
             self.next_s = max(self.next_s + max(self.every_s, self.arm.least_wait_s), now_s)
             layout = ">" + "".join(LAYOUT[kind_of(name)] for name in self.outputs)
             values = [value for name in self.outputs for value in self.arm.value(name)]
@@ -193,6 +225,8 @@ async def serve(host: str, switched_on_s: float) -> None:
         try:
             while True:
                 size, kind = struct.unpack(">HB", await reader.readexactly(3))
+                while arm.link_frozen:
+                    await asyncio.sleep(TICK_S)
                 session.handle(kind, await reader.readexactly(size - 3))
         except (asyncio.IncompleteReadError, ConnectionError):
             pass
@@ -205,9 +239,14 @@ async def serve(host: str, switched_on_s: float) -> None:
         while part := await reader.read(65536):
             text += part
             if text.rstrip().endswith(b"end"):
-                arm.playing, text = arm.remote, b""
+                arm.note("script")
+                arm.playing, text, arm.heard_s = arm.remote, b"", time.monotonic()
 
     async def dashboard(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        with suppress(ConnectionError):
+            await answer_lines(reader, writer)
+
+    async def answer_lines(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         writer.write(b"Connected: Universal Robots Dashboard Server\n")
         while line := (await reader.readline()).decode().strip():
             answers: dict[str, Callable[[], str]] = {
@@ -217,7 +256,10 @@ async def serve(host: str, switched_on_s: float) -> None:
                 "running": lambda: f"Program running: {str(arm.playing).lower()}",
             }
             if line == "stop":
+                arm.halt("dashboard_stop")
                 arm.playing = False
+            while arm.link_frozen:
+                await asyncio.sleep(TICK_S)
             writer.write((answers.get(line, lambda: "ok")() + "\n").encode())
 
     listening = [(rtde, RTDE), (dashboard, DASHBOARD), *((program, port) for port in SCRIPT_PORTS)]
@@ -241,13 +283,28 @@ async def obey_faults(stdin: asyncio.StreamReader, arm: Arm, sessions: set[Sessi
     while line := (await stdin.readline()).decode().split():
         word, *rest = line
         answer = "ok"
-        if word == "protective_stop":
-            arm.safety_bits |= PROTECTIVE_STOPPED
+        if word in SAFETY_BITS:
+            arm.halt(word)
+            arm.safety_bits = 1 << SAFETY_BITS[word]
+            arm.playing = arm.playing and word == "safeguard_stop"
+        elif word == "freeze_link":
+            arm.note("freeze_link")
+            arm.link_frozen = True
+        elif word == "nan":
+            arm.note("nan")
+            arm.sends_nan = True
+        elif word == "length_zero":
+            arm.note("length_zero")
+            for session in list(sessions):
+                session.writer.write(struct.pack(">HB", 0, DATA))
+        elif word == "log":
+            answer = " ".join(arm.log)
         elif word == "reset":
             vars(arm).update(vars(Arm(began_s=arm.began_s)))
         elif word == "local":
             arm.remote = False
         elif word == "stop_program":
+            arm.halt("stop_program")
             arm.playing = False
         elif word == "freeze":
             arm.frozen = rest == ["on"]
@@ -259,6 +316,7 @@ async def obey_faults(stdin: asyncio.StreamReader, arm: Arm, sessions: set[Sessi
         elif word == "spin":
             arm.spins = True
         elif word == "hang_up":
+            arm.note("hang_up")
             for session in list(sessions):
                 session.writer.close()
         elif word == "tell":

@@ -15,7 +15,7 @@ from basecal.acquisition.driver_modules import driver_module, driver_names, runs
 from basecal.acquisition.supervision.arms import Arms
 from basecal.acquisition.supervision.signals import routed_signals
 from basecal.cell import Cell, Driver
-from basecal.errors import DatasetError, nearest
+from basecal.errors import DatasetError, UsageError, nearest
 
 _STOP_S = 1.0  # that all stops may take together; a supervised arm has 0.3 s, and is then cut off
 _CLOSE_S = 0.5  # that a camera or robot may take to close: its stream may hang
@@ -80,6 +80,21 @@ def open_rig(cell: Cell, folder: Path) -> Iterator[Rig]:
         finally:
             for arms in supervisor:
                 arms.leave_main_thread_alone()
+
+
+def check_guarantees(rig: Rig, accepts_none: bool) -> None:
+    """Check that every arm that is sent stops if this program fails, or that the person accepts that it does not.
+
+    Raises:
+        UsageError: if neither.
+    """
+    sent = [name for name, robot in rig.robots.items() if isinstance(robot, Moves)]
+    loose = [name for name in sent if rig.guarantees.get(name) == "none"]
+    if loose and not accepts_none:
+        raise UsageError(
+            f"{loose[0]}: no watchdog stops this arm. If this program or the network fails, it finishes its move. "
+            f"Add --accept-no-watchdog to move it all the same, with a hand on the emergency stop."
+        )
 
 
 def _all_at_once(calls: list[Callable[[], None]], most_s: float) -> None:

@@ -6,7 +6,7 @@ import threading
 from dataclasses import dataclass, replace
 
 from basecal.acquisition.capture import Step
-from basecal.acquisition.driver import Camera, Freedrives, Grey, Moves, Picture, Reading, Robot, Switches
+from basecal.acquisition.driver import Camera, ChecksGoals, Freedrives, Grey, Moves, Picture, Reading, Robot, Switches
 from basecal.acquisition.rig import Rig
 from basecal.cell import RobotState
 
@@ -109,8 +109,9 @@ def watched(rig: Rig, watch: Watch) -> Rig:
         faces: list[type] = [_WatchedRobot]
         faces += [_Sent] if isinstance(robot, Moves) else []
         faces += [_Led] if isinstance(robot, Freedrives) else []
+        faces += [_Asked] if isinstance(robot, ChecksGoals) else []
         robots[name] = type("Watched", tuple(reversed(faces)), {})(name, robot, watch)
-    return Rig(robots, cameras)
+    return replace(rig, robots=robots, cameras=cameras)
 
 
 class _WatchedRobot:
@@ -152,6 +153,15 @@ class _Led(_WatchedRobot):
         """Let the arm be led, or hold it."""
         assert isinstance(self._robot, Freedrives)
         self._robot.freedrive(on)
+
+
+class _Asked(_WatchedRobot):
+    """Likewise, of one whose controller can be asked."""
+
+    def goal_refusal(self, to: RobotState) -> str:
+        """Why it would not go there; empty if it would."""
+        assert isinstance(self._robot, ChecksGoals)
+        return self._robot.goal_refusal(to)
 
 
 class _Watched:

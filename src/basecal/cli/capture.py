@@ -42,6 +42,7 @@ def capture(
     samples: Annotated[int | None, Parameter(validator=validators.Number(gte=1, lte=10_000))] = None,
     go: bool = False,
     freedrive: bool = False,
+    accept_no_watchdog: bool = False,
     speed_limit_deg_s: Annotated[float, Parameter(validator=validators.Number(gt=0, lte=360))] = 30.0,
     seed: Annotated[int, Parameter(validator=validators.Number(gte=0, lt=2**31))] = 0,
     web: bool = False,
@@ -89,13 +90,14 @@ def capture(
             the most that are taken, 60 where it is left out.
         go: Move the arms.
         freedrive: Take samples where a person leads the arms to.
+        accept_no_watchdog: Move also arms that finish their move if this program or the network fails.
         speed_limit_deg_s: The fastest that any joint may turn.
         seed: Another number makes another plan.
         web: Show the capture as a page as well, on this machine alone; the extra web.
         port: Where the page is served; 0 takes a free one.
         json: Print what was captured as JSON.
     """
-    from basecal.acquisition.rig import open_rig
+    from basecal.acquisition.rig import check_guarantees, open_rig
     from basecal.cell.files import read_cell
     from basecal.planning.sketch import sketch_of
 
@@ -112,6 +114,7 @@ def capture(
             _say_plan(rig, sketch, wanted, is_new, speed_limit_deg_s, go, replanned, quiet=json)
             if not go:
                 return _only_planned(cell, wanted, json)
+            check_guarantees(rig, accept_no_watchdog)
             wanted = _stored(cell, sketch, wanted, is_new)
         view = shown.enter_context(capture_view(rig, sketch.cell, web, port, quiet=json))
         by = _taker(view.rig(rig), sketch, cell, speed_limit_deg_s, view.tell)

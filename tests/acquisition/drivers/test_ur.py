@@ -47,7 +47,7 @@ def test_it_goes_where_it_is_sent_no_faster_than_asked(there):
         pass
     np.testing.assert_allclose(robot.state().state.joints_rad, goal, atol=1e-12)
     assert float(process.tell("tell").split()[0]) == pytest.approx(0.8, rel=1e-6)
-    with pytest.raises(DriverError, match="eye: where it is sent is beyond its safety limits"):
+    with pytest.raises(DriverError, match="eye: the goal is beyond the safety limits of the controller"):
         robot.move(RobotState(joints_rad=np.full(6, 7.0)), 0.8)
     robot.close()
 

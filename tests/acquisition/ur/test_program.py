@@ -27,18 +27,38 @@ def test_it_is_sent_when_it_is_first_asked_and_ends_with_the_capture(there):
     assert asked.ask(lambda line: line.isJointsWithinSafetyLimits([0.0] * 6))
     assert asked.was_asked
     asked.close()
-    assert process.tell("tell").split()[2:] == ["37", "255"]
+    assert process.tell("tell").split()[2:] == ["35", "37", "255"]
 
 
-def test_it_is_sent_again_where_it_was_stopped(there):
-    """A person who stops it at the pendant stops one move; the next one brings it again."""
+def test_it_is_not_sent_again_by_itself(there):
+    """Stopped by a person at the pendant, it refuses whatever it is asked, and nothing more is sent."""
     process, place = there
     asked = program(place)
     assert asked.ask(lambda line: line.isJointsWithinSafetyLimits([0.0] * 6))
     process.tell("stop_program")
     time.sleep(0.1)
-    assert asked.ask(lambda line: line.isProgramRunning())
-    asked.close()
+    with pytest.raises(DriverError, match="eye: the program on the controller was stopped"):
+        asked.ask(lambda line: line.isProgramRunning())
+    assert process.tell("log").count(":script:") == 1
+
+
+def test_its_watchdog_stops_the_arm_when_this_computer_is_silent(there):
+    """Kept alive the arm goes on; silent, it stands within half a second, far from its goal."""
+    process, place = there
+    asked = program(place)
+    asked.ask(lambda line: line.moveJ([3.0, -1.5, 1.5, 0.0, 0.5, 0.0], 0.5, 1.0, True))
+    until = time.monotonic() + 0.8
+    while time.monotonic() < until:
+        asked.keep_alive()
+        time.sleep(0.02)
+    assert ":watchdog:" not in process.tell("log")
+    silent_s = time.monotonic()
+    time.sleep(0.6)
+    at_s, why, was_moving = process.tell("log").split()[-1].split(":")
+    assert (why, was_moving) == ("watchdog", "moving")
+    assert float(at_s) - silent_s < 0.5
+    with pytest.raises(DriverError, match="stopped"):
+        asked.ask(lambda line: line.isProgramRunning())
 
 
 def test_no_permission_to_move(there):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -41,7 +42,10 @@ def test_states_have_the_controllers_stamps(there):
 @pytest.mark.parametrize(
     ("fault", "error"),
     [
-        ("protective_stop", "eye: protective stop: release it at the pendant"),
+        ("protective_stop", "eye: protective stop. Release it at the pendant"),
+        ("violation", "eye: the controller reports a violation. Release it"),
+        ("fault", "eye: the controller reports a fault. Release it"),
+        ("recovery", "eye: recovery mode. Release it"),
         ("freeze on", r"eye: its stamps stand still at 10\d\d\.\d+ s"),
         ("slow 0.2", r"eye: only [4-7][.0-9]* states in a second, at least 10 are needed"),
     ],
@@ -56,6 +60,19 @@ def test_what_goes_wrong_is_a_line(there, fault, error):
         take(robot, 30)
     assert "\n" not in str(raised.value)
     robot.close()
+
+
+def test_a_safeguard_stop_counts_where_the_arm_is_sent(there):
+    """Of an arm that a person leads by its pendant it is usual: whoever lets go of the enabling device causes it."""
+    process, place = there
+    watched, moved = open_robot(place(motion="watch")), open_robot(place())
+    process.tell("safeguard_stop")
+    time.sleep(0.1)
+    take(watched, 3)
+    with pytest.raises(DriverError, match="eye: safeguard stop"):
+        take(moved, 3)
+    for robot in (watched, moved):
+        robot.close()
 
 
 def test_a_lost_connection_is_made_again(there):

@@ -1,0 +1,33 @@
+"""Links and controllers that fail: the other arm is told at once, and nothing is sent afterwards."""
+
+from __future__ import annotations
+
+import pytest
+
+from safety.installed_driver import installed_driver
+from shared.second_process import TESTS
+from tests.safety.link_trial import ARMS, FAULTS, PHASES, Trial, attempt, faults_found
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _frail(tmp_path_factory):
+    """The driver of the trials, as pip would install it."""
+    with installed_driver(tmp_path_factory.mktemp("packages"), "frail", TESTS / "safety" / "frail_driver.py"):
+        yield
+
+
+@pytest.mark.parametrize("fault", ["freeze", "safeguard"])
+def test_a_fault_of_one_arm_stops_the_other(fault):
+    """A link that falls silent, and a safeguard stop, while both arms move."""
+    trial = Trial(fault, "left", ("right", "left"), "moving", 0)
+    assert faults_found(trial, attempt(trial)) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("phase", PHASES)
+@pytest.mark.parametrize("fault", FAULTS)
+def test_every_fault_in_every_phase(fault, phase):
+    """Each with an arm and an order of the cell that the seed draws; `benchmarks.stops` tries the full product."""
+    seed = FAULTS.index(fault) + 10 * PHASES.index(phase)
+    trial = Trial(fault, ARMS[seed % 2], ARMS if seed // 2 % 2 else ARMS[::-1], phase, seed)
+    assert faults_found(trial, attempt(trial)) == []

@@ -1,0 +1,113 @@
+"""Processes of a capture that end, hang or get a signal while arms move."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import pytest
+
+from safety.installed_driver import installed_driver
+from shared.second_process import TESTS, second_process
+
+pytestmark = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="processes are found by /proc")
+TOLD_S = 0.3
+WATCHDOG_S = 0.5
+
+
+@contextmanager
+def moving(tmp_path, *words):
+    """Controllers, the process of a capture whose arms move, and the numbers of its processes."""
+    with (
+        installed_driver(tmp_path / "packages", "frail", TESTS / "safety" / "frail_driver.py") as folder,
+        second_process("safety.frail_controllers") as controllers,
+    ):
+        ports = json.loads(controllers.tell("ports"))
+        command = [sys.executable, "-m", "safety.moving_arms", folder, *ports.values(), *words]
+        environment = {**os.environ, "PYTHONPATH": f"{TESTS.parent / 'src'}:{TESTS.parent}"}
+        with subprocess.Popen(
+            list(map(str, command)),
+            cwd=TESTS,
+            env=environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        ) as capture:
+            try:
+                numbers = json.loads(capture.stdout.readline())
+                time.sleep(0.2)
+                yield controllers, capture, numbers
+            finally:
+                capture.kill()
+
+
+def halts(controllers, since_s):
+    """When each arm came to rest after an instant, and why, by name."""
+    log = json.loads(controllers.tell("log"))
+    return {
+        name: next(((at - since_s, what) for at, what in lines if at >= since_s and what.startswith("halted")), None)
+        for name, lines in log.items()
+    }
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGHUP, marks=pytest.mark.slow), signal.SIGTERM])
+def test_signals_stop_both_arms_at_once(tmp_path, number):
+    """Ctrl-C, a terminal that is closed, and `kill`: both arms are told, and the capture ends within two seconds."""
+    with moving(tmp_path) as (controllers, capture, _):
+        since_s = time.monotonic()
+        capture.send_signal(number)
+        capture.wait(2)
+        found = halts(controllers, since_s)
+    assert {name: why for name, (_, why) in found.items()} == {"left": "halted stop", "right": "halted stop"}
+    assert max(at for at, _ in found.values()) < TOLD_S
+
+
+@pytest.mark.parametrize("victim", ["capture", pytest.param("supervisor", marks=pytest.mark.slow), "left", "right"])
+@pytest.mark.parametrize("number", [signal.SIGKILL, pytest.param(signal.SIGSTOP, marks=pytest.mark.slow)])
+@pytest.mark.slow
+def test_any_process_may_die_or_hang(tmp_path, victim, number):
+    """Killed or stopped, whichever it is: every arm is at rest within half a second, or 1.3 s if one hangs."""
+    with moving(tmp_path) as (controllers, capture, numbers):
+        left, right = numbers["arms"]
+        pids = {"capture": capture.pid, "supervisor": numbers["supervisor"][0], "left": left, "right": right}
+        since_s = time.monotonic()
+        os.kill(pids[victim], number)
+        try:
+            if victim != "capture":
+                capture.wait(4)
+            time.sleep(1.6)
+            found = halts(controllers, since_s)
+        finally:
+            for pid in pids.values():
+                kill(pid)
+    allowed = WATCHDOG_S if number == signal.SIGKILL else 1.3 if victim == "capture" else 0.9
+    assert max(at for at, _ in found.values()) < allowed, found
+    others = {"left", "right"} - {victim}
+    if number == signal.SIGKILL:
+        assert all(found[name][0] < TOLD_S for name in others), found
+
+
+def kill(pid):
+    """Kill what is left of a process."""
+    with suppress(ProcessLookupError):
+        os.kill(pid, signal.SIGKILL)
+
+
+@pytest.mark.slow
+def test_a_second_ctrl_c_ends_a_capture_that_hangs(tmp_path):
+    """The first stops the arms, though the capture holds Python's lock; the second ends it within two seconds."""
+    with moving(tmp_path, "hang") as (controllers, capture, _):
+        since_s = time.monotonic()
+        capture.send_signal(signal.SIGINT)
+        time.sleep(0.5)
+        found = halts(controllers, since_s)
+        assert capture.poll() is None
+        capture.send_signal(signal.SIGINT)
+        capture.wait(2)
+    assert max(at for at, _ in found.values()) < TOLD_S
