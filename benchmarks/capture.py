@@ -96,7 +96,7 @@ def recorded(seed: int, fault: str = "") -> tuple[Cell, SE3, Recording, int]:
         write_world(world, folder)
         rig = direct_rig(Plant(world, Clock(0)), tuple(world.home))
         plan = store_plan(folder, world.cell, planned(seed, is_light))
-        by = Taker(rig, sketch_of(world.cell), folder, CaptureSettings(SPEED_RAD_S))
+        by = Taker(rig, sketch_of(world.cell), folder, CaptureSettings(SPEED_RAD_S, 10.0))
         steps = list(capture(by, plan))
         seen = detect(world.cell, read_recording(folder, world.cell))
     return world.cell, world.truth[BASE], seen, sum(bool(step.why_not) for step in steps)

@@ -126,7 +126,7 @@ def stillness(cells: int, stops: int) -> dict[str, Any]:
         plant, rng = Plant(world, Clock(0)), np.random.default_rng([seed, 37])
         rig = direct_rig(plant, tuple(world.home))
         with tempfile.TemporaryDirectory() as name:
-            by = Taker(rig, sketch_of(world.cell), Path(name), CaptureSettings(2.0))
+            by = Taker(rig, sketch_of(world.cell), Path(name), CaptureSettings(2.0, 10.0))
             taken: list[Sample] = []
             for number in range(stops):
                 goal = {

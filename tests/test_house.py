@@ -409,6 +409,7 @@ NOTHING_TO_TEST = {
     "cell/files.py": "names of other modules",
     "accuracy/findings/evidence.py": "values without behaviour",
     "accuracy/significance.py": "one number",
+    "acquisition/supervision/limits.py": "times, which the trials of tests/safety hold",
 }
 
 

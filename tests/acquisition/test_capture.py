@@ -18,7 +18,7 @@ from basecal.planning.feasible import feasible_in
 from basecal.planning.sketch import sketch_of
 from shared.running_cell import home, running
 
-FAST = CaptureSettings(speed_rad_s=2.0, patience_s=3.0)
+FAST = CaptureSettings(speed_rad_s=2.0, tool_m_s=10.0, patience_s=3.0)
 
 
 def planned(world, folder, count, pattern=poses):
@@ -138,7 +138,7 @@ def test_an_arm_that_does_not_arrive_is_told(tmp_path):
     """With less patience than the way takes, the arm is still moving."""
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
         sketch, plan = planned(world, tmp_path, 1)
-        (step,) = capture(Taker(rig, sketch, tmp_path, CaptureSettings(0.01, 0.5)), plan)
+        (step,) = capture(Taker(rig, sketch, tmp_path, CaptureSettings(0.01, 10.0, 0.5)), plan)
     assert step.why_not.startswith("arm still moving: ")
 
 

@@ -114,7 +114,7 @@ def test_a_cell_is_captured_by_hand(tmp_path):
         sketch = sketch_of(world.cell)
         plan = poses.plan(sketch, home(world), feasible_in(sketch), 1, 0)
         robots = {name: Person(robot, [sample.robots[name] for sample in plan]) for name, robot in rig.robots.items()}
-        by = Taker(Rig(robots, rig.cameras), sketch, tmp_path, CaptureSettings(2.0))
+        by = Taker(Rig(robots, rig.cameras), sketch, tmp_path, CaptureSettings(2.0, 10.0))
         steps = list(capture_led(by, 2, lambda: ""))
         assert [(step.sample, step.why_not) for step in steps] == [(0, ""), (1, "")]
     taken = read_recording(tmp_path).samples
@@ -133,7 +133,7 @@ def test_a_place_where_nothing_is_seen_is_told_and_waited_for_anew(tmp_path):
         rig.robots["hand"].move(away, 3.0)
         robots = {**rig.robots, "hand": Person(rig.robots["hand"], [back])}
         robots["hand"].held = -600
-        by = Taker(Rig(robots, rig.cameras), sketch, tmp_path, CaptureSettings(2.0))
+        by = Taker(Rig(robots, rig.cameras), sketch, tmp_path, CaptureSettings(2.0, 10.0))
         steps = list(capture_led(by, 1, lambda: ""))
     assert [step.sample for step in steps] == [0, 0]
     assert "not seen" in steps[0].why_not

@@ -88,7 +88,7 @@ def test_it_captures(tmp_path, installed, controller, samples):
         assert isinstance(rig.robots["eye"], Robot)
         assert isinstance(rig.robots["eye"], Moves)
         plan = store_plan(tmp_path, sketch.cell, poses.plan(sketch, home(world), feasible_in(sketch), samples, 0))
-        steps = list(capture(Taker(rig, sketch, tmp_path, CaptureSettings(speed_rad_s=2.0)), plan))
+        steps = list(capture(Taker(rig, sketch, tmp_path, CaptureSettings(speed_rad_s=2.0, tool_m_s=10.0)), plan))
         rig.stop()
     assert [step.why_not for step in steps] == [""] * samples
 

@@ -24,7 +24,7 @@ from basecal.simulation import Scenario, simulate
 from basecal.vision.detect import detect
 from shared.running_cell import home, running
 
-FAST = CaptureSettings(speed_rad_s=2.0, patience_s=3.0)
+FAST = CaptureSettings(speed_rad_s=2.0, tool_m_s=10.0, patience_s=3.0)
 POINT = np.array([[0.5, 0.0, 0.3]])
 TOLERANCE_M = 1e-3
 

@@ -12,7 +12,7 @@ from basecal.cell import Sample
 from basecal.planning.sketch import sketch_of
 from shared.running_cell import running
 
-FAST = CaptureSettings(speed_rad_s=2.0, patience_s=3.0)
+FAST = CaptureSettings(speed_rad_s=2.0, tool_m_s=10.0, patience_s=3.0)
 
 
 def test_it_says_what_it_does(tmp_path):

@@ -10,11 +10,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
 
-from basecal.acquisition.driver import Camera, Moves, Place, Robot, StopGuarantee
+from basecal.acquisition.driver import Camera, ChecksGoals, Moves, Place, Robot, StopGuarantee
 from basecal.acquisition.driver_modules import driver_module, driver_names, runs_alone, stop_guarantee
 from basecal.acquisition.supervision.arms import Arms
 from basecal.acquisition.supervision.signals import routed_signals
-from basecal.cell import Cell, Driver
+from basecal.cell import Cell, Driver, RobotState
 from basecal.errors import DatasetError, UsageError, nearest
 
 _STOP_S = 1.0  # that all stops may take together; a supervised arm has 0.3 s, and is then cut off
@@ -39,7 +39,7 @@ class Rig:
 
     def stop(self) -> None:
         """Stop every robot that moves, all at once, whatever any of them answers."""
-        _all_at_once([robot.stop for robot in self.robots.values() if isinstance(robot, Moves)], _STOP_S)
+        _all_at_once([robot.stop for robot in movers(self).values()], _STOP_S)
 
 
 @contextmanager
@@ -82,14 +82,26 @@ def open_rig(cell: Cell, folder: Path) -> Iterator[Rig]:
                 arms.leave_main_thread_alone()
 
 
+def movers(rig: Rig) -> dict[str, Moves]:
+    """Robots that can be sent somewhere, by name."""
+    return {name: robot for name, robot in rig.robots.items() if isinstance(robot, Moves)}
+
+
+def asks_of(robots: Mapping[str, object]) -> dict[str, Callable[[RobotState], str]]:
+    """What asks each robot's controller why it would not go somewhere; one that cannot be asked never refuses."""
+    return {
+        name: robot.goal_refusal if isinstance(robot, ChecksGoals) else lambda state: ""
+        for name, robot in robots.items()
+    }
+
+
 def check_guarantees(rig: Rig, accepts_none: bool) -> None:
     """Check that every arm that is sent stops if this program fails, or that the person accepts that it does not.
 
     Raises:
         UsageError: if neither.
     """
-    sent = [name for name, robot in rig.robots.items() if isinstance(robot, Moves)]
-    loose = [name for name in sent if rig.guarantees.get(name) == "none"]
+    loose = [name for name in movers(rig) if rig.guarantees.get(name) == "none"]
     if loose and not accepts_none:
         raise UsageError(
             f"{loose[0]}: no watchdog stops this arm. If this program or the network fails, it finishes its move. "

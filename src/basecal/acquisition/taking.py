@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from basecal.acquisition.coverage import alike
-from basecal.acquisition.driver import ChecksGoals, Grey, Moves, Switches
-from basecal.acquisition.rig import Rig
+from basecal.acquisition.driver import Grey, Moves, Switches
+from basecal.acquisition.rig import Rig, asks_of, movers
 from basecal.acquisition.stillness import Moving, Unfit, wait_for_arms, wait_for_picture
 from basecal.cell import CandidateObservation, Cell, PixelObservation, Recording, Sample, Target
 from basecal.cell.format.writing import write_whole
-from basecal.errors import DriverError
+from basecal.planning.plan_check import SpeedLimits, check_plan
 from basecal.planning.sketch import Sketch
 from basecal.vision.detect import detect
 from basecal.vision.detectors import LIGHT
@@ -24,6 +24,12 @@ Tell = Callable[[str], None]
 
 _WIDEST_EDGE_PX = 5.0  # of an edge about the target's points: four pixels of motion, or a point spread of 1.4
 _ALIKE_M, _ALIKE_RAD = 2e-3, 2e-3  # between samples that say nearly the same
+TOOL_M_S = 0.25
+"""Speed of the fastest point of an arm unless somebody states another: that of collaborative and of manual operation.
+
+Source: ISO 10218-1, reduced speed control.
+"""
+
 _ATTEMPTS = 2  # at a sample whose arms or picture do not come to rest
 
 
@@ -33,11 +39,13 @@ class CaptureSettings:
 
     Attributes:
         speed_rad_s: The fastest that any joint may turn.
+        tool_m_s: The fastest that any point of an arm, or of what it carries, may move.
         patience_s: How long an arm or a picture may take to come to rest after it was sent.
         lead_patience_s: How long a person may take to lead an arm to another place.
     """
 
     speed_rad_s: float
+    tool_m_s: float = TOOL_M_S
     patience_s: float = 20.0
     lead_patience_s: float = 600.0
 
@@ -81,19 +89,23 @@ class Taker:
 
 
 def _send(by: Taker, wanted: Sample) -> None:
-    """Send the arms, once every controller that can be asked accepts its goal.
+    """Send the arms, once the sample and the way to it are checked and every controller accepts its goal.
 
     Raises:
-        DriverError: if one refuses, or does not answer.
+        Unfit: if one of them is refused; nothing is sent then.
+        DriverError: if a robot does not answer.
     """
     by.tell(f"sample {wanted.sample}: arms move" if wanted.robots else f"sample {wanted.sample}")
-    sent = {name: by.rig.robots[name] for name in wanted.robots if name in by.rig.robots}
-    for name, robot in sent.items():
-        if isinstance(robot, ChecksGoals) and (why := robot.goal_refusal(wanted.robots[name])):
-            raise DriverError(f"{name}: {why}. Nothing was sent to any arm for sample {wanted.sample}.")
-    for name, robot in sent.items():
-        if isinstance(robot, Moves):
-            robot.move(wanted.robots[name], by.settings.speed_rad_s)
+    sent = {name: robot for name, robot in movers(by.rig).items() if name in wanted.robots}
+    if not sent:
+        return
+    here = {name: robot.state().state for name, robot in by.rig.robots.items() if robot.is_live or name in sent}
+    limits = SpeedLimits(by.settings.speed_rad_s, by.settings.tool_m_s)
+    found = check_plan(by.sketch, here, [wanted], limits, asks_of(sent))
+    if found.refusals:
+        raise Unfit(f"{found.refusals[0].what}; nothing was sent")
+    for way in found.ways:
+        sent[way.robot].move(wanted.robots[way.robot], way.joint_rad_s)
 
 
 def _take(by: Taker, wanted: Sample, taken: Sequence[Sample]) -> Sample:

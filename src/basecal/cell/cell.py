@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+import numpy as np
+
 from basecal.cell.format.parameters import Parameters
 from basecal.cell.target import Target
 from basecal.errors import FrameNotFound
@@ -179,6 +181,26 @@ class CellTarget:
 
 
 @dataclass(frozen=True, eq=False)
+class KeepOut:
+    """A box that arms stay out of.
+
+    Attributes:
+        name: Its name.
+        world_from_box: Its middle, and the directions of its sides.
+        size_m: (3,) lengths of its sides.
+    """
+
+    name: str
+    world_from_box: SE3
+    size_m: Array
+
+    def distance(self, points: Array) -> Array:
+        """Distances of points (..., 3) [m] in the world from its surface; 0 inside."""
+        beyond = np.abs(self.world_from_box.inverse() @ points) - 0.5 * self.size_m
+        return np.asarray(np.linalg.norm(np.maximum(beyond, 0.0), axis=-1))
+
+
+@dataclass(frozen=True, eq=False)
 class Cell:
     """Everything that exists, and what is asked for.
 
@@ -190,6 +212,7 @@ class Cell:
         targets: By name.
         pixel_px: Sigma of a pixel coordinate where an observation states none; None where it is to be estimated.
         correlated_px: Sigma of an error that all points of a view have in common, per coordinate; None for none.
+        keep_out: Boxes that arms stay out of, by name.
     """
 
     reference: str
@@ -199,6 +222,7 @@ class Cell:
     targets: Mapping[str, CellTarget] = field(default_factory=dict)
     pixel_px: float | None = None
     correlated_px: float | None = None
+    keep_out: Mapping[str, KeepOut] = field(default_factory=dict)
 
     def base_name(self, robot: str) -> str:
         """Name of the transform from the base of `robot` to the reference's, `a_from_b`."""

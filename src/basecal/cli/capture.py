@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import sys
 from contextlib import ExitStack
-from math import radians
+from math import inf, radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter, validators
 
+from basecal.cli.capture_plan import capture_plan, checked_plan, refuse, say_plan, say_ways
 from basecal.cli.capture_view import CaptureView, capture_view
 from basecal.cli.replanned import Replanned, ShiftsForTask, Task, task_of
 from basecal.cli.task_point import Box, Point
 from basecal.cli.terminal import pasted, print_json, say
-from basecal.errors import InputError, UsageError
+from basecal.errors import UsageError
 from basecal.registry import PATTERNS
 
 _SAMPLES = 25  # where nobody says how many
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from basecal.acquisition.rig import Rig
     from basecal.acquisition.taking import Taker, Tell
     from basecal.cell import Sample
+    from basecal.planning.plan_check import SpeedLimits
     from basecal.planning.sketch import Sketch
 
 
@@ -42,8 +43,10 @@ def capture(
     samples: Annotated[int | None, Parameter(validator=validators.Number(gte=1, lte=10_000))] = None,
     go: bool = False,
     freedrive: bool = False,
+    dry_run: bool = False,
     accept_no_watchdog: bool = False,
-    speed_limit_deg_s: Annotated[float, Parameter(validator=validators.Number(gt=0, lte=360))] = 30.0,
+    speed_limit_deg_s: Annotated[float, Parameter(validator=validators.Number(gt=0, lte=180))] = 30.0,
+    tool_speed_limit: Annotated[float, Parameter(validator=validators.Number(gt=0, lte=2000))] = 250.0,
     seed: Annotated[int, Parameter(validator=validators.Number(gte=0, lt=2**31))] = 0,
     web: bool = False,
     port: Annotated[int, Parameter(validator=validators.Number(gte=0, lt=2**16))] = 0,
@@ -90,8 +93,10 @@ def capture(
             the most that are taken, 60 where it is left out.
         go: Move the arms.
         freedrive: Take samples where a person leads the arms to.
+        dry_run: Check the whole plan as --go does, ask the controllers, and print each way; nothing moves.
         accept_no_watchdog: Move also arms that finish their move if this program or the network fails.
         speed_limit_deg_s: The fastest that any joint may turn.
+        tool_speed_limit: The fastest that any point of an arm, or of what it carries, may move, in mm/s.
         seed: Another number makes another plan.
         web: Show the capture as a page as well, on this machine alone; the extra web.
         port: Where the page is served; 0 takes a free one.
@@ -99,36 +104,66 @@ def capture(
     """
     from basecal.acquisition.rig import check_guarantees, open_rig
     from basecal.cell.files import read_cell
+    from basecal.planning.plan_check import SpeedLimits
     from basecal.planning.sketch import sketch_of
 
     task = task_of(task_point, task_box, tolerance, may_be_open=pattern == _SHIFTS)
-    _refuse_unused(pattern, plan, task, go=go, freedrive=freedrive, web=web, port=port)
+    _refuse_unused(pattern, plan, task, go=go, dry_run=dry_run, freedrive=freedrive, web=web, port=port)
     sketch, count = sketch_of(read_cell(cell)), samples or _SAMPLES
+    limits = SpeedLimits(radians(speed_limit_deg_s), 1e-3 * tool_speed_limit)
     with ExitStack() as shown, open_rig(sketch.cell, cell) as rig:  # an error stops the arms before all else
         wanted: Sequence[Sample] = ()
         is_replanned = task is not None and pattern != _SHIFTS
         replanned = Replanned(rig, sketch, cell, task, plan, samples, seed) if task and is_replanned else None
         shifts = ShiftsForTask(task, samples) if task and not is_replanned else None
         if not freedrive:
-            wanted, is_new = _plan(rig, sketch, cell, str(plan or pattern), count, seed, replanned, shifts)
-            _say_plan(rig, sketch, wanted, is_new, speed_limit_deg_s, go, replanned, quiet=json)
+            wanted, is_new = capture_plan(rig, sketch, cell, str(plan or pattern), count, seed, replanned, shifts)
+            _check(rig, sketch, wanted, is_new, limits, replanned, go=go, dry_run=dry_run, quiet=json)
             if not go:
                 return _only_planned(cell, wanted, json)
             check_guarantees(rig, accept_no_watchdog)
             wanted = _stored(cell, sketch, wanted, is_new)
         view = shown.enter_context(capture_view(rig, sketch.cell, web, port, quiet=json))
-        by = _taker(view.rig(rig), sketch, cell, speed_limit_deg_s, view.tell)
+        by = _taker(view.rig(rig), sketch, cell, limits, view.tell)
         steps = _taken(by, wanted, count if freedrive else None, replanned, view)
     return _summed_up(cell, steps, replanned, json)
 
 
+def _check(
+    rig: Rig,
+    sketch: Sketch,
+    plan: Sequence[Sample],
+    is_new: bool,
+    limits: SpeedLimits,
+    replanned: Replanned | None,
+    *,
+    go: bool,
+    dry_run: bool,
+    quiet: bool,
+) -> None:
+    """Check the whole plan before anything moves, and print it.
+
+    Raises:
+        InputError: if any sample or way of it is refused.
+    """
+    found = checked_plan(rig, sketch, plan, limits, asks_controllers=go or dry_run)
+    if not quiet:
+        if dry_run:
+            say_ways(found)
+        if not found.refusals:
+            say_plan(rig, sketch, plan, is_new, found, go, replanned)
+    refuse(found, len(plan))
+
+
 def _refuse_unused(
-    pattern: str, plan: Path | None, task: Task | None, go: bool, freedrive: bool, web: bool, port: int
+    pattern: str, plan: Path | None, task: Task | None, go: bool, dry_run: bool, freedrive: bool, web: bool, port: int
 ) -> None:
     if task is not None and (freedrive or pattern not in PATTERNS):
         raise UsageError("a task says where arms are sent: leave --freedrive out, and files of --pattern")
     if plan is not None and pattern != "poses":
         raise UsageError("--plan and --pattern both say where to go: give one of them")
+    if dry_run and (go or freedrive):
+        raise UsageError("--dry-run moves nothing: leave --go and --freedrive out")
     if freedrive and go:
         raise UsageError("--freedrive moves no arm: leave --go out")
     if port and not web:
@@ -140,12 +175,14 @@ def captured_steps(folder: Path, pattern: str, samples: int, speed_deg_s: float)
     from basecal.acquisition.capture import capture as captured
     from basecal.acquisition.rig import open_rig
     from basecal.cell.files import read_cell
+    from basecal.planning.plan_check import SpeedLimits
     from basecal.planning.sketch import sketch_of
 
     sketch = sketch_of(read_cell(folder))
     with open_rig(sketch.cell, folder) as rig:
-        plan = _stored(folder, sketch, *_plan(rig, sketch, folder, pattern, samples, seed=0))
-        yield from captured(_taker(rig, sketch, folder, speed_deg_s), plan)
+        plan = _stored(folder, sketch, *capture_plan(rig, sketch, folder, pattern, samples, seed=0))
+        limits = SpeedLimits(radians(speed_deg_s), inf)  # a simulated arm hurts nobody
+        yield from captured(_taker(rig, sketch, folder, limits), plan)
 
 
 def _taken(
@@ -168,98 +205,16 @@ def _stored(folder: Path, sketch: Sketch, plan: Sequence[Sample], is_new: bool) 
     return store_plan(folder, sketch.cell, plan) if is_new else plan
 
 
-def _taker(rig: Rig, sketch: Sketch, folder: Path, speed_deg_s: float, tell: Tell = lambda words: None) -> Taker:
+def _taker(rig: Rig, sketch: Sketch, folder: Path, limits: SpeedLimits, tell: Tell = lambda words: None) -> Taker:
     from basecal.acquisition.taking import CaptureSettings, Taker
 
-    return Taker(rig, sketch, folder, CaptureSettings(radians(speed_deg_s)), tell)
-
-
-def _plan(
-    rig: Rig,
-    sketch: Sketch,
-    folder: Path,
-    pattern: str,
-    samples: int,
-    seed: int,
-    replanned: Replanned | None = None,
-    shifts: ShiftsForTask | None = None,
-) -> tuple[Sequence[Sample], bool]:
-    """What is still to be taken of a plan that was cut off, or a new plan, and whether it is new."""
-    from basecal.acquisition.capture import unfinished
-    from basecal.cell.files import read_plan
-    from basecal.errors import nearest
-    from basecal.planning.feasible import feasible_in
-    from basecal.planning.patterns import pattern as named
-
-    if replanned is not None:
-        return replanned.samples, True
-    left = unfinished(folder, sketch.cell)
-    if left:
-        return left, False
-    if pattern not in PATTERNS:
-        if not Path(pattern).is_file():
-            names = ", ".join(PATTERNS)
-            raise InputError(f"no pattern {pattern!r}{nearest(pattern, PATTERNS)}; it is one of {names}, or a file")
-        return read_plan(pattern, folder, sketch.cell), True
-    missing = [name for name in sketch.movers if name not in rig.robots]
-    if missing:
-        raise InputError(f"robot {missing[0]!r} has no `driver` in cell.yaml: nothing can be planned for it")
-    home = {name: robot.state().state for name, robot in rig.robots.items()}
-    if shifts is not None:
-        return shifts.planned(sketch.cell, folder, home, samples, seed), True
-    return named(pattern)(sketch, home, feasible_in(sketch), samples, seed), True
+    return Taker(rig, sketch, folder, CaptureSettings(limits.joint_rad_s, limits.tool_m_s), tell)
 
 
 def _only_planned(cell: Path, wanted: Sequence[Sample], json: bool) -> int:
     if json:
         print_json({"cell": str(cell), "planned": len(wanted), "captured": [], "given_up": []})
     return 0
-
-
-def _say_plan(
-    rig: Rig,
-    sketch: Sketch,
-    plan: Sequence[Sample],
-    is_new: bool,
-    speed: float,
-    go: bool,
-    replanned: Replanned | None,
-    quiet: bool,
-) -> None:
-    from basecal.acquisition.driver import Moves
-
-    if quiet:
-        return
-    moving = [name for name, robot in rig.robots.items() if isinstance(robot, Moves)]
-    led = [name for name, robot in rig.robots.items() if robot.is_live and name not in moving]
-    camera, target = sketch.view
-    begun = "" if is_new else "goes on with what was begun: "
-    say(
-        f"{begun}{len(plan)} samples; {' and '.join(moving) or 'no robot'} will move, no joint faster than "
-        f"{speed:g} deg/s, with {target} in view of {camera} at every stop; {_ways(rig, sketch, plan, moving)}"
-    )
-    if replanned is not None:
-        say(replanned.words())
-    if led:
-        say(f"{' and '.join(led)} will be led by hand: wherever all stand still anew, a sample is taken")
-    if not go:
-        say("nothing has moved: add --go, with a hand on the emergency stop")
-    if sys.stdout is not None:
-        sys.stdout.flush()
-
-
-def _ways(rig: Rig, sketch: Sketch, plan: Sequence[Sample], moving: Sequence[str]) -> str:
-    """What is known of the ways between stops, in words."""
-    from basecal.planning.feasible import unclear_ways
-
-    known = [name for name in moving if sketch.cell.robots[name].chain is not None]
-    if len(known) < 2:
-        return "the way between stops is not checked"
-    unclear = unclear_ways(sketch, {name: rig.robots[name].state().state for name in known}, plan)
-    if not unclear:
-        return "on the way between stops the arms stay apart, as far as the cell knows; nothing else is checked"
-    numbers = ", ".join(map(str, unclear))
-    return f"on the way to sample {numbers} the arms may meet: leave these out, or begin elsewhere"
 
 
 def _summed_up(cell: Path, steps: Sequence[Step], replanned: Replanned | None, json: bool) -> int:

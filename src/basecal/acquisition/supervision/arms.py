@@ -194,13 +194,14 @@ class Arms:
         if self._reason:
             return
         with self._changed:
-            self._reason = _in_words(reason, self._names, unconfirmed)
+            self._reason = stop_report(reason, self._names, unconfirmed)
             self._changed.notify_all()
         if not self._is_ending:
             interrupt_main_thread()
 
 
-def _in_words(reason: str, names: list[str], unconfirmed: list[str]) -> str:
+def stop_report(reason: str, names: list[str], unconfirmed: list[str]) -> str:
+    """Why all arms were stopped, which of them were told, and what to do."""
     told = [name for name in names if name not in unconfirmed]
     words = [f"{reason.rstrip('.')}."]
     words += [f"{_joined(told)} told to stop."] if told else []

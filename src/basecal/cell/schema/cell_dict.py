@@ -8,6 +8,7 @@ from basecal.cell.cell import Cell, CellCamera, CellTarget, Driver, Intrinsics, 
 from basecal.cell.format.plain import numbers, one_or_all, pose_dict, sigma_dict
 from basecal.cell.schema.cell_schema import SCHEMA
 from basecal.cell.schema.clock import clock_dict
+from basecal.cell.schema.keep_out import keep_out_dict
 from basecal.cell.schema.rolling_shutter import rolling_shutter_dict
 
 
@@ -20,6 +21,7 @@ def cell_to_dict(cell: Cell) -> dict[str, Any]:
     data["targets"] = {name: _target(target) for name, target in cell.targets.items()}
     noise = {"pixel_px": cell.pixel_px, "correlated_px": cell.correlated_px}
     data["noise"] = {key: float(value) for key, value in noise.items() if value is not None}
+    data["keep_out"] = {name: keep_out_dict(box) for name, box in cell.keep_out.items()}
     return {key: value for key, value in data.items() if value or key == "robots"}
 
 

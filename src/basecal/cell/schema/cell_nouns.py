@@ -27,6 +27,7 @@ def cell_noun(entry: CellEntry, chains: Mapping[str, SerialChain]) -> Cell:
         targets={name: CellTarget(name, t.on, _unknown(t.mount), t.shape()) for name, t in entry.targets.items()},
         pixel_px=entry.noise.pixel_px,
         correlated_px=entry.noise.correlated_px,
+        keep_out={name: box.noun(name) for name, box in entry.keep_out.items()},
     )
 
 

@@ -24,6 +24,7 @@ from basecal.cell.format.values import (
 from basecal.cell.robot_parameters.kind import robot_parameter_kinds
 from basecal.cell.schema.clock import ClockEntry
 from basecal.cell.schema.driver import DriverEntry
+from basecal.cell.schema.keep_out import KeepOutEntry
 from basecal.cell.schema.lens import IntrinsicsEntry, check_lens, check_size
 from basecal.cell.schema.rolling_shutter import RollingShutterEntry
 from basecal.cell.targets.all_kinds import AnyTargetEntry
@@ -148,3 +149,4 @@ class CellEntry(Entry):
     cameras: Annotated[dict[str, CameraEntry], BeforeValidator(empty)] = Field(default_factory=dict)
     targets: Annotated[dict[str, AnyTargetEntry], BeforeValidator(empty)] = Field(default_factory=dict)
     noise: Annotated[NoiseEntry, BeforeValidator(empty)] = NoiseEntry()
+    keep_out: Annotated[dict[str, KeepOutEntry], BeforeValidator(empty)] = Field(default_factory=dict)

@@ -1,0 +1,147 @@
+"""The plan of a capture: made or read, checked as a whole, and shown, before anything moves."""
+
+from __future__ import annotations
+
+import sys
+from math import degrees
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from basecal.cli.terminal import say
+from basecal.errors import InputError
+from basecal.registry import PATTERNS
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from basecal.acquisition.rig import Rig
+    from basecal.cell import Sample
+    from basecal.cli.replanned import Replanned, ShiftsForTask
+    from basecal.planning.plan_check import PlanCheck, SpeedLimits
+    from basecal.planning.sketch import Sketch
+
+_SHOWN = 20  # refusals, each a line
+
+
+def capture_plan(
+    rig: Rig,
+    sketch: Sketch,
+    folder: Path,
+    pattern: str,
+    samples: int,
+    seed: int,
+    replanned: Replanned | None = None,
+    shifts: ShiftsForTask | None = None,
+) -> tuple[Sequence[Sample], bool]:
+    """What is still to be taken of a plan that was cut off, or a new plan, and whether it is new."""
+    from basecal.acquisition.capture import unfinished
+    from basecal.cell.files import read_plan
+    from basecal.errors import nearest
+    from basecal.planning.feasible import feasible_in
+    from basecal.planning.patterns import pattern as named
+
+    if replanned is not None:
+        return replanned.samples, True
+    left = unfinished(folder, sketch.cell)
+    if left:
+        return left, False
+    if pattern not in PATTERNS:
+        if not Path(pattern).is_file():
+            names = ", ".join(PATTERNS)
+            raise InputError(f"no pattern {pattern!r}{nearest(pattern, PATTERNS)}; it is one of {names}, or a file")
+        return read_plan(pattern, folder, sketch.cell), True
+    missing = [name for name in sketch.movers if name not in rig.robots]
+    if missing:
+        raise InputError(f"robot {missing[0]!r} has no `driver` in cell.yaml: nothing can be planned for it")
+    home = {name: robot.state().state for name, robot in rig.robots.items()}
+    if shifts is not None:
+        return shifts.planned(sketch.cell, folder, home, samples, seed), True
+    return named(pattern)(sketch, home, feasible_in(sketch), samples, seed), True
+
+
+def checked_plan(
+    rig: Rig, sketch: Sketch, plan: Sequence[Sample], limits: SpeedLimits, asks_controllers: bool
+) -> PlanCheck:
+    """Every sample and way of a plan, checked; robots that nobody sends are left out.
+
+    Args:
+        rig: The robots.
+        sketch: The cell.
+        plan: Where they are to go.
+        limits: How fast.
+        asks_controllers: Whether controllers are asked, too: some run a program for that.
+    """
+    from basecal.acquisition.rig import asks_of, movers
+    from basecal.planning.plan_check import check_plan
+
+    sent = movers(rig)
+    home = {name: robot.state().state for name, robot in rig.robots.items() if robot.is_live or name in sent}
+    return check_plan(sketch, home, plan, limits, asks_of(sent if asks_controllers else dict.fromkeys(sent)))
+
+
+def refuse(found: PlanCheck, samples: int) -> None:
+    """Print why a plan is not gone to.
+
+    Raises:
+        InputError: if it is not.
+    """
+    for refusal in found.refusals[:_SHOWN]:
+        say(str(refusal), sys.stderr)
+    if found.refusals:
+        bad = len({refusal.sample for refusal in found.refusals})
+        raise InputError(f"{bad} of {samples} samples of the plan are refused: nothing was moved")
+
+
+def say_plan(
+    rig: Rig,
+    sketch: Sketch,
+    plan: Sequence[Sample],
+    is_new: bool,
+    found: PlanCheck,
+    go: bool,
+    replanned: Replanned | None,
+) -> None:
+    """Print what a capture would do, or is about to do."""
+    from basecal.acquisition.rig import movers
+
+    moving = list(movers(rig))
+    led = [name for name, robot in rig.robots.items() if robot.is_live and name not in moving]
+    camera, target = sketch.view
+    begun = "" if is_new else "goes on with what was begun: "
+    say(
+        f"{begun}{len(plan)} samples; {' and '.join(moving) or 'no robot'} will move{_speeds(found)}, "
+        f"with {target} in view of {camera} at every stop; {_ways(sketch, moving)}"
+    )
+    if replanned is not None:
+        say(replanned.words())
+    if led:
+        say(f"{' and '.join(led)} will be led by hand: wherever all stand still anew, a sample is taken")
+    if not go:
+        say("nothing has moved: add --go, with a hand on the emergency stop")
+    if sys.stdout is not None:
+        sys.stdout.flush()
+
+
+def _speeds(found: PlanCheck) -> str:
+    if not found.ways:
+        return ""
+    joint, tool = max(way.joint_rad_s for way in found.ways), max(way.tool_m_s for way in found.ways)
+    return f", no joint faster than {degrees(joint):.3g} deg/s and no point faster than {1e3 * tool:.0f} mm/s"
+
+
+def _ways(sketch: Sketch, moving: Sequence[str]) -> str:
+    """What is known of the ways between stops, in words."""
+    known = [name for name in moving if sketch.cell.robots[name].chain is not None]
+    boxes = f" and out of {', '.join(sketch.cell.keep_out)}" if sketch.cell.keep_out and known else ""
+    if len(known) < 2:
+        return f"on the way between stops {known[0]} stays{boxes[4:]}" if boxes else "the ways are not checked"
+    return f"on the way between stops the arms stay apart{boxes}, as far as the cell knows; nothing else is checked"
+
+
+def say_ways(found: PlanCheck) -> None:
+    """Print how each robot would go to each sample, and what is refused."""
+    why = {refusal.sample: refusal.what for refusal in found.refusals}
+    say("sample  robot       joint deg/s  tool mm/s")
+    for way in found.ways:
+        verdict = "" if way.sample not in why else "  refused"
+        say(f"{way.sample:6d}  {way.robot:10s}  {degrees(way.joint_rad_s):11.1f}  {1e3 * way.tool_m_s:9.0f}{verdict}")

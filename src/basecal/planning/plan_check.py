@@ -1,0 +1,143 @@
+"""Whether a whole plan may be gone to, before anything moves, and how fast each way may be gone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from basecal.cell import RobotState, Sample
+from basecal.errors import NotConverged
+from basecal.kinematics.inverse import inverse
+from basecal.planning.feasible import boxes_on_way, path_length, way_is_clear
+from basecal.planning.sketch import Sketch
+
+Ask = Callable[[RobotState], str]
+"""Why a controller would not go somewhere, in words; empty if it would."""
+
+_LIMIT_RAD = 1e-9  # beyond a limit that is rounding
+_REACHES = 3.0  # sum of a point's distances from all axes of an arm, in units of the flange's farthest from its base
+_ARM_M = 0.3  # what an arm carries beyond its flange, and the least reach
+
+
+@dataclass(frozen=True)
+class SpeedLimits:
+    """How fast arms may go: any joint [rad/s], and any point of an arm or of what it carries [m/s]."""
+
+    joint_rad_s: float
+    tool_m_s: float
+
+
+@dataclass(frozen=True)
+class Way:
+    """How one robot goes to one sample.
+
+    Attributes:
+        sample: Number of the sample.
+        robot: Name of the robot.
+        joint_rad_s: Speed of its leading joint.
+        tool_m_s: Speed that the fastest of its points then has, or a bound of it.
+    """
+
+    sample: int
+    robot: str
+    joint_rad_s: float
+    tool_m_s: float
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """Why a plan is not gone to: the sample, the problem, and what to do."""
+
+    sample: int
+    what: str
+    do: str
+
+    def __str__(self) -> str:
+        return f"sample {self.sample}: {self.what}. {self.do}."
+
+
+@dataclass(frozen=True)
+class PlanCheck:
+    """What is known of a plan: every way, and every reason not to go."""
+
+    ways: tuple[Way, ...]
+    refusals: tuple[Refusal, ...]
+
+
+def check_plan(
+    sketch: Sketch,
+    home: Mapping[str, RobotState],
+    plan: Sequence[Sample],
+    limits: SpeedLimits,
+    asks: Mapping[str, Ask],
+) -> PlanCheck:
+    """Check every sample of a plan, and every way between two of them, the first from `home`.
+
+    Args:
+        sketch: The cell.
+        home: Where robots are now, by name.
+        plan: Samples in their order.
+        limits: How fast arms may go.
+        asks: What asks the controllers of robots that are sent, by name; robots that are not named are not sent.
+    """
+    ways, refusals = list[Way](), list[Refusal]()
+    stops = [Sample(0, robots=dict(home)), *plan]
+    for start, aim in pairwise(stops):
+        before = Sample(start.sample, robots={**home, **start.robots})
+        end = Sample(aim.sample, robots={**before.robots, **aim.robots})
+        sent = [name for name in aim.robots if name in asks]
+        found = [
+            refusal for name in sent for refusal in _state_refusals(sketch, before.robots[name], end, name, asks[name])
+        ]
+        refusals += found
+        if not found:
+            refusals += _way_refusals(sketch, before, end, sent)
+            ways += [way_of(sketch, before, end, name, limits) for name in sent]
+    return PlanCheck(tuple(ways), tuple(refusals))
+
+
+def way_of(sketch: Sketch, start: Sample, end: Sample, robot: str, limits: SpeedLimits) -> Way:
+    """How a robot may go from one sample to another: as fast as joints and the fastest of its points may.
+
+    Of a robot that is sent to poses the joints are not known: no point of it moves faster than three times its reach
+    for each radian of its leading joint, the sum of a point's distances from all axes.
+    """
+    metres = path_length(sketch, start, end, robot)
+    if metres is None:
+        places = [sketch.base_from_flange(robot, each.robots[robot]).translation for each in (start, end)]
+        metres = _REACHES * (max(float(np.linalg.norm(place)) for place in places) + _ARM_M)
+    speed = min(limits.joint_rad_s, limits.tool_m_s / metres) if metres else limits.joint_rad_s
+    return Way(end.sample, robot, speed, speed * metres)
+
+
+def _state_refusals(sketch: Sketch, here: RobotState, end: Sample, robot: str, ask: Ask) -> list[Refusal]:
+    state, chain = end.robots[robot], sketch.cell.robots[robot].chain
+    if state.joints_rad is not None and chain is not None:
+        over = np.maximum(chain.lower - state.joints_rad, state.joints_rad - chain.upper)
+        worst = int(np.argmax(over))
+        if over[worst] > _LIMIT_RAD:
+            name, value = chain.joint_names[worst], state.joints_rad[worst]
+            bounds = f"{chain.lower[worst]:.4g} to {chain.upper[worst]:.4g} rad"
+            what = f"joint {name} of {robot} is {value:.4g} rad, but its limits are {bounds}"
+            return [Refusal(end.sample, what, "Change the plan, or the limits in the URDF if they are wrong")]
+    if state.base_from_flange is not None and chain is not None and here.joints_rad is not None:
+        try:
+            inverse(chain, state.base_from_flange, here.joints_rad)
+        except NotConverged:
+            return [Refusal(end.sample, f"{robot} does not reach the pose", "Bring the pose nearer to its base")]
+    why = ask(state)
+    return [Refusal(end.sample, f"{robot}: {why}", "Change the plan, or the limits on its controller")] if why else []
+
+
+def _way_refusals(sketch: Sketch, start: Sample, end: Sample, sent: Sequence[str]) -> list[Refusal]:
+    boxes = [(robot, name) for robot in sent for name in boxes_on_way(sketch, start, end, robot)]
+    found = [
+        Refusal(end.sample, f"{robot} comes into or near {name!r} on its way", "Leave it out, or go around it")
+        for robot, name in boxes
+    ]
+    if not found and not way_is_clear(sketch, start, end):
+        found.append(Refusal(end.sample, "the arms may meet on the way", "Leave it out, or begin elsewhere"))
+    return found

@@ -1,0 +1,125 @@
+"""What the process of an arm judges by itself."""
+
+from __future__ import annotations
+
+import os
+import time
+
+import numpy as np
+import pytest
+
+from basecal.acquisition.driver import Reading
+from basecal.acquisition.supervision.arm_process import ArmProcess
+from basecal.acquisition.supervision.frames import Channel, Kind
+from basecal.acquisition.supervision.limits import HELD_S, SILENT_S, STALE_S
+from basecal.cell import RobotState
+from basecal.errors import DriverError
+
+HOME = RobotState(joints_rad=np.zeros(2))
+GOAL = RobotState(joints_rad=np.ones(2))
+
+
+class Arm:
+    """A robot that notes when it is stopped."""
+
+    is_live, is_connected = True, True
+
+    def __init__(self):
+        self.stops = 0
+
+    def move(self, to, speed_rad_s):
+        pass
+
+    def stop(self):
+        self.stops += 1
+
+
+@pytest.fixture
+def served():
+    """The process of an arm, in this one, its robot, and what it sends."""
+    read_fd, write_fd = os.pipe()
+    idle_fd, hold_fd = os.pipe()
+    process = ArmProcess(Channel(idle_fd, write_fd))
+    process._robot, process._name = Arm(), "left"
+    os.set_blocking(read_fd, False)
+    heard = Channel(read_fd, hold_fd)
+    yield process, process._robot, heard
+    for channel in (heard, process._channel):
+        channel.close()
+
+
+def read(process, state, lag_s=0.0):
+    """Have it read a state that is so late."""
+    process._read_s = time.monotonic()
+    reading = Reading(process._read_s - lag_s, state)
+    process._check_lag(reading)
+    process._note(reading)
+
+
+def troubles(heard):
+    """Why it wants all arms stopped."""
+    return [frame.payload.decode() for frame in heard.receive() if frame.kind == Kind.TROUBLE]
+
+
+def test_an_arm_moves_until_it_has_settled_at_its_goal(served):
+    """From when it is sent until ten states in a row are at the goal."""
+    process, robot, _ = served
+    assert not process._is_moving
+    process._ask(robot, "move", (GOAL, 1.0))
+    read(process, HOME)
+    for _ in range(9):
+        read(process, GOAL)
+        assert process._is_moving
+    read(process, GOAL)
+    assert not process._is_moving
+
+
+def test_an_arm_that_is_held_up_is_reported(served):
+    """It says that it stands still, away from where it was sent, for two seconds; before that nothing is said."""
+    process, robot, heard = served
+    read(process, HOME)
+    process._ask(robot, "move", (GOAL, 1.0))
+    process._supervisor_s = process._read_s = time.monotonic() + HELD_S
+    process._judge(time.monotonic() + 0.9 * HELD_S)
+    assert troubles(heard) == []
+    process._judge(time.monotonic() + 1.1 * HELD_S)
+    assert [why.partition(". Look")[0] for why in troubles(heard)] == [
+        "left: it stands still, but not where it was sent"
+    ]
+
+
+def test_states_that_come_late_count_while_it_moves(served):
+    """A link that delays by half a second is too slow for an arm that moves; of one that stands it does not matter."""
+    process, robot, _ = served
+    read(process, HOME)
+    read(process, HOME, lag_s=5.0)
+    process._ask(robot, "move", (GOAL, 1.0))
+    read(process, HOME, lag_s=0.9 * STALE_S)
+    with pytest.raises(DriverError, match=r"left: its states came 0\.5 s late while it moved"):
+        read(process, HOME, lag_s=1.1 * STALE_S)
+
+
+def test_a_closed_connection_and_a_silent_supervisor_stop_it(served):
+    """A connection that is closed while it moves is reported; where the supervisor is silent, the arm stops itself."""
+    process, robot, heard = served
+    process._ask(robot, "move", (GOAL, 1.0))
+    robot.is_connected = False
+    process._judge(time.monotonic())
+    assert troubles(heard) == ["left: its connection was closed while it moved"]
+    until = time.monotonic() + 2
+    while not robot.stops and time.monotonic() < until:
+        time.sleep(0.01)
+    assert robot.stops == 1
+    assert process._ask(robot, "move", (GOAL, 1.0)) is None
+
+
+def test_a_silent_supervisor_stops_it(served):
+    """Without a heartbeat of the supervisor for 0.4 s the arm is stopped."""
+    process, robot, _ = served
+    process._judge(time.monotonic() + 0.9 * SILENT_S)
+    assert robot.stops == 0
+    process._judge(time.monotonic() + 1.1 * SILENT_S)
+    until = time.monotonic() + 2
+    while not robot.stops and time.monotonic() < until:
+        time.sleep(0.01)
+    assert robot.stops == 1

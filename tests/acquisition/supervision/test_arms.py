@@ -1,0 +1,68 @@
+"""Proxies of arms in processes of their own."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from basecal.acquisition.driver import ChecksGoals, Freedrives, Moves
+from basecal.acquisition.rig import open_rig
+from basecal.acquisition.supervision.arms import stop_report
+from basecal.cell import Cell, Driver, Robot, RobotState
+from basecal.errors import DatasetError, DriverError
+from safety.installed_driver import installed_driver
+from shared.second_process import TESTS, second_process
+
+
+@pytest.fixture(scope="module")
+def frail(tmp_path_factory):
+    """Controllers whose driver another package brings: a cell of both arms."""
+    with (
+        installed_driver(tmp_path_factory.mktemp("packages"), "frail", TESTS / "safety" / "frail_driver.py"),
+        second_process("safety.frail_controllers") as controllers,
+    ):
+        ports = json.loads(controllers.tell("ports"))
+        yield {name: Robot(name, driver=Driver("frail", {"port": port})) for name, port in ports.items()}
+
+
+def test_a_proxy_has_the_faces_of_its_driver(frail):
+    """It gives newer and newer states, says what its controller refuses, and moves; an error comes with its kind."""
+    with open_rig(Cell("left", frail), Path(".")) as rig:
+        left = rig.robots["left"]
+        assert isinstance(left, Moves)
+        assert isinstance(left, ChecksGoals)
+        assert not isinstance(left, Freedrives)
+        stamps = [left.state().stamp_s for _ in range(5)]
+        assert np.all(np.diff(stamps) > 0)
+        assert left.goal_refusal(RobotState(joints_rad=np.full(6, 7.0))) == "a joint is beyond its limits"
+        left.move(RobotState(joints_rad=np.full(6, 0.05)), 1.0)
+        reached = [left.state().state.joints_rad.max() for _ in range(30)]
+        assert reached[-1] == pytest.approx(0.05)
+        with pytest.raises(DriverError, match="AttributeError"):
+            left.move("nowhere", 1.0)
+        rig.stop()
+        with pytest.raises(DriverError, match="an arm was told to stop"):
+            left.move(RobotState(joints_rad=np.zeros(6)), 1.0)
+
+
+def test_what_a_driver_raises_when_it_opens_is_raised_here(frail, tmp_path):
+    """An error of the cell file keeps its kind, path and field; nobody there is a line."""
+    wrong = {"left": Robot("left", driver=Driver("opcua", {"url": "opc.tcp://127.0.0.1", "rate_hz": 1}))}
+    with pytest.raises(DatasetError) as raised, open_rig(Cell("left", wrong), tmp_path):
+        pass
+    assert (raised.value.path, raised.value.field) == (str(tmp_path / "cell.yaml"), "robots.left.driver.rate_hz")
+    nobody = {"left": Robot("left", driver=Driver("frail", {"port": 1}))}
+    with pytest.raises(DriverError, match="ConnectionRefusedError"), open_rig(Cell("left", nobody), tmp_path):
+        pass
+
+
+def test_a_reason_names_who_was_told():
+    """The cause comes first, then who was told to stop and who was not, then what to do."""
+    words = stop_report("right: its link is lost", ["left", "right"], ["right"])
+    assert words == (
+        "right: its link is lost. left was told to stop. right was not told to stop: look at the arm. "
+        "Find the cause, then start again; what was recorded is kept."
+    )

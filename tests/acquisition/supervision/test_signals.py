@@ -1,0 +1,51 @@
+"""Signals while arms are supervised."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+
+import pytest
+
+from basecal.acquisition.supervision.signals import interrupt_main_thread, routed_signals
+from basecal.errors import DriverError
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
+def test_signals_interrupt_and_are_written_down(number):
+    """Each becomes what Ctrl-C is, and its number is in the pipe before Python does anything."""
+    with routed_signals(lambda: "") as read_fd:
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(number)
+        assert os.read(read_fd, 8) == bytes([number])
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+
+
+def test_the_main_thread_leaves_what_it_waits_for():
+    """Another thread interrupts a wait with a reason; without a reason nothing happens."""
+    why = [""]
+    with routed_signals(lambda: why[0]):
+        interrupt_main_thread()
+        why[0] = "right: protective stop"
+        threading.Timer(0.05, interrupt_main_thread).start()
+        began_s = time.monotonic()
+        with pytest.raises(DriverError, match="right: protective stop"):
+            time.sleep(5)
+    assert time.monotonic() - began_s < 2
+    interrupt_main_thread()
+
+
+def test_other_threads_leave_signals_alone():
+    """In a library used from another thread handlers stay as they are."""
+    found = []
+
+    def use():
+        with routed_signals(lambda: "") as read_fd:
+            found.append((read_fd > 0, signal.getsignal(signal.SIGTERM)))
+
+    thread = threading.Thread(target=use)
+    thread.start()
+    thread.join()
+    assert found == [(True, signal.SIG_DFL)]
