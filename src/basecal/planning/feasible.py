@@ -20,6 +20,7 @@ _NEAR_AXIS = 0.9  # cosine of a point's ray to the camera's axis, at least: half
 _CLEAR_M = 0.16  # between the middles of two arms' links: twice the radius of a link, and some air
 _STEP_M = 0.05  # between points on a link
 _STEP_RAD = 0.1  # between places on a way: a link of half a metre moves by its points' distance
+_ROUNDING = 1e-6  # of a link's length in steps: a link has as many points in every posture
 _LINK_M = 0.08  # radius of a link, and some air
 _STANDING = 2  # corners of an arm's middle line, its base and first joint, which stand on what it is mounted on
 
@@ -169,7 +170,7 @@ def _body(sketch: Sketch, sample: Sample, robot: str, first: int = 0) -> Array |
         return None
     frames = [*(frame.translation for frame in chain.joint_frames(state.joints_rad))]
     corners = [np.zeros(3), *frames, chain.forward(state.joints_rad).translation][first:]
-    counts = [int(np.linalg.norm(b - a) / _STEP_M) + 2 for a, b in pairwise(corners)]
+    counts = [int(np.linalg.norm(b - a) / _STEP_M + _ROUNDING) + 2 for a, b in pairwise(corners)]
     links = [np.linspace(a, b, count) for (a, b), count in zip(pairwise(corners), counts, strict=True)]
     points = sketch.world_from_base(robot) @ np.concatenate(links)
     things = [thing for thing in (sketch.camera, sketch.target) if thing.on == robot]

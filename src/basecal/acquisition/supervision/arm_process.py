@@ -264,6 +264,8 @@ def _as_data(error: BaseException) -> tuple[type[BaseException], str, dict[str, 
 
 def _in_words(name: str, error: BaseException) -> str:
     _, words, _ = _as_data(error)
+    if isinstance(error, OSError):
+        words = f"its connection was closed ({error.strerror or error})"
     return words if words.startswith(name) else f"{name}: {words}"
 
 

@@ -1,0 +1,39 @@
+"""Boxes and tables in cell.yaml."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from basecal.cell.schema.keep_out import KeepOutEntry, keep_out_dict
+
+
+def test_a_table_is_all_below_it():
+    """Points above have their height as distance, points below none, however far from the base."""
+    table = KeepOutEntry(table_z_m=-0.02).noun("table")
+    points = np.array([[0.0, 0.0, 0.5], [3.0, -2.0, 0.0], [1.0, 1.0, -0.5]])
+    np.testing.assert_allclose(table.distance(points), [0.52, 0.02, 0.0], atol=1e-12)
+
+
+def test_a_box_turns_with_its_pose():
+    """A post that lies on its side is long along x; what is written is read back."""
+    post = KeepOutEntry(t_m=[0.0, 0.0, 0.5], rpy_deg=[0.0, 90.0, 0.0], size_m=[0.1, 0.1, 1.0]).noun("post")
+    np.testing.assert_allclose(post.distance(np.array([[0.6, 0.0, 0.5], [0.0, 0.0, 0.6]])), [0.1, 0.05], atol=1e-12)
+    again = KeepOutEntry(**keep_out_dict(post)).noun("post")
+    np.testing.assert_allclose(again.world_from_box.matrix, post.world_from_box.matrix, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "why"),
+    [
+        ({}, "expected size_m and t_m of a box, or table_z_m"),
+        ({"size_m": [0.1, 0.1, 0.1]}, "expected size_m and t_m of a box"),
+        ({"table_z_m": 0.0, "size_m": [1.0, 1.0, 1.0]}, "expected table_z_m alone"),
+        ({"t_m": [0.0, 0.0, 0.0], "size_m": [1.0, 0.0, 1.0]}, "three lengths above 0"),
+    ],
+)
+def test_what_is_neither_is_refused(wrong, why):
+    """Nothing, a box without a place, a table with sides, and a box without thickness."""
+    with pytest.raises(ValidationError, match=why):
+        KeepOutEntry(**wrong)

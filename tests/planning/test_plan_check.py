@@ -1,0 +1,108 @@
+"""Plans that are checked before anything moves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.cell import KeepOut, RobotState, Sample
+from basecal.geometry import SE3
+from basecal.planning.plan_check import SpeedLimits, check_plan, way_of
+from basecal.planning.sketch import sketch_of
+from shared.facing_arms import facing_arms
+
+WORLD = facing_arms("charuco")
+SKETCH = sketch_of(WORLD.cell)
+HOME = {name: RobotState(joints_rad=joints) for name, joints in WORLD.home.items()}
+LIMITS = SpeedLimits(np.radians(30.0), 0.25)
+WILLING = dict.fromkeys(HOME, lambda state: "")
+
+
+def turned(robot, joint, by_rad, number=1):
+    """A sample in which one joint of one robot is elsewhere than at home."""
+    joints = WORLD.home[robot].copy()
+    joints[joint] += by_rad
+    return Sample(number, robots={**HOME, robot: RobotState(joints_rad=joints)})
+
+
+def box_at(point, size_m=0.02):
+    """A small box in the world."""
+    return KeepOut("post", SE3(np.eye(3), np.asarray(point)), np.full(3, size_m))
+
+
+def words(plan, sketch=SKETCH, asks=WILLING):
+    """What is refused, in words."""
+    return [str(refusal) for refusal in check_plan(sketch, HOME, plan, LIMITS, asks).refusals]
+
+
+def test_a_sound_plan_is_not_refused():
+    """A wrist that turns a little is nowhere in the way, and every robot has its way to each sample."""
+    found = check_plan(SKETCH, HOME, [turned("eye", 5, 0.3), turned("hand", 5, -0.3, 2)], LIMITS, WILLING)
+    assert found.refusals == ()
+    assert [(way.sample, way.robot) for way in found.ways] == [(1, "eye"), (1, "hand"), (2, "eye"), (2, "hand")]
+
+
+def test_a_joint_beyond_its_limits_is_named():
+    """With its value and its limits, whichever robot and sample it is."""
+    limit = WORLD.cell.robots["hand"].chain.upper[2]
+    over = turned("hand", 2, limit + 0.01 - WORLD.home["hand"][2], 3)
+    (why,) = words([turned("eye", 5, 0.1), over])
+    assert why.startswith(f"sample 3: joint elbow of hand is {limit + 0.01:.4g} rad, but its limits are")
+
+
+def test_a_controller_is_asked_for_every_sample():
+    """What it refuses is refused; robots that nobody sends are not asked."""
+    asked = []
+
+    def eye(state):
+        asked.append(state.joints_rad[5])
+        return "" if len(asked) < 2 else "the goal is beyond the safety limits"
+
+    (why,) = words([turned("eye", 5, 0.1), turned("eye", 5, 0.2, 2)], asks={"eye": eye})
+    assert why.startswith("sample 2: eye: the goal is beyond the safety limits")
+    assert len(asked) == 2
+
+
+def test_boxes_are_kept_out_of_on_the_way_and_arms_may_stand_on_a_table():
+    """A post between two samples is refused though both are clear of it; a table under the bases is not."""
+    start, end = turned("eye", 0, -0.6, 1), turned("eye", 0, 0.6, 2)
+    middle = SKETCH.world_from(SKETCH.camera.name, turned("eye", 0, 0.0).robots).translation
+    alone = replace(WORLD.cell, keep_out={"post": box_at(middle)})
+    before = {**HOME, **start.robots}
+    found = check_plan(replace(SKETCH, cell=alone), before, [end], LIMITS, {"eye": lambda state: ""})
+    assert [refusal.what for refusal in found.refusals] == ["eye comes into or near 'post' on its way"]
+    table = KeepOut("table", SE3(np.eye(3), np.array([0.0, 0.0, -10.0])), np.full(3, 20.0))
+    on_table = replace(WORLD.cell, keep_out={"table": table})
+    assert words([turned("eye", 5, 0.3)], sketch=replace(SKETCH, cell=on_table)) == []
+
+
+def points_of(robots):
+    """Where the origins of the eye's joints, its flange and its camera are, by the kinematics alone."""
+    chain = WORLD.cell.robots["eye"].chain
+    frames = [*chain.joint_frames(robots["eye"].joints_rad), chain.forward(robots["eye"].joints_rad)]
+    return np.stack([*(frame.translation for frame in frames), SKETCH.world_from(SKETCH.camera.name, robots).translation])
+
+
+def test_no_point_is_faster_than_allowed():
+    """The speed of a way is that at which the fastest point of an arm moves as fast as it may; slow ways stay."""
+    start, end = Sample(0, robots=HOME), turned("eye", 0, 0.5)
+    way = way_of(SKETCH, start, end, "eye", SpeedLimits(np.radians(30.0), 0.1))
+    places = np.stack([points_of(turned("eye", 0, share * 0.5).robots) for share in np.linspace(0, 1, 400)])
+    metres = np.linalg.norm(np.diff(places, axis=0), axis=-1).max() * 399 / 0.5
+    assert way.joint_rad_s * metres == pytest.approx(0.1, rel=0.01)
+    assert way.tool_m_s == pytest.approx(0.1)
+    wrist = way_of(SKETCH, start, turned("eye", 5, 0.5), "eye", LIMITS)
+    assert wrist.joint_rad_s == pytest.approx(np.radians(30.0))
+    assert wrist.tool_m_s < 0.25
+
+
+def test_a_robot_without_kinematics_has_a_bound():
+    """Sent to poses, its joints turn so slowly that no point exceeds the limit: three times its reach a radian."""
+    bare = replace(WORLD.cell, robots={**WORLD.cell.robots, "eye": replace(WORLD.cell.robots["eye"], chain=None)})
+    poses = [RobotState(SE3(np.eye(3), np.array([0.5, y, 0.0]))) for y in (0.0, 0.1)]
+    start, end = (Sample(k, robots={"eye": pose}) for k, pose in enumerate(poses))
+    way = way_of(replace(SKETCH, cell=bare), start, end, "eye", LIMITS)
+    assert way.joint_rad_s == pytest.approx(0.25 / (3 * (np.hypot(0.5, 0.1) + 0.3)))
+    assert way.tool_m_s == pytest.approx(0.25)

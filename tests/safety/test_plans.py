@@ -1,0 +1,131 @@
+"""Random plans: with one thing wrong all are refused before anything moves; sound ones are not refused.
+
+What is wrong is judged by Pinocchio: a post stands where it says that the camera passes, arms are put where it says
+that their wrists meet, and no flange or camera of a sound plan is faster than allowed by its Jacobians.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from basecal.cell import KeepOut, RobotState, Sample
+from basecal.geometry import SE3
+from basecal.planning import poses
+from basecal.planning.feasible import feasible_in
+from basecal.planning.plan_check import SpeedLimits, check_plan
+from basecal.planning.sketch import sketch_of
+from shared.facing_arms import facing_arms
+
+pin = pytest.importorskip("pinocchio")
+
+WORLD = facing_arms("charuco")
+SKETCH = sketch_of(WORLD.cell)
+CHAIN = WORLD.cell.robots["eye"].chain
+HOME = {name: RobotState(joints_rad=joints) for name, joints in WORLD.home.items()}
+LIMITS = SpeedLimits(np.radians(30.0), 0.25)
+WILLING = dict.fromkeys(HOME, lambda state: "")
+PLANS, SAMPLES, DRAWN = 300, 6, 30
+HOLD_M = 0.1  # from a box's middle, or between wrists: far within what must be refused
+
+
+@cache
+def model():
+    """The eye's arm as Pinocchio has it, with its flange as the last frame."""
+    arm, parent = pin.Model(), 0
+    for name, origin, axis in zip(CHAIN.joint_names, CHAIN.origins, CHAIN.axes, strict=True):
+        placement = pin.SE3(np.array(origin.rotation), np.array(origin.translation))
+        parent = arm.addJoint(parent, pin.JointModelRevoluteUnaligned(np.array(axis)), placement, name)
+    tip = pin.SE3(np.array(CHAIN.tip.rotation), np.array(CHAIN.tip.translation))
+    arm.addFrame(pin.Frame("flange", parent, 0, tip, pin.FrameType.OP_FRAME))
+    return arm, arm.createData()
+
+
+def flange(joints):
+    """Position of the flange by Pinocchio, and the derivative of its position to the joints, (3, 6)."""
+    arm, data = model()
+    jacobian = pin.computeFrameJacobian(arm, data, np.array(joints), arm.getFrameId("flange"), pin.LOCAL_WORLD_ALIGNED)
+    pin.updateFramePlacements(arm, data)
+    return data.oMf[arm.getFrameId("flange")].translation.copy(), jacobian[:3]
+
+
+@cache
+def sound(seed):
+    """A plan as `basecal capture` makes it."""
+    return tuple(poses.plan(SKETCH, HOME, feasible_in(SKETCH), SAMPLES, seed))
+
+
+def refusals(plan, cell=WORLD.cell):
+    """Why a plan is refused."""
+    return check_plan(replace(SKETCH, cell=cell), HOME, plan, LIMITS, WILLING).refusals
+
+
+def changed(plan, place, robot, joints):
+    """The plan with other joints of one robot in one sample."""
+    sample = plan[place]
+    robots = {**sample.robots, robot: RobotState(joints_rad=np.asarray(joints))}
+    return [*plan[:place], replace(sample, robots=robots), *plan[place + 1 :]]
+
+
+@pytest.mark.slow
+def test_plans_with_a_bad_joint_are_refused():
+    """A hundred plans, each with one joint beyond a limit of one robot in one sample by a milliradian or more."""
+    rng = np.random.default_rng(1)
+    for k in range(PLANS // 3):
+        plan, robot = sound(k % DRAWN), ("eye", "hand")[k % 2]
+        place, joint = rng.integers(SAMPLES), rng.integers(6)
+        joints = np.array(plan[place].robots[robot].joints_rad)
+        beyond = rng.uniform(1e-3, 4.0)
+        joints[joint] = CHAIN.upper[joint] + beyond if rng.random() < 0.5 else CHAIN.lower[joint] - beyond
+        assert any("its limits are" in each.what for each in refusals(changed(plan, place, robot, joints)))
+
+
+@pytest.mark.slow
+def test_plans_through_a_post_are_refused():
+    """A hundred plans, each with a thin post where Pinocchio says that the eye's flange passes, between samples too."""
+    rng = np.random.default_rng(2)
+    for k in range(PLANS // 3):
+        plan = sound(k % DRAWN)
+        stops = [HOME["eye"].joints_rad, *(sample.robots["eye"].joints_rad for sample in plan)]
+        start, end = list(pairwise(stops))[rng.integers(SAMPLES)]
+        at, _ = flange(start + rng.uniform(0.2, 0.8) * (end - start))
+        post = KeepOut("post", SE3(np.eye(3), at), np.array([0.02, 0.02, 0.4]))
+        found = refusals(plan, replace(WORLD.cell, keep_out={"post": post}))
+        assert any("'post'" in each.what for each in found)
+
+
+@pytest.mark.slow
+def test_plans_whose_arms_meet_are_refused():
+    """A hundred plans, in one sample of which the eye goes where the hand's flange is, as near as it reaches."""
+    rng = np.random.default_rng(3)
+    for k in range(PLANS // 3):
+        plan, place = sound(k % DRAWN), int(rng.integers(SAMPLES))
+        there = SKETCH.world_from_base("hand") @ SKETCH.base_from_flange("hand", plan[place].robots["hand"])
+        joints = np.array(plan[place].robots["eye"].joints_rad)
+        for _ in range(200):
+            at, jacobian = flange(joints)
+            joints = joints + np.clip(np.linalg.pinv(jacobian, 1e-2) @ (there.translation - at), -0.1, 0.1)
+        joints = (joints + np.pi) % (2 * np.pi) - np.pi
+        assert np.linalg.norm(flange(joints)[0] - there.translation) < HOLD_M
+        assert refusals(changed(plan, place, "eye", joints))
+
+
+@pytest.mark.slow
+def test_sound_plans_are_not_refused_and_are_slow_enough():
+    """Three hundred plans: none is refused, and by Pinocchio's Jacobians no flange is faster than allowed."""
+    fastest = 0.0
+    for seed in range(PLANS):
+        plan = sound(seed)
+        found = check_plan(SKETCH, HOME, plan, LIMITS, WILLING)
+        assert found.refusals == ()
+        speeds = {way.sample: way.joint_rad_s for way in found.ways if way.robot == "eye"}
+        for start, end in pairwise([Sample(-1, robots=HOME), *plan]):
+            here, there = (each.robots["eye"].joints_rad for each in (start, end))
+            rates = (there - here) / np.abs(there - here).max() * speeds[end.sample]
+            along = [np.linalg.norm(flange(here + s * (there - here))[1] @ rates) for s in np.linspace(0, 1, 9)]
+            fastest = max(fastest, *along)
+    assert 0.1 < fastest < 0.25 * 1.001
