@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -12,6 +12,8 @@ from types import ModuleType
 from typing import Any
 
 from basecal.acquisition.driver import Camera, Moves, Place, Robot
+from basecal.acquisition.pictures.arm_motion import ArmMotion
+from basecal.acquisition.pictures.feed import fed
 from basecal.cell import Cell, Driver
 from basecal.errors import DatasetError, nearest
 from basecal.registry import DRIVERS
@@ -22,10 +24,11 @@ GROUP = "basecal.drivers"
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """The robots and cameras of a cell that have a driver, by name."""
+    """The robots and cameras of a cell that have a driver, by name, and when its arms moved."""
 
     robots: Mapping[str, Robot]
     cameras: Mapping[str, Camera]
+    arms: ArmMotion = field(default_factory=ArmMotion)
 
     def stop(self) -> None:
         """Have every robot that moves stand still, whatever any of them answers."""
@@ -49,7 +52,7 @@ def open_rig(cell: Cell, folder: Path) -> Iterator[Rig]:
         DriverError: if a robot or camera does not answer.
     """
     with ExitStack() as opened:
-        robots, cameras = dict[str, Robot](), dict[str, Camera]()
+        robots, cameras, arms = dict[str, Robot](), dict[str, Camera](), ArmMotion()
         for name, robot in cell.robots.items():
             if robot.driver is not None:
                 robots[name] = _opener(robot.driver, "robots", name, folder, "open_robot")(
@@ -58,11 +61,12 @@ def open_rig(cell: Cell, folder: Path) -> Iterator[Rig]:
                 opened.callback(robots[name].close)
         for name, camera in cell.cameras.items():
             if camera.driver is not None:
-                cameras[name] = _opener(camera.driver, "cameras", name, folder, "open_camera")(
+                given = _opener(camera.driver, "cameras", name, folder, "open_camera")(
                     Place(name, cell, folder, camera.driver.options)
                 )
+                cameras[name] = fed(name, given, arms)
                 opened.callback(cameras[name].close)
-        rig = Rig(robots, cameras)
+        rig = Rig(robots, cameras, arms)
         try:
             yield rig
         except BaseException:

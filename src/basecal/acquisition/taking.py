@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +10,7 @@ from pathlib import Path
 from basecal.acquisition.coverage import alike
 from basecal.acquisition.driver import Grey, Moves, Switches
 from basecal.acquisition.rig import Rig
-from basecal.acquisition.stillness import Moving, Unfit, wait_for_arms, wait_for_picture
+from basecal.acquisition.stillness import Moving, Report, Unfit, picture_after, wait_for_arms, wait_for_picture
 from basecal.cell import CandidateObservation, Cell, PixelObservation, Recording, Sample, Target
 from basecal.cell.format.writing import write_whole
 from basecal.planning.sketch import Sketch
@@ -51,6 +52,7 @@ class Taker:
         folder: The cell's folder.
         settings: How arms are moved and waited for.
         tell: Is told what is done.
+        report: Is told what a person should know of pictures.
     """
 
     rig: Rig
@@ -58,6 +60,7 @@ class Taker:
     folder: Path
     settings: CaptureSettings
     tell: Tell = lambda words: None
+    report: Report = lambda words: None
 
     def take(self, wanted: Sample, taken: Sequence[Sample]) -> Sample:
         """A sample with its pictures on the disk, and what is seen in them.
@@ -86,9 +89,11 @@ def _take(by: Taker, wanted: Sample, taken: Sequence[Sample]) -> Sample:
         if isinstance(robot, Moves):
             robot.move(state, settings.speed_rad_s)
     goals = {name: state for name, state in wanted.robots.items() if isinstance(rig.robots.get(name), Moves)}
-    before = wait_for_arms(rig.robots, goals, settings.patience_s)
+    before = wait_for_arms(rig.robots, goals, settings.patience_s, rig.arms.note)
+    rested_s = time.monotonic()
     by.tell(f"sample {wanted.sample}: waiting for a still picture")
-    shots = {name: _shot(rig, sketch.cell, name, settings.patience_s) for name in rig.cameras}
+    shots = {name: _shot(by, name, rested_s) for name in rig.cameras}
+    rig.arms.forget()
     # After the picture they are nearer to where they were in it, since the last of a way is slow.
     live = {name: robot for name, robot in rig.robots.items() if robot.is_live}
     after = wait_for_arms(live, {name: before[name].state for name in live}, settings.patience_s) if live else {}
@@ -113,14 +118,14 @@ class _Shot:
     background: Grey | None
 
 
-def _shot(rig: Rig, cell: Cell, name: str, patience_s: float) -> _Shot:
-    camera, targets = rig.cameras[name], targets_before(cell, name)
-    picture = wait_for_picture(camera, targets, patience_s)
+def _shot(by: Taker, name: str, rested_s: float) -> _Shot:
+    camera, targets, patience_s = by.rig.cameras[name], targets_before(by.sketch.cell, name), by.settings.patience_s
+    picture = wait_for_picture(camera, targets, patience_s, rested_s, by.report)
     if not (isinstance(camera, Switches) and any(target.found_by == LIGHT for target in targets)):
         return _Shot(picture.stamp_s, picture.grey, None)
     camera.light(False)
     try:
-        background = camera.picture().grey
+        background = picture_after(camera, time.monotonic(), patience_s, by.report).grey
     finally:
         camera.light(True)
     return _Shot(picture.stamp_s, picture.grey, background)

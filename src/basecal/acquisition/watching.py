@@ -110,7 +110,7 @@ def watched(rig: Rig, watch: Watch) -> Rig:
         faces += [_Sent] if isinstance(robot, Moves) else []
         faces += [_Led] if isinstance(robot, Freedrives) else []
         robots[name] = type("Watched", tuple(reversed(faces)), {})(name, robot, watch)
-    return Rig(robots, cameras)
+    return Rig(robots, cameras, rig.arms)
 
 
 class _WatchedRobot:
@@ -159,7 +159,11 @@ class _Watched:
 
     def __init__(self, name: str, camera: Camera, watch: Watch) -> None:
         self._name, self._camera, self._watch = name, camera, watch
-        self.is_live = camera.is_live
+
+    @property
+    def is_live(self) -> bool:
+        """Whether pictures come by themselves by now."""
+        return self._camera.is_live
 
     def picture(self) -> Picture:
         """The camera's next picture."""
