@@ -41,7 +41,7 @@ class Picture:
         stamp_s: When it was exposed, in the middle [s], by the camera's clock.
         grey: (h, w) of uint8 or uint16.
         exposed_s: The earliest that it was exposed, by `time.monotonic()` of this machine; a driver leaves it None.
-        source: The file it was read from; empty if it is none.
+        source: The file it was read from, if it is one.
         note: What a person should know of how it came; empty if nothing.
     """
 

@@ -12,8 +12,8 @@ from types import ModuleType
 from typing import Any
 
 from basecal.acquisition.driver import Camera, Moves, Place, Robot
-from basecal.acquisition.pictures.arm_motion import ArmMotion
 from basecal.acquisition.pictures.feed import fed
+from basecal.acquisition.pictures.latency import ArmMotion
 from basecal.cell import Cell, Driver
 from basecal.errors import DatasetError, nearest
 from basecal.registry import DRIVERS

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from basecal.acquisition.coverage import alike
 from basecal.acquisition.driver import Grey, Moves, Switches
+from basecal.acquisition.pictures.sharpness import Sharpness
 from basecal.acquisition.rig import Rig
 from basecal.acquisition.stillness import Moving, Report, Unfit, picture_after, wait_for_arms, wait_for_picture
 from basecal.cell import CandidateObservation, Cell, PixelObservation, Recording, Sample, Target
@@ -22,7 +23,6 @@ from basecal.vision.image_file import png_bytes
 Tell = Callable[[str], None]
 """Is told what is done now, in words."""
 
-_WIDEST_EDGE_PX = 5.0  # of an edge about the target's points: four pixels of motion, or a point spread of 1.4
 _ALIKE_M, _ALIKE_RAD = 2e-3, 2e-3  # between samples that say nearly the same
 _ATTEMPTS = 2  # at a sample whose arms or picture do not come to rest
 
@@ -53,6 +53,7 @@ class Taker:
         settings: How arms are moved and waited for.
         tell: Is told what is done.
         report: Is told what a person should know of pictures.
+        sharpness: Of the views so far.
     """
 
     rig: Rig
@@ -61,6 +62,7 @@ class Taker:
     settings: CaptureSettings
     tell: Tell = lambda words: None
     report: Report = lambda words: None
+    sharpness: Sharpness = field(default_factory=Sharpness)
 
     def take(self, wanted: Sample, taken: Sequence[Sample]) -> Sample:
         """A sample with its pictures on the disk, and what is seen in them.
@@ -105,7 +107,7 @@ def _take(by: Taker, wanted: Sample, taken: Sequence[Sample]) -> Sample:
     if like is not None:
         raise Unfit(f"too like sample {like}")
     seen = detect(sketch.cell, Recording((sample,), folder=str(folder))).samples[0]
-    _check_seen(sketch.cell, seen, shots)
+    _check_seen(by, seen, shots)
     return seen
 
 
@@ -150,7 +152,7 @@ def _written(folder: Path, number: int, shots: Mapping[str, _Shot]) -> tuple[dic
     return images, background
 
 
-def _check_seen(cell: Cell, sample: Sample, shots: Mapping[str, _Shot]) -> None:
+def _check_seen(by: Taker, sample: Sample, shots: Mapping[str, _Shot]) -> None:
     """Whether each camera sees a target, sharply.
 
     Raises:
@@ -161,8 +163,10 @@ def _check_seen(cell: Cell, sample: Sample, shots: Mapping[str, _Shot]) -> None:
         if not seen:
             raise Unfit(f"target not seen by {camera}")
         for each in seen:
-            shape = cell.targets[each.target].target
+            shape = by.sketch.cell.targets[each.target].target
             if isinstance(each, CandidateObservation | PixelObservation) and shape is not None and shape.sheets:
                 width = edge_width(shot.grey, each.pixels)
-                if width is not None and width > _WIDEST_EDGE_PX:
-                    raise Unfit(f"too blurred: edges of {each.target} are {width:.1f} px wide")
+                points = shape.points[each.ids] if isinstance(each, PixelObservation) else shape.points
+                view = (camera, each.target)
+                if width is not None and by.sharpness.is_blurred(view, width, each.pixels, points):
+                    raise Unfit(f"too blurred: edges of {each.target} are {width.wide_px:.1f} px wide")

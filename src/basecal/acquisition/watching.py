@@ -79,6 +79,11 @@ class Watch:
             said = (*before.said, line)[-_LINES:]
             self._glance = replace(before, step=step, sigmas=sigmas, said=said)
 
+    def report(self, words: str) -> None:
+        """Note what a person should know."""
+        with self._lock:
+            self._glance = replace(self._glance, said=(*self._glance.said, words)[-_LINES:])
+
     def show(self, camera: str, grey: Grey) -> None:
         """Note a picture."""
         with self._lock:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from contextlib import ExitStack
+from dataclasses import replace
 from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -114,7 +115,7 @@ def capture(
                 return _only_planned(cell, wanted, json)
             wanted = _stored(cell, sketch, wanted, is_new)
         view = shown.enter_context(capture_view(rig, sketch.cell, web, port, quiet=json))
-        by = _taker(view.rig(rig), sketch, cell, speed_limit_deg_s, view.tell)
+        by = replace(_taker(view.rig(rig), sketch, cell, speed_limit_deg_s, view.tell), report=view.report)
         steps = _taken(by, wanted, count if freedrive else None, replanned, view)
     return _summed_up(cell, steps, replanned, json)
 

@@ -2,19 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import time
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from basecal.acquisition.pictures.arm_motion import Span
+from basecal.acquisition.driver import Reading
+from basecal.acquisition.stillness import vector_of
 from basecal.geometry import Array
 
-_LARGEST_S = 6.0
-_STEP_S = 0.005
+_MOVES = 2e-3  # [rad, m] of any joint: a picture shows it, and noise of encoders is smaller
+_PAUSE_S = 0.3  # shorter pauses are part of one motion
+_LAGS_S = np.arange(0.0, 6.0, 0.005)
 _LEAST_PICTURES = 3  # that have to show the motion
+_STILL_PICTURES = 2  # after it
 _LEAST_OVERLAP = 0.5  # of the arms' motion and that in the picture, over both: below, something else moved
+_MORE = 1.01  # pictures that may disagree by chance: one
+
+
+class ArmMotion:
+    """The motions of all arms of a rig; one thread notes states, threads of cameras read.
+
+    Attributes:
+        spans: Begin and end of each motion since the last sample [s], by `time.monotonic()`.
+    """
+
+    def __init__(self) -> None:
+        self.spans: tuple[tuple[float, float], ...] = ()
+        self._at: dict[str, Array] = {}
+
+    def note(self, name: str, reading: Reading) -> None:
+        """Take account of a state that a robot, by its name, gave just now."""
+        now_s, here = time.monotonic(), vector_of(reading.state)
+        if np.abs(here - self._at.setdefault(name, here)).max() <= _MOVES:
+            return
+        self._at[name] = here
+        goes_on = bool(self.spans) and now_s - self.spans[-1][1] < _PAUSE_S
+        begin_s = self.spans[-1][0] if goes_on else now_s
+        self.spans = (*(self.spans[:-1] if goes_on else self.spans), (begin_s, now_s))
+
+    def forget(self) -> None:
+        """Begin anew: the motions until now have led to a sample."""
+        self.spans = ()
 
 
 @dataclass(frozen=True)
@@ -28,30 +57,26 @@ class Latency:
         return f"{(self.low_s + self.high_s) / 2:.2f} +- {(self.high_s - self.low_s) / 2:.2f} s"
 
 
-def latency_of(spans: Sequence[Span], arrived_s: Array, moves: NDArray[np.bool_]) -> Latency | None:
-    """The latency at which motions of arms explain those in pictures; None if they do not.
+def latency_of(spans: Array, arrivals: Array) -> Latency | None:
+    """The latency at which motions of arms explain those in pictures; None if they do not, or still go on.
 
     Lags are tried, and those at which one picture more or less would agree as well as at the best are possible. A slow
     begin that only the joints show, or a swing at the end that only the picture shows, makes it larger, never smaller.
 
     Args:
-        spans: When arms moved.
-        arrived_s: (n,) when pictures arrived, from before the first motion on.
-        moves: (n,) whether each differs from the one before.
+        spans: (m, 2) when arms moved.
+        arrivals: (n, 2) when pictures arrived since the first motion began, and 1 for each that differs from the one
+            before, 0 for others.
     """
-    if not spans or moves.sum() < _LEAST_PICTURES:
+    moves = arrivals[:, 1] > 0
+    if moves.sum() < _LEAST_PICTURES or moves[-_STILL_PICTURES:].any():
         return None
-    moves = moves.copy()
-    moves[1:-1] |= moves[:-2] & moves[2:]  # cameras give a picture twice
-    lags = np.arange(0.0, _LARGEST_S, _STEP_S)
-    exposed = arrived_s[:, None] - lags
-    expected = np.zeros(exposed.shape, dtype=bool)
-    for begin, end in spans:
-        expected |= (exposed >= begin) & (exposed <= end)
-    both = (expected & moves[:, None]).sum(0)
+    moves[1:-1] |= moves[:-2] & moves[2:]  # some cameras give a picture twice
+    exposed = arrivals[:, :1, None] - _LAGS_S[:, None]
+    expected = ((exposed >= spans[:, 0]) & (exposed <= spans[:, 1])).any(-1)
     either = np.maximum((expected | moves[:, None]).sum(0), 1)
-    overlap = both / either
+    overlap = (expected & moves[:, None]).sum(0) / either
     if overlap.max() < _LEAST_OVERLAP:
         return None
-    possible = lags[overlap >= overlap.max() - 1 / either[overlap.argmax()]]
+    possible = _LAGS_S[overlap >= overlap.max() - _MORE / either[overlap.argmax()]]
     return Latency(float(possible[0]), float(possible[-1]))
