@@ -1,4 +1,4 @@
-"""Cameras that hold pictures back, for `pictures_and_poses`: every picture shows where the arm was at its exposure.
+"""Cameras that hold pictures back, for `pose_trial`: every picture shows where the arm was at its exposure.
 
 An arm slides along two axes before a board; what the camera sees of it is the board's picture, shifted. The path is in
 memory that processes share, and all processes read one monotonic clock.
@@ -30,6 +30,7 @@ PICTURES_HZ = 30.0
 MOVE_S = 0.3
 NOISE_LEVELS = 1.0
 TICK_S = 1 / 125  # between states
+PROCESSES = multiprocessing.get_context("spawn")  # a fork of a process whose threads read cameras may wait for ever
 
 Bytes = NDArray[np.uint8]
 
@@ -38,7 +39,7 @@ class Path2:
     """Where the arm is [m], at any time: begin, duration, from and to, in memory that processes share."""
 
     def __init__(self) -> None:
-        self.memory = multiprocessing.Array("d", 6)
+        self.memory = PROCESSES.Array("d", 6)
 
     def go(self, to: NDArray[np.float64], seconds: float) -> None:
         """Begin a motion."""
@@ -218,8 +219,8 @@ def _serve(scene: Scene, delay: Any, port: Any) -> None:
 @contextmanager
 def mjpeg_server(scene: Scene, delay: Any) -> Iterator[str]:
     """The address of an MJPEG stream from a process of its own; `delay` [pictures] may change while it runs."""
-    port = multiprocessing.Value("i", 0)
-    process = multiprocessing.Process(target=_serve, args=(scene, delay, port), daemon=True)
+    port = PROCESSES.Value("i", 0)
+    process = PROCESSES.Process(target=_serve, args=(scene, delay, port), daemon=True)
     process.start()
     try:
         while not port.value:
@@ -251,7 +252,7 @@ def _save(scene: Scene, folder: Path, way: str, seed: int) -> None:
 def saving(scene: Scene, folder: Path, way: str, seed: int) -> Iterator[None]:
     """A process that saves pictures into a folder while this lasts."""
     folder.mkdir(parents=True)
-    process = multiprocessing.Process(target=_save, args=(scene, folder, way, seed), daemon=True)
+    process = PROCESSES.Process(target=_save, args=(scene, folder, way, seed), daemon=True)
     process.start()
     try:
         yield
