@@ -9,7 +9,7 @@ from basecal.vision.edge_width import EdgeWidth
 
 _WIDER = 1.25  # across one direction than across another: motion, for a lens or a print is as soft in all
 _MOTION_PX = 3.0  # that is seen in the width of edges, beside that of the sharpest view
-_SOFTER = 1.4  # than the sharpest view: focus differs from place to place
+_MELT_PX = 16.0  # width at which twice as wide is as good: neighbouring marks melt into one another
 
 
 class Sharpness:
@@ -32,7 +32,7 @@ class Sharpness:
         scale = np.array([1.0, np.linalg.norm(pixels.std(0)) / np.linalg.norm(points.std(0))])
         narrowest = self._narrowest.get(view, np.full(2, np.inf))
         typical = (scale * narrowest).max()
-        limit = max(np.hypot(typical, _MOTION_PX), _SOFTER * typical)
+        limit = max(np.hypot(typical, _MOTION_PX), typical * (1 + typical / _MELT_PX))
         if width.wide_px > min(limit, _WIDER * width.narrow_px):
             return True
         self._narrowest[view] = np.minimum(narrowest, width.wide_px / scale)
