@@ -16,6 +16,7 @@ from basecal.cell.files import read_recording
 from basecal.planning import poses, shifts
 from basecal.planning.feasible import feasible_in
 from basecal.planning.sketch import sketch_of
+from basecal.vision.edge_width import EdgeWidth
 from shared.running_cell import home, running
 
 FAST = CaptureSettings(speed_rad_s=2.0, tool_m_s=10.0, patience_s=3.0)
@@ -125,12 +126,12 @@ def test_what_cannot_be_used_is_told_and_not_asked_again(tmp_path):
 
 
 def test_blurred_pictures_are_told(tmp_path, monkeypatch):
-    """Edges wider than five pixels are too blurred; here the limit is set below what a sharp picture has."""
-    monkeypatch.setattr(module, "_WIDEST_EDGE_PX", 2.0)
+    """A picture whose edges are wider across one direction than across another is too blurred, and not recorded."""
+    monkeypatch.setattr(module, "edge_width", lambda grey, pixels: EdgeWidth(3.0, 5.2))
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
         sketch, plan = planned(world, tmp_path, 1)
         (step,) = capture(Taker(rig, sketch, tmp_path, FAST), plan)
-    assert step.why_not.startswith("too blurred: edges of board are ")
+    assert step.why_not == "too blurred: edges of board are 5.2 px wide"
     assert not (tmp_path / "recording" / "samples.jsonl").exists()
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import time
+from dataclasses import replace
+
 import pytest
 
 from basecal.acquisition import taking as module
@@ -10,6 +13,7 @@ from basecal.acquisition.stillness import Moving, Unfit
 from basecal.acquisition.taking import CaptureSettings, Taker, targets_before
 from basecal.cell import Sample
 from basecal.planning.sketch import sketch_of
+from basecal.vision.image_file import grey_image, read_bytes
 from shared.running_cell import running
 
 FAST = CaptureSettings(speed_rad_s=2.0, tool_m_s=10.0, patience_s=3.0)
@@ -42,3 +46,40 @@ def test_a_camera_does_not_look_at_what_hangs_beside_it(tmp_path):
     """Only targets on other bodies are before it."""
     with running(tmp_path) as world:
         assert len(targets_before(world.cell, "wrist")) == 1
+
+
+class LateEye:
+    """A camera whose next picture was exposed before the light was switched."""
+
+    is_live = True
+
+    def __init__(self, camera):
+        self.camera, self.waiting = camera, []
+
+    def light(self, on):
+        self.waiting = [replace(self.camera.picture(), exposed_s=time.monotonic())]
+        self.camera.light(on)
+
+    def picture(self):
+        if self.waiting:
+            return self.waiting.pop()
+        return replace(self.camera.picture(), exposed_s=time.monotonic() + 60, note="late")
+
+    def close(self):
+        self.camera.close()
+
+
+def test_the_picture_without_the_light_was_exposed_without_it(tmp_path):
+    """One that was on its way as the light went off still shows it, and is not taken; what there is to know is told."""
+    reports = []
+    with running(tmp_path, target="led") as world, open_rig(world.cell, tmp_path) as rig:
+        late = Rig(rig.robots, {"wrist": LateEye(rig.cameras["wrist"])})
+        by = Taker(late, sketch_of(world.cell), tmp_path, FAST, report=reports.append)
+        sample = by.take(Sample(0), [])
+    lit, dark = (read_grey(tmp_path / paths["wrist"]) for paths in (sample.images, sample.background))
+    assert dark.max() < lit.max() / 2
+    assert set(reports) == {"late"}
+
+
+def read_grey(path):
+    return grey_image(read_bytes(path), None)

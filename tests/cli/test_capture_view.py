@@ -39,14 +39,17 @@ def shown(stream: io.StringIO, monkeypatch: pytest.MonkeyPatch, of: Rig, quiet: 
     monkeypatch.setattr(sys, "stdout", stream)
     with capture_view(of, CELL, web=False, port=0, quiet=quiet) as view:
         view.tell("sample 4: arms move")
+        view.report("camera wrist: pictures arrive late")
         view.note(step(), 1)
     assert view.watch.glance.is_over
     return stream.getvalue()
 
 
 def test_where_nobody_watches_a_sample_is_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With what was covered and how well the base is known; nothing where a program reads."""
-    line = "   1/9 sample 3: taken, 100 % of the picture; base +-1.00 mm 0.057 deg\n"
+    """With what was covered and how well the base is known, after any report; nothing where a program reads."""
+    line = (
+        "camera wrist: pictures arrive late\n   1/9 sample 3: taken, 100 % of the picture; base +-1.00 mm 0.057 deg\n"
+    )
     assert shown(io.StringIO(), monkeypatch, rig()) == line
     assert shown(io.StringIO(), monkeypatch, rig(), quiet=True) == ""
 
@@ -55,4 +58,4 @@ def test_a_terminal_has_a_view(monkeypatch: pytest.MonkeyPatch) -> None:
     """Instead of lines, unless a robot's driver asks on that terminal."""
     monkeypatch.setenv("TERM", "xterm")
     assert "4 taken, 9 planned" in shown(Terminal(), monkeypatch, rig())
-    assert shown(Terminal(), monkeypatch, rig(is_live=False)).startswith("   1/9 sample 3: taken")
+    assert shown(Terminal(), monkeypatch, rig(is_live=False)).splitlines()[1].startswith("   1/9 sample 3: taken")

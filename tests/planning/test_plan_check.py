@@ -82,7 +82,9 @@ def points_of(robots):
     """Where the origins of the eye's joints, its flange and its camera are, by the kinematics alone."""
     chain = WORLD.cell.robots["eye"].chain
     frames = [*chain.joint_frames(robots["eye"].joints_rad), chain.forward(robots["eye"].joints_rad)]
-    return np.stack([*(frame.translation for frame in frames), SKETCH.world_from(SKETCH.camera.name, robots).translation])
+    return np.stack(
+        [*(frame.translation for frame in frames), SKETCH.world_from(SKETCH.camera.name, robots).translation]
+    )
 
 
 def test_no_point_is_faster_than_allowed():

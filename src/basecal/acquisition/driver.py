@@ -42,10 +42,21 @@ class Reading:
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A picture: `grey` (h, w) of uint8 or uint16, with the time `stamp_s` in the middle of its exposure [s]."""
+    """A picture.
+
+    Attributes:
+        stamp_s: When it was exposed, in the middle [s], by the camera's clock.
+        grey: (h, w) of uint8 or uint16.
+        exposed_s: The earliest that it was exposed, by `time.monotonic()` of this machine; a driver leaves it None.
+        source: The file it was read from, if it is one.
+        note: What a person should know of how it came; empty if nothing.
+    """
 
     stamp_s: float
     grey: Grey
+    exposed_s: float | None = None
+    source: str = ""
+    note: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,11 +152,15 @@ class Freedrives(Protocol):
 class Camera(Protocol):
     """A camera.
 
-    Attributes:
-        is_live: Whether pictures come by themselves, one after another.
+    A driver may also state `is_on_demand` (True if each picture is exposed when asked; a live camera that does not say
+    so is read without pause, by a thread of its own), `is_stamped` (True if stamps are times of exposure, by any clock)
+    and `wait_s` (how long a picture may take, 10 s unless stated).
+
     """
 
-    is_live: bool
+    @property
+    def is_live(self) -> bool:
+        """Whether pictures come by themselves, one after another."""
 
     def picture(self) -> Picture:
         """Wait for a picture newer than the last one given.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 
 import numpy as np
@@ -36,7 +36,7 @@ def led_elsewhere(rig: Rig, before: Mapping[str, RobotState], patience_s: float)
     if not led:
         return {}
     with _free(led.values()):
-        wait_until_led(led, before, patience_s)
+        wait_until_led(led, before, patience_s, rig.arms.note)
     return {name: robot.state().state for name, robot in led.items()}
 
 
@@ -65,17 +65,19 @@ class Led:
         Raises:
             DriverError: if a robot does not answer.
         """
-        live = [robot for robot in self._rig.robots.values() if robot.is_live]
+        live = {name: robot for name, robot in self._rig.robots.items() if robot.is_live}
         if not live:
             return self._key() != END
         self._tell("lead the arms to a new place and hold them still, or press space; q ends")
-        with _free(live):
+        with _free(live.values()):
             return self._is_due(live)
 
-    def _is_due(self, live: Sequence[Robot]) -> bool:
+    def _is_due(self, live: Mapping[str, Robot]) -> bool:
         at, since_s = None, 0.0
         while True:
-            readings = [robot.state() for robot in live]
+            readings = [robot.state() for robot in live.values()]
+            for name, reading in zip(live, readings, strict=True):
+                self._rig.arms.note(name, reading)
             now = np.concatenate([vector_of(reading.state) for reading in readings])
             if at is None or np.abs(now - at).max() > _REST:
                 at, since_s = now, readings[0].stamp_s

@@ -12,6 +12,8 @@ from types import ModuleType
 
 from basecal.acquisition.driver import Camera, ChecksGoals, Moves, Place, Robot, StopGuarantee
 from basecal.acquisition.driver_modules import driver_module, driver_names, runs_alone, stop_guarantee
+from basecal.acquisition.pictures.feed import fed
+from basecal.acquisition.pictures.latency import ArmMotion
 from basecal.acquisition.supervision.arms import Arms
 from basecal.acquisition.supervision.signals import routed_signals
 from basecal.cell import Cell, Driver, RobotState
@@ -30,11 +32,13 @@ class Rig:
     Attributes:
         robots: Robots by name.
         cameras: Cameras by name.
+        arms: When its arms moved.
         guarantees: What stops each robot when this computer is silent, by name.
     """
 
     robots: Mapping[str, Robot]
     cameras: Mapping[str, Camera]
+    arms: ArmMotion = field(default_factory=ArmMotion)
     guarantees: Mapping[str, StopGuarantee] = field(default_factory=dict)
 
     def stop(self) -> None:
@@ -64,14 +68,16 @@ def open_rig(cell: Cell, folder: Path) -> Iterator[Rig]:
                 supervisor.append(Arms(alone, signals_fd))
                 opened.callback(supervisor[0].close)
             robots: dict[str, Robot] = {name: module.open_robot(place) for name, (module, place) in here.items()}
+            motion = ArmMotion()
             cameras = {
-                name: module.open_camera(place)
+                name: fed(name, module.open_camera(place), motion)
                 for name, (module, place) in _places(cell, folder, "cameras", "open_camera").items()
             }
-            opened.callback(_all_at_once, [each.close for each in (*robots.values(), *cameras.values())], _CLOSE_S)
+            here_closes = [*(robot.close for robot in robots.values()), *(camera.close for camera in cameras.values())]
+            opened.callback(_all_at_once, here_closes, _CLOSE_S)
             robots |= supervisor[0].opened() if alone else {}
             guarantees = {name: stop_guarantee(module) for name, (module, _) in places.items()}
-            rig = Rig({name: robots[name] for name in places}, cameras, guarantees)
+            rig = Rig({name: robots[name] for name in places}, cameras, motion, guarantees)
             try:
                 yield rig
             except BaseException:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +26,13 @@ _STILL_PX = 0.1  # by which a picture may differ from those before it
 _PICTURES = 3  # in a row: of two, a swing may happen to be at the same place
 
 
+Note = Callable[[str, Reading], None]
+"""Takes account of a state that a robot, by its name, gave just now."""
+
+Report = Callable[[str], None]
+"""Is told what a person should know, in words."""
+
+
 class Unfit(Exception):
     """What is before the camera cannot be used as it is; the text is told to the person."""
 
@@ -34,7 +42,10 @@ class Moving(Unfit):
 
 
 def wait_for_arms(
-    robots: Mapping[str, Robot], goals: Mapping[str, RobotState], patience_s: float
+    robots: Mapping[str, Robot],
+    goals: Mapping[str, RobotState],
+    patience_s: float,
+    note: Note = lambda name, reading: None,
 ) -> dict[str, Reading]:
     """Where arms are, once all stand still; the mean of their last states.
 
@@ -42,6 +53,7 @@ def wait_for_arms(
         robots: By name; of one whose states do not come by themselves the next one is taken as it is.
         goals: Where they were sent, by name; of one that is not there, anywhere will do.
         patience_s: How long, by the states' own stamps.
+        note: Takes account of each state.
 
     Raises:
         Moving: if one is still moving then.
@@ -52,6 +64,7 @@ def wait_for_arms(
         for name, robot in robots.items():
             if robot.is_live or not latest[name]:
                 latest[name].append(robot.state())
+                note(name, latest[name][-1])
         live = [name for name, robot in robots.items() if robot.is_live]
         moving = [name for name in live if not _is_still(latest[name], goals.get(name))]
         if not moving:
@@ -62,20 +75,26 @@ def wait_for_arms(
             raise Moving(f"arm still moving: {', '.join(moving)}")
 
 
-def wait_until_led(robots: Mapping[str, Robot], before: Mapping[str, RobotState], patience_s: float) -> None:
+def wait_until_led(
+    robots: Mapping[str, Robot],
+    before: Mapping[str, RobotState],
+    patience_s: float,
+    note: Note = lambda name, reading: None,
+) -> None:
     """Wait until every arm that is led by hand stands still at another place.
 
     Args:
         robots: Those that are led, by name.
         before: Where they were; of one that is not there, every place is another.
         patience_s: How long, by the states' own stamps.
+        note: Takes account of each state.
 
     Raises:
         Moving: if one is still moving then, or has not been moved.
     """
     began: float | None = None
     while True:
-        here = wait_for_arms(robots, {}, patience_s)
+        here = wait_for_arms(robots, {}, patience_s, note)
         known = [name for name in robots if name in before]
         moved_by = [np.abs(vector_of(here[name].state) - vector_of(before[name])).max() for name in known]
         if all(distance > _ELSEWHERE_RAD_M for distance in moved_by):
@@ -106,23 +125,58 @@ def _mean(readings: Sequence[Reading]) -> Reading:
     return Reading(last.stamp_s, RobotState(SE3(nearest_rotation(values[3:].reshape(3, 3)), values[:3])))
 
 
-def wait_for_picture(camera: Camera, targets: Sequence[Target], patience_s: float) -> Picture:
+def picture_after(camera: Camera, after_s: float, patience_s: float, report: Report = lambda words: None) -> Picture:
+    """The next picture that was exposed after an instant.
+
+    Args:
+        camera: The camera.
+        after_s: The instant, by `time.monotonic()`; of a camera that exposes when asked, the next picture will do.
+        patience_s: How long older ones may come.
+        report: Is told what a person should know of pictures.
+
+    Raises:
+        Moving: if only older ones came.
+    """
+    until = time.monotonic() + patience_s
+    while True:
+        picture = camera.picture()
+        if picture.note:
+            report(picture.note)
+        if picture.exposed_s is None or picture.exposed_s > after_s:
+            return picture
+        if time.monotonic() > until:
+            raise Moving("picture too old: all were taken before the arms came to rest; check the camera's clock")
+
+
+def wait_for_picture(
+    camera: Camera,
+    targets: Sequence[Target],
+    patience_s: float,
+    after_s: float = -np.inf,
+    report: Report = lambda words: None,
+) -> Picture:
     """The last of three pictures that show no movement; of a camera that is not live, the next one.
 
     Args:
         camera: The camera.
         targets: What it looks at; a light is a few pixels, and is followed by itself.
         patience_s: How long, by the pictures' own stamps.
+        after_s: All three are exposed after this instant, by `time.monotonic()`.
+        report: Is told what a person should know of pictures.
 
     Raises:
-        Moving: if something still moves then.
+        Moving: if something still moves then, or all pictures are older.
     """
-    looks = [_look(camera, targets)]
+
+    def look() -> _Look:
+        return _look(picture_after(camera, after_s, patience_s, report), targets)
+
+    looks = [look()]
     if not camera.is_live:
         return looks[0].picture
     began, still = looks[0].picture.stamp_s, 0
     while still < _PICTURES - 1:
-        looks = [*looks[1 - _PICTURES :], _look(camera, targets)]
+        looks = [*looks[1 - _PICTURES :], look()]
         moves = any(_moved(before, looks[-1]) for before in looks[:-1])
         still = 0 if moves else still + 1
         if moves and looks[-1].picture.stamp_s - began > patience_s:
@@ -139,8 +193,7 @@ class _Look:
     lights: tuple[Array | None, ...]
 
 
-def _look(camera: Camera, targets: Sequence[Target]) -> _Look:
-    picture = camera.picture()
+def _look(picture: Picture, targets: Sequence[Target]) -> _Look:
     found = [find(picture.grey, target) for target in targets if target.found_by == LIGHT]
     return _Look(picture, small(picture.grey), tuple(None if each is None else each.pixels[0] for each in found))
 

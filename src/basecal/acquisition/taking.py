@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from basecal.acquisition.coverage import alike
 from basecal.acquisition.driver import Grey, Moves, Switches
+from basecal.acquisition.pictures.sharpness import Sharpness
 from basecal.acquisition.rig import Rig, asks_of, movers
-from basecal.acquisition.stillness import Moving, Unfit, wait_for_arms, wait_for_picture
+from basecal.acquisition.stillness import Moving, Report, Unfit, picture_after, wait_for_arms, wait_for_picture
 from basecal.cell import CandidateObservation, Cell, PixelObservation, Recording, Sample, Target
 from basecal.cell.format.writing import write_whole
 from basecal.planning.plan_check import SpeedLimits, check_plan
@@ -22,7 +24,6 @@ from basecal.vision.image_file import png_bytes
 Tell = Callable[[str], None]
 """Is told what is done now, in words."""
 
-_WIDEST_EDGE_PX = 5.0  # of an edge about the target's points: four pixels of motion, or a point spread of 1.4
 _ALIKE_M, _ALIKE_RAD = 2e-3, 2e-3  # between samples that say nearly the same
 TOOL_M_S = 0.25
 """Speed of the fastest point of an arm unless somebody states another: that of collaborative and of manual operation.
@@ -60,6 +61,8 @@ class Taker:
         folder: The cell's folder.
         settings: How arms are moved and waited for.
         tell: Is told what is done.
+        report: Is told what a person should know of pictures.
+        sharpness: Of the views so far.
     """
 
     rig: Rig
@@ -67,6 +70,8 @@ class Taker:
     folder: Path
     settings: CaptureSettings
     tell: Tell = lambda words: None
+    report: Report = lambda words: None
+    sharpness: Sharpness = field(default_factory=Sharpness)
 
     def take(self, wanted: Sample, taken: Sequence[Sample]) -> Sample:
         """A sample with its pictures on the disk, and what is seen in them.
@@ -111,9 +116,11 @@ def _send(by: Taker, wanted: Sample) -> None:
 def _take(by: Taker, wanted: Sample, taken: Sequence[Sample]) -> Sample:
     rig, sketch, folder, settings = by.rig, by.sketch, by.folder, by.settings
     goals = {name: state for name, state in wanted.robots.items() if isinstance(rig.robots.get(name), Moves)}
-    before = wait_for_arms(rig.robots, goals, settings.patience_s)
+    before = wait_for_arms(rig.robots, goals, settings.patience_s, rig.arms.note)
+    rested_s = time.monotonic()
     by.tell(f"sample {wanted.sample}: waiting for a still picture")
-    shots = {name: _shot(rig, sketch.cell, name, settings.patience_s) for name in rig.cameras}
+    shots = {name: _shot(by, name, rested_s) for name in rig.cameras}
+    rig.arms.forget()
     # After the picture they are nearer to where they were in it, since the last of a way is slow.
     live = {name: robot for name, robot in rig.robots.items() if robot.is_live}
     after = wait_for_arms(live, {name: before[name].state for name in live}, settings.patience_s) if live else {}
@@ -125,7 +132,7 @@ def _take(by: Taker, wanted: Sample, taken: Sequence[Sample]) -> Sample:
     if like is not None:
         raise Unfit(f"too like sample {like}")
     seen = detect(sketch.cell, Recording((sample,), folder=str(folder))).samples[0]
-    _check_seen(sketch.cell, seen, shots)
+    _check_seen(by, seen, shots)
     return seen
 
 
@@ -138,14 +145,14 @@ class _Shot:
     background: Grey | None
 
 
-def _shot(rig: Rig, cell: Cell, name: str, patience_s: float) -> _Shot:
-    camera, targets = rig.cameras[name], targets_before(cell, name)
-    picture = wait_for_picture(camera, targets, patience_s)
+def _shot(by: Taker, name: str, rested_s: float) -> _Shot:
+    camera, targets, patience_s = by.rig.cameras[name], targets_before(by.sketch.cell, name), by.settings.patience_s
+    picture = wait_for_picture(camera, targets, patience_s, rested_s, by.report)
     if not (isinstance(camera, Switches) and any(target.found_by == LIGHT for target in targets)):
         return _Shot(picture.stamp_s, picture.grey, None)
     camera.light(False)
     try:
-        background = camera.picture().grey
+        background = picture_after(camera, time.monotonic(), patience_s, by.report).grey
     finally:
         camera.light(True)
     return _Shot(picture.stamp_s, picture.grey, background)
@@ -170,7 +177,7 @@ def _written(folder: Path, number: int, shots: Mapping[str, _Shot]) -> tuple[dic
     return images, background
 
 
-def _check_seen(cell: Cell, sample: Sample, shots: Mapping[str, _Shot]) -> None:
+def _check_seen(by: Taker, sample: Sample, shots: Mapping[str, _Shot]) -> None:
     """Whether each camera sees a target, sharply.
 
     Raises:
@@ -181,8 +188,10 @@ def _check_seen(cell: Cell, sample: Sample, shots: Mapping[str, _Shot]) -> None:
         if not seen:
             raise Unfit(f"target not seen by {camera}")
         for each in seen:
-            shape = cell.targets[each.target].target
+            shape = by.sketch.cell.targets[each.target].target
             if isinstance(each, CandidateObservation | PixelObservation) and shape is not None and shape.sheets:
                 width = edge_width(shot.grey, each.pixels)
-                if width is not None and width > _WIDEST_EDGE_PX:
-                    raise Unfit(f"too blurred: edges of {each.target} are {width:.1f} px wide")
+                points = shape.points[each.ids] if isinstance(each, PixelObservation) else shape.points
+                view = (camera, each.target)
+                if width is not None and by.sharpness.is_blurred(view, width, each.pixels, points):
+                    raise Unfit(f"too blurred: edges of {each.target} are {width.wide_px:.1f} px wide")

@@ -79,6 +79,11 @@ class Watch:
             said = (*before.said, line)[-_LINES:]
             self._glance = replace(before, step=step, sigmas=sigmas, said=said)
 
+    def report(self, words: str) -> None:
+        """Note what a person should know."""
+        with self._lock:
+            self._glance = replace(self._glance, said=(*self._glance.said, words)[-_LINES:])
+
     def show(self, camera: str, grey: Grey) -> None:
         """Note a picture."""
         with self._lock:
@@ -169,7 +174,11 @@ class _Watched:
 
     def __init__(self, name: str, camera: Camera, watch: Watch) -> None:
         self._name, self._camera, self._watch = name, camera, watch
-        self.is_live = camera.is_live
+
+    @property
+    def is_live(self) -> bool:
+        """Whether pictures come by themselves by now."""
+        return self._camera.is_live
 
     def picture(self) -> Picture:
         """The camera's next picture."""

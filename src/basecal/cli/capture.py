@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+from dataclasses import replace
 from math import inf, radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -124,7 +125,7 @@ def capture(
             check_guarantees(rig, accept_no_watchdog)
             wanted = _stored(cell, sketch, wanted, is_new)
         view = shown.enter_context(capture_view(rig, sketch.cell, web, port, quiet=json))
-        by = _taker(view.rig(rig), sketch, cell, limits, view.tell)
+        by = replace(_taker(view.rig(rig), sketch, cell, limits, view.tell), report=view.report)
         steps = _taken(by, wanted, count if freedrive else None, replanned, view)
     return _summed_up(cell, steps, replanned, json)
 

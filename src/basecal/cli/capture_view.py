@@ -44,6 +44,12 @@ class CaptureView:
         """Tell what is done now."""
         self.watch.tell(words)
 
+    def report(self, words: str) -> None:
+        """Report what a person should know."""
+        self.watch.report(words)
+        if self.has_lines:
+            say(words)
+
     def note(self, step: Step, place: int) -> None:
         """Tell what has become of a sample."""
         self.watch.note(step)

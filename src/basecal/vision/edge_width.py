@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 
 from basecal.geometry import Array
 from basecal.vision.detection import Image
 
-_DIRECTIONS = 8  # of edges that are looked at apart, over half a turn: motion blurs those across it alone
-_LEAST_SHARE = 0.04  # of all edges that a direction has to have, to count
+_DIRECTIONS = 16  # of edges that are looked at, over half a turn: motion blurs those across it alone
+_SHARPER = 8  # power of the cosine by which edges count for a direction
+_LEAST_SHARE = 0.5  # of the edges of the strongest direction that another has to have, to count
 _STRONG = 0.2  # of the strongest slopes: weaker ones are noise, or shading
 _BORDER_PX = 10  # about the points
 
 
-def edge_width(image: Image, pixels: Array) -> float | None:
-    """The width of the widest edges about some points [px]: their contrast over their mean slope.
+@dataclass(frozen=True)
+class EdgeWidth:
+    """Widths of edges [px]: across the direction of the narrowest, and of the widest."""
+
+    narrow_px: float
+    wide_px: float
+
+
+def edge_width(image: Image, pixels: Array) -> EdgeWidth | None:
+    """The widths of edges about some points: their contrast over their mean slope.
 
     An ideal edge through a point spread of sigma s has 3.5 s; None where there are no edges.
 
@@ -31,11 +42,12 @@ def edge_width(image: Image, pixels: Array) -> float | None:
     u, v = (0.5 * cv2.Sobel(part, cv2.CV_32F, *which, ksize=1) for which in ((1, 0), (0, 1)))
     slope = np.hypot(u, v)
     strong = slope > _STRONG * np.quantile(slope, 0.999)
-    direction = (np.arctan2(v, u)[strong] * _DIRECTIONS / np.pi).round().astype(int) % _DIRECTIONS
-    lengths = np.bincount(direction, slope[strong], _DIRECTIONS)
-    squares = np.bincount(direction, slope[strong].astype(np.float64) ** 2, _DIRECTIONS)
-    counts = lengths > _LEAST_SHARE * lengths.sum()
-    if not counts.any():
+    if not strong.any():
         return None
+    across = np.arctan2(v, u)[strong] - np.arange(_DIRECTIONS)[:, None] * np.pi / _DIRECTIONS
+    shares = np.cos(across) ** _SHARPER
+    lengths, squares = shares @ slope[strong], shares @ slope[strong] ** 2
+    counts = lengths > _LEAST_SHARE * lengths.max()
     contrast = float(np.quantile(part, 0.95) - np.quantile(part, 0.05))
-    return contrast * float((lengths[counts] / squares[counts]).max())
+    widths = contrast * lengths[counts] / squares[counts]
+    return EdgeWidth(float(widths.min()), float(widths.max()))

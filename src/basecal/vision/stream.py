@@ -10,6 +10,10 @@ import numpy as np
 
 from basecal.vision.detection import Image
 
+_STAMPED = "V4L2"
+_TIMEOUT_MS = 5000  # without a picture; OpenCV waits 30 s
+_TIMEOUTS = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, _TIMEOUT_MS, cv2.CAP_PROP_READ_TIMEOUT_MSEC, _TIMEOUT_MS]
+
 
 @dataclass(frozen=True, eq=False)
 class Stream:
@@ -24,6 +28,15 @@ class Stream:
             return None
         return picture if picture.ndim == 2 else np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY))
 
+    @property
+    def is_stamped(self) -> bool:
+        """Whether pictures have a time of their own: of what OpenCV opens, cameras of Linux do."""
+        return str(self.capture.getBackendName()) == _STAMPED
+
+    def stamp_s(self) -> float:
+        """The time of the last picture [s], by the kernel's clock."""
+        return 1e-3 * float(self.capture.get(cv2.CAP_PROP_POS_MSEC))
+
     def close(self) -> None:
         """Let go of the source."""
         self.capture.release()
@@ -31,8 +44,9 @@ class Stream:
 
 def open_stream(source: int | str) -> Stream | None:
     """The camera of that number, or the file or address of that name; None where OpenCV cannot open it."""
-    capture = cv2.VideoCapture(source)
-    if not capture.isOpened():
+    is_address = isinstance(source, str) and "://" in source
+    capture = cv2.VideoCapture()
+    if not (is_address and capture.open(source, cv2.CAP_FFMPEG, _TIMEOUTS)) and not capture.open(source):
         capture.release()
         return None
     return Stream(capture)

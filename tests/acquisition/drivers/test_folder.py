@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -32,20 +34,47 @@ def folder(tmp_path):
     return tmp_path
 
 
-def test_new_pictures_are_given_once(folder):
-    """Those that were there before do not count; new ones come in the order in which they were written."""
+def save(folder, level, written_s=None):
+    path = folder / "pictures" / f"{level}.png"
+    write_png(path, picture(level))
+    if written_s is not None:
+        os.utime(path, (written_s, written_s))
+
+
+def test_the_newest_new_picture_is_given_once(folder):
+    """Those that were there before do not count; of several new ones the one written last is given, with its name."""
     source = camera(folder)
-    for level in (100, 50):
-        write_png(folder / "pictures" / f"{level}.png", picture(level))
-        time.sleep(0.02)
-    assert [int(source.picture().grey[0, 0]) for _ in range(2)] == [100, 50]
+    save(folder, 100, 2000.0)
+    save(folder, 50, 3000.0)
+    given = source.picture()
+    assert (given.grey[0, 0], given.stamp_s, given.source) == (50, pytest.approx(3000.0), "50.png")
     with pytest.raises(DriverError, match=r"no new picture in .* within 0\.2 s"):
         source.picture()
 
 
+def test_a_picture_that_comes_late_is_given_with_its_time(folder):
+    """One that was written before the last is given as well: who asks tells by its stamp that it is older."""
+    source = camera(folder)
+    save(folder, 50, 3000.0)
+    assert source.picture().stamp_s == pytest.approx(3000.0)
+    save(folder, 100, 2000.0)
+    assert source.picture().stamp_s == pytest.approx(2000.0)
+
+
+def test_a_program_that_renames_files_is_no_error(folder, monkeypatch):
+    """A file that is gone before it is looked at is none."""
+    source, iterdir = camera(folder), Path.iterdir
+    monkeypatch.setattr(Path, "iterdir", lambda path: [path / "gone.part", *iterdir(path)])
+    monkeypatch.setattr(Path, "is_file", lambda path: True)
+    save(folder, 70)
+    assert source.picture().grey[0, 0] == 70
+
+
 def test_those_of_before_count_where_asked(folder):
-    """With `existing` the folder is gone through from its start."""
-    assert camera(folder, existing=True).picture().grey[0, 0] == 10
+    """With `existing` the folder is gone through from its start, the oldest first."""
+    save(folder, 20, time.time() + 1)
+    source = camera(folder, existing=True)
+    assert [source.picture().grey[0, 0] for _ in range(2)] == [10, 20]
 
 
 def test_a_file_that_is_being_written_is_waited_for(folder):

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import time
+
 import cv2
 import numpy as np
 import pytest
 
 from basecal.acquisition.driver import Place
-from basecal.acquisition.drivers.opencv import open_camera
+from basecal.acquisition.drivers.opencv import OpencvCamera, open_camera
 from basecal.cell import Cell, Robot
 from basecal.errors import DatasetError, DriverError
+from basecal.vision.stream import Stream
 
 CELL = Cell("eye", {"eye": Robot("eye")})
 
@@ -25,9 +28,35 @@ def test_a_film_gives_its_pictures(tmp_path):
     first, second = camera.picture(), camera.picture()
     assert first.grey.mean() < 100 < second.grey.mean()
     assert first.stamp_s < second.stamp_s
+    assert (camera.is_live, camera.is_on_demand) == (False, True)  # read on by itself, it would have ended by now
     with pytest.raises(DriverError, match="wrist: the stream has ended"):
         camera.picture()
     camera.close()
+
+
+class Device:
+    """A capture of OpenCV whose pictures have the time 5.5 s."""
+
+    def __init__(self, backend):
+        self.backend = backend
+
+    def getBackendName(self):
+        return self.backend
+
+    def read(self):
+        return True, np.zeros((4, 6, 3), dtype=np.uint8)
+
+    def get(self, of):
+        return 5500.0 if of == cv2.CAP_PROP_POS_MSEC else 0.0
+
+
+def test_the_kernels_time_is_the_stamp():
+    """Cameras of V4L2 have times of exposure; of what else OpenCV opens the position in the stream is none."""
+    stamped, other = (OpencvCamera("wrist", Stream(Device(backend))) for backend in ("V4L2", "FFMPEG"))
+    assert (stamped.is_stamped, stamped.picture().stamp_s) == (True, 5.5)
+    assert not other.is_stamped
+    assert other.picture().stamp_s == pytest.approx(time.monotonic(), abs=1.0)
+    assert (stamped.is_live, stamped.is_on_demand) == (True, False)
 
 
 def test_what_cannot_be_opened(tmp_path):

@@ -1,11 +1,14 @@
 """Pictures that another program saves into a folder: whatever can save a file is a camera.
 
-A file counts when its name is new, and it can be read whole. The stamp is the time at which it was last written.
+A file counts when its name is new, and it can be read whole; of several, the newest. The stamp is the time at which it
+was last written.
 """
 
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -16,7 +19,8 @@ from basecal.cell.format.values import Entry
 from basecal.errors import DatasetError, DriverError
 from basecal.vision.image_file import grey_image, read_bytes
 
-_LOOK_S = 0.05  # between looks into the folder: short for a person, long for a disk
+_LOOK_S = 0.02  # between looks into the folder: short beside a motion, long for a disk
+_HALVES = 3  # newest files that are read: some of them may still be written
 
 
 class FolderOptions(Entry):
@@ -31,30 +35,41 @@ class FolderCamera:
     """A folder into which pictures are saved."""
 
     is_live = False
+    is_stamped = True
 
     def __init__(self, folder: Path, size_px: tuple[int, int] | None, wait_s: float, existing: bool) -> None:
-        self._folder, self._size_px, self._wait_s = folder, size_px, wait_s
+        self._folder, self._size_px, self.wait_s, self.is_on_demand = folder, size_px, wait_s, existing
         self._seen = set() if existing else {path.name for path in folder.iterdir()}
 
     def picture(self) -> Picture:
-        """The oldest picture that was not given yet; one that is still being written is waited for.
+        """The newest picture; of those that existed the oldest that was not given yet.
+
+        One that is still being written is waited for.
 
         Raises:
             DriverError: if none comes in time.
         """
-        until, why = time.monotonic() + self._wait_s, ""
+        until, why = time.monotonic() + self.wait_s, ""
         while True:
-            new = [path for path in self._folder.iterdir() if path.name not in self._seen and path.is_file()]
-            for path in sorted(new, key=lambda path: (path.stat().st_mtime_ns, path.name)):
+            new = sorted(self._new())
+            for written_ns, path in new if self.is_on_demand else new[: -1 - _HALVES : -1]:
                 data = read_bytes(path)
                 grey = data if isinstance(data, str) else grey_image(data, self._size_px)
                 if not isinstance(grey, str):
-                    self._seen.add(path.name)
-                    return Picture(path.stat().st_mtime, grey)
+                    older = [] if self.is_on_demand else [each.name for ns, each in new if ns < written_ns]
+                    self._seen.update([path.name, *older])
+                    return Picture(1e-9 * written_ns, grey, source=path.name)
                 why = f"; {path.name} {grey}"
             if time.monotonic() >= until:
-                raise DriverError(f"no new picture in {self._folder} within {self._wait_s:g} s{why}")
+                raise DriverError(f"no new picture in {self._folder} within {self.wait_s:g} s{why}")
             time.sleep(_LOOK_S)
+
+    def _new(self) -> Iterator[tuple[int, Path]]:
+        """New files, with the times at which they were written [ns]."""
+        for path in self._folder.iterdir():
+            with suppress(FileNotFoundError):  # programs rename what they wrote
+                if path.name not in self._seen and path.is_file():
+                    yield path.stat().st_mtime_ns, path
 
     def close(self) -> None:
         """Nothing is held."""

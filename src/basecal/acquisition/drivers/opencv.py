@@ -1,11 +1,12 @@
 """Any camera or stream that OpenCV opens: a device's number, a file of a video, an address.
 
-The stamp is this machine's monotonic clock when the picture came.
+The stamp is that of the kernel if the camera is one of V4L2, else this machine's monotonic clock when the picture came.
 """
 
 from __future__ import annotations
 
 import time
+from pathlib import Path
 from typing import Annotated
 
 from pydantic import Field
@@ -23,12 +24,12 @@ class OpencvOptions(Entry):
 
 
 class OpencvCamera:
-    """A stream."""
+    """A stream; a file of a video gives its next picture when asked, and is not live."""
 
-    is_live = True
-
-    def __init__(self, name: str, stream: Stream) -> None:
+    def __init__(self, name: str, stream: Stream, is_file: bool = False) -> None:
         self._name, self._stream = name, stream
+        self.is_live, self.is_on_demand = not is_file, is_file
+        self.is_stamped = stream.is_stamped
 
     def picture(self) -> Picture:
         """The next picture of the stream.
@@ -39,7 +40,7 @@ class OpencvCamera:
         grey = self._stream.read()
         if grey is None:
             raise DriverError(f"{self._name}: the stream has ended, or the camera was pulled out")
-        return Picture(time.monotonic(), grey)
+        return Picture(self._stream.stamp_s() if self.is_stamped else time.monotonic(), grey)
 
     def close(self) -> None:
         """Release the device."""
@@ -57,4 +58,4 @@ def open_camera(place: Place) -> OpencvCamera:
     stream = open_stream(source)
     if stream is None:
         raise DriverError(f"{place.name}: OpenCV cannot open {source!r}; is it plugged in, and used by nobody else?")
-    return OpencvCamera(place.name, stream)
+    return OpencvCamera(place.name, stream, isinstance(source, str) and Path(source).is_file())

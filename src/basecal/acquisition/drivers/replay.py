@@ -119,6 +119,7 @@ class ReplayCamera:
     """A camera of a recording, with its pictures."""
 
     is_live = True
+    is_on_demand = True
 
     def __init__(self, name: str, tape: Tape) -> None:
         self._name, self._tape, self._lit = name, tape, True

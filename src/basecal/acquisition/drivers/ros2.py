@@ -24,6 +24,7 @@ from basecal.vision.image_file import grey_image
 
 _LAST_DOMAIN = 232
 _DEPTH = 1  # pictures that are kept: the newest
+_STOP_S = 3.0  # beyond `reconnect_s`, so that the driver says itself why nothing comes
 
 Name = Annotated[str, Field(min_length=1)]
 
@@ -68,12 +69,16 @@ class Ros2Robot:
 
 
 class Ros2Camera:
-    """A camera that ROS 2 knows."""
+    """A camera that ROS 2 knows; `wait_s` until its driver gives up."""
 
     is_live = True
+    is_stamped = True
 
-    def __init__(self, name: str, stream: Stream, topic: str, size_px: tuple[int, int] | None) -> None:
+    def __init__(
+        self, name: str, stream: Stream, topic: str, size_px: tuple[int, int] | None, wait_s: float = 10.0
+    ) -> None:
         self._name, self._stream, self._topic, self._size_px = name, stream, topic, size_px
+        self.wait_s = wait_s
         self._last_s = float("-inf")
 
     def picture(self) -> Picture:
@@ -138,7 +143,8 @@ def open_camera(place: Place) -> Ros2Camera:
         raise _wrong(place, "cameras", "expected the topic of its pictures, as `topic: /camera/image_raw`")
     domain = domain_of(options.domain)
     stream = Stream(place.name, domain, options.topic, (IMAGE, COMPRESSED), _DEPTH, options.reconnect_s)
-    return Ros2Camera(place.name, stream, options.topic, place.cell.cameras[place.name].size_px)
+    size_px = place.cell.cameras[place.name].size_px
+    return Ros2Camera(place.name, stream, options.topic, size_px, options.reconnect_s + _STOP_S)
 
 
 def _wrong(place: Place, section: str, message: str) -> DatasetError:

@@ -100,6 +100,7 @@ class SimulatedCamera:
     """A camera of a running cell, and the light it looks at."""
 
     is_live = True
+    is_on_demand = True
 
     def __init__(self, name: str, cell: Connection) -> None:
         self._name, self._cell = name, cell

@@ -1,0 +1,199 @@
+"""Live cameras, read without pause by a thread each: the newest picture is given, with the time of its exposure."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from basecal.acquisition.driver import Camera, Picture, Switches
+from basecal.acquisition.pictures.latency import ArmMotion, Latency, latency_of
+from basecal.errors import DriverError
+from basecal.geometry import Array
+from basecal.vision.picture_motion import Levels, shift_between, small
+
+_WAIT_S = 10.0  # for a picture, unless the driver states how long it waits
+_CLOSE_S = 2.0  # for a driver that does not come back
+_UNKNOWN_S, _UNKNOWN_PICTURES = 2.0, 12  # of latency until it is measured, whichever is longer
+_MOTIONS = 3  # whose latencies count: it may grow, and shrink again
+_MOVES_PX = 0.1  # between a picture and the next, of about 640 px
+_COLUMNS = 640
+_UNLIKE, _QUIET, _CHANGES = 3.0, 0.2, 300  # times the change in the quietest share of so many pictures
+_PICTURES = 2000  # whose arrival is remembered
+_STREAM, _STREAM_S = 4, 5.0  # so many pictures within such a time are a stream
+_WAITED, _USUAL, _WAITS = 0.5, 0.9, 50  # of the time that pictures usually take: so large a share of so many
+_LOOK_S = 1.5  # until a program that saves pictures without pause is told from a person
+
+
+class CameraFeed:
+    """A camera that is read without pause."""
+
+    def __init__(self, name: str, camera: Camera, arms: ArmMotion) -> None:
+        self._name, self._camera, self._arms = name, camera, arms
+        self._changed = threading.Condition()
+        self._is_stamped = getattr(camera, "is_stamped", False)
+        self._arrivals: deque[tuple[float, bool]] = deque(maxlen=_PICTURES)  # and whether something moved since before
+        self._delays_s: deque[float] = deque(maxlen=_PICTURES)  # arrival less stamp
+        self._waits_s: deque[float] = deque(maxlen=_WAITS)
+        self._changes: deque[float] = deque(maxlen=_CHANGES)  # of brightness from picture to picture
+        self._last_s = -np.inf
+        self._notes: list[str] = []
+        self._newest: tuple[Picture, float] | None = None
+        self._light: bool | None = None  # that the thread shall switch: a driver serves one thread
+        self._latencies: dict[float, Latency] = {}  # by the begin of the motion they were measured on
+        self._reported: Latency | None = None
+        self._began_s, self._is_open = time.monotonic(), True
+        self._go_on()
+
+    @property
+    def is_live(self) -> bool:
+        """Whether pictures come one after another, also where each is saved as a file."""
+        with self._changed:
+            until_s = self._began_s + _LOOK_S - time.monotonic()
+            if not self._camera.is_live and until_s > 0:
+                self._changed.wait_for(lambda: len(self._arrivals) >= _STREAM, until_s)
+            recent = list(self._arrivals)[-_STREAM:]
+        return self._camera.is_live or (len(recent) == _STREAM and time.monotonic() - recent[0][0] < _STREAM_S)
+
+    def picture(self) -> Picture:
+        """Wait for the newest picture that was not given yet, with the earliest time at which it was exposed.
+
+        Raises:
+            DriverError: if the camera gives none any more, or is silent.
+        """
+        self._wait(lambda: self._newest is not None)
+        with self._changed:
+            assert self._newest is not None
+            (picture, seen_s), self._newest = self._newest, None
+            arrivals = np.array(self._arrivals)
+        exposed_s = seen_s - self._latency_s(arrivals)
+        note, self._notes = "; ".join(self._notes), []
+        return replace(picture, exposed_s=exposed_s, note=note)
+
+    def close(self) -> None:
+        """Let go of the camera; a driver that does not come back is left to the end of the process."""
+        self._is_open = False
+        self._thread.join(_CLOSE_S)
+        if not self._thread.is_alive():
+            self._camera.close()
+
+    def _go_on(self) -> None:
+        self._error: Exception | None = None
+        self._thread = threading.Thread(target=self._drain, daemon=True)
+        self._thread.start()
+
+    def _wait(self, done: Callable[[], bool]) -> None:
+        """Wait for the thread; it begins again if it ended while nobody waited."""
+        if not self._thread.is_alive():
+            self._go_on()
+        wait_s = getattr(self._camera, "wait_s", _WAIT_S)
+        with self._changed:
+            if not self._changed.wait_for(lambda: done() or self._error is not None, wait_s):
+                raise DriverError(f"{self._name}: no picture came within {wait_s:g} s; check its cable and program")
+            if not done() and self._error is not None:
+                raise self._error
+
+    def _drain(self) -> None:
+        before: Levels | None = None
+        try:
+            while self._is_open:
+                self._switch()
+                began_s = time.monotonic()
+                picture = self._camera.picture()
+                now_s = time.monotonic()
+                if self._is_outdated(picture, now_s - began_s):
+                    continue
+                every = max(1, picture.grey.shape[1] // _COLUMNS)
+                levels = small(picture.grey[::every, ::every])
+                self._add(picture, before is not None and self._has_moved(before, levels), now_s)
+                before = levels
+        except Exception as error:  # of whatever library: who waits for a picture is told
+            with self._changed:
+                self._error = error
+                self._changed.notify_all()
+
+    def _has_moved(self, before: Levels, after: Levels) -> bool:
+        change = float(np.abs(after - before).mean())
+        if change > 0:  # some cameras give a picture twice
+            self._changes.append(change)
+        # Of a picture that slides as a whole, and far, no block tells by how much.
+        is_unlike = change > _UNLIKE * np.quantile(self._changes or [change], _QUIET)
+        return bool(is_unlike) or shift_between(before, after) > _MOVES_PX
+
+    def _is_outdated(self, picture: Picture, waited_s: float) -> bool:
+        """Whether a picture is older than one that came before, or came at once: then it lay in a buffer."""
+        self._waits_s.append(waited_s)
+        if not self._is_stamped:
+            return waited_s < _WAITED * float(np.quantile(self._waits_s, _USUAL))
+        is_late, self._last_s = picture.stamp_s < self._last_s, max(self._last_s, picture.stamp_s)
+        if is_late:
+            self._notes.append(f"camera {self._name}: {picture.source or 'a picture'} came after a newer one; not used")
+        return is_late
+
+    def _add(self, picture: Picture, moves: bool, now_s: float) -> None:
+        with self._changed:
+            self._delays_s.append(now_s - picture.stamp_s)
+            seen_s = picture.stamp_s + min(self._delays_s) if self._is_stamped else now_s
+            self._arrivals.append((seen_s, moves))
+            self._newest = picture, seen_s
+            self._changed.notify_all()
+
+    def _switch(self) -> None:
+        with self._changed:
+            if self._light is not None and isinstance(self._camera, Switches):
+                self._camera.light(self._light)
+            self._light = None
+            self._changed.notify_all()
+
+    def _latency_s(self, arrivals: Array) -> float:
+        """The largest latency that pictures may have [s]."""
+        if not self.is_live:
+            return 0.0
+        spans = self._arms.spans
+        found = latency_of(np.array(spans), arrivals[arrivals[:, 0] >= spans[0][0]]) if spans else None
+        if found is not None:
+            self._report(found)
+            self._latencies = {**self._latencies, spans[0][0]: found}
+        known_s = max((each.high_s for each in list(self._latencies.values())[-_MOTIONS:]), default=0.0)
+        if found is not None or (self._latencies and not spans):
+            return known_s
+        interval_s = float(np.median(np.diff(arrivals[:, 0]))) if len(arrivals) > 1 else 0.0
+        return max(_UNKNOWN_S, _UNKNOWN_PICTURES * interval_s, known_s)
+
+    def _report(self, found: Latency) -> None:
+        before = self._reported
+        if before is None or found.low_s > before.high_s:
+            self._reported = found
+            then = f", {before} before" if before else ""
+            self._notes.append(f"camera {self._name}: pictures arrive {found} after exposure{then} (measured)")
+
+
+class LightFeed(CameraFeed):
+    """Likewise, of a camera that switches the light it looks at."""
+
+    def light(self, on: bool) -> None:
+        """Switch the light, between two pictures.
+
+        Raises:
+            DriverError: if the camera is silent.
+        """
+        with self._changed:
+            self._light = on
+        self._wait(lambda: self._light is None)
+
+
+def fed(name: str, camera: Camera, arms: ArmMotion) -> Camera:
+    """A camera as a capture takes pictures from it: read without pause, unless it exposes each when asked.
+
+    Args:
+        name: Of the camera.
+        camera: As its driver gives it.
+        arms: When arms move.
+    """
+    if getattr(camera, "is_on_demand", not camera.is_live):
+        return camera
+    return (LightFeed if isinstance(camera, Switches) else CameraFeed)(name, camera, arms)

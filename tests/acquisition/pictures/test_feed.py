@@ -1,0 +1,203 @@
+"""Live cameras read without pause."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import cv2
+import numpy as np
+import pytest
+
+from basecal.acquisition.driver import Camera, Picture, Switches
+from basecal.acquisition.pictures.feed import fed
+from basecal.acquisition.pictures.latency import ArmMotion
+from basecal.acquisition.stillness import Moving, picture_after
+from basecal.errors import DriverError
+
+SIZE = (120, 160)
+GROUND = 40 + cv2.GaussianBlur(np.random.default_rng(0).integers(0, 170, SIZE).astype(np.uint8), (0, 0), 2.0)
+NOISE = np.random.default_rng(1).integers(0, 3, (50, *SIZE)).astype(np.uint8)
+
+
+class Film:
+    """A camera that gives a picture each 10 ms; pictures slide while `slides` says so."""
+
+    is_live = True
+
+    def __init__(self, period_s=0.01, slides=lambda now_s: False):
+        self.period_s, self.slides, self.asked, self.closed, self.columns = period_s, slides, 0, False, 0
+
+    def picture(self):
+        time.sleep(self.period_s)
+        self.asked += 1
+        now_s = time.monotonic()
+        self.columns += 5 * self.slides(now_s)
+        return Picture(now_s, np.roll(GROUND, self.columns, axis=1) + NOISE[self.asked % len(NOISE)])
+
+    def close(self):
+        self.closed = True
+
+
+@pytest.fixture
+def opened():
+    """Feeds of cameras, closed at the end."""
+    feeds = []
+
+    def feed(camera, arms=None):
+        feeds.append(fed("wrist", camera, arms or ArmMotion()))
+        return feeds[-1]
+
+    yield feed
+    for each in feeds:
+        each.close()
+
+
+def test_the_newest_picture_is_given(opened):
+    """After a pause none of those that came meanwhile is given, but one that is no older than some periods."""
+    feed = opened(Film())
+    feed.picture()
+    time.sleep(0.3)
+    began_s = time.monotonic()
+    assert feed.picture().stamp_s > began_s - 0.1
+    assert isinstance(feed, Camera)
+    assert not isinstance(feed, Switches)
+
+
+def test_cameras_that_expose_when_asked_are_left_alone(opened):
+    """One that says so, and one that a person serves, are not read but when a picture is wanted."""
+    asked, served = Film(), Film()
+    asked.is_on_demand, served.is_live = True, False
+    assert opened(asked) is asked
+    assert opened(served) is served
+
+
+def test_a_latency_is_two_seconds_until_it_is_measured(opened):
+    """Before any arm moved, a picture counts as exposed two seconds before it came."""
+    picture = opened(Film()).picture()
+    assert picture.exposed_s == pytest.approx(picture.stamp_s - 2.0, abs=0.1)
+    assert picture.note == ""
+
+
+def test_the_latency_is_that_of_the_arms_motion(opened):
+    """Pictures that slide a fifth of a second after the arms are that old; it is reported once, and kept."""
+    arms, begin_s = ArmMotion(), time.monotonic() + 0.3
+    end_s = begin_s + 0.3
+    feed = opened(Film(slides=lambda now_s: begin_s < now_s - 0.2 < end_s), arms)
+    time.sleep(max(0.0, end_s + 0.3 - time.monotonic()))
+    arms.spans = ((begin_s, end_s),)
+    picture = feed.picture()
+    assert 0.2 <= picture.stamp_s - picture.exposed_s < 0.35
+    assert "wrist: pictures arrive 0.2" in picture.note
+    arms.forget()
+    again = feed.picture()
+    assert again.stamp_s - again.exposed_s < 0.35
+    assert again.note == ""
+
+
+def test_older_pictures_are_not_counted(opened):
+    """The picture after an instant was exposed after it; one that nobody exposes in time is told."""
+    feed, now_s = opened(Film()), time.monotonic()
+    assert picture_after(feed, now_s - 1.8, 5.0).exposed_s > now_s - 1.8
+    with pytest.raises(Moving, match="picture too old"):
+        picture_after(feed, now_s + 1000, 0.1)
+
+
+def test_pictures_that_lay_in_a_buffer_are_passed_over(opened):
+    """What comes at once after others had to be waited for is no new picture."""
+    film = Film(0.02)
+    feed = opened(film)
+    for _ in range(10):
+        feed.picture()
+    film.period_s = 0.0
+    time.sleep(0.05)
+    feed.picture()
+    assert film.asked > 12
+    film.period_s = 0.02
+    began_s = time.monotonic()
+    assert feed.picture().stamp_s > began_s
+
+
+def test_late_pictures_of_stamped_cameras_are_named(opened):
+    """One whose stamp is before that of another is not given; its file is named."""
+
+    class Stamped(Film):
+        is_stamped = True
+
+        def picture(self):
+            came = super().picture()
+            late_s = 5.0 if self.asked == 3 else 0.0
+            return Picture(came.stamp_s - 1000.0 - late_s, came.grey, source=f"{self.asked}.png")
+
+    film = Stamped()
+    feed = opened(film)
+    while film.asked < 5:
+        time.sleep(0.01)
+    picture = feed.picture()
+    assert picture.note == "camera wrist: 3.png came after a newer one; not used"
+    assert picture.exposed_s == pytest.approx(picture.stamp_s + 1000.0 - 2.0, abs=0.1)
+
+
+def test_an_end_is_told_to_whoever_waits(opened):
+    """An error of the driver is raised as it is; one while nobody waited is forgotten, and the driver asked again."""
+
+    class Ends(Film):
+        def picture(self):
+            if self.asked == 2 and not self.closed:
+                raise DriverError("pulled out")
+            return super().picture()
+
+    film = Ends()
+    feed = opened(film)
+    feed.picture()
+    with pytest.raises(DriverError, match="pulled out"):
+        [feed.picture() for _ in range(3)]
+    film.asked = 0
+    assert feed.picture().grey.shape == SIZE
+
+
+def test_a_camera_that_freezes_is_told(opened):
+    """A driver that does not come back is an error in time, and is not closed while it waits."""
+
+    class Frozen(Film):
+        wait_s = 0.1
+
+        def picture(self):
+            thawed.wait()
+            return super().picture()
+
+    thawed, film = threading.Event(), Frozen()
+    feed = opened(film)
+    with pytest.raises(DriverError, match=r"wrist: no picture came within 0\.1 s"):
+        feed.picture()
+    thawed.set()
+    feed.close()
+    assert film.closed
+
+
+def test_the_light_is_switched_between_pictures(opened):
+    """The thread that reads pictures switches it, so that a driver serves one thread; it is done on return."""
+
+    class Lit(Film):
+        def light(self, on):
+            self.lit, self.thread = on, threading.current_thread()
+
+    film = Lit()
+    feed = opened(film)
+    assert isinstance(feed, Switches)
+    feed.light(False)
+    assert film.lit is False
+    assert film.thread is not threading.current_thread()
+
+
+def test_a_program_that_saves_without_pause_is_told_from_a_person(opened):
+    """Of files that come by themselves stillness can be judged; one that a person saves counts from when it was."""
+    often, seldom = Film(0.02), Film(0.0)
+    for film in (often, seldom):
+        film.is_live, film.is_on_demand, film.is_stamped = False, False, True
+    seldom.picture = lambda: time.sleep(0.8) or Film().picture()
+    assert opened(often).is_live
+    by_hand = opened(seldom)
+    picture = by_hand.picture()
+    assert not by_hand.is_live
+    assert picture.exposed_s == pytest.approx(picture.stamp_s, abs=0.1)

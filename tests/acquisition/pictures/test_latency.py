@@ -1,0 +1,69 @@
+"""The lag between the arms' motion and that in the picture."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.acquisition.driver import Reading
+from basecal.acquisition.pictures import latency as module
+from basecal.acquisition.pictures.latency import ArmMotion, latency_of
+from basecal.cell import RobotState
+
+SPANS = np.array([[1.0, 1.6], [2.2, 2.9]])
+
+
+def pictures(lag_s, spans=SPANS, hz=30.0, end_s=8.0):
+    """Arrivals of pictures that show motions so much later, and whether each differs from the one before."""
+    at = np.arange(1.0, end_s, 1 / hz)
+    moves = ((at[:, None] - lag_s >= spans[:, 0]) & (at[:, None] - lag_s <= spans[:, 1])).any(-1)
+    return np.column_stack([at, moves])
+
+
+@pytest.mark.parametrize("lag_s", [0.02, 0.1, 0.35, 1.0, 2.5])
+def test_the_lag_is_between_its_bounds(lag_s):
+    """A constant delay of the pictures is found within a picture or two to either side."""
+    found = latency_of(SPANS, pictures(lag_s))
+    assert found.low_s <= lag_s <= found.high_s
+    assert found.high_s - found.low_s < 4 / 30
+
+
+@pytest.mark.parametrize(("begin_s", "end_s"), [(0.05, 0.0), (0.0, 0.05), (-0.05, 0.2), (0.05, -0.05)])
+def test_what_one_of_both_does_not_show_makes_it_larger(begin_s, end_s):
+    """Slow begins and ends that pictures miss, or swings that joints miss, never make the upper bound too small."""
+    seen = SPANS + np.array([begin_s, end_s])
+    assert latency_of(SPANS, pictures(0.3, seen)).high_s >= 0.3
+
+
+def test_pictures_given_twice_are_one_motion():
+    """A camera that repeats every picture shows a motion in every other one."""
+    shown = pictures(0.3, hz=60.0)
+    shown[::2, 1] = 0
+    assert latency_of(SPANS, shown).high_s == pytest.approx(0.3, abs=0.06)
+
+
+def test_other_motions_are_no_answer():
+    """Somebody who walks by all the time, a picture that shows nothing, and a motion that still goes on tell none."""
+    shown = pictures(0.3)
+    assert latency_of(SPANS, np.column_stack([shown[:, 0], np.ones(len(shown))])) is None
+    assert latency_of(SPANS, np.column_stack([shown[:, 0], shown[:, 0] > 7.0])) is None
+    assert latency_of(SPANS, np.column_stack([shown[:, 0], np.zeros(len(shown))])) is None
+    assert latency_of(SPANS, pictures(0.3, end_s=1.7)) is None
+
+
+def test_arms_that_pause_for_long_move_twice(monkeypatch):
+    """States closer than 2 mrad are rest, a short pause is part of a motion, a long one ends it."""
+    now = [0.0]
+    monkeypatch.setattr(module.time, "monotonic", lambda: now[0])
+    arms, at = ArmMotion(), 0.0
+    for when, step in ((0.0, 0.0), (1.0, 1e-3), (2.0, 0.01), (2.1, 0.01), (2.3, 0.01), (3.0, 0.01)):
+        now[0], at = when, at + step
+        arms.note("eye", Reading(when, RobotState(joints_rad=np.array([0.0, at]))))
+    assert arms.spans == ((2.0, 2.3), (3.0, 3.0))
+    arms.forget()
+    assert arms.spans == ()
+
+
+def test_a_latency_reads_as_a_value_with_its_uncertainty():
+    """It is written with the half of its range."""
+    assert str(module.Latency(0.1, 0.2)) == "0.15 +- 0.05 s"

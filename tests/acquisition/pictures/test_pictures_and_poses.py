@@ -1,0 +1,83 @@
+"""Pictures and poses of samples that are taken of cameras which hold pictures back; more of them in benchmarks."""
+
+from __future__ import annotations
+
+import socketserver
+import threading
+import time
+
+import cv2
+import numpy as np
+import pytest
+from tests.shared.pose_trial import SIGMAS, Source, tried
+
+from basecal.acquisition.driver import Place
+from basecal.acquisition.drivers.opencv import open_camera
+from basecal.acquisition.pictures.feed import fed
+from basecal.acquisition.pictures.latency import ArmMotion
+from basecal.cell import Cell, Robot
+from basecal.errors import DriverError
+from basecal.vision import stream as module
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        Source("opencv", "OTHER", (4,), 4),
+        pytest.param(Source("opencv", "V4L2", (10,), 10), marks=pytest.mark.slow),
+        pytest.param(Source("opencv", held=(6,)), marks=pytest.mark.slow),
+        pytest.param(Source("folder", "slow"), marks=pytest.mark.slow),
+        pytest.param(Source("folder", "shuffled"), marks=pytest.mark.slow),
+    ],
+    ids=lambda source: source.name,
+)
+def test_each_picture_shows_the_pose_beside_it(source):
+    """Two samples are taken, and points in their pictures are where the recorded poses put them."""
+    outcome = tried(source, 2, seed=1)
+    assert outcome["refused"] == []
+    assert outcome["most_px"] < SIGMAS * outcome["sigma_px"]
+
+
+class Freezing(socketserver.BaseRequestHandler):
+    """A stream of MJPEG that stops after twenty pictures, and stays connected."""
+
+    def handle(self):
+        self.request.recv(4096)
+        self.request.sendall(b"HTTP/1.1 200 OK\r\nContent-Type: multipart/x-mixed-replace; boundary=frame\r\n\r\n")
+        for level in range(20):
+            file = cv2.imencode(".jpg", np.full((48, 64), 10 * level, dtype=np.uint8))[1].tobytes()
+            head = f"--frame\r\nContent-Type: image/jpeg\r\nContent-Length: {len(file)}\r\n\r\n"
+            self.request.sendall(head.encode() + file + b"\r\n")
+            time.sleep(0.02)
+        self.server.is_over.wait(20)
+
+
+@pytest.fixture
+def address():
+    """Of a stream that freezes."""
+    with socketserver.ThreadingTCPServer(("127.0.0.1", 0), Freezing) as server:
+        server.daemon_threads, server.is_over = True, threading.Event()
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_address[1]}/stream.mjpg"
+        server.is_over.set()
+        server.shutdown()
+
+
+def test_a_stream_that_freezes_is_told_in_time(address, tmp_path, monkeypatch):
+    """OpenCV is not waited for half a minute: whoever waits for a picture is told after the stated time."""
+    monkeypatch.setattr(module, "_TIMEOUTS", [cv2.CAP_PROP_READ_TIMEOUT_MSEC, 700])
+    feed = fed(
+        "wrist",
+        open_camera(Place("wrist", Cell("eye", {"eye": Robot("eye")}), tmp_path, {"source": address})),
+        ArmMotion(),
+    )
+    began_s = time.monotonic()
+
+    def read_on():
+        while True:
+            feed.picture()
+
+    with pytest.raises(DriverError, match="wrist: the stream has ended, or the camera was pulled out"):
+        read_on()
+    assert time.monotonic() - began_s < 4.0
+    feed.close()
