@@ -46,7 +46,7 @@ def shown(stream: io.StringIO, monkeypatch: pytest.MonkeyPatch, of: Rig, quiet: 
 
 
 def test_where_nobody_watches_a_sample_is_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With what was covered and how well the base is known, after any report; nothing where a program reads."""
+    """With what was covered and how well the base is known, after reports; nothing where a program reads."""
     line = (
         "camera wrist: pictures arrive late\n   1/9 sample 3: taken, 100 % of the picture; base +-1.00 mm 0.057 deg\n"
     )
