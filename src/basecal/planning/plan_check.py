@@ -118,7 +118,7 @@ def _state_refusals(sketch: Sketch, here: RobotState, end: Sample, robot: str, a
     if state.joints_rad is not None and chain is not None:
         over = np.maximum(chain.lower - state.joints_rad, state.joints_rad - chain.upper)
         worst = int(np.argmax(over))
-        if over[worst] > _LIMIT_RAD:
+        if not over[worst] <= _LIMIT_RAD:  # NaN, too
             name, value = chain.joint_names[worst], state.joints_rad[worst]
             bounds = f"{chain.lower[worst]:.4g} to {chain.upper[worst]:.4g} rad"
             what = f"joint {name} of {robot} is {value:.4g} rad, but its limits are {bounds}"
