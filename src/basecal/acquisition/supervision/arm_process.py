@@ -22,6 +22,7 @@ import numpy as np
 
 from basecal.acquisition.driver import ChecksGoals, Freedrives, HasWatchdog, Moves, Place, Reading, Robot
 from basecal.acquisition.driver_modules import driver_module
+from basecal.acquisition.plausible import check_reading
 from basecal.acquisition.states import has_arrived, vector_of
 from basecal.acquisition.supervision.frames import Channel, Frame, Kind
 from basecal.acquisition.supervision.limits import (
@@ -136,6 +137,7 @@ class ArmProcess:
         try:
             while not self._is_over:
                 reading = robot.state()
+                check_reading(self._name, reading)
                 self._read_s = time.monotonic()
                 self._check_lag(reading)
                 self._note(reading)
