@@ -42,6 +42,7 @@ def capture(
     samples: Annotated[int | None, Parameter(validator=validators.Number(gte=1, lte=10_000))] = None,
     go: bool = False,
     freedrive: bool = False,
+    more: bool = False,
     speed_limit_deg_s: Annotated[float, Parameter(validator=validators.Number(gt=0, lte=360))] = 30.0,
     seed: Annotated[int, Parameter(validator=validators.Number(gte=0, lt=2**31))] = 0,
     web: bool = False,
@@ -53,7 +54,8 @@ def capture(
     The drivers of robots and cameras stand in cell.yaml (docs/data_format.md).
     Begin with the target in the picture. Without --go nothing moves: it says
     what it would do. Ctrl-C stops the arms. A capture that was cut off goes on
-    where it was when it is started again.
+    where it was when it is started again. One that is finished records nothing
+    again; --more records other samples beside those that are there.
 
     With --tolerance and --task-point it plans while it captures: after each
     sample anew, from all that was taken, until 95 % of errors at the task are
@@ -89,6 +91,7 @@ def capture(
             the most that are taken, 60 where it is left out.
         go: Move the arms.
         freedrive: Take samples where a person leads the arms to.
+        more: Record other samples after a plan that is finished.
         speed_limit_deg_s: The fastest that any joint may turn.
         seed: Another number makes another plan.
         web: Show the capture as a page as well, on this machine alone; the extra web.
@@ -102,9 +105,11 @@ def capture(
     task = task_of(task_point, task_box, tolerance, may_be_open=pattern == _SHIFTS)
     _refuse_unused(pattern, plan, task, go=go, freedrive=freedrive, web=web, port=port)
     sketch, count = sketch_of(read_cell(cell)), samples or _SAMPLES
+    is_replanned = task is not None and pattern != _SHIFTS
+    if not (freedrive or is_replanned):
+        seed += _finished(cell, sketch, count, more)
     with ExitStack() as shown, open_rig(sketch.cell, cell) as rig:  # an error stops the arms before all else
         wanted: Sequence[Sample] = ()
-        is_replanned = task is not None and pattern != _SHIFTS
         replanned = Replanned(rig, sketch, cell, task, plan, samples, seed) if task and is_replanned else None
         shifts = ShiftsForTask(task, samples) if task and not is_replanned else None
         if not freedrive:
@@ -130,6 +135,23 @@ def _refuse_unused(
         raise UsageError("--freedrive moves no arm: leave --go out")
     if port and not web:
         raise UsageError("--port says where the page of --web is served: give --web, or leave it out")
+
+
+def _finished(folder: Path, sketch: Sketch, count: int, more: bool) -> int:
+    """How many samples a finished capture has recorded; 0 if there is none. Other places need another seed.
+
+    Raises:
+        UsageError: if the plan is finished, and nobody asks for more samples.
+    """
+    from basecal.acquisition.capture import finished
+
+    recorded = finished(folder, sketch.cell)
+    if recorded is None:
+        return 0
+    if not more:
+        samples = f"{recorded} sample{' is' if recorded == 1 else 's are'} recorded"
+        raise UsageError(f"The plan is finished: {samples}. Add --more to record {count} more")
+    return recorded
 
 
 def captured_steps(folder: Path, pattern: str, samples: int, speed_deg_s: float) -> Iterator[Step]:
