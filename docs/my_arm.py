@@ -33,9 +33,8 @@ class MyArm(ReconnectingRobot):
     def move(self, to: RobotState, speed_rad_s: float) -> None:  # begins, and comes back at once
         self.ask("move", degrees=np.degrees(to.joints_rad).tolist(), speed=np.degrees(speed_rad_s))
 
-    def stop(self) -> None:  # from another thread: `ask` shares nothing between threads
+    def stop(self) -> None:  # called by another thread
         self.ask("stop")
-
 
 def open_robot(place: Place) -> MyArm:
     return MyArm(place.name, place.options["address"])

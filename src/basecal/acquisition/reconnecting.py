@@ -9,7 +9,7 @@ from contextlib import suppress
 import numpy as np
 
 from basecal.acquisition.driver import Reading
-from basecal.acquisition.freshness import STALE_S, Waits, next_of, Stale
+from basecal.acquisition.freshness import STALE_S, Stale, Waits, next_of
 from basecal.acquisition.plausible import check_reading
 from basecal.acquisition.states import vector_of
 from basecal.errors import BasecalError, DriverError
@@ -45,8 +45,8 @@ class ReconnectingRobot(ABC):
             rate_hz: How often `read` is called at most.
         """
         self.name, self._reconnect_s, self._period_s = name, reconnect_s, 1 / rate_hz
-        self._waits, self._last, self._next_s, self._old = Waits(name), None, 0.0, 0
-        self._last: Reading | None
+        self._waits, self._next_s, self._old = Waits(name), 0.0, 0
+        self._last: Reading | None = None
         self.is_connected = False
         try:
             self._connect()
@@ -63,7 +63,7 @@ class ReconnectingRobot(ABC):
 
     def disconnect(self) -> None:
         """Give the connection up, whatever has become of it."""
-        return None
+        return
 
     def state(self) -> Reading:
         """Its next state, newer than the last one.
@@ -77,8 +77,7 @@ class ReconnectingRobot(ABC):
         self._old = 0
         while True:
             try:
-                if not self.is_connected:
-                    self._connect()
+                self._connect_again()
                 reading = next_of(self._newer)
                 break
             except Exception as error:
@@ -89,13 +88,22 @@ class ReconnectingRobot(ABC):
 
     def close(self) -> None:
         """Give the connection up."""
-        self.is_connected = False
-        with suppress(Exception):  # it is given up, whatever it answers
-            self.disconnect()
+        if self.is_connected:
+            self.is_connected = False
+            with suppress(Exception):  # it is given up, whatever it answers
+                self.disconnect()
 
     def _connect(self) -> None:
         self.connect()
         self.is_connected = True
+
+    def _connect_again(self) -> None:
+        """Connect if there is no connection; what refuses may be on its way up."""
+        try:
+            if not self.is_connected:
+                self._connect()
+        except DriverError as error:
+            raise LostLink(str(error)) from error
 
     def _newer(self) -> Reading | None:
         time.sleep(max(0.0, self._next_s - time.monotonic()))
