@@ -7,7 +7,7 @@ import urllib.request
 import numpy as np
 
 from basecal.acquisition.driver import Place, Reading
-from basecal.acquisition.reconnecting import ReconnectingRobot
+from basecal.acquisition.links.reconnecting import ReconnectingRobot
 from basecal.cell import RobotState
 
 STOP_GUARANTEE = "none"  # this controller finishes its move when this computer is silent

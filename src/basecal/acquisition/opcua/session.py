@@ -13,8 +13,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from basecal.acquisition.opcua.options import OpcuaOptions
-from basecal.acquisition.reach import reached
-from basecal.acquisition.reconnecting import LostLink
+from basecal.acquisition.links.reach import reached
+from basecal.acquisition.links.reconnecting import LostLink
 from basecal.errors import DriverError, MissingExtra
 from basecal.geometry import Array
 

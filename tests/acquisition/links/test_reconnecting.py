@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from basecal.acquisition.driver import Reading, Robot
-from basecal.acquisition.reconnecting import LostLink, ReconnectingRobot
+from basecal.acquisition.links.reconnecting import LostLink, ReconnectingRobot
 from basecal.cell import RobotState
 from basecal.errors import DriverError
 
