@@ -16,8 +16,8 @@ def joints(*values):
     return Reading(1.0, RobotState(joints_rad=np.array(values, dtype=float)))
 
 
-def pose(x_m, rotation=np.eye(3)):
-    return Reading(1.0, RobotState(SE3(rotation, np.array([x_m, 0.0, 0.0]))))
+def pose(x_m, scale=1.0):
+    return Reading(1.0, RobotState(SE3(scale * np.eye(3), np.array([x_m, 0.0, 0.0]))))
 
 
 @pytest.mark.parametrize("reading", [joints(0.1, -999.0), pose(999.0), Reading(-5.0, joints(0.0).state)])
@@ -36,7 +36,7 @@ def test_a_possible_reading_is_accepted(reading):
         (joints(0.0, -1001.0), r"joint 2 is at -1e\+03 rad"),
         (pose(1001.0), r"the flange is 1e\+03 m from its base"),
         (pose(np.nan), "a number is not finite"),
-        (pose(0.0, 2 * np.eye(3)), "its rotation is none"),
+        (pose(0.0, 2.0), "its rotation is none"),
         (Reading(np.nan, joints(0.0).state), "its stamp is nan"),
         (Reading(0.0, RobotState()), "expected joints or a pose"),
     ],

@@ -72,8 +72,12 @@ def build_app(words: Sequence[str] = ()) -> App:
     kinds = {kind: f"import_{kind.replace('-', '_')}" for kind in IMPORTS}
     _add(imports, kinds, first == "import" and second not in kinds)
     app.command(imports)
-    drivers = App(name="driver", help="Measure what drivers of robots and cameras promise.", help_format="plaintext",
-                  sort_key=len(_VERBS))
+    drivers = App(
+        name="driver",
+        help="Measure what drivers of robots and cameras promise.",
+        help_format="plaintext",
+        sort_key=len(_VERBS),
+    )
     _add(drivers, {"check": "driver_check"}, first == "driver" and second != "check")
     app.command(drivers)
     studies = App(name="study", help_format="plaintext", sort_key=len(_VERBS) + 1)

@@ -105,15 +105,13 @@ def capture(
     task = task_of(task_point, task_box, tolerance, may_be_open=pattern == _SHIFTS)
     _refuse_unused(pattern, plan, task, go=go, freedrive=freedrive, web=web, port=port)
     sketch, count = sketch_of(read_cell(cell)), samples or _SAMPLES
-    is_replanned = task is not None and pattern != _SHIFTS
-    if not (freedrive or is_replanned):
-        seed += _finished(cell, sketch, count, more)
     with ExitStack() as shown, open_rig(sketch.cell, cell) as rig:  # an error stops the arms before all else
         wanted: Sequence[Sample] = ()
+        is_replanned = task is not None and pattern != _SHIFTS
         replanned = Replanned(rig, sketch, cell, task, plan, samples, seed) if task and is_replanned else None
         shifts = ShiftsForTask(task, samples) if task and not is_replanned else None
         if not freedrive:
-            wanted, is_new = _plan(rig, sketch, cell, str(plan or pattern), count, seed, replanned, shifts)
+            wanted, is_new = _plan(rig, sketch, cell, str(plan or pattern), count, seed, replanned, shifts, more)
             _say_plan(rig, sketch, wanted, is_new, speed_limit_deg_s, go, replanned, quiet=json)
             if not go:
                 return _only_planned(cell, wanted, json)
@@ -202,6 +200,7 @@ def _plan(
     seed: int,
     replanned: Replanned | None = None,
     shifts: ShiftsForTask | None = None,
+    more: bool = True,
 ) -> tuple[Sequence[Sample], bool]:
     """What is still to be taken of a plan that was cut off, or a new plan, and whether it is new."""
     from basecal.acquisition.capture import unfinished
@@ -215,6 +214,7 @@ def _plan(
     left = unfinished(folder, sketch.cell)
     if left:
         return left, False
+    seed += _finished(folder, sketch, samples, more)
     if pattern not in PATTERNS:
         if not Path(pattern).is_file():
             names = ", ".join(PATTERNS)

@@ -119,7 +119,9 @@ def _measured(place: Place, go: bool, cut: bool, quiet: bool) -> list[Promise]:
     opened = module.open_robot(place) if is_robot else module.open_camera(place)
     found = []
     try:
-        measured = robot_promises(place.name, opened, stop_guarantee(module), go) if is_robot else camera_promises(opened)
+        measured = (
+            robot_promises(place.name, opened, stop_guarantee(module), go) if is_robot else camera_promises(opened)
+        )
         for each in measured:
             found.append(_told(each, quiet))
         if cut and is_robot:

@@ -44,7 +44,9 @@ def test_states_are_newer_each_time():
     assert arm.connections == 1
 
 
-@pytest.mark.parametrize("error", [LostLink("gone"), ConnectionResetError("gone"), RuntimeError("of a library"), EOFError()])
+@pytest.mark.parametrize(
+    "error", [LostLink("gone"), ConnectionResetError("gone"), RuntimeError("of a library"), EOFError()]
+)
 def test_a_lost_connection_is_made_again(error):
     """Whatever a library raises, states go on over another connection, though that is refused at first."""
     arm = Arm([1.0, error, 2.0], reconnect_s=5.0, refusals=[ConnectionRefusedError(), DriverError("it starts")])

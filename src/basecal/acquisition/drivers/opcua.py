@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from basecal.acquisition.driver import Place, Reading, checked_options
+from basecal.acquisition.links.reconnecting import ReconnectingRobot
 from basecal.acquisition.opcua.nodes import axes_of_devices, named_nodes, radians_of
 from basecal.acquisition.opcua.options import OpcuaOptions
 from basecal.acquisition.opcua.session import Session
-from basecal.acquisition.links.reconnecting import ReconnectingRobot
 from basecal.cell import RobotState
 from basecal.errors import DatasetError, DriverError
 from basecal.exchange.controllers.convention import convention

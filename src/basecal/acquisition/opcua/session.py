@@ -12,9 +12,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from basecal.acquisition.opcua.options import OpcuaOptions
 from basecal.acquisition.links.reach import reached
 from basecal.acquisition.links.reconnecting import LostLink
+from basecal.acquisition.opcua.options import OpcuaOptions
 from basecal.errors import DriverError, MissingExtra
 from basecal.geometry import Array
 

@@ -139,8 +139,8 @@ class Listener:
     """What comes on a topic: whole messages, the newest last."""
 
     def __init__(self, domain: int, offer: Offer, depth: int) -> None:
-        from cyclonedds.core import InstanceState, ReadCondition, SampleState, ViewState, WaitSet
         from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsParticipant
+        from cyclonedds.core import InstanceState, ReadCondition, SampleState, ViewState, WaitSet
         from cyclonedds.sub import DataReader
 
         self._participants = BuiltinDataReader(participant(domain), BuiltinTopicDcpsParticipant)
@@ -185,7 +185,9 @@ def _process_of(participants: Any, endpoint: Any) -> str:
         if each.key == endpoint.participant_key:
             said = {policy.key: policy.value for policy in each.qos if hasattr(policy, "key")}
             if "__Pid" in said:
-                return f"{said.get('__ProcessName', 'process')} {said['__Pid']} on {said.get('__Hostname', 'a computer')}"
+                return (
+                    f"{said.get('__ProcessName', 'process')} {said['__Pid']} on {said.get('__Hostname', 'a computer')}"
+                )
     return f"GUID {endpoint.key}"
 
 
