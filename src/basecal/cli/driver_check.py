@@ -71,7 +71,8 @@ def _place_in_cell(folder: Path, name: str) -> Place:
     from basecal.cell.files import read_cell
 
     cell = read_cell(folder)
-    things = {each: thing.driver for each, thing in (*cell.robots.items(), *cell.cameras.items()) if thing.driver}
+    things = {each: robot.driver for each, robot in cell.robots.items() if robot.driver}
+    things |= {each: camera.driver for each, camera in cell.cameras.items() if camera.driver}
     if name not in things:
         known = ", ".join(things) or "none"
         raise UsageError(f"no robot or camera {name!r} with a driver{nearest(name, things)}; there are: {known}")

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -22,6 +23,8 @@ _AT_REST_RAD = 2e-4  # by which an arm at rest moves in 0.1 s: 0.1 deg/s
 _REST_S = 0.1
 _STARTS_S = 3.0
 _STOPS_S = 5.0
+
+Given = TypeVar("Given")
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,8 +98,9 @@ def images_for(camera: Camera, duration_s: float) -> Arrivals:
     return Arrivals(at_s, np.array([picture.stamp_s for picture in pictures]))
 
 
-def _arrivals(read: Callable[[], object], duration_s: float) -> tuple[Array, list]:
-    given, at_s = [], []
+def _arrivals(read: Callable[[], Given], duration_s: float) -> tuple[Array, list[Given]]:
+    given: list[Given] = []
+    at_s: list[float] = []
     until_s = time.monotonic() + duration_s
     while not at_s or at_s[-1] < until_s:
         given.append(read())
