@@ -38,15 +38,20 @@ def test_nothing_moves_without_go(tmp_path: Path, capsys: pytest.CaptureFixture[
 
 
 def test_a_program_reads_what_was_captured(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """With --json one object says which samples there are, and what is known; a second run adds one more."""
+    """With --json one object says which samples there are; a finished plan is refused, --more records other samples."""
+    words = ["capture", str(tmp_path), "--go", "--json", "--speed-limit-deg-s", "120"]
     with running(tmp_path):
-        for first, count in ((0, 2), (2, 1)):
-            words = ["capture", str(tmp_path), "--samples", str(count), "--go", "--json", "--speed-limit-deg-s", "120"]
-            assert main([*words, "--seed", str(first)]) == 0
+        for more in ([], ["--more"]):
+            first, count = (2, 1) if more else (0, 2)
+            assert main([*words, "--samples", str(count), *more]) == 0
             answer = json.loads(capsys.readouterr().out)
             assert answer["captured"] == list(range(first, first + count))
             assert (answer["given_up"], answer["planned"]) == ([], count)
             assert 0 < answer["covered"] <= 1
+            assert main([*words, "--samples", "4"]) == 2
+            said = f"The plan is finished: {first + count} samples are recorded. Add --more to record 4 more"
+            assert said in capsys.readouterr().err
+    assert len((tmp_path / "recording" / "samples.jsonl").read_text().splitlines()) == 3
 
 
 @pytest.fixture(scope="module")

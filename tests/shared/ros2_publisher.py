@@ -28,9 +28,9 @@ def header(stamp_ns, frame_id=""):
 
 
 def positions(stamp_ns):
-    """Joints that say their own stamp: seconds by thousands and the rest, then nanoseconds."""
+    """Joints within 1000 rad that say their own stamp: units of 1e8, 1e5, 100 and 0.01 seconds."""
     sec, nanosec = divmod(stamp_ns, 10**9)
-    return np.array([sec // 1000, sec % 1000, nanosec, 0.0, 0.5, 1.0])
+    return np.array([sec // 10**8, sec // 10**5 % 1000, sec % 10**5 / 100, nanosec * 1e-7, 0.5, 1.0])
 
 
 def joint_state(stamp_ns, names=JOINTS):

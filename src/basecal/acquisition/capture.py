@@ -65,6 +65,13 @@ def unfinished(folder: Path, cell: Cell) -> tuple[Sample, ...]:
     return tuple(sample for sample in read_plan(folder / PLAN, folder, cell) if sample.sample not in done)
 
 
+def finished(folder: Path, cell: Cell) -> int | None:
+    """Number of samples recorded, if there is a plan of which none is left to be taken; else None."""
+    if not (folder / PLAN).exists() or unfinished(folder, cell):
+        return None
+    return len(_taken(folder, cell))
+
+
 def store_plan(folder: Path, cell: Cell, samples: Sequence[Sample]) -> tuple[Sample, ...]:
     """Samples as they are to be taken, numbered beyond what the recording has, stored in the cell's folder."""
     numbers = [sample.sample for sample in _taken(folder, cell)]

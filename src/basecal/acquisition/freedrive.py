@@ -8,6 +8,7 @@ from contextlib import ExitStack
 import numpy as np
 
 from basecal.acquisition.driver import Freedrives, Moves, Robot
+from basecal.acquisition.freshness import Patience
 from basecal.acquisition.rig import Rig
 from basecal.acquisition.states import vector_of
 from basecal.acquisition.stillness import wait_until_led
@@ -73,17 +74,18 @@ class Led:
             return self._is_due(live)
 
     def _is_due(self, live: Mapping[str, Robot]) -> bool:
-        at, since_s = None, 0.0
+        at, held = None, Patience(_HOLD_S)
         while True:
             readings = [robot.state() for robot in live.values()]
             for name, reading in zip(live, readings, strict=True):
                 self._rig.arms.note(name, reading)
             now = np.concatenate([vector_of(reading.state) for reading in readings])
             if at is None or np.abs(now - at).max() > _REST:
-                at, since_s = now, readings[0].stamp_s
+                at, held = now, Patience(_HOLD_S)
+            is_held = held.is_over(readings[0].stamp_s)
             key = self._key()
             is_new = self._last is None or bool(np.abs(now - self._last).max() > _AWAY)
-            if key == TAKE or (is_new and readings[0].stamp_s - since_s > _HOLD_S):
+            if key == TAKE or (is_new and is_held):
                 self._last = now
                 return True
             if key == END:

@@ -16,7 +16,8 @@ STALE_S = 1.0
 """Without a new state for so long, the connection is made anew."""
 
 _POLL_S = 5e-4  # between looks at what a client's own thread receives: a quarter of the shortest period, 2 ms
-_STATES = 12  # over which the rate is measured
+_SUSTAINED_S = 5.0  # of waiting, over which the rate is measured
+_STATES = round(_SUSTAINED_S * LEAST_HZ)
 
 Given = TypeVar("Given")
 
@@ -40,11 +41,14 @@ def next_of(newer: Callable[[], Given | None], wait_s: float = STALE_S) -> Given
 
 
 class Waits:
-    """How long states are waited for; whoever asks seldom waits less, and is never told that they are too few."""
+    """How long states are waited for: one outage is forgiven, a rate that stays too low is not.
+
+    Whoever asks seldom waits less, and is never told that states are too few.
+    """
 
     def __init__(self, name: str) -> None:
         self._name = name
-        self._waits_s: deque[float] = deque(maxlen=_STATES)
+        self._waits_s: deque[float] = deque(maxlen=_STATES + 1)
 
     def forget(self) -> None:
         """Begin again, after a connection that was lost."""
@@ -54,12 +58,36 @@ class Waits:
         """Count a state.
 
         Raises:
-            DriverError: if the last twelve came less often than ten times a second.
+            DriverError: if states came less often than ten times a second for five seconds, not counting one outage.
         """
         self._waits_s.append(wait_s)
-        total_s = sum(self._waits_s)
-        if len(self._waits_s) == _STATES and total_s > _STATES / LEAST_HZ:
+        waited_s = sum(self._waits_s) - max(self._waits_s)
+        if waited_s > _SUSTAINED_S:
+            rate_hz = (len(self._waits_s) - 1) / waited_s
             raise DriverError(
-                f"{self._name}: only {_STATES / total_s:.2g} states in a second, at least {LEAST_HZ:g} are needed: "
-                f"raise the rate at which they are sent, or look for what slows the network"
+                f"{self._name}: only {rate_hz:.2g} states in a second came for {waited_s:.1f} s, at least {LEAST_HZ:g} "
+                f"are needed. Raise the rate at which they are sent, or look for what slows the network"
             )
+
+
+class Patience:
+    """Time that has passed by the stamps of states, or by this machine's clock while the stamps stand still."""
+
+    def __init__(self, patience_s: float) -> None:
+        self._patience_s, self._passed_s, self._standing_s = patience_s, 0.0, 0.0
+        self._stamp_s, self._at_s = float("nan"), 0.0
+
+    def is_over(self, stamp_s: float) -> bool:
+        """Count a state, and give whether more than the patience has passed since the first one."""
+        before_s, before_at_s = self._stamp_s, self._at_s
+        self._stamp_s, self._at_s = stamp_s, time.monotonic()
+        if stamp_s > before_s:
+            self._passed_s += stamp_s - before_s
+        elif stamp_s <= before_s:
+            self._standing_s += self._at_s - before_at_s
+        return self._passed_s + self._standing_s > self._patience_s
+
+    @property
+    def cause(self) -> str:
+        """Words about a clock that stood still most of the time; empty if it went on."""
+        return " (the stamps of its states stand still)" if self._standing_s > self._passed_s else ""

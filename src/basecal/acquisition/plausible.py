@@ -1,4 +1,4 @@
-"""Whether a state that a driver gives can be that of a robot at all."""
+"""Whether a reading can be that of a robot, the same for every driver."""
 
 from __future__ import annotations
 
@@ -8,17 +8,38 @@ from basecal.acquisition.driver import Reading
 from basecal.acquisition.states import vector_of
 from basecal.errors import DriverError
 
-_MOST_RAD_M = 1e3  # of a joint, of a position's coordinate: a thousand turns, a kilometre
+_MOST_RAD = 1e3  # of a joint: 159 turns, more than any counter of turns
+_MOST_M = 1e3  # of a flange from its base
+_ROTATION = 1e-3  # by which a rotation matrix may miss orthonormality: printed numbers are rounded
 
 
 def check_reading(name: str, reading: Reading) -> None:
-    """Refuse a state whose stamp, joints or pose is not finite, or beyond any robot.
+    """Refuse a reading that no robot can give.
 
     Raises:
-        DriverError: if it is.
+        DriverError: if a number is not finite, a joint is beyond 1000 rad, or a flange is beyond 1 km.
     """
-    values = np.append(vector_of(reading.state), reading.stamp_s)
-    if not np.isfinite(values).all():
-        raise DriverError(f"{name}: its controller sent a state that is not finite")
-    if np.abs(values[:-1]).max() > _MOST_RAD_M:
-        raise DriverError(f"{name}: its controller sent a state beyond any robot: {np.abs(values[:-1]).max():.3g}")
+    if problem := _problem(reading):
+        raise DriverError(
+            f"{name}: implausible state: {problem}. The controller or its driver sends wrong numbers. "
+            f"Check the driver's units and what the controller shows"
+        )
+
+
+def _problem(reading: Reading) -> str:
+    if (reading.state.joints_rad is None) == (reading.state.base_from_flange is None):
+        return "expected joints or a pose of the flange, one of them"
+    values = vector_of(reading.state)
+    if not np.isfinite(reading.stamp_s):
+        return f"its stamp is {reading.stamp_s}"
+    if not values.size:
+        return "it has no joints"
+    if not np.all(np.isfinite(values)):
+        return f"a number is not finite: {values}"
+    if reading.state.joints_rad is not None:
+        worst = int(np.argmax(np.abs(values)))
+        return f"joint {worst + 1} is at {values[worst]:.3g} rad" if abs(values[worst]) > _MOST_RAD else ""
+    if (distance_m := float(np.abs(values[:3]).max())) > _MOST_M:
+        return f"the flange is {distance_m:.3g} m from its base"
+    rotation = values[3:].reshape(3, 3)
+    return "" if np.abs(rotation @ rotation.T - np.eye(3)).max() < _ROTATION else "its rotation is none"

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from basecal.acquisition.driver import Camera, Picture, Reading, Robot
+from basecal.acquisition.freshness import Patience
+from basecal.acquisition.plausible import check_reading
 from basecal.acquisition.states import has_arrived, vector_of
 from basecal.cell import RobotState
 from basecal.cell.target import Target
@@ -52,27 +54,31 @@ def wait_for_arms(
     Args:
         robots: By name; of one whose states do not come by themselves the next one is taken as it is.
         goals: Where they were sent, by name; of one that is not there, anywhere will do.
-        patience_s: How long, by the states' own stamps.
+        patience_s: How long, by the states' own stamps; by this machine's clock while these stand still.
         note: Takes account of each state.
 
     Raises:
         Moving: if one is still moving then.
     """
     latest: dict[str, deque[Reading]] = {name: deque(maxlen=_WINDOW) for name in robots}
-    began: float | None = None
+    waited = Patience(patience_s)
     while True:
         for name, robot in robots.items():
             if robot.is_live or not latest[name]:
-                latest[name].append(robot.state())
+                latest[name].append(_checked_state(name, robot))
                 note(name, latest[name][-1])
         live = [name for name, robot in robots.items() if robot.is_live]
         moving = [name for name in live if not _is_still(latest[name], goals.get(name))]
         if not moving:
             return {name: _mean(readings) for name, readings in latest.items()}
-        now = latest[live[0]][-1].stamp_s
-        began = now if began is None else began
-        if now - began > patience_s:
-            raise Moving(f"arm still moving: {', '.join(moving)}")
+        if waited.is_over(latest[live[0]][-1].stamp_s):
+            raise Moving(f"arm still moving: {', '.join(moving)}{waited.cause}")
+
+
+def _checked_state(name: str, robot: Robot) -> Reading:
+    reading = robot.state()
+    check_reading(name, reading)
+    return reading
 
 
 def wait_until_led(
@@ -86,22 +92,20 @@ def wait_until_led(
     Args:
         robots: Those that are led, by name.
         before: Where they were; of one that is not there, every place is another.
-        patience_s: How long, by the states' own stamps.
+        patience_s: How long, by the states' own stamps; by this machine's clock while these stand still.
         note: Takes account of each state.
 
     Raises:
         Moving: if one is still moving then, or has not been moved.
     """
-    began: float | None = None
+    waited = Patience(patience_s)
     while True:
         here = wait_for_arms(robots, {}, patience_s, note)
         known = [name for name in robots if name in before]
         moved_by = [np.abs(vector_of(here[name].state) - vector_of(before[name])).max() for name in known]
         if all(distance > _ELSEWHERE_RAD_M for distance in moved_by):
             return
-        now = next(iter(here.values())).stamp_s
-        began = now if began is None else began
-        if now - began > patience_s:
+        if waited.is_over(next(iter(here.values())).stamp_s):
             raise Moving(f"arm not led to another place: {', '.join(robots)}")
 
 

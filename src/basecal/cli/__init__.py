@@ -67,11 +67,19 @@ def build_app(words: Sequence[str] = ()) -> App:
         suppress_keyboard_interrupt=False,
     )
     first, second = (*words[:2], "", "")[:2]
-    _add(app, {verb: verb for verb in _VERBS}, first not in {*_VERBS, "import", "study"})
+    _add(app, {verb: verb for verb in _VERBS}, first not in {*_VERBS, "import", "driver", "study"})
     imports = App(name="import", help=_IMPORT_HELP, help_format="plaintext", sort_key=len(_VERBS))
     kinds = {kind: f"import_{kind.replace('-', '_')}" for kind in IMPORTS}
     _add(imports, kinds, first == "import" and second not in kinds)
     app.command(imports)
+    drivers = App(
+        name="driver",
+        help="Measure what drivers of robots and cameras promise.",
+        help_format="plaintext",
+        sort_key=len(_VERBS),
+    )
+    _add(drivers, {"check": "driver_check"}, first == "driver" and second != "check")
+    app.command(drivers)
     studies = App(name="study", help_format="plaintext", sort_key=len(_VERBS) + 1)
     studies.default(study)
     _add(studies, {verb: f"study_{verb}" for verb in _STUDIES}, first == "study" and second not in _STUDIES)

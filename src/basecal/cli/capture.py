@@ -45,6 +45,7 @@ def capture(
     go: bool = False,
     freedrive: bool = False,
     dry_run: bool = False,
+    more: bool = False,
     accept_no_watchdog: bool = False,
     speed_limit_deg_s: Annotated[float, Parameter(validator=validators.Number(gt=0, lte=180))] = 30.0,
     tool_speed_limit: Annotated[float, Parameter(validator=validators.Number(gt=0, lte=2000))] = 250.0,
@@ -58,7 +59,8 @@ def capture(
     The drivers of robots and cameras stand in cell.yaml (docs/data_format.md).
     Begin with the target in the picture. Without --go nothing moves: it says
     what it would do. Ctrl-C stops the arms. A capture that was cut off goes on
-    where it was when it is started again.
+    where it was when it is started again. One that is finished records nothing
+    again; --more records other samples beside those that are there.
 
     With --tolerance and --task-point it plans while it captures: after each
     sample anew, from all that was taken, until 95 % of errors at the task are
@@ -95,6 +97,7 @@ def capture(
         go: Move the arms.
         freedrive: Take samples where a person leads the arms to.
         dry_run: Check the whole plan as --go does, ask the controllers, and print each way; nothing moves.
+        more: Record other samples after a plan that is finished.
         accept_no_watchdog: Move also arms that finish their move if this program or the network fails.
         speed_limit_deg_s: The fastest that any joint may turn.
         tool_speed_limit: The fastest that any point of an arm, or of what it carries, may move, in mm/s.
@@ -114,11 +117,10 @@ def capture(
     limits = SpeedLimits(radians(speed_limit_deg_s), 1e-3 * tool_speed_limit)
     with ExitStack() as shown, open_rig(sketch.cell, cell) as rig:  # an error stops the arms before all else
         wanted: Sequence[Sample] = ()
-        is_replanned = task is not None and pattern != _SHIFTS
-        replanned = Replanned(rig, sketch, cell, task, plan, samples, seed) if task and is_replanned else None
-        shifts = ShiftsForTask(task, samples) if task and not is_replanned else None
+        replanned = Replanned(rig, sketch, cell, task, plan, samples, seed) if task and pattern != _SHIFTS else None
+        shifts = ShiftsForTask(task, samples) if task and pattern == _SHIFTS else None
         if not freedrive:
-            wanted, is_new = capture_plan(rig, sketch, cell, str(plan or pattern), count, seed, replanned, shifts)
+            wanted, is_new = capture_plan(rig, sketch, cell, str(plan or pattern), count, seed, replanned, shifts, more)
             _check(rig, sketch, wanted, is_new, limits, replanned, go=go, dry_run=dry_run, quiet=json)
             if not go:
                 return _only_planned(cell, wanted, json)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from basecal.cli.terminal import say
-from basecal.errors import InputError
+from basecal.errors import InputError, UsageError
 from basecal.registry import PATTERNS
 
 if TYPE_CHECKING:
@@ -32,6 +32,7 @@ def capture_plan(
     seed: int,
     replanned: Replanned | None = None,
     shifts: ShiftsForTask | None = None,
+    more: bool = True,
 ) -> tuple[Sequence[Sample], bool]:
     """What is still to be taken of a plan that was cut off, or a new plan, and whether it is new."""
     from basecal.acquisition.capture import unfinished
@@ -45,6 +46,7 @@ def capture_plan(
     left = unfinished(folder, sketch.cell)
     if left:
         return left, False
+    seed += _finished(folder, sketch, samples, more)
     if pattern not in PATTERNS:
         if not Path(pattern).is_file():
             names = ", ".join(PATTERNS)
@@ -57,6 +59,23 @@ def capture_plan(
     if shifts is not None:
         return shifts.planned(sketch.cell, folder, home, samples, seed), True
     return named(pattern)(sketch, home, feasible_in(sketch), samples, seed), True
+
+
+def _finished(folder: Path, sketch: Sketch, count: int, more: bool) -> int:
+    """How many samples a finished capture has recorded; 0 if there is none. Other places need another seed.
+
+    Raises:
+        UsageError: if the plan is finished, and nobody asks for more samples.
+    """
+    from basecal.acquisition.capture import finished
+
+    recorded = finished(folder, sketch.cell)
+    if recorded is None:
+        return 0
+    if not more:
+        samples = f"{recorded} sample{' is' if recorded == 1 else 's are'} recorded"
+        raise UsageError(f"The plan is finished: {samples}. Add --more to record {count} more")
+    return recorded
 
 
 def checked_plan(

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import signal
+import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +15,9 @@ from basecal.acquisition.drivers.opcua import open_robot
 from basecal.cell import Cell, Robot
 from basecal.errors import DatasetError, DriverError
 from basecal.exchange.controllers.convention import convention
+from shared import opcua_place
 from shared.needed import needed
+from shared.network import network
 
 needed("asyncua", "opcua")
 DEGREES = np.array([10.0, -90.0, 90.0, 0.0, 30.0, 5.0])
@@ -60,12 +65,12 @@ def test_numbers_that_are_not_those_of_the_robot(opcua_robot):
 
 
 def test_stamps_that_do_not_go_with_their_values(opcua_robot):
-    """Values that change under a stamp that stands still would be paired wrongly with pictures: it is told."""
+    """Values that change under a stamp that stands still would be paired wrongly with images: they are refused."""
     opcua_robot.tell("turn_unstamped", 0)
     robot = open_robot(opcua_robot.place())
     robot.state()
     opcua_robot.tell("turn_unstamped", 1)
-    with pytest.raises(DriverError, match="eye: stale stamps: values changed"):
+    with pytest.raises(DriverError, match=r"eye: stale stamps: \d+ states came, none with a stamp newer"):
         robot.state()
     robot.close()
 
@@ -74,3 +79,42 @@ def test_joints_need_a_urdf(tmp_path):
     """Of a robot without one only a pose can be read."""
     with pytest.raises(DatasetError, match=r"robots\.arm\.driver: joints need urdf"):
         open_robot(Place("arm", Cell("arm", {"arm": Robot("arm")}), tmp_path, {"url": "opc.tcp://10.0.0.2"}))
+
+
+def test_a_session_that_is_lost_is_begun_again(opcua_robot):
+    """Cut, it is begun anew and states go on; if it cannot be, the error comes after as long as it is tried."""
+    with network("127.0.0.1", opcua_robot.port) as (net, port):
+        robot = open_robot(opcua_robot.place(url=f"opc.tcp://127.0.0.1:{port}/robot"))
+        before = robot.state()
+        net.cut()
+        np.testing.assert_array_equal(robot.state().state.joints_rad, before.state.joints_rad)
+        net.refuses = True
+        net.cut()
+        with pytest.raises(DriverError, match=r"eye: the server .*; tried again for 1 s"):
+            robot.state()
+
+
+@pytest.mark.parametrize(("degrees", "problem"), [("nan", "a number is not finite"), ("1e308", "joint . is at 1.*rad")])
+def test_implausible_numbers_are_refused(opcua_robot, degrees, problem):
+    """A server that sends NaN or 1e308 is refused with the number."""
+    robot = open_robot(opcua_robot.place())
+    opcua_robot.tell("turn", degrees)
+    with pytest.raises(DriverError, match=f"eye: implausible state: {problem}"):
+        robot.state()
+    robot.close()
+
+
+@pytest.mark.slow
+def test_a_server_that_freezes_or_dies_is_named():
+    """A process that is halted is waited for, and its states go on; one that is killed ends in an error in time."""
+    with opcua_place.opcua_robot() as process:
+        robot = open_robot(process.place(reconnect_s=6.0))
+        robot.state()
+        process.process.send_signal(signal.SIGSTOP)
+        threading.Timer(2.0, process.process.send_signal, [signal.SIGCONT]).start()
+        assert robot.state().state.joints_rad.shape == (6,)
+        process.process.kill()
+        began_s = time.monotonic()
+        with pytest.raises(DriverError, match=r"eye: nothing listens at .*; tried again for 6 s"):
+            robot.state()
+        assert 6 < time.monotonic() - began_s < 20

@@ -5,7 +5,6 @@ from __future__ import annotations
 import socket
 import threading
 
-import numpy as np
 import pytest
 
 from basecal.acquisition.opcua.nodes import axes_of_devices
@@ -13,7 +12,6 @@ from basecal.acquisition.opcua.options import OpcuaOptions
 from basecal.acquisition.opcua.session import Session
 from basecal.errors import DriverError
 from shared.needed import needed
-from shared.network import network
 
 needed("asyncua", "opcua")
 
@@ -22,19 +20,6 @@ def session(port, **options):
     """One that reads the axes."""
     said = OpcuaOptions(url=f"opc.tcp://127.0.0.1:{port}/robot", reconnect_s=1.0, **options)
     return Session("eye", said, lambda client: axes_of_devices(client, "eye", None))
-
-
-def test_a_session_that_is_lost_is_begun_again(opcua_robot):
-    """Cut, it is begun anew and values go on; where it cannot be, it is told after as long as it is tried."""
-    with network("127.0.0.1", opcua_robot.port) as (net, port):
-        read = session(port)
-        before = read.read()
-        net.cut()
-        np.testing.assert_array_equal(read.read().numbers, before.numbers)
-        net.refuses = True
-        net.cut()
-        with pytest.raises(DriverError, match=r"eye: the server .*; tried again for 1 s"):
-            read.read()
 
 
 def test_values_that_a_server_has_none_of(opcua_robot):

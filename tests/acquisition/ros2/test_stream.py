@@ -18,9 +18,14 @@ TEXT = "std_msgs/msg/String"
 @pytest.fixture
 def network(monkeypatch):
     """What is offered and what comes on it, as lists that a test fills."""
-    there = SimpleNamespace(offers={"/text": Offer("/text", TEXT, True, False, "")}, coming=[])
+    there = SimpleNamespace(offers={"/text": Offer("/text", TEXT, True, False, "")}, coming=[], sender=1)
     discovery = SimpleNamespace(offers=lambda: there.offers, wait_for=lambda name, wait_s: there.offers.get(name))
-    listener = SimpleNamespace(messages=lambda wait_s: there.coming.pop(0) if there.coming else [])
+    there.publishers = {1: "driver 10 on cell", 2: "player 11 on cell"}
+
+    def received(wait_s):
+        return [(there.sender, each) for each in (there.coming.pop(0) if there.coming else [])]
+
+    listener = SimpleNamespace(received=received, publishers=lambda: there.publishers)
     monkeypatch.setattr(module, "Discovery", lambda domain: discovery)
     monkeypatch.setattr(module, "Listener", lambda *_: listener)
     monkeypatch.setattr(module, "STALE_S", 0.01)
@@ -54,6 +59,18 @@ def test_nothing_that_comes_is_told_with_its_reason(network):
     network.offers.clear()
     with pytest.raises(DriverError, match="eye: nobody sends /text any more"):
         stream.newest(lambda each: each)
+
+
+def test_a_second_publisher_is_refused_by_its_name(network):
+    """Two live publishers are named; one that ended and was started again is one, and tf may have many."""
+    stream = Stream("eye", 0, "/text", (TEXT,), 5, 0.0)
+    for sender, publishers in ((1, {1: "a"}), (2, {2: "a"}), (3, {3: "a"})):
+        network.sender, network.publishers, network.coming = sender, publishers, [[sender]]
+        assert stream.newest(lambda each: each, lambda each: True) == sender
+    network.sender, network.publishers, network.coming = 1, {1: "driver 10 on cell", 3: "player 11 on cell"}, [[4], [5]]
+    assert stream.newest(lambda each: each) == 4
+    with pytest.raises(DriverError, match="eye: 2 publishers send /text: driver 10 on cell, player 11 on cell"):
+        stream.newest(lambda each: each, lambda each: True)
 
 
 def test_a_stamp_is_in_seconds():

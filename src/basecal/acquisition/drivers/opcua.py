@@ -5,81 +5,72 @@ They are watched, and led by a person: the Robotics companion specification has 
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from basecal.acquisition.driver import Place, Reading, checked_options
-from basecal.acquisition.freshness import Waits
+from basecal.acquisition.links.reconnecting import ReconnectingRobot
 from basecal.acquisition.opcua.nodes import axes_of_devices, named_nodes, radians_of
 from basecal.acquisition.opcua.options import OpcuaOptions
-from basecal.acquisition.opcua.session import Session, Values
+from basecal.acquisition.opcua.session import Session
 from basecal.cell import RobotState
 from basecal.errors import DatasetError, DriverError
 from basecal.exchange.controllers.convention import convention
 from basecal.geometry import Array
 
 
-class OpcuaRobot:
+class OpcuaRobot(ReconnectingRobot):
     """A robot whose joints, or whose pose, are nodes of a server."""
 
-    is_live = True
+    repeats_stamps = True  # many servers stamp a value when it changes
 
     def __init__(self, name: str, options: OpcuaOptions, joints: int) -> None:
-        self._name, self._options, self._joints = name, options, joints
-        self._waits = Waits(name)
+        self._options, self._joints = options, joints
         self._scale: Array = np.ones(joints)
-        self._session = Session(name, options, self._found)
-        self._next_s, self._last = 0.0, Values(float("-inf"), np.full(1, np.nan))
+        super().__init__(name, options.reconnect_s, options.rate_hz)
+
+    def connect(self) -> None:
+        """Sign on.
+
+        Raises:
+            DriverError: if the server does not answer, refuses, or lacks the nodes.
+        """
+        self._session = Session(self.name, self._options, self._found)
+
+    def disconnect(self) -> None:
+        """Sign off."""
+        self._session.close()
 
     def _found(self, client: Any) -> Sequence[Any]:
         options = self._options
         if options.pose is not None:
-            return named_nodes(client, self._name, options.pose)
+            return named_nodes(client, self.name, options.pose)
         if options.joints is not None:
-            nodes = named_nodes(client, self._name, options.joints)
+            nodes = named_nodes(client, self.name, options.joints)
         else:
-            nodes = axes_of_devices(client, self._name, options.device)
-        radians = [radians_of(node, self._name, options.unit) for node in nodes]
+            nodes = axes_of_devices(client, self.name, options.device)
+        radians = [radians_of(node, self.name, options.unit) for node in nodes]
         self._scale = np.array(radians if len(nodes) > 1 else radians * self._joints)
         return nodes
 
-    def state(self) -> Reading:
-        """Its next state, with the server's stamp of when the value was taken [s, UTC since 1970].
+    def read(self) -> Reading:
+        """Read all nodes, with the server's stamp of when the latest value was taken [s, UTC since 1970].
 
         Raises:
-            DriverError: if the server has none, or does not answer though it was tried again.
+            DriverError: if the server has no value of a node, or another count of numbers than the robot.
         """
-        began_s = time.monotonic()
-        time.sleep(max(0.0, self._next_s - began_s))
-        self._next_s = max(self._next_s, began_s) + 1 / self._options.rate_hz
         values = self._session.read()
-        self._waits.add(time.monotonic() - began_s)
-        self._check_stamps(values)
-        self._last = values
-        if self._options.notation is not None:
-            return Reading(values.stamp_s, RobotState(convention(self._options.notation).read(values.numbers)))
-        return Reading(values.stamp_s, RobotState(joints_rad=values.numbers * self._scale))
-
-    def _check_stamps(self, values: Values) -> None:
-        expected = self._joints if self._options.notation is None else len(convention(self._options.notation).names)
+        notation = None if self._options.notation is None else convention(self._options.notation)
+        expected = self._joints if notation is None else len(notation.names)
         if len(values.numbers) != expected:
             raise DriverError(
-                f"{self._name}: the nodes hold {len(values.numbers)} numbers, expected {expected}; name the right ones"
+                f"{self.name}: the nodes hold {len(values.numbers)} numbers, expected {expected}; name the right ones"
             )
-        if values.stamp_s < self._last.stamp_s or (
-            values.stamp_s == self._last.stamp_s and not np.array_equal(values.numbers, self._last.numbers)
-        ):
-            raise DriverError(
-                f"{self._name}: stale stamps: values changed, but their stamps stand still or go back; set the "
-                f"clock of the server, or let it stamp what it reads"
-            )
-
-    def close(self) -> None:
-        """Sign off."""
-        self._session.close()
+        if notation is not None:
+            return Reading(values.stamp_s, RobotState(notation.read(values.numbers)))
+        return Reading(values.stamp_s, RobotState(joints_rad=values.numbers * self._scale))
 
 
 def open_robot(place: Place) -> OpcuaRobot:

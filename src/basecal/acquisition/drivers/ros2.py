@@ -13,6 +13,7 @@ from pydantic import Field
 
 from basecal.acquisition.driver import Picture, Place, Reading, checked_options
 from basecal.acquisition.freshness import Waits
+from basecal.acquisition.plausible import check_reading
 from basecal.acquisition.ros2.dds import domain_of
 from basecal.acquisition.ros2.states import StatesByFrames, StatesByTopic
 from basecal.acquisition.ros2.stream import Stream, stamp_s
@@ -51,7 +52,7 @@ class Ros2Robot:
     is_live = True
 
     def __init__(self, name: str, states: StatesByTopic | StatesByFrames) -> None:
-        self._states, self._waits = states, Waits(name)
+        self._name, self._states, self._waits = name, states, Waits(name)
 
     def state(self) -> Reading:
         """Its next state, with the stamp of its driver [s].
@@ -62,6 +63,7 @@ class Ros2Robot:
         began_s = time.monotonic()
         reading = self._states.next()
         self._waits.add(time.monotonic() - began_s)
+        check_reading(self._name, reading)
         return reading
 
     def close(self) -> None:
@@ -87,7 +89,7 @@ class Ros2Camera:
         Raises:
             DriverError: if none comes, or it is of an encoding or size that is not read.
         """
-        message = self._stream.newest(self._if_new)
+        message = self._stream.newest(self._if_new, lambda message: True)
         now_s = stamp_s(message.header)
         self._last_s = now_s
         try:

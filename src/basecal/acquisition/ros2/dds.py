@@ -24,6 +24,7 @@ _HASH = "typehash="
 _MS = 1_000_000  # [ns]
 _LOOK_S = 0.05  # between looks at what was discovered
 _AT_MOST = 2000  # messages taken at once
+_NUMBERS = 2**64  # of publishers, which one of two functions of cyclonedds gives with a sign
 
 
 @dataclass(frozen=True)
@@ -138,9 +139,11 @@ class Listener:
     """What comes on a topic: whole messages, the newest last."""
 
     def __init__(self, domain: int, offer: Offer, depth: int) -> None:
+        from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsParticipant
         from cyclonedds.core import InstanceState, ReadCondition, SampleState, ViewState, WaitSet
         from cyclonedds.sub import DataReader
 
+        self._participants = BuiltinDataReader(participant(domain), BuiltinTopicDcpsParticipant)
         self._fields = fields_of(offer.kind)
         qos = _qos(offer.is_reliable, offer.is_latched, depth)
         self._reader = DataReader(participant(domain), _topic(domain, offer.name, offer.kind), qos=qos)
@@ -153,14 +156,39 @@ class Listener:
         Raises:
             InputError: if one is not what its topic says.
         """
+        return [message for _, message in self.received(wait_s)]
+
+    def received(self, wait_s: float) -> list[tuple[int, Any]]:
+        """Likewise, each with the number of its publisher."""
         taken = self._take()
         if not taken and wait_s > 0:
             self._waiting.wait(int(wait_s * 1000) * _MS)
             taken = self._take()
-        return [decoded(self._fields, data) for data in taken]
+        return [(each.sample_info.publication_handle, decoded(self._fields, each)) for each in taken]
 
-    def _take(self) -> list[bytes]:
+    def publishers(self) -> dict[int, str]:
+        """Publishers of the topic now by their numbers: the process and computer of each, or its GUID."""
+        found: dict[int, str] = {}
+        for number in self._reader.get_matched_publications():
+            endpoint = self._reader.get_matched_publication_data(number)
+            if endpoint is not None:
+                found[number % _NUMBERS] = _process_of(self._participants, endpoint)
+        return found
+
+    def _take(self) -> list[Any]:
         return [each for each in self._reader.take(_AT_MOST) if isinstance(each, _Bytes)]
+
+
+def _process_of(participants: Any, endpoint: Any) -> str:
+    """The process of a publisher, as CycloneDDS states it of itself; its GUID if it is of another DDS."""
+    for each in participants.read(_AT_MOST):
+        if each.key == endpoint.participant_key:
+            said = {policy.key: policy.value for policy in each.qos if hasattr(policy, "key")}
+            if "__Pid" in said:
+                return (
+                    f"{said.get('__ProcessName', 'process')} {said['__Pid']} on {said.get('__Hostname', 'a computer')}"
+                )
+    return f"GUID {endpoint.key}"
 
 
 class Speaker:

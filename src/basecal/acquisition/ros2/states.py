@@ -36,7 +36,7 @@ class StatesByTopic:
             DriverError: if there is none.
         """
         try:
-            return self._stream.newest(self._reading)
+            return self._stream.newest(self._reading, self._is_mine)
         except DriverError as error:
             missing = [joint for joint in self._joints if joint not in self._names]
             if self._names and missing and self._last_s == float("-inf"):
@@ -45,6 +45,10 @@ class StatesByTopic:
                     f"{listed(sorted(self._names))}"
                 ) from None
             raise error
+
+    def _is_mine(self, message: Any) -> bool:
+        """Whether a message is of this robot; others may share its topic with a gripper, or a second arm."""
+        return self._stream.kind == POSE or set(self._joints) <= set(message.name)
 
     def _reading(self, message: Any) -> Reading | None:
         now_s = stamp_s(message.header)
@@ -68,10 +72,7 @@ class StatesByTopic:
         at = dict(zip(message.name, message.position, strict=False))
         if not all(joint in at for joint in self._joints):
             return None
-        values = np.array([at[joint] for joint in self._joints], dtype=float)
-        if not np.all(np.isfinite(values)):
-            raise DriverError(f"{self._name}: {self._topic} has joints that are not finite: {values}")
-        return RobotState(joints_rad=values)
+        return RobotState(joints_rad=np.array([at[joint] for joint in self._joints], dtype=float))
 
 
 class StatesByFrames:

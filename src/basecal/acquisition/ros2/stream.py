@@ -46,26 +46,51 @@ class Stream:
             )
         self.kind = offer.kind
         self._listener = Listener(domain, offer, depth)
+        self._publishers: set[int] = set()
 
     def messages(self, wait_s: float = 0.0) -> list[Any]:
         """What came since the last time, the oldest first; waits for so long [s] where nothing did."""
         return self._listener.messages(wait_s)
 
-    def newest(self, read: Callable[[Any], Given | None]) -> Given:
+    def newest(self, read: Callable[[Any], Given | None], is_mine: Callable[[Any], bool] | None = None) -> Given:
         """What `read` makes of the newest message of which it makes anything, once there is one; it is given them all.
 
+        Args:
+            read: What makes something of a message.
+            is_mine: Whether a message is one that a single publisher may send; None if every publisher may.
+
         Raises:
-            DriverError: if none comes, or what comes is always old.
+            DriverError: if none comes, what comes is always old, or two publishers send it.
         """
         until_s, came = time.monotonic() + STALE_S + self._wait_s, 0
         while True:
-            messages = self.messages(STALE_S)
+            messages = self._listener.received(STALE_S)
             came += len(messages)
-            made = [given for given in map(read, messages) if given is not None]
+            if is_mine is not None:
+                self._check_publishers({publisher for publisher, message in messages if is_mine(message)})
+            made = [given for _, message in messages if (given := read(message)) is not None]
             if made:
                 return made[-1]
             if time.monotonic() > until_s:
                 raise DriverError(f"{self._name}: {self._why_nothing(came)}")
+
+    def _check_publishers(self, publishers: set[int]) -> None:
+        """Refuse a second publisher; one that ended, and was started again, is no second one.
+
+        Raises:
+            DriverError: if there are two.
+        """
+        self._publishers |= publishers
+        if len(self._publishers) < 2:
+            return
+        known = self._listener.publishers()
+        self._publishers = publishers | (self._publishers & known.keys())
+        if len(self._publishers) > 1:
+            words = listed(sorted(known.get(number, f"publisher {number}") for number in self._publishers))
+            raise DriverError(
+                f"{self._name}: {len(self._publishers)} publishers send {self._topic}: {words}. Their values cannot be "
+                f"told apart. End all but one, or give each robot a topic of its own"
+            )
 
     def _why_nothing(self, came: int) -> str:
         waited = f"for {STALE_S + self._wait_s:g} s"

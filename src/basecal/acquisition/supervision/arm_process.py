@@ -137,6 +137,7 @@ class ArmProcess:
         try:
             while not self._is_over:
                 reading = robot.state()
+                check_reading(self._name, reading)
                 self._read_s = time.monotonic()
                 check_reading(self._name, reading)
                 self._check_lag(reading)

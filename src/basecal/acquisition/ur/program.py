@@ -8,7 +8,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, TypeVar
 
-from basecal.acquisition.reach import reached
+from basecal.acquisition.links.reach import reached
 from basecal.acquisition.ur.options import UrOptions, in_a_line
 from basecal.errors import DriverError
 

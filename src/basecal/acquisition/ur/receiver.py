@@ -11,7 +11,7 @@ import numpy as np
 
 from basecal.acquisition.driver import Reading
 from basecal.acquisition.freshness import STALE_S, Stale, Waits, next_of
-from basecal.acquisition.reach import reached
+from basecal.acquisition.links.reach import reached
 from basecal.acquisition.ur.options import UrOptions, in_a_line
 from basecal.cell import RobotState
 from basecal.errors import DriverError, MissingExtra

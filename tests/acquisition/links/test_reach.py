@@ -6,7 +6,7 @@ import socket
 
 import pytest
 
-from basecal.acquisition.reach import reached
+from basecal.acquisition.links.reach import reached
 from basecal.errors import DriverError
 from shared.second_process import own_host
 

@@ -1,0 +1,151 @@
+"""A base class for drivers of robots: the author writes one connection, and states go on when it is lost."""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from contextlib import suppress
+
+import numpy as np
+
+from basecal.acquisition.driver import Reading
+from basecal.acquisition.freshness import STALE_S, Stale, Waits, next_of
+from basecal.acquisition.plausible import check_reading
+from basecal.acquisition.states import vector_of
+from basecal.errors import BasecalError, DriverError
+
+_TRY_AGAIN_S = 0.2  # between two attempts to connect
+
+
+class LostLink(DriverError):
+    """The connection is gone, and may be made again."""
+
+
+class ReconnectingRobot(ABC):
+    """A robot whose connection is made again when it is lost.
+
+    A subclass writes `connect`, `read` and `disconnect` of one connection, which one thread calls, one after another.
+    Each has a deadline of its own, at most a second. `LostLink`, and any error that is none of basecal's, means that
+    the connection is gone; every other error of basecal ends the capture at once.
+
+    Attributes:
+        is_connected: Whether there is a connection.
+        repeats_stamps: Whether a state that did not change keeps its stamp; set it in the subclass.
+    """
+
+    is_live = True
+    repeats_stamps = False
+
+    def __init__(self, name: str, reconnect_s: float = 10.0, rate_hz: float = 125.0) -> None:
+        """Connect.
+
+        Args:
+            name: The robot's, for errors.
+            reconnect_s: How long a connection that is lost is tried again [s].
+            rate_hz: How often `read` is called at most.
+        """
+        self.name, self._reconnect_s, self._period_s = name, reconnect_s, 1 / rate_hz
+        self._waits, self._next_s, self._old = Waits(name), 0.0, 0
+        self._last: Reading | None = None
+        self.is_connected = False
+        try:
+            self._connect()
+        except Exception as error:
+            raise _known(name, error) from error
+
+    @abstractmethod
+    def connect(self) -> None:
+        """Make a connection."""
+
+    @abstractmethod
+    def read(self) -> Reading | None:
+        """Read the newest state; None if none has come yet."""
+
+    def disconnect(self) -> None:
+        """Give the connection up, whatever has become of it."""
+        return
+
+    def state(self) -> Reading:
+        """Its next state, newer than the last one.
+
+        Raises:
+            DriverError: if none comes, though tried again; if its stamps stand still or go back; if states are
+                implausible, or come too seldom.
+        """
+        began_s = time.monotonic()
+        until_s = began_s + STALE_S + self._reconnect_s
+        self._old = 0
+        while True:
+            try:
+                self._connect_again()
+                reading = next_of(self._newer)
+                break
+            except Exception as error:
+                self._lose(error, until_s)
+        self._waits.add(time.monotonic() - began_s)
+        self._last = reading
+        return reading
+
+    def close(self) -> None:
+        """Give the connection up."""
+        if self.is_connected:
+            self.is_connected = False
+            with suppress(Exception):  # it is given up, whatever it answers
+                self.disconnect()
+
+    def _connect(self) -> None:
+        self.connect()
+        self.is_connected = True
+
+    def _connect_again(self) -> None:
+        """Connect if there is no connection; what refuses may be on its way up."""
+        try:
+            if not self.is_connected:
+                self._connect()
+        except DriverError as error:
+            raise LostLink(str(error)) from error
+
+    def _newer(self) -> Reading | None:
+        time.sleep(max(0.0, self._next_s - time.monotonic()))
+        self._next_s = time.monotonic() + self._period_s
+        reading = self.read()
+        if reading is None:
+            return None
+        check_reading(self.name, reading)
+        if self._last is None or reading.stamp_s > self._last.stamp_s:
+            return reading
+        if self.repeats_stamps and reading.stamp_s == self._last.stamp_s and _is_same(reading, self._last):
+            return reading
+        self._old += 1
+        return None
+
+    def _lose(self, error: Exception, until_s: float) -> None:
+        """Give the connection up; raise the error if it is final or the time is over."""
+        if isinstance(error, BasecalError) and not isinstance(error, LostLink):
+            raise error
+        self.close()
+        if time.monotonic() > until_s:
+            raise DriverError(self._why(error)) from None
+        time.sleep(_TRY_AGAIN_S)
+
+    def _why(self, error: Exception) -> str:
+        if self._old and self._last is not None:
+            return (
+                f"{self.name}: stale stamps: {self._old} states came, none with a stamp newer than "
+                f"{self._last.stamp_s:.3f} s. The clock of the controller stands still or went back, or it sends old "
+                f"states. Restart it"
+            )
+        return f"{_known(self.name, error)}; tried again for {self._reconnect_s:g} s"
+
+
+def _is_same(one: Reading, other: Reading) -> bool:
+    return np.array_equal(vector_of(one.state), vector_of(other.state))
+
+
+def _known(name: str, error: Exception) -> BasecalError:
+    if isinstance(error, BasecalError):
+        return error
+    if isinstance(error, Stale):
+        return DriverError(f"{name}: no state came. Is the controller on, and the network plugged in?")
+    words = " ".join(f"{type(error).__name__} {error}".split())
+    return DriverError(f"{name}: its connection was lost ({words})")

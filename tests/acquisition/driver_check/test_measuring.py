@@ -1,0 +1,40 @@
+"""What is measured of a driver."""
+
+from __future__ import annotations
+
+import time
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from basecal.acquisition.driver_check.measuring import Arrivals, stale_images
+
+
+def test_arrivals_are_summed_up():
+    """A clock 2 % fast with one repeated stamp and one late state is measured as such."""
+    at_s = np.arange(101) * 0.01
+    stamps_s = 50 + 1.02 * at_s
+    arrivals = Arrivals(at_s, stamps_s)
+    assert arrivals.rate_hz == pytest.approx(100)
+    assert arrivals.drift == pytest.approx(0.02)
+    assert (arrivals.repeats, arrivals.steps_back) == (0, 0)
+    at_s, stamps_s = at_s.copy(), 50 + at_s
+    at_s[-1], stamps_s[50], stamps_s[70] = 1.3, stamps_s[49], 50.0
+    arrivals = Arrivals(at_s, stamps_s)
+    assert arrivals.longest_gap_s == pytest.approx(0.31)
+    assert arrivals.lag_s == pytest.approx(0.7)
+    assert (arrivals.repeats, arrivals.steps_back) == (1, 1)
+
+
+@pytest.mark.parametrize("waiting", [0, 4])
+def test_images_that_waited_are_counted(waiting):
+    """Images that come faster than exposures waited in a buffer."""
+    left = [waiting]
+
+    def picture():
+        left[0] -= 1
+        if left[0] < 0:
+            time.sleep(0.3)
+
+    assert stale_images(SimpleNamespace(picture=picture), 0.3, 0.0) == max(waiting - 1, 0)

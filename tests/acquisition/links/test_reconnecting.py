@@ -1,0 +1,108 @@
+"""The base class of drivers by others."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+
+from basecal.acquisition.driver import Reading, Robot
+from basecal.acquisition.links.reconnecting import LostLink, ReconnectingRobot
+from basecal.cell import RobotState
+from basecal.errors import DriverError
+
+
+class Arm(ReconnectingRobot):
+    """An arm whose connection gives what a test lines up: a stamp, or an error to raise."""
+
+    def __init__(self, coming, reconnect_s=0.3, refusals=(), **more):
+        self.coming, self.refusals, self.connections = list(coming), list(refusals), 0
+        super().__init__("eye", reconnect_s, rate_hz=500.0, **more)
+
+    def connect(self):
+        self.connections += 1
+        if self.connections > 1 and self.refusals:
+            raise self.refusals.pop(0)
+
+    def read(self):
+        given = self.coming.pop(0) if len(self.coming) > 1 else self.coming[0]
+        if isinstance(given, Exception):
+            raise given
+        return None if given is None else Reading(given, RobotState(joints_rad=np.array([given])))
+
+
+class Repeating(Arm):
+    repeats_stamps = True
+
+
+def test_states_are_newer_each_time():
+    """States that did not come yet, came twice or out of order are passed over."""
+    arm = Arm([None, 1.0, 1.0, 0.5, 2.0, 3.0])
+    assert isinstance(arm, Robot)
+    assert [arm.state().stamp_s for _ in range(3)] == [1.0, 2.0, 3.0]
+    assert arm.connections == 1
+
+
+@pytest.mark.parametrize(
+    "error", [LostLink("gone"), ConnectionResetError("gone"), RuntimeError("of a library"), EOFError()]
+)
+def test_a_lost_connection_is_made_again(error):
+    """Whatever a library raises, states go on over another connection, though that is refused at first."""
+    arm = Arm([1.0, error, 2.0], reconnect_s=5.0, refusals=[ConnectionRefusedError(), DriverError("it starts")])
+    assert [arm.state().stamp_s, arm.state().stamp_s] == [1.0, 2.0]
+    assert arm.connections == 4
+    assert arm.is_connected
+
+
+def test_a_connection_that_stays_lost_is_named():
+    """After `reconnect_s` the error names the robot, the cause and the time."""
+    arm = Arm([1.0, ConnectionResetError("by peer")], reconnect_s=0.0)
+    arm.state()
+    arm.refusals = 99 * [ConnectionRefusedError("no port")]
+    with pytest.raises(DriverError, match=r"^eye: its connection was lost \(ConnectionRefusedError no port\); tried"):
+        arm.state()
+    assert not arm.is_connected
+
+
+def test_a_final_error_is_not_tried_again():
+    """A protective stop ends the capture at once."""
+    arm = Arm([1.0, DriverError("eye: protective stop")], reconnect_s=60.0)
+    arm.state()
+    began_s = time.monotonic()
+    with pytest.raises(DriverError, match="eye: protective stop"):
+        arm.state()
+    assert time.monotonic() - began_s < 5
+
+
+def test_a_first_connection_that_fails_is_no_outage():
+    """A wrong address is an error at once."""
+
+    class Absent(Arm):
+        def connect(self):
+            raise ConnectionRefusedError("no port")
+
+    with pytest.raises(DriverError, match=r"eye: its connection was lost \(ConnectionRefusedError no port\)"):
+        Absent([1.0], reconnect_s=60.0)
+
+
+@pytest.mark.parametrize("stamp_s", [2.0, 1.0])
+def test_a_clock_that_stands_still_ends_in_time(stamp_s):
+    """States whose stamps stand still, or went back, end with the stamp after which none was newer."""
+    arm = Arm([2.0, stamp_s], reconnect_s=0.0)
+    arm.state()
+    with pytest.raises(DriverError, match=r"eye: stale stamps: \d+ states came, none with a stamp newer than 2\.000 s"):
+        arm.state()
+
+
+def test_stamps_of_changes_may_repeat():
+    """Of a server that stamps changes, a state that did not change counts though its stamp is the same."""
+    arm = Repeating([2.0])
+    assert [arm.state().stamp_s for _ in range(3)] == [2.0, 2.0, 2.0]
+
+
+def test_implausible_states_are_refused():
+    """A NaN ends the capture, and no reconnection hides it."""
+    arm = Arm([float("nan")], reconnect_s=60.0)
+    with pytest.raises(DriverError, match="eye: implausible state"):
+        arm.state()

@@ -1,0 +1,83 @@
+"""`basecal driver check`, against arms that run in another process and streams that OpenCV reads."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from basecal.cli import main
+from basecal.simulation.running.clock import Clock
+from shared import running_cell
+from shared.running_cell import running
+
+
+def checked(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, dict[str, tuple[str, bool | None]]]:
+    """The exit code, and what was measured of each promise."""
+    code = main(["driver", "check", *words, "--json"])
+    told = json.loads(capsys.readouterr().out)
+    return code, {each["promise"]: (each["measured"], each["holds"]) for each in told["promises"]}
+
+
+@pytest.fixture
+def real_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Time of a simulated cell goes on as this machine's."""
+    monkeypatch.setattr(running_cell, "Clock", lambda speed: Clock(1.0))
+
+
+@pytest.mark.slow
+def test_a_sound_arm_keeps_its_promises(tmp_path: Path, capsys: pytest.CaptureFixture[str], real_time: None) -> None:
+    """A simulated arm gives at least 20 states in a second, stops within half a second, and nothing fails."""
+    with running(tmp_path):
+        code, found = checked(capsys, str(tmp_path), "eye", "--go")
+    assert code == 0, found
+    assert float(found["at least 10 in a second"][0].split()[0]) > 20
+    measured, holds = found["stops within 0.5 s of an order"]
+    assert holds
+    assert 0 <= float(measured.split()[2]) < 3
+    assert found["STOP_GUARANTEE is 'watchdog'"][1] is None
+
+
+@pytest.mark.slow
+def test_a_clock_of_its_own_is_found(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Time that goes on faster than this machine's fails, and the exit code says so."""
+    with running(tmp_path):
+        code, found = checked(capsys, str(tmp_path), "eye")
+    assert code == 1
+    assert found["clock within 1% of this machine's"][1] is False
+    assert found["stops within 0.5 s of an order"] == ("not measured: --go moves one joint by 3 deg", None)
+
+
+def test_a_stream_that_ends_is_an_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A file of a video, which OpenCV reads to its end at once, is no camera."""
+    path = tmp_path / "video.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 30.0, (32, 24))
+    for k in range(20):
+        writer.write(np.full((24, 32, 3), k, np.uint8))
+    writer.release()
+    assert main(["driver", "check", "opencv", "--camera", "--option", f"source={path}"]) == 3
+    assert "the stream has ended" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        (["urr"], 3, "no driver and no cell 'urr' (did you mean 'ur'?)"),
+        (["opencv", "--camera", "--option", "source"], 2, "expected KEY=VALUE"),
+        (["opencv"], 3, "no driver of that name is for robots"),
+        (["opencv", "--camera", "--option", "sauce=1"], 3, "sauce"),
+        (["{cell}", "nobody"], 2, "there are: eye, hand, wrist"),
+        (["{cell}", "eye", "--option", "port=1"], 2, "the cell states its own options"),
+    ],
+)
+def test_what_it_refuses(tmp_path, capsys, words, code, message):
+    """Names that do not exist and options that do not fit are refused with those that do."""
+    if "{cell}" in words:
+        with running(tmp_path):
+            assert main(["driver", "check", *[str(tmp_path) if word == "{cell}" else word for word in words]]) == code
+    else:
+        assert main(["driver", "check", *words]) == code
+    assert message in capsys.readouterr().err
