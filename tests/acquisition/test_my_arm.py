@@ -40,11 +40,18 @@ def installed(tmp_path):
 def controller(tmp_path):
     """A simulated cell whose first arm is reached by HTTP, as the page's driver asks: its world and its address."""
     with running(tmp_path) as world:
-        cell = connect(read_address(tmp_path))
+        cell, one_at_a_time = connect(read_address(tmp_path)), threading.Lock()
 
         class Handler(BaseHTTPRequestHandler):
             def do_POST(self):
                 said = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
+                with one_at_a_time:
+                    answer = self.answer(said)
+                self.send_response(200)
+                self.end_headers()
+                self.wfile.write(json.dumps(answer).encode())
+
+            def answer(self, said):
                 answer = {}
                 if self.path == "/joints":
                     answer = {"degrees": np.degrees(cell.ask(do="state", robot="eye")["joints_rad"]).tolist()}
@@ -53,9 +60,7 @@ def controller(tmp_path):
                     cell.ask(do="move", robot="eye", joints_rad=joints, speed_rad_s=speed)
                 else:
                     cell.ask(do="stop", robot="eye")
-                self.send_response(200)
-                self.end_headers()
-                self.wfile.write(json.dumps(answer).encode())
+                return answer
 
             def log_message(self, *words):
                 pass
