@@ -15,7 +15,7 @@ from basecal.accuracy.significance import CONFIRMED_SIGNIFICANCE
 from basecal.accuracy.stated_sigmas import contradicted_sigmas
 from basecal.accuracy.systematic_errors.candidates import Candidates
 from basecal.accuracy.systematic_errors.confirm import confirmed
-from basecal.accuracy.systematic_errors.score_tests import linearised, log_chance_of, score
+from basecal.accuracy.systematic_errors.score_tests import linearised, log_chance_of, score, sums
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.accuracy.systematic_errors.table import TABLE
 from basecal.accuracy.widening import step_between
@@ -132,6 +132,30 @@ def systematic_error(
     k = int(np.argmin([chance - _COST * each.several for chance, each in zip(chances, suspects, strict=True)]))
     is_certain = bool(chances[k] < np.log(CONFIRMED_SIGNIFICANCE))
     return replace(_described(situation, suspects[k], solution, after[k]), is_certain=is_certain)
+
+
+def first_order_error(solution: Solution, stamps: Mapping[int, float]) -> SystematicError | None:
+    """The likeliest systematic error, its size and the answer's shift to first order; nothing is solved again.
+
+    Args:
+        solution: The answer, with its noise.
+        stamps: Time of each sample by number [s].
+
+    Returns:
+        The error that held-out blocks confirm; None where there is none, or robots' kinematics are estimated.
+    """
+    if not solution.converged or not solution.problem.groups or solution.problem.models:
+        return None
+    situation = _situation(solution, solution.problem, stamps)
+    suspects = (suspect for suspect in _suspects(situation) if confirmed(situation, suspect.candidate))
+    suspect = next(suspects, None)
+    if suspect is None:
+        return None
+    across = sums(situation.about, suspect.candidate).across[0]
+    moved = -situation.about.inverse @ across.T @ suspect.size
+    is_certain = bool(suspect.log_chance < np.log(CONFIRMED_SIGNIFICANCE))
+    described = _described(situation, replace(suspect, size=0 * suspect.size), solution, solution)
+    return replace(described, moved=moved, is_certain=is_certain)
 
 
 def _reconciling(
