@@ -44,6 +44,7 @@ def capture(
     freedrive: bool = False,
     speed_limit_deg_s: Annotated[float, Parameter(validator=validators.Number(gt=0, lte=360))] = 30.0,
     seed: Annotated[int, Parameter(validator=validators.Number(gte=0, lt=2**31))] = 0,
+    stop_on_disagreement: bool = False,
     web: bool = False,
     port: Annotated[int, Parameter(validator=validators.Number(gte=0, lt=2**16))] = 0,
     json: bool = False,
@@ -63,6 +64,10 @@ def capture(
 
     With --freedrive no arm is sent anywhere: you lead them. Held still for a
     second at a new place, or at the space bar, a sample is taken; q ends.
+
+    From the fourth sample on each is compared with those before it. One that
+    disagrees is reported, and taken once more at the same place. A disagreement
+    that lasts, such as a base that moved, ends the command with 1.
 
     Ends with 0 where every sample was taken, or the tolerance is reached, else
     with 1.
@@ -91,6 +96,7 @@ def capture(
         freedrive: Take samples where a person leads the arms to.
         speed_limit_deg_s: The fastest that any joint may turn.
         seed: Another number makes another plan.
+        stop_on_disagreement: End the capture at a disagreement that lasts.
         web: Show the capture as a page as well, on this machine alone; the extra web.
         port: Where the page is served; 0 takes a free one.
         json: Print what was captured as JSON.
@@ -115,7 +121,8 @@ def capture(
             wanted = _stored(cell, sketch, wanted, is_new)
         view = shown.enter_context(capture_view(rig, sketch.cell, web, port, quiet=json))
         by = _taker(view.rig(rig), sketch, cell, speed_limit_deg_s, view.tell)
-        steps = _taken(by, wanted, count if freedrive else None, replanned, view)
+        led = count if freedrive else None
+        steps = _taken(by, wanted, led, replanned, view, stop_on_disagreement)
     return _summed_up(cell, steps, replanned, json)
 
 
@@ -146,7 +153,12 @@ def captured_steps(folder: Path, pattern: str, samples: int, speed_deg_s: float)
 
 
 def _taken(
-    taker: Taker, plan: Sequence[Sample], led: int | None, replan: Replan | None, view: CaptureView
+    taker: Taker,
+    plan: Sequence[Sample],
+    led: int | None,
+    replan: Replan | None,
+    view: CaptureView,
+    stops: bool = False,
 ) -> list[Step]:
     """What becomes of each sample of a plan, or of so many that a person leads the arms to; told when it is done."""
     from basecal.acquisition.capture import capture as captured
@@ -156,6 +168,8 @@ def _taken(
     for step in captured(taker, plan, replan) if led is None else capture_led(taker, led, view.key):
         found.append(step)
         view.note(step, len(found))
+        if stops and any(doubt.is_lasting for doubt in step.doubts):
+            break
     return found
 
 
@@ -262,6 +276,7 @@ def _ways(rig: Rig, sketch: Sketch, plan: Sequence[Sample], moving: Sequence[str
 def _summed_up(cell: Path, steps: Sequence[Step], replanned: Replanned | None, json: bool) -> int:
     taken = {step.sample for step in steps if not step.why_not}
     given_up = [{"sample": step.sample, "why": step.why_not} for step in steps if step.sample not in taken]
+    doubts = [doubt for step in steps for doubt in step.doubts]
     if json:
         last = steps[-1] if steps else None
         sigma = None if last is None or last.sigma is None else {"t_m": last.sigma[0], "r_rad": last.sigma[1]}
@@ -273,13 +288,17 @@ def _summed_up(cell: Path, steps: Sequence[Step], replanned: Replanned | None, j
                 "given_up": given_up,
                 "covered": None if last is None else last.coverage.share,
                 "sigma": sigma,
+                "doubts": [vars(doubt) for doubt in doubts],
                 **({} if replanned is None else replanned.as_dict()),
             }
         )
     else:
         if replanned is not None:
             say(replanned.words())
+        for doubt in (doubt for doubt in doubts if doubt.is_lasting):
+            say(f"WARNING: {doubt.message}")
         say(f"{len(taken)} of {len(taken) + len(given_up)} samples taken; next: basecal calibrate {pasted(cell)}")
+    is_doubtful = any(doubt.is_lasting for doubt in doubts)
     if replanned is not None:
-        return 0 if replanned.is_reached else 1
-    return 1 if given_up else 0
+        return 0 if replanned.is_reached and not is_doubtful else 1
+    return 1 if given_up or is_doubtful else 0

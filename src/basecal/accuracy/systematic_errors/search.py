@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from basecal.accuracy.significance import CONFIRMED_SIGNIFICANCE
+from basecal.accuracy.significance import CONFIRMED_SIGNIFICANCE, SIGNIFICANCE
 from basecal.accuracy.stated_sigmas import contradicted_sigmas
 from basecal.accuracy.systematic_errors.candidates import Candidates
 from basecal.accuracy.systematic_errors.confirm import confirmed
@@ -153,7 +153,7 @@ def first_order_error(solution: Solution, stamps: Mapping[int, float]) -> System
         return None
     across = sums(situation.about, suspect.candidate).across[0]
     moved = -situation.about.inverse @ across.T @ suspect.size
-    is_certain = bool(suspect.log_chance < np.log(CONFIRMED_SIGNIFICANCE))
+    is_certain = bool(suspect.log_chance < np.log(SIGNIFICANCE))  # of many looks at one recording
     described = _described(situation, replace(suspect, size=0 * suspect.size), solution, solution)
     return replace(described, moved=moved, is_certain=is_certain)
 

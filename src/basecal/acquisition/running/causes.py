@@ -36,11 +36,11 @@ def _moved(cause: Shift, sample: int) -> str:
     return f"{cause.frame} {verb} at sample {sample} by {size}"
 
 
-def cause_of_error(error: SystematicError) -> str:
-    """What the samples have in common that noise does not explain, and what to do."""
-    return _ERRORS.get(error.code, "The samples share an error of {about} ({code}). Run `basecal calibrate`.").format(
+def cause_of_error(error: SystematicError) -> str | None:
+    """What the samples have in common that noise does not explain, and what to do; None of what the report judges."""
+    words = _ERRORS.get(error.code)
+    return words and words.format(
         about=error.about.rpartition("_from_")[2],
-        code=error.code,
         since=error.since,
         joint=1 + (error.joint or 0),
         deg=float(np.degrees(np.linalg.norm(error.size))),
@@ -51,11 +51,8 @@ def cause_of_error(error: SystematicError) -> str:
 
 _ERRORS = {
     "base-moved": "{about} moved at about sample {since} by {mm:.2g} mm. Check what was bumped, and capture again.",
-    "drift": "{about} drifts. Let robots and cameras warm up, and check the mounts.",
     "joint-offset": "Joint {joint} of {about} is off by {deg:.2g} deg. Check its zero, or estimate `joint_offsets`.",
     "joint-offsets": "Joints of {about} are off by {deg:.2g} deg. Check their zeros, or estimate `joint_offsets`.",
-    "deflection": "{about} bends under its weight. Estimate its `deflection`.",
     "length-scale": "The scale of {about} is off by {percent:.2g} %: another board, or links of another length. "
     "Measure the board.",
-    "clock-offset": "The clock of {about} is off. Record while all robots stand still.",
 }

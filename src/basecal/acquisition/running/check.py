@@ -104,11 +104,12 @@ class RunningCheck:
         """The systematic error that this check and the one before it found."""
         error = None if self.estimate is None else self.estimate.error
         before, self._suspected = self._suspected, _name(error)
-        if error is None or not error.is_certain or before != self._suspected:
+        cause = None if error is None or not error.is_certain else cause_of_error(error)
+        if error is None or cause is None or before != self._suspected:
             return ()
         kind = ("moved",) if error.since is not None else before
         last = self._agreeing[-1].sample
-        return self._once(kind, Doubt(error.since or last, cause_of_error(error), is_lasting=True))
+        return self._once(kind, Doubt(error.since or last, cause, is_lasting=True))
 
     def _once(self, kind: tuple[str, ...], doubt: Doubt) -> tuple[Doubt, ...]:
         if kind in self._reported:
