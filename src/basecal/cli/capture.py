@@ -110,9 +110,8 @@ def capture(
     sketch, count = sketch_of(read_cell(cell)), samples or _SAMPLES
     with ExitStack() as shown, open_rig(sketch.cell, cell) as rig:  # an error stops the arms before all else
         wanted: Sequence[Sample] = ()
-        is_replanned = task is not None and pattern != _SHIFTS
-        replanned = Replanned(rig, sketch, cell, task, plan, samples, seed) if task and is_replanned else None
-        shifts = ShiftsForTask(task, samples) if task and not is_replanned else None
+        replanned = Replanned(rig, sketch, cell, task, plan, samples, seed) if task and pattern != _SHIFTS else None
+        shifts = ShiftsForTask(task, samples) if task and replanned is None else None
         if not freedrive:
             wanted, is_new = _plan(rig, sketch, cell, str(plan or pattern), count, seed, replanned, shifts)
             _say_plan(rig, sketch, wanted, is_new, speed_limit_deg_s, go, replanned, quiet=json)
@@ -121,8 +120,7 @@ def capture(
             wanted = _stored(cell, sketch, wanted, is_new)
         view = shown.enter_context(capture_view(rig, sketch.cell, web, port, quiet=json))
         by = _taker(view.rig(rig), sketch, cell, speed_limit_deg_s, view.tell)
-        led = count if freedrive else None
-        steps = _taken(by, wanted, led, replanned, view, stop_on_disagreement)
+        steps = _taken(by, wanted, count if freedrive else None, replanned, view, stop_on_disagreement)
     return _summed_up(cell, steps, replanned, json)
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from basecal.accuracy.significance import CONFIRMED_SIGNIFICANCE, SIGNIFICANCE
+from basecal.accuracy.significance import CONFIRMED_SIGNIFICANCE
 from basecal.accuracy.stated_sigmas import contradicted_sigmas
 from basecal.accuracy.systematic_errors.candidates import Candidates
 from basecal.accuracy.systematic_errors.confirm import confirmed
@@ -134,12 +134,15 @@ def systematic_error(
     return replace(_described(situation, suspects[k], solution, after[k]), is_certain=is_certain)
 
 
-def first_order_error(solution: Solution, stamps: Mapping[int, float]) -> SystematicError | None:
-    """The likeliest systematic error, its size and the answer's shift to first order; nothing is solved again.
+def running_error(solution: Solution, stamps: Mapping[int, float], settings: Settings) -> SystematicError | None:
+    """The likeliest systematic error while samples are still taken, its size and the answer's shift to first order.
+
+    Only an error that is not certain at the noise of the answer is solved for, to see the noise without it.
 
     Args:
         solution: The answer, with its noise.
         stamps: Time of each sample by number [s].
+        settings: How the answer was solved.
 
     Returns:
         The error that held-out blocks confirm; None where there is none, or robots' kinematics are estimated.
@@ -153,9 +156,13 @@ def first_order_error(solution: Solution, stamps: Mapping[int, float]) -> System
         return None
     across = sums(situation.about, suspect.candidate).across[0]
     moved = -situation.about.inverse @ across.T @ suspect.size
-    is_certain = bool(suspect.log_chance < np.log(SIGNIFICANCE))  # of many looks at one recording
+    least = np.log(CONFIRMED_SIGNIFICANCE)
+    is_certain = suspect.log_chance < least
+    if not is_certain:
+        after = _solved_again(_without(solution, situation, suspect), settings)
+        is_certain = _log_chance(suspect, solution, after) < least
     described = _described(situation, replace(suspect, size=0 * suspect.size), solution, solution)
-    return replace(described, moved=moved, is_certain=is_certain)
+    return replace(described, moved=moved, is_certain=bool(is_certain))
 
 
 def _reconciling(

@@ -9,7 +9,7 @@ import numpy as np
 
 from basecal.accuracy.noise_summary import noise_summary
 from basecal.accuracy.robot_parameters import robot_parameters
-from basecal.accuracy.systematic_errors.search import SystematicError, first_order_error
+from basecal.accuracy.systematic_errors.search import SystematicError, running_error
 from basecal.accuracy.widening import widened
 from basecal.cell import Calibration, Cell, Recording, Sample
 from basecal.errors import BasecalError
@@ -66,7 +66,7 @@ def running_estimate(
         at_mode, before = _at_mode(cell, problem, near)
         solution = integrated(at_mode, is_quick=True, near=before)
         stamps = {sample.sample: sample.stamp_s for sample in samples if sample.stamp_s is not None}
-        error = first_order_error(at_mode, stamps)
+        error = running_error(at_mode, stamps, _ESTIMATED)
     except (BasecalError, np.linalg.LinAlgError):
         return None
     if not solution.converged:
