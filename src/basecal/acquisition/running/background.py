@@ -5,6 +5,7 @@ from __future__ import annotations
 from concurrent.futures import Future, ThreadPoolExecutor
 from concurrent.futures import TimeoutError as Unfinished
 from dataclasses import dataclass
+from time import monotonic
 from types import TracebackType
 
 from basecal.acquisition.running.check import Doubt, RunningCheck
@@ -50,9 +51,10 @@ class BackgroundCheck:
     def found(self, waits: bool = False) -> Checked:
         """What is known by now; of all samples where it `waits`."""
         doubts: list[Doubt] = []
+        until = monotonic() + _PATIENCE_S
         while self._running:
             try:
-                checked = self._running[0].result(None if waits else _PATIENCE_S)
+                checked = self._running[0].result(None if waits else max(until - monotonic(), 0.0))
             except Unfinished:
                 break
             del self._running[0]

@@ -81,8 +81,8 @@ def _at_mode(cell: Cell, problem: Problem, near: RunningEstimate | None) -> tupl
         found = solve_at_mode(problem, start, _ESTIMATED, near=noise)
         if found.converged:
             return found, noise
-    start = solve_packed(problem, cell, _STATED)
-    return solve_at_mode(start.problem, start.state, _ESTIMATED), None
+    exact = solve_packed(problem, cell, _STATED)
+    return solve_at_mode(exact.problem, exact.state, _ESTIMATED), None
 
 
 def _structure(problem: Problem) -> tuple[object, ...]:
